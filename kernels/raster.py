@@ -1,0 +1,77 @@
+"""Orthographic z-buffer: triangles drawn into depth images. Serves the avatar's depth buffers and the preview."""
+
+import warp as wp
+
+
+@wp.struct
+class View:
+    """An orthographic camera over a grid of pixel centres; depth is the coordinate along ``toward``."""
+
+    origin: wp.vec3f  # centre of pixel (0, 0) at depth 0 [m]
+    right: wp.vec3f  # unit vector along columns
+    up: wp.vec3f  # unit vector along rows
+    toward: wp.vec3f  # unit vector from the scene to the viewer
+    pixel: float  # pixel size [m]
+    columns: int
+    rows: int
+
+
+@wp.func
+def pixel_position(view: View, p: wp.vec3f) -> wp.vec3f:
+    """Column, row (both in pixels, fractional) and depth [m] of a point."""
+    q = p - view.origin
+    return wp.vec3f(wp.dot(q, view.right) / view.pixel, wp.dot(q, view.up) / view.pixel, wp.dot(q, view.toward))
+
+
+@wp.func
+def barycentric(a: wp.vec3f, b: wp.vec3f, c: wp.vec3f, x: float, y: float) -> wp.vec3f:
+    """Barycentric coordinates of (x, y) in the projected triangle; all negative where it is degenerate."""
+    area = (b[0] - a[0]) * (c[1] - a[1]) - (c[0] - a[0]) * (b[1] - a[1])
+    if wp.abs(area) < 1.0e-12:
+        return wp.vec3f(-1.0, -1.0, -1.0)
+    u = ((b[0] - x) * (c[1] - y) - (c[0] - x) * (b[1] - y)) / area
+    v = ((c[0] - x) * (a[1] - y) - (a[0] - x) * (c[1] - y)) / area
+    return wp.vec3f(u, v, 1.0 - u - v)
+
+
+@wp.kernel
+def draw_depth(
+    points: wp.array(dtype=wp.vec3f),  # [m], shape [V]
+    triangles: wp.array2d(dtype=wp.int32),  # shape [F, 3]
+    view: View,
+    depth_out: wp.array2d(dtype=wp.float32),  # greatest depth [m], shape [rows, columns]; start it at -inf
+):
+    """Draws the surface nearest to the viewer: depth_out = max over the triangles that cover a pixel centre."""
+    triangle = wp.tid()
+    a = pixel_position(view, points[triangles[triangle, 0]])
+    b = pixel_position(view, points[triangles[triangle, 1]])
+    c = pixel_position(view, points[triangles[triangle, 2]])
+    low = wp.min(wp.min(a, b), c)
+    high = wp.max(wp.max(a, b), c)
+    for row in range(wp.max(int(wp.ceil(low[1])), 0), wp.min(int(wp.floor(high[1])), view.rows - 1) + 1):
+        for column in range(wp.max(int(wp.ceil(low[0])), 0), wp.min(int(wp.floor(high[0])), view.columns - 1) + 1):
+            w = barycentric(a, b, c, float(column), float(row))
+            if wp.min(w) >= 0.0:
+                wp.atomic_max(depth_out, row, column, w[0] * a[2] + w[1] * b[2] + w[2] * c[2])
+
+
+@wp.kernel
+def draw_triangle_ids(
+    points: wp.array(dtype=wp.vec3f),  # [m], shape [V]
+    triangles: wp.array2d(dtype=wp.int32),  # shape [F, 3]
+    view: View,
+    depth: wp.array2d(dtype=wp.float32),  # from draw_depth [m], shape [rows, columns]
+    id_out: wp.array2d(dtype=wp.int32),  # lowest id of the triangles at that depth; start it at F
+):
+    """Draws which triangle a pixel shows; equal depths go to the lowest id, so that the picture is deterministic."""
+    triangle = wp.tid()
+    a = pixel_position(view, points[triangles[triangle, 0]])
+    b = pixel_position(view, points[triangles[triangle, 1]])
+    c = pixel_position(view, points[triangles[triangle, 2]])
+    low = wp.min(wp.min(a, b), c)
+    high = wp.max(wp.max(a, b), c)
+    for row in range(wp.max(int(wp.ceil(low[1])), 0), wp.min(int(wp.floor(high[1])), view.rows - 1) + 1):
+        for column in range(wp.max(int(wp.ceil(low[0])), 0), wp.min(int(wp.floor(high[0])), view.columns - 1) + 1):
+            w = barycentric(a, b, c, float(column), float(row))
+            if wp.min(w) >= 0.0 and w[0] * a[2] + w[1] * b[2] + w[2] * c[2] >= depth[row, column]:
+                wp.atomic_min(id_out, row, column, triangle)

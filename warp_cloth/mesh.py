@@ -1,0 +1,49 @@
+"""A triangle mesh in metres: what loaders and shape generators hand on, and nothing else."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Points = NDArray[np.float64]
+Indices = NDArray[np.int32]
+
+
+@dataclass(frozen=True, eq=False)
+class Mesh:
+    """Triangles over welded vertices, in metres, y up.
+
+    ``vertex_map`` and ``triangle_source`` are None where loading changed nothing; otherwise they say which vertex of
+    this mesh each vertex of the file became (-1: dropped), and which face of the file each triangle comes from.
+    """
+
+    name: str
+    points: Points  # [m], shape [V, 3]
+    triangles: Indices  # vertex indices, shape [F, 3]
+    texcoords: NDArray[np.float64] | None = None  # per corner, in the file's own unit, shape [F, 3, 2]
+    panels: Indices | None = None  # panel of each triangle, shape [F]
+    panel_names: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()  # what was guessed or repaired, one sentence each, for the report
+    unit: str = "m"  # the file's length unit, stated or guessed
+    vertex_map: NDArray[np.int64] | None = None  # shape [vertices of the file]
+    triangle_source: NDArray[np.int64] | None = None  # shape [F]
+
+    @property
+    def vertex_count(self) -> int:
+        return len(self.points)
+
+    @property
+    def triangle_count(self) -> int:
+        return len(self.triangles)
+
+    def bounds(self) -> tuple[Points, Points]:
+        """Lowest and highest corner of the bounding box [m], each shape [3]."""
+        return self.points.min(axis=0), self.points.max(axis=0)
+
+    def arrays(self) -> dict[str, Any]:
+        """The map arrays that are present, by name, as they are written beside a result."""
+        found = {"vertex_map": self.vertex_map, "triangle_source": self.triangle_source}
+        return {name: array for name, array in found.items() if array is not None}

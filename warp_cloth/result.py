@@ -1,0 +1,66 @@
+"""What a fit gives back: a status with its sentence, the certificate's figures, the worn garments."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import Enum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warp_cloth.mesh import Mesh, Points
+
+
+class Status(str, Enum):
+    """How a fit ended. A failure is a value with a sentence, not an exception."""
+
+    AT_REST = "at_rest"
+    ITERATION_LIMIT = "iteration_limit"
+    DIVERGED = "diverged"
+    INVALID = "invalid"
+
+
+@dataclass(frozen=True)
+class Residual:
+    """Net force left on free vertices after what contact and pins carry (model: certificate).
+
+    ``rms``, ``p99``, ``max`` in vertex weights; the relative ones divided by the vertex's weight plus the sum of the
+    magnitudes of the forces that meet there.
+    """
+
+    rms: float
+    p99: float
+    max: float
+    relative_rms: float
+    relative_p99: float
+
+
+@dataclass(frozen=True)
+class Strain:
+    """Edge strain (r - L) / L: percentiles of its magnitude, and its signed extremes."""
+
+    p50: float
+    p99: float
+    max: float
+    min: float
+
+
+@dataclass(frozen=True)
+class Penetration:
+    """Depth of garment vertices under the exact avatar mesh [mm]: deepest, 99.9th percentile, share of vertices."""
+
+    max: float
+    p999: float
+    fraction: float
+
+
+@dataclass(frozen=True, eq=False)
+class WornGarment:
+    """One garment as worn."""
+
+    name: str
+    mesh: Mesh  # as loaded
+    points: Points  # worn shape [m], shape [V, 3]
+    thickness: float  # fabric thickness [m]
+    frames: NDArray[np.float32] | None = None  # shapes on the way [m], shape [N, V, 3], the last is the worn shape
+    fields: dict[str, NDArray[np.float32]] = field(default_factory=dict)  # per-vertex values by name, shape [V]
