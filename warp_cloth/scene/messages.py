@@ -1,0 +1,203 @@
+"""What pydantic finds wrong with a scene, told in one line: the key, the value given, what is allowed."""
+
+from __future__ import annotations
+
+import difflib
+import types
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Annotated, Any, Literal, Union, get_args, get_origin
+
+from pydantic import BaseModel
+from pydantic.fields import FieldInfo
+from pydantic_core import ErrorDetails, PydanticCustomError, ValidationError
+
+from warp_cloth.errors import InputError
+
+Location = tuple[str | int, ...]
+
+
+def refusal(problem: str, remedy: str = "", *, below: str = "", place: str = "") -> PydanticCustomError:
+    """A refusal that pydantic carries to load_scene, which makes one InputError of it.
+
+    ``below`` names a key under the one that is being checked, ``place`` another file that is to blame.
+    """
+    context = {"problem": problem, "remedy": remedy, "below": below, "place": place}
+    return PydanticCustomError("refusal", "{problem}", context)
+
+
+def show(value: Any) -> str:
+    """A value as a scene file would write it, cut short."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, Mapping):
+        return "a table"
+    if isinstance(value, str):
+        value = value if len(value) <= 60 else value[:57] + "..."
+        return f'"{value}"'
+    text = str(list(value)) if isinstance(value, tuple) else str(value)
+    return text if len(text) <= 60 else text[:57] + "..."
+
+
+def listed(names: Iterable[Any]) -> str:
+    """The names in quotes, with commas."""
+    return ", ".join(show(name) for name in names)
+
+
+def nearest(name: str, names: Iterable[str], ask: str = "did you mean {}?") -> str:
+    """A question with the name that comes nearest, or nothing."""
+    close = difflib.get_close_matches(name.lower(), list(names), n=1, cutoff=0.6)
+    return ask.format(close[0]) if close else ""
+
+
+def scene_error(
+    error: ValidationError, model: type[BaseModel], place: Callable[[str], str], many_garments: bool
+) -> InputError:
+    """The first thing that is wrong, as one line, and how many more there are.
+
+    ``place`` says where a dotted key was stated: in which file, or by which --set.
+    """
+    found = [detail for detail in error.errors(include_url=False) if not _follows(detail, error)]
+    first = found[0]
+    key, allowed, keys = _look_up(model, first["loc"], many_garments)
+    problem, remedy = _tell(first, allowed, keys)
+    context = first.get("ctx", {})
+    if first["type"].startswith("union_tag"):
+        key += ".kind"
+    if context.get("below"):
+        key += ("." if key else "") + context["below"]
+    if len(found) > 1:
+        remedy += (" " if remedy else "") + f"(and {len(found) - 1} more)"
+    return InputError(context.get("place") or place(key), problem, remedy)
+
+
+def _follows(detail: ErrorDetails, error: ValidationError) -> bool:
+    """Whether this only follows from another error: a list counts as empty when its entries fail."""
+    return detail["type"] == "too_short" and bool(detail["input"]) and error.error_count() > 1
+
+
+def _tell(detail: ErrorDetails, allowed: str, keys: Sequence[str]) -> tuple[str, str]:
+    """Problem and remedy of one pydantic error."""
+    kind, value, context = detail["type"], detail["input"], detail.get("ctx", {})
+    if kind == "refusal":
+        return str(context["problem"]), str(context["remedy"])
+    if kind == "extra_forbidden":
+        close = nearest(str(detail["loc"][-1]), keys)
+        return "unknown key", " ".join(filter(None, (close, f"allowed here: {', '.join(keys)}")))
+    if kind == "missing":
+        return "is missing", f"give {allowed}" if allowed else ""
+    if kind == "too_short" and not value:
+        return "is empty", f"give {allowed}" if allowed else "give at least one"
+    if kind == "union_tag_not_found":
+        return "is missing", f"give one of {_tags(context)}"
+    if kind == "union_tag_invalid":
+        return f"unknown kind {show(context['tag'])}", f"use one of {_tags(context)}"
+    if kind in ("model_type", "model_attributes_type", "dict_type"):
+        return f"must be a table, not {show(value)}", ""
+    close = (
+        nearest(value, allowed.split('"')[1::2]) if kind == "literal_error" and isinstance(value, str) else ""
+    )
+    return f"must be {allowed}, not {show(value)}" if allowed else f"{show(value)} is not allowed", close
+
+
+def _tags(context: Mapping[str, Any]) -> str:
+    return str(context.get("expected_tags", '"square", "tshirt", "sphere", "mannequin"')).replace("'", '"')
+
+
+def _look_up(
+    model: type[BaseModel], location: Location, many_garments: bool
+) -> tuple[str, str, tuple[str, ...]]:
+    """The dotted key of a pydantic location, what is allowed there, the keys of the table it stands in."""
+    tables, key, allowed = [model], "", ""
+    keys: tuple[str, ...] = ()
+    annotation: Any = None
+    metadata: list[Any] = []
+    for part in location:
+        if isinstance(part, int):
+            key += f"[{part}]" if key != "garment" or many_garments else ""
+            annotation, metadata = _entry(annotation, part)
+            allowed = _allowed(annotation, metadata)
+            continue
+        chosen = [table for table in tables if _tag(table) == part]
+        if chosen:  # pydantic puts the kind of a shape into the location; a scene has no such key
+            tables = chosen
+            continue
+        keys = tuple(name for table in tables for name in _fields(table))
+        key += ("." if key else "") + part
+        field = next((_fields(table)[part] for table in tables if part in _fields(table)), None)
+        if field is None:
+            return key, "", keys
+        annotation, metadata = field.annotation, list(field.metadata)
+        allowed = _allowed(annotation, metadata)
+        tables = _tables(annotation)
+    return key, allowed, keys
+
+
+def _fields(table: type[BaseModel]) -> dict[str, FieldInfo]:
+    return {field.alias or name: field for name, field in table.model_fields.items()}
+
+
+def _tag(table: type[BaseModel]) -> str | None:
+    field = table.model_fields.get("kind")
+    return get_args(field.annotation)[0] if field else None
+
+
+def _tables(annotation: Any) -> list[type[BaseModel]]:
+    """The tables that an annotation names, however it wraps them."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return [annotation]
+    return [table for inner in get_args(annotation) for table in _tables(inner)]
+
+
+def _entry(annotation: Any, index: int) -> tuple[Any, list[Any]]:
+    """Annotation and metadata of a tuple's entry."""
+    bare, _ = _bare(annotation)
+    entries = get_args(bare)
+    if get_origin(bare) is not tuple or not entries:
+        return None, []
+    entry = entries[0] if entries[-1] is Ellipsis else entries[min(index, len(entries) - 1)]
+    return _bare(entry)
+
+
+def _bare(annotation: Any) -> tuple[Any, list[Any]]:
+    """An annotation without Annotated and without "or None", and the metadata that these carried."""
+    metadata: list[Any] = []
+    while True:
+        if get_origin(annotation) is Annotated:
+            annotation, *more = get_args(annotation)
+            metadata += [
+                m for item in more for m in (item.metadata if isinstance(item, FieldInfo) else [item])
+            ]
+        elif get_origin(annotation) in (Union, types.UnionType):
+            kept = [inner for inner in get_args(annotation) if inner is not type(None)]
+            if len(kept) != 1:
+                return annotation, metadata
+            annotation = kept[0]
+        else:
+            return annotation, metadata
+
+
+def _allowed(annotation: Any, metadata: list[Any]) -> str:
+    """What a value may be, in words."""
+    bare, more = _bare(annotation)
+    if get_origin(bare) is Literal:
+        return "one of " + listed(get_args(bare))
+    if bare is bool:
+        return "true or false"
+    if bare is str:
+        return "text"
+    if bare in (int, float):
+        return ("a whole number" if bare is int else "a number") + _range([*metadata, *more])
+    if get_origin(bare) is tuple:
+        entries = get_args(bare)
+        if entries[-1] is not Ellipsis:
+            return f"a list of {len(entries)}, each {_allowed(entries[0], [])}"
+        return "a list" if not _tables(bare) else "a table, or a list of tables"
+    return "a table" if _tables(bare) else ""
+
+
+def _range(metadata: Sequence[Any]) -> str:
+    bounds = {name: getattr(m, name) for m in metadata for name in ("ge", "gt", "le") if hasattr(m, name)}
+    lowest = (
+        f" above {bounds['gt']:g}" if "gt" in bounds else f" from {bounds['ge']:g}" if "ge" in bounds else ""
+    )
+    return lowest + (f" to {bounds['le']:g}" if "le" in bounds else "") if lowest else ""

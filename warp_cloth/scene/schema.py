@@ -1,0 +1,407 @@
+"""The scene schema: every key of a scene file, with its type, unit, bounds, default and reason."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import asdict
+from pathlib import Path
+from typing import Annotated, Any, Literal, get_args
+
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    PrivateAttr,
+    StrictBool,
+    ValidationInfo,
+    field_serializer,
+    field_validator,
+    model_validator,
+)
+
+from warp_cloth.errors import InputError
+from warp_cloth.fabric import Fabric, resolve_fabric
+from warp_cloth.scene.messages import listed, refusal, show
+from warp_cloth.units import LENGTH_UNITS, METRES_PER, LengthUnit
+
+Real = Annotated[float, Field(strict=True, allow_inf_nan=False)]  # takes 3 for 3.0, but no text, no true
+Whole = Annotated[int, Field(strict=True)]
+Coordinate = Annotated[Real, Field(ge=-1e7, le=1e7)]  # [m]
+Point = tuple[Coordinate, Coordinate, Coordinate]
+VertexId = Annotated[Whole, Field(ge=0, le=2**31 - 1)]
+
+RestShape = Literal["mesh", "uv"]
+AvatarCollision = Literal["depth", "mesh", "auto", "none"]
+Method = Literal["accelerated", "direct"]
+Precision = Literal["float32", "float64", "mixed"]
+Size = Literal["S", "M", "L"]
+LoopSide = Literal["top", "bottom", "left", "right", "front", "back"]
+LOOP_SIDES: tuple[LoopSide, ...] = get_args(LoopSide)
+
+
+class Table(BaseModel):
+    """A table of a scene file: frozen, and no key that is not listed."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", validate_default=True)
+
+
+class SquareShape(Table):
+    """A flat square cloth, a regular grid of vertices, cut alternately so that no diagonal is preferred."""
+
+    kind: Literal["square"]
+    side: Real = Field(default=1.0, ge=1e-3, le=100, description="side length [m]")
+    vertices_per_side: Whole = Field(
+        default=33, ge=2, le=2049, description="33 on 1 m: edges of 31 mm, quick and smooth"
+    )
+    plane: Literal["horizontal", "vertical"] = Field(
+        default="horizontal", description="lies, or hangs facing +z"
+    )
+    height: Real = Field(
+        default=1.0,
+        ge=-1e6,
+        le=1e6,
+        description="y of a horizontal square, or of a vertical one's top edge [m]",
+    )
+
+
+class TshirtShape(Table):
+    """The shipped T-shirt, cut from flat panels and sewn, placed round the mannequin that wears it."""
+
+    kind: Literal["tshirt"]
+    size: Size = Field(default="M", description="garment size")
+    edge_mm: Real = Field(
+        default=12.0, ge=2, le=60, description="edge length [mm]; 12: folds of 5 cm, about 8,000 vertices"
+    )
+
+
+class SphereShape(Table):
+    """A sphere to drape on."""
+
+    kind: Literal["sphere"]
+    radius: Real = Field(default=0.3, ge=1e-3, le=100, description="radius [m]")
+    centre: Point = Field(default=(0.0, 0.6, 0.0), description="centre [m]")
+    edge_mm: Real = Field(
+        default=20.0, ge=1, le=1e4, description="edge length [mm]; 20 on 0.3 m: flat to 0.2 mm"
+    )
+
+
+class MannequinShape(Table):
+    """The shipped parametric mannequin; a measure left out is that of the garment size's standard body."""
+
+    kind: Literal["mannequin"]
+    stature: Real | None = Field(default=None, ge=1.2, le=2.3, description="body height [m]")
+    chest: Real | None = Field(default=None, ge=0.6, le=1.6, description="chest girth [m]")
+    waist: Real | None = Field(default=None, ge=0.45, le=1.6, description="waist girth [m]")
+    hip: Real | None = Field(default=None, ge=0.6, le=1.7, description="hip girth [m]")
+    arm_angle_degrees: Real = Field(
+        default=45.0,
+        ge=20,
+        le=85,
+        description="arms away from hanging straight down [degrees]; 45 is an A-pose",
+    )
+
+
+GarmentShape = Annotated[SquareShape | TshirtShape, Field(discriminator="kind")]
+AvatarShape = Annotated[SphereShape | MannequinShape, Field(discriminator="kind")]
+
+
+class PinSpec(Table):
+    """Vertices that stay where they start; exactly one way of naming them."""
+
+    vertices: tuple[VertexId, ...] | None = Field(
+        default=None, min_length=1, description="vertex indices of the file"
+    )
+    box: tuple[Point, Point] | None = Field(
+        default=None, description="lowest and highest corner of a box [m]"
+    )
+    loop: LoopSide | VertexId | None = Field(
+        default=None,
+        description="a boundary loop: the one furthest that way, or its rank by length, 0 the longest",
+    )
+
+    @field_validator("loop", mode="plain")
+    @classmethod
+    def _loop(cls, value: Any) -> Any:
+        if value is None or value in LOOP_SIDES or (type(value) is int and 0 <= value < 2**31):
+            return value
+        raise refusal(
+            f"{show(value)} names no boundary loop", f"use {listed(LOOP_SIDES)}, or a rank from 0 on"
+        )
+
+    @field_validator("box", mode="after")
+    @classmethod
+    def _box(cls, value: tuple[Point, Point] | None) -> tuple[Point, Point] | None:
+        if value is not None and any(low > high for low, high in zip(*value, strict=True)):
+            raise refusal(
+                "the first corner is not below the second on every axis", "give the lowest corner first"
+            )
+        return value
+
+    @model_validator(mode="after")
+    def _one_way(self) -> PinSpec:
+        if sum(way is not None for way in (self.vertices, self.box, self.loop)) != 1:
+            raise refusal("a pin names its vertices in exactly one way", "give one of vertices, box, loop")
+        return self
+
+
+def _directory(info: ValidationInfo) -> Path:
+    """Folder that relative paths start from: the scene file's, or the current one."""
+    return (info.context or {}).get("directory", Path())
+
+
+def _checked_name(value: str) -> str:
+    if not re.fullmatch(r"[^/\\\x00-\x1f.][^/\\\x00-\x1f]{0,99}", value):
+        raise refusal(
+            f"{show(value)} cannot name a file",
+            "use 1 to 100 characters, without slashes, not starting with a dot",
+        )
+    return value
+
+
+class Wearable(Table):
+    """What a garment and an avatar share: a mesh from a file, or a shape that is generated."""
+
+    mesh: Path | None = Field(
+        default=None, description="mesh file (.obj .ply .stl .glb .gltf .usd*), relative to the scene file"
+    )
+    prim: str | None = Field(
+        default=None, min_length=1, description="prim path of the mesh in a USD file; None: its only one"
+    )
+    units: LengthUnit | None = Field(
+        default=None, description="the mesh file's length unit; None: stated by it, or guessed"
+    )
+
+    @field_validator("mesh", mode="plain")
+    @classmethod
+    def _mesh(cls, value: Any, info: ValidationInfo) -> Path | None:
+        if value is None:
+            return None
+        if not isinstance(value, str | Path) or not str(value).strip() or "\0" in str(value):
+            raise refusal(f"{show(value)} is not a path", "name a mesh file, relative to the scene file")
+        return _directory(info) / value
+
+    def _check_one_source(self, shape: object | None, kinds: str) -> None:
+        """Exactly one of mesh and shape, and no key of a mesh file beside a shape."""
+        if (self.mesh is None) == (shape is None):
+            both = "mesh and shape are both given" if shape is not None else "neither mesh nor shape is given"
+            raise refusal(both, f'give one: mesh = "FILE", or shape = {{kind = {kinds}}}')
+        for key in ("prim", "units"):
+            if shape is not None and getattr(self, key) is not None:
+                raise refusal(
+                    f"{key} says how to read a mesh file, but a shape is given", "leave it out", below=key
+                )
+
+
+class GarmentSpec(Wearable):
+    """One garment: its mesh or shape, rest shape, fabric and pins."""
+
+    name: str = Field(
+        default="", description="name in the stage and the report; empty: the mesh file's or the shape's"
+    )
+    shape: GarmentShape | None = Field(default=None, description="a generated garment instead of a mesh")
+    rest: RestShape = Field(
+        default="mesh", description="natural lengths from the 3-D mesh as loaded, or from its 2-D panels"
+    )
+    uv_units: LengthUnit | Real = Field(
+        default="m", description="unit of the texture coordinates, or metres per unit"
+    )
+    fabric: Fabric = Field(
+        default="default", description="a shipped fabric, a .toml file, or a table of overrides"
+    )  # type: ignore[assignment]
+    pin: tuple[PinSpec, ...] = Field(
+        default=(), description="vertices held where they start; none: nothing is held"
+    )
+
+    @field_validator("uv_units", mode="plain")
+    @classmethod
+    def _uv_units(cls, value: Any) -> LengthUnit | float:
+        if isinstance(value, str) and value in LENGTH_UNITS:
+            return value
+        if isinstance(value, int | float) and not isinstance(value, bool) and 1e-7 <= value <= 1e4:
+            return float(value)
+        raise refusal(
+            f"{show(value)} is not a unit", f"use {listed(LENGTH_UNITS)}, or metres per unit from 1e-7 to 1e4"
+        )
+
+    @field_validator("fabric", mode="plain")
+    @classmethod
+    def _fabric(cls, value: Any, info: ValidationInfo) -> Fabric:
+        try:
+            return resolve_fabric(value, _directory(info))
+        except InputError as error:
+            in_file = ".toml" in error.place
+            below, place = ("", error.place) if in_file else (error.place, "")
+            raise refusal(error.problem, error.remedy, below=below, place=place) from error
+
+    @field_serializer("fabric")
+    def _fabric_values(self, fabric: Fabric) -> dict[str, Any]:
+        return asdict(fabric)
+
+    @field_validator("pin", mode="before")
+    @classmethod
+    def _pins(cls, value: Any) -> Any:
+        return (value,) if isinstance(value, Mapping | PinSpec) else value
+
+    @field_validator("name")
+    @classmethod
+    def _name(cls, value: str) -> str:
+        return _checked_name(value) if value else value
+
+    @model_validator(mode="after")
+    def _source(self) -> GarmentSpec:
+        self._check_one_source(self.shape, '"square" or "tshirt"')
+        return self
+
+    @property
+    def uv_metres(self) -> float:
+        """Metres per unit of the texture coordinates."""
+        return self.uv_units if isinstance(self.uv_units, float) else METRES_PER[self.uv_units]
+
+
+class AvatarSpec(Wearable):
+    """The body that wears the garments; it does not move."""
+
+    shape: AvatarShape | None = Field(default=None, description="a generated avatar instead of a mesh")
+    friction: Real = Field(
+        default=0.5, ge=0, le=10, description="Coulomb friction of cloth on the avatar; 0.5: cloth on skin"
+    )
+
+    @model_validator(mode="after")
+    def _source(self) -> AvatarSpec:
+        self._check_one_source(self.shape, '"sphere" or "mannequin"')
+        return self
+
+
+class CollisionSpec(Table):
+    """What the cloth may not pass through, and how that is found."""
+
+    avatar: AvatarCollision = Field(
+        default="depth", description="depth buffers (the paper's), the exact mesh, or none"
+    )
+    pixel_mm: Real = Field(
+        default=2.0, ge=0.2, le=50, description="depth pixel [mm]; 2: below the offset, 1 MB a view"
+    )
+    offset_mm: Real = Field(
+        default=3.0, ge=0, le=50, description="gap kept to the avatar [mm]; 3: no piercing at 12 mm edges"
+    )
+    cloth: StrictBool = Field(default=False, description="contact of cloth with cloth")
+
+    @field_validator("avatar")
+    @classmethod
+    def _built(cls, value: AvatarCollision) -> AvatarCollision:
+        if value == "auto":
+            raise refusal(
+                '"auto" is not available in this version',
+                'use "depth", or "mesh" where limbs hide each other',
+            )
+        return value
+
+    @field_validator("cloth")
+    @classmethod
+    def _no_cloth_yet(cls, value: bool) -> bool:
+        if value:
+            raise refusal("contact of cloth with cloth is not available in this version", "use cloth = false")
+        return value
+
+
+class SolverSpec(Table):
+    """How the rest shape is looked for, and when it is found."""
+
+    method: Method = Field(
+        default="accelerated", description="accelerated, or direct: the paper's own rule to the letter"
+    )
+    iterations: Whole = Field(
+        default=20_000, ge=0, le=10**7, description="limit; a T-shirt on a body rests after about 8,000"
+    )
+    tolerance_mm: Real = Field(
+        default=1.0, gt=0, le=1e3, description="rest error [mm]; 1: less than a garment is cut to"
+    )
+    residual: Real = Field(
+        default=0.01, gt=0, le=1, description="relative residual rms, 1: nothing balanced; 0.01: to 1 %"
+    )
+    residual_p99: Real = Field(
+        default=0.05, gt=0, le=1, description="its 99th percentile: no region that is far from rest"
+    )
+    precision: Precision = Field(
+        default="mixed", description="mixed: positions in float64, all else in float32 (model: precision)"
+    )
+    cap: Real | None = Field(
+        default=None,
+        ge=1e-7,
+        le=1,
+        description="largest displacement an iteration [m]; None: chosen by the method",
+    )
+
+
+class Scene(Table):
+    """A whole scene, every value resolved: what to fit, on what, and how."""
+
+    name: str = Field(
+        default="scene", description="names the output files; the scene file's own name by default"
+    )
+    garments: tuple[GarmentSpec, ...] = Field(alias="garment", min_length=1, description="inner to outer")
+    avatar: AvatarSpec | None = Field(default=None, description="none: the cloth hangs by its pins")
+    collision: CollisionSpec = Field(default_factory=CollisionSpec)
+    solver: SolverSpec = Field(default_factory=SolverSpec)
+    _directory: Path = PrivateAttr(default=Path())
+
+    @field_validator("name")
+    @classmethod
+    def _name(cls, value: str) -> str:
+        return _checked_name(value)
+
+    @field_validator("garments", mode="before")
+    @classmethod
+    def _one_or_many(cls, value: Any) -> Any:
+        return (value,) if isinstance(value, Mapping | GarmentSpec) else value
+
+    @field_validator("garments")
+    @classmethod
+    def _named_apart(cls, garments: tuple[GarmentSpec, ...]) -> tuple[GarmentSpec, ...]:
+        """Give every garment a name of its own; only names that the user stated can clash."""
+        taken = [garment.name for garment in garments if garment.name]
+        if len(set(taken)) < len(taken):
+            raise refusal("two garments have the same name", "give each its own name")
+        named = []
+        for garment in garments:
+            name = stem = garment.name or (
+                garment.shape.kind if garment.shape else Path(garment.mesh or "").stem
+            )
+            count = 1
+            while not garment.name and name in taken:
+                count += 1
+                name = f"{stem}_{count}"
+            taken.append(name)
+            named.append(garment if garment.name else garment.model_copy(update={"name": name}))
+        return tuple(named)
+
+    @model_validator(mode="after")
+    def _avatar_to_collide_with(self) -> Scene:
+        """Without an avatar its collision is "none", and said so in the settings."""
+        if self.avatar is None and self.collision.avatar != "none":
+            if "avatar" in self.collision.model_fields_set:
+                raise refusal(
+                    f"collision.avatar = {show(self.collision.avatar)}, but the scene has no [avatar]",
+                    "add an [avatar], or leave collision.avatar out",
+                )
+            object.__setattr__(self, "collision", self.collision.model_copy(update={"avatar": "none"}))
+        return self
+
+    def model_post_init(self, context: Any, /) -> None:
+        self._directory = (context or {}).get("directory", Path())
+
+    @property
+    def directory(self) -> Path:
+        """Folder that the scene's relative paths start from."""
+        return self._directory
+
+    @property
+    def garment_keys(self) -> tuple[str, ...]:
+        """The scene key of each garment, for messages: "garment", or "garment[0]" where there are more."""
+        many = len(self.garments) > 1
+        return tuple(f"garment[{index}]" if many else "garment" for index in range(len(self.garments)))
+
+    def settings(self) -> dict[str, Any]:
+        """Every value used, defaults included, as plain JSON values; ``garment`` is always a list."""
+        return self.model_dump(mode="json", by_alias=True)
