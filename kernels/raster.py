@@ -2,6 +2,8 @@
 
 import warp as wp
 
+COVERAGE_TOLERANCE = wp.constant(wp.float32(1.0e-5))  # barycentric slack: fused multiply-add must not open cracks
+
 
 @wp.struct
 class View:
@@ -25,13 +27,22 @@ def pixel_position(view: View, p: wp.vec3f) -> wp.vec3f:
 
 @wp.func
 def barycentric(a: wp.vec3f, b: wp.vec3f, c: wp.vec3f, x: float, y: float) -> wp.vec3f:
-    """Barycentric coordinates of (x, y) in the projected triangle; all negative where it is degenerate."""
-    area = (b[0] - a[0]) * (c[1] - a[1]) - (c[0] - a[0]) * (b[1] - a[1])
+    """Barycentric coordinates of (x, y) in the projected triangle; all negative where it is degenerate.
+
+    Three edge functions, each antisymmetric in its edge's ends, over their sum: two triangles that share an edge get
+    opposite signs there, so no pixel falls between them.
+    """
+    ax = a[0] - x
+    ay = a[1] - y
+    bx = b[0] - x
+    by = b[1] - y
+    cx = c[0] - x
+    cy = c[1] - y
+    w = wp.vec3f(bx * cy - cx * by, cx * ay - ax * cy, ax * by - bx * ay)
+    area = w[0] + w[1] + w[2]
     if wp.abs(area) < 1.0e-12:
         return wp.vec3f(-1.0, -1.0, -1.0)
-    u = ((b[0] - x) * (c[1] - y) - (c[0] - x) * (b[1] - y)) / area
-    v = ((c[0] - x) * (a[1] - y) - (a[0] - x) * (c[1] - y)) / area
-    return wp.vec3f(u, v, 1.0 - u - v)
+    return w / area
 
 
 @wp.kernel
@@ -51,7 +62,7 @@ def draw_depth(
     for row in range(wp.max(int(wp.ceil(low[1])), 0), wp.min(int(wp.floor(high[1])), view.rows - 1) + 1):
         for column in range(wp.max(int(wp.ceil(low[0])), 0), wp.min(int(wp.floor(high[0])), view.columns - 1) + 1):
             w = barycentric(a, b, c, float(column), float(row))
-            if wp.min(w) >= 0.0:
+            if wp.min(w) >= -COVERAGE_TOLERANCE:
                 wp.atomic_max(depth_out, row, column, w[0] * a[2] + w[1] * b[2] + w[2] * c[2])
 
 
@@ -73,5 +84,5 @@ def draw_triangle_ids(
     for row in range(wp.max(int(wp.ceil(low[1])), 0), wp.min(int(wp.floor(high[1])), view.rows - 1) + 1):
         for column in range(wp.max(int(wp.ceil(low[0])), 0), wp.min(int(wp.floor(high[0])), view.columns - 1) + 1):
             w = barycentric(a, b, c, float(column), float(row))
-            if wp.min(w) >= 0.0 and w[0] * a[2] + w[1] * b[2] + w[2] * c[2] >= depth[row, column]:
+            if wp.min(w) >= -COVERAGE_TOLERANCE and w[0] * a[2] + w[1] * b[2] + w[2] * c[2] >= depth[row, column]:
                 wp.atomic_min(id_out, row, column, triangle)

@@ -1,0 +1,101 @@
+"""Device arrays of a garment in one precision, as structs that the force and displacement kernels share."""
+
+import functools
+from types import SimpleNamespace
+
+import warp as wp
+
+PRECISIONS = ("float32", "mixed", "float64")
+
+
+@functools.cache
+def cloth_types(precision: str) -> SimpleNamespace:
+    """Types and structs of one precision: ``real``, ``point`` (of positions), ``vec3``, ``vec4``, ``Forces``, ``Cloth``, ``Step``.
+
+    "mixed" keeps positions in float64, takes their differences there and computes everything else in float32: near
+    1 m float32 positions are 6e-8 m apart, which on fine stiff cloth is more force noise than a vertex weighs.
+    """
+    real = wp.float64 if precision == "float64" else wp.float32
+    point = wp.vec3f if precision == "float32" else wp.vec3d
+    vec3 = wp.vec3d if precision == "float64" else wp.vec3f
+    vec4 = wp.vec4d if precision == "float64" else wp.vec4f
+
+    @wp.struct
+    class Step:
+        """What one iteration needs besides the garment."""
+
+        gravity: vec3  # unit vector
+        cap: real  # largest displacement in an iteration [m]
+        reach: real  # change of length that the step allows for, as a share of the vertex's own last move
+        momentum: real  # share of the last displacement that is kept
+        damping: real  # that share's factor where the displacement points against the force
+        offset: float  # contact offset [m]
+        friction: float  # of the avatar
+
+    @wp.struct
+    class Cloth:
+        """Vertices of all garments, one after another; V vertices."""
+
+        position: wp.array(dtype=point)  # [m]
+        move: wp.array(dtype=vec3)  # last displacement [m]
+        weight: wp.array(dtype=real)  # [N]
+        pinned: wp.array(dtype=wp.uint8)
+
+    @wp.struct
+    class Edges:
+        """E edges, for a kernel per edge."""
+
+        ends: wp.array(dtype=wp.vec2i)
+        law: wp.array(dtype=vec3)  # rest length [m], pull [N/m2], push [N/m2]
+
+    @wp.struct
+    class Hinges:
+        """H hinges, for a kernel per hinge."""
+
+        corners: wp.array(dtype=wp.vec4i)  # axis start, axis end, two wings
+        stiffness: wp.array(dtype=real)  # C [N m]
+
+    @wp.struct
+    class EdgeRows:
+        """The edges at each vertex, for a kernel per vertex."""
+
+        start: wp.array(dtype=wp.int32)  # shape [V + 1]
+        other: wp.array(dtype=wp.int32)  # vertex at the other end, shape [2 E]
+        law: wp.array(dtype=vec3)  # as Edges.law, shape [2 E]
+
+    @wp.struct
+    class Folds:
+        """The triangles with their neighbours, for a kernel per triangle; F triangles."""
+
+        corners: wp.array(dtype=wp.vec3i)
+        wings: wp.array(dtype=wp.vec3i)  # corner beyond each side (0,1), (1,2), (2,0); -1 at the boundary
+        stiffness: wp.array(dtype=vec3)  # C of each side [N m]
+
+    @wp.struct
+    class FoldRows:
+        """The triangles at each vertex."""
+
+        start: wp.array(dtype=wp.int32)  # shape [V + 1]
+        triangle: wp.array(dtype=wp.int32)  # shape [3 F]
+        following: wp.array(dtype=wp.vec2i)  # the triangle's other two corners in its order, shape [3 F]
+        corner: wp.array(dtype=wp.uint8)  # which corner of the triangle the vertex is, shape [3 F]
+
+    return SimpleNamespace(
+        name=precision, real=real, point=point, vec3=vec3, vec4=vec4, Step=Step, Cloth=Cloth, Edges=Edges,
+        Hinges=Hinges, EdgeRows=EdgeRows, Folds=Folds, FoldRows=FoldRows,
+    )  # fmt: skip
+
+
+@functools.cache
+def difference_function(precision: str) -> wp.Function:
+    """The function that subtracts two positions, exact in their own type, and returns the types' ``vec3``."""
+    types = cloth_types(precision)
+    point, real, vec3 = types.point, types.real, types.vec3
+
+    @wp.func
+    def difference(a: point, b: point):
+        """a - b [m], subtracted in the positions' own precision."""
+        d = a - b
+        return vec3(real(d[0]), real(d[1]), real(d[2]))
+
+    return difference

@@ -1,0 +1,167 @@
+"""The solid that three depth buffers enclose: behind the front surface, before the back one, under the top one."""
+
+import warp as wp
+
+wp.set_module_options({"enable_backward": False})
+
+EMPTY = wp.constant(wp.float32(-1.0e30))  # level of a point with no surface around it
+JUMP_SLOPE = wp.constant(wp.float32(4.0))  # pixels of height per pixel above which a cell of the top buffer is a wall
+
+
+@wp.struct
+class DepthSolid:
+    """Three depth buffers over one local frame; pixel (0, 0) is centred at the local origin in every view."""
+
+    origin: wp.vec3d  # local origin in the world [m]
+    pixel: float  # pixel size [m]
+    front: wp.array2d(dtype=wp.float32)  # greatest z [m], -inf where empty, shape [rows along y, columns along x]
+    back: wp.array2d(dtype=wp.float32)  # greatest -z [m], same shape
+    top: wp.array2d(dtype=wp.float32)  # greatest y [m], -inf where empty, shape [rows along z, columns along x]
+    middle: wp.array2d(dtype=wp.float32)  # mean of front and back surface [m], one pixel beyond the silhouette too
+    bulge: wp.array2d(dtype=wp.float32)  # half thickness squared [m2], negative beyond the silhouette, EMPTY far away
+
+
+@wp.func
+def covered(depth: float) -> bool:
+    """Whether a pixel shows a surface."""
+    return depth > EMPTY
+
+
+@wp.func
+def cell_position(coordinate: float, pixel: float, count: int) -> wp.vec2f:
+    """Index of the lower pixel of the cell that holds a coordinate, and the fraction beyond it, clamped to the image."""
+    x = wp.clamp(coordinate / pixel, 0.0, float(count - 1))
+    i = wp.min(wp.floor(x), float(wp.max(count - 2, 0)))
+    return wp.vec2f(i, x - i)
+
+
+@wp.func
+def bilinear(v00: float, v01: float, v10: float, v11: float, s: float, t: float) -> float:
+    """Bilinear mean of a cell's four values; s runs along columns, t along rows, both in [0, 1]."""
+    low = v00 + s * (v01 - v00)
+    high = v10 + s * (v11 - v10)
+    return low + t * (high - low)
+
+
+@wp.func
+def top_height(solid: DepthSolid, x: float, z: float) -> float:
+    """Height of the top surface [m]: bilinear on slopes, the highest pixel around at walls and beside empty pixels.
+
+    At a wall the view knows its place to a pixel only; the front and back silhouettes know it better and decide.
+    """
+    c = cell_position(x, solid.pixel, solid.top.shape[1])
+    r = cell_position(z, solid.pixel, solid.top.shape[0])
+    i = int(c[0])
+    j = int(r[0])
+    v00 = solid.top[j, i]
+    v01 = solid.top[j, i + 1]
+    v10 = solid.top[j + 1, i]
+    v11 = solid.top[j + 1, i + 1]
+    high = wp.max(wp.max(v00, v01), wp.max(v10, v11))
+    low = wp.min(wp.min(v00, v01), wp.min(v10, v11))
+    if high - low < JUMP_SLOPE * solid.pixel:
+        return bilinear(v00, v01, v10, v11, c[1], r[1])
+    return high
+
+
+@wp.func
+def slab_level(solid: DepthSolid, x: float, y: float, z: float) -> float:
+    """How far a point is inside the slab between back and front surface, along z [m]; negative outside.
+
+    Away from silhouettes min(front - z, z + back), both bilinear. In a cell that the silhouette crosses the half
+    thickness falls to zero as a square root, so its square is interpolated: g(x, y) - (z - m(x, y))^2 > 0 is inside.
+    """
+    c = cell_position(x, solid.pixel, solid.front.shape[1])
+    r = cell_position(y, solid.pixel, solid.front.shape[0])
+    i = int(c[0])
+    j = int(r[0])
+    f00 = solid.front[j, i]
+    f01 = solid.front[j, i + 1]
+    f10 = solid.front[j + 1, i]
+    f11 = solid.front[j + 1, i + 1]
+    if covered(wp.min(wp.min(f00, f01), wp.min(f10, f11))):
+        front = bilinear(f00, f01, f10, f11, c[1], r[1])
+        back = bilinear(
+            solid.back[j, i], solid.back[j, i + 1], solid.back[j + 1, i], solid.back[j + 1, i + 1], c[1], r[1]
+        )
+        return wp.min(front - z, z + back)
+    if not covered(wp.max(wp.max(f00, f01), wp.max(f10, f11))):
+        return EMPTY
+    g = bilinear(
+        solid.bulge[j, i], solid.bulge[j, i + 1], solid.bulge[j + 1, i], solid.bulge[j + 1, i + 1], c[1], r[1]
+    )
+    m = bilinear(
+        solid.middle[j, i], solid.middle[j, i + 1], solid.middle[j + 1, i], solid.middle[j + 1, i + 1], c[1], r[1]
+    )
+    return wp.sign(g) * wp.sqrt(wp.abs(g)) - wp.abs(z - m)
+
+
+@wp.func
+def solid_level(solid: DepthSolid, q: wp.vec3f) -> float:
+    """Positive inside the solid of the three views, negative outside [m]; its zero is the surface. q is local [m]."""
+    level = slab_level(solid, q[0], q[1], q[2])
+    if level <= 0.0:
+        return level
+    return wp.min(level, top_height(solid, q[0], q[2]) - q[1])
+
+
+@wp.func
+def extrapolated_slab(
+    front: wp.array2d(dtype=wp.float32), back: wp.array2d(dtype=wp.float32), row: int, column: int, dr: int, dc: int
+) -> wp.vec3f:
+    """Weight (0 or 1), middle [m] and squared half thickness [m2] of an empty pixel, from the two next to it one way.
+
+    min(2 g1 - g2, 0), and -g1 where the second pixel is empty too: the silhouette lies half way then.
+    """
+    r = row + dr
+    c = column + dc
+    if r < 0 or c < 0 or r >= front.shape[0] or c >= front.shape[1]:
+        return wp.vec3f(0.0, 0.0, 0.0)
+    if not covered(front[r, c]):
+        return wp.vec3f(0.0, 0.0, 0.0)
+    half = 0.5 * (front[r, c] + back[r, c])
+    middle = 0.5 * (front[r, c] - back[r, c])
+    near = half * half
+    r += dr
+    c += dc
+    if r < 0 or c < 0 or r >= front.shape[0] or c >= front.shape[1]:
+        return wp.vec3f(1.0, middle, -near)
+    if not covered(front[r, c]):
+        return wp.vec3f(1.0, middle, -near)
+    half = 0.5 * (front[r, c] + back[r, c])
+    return wp.vec3f(1.0, middle, wp.min(2.0 * near - half * half, 0.0))
+
+
+@wp.kernel
+def extend_silhouette(
+    front: wp.array2d(dtype=wp.float32),  # greatest z [m], shape [rows, columns]
+    back: wp.array2d(dtype=wp.float32),  # greatest -z [m], shape [rows, columns]
+    middle_out: wp.array2d(dtype=wp.float32),  # [m], shape [rows, columns]
+    bulge_out: wp.array2d(dtype=wp.float32),  # [m2], shape [rows, columns]
+):
+    """Carries middle and squared half thickness g one pixel past the silhouette, g0 = min(2 g1 - g2, 0).
+
+    On a rounded side g falls linearly to zero, so its zero between the pixels is the silhouette itself. The mean is
+    taken over the covered straight neighbours, or over the diagonal ones where there is none.
+    """
+    row, column = wp.tid()
+    if covered(front[row, column]):
+        half = 0.5 * (front[row, column] + back[row, column])
+        middle_out[row, column] = 0.5 * (front[row, column] - back[row, column])
+        bulge_out[row, column] = half * half
+        return
+    total = extrapolated_slab(front, back, row, column, 0, 1)
+    total += extrapolated_slab(front, back, row, column, 0, -1)
+    total += extrapolated_slab(front, back, row, column, 1, 0)
+    total += extrapolated_slab(front, back, row, column, -1, 0)
+    if total[0] == 0.0:
+        total += extrapolated_slab(front, back, row, column, 1, 1)
+        total += extrapolated_slab(front, back, row, column, 1, -1)
+        total += extrapolated_slab(front, back, row, column, -1, 1)
+        total += extrapolated_slab(front, back, row, column, -1, -1)
+    if total[0] > 0.0:
+        middle_out[row, column] = total[1] / total[0]
+        bulge_out[row, column] = total[2] / total[0]
+    else:
+        middle_out[row, column] = 0.0
+        bulge_out[row, column] = EMPTY
