@@ -1,0 +1,77 @@
+"""Report and map files, and the check that they can be written at all."""
+
+from __future__ import annotations
+
+import json
+import math
+import tempfile
+from collections.abc import Mapping
+from enum import Enum
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from warp_cloth.errors import InputError
+from warp_cloth.export.files import REMEDY, unwritable, whole_file
+from warp_cloth.mesh import Mesh
+
+SIGNIFICANT_DIGITS = 6  # beyond what any measured figure here is good for
+
+
+def write_report(path: Path, report: Mapping[str, Any]) -> None:
+    """Writes a report as JSON: keys in the order given, 6 significant digits, NaN and infinity as null."""
+    text = json.dumps(plain(report), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+    with whole_file(path) as place:
+        place.write_text(text, encoding="utf-8")
+
+
+def plain(value: Any) -> Any:
+    """The value in JSON's own types; TypeError for what has no honest form there."""
+    if isinstance(value, Enum):
+        return plain(value.value)
+    if value is None or isinstance(value, (bool, str, int)):
+        return value
+    if isinstance(value, Path):
+        return str(value)
+    if isinstance(value, float):
+        return float(f"{value:.{SIGNIFICANT_DIGITS}g}") if math.isfinite(value) else None
+    if isinstance(value, (np.generic, np.ndarray)):
+        # a float32 is rounded like a float64: its digits beyond the sixth are noise of the cast
+        return plain(value.tolist())
+    if isinstance(value, Mapping):
+        return {str(plain(key)): plain(entry) for key, entry in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [plain(entry) for entry in value]
+    raise TypeError(f"a report cannot hold {type(value).__name__}")
+
+
+def write_map(path: Path, mesh: Mesh) -> bool:
+    """Writes which vertex and face of the file became which of the mesh; False, and no file, if none changed.
+
+    A map of an earlier run at the same place is removed then: it would be taken for this run's.
+    """
+    arrays = mesh.arrays()
+    if not arrays:
+        path.unlink(missing_ok=True)
+        return False
+    with whole_file(path) as place, place.open("wb") as file:
+        np.savez_compressed(file, **arrays)
+    return True
+
+
+def check_writable(directory: Path) -> None:
+    """Makes the output folder if it is missing; InputError, leaving nothing, if it cannot be written."""
+    absent = [folder for folder in (directory, *directory.parents) if not folder.exists()]
+    if directory.exists() and not directory.is_dir():
+        raise InputError(directory, "is a file, not a folder", REMEDY)
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=directory) as probe:
+            probe.write(b"0")
+            probe.flush()
+    except OSError as error:
+        for folder in absent:  # innermost first
+            if folder.is_dir():
+                folder.rmdir()
+        raise unwritable(directory, error) from error

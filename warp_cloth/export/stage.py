@@ -1,0 +1,215 @@
+"""The worn garments as a USD stage that modelling and rendering tools open right."""
+
+from __future__ import annotations
+
+import unicodedata
+from collections.abc import Sequence
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from pxr import Gf, Kind, Sdf, Tf, Usd, UsdGeom, UsdShade, UsdUtils, Vt
+
+from warp_cloth.errors import InputError
+from warp_cloth.export.files import whole_file
+from warp_cloth.export.surface import (
+    AVATAR_COLOUR,
+    Colour,
+    cloth_colour,
+    linear,
+    require_sound,
+    vertex_normals,
+)
+from warp_cloth.mesh import Mesh, Points
+from warp_cloth.result import WornGarment
+
+FIRST_FRAME = 1  # where Blender, Maya and most film tools start counting
+SUFFIXES = (".usdc", ".usda", ".usd", ".usdz")
+CLOTH_ROUGHNESS = 0.85
+AVATAR_ROUGHNESS = 0.55
+MATERIALS = "materials"
+MESH_PRIMVARS = ("st", "normals", "displayColor", "displayOpacity")  # not to be taken by a field's name
+
+
+def write_stage(
+    path: Path,
+    *,
+    garments: Sequence[WornGarment],
+    avatar: Mesh | None,
+    name: str,
+    frames_per_second: float = 24.0,
+) -> None:
+    """Writes garments and avatar as one stage in metres: /NAME/GARMENT/GARMENT_mesh, /NAME/materials.
+
+    Points, normals and extent have samples over time only where garments have frames. Nothing is written if a
+    value is not finite (ValueError).
+    """
+    if path.suffix not in SUFFIXES:
+        raise InputError(path, f"is no USD file name ({', '.join(SUFFIXES)})", "name it .usdc")
+    require_sound(garments, avatar)
+    frame_count = common_frame_count(garments)
+    stage = Usd.Stage.CreateInMemory()
+    root = author_root(stage, name, frame_count, frames_per_second)
+    assembled = len(garments) + (avatar is not None) > 1
+    Usd.ModelAPI(root).SetKind(Kind.Tokens.assembly if assembled else Kind.Tokens.component)
+    taken = {MATERIALS}
+    for index, garment in enumerate(garments):
+        part = author_part(root, garment.name, unique_identifier(garment.name, "garment", taken), assembled)
+        material = author_material(root, part, cloth_colour(index), CLOTH_ROUGHNESS)
+        surface = author_mesh(part, garment.mesh, garment.points, garment.frames)
+        author_fields(surface, garment)
+        author_panels(surface, garment.mesh, material)
+        bind(surface.GetPrim(), material)
+    if avatar is not None:
+        part = author_part(root, avatar.name, unique_identifier(avatar.name, "avatar", taken), assembled)
+        material = author_material(root, part, AVATAR_COLOUR, AVATAR_ROUGHNESS)
+        bind(author_mesh(part, avatar, avatar.points, None).GetPrim(), material)
+    save(stage, path)
+
+
+def common_frame_count(garments: Sequence[WornGarment]) -> int:
+    """How many frames the garments have; ValueError if they differ, for a frame needs a sample of each."""
+    counts = {0 if garment.frames is None else len(garment.frames) for garment in garments}
+    if len(counts) > 1:
+        raise ValueError(f"garments differ in their number of frames: {sorted(counts)}")
+    return counts.pop() if counts else 0
+
+
+def author_root(stage: Usd.Stage, name: str, frame_count: int, frames_per_second: float) -> Usd.Prim:
+    """The stage's metadata and its default prim."""
+    UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.y)
+    UsdGeom.SetStageMetersPerUnit(stage, UsdGeom.LinearUnits.meters)
+    stage.SetTimeCodesPerSecond(frames_per_second)
+    stage.SetFramesPerSecond(frames_per_second)
+    if frame_count:
+        stage.SetStartTimeCode(FIRST_FRAME)
+        stage.SetEndTimeCode(FIRST_FRAME + frame_count - 1)
+    stage.GetRootLayer().customLayerData = {"generator": "warp_cloth", "version": version("warp-cloth")}
+    root = UsdGeom.Xform.Define(
+        stage, Sdf.Path.absoluteRootPath.AppendChild(unique_identifier(name, "fit", set()))
+    )
+    root.GetPrim().SetDisplayName(name)
+    stage.SetDefaultPrim(root.GetPrim())
+    UsdGeom.Scope.Define(stage, root.GetPath().AppendChild(MATERIALS))
+    return root.GetPrim()
+
+
+def author_part(root: Usd.Prim, name: str, identifier: str, assembled: bool) -> Usd.Prim:
+    """The Xform of one garment or of the avatar; a component where the root is an assembly."""
+    part = UsdGeom.Xform.Define(root.GetStage(), root.GetPath().AppendChild(identifier)).GetPrim()
+    part.SetDisplayName(name)
+    if assembled:
+        Usd.ModelAPI(part).SetKind(Kind.Tokens.component)
+    return part
+
+
+def author_material(root: Usd.Prim, part: Usd.Prim, colour: Colour, roughness: float) -> UsdShade.Material:
+    """A preview surface of one colour (sRGB), named after its part."""
+    path = root.GetPath().AppendChild(MATERIALS).AppendChild(part.GetName())
+    material = UsdShade.Material.Define(root.GetStage(), path)
+    shader = UsdShade.Shader.Define(root.GetStage(), path.AppendChild("surface"))
+    shader.CreateIdAttr("UsdPreviewSurface")
+    shader.CreateInput("diffuseColor", Sdf.ValueTypeNames.Color3f).Set(Gf.Vec3f(*linear(colour).tolist()))
+    shader.CreateInput("roughness", Sdf.ValueTypeNames.Float).Set(roughness)
+    shader.CreateInput("metallic", Sdf.ValueTypeNames.Float).Set(0.0)
+    output = shader.CreateOutput("surface", Sdf.ValueTypeNames.Token)
+    material.CreateSurfaceOutput().ConnectToSource(output)
+    return material
+
+
+def bind(prim: Usd.Prim, material: UsdShade.Material) -> None:
+    UsdShade.MaterialBindingAPI.Apply(prim).Bind(material)
+
+
+def author_mesh(
+    part: Usd.Prim, mesh: Mesh, points: Points, frames: NDArray[np.float32] | None
+) -> UsdGeom.Mesh:
+    """The surface: faces and st once, shape (points, normals, extent) as default and at every frame."""
+    path = part.GetPath().AppendChild(f"{part.GetName()}_mesh")
+    surface = UsdGeom.Mesh.Define(part.GetStage(), path)
+    surface.CreateFaceVertexCountsAttr(Vt.IntArray(mesh.triangle_count, 3))
+    surface.CreateFaceVertexIndicesAttr(Vt.IntArray.FromNumpy(contiguous(mesh.triangles.ravel(), np.int32)))
+    surface.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)
+    surface.CreateDoubleSidedAttr(True)
+    surface.CreatePointsAttr()
+    surface.CreateNormalsAttr()
+    surface.CreateExtentAttr()
+    surface.SetNormalsInterpolation(UsdGeom.Tokens.vertex)
+    author_shape(surface, mesh, points, Usd.TimeCode.Default())
+    for index, frame in enumerate(() if frames is None else frames):
+        author_shape(surface, mesh, frame, Usd.TimeCode(FIRST_FRAME + index))
+    if mesh.texcoords is not None:
+        st = UsdGeom.PrimvarsAPI(surface).CreatePrimvar(
+            "st", Sdf.ValueTypeNames.TexCoord2fArray, UsdGeom.Tokens.faceVarying
+        )
+        st.Set(Vt.Vec2fArray.FromNumpy(contiguous(mesh.texcoords.reshape(-1, 2), np.float32)))
+    return surface
+
+
+def author_shape(surface: UsdGeom.Mesh, mesh: Mesh, points: ArrayLike, time: Usd.TimeCode) -> None:
+    """Points [m], vertex normals and extent at one time."""
+    written = contiguous(points, np.float32)
+    box = np.stack([written.min(axis=0), written.max(axis=0)])  # of the float32 points: it holds each
+    surface.GetPointsAttr().Set(Vt.Vec3fArray.FromNumpy(written), time)
+    surface.GetNormalsAttr().Set(Vt.Vec3fArray.FromNumpy(vertex_normals(written, mesh.triangles)), time)
+    surface.GetExtentAttr().Set(Vt.Vec3fArray.FromNumpy(box), time)
+
+
+def author_fields(surface: UsdGeom.Mesh, garment: WornGarment) -> None:
+    """Values per vertex as float primvars; Blender drops double and half."""
+    taken = set(MESH_PRIMVARS)
+    for name, values in garment.fields.items():
+        primvar = UsdGeom.PrimvarsAPI(surface).CreatePrimvar(
+            unique_identifier(name, "field", taken), Sdf.ValueTypeNames.FloatArray, UsdGeom.Tokens.vertex
+        )
+        primvar.Set(Vt.FloatArray.FromNumpy(contiguous(values, np.float32)))
+
+
+def author_panels(surface: UsdGeom.Mesh, mesh: Mesh, material: UsdShade.Material) -> None:
+    """Panels as subsets of faces that together are the whole garment."""
+    if mesh.panels is None:
+        return
+    taken: set[str] = set()
+    for panel in np.unique(mesh.panels).tolist():
+        name = mesh.panel_names[panel] if 0 <= panel < len(mesh.panel_names) else f"panel_{panel}"
+        faces = contiguous(np.flatnonzero(mesh.panels == panel), np.int32)
+        subset = UsdShade.MaterialBindingAPI(surface).CreateMaterialBindSubset(
+            unique_identifier(name, "panel", taken), Vt.IntArray.FromNumpy(faces), UsdGeom.Tokens.face
+        )
+        bind(subset.GetPrim(), material)
+    UsdShade.MaterialBindingAPI(surface).SetMaterialBindSubsetsFamilyType(UsdGeom.Tokens.partition)
+
+
+def unique_identifier(name: str, fallback: str, taken: set[str]) -> str:
+    """A legal ASCII name (every tool reads it) near to ``name`` and not in ``taken``, which it joins."""
+    ascii_name = unicodedata.normalize("NFKD", name).encode("ascii", "ignore").decode()
+    if not any(character.isalnum() for character in ascii_name):
+        ascii_name = fallback
+    base = Tf.MakeValidIdentifier(f"_{ascii_name}" if ascii_name[0].isdigit() else ascii_name)
+    identifier, count = base, 1
+    while identifier in taken:
+        count += 1
+        identifier = f"{base}_{count}"
+    taken.add(identifier)
+    return identifier
+
+
+def contiguous(values: ArrayLike, dtype: type[np.generic]) -> NDArray[Any]:
+    """The array as Vt takes it."""
+    return np.ascontiguousarray(values, dtype=dtype)
+
+
+def save(stage: Usd.Stage, path: Path) -> None:
+    """Writes the stage whole or not at all, in the format of the file's suffix."""
+    with whole_file(path) as place:
+        layer_place = place.with_suffix(".usdc") if path.suffix == ".usdz" else place
+        try:
+            written = stage.GetRootLayer().Export(str(layer_place))
+            if written and path.suffix == ".usdz":
+                written = UsdUtils.CreateNewUsdzPackage(Sdf.AssetPath(str(layer_place)), str(place))
+        except Tf.ErrorException as error:
+            raise OSError(f"USD: {error}") from error
+        if not written:
+            raise OSError("USD could not write it")

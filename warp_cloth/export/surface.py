@@ -1,0 +1,85 @@
+"""What a written surface needs beside its points: normals, colours, and the refusal of what is not finite."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from warp_cloth.mesh import Indices, Mesh
+from warp_cloth.result import WornGarment
+
+Colour = tuple[float, float, float]
+
+CLOTH_COLOURS: tuple[Colour, ...] = (  # sRGB; calm mid tones, bright enough for folds to read
+    (0.29, 0.49, 0.66),  # denim blue
+    (0.77, 0.42, 0.34),  # brick
+    (0.43, 0.58, 0.42),  # sage
+    (0.85, 0.66, 0.33),  # ochre
+    (0.53, 0.42, 0.62),  # plum
+    (0.30, 0.57, 0.58),  # teal
+)
+AVATAR_COLOUR: Colour = (0.80, 0.78, 0.76)  # sRGB; a shop mannequin's grey
+
+
+def cloth_colour(garment: int) -> Colour:
+    """Colour (sRGB) of a garment by its place in the list."""
+    return CLOTH_COLOURS[garment % len(CLOTH_COLOURS)]
+
+
+def linear(srgb: ArrayLike) -> NDArray[np.float64]:
+    """Linear light from sRGB values, both 0..1 (IEC 61966-2-1)."""
+    value = np.asarray(srgb, dtype=np.float64)
+    return np.where(value <= 0.04045, value / 12.92, ((value + 0.055) / 1.055) ** 2.4)
+
+
+def srgb(light: ArrayLike) -> NDArray[np.float64]:
+    """sRGB values from linear light, both 0..1; clips what is outside."""
+    value = np.clip(np.asarray(light, dtype=np.float64), 0.0, 1.0)
+    return np.where(value <= 0.0031308, value * 12.92, 1.055 * value ** (1 / 2.4) - 0.055)
+
+
+def vertex_normals(points: ArrayLike, triangles: Indices) -> NDArray[np.float32]:
+    """Unit vertex normals, triangles weighted by area, shape [V, 3]; up (0, 1, 0) where no area meets."""
+    corners = np.asarray(points, dtype=np.float64)[triangles]
+    doubled = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    count = len(np.asarray(points))
+    # bincount sums in a fixed order and is ten times faster than np.add.at
+    spread = np.repeat(doubled, 3, axis=0)
+    total = np.stack([np.bincount(triangles.ravel(), spread[:, axis], count) for axis in range(3)], axis=1)
+    length = np.linalg.norm(total, axis=1, keepdims=True)
+    smallest = np.finfo(np.float64).tiny ** 0.5  # below it the squares under the root are lost
+    unit = np.where(length > smallest, total / np.maximum(length, smallest), (0.0, 1.0, 0.0))
+    return unit.astype(np.float32)
+
+
+def winds_outward(points: ArrayLike, triangles: Indices) -> bool:
+    """Whether the triangles face away from the surface's middle: the sign of its volume seen from there."""
+    corners = np.asarray(points, dtype=np.float64)[triangles]
+    corners = corners - corners.reshape(-1, 3).mean(axis=0)
+    volume = np.einsum("ij,ij->", corners[:, 0], np.cross(corners[:, 1], corners[:, 2]))
+    return bool(volume >= 0.0)
+
+
+def require_sound(garments: Sequence[WornGarment], avatar: Mesh | None) -> None:
+    """ValueError naming the garment whose points, frames or fields are not finite or not one per vertex."""
+    for garment in garments:
+        arrays: dict[str, NDArray[Any]] = {"points": garment.points, **garment.fields}
+        for what, values in arrays.items():
+            if len(values) != garment.mesh.vertex_count:
+                raise ValueError(f"garment {garment.name!r}: {what} are not one per vertex")
+        if garment.frames is not None:
+            arrays["frames"] = garment.frames
+        for what, values in arrays.items():
+            if not all_finite(values):
+                raise ValueError(f"garment {garment.name!r}: {what} hold NaN or infinity")
+    if avatar is not None and not all_finite(avatar.points):
+        raise ValueError(f"avatar {avatar.name!r}: points hold NaN or infinity")
+
+
+def all_finite(values: ArrayLike) -> bool:
+    """Whether every value is a finite float32, which is what is written."""
+    with np.errstate(over="ignore"):
+        return bool(np.isfinite(np.asarray(values, dtype=np.float32)).all())
