@@ -5,7 +5,9 @@ import warp as wp
 wp.set_module_options({"enable_backward": False})
 
 EMPTY = wp.constant(wp.float32(-1.0e30))  # level of a point with no surface around it
-JUMP_SLOPE = wp.constant(wp.float32(4.0))  # pixels of height per pixel above which a cell of the top buffer is a wall
+JUMP_SLOPE = wp.constant(
+    wp.float32(4.0)
+)  # pixels of height per pixel above which a cell of the top buffer is a wall
 
 
 @wp.struct
@@ -14,11 +16,19 @@ class DepthSolid:
 
     origin: wp.vec3d  # local origin in the world [m]
     pixel: float  # pixel size [m]
-    front: wp.array2d(dtype=wp.float32)  # greatest z [m], -inf where empty, shape [rows along y, columns along x]
+    front: wp.array2d(
+        dtype=wp.float32
+    )  # greatest z [m], -inf where empty, shape [rows along y, columns along x]
     back: wp.array2d(dtype=wp.float32)  # greatest -z [m], same shape
-    top: wp.array2d(dtype=wp.float32)  # greatest y [m], -inf where empty, shape [rows along z, columns along x]
-    middle: wp.array2d(dtype=wp.float32)  # mean of front and back surface [m], one pixel beyond the silhouette too
-    bulge: wp.array2d(dtype=wp.float32)  # half thickness squared [m2], negative beyond the silhouette, EMPTY far away
+    top: wp.array2d(
+        dtype=wp.float32
+    )  # greatest y [m], -inf where empty, shape [rows along z, columns along x]
+    middle: wp.array2d(
+        dtype=wp.float32
+    )  # mean of front and back surface [m], one pixel beyond the silhouette too
+    bulge: wp.array2d(
+        dtype=wp.float32
+    )  # half thickness squared [m2], negative beyond the silhouette, EMPTY far away
 
 
 @wp.func
@@ -91,7 +101,12 @@ def slab_level(solid: DepthSolid, x: float, y: float, z: float) -> float:
         solid.bulge[j, i], solid.bulge[j, i + 1], solid.bulge[j + 1, i], solid.bulge[j + 1, i + 1], c[1], r[1]
     )
     m = bilinear(
-        solid.middle[j, i], solid.middle[j, i + 1], solid.middle[j + 1, i], solid.middle[j + 1, i + 1], c[1], r[1]
+        solid.middle[j, i],
+        solid.middle[j, i + 1],
+        solid.middle[j + 1, i],
+        solid.middle[j + 1, i + 1],
+        c[1],
+        r[1],
     )
     return wp.sign(g) * wp.sqrt(wp.abs(g)) - wp.abs(z - m)
 
@@ -107,7 +122,12 @@ def solid_level(solid: DepthSolid, q: wp.vec3f) -> float:
 
 @wp.func
 def extrapolated_slab(
-    front: wp.array2d(dtype=wp.float32), back: wp.array2d(dtype=wp.float32), row: int, column: int, dr: int, dc: int
+    front: wp.array2d(dtype=wp.float32),
+    back: wp.array2d(dtype=wp.float32),
+    row: int,
+    column: int,
+    dr: int,
+    dc: int,
 ) -> wp.vec3f:
     """Weight (0 or 1), middle [m] and squared half thickness [m2] of an empty pixel, from the two next to it one way.
 

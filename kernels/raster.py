@@ -2,7 +2,9 @@
 
 import warp as wp
 
-COVERAGE_TOLERANCE = wp.constant(wp.float32(1.0e-5))  # barycentric slack: fused multiply-add must not open cracks
+COVERAGE_TOLERANCE = wp.constant(
+    wp.float32(1.0e-5)
+)  # barycentric slack: fused multiply-add must not open cracks
 
 
 @wp.struct
@@ -22,7 +24,9 @@ class View:
 def pixel_position(view: View, p: wp.vec3f) -> wp.vec3f:
     """Column, row (both in pixels, fractional) and depth [m] of a point."""
     q = p - view.origin
-    return wp.vec3f(wp.dot(q, view.right) / view.pixel, wp.dot(q, view.up) / view.pixel, wp.dot(q, view.toward))
+    return wp.vec3f(
+        wp.dot(q, view.right) / view.pixel, wp.dot(q, view.up) / view.pixel, wp.dot(q, view.toward)
+    )
 
 
 @wp.func
@@ -60,7 +64,9 @@ def draw_depth(
     low = wp.min(wp.min(a, b), c)
     high = wp.max(wp.max(a, b), c)
     for row in range(wp.max(int(wp.ceil(low[1])), 0), wp.min(int(wp.floor(high[1])), view.rows - 1) + 1):
-        for column in range(wp.max(int(wp.ceil(low[0])), 0), wp.min(int(wp.floor(high[0])), view.columns - 1) + 1):
+        for column in range(
+            wp.max(int(wp.ceil(low[0])), 0), wp.min(int(wp.floor(high[0])), view.columns - 1) + 1
+        ):
             w = barycentric(a, b, c, float(column), float(row))
             if wp.min(w) >= -COVERAGE_TOLERANCE:
                 wp.atomic_max(depth_out, row, column, w[0] * a[2] + w[1] * b[2] + w[2] * c[2])
@@ -82,7 +88,12 @@ def draw_triangle_ids(
     low = wp.min(wp.min(a, b), c)
     high = wp.max(wp.max(a, b), c)
     for row in range(wp.max(int(wp.ceil(low[1])), 0), wp.min(int(wp.floor(high[1])), view.rows - 1) + 1):
-        for column in range(wp.max(int(wp.ceil(low[0])), 0), wp.min(int(wp.floor(high[0])), view.columns - 1) + 1):
+        for column in range(
+            wp.max(int(wp.ceil(low[0])), 0), wp.min(int(wp.floor(high[0])), view.columns - 1) + 1
+        ):
             w = barycentric(a, b, c, float(column), float(row))
-            if wp.min(w) >= -COVERAGE_TOLERANCE and w[0] * a[2] + w[1] * b[2] + w[2] * c[2] >= depth[row, column]:
+            if (
+                wp.min(w) >= -COVERAGE_TOLERANCE
+                and w[0] * a[2] + w[1] * b[2] + w[2] * c[2] >= depth[row, column]
+            ):
                 wp.atomic_min(id_out, row, column, triangle)

@@ -1,0 +1,417 @@
+"""Signed distance field of the depth buffers' solid: baked once on a grid, sampled smoothly by the relaxation."""
+
+import warp as wp
+
+from warp_cloth.kernels.depth import DepthSolid, solid_level
+
+wp.set_module_options({"enable_backward": False})
+
+UNKNOWN = wp.constant(wp.float32(1.0e3))  # distance not measured yet [m]: farther than any other
+BLOCK = wp.constant(4)  # nodes along a block's side; blocks without work are skipped
+BISECTIONS = wp.constant(8)  # halvings of one spacing: 5 mm become 0.02 mm
+NEAR = wp.constant(
+    wp.float32(2.5)
+)  # spacings to the surface within which distances are measured along the normal
+FLAT = wp.constant(wp.float32(1.0e-3))  # gradient below which no normal is told
+
+
+@wp.struct
+class ContactField:
+    """Signed distance to the avatar on a grid, positive outside; between nodes a quadratic B-spline."""
+
+    values: wp.array3d(dtype=wp.float32)  # spline coefficients [m], shape [nx, ny, nz]
+    origin: wp.vec3d  # node (0, 0, 0) in the world [m]
+    spacing: float  # [m]
+    reach: float  # distance from the surface up to which answers are exact; farther is simply far [m]
+
+
+@wp.func
+def far_contact(reach: float) -> wp.vec4f:
+    """No contact: zero normal and a distance at or beyond reach [m]."""
+    return wp.vec4f(0.0, 0.0, 0.0, reach)
+
+
+@wp.func
+def spline_weights(t: float) -> wp.vec3f:
+    """Quadratic B-spline weights of the nodes -1, 0, 1 for an offset t in [-1/2, 1/2] from the nearest node."""
+    return wp.vec3f(0.5 * (0.5 - t) * (0.5 - t), 0.75 - t * t, 0.5 * (0.5 + t) * (0.5 + t))
+
+
+@wp.func
+def spline_slopes(t: float) -> wp.vec3f:
+    """Derivatives of spline_weights by t."""
+    return wp.vec3f(t - 0.5, -2.0 * t, t + 0.5)
+
+
+@wp.func
+def field_contact(field: ContactField, p: wp.vec3d) -> wp.vec4f:
+    """Unit normal and signed distance [m] at a world point p: (normal, d), d > 0 outside the avatar.
+
+    d = sum c_ijk w_i(x) w_j(y) w_k(z) over 27 nodes, normal = grad d / |grad d|: both continuous everywhere nearer
+    than reach. Beyond reach of the nearest node, and outside the grid: normal zero, d >= reach. Where the gradient
+    vanishes (a medial axis deep inside), the normal is the axis direction along which d grows most between nodes.
+    """
+    q = p - field.origin
+    x = float(q[0]) / field.spacing
+    y = float(q[1]) / field.spacing
+    z = float(q[2]) / field.spacing
+    i = int(wp.floor(x + 0.5))
+    j = int(wp.floor(y + 0.5))
+    k = int(wp.floor(z + 0.5))
+    nx = field.values.shape[0]
+    ny = field.values.shape[1]
+    nz = field.values.shape[2]
+    if i < 1 or j < 1 or k < 1 or i > nx - 2 or j > ny - 2 or k > nz - 2:
+        return far_contact(field.reach)
+    if field.values[i, j, k] > field.reach + field.spacing:
+        return far_contact(field.reach)
+    u = x - float(i)
+    v = y - float(j)
+    w = z - float(k)
+    wx = spline_weights(u)
+    wy = spline_weights(v)
+    wz = spline_weights(w)
+    sx = spline_slopes(u)
+    sy = spline_slopes(v)
+    sz = spline_slopes(w)
+    distance = float(0.0)
+    gx = float(0.0)
+    gy = float(0.0)
+    gz = float(0.0)
+    for a in range(3):
+        plane = float(0.0)
+        plane_y = float(0.0)
+        plane_z = float(0.0)
+        for b in range(3):
+            c0 = field.values[i + a - 1, j + b - 1, k - 1]
+            c1 = field.values[i + a - 1, j + b - 1, k]
+            c2 = field.values[i + a - 1, j + b - 1, k + 1]
+            line = wz[0] * c0 + wz[1] * c1 + wz[2] * c2
+            plane += wy[b] * line
+            plane_y += sy[b] * line
+            plane_z += wy[b] * (sz[0] * c0 + sz[1] * c1 + sz[2] * c2)
+        distance += wx[a] * plane
+        gx += sx[a] * plane
+        gy += wx[a] * plane_y
+        gz += wx[a] * plane_z
+    gradient = wp.vec3f(gx, gy, gz) / field.spacing
+    length = wp.length(gradient)
+    if length > FLAT:
+        normal = gradient / length
+        return wp.vec4f(normal[0], normal[1], normal[2], distance)
+    return steepest_axis(field.values, i, j, k, distance)
+
+
+@wp.func
+def steepest_axis(values: wp.array3d(dtype=wp.float32), i: int, j: int, k: int, distance: float) -> wp.vec4f:
+    """Of the six grid directions, the one towards the neighbour node with the greatest distance; then that distance."""
+    best = values[i, j, k + 1]
+    normal = wp.vec3f(0.0, 0.0, 1.0)
+    for direction in range(1, 6):
+        step = wp.vec3i(0, 0, 0)
+        step[2 - direction / 2] = 1 - 2 * (direction % 2)
+        value = values[i + step[0], j + step[1], k + step[2]]
+        if value > best:
+            best = value
+            normal = wp.vec3f(float(step[0]), float(step[1]), float(step[2]))
+    return wp.vec4f(normal[0], normal[1], normal[2], distance)
+
+
+@wp.func
+def node_position(spacing: float, offset: wp.vec3f, i: int, j: int, k: int) -> wp.vec3f:
+    """Position of a node in the depth buffers' local frame [m]; offset is that of node (0, 0, 0)."""
+    return offset + spacing * wp.vec3f(float(i), float(j), float(k))
+
+
+@wp.func
+def surface_fraction(solid: DepthSolid, a: wp.vec3f, b: wp.vec3f, inside: bool) -> float:
+    """Where between a and b the solid's surface is crossed, in (0, 1), by bisection; inside says which side a is on."""
+    low = float(0.0)
+    high = float(1.0)
+    for _ in range(BISECTIONS):
+        middle = 0.5 * (low + high)
+        if (solid_level(solid, a + middle * (b - a)) > 0.0) == inside:
+            low = middle
+        else:
+            high = middle
+    return 0.5 * (low + high)
+
+
+@wp.func
+def eikonal_distance(a: float, b: float, c: float, h: float) -> float:
+    """Distance u with |grad u| = 1 upwind of the least neighbours a, b, c along the axes [m], spacing h [m].
+
+    The largest root of sum_i max(u - a_i, 0)^2 = h^2 (Rouy and Tourin 1992).
+    """
+    low = wp.min(a, wp.min(b, c))
+    high = wp.max(a, wp.max(b, c))
+    mid = wp.max(wp.min(a, b), wp.min(wp.max(a, b), c))
+    u = low + h
+    if u > mid:
+        u = 0.5 * (low + mid + wp.sqrt(2.0 * h * h - (low - mid) * (low - mid)))
+        if u > high:
+            s = low + mid + high
+            u = (s + wp.sqrt(wp.max(s * s - 3.0 * (low * low + mid * mid + high * high - h * h), 0.0))) / 3.0
+    return u
+
+
+@wp.func
+def neighbour(distance: wp.array3d(dtype=wp.float32), i: int, j: int, k: int, outside: float) -> float:
+    """Value at a node, or outside beyond the grid's border."""
+    if i < 0 or j < 0 or k < 0:
+        return outside
+    if i >= distance.shape[0] or j >= distance.shape[1] or k >= distance.shape[2]:
+        return outside
+    return distance[i, j, k]
+
+
+@wp.func
+def block_node(block: int, blocks: wp.vec3i, lane: int) -> wp.vec3i:
+    """Node of a block's lane; blocks are numbered with z fastest, and so are the lanes."""
+    corner = BLOCK * wp.vec3i(
+        block / (blocks[1] * blocks[2]), (block / blocks[2]) % blocks[1], block % blocks[2]
+    )
+    return corner + wp.vec3i(lane / (BLOCK * BLOCK), (lane / BLOCK) % BLOCK, lane % BLOCK)
+
+
+@wp.kernel
+def mark_inside(
+    solid: DepthSolid,
+    spacing: float,  # [m]
+    offset: wp.vec3f,  # node (0, 0, 0) in the solid's frame [m]
+    distance_out: wp.array3d(dtype=wp.float32),  # -UNKNOWN inside, +UNKNOWN outside [m], shape [nx, ny, nz]
+):
+    """Tells on which side of the solid's surface every node is."""
+    i, j, k = wp.tid()
+    inside = solid_level(solid, node_position(spacing, offset, i, j, k)) > 0.0
+    distance_out[i, j, k] = wp.where(inside, -UNKNOWN, UNKNOWN)
+
+
+@wp.kernel
+def mark_blocks(
+    distance: wp.array3d(dtype=wp.float32),  # signs of the nodes, shape [nx, ny, nz]
+    inside_out: wp.array3d(dtype=wp.int32),  # 1 where a node is inside, shape [bx, by, bz]
+    surface_out: wp.array3d(
+        dtype=wp.int32
+    ),  # 1 where the surface passes in or next to the block, shape [bx, by, bz]
+):
+    """Finds the blocks of nodes that hold the inside and the surface."""
+    bi, bj, bk = wp.tid()
+    inside = int(0)
+    outside = int(0)
+    for a in range(BLOCK + 1):
+        for b in range(BLOCK + 1):
+            for c in range(BLOCK + 1):
+                i = wp.min(bi * BLOCK + a, distance.shape[0] - 1)
+                j = wp.min(bj * BLOCK + b, distance.shape[1] - 1)
+                k = wp.min(bk * BLOCK + c, distance.shape[2] - 1)
+                if distance[i, j, k] < 0.0:
+                    inside = 1
+                else:
+                    outside = 1
+    inside_out[bi, bj, bk] = inside
+    surface_out[bi, bj, bk] = inside * outside
+
+
+@wp.kernel
+def spread_blocks(
+    flag: wp.array3d(dtype=wp.int32),  # shape [bx, by, bz]
+    radius: int,  # blocks
+    also: wp.array3d(dtype=wp.int32),  # kept as well, shape [bx, by, bz]
+    flag_out: wp.array(dtype=wp.int32),  # 1 where a flag is within radius, or also is set, shape [bx by bz]
+):
+    """Dilates flags over blocks (largest coordinate difference)."""
+    bi, bj, bk = wp.tid()
+    found = also[bi, bj, bk]
+    for i in range(wp.max(bi - radius, 0), wp.min(bi + radius, flag.shape[0] - 1) + 1):
+        for j in range(wp.max(bj - radius, 0), wp.min(bj + radius, flag.shape[1] - 1) + 1):
+            for k in range(wp.max(bk - radius, 0), wp.min(bk + radius, flag.shape[2] - 1) + 1):
+                found = wp.max(found, flag[i, j, k])
+    flag_out[(bi * flag.shape[1] + bj) * flag.shape[2] + bk] = found
+
+
+@wp.kernel
+def list_flagged(
+    flag: wp.array(dtype=wp.int32),  # shape [N]
+    place: wp.array(dtype=wp.int32),  # inclusive prefix sum of flag, shape [N]
+    ids_out: wp.array(dtype=wp.int32),  # ids of the set flags in ascending order
+):
+    """Writes the ids whose flag is set, one after the other."""
+    item = wp.tid()
+    if flag[item] != 0:
+        ids_out[place[item] - 1] = item
+
+
+@wp.kernel
+def measure_crossings(
+    solid: DepthSolid,
+    spacing: float,  # [m]
+    offset: wp.vec3f,  # node (0, 0, 0) in the solid's frame [m]
+    blocks: wp.vec3i,
+    ids: wp.array(dtype=wp.int32),  # active blocks, shape [N]
+    side: wp.array3d(dtype=wp.float32),  # signs of the nodes, shape [nx, ny, nz]
+    distance_out: wp.array3d(dtype=wp.float32),  # signed distance of nodes beside the surface [m]
+):
+    """First distances beside the surface, from its crossings with the grid lines.
+
+    1 / d^2 = 1 / dx^2 + 1 / dy^2 + 1 / dz^2 with the nearest crossing along each axis: exact for a plane that crosses
+    all three.
+    """
+    block, lane = wp.tid()
+    node = block_node(ids[block], blocks, lane)
+    i = node[0]
+    j = node[1]
+    k = node[2]
+    if i >= side.shape[0] or j >= side.shape[1] or k >= side.shape[2]:
+        return
+    here = side[i, j, k]
+    p = node_position(spacing, offset, i, j, k)
+    total = float(0.0)
+    for axis in range(3):
+        nearest = float(2.0)
+        for way in range(2):
+            step = wp.vec3i(0, 0, 0)
+            step[axis] = 2 * way - 1
+            other = neighbour(side, i + step[0], j + step[1], k + step[2], here)
+            if other * here < 0.0:
+                end = node_position(spacing, offset, i + step[0], j + step[1], k + step[2])
+                nearest = wp.min(nearest, surface_fraction(solid, p, end, here < 0.0))
+        if nearest < 1.5:
+            total += 1.0 / (nearest * nearest)
+    if total > 0.0:
+        distance_out[i, j, k] = wp.sign(here) * spacing / wp.sqrt(total)
+
+
+@wp.kernel
+def sweep_distance(
+    spacing: float,  # [m]
+    blocks: wp.vec3i,
+    ids: wp.array(dtype=wp.int32),  # active blocks, shape [N]
+    fixed: wp.array3d(
+        dtype=wp.float32
+    ),  # signed distances that stand; +-UNKNOWN where swept [m], shape [nx, ny, nz]
+    distance: wp.array3d(dtype=wp.float32),  # signed distance so far [m], shape [nx, ny, nz]
+    distance_out: wp.array3d(dtype=wp.float32),  # after one sweep [m], shape [nx, ny, nz]
+    changed_out: wp.array(
+        dtype=wp.int32
+    ),  # set to 1 where a node inside moved by more than a hundredth of spacing
+):
+    """One Jacobi sweep of |grad d| = 1, on both sides at once, outward from the nodes that stand."""
+    block, lane = wp.tid()
+    node = block_node(ids[block], blocks, lane)
+    i = node[0]
+    j = node[1]
+    k = node[2]
+    if i >= fixed.shape[0] or j >= fixed.shape[1] or k >= fixed.shape[2]:
+        return
+    stands = fixed[i, j, k]
+    if wp.abs(stands) < UNKNOWN:
+        distance_out[i, j, k] = stands
+        return
+    here = distance[i, j, k]
+    a = wp.min(
+        wp.abs(neighbour(distance, i - 1, j, k, UNKNOWN)), wp.abs(neighbour(distance, i + 1, j, k, UNKNOWN))
+    )
+    b = wp.min(
+        wp.abs(neighbour(distance, i, j - 1, k, UNKNOWN)), wp.abs(neighbour(distance, i, j + 1, k, UNKNOWN))
+    )
+    c = wp.min(
+        wp.abs(neighbour(distance, i, j, k - 1, UNKNOWN)), wp.abs(neighbour(distance, i, j, k + 1, UNKNOWN))
+    )
+    u = wp.min(wp.abs(here), eikonal_distance(a, b, c, spacing))
+    distance_out[i, j, k] = wp.sign(stands) * u
+    if stands < 0.0 and wp.abs(here) - u > 0.01 * spacing:
+        changed_out[0] = 1
+
+
+@wp.func
+def smooth_gradient(distance: wp.array3d(dtype=wp.float32), i: int, j: int, k: int) -> wp.vec3f:
+    """Central differences of an inner node, each averaged over 3 x 3 lines with weights (1, 6, 1) / 8, per spacing."""
+    gradient = wp.vec3f(0.0, 0.0, 0.0)
+    for a in range(-1, 2):
+        for b in range(-1, 2):
+            weight = wp.where(a == 0, 0.75, 0.125) * wp.where(b == 0, 0.75, 0.125)
+            gradient += (
+                0.5
+                * weight
+                * wp.vec3f(
+                    distance[i + 1, j + a, k + b] - distance[i - 1, j + a, k + b],
+                    distance[i + a, j + 1, k + b] - distance[i + a, j - 1, k + b],
+                    distance[i + a, j + b, k + 1] - distance[i + a, j + b, k - 1],
+                )
+            )
+    return gradient
+
+
+@wp.kernel
+def project_distance(
+    solid: DepthSolid,
+    spacing: float,  # [m]
+    offset: wp.vec3f,  # node (0, 0, 0) in the solid's frame [m]
+    blocks: wp.vec3i,
+    ids: wp.array(dtype=wp.int32),  # active blocks, shape [N]
+    distance: wp.array3d(dtype=wp.float32),  # signed distance so far [m], shape [nx, ny, nz]
+    distance_out: wp.array3d(dtype=wp.float32),  # signed distance near the surface, else +-UNKNOWN [m]
+):
+    """Measures the distance again, along the smoothed normal: where the line through the node meets the surface."""
+    block, lane = wp.tid()
+    node = block_node(ids[block], blocks, lane)
+    i = node[0]
+    j = node[1]
+    k = node[2]
+    if i >= distance.shape[0] or j >= distance.shape[1] or k >= distance.shape[2]:
+        return
+    here = distance[i, j, k]
+    if wp.abs(here) > NEAR * spacing:
+        distance_out[i, j, k] = wp.sign(here) * UNKNOWN
+        return
+    result = float(here)
+    if (
+        i > 0
+        and j > 0
+        and k > 0
+        and i < distance.shape[0] - 1
+        and j < distance.shape[1] - 1
+        and k < distance.shape[2] - 1
+    ):
+        gradient = smooth_gradient(distance, i, j, k)
+        length = wp.length(gradient)
+        if length > 0.5 * spacing:
+            p = node_position(spacing, offset, i, j, k)
+            normal = gradient / length
+            reach = float(spacing)
+            for _ in range(3):
+                outer = p - (here - reach) * normal
+                inner = p - (here + reach) * normal
+                if solid_level(solid, outer) <= 0.0 and solid_level(solid, inner) > 0.0:
+                    found = here + reach * (2.0 * surface_fraction(solid, outer, inner, False) - 1.0)
+                    if found * here > 0.0:
+                        result = found
+                    break
+                reach *= 0.5
+    distance_out[i, j, k] = result
+
+
+@wp.kernel
+def prefilter_distance(
+    limit: float,  # [m]
+    distance: wp.array3d(dtype=wp.float32),  # signed distance [m], shape [nx, ny, nz]
+    coefficient_out: wp.array3d(dtype=wp.float32),  # B-spline coefficients [m], shape [nx, ny, nz]
+):
+    """Coefficients whose spline passes through the distances to second order: c = 2 d - S d, S = (1, 6, 1)^3 / 8^3."""
+    i, j, k = wp.tid()
+    here = wp.min(distance[i, j, k], limit)
+    if here >= limit:
+        coefficient_out[i, j, k] = limit
+        return
+    smooth = float(0.0)
+    for a in range(-1, 2):
+        for b in range(-1, 2):
+            for c in range(-1, 2):
+                weight = (
+                    wp.where(a == 0, 0.75, 0.125)
+                    * wp.where(b == 0, 0.75, 0.125)
+                    * wp.where(c == 0, 0.75, 0.125)
+                )
+                smooth += weight * wp.clamp(neighbour(distance, i + a, j + b, k + c, here), -10.0, limit)
+    coefficient_out[i, j, k] = 2.0 * here - smooth
