@@ -1,0 +1,28 @@
+"""Scenes: what to fit, on what, and how; from TOML files, shipped names or dictionaries."""
+
+from warp_cloth.scene.load import describe_scene, load_scene, shipped_scenes
+from warp_cloth.scene.schema import (
+    AvatarSpec,
+    CollisionSpec,
+    GarmentSpec,
+    PinSpec,
+    Scene,
+    SolverSpec,
+)
+from warp_cloth.scene.shapes import MannequinShape, SphereShape, SquareShape, TshirtShape
+
+__all__ = [
+    "AvatarSpec",
+    "CollisionSpec",
+    "GarmentSpec",
+    "MannequinShape",
+    "PinSpec",
+    "Scene",
+    "SolverSpec",
+    "SphereShape",
+    "SquareShape",
+    "TshirtShape",
+    "describe_scene",
+    "load_scene",
+    "shipped_scenes",
+]

@@ -26,16 +26,17 @@ def refusal(problem: str, remedy: str = "", *, below: str = "", place: str = "")
 
 
 def show(value: Any) -> str:
-    """A value as a scene file would write it, cut short."""
+    """A value as a scene file would write it, cut short, safe to print."""
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, Mapping):
         return "a table"
-    if isinstance(value, str):
-        value = value if len(value) <= 60 else value[:57] + "..."
-        return f'"{value}"'
-    text = str(list(value)) if isinstance(value, tuple) else str(value)
-    return text if len(text) <= 60 else text[:57] + "..."
+    try:
+        text = str(list(value)) if isinstance(value, tuple) else str(value)
+    except ValueError:  # a whole number with more digits than Python writes out
+        text = "a huge number"
+    text = "".join(letter if letter.isprintable() else "?" for letter in text[:60]) + "..." * (len(text) > 60)
+    return f'"{text}"' if isinstance(value, str) else text
 
 
 def listed(names: Iterable[Any]) -> str:
@@ -50,16 +51,17 @@ def nearest(name: str, names: Iterable[str], ask: str = "did you mean {}?") -> s
 
 
 def scene_error(
-    error: ValidationError, model: type[BaseModel], place: Callable[[str], str], many_garments: bool
+    error: ValidationError, model: type[BaseModel], place: Callable[[str, bool], str], many_garments: bool
 ) -> InputError:
     """The first thing that is wrong, as one line, and how many more there are.
 
-    ``place`` says where a dotted key was stated: in which file, or by which --set.
+    ``place`` says where a dotted key was stated, in which file or by which --set, with the key where asked.
     """
     found = [detail for detail in error.errors(include_url=False) if not _follows(detail, error)]
+    found.sort(key=lambda detail: detail["type"] == "missing")  # a key that is misspelt is missing as well
     first = found[0]
     key, allowed, keys = _look_up(model, first["loc"], many_garments)
-    problem, remedy = _tell(first, allowed, keys)
+    problem, remedy = _tell(first, key, allowed, keys)
     context = first.get("ctx", {})
     if first["type"].startswith("union_tag"):
         key += ".kind"
@@ -67,7 +69,8 @@ def scene_error(
         key += ("." if key else "") + context["below"]
     if len(found) > 1:
         remedy += (" " if remedy else "") + f"(and {len(found) - 1} more)"
-    return InputError(context.get("place") or place(key), problem, remedy)
+    told = problem.startswith((f"{key} = ", "unknown key " + key)) if key else True
+    return InputError(context.get("place") or place(key, not told), problem, remedy)
 
 
 def _follows(detail: ErrorDetails, error: ValidationError) -> bool:
@@ -75,14 +78,15 @@ def _follows(detail: ErrorDetails, error: ValidationError) -> bool:
     return detail["type"] == "too_short" and bool(detail["input"]) and error.error_count() > 1
 
 
-def _tell(detail: ErrorDetails, allowed: str, keys: Sequence[str]) -> tuple[str, str]:
+def _tell(detail: ErrorDetails, key: str, allowed: str, keys: Sequence[str]) -> tuple[str, str]:
     """Problem and remedy of one pydantic error."""
     kind, value, context = detail["type"], detail["input"], detail.get("ctx", {})
     if kind == "refusal":
         return str(context["problem"]), str(context["remedy"])
     if kind == "extra_forbidden":
-        close = nearest(str(detail["loc"][-1]), keys)
-        return "unknown key", " ".join(filter(None, (close, f"allowed here: {', '.join(keys)}")))
+        table = key.rpartition(".")[0] + "." * ("." in key)
+        close = nearest(str(detail["loc"][-1]), keys, ask=f"did you mean {table}{{}}?")
+        return f"unknown key {key}", " ".join(filter(None, (close, f"allowed there: {', '.join(keys)}")))
     if kind == "missing":
         return "is missing", f"give {allowed}" if allowed else ""
     if kind == "too_short" and not value:
@@ -198,6 +202,10 @@ def _allowed(annotation: Any, metadata: list[Any]) -> str:
 def _range(metadata: Sequence[Any]) -> str:
     bounds = {name: getattr(m, name) for m in metadata for name in ("ge", "gt", "le") if hasattr(m, name)}
     lowest = (
-        f" above {bounds['gt']:g}" if "gt" in bounds else f" from {bounds['ge']:g}" if "ge" in bounds else ""
+        f" above {bounds['gt']:.10g}"
+        if "gt" in bounds
+        else f" from {bounds['ge']:.10g}"
+        if "ge" in bounds
+        else ""
     )
-    return lowest + (f" to {bounds['le']:g}" if "le" in bounds else "") if lowest else ""
+    return lowest + (f" to {bounds['le']:.10g}" if "le" in bounds else "") if lowest else ""

@@ -1,0 +1,81 @@
+"""Scene files: find them, read them, apply --set, and check them against the schema."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Mapping, Sequence
+from copy import deepcopy
+from functools import partial
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from warp_cloth.errors import InputError
+from warp_cloth.scene.messages import scene_error, show
+from warp_cloth.scene.overrides import apply_override, set_place
+from warp_cloth.scene.schema import Scene
+from warp_cloth.toml_file import exists, read_toml
+
+
+def load_scene(source: str | Path | Mapping[str, Any], overrides: Sequence[str] = ()) -> Scene:
+    """The scene of a TOML file, of a shipped scene's name, or of a dictionary of the same keys.
+
+    ``overrides`` are ``KEY=VALUE`` texts as --set takes them: dotted keys; a value is TOML, or plain text.
+    Relative paths start from the scene file's folder, a dictionary's from the current one; an override's from
+    either, in this order.
+    """
+    if isinstance(source, Mapping):
+        place, name, directory, values = "scene", "scene", Path(), deepcopy(dict(source))
+    else:
+        path = _scene_file(source)
+        place, name, directory, values = str(path), path.stem, path.parent, read_toml(path, "scene file")
+    stated: dict[str, str] = {}  # dotted key -> the --set that stated it
+    for text in overrides:
+        stated[apply_override(values, text, directory)] = set_place(text)
+    values.setdefault("name", name)
+    try:
+        return Scene.model_validate(values, context={"directory": directory})
+    except ValidationError as error:
+        many = isinstance(values.get("garment"), list) and len(values["garment"]) > 1
+        raise scene_error(error, Scene, partial(_place, file=place, stated=stated), many) from None
+
+
+def shipped_scenes() -> dict[str, Path]:
+    """Name and file of every scene that comes with the package."""
+    folder = Path(str(files("warp_cloth.scenes")))
+    return {path.stem: path for path in sorted(folder.glob("*.toml"))}
+
+
+def describe_scene(path: Path) -> str:
+    """The first comment line of a scene file: what the scene shows."""
+    first = path.read_text(encoding="utf-8").partition("\n")[0]
+    return first.lstrip("# ").strip() if first.startswith("#") else ""
+
+
+def _scene_file(source: str | Path) -> Path:
+    """The file that a path or a shipped scene's name stands for."""
+    shipped = shipped_scenes()
+    path = Path(source)
+    if isinstance(source, str) and source in shipped:
+        return shipped[source]
+    if exists(path):
+        return path
+    name = path.name.removesuffix(".toml").lower()
+    close = difflib.get_close_matches(name, shipped, n=1, cutoff=0.6)
+    names = ", ".join(shipped)
+    hint = f'did you mean "{close[0]}"? ' if close else ""
+    raise InputError(show(str(source)), "no such scene file", f"{hint}shipped scenes: {names}")
+
+
+def _place(key: str, with_key: bool, *, file: str, stated: Mapping[str, str]) -> str:
+    """Where a key was stated: in the file, or by the --set that wrote it, or something under or over it."""
+    sought = key.replace("[0]", "")  # a lone entry may stand without its list
+    for own, text in stated.items():
+        own = own.replace("[0]", "")
+        if sought == own:
+            return text
+        if f"{sought}.".startswith((f"{own}.", f"{own}[")) or own.startswith((f"{sought}.", f"{sought}[")):
+            return f"{text}: {key}" if with_key else text
+    return f"{file}: {key}" if key and with_key else file

@@ -1,0 +1,121 @@
+"""--set KEY=VALUE: one value of a scene, stated from outside its file."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+from warp_cloth.errors import InputError
+from warp_cloth.scene.messages import show
+from warp_cloth.toml_file import exists, toml_value
+
+PART = re.compile(r"([A-Za-z_][\w-]*)((?:\[\d{1,6}\])*)")
+
+
+def set_place(text: str) -> str:
+    """How messages name one --set."""
+    return f"--set {text if len(text) <= 100 else text[:97] + '...'}"
+
+
+def apply_override(values: dict[str, Any], text: str, directory: Path) -> str:
+    """Write one KEY=VALUE into a scene's values; gives the key back as the schema's messages spell it.
+
+    ``directory`` is the scene file's folder, which its relative paths start from.
+    """
+    place = set_place(text)
+    key, equals, value = text.partition("=")
+    parts = _parts(key.strip(), place)
+    if not equals:
+        raise InputError(place, "has no value", "write KEY=VALUE, for instance garment.fabric=denim")
+    garments = values.get("garment")
+    if parts[0] == "garment":
+        parts = _chosen_garment(parts, garments, place)
+    *way, last = parts
+    table: Any = values
+    for step, part in enumerate(way):
+        table = _step(table, part, ".".join(str(p) for p in parts[:step]), place)
+    if isinstance(last, int):
+        _check_entry(table, last, place)
+    elif not isinstance(table, dict):
+        raise InputError(place, f"{show(table)} has no keys", "set the whole value instead")
+    else:
+        _settle_choice(table, str(last), value.strip())
+    table[last] = _path_from_here(str(last), toml_value(value.strip()), directory)
+    return "".join(f"[{p}]" if isinstance(p, int) else f".{p}" for p in parts).lstrip(".")
+
+
+def _parts(key: str, place: str) -> list[str | int]:
+    """A dotted key's names and list places: garment[1].fabric is garment, 1, fabric."""
+    parts: list[str | int] = []
+    for piece in key.split("."):
+        match = PART.fullmatch(piece.strip())
+        if match is None:
+            raise InputError(
+                place, f"{show(key)} is not a key", "write KEY=VALUE, for instance solver.iterations=500"
+            )
+        parts.append(match[1])
+        parts += [int(number) for number in re.findall(r"\d+", match[2])]
+    return parts
+
+
+def _chosen_garment(parts: list[str | int], garments: Any, place: str) -> list[str | int]:
+    """Which of the scene's garments a key means: a lone one needs no number, and may have one."""
+    numbered = len(parts) > 1 and isinstance(parts[1], int)
+    if isinstance(garments, list):
+        if len(garments) == 1 and not numbered and len(parts) > 1:
+            return ["garment", 0, *parts[1:]]
+        if not numbered and len(parts) > 1:
+            raise InputError(
+                place, f"the scene has {len(garments)} garments", "say which: garment[0] is the first"
+            )
+    elif numbered and parts[1] == 0:
+        return ["garment", *parts[2:]]
+    elif numbered:
+        raise InputError(
+            place, f"there is no garment[{parts[1]}]", "the scene has one garment: leave the number out"
+        )
+    return parts
+
+
+def _step(table: Any, part: str | int, way: str, place: str) -> Any:
+    """The table or list one part down; a table that is not there yet is made."""
+    if isinstance(part, int):
+        _check_entry(table, part, place)
+        return table[part]
+    if not isinstance(table, dict):
+        raise InputError(
+            place, f"{way or 'the scene'} is {show(table)}, which has no keys", "set it as a whole instead"
+        )
+    inner = table.setdefault(part, {})
+    if part == "fabric" and isinstance(inner, str):  # a named fabric, of which one value is now set apart
+        inner = table[part] = {"name": inner}
+    return inner
+
+
+def _check_entry(table: Any, index: int, place: str) -> None:
+    if not isinstance(table, list):
+        raise InputError(place, f"there is no list for [{index}]", "leave the number out")
+    if index >= len(table):
+        raise InputError(place, f"there is no [{index}]", f"the list has {len(table)}, counted from 0")
+
+
+def _settle_choice(table: dict[str, Any], key: str, value: str) -> None:
+    """Take away what a newly stated mesh, shape or kind of shape replaces: they exclude each other."""
+    if key == "mesh":
+        table.pop("shape", None)
+    elif key == "shape":
+        for other in ("mesh", "prim", "units"):
+            table.pop(other, None)
+    elif key == "kind" and show(table.get("kind")) != show(toml_value(value)):
+        table.clear()
+
+
+def _path_from_here(key: str, value: Any, directory: Path) -> Any:
+    """A file that the scene's folder does not have is taken from the current one, where --set was typed."""
+    named = isinstance(value, str) and (
+        key == "mesh" or (key == "fabric" and value.lower().endswith(".toml"))
+    )
+    if named and not exists(directory / value) and exists(Path(value)):
+        return str(Path(value).absolute())
+    return value

@@ -1,0 +1,81 @@
+"""The keys of generated shapes in a scene; the generators themselves are in warp_cloth.shapes."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+Real = Annotated[float, Field(strict=True, allow_inf_nan=False)]  # takes 3 for 3.0, but no text, no true
+Whole = Annotated[int, Field(strict=True)]
+Coordinate = Annotated[Real, Field(ge=-1e7, le=1e7)]  # [m]
+Point = tuple[Coordinate, Coordinate, Coordinate]
+VertexId = Annotated[Whole, Field(ge=0, le=2**31 - 1)]
+
+Size = Literal["S", "M", "L"]
+
+
+class Table(BaseModel):
+    """A table of a scene file: frozen, and no key that is not listed."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", validate_default=True)
+
+
+class SquareShape(Table):
+    """A flat square cloth, a regular grid of vertices, cut alternately so that no diagonal is preferred."""
+
+    kind: Literal["square"]
+    side: Real = Field(default=1.0, ge=1e-3, le=100, description="side length [m]")
+    vertices_per_side: Whole = Field(
+        default=33, ge=2, le=2049, description="33 on 1 m: edges of 31 mm, quick and smooth"
+    )
+    plane: Literal["horizontal", "vertical"] = Field(
+        default="horizontal", description="lies, or hangs facing +z"
+    )
+    height: Real = Field(
+        default=1.0,
+        ge=-1e6,
+        le=1e6,
+        description="y of a horizontal square, or of a vertical one's top edge [m]",
+    )
+
+
+class TshirtShape(Table):
+    """The shipped T-shirt, cut from flat panels and sewn, placed round the mannequin that wears it."""
+
+    kind: Literal["tshirt"]
+    size: Size = Field(default="M", description="garment size")
+    edge_mm: Real = Field(
+        default=12.0, ge=2, le=60, description="edge length [mm]; 12: folds of 5 cm, about 8,000 vertices"
+    )
+
+
+class SphereShape(Table):
+    """A sphere to drape on."""
+
+    kind: Literal["sphere"]
+    radius: Real = Field(default=0.3, ge=1e-3, le=100, description="radius [m]")
+    centre: Point = Field(default=(0.0, 0.6, 0.0), description="centre [m]")
+    edge_mm: Real = Field(
+        default=20.0, ge=1, le=1e4, description="edge length [mm]; 20 on 0.3 m: flat to 0.2 mm"
+    )
+
+
+class MannequinShape(Table):
+    """The shipped parametric mannequin; a measure left out is that of the garment size's standard body."""
+
+    kind: Literal["mannequin"]
+    stature: Real | None = Field(default=None, ge=1.2, le=2.3, description="body height [m]")
+    chest: Real | None = Field(default=None, ge=0.7, le=1.5, description="chest girth [m]")
+    waist: Real | None = Field(default=None, ge=0.5, le=1.5, description="waist girth [m]")
+    hip: Real | None = Field(default=None, ge=0.7, le=1.6, description="hip girth [m]")
+    arm_angle_degrees: Real = Field(
+        default=45.0,
+        ge=20,
+        le=85,
+        description="arms away from hanging straight down [degrees]; 45 is an A-pose",
+    )
+
+
+GarmentShape = Annotated[SquareShape | TshirtShape, Field(discriminator="kind")]
+AvatarShape = Annotated[SphereShape | MannequinShape, Field(discriminator="kind")]
