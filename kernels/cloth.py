@@ -7,6 +7,10 @@ import warp as wp
 
 PRECISIONS = ("float32", "mixed", "float64")
 
+# What the force kernels sum beside the force: nothing, a bound of the stiffness [N/m] for the accelerated step, or
+# the magnitudes of the forces that meet at the vertex [N] for the certificate.
+FOURTH_PARTS = ("none", "stiffness", "size")
+
 
 @functools.cache
 def cloth_types(precision: str) -> SimpleNamespace:
@@ -29,6 +33,7 @@ def cloth_types(precision: str) -> SimpleNamespace:
         reach: real  # change of length that the step allows for, as a share of the vertex's own last move
         momentum: real  # share of the last displacement that is kept
         damping: real  # that share's factor where the displacement points against the force
+        memory: real  # share of a vertex's stiffness bound that is kept from one iteration to the next
         offset: float  # contact offset [m]
         friction: float  # of the avatar
 
@@ -40,6 +45,7 @@ def cloth_types(precision: str) -> SimpleNamespace:
         move: wp.array(dtype=vec3)  # last displacement [m]
         weight: wp.array(dtype=real)  # [N]
         pinned: wp.array(dtype=wp.uint8)
+        stiffness: wp.array(dtype=real)  # that the last step went by [N/m]; accelerated method only
 
     @wp.struct
     class Edges:

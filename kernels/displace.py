@@ -30,11 +30,10 @@ def direct_move(force: Any, weight: Any, cap: Any):
 
 
 @wp.func
-def accelerated_move(force: Any, weight: Any, stiffness: Any, last: Any, momentum: Any, damping: Any, cap: Any):
+def accelerated_move(force: Any, stiffness: Any, last: Any, momentum: Any, damping: Any, cap: Any):
     """Displacement [m]: force over the vertex's own stiffness, plus momentum, damped where it fights the force."""
     kept = wp.where(wp.dot(last, force) < type(cap)(0.0), momentum * damping, momentum)
-    step = type(cap)(1.0) / (stiffness + weight / cap)
-    return capped(last * kept + force * step, cap)
+    return capped(last * kept + force / stiffness, cap)
 
 
 @functools.cache
@@ -102,9 +101,10 @@ def displace_kernels(precision: str, contact: wp.Function | None, collider_type:
         if cloth.pinned[vertex] == wp.uint8(0):
             weight = cloth.weight[vertex]
             force = vec3(sum[0], sum[1], sum[2]) + step.gravity * weight
-            move = accelerated_move(
-                force, weight, sum[3], cloth.move[vertex], step.momentum, step.damping, step.cap
-            )
+            stiffness = wp.max(sum[3] + weight / step.cap, cloth.stiffness[vertex] * step.memory)
+            momentum = step.momentum * wp.min(cloth.stiffness[vertex] / stiffness, real(1.0))
+            cloth.stiffness[vertex] = stiffness
+            move = accelerated_move(force, stiffness, cloth.move[vertex], momentum, step.damping, step.cap)
             settle(cloth, step, collider, vertex, move)
 
     return SimpleNamespace(

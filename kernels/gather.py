@@ -16,8 +16,11 @@ from warp_cloth.kernels.tension import tension_force, tension_stiffness
 
 
 @functools.cache
-def gather_kernels(precision: str, bounded: bool, bending: bool) -> SimpleNamespace:
-    """Kernels ``fold_triangles`` and ``gather_forces``; the second reads folds only where there is bending."""
+def gather_kernels(precision: str, fourth: str, bending: bool) -> SimpleNamespace:
+    """Kernels ``fold_triangles`` and ``gather_forces``; the second reads folds only where there is bending.
+
+    ``fourth`` is one of cloth.FOURTH_PARTS.
+    """
     types = cloth_types(precision)
     real, point, vec3, vec4 = types.real, types.point, types.vec3, types.vec4
     Cloth, EdgeRows, Folds, FoldRows, Step = types.Cloth, types.EdgeRows, types.Folds, types.FoldRows, types.Step
@@ -33,7 +36,7 @@ def gather_kernels(precision: str, bounded: bool, bending: bool) -> SimpleNamesp
             normal_0, normal_1, area_0, area_1 = hinge_fold(axis, opposite, beyond)
             if area_0 > real(0.0) and area_1 > real(0.0):
                 push = hinge_torque(normal_0, normal_1, axis, stiffness) * wp.length(axis) / area_0
-                if wp.static(bounded):
+                if wp.static(fourth == "stiffness"):
                     reach = step.reach * wp.length(cloth.move[wing])
                     bound = hinge_stiffness_bound(axis, opposite, beyond, stiffness, reach)
         return push, bound
@@ -62,16 +65,15 @@ def gather_kernels(precision: str, bounded: bool, bending: bool) -> SimpleNamesp
         fold_out[triangle] = vec4(q_ab, q_bc, q_ca, bound_ab + bound_bc + bound_ca)
 
     @wp.func
-    def fold_force(to_next: vec3, to_last: vec3, q: vec4, corner: int):
-        """Bending force [N] of one triangle on its corner, given the two sides that leave it."""
-        normal = wp.normalize(wp.cross(to_next, to_last))
+    def fold_parts(to_next: vec3, to_last: vec3, q: vec4, corner: int):
+        """Parts of a triangle's bending force on its corner, along its normal [N]: opposite, next, last side."""
         q_next = q[corner]
         q_opposite = q[(corner + 1) % 3]
         q_last = q[(corner + 2) % 3]
         along = wp.dot(to_next, to_last)
         foot_last = along / wp.max(wp.dot(to_next, to_next), real(1.0e-30))
         foot_next = along / wp.max(wp.dot(to_last, to_last), real(1.0e-30))
-        return normal * (q_opposite - (real(1.0) - foot_last) * q_next - (real(1.0) - foot_next) * q_last)
+        return vec3(q_opposite, (real(1.0) - foot_last) * q_next, (real(1.0) - foot_next) * q_last)
 
     @wp.kernel(module="unique", enable_backward=False)
     def gather_forces(
@@ -80,31 +82,38 @@ def gather_kernels(precision: str, bounded: bool, bending: bool) -> SimpleNamesp
         folds: FoldRows,
         fold: wp.array(dtype=vec4),  # from fold_triangles
         step: Step,
-        load_out: wp.array(dtype=vec4),  # force [N] and stiffness bound [N/m], shape [V]
+        load_out: wp.array(dtype=vec4),  # force [N] and the fourth part, shape [V]
     ):
         """Sums tension over the edges and bending over the triangles that meet at a vertex."""
         vertex = wp.tid()
         here = cloth.position[vertex]
         force = vec3()
-        bound = real(0.0)
+        part = real(0.0)
         for row in range(edges.start[vertex], edges.start[vertex + 1]):
             other = edges.other[row]
             law = edges.law[row]
             d = difference(cloth.position[other], here)
             length = wp.length(d)
             if length > real(0.0):
-                force += d * (tension_force(length, law[0], law[1], law[2]) / length)
-            if wp.static(bounded):
+                tension = tension_force(length, law[0], law[1], law[2])
+                force += d * (tension / length)
+                if wp.static(fourth == "size"):
+                    part += wp.abs(tension)
+            if wp.static(fourth == "stiffness"):
                 reach = step.reach * wp.length(cloth.move[other] - cloth.move[vertex])
-                bound += tension_stiffness(length, law[0], law[1], law[2], reach)
+                part += tension_stiffness(length, law[0], law[1], law[2], reach)
         if wp.static(bending):
             for row in range(folds.start[vertex], folds.start[vertex + 1]):
                 following = folds.following[row]
                 to_next = difference(cloth.position[following[0]], here)
                 to_last = difference(cloth.position[following[1]], here)
                 q = fold[folds.triangle[row]]
-                force += fold_force(to_next, to_last, q, int(folds.corner[row]))
-                bound += q[3]
-        load_out[vertex] = vec4(force[0], force[1], force[2], bound)
+                parts = fold_parts(to_next, to_last, q, int(folds.corner[row]))
+                force += wp.normalize(wp.cross(to_next, to_last)) * (parts[0] - parts[1] - parts[2])
+                if wp.static(fourth == "stiffness"):
+                    part += q[3]
+                if wp.static(fourth == "size"):
+                    part += wp.abs(parts[0]) + wp.abs(parts[1]) + wp.abs(parts[2])
+        load_out[vertex] = vec4(force[0], force[1], force[2], part)
 
     return SimpleNamespace(fold_triangles=fold_triangles, gather_forces=gather_forces)

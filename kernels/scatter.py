@@ -15,10 +15,11 @@ from warp_cloth.kernels.tension import tension_force, tension_stiffness
 
 
 @functools.cache
-def scatter_kernels(precision: str, bounded: bool) -> SimpleNamespace:
-    """Kernels ``add_tension`` and ``add_bending`` in one precision, with stiffness bounds or without."""
+def scatter_kernels(precision: str, fourth: str) -> SimpleNamespace:
+    """Kernels ``add_tension`` and ``add_bending`` in one precision; ``fourth`` is one of cloth.FOURTH_PARTS."""
     types = cloth_types(precision)
-    real, vec4, Cloth, Edges, Hinges, Step = types.real, types.vec4, types.Cloth, types.Edges, types.Hinges, types.Step
+    real, vec3, vec4 = types.real, types.vec3, types.vec4
+    Cloth, Edges, Hinges, Step = types.Cloth, types.Edges, types.Hinges, types.Step
     difference = difference_function(precision)
 
     @wp.kernel(module="unique", enable_backward=False)
@@ -26,9 +27,9 @@ def scatter_kernels(precision: str, bounded: bool) -> SimpleNamespace:
         cloth: Cloth,
         edges: Edges,
         step: Step,
-        load_out: wp.array(dtype=vec4),  # force [N] and stiffness bound [N/m], shape [V]
+        load_out: wp.array(dtype=vec4),  # force [N] and the fourth part, shape [V]
     ):
-        """Adds each edge's tension f(r) d / r to its two vertices, and f'(r) to their stiffness."""
+        """Adds each edge's tension f(r) d / r to its two vertices, and the fourth part."""
         edge = wp.tid()
         a = edges.ends[edge][0]
         b = edges.ends[edge][1]
@@ -37,21 +38,33 @@ def scatter_kernels(precision: str, bounded: bool) -> SimpleNamespace:
         length = wp.length(d)
         if length > real(0.0):
             d = d * (tension_force(length, law[0], law[1], law[2]) / length)
-        stiffness = real(0.0)
-        if wp.static(bounded):
+        part = real(0.0)
+        if wp.static(fourth == "stiffness"):
             reach = step.reach * wp.length(cloth.move[b] - cloth.move[a])
-            stiffness = tension_stiffness(length, law[0], law[1], law[2], reach)
-        wp.atomic_add(load_out, a, vec4(d[0], d[1], d[2], stiffness))
-        wp.atomic_add(load_out, b, vec4(-d[0], -d[1], -d[2], stiffness))
+            part = tension_stiffness(length, law[0], law[1], law[2], reach)
+        if wp.static(fourth == "size"):
+            part = wp.length(d)
+        wp.atomic_add(load_out, a, vec4(d[0], d[1], d[2], part))
+        wp.atomic_add(load_out, b, vec4(-d[0], -d[1], -d[2], part))
+
+    @wp.func
+    def hinge_sizes(axis: vec3, wing_0: vec3, wing_1: vec3, size_0: real, size_1: real):
+        """Sum of the magnitudes that each wing's force brings to the axis' ends and to the wings [N]."""
+        square = wp.max(wp.dot(axis, axis), real(1.0e-30))
+        foot_0 = wp.dot(wing_0, axis) / square
+        foot_1 = wp.dot(wing_1, axis) / square
+        start = wp.abs(real(1.0) - foot_0) * size_0 + wp.abs(real(1.0) - foot_1) * size_1
+        end = wp.abs(foot_0) * size_0 + wp.abs(foot_1) * size_1
+        return vec4(start, end, size_0, size_1)
 
     @wp.kernel(module="unique", enable_backward=False)
     def add_bending(
         cloth: Cloth,
         hinges: Hinges,
         step: Step,
-        load_out: wp.array(dtype=vec4),  # force [N] and stiffness bound [N/m], shape [V]
+        load_out: wp.array(dtype=vec4),  # force [N] and the fourth part, shape [V]
     ):
-        """Adds each hinge's forces to its four vertices, and its stiffness bound to theirs."""
+        """Adds each hinge's forces to its four vertices, and the fourth part."""
         hinge = wp.tid()
         corners = hinges.corners[hinge]
         start = cloth.position[corners[0]]
@@ -61,13 +74,16 @@ def scatter_kernels(precision: str, bounded: bool) -> SimpleNamespace:
         stiffness = hinges.stiffness[hinge]
         force_0, force_1, force_end = hinge_forces(axis, wing_0, wing_1, stiffness)
         force_start = -(force_0 + force_1 + force_end)
-        bound = real(0.0)
-        if wp.static(bounded):
+        part = vec4()
+        if wp.static(fourth == "stiffness"):
             reach = step.reach * wp.length(cloth.move[corners[0]])
             bound = hinge_stiffness_bound(axis, wing_0, wing_1, stiffness, reach)
-        wp.atomic_add(load_out, corners[0], vec4(force_start[0], force_start[1], force_start[2], bound))
-        wp.atomic_add(load_out, corners[1], vec4(force_end[0], force_end[1], force_end[2], bound))
-        wp.atomic_add(load_out, corners[2], vec4(force_0[0], force_0[1], force_0[2], bound))
-        wp.atomic_add(load_out, corners[3], vec4(force_1[0], force_1[1], force_1[2], bound))
+            part = vec4(bound, bound, bound, bound)
+        if wp.static(fourth == "size"):
+            part = hinge_sizes(axis, wing_0, wing_1, wp.length(force_0), wp.length(force_1))
+        wp.atomic_add(load_out, corners[0], vec4(force_start[0], force_start[1], force_start[2], part[0]))
+        wp.atomic_add(load_out, corners[1], vec4(force_end[0], force_end[1], force_end[2], part[1]))
+        wp.atomic_add(load_out, corners[2], vec4(force_0[0], force_0[1], force_0[2], part[2]))
+        wp.atomic_add(load_out, corners[3], vec4(force_1[0], force_1[1], force_1[2], part[3]))
 
     return SimpleNamespace(add_tension=add_tension, add_bending=add_bending)

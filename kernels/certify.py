@@ -1,0 +1,84 @@
+"""The certificate's figures per vertex and per edge (model: rest)."""
+
+import functools
+from types import SimpleNamespace
+
+import warp as wp
+
+from warp_cloth.kernels.bending import hinge_energy
+from warp_cloth.kernels.cloth import cloth_types, difference_function
+from warp_cloth.kernels.friction import friction_residual
+from warp_cloth.kernels.tension import tension_energy
+
+
+@functools.cache
+def residual_kernel(precision: str, contact: wp.Function | None, collider_type: type) -> wp.Kernel:
+    """Kernel ``measure_residual`` in one precision, with the contact that the iteration uses."""
+    types = cloth_types(precision)
+    real, vec3, vec4, Cloth, Step = types.real, types.vec3, types.vec4, types.Cloth, types.Step
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def measure_residual(
+        step: Step,
+        slack: float,  # how far above the contact offset a vertex still counts as in contact [m]
+        collider: collider_type,
+        cloth: Cloth,
+        load: wp.array(dtype=vec4),  # forces of the cloth and the sum of their magnitudes [N], shape [V]; left at zero
+        residual_out: wp.array(dtype=wp.vec2f),  # force left, in weights and relative, shape [V]; -1 where pinned
+    ):
+        """Force left on a vertex after contact's push and friction's cone, over its weight, and over all that meets."""
+        vertex = wp.tid()
+        sum = load[vertex]
+        load[vertex] = vec4()
+        residual_out[vertex] = wp.vec2f(-1.0, -1.0)
+        if cloth.pinned[vertex] == wp.uint8(0):
+            weight = cloth.weight[vertex]
+            force = vec3(sum[0], sum[1], sum[2]) + step.gravity * weight
+            left = wp.length(force)
+            if wp.static(contact is not None):
+                at = contact(collider, wp.vec3d(cloth.position[vertex]))
+                if at[3] < step.offset + slack:
+                    normal = vec3(real(at[0]), real(at[1]), real(at[2]))
+                    left = friction_residual(force, normal, real(step.friction))
+            residual_out[vertex] = wp.vec2f(float(left / weight), float(left / (weight + sum[3])))
+
+    return measure_residual
+
+
+@functools.cache
+def energy_kernels(precision: str) -> SimpleNamespace:
+    """Kernels ``measure_tension`` and ``measure_bending``: energy of each edge and hinge, strain of each edge."""
+    types = cloth_types(precision)
+    Cloth, Edges, Hinges = types.Cloth, types.Edges, types.Hinges
+    difference = difference_function(precision)
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def measure_tension(
+        cloth: Cloth,
+        edges: Edges,
+        energy_out: wp.array(dtype=wp.float64),  # [J], shape [E]
+        strain_out: wp.array(dtype=wp.float64),  # (r - L) / L, shape [E]
+    ):
+        """Energy and strain of each edge."""
+        edge = wp.tid()
+        law = edges.law[edge]
+        length = wp.length(difference(cloth.position[edges.ends[edge][1]], cloth.position[edges.ends[edge][0]]))
+        energy_out[edge] = wp.float64(tension_energy(length, law[0], law[1], law[2]))
+        strain_out[edge] = wp.float64((length - law[0]) / law[0])
+
+    @wp.kernel(module="unique", enable_backward=False)
+    def measure_bending(
+        cloth: Cloth,
+        hinges: Hinges,
+        energy_out: wp.array(dtype=wp.float64),  # [J], shape [H]
+    ):
+        """Energy of each hinge."""
+        hinge = wp.tid()
+        corners = hinges.corners[hinge]
+        start = cloth.position[corners[0]]
+        axis = difference(cloth.position[corners[1]], start)
+        wing_0 = difference(cloth.position[corners[2]], start)
+        wing_1 = difference(cloth.position[corners[3]], start)
+        energy_out[hinge] = wp.float64(hinge_energy(axis, wing_0, wing_1, hinges.stiffness[hinge]))
+
+    return SimpleNamespace(measure_tension=measure_tension, measure_bending=measure_bending)

@@ -1,0 +1,185 @@
+"""Device arrays of a scene's garments: what stays constant (ClothModel) and what an iteration changes (its cloth)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import warp as wp
+from numpy.typing import NDArray
+
+from warp_cloth.kernels.cloth import cloth_types
+from warp_cloth.mesh import Indices, Points
+from warp_cloth.rest import Floats, RestShape
+from warp_cloth.topology import ragged_rows
+
+
+@dataclass(frozen=True, eq=False)
+class GarmentPart:
+    """One garment as it enters the model: where it starts, its constants, its pins."""
+
+    points: Points  # [m], shape [V, 3]
+    triangles: Indices  # shape [F, 3]
+    rest: RestShape
+    pins: Indices  # pinned vertices
+
+
+@dataclass(frozen=True, eq=False)
+class ClothModel:
+    """All garments, concatenated. A term that the scene does not use has no arrays (None).
+
+    On the CPU forces are scattered per edge and hinge, on CUDA they are gathered per vertex (see the kernels); only
+    the arrays of the one way are made, except ``edges`` and ``hinges``, which the certificate reads on both.
+    """
+
+    device: str
+    precision: str
+    vertex_start: tuple[int, ...]  # first vertex of each garment, and the vertex count
+    edge_start: tuple[int, ...]
+    triangle_count: int
+    hinge_count: int
+    cloth: Any  # kernels.cloth Cloth
+    edges: Any  # kernels.cloth Edges
+    hinges: Any | None  # kernels.cloth Hinges
+    edge_rows: Any | None  # kernels.cloth EdgeRows, CUDA only
+    folds: Any | None  # kernels.cloth Folds, CUDA only
+    fold_rows: Any  # kernels.cloth FoldRows, CUDA only; empty elsewhere and without bending
+    rest_length: Floats  # of all edges, for reports [m]
+
+    @property
+    def vertex_count(self) -> int:
+        return self.vertex_start[-1]
+
+    @property
+    def edge_count(self) -> int:
+        return self.edge_start[-1]
+
+    @property
+    def gathers(self) -> bool:
+        """Whether forces are summed per vertex rather than scattered per edge."""
+        return self.edge_rows is not None
+
+    def points(self) -> NDArray[np.float64]:
+        """Positions now [m], shape [V, 3]. Waits for the device."""
+        return np.array(self.cloth.position.numpy(), dtype=np.float64)
+
+    def set_points(self, points: Points) -> None:
+        """Moves every vertex to these positions [m], shape [V, 3], and forgets its momentum."""
+        types = cloth_types(self.precision)
+        self.cloth.position.assign(wp.array(points, dtype=types.point, device=self.device))
+        self.cloth.move.zero_()
+
+
+def build_model(parts: Sequence[GarmentPart], *, device: str, precision: str) -> ClothModel:
+    """Concatenates garments and puts them on a device."""
+    types = cloth_types(precision)
+    vertex_start = _starts([len(part.points) for part in parts])
+    edge_start = _starts([len(part.rest.topology.edges) for part in parts])
+
+    def joined(arrays: list[Any]) -> NDArray[Any]:
+        return np.concatenate(arrays)
+
+    def upload(array: NDArray[Any], dtype: Any) -> wp.array:
+        return wp.array(np.ascontiguousarray(array), dtype=dtype, device=device)
+
+    cloth = types.Cloth()
+    cloth.position = upload(joined([part.points for part in parts]), types.point)
+    cloth.move = wp.zeros(vertex_start[-1], dtype=types.vec3, device=device)
+    cloth.weight = upload(joined([part.rest.vertex_weight for part in parts]), types.real)
+    cloth.stiffness = wp.zeros(vertex_start[-1], dtype=types.real, device=device)
+    pinned = np.zeros(vertex_start[-1], dtype=np.uint8)
+    for part, first in zip(parts, vertex_start, strict=False):
+        pinned[part.pins + first] = 1
+    cloth.pinned = upload(pinned, wp.uint8)
+
+    def shifted(arrays: list[Indices]) -> Indices:
+        return joined([array + first for array, first in zip(arrays, vertex_start, strict=False)])
+
+    ends = shifted([part.rest.topology.edges for part in parts])
+    rests = [part.rest for part in parts]
+    length = joined([rest.edge_length for rest in rests])
+    law = np.stack([length, joined([r.edge_pull for r in rests]), joined([r.edge_push for r in rests])], axis=1)
+    edges = types.Edges()
+    edges.ends = upload(ends, wp.vec2i)
+    edges.law = upload(law, types.vec3)
+
+    corners = shifted([rest.topology.hinges for rest in rests])
+    stiffness = joined([rest.hinge_stiffness for rest in rests])
+    used = stiffness > 0.0
+    bends = bool(used.any())
+    hinges = None
+    if bends:
+        hinges = types.Hinges()
+        hinges.corners = upload(corners[used], wp.vec4i)
+        hinges.stiffness = upload(stiffness[used], types.real)
+
+    gathers = wp.get_device(device).is_cuda
+    triangles = shifted([part.triangles for part in parts])
+    return ClothModel(
+        device=device,
+        precision=precision,
+        vertex_start=vertex_start,
+        edge_start=edge_start,
+        triangle_count=len(triangles),
+        hinge_count=int(used.sum()),
+        cloth=cloth,
+        edges=edges,
+        hinges=hinges,
+        edge_rows=_edge_rows(types, upload, ends, law, vertex_start[-1]) if gathers else None,
+        folds=_folds(types, upload, triangles, parts, stiffness) if gathers and bends else None,
+        fold_rows=_fold_rows(types, upload, triangles, vertex_start[-1]) if gathers and bends else types.FoldRows(),
+        rest_length=length,
+    )
+
+
+def _starts(counts: list[int]) -> tuple[int, ...]:
+    return (0, *(int(end) for end in np.cumsum(counts)))
+
+
+def _edge_rows(types: Any, upload: Any, ends: Indices, law: Floats, vertex_count: int) -> Any:
+    """The edges at each vertex, in the order of the edges."""
+    start, order = ragged_rows(ends.T.ravel(), vertex_count)
+    rows = types.EdgeRows()
+    rows.start = upload(start, wp.int32)
+    rows.other = upload(ends.T[::-1].ravel()[order], wp.int32)
+    rows.law = upload(np.concatenate([law, law])[order], types.vec3)
+    return rows
+
+
+def _folds(types: Any, upload: Any, triangles: Indices, parts: Sequence[GarmentPart], stiffness: Floats) -> Any:
+    """Each triangle's sides with the corner beyond them and the hinge's constant."""
+    wings = np.full(triangles.shape, -1, dtype=np.int32)
+    constants = np.zeros(triangles.shape)
+    first_triangle = first_hinge = first_vertex = 0
+    for part in parts:
+        topology = part.rest.topology
+        constant = stiffness[first_hinge : first_hinge + len(topology.hinges)]
+        for end, across in ((0, 3), (1, 2)):  # each of a hinge's triangles sees the other one's wing
+            triangle = topology.hinge_triangles[:, end]
+            side = (topology.triangle_edges[triangle] == topology.hinge_edges[:, None]).argmax(axis=1)
+            wings[first_triangle + triangle, side] = np.where(
+                constant > 0.0, topology.hinges[:, across] + first_vertex, -1
+            )
+            constants[first_triangle + triangle, side] = constant
+        first_triangle += len(part.triangles)
+        first_hinge += len(topology.hinges)
+        first_vertex += len(part.points)
+    folds = types.Folds()
+    folds.corners = upload(triangles, wp.vec3i)
+    folds.wings = upload(wings, wp.vec3i)
+    folds.stiffness = upload(constants, types.vec3)
+    return folds
+
+
+def _fold_rows(types: Any, upload: Any, triangles: Indices, vertex_count: int) -> Any:
+    """The triangles at each vertex, in the order of the triangles."""
+    start, order = ragged_rows(triangles.ravel(), vertex_count)
+    following = np.stack([np.roll(triangles, -1, axis=1).ravel(), np.roll(triangles, -2, axis=1).ravel()], axis=1)
+    rows = types.FoldRows()
+    rows.start = upload(start, wp.int32)
+    rows.triangle = upload((order // 3).astype(np.int32), wp.int32)
+    rows.following = upload(following[order], wp.vec2i)
+    rows.corner = upload((order % 3).astype(np.uint8), wp.uint8)
+    return rows

@@ -1,0 +1,150 @@
+"""The certificate of rest: residual, rest error, strain (model: rest: a certificate, not a guess)."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import warp as wp
+from numpy.typing import NDArray
+
+from warp_cloth.kernels.certify import energy_kernels, residual_kernel
+from warp_cloth.kernels.cloth import cloth_types
+from warp_cloth.model import ClothModel
+from warp_cloth.result import Residual, Strain
+from warp_cloth.solver.forces import ForcePass
+from warp_cloth.solver.relax import Collider, Relaxation
+
+# A vertex at rest on the avatar stands at the contact offset to within the rounding of a float32 distance and one
+# iteration's fall; this far above it still counts as held.
+CONTACT_SLACK = 2e-5  # [m]
+
+
+@dataclass(frozen=True)
+class Tolerance:
+    """When a shape counts as at rest. All three must hold.
+
+    relative_rms: 1 % of the forces that meet at a vertex is what a laboratory's tensile test resolves.
+    relative_p99: single vertices at folds may be five times worse.
+    rest_error: 1 mm is below what a fitting shows.
+    """
+
+    relative_rms: float = 0.01
+    relative_p99: float = 0.05
+    rest_error: float = 1e-3  # [m]
+
+
+@dataclass(frozen=True)
+class Check:
+    """The certificate's figures after some iterations."""
+
+    iteration: int
+    residual: Residual
+    rest_error: float  # [m]; inf while nothing is known of it
+    finite: bool
+
+    def within(self, tolerance: Tolerance) -> bool:
+        """Whether this is rest."""
+        return (
+            self.finite
+            and self.residual.relative_rms <= tolerance.relative_rms
+            and self.residual.relative_p99 <= tolerance.relative_p99
+            and self.rest_error <= tolerance.rest_error
+        )
+
+
+class Certifier:
+    """Measures a relaxation's shape with the forces and the contact that its iterations use."""
+
+    def __init__(self, relaxation: Relaxation, collider: Collider) -> None:
+        model = relaxation.model
+        types = cloth_types(model.precision)
+        self._model = model
+        self._step = relaxation.step
+        self._collider = relaxation.collider_data
+        self._load = wp.zeros(model.vertex_count, dtype=types.vec4, device=model.device)
+        self._forces = ForcePass(model, "size", self._load)
+        self._residual = residual_kernel(model.precision, collider.contact, relaxation.collider_type)
+        self._left = wp.zeros(model.vertex_count, dtype=wp.vec2f, device=model.device)
+        self._earlier: list[tuple[int, NDArray[np.float64]]] = []
+
+    def kernels(self) -> list[wp.Kernel]:
+        """The kernels that a check launches."""
+        return [*self._forces.kernels(), self._residual]
+
+    def check(self, iteration: int) -> Check:
+        """Measures the shape as it stands. Waits for the device."""
+        model = self._model
+        self._forces.launch(self._step)
+        wp.launch(
+            self._residual,
+            dim=model.vertex_count,
+            inputs=[self._step, CONTACT_SLACK, self._collider, model.cloth, self._load, self._left],
+            device=model.device,
+        )
+        left = self._left.numpy()
+        points = model.points()
+        finite = bool(np.isfinite(points).all() and np.isfinite(left).all())
+        if not finite:
+            nothing = Residual(*([math.inf] * 5))
+            return Check(iteration, nothing, math.inf, False)
+        return Check(iteration, residual_summary(left), self._rest_error(iteration, points), True)
+
+    def _rest_error(self, iteration: int, points: NDArray[np.float64]) -> float:
+        """How far the shape still is from rest [m], from how its way there shortens.
+
+        Where the way of each span of equal length shrinks by a factor q, what is left is at most way q / (1 - q);
+        the rms over vertices of the way since the last check is taken, and q no better than seen over two spans.
+        """
+        self._earlier = [*self._earlier[-2:], (iteration, points)]
+        if len(self._earlier) < 3:
+            return math.inf
+        (first, a), (middle, b), (last, c) = self._earlier
+        if middle - first != last - middle:
+            return math.inf
+        before, now = (float(np.sqrt(np.mean(np.sum((y - x) ** 2, axis=1)))) for x, y in ((a, b), (b, c)))
+        if now == 0.0:
+            return 0.0
+        shrink = now / before if before > 0.0 else math.inf
+        return now * max(shrink / (1.0 - shrink), 1.0) if shrink < 1.0 else math.inf
+
+
+def residual_summary(left: NDArray[np.float32]) -> Residual:
+    """Summary over free vertices; ``left`` [V, 2] holds weights and relative, -1 where pinned."""
+    free = left[left[:, 0] >= 0.0].astype(np.float64)
+    if not len(free):
+        return Residual(0.0, 0.0, 0.0, 0.0, 0.0)
+    rms, relative_rms = np.sqrt(np.mean(free**2, axis=0))
+    p99, relative_p99 = np.quantile(free, 0.99, axis=0)
+    return Residual(float(rms), float(p99), float(free[:, 0].max()), float(relative_rms), float(relative_p99))
+
+
+def strain_summary(strain: NDArray[np.float64]) -> Strain:
+    """Percentiles of |strain| and the extremes of strain."""
+    size = np.abs(strain)
+    p50, p99 = np.quantile(size, [0.5, 0.99])
+    return Strain(float(p50), float(p99), float(strain.max()), float(strain.min()))
+
+
+def edge_strains(model: ClothModel) -> NDArray[np.float64]:
+    """Strain (r - L) / L of every edge, shape [E]."""
+    return measured_energy(model)[1]
+
+
+def measured_energy(model: ClothModel) -> tuple[float, NDArray[np.float64]]:
+    """Tension and bending energy of all garments [J], and the strain of every edge."""
+    kernels = energy_kernels(model.precision)
+    energy = wp.zeros(model.edge_count, dtype=wp.float64, device=model.device)
+    strain = wp.zeros(model.edge_count, dtype=wp.float64, device=model.device)
+    launch: Any = wp.launch
+    launch(
+        kernels.measure_tension, model.edge_count, [model.cloth, model.edges, energy, strain], device=model.device
+    )
+    total = float(energy.numpy().sum())
+    if model.hinges is not None:
+        fold = wp.zeros(model.hinge_count, dtype=wp.float64, device=model.device)
+        launch(kernels.measure_bending, model.hinge_count, [model.cloth, model.hinges, fold], device=model.device)
+        total += float(fold.numpy().sum())
+    return total, strain.numpy()
