@@ -22,8 +22,8 @@ def unwritable(path: Path, error: OSError) -> InputError:
 def whole_file(path: Path) -> Iterator[Path]:
     """Yields a place to write; what stands there at the end becomes ``path`` in one step.
 
-    After an error ``path`` is as it was. The place is in a hidden folder beside ``path``, so that the last step
-    is a rename within one file system and the file has its own name from the start (a usdz package stores it).
+    After an error ``path`` is as it was. The place is in a hidden folder beside ``path``: the last step is a
+    rename within one file system, and the file has its own name from the start (a usdz package stores it).
     """
     try:
         with tempfile.TemporaryDirectory(dir=path.parent, prefix=f".{path.name}-") as folder:

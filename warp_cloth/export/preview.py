@@ -1,0 +1,125 @@
+"""A picture of the worn garments: front, side and back, shaded, without a display."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image, ImageDraw, ImageFont
+
+from warp_cloth.export.files import whole_file
+from warp_cloth.export.render import gathered, rendered
+from warp_cloth.export.surface import linear, require_sound, srgb
+from warp_cloth.mesh import Mesh
+from warp_cloth.result import WornGarment
+
+BACKGROUND = (0.94, 0.94, 0.945)  # sRGB
+INK = (70, 72, 76)  # sRGB bytes, of the title
+FAINT_INK = (120, 122, 126)  # of what is less important
+MARGIN = 0.03  # of the picture's width, left and right of every view
+SMALLEST_EXTENT = 1e-3  # [m], so that a picture of a point has a scale, too
+SIDES = {
+    "front": (0.0, 0.0, 1.0),
+    "side": (1.0, 0.0, 0.0),
+    "back": (0.0, 0.0, -1.0),
+}  # from the scene to the viewer
+
+
+@dataclass(frozen=True)
+class Window:
+    """Where a view stands in the picture."""
+
+    label: str
+    toward: NDArray[np.float64]  # unit vector from the scene to the viewer
+    left: int  # first column [px]
+    width: int  # [px]
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Windows side by side under a title strip, all at one scale."""
+
+    windows: tuple[Window, ...]
+    top: int  # first row of the windows [px]
+    height: int  # of the windows [px]
+    pixel: float  # size of a pixel [m]
+
+
+def write_preview(
+    path: Path,
+    *,
+    garments: Sequence[WornGarment],
+    avatar: Mesh | None,
+    device: str = "cpu",
+    size: tuple[int, int] = (1500, 900),
+    title: str = "",
+    sentence: str = "",
+) -> None:
+    """Writes a PNG, ``size`` wide and high [px]; title and sentence stand above. ValueError if not finite."""
+    require_sound(garments, avatar)
+    subject = gathered(garments, avatar, device)
+    layout = arranged(subject.extent, size, bool(title or sentence))
+    background = linear(BACKGROUND)
+    light = np.tile(background, (size[1], size[0], 1))
+    for window in layout.windows:
+        light[layout.top : layout.top + layout.height, window.left : window.left + window.width] = rendered(
+            subject, window.toward, layout.pixel, window.width, layout.height, background
+        )
+    image = Image.fromarray(np.round(srgb(light) * 255.0).astype(np.uint8), "RGB")
+    letter(image, layout, title, sentence)
+    with whole_file(path) as place:
+        image.save(place, format="PNG")
+
+
+def arranged(extent: NDArray[np.float64], size: tuple[int, int], titled: bool) -> Layout:
+    """Windows as wide as their views need, what is left shared out; one scale that fits all."""
+    width, height = size
+    text = text_height(size)
+    top = 3 * text if titled else text
+    shown = np.maximum(extent, SMALLEST_EXTENT)
+    needs = [float(shown[0] * abs(toward[2]) + shown[2] * abs(toward[0])) for toward in SIDES.values()]
+    room = max(width - 2 * round(MARGIN * width) * len(SIDES), 1)
+    pixel = max(sum(needs) / room, shown[1] / max(height - top - 4 * text, 1))
+    spare = (width - sum(needs) / pixel) / len(SIDES)
+    edges = np.round(np.cumsum([0.0, *(need / pixel + spare for need in needs)])).astype(int).tolist()
+    windows = tuple(
+        Window(label, np.array(toward), left, right - left)
+        for (label, toward), left, right in zip(SIDES.items(), edges[:-1], edges[1:], strict=True)
+    )
+    return Layout(windows, top, height - top - text, pixel)
+
+
+def text_height(size: tuple[int, int]) -> int:
+    """Height of the labels [px]: legible in a small picture, modest in a large one."""
+    return max(round(0.02 * size[1]), 10)
+
+
+def letter(image: Image.Image, layout: Layout, title: str, sentence: str) -> None:
+    """Title and sentence above the views, a label below each."""
+    draw = ImageDraw.Draw(image)
+    height = text_height(image.size)
+    font = ImageFont.load_default(height)
+    for window in layout.windows:
+        place = (window.left + window.width / 2, image.height - 1.5 * height)
+        draw.text(place, window.label, fill=FAINT_INK, font=font, anchor="mm")
+    margin = round(MARGIN * image.width)
+    left = margin
+    for text, ink, scale in ((title, INK, 1.3), (sentence, FAINT_INK, 1.0)):
+        if text:
+            font = ImageFont.load_default(round(scale * height))
+            line = shortened(text, font, image.width - left - margin)
+            draw.text((left, 2 * height), line, fill=ink, font=font, anchor="ls")
+            left += round(font.getlength(line)) + height
+
+
+def shortened(text: str, font: ImageFont.FreeTypeFont | ImageFont.ImageFont, room: float) -> str:
+    """One line of the text that fits into ``room`` [px], with an ellipsis where it was cut."""
+    line = " ".join(text.split())
+    if font.getlength(line) <= room:
+        return line
+    while line and font.getlength(line + "…") > room:
+        line = line[:-1]
+    return line.rstrip() + "…" if line else ""

@@ -1,0 +1,146 @@
+"""Garments and avatar drawn into an image of linear light, by Warp kernels."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import warp as wp
+from numpy.typing import NDArray
+
+from warp_cloth.export.surface import AVATAR_COLOUR, cloth_colour, linear, vertex_normals, winds_outward
+from warp_cloth.kernels.raster import View, draw_depth, draw_triangle_ids
+from warp_cloth.kernels.shading import Look, cast_shadows, light_pixels, look_up_pixels
+from warp_cloth.mesh import Mesh
+from warp_cloth.result import WornGarment
+
+Vector = NDArray[np.float64]
+
+SUPERSAMPLING = 2
+INSIDE_SHARE = 0.6  # of the reflectance, on a garment's inside
+UP = np.array((0.0, 1.0, 0.0))
+KEY_LIGHT = (-0.50, 0.65, 0.65)  # to the light, along a view's right, up and toward: every view is lit alike
+FILL_LIGHT = (0.80, 0.10, 0.45)
+
+
+@dataclass(frozen=True)
+class Subject:
+    """All things in the picture as one mesh on the device."""
+
+    points: wp.array  # float32 [m], shape [V]
+    normals: wp.array  # shape [V]
+    triangles: wp.array  # shape [F, 3]
+    owners: wp.array  # whose triangle it is, an index of looks, shape [F]
+    looks: wp.array
+    low: Vector  # corners of the bounding box [m]
+    high: Vector
+    device: str
+
+    @property
+    def centre(self) -> Vector:
+        return (self.low + self.high) / 2
+
+    @property
+    def extent(self) -> Vector:
+        return self.high - self.low
+
+
+def gathered(garments: Sequence[WornGarment], avatar: Mesh | None, device: str) -> Subject:
+    """Garments and avatar joined, with their looks."""
+    parts = [
+        (worn.points, worn.mesh.triangles, cloth_colour(i), INSIDE_SHARE) for i, worn in enumerate(garments)
+    ]
+    if avatar is not None:
+        parts.append((avatar.points, avatar.triangles, AVATAR_COLOUR, 1.0))
+    starts = np.cumsum([0, *(len(points) for points, *_ in parts)]).tolist()
+    points = np.concatenate([points for points, *_ in parts])
+    triangles = [faces + start for (_, faces, *_), start in zip(parts, starts[:-1], strict=True)]
+    owners = np.repeat(np.arange(len(parts)), [len(faces) for faces in triangles])
+
+    def array(values: Any, dtype: Any) -> wp.array:
+        return wp.array(values, dtype=dtype, device=device)
+
+    return Subject(
+        points=array(points.astype(np.float32), wp.vec3f),
+        normals=array(np.concatenate([vertex_normals(p, faces) for p, faces, *_ in parts]), wp.vec3f),
+        triangles=array(np.concatenate(triangles).astype(np.int32), wp.int32),
+        owners=array(owners.astype(np.int32), wp.int32),
+        looks=array([appearance(*part) for part in parts], Look),
+        low=points.min(axis=0),
+        high=points.max(axis=0),
+        device=device,
+    )
+
+
+def appearance(points: Vector, triangles: NDArray[np.int32], colour: Sequence[float], inside: float) -> Look:
+    """The look of one part from its colour (sRGB)."""
+    look = Look()
+    look.colour = vector(linear(colour))
+    look.outside = 1.0 if winds_outward(points, triangles) else -1.0
+    look.inside = inside
+    return look
+
+
+def vector(values: NDArray[Any]) -> wp.vec3f:
+    return wp.vec3f(*values.tolist())
+
+
+def view_from(toward: Vector, centre: Vector, pixel: float, columns: int, rows: int) -> View:
+    """A view along -toward with ``centre`` in its middle; rows run upward. ``toward`` is not vertical."""
+    right = np.cross(UP, toward)
+    right /= np.linalg.norm(right)
+    up = np.cross(toward, right)
+    view = View()
+    view.origin = vector(centre - 0.5 * pixel * ((columns - 1) * right + (rows - 1) * up))
+    view.right, view.up, view.toward = vector(right), vector(up), vector(toward)
+    view.pixel, view.columns, view.rows = pixel, columns, rows
+    return view
+
+
+def light_direction(light: Sequence[float], toward: Vector) -> Vector:
+    """Unit vector to a light that is given along right, up and toward of a level view."""
+    direction = light[0] * np.cross(UP, toward) + light[1] * UP + light[2] * toward
+    return direction / np.linalg.norm(direction)
+
+
+def rendered(
+    subject: Subject, toward: Vector, pixel: float, width: int, height: int, background: Vector
+) -> NDArray[np.float32]:
+    """Linear light seen along -toward, shape [height, width, 3], top row first; ``pixel`` in metres."""
+    view = view_from(
+        toward, subject.centre, pixel / SUPERSAMPLING, width * SUPERSAMPLING, height * SUPERSAMPLING
+    )
+    depth = depth_image(subject, view)
+    key, fill = (light_direction(light, toward) for light in (KEY_LIGHT, FILL_LIGHT))
+    across = int(np.ceil(np.linalg.norm(subject.extent) / pixel)) + 2
+    key_view = view_from(key, subject.centre, pixel, across, across)
+    key_depth = depth_image(subject, key_view)
+
+    shape, device = depth.shape, subject.device
+    ids = wp.full(shape, len(subject.triangles), dtype=wp.int32, device=device)
+    normal = wp.zeros(shape, dtype=wp.vec3f, device=device)
+    reflectance = wp.zeros(shape, dtype=wp.vec3f, device=device)
+    lit = wp.zeros(shape, dtype=wp.float32, device=device)
+    light = wp.full(shape, vector(background), dtype=wp.vec3f, device=device)
+    mesh = [subject.points, subject.triangles]
+
+    def launch(kernel: Any, dim: Any, inputs: list[Any], outputs: list[Any]) -> None:
+        wp.launch(kernel, dim, inputs=inputs, outputs=outputs, device=device)
+
+    launch(draw_triangle_ids, len(subject.triangles), [*mesh, view, depth], [ids])
+    surface = [subject.points, subject.normals, subject.triangles, subject.owners, subject.looks]
+    launch(look_up_pixels, shape, [*surface, view, ids], [normal, reflectance])
+    launch(cast_shadows, shape, [depth, normal, view, key_view, key_depth], [lit])
+    launch(light_pixels, shape, [depth, normal, reflectance, lit, view, vector(key), vector(fill)], [light])
+    samples = light.numpy().reshape(height, SUPERSAMPLING, width, SUPERSAMPLING, 3)
+    return samples.mean(axis=(1, 3))[::-1]
+
+
+def depth_image(subject: Subject, view: View) -> wp.array:
+    """Depth of the nearest surface [m], -inf where there is none."""
+    depth = wp.full((view.rows, view.columns), -np.inf, dtype=wp.float32, device=subject.device)
+    inputs = [subject.points, subject.triangles, view]
+    wp.launch(draw_depth, len(subject.triangles), inputs=inputs, outputs=[depth], device=subject.device)
+    return depth
