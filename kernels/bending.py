@@ -56,14 +56,19 @@ def hinge_forces(axis: Any, wing_0: Any, wing_1: Any, stiffness: Any):
 
 @wp.func
 def hinge_energy(axis: Any, wing_0: Any, wing_1: Any, stiffness: Any):
-    """Energy [J], E = C (|theta| - sin |theta|), of which ``hinge_forces`` are minus the gradient."""
+    """Energy [J], E = C (|theta| - sin |theta|), of which ``hinge_forces`` are minus the gradient.
+
+    Near flat the difference is taken from its series, which keeps its digits.
+    """
     normal_0, normal_1, area_0, area_1 = hinge_fold(axis, wing_0, wing_1)
+    one = type(stiffness)(1.0)
     angle = type(stiffness)(2.0) * wp.atan2(wp.length(normal_0 - normal_1), wp.length(normal_0 + normal_1))
-    return wp.where(
-        area_0 > type(stiffness)(0.0) and area_1 > type(stiffness)(0.0),
-        stiffness * (angle - wp.sin(angle)),
-        type(stiffness)(0.0),
-    )
+    square = angle * angle
+    series = one - square / type(stiffness)(42.0) * (one - square / type(stiffness)(72.0))
+    excess = angle * square / type(stiffness)(6.0) * (one - square / type(stiffness)(20.0) * series)
+    if angle > type(stiffness)(0.1):
+        excess = angle - wp.sin(angle)
+    return wp.where(area_0 > type(stiffness)(0.0) and area_1 > type(stiffness)(0.0), stiffness * excess, stiffness * type(stiffness)(0.0))
 
 
 @wp.func

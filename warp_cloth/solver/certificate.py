@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
-
 import numpy as np
 import warp as wp
 from numpy.typing import NDArray
@@ -130,21 +128,25 @@ def strain_summary(strain: NDArray[np.float64]) -> Strain:
 
 def edge_strains(model: ClothModel) -> NDArray[np.float64]:
     """Strain (r - L) / L of every edge, shape [E]."""
-    return measured_energy(model)[1]
+    return _measure_tension(model)[1]
 
 
-def measured_energy(model: ClothModel) -> tuple[float, NDArray[np.float64]]:
-    """Tension and bending energy of all garments [J], and the strain of every edge."""
-    kernels = energy_kernels(model.precision)
+def element_energies(model: ClothModel) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Energy of every edge, shape [E], and of every hinge, shape [H] [J]."""
+    fold = wp.zeros(model.hinge_count, dtype=wp.float64, device=model.device)
+    if model.hinges is not None:
+        kernel = energy_kernels(model.precision).measure_bending
+        wp.launch(kernel, dim=model.hinge_count, inputs=[model.cloth, model.hinges, fold], device=model.device)
+    return _measure_tension(model)[0], np.array(fold.numpy())
+
+
+def _measure_tension(model: ClothModel) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     energy = wp.zeros(model.edge_count, dtype=wp.float64, device=model.device)
     strain = wp.zeros(model.edge_count, dtype=wp.float64, device=model.device)
-    launch: Any = wp.launch
-    launch(
-        kernels.measure_tension, model.edge_count, [model.cloth, model.edges, energy, strain], device=model.device
+    wp.launch(
+        energy_kernels(model.precision).measure_tension,
+        dim=model.edge_count,
+        inputs=[model.cloth, model.edges, energy, strain],
+        device=model.device,
     )
-    total = float(energy.numpy().sum())
-    if model.hinges is not None:
-        fold = wp.zeros(model.hinge_count, dtype=wp.float64, device=model.device)
-        launch(kernels.measure_bending, model.hinge_count, [model.cloth, model.hinges, fold], device=model.device)
-        total += float(fold.numpy().sum())
-    return total, strain.numpy()
+    return np.array(energy.numpy()), np.array(strain.numpy())

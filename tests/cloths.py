@@ -1,0 +1,72 @@
+"""Small garments that several test files build."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import warp as wp
+
+from warp_cloth.fabric import Fabric
+from warp_cloth.kernels.cloth import cloth_types
+from warp_cloth.mesh import Mesh, Points
+from warp_cloth.model import ClothModel, GarmentPart, build_model
+from warp_cloth.rest import RestShape, build_rest_shape
+from warp_cloth.solver.forces import ForcePass
+from warp_cloth.topology import Topology
+
+NO_PINS = np.zeros(0, dtype=np.int32)
+
+
+def grid(count: int = 5, side: float = 0.2) -> Mesh:
+    """A flat square of ``count`` vertices a side in the xy plane, diagonals alternating."""
+    x, y = np.meshgrid(np.linspace(0.0, side, count), np.linspace(0.0, side, count))
+    points = np.stack([x.ravel(), y.ravel(), np.zeros(count * count)], axis=1)
+    triangles = []
+    for row in range(count - 1):
+        for column in range(count - 1):
+            a = row * count + column
+            b, c, d = a + 1, a + count, a + count + 1
+            triangles += [[a, b, d], [a, d, c]] if (row + column) % 2 == 0 else [[a, b, c], [b, d, c]]
+    return Mesh("grid", points, np.array(triangles, dtype=np.int32))
+
+
+def model_of(
+    mesh: Mesh, rest: RestShape, *, pins: np.ndarray = NO_PINS, precision: str = "float64", device: str = "cpu"
+) -> ClothModel:
+    """One garment on a device."""
+    return build_model([GarmentPart(mesh.points, mesh.triangles, rest, pins)], device=device, precision=precision)
+
+
+def deformed_model(mesh: Mesh, points: Points, fabric: Fabric, **options: str) -> ClothModel:
+    """A garment whose rest shape is ``mesh`` and whose shape now is ``points``."""
+    model = model_of(mesh, build_rest_shape(mesh, fabric, rest="mesh"), **options)
+    model.set_points(points)
+    return model
+
+
+def cloth_forces(model: ClothModel, fourth: str = "none") -> np.ndarray:
+    """Forces of tension and bending [N] and the fourth part, shape [V, 4]."""
+    types = cloth_types(model.precision)
+    load = wp.zeros(model.vertex_count, dtype=types.vec4, device=model.device)
+    ForcePass(model, fourth, load).launch(types.Step())
+    return np.array(load.numpy(), dtype=np.float64)
+
+
+def bare_rest(
+    points: Points, *, edges: list[list[int]], length: list[float], pull: float, weight: float, c: float = 0.1
+) -> RestShape:
+    """Edges without triangles: what a hand calculation has."""
+    none = np.zeros((0, 4), dtype=np.int32)
+    topology = Topology(np.array(edges, dtype=np.int32), none[:, :3], none[:, 0], none[:, :2], none)
+    constants = np.full(len(edges), pull)
+    return RestShape(
+        topology, np.array(length), constants, c * constants, np.zeros(0), np.full(len(points), weight), 0.0
+    )
+
+
+def without(rest: RestShape, *, tension: bool = False, bending: bool = False) -> RestShape:
+    """The rest shape with a term's constants at zero."""
+    if tension:
+        rest = replace(rest, edge_pull=0.0 * rest.edge_pull, edge_push=0.0 * rest.edge_push)
+    return replace(rest, hinge_stiffness=0.0 * rest.hinge_stiffness) if bending else rest

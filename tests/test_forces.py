@@ -1,0 +1,121 @@
+"""Forces are minus the gradient of the energy, sum to zero, exert no torque, and turn with the scene."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import warp as wp
+from cloths import cloth_forces, grid, model_of, without
+
+from warp_cloth.fabric import Fabric
+from warp_cloth.mesh import Points
+from warp_cloth.model import ClothModel
+from warp_cloth.rest import build_rest_shape
+from warp_cloth.solver.certificate import element_energies
+
+# Central differences of fourth order with a step of 1e-3 of the shape's own detail leave a truncation near 1e-9 and
+# a rounding near 1e-10 in float64; the issue asks for 1e-6.
+GRADIENT_TOLERANCE = 1e-6
+# Sums over a hundred terms in float64.
+BALANCE_TOLERANCE = 1e-12
+
+FABRIC = Fabric(stretch=20e3, compression=0.1, bending=1e-5)
+MESH = grid(5)
+TERMS = ("tension", "bending", "both")
+SHAPES = ("random", "folded", "nearly_flat")
+
+
+def shaped(shape: str) -> tuple[Points, float]:
+    """A deformed grid and the size of its detail [m]."""
+    random = np.random.default_rng(7)
+    points = MESH.points.copy()
+    if shape == "random":
+        return points + random.normal(scale=8e-3, size=points.shape), 1e-2
+    if shape == "folded":  # the right half turned by 170 degrees about x = 0.1, then shaken
+        angle = np.radians(170.0)
+        right = np.maximum(points[:, 0] - 0.1, 0.0)
+        points[:, 0] += right * (np.cos(angle) - 1.0)
+        points[:, 2] += right * np.sin(angle)
+        return points + random.normal(scale=1e-3, size=points.shape), 1e-3
+    return points * 1.01 + random.normal(scale=2e-6, size=points.shape), 2e-6
+
+
+def model_with(terms: str, points: Points, precision: str = "float64", device: str = "cpu") -> ClothModel:
+    rest = build_rest_shape(MESH, FABRIC, rest="mesh")
+    rest = without(rest, tension=terms == "bending", bending=terms == "tension")
+    model = model_of(MESH, rest, precision=precision, device=device)
+    model.set_points(points)
+    return model
+
+
+def energy_difference(model: ClothModel, points: Points, vertex: int, axis: int, step: float) -> float:
+    """E(x + step) - E(x - step), taken element by element so that elements that stay the same cancel exactly."""
+    sides = []
+    for sign in (1.0, -1.0):
+        moved = points.copy()
+        moved[vertex, axis] += sign * step
+        model.set_points(moved)
+        sides.append(np.concatenate(element_energies(model)))
+    return float(np.sum(sides[0] - sides[1]))
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+@pytest.mark.parametrize("terms", TERMS)
+def test_forces_are_minus_the_energy_gradient(terms: str, shape: str) -> None:
+    points, detail = shaped(shape)
+    model = model_with(terms, points)
+    forces = cloth_forces(model)[:, :3]
+    step = 1e-3 * detail
+    slope = np.zeros_like(points)
+    for vertex in range(len(points)):
+        for axis in range(3):
+            near = energy_difference(model, points, vertex, axis, step)
+            far = energy_difference(model, points, vertex, axis, 2.0 * step)
+            slope[vertex, axis] = (8.0 * near - far) / (12.0 * step)
+    assert np.abs(slope + forces).max() <= GRADIENT_TOLERANCE * np.abs(forces).max()
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+@pytest.mark.parametrize("terms", TERMS)
+def test_no_net_force_and_no_net_torque(terms: str, shape: str) -> None:
+    points, _ = shaped(shape)
+    parts = cloth_forces(model_with(terms, points), "size")
+    forces, total = parts[:, :3], parts[:, 3].sum()
+    assert np.linalg.norm(forces.sum(axis=0)) <= BALANCE_TOLERANCE * total
+    assert np.linalg.norm(np.cross(points, forces).sum(axis=0)) <= BALANCE_TOLERANCE * total
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_a_turned_scene_gives_the_turned_forces(shape: str) -> None:
+    points, _ = shaped(shape)
+    turn, _ = np.linalg.qr(np.random.default_rng(3).normal(size=(3, 3)))
+    turn *= np.sign(np.linalg.det(turn))
+    forces = cloth_forces(model_with("both", points))[:, :3]
+    turned = cloth_forces(model_with("both", points @ turn.T))[:, :3]
+    assert np.abs(turned - forces @ turn.T).max() <= GRADIENT_TOLERANCE * np.abs(forces).max()
+
+
+def test_flat_cloth_at_rest_has_no_forces() -> None:
+    assert np.abs(cloth_forces(model_with("both", MESH.points))).max() == 0.0
+
+
+@pytest.mark.parametrize("precision", ["float32", "mixed"])
+def test_single_precision_agrees_with_double(precision: str) -> None:
+    points, _ = shaped("random")
+    exact = cloth_forces(model_with("both", points), "stiffness")
+    single = cloth_forces(model_with("both", points, precision), "stiffness")
+    assert np.abs(single - exact).max(axis=0) == pytest.approx(0.0, abs=1e-4 * np.abs(exact).max())
+
+
+@pytest.mark.cuda
+@pytest.mark.skipif(not wp.is_cuda_available(), reason="no CUDA device on this machine")
+@pytest.mark.parametrize("fourth", ["none", "stiffness", "size"])
+@pytest.mark.parametrize("shape", SHAPES)
+def test_gathered_forces_equal_scattered_ones(shape: str, fourth: str) -> None:
+    points, _ = shaped(shape)
+    scattered = cloth_forces(model_with("both", points), fourth)
+    gathered = cloth_forces(model_with("both", points, device="cuda:0"), fourth)
+    size = cloth_forces(model_with("both", points), "size")[:, 3].max()
+    assert np.abs(gathered - scattered)[:, :3].max() <= BALANCE_TOLERANCE * size
+    if fourth == "size":
+        assert np.abs(gathered - scattered)[:, 3].max() <= BALANCE_TOLERANCE * size
