@@ -12,6 +12,7 @@ BISECTIONS = wp.constant(8)  # halvings of one spacing: 5 mm become 0.02 mm
 NEAR = wp.constant(
     wp.float32(2.5)
 )  # spacings to the surface within which distances are measured along the normal
+STILL = wp.constant(wp.float32(0.02))  # spacings of change below which a sweep left a block as it was
 FLAT = wp.constant(wp.float32(1.0e-3))  # gradient below which no normal is told
 
 
@@ -165,15 +166,6 @@ def neighbour(distance: wp.array3d(dtype=wp.float32), i: int, j: int, k: int, ou
     return distance[i, j, k]
 
 
-@wp.func
-def block_node(block: int, blocks: wp.vec3i, lane: int) -> wp.vec3i:
-    """Node of a block's lane; blocks are numbered with z fastest, and so are the lanes."""
-    corner = BLOCK * wp.vec3i(
-        block / (blocks[1] * blocks[2]), (block / blocks[2]) % blocks[1], block % blocks[2]
-    )
-    return corner + wp.vec3i(lane / (BLOCK * BLOCK), (lane / BLOCK) % BLOCK, lane % BLOCK)
-
-
 @wp.kernel
 def mark_inside(
     solid: DepthSolid,
@@ -218,7 +210,7 @@ def spread_blocks(
     flag: wp.array3d(dtype=wp.int32),  # shape [bx, by, bz]
     radius: int,  # blocks
     also: wp.array3d(dtype=wp.int32),  # kept as well, shape [bx, by, bz]
-    flag_out: wp.array(dtype=wp.int32),  # 1 where a flag is within radius, or also is set, shape [bx by bz]
+    flag_out: wp.array3d(dtype=wp.int32),  # 1 where a flag is within radius, or also is set, shape [bx, by, bz]
 ):
     """Dilates flags over blocks (largest coordinate difference)."""
     bi, bj, bk = wp.tid()
@@ -227,43 +219,30 @@ def spread_blocks(
         for j in range(wp.max(bj - radius, 0), wp.min(bj + radius, flag.shape[1] - 1) + 1):
             for k in range(wp.max(bk - radius, 0), wp.min(bk + radius, flag.shape[2] - 1) + 1):
                 found = wp.max(found, flag[i, j, k])
-    flag_out[(bi * flag.shape[1] + bj) * flag.shape[2] + bk] = found
+    flag_out[bi, bj, bk] = found
 
 
 @wp.kernel
-def list_flagged(
-    flag: wp.array(dtype=wp.int32),  # shape [N]
-    place: wp.array(dtype=wp.int32),  # inclusive prefix sum of flag, shape [N]
-    ids_out: wp.array(dtype=wp.int32),  # ids of the set flags in ascending order
+def list_blocks(
+    flag: wp.array3d(dtype=wp.int32),  # 1 where a block is active, shape [bx, by, bz]
+    place: wp.array(dtype=wp.int32),  # inclusive prefix sum of flag, shape [bx by bz]
+    corner_out: wp.array(dtype=wp.vec3i),  # first node of each active block, in ascending order
 ):
-    """Writes the ids whose flag is set, one after the other."""
-    item = wp.tid()
-    if flag[item] != 0:
-        ids_out[place[item] - 1] = item
+    """Lists the active blocks."""
+    bi, bj, bk = wp.tid()
+    if flag[bi, bj, bk] != 0:
+        corner_out[place[(bi * flag.shape[1] + bj) * flag.shape[2] + bk] - 1] = BLOCK * wp.vec3i(bi, bj, bk)
 
 
-@wp.kernel
-def measure_crossings(
-    solid: DepthSolid,
-    spacing: float,  # [m]
-    offset: wp.vec3f,  # node (0, 0, 0) in the solid's frame [m]
-    blocks: wp.vec3i,
-    ids: wp.array(dtype=wp.int32),  # active blocks, shape [N]
-    side: wp.array3d(dtype=wp.float32),  # signs of the nodes, shape [nx, ny, nz]
-    distance_out: wp.array3d(dtype=wp.float32),  # signed distance of nodes beside the surface [m]
-):
-    """First distances beside the surface, from its crossings with the grid lines.
+@wp.func
+def crossing_distance(
+    solid: DepthSolid, spacing: float, offset: wp.vec3f, side: wp.array3d(dtype=wp.float32), i: int, j: int, k: int
+) -> float:
+    """First signed distance of a node beside the surface, from the surface's crossings with the grid lines [m].
 
-    1 / d^2 = 1 / dx^2 + 1 / dy^2 + 1 / dz^2 with the nearest crossing along each axis: exact for a plane that crosses
-    all three.
+    1 / d^2 = 1 / dx^2 + 1 / dy^2 + 1 / dz^2 with the nearest crossing along each axis: exact for a plane that
+    crosses all three. +-UNKNOWN where none is crossed.
     """
-    block, lane = wp.tid()
-    node = block_node(ids[block], blocks, lane)
-    i = node[0]
-    j = node[1]
-    k = node[2]
-    if i >= side.shape[0] or j >= side.shape[1] or k >= side.shape[2]:
-        return
     here = side[i, j, k]
     p = node_position(spacing, offset, i, j, k)
     total = float(0.0)
@@ -272,56 +251,102 @@ def measure_crossings(
         for way in range(2):
             step = wp.vec3i(0, 0, 0)
             step[axis] = 2 * way - 1
-            other = neighbour(side, i + step[0], j + step[1], k + step[2], here)
-            if other * here < 0.0:
+            if neighbour(side, i + step[0], j + step[1], k + step[2], here) * here < 0.0:
                 end = node_position(spacing, offset, i + step[0], j + step[1], k + step[2])
                 nearest = wp.min(nearest, surface_fraction(solid, p, end, here < 0.0))
         if nearest < 1.5:
             total += 1.0 / (nearest * nearest)
     if total > 0.0:
-        distance_out[i, j, k] = wp.sign(here) * spacing / wp.sqrt(total)
+        return wp.sign(here) * spacing / wp.sqrt(total)
+    return here
+
+
+@wp.kernel
+def measure_crossings(
+    solid: DepthSolid,
+    spacing: float,  # [m]
+    offset: wp.vec3f,  # node (0, 0, 0) in the solid's frame [m]
+    corner: wp.array(dtype=wp.vec3i),  # first node of the active blocks, shape [N]
+    side: wp.array3d(dtype=wp.float32),  # signs of the nodes, shape [nx, ny, nz]
+    distance_out: wp.array3d(dtype=wp.float32),  # signed distance of nodes beside the surface, else as side [m]
+):
+    """First distances beside the surface; threads are lines of one block along z, shape [N, BLOCK, BLOCK]."""
+    block, a, b = wp.tid()
+    i = corner[block][0] + a
+    j = corner[block][1] + b
+    if i < side.shape[0] and j < side.shape[1]:
+        for k in range(corner[block][2], wp.min(corner[block][2] + BLOCK, side.shape[2])):
+            distance_out[i, j, k] = crossing_distance(solid, spacing, offset, side, i, j, k)
+
+
+@wp.func
+def swept_distance(distance: wp.array3d(dtype=wp.float32), spacing: float, i: int, j: int, k: int) -> float:
+    """Unsigned distance of a node from its six neighbours', whatever their side, if that is less than its own [m]."""
+    here = wp.abs(distance[i, j, k])
+    a0 = wp.abs(distance[wp.max(i - 1, 0), j, k])
+    a1 = wp.abs(distance[wp.min(i + 1, distance.shape[0] - 1), j, k])
+    b0 = wp.abs(distance[i, wp.max(j - 1, 0), k])
+    b1 = wp.abs(distance[i, wp.min(j + 1, distance.shape[1] - 1), k])
+    c0 = wp.abs(distance[i, j, wp.max(k - 1, 0)])
+    c1 = wp.abs(distance[i, j, wp.min(k + 1, distance.shape[2] - 1)])
+    a = wp.min(a0, a1)
+    b = wp.min(b0, b1)
+    c = wp.min(c0, c1)
+    if wp.min(a, wp.min(b, c)) >= here:
+        return here
+    return wp.min(here, eikonal_distance(a, b, c, spacing))
+
+
+@wp.func
+def moved_nearby(moved: wp.array3d(dtype=wp.int32), bi: int, bj: int, bk: int) -> bool:
+    """Whether a block or one of its six neighbours changed."""
+    found = moved[bi, bj, bk]
+    found += moved[wp.max(bi - 1, 0), bj, bk] + moved[wp.min(bi + 1, moved.shape[0] - 1), bj, bk]
+    found += moved[bi, wp.max(bj - 1, 0), bk] + moved[bi, wp.min(bj + 1, moved.shape[1] - 1), bk]
+    found += moved[bi, bj, wp.max(bk - 1, 0)] + moved[bi, bj, wp.min(bk + 1, moved.shape[2] - 1)]
+    return found > 0
 
 
 @wp.kernel
 def sweep_distance(
     spacing: float,  # [m]
-    blocks: wp.vec3i,
-    ids: wp.array(dtype=wp.int32),  # active blocks, shape [N]
-    fixed: wp.array3d(
-        dtype=wp.float32
-    ),  # signed distances that stand; +-UNKNOWN where swept [m], shape [nx, ny, nz]
+    limit_inside: float,  # greatest depth that is asked for [m]
+    limit_outside: float,  # greatest distance outside that is asked for [m]
+    corner: wp.array(dtype=wp.vec3i),  # first node of the active blocks, shape [N]
+    fixed: wp.array3d(dtype=wp.float32),  # distances that stand; +-UNKNOWN where swept [m], shape [nx, ny, nz]
     distance: wp.array3d(dtype=wp.float32),  # signed distance so far [m], shape [nx, ny, nz]
-    distance_out: wp.array3d(dtype=wp.float32),  # after one sweep [m], shape [nx, ny, nz]
-    changed_out: wp.array(
-        dtype=wp.int32
-    ),  # set to 1 where a node inside moved by more than a hundredth of spacing
+    moved: wp.array3d(dtype=wp.int32),  # 1 where the sweep before changed a block, shape [bx, by, bz]
+    distance_out: wp.array3d(dtype=wp.float32),  # after one sweep [m]; must hold the values of two sweeps ago
+    moved_out: wp.array3d(dtype=wp.int32),  # 1 where this sweep changed a block; start it at 0
+    alive_out: wp.array(dtype=wp.int32),  # set to 1 where anything changed, shape [1]
 ):
-    """One Jacobi sweep of |grad d| = 1, on both sides at once, outward from the nodes that stand."""
-    block, lane = wp.tid()
-    node = block_node(ids[block], blocks, lane)
-    i = node[0]
-    j = node[1]
-    k = node[2]
-    if i >= fixed.shape[0] or j >= fixed.shape[1] or k >= fixed.shape[2]:
+    """One Jacobi sweep of |grad d| = 1, on both sides at once, outward from the nodes that stand.
+
+    Blocks around which nothing moved are left alone: both buffers hold the same there. Threads [N, BLOCK].
+    """
+    block, a = wp.tid()
+    c = corner[block]
+    bi = c[0] / BLOCK
+    bj = c[1] / BLOCK
+    bk = c[2] / BLOCK
+    i = c[0] + a
+    if i >= fixed.shape[0] or not moved_nearby(moved, bi, bj, bk):
         return
-    stands = fixed[i, j, k]
-    if wp.abs(stands) < UNKNOWN:
-        distance_out[i, j, k] = stands
-        return
-    here = distance[i, j, k]
-    a = wp.min(
-        wp.abs(neighbour(distance, i - 1, j, k, UNKNOWN)), wp.abs(neighbour(distance, i + 1, j, k, UNKNOWN))
-    )
-    b = wp.min(
-        wp.abs(neighbour(distance, i, j - 1, k, UNKNOWN)), wp.abs(neighbour(distance, i, j + 1, k, UNKNOWN))
-    )
-    c = wp.min(
-        wp.abs(neighbour(distance, i, j, k - 1, UNKNOWN)), wp.abs(neighbour(distance, i, j, k + 1, UNKNOWN))
-    )
-    u = wp.min(wp.abs(here), eikonal_distance(a, b, c, spacing))
-    distance_out[i, j, k] = wp.sign(stands) * u
-    if stands < 0.0 and wp.abs(here) - u > 0.01 * spacing:
-        changed_out[0] = 1
+    change = float(0.0)
+    for j in range(c[1], wp.min(c[1] + BLOCK, fixed.shape[1])):
+        for k in range(c[2], wp.min(c[2] + BLOCK, fixed.shape[2])):
+            stands = fixed[i, j, k]
+            if wp.abs(stands) < UNKNOWN:
+                distance_out[i, j, k] = stands
+            else:
+                u = swept_distance(distance, spacing, i, j, k)
+                if u > wp.where(stands < 0.0, limit_inside, limit_outside):
+                    u = UNKNOWN
+                distance_out[i, j, k] = wp.sign(stands) * u
+                change = wp.max(change, wp.abs(distance[i, j, k]) - u)
+    if change > STILL * spacing:
+        moved_out[bi, bj, bk] = 1
+        alive_out[0] = 1
 
 
 @wp.func
@@ -343,75 +368,86 @@ def smooth_gradient(distance: wp.array3d(dtype=wp.float32), i: int, j: int, k: i
     return gradient
 
 
+@wp.func
+def projected_distance(
+    solid: DepthSolid,
+    spacing: float,
+    offset: wp.vec3f,
+    distance: wp.array3d(dtype=wp.float32),
+    i: int,
+    j: int,
+    k: int,
+) -> float:
+    """Signed distance of an inner node along the smoothed normal: where the line through it meets the surface [m].
+
+    The crossing is sought one spacing before and behind the distance so far, then nearer; that distance stands
+    where there is none (a feature thinner than the grid sees).
+    """
+    here = distance[i, j, k]
+    gradient = smooth_gradient(distance, i, j, k)
+    length = wp.length(gradient)
+    if length < 0.5 * spacing:
+        return here
+    p = node_position(spacing, offset, i, j, k)
+    normal = gradient / length
+    reach = float(spacing)
+    for _ in range(3):
+        outer = p - (here - reach) * normal
+        inner = p - (here + reach) * normal
+        if solid_level(solid, outer) <= 0.0 and solid_level(solid, inner) > 0.0:
+            found = here + reach * (2.0 * surface_fraction(solid, outer, inner, False) - 1.0)
+            return wp.where(found * here > 0.0, found, here)
+        reach *= 0.5
+    return here
+
+
 @wp.kernel
 def project_distance(
     solid: DepthSolid,
     spacing: float,  # [m]
     offset: wp.vec3f,  # node (0, 0, 0) in the solid's frame [m]
-    blocks: wp.vec3i,
-    ids: wp.array(dtype=wp.int32),  # active blocks, shape [N]
+    corner: wp.array(dtype=wp.vec3i),  # first node of the active blocks, shape [N]
     distance: wp.array3d(dtype=wp.float32),  # signed distance so far [m], shape [nx, ny, nz]
     distance_out: wp.array3d(dtype=wp.float32),  # signed distance near the surface, else +-UNKNOWN [m]
 ):
-    """Measures the distance again, along the smoothed normal: where the line through the node meets the surface."""
-    block, lane = wp.tid()
-    node = block_node(ids[block], blocks, lane)
-    i = node[0]
-    j = node[1]
-    k = node[2]
-    if i >= distance.shape[0] or j >= distance.shape[1] or k >= distance.shape[2]:
+    """Measures the distances near the surface again, along the smoothed normal. Threads [N, BLOCK, BLOCK]."""
+    block, a, b = wp.tid()
+    i = corner[block][0] + a
+    j = corner[block][1] + b
+    nx = distance.shape[0]
+    ny = distance.shape[1]
+    nz = distance.shape[2]
+    if i >= nx or j >= ny:
         return
-    here = distance[i, j, k]
-    if wp.abs(here) > NEAR * spacing:
-        distance_out[i, j, k] = wp.sign(here) * UNKNOWN
-        return
-    result = float(here)
-    if (
-        i > 0
-        and j > 0
-        and k > 0
-        and i < distance.shape[0] - 1
-        and j < distance.shape[1] - 1
-        and k < distance.shape[2] - 1
-    ):
-        gradient = smooth_gradient(distance, i, j, k)
-        length = wp.length(gradient)
-        if length > 0.5 * spacing:
-            p = node_position(spacing, offset, i, j, k)
-            normal = gradient / length
-            reach = float(spacing)
-            for _ in range(3):
-                outer = p - (here - reach) * normal
-                inner = p - (here + reach) * normal
-                if solid_level(solid, outer) <= 0.0 and solid_level(solid, inner) > 0.0:
-                    found = here + reach * (2.0 * surface_fraction(solid, outer, inner, False) - 1.0)
-                    if found * here > 0.0:
-                        result = found
-                    break
-                reach *= 0.5
-    distance_out[i, j, k] = result
+    for k in range(corner[block][2], wp.min(corner[block][2] + BLOCK, nz)):
+        here = distance[i, j, k]
+        if wp.abs(here) > NEAR * spacing:
+            distance_out[i, j, k] = wp.sign(here) * UNKNOWN
+        elif i > 0 and j > 0 and k > 0 and i < nx - 1 and j < ny - 1 and k < nz - 1:
+            distance_out[i, j, k] = projected_distance(solid, spacing, offset, distance, i, j, k)
+        else:
+            distance_out[i, j, k] = here
 
 
 @wp.kernel
 def prefilter_distance(
-    limit: float,  # [m]
+    limit: float,  # greatest distance kept outside [m]
+    deep: float,  # depth beyond which the distance itself will do [m]
     distance: wp.array3d(dtype=wp.float32),  # signed distance [m], shape [nx, ny, nz]
     coefficient_out: wp.array3d(dtype=wp.float32),  # B-spline coefficients [m], shape [nx, ny, nz]
 ):
-    """Coefficients whose spline passes through the distances to second order: c = 2 d - S d, S = (1, 6, 1)^3 / 8^3."""
+    """Coefficients whose spline meets the distances to second order: c = 2 d - S d, S = (1, 6, 1)^3 / 8^3."""
     i, j, k = wp.tid()
     here = wp.min(distance[i, j, k], limit)
-    if here >= limit:
-        coefficient_out[i, j, k] = limit
+    if here >= limit or here < -deep:
+        coefficient_out[i, j, k] = wp.max(here, -UNKNOWN)
         return
     smooth = float(0.0)
     for a in range(-1, 2):
         for b in range(-1, 2):
-            for c in range(-1, 2):
-                weight = (
-                    wp.where(a == 0, 0.75, 0.125)
-                    * wp.where(b == 0, 0.75, 0.125)
-                    * wp.where(c == 0, 0.75, 0.125)
-                )
-                smooth += weight * wp.clamp(neighbour(distance, i + a, j + b, k + c, here), -10.0, limit)
+            weight = wp.where(a == 0, 0.75, 0.125) * wp.where(b == 0, 0.75, 0.125)
+            low = wp.min(neighbour(distance, i + a, j + b, k - 1, here), limit)
+            mid = wp.min(neighbour(distance, i + a, j + b, k, here), limit)
+            high = wp.min(neighbour(distance, i + a, j + b, k + 1, here), limit)
+            smooth += weight * (0.125 * low + 0.75 * mid + 0.125 * high)
     coefficient_out[i, j, k] = 2.0 * here - smooth

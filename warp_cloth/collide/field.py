@@ -15,6 +15,7 @@ from warp_cloth.kernels import field as kernels
 PIXELS_PER_SPACING = 2.5  # 5 mm grid from 2 mm pixels: the spline then evens out the pixels' stairs
 DEFAULT_REACH = 0.01  # [m]; contact happens at the offset, 3 mm: the rest is room to move in one step
 MARGIN = 3  # spacings kept beyond reach, so that the spline's support is all real distance
+ROUGH_SWEEPS = 5  # the projection wants 2.5 spacings and the neighbours around, at most 4.3
 SWEEPS_PER_LOOK = 8  # sweeps between two looks at whether the inside still changes
 SWEEPS_AT_MOST = 512  # a body 2.5 m thick at 5 mm
 
@@ -34,42 +35,41 @@ class FieldBuild:
         return self.values.device
 
 
-def _listed(flag: wp.array) -> wp.array:
-    """Ids of the set flags, ascending."""
-    place = wp.empty_like(flag)
-    wp.utils.array_scan(flag, place, inclusive=True)
-    count = int(place[-1:].numpy()[0])
-    ids = wp.empty(count, dtype=wp.int32, device=flag.device)
-    wp.launch(kernels.list_flagged, dim=len(flag), inputs=[flag, place], outputs=[ids], device=flag.device)
-    return ids
+def _active_blocks(surface: wp.array, radius: int, also: wp.array) -> wp.array:
+    """First nodes of the blocks within ``radius`` blocks of the surface, and of those flagged in ``also``."""
+    device = surface.device
+    flag = wp.empty_like(surface)
+    wp.launch(
+        kernels.spread_blocks, dim=flag.shape, inputs=[surface, radius, also], outputs=[flag], device=device
+    )
+    place = wp.empty(flag.size, dtype=wp.int32, device=device)
+    wp.utils.array_scan(flag.flatten(), place, inclusive=True)
+    corner = wp.empty(int(place[-1:].numpy()[0]), dtype=wp.vec3i, device=device)
+    wp.launch(kernels.list_blocks, dim=flag.shape, inputs=[flag, place], outputs=[corner], device=device)
+    return corner
 
 
 def _sweep(
-    spacing: float, blocks: wp.vec3i, ids: wp.array, fixed: wp.array, count: int, until_still: bool
+    spacing: float, limits: tuple[float, float], corner: wp.array, fixed: wp.array, least: int, most: int
 ) -> wp.array:
-    """Carries the distances of ``fixed`` on, ``count`` sweeps, and then until the inside is still if asked."""
+    """Carries the distances of ``fixed`` on until nothing changes, in ``least`` to ``most`` sweeps."""
     device = fixed.device
-    distance, spare = wp.clone(fixed), wp.clone(fixed)
-    changed = wp.zeros(1, dtype=wp.int32, device=device)
-    done = 0
-    while done < SWEEPS_AT_MOST:
-        wp.launch(
-            kernels.sweep_distance,
-            dim=(len(ids), kernels.BLOCK**3),
-            inputs=[spacing, blocks, ids, fixed, distance],
-            outputs=[spare, changed],
-            device=device,
-        )
-        distance, spare = spare, distance
-        done += 1
-        if done >= count and not until_still:
+    distance, distance_next = wp.clone(fixed), wp.clone(fixed)
+    blocks = tuple(-(-count // kernels.BLOCK) for count in fixed.shape)
+    moved = wp.full(blocks, 1, dtype=wp.int32, device=device)
+    moved_next = wp.empty_like(moved)
+    alive = wp.empty(1, dtype=wp.int32, device=device)
+    dim = (len(corner), kernels.BLOCK)
+    for sweep in range(1, most + 1):
+        alive.zero_()
+        moved_next.zero_()
+        inputs = [spacing, *limits, corner, fixed, distance, moved]
+        outputs = [distance_next, moved_next, alive]
+        wp.launch(kernels.sweep_distance, dim=dim, inputs=inputs, outputs=outputs, device=device)
+        distance, distance_next = distance_next, distance
+        moved, moved_next = moved_next, moved
+        if sweep >= least and sweep % SWEEPS_PER_LOOK == 0 and not alive.numpy()[0]:
             break
-        if done >= count and done % SWEEPS_PER_LOOK == 0:
-            if not changed.numpy()[0]:
-                break
-            changed.zero_()
-        elif done < count or done % SWEEPS_PER_LOOK < SWEEPS_PER_LOOK - 1:
-            changed.zero_()
     return distance
 
 
@@ -82,7 +82,6 @@ def build_contact_field(
     solid, offset = buffers.solid(), wp.vec3f()
     shape = tuple(max(int(math.floor(length / h)) + 1, 3) for length in buffers.size)
     block_shape = tuple(-(-count // kernels.BLOCK) for count in shape)
-    blocks = wp.vec3i(*block_shape)
 
     side = wp.empty(shape, dtype=wp.float32, device=device)
     wp.launch(kernels.mark_inside, dim=shape, inputs=[solid, h, offset], outputs=[side], device=device)
@@ -90,36 +89,25 @@ def build_contact_field(
     surface = wp.empty_like(inside)
     wp.launch(kernels.mark_blocks, dim=block_shape, inputs=[side], outputs=[inside, surface], device=device)
 
-    def active(radius: int, also: wp.array) -> wp.array:
-        flag = wp.empty(math.prod(block_shape), dtype=wp.int32, device=device)
-        wp.launch(
-            kernels.spread_blocks,
-            dim=block_shape,
-            inputs=[surface, radius, also],
-            outputs=[flag],
-            device=device,
-        )
-        return _listed(flag)
-
-    def measure(kernel: wp.Kernel, ids: wp.array, given: wp.array) -> wp.array:
+    def measure(kernel: wp.Kernel, corner: wp.array, given: wp.array) -> wp.array:
         measured = wp.clone(side)
-        dim = (len(ids), kernels.BLOCK**3)
-        wp.launch(
-            kernel, dim=dim, inputs=[solid, h, offset, blocks, ids, given], outputs=[measured], device=device
-        )
+        dim = (len(corner), kernels.BLOCK, kernels.BLOCK)
+        inputs = [solid, h, offset, corner, given]
+        wp.launch(kernel, dim=dim, inputs=inputs, outputs=[measured], device=device)
         return measured
 
-    near = active(1, surface)
-    rough = _sweep(h, blocks, near, measure(kernels.measure_crossings, near, side), 4, until_still=False)
-    fixed = measure(kernels.project_distance, near, rough)
+    near = _active_blocks(surface, 1, surface)
     limit = reach + MARGIN * h
+    crossed = measure(kernels.measure_crossings, near, side)
+    rough = _sweep(h, (ROUGH_SWEEPS * h, ROUGH_SWEEPS * h), near, crossed, least=ROUGH_SWEEPS, most=ROUGH_SWEEPS)
+    fixed = measure(kernels.project_distance, near, rough)
     layers = math.ceil(limit / h)
-    far = active(math.ceil(layers / kernels.BLOCK), inside)
-    distance = _sweep(h, blocks, far, fixed, layers, until_still=True)
+    far = _active_blocks(surface, math.ceil(layers / kernels.BLOCK), inside)
+    distance = _sweep(h, (math.inf, limit), far, fixed, least=layers, most=SWEEPS_AT_MOST)
 
     values = wp.empty_like(distance)
     wp.launch(
-        kernels.prefilter_distance, dim=shape, inputs=[limit, distance], outputs=[values], device=device
+        kernels.prefilter_distance, dim=shape, inputs=[limit, MARGIN * h, distance], outputs=[values], device=device
     )
     field = kernels.ContactField()
     field.values, field.origin = values, wp.vec3d(*buffers.origin)
