@@ -15,8 +15,8 @@ from warp_cloth.toml_file import read_toml
 
 KES_FORCE = 490.3325  # [N/m], 500 gf/cm: the force per width at which KES-F reads the elongation EMT
 KES_BENDING = 9.80665e-5  # [N m], 1 gf cm2/cm: the unit of KES-F's bending rigidity B
-# The cosine law's moment per width is bending * curvature^2 / 2, the measured line's B * curvature; they meet at
-# one curvature only. KES-F reads B between 0.5 and 1.5 1/cm, so the middle is taken.
+# The cosine law's moment per width is bending * curvature^2 / 2, the measured line's B * curvature. They meet
+# at one curvature only: KES-F reads B between 0.5 and 1.5 1/cm, so the middle is taken.
 MATCHED_CURVATURE = 100.0  # [1/m]
 
 BOUNDS: Mapping[str, tuple[float, float]] = MappingProxyType(

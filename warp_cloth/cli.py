@@ -1,0 +1,187 @@
+"""The command line: ``warp-cloth fit``, ``warp-cloth scenes``."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from warp_cloth.errors import InputError
+
+if TYPE_CHECKING:
+    from warp_cloth.fit import Fit
+    from warp_cloth.scene import Scene
+
+BAD_INPUT = 2  # exit status
+INTERRUPTED = 130  # exit status of a shell's Ctrl-C
+MOST_FRAMES = 10_000
+
+app = typer.Typer(
+    name="warp-cloth",
+    help="Garment fitting on NVIDIA Warp: the worn shape of a garment on a body, with a certificate of rest.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+
+
+def main() -> None:
+    """Entry point of the ``warp-cloth`` command."""
+    app()
+
+
+def _show_version(wanted: bool) -> None:
+    if wanted:
+        from importlib.metadata import version
+
+        typer.echo(f"warp-cloth {version('warp-cloth')}")
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    version: Annotated[
+        bool,
+        typer.Option("--version", callback=_show_version, is_eager=True, help="Show the version and exit."),
+    ] = False,
+) -> None:
+    pass
+
+
+@app.command()
+def fit(
+    scene: Annotated[
+        str, typer.Argument(help="Scene file (TOML), or a shipped scene: see `warp-cloth scenes`.")
+    ],
+    device: Annotated[
+        str | None, typer.Option(help="cpu, cuda or cuda:N.", show_default="a GPU if there is one")
+    ] = None,
+    out: Annotated[Path, typer.Option(help="Folder for NAME.usdc, report.json and preview.png.")] = Path(
+        "out"
+    ),
+    changes: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set",
+            metavar="KEY=VALUE",
+            help="Change one scene key, e.g. garment.fabric=denim. May be repeated.",
+        ),
+    ] = None,
+    frames: Annotated[
+        int,
+        typer.Option(min=0, max=MOST_FRAMES, help="Shapes on the way to store as time samples in the stage."),
+    ] = 0,
+    verbose: Annotated[bool, typer.Option("--verbose", help="Show what the library and Warp log.")] = False,
+) -> None:
+    """Fit a scene's garments, and write the stage, the report and a picture."""
+    with _one_line_errors():
+        from warp_cloth.scene import load_scene
+
+        chosen = load_scene(scene, changes or ())
+        with _output_folder(out):
+            _quiet_warp(verbose)
+            worn = _fit(chosen, device, frames)
+            paths = worn.save(out)
+    for line in summary(chosen.name, worn.report, paths):
+        typer.echo(line)
+    if worn.status.value in ("diverged", "invalid"):
+        raise typer.Exit(1)
+
+
+@app.command()
+def scenes() -> None:
+    """List the shipped scenes and fabrics."""
+    with _one_line_errors():
+        from warp_cloth.fabric import shipped_fabrics
+        from warp_cloth.scene import describe_scene, shipped_scenes
+
+        typer.echo("Scenes:")
+        for name, path in shipped_scenes().items():
+            typer.echo(f"  {name:<10} {describe_scene(path)}")
+        typer.echo("Fabrics:")
+        for name, fabric in shipped_fabrics().items():
+            typer.echo(
+                f"  {name:<10} {fabric.weight * 1e3:4.0f} g/m2  stretch {fabric.stretch / 1e3:5.1f} kN/m  "
+                f"bending {fabric.bending:.1e} N m2  thickness {fabric.thickness * 1e3:.2f} mm"
+            )
+
+
+def summary(name: str, report: Mapping[str, Any], paths: list[Path]) -> list[str]:
+    """What a fit came to, for people: its status, the certificate's key figures, the files written."""
+    residual, strain = report.get("residual") or {}, report.get("strain") or {}
+    penetration, seconds = report.get("penetration_mm") or {}, report.get("seconds") or {}
+    lines = [f"{name}: {report.get('status', 'unknown')}. {report.get('message', '')}".rstrip()]
+    rows = [
+        ("residual", _figures("{} relative rms, {} p99", residual, "relative_rms", "relative_p99")),
+        ("rest error", _figures("{} mm", report, "rest_error_mm")),
+        ("strain", _figures("{} median, {} p99, {} largest", strain, "p50", "p99", "max")),
+        ("penetration", _figures("{} mm deepest, {} mm p99.9", penetration, "max", "p999")),
+        ("iterations", _figures("{}, {} a second", report, "iterations", "iterations_per_second")),
+        ("relaxed in", _figures("{} s on " + str(report.get("device")), seconds, "relax")),
+    ]
+    lines += [f"  {label:<12} {text}" for label, text in rows if text]
+    return lines + [f"  wrote        {path}" for path in paths]
+
+
+def _figures(text: str, values: Mapping[str, Any], *keys: str) -> str:
+    """The text with the figures filled in; nothing if none is known."""
+    found = [values.get(key) for key in keys]
+    if all(value is None for value in found):
+        return ""
+    return text.format(*("?" if v is None else str(v) if isinstance(v, int) else f"{v:.3g}" for v in found))
+
+
+@contextmanager
+def _one_line_errors() -> Iterator[None]:
+    """Bad input and an interrupt end the command with one plain line, never with a traceback."""
+    try:
+        yield
+    except InputError as error:
+        print(f"error: {error}", file=sys.stderr)
+        raise typer.Exit(BAD_INPUT) from None
+    except KeyboardInterrupt:
+        print("interrupted", file=sys.stderr)
+        raise typer.Exit(INTERRUPTED) from None
+
+
+@contextmanager
+def _output_folder(folder: Path) -> Iterator[None]:
+    """Know before the work that its result can be written; take new folders back if nothing comes of it."""
+    from warp_cloth.export.report import check_writable
+
+    made = [place for place in (folder, *folder.parents) if not os.path.exists(place)]  # innermost first
+    check_writable(folder)
+    try:
+        yield
+    except BaseException:
+        for place in made:
+            if place.is_dir() and not any(place.iterdir()):
+                place.rmdir()
+        raise
+
+
+def _quiet_warp(verbose: bool) -> None:
+    """Keep Warp's messages of start-up and of modules off the screen, unless they are wanted."""
+    import logging
+
+    import warp
+
+    if verbose:
+        logging.basicConfig(level=logging.INFO, format="%(name)s: %(message)s")
+    else:
+        warp.config.log_level = warp.LOG_WARNING
+
+
+def _fit(scene: Scene, device: str | None, frames: int) -> Fit:
+    from rich.console import Console
+
+    from warp_cloth.fit import fit as run
+    from warp_cloth.progress import ProgressDisplay
+
+    with ProgressDisplay(Console(stderr=True)) as display:
+        return run(scene, device=device, frames=frames, progress=display)
