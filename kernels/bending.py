@@ -19,6 +19,17 @@ def hinge_fold(axis: Any, wing_0: Any, wing_1: Any):
     return wp.normalize(normal_0), wp.normalize(normal_1), wp.length(normal_0), wp.length(normal_1)
 
 
+# A triangle thinner than this share of its axis has no usable direction, and 1 / d no bound: as it collapses the
+# hinge's torque fades with it, for both wings alike, so that forces stay balanced and bounded.
+THINNEST = wp.constant(1.0e-3)
+
+
+@wp.func
+def thinness(area: Any, axis: Any):
+    """Share of a hinge's torque that a triangle of twice this area bears: 1 but for collapsed ones."""
+    return wp.min(area / (type(area)(THINNEST) * wp.dot(axis, axis)), type(area)(1.0))
+
+
 @wp.func
 def hinge_torque(normal_0: Any, normal_1: Any, axis: Any, stiffness: Any):
     """Signed torque [N m] that unfolds the hinge: C (1 - cos theta), sign from (n0 x n1) . axis.
@@ -44,7 +55,7 @@ def hinge_forces(axis: Any, wing_0: Any, wing_1: Any, stiffness: Any):
     force_axis = wing_0 * zero
     if area_0 > zero and area_1 > zero:
         length = wp.length(axis)
-        torque = hinge_torque(normal_0, normal_1, axis, stiffness)
+        torque = hinge_torque(normal_0, normal_1, axis, stiffness) * thinness(area_0, axis) * thinness(area_1, axis)
         force_0 = normal_0 * (torque * length / area_0)
         force_1 = normal_1 * (torque * length / area_1)
         scale = type(stiffness)(1.0) / (length * length)
@@ -81,7 +92,9 @@ def hinge_stiffness_bound(axis: Any, wing_0: Any, wing_1: Any, stiffness: Any, r
     normal_0, normal_1, area_0, area_1 = hinge_fold(axis, wing_0, wing_1)
     bound = zero
     if area_0 > zero and area_1 > zero:
-        per_height = wp.length(axis) * (type(stiffness)(1.0) / area_0 + type(stiffness)(1.0) / area_1)
+        thinnest = type(stiffness)(THINNEST) * wp.dot(axis, axis)
+        inverse = type(stiffness)(1.0) / wp.max(area_0, thinnest) + type(stiffness)(1.0) / wp.max(area_1, thinnest)
+        per_height = wp.length(axis) * inverse
         fold = wp.min(wp.length(normal_0 - normal_1) + reach * per_height, type(stiffness)(2.0))
         bound = stiffness * fold * per_height * per_height
     return bound

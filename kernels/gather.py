@@ -10,7 +10,7 @@ from types import SimpleNamespace
 
 import warp as wp
 
-from warp_cloth.kernels.bending import hinge_fold, hinge_stiffness_bound, hinge_torque
+from warp_cloth.kernels.bending import hinge_fold, hinge_stiffness_bound, hinge_torque, thinness
 from warp_cloth.kernels.cloth import cloth_types, difference_function
 from warp_cloth.kernels.tension import tension_force, tension_stiffness
 
@@ -35,7 +35,9 @@ def gather_kernels(precision: str, fourth: str, bending: bool) -> SimpleNamespac
             beyond = difference(cloth.position[wing], start)
             normal_0, normal_1, area_0, area_1 = hinge_fold(axis, opposite, beyond)
             if area_0 > real(0.0) and area_1 > real(0.0):
-                push = hinge_torque(normal_0, normal_1, axis, stiffness) * wp.length(axis) / area_0
+                torque = hinge_torque(normal_0, normal_1, axis, stiffness)
+                torque = torque * thinness(area_0, axis) * thinness(area_1, axis)
+                push = torque * wp.length(axis) / area_0
                 if wp.static(fourth == "stiffness"):
                     reach = step.reach * wp.length(cloth.move[wing])
                     bound = hinge_stiffness_bound(axis, opposite, beyond, stiffness, reach)

@@ -18,6 +18,8 @@ from warp_cloth.shapes.pattern import PANEL_GAP, SIZE_MEASURES, Pattern, TshirtM
 TSHIRT_EDGE = 0.012  # [m] folds of 5 cm keep four edges
 CLEARANCE = 0.008  # [m] between body and panels at the start: more than any contact offset in use
 PUSH_ROUNDS = 8
+FADE = 0.98  # of a seam's shift from one row of vertices to the next, beside what averaging takes away
+FADE_ROUNDS = 60
 
 
 def tshirt(*, size: str = "M", edge: float = TSHIRT_EDGE, body: MannequinMeasures | None = None) -> Mesh:
@@ -153,10 +155,12 @@ def _sew(pattern: Pattern, placed: list[Points], form: Form) -> Mesh:
         np.minimum.at(label, other, low)
     kept, vertex = np.unique(label, return_inverse=True)
     weight = np.bincount(vertex)
+    flat = np.concatenate([starts[panel.name] + panel.triangles for panel in pattern.panels])
     everywhere = np.concatenate(placed)
-    points = np.column_stack([np.bincount(vertex, everywhere[:, axis]) / weight for axis in range(3)])
-    points = _push_out(points, form)
-    triangles = np.concatenate([vertex[starts[p.name] + p.triangles] for p in pattern.panels])
+    sewn = _mean_place(everywhere, vertex, weight)[vertex]
+    everywhere = everywhere + _spread(sewn - everywhere, weight[vertex] > 1, flat)
+    points = _push_out(_mean_place(everywhere, vertex, weight), form)
+    triangles = vertex[flat]
     sizes = [len(panel.triangles) for panel in pattern.panels]
     return Mesh(
         "tshirt",
@@ -166,6 +170,23 @@ def _sew(pattern: Pattern, placed: list[Points], form: Form) -> Mesh:
         panels=np.repeat(np.arange(len(names), dtype=np.int32), sizes),
         panel_names=names,
     )
+
+
+def _mean_place(points: Points, vertex: NDArray[np.int64], weight: NDArray[np.int64]) -> Points:
+    """Mean of the places of all copies of a vertex [m]."""
+    return np.column_stack([np.bincount(vertex, points[:, axis]) / weight for axis in range(3)])
+
+
+def _spread(shift: Points, held: NDArray[np.bool_], triangles: NDArray[np.int64]) -> Points:
+    """Let the seams' shift [m] fade into the panels, so that no seam starts with one long row of edges."""
+    one = np.concatenate([triangles, np.roll(triangles, 1, axis=1)]).ravel()
+    other = np.concatenate([np.roll(triangles, -1, axis=1), triangles]).ravel()
+    degree = np.bincount(one)
+    spread = np.where(held[:, None], shift, 0.0)
+    for _ in range(FADE_ROUNDS):
+        mean = [np.bincount(one, spread[other, axis]) / degree for axis in range(3)]
+        spread = np.where(held[:, None], shift, FADE * np.column_stack(mean))
+    return spread
 
 
 def _push_out(points: Points, form: Form) -> Points:
