@@ -13,9 +13,10 @@ from warp_cloth.errors import InputError
 REMEDY = "choose an output folder that can be written"
 
 
-def unwritable(path: Path, error: OSError) -> InputError:
+def unwritable(path: Path, error: Exception) -> InputError:
     """The one-line refusal for a place that cannot be written."""
-    return InputError(path, f"cannot be written ({error.strerror or error})", REMEDY)
+    reason = getattr(error, "strerror", None) or error
+    return InputError(path, f"cannot be written ({reason})", REMEDY)
 
 
 @contextmanager

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import os
 import tempfile
 from collections.abc import Mapping
 from enum import Enum
@@ -62,16 +63,17 @@ def write_map(path: Path, mesh: Mesh) -> bool:
 
 def check_writable(directory: Path) -> None:
     """Makes the output folder if it is missing; InputError, leaving nothing, if it cannot be written."""
-    absent = [folder for folder in (directory, *directory.parents) if not folder.exists()]
-    if directory.exists() and not directory.is_dir():
+    # os.path answers False where Path raises: a name too long, a folder closed to us
+    absent = [folder for folder in (directory, *directory.parents) if not os.path.exists(folder)]
+    if os.path.isfile(directory):
         raise InputError(directory, "is a file, not a folder", REMEDY)
     try:
         directory.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=directory) as probe:
             probe.write(b"0")
             probe.flush()
-    except OSError as error:
+    except (OSError, ValueError) as error:  # ValueError: a null character in the name
         for folder in absent:  # innermost first
-            if folder.is_dir():
+            if os.path.isdir(folder):
                 folder.rmdir()
         raise unwritable(directory, error) from error

@@ -1,0 +1,137 @@
+"""The picture shows garments and avatar in front, side and back views, the same bits every time."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+from worn import box_avatar, worn
+
+from warp_cloth.export.preview import BACKGROUND, write_preview
+from warp_cloth.export.surface import cloth_colour, linear, srgb, winds_outward
+from warp_cloth.mesh import Mesh
+from warp_cloth.result import WornGarment
+
+SIZE = (360, 200)
+# sRGB bytes between the colour of a blue or a red cloth in any light and the avatar's grey
+COLOUR_MARGIN = 25
+
+
+def pictured(path: Path, *garments: WornGarment, avatar: Mesh | None = None, **options: object) -> np.ndarray:
+    """Signed sRGB bytes, shape [height, width, 3]."""
+    write_preview(path, garments=garments, avatar=avatar, size=SIZE, **options)
+    return np.asarray(Image.open(path)).astype(np.int32)
+
+
+def blue(image: np.ndarray) -> np.ndarray:
+    return image[..., 2] - image[..., 0] > COLOUR_MARGIN
+
+
+def red(image: np.ndarray) -> np.ndarray:
+    return image[..., 0] - image[..., 2] > COLOUR_MARGIN
+
+
+def empty(image: np.ndarray) -> np.ndarray:
+    return (image == np.round(255.0 * np.array(BACKGROUND)).astype(int)).all(axis=-1)
+
+
+def thirds(mask: np.ndarray) -> list[np.ndarray]:
+    return np.array_split(mask, 3, axis=1)
+
+
+def test_garment_stands_before_the_avatar_from_the_front_and_behind_from_the_back(tmp_path: Path) -> None:
+    # wider than the box behind it: seen from the back it shows left and right of it
+    image = pictured(tmp_path / "p.png", worn(), avatar=box_avatar())
+    assert image.shape == (SIZE[1], SIZE[0], 3)
+    front, side, back = (int(part.sum()) for part in thirds(blue(image)))
+    assert front > 2 * back > 0
+    assert 0 < side < back
+    assert empty(image)[[0, -1]].all()
+    assert empty(image)[:, [0, -1]].all()
+
+
+def test_every_view_has_its_label(tmp_path: Path) -> None:
+    image = pictured(tmp_path / "p.png", worn(), avatar=box_avatar())
+    labels = ~empty(image)[-SIZE[1] // 10 :]
+    assert all(part.any() for part in thirds(labels))
+
+
+def test_title_stands_above(tmp_path: Path) -> None:
+    plain = pictured(tmp_path / "a.png", worn())
+    titled = pictured(tmp_path / "b.png", worn(), title="shirt", sentence="At rest. " * 50)
+    strip = SIZE[1] // 8
+    assert empty(plain)[:strip].all()
+    assert (~empty(titled)[:strip]).any()
+    assert empty(titled)[:, -2:].all()  # a long sentence is cut, not run off the picture
+
+
+def test_picture_is_the_same_bits_every_time(tmp_path: Path) -> None:
+    for name in ("a.png", "b.png"):
+        pictured(tmp_path / name, worn(), worn("coat", toward=0.4), avatar=box_avatar())
+    assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
+
+
+def test_two_garments_have_two_colours(tmp_path: Path) -> None:
+    image = pictured(tmp_path / "p.png", worn(height=0.5), worn("skirt", height=1.2))
+    assert blue(image).any()
+    assert red(image).any()
+    rows = np.arange(SIZE[1])[:, None] * np.ones(SIZE[0])
+    assert rows[red(image)].mean() < rows[blue(image)].mean()  # the second hangs higher
+
+
+def test_cloth_is_seen_from_both_sides_the_inside_darker(tmp_path: Path) -> None:
+    dome = worn()
+    assert winds_outward(dome.points, dome.mesh.triangles)
+    image = pictured(tmp_path / "p.png", dome)
+    front, _, back = thirds(blue(image))
+    whole = thirds(image)
+    assert abs(int(front.sum()) - int(back.sum())) <= 0.02 * front.sum()
+    assert whole[2][back].mean() < 0.9 * whole[0][front].mean()
+    # turned inside out the picture stays: what bulges is the outside, however the triangles wind
+    turned = replace(dome, mesh=replace(dome.mesh, triangles=dome.mesh.triangles[:, ::-1].copy()))
+    again = pictured(tmp_path / "q.png", turned)
+    assert np.array_equal(image, again)
+
+
+def test_triangles_without_area_leave_no_mark(tmp_path: Path) -> None:
+    garment = worn()
+    extra = np.array([[0, 0, 1], [0, 1, 2], [5, 5, 5]], dtype=np.int32)  # 0, 1 and 2 are in line
+    faces = np.concatenate([garment.mesh.triangles, extra])
+    flawed = replace(garment, mesh=replace(garment.mesh, triangles=faces, panels=None, texcoords=None))
+    flat = replace(garment, points=garment.points * [1.0, 1.0, 0.0])
+    assert np.array_equal(
+        blue(pictured(tmp_path / "a.png", replace(flawed, points=flat.points))),
+        blue(pictured(tmp_path / "b.png", flat)),
+    )
+
+
+def test_a_point_has_a_picture(tmp_path: Path) -> None:
+    garment = worn()
+    image = pictured(tmp_path / "p.png", replace(garment, points=0.0 * garment.points))
+    assert image.shape == (SIZE[1], SIZE[0], 3)
+
+
+def test_what_is_not_finite_is_refused_and_leaves_no_file(tmp_path: Path) -> None:
+    garment = worn("bad shirt")
+    garment.points[3, 1] = np.nan
+    with pytest.raises(ValueError, match="bad shirt"):
+        pictured(tmp_path / "p.png", garment)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_srgb_and_linear_undo_each_other() -> None:
+    values = np.linspace(0.0, 1.0, 256)
+    assert np.array_equal(np.round(255.0 * srgb(linear(values))), np.arange(256))
+    assert cloth_colour(0) == cloth_colour(6)
+
+
+@pytest.mark.cuda
+def test_cuda_draws_the_same_picture(tmp_path: Path) -> None:
+    garment, body = worn(), box_avatar()
+    on_cpu = pictured(tmp_path / "a.png", garment, avatar=body)
+    on_cuda = pictured(tmp_path / "b.png", garment, avatar=body, device="cuda:0")
+    # rounding moves single samples at edges; the picture as a whole is the same
+    assert (np.abs(on_cpu - on_cuda).max(axis=-1) > 2).mean() < 0.01
