@@ -6,6 +6,8 @@ COVERAGE_TOLERANCE = wp.constant(
     wp.float32(1.0e-5)
 )  # barycentric slack: fused multiply-add must not open cracks
 
+TIE_TOLERANCE = wp.constant(wp.float32(1.0e-6))  # [m]; two kernels may round one depth differently
+
 
 @wp.struct
 class View:
@@ -92,8 +94,7 @@ def draw_triangle_ids(
             wp.max(int(wp.ceil(low[0])), 0), wp.min(int(wp.floor(high[0])), view.columns - 1) + 1
         ):
             w = barycentric(a, b, c, float(column), float(row))
-            if (
-                wp.min(w) >= -COVERAGE_TOLERANCE
-                and w[0] * a[2] + w[1] * b[2] + w[2] * c[2] >= depth[row, column]
-            ):
-                wp.atomic_min(id_out, row, column, triangle)
+            if wp.min(w) >= -COVERAGE_TOLERANCE:
+                here = w[0] * a[2] + w[1] * b[2] + w[2] * c[2]
+                if here >= depth[row, column] - TIE_TOLERANCE:
+                    wp.atomic_min(id_out, row, column, triangle)

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import warp as wp
 from PIL import Image
 from worn import box_avatar, worn
 
@@ -130,6 +131,8 @@ def test_srgb_and_linear_undo_each_other() -> None:
 
 @pytest.mark.cuda
 def test_cuda_draws_the_same_picture(tmp_path: Path) -> None:
+    if not wp.is_cuda_available():
+        pytest.skip("no CUDA device here")
     garment, body = worn(), box_avatar()
     on_cpu = pictured(tmp_path / "a.png", garment, avatar=body)
     on_cuda = pictured(tmp_path / "b.png", garment, avatar=body, device="cuda:0")
