@@ -33,12 +33,12 @@ def apply_override(values: dict[str, Any], text: str, directory: Path) -> str:
         parts = _chosen_garment(parts, garments, place)
     *way, last = parts
     table: Any = values
-    for step, part in enumerate(way):
-        table = _step(table, part, ".".join(str(p) for p in parts[:step]), place)
+    for part in way:
+        table = _step(table, part, place)
     if isinstance(last, int):
         _check_entry(table, last, place)
     elif not isinstance(table, dict):
-        raise InputError(place, f"{show(table)} has no keys", "set the whole value instead")
+        raise InputError(place, f"{show(table)} is a value without keys of its own", "leave the last key out")
     else:
         _settle_choice(table, str(last), value.strip())
     table[last] = _path_from_here(str(last), toml_value(value.strip()), directory)
@@ -78,15 +78,13 @@ def _chosen_garment(parts: list[str | int], garments: Any, place: str) -> list[s
     return parts
 
 
-def _step(table: Any, part: str | int, way: str, place: str) -> Any:
+def _step(table: Any, part: str | int, place: str) -> Any:
     """The table or list one part down; a table that is not there yet is made."""
     if isinstance(part, int):
         _check_entry(table, part, place)
         return table[part]
     if not isinstance(table, dict):
-        raise InputError(
-            place, f"{way or 'the scene'} is {show(table)}, which has no keys", "set it as a whole instead"
-        )
+        raise InputError(place, f"{show(table)} is a value without keys of its own", "leave the last key out")
     inner = table.setdefault(part, {})
     if part == "fabric" and isinstance(inner, str):  # a named fabric, of which one value is now set apart
         inner = table[part] = {"name": inner}

@@ -1,0 +1,124 @@
+"""Fabrics: laboratory figures to SI, and every way of stating one."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import pytest
+
+from warp_cloth.errors import InputError
+from warp_cloth.fabric import (
+    BOUNDS,
+    KES_BENDING,
+    MATCHED_CURVATURE,
+    Fabric,
+    fabric_named,
+    load_fabric,
+    measured_fabric,
+    resolve_fabric,
+    shipped_fabrics,
+)
+
+ROUNDING = 1e-12  # relative; conversions are a few products in float64
+
+
+def test_emt_and_b_give_back_the_laboratory_figures() -> None:
+    fabric = measured_fabric(
+        "x", weight_gsm=120, emt_percent=5, bending_b=0.06, thickness_mm=0.4, source="a laboratory"
+    )
+    force_at_emt = fabric.stretch * 0.05**2
+    assert force_at_emt == pytest.approx(0.5 * 9.80665 / 0.01, rel=ROUNDING)  # 500 gf/cm in N/m
+    moment = fabric.bending * MATCHED_CURVATURE**2 / 2  # of the cosine law, per width
+    assert moment == pytest.approx(0.06 * KES_BENDING * MATCHED_CURVATURE, rel=ROUNDING)
+    assert (fabric.weight, fabric.thickness) == pytest.approx((0.12, 0.4e-3), rel=ROUNDING)
+
+
+def test_unit_of_bending_rigidity_is_one_gram_force_centimetre_squared_per_centimetre() -> None:
+    assert pytest.approx(9.80665e-3 * 1e-2**2 / 1e-2, rel=ROUNDING) == KES_BENDING
+
+
+def test_emt_of_five_percent_is_the_stretch_that_the_model_states() -> None:
+    fabric = measured_fabric("x", weight_gsm=1, emt_percent=5, bending_b=0, thickness_mm=0, source="")
+    assert fabric.stretch == pytest.approx(196e3, rel=1e-3)  # model.md gives three digits
+
+
+def test_eight_fabrics_and_a_generic_one_ship_each_with_its_source() -> None:
+    fabrics = shipped_fabrics()
+    assert list(fabrics) == [
+        "default",
+        *("jersey", "cotton", "denim", "silk", "wool", "linen", "polyester", "felt"),
+    ]
+    assert all(fabric.source for fabric in fabrics.values())
+    assert fabrics["default"] == Fabric()
+
+
+def test_shipped_fabrics_are_ordered_as_cloth_is() -> None:
+    fabrics = shipped_fabrics()
+    # bending length (B / weight)^(1/3) is what orders drape
+    droop = {name: math.cbrt(f.bending / f.weight) for name, f in fabrics.items()}
+    assert droop["jersey"] < droop["silk"] < droop["cotton"] < droop["denim"] < droop["felt"]
+    assert fabrics["jersey"].stretch < fabrics["wool"].stretch < fabrics["linen"].stretch
+
+
+def test_name_table_file_and_fabric_all_state_a_fabric(tmp_path: Path) -> None:
+    (tmp_path / "mine.toml").write_text('base = "cotton"\nweight = 0.15\n')
+    assert resolve_fabric("silk") is fabric_named("silk")
+    assert resolve_fabric(Fabric(weight=1)).weight == 1.0
+    table = resolve_fabric({"name": "cotton", "stretch": 1000})
+    assert (table.name, table.stretch, table.weight) == ("cotton", 1000.0, 0.12)
+    assert "the scene's own: stretch" in table.source
+    file = resolve_fabric("mine.toml", tmp_path)
+    assert (file.name, file.weight, file.stretch) == ("mine", 0.15, fabric_named("cotton").stretch)
+    over_file = resolve_fabric({"base": "mine.toml", "name": "heavy", "weight": 2}, tmp_path)
+    assert (over_file.name, over_file.weight) == ("heavy", 2.0)
+    assert resolve_fabric({}) == Fabric()
+
+
+@pytest.mark.parametrize("key", BOUNDS)
+@pytest.mark.parametrize("value", [-1, math.nan, math.inf, 1e12, "3", True, None])
+def test_a_value_out_of_bounds_is_refused_by_key(key: str, value: object) -> None:
+    with pytest.raises(InputError, match="must be a number from") as refused:
+        Fabric(**{key: value})  # type: ignore[arg-type]
+    assert refused.value.place == key
+
+
+@pytest.mark.parametrize(
+    ("value", "place", "problem"),
+    [
+        ("dennim", "", 'unknown fabric "dennim"; did you mean "denim"?'),
+        (3, "", "must be a name, a .toml file or a table, not 3"),
+        ({"name": "cottn"}, "name", 'unknown fabric "cottn"; did you mean "cotton"?'),
+        ({"base": 3}, "base", "must be a name or a .toml file, not 3"),
+        ({"stretsh": 3}, "stretsh", "unknown key; did you mean stretch? allowed here: base, name"),
+        ({"weight": "heavy"}, "weight", 'must be a number from 0.001 to 100, not "heavy"'),
+        ({"base": "silk", "name": 3}, "name", "must be text, not 3"),
+    ],
+)
+def test_a_bad_statement_names_what_is_wrong_and_what_there_is(
+    value: object, place: str, problem: str
+) -> None:
+    with pytest.raises(InputError) as refused:
+        resolve_fabric(value)
+    assert refused.value.place == place
+    assert problem in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "line"),
+    [
+        ("weight = -1", "bad.toml: weight: must be a number from 0.001 to 100, not -1"),
+        ("wheight = 1", "bad.toml: wheight: unknown key; did you mean weight?"),
+        ('base = "dennim"', 'bad.toml: base: unknown fabric "dennim"; did you mean "denim"?'),
+        ('base = "absent.toml"', "absent.toml: no such fabric file; check the path"),
+        ('base = "bad.toml"', "bad.toml: base: comes back to this file"),
+        ("weight = ", "bad.toml:1: not TOML: Invalid value"),
+        ("", "bad.toml: is empty"),
+    ],
+)
+def test_a_bad_fabric_file_is_named_with_its_key(tmp_path: Path, text: str, line: str) -> None:
+    (tmp_path / "bad.toml").write_text(text)
+    with pytest.raises(InputError) as refused:
+        load_fabric(tmp_path / "bad.toml")
+    assert line in str(refused.value)
+    assert "\n" not in str(refused.value)
