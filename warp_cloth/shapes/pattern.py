@@ -36,9 +36,9 @@ class TshirtMeasures:
 
 # Chest: that of the size's standard body and 10 cm of ease, a regular fit; the rest graded as is usual for T-shirts.
 SIZE_MEASURES: dict[str, TshirtMeasures] = {
-    "S": TshirtMeasures(1.00, 1.01, 0.67, 0.195, 0.100, 0.022, 0.425, 0.042, 0.205, 0.205, 0.37, 0.33),
-    "M": TshirtMeasures(1.08, 1.09, 0.70, 0.200, 0.105, 0.024, 0.450, 0.044, 0.215, 0.215, 0.39, 0.35),
-    "L": TshirtMeasures(1.16, 1.17, 0.73, 0.205, 0.110, 0.026, 0.475, 0.046, 0.225, 0.225, 0.41, 0.37),
+    "S": TshirtMeasures(1.00, 1.01, 0.67, 0.210, 0.108, 0.022, 0.425, 0.042, 0.205, 0.205, 0.37, 0.33),
+    "M": TshirtMeasures(1.08, 1.09, 0.70, 0.215, 0.112, 0.024, 0.450, 0.044, 0.215, 0.215, 0.39, 0.35),
+    "L": TshirtMeasures(1.16, 1.17, 0.73, 0.220, 0.116, 0.026, 0.475, 0.046, 0.225, 0.225, 0.41, 0.37),
 }
 
 

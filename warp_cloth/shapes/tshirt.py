@@ -106,12 +106,16 @@ def _place_trunk(panel: Points, m: TshirtMeasures, trunk: _Trunk, side: float) -
     slope = m.shoulder_drop / (0.5 * (m.shoulder_width - m.neck_width))
     fall = slope * np.clip(x - m.neck_width / 2, 0, None)
     below = m.length - fall - y  # panel length below the shoulder line
-    roll_depth, roll_height = depth - side * trunk.seam_depth, 0.75 * depth
+    roll_depth, roll_height = depth - side * trunk.seam_depth, 1.2 * depth
     angle = np.linspace(0, math.pi / 2, 100)
     out, down = np.sin(angle), roll_height * (1 - np.cos(angle))
     rolled = np.concatenate([[0], np.cumsum(np.hypot(np.diff(out) * roll_depth, np.diff(down)))])
     drop = np.where(below < rolled[-1], np.interp(below, rolled, down), roll_height + below - rolled[-1])
     over = np.interp(below, rolled, out)
+    # at the side there is no depth to roll over; down to the hem that difference fades, so that the hem is level
+    armhole = m.shoulder_drop + m.armhole_depth
+    fade = np.clip((below - armhole) / (m.length - armhole), 0, 1)
+    drop += (below - drop) * (1 - np.maximum(bent_z, 0.0)) * (1 - fade)
     flat = np.clip(1 - below / (1.1 * m.armhole_depth), 0, 1)
     flat = flat * flat * (3 - 2 * flat)  # at the seam the shoulder keeps its full width
     place_x = np.sign(panel[:, 0]) * (flat * x + (1 - flat) * bent_x)
