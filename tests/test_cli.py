@@ -1,0 +1,242 @@
+"""The command line: exit statuses, one-line errors, nothing half-written; the fit itself is a stand-in."""
+
+from __future__ import annotations
+
+import io
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import pytest
+from rich.console import Console
+from typer.testing import CliRunner, Result
+
+from warp_cloth.cli import app, summary
+from warp_cloth.errors import InputError
+from warp_cloth.progress import ProgressDisplay
+from warp_cloth.result import Status
+from warp_cloth.scene import Scene
+
+
+@dataclass(frozen=True)
+class Step:
+    stage: str
+    iteration: int = 0
+    iteration_limit: int = 100
+    residual: float | None = None
+    rest_error_mm: float | None = None
+    iterations_per_second: float | None = None
+
+
+@dataclass
+class StandIn:
+    """Takes the place of warp_cloth.fit: remembers how it was called, writes one file."""
+
+    status: Status = Status.AT_REST
+    error: BaseException | None = None
+    calls: list[dict[str, Any]] = field(default_factory=list)
+
+    def fit(self, scene: Scene, **options: Any) -> StandIn:
+        self.calls.append({"scene": scene, **options})
+        options["progress"](Step("load"))
+        if self.error:
+            raise self.error
+        options["progress"](Step("relax", 50, 100, 0.02, 1.5, 800.0))
+        return self
+
+    @property
+    def report(self) -> dict[str, Any]:
+        return {"status": self.status.value, "message": "All forces balance.", "rest_error_mm": 0.4}
+
+    def save(self, directory: Path) -> list[Path]:
+        path = Path(directory) / "report.json"
+        path.write_text("{}")
+        return [path]
+
+
+@pytest.fixture
+def stand_in(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> StandIn:
+    stand_in = StandIn()
+    module = ModuleType("warp_cloth.fit")
+    module.fit = stand_in.fit  # type: ignore[attr-defined]
+    monkeypatch.setitem(sys.modules, "warp_cloth.fit", module)
+    monkeypatch.chdir(tmp_path)
+    return stand_in
+
+
+def call(*arguments: str) -> Result:
+    return CliRunner().invoke(app, arguments)
+
+
+def command(*arguments: str, folder: Path) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", "warp_cloth", *arguments],
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+
+
+def test_fit_hands_scene_device_and_frames_on_and_tells_what_was_written(stand_in: StandIn) -> None:
+    result = call("fit", "sphere", "--device", "cpu", "--frames", "3", "--set", "solver.iterations=7")
+    assert result.exit_code == 0, result.output
+    (made,) = stand_in.calls
+    assert (made["device"], made["frames"], made["scene"].solver.iterations) == ("cpu", 3, 7)
+    assert "sphere: at_rest. All forces balance." in result.output
+    assert str(Path("out") / "report.json") in result.output
+    assert Path("out/report.json").is_file()
+
+
+@pytest.mark.parametrize(
+    ("status", "code"),
+    [(Status.AT_REST, 0), (Status.ITERATION_LIMIT, 0), (Status.DIVERGED, 1), (Status.INVALID, 1)],
+)
+def test_the_exit_status_tells_whether_there_is_a_usable_result(
+    stand_in: StandIn, status: Status, code: int
+) -> None:
+    stand_in.status = status
+    assert call("fit", "sphere").exit_code == code
+
+
+@pytest.mark.parametrize(
+    ("arguments", "line"),
+    [
+        (("fit", "tshrt"), 'error: "tshrt": no such scene file; did you mean "tshirt"?'),
+        (
+            ("fit", "sphere", "--set", "garment.fabric=dennim"),
+            'unknown fabric "dennim"; did you mean "denim"?',
+        ),
+        (("fit", "sphere", "--set", "nonsense"), "error: --set nonsense: has no value"),
+        (("fit", "sphere", "--out", "taken"), "error: taken: is a file, not a folder"),
+    ],
+)
+def test_bad_input_is_one_line_exit_2_and_no_fit(
+    stand_in: StandIn, arguments: tuple[str, ...], line: str
+) -> None:
+    Path("taken").touch()
+    result = call(*arguments)
+    assert result.exit_code == 2
+    assert result.stderr.count("\n") == 1
+    assert line in result.stderr
+    assert result.stdout == ""
+    assert not stand_in.calls
+    assert [path.name for path in Path().iterdir()] == ["taken"]
+
+
+def test_bad_input_found_by_the_fit_leaves_no_folder_behind(stand_in: StandIn) -> None:
+    stand_in.error = InputError("[markup] --device", "there is no cuda:7", "use cpu")
+    result = call("fit", "sphere", "--out", "new/deep", "--device", "cuda:7")
+    assert result.exit_code == 2
+    assert result.stderr.splitlines()[-1] == "error: [markup] --device: there is no cuda:7; use cpu"
+    assert not list(Path().iterdir())
+
+
+def test_bad_input_leaves_an_older_result_as_it_was(stand_in: StandIn) -> None:
+    Path("out").mkdir()
+    Path("out/report.json").write_text("older")
+    stand_in.error = InputError("x.obj", "is empty")
+    assert call("fit", "sphere").exit_code == 2
+    assert Path("out/report.json").read_text() == "older"
+
+
+def test_an_interrupt_ends_with_130_and_one_line(stand_in: StandIn) -> None:
+    stand_in.error = KeyboardInterrupt()
+    result = call("fit", "sphere")
+    assert result.exit_code == 130
+    assert result.stderr.splitlines()[-1] == "interrupted"
+    assert not list(Path().iterdir())
+
+
+@pytest.mark.parametrize(
+    "arguments", [("fit",), ("fit", "a", "b"), ("fit", "sphere", "--frames", "-1"), ("no",)]
+)
+def test_wrong_usage_exits_with_2(stand_in: StandIn, arguments: tuple[str, ...]) -> None:
+    assert call(*arguments).exit_code == 2
+    assert not stand_in.calls
+
+
+def test_scenes_lists_every_scene_and_fabric_on_one_line_each() -> None:
+    lines = call("scenes").stdout.splitlines()
+    names = [line.split()[0] for line in lines if line.startswith("  ")]
+    assert names[:3] == ["hanging", "sphere", "tshirt"]
+    assert {"cotton", "denim", "felt"} < set(names)
+    assert len(names) == len(set(names))
+
+
+def test_the_command_itself_refuses_without_a_traceback(tmp_path: Path) -> None:
+    (tmp_path / "scene.toml").write_bytes(b"\x00\xff")
+    before = sorted(tmp_path.iterdir())
+    done = command("fit", "scene.toml", folder=tmp_path)
+    assert done.returncode == 2
+    assert done.stdout == ""
+    assert done.stderr == "error: scene.toml: is not text in UTF-8 (byte 1); a scene file is a TOML file\n"
+    assert sorted(tmp_path.iterdir()) == before
+
+
+def test_help_and_version_import_nothing_heavy(tmp_path: Path) -> None:
+    code = (
+        "import sys\nsys.argv = ['warp-cloth', '{}']\nfrom warp_cloth.cli import main\n"
+        "try:\n    main()\nexcept SystemExit as end:\n    assert not end.code\n"
+        "heavy = {{'warp', 'pxr', 'trimesh', 'numpy', 'pydantic'}} & set(sys.modules)\n"
+        "assert not heavy, heavy\n"
+    )
+    for option in ("--help", "--version"):
+        done = subprocess.run(
+            [sys.executable, "-c", code.format(option)],
+            cwd=tmp_path,
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        assert done.returncode == 0, done.stderr
+        assert "warp-cloth" in done.stdout
+
+
+def test_summary_leaves_out_what_is_not_known() -> None:
+    report = {
+        "status": "at_rest",
+        "message": "Fine.",
+        "residual": {"relative_rms": 0.00912345, "relative_p99": None},
+        "penetration_mm": None,
+        "iterations": 12345,
+        "iterations_per_second": 812.3,
+        "seconds": {"relax": 15.2},
+        "device": "cpu",
+    }
+    assert summary("x", report, [Path("out/x.usdc")]) == [
+        "x: at_rest. Fine.",
+        "  residual     0.00912 relative rms, ? p99",
+        "  iterations   12345, 812 a second",
+        "  relaxed in   15.2 s on cpu",
+        "  wrote        out/x.usdc",
+    ]
+
+
+@pytest.fixture
+def shown() -> Callable[..., str]:
+    def show(*steps: Step, terminal: bool) -> str:
+        text = io.StringIO()
+        with ProgressDisplay(Console(file=text, force_terminal=terminal, width=100)) as display:
+            for step in steps:
+                display(step)
+        return text.getvalue()
+
+    return show
+
+
+def test_progress_in_a_log_is_one_plain_line_a_stage(shown: Callable[..., str]) -> None:
+    steps = [Step("load"), Step("build"), *(Step("relax", n, 100, 0.5, None, 10.0) for n in range(1, 50))]
+    text = shown(*steps, Step("export"), terminal=False)
+    assert text == "loading\nbuilding\nrelaxing 1/100  residual 0.5  10/s\nwriting\n"
+
+
+def test_progress_on_a_terminal_shows_iteration_residual_and_speed(shown: Callable[..., str]) -> None:
+    text = shown(Step("relax", 50, 100, 0.02, float("nan"), 800.0), terminal=True)
+    assert "50/100  residual 0.02  800/s" in text
+    assert "rest error" not in text
