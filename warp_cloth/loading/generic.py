@@ -1,0 +1,208 @@
+"""STL, GLB and glTF, which trimesh reads; what it would read wrongly without a word is refused here."""
+
+from __future__ import annotations
+
+import base64
+import json
+import struct
+import warnings
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from warp_cloth.errors import InputError
+from warp_cloth.loading.raw import EXPORT_AGAIN, RawMesh, joined
+
+_CUT_OFF = "the file is cut off or damaged: export it again"
+_GLB_HEADER, _GLB_CHUNK = struct.Struct("<4sII"), struct.Struct("<I4s")
+_TRIANGLE_MODES = (4, 5)  # triangles and strips, which trimesh reads; a missing mode is 4
+_FAN_MODE = 6
+_UV = "_TEXCOORD"  # custom attribute under which trimesh hands texture coordinates on without a material
+
+
+def read_stl(file: str, data: bytes) -> RawMesh:
+    """Triangles of an STL, each with three vertices of its own; several solids become panels."""
+    text = data[:512].lstrip().lower().startswith(b"solid") and b"vertex" in data[:4096].lower()
+    size = int.from_bytes(data[80:84], "little") * 50 + 84
+    if len(data) < 84 and not text:
+        raise InputError(file, "is no STL: too short for one triangle", _CUT_OFF)
+    if not text and len(data) != size:
+        problem = f"is no STL: its header asks for {size:,} bytes, the file has {len(data):,}"
+        raise InputError(file, problem, _CUT_OFF)
+    if text and len(data) != size:
+        _check_stl_text(file, data)
+    return _read(file, data, "stl", None)
+
+
+def _check_stl_text(file: str, data: bytes) -> None:
+    """Refuse a text STL with facets that are not whole: trimesh would shift or leave out vertices."""
+    facet = 0
+    vertices = 0
+    opened = closed = 0
+    for number, line in enumerate(data.splitlines(), start=1):
+        words = line.split()
+        word = words[0].lower() if words else b""
+        if word == b"vertex":
+            vertices += 1
+            if len(words) != 4 or not _are_numbers(words[1:]):
+                text = line.strip()[:60].decode("utf-8", errors="backslashreplace")
+                raise InputError(f"{file}:{number}", f"{text!r} is no vertex of three numbers", EXPORT_AGAIN)
+        elif word == b"endloop":
+            facet += 1
+            if vertices != 3 * facet:
+                raise InputError(
+                    f"{file}:{number}", f"facet {facet} does not have three vertices", EXPORT_AGAIN
+                )
+        opened += word == b"solid"
+        closed += word == b"endsolid"
+    if vertices != 3 * facet or opened != closed:
+        raise InputError(file, f"ends within facet {facet + 1} or before 'endsolid'", _CUT_OFF)
+
+
+def _are_numbers(words: list[bytes]) -> bool:
+    try:
+        return all(float(word) is not None for word in words)
+    except ValueError:
+        return False
+
+
+def read_gltf(file: str, data: bytes) -> RawMesh:
+    """Meshes of a glTF scene, GLB or JSON, in its nodes' places; metres, y up."""
+    binary = data[:4] == b"glTF"
+    chunk, rest = _glb_parts(file, data) if binary else (data, b"")
+    try:
+        tree = json.loads(chunk.decode("utf-8-sig"))
+        _check_gltf(file, tree)
+        for primitive in _primitives(tree):
+            attributes = primitive["attributes"]
+            if "TEXCOORD_0" in attributes:
+                attributes[_UV] = attributes["TEXCOORD_0"]
+            for unused in ("NORMAL", "COLOR_0"):
+                attributes.pop(unused, None)
+        kind = "glb" if binary else "gltf"
+        chunk = json.dumps(tree).encode()
+    except (ValueError, TypeError, KeyError, AttributeError, IndexError, RecursionError) as error:
+        raise InputError(file, f"is no glTF: {_reason(error)}", "check the file's name and content") from None
+    if binary:
+        chunk += b" " * (-len(chunk) % 4)
+        total = _GLB_HEADER.size + _GLB_CHUNK.size + len(chunk) + len(rest)
+        chunk = _GLB_HEADER.pack(b"glTF", 2, total) + _GLB_CHUNK.pack(len(chunk), b"JSON") + chunk + rest
+    return _read(file, chunk, kind, 1.0)
+
+
+def _glb_parts(file: str, data: bytes) -> tuple[bytes, bytes]:
+    """JSON of a GLB, and the chunks after it as they are."""
+    if len(data) < _GLB_HEADER.size + _GLB_CHUNK.size:
+        raise InputError(file, f"the GLB ends after {len(data)} bytes, within its header", _CUT_OFF)
+    _, version, length = _GLB_HEADER.unpack_from(data)
+    if version != 2:
+        raise InputError(file, f"is glTF version {version}; only version 2 is read", "export it as glTF 2.0")
+    if length > len(data):
+        raise InputError(file, f"the GLB has {len(data):,} of its {length:,} bytes", _CUT_OFF)
+    start = _GLB_HEADER.size
+    size, kind = _GLB_CHUNK.unpack_from(data, start)
+    start += _GLB_CHUNK.size
+    if kind != b"JSON" or start + size > length:
+        raise InputError(file, "the GLB does not start with a whole JSON chunk", _CUT_OFF)
+    return data[start : start + size], data[start + size : length]
+
+
+def _primitives(tree: dict[str, Any]) -> list[dict[str, Any]]:
+    return [primitive for mesh in tree.get("meshes", []) for primitive in mesh["primitives"]]
+
+
+def _check_gltf(file: str, tree: dict[str, Any]) -> None:
+    """Refuse what trimesh would read as zeros or leave out, and files beside it that are not there."""
+    if not isinstance(tree, dict) or "asset" not in tree:
+        raise InputError(file, "is no glTF: its JSON has no 'asset'", "check the file's name and content")
+    accessors = tree.get("accessors", [])
+    for primitive in _primitives(tree):
+        mode = primitive.get("mode", _TRIANGLE_MODES[0])
+        packed = [name for name in primitive.get("extensions", {}) if name.endswith("mesh_compression")]
+        if packed:
+            raise InputError(file, f"is compressed with {packed[0]}", "export it without mesh compression")
+        if mode == _FAN_MODE:
+            raise InputError(file, "holds triangle fans, which are not read", "export plain triangles")
+        used = [primitive.get("indices"), *primitive["attributes"].values()]
+        if any("sparse" in accessors[index] for index in used if index is not None):
+            raise InputError(
+                file, "holds sparse accessors, which are not read", "export it without sparse accessors"
+            )
+    for extension in tree.get("extensionsRequired", []):
+        if extension.endswith(("_compression", "_quantization")):
+            raise InputError(
+                file, f"requires {extension}, which is not read", "export it without compression"
+            )
+    for buffer in tree.get("buffers", []):
+        uri = buffer.get("uri")
+        if uri is None:
+            continue
+        if uri.startswith("data:"):
+            base64.b64decode(uri.partition(",")[2], validate=True)
+        elif not (Path(file).parent / uri).is_file():
+            raise InputError(
+                file, f"its data file {uri!r} is not there", "keep it beside the glTF, or export a GLB"
+            )
+
+
+def _read(file: str, data: bytes, kind: str, metres_per_unit: float | None) -> RawMesh:
+    """Triangles of every mesh in trimesh's scene, in the file's order."""
+    import trimesh
+
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")  # numpy only warns where it stops reading numbers early
+            scene = trimesh.load_scene(
+                trimesh.util.wrap_as_stream(data),
+                file_type=kind,
+                resolver=trimesh.resolvers.FilePathResolver(file),
+                process=False,
+                **({} if kind == "stl" else {"skip_materials": True}),
+            )
+            nodes: dict[str, list[str]] = {}
+            for node in scene.graph.nodes_geometry:
+                nodes.setdefault(scene.graph[node][1], []).append(node)
+            found = [
+                (str(name), _part(file, mesh, scene.graph[node][0], metres_per_unit))
+                for name, mesh in scene.geometry.items()
+                for node in sorted(nodes.get(name, []))
+                if isinstance(mesh, trimesh.Trimesh)
+            ]
+    except (Exception, RecursionError, MemoryError) as error:  # a damaged file makes trimesh raise anything
+        name = "STL" if kind == "stl" else "glTF"
+        raise InputError(file, f"cannot be read as {name}: {_reason(error)}", _CUT_OFF) from error
+    if not found:
+        raise InputError(file, "holds no mesh with faces", "export the surface as triangles")
+    names, parts = zip(*found, strict=True)
+    return joined(parts, file, names)
+
+
+def _part(file: str, mesh: Any, transform: Any, metres_per_unit: float | None) -> RawMesh:
+    """One mesh of a scene, moved to its place; a mirroring transform turns its faces round."""
+    matrix = np.asarray(transform, dtype=np.float64)
+    points = np.asarray(mesh.vertices, dtype=np.float64)
+    if not np.array_equal(matrix, np.eye(4)):
+        with np.errstate(all="ignore"):  # what is not finite is refused later
+            points = points @ matrix[:3, :3].T + matrix[:3, 3]
+    faces = np.asarray(mesh.faces, dtype=np.int64)
+    if np.linalg.det(matrix[:3, :3]) < 0:
+        faces = faces[:, ::-1]
+    texcoords = mesh.vertex_attributes.get(_UV)
+    if texcoords is not None and (
+        texcoords.shape != (len(points), 2) or faces.max(initial=-1) >= len(points)
+    ):
+        texcoords = None
+    return RawMesh(
+        file=file,
+        points=points,
+        counts=np.full(len(faces), 3, dtype=np.int64),
+        corners=faces.reshape(-1).copy(),
+        texcoords=None if texcoords is None else texcoords.astype(np.float64)[faces.reshape(-1)],
+        metres_per_unit=metres_per_unit,
+    )
+
+
+def _reason(error: BaseException) -> str:
+    text = " ".join(str(error).split())[:120]
+    return f"{text} ({type(error).__name__})" if text else type(error).__name__

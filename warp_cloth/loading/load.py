@@ -1,0 +1,133 @@
+"""From a file to a sound Mesh in metres, or to one line that says why not."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from warp_cloth.errors import InputError
+from warp_cloth.loading.generic import read_gltf, read_stl
+from warp_cloth.loading.obj import read_obj
+from warp_cloth.loading.ply import read_ply
+from warp_cloth.loading.raw import RawMesh, Role, check
+from warp_cloth.loading.repair import RestKind, repaired
+from warp_cloth.loading.sizes import choose_unit
+from warp_cloth.loading.usd import read_usd
+from warp_cloth.mesh import Mesh
+from warp_cloth.units import LengthUnit
+
+_READERS: dict[str, Callable[[str, bytes], RawMesh]] = {
+    ".obj": read_obj,
+    ".ply": read_ply,
+    ".stl": read_stl,
+    ".glb": read_gltf,
+    ".gltf": read_gltf,
+}
+_USD = (".usd", ".usda", ".usdc", ".usdz")
+SUPPORTED = (*_READERS, *_USD)
+
+
+def load_mesh(
+    path: Path,
+    *,
+    role: Role,
+    key: str,
+    prim: str | None = None,
+    units: LengthUnit | None = None,
+    rest: RestKind = "mesh",
+) -> Mesh:
+    """Mesh of a file in metres, y up, repaired where that is safe; ``notes`` says what was guessed or mended.
+
+    ``key`` is the scene table that names the file ("garment", "avatar"), for messages. With ``rest`` "uv"
+    triangles without area are kept where they have one in texture space. Raises InputError for what cannot be
+    mended.
+    """
+    try:
+        raw = _read(Path(path), role=role, key=key, prim=prim)
+        check(raw)
+        used = raw.points[np.unique(raw.corners)] if len(raw.corners) else raw.points
+        declared = raw.metres_per_unit
+        unit = choose_unit(used, file=raw.file, role=role, key=key, stated=units, declared=declared)
+        sound = repaired(raw, raw.points * unit.metres, role=role, rest=rest)
+    except (MemoryError, OverflowError) as error:
+        problem = f"is too large to load ({type(error).__name__})"
+        raise InputError(path, problem, "check the file, or reduce the mesh") from error
+    notes = [*raw.notes, *unit.notes, *sound.notes]
+    if raw.texcoords is not None and sound.texcoords is None:
+        notes.append("texture coordinates left out, as some corners have none")
+    same_vertices = np.array_equal(sound.vertex_map, np.arange(len(sound.points)))
+    same_faces = np.array_equal(sound.faces, np.arange(len(raw.counts)))
+    return Mesh(
+        name=Path(path).stem,
+        points=np.ascontiguousarray(sound.points),
+        triangles=np.ascontiguousarray(sound.triangles, dtype=np.int32),
+        texcoords=sound.texcoords,
+        panels=None if raw.panels is None else raw.panels[sound.faces].astype(np.int32),
+        panel_names=raw.panel_names,
+        notes=tuple(notes),
+        unit=unit.name,
+        vertex_map=None if same_vertices else sound.vertex_map,
+        triangle_source=None if same_faces else sound.faces,
+    )
+
+
+def _read(path: Path, *, role: Role, key: str, prim: str | None) -> RawMesh:
+    """The file by the reader that its extension names."""
+    data = _content(path)
+    kind = path.suffix.lower()
+    if kind in _USD:
+        return read_usd(str(path), role=role, key=key, prim=prim)
+    if kind not in _READERS:
+        problem = f"{path.suffix or 'a file without extension'!s} is no mesh format that is read"
+        raise InputError(path, problem, f"use one of {', '.join(SUPPORTED)}")
+    if prim is not None:
+        raise InputError(path, f"{key}.prim names a prim, but {kind} files have none", f"remove {key}.prim")
+    try:
+        return _READERS[kind](str(path), data)
+    except (ValueError, ArithmeticError, LookupError, RecursionError) as error:
+        reason = " ".join(str(error).split())[:120]
+        problem = f"cannot be read as {kind[1:].upper()}: {reason} ({type(error).__name__})"
+        raise InputError(path, problem, "the file is damaged: export it again") from error
+
+
+def _content(path: Path) -> bytes:
+    """All bytes of a file that is there, may be read, and holds something."""
+    try:
+        if path.is_dir():
+            raise InputError(path, "is a folder", "name a mesh file in it")
+        if not path.exists():
+            raise InputError(path, *_missing(path))
+        if not path.is_file():
+            raise InputError(path, "is no regular file", "name a mesh file")
+        data = path.read_bytes()
+    except InputError:
+        raise
+    except PermissionError:
+        raise InputError(path, "may not be read: permission denied", "change its permissions") from None
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise InputError(path, f"cannot be opened: {reason}", "check the path") from None
+    if not data:
+        raise InputError(path, "the file is empty", "export the mesh again")
+    return data
+
+
+def _missing(path: Path) -> tuple[str, str]:
+    """What is wrong with a path that leads nowhere, and which file may be meant."""
+    if path.is_symlink():
+        return "is a link to a file that does not exist", "mend the link"
+    if not path.parent.is_dir():
+        return "no such file: its folder does not exist", "check the path; it is relative to the scene file"
+    names = [entry.name for entry in path.parent.iterdir() if entry.is_file()]
+    close = difflib.get_close_matches(path.name, names, n=3, cutoff=0.6)
+    close += [
+        n
+        for n in names
+        if Path(n).stem == path.stem and Path(n).suffix.lower() in SUPPORTED and n not in close
+    ]
+    if not close:
+        return "no such file", "check the path; it is relative to the scene file"
+    return "no such file", f"did you mean {' or '.join(close[:3])}?"

@@ -1,0 +1,196 @@
+"""Wavefront OBJ: read by hand, for texture coordinates per corner, groups, and errors that name the line."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from itertools import pairwise
+
+import numpy as np
+
+from warp_cloth.errors import InputError
+from warp_cloth.loading.raw import EXPORT_AGAIN, Floats, Ints, RawMesh
+
+# Statements of the format (and "vc", which some tools add for colours) that say nothing about faces.
+_IGNORED = frozenset(
+    b"vn vp vc s mtllib l p mg deg bmat step cstype curv curv2 surf parm trim hole scrv sp end con bevel "
+    b"c_interp d_interp lod shadow_obj trace_obj ctech stech usemap maplib call csh bsp bzp cdc cdp "
+    b"res".split()
+)
+_GROUPINGS = (b"g", b"o", b"usemtl")  # what may stand for panels, best first
+
+
+@dataclass
+class _Statements:
+    """Lines of an OBJ, sorted by kind."""
+
+    vertices: list[bytes] = field(default_factory=list)
+    vertex_lines: list[int] = field(default_factory=list)
+    texcoords: list[bytes] = field(default_factory=list)
+    texcoord_lines: list[int] = field(default_factory=list)
+    faces: list[bytes] = field(default_factory=list)
+    face_lines: list[int] = field(default_factory=list)
+    seen: list[tuple[int, int]] = field(default_factory=list)  # vertices and texcoords before each face
+    groups: dict[bytes, list[tuple[int, str]]] = field(
+        default_factory=dict
+    )  # (first face, name) by statement
+
+
+def read_obj(file: str, data: bytes) -> RawMesh:
+    """Polygons of an OBJ. Negative indices, continued lines, and faces of any size are understood."""
+    if b"\0" in data:
+        raise InputError(file, "is no OBJ text: it holds binary data", "check the file's name and content")
+    statements = _sorted_lines(file, data.removeprefix(b"\xef\xbb\xbf"))
+    points = _numbers(file, statements.vertices, statements.vertex_lines, need=3, keep=3, what="v (vertex)")
+    texcoords = _numbers(
+        file, statements.texcoords, statements.texcoord_lines, need=1, keep=2, what="vt (texture coordinate)"
+    )
+    counts, corners, corner_texcoords = _corners(file, statements)
+    panels, names = _panels(statements)
+    return RawMesh(
+        file=file,
+        points=points,
+        counts=counts,
+        corners=corners,
+        texcoords=_at_corners(texcoords, corner_texcoords),
+        panels=panels,
+        panel_names=names,
+        vertex_lines=np.array(statements.vertex_lines, dtype=np.int64),
+        face_lines=np.array(statements.face_lines, dtype=np.int64),
+        first_index=1,
+    )
+
+
+def _lines(data: bytes) -> list[bytes]:
+    """Lines of a file; one that ends in a backslash takes in the next, which stays as an empty line."""
+    lines = data.splitlines()
+    if b"\\\n" in data or b"\\\r" in data:
+        for index in range(len(lines) - 2, -1, -1):
+            if lines[index].endswith(b"\\"):
+                lines[index] = lines[index][:-1] + b" " + lines[index + 1]
+                lines[index + 1] = b""
+    return lines
+
+
+def _sorted_lines(file: str, data: bytes) -> _Statements:
+    found = _Statements()
+    for number, line in enumerate(_lines(data), start=1):
+        parts = line.split(None, 1)
+        if not parts or parts[0].startswith(b"#"):
+            continue
+        keyword, rest = parts[0], parts[1] if len(parts) > 1 else b""
+        if b"#" in rest:
+            rest = rest.partition(b"#")[0]
+        if keyword == b"v":
+            found.vertices.append(rest)
+            found.vertex_lines.append(number)
+        elif keyword in (b"f", b"fo"):
+            found.faces.append(rest)
+            found.face_lines.append(number)
+            found.seen.append((len(found.vertices), len(found.texcoords)))
+        elif keyword == b"vt":
+            found.texcoords.append(rest)
+            found.texcoord_lines.append(number)
+        elif keyword in _GROUPINGS:
+            name = rest.strip().decode("utf-8", errors="replace")
+            found.groups.setdefault(keyword, []).append((len(found.faces), name))
+        elif keyword not in _IGNORED:
+            word = keyword[:20].decode("utf-8", errors="backslashreplace")
+            raise InputError(f"{file}:{number}", f"{word!r} is no OBJ statement", "check the file's content")
+    return found
+
+
+def _numbers(file: str, rows: list[bytes], lines: list[int], *, need: int, keep: int, what: str) -> Floats:
+    """First ``keep`` numbers of each row, zero where it has ``need`` but not as many; shape [rows, keep]."""
+    split = [row.split() for row in rows]
+    try:
+        if min(map(len, split), default=keep) >= keep:
+            flat = [float(token) for tokens in split for token in tokens[:keep]]
+            return np.array(flat, dtype=np.float64).reshape(-1, keep)
+    except ValueError:
+        pass  # the loop below finds the line
+    table = np.zeros((len(rows), keep))
+    for index, tokens in enumerate(split):
+        place = f"{file}:{lines[index]}"
+        if len(tokens) < need:
+            problem = f"{what} needs {need} number{'s' if need > 1 else ''}, found {len(tokens)}"
+            raise InputError(place, problem, "the file may be cut off: export it again")
+        for column, token in enumerate(tokens[:keep]):
+            try:
+                table[index, column] = float(token)
+            except ValueError:
+                word = token[:20].decode("utf-8", errors="backslashreplace")
+                remedy = "write numbers with a decimal point" if b"," in token else EXPORT_AGAIN
+                raise InputError(place, f"{word!r} in a {what} is no number", remedy) from None
+    return table
+
+
+def _corners(file: str, statements: _Statements) -> tuple[Ints, Ints, Ints]:
+    """Corner counts of the faces, then vertex and texture coordinate (-1: none) of every corner."""
+    counts: list[int] = []
+    vertices: list[int] = []
+    texcoords: list[int] = []
+    limits = len(statements.vertices), len(statements.texcoords)
+    for row, line, seen in zip(statements.faces, statements.face_lines, statements.seen, strict=True):
+        tokens = row.split()
+        if len(tokens) < 3:
+            problem = f"a face needs at least 3 corners, found {len(tokens)}"
+            raise InputError(f"{file}:{line}", problem, "the file may be cut off: export it again")
+        counts.append(len(tokens))
+        for token in tokens:
+            vertex, _, rest = token.partition(b"/")
+            texcoord = rest.partition(b"/")[0] if rest else b""
+            try:
+                v = int(vertex)
+                t = int(texcoord) if texcoord else 0
+            except ValueError:
+                word = token[:20].decode("utf-8", errors="backslashreplace")
+                raise InputError(
+                    f"{file}:{line}", f"face corner {word!r} is no index", EXPORT_AGAIN
+                ) from None
+            v_index = v - 1 if v > 0 else v + seen[0]
+            if v == 0 or not 0 <= v_index < limits[0]:
+                raise _out_of_range(f"{file}:{line}", "vertex", v, limits[0])
+            t_index = t - 1 if t >= 0 else t + seen[1]
+            if texcoord and (t == 0 or not 0 <= t_index < limits[1]):
+                raise _out_of_range(f"{file}:{line}", "texture coordinate", t, limits[1])
+            vertices.append(v_index)
+            texcoords.append(t_index)
+    return (
+        np.array(counts, dtype=np.int64),
+        np.array(vertices, dtype=np.int64),
+        np.array(texcoords, dtype=np.int64),
+    )
+
+
+def _out_of_range(place: str, what: str, index: int, count: int) -> InputError:
+    plural = "vertices" if what == "vertex" else f"{what}s"
+    problem = f"a face refers to {what} {index}, but the file has {count:,} {plural} (numbered from 1)"
+    return InputError(place, problem, f"{EXPORT_AGAIN}: the file may be cut off or edited")
+
+
+def _at_corners(texcoords: Floats, corner_texcoords: Ints) -> Floats | None:
+    if not len(texcoords) or not (corner_texcoords >= 0).any():
+        return None
+    values = texcoords[corner_texcoords]
+    values[corner_texcoords < 0] = np.nan
+    return values
+
+
+def _panels(statements: _Statements) -> tuple[Ints | None, tuple[str, ...]]:
+    """Panel of each face by ``g``, else ``o``, else ``usemtl``: the first of them that tells faces apart."""
+    only: tuple[Ints | None, tuple[str, ...]] = (None, ())
+    for keyword in _GROUPINGS:
+        starts = statements.groups.get(keyword)
+        if not starts:
+            continue
+        names: dict[str, int] = {}
+        panels = np.empty(len(statements.faces), dtype=np.int64)
+        bounds = [(0, "default"), *starts, (len(statements.faces), "")]
+        for (first, name), (end, _) in pairwise(bounds):
+            if end > first:
+                panels[first:end] = names.setdefault(name or "default", len(names))
+        if len(names) > 1:
+            return panels, tuple(names)
+        if only[0] is None and names:
+            only = panels, tuple(names)
+    return only

@@ -1,0 +1,125 @@
+"""What a reader hands on: the file's own polygons, before any repair, and how to point at them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warp_cloth.errors import InputError
+
+Role = Literal["garment", "avatar"]
+Ints = NDArray[np.int64]
+Floats = NDArray[np.float64]
+
+EXPORT_AGAIN = "export the mesh again"
+
+
+@dataclass(frozen=True, eq=False)
+class RawMesh:
+    """Polygons as the file has them, y up, in the file's unit.
+
+    ``corners`` lists the vertices of polygon 0, then those of polygon 1, and so on; ``counts`` says how many
+    each has. Text files also know the line of every vertex and polygon, and may count from 1.
+    """
+
+    file: str
+    points: Floats  # [file unit], shape [V, 3]
+    counts: Ints  # corners of each polygon, shape [P]
+    corners: Ints  # vertex of each corner, shape [sum of counts]
+    texcoords: Floats | None = None  # of each corner, NaN where it has none, shape [sum of counts, 2]
+    panels: Ints | None = None  # panel of each polygon, shape [P]
+    panel_names: tuple[str, ...] = ()
+    metres_per_unit: float | None = None  # as the file itself declares
+    vertex_lines: Ints | None = None  # shape [V]
+    face_lines: Ints | None = None  # shape [P]
+    first_index: int = 0  # what the file calls its first vertex
+    notes: tuple[str, ...] = ()
+
+    def vertex_name(self, vertex: int) -> str:
+        """How the file itself calls a vertex."""
+        return str(vertex + self.first_index)
+
+    def face_name(self, face: int) -> str:
+        """Where a face stands: its line, or its number from 0."""
+        return f"line {self.face_lines[face]}" if self.face_lines is not None else f"face {face}"
+
+    def vertex_place(self, vertex: int) -> str:
+        """File of a vertex, with its line where that is known."""
+        return f"{self.file}:{self.vertex_lines[vertex]}" if self.vertex_lines is not None else self.file
+
+    def face_place(self, face: int) -> str:
+        """File of a face, with its line where that is known."""
+        return f"{self.file}:{self.face_lines[face]}" if self.face_lines is not None else self.file
+
+    def polygon_of_corner(self, corner: int) -> int:
+        """Polygon that a corner belongs to."""
+        return int(np.searchsorted(np.cumsum(self.counts), corner, side="right"))
+
+
+def counted(number: int, what: str) -> str:
+    """A number with its noun, for notes: "1 vertex", "2 vertices"."""
+    if number != 1:
+        what = what.removesuffix("ex") + "ices" if what.endswith("vertex") else what + "s"
+    return f"{number:,} {what}"
+
+
+def joined(parts: Sequence[RawMesh], file: str, names: Sequence[str]) -> RawMesh:
+    """Several meshes of one file as one, in their order; each becomes a panel."""
+    if len(parts) == 1:
+        return parts[0]
+    offsets = np.cumsum([0] + [len(part.points) for part in parts])
+    texcoords = None
+    if any(part.texcoords is not None for part in parts):
+        texcoords = np.concatenate(
+            [
+                part.texcoords if part.texcoords is not None else np.full((len(part.corners), 2), np.nan)
+                for part in parts
+            ]
+        )
+    return RawMesh(
+        file=file,
+        points=np.concatenate([part.points for part in parts]),
+        counts=np.concatenate([part.counts for part in parts]),
+        corners=np.concatenate(
+            [part.corners + offset for part, offset in zip(parts, offsets[:-1], strict=True)]
+        ),
+        texcoords=texcoords,
+        panels=np.repeat(np.arange(len(parts)), [len(part.counts) for part in parts]),
+        panel_names=tuple(names),
+        metres_per_unit=parts[0].metres_per_unit,
+        notes=(*(note for part in parts for note in part.notes), f"{len(parts)} meshes of the file joined"),
+    )
+
+
+def check(raw: RawMesh) -> None:
+    """Refuse what no repair can mend: nothing there, numbers that are none, indices that point nowhere."""
+    if not len(raw.points):
+        raise InputError(raw.file, "the mesh has no vertices", EXPORT_AGAIN)
+    if not len(raw.counts):
+        raise InputError(
+            raw.file, "the mesh has no faces, only points or lines", "export its surface as faces"
+        )
+    if (raw.counts < 0).any() or raw.counts.sum() != len(raw.corners):
+        problem = f"face sizes add up to {raw.counts.sum():,} corners, but {len(raw.corners):,} are listed"
+        raise InputError(raw.file, problem, EXPORT_AGAIN)
+    wild = np.flatnonzero(~np.isfinite(raw.points).all(axis=1))
+    if len(wild):
+        vertex = int(wild[0])
+        x, y, z = raw.points[vertex]
+        more = f" (and {len(wild) - 1:,} more)" if len(wild) > 1 else ""
+        problem = f"vertex {raw.vertex_name(vertex)} is not finite: ({x:g}, {y:g}, {z:g}){more}"
+        raise InputError(raw.vertex_place(vertex), problem, "repair the mesh where it was made")
+    lost = np.flatnonzero((raw.corners < 0) | (raw.corners >= len(raw.points)))
+    if len(lost):
+        face = raw.polygon_of_corner(int(lost[0]))
+        problem = (
+            f"face {face} refers to vertex {raw.corners[lost[0]]}, but there are only {len(raw.points):,} "
+            f"vertices (0 to {len(raw.points) - 1})"
+        )
+        raise InputError(
+            raw.face_place(face), problem, f"{EXPORT_AGAIN}: its face list does not fit its vertices"
+        )

@@ -1,0 +1,184 @@
+"""Repairs that leave the surface as it is meant: degenerate and duplicate faces, unwelded seams, winding."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warp_cloth.errors import InputError
+from warp_cloth.loading.distinct import distinct, edges_of
+from warp_cloth.loading.polygons import triangulated
+from warp_cloth.loading.raw import Floats, Ints, RawMesh, Role, counted
+from warp_cloth.loading.weld import Weld, weld
+from warp_cloth.loading.winding import consistent_winding, outward
+
+RestKind = Literal["mesh", "uv"]
+
+# Height of a triangle relative to its longest edge, below which it counts as a line: 10 nm at a 10 mm edge,
+# which no cloth has and which float32 positions one metre from the origin cannot hold.
+THINNEST = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class Repaired:
+    """Sound triangles over the vertices that they use."""
+
+    points: Floats  # [m], shape [V, 3]
+    triangles: Ints  # shape [F, 3]
+    texcoords: Floats | None  # shape [F, 3, 2]
+    faces: Ints  # polygon of the raw mesh, shape [F]
+    vertex_map: Ints  # new vertex of each raw vertex, -1: dropped
+    notes: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class _Work:
+    """Triangles on their way: vertices, and where each corner and face came from."""
+
+    triangles: Ints
+    corners: Ints
+    faces: Ints
+    notes: tuple[str, ...] = ()
+
+    def kept(self, keep: NDArray[np.bool_], dropped: str, which: str = "") -> _Work:
+        """The triangles of ``keep``; ``dropped`` (and ``which``) names the others in a note."""
+        gone = int((~keep).sum())
+        if not gone:
+            return self
+        notes = (*self.notes, " ".join([counted(gone, dropped), *which.split(), "dropped"]))
+        return _Work(self.triangles[keep], self.corners[keep], self.faces[keep], notes)
+
+
+def repaired(raw: RawMesh, points: Floats, *, role: Role, rest: RestKind) -> Repaired:
+    """Sound triangles of a checked mesh; ``points`` are its vertices in metres.
+
+    A triangle without area is dropped, unless the cloth's rest shape lies in texture space and has an area
+    there: a garment may start with seams or panels drawn together.
+    """
+    cut = triangulated(raw)
+    work = _Work(raw.corners[cut.corners], cut.corners, cut.faces, cut.notes)
+    work = work.kept(~_repeats(work.triangles), "triangle", "that repeat a vertex")
+    work = work.kept(_first_of_each(work.triangles), "duplicate triangle")
+    work = work.kept(~_without_area(raw, work, points, rest), "triangle", "without area")
+    _refuse_empty(raw, work)
+    welded = weld(points, work.triangles)
+    work = _welded(work, welded, role)
+    _refuse_empty(raw, work)
+    if role == "garment":
+        _refuse_non_manifold(raw, work)
+    work = _wound(work, points, role)
+    used = np.zeros(len(points), dtype=bool)
+    used[work.triangles] = True
+    number = np.where(used, np.cumsum(used) - 1, -1)
+    isolated = int((~used[welded.vertex]).sum())
+    notes = work.notes
+    if isolated:
+        notes = (*notes, f"{counted(isolated, 'isolated vertex')} dropped")
+    return Repaired(
+        points=points[used],
+        triangles=number[work.triangles],
+        texcoords=None if raw.texcoords is None else _usable(raw.texcoords[work.corners]),
+        faces=work.faces,
+        vertex_map=number[welded.vertex],
+        notes=notes,
+    )
+
+
+def _refuse_empty(raw: RawMesh, work: _Work) -> None:
+    if not len(work.triangles):
+        problem = f"no face is left of {len(raw.counts):,}: {', '.join(work.notes)}"
+        raise InputError(raw.file, problem, "export the mesh again; its surface has no area")
+
+
+def _usable(texcoords: Floats) -> Floats | None:
+    return texcoords if np.isfinite(texcoords).all() else None
+
+
+def _repeats(triangles: Ints) -> NDArray[np.bool_]:
+    repeats: NDArray[np.bool_] = (triangles == np.roll(triangles, 1, axis=1)).any(axis=1)
+    return repeats
+
+
+def _first_of_each(triangles: Ints) -> NDArray[np.bool_]:
+    """Whether each triangle is the first over its set of vertices."""
+    first = np.zeros(len(triangles), dtype=bool)
+    first[distinct(np.sort(triangles, axis=1)).first] = True
+    return first
+
+
+def _without_area(raw: RawMesh, work: _Work, points: Floats, rest: RestKind) -> NDArray[np.bool_]:
+    flat = _is_line(points[work.triangles])
+    if rest == "uv" and raw.texcoords is not None and flat.any():
+        texcoords = raw.texcoords[work.corners]
+        placed: NDArray[np.bool_] = np.isfinite(texcoords).all(axis=(1, 2))
+        if placed[~flat].all():
+            flat = flat & ~(placed & ~_is_line(np.where(placed[:, None, None], texcoords, 0.0)))
+    return flat
+
+
+def _is_line(corners: Floats) -> NDArray[np.bool_]:
+    """Whether triangles have no height worth the name; shape [F, 3, 2 or 3]."""
+    a, b = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    longest_squared = np.maximum.reduce([(edge * edge).sum(axis=1) for edge in (a, b, b - a)])
+    normal = np.cross(a, b) if a.shape[1] == 3 else (a[:, :1] * b[:, 1:] - a[:, 1:] * b[:, :1])
+    line: NDArray[np.bool_] = np.linalg.norm(normal, axis=1) <= THINNEST * longest_squared
+    return line
+
+
+def _welded(work: _Work, welded: Weld, role: Role) -> _Work:
+    notes = work.notes
+    if welded.joined:
+        notes = (*notes, f"{counted(welded.joined, 'vertex')} welded to others at exactly the same place")
+    if welded.apart and role == "garment":
+        what = f"{counted(welded.apart, 'vertex')} at exactly the same place as others"
+        notes = (*notes, f"{what} left apart: layers, or parts that only touch")
+    if not welded.joined:
+        return replace(work, notes=notes)
+    work = replace(work, triangles=welded.vertex[work.triangles], notes=notes)
+    work = work.kept(~_repeats(work.triangles), "triangle", "that welding closed")
+    return work.kept(_first_of_each(work.triangles), "duplicate triangle")
+
+
+def _refuse_non_manifold(raw: RawMesh, work: _Work) -> None:
+    """Refuse an edge with three or more faces: it has no two sides to bend about."""
+    edges = np.sort(edges_of(work.triangles), axis=1)
+    found = distinct(edges)
+    bad = np.flatnonzero(found.count > 2)
+    if not len(bad):
+        return
+    touching = np.unique(work.faces[np.flatnonzero(found.number == bad[0]) // 3])
+    a, b = (raw.vertex_name(int(vertex)) for vertex in edges[found.first[bad[0]]])
+    named = ", ".join(raw.face_name(int(face)) for face in touching[:6])
+    more = f" ({len(bad) - 1:,} more such edges)" if len(bad) > 1 else ""
+    count = found.count[bad[0]]
+    problem = f"the edge between vertices {a} and {b} has {count} faces ({named}){more}; cloth allows two"
+    remedy = "separate the layers, or remove the extra faces, where the garment was made"
+    raise InputError(raw.face_place(int(touching[0])), problem, remedy)
+
+
+def _wound(work: _Work, points: Floats, role: Role) -> _Work:
+    """Triangles that turn the same way within each component; an avatar's outwards."""
+    flip, twisted = consistent_winding(work.triangles)
+    notes = work.notes
+    if flip.any():
+        notes = (
+            *notes,
+            f"winding of {counted(int(flip.sum()), 'triangle')} flipped to agree with the neighbours",
+        )
+    if twisted:
+        notes = (*notes, f"{counted(twisted, 'one-sided component')} (Moebius) left with the file's winding")
+    triangles = np.where(flip[:, None], work.triangles[:, ::-1], work.triangles)
+    if role == "avatar":
+        inward = outward(points, triangles)
+        if inward.any():
+            notes = (
+                *notes,
+                f"{counted(int(inward.sum()), 'triangle')} of inside-out closed parts turned outwards",
+            )
+        triangles = np.where(inward[:, None], triangles[:, ::-1], triangles)
+        flip = flip ^ inward
+    corners = np.where(flip[:, None], work.corners[:, ::-1], work.corners)
+    return replace(work, triangles=triangles, corners=corners, notes=notes)

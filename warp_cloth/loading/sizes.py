@@ -1,0 +1,186 @@
+"""Which length unit a mesh is in: as stated, as its file declares, or guessed from how large it is."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from warp_cloth.errors import InputError
+from warp_cloth.loading.raw import Floats, Role
+from warp_cloth.mesh import Mesh
+from warp_cloth.units import LENGTH_UNITS, METRES_PER, LengthUnit
+
+# Largest extent [m] of what is worn and of who wears it: from a hat and a baby to a bridal train and a giant.
+PLAUSIBLE: dict[Role, tuple[float, float]] = {"garment": (0.2, 3.5), "avatar": (0.3, 3.5)}
+# Largest extent [m] accepted where the unit is stated: dolls and curtains are possible, houses are not.
+POSSIBLE: dict[Role, tuple[float, float]] = {"garment": (0.01, 20.0), "avatar": (0.05, 20.0)}
+# Numbers that fit several units are taken as the first of these; inches are only proposed, never guessed.
+GUESSED: tuple[LengthUnit, ...] = ("m", "cm", "mm")
+INCH_AVATAR = (40.0, 80.0)  # extent of an avatar that may well be in inches
+
+GUESS_NOTE = "units not stated"  # how every note on a guess starts
+# Largest extent of the garment over the avatar's, from a glove to a train. Wide where both units are stated.
+RATIO, WIDE_RATIO = (0.05, 1.6), (0.01, 20.0)
+SAME_UNIT_RATIO = (0.02, 5.0)  # both guessed the same: whatever is wrong, it is not one against the other
+GAP, WIDE_GAP = 0.25, 2.0  # between the two bounding boxes, over the avatar's extent
+
+
+@dataclass(frozen=True)
+class UnitChoice:
+    """Unit of a mesh, its length in metres, and a note where it was guessed or overrules the file."""
+
+    name: str
+    metres: float
+    notes: tuple[str, ...] = ()
+
+
+def choose_unit(
+    points: Floats, *, file: str, role: Role, key: str, stated: LengthUnit | None, declared: float | None
+) -> UnitChoice:
+    """Unit of the vertices in use (file unit, shape [V, 3]); refuses a size that it makes impossible."""
+    with np.errstate(over="ignore"):
+        extent = float(np.ptp(points, axis=0).max())
+    if extent == 0.0:
+        raise InputError(file, "all its vertices lie at one point", "export the mesh again")
+    if stated is not None or declared is not None:
+        metres = METRES_PER[stated] if stated is not None else float(declared or 0.0)
+        name = stated if stated is not None else _unit_name(metres)
+        _refuse_impossible(extent, metres, name, file=file, role=role, key=key, said=stated is not None)
+        overruled = stated is not None and declared is not None and not np.isclose(metres, declared)
+        note = f'units = "{name}" overrules the file, which declares {_unit_name(declared or 0.0)}'
+        return UnitChoice(name, metres, (note,) if overruled else ())
+    fitting = [unit for unit in GUESSED if _fits(extent * METRES_PER[unit], PLAUSIBLE[role])]
+    if not fitting:
+        low, high = PLAUSIBLE[role]
+        wanted = f"{_a(role)} of {low:g} to {high:g} m"
+        problem = f"units not stated, and an extent of {extent:.4g} fits no unit for {wanted}"
+        remedy = _possible_units(extent, role, key) or "scale the mesh, or check what was exported"
+        raise InputError(file, problem, remedy)
+    unit = fitting[0]
+    note = f"{GUESS_NOTE}: took {_PLURALS[unit]}, as its largest extent is {extent:.4g}"
+    if role == "avatar" and INCH_AVATAR[0] <= extent <= INCH_AVATAR[1]:
+        note += f' (inches are possible: then set {key}.units = "in")'
+    return UnitChoice(unit, METRES_PER[unit], (note,))
+
+
+_PLURALS: dict[str, str] = {"m": "metres", "cm": "centimetres", "mm": "millimetres", "in": "inches"}
+
+
+def _a(role: Role) -> str:
+    return "an avatar" if role == "avatar" else "a garment"
+
+
+def _unit_name(metres: float) -> str:
+    return next(
+        (unit for unit in LENGTH_UNITS if np.isclose(METRES_PER[unit], metres, rtol=1e-4)), f"{metres:g} m"
+    )
+
+
+def _fits(value: float, bounds: tuple[float, float]) -> bool:
+    return bounds[0] <= value <= bounds[1]
+
+
+def _likely_unit(extent: float, role: Role, *, other_than: str = "") -> LengthUnit | None:
+    """Unit in which an extent is plausible, metres first."""
+    fitting = (unit for unit in LENGTH_UNITS if unit != other_than)
+    return next((unit for unit in fitting if _fits(extent * METRES_PER[unit], PLAUSIBLE[role])), None)
+
+
+def _possible_units(extent: float, role: Role, key: str) -> str:
+    """What to set for an extent that no unit makes usual, but some unit makes possible."""
+    units = [unit for unit in LENGTH_UNITS if _fits(extent * METRES_PER[unit], POSSIBLE[role])]
+    values = " or ".join(f'"{unit}" ({_length(extent * METRES_PER[unit])})' for unit in units)
+    return f"if it is meant to be that size, set {key}.units = {values}" if units else ""
+
+
+def _length(metres: float) -> str:
+    if metres >= 1.0 or metres == 0.0:
+        return f"{metres:.3g} m"
+    return f"{100 * metres:.3g} cm" if metres >= 0.01 else f"{1000 * metres:.3g} mm"
+
+
+def _refuse_impossible(
+    extent: float, metres: float, name: str, *, file: str, role: Role, key: str, said: bool
+) -> None:
+    if _fits(extent * metres, POSSIBLE[role]):
+        return
+    source = f'{key}.units = "{name}"' if said else f"its own unit ({name})"
+    problem = f"{_length(extent * metres)} across by {source} is no {role}"
+    likely = _likely_unit(extent, role, other_than=name)
+    if likely is None:
+        raise InputError(file, problem, f"scale the mesh, or set {key}.units to what it was made in")
+    raise InputError(file, problem, f'its numbers look like {_PLURALS[likely]}: set {key}.units = "{likely}"')
+
+
+def was_guessed(mesh: Mesh) -> bool:
+    """Whether the mesh's unit came from its size alone."""
+    return any(note.startswith(GUESS_NOTE) for note in mesh.notes)
+
+
+def check_sizes(garments: Sequence[tuple[str, Mesh]], avatar: Mesh | None) -> None:
+    """Refuse garments whose size or place cannot belong to the avatar; closer where a unit was guessed.
+
+    Each garment comes with its key in the scene ("garment", "garment[1]").
+    """
+    if avatar is None:
+        return
+    for key, garment in garments:
+        guess_g, guess_a = was_guessed(garment), was_guessed(avatar)
+        ratio_bounds, gap_bound = WIDE_RATIO, WIDE_GAP
+        if guess_g and guess_a and garment.unit == avatar.unit:
+            ratio_bounds, gap_bound = SAME_UNIT_RATIO, WIDE_GAP
+        elif guess_g or guess_a:
+            ratio_bounds, gap_bound = RATIO, GAP
+        ratio, gap = _fit_of(garment, avatar, 1.0, 1.0)
+        if _fits(ratio, ratio_bounds) and gap <= gap_bound:
+            continue
+        extent_g, extent_a = _extent(garment), _extent(avatar)
+        if not _fits(ratio, ratio_bounds):
+            problem = f"{_length(extent_g)} across does not belong to an avatar of {_length(extent_a)}"
+        else:
+            problem = (
+                f"lies {_length(gap * extent_a)} away from the avatar, which is {_length(extent_a)} across"
+            )
+        problem += f" (garment in {_origin(garment)}, avatar in {_origin(avatar)})"
+        raise InputError(f'{key} "{garment.name}"', problem, _remedy(key, garment, avatar))
+
+
+def _origin(mesh: Mesh) -> str:
+    return f"{mesh.unit}, {'guessed' if was_guessed(mesh) else 'as stated'}"
+
+
+def _extent(mesh: Mesh) -> float:
+    low, high = mesh.bounds()
+    return float((high - low).max())
+
+
+def _fit_of(garment: Mesh, avatar: Mesh, scale_g: float, scale_a: float) -> tuple[float, float]:
+    """Extent of the garment, and gap between the bounding boxes, both over the avatar's extent, if scaled."""
+    (low_g, high_g), (low_a, high_a) = garment.bounds(), avatar.bounds()
+    extent = float((high_a - low_a).max()) * scale_a
+    gap = float(
+        max((low_g * scale_g - high_a * scale_a).max(), (low_a * scale_a - high_g * scale_g).max(), 0.0)
+    )
+    return float((high_g - low_g).max()) * scale_g / extent, gap / extent
+
+
+def _remedy(key: str, garment: Mesh, avatar: Mesh) -> str:
+    """The unit that would make them fit: of whichever was guessed first, else of either."""
+    options: list[tuple[bool, str, LengthUnit, float, float]] = []
+    for unit in LENGTH_UNITS:
+        if unit != garment.unit:
+            scale = METRES_PER[unit] / METRES_PER.get(garment.unit, 1.0)  # type: ignore[call-overload]
+            options.append((was_guessed(garment), key, unit, scale, 1.0))
+        if unit != avatar.unit:
+            scale = METRES_PER[unit] / METRES_PER.get(avatar.unit, 1.0)  # type: ignore[call-overload]
+            options.append((was_guessed(avatar), "avatar", unit, 1.0, scale))
+    options.sort(key=lambda option: not option[0])
+    for _, name, unit, scale_g, scale_a in options:
+        ratio, gap = _fit_of(garment, avatar, scale_g, scale_a)
+        sane = _fits(_extent(garment) * scale_g, PLAUSIBLE["garment"])
+        sane = sane and _fits(_extent(avatar) * scale_a, PLAUSIBLE["avatar"])
+        if sane and _fits(ratio, RATIO) and gap <= GAP:
+            return f'likely {_PLURALS[unit]}: set {name}.units = "{unit}"'
+    return f"set {key}.units and avatar.units, and place the garment round the avatar"

@@ -1,0 +1,192 @@
+"""USD stages: one mesh, or all of them, in stage space, with the stage's unit and up axis honoured."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from warp_cloth.errors import InputError
+from warp_cloth.loading.raw import EXPORT_AGAIN, Floats, Ints, RawMesh, Role, joined
+
+if TYPE_CHECKING:
+    from pxr import Usd, UsdGeom
+
+_LISTED = 6  # prim paths in a message
+_REST = "unassigned"  # panel of the faces that no subset names
+
+
+def read_usd(file: str, *, role: Role, key: str, prim: str | None) -> RawMesh:
+    """The mesh at or below ``prim``, or the stage's only one; an avatar may be made of several."""
+    from pxr import Usd, UsdGeom, UsdUtils
+
+    quiet = UsdUtils.CoalescingDiagnosticDelegate()  # USD's warnings come here, not to stderr
+    try:
+        stage = Usd.Stage.Open(file)
+        if stage is None:
+            raise ValueError("USD opens no stage")
+        paths = _mesh_paths(stage, prim, file, key)
+        if len(paths) > 1 and role == "garment":
+            raise InputError(
+                file, f"holds {len(paths)} meshes: {_listed(paths)}", f'choose one: {key}.prim = "PATH"'
+            )
+        scale = (
+            float(UsdGeom.GetStageMetersPerUnit(stage))
+            if UsdGeom.StageHasAuthoredMetersPerUnit(stage)
+            else None
+        )
+        if scale is not None and not (np.isfinite(scale) and scale > 0):
+            raise InputError(file, f"metersPerUnit is {scale:g}", "give the stage a positive one")
+        z_up = UsdGeom.GetStageUpAxis(stage) == UsdGeom.Tokens.z
+        parts = [_part(file, stage, path, scale, z_up, panels=role == "garment") for path in paths]
+        return joined(parts, file, paths)
+    except InputError:
+        raise
+    except Exception as error:  # USD raises its own kinds for whatever is wrong with a file
+        reason = " ".join(str(error).split()).rpartition("pxrInternal")[0] or " ".join(str(error).split())
+        problem = f"cannot be read as USD: {reason[:160] or type(error).__name__}"
+        raise InputError(file, problem, "check the file's content, or export it again") from error
+    finally:
+        quiet.TakeUncoalescedDiagnostics()
+
+
+def _listed(paths: list[str]) -> str:
+    more = f" and {len(paths) - _LISTED} more" if len(paths) > _LISTED else ""
+    return ", ".join(paths[:_LISTED]) + more
+
+
+def _mesh_paths(stage: Usd.Stage, prim: str | None, file: str, key: str) -> list[str]:
+    """Paths of the meshes to read, instances too; guides, proxies and hidden ones only for want of others."""
+    from pxr import Sdf, Usd, UsdGeom
+
+    def meshes(root: Usd.Prim) -> list[Usd.Prim]:
+        return [p for p in Usd.PrimRange(root, Usd.TraverseInstanceProxies()) if p.IsA(UsdGeom.Mesh)]
+
+    everything = meshes(stage.GetPseudoRoot())
+    found = everything
+    if prim is not None:
+        valid = prim.startswith("/") and Sdf.Path.IsValidPathString(prim)
+        root = stage.GetPrimAtPath(prim) if valid else None
+        found = meshes(root) if root else []
+        if not found:
+            problem = f"there is no mesh at {prim}" if root else f"there is no prim {prim}"
+            known = _listed([str(p.GetPath()) for p in everything])
+            raise InputError(
+                file, problem, f"{key}.prim may be {known}" if known else "the stage holds no mesh"
+            )
+    if not found:
+        raise InputError(file, "the stage holds no mesh", "export the surface as a polygon mesh")
+    shown = [p for p in found if _is_shown(UsdGeom.Imageable(p))]
+    return [str(p.GetPath()) for p in (shown or found)]
+
+
+def _is_shown(prim: UsdGeom.Imageable) -> bool:
+    from pxr import UsdGeom
+
+    hidden = prim.ComputeVisibility() == UsdGeom.Tokens.invisible
+    return not hidden and prim.ComputePurpose() not in (UsdGeom.Tokens.guide, UsdGeom.Tokens.proxy)
+
+
+def _part(
+    file: str, stage: Usd.Stage, path: str, scale: float | None, z_up: bool, *, panels: bool
+) -> RawMesh:
+    """One mesh in stage space, y up: its default shape, or its first time sample."""
+    from pxr import Usd, UsdGeom
+
+    mesh = UsdGeom.Mesh(stage.GetPrimAtPath(path))
+    place = f"{file} {path}"
+    attribute = mesh.GetPointsAttr()
+    sampled = attribute.Get(Usd.TimeCode.Default()) is None and attribute.GetNumTimeSamples() > 0
+    time = Usd.TimeCode(attribute.GetTimeSamples()[0]) if sampled else Usd.TimeCode.Default()
+    matrix = np.array(UsdGeom.XformCache(time).GetLocalToWorldTransform(mesh.GetPrim()), dtype=np.float64)
+    points = _array(attribute.Get(time), np.float64).reshape(-1, 3)
+    with np.errstate(all="ignore"):  # what is not finite is refused later
+        points = points @ matrix[:3, :3] + matrix[3, :3]
+        if z_up:
+            points = points[:, [0, 2, 1]] * [1.0, 1.0, -1.0]
+    counts = _array(mesh.GetFaceVertexCountsAttr().Get(time), np.int64)
+    corners = _array(mesh.GetFaceVertexIndicesAttr().Get(time), np.int64)
+    if (counts < 0).any() or counts.sum() != len(corners):
+        problem = (
+            f"faceVertexCounts add up to {counts.sum():,}, but there are {len(corners):,} faceVertexIndices"
+        )
+        raise InputError(place, problem, EXPORT_AGAIN)
+    texcoords = _texcoords(mesh, time, corners, len(points))
+    panel, names = _panels(mesh, len(counts)) if panels else (None, ())
+    mirrored = bool(np.linalg.det(matrix[:3, :3]) < 0)
+    turn = mirrored != (mesh.GetOrientationAttr().Get(time) == UsdGeom.Tokens.leftHanded)
+    order = _order(counts, turn, _array(mesh.GetHoleIndicesAttr().Get(time), np.int64))
+    return RawMesh(
+        file=place,
+        points=points,
+        counts=counts[order[0]],
+        corners=corners[order[1]],
+        texcoords=None if texcoords is None else texcoords[order[1]],
+        panels=None if panel is None else panel[order[0]],
+        panel_names=names,
+        metres_per_unit=scale,
+        notes=order[2],
+    )
+
+
+def _array(value: Any, dtype: type) -> Any:
+    """A copy of a USD array: its own may be a view of the file."""
+    return np.array(value if value is not None else [], dtype=dtype)
+
+
+def _order(counts: Ints, turn: bool, holes: Ints) -> tuple[Ints, Ints, tuple[str, ...]]:
+    """Faces and corners to keep, in order: without hole faces, each face turned round if asked."""
+    owner = np.repeat(np.arange(len(counts)), counts)
+    corner = np.arange(len(owner))
+    if turn:
+        starts = np.cumsum(counts) - counts
+        corner = (2 * starts + counts - 1)[owner] - corner
+    solid = ~np.isin(np.arange(len(counts)), holes)
+    notes = () if solid.all() else (f"{(~solid).sum():,} faces that the stage marks as holes left out",)
+    return np.flatnonzero(solid), corner[solid[owner]], notes
+
+
+def _texcoords(mesh: UsdGeom.Mesh, time: Usd.TimeCode, corners: Ints, vertex_count: int) -> Floats | None:
+    """``st``, or else the first texture coordinate primvar, at every corner."""
+    from pxr import Sdf, UsdGeom
+
+    api = UsdGeom.PrimvarsAPI(mesh.GetPrim())
+    kinds = (
+        Sdf.ValueTypeNames.TexCoord2fArray,
+        Sdf.ValueTypeNames.TexCoord2dArray,
+        Sdf.ValueTypeNames.TexCoord2hArray,
+    )
+    primvars = [api.FindPrimvarWithInheritance("st")]
+    primvars += [primvar for primvar in api.FindPrimvarsWithInheritance() if primvar.GetTypeName() in kinds]
+    for primvar in primvars:
+        if not primvar or not primvar.HasValue():
+            continue
+        values = _array(primvar.ComputeFlattened(time), np.float64)
+        if values.ndim != 2 or values.shape[1] != 2:
+            continue
+        if primvar.GetInterpolation() == UsdGeom.Tokens.faceVarying and len(values) == len(corners):
+            found: Floats = values
+            return found
+        per_vertex = primvar.GetInterpolation() in (UsdGeom.Tokens.vertex, UsdGeom.Tokens.varying)
+        if per_vertex and len(values) == vertex_count and ((corners >= 0) & (corners < vertex_count)).all():
+            return values[corners]
+    return None
+
+
+def _panels(mesh: UsdGeom.Mesh, face_count: int) -> tuple[Ints | None, tuple[str, ...]]:
+    """Panel of each face, one for each subset of faces."""
+    from pxr import UsdGeom
+
+    subsets = [
+        s
+        for s in UsdGeom.Subset.GetAllGeomSubsets(mesh)
+        if s.GetElementTypeAttr().Get() == UsdGeom.Tokens.face
+    ]
+    if not subsets:
+        return None, ()
+    panels = np.full(face_count, len(subsets), dtype=np.int64)
+    for number, subset in enumerate(subsets):
+        faces = _array(subset.GetIndicesAttr().Get(), np.int64)
+        panels[faces[(faces >= 0) & (faces < face_count)]] = number
+    names = [s.GetPrim().GetName() for s in subsets]
+    return panels, tuple(names + [_REST] * bool((panels == len(subsets)).any()))

@@ -1,0 +1,114 @@
+"""Joining the seams of a mesh whose neighbouring faces have vertices of their own at the very same places."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warp_cloth.loading.distinct import distinct, edges_of
+from warp_cloth.loading.raw import Floats, Ints
+
+
+@dataclass(frozen=True, eq=False)
+class Weld:
+    """Which vertex stands for each, and how many were joined with others or left apart at the same place."""
+
+    vertex: Ints  # lowest vertex joined with each, shape [V]
+    joined: int = 0
+    apart: int = 0
+
+
+def weld(points: Floats, triangles: Ints) -> Weld:
+    """Join boundary edges that coincide exactly, two and two.
+
+    Edges, not points: parts that only touch stay apart. Where more than two faces would meet, two layers lie
+    on each other, and they stay apart too; only where no faces share a vertex at all (an STL) do positions
+    alone say what is joined, and a third face at an edge is then the file's own.
+    """
+    used = np.unique(triangles)
+    places = distinct(points[used] + 0.0)  # -0 and 0 are one place
+    if len(places.first) == len(used):
+        return Weld(np.arange(len(points)))
+    place = np.full(len(points), -1, dtype=np.int64)
+    place[used] = places.number
+    soup = len(triangles) > 1 and int(np.bincount(triangles.reshape(-1)).max()) == 1
+    faces = triangles[np.sort(distinct(np.sort(place[triangles], axis=1)).first)] if soup else triangles
+    a, b = _matched(place, faces, soup)
+    while True:
+        vertex = _joined(len(points), a, b)
+        bad = np.zeros(len(points), dtype=bool) if soup else _spoilt(vertex, faces)
+        if not bad.any():
+            break
+        keep = ~(bad[vertex[a]] | bad[vertex[b]])
+        a, b = a[keep], b[keep]
+    if soup and len(faces) < len(
+        triangles
+    ):  # a duplicate facet goes where its twin goes, and is dropped there
+        vertex = _twins_joined(vertex, place, triangles)
+    left = len(np.unique(vertex[used]))
+    return Weld(vertex, joined=len(used) - left, apart=left - len(places.first))
+
+
+def _per_row(rows: Ints) -> tuple[Ints, Ints]:
+    """A number for each different row (whatever the order within it), and how often each row stands there."""
+    found = distinct(np.sort(rows, axis=1))
+    return found.number, found.count[found.number]
+
+
+def _matched(place: Ints, faces: Ints, soup: bool) -> tuple[Ints, Ints]:
+    """Pairs of vertices that coinciding boundary edges ask to join."""
+    edges = edges_of(faces)
+    boundary = _per_row(edges)[1] == 1
+    spot, together = _per_row(place[edges])
+    candidate = boundary & (place[edges[:, 0]] != place[edges[:, 1]])
+    candidate &= (together > 1) if soup else (together == 2)
+    if not soup:  # faces that lie on each other are layers
+        layered = _per_row(place[faces])[1] > 1
+        candidate &= ~np.repeat(layered, 3)
+    chosen = np.flatnonzero(candidate)
+    chosen = chosen[np.argsort(spot[chosen], kind="stable")]
+    same = spot[chosen[1:]] == spot[chosen[:-1]]
+    first, second = edges[chosen[:-1][same]], edges[chosen[1:][same]]
+    crossed = place[first[:, 0]] != place[second[:, 0]]
+    second = np.where(crossed[:, None], second[:, ::-1], second)
+    return first.reshape(-1), second.reshape(-1)
+
+
+def _joined(count: int, a: Ints, b: Ints) -> Ints:
+    """Lowest vertex that each is joined with by the pairs (a, b)."""
+    label = np.arange(count)
+    while True:
+        low = np.minimum(label[a], label[b])
+        lower = label.copy()
+        np.minimum.at(lower, a, low)
+        np.minimum.at(lower, b, low)
+        lower = lower[lower]
+        if np.array_equal(lower, label):
+            return label
+        label = lower
+
+
+def _spoilt(vertex: Ints, triangles: Ints) -> NDArray[np.bool_]:
+    """Joined vertices at an edge that joining gave a third face, or in a face that it closed."""
+    edges = edges_of(vertex[triangles])
+    bad_edge = (_per_row(edges)[1] > 2) & (_per_row(edges_of(triangles))[1] <= 2)
+    closed = edges[:, 0] == edges[:, 1]
+    bad = np.zeros(len(vertex), dtype=bool)
+    bad[edges[bad_edge | closed]] = True
+    merged = np.bincount(vertex[np.unique(triangles)], minlength=len(vertex)) > 1
+    return bad & merged
+
+
+def _twins_joined(vertex: Ints, place: Ints, triangles: Ints) -> Ints:
+    """Vertices of duplicate facets joined with those of the facet that they double."""
+    found = distinct(np.sort(place[triangles], axis=1))
+    twin = triangles[found.first[found.number]]
+    by_place = np.argsort(place[triangles], axis=1, kind="stable")
+    twin_by_place = np.argsort(place[twin], axis=1, kind="stable")
+    own = np.take_along_axis(triangles, by_place, axis=1).reshape(-1)
+    other = np.take_along_axis(twin, twin_by_place, axis=1).reshape(-1)
+    joined = vertex.copy()
+    joined[own] = vertex[other]
+    return joined

@@ -1,0 +1,112 @@
+"""Winding: the same way within each component, outwards for closed bodies."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warp_cloth.loading.distinct import distinct, edges_of
+from warp_cloth.loading.raw import Floats, Ints
+
+OPEN_SHARE = (
+    0.05  # a component with at most this share of boundary edges counts as closed (a neck, eye holes)
+)
+
+
+def _neighbours(triangles: Ints) -> tuple[Ints, Ints, NDArray[np.bool_]]:
+    """Face pairs across each edge with exactly two, and whether both run along it the same way (wrong)."""
+    edges = edges_of(triangles)
+    found = distinct(np.sort(edges, axis=1))
+    order = np.argsort(found.number, kind="stable")
+    starts = np.cumsum(found.count) - found.count
+    first = starts[found.count == 2]
+    a, b = order[first], order[first + 1]
+    return a // 3, b // 3, edges[a, 0] == edges[b, 0]
+
+
+def _components(count: int, a: Ints, b: Ints) -> Ints:
+    """Lowest face of each face's component."""
+    label = np.arange(count)
+    while True:
+        low = np.minimum(label[a], label[b])
+        lower = label.copy()
+        np.minimum.at(lower, a, low)
+        np.minimum.at(lower, b, low)
+        np.minimum.at(
+            lower, label, lower
+        )  # carry to the old representative, so that long strips take few rounds
+        lower = lower[lower]
+        if np.array_equal(lower, label):
+            return label
+        label = lower
+
+
+def consistent_winding(triangles: Ints) -> tuple[NDArray[np.bool_], int]:
+    """Which faces to flip so that each component turns one way, with as few flips as can be.
+
+    Also the number of one-sided components, which have no such way and are left alone.
+    """
+    count = len(triangles)
+    a, b, wrong = _neighbours(triangles)
+    if not wrong.any():
+        return np.zeros(count, dtype=bool), 0
+    component = _components(count, a, b)
+    mixed = np.zeros(count, dtype=bool)
+    mixed[component[a[wrong]]] = True
+    here = mixed[component[a]]
+    a, b, wrong = a[here], b[here], wrong[here]
+    flip = _turned(count, a, b, wrong)
+    flipped = np.bincount(component, weights=flip, minlength=count)
+    flip ^= (2 * flipped > np.bincount(component, minlength=count))[component]
+    one_sided = np.zeros(count, dtype=bool)
+    one_sided[component[a[(flip[a] ^ flip[b]) != wrong]]] = True
+    return flip & ~one_sided[component], int(one_sided.sum())
+
+
+def _turned(count: int, a: Ints, b: Ints, wrong: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Whether each face must turn to agree with the first of its component, found by walking from it."""
+    beside: dict[int, list[tuple[int, bool]]] = {}
+    for first, second, differs in zip(a.tolist(), b.tolist(), wrong.tolist(), strict=True):
+        beside.setdefault(first, []).append((second, differs))
+        beside.setdefault(second, []).append((first, differs))
+    turned: dict[int, bool] = {}
+    for root in sorted(beside):
+        if root in turned:
+            continue
+        turned[root] = False
+        front = [root]
+        while front:
+            face = front.pop()
+            for other, differs in beside[face]:
+                if other not in turned:
+                    turned[other] = turned[face] ^ differs
+                    front.append(other)
+    flip = np.zeros(count, dtype=bool)
+    flip[list(turned)] = list(turned.values())
+    return flip
+
+
+def outward(points: Floats, triangles: Ints) -> NDArray[np.bool_]:
+    """Which faces to flip so that every closed component encloses a positive volume."""
+    a, b, wrong = _neighbours(triangles)
+    component = _components(len(triangles), a, b)
+    corners = points[triangles]
+    count = len(triangles)
+    faces = np.bincount(component, minlength=count)
+    centre = (
+        np.stack(
+            [
+                np.bincount(component, weights=corners[:, :, axis].mean(axis=1), minlength=count)
+                for axis in range(3)
+            ],
+            axis=1,
+        )
+        / np.maximum(faces, 1)[:, None]
+    )
+    x, y, z = np.moveaxis(corners - centre[component][:, None, :], 1, 0)
+    volume = np.bincount(component, weights=np.einsum("ij,ij->i", x, np.cross(y, z)), minlength=count)
+    open_edges = 3 * faces - 2 * np.bincount(component[a], minlength=count)
+    inconsistent = np.bincount(component[a], weights=wrong, minlength=count) > 0
+    inside_out = (volume < 0) & (open_edges <= OPEN_SHARE * 1.5 * faces) & ~inconsistent
+    flip: NDArray[np.bool_] = inside_out[component]
+    return flip
