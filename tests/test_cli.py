@@ -113,6 +113,7 @@ def test_the_exit_status_tells_whether_there_is_a_usable_result(
             'unknown fabric "dennim"; did you mean "denim"?',
         ),
         (("fit", "sphere", "--set", "nonsense"), "error: --set nonsense: has no value"),
+        (("fit", "sphere", "--set", "a=\x1b[31m"), "error: --set a=?[31m: unknown key a"),
         (("fit", "sphere", "--out", "taken"), "error: taken: is a file, not a folder"),
     ],
 )

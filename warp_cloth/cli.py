@@ -142,7 +142,10 @@ def _one_line_errors() -> Iterator[None]:
     try:
         yield
     except InputError as error:
-        print(f"error: {error}", file=sys.stderr)
+        told = "".join(letter if letter.isprintable() else "?" for letter in str(error))
+        print(
+            f"error: {told}", file=sys.stderr
+        )  # no markup, no wrapping, nothing that moves a terminal's cursor
         raise typer.Exit(BAD_INPUT) from None
     except KeyboardInterrupt:
         print("interrupted", file=sys.stderr)
