@@ -79,7 +79,11 @@ def hinge_energy(axis: Any, wing_0: Any, wing_1: Any, stiffness: Any):
     excess = angle * square / type(stiffness)(6.0) * (one - square / type(stiffness)(20.0) * series)
     if angle > type(stiffness)(0.1):
         excess = angle - wp.sin(angle)
-    return wp.where(area_0 > type(stiffness)(0.0) and area_1 > type(stiffness)(0.0), stiffness * excess, stiffness * type(stiffness)(0.0))
+    return wp.where(
+        area_0 > type(stiffness)(0.0) and area_1 > type(stiffness)(0.0),
+        stiffness * excess,
+        stiffness * type(stiffness)(0.0),
+    )
 
 
 @wp.func

@@ -34,7 +34,7 @@ class Step:
 
 @dataclass
 class StandIn:
-    """Takes the place of warp_cloth.fit: remembers how it was called, writes one file."""
+    """Takes the place of warp_cloth.fitting: remembers how it was called, writes one file."""
 
     status: Status = Status.AT_REST
     error: BaseException | None = None
@@ -61,9 +61,9 @@ class StandIn:
 @pytest.fixture
 def stand_in(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> StandIn:
     stand_in = StandIn()
-    module = ModuleType("warp_cloth.fit")
+    module = ModuleType("warp_cloth.fitting")
     module.fit = stand_in.fit  # type: ignore[attr-defined]
-    monkeypatch.setitem(sys.modules, "warp_cloth.fit", module)
+    monkeypatch.setitem(sys.modules, "warp_cloth.fitting", module)
     monkeypatch.chdir(tmp_path)
     return stand_in
 

@@ -14,7 +14,7 @@ import typer
 from warp_cloth.errors import InputError
 
 if TYPE_CHECKING:
-    from warp_cloth.fit import Fit
+    from warp_cloth.fitting import Fit
     from warp_cloth.scene import Scene
 
 BAD_INPUT = 2  # exit status
@@ -183,7 +183,7 @@ def _quiet_warp(verbose: bool) -> None:
 def _fit(scene: Scene, device: str | None, frames: int) -> Fit:
     from rich.console import Console
 
-    from warp_cloth.fit import fit as run
+    from warp_cloth.fitting import fit as run
     from warp_cloth.progress import ProgressDisplay
 
     with ProgressDisplay(Console(stderr=True)) as display:

@@ -22,7 +22,7 @@ STAGES = {
 
 
 class Step(Protocol):
-    """What a fit tells while it runs (see warp_cloth.fit.Progress)."""
+    """What a fit tells while it runs (see warp_cloth.fitting.Progress)."""
 
     @property
     def stage(self) -> str: ...

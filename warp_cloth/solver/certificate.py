@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+
 import numpy as np
 import warp as wp
 from numpy.typing import NDArray
@@ -18,6 +19,7 @@ from warp_cloth.solver.relax import Collider, Relaxation
 # A vertex at rest on the avatar stands at the contact offset to within the rounding of a float32 distance and one
 # iteration's fall; this far above it still counts as held.
 CONTACT_SLACK = 2e-5  # [m]
+SNAPSHOT_GROWTH = 1.1  # a shape is kept for the rest error when the iterations have grown by this factor
 
 
 @dataclass(frozen=True)
@@ -66,11 +68,16 @@ class Certifier:
         self._forces = ForcePass(model, "size", self._load)
         self._residual = residual_kernel(model.precision, collider.contact, relaxation.collider_type)
         self._left = wp.zeros(model.vertex_count, dtype=wp.vec2f, device=model.device)
-        self._earlier: list[tuple[int, NDArray[np.float64]]] = []
+        self._earlier: list[tuple[int, NDArray[np.float32]]] = []  # iteration and shape, geometrically spaced
 
     def kernels(self) -> list[wp.Kernel]:
         """The kernels that a check launches."""
         return [*self._forces.kernels(), self._residual]
+
+    def meet(self, collider: Collider) -> None:
+        """Goes on with this collider; it must be of the kind that the certifier was made with."""
+        if collider.data is not None:
+            self._collider = collider.data
 
     def check(self, iteration: int) -> Check:
         """Measures the shape as it stands. Waits for the device."""
@@ -86,27 +93,24 @@ class Certifier:
         points = model.points()
         finite = bool(np.isfinite(points).all() and np.isfinite(left).all())
         if not finite:
-            nothing = Residual(*([math.inf] * 5))
-            return Check(iteration, nothing, math.inf, False)
+            return Check(iteration, Residual(*([math.inf] * 5)), math.inf, False)
         return Check(iteration, residual_summary(left), self._rest_error(iteration, points), True)
 
     def _rest_error(self, iteration: int, points: NDArray[np.float64]) -> float:
-        """How far the shape still is from rest [m], from how its way there shortens.
+        """How far the shape still is from rest [m]: the rms way of its vertices over the last half of the iterations.
 
-        Where the way of each span of equal length shrinks by a factor q, what is left is at most way q / (1 - q);
-        the rms over vertices of the way since the last check is taken, and q no better than seen over two spans.
+        Soft modes fade like a power of the iterations, late ones exponentially. The distance left is then at most
+        what was covered since half as many iterations; what a single span's shrinking promises is far too little.
         """
-        self._earlier = [*self._earlier[-2:], (iteration, points)]
-        if len(self._earlier) < 3:
+        while len(self._earlier) > 1 and 2 * self._earlier[1][0] <= iteration:
+            self._earlier = self._earlier[1:]
+        known = bool(self._earlier) and iteration > 0 and 2 * self._earlier[0][0] <= iteration
+        half = self._earlier[0][1] if known else None
+        if not self._earlier or iteration >= SNAPSHOT_GROWTH * self._earlier[-1][0]:
+            self._earlier = [*self._earlier, (iteration, points.astype(np.float32))]
+        if half is None:
             return math.inf
-        (first, a), (middle, b), (last, c) = self._earlier
-        if middle - first != last - middle:
-            return math.inf
-        before, now = (float(np.sqrt(np.mean(np.sum((y - x) ** 2, axis=1)))) for x, y in ((a, b), (b, c)))
-        if now == 0.0:
-            return 0.0
-        shrink = now / before if before > 0.0 else math.inf
-        return now * max(shrink / (1.0 - shrink), 1.0) if shrink < 1.0 else math.inf
+        return float(np.sqrt(np.mean(np.sum((points - half) ** 2, axis=1))))
 
 
 def residual_summary(left: NDArray[np.float32]) -> Residual:

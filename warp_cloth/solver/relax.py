@@ -14,24 +14,35 @@ from warp_cloth.solver.forces import ForcePass
 
 Method = Literal["accelerated", "direct"]
 
+# Largest displacement in an iteration [m]. Accelerated: under the thinnest limb's radius, so that nothing passes
+# through a body in one step. Direct: what a force slightly larger than gravity moves a vertex by; the paper's rule
+# chatters at this size where the cloth is stiff.
+DEFAULT_CAP: dict[Method, float] = {"accelerated": 5e-3, "direct": 1e-4}
+
 
 @dataclass(frozen=True)
 class StepOptions:
     """How one iteration moves the cloth. Every default with its unit and reason.
 
-    cap: largest displacement in an iteration [m]. Accelerated: 5 mm, under the thinnest limb's radius, so that
-        nothing passes through a body in one step. Direct: the displacement of the capped force.
+    cap: largest displacement in an iteration [m]; None: DEFAULT_CAP of the method.
     momentum: share of the last displacement kept; 0.999 lets a garment of 10,000 vertices swing into its rest shape.
     damping: factor on that share where it points against the force; 0.9 settled a worn T-shirt deepest.
     reach: the stiffness bound allows for an edge changing its length by this many times its last change.
+    memory: share of a vertex's stiffness bound kept from one iteration to the next; where the bound grows, momentum
+        (stiffness times displacement) is what is kept. Without it the changing steps feed the cloth's swinging.
     """
 
     method: Method = "accelerated"
-    cap: float = 5e-3
+    cap: float | None = None
     momentum: float = 0.999
     damping: float = 0.9
     reach: float = 1.0
     memory: float = 0.99
+
+    @property
+    def largest_move(self) -> float:
+        """The cap in force [m]."""
+        return DEFAULT_CAP[self.method] if self.cap is None else self.cap
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,19 +65,24 @@ class Relaxation:
         self.model = model
         self.step = types.Step()
         self.step.gravity = types.vec3(0.0, -1.0, 0.0)
-        self.step.cap = options.cap
+        self.step.cap = options.largest_move
+        self.cap = options.largest_move  # [m]
         self.step.reach = options.reach
         self.step.momentum = options.momentum
         self.step.damping = options.damping
         self.step.memory = options.memory
-        self.step.offset = collider.offset
-        self.step.friction = collider.friction
         self._load = wp.zeros(model.vertex_count, dtype=types.vec4, device=model.device)
         self._forces = ForcePass(model, "stiffness" if accelerated else "none", self._load)
         kernels = displace_kernels(model.precision, collider.contact, collider.data_type)
         self._displace = kernels.displace_accelerated if accelerated else kernels.displace_direct
         self.collider_type = kernels.collider_type
-        self.collider_data = collider.data if collider.data is not None else kernels.collider_type()
+        self.meet(collider)
+
+    def meet(self, collider: Collider) -> None:
+        """Goes on with this collider; it must be of the kind that the relaxation was made with."""
+        self.step.offset = collider.offset
+        self.step.friction = collider.friction
+        self.collider_data = collider.data if collider.data is not None else self.collider_type()
         self._graphs: dict[int, Any] = {}
 
     def iterate(self) -> None:

@@ -1,0 +1,69 @@
+"""The avatar as the solver meets it: the collider that a scene names, over the region where its garments are."""
+
+from __future__ import annotations
+
+import logging
+from typing import Any
+
+import numpy as np
+
+from warp_cloth.collide.depth import build_depth_buffers, contact_bounds
+from warp_cloth.collide.exact import build_exact_collider
+from warp_cloth.collide.field import build_contact_field
+from warp_cloth.kernels.closest import MeshCollider, mesh_contact
+from warp_cloth.kernels.field import ContactField, field_contact
+from warp_cloth.mesh import Mesh, Points
+from warp_cloth.solver.relax import Collider
+
+log = logging.getLogger(__name__)
+
+# Room that the depth buffers leave round the garments [m]: as far as a garment can fall between two looks (20
+# iterations at the default cap of 5 mm). One that comes near the edge has the buffers drawn anew.
+MARGIN = 0.1
+
+
+class AvatarContact:
+    """Builds the collider of a scene, and builds it anew when a garment leaves the region that it covers.
+
+    ``kind`` is "depth", "mesh" or "none"; lengths in metres.
+    """
+
+    def __init__(
+        self, avatar: Mesh | None, kind: str, *, pixel: float, offset: float, friction: float, device: str
+    ) -> None:
+        self._avatar = avatar if kind != "none" else None
+        self._kind = kind
+        self._pixel = pixel
+        self._offset = offset
+        self._friction = friction
+        self._device = device
+        self._kept: Any = None  # owns the arrays that the collider points to
+        self._lower = self._upper = np.zeros(3)
+        self.builds = 0
+
+    def collider(self, points: Points) -> Collider:
+        """The collider for garments at these positions [m], shape [V, 3]."""
+        if self._avatar is None:
+            return Collider()
+        self.builds += 1
+        if self._kind == "mesh":
+            exact = build_exact_collider(self._avatar, self._device)
+            self._kept = exact
+            return Collider(mesh_contact, exact.collider, MeshCollider, self._offset, self._friction)
+        lower, upper = contact_bounds(points, self._avatar.points, MARGIN)
+        self._lower, self._upper = points.min(axis=0) - MARGIN, points.max(axis=0) + MARGIN
+        buffers = build_depth_buffers(
+            self._avatar.points, self._avatar.triangles, lower, upper, self._pixel, self._device
+        )
+        field = build_contact_field(buffers)
+        self._kept = (buffers, field)
+        log.info("contact field of %s nodes", " x ".join(str(count) for count in field.values.shape))
+        return Collider(field_contact, field.field, ContactField, self._offset, self._friction)
+
+    def covers(self, points: Points) -> bool:
+        """Whether the collider still answers wherever garments at these positions [m] may touch the avatar."""
+        if self._avatar is None or self._kind == "mesh":
+            return True
+        lower, upper = self._avatar.bounds()
+        near = np.maximum(points.min(axis=0), lower), np.minimum(points.max(axis=0), upper)
+        return bool((near[0] >= self._lower).all() and (near[1] <= self._upper).all())

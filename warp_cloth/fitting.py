@@ -1,0 +1,251 @@
+"""A scene to a worn garment: load, plan, build, relax, certify. The one road that everything takes."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from warp_cloth.collide.avatar import AvatarContact
+from warp_cloth.collide.exact import penetration
+from warp_cloth.errors import InputError
+from warp_cloth.mesh import Mesh, Points
+from warp_cloth.model import ClothModel, build_model
+from warp_cloth.plan import make_plan
+from warp_cloth.result import Penetration, Status, WornGarment
+from warp_cloth.scene import Scene, load_scene
+from warp_cloth.solver.certificate import Certifier, Check, Tolerance, edge_strains, strain_summary
+from warp_cloth.solver.loop import Outcome, relax_to_rest
+from warp_cloth.solver.relax import Relaxation, StepOptions
+from warp_cloth.verdict import report_of, verdict
+from warp_cloth.wardrobe import Wardrobe, open_wardrobe
+
+
+@dataclass(frozen=True)
+class Progress:
+    """Where a fit stands; figures are None while they are not known."""
+
+    stage: str  # "load", "compile", "build", "relax"
+    iteration: int = 0
+    iteration_limit: int = 0
+    residual: float | None = None  # relative, rms
+    rest_error_mm: float | None = None
+    iterations_per_second: float | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """A finished fit: how it ended, the worn garments, the report."""
+
+    scene: Scene
+    status: Status
+    message: str  # one sentence, with what to change where it did not come to rest
+    garments: tuple[WornGarment, ...]
+    avatar: Mesh | None
+    report: dict[str, Any]  # what report.json holds
+    device: str
+
+    def save(self, directory: str | Path) -> list[Path]:
+        """Writes NAME.usdc, preview.png, report.json, and a map for each garment whose mesh loading changed.
+
+        The report is written last: where it stands, the fit is whole.
+
+        Raises:
+            InputError: the folder cannot be written.
+        """
+        from warp_cloth.export.preview import write_preview
+        from warp_cloth.export.report import check_writable, write_map, write_report
+        from warp_cloth.export.stage import write_stage
+
+        folder = Path(directory)
+        check_writable(folder)
+        began = time.perf_counter()
+        stage, picture, report = folder / f"{self.scene.name}.usdc", folder / "preview.png", folder / "report.json"
+        write_stage(stage, garments=self.garments, avatar=self.avatar, name=self.scene.name)
+        title = {"title": self.scene.name, "sentence": self.message}
+        write_preview(picture, garments=self.garments, avatar=self.avatar, device=self.device, **title)
+        maps = []
+        for worn in self.garments:
+            path = folder / f"{self.scene.name}_{worn.name}_map.npz"
+            maps += [path] if write_map(path, worn.mesh) else []
+        self.report["seconds"]["export"] = time.perf_counter() - began
+        write_report(report, self.report)
+        return [stage, picture, report, *maps]
+
+
+def fit(
+    scene: Scene | str | Path | Mapping[str, Any],
+    *,
+    device: str | None = None,
+    overrides: Sequence[str] = (),
+    frames: int = 0,
+    progress: Callable[[Progress], None] | None = None,
+) -> Fit:
+    """Fits the garments of a scene.
+
+    Args:
+        scene: a loaded scene, or what ``load_scene`` takes.
+        device: "cpu", "cuda" or "cuda:N"; None: a GPU if there is one.
+        overrides: ``KEY=VALUE`` changes, where the scene is not loaded yet.
+        frames: how many shapes on the way the result keeps.
+        progress: told at every stage and check.
+
+    Raises:
+        InputError: something in the scene or its files cannot be used.
+    """
+    tell = progress or (lambda _: None)
+    chosen = scene if isinstance(scene, Scene) else load_scene(scene, overrides)
+    where = _device_named(device)
+    clock = _Clock()
+    tell(Progress("load"))
+    wardrobe = open_wardrobe(chosen)
+    clock.lap("load")
+    tell(Progress("build"))
+    contact = _avatar_contact(chosen, wardrobe, where)
+    model = build_model(wardrobe.parts, device=where, precision=chosen.solver.precision)
+    collider = contact.collider(model.points())
+    options = StepOptions(method=chosen.solver.method, cap=chosen.solver.cap)
+    relaxation = Relaxation(model, collider, options)
+    certifier = Certifier(relaxation, collider)
+    wp.synchronize_device(where)
+    clock.lap("build")
+    tell(Progress("compile"))
+    wp.force_load(where, modules=[kernel.module for kernel in relaxation.kernels() + certifier.kernels()])
+    clock.lap("compile")
+    outcome = _relax(chosen, relaxation, certifier, contact, frames, tell)
+    clock.lap("relax")
+    return _finished(chosen, wardrobe, model, outcome, clock.seconds, where, frames)
+
+
+class _Clock:
+    """Seconds of each stage."""
+
+    def __init__(self) -> None:
+        self.seconds = dict.fromkeys(("load", "compile", "build", "relax", "export"), 0.0)
+        self._last = time.perf_counter()
+
+    def lap(self, stage: str) -> None:
+        now = time.perf_counter()
+        self.seconds[stage] += now - self._last
+        self._last = now
+
+
+def _device_named(name: str | None) -> str:
+    """Warp's name of a device that is there."""
+    wp.init()
+    if name is None:
+        return str(wp.get_preferred_device().alias)
+    try:
+        return str(wp.get_device(name).alias)
+    except (RuntimeError, ValueError):
+        devices = ", ".join(str(device.alias) for device in wp.get_devices())
+        raise InputError("--device", f'there is no device "{name}" here', f"use one of: {devices}") from None
+
+
+def _avatar_contact(scene: Scene, wardrobe: Wardrobe, device: str) -> AvatarContact:
+    return AvatarContact(
+        wardrobe.avatar,
+        scene.collision.avatar,
+        pixel=scene.collision.pixel_mm * 1e-3,
+        offset=scene.collision.offset_mm * 1e-3,
+        friction=scene.avatar.friction if scene.avatar is not None else 0.0,
+        device=device,
+    )
+
+
+def _relax(
+    scene: Scene,
+    relaxation: Relaxation,
+    certifier: Certifier,
+    contact: AvatarContact,
+    frames: int,
+    tell: Callable[[Progress], None],
+) -> Outcome:
+    limit = scene.solver.iterations
+
+    def told(check: Check, seconds: float) -> None:
+        tell(
+            Progress(
+                "relax",
+                check.iteration,
+                limit,
+                check.residual.relative_rms,
+                check.rest_error * 1e3,
+                check.iteration / seconds if seconds > 0.0 else None,
+            )
+        )
+
+    tell(Progress("relax", 0, limit))
+    return relax_to_rest(
+        relaxation,
+        certifier,
+        tolerance_of(scene),
+        limit,
+        frames=frames,
+        follow=lambda points: None if contact.covers(points) else contact.collider(points),
+        on_check=told,
+    )
+
+
+def tolerance_of(scene: Scene) -> Tolerance:
+    """The scene's tolerances in SI."""
+    return Tolerance(scene.solver.residual, scene.solver.residual_p99, scene.solver.tolerance_mm * 1e-3)
+
+
+def _finished(
+    scene: Scene,
+    wardrobe: Wardrobe,
+    model: ClothModel,
+    outcome: Outcome,
+    seconds: dict[str, float],
+    device: str,
+    frames: int,
+) -> Fit:
+    if outcome.status is Status.DIVERGED:
+        model.set_points(outcome.points)
+    strains = edge_strains(model)
+    depth = None
+    if wardrobe.avatar is not None:
+        depth = penetration(outcome.points, wardrobe.avatar, device)
+    message = verdict(outcome, tolerance_of(scene), scene.solver.method)
+    garments = _worn(scene, wardrobe, model, outcome, frames)
+    report = report_of(
+        scene,
+        wardrobe,
+        model,
+        outcome,
+        message=message,
+        seconds=seconds,
+        device=device,
+        strain=strain_summary(strains),
+        depth=depth,
+        plan=make_plan(scene, wardrobe),
+    )
+    return Fit(scene, outcome.status, message, garments, wardrobe.avatar, report, device)
+
+
+def _worn(
+    scene: Scene, wardrobe: Wardrobe, model: ClothModel, outcome: Outcome, frames: int
+) -> tuple[WornGarment, ...]:
+    worn = []
+    for index, (spec, mesh) in enumerate(zip(scene.garments, wardrobe.garments, strict=True)):
+        part = slice(model.vertex_start[index], model.vertex_start[index + 1])
+        points: Points = outcome.points[part]
+        shapes = _chosen_frames(outcome, part, points, frames) if frames else None
+        worn.append(WornGarment(spec.name, mesh, points, spec.fabric.thickness, shapes))
+    return tuple(worn)
+
+
+def _chosen_frames(outcome: Outcome, part: slice, last: Points, count: int) -> Any:
+    """``count`` of the kept shapes, evenly among those before the end, the worn shape last; shape [count, V, 3]."""
+    kept = [shape for iteration, shape in outcome.frames if iteration < outcome.iterations]
+    picks = np.linspace(0, len(kept) - 1, min(count - 1, len(kept))).round().astype(int) if kept else []
+    return np.stack([*(kept[pick][part] for pick in picks), last.astype(np.float32)])
+
+
+__all__ = ["Fit", "Penetration", "Progress", "fit", "tolerance_of"]

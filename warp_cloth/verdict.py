@@ -1,0 +1,89 @@
+"""What a fit came to: the sentence that tells it, and the report's figures under their stable keys."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
+
+from warp_cloth.result import Penetration, Status, Strain
+from warp_cloth.solver.certificate import Tolerance
+from warp_cloth.solver.loop import Outcome
+
+if TYPE_CHECKING:
+    from warp_cloth.model import ClothModel
+    from warp_cloth.plan import Term
+    from warp_cloth.scene import Scene
+    from warp_cloth.wardrobe import Wardrobe
+
+
+def verdict(outcome: Outcome, tolerance: Tolerance, method: str) -> str:
+    """One sentence: how a fit ended and, unless at rest, what to change."""
+    residual = outcome.check.residual
+    if outcome.status is Status.AT_REST:
+        return (
+            f"At rest after {outcome.iterations:,} iterations: forces balanced to "
+            f"{100 * residual.relative_rms:.2g} %, {1e3 * outcome.check.rest_error:.2g} mm or less from the rest shape."
+        )
+    if outcome.status is Status.DIVERGED:
+        return (
+            f"The numbers left the range of their precision after {outcome.check.iteration:,} iterations; this is the "
+            'last finite shape. Use a smaller solver.cap, a softer fabric, or solver.precision = "float64".'
+        )
+    misses = []
+    if not residual.relative_rms <= tolerance.relative_rms:
+        misses.append(f"relative residual {residual.relative_rms:.2g} (wanted {tolerance.relative_rms:g})")
+    if not residual.relative_p99 <= tolerance.relative_p99:
+        misses.append(f"its 99th percentile {residual.relative_p99:.2g} (wanted {tolerance.relative_p99:g})")
+    if not outcome.check.rest_error <= tolerance.rest_error:
+        far = f"{1e3 * outcome.check.rest_error:.2g} mm" if math.isfinite(outcome.check.rest_error) else "unknown"
+        misses.append(f"rest error {far} (wanted {1e3 * tolerance.rest_error:g} mm)")
+    advice = "raise solver.iterations" if method == "accelerated" else 'use solver.method = "accelerated"'
+    return f"Not at rest after {outcome.iterations:,} iterations: {', '.join(misses)}; {advice}."
+
+
+def report_of(
+    scene: Scene,
+    wardrobe: Wardrobe,
+    model: ClothModel,
+    outcome: Outcome,
+    *,
+    message: str,
+    seconds: dict[str, float],
+    device: str,
+    strain: Strain,
+    depth: Penetration | None,
+    plan: tuple[Term, ...],
+) -> dict[str, Any]:
+    """The report under its stable keys; lengths as their names say."""
+    relaxing = seconds["relax"]
+    return {
+        "status": outcome.status.value,
+        "message": message,
+        "vertices": model.vertex_count,
+        "faces": model.triangle_count,
+        "edges": model.edge_count,
+        "hinges": sum(len(part.rest.topology.hinges) for part in wardrobe.parts),
+        "iterations": outcome.iterations,
+        "seconds": seconds,
+        "iterations_per_second": outcome.iterations / relaxing if relaxing > 0.0 else None,
+        "device": device,
+        "precision": model.precision,
+        "residual": asdict(outcome.check.residual),
+        "rest_error_mm": 1e3 * outcome.check.rest_error,
+        "strain": asdict(strain),
+        "penetration_mm": asdict(depth) if depth is not None else None,
+        "garments": [
+            {
+                "name": spec.name,
+                "unit": mesh.unit,
+                "area_m2": part.rest.area,
+                "pinned": len(part.pins),
+                "notes": list(mesh.notes),
+            }
+            for spec, mesh, part in zip(scene.garments, wardrobe.garments, wardrobe.parts, strict=True)
+        ],
+        "avatar": {"unit": wardrobe.avatar.unit, "notes": list(wardrobe.avatar.notes)} if wardrobe.avatar else None,
+        "plan": [asdict(term) for term in plan],
+        "settings": scene.settings(),
+    }
