@@ -1,13 +1,11 @@
-"""The solid that three depth buffers enclose: behind the front surface, before the back one, under the top one."""
+"""The solid that three depth buffers enclose: behind the front surface, before the back, under the top."""
 
 import warp as wp
 
 wp.set_module_options({"enable_backward": False})
 
 EMPTY = wp.constant(wp.float32(-1.0e30))  # level of a point with no surface around it
-JUMP_SLOPE = wp.constant(
-    wp.float32(4.0)
-)  # pixels of height per pixel above which a cell of the top buffer is a wall
+JUMP_SLOPE = wp.constant(wp.float32(4.0))  # pixels of height per pixel above which a cell of the top buffer is a wall
 
 
 @wp.struct
@@ -16,19 +14,12 @@ class DepthSolid:
 
     origin: wp.vec3d  # local origin in the world [m]
     pixel: float  # pixel size [m]
-    front: wp.array2d(
-        dtype=wp.float32
-    )  # greatest z [m], -inf where empty, shape [rows along y, columns along x]
+    reach: float  # distance outside at and beyond which plain_contact calls a point far [m]
+    front: wp.array2d(dtype=wp.float32)  # greatest z [m], -inf where empty, shape [rows along y, columns along x]
     back: wp.array2d(dtype=wp.float32)  # greatest -z [m], same shape
-    top: wp.array2d(
-        dtype=wp.float32
-    )  # greatest y [m], -inf where empty, shape [rows along z, columns along x]
-    middle: wp.array2d(
-        dtype=wp.float32
-    )  # mean of front and back surface [m], one pixel beyond the silhouette too
-    bulge: wp.array2d(
-        dtype=wp.float32
-    )  # half thickness squared [m2], negative beyond the silhouette, EMPTY far away
+    top: wp.array2d(dtype=wp.float32)  # greatest y [m], -inf where empty, shape [rows along z, columns along x]
+    middle: wp.array2d(dtype=wp.float32)  # mean of front and back surface [m], one pixel beyond the silhouette too
+    bulge: wp.array2d(dtype=wp.float32)  # half thickness squared [m2], negative beyond the silhouette, EMPTY far away
 
 
 @wp.func
@@ -39,7 +30,7 @@ def covered(depth: float) -> bool:
 
 @wp.func
 def cell_position(coordinate: float, pixel: float, count: int) -> wp.vec2f:
-    """Index of the lower pixel of the cell that holds a coordinate, and the fraction beyond it, clamped to the image."""
+    """Index of the lower pixel of a coordinate's cell, and the fraction beyond it; within the image."""
     x = wp.clamp(coordinate / pixel, 0.0, float(count - 1))
     i = wp.min(wp.floor(x), float(wp.max(count - 2, 0)))
     return wp.vec2f(i, x - i)
@@ -55,9 +46,9 @@ def bilinear(v00: float, v01: float, v10: float, v11: float, s: float, t: float)
 
 @wp.func
 def top_height(solid: DepthSolid, x: float, z: float) -> float:
-    """Height of the top surface [m]: bilinear on slopes, the highest pixel around at walls and beside empty pixels.
+    """Height of the top surface [m]: bilinear on slopes, the highest pixel around at walls and silhouettes.
 
-    At a wall the view knows its place to a pixel only; the front and back silhouettes know it better and decide.
+    There this view knows its place to a pixel only; the front and back silhouettes know it better and decide.
     """
     c = cell_position(x, solid.pixel, solid.top.shape[1])
     r = cell_position(z, solid.pixel, solid.top.shape[0])
@@ -78,8 +69,8 @@ def top_height(solid: DepthSolid, x: float, z: float) -> float:
 def slab_level(solid: DepthSolid, x: float, y: float, z: float) -> float:
     """How far a point is inside the slab between back and front surface, along z [m]; negative outside.
 
-    Away from silhouettes min(front - z, z + back), both bilinear. In a cell that the silhouette crosses the half
-    thickness falls to zero as a square root, so its square is interpolated: g(x, y) - (z - m(x, y))^2 > 0 is inside.
+    Away from silhouettes min(front - z, z + back), both bilinear. In a cell that the silhouette crosses the
+    half thickness falls to zero as a square root, so its square g is interpolated: g > (z - m)^2 is inside.
     """
     c = cell_position(x, solid.pixel, solid.front.shape[1])
     r = cell_position(y, solid.pixel, solid.front.shape[0])
@@ -97,9 +88,7 @@ def slab_level(solid: DepthSolid, x: float, y: float, z: float) -> float:
         return wp.min(front - z, z + back)
     if not covered(wp.max(wp.max(f00, f01), wp.max(f10, f11))):
         return EMPTY
-    g = bilinear(
-        solid.bulge[j, i], solid.bulge[j, i + 1], solid.bulge[j + 1, i], solid.bulge[j + 1, i + 1], c[1], r[1]
-    )
+    g = bilinear(solid.bulge[j, i], solid.bulge[j, i + 1], solid.bulge[j + 1, i], solid.bulge[j + 1, i + 1], c[1], r[1])
     m = bilinear(
         solid.middle[j, i],
         solid.middle[j, i + 1],
@@ -113,11 +102,81 @@ def slab_level(solid: DepthSolid, x: float, y: float, z: float) -> float:
 
 @wp.func
 def solid_level(solid: DepthSolid, q: wp.vec3f) -> float:
-    """Positive inside the solid of the three views, negative outside [m]; its zero is the surface. q is local [m]."""
+    """Positive inside the solid of the views, negative outside, zero on its surface [m]; q is local [m]."""
     level = slab_level(solid, q[0], q[1], q[2])
     if level <= 0.0:
         return level
     return wp.min(level, top_height(solid, q[0], q[2]) - q[1])
+
+
+@wp.func
+def view_plane(depth: wp.array2d(dtype=wp.float32), pixel: float, x: float, y: float, along: float) -> wp.vec4f:
+    """Normal (right, up, toward) and signed distance [m] to the plane that touches a view's surface at (x, y).
+
+    Bilinear depth and its slope, in a cell with an empty pixel the nearest pixel's depth and no slope; normal zero
+    where that pixel is empty. x, y, along: the point's coordinates in the view [m].
+    """
+    c = cell_position(x, pixel, depth.shape[1])
+    r = cell_position(y, pixel, depth.shape[0])
+    i = int(c[0])
+    j = int(r[0])
+    v00 = depth[j, i]
+    v01 = depth[j, i + 1]
+    v10 = depth[j + 1, i]
+    v11 = depth[j + 1, i + 1]
+    if covered(wp.min(wp.min(v00, v01), wp.min(v10, v11))):
+        height = bilinear(v00, v01, v10, v11, c[1], r[1])
+        slope_x = ((1.0 - r[1]) * (v01 - v00) + r[1] * (v11 - v10)) / pixel
+        slope_y = ((1.0 - c[1]) * (v10 - v00) + c[1] * (v11 - v01)) / pixel
+        normal = wp.normalize(wp.vec3f(-slope_x, -slope_y, 1.0))
+        return wp.vec4f(normal[0], normal[1], normal[2], (along - height) * normal[2])
+    nearest = depth[j + int(r[1] + 0.5), i + int(c[1] + 0.5)]
+    if covered(nearest):
+        return wp.vec4f(0.0, 0.0, 1.0, along - nearest)
+    return wp.vec4f(0.0, 0.0, 0.0, 0.0)
+
+
+@wp.func
+def plain_contact(solid: DepthSolid, p: wp.vec3d) -> wp.vec4f:
+    """The paper's own look-up at a world point p: unit normal and signed distance [m] of the nearest of three planes.
+
+    Of the front, back and top view's planes the one least deep under its surface answers; the answer jumps where
+    that changes and at silhouettes. Where a view sees nothing, and at reach and beyond: normal zero, d = reach.
+    """
+    q = wp.vec3f(p - solid.origin)
+    front = view_plane(solid.front, solid.pixel, q[0], q[1], q[2])
+    back = view_plane(solid.back, solid.pixel, q[0], q[1], -q[2])
+    top = view_plane(solid.top, solid.pixel, q[0], q[2], q[1])
+    nearest = wp.max(front[3], wp.max(back[3], top[3]))
+    if front[2] == 0.0 or back[2] == 0.0 or top[2] == 0.0 or nearest >= solid.reach:
+        return wp.vec4f(0.0, 0.0, 0.0, solid.reach)
+    if front[3] == nearest:
+        return front
+    if back[3] == nearest:
+        return wp.vec4f(back[0], back[1], -back[2], nearest)
+    return wp.vec4f(top[0], top[2], top[1], nearest)
+
+
+@wp.kernel
+def sample_plain(
+    solid: DepthSolid,
+    points: wp.array(dtype=wp.vec3d),  # [m], shape [N]
+    contact_out: wp.array(dtype=wp.vec4f),  # normal and signed distance [m], shape [N]
+):
+    """What plain_contact answers at points."""
+    point = wp.tid()
+    contact_out[point] = plain_contact(solid, points[point])
+
+
+@wp.kernel
+def sample_level(
+    solid: DepthSolid,
+    points: wp.array(dtype=wp.vec3d),  # [m], shape [N]
+    level_out: wp.array(dtype=wp.float32),  # positive inside [m], shape [N]
+):
+    """On which side of the solid's surface points are."""
+    point = wp.tid()
+    level_out[point] = solid_level(solid, wp.vec3f(points[point] - solid.origin))
 
 
 @wp.func
@@ -129,7 +188,7 @@ def extrapolated_slab(
     dr: int,
     dc: int,
 ) -> wp.vec3f:
-    """Weight (0 or 1), middle [m] and squared half thickness [m2] of an empty pixel, from the two next to it one way.
+    """Weight (0 or 1), middle [m], squared half thickness [m2] of an empty pixel, from the next two one way.
 
     min(2 g1 - g2, 0), and -g1 where the second pixel is empty too: the silhouette lies half way then.
     """
@@ -161,8 +220,8 @@ def extend_silhouette(
 ):
     """Carries middle and squared half thickness g one pixel past the silhouette, g0 = min(2 g1 - g2, 0).
 
-    On a rounded side g falls linearly to zero, so its zero between the pixels is the silhouette itself. The mean is
-    taken over the covered straight neighbours, or over the diagonal ones where there is none.
+    On a rounded side g falls linearly to zero, so its zero between the pixels is the silhouette itself. The
+    mean is over the covered straight neighbours, or over the diagonal ones where there is none.
     """
     row, column = wp.tid()
     if covered(front[row, column]):

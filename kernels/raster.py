@@ -1,10 +1,8 @@
-"""Orthographic z-buffer: triangles drawn into depth images. Serves the avatar's depth buffers and the preview."""
+"""Orthographic z-buffer: triangles drawn into depth images, for the depth buffers and the preview."""
 
 import warp as wp
 
-COVERAGE_TOLERANCE = wp.constant(
-    wp.float32(1.0e-5)
-)  # barycentric slack: fused multiply-add must not open cracks
+COVERAGE_TOLERANCE = wp.constant(wp.float32(1.0e-5))  # barycentric slack: fused multiply-add must not open cracks
 
 TIE_TOLERANCE = wp.constant(wp.float32(1.0e-6))  # [m]; two kernels may round one depth differently
 
@@ -26,17 +24,15 @@ class View:
 def pixel_position(view: View, p: wp.vec3f) -> wp.vec3f:
     """Column, row (both in pixels, fractional) and depth [m] of a point."""
     q = p - view.origin
-    return wp.vec3f(
-        wp.dot(q, view.right) / view.pixel, wp.dot(q, view.up) / view.pixel, wp.dot(q, view.toward)
-    )
+    return wp.vec3f(wp.dot(q, view.right) / view.pixel, wp.dot(q, view.up) / view.pixel, wp.dot(q, view.toward))
 
 
 @wp.func
 def barycentric(a: wp.vec3f, b: wp.vec3f, c: wp.vec3f, x: float, y: float) -> wp.vec3f:
     """Barycentric coordinates of (x, y) in the projected triangle; all negative where it is degenerate.
 
-    Three edge functions, each antisymmetric in its edge's ends, over their sum: two triangles that share an edge get
-    opposite signs there, so no pixel falls between them.
+    Three edge functions, each antisymmetric in its edge's ends, over their sum: two triangles that share an
+    edge get opposite signs there, so no pixel falls between them.
     """
     ax = a[0] - x
     ay = a[1] - y
@@ -58,7 +54,7 @@ def draw_depth(
     view: View,
     depth_out: wp.array2d(dtype=wp.float32),  # greatest depth [m], shape [rows, columns]; start it at -inf
 ):
-    """Draws the surface nearest to the viewer: depth_out = max over the triangles that cover a pixel centre."""
+    """Draws the surface nearest to the viewer: the greatest depth of the triangles over a pixel's centre."""
     triangle = wp.tid()
     a = pixel_position(view, points[triangles[triangle, 0]])
     b = pixel_position(view, points[triangles[triangle, 1]])
@@ -66,9 +62,7 @@ def draw_depth(
     low = wp.min(wp.min(a, b), c)
     high = wp.max(wp.max(a, b), c)
     for row in range(wp.max(int(wp.ceil(low[1])), 0), wp.min(int(wp.floor(high[1])), view.rows - 1) + 1):
-        for column in range(
-            wp.max(int(wp.ceil(low[0])), 0), wp.min(int(wp.floor(high[0])), view.columns - 1) + 1
-        ):
+        for column in range(wp.max(int(wp.ceil(low[0])), 0), wp.min(int(wp.floor(high[0])), view.columns - 1) + 1):
             w = barycentric(a, b, c, float(column), float(row))
             if wp.min(w) >= -COVERAGE_TOLERANCE:
                 wp.atomic_max(depth_out, row, column, w[0] * a[2] + w[1] * b[2] + w[2] * c[2])
@@ -82,7 +76,7 @@ def draw_triangle_ids(
     depth: wp.array2d(dtype=wp.float32),  # from draw_depth [m], shape [rows, columns]
     id_out: wp.array2d(dtype=wp.int32),  # lowest id of the triangles at that depth; start it at F
 ):
-    """Draws which triangle a pixel shows; equal depths go to the lowest id, so that the picture is deterministic."""
+    """Draws which triangle a pixel shows; equal depths go to the lowest id: the same picture every time."""
     triangle = wp.tid()
     a = pixel_position(view, points[triangles[triangle, 0]])
     b = pixel_position(view, points[triangles[triangle, 1]])
@@ -90,9 +84,7 @@ def draw_triangle_ids(
     low = wp.min(wp.min(a, b), c)
     high = wp.max(wp.max(a, b), c)
     for row in range(wp.max(int(wp.ceil(low[1])), 0), wp.min(int(wp.floor(high[1])), view.rows - 1) + 1):
-        for column in range(
-            wp.max(int(wp.ceil(low[0])), 0), wp.min(int(wp.floor(high[0])), view.columns - 1) + 1
-        ):
+        for column in range(wp.max(int(wp.ceil(low[0])), 0), wp.min(int(wp.floor(high[0])), view.columns - 1) + 1):
             w = barycentric(a, b, c, float(column), float(row))
             if wp.min(w) >= -COVERAGE_TOLERANCE:
                 here = w[0] * a[2] + w[1] * b[2] + w[2] * c[2]

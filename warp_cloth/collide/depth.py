@@ -8,18 +8,29 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from warp_cloth.kernels.depth import DepthSolid, extend_silhouette
+from warp_cloth.kernels.depth import DepthSolid, extend_silhouette, sample_level, sample_plain
 from warp_cloth.kernels.raster import View, draw_depth
 from warp_cloth.mesh import Indices, Points
 
 DEFAULT_PIXEL = 0.002  # [m]; fine enough for 0.2 mm on rounded limbs, 0.2 million pixels for a T-shirt
 
 
+DEFAULT_REACH = 0.01  # [m]; contact happens at the offset, 3 mm: the rest is room to move in one step
+
+
+def sampled(kernel: wp.Kernel, collider: object, points: Points, device: wp.DeviceLike) -> NDArray[np.float32]:
+    """What a sampling kernel answers at points [m], shape [N, 3]: unit normal and signed distance, shape [N, 4]."""
+    given = wp.array(np.ascontiguousarray(points), dtype=wp.vec3d, device=device)
+    found = wp.empty(len(given), dtype=wp.vec4f, device=device)
+    wp.launch(kernel, dim=len(given), inputs=[collider, given], outputs=[found], device=device)
+    return found.numpy()
+
+
 @dataclass(frozen=True, eq=False)
 class DepthBuffers:
     """Three orthographic depth buffers of one avatar over one region; pixel (0, 0) is centred at ``origin``.
 
-    Depths are float32, relative to ``origin``, along each view's own direction to the viewer; empty pixels -inf.
+    Depths are float32, relative to ``origin``, along each view's direction to the viewer; empty pixels -inf.
     """
 
     pixel: float  # [m]
@@ -35,18 +46,30 @@ class DepthBuffers:
     def device(self) -> wp.Device:
         return self.front.device
 
-    def solid(self) -> DepthSolid:
-        """The kernels' view of these buffers; valid while this object lives."""
+    def solid(self, reach: float = DEFAULT_REACH) -> DepthSolid:
+        """The kernels' view of these buffers, and the collider of plain_contact; valid while this object lives."""
         solid = DepthSolid()
+        solid.reach = reach
         solid.origin = wp.vec3d(*self.origin)
         solid.pixel = self.pixel
         solid.front, solid.back, solid.top = self.front, self.back, self.top
         solid.middle, solid.bulge = self.middle, self.bulge
         return solid
 
+    def sample(self, points: Points, reach: float = DEFAULT_REACH) -> NDArray[np.float32]:
+        """The paper's plain look-up at points [m], shape [N, 3]: unit normal and signed distance, shape [N, 4]."""
+        return sampled(sample_plain, self.solid(reach), points, self.device)
+
+    def levels(self, points: Points) -> NDArray[np.float32]:
+        """Positive inside the solid that the buffers enclose, negative outside [m], shape [N]."""
+        given = wp.array(np.ascontiguousarray(points), dtype=wp.vec3d, device=self.device)
+        found = wp.empty(len(given), dtype=wp.float32, device=self.device)
+        wp.launch(sample_level, dim=len(given), inputs=[self.solid(), given], outputs=[found], device=self.device)
+        return found.numpy()
+
 
 def contact_bounds(garment: Points, avatar: Points, margin: float) -> tuple[Points, Points]:
-    """The region where they may touch: the garment's box widened by ``margin``, within the avatar's own widened box.
+    """The region where they may touch: the boxes of both widened by ``margin``, what they have in common.
 
     All [m]; ``garment`` and ``avatar`` shape [N, 3], each corner returned shape [3].
     """
@@ -82,9 +105,7 @@ def build_depth_buffers(
         wp.launch(draw_depth, dim=len(triangles), inputs=[local, faces, view], outputs=[depth], device=device)
         return depth
 
-    front, back, top = draw(y, z, rows), draw(y, -z, rows), draw(z, y, layers)
+    front, back, top = draw(y, z, rows), draw(y, wp.vec3f(0.0, 0.0, -1.0), rows), draw(z, y, layers)
     middle, bulge = wp.empty_like(front), wp.empty_like(front)
-    wp.launch(
-        extend_silhouette, dim=front.shape, inputs=[front, back], outputs=[middle, bulge], device=device
-    )
+    wp.launch(extend_silhouette, dim=front.shape, inputs=[front, back], outputs=[middle, bulge], device=device)
     return DepthBuffers(pixel, origin, size, front, back, top, middle, bulge)

@@ -9,11 +9,12 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from warp_cloth.collide.depth import DepthBuffers
-from warp_cloth.kernels import field as kernels
+from warp_cloth.collide.depth import DEFAULT_REACH, DepthBuffers, sampled
+from warp_cloth.kernels import bake as kernels
+from warp_cloth.kernels.field import ContactField, sample_field
+from warp_cloth.mesh import Points
 
 PIXELS_PER_SPACING = 2.5  # 5 mm grid from 2 mm pixels: the spline then evens out the pixels' stairs
-DEFAULT_REACH = 0.01  # [m]; contact happens at the offset, 3 mm: the rest is room to move in one step
 MARGIN = 3  # spacings kept beyond reach, so that the spline's support is all real distance
 ROUGH_SWEEPS = 5  # the projection wants 2.5 spacings and the neighbours around, at most 4.3
 SWEEPS_PER_LOOK = 8  # sweeps between two looks at whether the inside still changes
@@ -24,7 +25,7 @@ SWEEPS_AT_MOST = 512  # a body 2.5 m thick at 5 mm
 class FieldBuild:
     """A contact field and what keeps its arrays alive."""
 
-    field: kernels.ContactField  # for kernels
+    field: ContactField  # for kernels
     values: wp.array  # B-spline coefficients of the signed distance [m], shape [nx, ny, nz]
     origin: NDArray[np.float64]  # node (0, 0, 0) [m], shape [3]
     spacing: float  # [m]
@@ -34,14 +35,16 @@ class FieldBuild:
     def device(self) -> wp.Device:
         return self.values.device
 
+    def sample(self, points: Points) -> NDArray[np.float32]:
+        """Unit normal and signed distance at points [m], shape [N, 3]; shape [N, 4]. Far ones have no normal."""
+        return sampled(sample_field, self.field, points, self.device)
+
 
 def _active_blocks(surface: wp.array, radius: int, also: wp.array) -> wp.array:
     """First nodes of the blocks within ``radius`` blocks of the surface, and of those flagged in ``also``."""
     device = surface.device
     flag = wp.empty_like(surface)
-    wp.launch(
-        kernels.spread_blocks, dim=flag.shape, inputs=[surface, radius, also], outputs=[flag], device=device
-    )
+    wp.launch(kernels.spread_blocks, dim=flag.shape, inputs=[surface, radius, also], outputs=[flag], device=device)
     place = wp.empty(flag.size, dtype=wp.int32, device=device)
     wp.utils.array_scan(flag.flatten(), place, inclusive=True)
     corner = wp.empty(int(place[-1:].numpy()[0]), dtype=wp.vec3i, device=device)
@@ -76,11 +79,11 @@ def _sweep(
 def build_contact_field(
     buffers: DepthBuffers, spacing: float | None = None, reach: float = DEFAULT_REACH
 ) -> FieldBuild:
-    """Bakes the signed distance to the solid of ``buffers`` on a grid of ``spacing`` [m] over the same region."""
+    """Bakes the signed distance to the solid of ``buffers`` on a grid of ``spacing`` [m] over its region."""
     h = PIXELS_PER_SPACING * buffers.pixel if spacing is None else spacing
     device = buffers.device
     solid, offset = buffers.solid(), wp.vec3f()
-    shape = tuple(max(int(math.floor(length / h)) + 1, 3) for length in buffers.size)
+    shape = tuple(max(math.floor(length / h) + 1, 3) for length in buffers.size)
     block_shape = tuple(-(-count // kernels.BLOCK) for count in shape)
 
     side = wp.empty(shape, dtype=wp.float32, device=device)
@@ -100,16 +103,23 @@ def build_contact_field(
     limit = reach + MARGIN * h
     crossed = measure(kernels.measure_crossings, near, side)
     rough = _sweep(h, (ROUGH_SWEEPS * h, ROUGH_SWEEPS * h), near, crossed, least=ROUGH_SWEEPS, most=ROUGH_SWEEPS)
-    fixed = measure(kernels.project_distance, near, rough)
+    projected = measure(kernels.project_distance, near, rough)
+    fixed = wp.clone(projected)
+    dim = (len(near), kernels.BLOCK, kernels.BLOCK)
+    wp.launch(kernels.limit_slopes, dim=dim, inputs=[h, near, projected], outputs=[fixed], device=device)
     layers = math.ceil(limit / h)
     far = _active_blocks(surface, math.ceil(layers / kernels.BLOCK), inside)
     distance = _sweep(h, (math.inf, limit), far, fixed, least=layers, most=SWEEPS_AT_MOST)
 
     values = wp.empty_like(distance)
     wp.launch(
-        kernels.prefilter_distance, dim=shape, inputs=[limit, MARGIN * h, distance], outputs=[values], device=device
+        kernels.prefilter_distance,
+        dim=shape,
+        inputs=[limit, MARGIN * h, distance],
+        outputs=[values],
+        device=device,
     )
-    field = kernels.ContactField()
+    field = ContactField()
     field.values, field.origin = values, wp.vec3d(*buffers.origin)
     field.spacing, field.reach = h, reach
     return FieldBuild(field, values, buffers.origin, h, reach)

@@ -1,0 +1,79 @@
+"""The exact collider: distances to the avatar's own triangles, for fitting and for every report."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import warp as wp
+from numpy.typing import NDArray
+
+from warp_cloth.collide.depth import DEFAULT_REACH, sampled
+from warp_cloth.kernels import closest as kernels
+from warp_cloth.mesh import Mesh, Points
+from warp_cloth.result import Penetration
+
+DEFAULT_DEPTH = 0.3  # [m]; deeper than the middle of any trunk
+
+
+@dataclass(frozen=True, eq=False)
+class ExactCollider:
+    """An exact collider for kernels, and what keeps its mesh alive."""
+
+    collider: kernels.MeshCollider
+    mesh: wp.Mesh
+
+    @property
+    def device(self) -> wp.Device:
+        return self.mesh.device
+
+    def sample(self, points: Points) -> NDArray[np.float32]:
+        """Unit normal and signed distance at points [m], shape [N, 3]; shape [N, 4]. Far ones have no normal."""
+        return sampled(kernels.sample_mesh, self.collider, points, self.device)
+
+
+def _enclosed_volume(points: Points, triangles: NDArray[np.int32]) -> float:
+    """Six times the volume inside [m3]; negative where the triangles look inward."""
+    a, b, c = (points[triangles[:, corner]] for corner in range(3))
+    return float(np.einsum("ij,ij->", a, np.cross(b, c)))
+
+
+def build_exact_collider(
+    avatar: Mesh, device: wp.DeviceLike = None, depth: float = DEFAULT_DEPTH, reach: float = DEFAULT_REACH
+) -> ExactCollider:
+    """Builds the search tree of the avatar's triangles; a mesh that is inside out as a whole is turned."""
+    lower, upper = avatar.bounds()
+    origin = 0.5 * (lower + upper)
+    points, triangles = avatar.points - origin, avatar.triangles
+    if _enclosed_volume(points, triangles) < 0.0:
+        triangles = np.ascontiguousarray(triangles[:, ::-1])
+    mesh = wp.Mesh(
+        points=wp.array(points.astype(np.float32), dtype=wp.vec3f, device=device),
+        indices=wp.array(triangles.reshape(-1), dtype=wp.int32, device=device),
+        support_winding_number=True,
+    )
+    collider = kernels.MeshCollider()
+    collider.mesh, collider.origin = mesh.id, wp.vec3d(*origin)
+    collider.depth, collider.reach = depth, reach
+    return ExactCollider(collider, mesh)
+
+
+def signed_distances(points: Points, avatar: Mesh, device: wp.DeviceLike = None) -> NDArray[np.float32]:
+    """Signed distance to the avatar's mesh [m], positive outside, shape [N]; NaN where a point is not finite."""
+    distances = np.full(len(points), np.nan, dtype=np.float32)
+    finite = np.isfinite(points).all(axis=1)
+    if not finite.any() or not avatar.triangle_count:
+        return distances
+    lower, upper = avatar.bounds()
+    far = float(np.linalg.norm(np.maximum(np.abs(points[finite] - lower), np.abs(points[finite] - upper)).max(axis=0)))
+    exact = build_exact_collider(avatar, device, depth=2.0 * far, reach=2.0 * far)
+    distances[finite] = exact.sample(points[finite])[:, 3]
+    return distances
+
+
+def penetration(points: Points, avatar: Mesh, device: wp.DeviceLike = None) -> Penetration:
+    """How deep points lie under the avatar's surface; NaN where a point is not finite."""
+    distances = signed_distances(points, avatar, device).astype(np.float64)
+    depth = 1000.0 * np.maximum(-distances, 0.0)
+    inside = float(np.mean(distances < 0.0)) if np.isfinite(distances).all() else float("nan")
+    return Penetration(max=float(depth.max()), p999=float(np.percentile(depth, 99.9)), fraction=inside)
