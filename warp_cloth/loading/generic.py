@@ -51,9 +51,7 @@ def _check_stl_text(file: str, data: bytes) -> None:
         elif word == b"endloop":
             facet += 1
             if vertices != 3 * facet:
-                raise InputError(
-                    f"{file}:{number}", f"facet {facet} does not have three vertices", EXPORT_AGAIN
-                )
+                raise InputError(f"{file}:{number}", f"facet {facet} does not have three vertices", EXPORT_AGAIN)
         opened += word == b"solid"
         closed += word == b"endsolid"
     if vertices != 3 * facet or opened != closed:
@@ -126,14 +124,10 @@ def _check_gltf(file: str, tree: dict[str, Any]) -> None:
             raise InputError(file, "holds triangle fans, which are not read", "export plain triangles")
         used = [primitive.get("indices"), *primitive["attributes"].values()]
         if any("sparse" in accessors[index] for index in used if index is not None):
-            raise InputError(
-                file, "holds sparse accessors, which are not read", "export it without sparse accessors"
-            )
+            raise InputError(file, "holds sparse accessors, which are not read", "export it without sparse accessors")
     for extension in tree.get("extensionsRequired", []):
         if extension.endswith(("_compression", "_quantization")):
-            raise InputError(
-                file, f"requires {extension}, which is not read", "export it without compression"
-            )
+            raise InputError(file, f"requires {extension}, which is not read", "export it without compression")
     for buffer in tree.get("buffers", []):
         uri = buffer.get("uri")
         if uri is None:
@@ -141,9 +135,7 @@ def _check_gltf(file: str, tree: dict[str, Any]) -> None:
         if uri.startswith("data:"):
             base64.b64decode(uri.partition(",")[2], validate=True)
         elif not (Path(file).parent / uri).is_file():
-            raise InputError(
-                file, f"its data file {uri!r} is not there", "keep it beside the glTF, or export a GLB"
-            )
+            raise InputError(file, f"its data file {uri!r} is not there", "keep it beside the glTF, or export a GLB")
 
 
 def _read(file: str, data: bytes, kind: str, metres_per_unit: float | None) -> RawMesh:
@@ -189,9 +181,7 @@ def _part(file: str, mesh: Any, transform: Any, metres_per_unit: float | None) -
     if np.linalg.det(matrix[:3, :3]) < 0:
         faces = faces[:, ::-1]
     texcoords = mesh.vertex_attributes.get(_UV)
-    if texcoords is not None and (
-        texcoords.shape != (len(points), 2) or faces.max(initial=-1) >= len(points)
-    ):
+    if texcoords is not None and (texcoords.shape != (len(points), 2) or faces.max(initial=-1) >= len(points)):
         texcoords = None
     return RawMesh(
         file=file,

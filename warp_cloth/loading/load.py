@@ -123,11 +123,7 @@ def _missing(path: Path) -> tuple[str, str]:
         return "no such file: its folder does not exist", "check the path; it is relative to the scene file"
     names = [entry.name for entry in path.parent.iterdir() if entry.is_file()]
     close = difflib.get_close_matches(path.name, names, n=3, cutoff=0.6)
-    close += [
-        n
-        for n in names
-        if Path(n).stem == path.stem and Path(n).suffix.lower() in SUPPORTED and n not in close
-    ]
+    close += [n for n in names if Path(n).stem == path.stem and Path(n).suffix.lower() in SUPPORTED and n not in close]
     if not close:
         return "no such file", "check the path; it is relative to the scene file"
     return "no such file", f"did you mean {' or '.join(close[:3])}?"

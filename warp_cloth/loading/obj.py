@@ -30,9 +30,7 @@ class _Statements:
     faces: list[bytes] = field(default_factory=list)
     face_lines: list[int] = field(default_factory=list)
     seen: list[tuple[int, int]] = field(default_factory=list)  # vertices and texcoords before each face
-    groups: dict[bytes, list[tuple[int, str]]] = field(
-        default_factory=dict
-    )  # (first face, name) by statement
+    groups: dict[bytes, list[tuple[int, str]]] = field(default_factory=dict)  # (first face, name) by statement
 
 
 def read_obj(file: str, data: bytes) -> RawMesh:
@@ -144,9 +142,7 @@ def _corners(file: str, statements: _Statements) -> tuple[Ints, Ints, Ints]:
                 t = int(texcoord) if texcoord else 0
             except ValueError:
                 word = token[:20].decode("utf-8", errors="backslashreplace")
-                raise InputError(
-                    f"{file}:{line}", f"face corner {word!r} is no index", EXPORT_AGAIN
-                ) from None
+                raise InputError(f"{file}:{line}", f"face corner {word!r} is no index", EXPORT_AGAIN) from None
             v_index = v - 1 if v > 0 else v + seen[0]
             if v == 0 or not 0 <= v_index < limits[0]:
                 raise _out_of_range(f"{file}:{line}", "vertex", v, limits[0])

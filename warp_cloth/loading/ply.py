@@ -144,13 +144,9 @@ def _text(file: str, tokens: list[bytes], position: int, element: _Element) -> t
         problem = f"ends after {row:,} of {element.count:,} {element.name} rows"
         raise InputError(file, problem, _CUT_OFF) from None
     except ValueError as error:
-        raise InputError(
-            file, f"a value of element {element.name!r} is no number ({error})", EXPORT_AGAIN
-        ) from None
+        raise InputError(file, f"a value of element {element.name!r} is no number ({error})", EXPORT_AGAIN) from None
     singles = {p.name: np.array(columns[p.name]) for p in properties if not p.count_type}
-    lists = {
-        n: (np.array(v, dtype=np.int64), np.array(columns[n], dtype=np.float64)) for n, v in lengths.items()
-    }
+    lists = {n: (np.array(v, dtype=np.int64), np.array(columns[n], dtype=np.float64)) for n, v in lengths.items()}
     return _Table(singles, lists), position
 
 
@@ -176,9 +172,7 @@ def _binary(file: str, body: bytes, position: int, element: _Element, order: str
     if position + size <= len(body) and layout.itemsize:
         table = np.frombuffer(body, dtype=layout, count=element.count, offset=position)
         if all((table[f"{p.name} length"] == first.get(p.name, 0)).all() for p in lists):
-            singles = {
-                p.name: table[p.name].astype(np.float64) for p in element.properties if not p.count_type
-            }
+            singles = {p.name: table[p.name].astype(np.float64) for p in element.properties if not p.count_type}
             found = {
                 p.name: (
                     table[f"{p.name} length"].astype(np.int64),
@@ -214,9 +208,7 @@ def _binary_rows(file: str, body: bytes, position: int, element: _Element, order
         for p in element.properties
     }
     singles = {p.name: values[p.name] for p in element.properties if not p.count_type}
-    return _Table(
-        singles, {n: (np.array(v, dtype=np.int64), values[n]) for n, v in lengths.items()}
-    ), position
+    return _Table(singles, {n: (np.array(v, dtype=np.int64), values[n]) for n, v in lengths.items()}), position
 
 
 def _one_row(
@@ -254,12 +246,7 @@ def _texcoords(tables: dict[str, _Table], counts: Ints, corners: Ints) -> Floats
         return lists["texcoord"][1].reshape(-1, 2)
     vertices = tables["vertex"].singles
     for u, v in _VERTEX_TEXCOORDS:
-        if (
-            {u, v} <= vertices.keys()
-            and len(corners)
-            and corners.min() >= 0
-            and corners.max() < len(vertices[u])
-        ):
+        if {u, v} <= vertices.keys() and len(corners) and corners.min() >= 0 and corners.max() < len(vertices[u]):
             found: Floats = np.stack([vertices[u], vertices[v]], axis=1)[corners]
             return found
     return None

@@ -108,9 +108,7 @@ def _agree(a: Floats, b: Floats, c: Floats, normal: Floats) -> np.ndarray:
 def _cut(raw: RawMesh, face: int, points: Floats) -> Ints:
     """Triangles of one polygon as positions in its ring, shape [n - 2, 3]."""
     count = len(points)
-    fan = np.stack(
-        [np.zeros(count - 2, dtype=np.int64), np.arange(1, count - 1), np.arange(2, count)], axis=1
-    )
+    fan = np.stack([np.zeros(count - 2, dtype=np.int64), np.arange(1, count - 1), np.arange(2, count)], axis=1)
     flat = _in_plane(points)
     if flat is None or count == 3:
         return fan
@@ -166,8 +164,6 @@ def _is_ear(flat: Floats, before: int, tip: int, after: int, ring: list[int]) ->
     if _cross(b - a, c - b) <= 0:
         return False
     others = flat[[vertex for vertex in ring if vertex not in (before, tip, after)]]
-    inside = (
-        (_cross(b - a, others - a) >= 0) & (_cross(c - b, others - b) >= 0) & (_cross(a - c, others - c) >= 0)
-    )
+    inside = (_cross(b - a, others - a) >= 0) & (_cross(c - b, others - b) >= 0) & (_cross(a - c, others - c) >= 0)
     corner = (others == a).all(axis=1) | (others == b).all(axis=1) | (others == c).all(axis=1)
     return not bool((inside & ~corner).any())

@@ -84,9 +84,7 @@ def joined(parts: Sequence[RawMesh], file: str, names: Sequence[str]) -> RawMesh
         file=file,
         points=np.concatenate([part.points for part in parts]),
         counts=np.concatenate([part.counts for part in parts]),
-        corners=np.concatenate(
-            [part.corners + offset for part, offset in zip(parts, offsets[:-1], strict=True)]
-        ),
+        corners=np.concatenate([part.corners + offset for part, offset in zip(parts, offsets[:-1], strict=True)]),
         texcoords=texcoords,
         panels=np.repeat(np.arange(len(parts)), [len(part.counts) for part in parts]),
         panel_names=tuple(names),
@@ -100,9 +98,7 @@ def check(raw: RawMesh) -> None:
     if not len(raw.points):
         raise InputError(raw.file, "the mesh has no vertices", EXPORT_AGAIN)
     if not len(raw.counts):
-        raise InputError(
-            raw.file, "the mesh has no faces, only points or lines", "export its surface as faces"
-        )
+        raise InputError(raw.file, "the mesh has no faces, only points or lines", "export its surface as faces")
     if (raw.counts < 0).any() or raw.counts.sum() != len(raw.corners):
         problem = f"face sizes add up to {raw.counts.sum():,} corners, but {len(raw.corners):,} are listed"
         raise InputError(raw.file, problem, EXPORT_AGAIN)
@@ -120,6 +116,4 @@ def check(raw: RawMesh) -> None:
             f"face {face} refers to vertex {raw.corners[lost[0]]}, but there are only {len(raw.points):,} "
             f"vertices (0 to {len(raw.points) - 1})"
         )
-        raise InputError(
-            raw.face_place(face), problem, f"{EXPORT_AGAIN}: its face list does not fit its vertices"
-        )
+        raise InputError(raw.face_place(face), problem, f"{EXPORT_AGAIN}: its face list does not fit its vertices")

@@ -113,7 +113,7 @@ def _without_area(raw: RawMesh, work: _Work, points: Floats, rest: RestKind) -> 
     flat = _is_line(points[work.triangles])
     if rest == "uv" and raw.texcoords is not None and flat.any():
         texcoords = raw.texcoords[work.corners]
-        placed: NDArray[np.bool_] = np.isfinite(texcoords).all(axis=(1, 2))
+        placed = np.asarray(np.isfinite(texcoords).all(axis=(1, 2)), dtype=bool)
         if placed[~flat].all():
             flat = flat & ~(placed & ~_is_line(np.where(placed[:, None, None], texcoords, 0.0)))
     return flat

@@ -73,9 +73,7 @@ def _a(role: Role) -> str:
 
 
 def _unit_name(metres: float) -> str:
-    return next(
-        (unit for unit in LENGTH_UNITS if np.isclose(METRES_PER[unit], metres, rtol=1e-4)), f"{metres:g} m"
-    )
+    return next((unit for unit in LENGTH_UNITS if np.isclose(METRES_PER[unit], metres, rtol=1e-4)), f"{metres:g} m")
 
 
 def _fits(value: float, bounds: tuple[float, float]) -> bool:
@@ -101,9 +99,7 @@ def _length(metres: float) -> str:
     return f"{100 * metres:.3g} cm" if metres >= 0.01 else f"{1000 * metres:.3g} mm"
 
 
-def _refuse_impossible(
-    extent: float, metres: float, name: str, *, file: str, role: Role, key: str, said: bool
-) -> None:
+def _refuse_impossible(extent: float, metres: float, name: str, *, file: str, role: Role, key: str, said: bool) -> None:
     if _fits(extent * metres, POSSIBLE[role]):
         return
     source = f'{key}.units = "{name}"' if said else f"its own unit ({name})"
@@ -140,9 +136,7 @@ def check_sizes(garments: Sequence[tuple[str, Mesh]], avatar: Mesh | None) -> No
         if not _fits(ratio, ratio_bounds):
             problem = f"{_length(extent_g)} across does not belong to an avatar of {_length(extent_a)}"
         else:
-            problem = (
-                f"lies {_length(gap * extent_a)} away from the avatar, which is {_length(extent_a)} across"
-            )
+            problem = f"lies {_length(gap * extent_a)} away from the avatar, which is {_length(extent_a)} across"
         problem += f" (garment in {_origin(garment)}, avatar in {_origin(avatar)})"
         raise InputError(f'{key} "{garment.name}"', problem, _remedy(key, garment, avatar))
 
@@ -160,9 +154,7 @@ def _fit_of(garment: Mesh, avatar: Mesh, scale_g: float, scale_a: float) -> tupl
     """Extent of the garment, and gap between the bounding boxes, both over the avatar's extent, if scaled."""
     (low_g, high_g), (low_a, high_a) = garment.bounds(), avatar.bounds()
     extent = float((high_a - low_a).max()) * scale_a
-    gap = float(
-        max((low_g * scale_g - high_a * scale_a).max(), (low_a * scale_a - high_g * scale_g).max(), 0.0)
-    )
+    gap = float(max((low_g * scale_g - high_a * scale_a).max(), (low_a * scale_a - high_g * scale_g).max(), 0.0))
     return float((high_g - low_g).max()) * scale_g / extent, gap / extent
 
 

@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,6 +17,9 @@ from warp_cloth.loading.raw import EXPORT_AGAIN, Floats, Ints, RawMesh, Role, jo
 if TYPE_CHECKING:
     from pxr import Usd, UsdGeom
 
+PROBE_MEMORY = 4 * 2**30  # bytes that USD may use on top of what the file's size explains
+PROBE_SECONDS = 120
+DAMAGED = "the file is damaged: export it again"
 _LISTED = 6  # prim paths in a message
 _REST = "unassigned"  # panel of the faces that no subset names
 
@@ -20,6 +28,7 @@ def read_usd(file: str, *, role: Role, key: str, prim: str | None) -> RawMesh:
     """The mesh at or below ``prim``, or the stage's only one; an avatar may be made of several."""
     from pxr import Usd, UsdGeom, UsdUtils
 
+    _refuse_unreadable(file)
     quiet = UsdUtils.CoalescingDiagnosticDelegate()  # USD's warnings come here, not to stderr
     try:
         stage = Usd.Stage.Open(file)
@@ -27,14 +36,8 @@ def read_usd(file: str, *, role: Role, key: str, prim: str | None) -> RawMesh:
             raise ValueError("USD opens no stage")
         paths = _mesh_paths(stage, prim, file, key)
         if len(paths) > 1 and role == "garment":
-            raise InputError(
-                file, f"holds {len(paths)} meshes: {_listed(paths)}", f'choose one: {key}.prim = "PATH"'
-            )
-        scale = (
-            float(UsdGeom.GetStageMetersPerUnit(stage))
-            if UsdGeom.StageHasAuthoredMetersPerUnit(stage)
-            else None
-        )
+            raise InputError(file, f"holds {len(paths)} meshes: {_listed(paths)}", f'choose one: {key}.prim = "PATH"')
+        scale = float(UsdGeom.GetStageMetersPerUnit(stage)) if UsdGeom.StageHasAuthoredMetersPerUnit(stage) else None
         if scale is not None and not (np.isfinite(scale) and scale > 0):
             raise InputError(file, f"metersPerUnit is {scale:g}", "give the stage a positive one")
         z_up = UsdGeom.GetStageUpAxis(stage) == UsdGeom.Tokens.z
@@ -43,11 +46,38 @@ def read_usd(file: str, *, role: Role, key: str, prim: str | None) -> RawMesh:
     except InputError:
         raise
     except Exception as error:  # USD raises its own kinds for whatever is wrong with a file
-        reason = " ".join(str(error).split()).rpartition("pxrInternal")[0] or " ".join(str(error).split())
-        problem = f"cannot be read as USD: {reason[:160] or type(error).__name__}"
-        raise InputError(file, problem, "check the file's content, or export it again") from error
+        problem = f"cannot be read as USD: {_reason(error)}"
+        raise InputError(file, problem, DAMAGED) from error
     finally:
         quiet.TakeUncoalescedDiagnostics()
+
+
+def _refuse_unreadable(file: str) -> None:
+    """Refuse a file that USD cannot read in a process of its own: it might take this one down."""
+    limit = PROBE_MEMORY + 16 * Path(file).stat().st_size
+    # One thread: each would reserve memory of its own.
+    environment = {**os.environ, "PXR_WORK_THREAD_LIMIT": "1", "MALLOC_ARENA_MAX": "1"}
+    command = [sys.executable, str(Path(__file__).with_name("usd_probe.py")), file, str(limit)]
+    try:
+        done = subprocess.run(command, capture_output=True, env=environment, timeout=PROBE_SECONDS, check=False)
+    except subprocess.TimeoutExpired:
+        raise InputError(file, f"USD does not finish reading it in {PROBE_SECONDS} s", DAMAGED) from None
+    if done.returncode:
+        said = _sentence(done.stdout.decode("utf-8", errors="replace"))
+        raise InputError(file, f"cannot be read as USD: {said or 'USD crashes on it'}", DAMAGED)
+
+
+def _reason(error: Exception) -> str:
+    try:
+        return _sentence(str(error)) or type(error).__name__
+    except UnicodeDecodeError as quoted:  # USD quotes the file's bytes
+        return _sentence(quoted.object.decode("utf-8", errors="replace"))
+
+
+def _sentence(text: str) -> str:
+    """The first sentence in USD's error, which wraps it in the places of its own source."""
+    said = re.findall(r" : '(.*?)'\s*(?:$|\n\s*Error in)", text, flags=re.DOTALL)
+    return " ".join((said[0] if said else text).split())[:160]
 
 
 def _listed(paths: list[str]) -> str:
@@ -71,9 +101,7 @@ def _mesh_paths(stage: Usd.Stage, prim: str | None, file: str, key: str) -> list
         if not found:
             problem = f"there is no mesh at {prim}" if root else f"there is no prim {prim}"
             known = _listed([str(p.GetPath()) for p in everything])
-            raise InputError(
-                file, problem, f"{key}.prim may be {known}" if known else "the stage holds no mesh"
-            )
+            raise InputError(file, problem, f"{key}.prim may be {known}" if known else "the stage holds no mesh")
     if not found:
         raise InputError(file, "the stage holds no mesh", "export the surface as a polygon mesh")
     shown = [p for p in found if _is_shown(UsdGeom.Imageable(p))]
@@ -87,9 +115,7 @@ def _is_shown(prim: UsdGeom.Imageable) -> bool:
     return not hidden and prim.ComputePurpose() not in (UsdGeom.Tokens.guide, UsdGeom.Tokens.proxy)
 
 
-def _part(
-    file: str, stage: Usd.Stage, path: str, scale: float | None, z_up: bool, *, panels: bool
-) -> RawMesh:
+def _part(file: str, stage: Usd.Stage, path: str, scale: float | None, z_up: bool, *, panels: bool) -> RawMesh:
     """One mesh in stage space, y up: its default shape, or its first time sample."""
     from pxr import Usd, UsdGeom
 
@@ -107,9 +133,7 @@ def _part(
     counts = _array(mesh.GetFaceVertexCountsAttr().Get(time), np.int64)
     corners = _array(mesh.GetFaceVertexIndicesAttr().Get(time), np.int64)
     if (counts < 0).any() or counts.sum() != len(corners):
-        problem = (
-            f"faceVertexCounts add up to {counts.sum():,}, but there are {len(corners):,} faceVertexIndices"
-        )
+        problem = f"faceVertexCounts add up to {counts.sum():,}, but there are {len(corners):,} faceVertexIndices"
         raise InputError(place, problem, EXPORT_AGAIN)
     texcoords = _texcoords(mesh, time, corners, len(points))
     panel, names = _panels(mesh, len(counts)) if panels else (None, ())
@@ -177,11 +201,7 @@ def _panels(mesh: UsdGeom.Mesh, face_count: int) -> tuple[Ints | None, tuple[str
     """Panel of each face, one for each subset of faces."""
     from pxr import UsdGeom
 
-    subsets = [
-        s
-        for s in UsdGeom.Subset.GetAllGeomSubsets(mesh)
-        if s.GetElementTypeAttr().Get() == UsdGeom.Tokens.face
-    ]
+    subsets = [s for s in UsdGeom.Subset.GetAllGeomSubsets(mesh) if s.GetElementTypeAttr().Get() == UsdGeom.Tokens.face]
     if not subsets:
         return None, ()
     panels = np.full(face_count, len(subsets), dtype=np.int64)

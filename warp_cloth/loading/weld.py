@@ -43,9 +43,7 @@ def weld(points: Floats, triangles: Ints) -> Weld:
             break
         keep = ~(bad[vertex[a]] | bad[vertex[b]])
         a, b = a[keep], b[keep]
-    if soup and len(faces) < len(
-        triangles
-    ):  # a duplicate facet goes where its twin goes, and is dropped there
+    if soup and len(faces) < len(triangles):  # a duplicate facet goes where its twin goes, and is dropped there
         vertex = _twins_joined(vertex, place, triangles)
     left = len(np.unique(vertex[used]))
     return Weld(vertex, joined=len(used) - left, apart=left - len(places.first))

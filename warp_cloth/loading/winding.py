@@ -8,9 +8,7 @@ from numpy.typing import NDArray
 from warp_cloth.loading.distinct import distinct, edges_of
 from warp_cloth.loading.raw import Floats, Ints
 
-OPEN_SHARE = (
-    0.05  # a component with at most this share of boundary edges counts as closed (a neck, eye holes)
-)
+OPEN_SHARE = 0.05  # a component with at most this share of boundary edges counts as closed (a neck, eye holes)
 
 
 def _neighbours(triangles: Ints) -> tuple[Ints, Ints, NDArray[np.bool_]]:
@@ -32,9 +30,7 @@ def _components(count: int, a: Ints, b: Ints) -> Ints:
         lower = label.copy()
         np.minimum.at(lower, a, low)
         np.minimum.at(lower, b, low)
-        np.minimum.at(
-            lower, label, lower
-        )  # carry to the old representative, so that long strips take few rounds
+        np.minimum.at(lower, label, lower)  # carry to the old representative, so that long strips take few rounds
         lower = lower[lower]
         if np.array_equal(lower, label):
             return label
@@ -95,10 +91,7 @@ def outward(points: Floats, triangles: Ints) -> NDArray[np.bool_]:
     faces = np.bincount(component, minlength=count)
     centre = (
         np.stack(
-            [
-                np.bincount(component, weights=corners[:, :, axis].mean(axis=1), minlength=count)
-                for axis in range(3)
-            ],
+            [np.bincount(component, weights=corners[:, :, axis].mean(axis=1), minlength=count) for axis in range(3)],
             axis=1,
         )
         / np.maximum(faces, 1)[:, None]
