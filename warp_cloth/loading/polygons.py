@@ -8,7 +8,7 @@ import numpy as np
 
 from warp_cloth.errors import InputError
 from warp_cloth.loading.distinct import distinct
-from warp_cloth.loading.raw import Floats, Ints, RawMesh
+from warp_cloth.loading.raw import Floats, Ints, RawMesh, counted
 
 EAR_LIMIT = 1000  # corners of a non-convex face; ear clipping takes n^2 steps
 FLATNESS = 1e-3  # of a quad's size: out of plane by more than this, its shorter diagonal is the better fold
@@ -50,11 +50,11 @@ def triangulated(raw: RawMesh) -> Triangles:
     order = np.argsort(all_faces, kind="stable")
     notes = []
     if split := len(first) + sum(len(ring) > 3 for _, ring in polygons):
-        notes.append(f"{split:,} quads and polygons cut into triangles")
+        notes.append(f"{counted(split, 'polygon')} (quads or larger) cut into triangles")
     if shortened:
-        notes.append(f"{shortened:,} polygons that repeat a vertex shortened or dropped")
+        notes.append(f"{counted(shortened, 'polygon')} that repeat a vertex shortened or dropped")
     if doubles + more_doubles:
-        notes.append(f"{doubles + more_doubles:,} duplicate polygons dropped")
+        notes.append(f"{counted(doubles + more_doubles, 'duplicate polygon')} dropped")
     return Triangles(np.concatenate(corners).astype(np.int64)[order], all_faces[order], tuple(notes))
 
 

@@ -1,0 +1,282 @@
+"""Every format gives the same mesh; what each says about panels, texture, units and place is honoured."""
+
+from __future__ import annotations
+
+import base64
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+from pxr import Gf, Sdf, Usd, UsdGeom, Vt
+
+from warp_cloth.errors import InputError
+from warp_cloth.loading import load_mesh
+from warp_cloth.mesh import Mesh
+
+FLOAT32_AT_ONE_METRE = 1e-7  # most formats store float32
+POINTS = np.array([[x, y, 0.1 * x * y] for y in range(4) for x in range(4)]) / 3.0
+CELLS = [(i + 4 * j, i + 1 + 4 * j, i + 5 + 4 * j, i + 4 + 4 * j) for j in range(3) for i in range(3)]
+TRIANGLES = np.array([corner for a, b, c, d in CELLS for corner in ((a, b, c), (a, c, d))])
+
+
+def load(path: Path, **options: object) -> Mesh:
+    return load_mesh(path, **{"role": "garment", "key": "garment", **options})  # type: ignore[arg-type]
+
+
+def write_usd(path: Path, transform: np.ndarray | None = None, **stage_data: object) -> None:
+    """The small grid below /root/shirt, in metres."""
+    stage = Usd.Stage.CreateNew(str(path))
+    UsdGeom.SetStageMetersPerUnit(stage, stage_data.get("metres", 1.0))
+    UsdGeom.SetStageUpAxis(stage, stage_data.get("up", UsdGeom.Tokens.y))
+    root = UsdGeom.Xform.Define(stage, "/root")
+    if transform is not None:
+        root.AddTransformOp().Set(Gf.Matrix4d(transform.tolist()))
+    mesh = UsdGeom.Mesh.Define(stage, "/root/shirt")
+    mesh.CreatePointsAttr(Vt.Vec3fArray.FromNumpy(stage_data.get("points", POINTS).astype(np.float32)))
+    mesh.CreateFaceVertexCountsAttr([3] * len(TRIANGLES))
+    mesh.CreateFaceVertexIndicesAttr(TRIANGLES.reshape(-1).tolist())
+    stage.Save()
+
+
+def write(path: Path) -> None:
+    if path.suffix.startswith(".usd"):
+        write_usd(path)
+        return
+    grid = trimesh.Trimesh(POINTS, TRIANGLES, process=False)
+    if path.suffix == ".gltf":
+        for name, content in grid.export(file_type="gltf").items():
+            (path if name.endswith("gltf") else path.with_name(name)).write_bytes(content)
+        return
+    options = {"encoding": "ascii"} if "text" in path.stem and path.suffix == ".ply" else {}
+    kind = "stl_ascii" if "text" in path.stem and path.suffix == ".stl" else path.suffix[1:]
+    path.write_bytes(as_bytes(grid.export(file_type=kind, **options)))
+
+
+def as_bytes(content: str | bytes) -> bytes:
+    return content.encode() if isinstance(content, str) else content
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["a.obj", "a.ply", "text.ply", "a.stl", "text.stl", "a.glb", "a.gltf", "a.usda", "a.usdc", "a.usd", "UPPER.OBJ"],
+)
+def test_grid_survives_every_format(tmp_path: Path, name: str) -> None:
+    path = tmp_path / name.lower()
+    write(path)
+    path = path.rename(tmp_path / name)
+    mesh = load(path)
+    assert mesh.triangle_count == len(TRIANGLES)
+    np.testing.assert_allclose(mesh.points[mesh.triangles], POINTS[TRIANGLES], atol=FLOAT32_AT_ONE_METRE)
+    assert mesh.vertex_count == len(POINTS)
+    if "stl" not in name:
+        np.testing.assert_array_equal(mesh.triangles, TRIANGLES)
+        assert mesh.vertex_map is None
+    declared = name.split(".")[1] in ("glb", "gltf", "usda", "usdc", "usd")
+    assert any("units not stated" in note for note in mesh.notes) != declared
+    assert mesh.name == name.split(".")[0]
+
+
+def test_obj_reads_every_way_to_write_a_face(tmp_path: Path) -> None:
+    path = tmp_path / "ways.obj"
+    path.write_bytes(
+        b"\xef\xbb\xbf# byte order mark, CRLF, tabs, remarks, names that are no UTF-8\r\n"
+        b"mtllib caf\xe9.mtl\r\no thing\r\n  v\t0 0 0\r\nv 1 0 0 # here\r\nv 1 1 0 0.5 0.5 0.5\r\nv 0 1 0 1.0\r\n"
+        b"vt 0 0\r\nvt 1 0 0\r\nvt 1 1\r\nvt 0\r\nvn 0 0 1\r\ns off\r\n"
+        b"g lower\r\nf 1/1/1 2/2/1 3/3/1\r\ng upper part\r\nf -4/-4 \\\r\n -2/-2 -1/4\r\nf 1//1 2//1 4//1"
+    )
+    mesh = load(path, role="avatar")
+    assert [sorted(face) for face in mesh.triangles.tolist()] == [[0, 1, 2], [0, 2, 3], [0, 1, 3]]
+    assert mesh.panel_names == ("lower", "upper part")
+    assert mesh.panels is not None
+    assert mesh.panels.tolist() == [0, 1, 1]
+    path.write_bytes(path.read_bytes().rpartition(b"\r\n")[0])
+    texcoords = load(path).texcoords
+    assert texcoords is not None
+    assert texcoords.tolist() == [[[0, 0], [1, 0], [1, 1]], [[0, 0], [1, 1], [0, 0]]]
+
+
+@pytest.mark.parametrize(("first", "second"), [("g", "o"), ("o", "usemtl"), ("usemtl", "usemtl")])
+def test_obj_panels_come_from_the_best_grouping(tmp_path: Path, first: str, second: str) -> None:
+    path = tmp_path / "panels.obj"
+    rows = ["v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0", f"{second} all", f"{first} a", "f 1 2 3", f"{first} b", "f 1 3 4"]
+    path.write_text("\n".join(rows))
+    assert load(path).panel_names == ("a", "b")
+
+
+def test_obj_index_may_refer_ahead(tmp_path: Path) -> None:
+    path = tmp_path / "ahead.obj"
+    path.write_text("v 0 0 0\nf 1 2 3\nv 1 0 0\nv 1 1 0\n")
+    assert load(path).triangle_count == 1
+
+
+@pytest.mark.parametrize("order", ["<", ">"])
+def test_binary_ply_with_triangles_and_quads(tmp_path: Path, order: str) -> None:
+    endian = "little" if order == "<" else "big"
+    head = (
+        f"ply\nformat binary_{endian}_endian 1.0\ncomment made here\nelement vertex 5\nproperty float x\n"
+        "property float y\nproperty float z\nproperty float s\nproperty float t\nproperty uchar red\n"
+        "element face 2\nproperty uchar flag\nproperty list uchar int vertex_indices\nend_header\n"
+    )
+    rows = [(0, 0), (1, 0), (1, 1), (0, 1), (0.5, 2)]
+    vertex = np.dtype([("p", order + "f4", 5), ("c", "u1")])
+    body = b"".join(np.array(((x, y, 0, x, y), 9), dtype=vertex).tobytes() for x, y in rows)
+    for face in ((0, 1, 2, 3), (3, 2, 4)):
+        body += bytes([7, len(face)]) + np.array(face, dtype=order + "i4").tobytes()
+    path = tmp_path / "mixed.ply"
+    path.write_bytes(head.encode() + body)
+    mesh = load(path)
+    assert mesh.triangles.tolist() == [[0, 1, 2], [0, 2, 3], [3, 2, 4]]
+    assert mesh.texcoords is not None
+    np.testing.assert_allclose(mesh.texcoords, mesh.points[mesh.triangles][:, :, :2])
+    path.write_bytes(head.encode() + body[:-3])
+    with pytest.raises(InputError, match="ends after 1 of 2 face rows"):
+        load(path)
+
+
+def test_ply_texture_coordinates_per_face(tmp_path: Path) -> None:
+    path = tmp_path / "faces.ply"
+    path.write_text(
+        "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
+        "element face 1\nproperty list uchar int vertex_index\nproperty list uchar float texcoord\nend_header\n"
+        "0 0 0\n1 0 0\n0 1 0\n3 0 1 2 6 0 0 5 0 0 5\n"
+    )
+    texcoords = load(path).texcoords
+    assert texcoords is not None
+    assert texcoords.tolist() == [[[0, 0], [5, 0], [0, 5]]]
+
+
+def test_glb_scene_is_joined_in_place_with_texture(tmp_path: Path) -> None:
+    """Two nodes of one mesh; the second moved and mirrored, so that its faces turn round."""
+    uv = POINTS[:, :2]
+    grid = trimesh.Trimesh(POINTS, TRIANGLES, process=False, visual=trimesh.visual.TextureVisuals(uv=uv))
+    scene = trimesh.Scene()
+    scene.add_geometry(grid, geom_name="left", node_name="left")
+    mirror = np.diag([-1.0, 1.0, 1.0, 1.0])
+    mirror[0, 3] = -0.5
+    scene.add_geometry(grid, geom_name="right", node_name="right", transform=mirror)
+    path = tmp_path / "scene.glb"
+    path.write_bytes(scene.export(file_type="glb"))
+    mesh = load(path)
+    assert mesh.vertex_count == 32
+    assert mesh.panel_names == ("left", "right")
+    assert mesh.texcoords is not None
+    normal = np.cross(*(mesh.points[mesh.triangles][:, i] - mesh.points[mesh.triangles][:, 0] for i in (1, 2)))
+    assert (normal[:, 2] > 0).all()
+    assert mesh.points[16:, 0].max() == pytest.approx(-0.5)
+
+
+def test_gltf_with_a_data_uri(tmp_path: Path) -> None:
+    write(tmp_path / "whole.gltf")
+    tree = json.loads((tmp_path / "whole.gltf").read_text())
+    for buffer in tree["buffers"]:
+        content = base64.b64encode((tmp_path / buffer["uri"]).read_bytes()).decode()
+        buffer["uri"] = f"data:application/octet-stream;base64,{content}"
+    path = tmp_path / "alone" / "single.gltf"
+    path.parent.mkdir()
+    path.write_text(json.dumps(tree))
+    assert load(path).triangle_count == len(TRIANGLES)
+
+
+def test_usd_unit_up_axis_and_transform_are_honoured(tmp_path: Path) -> None:
+    path = tmp_path / "stage.usda"
+    moved = np.eye(4)
+    moved[3, :3] = [0, 0, 100]  # USD multiplies rows: 100 cm along z, which is up
+    write_usd(path, moved, metres=0.01, up=UsdGeom.Tokens.z, points=POINTS * 100)
+    mesh = load(path)
+    expected = np.stack([POINTS[:, 0], POINTS[:, 2] + 1, -POINTS[:, 1]], axis=1)
+    np.testing.assert_allclose(mesh.points, expected, atol=10 * FLOAT32_AT_ONE_METRE)
+    assert mesh.unit == "cm"
+    assert any("overrules" in note for note in load(path, units="in").notes)
+
+
+def test_usd_texture_subsets_holes_and_orientation(tmp_path: Path) -> None:
+    path = tmp_path / "rich.usda"
+    write_usd(path)
+    stage = Usd.Stage.Open(str(path))
+    mesh = UsdGeom.Mesh(stage.GetPrimAtPath("/root/shirt"))
+    mesh.CreateOrientationAttr(UsdGeom.Tokens.leftHanded)
+    mesh.CreateHoleIndicesAttr([17])
+    kind = Sdf.ValueTypeNames.TexCoord2fArray
+    primvar = UsdGeom.PrimvarsAPI(mesh).CreatePrimvar("st", kind, UsdGeom.Tokens.faceVarying)
+    primvar.Set(Vt.Vec2fArray.FromNumpy(np.ascontiguousarray(POINTS[:, :2], dtype=np.float32)))
+    primvar.SetIndices(Vt.IntArray.FromNumpy(TRIANGLES.reshape(-1).astype(np.int32)))
+    UsdGeom.Subset.CreateGeomSubset(mesh, "front", UsdGeom.Tokens.face, [0, 1, 2])
+    stage.Save()
+    loaded = load(path)
+    np.testing.assert_array_equal(loaded.triangles, TRIANGLES[:17, ::-1])
+    assert loaded.panel_names == ("front", "unassigned")
+    assert loaded.panels is not None
+    assert loaded.panels.tolist() == [0, 0, 0] + [1] * 14
+    assert loaded.texcoords is not None
+    np.testing.assert_allclose(loaded.texcoords, loaded.points[loaded.triangles][:, :, :2], atol=FLOAT32_AT_ONE_METRE)
+    assert any("holes" in note for note in loaded.notes)
+
+
+def test_usd_with_several_meshes_asks_for_a_prim(tmp_path: Path) -> None:
+    path = tmp_path / "several.usda"
+    write_usd(path)
+    stage = Usd.Stage.Open(str(path))
+    Sdf.CopySpec(stage.GetRootLayer(), "/root/shirt", stage.GetRootLayer(), "/root/scarf")
+    stage.Save()
+    with pytest.raises(InputError, match=r"2 meshes: /root/shirt, /root/scarf; choose one: garment.prim"):
+        load(path)
+    assert load(path, prim="/root/scarf").vertex_count == 16
+    with pytest.raises(InputError, match=r"no prim /root/hat; garment.prim may be /root/shirt, /root/scarf"):
+        load(path, prim="/root/hat")
+    with pytest.raises(InputError, match="no prim"):
+        load(path, prim="not a path")
+    assert load(path, role="avatar").triangle_count == 2 * len(TRIANGLES)
+
+
+def test_usd_instances_and_time_samples_are_read(tmp_path: Path) -> None:
+    path = tmp_path / "worn.usda"
+    write_usd(path)
+    stage = Usd.Stage.Open(str(path))
+    attribute = stage.GetPrimAtPath("/root/shirt").GetAttribute("points")
+    points = attribute.Get()
+    attribute.Clear()
+    attribute.Set(points, 3.0)
+    stage.SetDefaultPrim(stage.GetPrimAtPath("/root"))
+    stage.Save()
+    user = Usd.Stage.CreateNew(str(tmp_path / "user.usda"))
+    UsdGeom.SetStageMetersPerUnit(user, 1.0)
+    instance = user.DefinePrim("/here")
+    instance.GetReferences().AddReference("./worn.usda")
+    instance.SetInstanceable(True)
+    user.Save()
+    mesh = load(tmp_path / "user.usda", prim="/here")
+    np.testing.assert_allclose(mesh.points, POINTS, atol=FLOAT32_AT_ONE_METRE)
+
+
+def test_usd_warnings_stay_silent(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "dangling.usda"
+    write_usd(path)
+    path.write_text(path.read_text() + '\ndef "gone" (references = @./nothing.usda@) {}\n')
+    load(path)
+    assert capfd.readouterr().err == ""
+
+
+@pytest.mark.parametrize(
+    ("name", "vertices", "triangles"),
+    [
+        ("garmentcode/tshirt.obj", 7145, 14026),
+        ("garmentcode/mean_all.obj", 23752, 47500),
+        ("anny/female_avg_A_pose.obj", 13718, 27420),
+        ("anny/female_avg_T_pose.obj", 13718, 27420),
+        ("anny/female_avg_arms_down.obj", 13718, 27420),
+    ],
+)
+def test_real_meshes_load_unchanged(shared_data: Path, name: str, vertices: int, triangles: int) -> None:
+    role = "garment" if "tshirt" in name else "avatar"
+    mesh = load(shared_data / name, role=role)
+    assert (mesh.vertex_count, mesh.triangle_count) == (vertices, triangles)
+    assert mesh.vertex_map is None
+    assert mesh.triangle_source is None
+    assert len(mesh.notes) == 1
+    assert mesh.unit == "m"
+    if role == "garment":
+        assert mesh.texcoords is not None
+        assert mesh.texcoords.shape == (14026, 3, 2)
+        assert len(mesh.panel_names) == 8

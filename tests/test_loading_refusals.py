@@ -1,0 +1,214 @@
+"""What loading refuses: one line that says where, what is wrong, and what to do."""
+
+from __future__ import annotations
+
+import json
+import os
+import struct
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from warp_cloth.errors import InputError
+from warp_cloth.loading import load_mesh
+
+SQUARE = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n"
+FIN = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 -1 0\nv 0 0 1\nf 1 2 3\nf 2 1 4\nf 1 2 5\n"
+PLY_HEAD = (
+    "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
+    "element face 1\nproperty list uchar int vertex_indices\nend_header\n"
+)
+
+# name, content, line (or None), words of the problem, words of the remedy
+REFUSED: list[tuple[str, str | bytes, int | None, str, str]] = [
+    ("empty.obj", "", None, "empty", "export"),
+    ("empty.glb", "", None, "empty", "export"),
+    ("noise.obj", bytes(range(256)) * 4, None, "binary data", "content"),
+    ("prose.obj", "Dear Sir,\nplease find enclosed\n", 1, "'Dear' is no OBJ statement", "content"),
+    ("blank.obj", "# only a comment\n\n", None, "no vertices", "export"),
+    ("cloud.obj", SQUARE, None, "no faces", "surface"),
+    ("lines.obj", SQUARE + "l 1 2\nl 2 3\np 4\n", None, "no faces", "surface"),
+    ("nan.obj", SQUARE.replace("1 1 0", "nan 1 0") + "f 1 2 3\n", 3, "vertex 3 is not finite", "repair"),
+    ("inf.obj", SQUARE.replace("1 1 0", "1 -inf 0") + "f 1 2 3\n", 3, "vertex 3 is not finite", "repair"),
+    ("overflow.obj", SQUARE.replace("1 1 0", "1 1e400 0") + "f 1 2 3\n", 3, "not finite", "repair"),
+    ("comma.obj", SQUARE.replace("1 1 0", "1,5 1 0") + "f 1 2 3\n", 3, "'1,5'", "decimal point"),
+    ("word.obj", SQUARE + "v 1 two 3\nf 1 2 3\n", 5, "'two'", "export"),
+    ("short.obj", SQUARE + "v 1 2\nf 1 2 3\n", 5, "needs 3 numbers, found 2", "cut off"),
+    ("high.obj", SQUARE + "f 1 2 3\nf 1 2 9\n", 6, "vertex 9, but the file has 4 vertices", "export"),
+    ("huge.obj", SQUARE + "f 1 2 99999999999999999999999\n", 5, "vertex 999", "export"),
+    ("low.obj", SQUARE + "f -1 -2 -5\n", 5, "vertex -5", "export"),
+    ("zero.obj", SQUARE + "f 0 1 2\n", 5, "vertex 0", "export"),
+    ("texture.obj", SQUARE + "vt 0 0\nf 1/1 2/1 3/2\n", 6, "texture coordinate 2", "export"),
+    ("letters.obj", SQUARE + "f 1 2 three\n", 5, "'three' is no index", "export"),
+    ("two.obj", SQUARE + "f 1 2 3\nf 1 2\n", 6, "at least 3 corners", "cut off"),
+    ("flat.obj", SQUARE + "f 1 1 2\nf 1 2 2\n", None, "no face is left of 2", "no area"),
+    ("fin.obj", FIN, 6, "edge between vertices 1 and 2 has 3 faces (line 6, line 7, line 8)", "separate"),
+    ("point.obj", "v 1 1 1\nv 1 1 1\nv 1 1 1\nf 1 2 3\n", None, "one point", "export"),
+    ("noise.ply", bytes(range(256)), None, "is no PLY", "content"),
+    ("header.ply", "ply\nformat ascii 1.0\nelement vertex 3\n", None, "header has no end", "cut off"),
+    ("type.ply", PLY_HEAD.replace("float y", "number y"), 5, "'property number y'", "export"),
+    ("cut.ply", PLY_HEAD + "0 0 0\n1 0 0\n", None, "ends after 2 of 3 vertex rows", "cut off"),
+    ("face.ply", PLY_HEAD + "0 0 0\n1 0 0\n0 1 0\n3 0 1\n", None, "ends after 0 of 1 face rows", "cut off"),
+    ("word.ply", PLY_HEAD + "0 0 0\n1 x 0\n0 1 0\n3 0 1 2\n", None, "no number", "export"),
+    ("nan.ply", PLY_HEAD + "0 0 0\n1 nan 0\n0 1 0\n3 0 1 2\n", 11, "vertex 1 is not finite", "repair"),
+    ("high.ply", PLY_HEAD + "0 0 0\n1 0 0\n0 1 0\n3 0 1 3\n", 13, "refers to vertex 3", "export"),
+    ("cloud.ply", PLY_HEAD.replace("face 1", "face 0") + "0 0 0\n1 0 0\n0 1 0\n", None, "no faces", "surface"),
+    ("noise.stl", bytes(range(200)), None, "is no STL", "cut off"),
+    ("short.stl", b"not much", None, "too short", "cut off"),
+    ("word.stl", "solid a\nfacet normal 0 0 1\nouter loop\nvertex 0 0 zero\n", 4, "no vertex of three", "export"),
+    ("noise.glb", bytes(range(255, 55, -1)), None, "is no glTF", "content"),
+    ("noise.gltf", "{]", None, "is no glTF", "content"),
+    ("other.gltf", '{"some": "json"}', None, "no 'asset'", "content"),
+    ("noise.usda", "#usda 1.0\nthis is no stage", None, "cannot be read as USD", "export"),
+    ("noise.usdc", b"PXR-USDC" + bytes(80), None, "cannot be read as USD", "export"),
+    ("noise.usdz", bytes(range(200)), None, "cannot be read as USD", "export"),
+    ("nothing.usda", "#usda 1.0\n", None, "no mesh", "export"),
+    ("shirt.fbx", b"Kaydara FBX Binary", None, ".fbx is no mesh format", ".obj, .ply, .stl, .glb"),
+    ("shirt", b"something", None, "without extension", ".usdz"),
+]
+
+
+def refusal(path: Path, **options: object) -> InputError:
+    """The refusal of a garment; one line with the file in it."""
+    arguments = {"role": "garment", "key": "garment", **options}
+    with pytest.raises(InputError) as caught:
+        load_mesh(path, **arguments)  # type: ignore[arg-type]
+    assert "\n" not in str(caught.value)
+    assert caught.value.place.startswith(str(path))
+    return caught.value
+
+
+@pytest.mark.parametrize(("name", "content", "line", "problem", "remedy"), REFUSED, ids=[case[0] for case in REFUSED])
+def test_bad_file_is_refused_with_place_problem_and_remedy(
+    tmp_path: Path, name: str, content: str | bytes, line: int | None, problem: str, remedy: str
+) -> None:
+    path = tmp_path / name
+    path.write_bytes(content if isinstance(content, bytes) else content.encode())
+    error = refusal(path)
+    assert error.place == (f"{path}:{line}" if line else str(path))
+    assert problem in error.problem
+    assert remedy in error.remedy
+
+
+def test_missing_file_names_its_close_matches(tmp_path: Path) -> None:
+    (tmp_path / "tshirt.obj").write_text(SQUARE)
+    assert "tshirt.obj" in refusal(tmp_path / "tshrt.obj").remedy
+    assert "tshirt.obj" in refusal(tmp_path / "tshirt.glb").remedy
+    assert "did you mean" not in refusal(tmp_path / "trousers.stl").remedy
+    assert "folder does not exist" in refusal(tmp_path / "nowhere" / "tshirt.obj").problem
+
+
+def test_folder_and_dead_link_are_refused(tmp_path: Path) -> None:
+    (tmp_path / "folder.obj").mkdir()
+    (tmp_path / "link.obj").symlink_to(tmp_path / "gone.obj")
+    assert "folder" in refusal(tmp_path / "folder.obj").problem
+    assert "link" in refusal(tmp_path / "link.obj").problem
+    os.mkfifo(tmp_path / "pipe.obj")
+    assert "regular file" in refusal(tmp_path / "pipe.obj").problem
+
+
+def test_unreadable_file_says_permission(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "locked.obj"
+    path.write_text(SQUARE)
+
+    def denied(_: Path) -> bytes:
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr(Path, "read_bytes", denied)
+    assert "permission" in refusal(path).problem
+
+
+def test_prim_is_only_for_usd(tmp_path: Path) -> None:
+    path = tmp_path / "square.obj"
+    path.write_text(SQUARE + "f 1 2 3 4\n")
+    assert "garment.prim" in refusal(path, prim="/a").remedy
+
+
+def test_avatar_may_have_an_edge_with_three_faces_but_no_wild_numbers(tmp_path: Path) -> None:
+    path = tmp_path / "fin.obj"
+    path.write_text(FIN)
+    assert load_mesh(path, role="avatar", key="avatar").triangle_count == 3
+    path.write_text(FIN.replace("v 0 0 1", "v 0 0 inf"))
+    assert "vertex 5" in refusal(path, role="avatar").problem
+
+
+def test_stl_with_an_edge_of_three_faces_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "fin.stl"
+    corners = [[[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[1, 0, 0], [0, 0, 0], [0, -1, 0]], [[0, 0, 0], [1, 0, 0], [0, 0, 1]]]
+    path.write_bytes(binary_stl(np.array(corners)))
+    assert "has 3 faces" in refusal(path).problem
+
+
+def binary_stl(corners: np.ndarray) -> bytes:
+    records = np.zeros(len(corners), dtype=[("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("more", "<u2")])
+    records["corners"] = corners
+    return bytes(80) + struct.pack("<I", len(corners)) + records.tobytes()
+
+
+def glb(tree: dict, body: bytes) -> bytes:
+    text = json.dumps(tree).encode()
+    text += b" " * (-len(text) % 4)
+    chunks = struct.pack("<I4s", len(text), b"JSON") + text + struct.pack("<I4s", len(body), b"BIN\0") + body
+    return struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks
+
+
+def triangle_tree() -> tuple[dict, bytes]:
+    """One triangle as glTF, and its buffer."""
+    body = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], dtype="<f4").tobytes() + np.array([0, 1, 2], "<u4").tobytes()
+    tree = {
+        "asset": {"version": "2.0"},
+        "scene": 0,
+        "scenes": [{"nodes": [0]}],
+        "nodes": [{"mesh": 0}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1}]}],
+        "buffers": [{"byteLength": len(body)}],
+        "bufferViews": [
+            {"buffer": 0, "byteOffset": 0, "byteLength": 36},
+            {"buffer": 0, "byteOffset": 36, "byteLength": 12},
+        ],
+        "accessors": [
+            {"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3"},
+            {"bufferView": 1, "componentType": 5125, "count": 3, "type": "SCALAR"},
+        ],
+    }
+    return tree, body
+
+
+@pytest.mark.parametrize("share", [0.0001, 0.01, 0.1, 0.3, 0.6, 0.9, 0.999])
+def test_truncated_glb_is_refused(tmp_path: Path, share: float) -> None:
+    whole = glb(*triangle_tree())
+    path = tmp_path / "cut.glb"
+    path.write_bytes(whole)
+    assert load_mesh(path, role="garment", key="garment").triangle_count == 1
+    path.write_bytes(whole[: max(4, int(share * len(whole)))])
+    assert "cut off" in refusal(path).remedy
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda t: t["accessors"][0].update(sparse={"count": 1}), "sparse"),
+        (lambda t: t["meshes"][0]["primitives"][0].update(mode=6), "fans"),
+        (lambda t: t["meshes"][0]["primitives"][0].update(mode=0), "no mesh with faces"),
+        (lambda t: t["meshes"][0]["primitives"][0].update(extensions={"KHR_draco_mesh_compression": {}}), "compressed"),
+        (lambda t: t.update(extensionsRequired=["EXT_meshopt_compression"]), "EXT_meshopt_compression"),
+        (lambda t: t["accessors"][1].update(count=3000), "cannot be read as glTF"),
+        (lambda t: t["buffers"].append({"uri": "gone.bin", "byteLength": 4}), "'gone.bin' is not there"),
+    ],
+)
+def test_gltf_that_would_be_misread_is_refused(tmp_path: Path, change: object, words: str) -> None:
+    tree, body = triangle_tree()
+    change(tree)  # type: ignore[operator]
+    path = tmp_path / "odd.glb"
+    path.write_bytes(glb(tree, body))
+    assert words in refusal(path).problem
+
+
+def test_gltf_index_out_of_range_and_wild_vertex_are_named(tmp_path: Path) -> None:
+    tree, body = triangle_tree()
+    path = tmp_path / "bad.glb"
+    path.write_bytes(glb(tree, body[:36] + np.array([0, 1, 7], "<u4").tobytes()))
+    assert "vertex 7, but there are only 3" in refusal(path).problem
+    path.write_bytes(glb(tree, np.array([0, np.nan], "<f4").tobytes() + body[8:]))
+    assert "vertex 0 is not finite" in refusal(path).problem

@@ -1,0 +1,123 @@
+"""Length units: stated, declared or guessed, and what cannot be."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from warp_cloth.errors import InputError
+from warp_cloth.loading import check_sizes, load_mesh
+from warp_cloth.mesh import Mesh
+
+
+def load(tmp_path: Path, extent: float, role: str = "garment", units: str | None = None, low: float = 0.0) -> Mesh:
+    """A rectangle as tall as the extent."""
+    path = tmp_path / f"{role}.obj"
+    path.write_text(
+        "".join(f"v {x * extent} {y * extent + low} 0\n" for x, y in ((0, 0), (0.5, 0), (0.5, 1), (0, 1))) + "f 1 2 3 4"
+    )
+    return load_mesh(path, role=role, key=role, units=units)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("role", "extent", "unit", "metres"),
+    [
+        ("avatar", 1.72, "m", 1.72),
+        ("avatar", 172.0, "cm", 1.72),
+        ("avatar", 1720.0, "mm", 1.72),
+        ("avatar", 0.6, "m", 0.6),
+        ("garment", 0.723, "m", 0.723),
+        ("garment", 72.3, "cm", 0.723),
+        ("garment", 723.0, "mm", 0.723),
+        ("garment", 1.0, "m", 1.0),
+    ],
+)
+def test_unit_is_guessed_from_the_size_and_said(
+    tmp_path: Path, role: str, extent: float, unit: str, metres: float
+) -> None:
+    mesh = load(tmp_path, extent, role)
+    assert mesh.unit == unit
+    assert mesh.bounds()[1][1] == pytest.approx(metres)
+    assert any("units not stated" in note and f"{extent:g}" in note for note in mesh.notes)
+
+
+def test_avatar_that_may_be_in_inches_is_noted(tmp_path: Path) -> None:
+    assert any("inches are possible" in note for note in load(tmp_path, 68.0, "avatar").notes)
+
+
+@pytest.mark.parametrize(("units", "metres"), [("m", 0.7), ("cm", 0.7), ("mm", 0.7), ("in", 0.7)])
+def test_stated_unit_is_taken_without_a_note(tmp_path: Path, units: str, metres: float) -> None:
+    per = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254}[units]
+    mesh = load(tmp_path, metres / per, units=units)
+    assert mesh.bounds()[1][1] == pytest.approx(metres)
+    assert not any("units" in note for note in mesh.notes)
+
+
+@pytest.mark.parametrize(
+    ("extent", "units", "remedy"),
+    [
+        (72.3, "m", 'look like centimetres: set garment.units = "cm"'),
+        (723.0, "m", 'look like millimetres: set garment.units = "mm"'),
+        (0.723, "cm", 'look like metres: set garment.units = "m"'),
+        (1e9, "m", "scale the mesh"),
+        (28.0, "m", 'set garment.units = "cm"'),
+    ],
+)
+def test_absurd_stated_size_names_the_likely_unit_and_the_key(
+    tmp_path: Path, extent: float, units: str, remedy: str
+) -> None:
+    with pytest.raises(InputError) as caught:
+        load(tmp_path, extent, units=units)
+    assert remedy in caught.value.remedy
+    assert "no garment" in caught.value.problem
+    assert caught.value.place.endswith("garment.obj")
+
+
+@pytest.mark.parametrize("extent", [1e-9, 0.001, 7.0, 5e4, 1e30, 1e308])
+def test_size_of_no_unit_is_refused_with_the_key(tmp_path: Path, extent: float) -> None:
+    with pytest.raises(InputError) as caught:
+        load(tmp_path, extent)
+    assert "fits no unit" in caught.value.problem
+    assert "garment.units" in caught.value.remedy or "scale the mesh" in caught.value.remedy
+
+
+def test_doll_is_possible_when_stated(tmp_path: Path) -> None:
+    body, dress = load(tmp_path, 12.0, "avatar", "cm"), load(tmp_path, 6.0, "garment", "cm")
+    check_sizes([("garment", dress)], body)
+
+
+def test_garment_and_avatar_that_agree_pass(tmp_path: Path) -> None:
+    for scale in (1.0, 100.0, 1000.0):
+        check_sizes([("garment", load(tmp_path, 0.7 * scale, low=0.8 * scale))], load(tmp_path, 1.7 * scale, "avatar"))
+    check_sizes([("garment", load(tmp_path, 70.0, low=80.0))], load(tmp_path, 1.7, "avatar"))
+    check_sizes([("garment", load(tmp_path, 70.0))], None)
+
+
+def test_cloth_larger_than_the_ball_under_it_passes(tmp_path: Path) -> None:
+    check_sizes([("garment", load(tmp_path, 1.0, low=0.7))], load(tmp_path, 0.6, "avatar"))
+
+
+def test_guess_that_contradicts_the_avatar_is_refused(tmp_path: Path) -> None:
+    """Inches: the avatar's numbers pass for a small one in cm, the garment's (also inches) are stated."""
+    garment = load(tmp_path, 28.0, units="in", low=35.0)
+    with pytest.raises(InputError) as caught:
+        check_sizes([("garment[1]", garment)], load(tmp_path, 68.0, "avatar"))
+    assert caught.value.place == 'garment[1] "garment"'
+    assert "guessed" in caught.value.problem
+    assert caught.value.remedy == 'likely inches: set avatar.units = "in"'
+
+
+def test_wrongly_stated_unit_is_found_against_the_avatar(tmp_path: Path) -> None:
+    garment = load(tmp_path, 72.3, units="mm", low=80)
+    with pytest.raises(InputError, match=r'likely centimetres: set garment.units = "cm"'):
+        check_sizes([("garment", garment)], load(tmp_path, 1.72, "avatar"))
+
+
+def test_garment_far_away_is_refused(tmp_path: Path) -> None:
+    garment = load(tmp_path, 0.7)
+    far = replace(garment, points=garment.points + np.array([50.0, 0, 0]))
+    with pytest.raises(InputError, match="away from the avatar"):
+        check_sizes([("garment", far)], load(tmp_path, 1.7, "avatar", "m"))
