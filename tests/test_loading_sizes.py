@@ -44,8 +44,10 @@ def test_unit_is_guessed_from_the_size_and_said(
     assert any("units not stated" in note and f"{extent:g}" in note for note in mesh.notes)
 
 
-def test_avatar_that_may_be_in_inches_is_noted(tmp_path: Path) -> None:
+def test_size_that_may_be_in_inches_is_noted(tmp_path: Path) -> None:
     assert any("inches are possible" in note for note in load(tmp_path, 68.0, "avatar").notes)
+    assert any("inches are possible" in note for note in load(tmp_path, 29.6, "garment").notes)
+    assert not any("inches" in note for note in load(tmp_path, 75.0, "garment").notes)
 
 
 @pytest.mark.parametrize(("units", "metres"), [("m", 0.7), ("cm", 0.7), ("mm", 0.7), ("in", 0.7)])
@@ -81,7 +83,7 @@ def test_size_of_no_unit_is_refused_with_the_key(tmp_path: Path, extent: float) 
     with pytest.raises(InputError) as caught:
         load(tmp_path, extent)
     assert "fits no unit" in caught.value.problem
-    assert "garment.units" in caught.value.remedy or "scale the mesh" in caught.value.remedy
+    assert "garment.units" in caught.value.remedy
 
 
 def test_doll_is_possible_when_stated(tmp_path: Path) -> None:

@@ -18,7 +18,7 @@ PLAUSIBLE: dict[Role, tuple[float, float]] = {"garment": (0.2, 3.5), "avatar": (
 POSSIBLE: dict[Role, tuple[float, float]] = {"garment": (0.01, 20.0), "avatar": (0.05, 20.0)}
 # Numbers that fit several units are taken as the first of these; inches are only proposed, never guessed.
 GUESSED: tuple[LengthUnit, ...] = ("m", "cm", "mm")
-INCH_AVATAR = (40.0, 80.0)  # extent of an avatar that may well be in inches
+MAYBE_INCHES: dict[Role, tuple[float, float]] = {"garment": (20.0, 40.0), "avatar": (40.0, 80.0)}  # small in cm
 
 GUESS_NOTE = "units not stated"  # how every note on a guess starts
 # Largest extent of the garment over the avatar's, from a glove to a train. Wide where both units are stated.
@@ -56,11 +56,11 @@ def choose_unit(
         low, high = PLAUSIBLE[role]
         wanted = f"{_a(role)} of {low:g} to {high:g} m"
         problem = f"units not stated, and an extent of {extent:.4g} fits no unit for {wanted}"
-        remedy = _possible_units(extent, role, key) or "scale the mesh, or check what was exported"
+        remedy = _possible_units(extent, role, key) or f"scale the mesh, and set {key}.units to what it is in then"
         raise InputError(file, problem, remedy)
     unit = fitting[0]
     note = f"{GUESS_NOTE}: took {_PLURALS[unit]}, as its largest extent is {extent:.4g}"
-    if role == "avatar" and INCH_AVATAR[0] <= extent <= INCH_AVATAR[1]:
+    if _fits(extent, MAYBE_INCHES[role]):
         note += f' (inches are possible: then set {key}.units = "in")'
     return UnitChoice(unit, METRES_PER[unit], (note,))
 
@@ -106,7 +106,7 @@ def _refuse_impossible(extent: float, metres: float, name: str, *, file: str, ro
     problem = f"{_length(extent * metres)} across by {source} is no {role}"
     likely = _likely_unit(extent, role, other_than=name)
     if likely is None:
-        raise InputError(file, problem, f"scale the mesh, or set {key}.units to what it was made in")
+        raise InputError(file, problem, f"scale the mesh, and set {key}.units to what it is in then")
     raise InputError(file, problem, f'its numbers look like {_PLURALS[likely]}: set {key}.units = "{likely}"')
 
 

@@ -62,6 +62,8 @@ def _refuse_unreadable(file: str) -> None:
         done = subprocess.run(command, capture_output=True, env=environment, timeout=PROBE_SECONDS, check=False)
     except subprocess.TimeoutExpired:
         raise InputError(file, f"USD does not finish reading it in {PROBE_SECONDS} s", DAMAGED) from None
+    except OSError:  # no interpreter to start, as in some embedding programs
+        return
     if done.returncode:
         said = _sentence(done.stdout.decode("utf-8", errors="replace"))
         raise InputError(file, f"cannot be read as USD: {said or 'USD crashes on it'}", DAMAGED)
