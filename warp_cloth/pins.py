@@ -61,9 +61,7 @@ def _by_number(mesh: Mesh, numbers: Sequence[int], place: str) -> NDArray[np.int
         return chosen
     mapped = mesh.vertex_map[chosen]
     if (mapped < 0).any():
-        problem = (
-            f"vertex {chosen[mapped < 0][0]} belongs to no face of {mesh.name} and was dropped on loading"
-        )
+        problem = f"vertex {chosen[mapped < 0][0]} belongs to no face of {mesh.name} and was dropped on loading"
         raise InputError(place, problem, "pin a vertex of the surface")
     return mapped
 
@@ -82,9 +80,7 @@ def _by_box(mesh: Mesh, box: Sequence[Sequence[float]], place: str) -> NDArray[n
 def _by_loop(mesh: Mesh, loop: str | int, place: str) -> NDArray[np.int64]:
     loops = boundary_loops(mesh)
     if not loops:
-        raise InputError(
-            place, f"{mesh.name} is closed: it has no boundary loop", "pin by vertices or by box"
-        )
+        raise InputError(place, f"{mesh.name} is closed: it has no boundary loop", "pin by vertices or by box")
     if isinstance(loop, str):
         if loop not in _SIDES:
             raise InputError(place, f"{loop!r} is no side", f"use {', '.join(_SIDES)}, or a number from 0")
@@ -92,9 +88,7 @@ def _by_loop(mesh: Mesh, loop: str | int, place: str) -> NDArray[np.int64]:
         return loops[int(np.argmax([sign * mesh.points[members, axis].mean() for members in loops]))]
     if not 0 <= loop < len(loops):
         have = f"{mesh.name} has {len(loops)} boundary loop{'s' if len(loops) > 1 else ''}"
-        raise InputError(
-            place, f"loop {loop} does not exist: {have}", f"use 0 to {len(loops) - 1} (0 is the longest)"
-        )
+        raise InputError(place, f"loop {loop} does not exist: {have}", f"use 0 to {len(loops) - 1} (0 is the longest)")
     return loops[loop]
 
 
