@@ -33,6 +33,7 @@ def cloth_types(precision: str) -> SimpleNamespace:
         reach: real  # change of length that the step allows for, as a share of the vertex's own last move
         momentum: real  # share of the last displacement that is kept
         damping: real  # that share's factor where the displacement points against the force
+        viscosity: real  # share of an edge's stiffness that resists its ends' moving apart
         memory: real  # share of a vertex's stiffness bound that is kept from one iteration to the next
         offset: float  # contact offset [m]
         friction: float  # of the avatar

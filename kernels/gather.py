@@ -12,7 +12,7 @@ import warp as wp
 
 from warp_cloth.kernels.bending import hinge_fold, hinge_stiffness_bound, hinge_torque, thinness
 from warp_cloth.kernels.cloth import cloth_types, difference_function
-from warp_cloth.kernels.tension import tension_force, tension_stiffness
+from warp_cloth.kernels.tension import edge_drag, tension_force, tension_stiffness
 
 
 @functools.cache
@@ -102,8 +102,10 @@ def gather_kernels(precision: str, fourth: str, bending: bool) -> SimpleNamespac
                 if wp.static(fourth == "size"):
                     part += wp.abs(tension)
             if wp.static(fourth == "stiffness"):
-                reach = step.reach * wp.length(cloth.move[other] - cloth.move[vertex])
-                part += tension_stiffness(length, law[0], law[1], law[2], reach)
+                change = cloth.move[other] - cloth.move[vertex]
+                stiffness = tension_stiffness(length, law[0], law[1], law[2], step.reach * wp.length(change))
+                force += edge_drag(change, stiffness, step.viscosity)
+                part += stiffness
         if wp.static(bending):
             for row in range(folds.start[vertex], folds.start[vertex + 1]):
                 following = folds.following[row]

@@ -11,7 +11,7 @@ import warp as wp
 
 from warp_cloth.kernels.bending import hinge_forces, hinge_stiffness_bound
 from warp_cloth.kernels.cloth import cloth_types, difference_function
-from warp_cloth.kernels.tension import tension_force, tension_stiffness
+from warp_cloth.kernels.tension import edge_drag, tension_force, tension_stiffness
 
 
 @functools.cache
@@ -42,6 +42,7 @@ def scatter_kernels(precision: str, fourth: str) -> SimpleNamespace:
         if wp.static(fourth == "stiffness"):
             reach = step.reach * wp.length(cloth.move[b] - cloth.move[a])
             part = tension_stiffness(length, law[0], law[1], law[2], reach)
+            d += edge_drag(cloth.move[b] - cloth.move[a], part, step.viscosity)
         if wp.static(fourth == "size"):
             part = wp.length(d)
         wp.atomic_add(load_out, a, vec4(d[0], d[1], d[2], part))

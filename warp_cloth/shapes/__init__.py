@@ -1,0 +1,53 @@
+"""Generated garments and avatars, all of this project's own making: numbers in, meshes in metres out."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from warp_cloth.errors import InputError
+from warp_cloth.mesh import Mesh
+from warp_cloth.shapes.mannequin import mannequin, trunk_girth
+from warp_cloth.shapes.measures import SIZE_BODIES, MannequinMeasures
+from warp_cloth.shapes.simple import sphere, square
+from warp_cloth.shapes.tshirt import tshirt
+
+__all__ = [
+    "SIZE_BODIES",
+    "MannequinMeasures",
+    "build_avatar",
+    "build_garment",
+    "mannequin",
+    "mannequin_measures",
+    "sphere",
+    "square",
+    "trunk_girth",
+    "tshirt",
+]
+
+
+def build_garment(shape: Any, *, body: MannequinMeasures | None = None) -> Mesh:
+    """Mesh of a scene's garment shape (square or tshirt); ``body`` is the mannequin that wears it."""
+    if shape.kind == "square":
+        return square(
+            side=shape.side, vertices_per_side=shape.vertices_per_side, height=shape.height, plane=shape.plane
+        )
+    if shape.kind == "tshirt":
+        return tshirt(size=shape.size, edge=shape.edge_mm / 1000, body=body)
+    raise InputError("garment.shape", f"kind {shape.kind!r} is unknown", 'use "square" or "tshirt"')
+
+
+def build_avatar(shape: Any, *, size: str = "M") -> Mesh:
+    """Mesh of a scene's avatar shape (sphere or mannequin); ``size`` fills in measures left out."""
+    if shape.kind == "sphere":
+        return sphere(radius=shape.radius, centre=shape.centre, edge=shape.edge_mm / 1000)
+    if shape.kind == "mannequin":
+        return mannequin(mannequin_measures(shape, size=size))
+    raise InputError("avatar.shape", f"kind {shape.kind!r} is unknown", 'use "sphere" or "mannequin"')
+
+
+def mannequin_measures(shape: Any, *, size: str = "M") -> MannequinMeasures:
+    """Measures of a scene's mannequin; one left out (None) is that of the size's standard body."""
+    standard = SIZE_BODIES[size]
+    given = {name: getattr(shape, name) for name in ("stature", "chest", "waist", "hip")}
+    filled = {name: getattr(standard, name) if value is None else value for name, value in given.items()}
+    return MannequinMeasures(**filled, arm_angle=shape.arm_angle_degrees)

@@ -15,9 +15,9 @@ from warp_cloth.shapes.measures import CHEST_LEVEL, HIP_LEVEL, WAIST_LEVEL, Mann
 
 Stations = tuple[tuple[float, ...], ...]
 
-# Rows: place along the axis, side half axis, front half axis, back half axis, side centre, depth centre, all as
-# fractions of stature. Lengths between joints follow Drillis & Contini (upper arm 0.186, forearm 0.146, hand 0.108,
-# knee 0.285, ankle 0.039, foot 0.152); sections are drawn by eye on a slim figure and scaled to the girths.
+# Rows: place along the axis, side half axis, front half axis, back half axis, side centre, depth centre, all
+# as fractions of stature. Lengths between joints follow Drillis & Contini (upper arm 0.186, forearm 0.146, hand
+# 0.108, knee 0.285, ankle 0.039, foot 0.152); sections are drawn by eye and scaled to the girths.
 TORSO: Stations = (
     (0.438, 0.000, 0.000, 0.000, 0, 0.000),
     (0.462, 0.066, 0.044, 0.050, 0, 0.000),
@@ -113,7 +113,10 @@ NECK_BASE = (0.0, 0.818, -0.012)
 NECK_TILT = 14.0  # degrees forward
 THUMB_ANGLE = 0.85  # radians from the arm, forward
 TOE_OUT = 9.0  # degrees
+ARM_PARTS = (4, 5)  # arm and thumb among a form's parts
 CALIBRATION_STEPS = 8  # each divides the girth's error by about 5
+GIRTH_ERROR = 2e-4  # relative, at which calibration ends: 0.2 mm
+ARMS_JOINED = 0.03  # relative: fillets add less to a girth, arms more
 FAR = 1.0  # [m] value where no part is near
 
 
@@ -130,9 +133,7 @@ class Form:
         np.abs(mirrored[:, 0], out=mirrored[:, 0])
         result = np.full(len(points), FAR)
         for part, blend in self.parts:
-            margin = (
-                2.5 * blend + 0.02
-            )  # beyond it the fillet has faded, even where distance is underestimated
+            margin = 2.5 * blend + 0.02  # beyond it the fillet has faded, even where distance is underestimated
             low, high = part.low - margin, part.high + margin
             near = np.flatnonzero(np.all((mirrored > low) & (mirrored < high), axis=1))
             result[near] = smooth_minimum(result[near], part.value(mirrored[near]), blend)
@@ -152,6 +153,11 @@ class Form:
         slope = self.gradient(points, value)
         factor = (value - level) / np.maximum(np.einsum("ij,ij->i", slope, slope), 0.05)
         return points - np.clip(factor, -0.02, 0.02)[:, None] * slope
+
+    def without(self, numbers: Sequence[int]) -> Form:
+        """The form without some of its parts."""
+        kept = tuple(part for number, part in enumerate(self.parts) if number not in numbers)
+        return Form(kept, self.floor_blend)
 
     @cached_property
     def bounds(self) -> tuple[Points, Points]:
@@ -176,15 +182,14 @@ def build_form(measures: MannequinMeasures, factors: Sequence[float]) -> Form:
     top = 0.5 + 0.5 * chest  # shoulders and neck follow the chest by half, limbs by a third
     widths = natural_spline(levels, np.array([hip, *factors, top]), heights)
     limb = (2 + chest) / 3
+    span = max(top, chest)  # arms must start outside a wide chest
 
     shoulders = np.array(SHOULDERS) * h
-    shoulders[:, 0] *= top
+    shoulders[:, 0] *= span
     shoulders[:, 1:4] *= top
     angle = math.radians(measures.arm_angle)
-    joint = np.array(SHOULDER_JOINT) * h * (top, 1, 1)
-    arm_axes = np.array(
-        [[math.cos(angle), math.sin(angle), 0], [0, 0, 1], [math.sin(angle), -math.cos(angle), 0]]
-    )
+    joint = np.array(SHOULDER_JOINT) * h * (span, 1, 1)
+    arm_axes = np.array([[math.cos(angle), math.sin(angle), 0], [0, 0, 1], [math.sin(angle), -math.cos(angle), 0]])
     thumb_base = joint + (arm_axes[2] * 0.358 + arm_axes[1] * 0.018 - arm_axes[0] * 0.002) * h
     outward = arm_axes[2] * math.cos(THUMB_ANGLE) + arm_axes[1] * math.sin(THUMB_ANGLE)
     thumb_axes = [arm_axes[0], np.cross(outward, arm_axes[0]), outward]
@@ -204,7 +209,7 @@ def build_form(measures: MannequinMeasures, factors: Sequence[float]) -> Form:
             (loft(shoulders.tolist(), axes=[[0, 1, 0], [0, 0, 1], [1, 0, 0]], mirrored=fold), 0.040 * h),
             (loft(_scaled(NECK, h, top), origin=np.array(NECK_BASE) * h, axes=neck_axes), 0.045 * h),
             (loft(_scaled(HEAD, h)), 0.014 * h),
-            (loft(_scaled(ARM, h, limb), origin=joint, axes=arm_axes, mirrored=fold), 0.042 * h),
+            (loft(_scaled(ARM, h, limb), origin=joint, axes=arm_axes, mirrored=fold), 0.032 * h),
             (loft(_scaled(THUMB, h, limb), origin=thumb_base, axes=thumb_axes, mirrored=fold), 0.014 * h),
             (loft(leg.tolist(), mirrored=fold), 0.030 * h),
             (loft(_scaled(FOOT, h), origin=ankle, axes=foot_axes, exponent=2.2, mirrored=fold), 0.022 * h),
@@ -251,15 +256,22 @@ def convex_girth(points: Points) -> float:
 
 
 def calibrated_form(measures: MannequinMeasures) -> Form:
-    """Form whose girths at the three levels are the measures: fixed point on the torso's widths."""
+    """Form whose girths at the three levels are the measures: fixed point on the torso's widths.
+
+    First without arms; then with them, as their fillets add some millimetres to the chest. Where a wide chest or a
+    steep arm joins them at the level of the chest, no tape goes round: there the girth stays that of the bare trunk.
+    """
     heights = (measures.hip_height, measures.waist_height, measures.chest_height)
     wanted = np.array([measures.hip, measures.waist, measures.chest])
     factors = np.ones(3)
     form = build_form(measures, factors.tolist())
-    for _ in range(CALIBRATION_STEPS):
-        girths = np.array([convex_girth(section(form, height)) for height in heights])
-        if np.abs(girths - wanted).max() < 2e-4:
-            break
-        factors *= wanted / girths
-        form = build_form(measures, factors.tolist())
+    for with_arms in (False, True):
+        for _ in range(CALIBRATION_STEPS):
+            whole = form if with_arms else form.without(ARM_PARTS)
+            girths = np.array([convex_girth(section(whole, height)) for height in heights])
+            error = np.abs(girths / wanted - 1).max()
+            if error < GIRTH_ERROR or (with_arms and error > ARMS_JOINED):
+                break
+            factors *= wanted / girths
+            form = build_form(measures, factors.tolist())
     return form

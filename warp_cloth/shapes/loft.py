@@ -17,7 +17,7 @@ TINY = 1e-12  # [m2] keeps quotients finite on the axis, far below any section's
 
 
 def natural_spline(knots: Values, values: Values, where: Values) -> Values:
-    """Natural cubic spline through values at knots: twice differentiable, so that no station shows in the shading."""
+    """Natural cubic spline through values at knots: twice differentiable, so that no station shows in shading."""
     widths = np.diff(knots)
     slopes = np.diff(values) / widths
     system = np.eye(len(knots))
@@ -40,10 +40,10 @@ def natural_spline(knots: Values, values: Values, where: Values) -> Values:
 class Loft:
     """A closed tube along the third of three axes.
 
-    A section at ``along`` is |side / a|^n + |depth / b|^n = 1 round its centre, b differing to the front (positive
-    depth) and to the back. The function is F = q - S: q the squared radius in the section's aspect, S the product of
-    the section's half axes, interpolated so that an end of size 0 closes as an ellipsoid does. Divided by its
-    gradient it approximates the distance [m].
+    A section at ``along`` is |side / a|^n + |depth / b|^n = 1 round its centre, b differing to the front
+    (positive depth) and to the back. The function is F = q - S: q the squared radius in the section's aspect, S
+    the product of the section's half axes, interpolated so that an end of size 0 closes as an ellipsoid does.
+    Divided by its gradient it approximates the distance [m].
     """
 
     origin: Values  # [m], shape [3]
@@ -71,7 +71,7 @@ class Loft:
         n = self.exponent
         power_x, power_z = (x * x + TINY) ** (n / 2), (z * z + TINY) ** (n / 2)
         q = (power_x + power_z) ** (2 / n)
-        # |grad q|^2 in the section, scaled out to the surface when the point is inside: grad q grows as sqrt(q)
+        # |grad q|^2 in the section, scaled out to the surface from inside: grad q grows as sqrt(q)
         share_x, share_z = power_x / (power_x + power_z), power_z / (power_x + power_z)
         grade = (2 * q * share_x / wide) ** 2 / (x * x + TINY) + (2 * q * share_z) ** 2 / (z * z + TINY) / (
             np.where(z > 0, front, back) ** 2
@@ -122,7 +122,7 @@ def _half_axes(table: Values) -> tuple[Values, Values, Values]:
 
 
 def smooth_minimum(one: Values, other: Values, blend: float) -> Values:
-    """Union of two distances with a fillet of size ``blend`` [m], twice differentiable (cubic, after Quilez)."""
+    """Union of two distances with a fillet of size ``blend`` [m], twice differentiable (after Quilez)."""
     overlap = np.maximum(blend - np.abs(one - other), 0.0) / blend
     result: Values = np.minimum(one, other) - overlap**3 * (blend / 6)
     return result

@@ -13,16 +13,16 @@ LIMITS: dict[str, tuple[float, float]] = {
     "chest": (0.60, 1.60),
     "waist": (0.45, 1.60),
     "hip": (0.60, 1.70),
-    "arm_angle": (20.0, 85.0),
+    "arm_angle": (40.0, 85.0),  # lower, the arms would touch the chest where its girth is taken
 }
 
 # Levels as fractions of stature. Joints and chin: Drillis & Contini, Body Segment Parameters (1966), as tabulated
-# in Winter, Biomechanics and Motor Control of Human Movement, fig. 4.1. Girth levels: ISO 8559-1 places the chest at
-# the nipples, the waist at its narrowest, the hip at the fullest of the seat; the eight-head canon gives fractions.
+# in Winter, Biomechanics and Motor Control of Human Movement, fig. 4.1. ISO 8559-1 takes the chest girth at the
+# nipples, the waist between ribs and hip bone, the hip at the fullest of the seat; the fractions follow the
+# eight-head canon of figure drawing (nipples 6/8, navel 5/8, crotch 4/8), the chest a little lower, as measured.
 CHEST_LEVEL = 0.720
 WAIST_LEVEL = 0.625
 HIP_LEVEL = 0.510
-SHOULDER_LEVEL = 0.818
 
 
 @dataclass(frozen=True)
@@ -70,8 +70,8 @@ class MannequinMeasures:
         return HIP_LEVEL * self.stature
 
 
-# Middles of the letter codes of EN 13402-3 for men: chest 86-94, 94-102, 102-110 cm; waist 74-82, 82-90, 90-98 cm;
-# statures and hips of the neighbouring centimetre sizes.
+# Middles of the letter codes of EN 13402-3 for men: chest 86-94, 94-102, 102-110 cm; waist 74-82, 82-90, 90-98
+# cm. Statures and hips are our choice to go with them.
 SIZE_BODIES: dict[str, MannequinMeasures] = {
     "S": MannequinMeasures(stature=1.70, chest=0.90, waist=0.78, hip=0.94),
     "M": MannequinMeasures(stature=1.76, chest=0.98, waist=0.86, hip=1.00),

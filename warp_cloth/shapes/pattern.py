@@ -172,9 +172,7 @@ def _sleeve_curves(m: TshirtMeasures, front: float, back: float) -> dict[str, Po
             0.7 * m.bicep,
         )
 
-    height = _bisect(
-        lambda h: curve_length(half(crown(h), h)) - CAP_EASE * front, 0.01, m.sleeve_length - 0.02
-    )
+    height = _bisect(lambda h: curve_length(half(crown(h), h)) - CAP_EASE * front, 0.01, m.sleeve_length - 0.02)
     ahead = crown(height)
     cuff_ahead, cuff_behind = m.cuff * ahead / m.bicep, m.cuff * (1 - ahead / m.bicep)
     front_cap = half(ahead, height) * (-1, 1)

@@ -12,9 +12,7 @@ from numpy.typing import NDArray
 from warp_cloth.errors import InputError
 from warp_cloth.mesh import Mesh
 
-MOST_DIVISIONS = (
-    512  # of an icosahedron's edge: 2.6 million vertices; beyond it a stated edge is a slip of the unit
-)
+MOST_DIVISIONS = 512  # of an icosahedron's edge: 2.6 million vertices; beyond it a stated edge is a slip of the unit
 ICOSAHEDRON_ARC = math.atan(2)  # angle of an edge seen from the centre
 ICOSAHEDRON_FACES = (
     "0 11 5, 0 5 1, 0 1 7, 0 7 10, 0 10 11, 1 5 9, 5 11 4, 11 10 2, 10 7 6, 7 1 8, "
@@ -32,15 +30,13 @@ def square(
 ) -> Mesh:
     """Square cloth in a regular grid whose diagonals alternate, so that the bias has no preferred side.
 
-    Horizontal it lies at y = ``height``, facing up, ``centre`` = (x, z); vertical it hangs facing +z, its top edge
-    at y = ``height``, its middle at ``centre`` = (x, z). Texture coordinates are metres from its lower left corner.
+    Horizontal it lies at y = ``height``, facing up; vertical it hangs facing +z, its top edge at y = ``height``.
+    ``centre`` is the (x, z) of its middle. Texture coordinates are metres from its lower left corner.
     """
     if not (side > 0 and math.isfinite(side)):
         raise InputError("square side", f"{side!r} m is no length", "give a positive length in metres")
     if vertices_per_side < 2:
-        raise InputError(
-            "square vertices_per_side", f"{vertices_per_side!r} makes no square", "give 2 or more"
-        )
+        raise InputError("square vertices_per_side", f"{vertices_per_side!r} makes no square", "give 2 or more")
     if plane not in ("horizontal", "vertical"):
         raise InputError("square plane", f"{plane!r} is unknown", 'use "horizontal" or "vertical"')
     n = int(vertices_per_side)
@@ -64,22 +60,18 @@ def square(
 
 
 def sphere(*, radius: float = 0.3, centre: Sequence[float] = (0.0, 0.6, 0.0), edge: float = 0.02) -> Mesh:
-    """Closed sphere: an icosahedron whose faces are divided until edges are about ``edge`` [m], outward winding."""
+    """Closed sphere with outward winding: an icosahedron, its faces divided until edges are about ``edge`` [m]."""
     if not (radius > 0 and math.isfinite(radius)):
         raise InputError("sphere radius", f"{radius!r} m is no length", "give a positive length in metres")
     if not (edge > 0 and math.isfinite(edge)):
         raise InputError("sphere edge", f"{edge!r} m is no length", "give a positive length in metres")
     divisions = max(1, round(radius * ICOSAHEDRON_ARC / edge))
     if divisions > MOST_DIVISIONS:
-        raise InputError(
-            "sphere edge", f"{edge} m is too fine for a radius of {radius} m", "give a longer edge"
-        )
+        raise InputError("sphere edge", f"{edge} m is too fine for a radius of {radius} m", "give a longer edge")
     corners, faces = _icosahedron()
     i, j = np.meshgrid(np.arange(divisions + 1), np.arange(divisions + 1), indexing="ij")
     inside = i + j <= divisions
-    weights = np.column_stack(
-        [(divisions - i - j)[inside], i[inside], j[inside]]
-    )  # of a face's three corners
+    weights = np.column_stack([(divisions - i - j)[inside], i[inside], j[inside]])  # of a face's three corners
     directions = np.einsum("sk,fkd->fsd", weights / divisions, corners[faces]).reshape(-1, 3)
     # a point is known by the corners and weights that make it, whichever face it is seen from
     parts = np.where(weights > 0, faces[:, None, :] * (divisions + 1) + weights, 0)

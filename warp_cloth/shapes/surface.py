@@ -16,8 +16,8 @@ Quads = NDArray[np.int64]
 def surface_nets(values: NDArray[np.float64], origin: Points, spacing: float) -> tuple[Points, Quads]:
     """Vertices [m] and outward quads of the zero level of grid values, negative inside (Gibson 1998).
 
-    One vertex for each cell that the surface crosses, at the mean of the crossings on the cell's edges; one quad for
-    each grid edge that it crosses.
+    One vertex for each cell that the surface crosses, at the mean of the crossings on the cell's edges; one quad
+    for each grid edge that it crosses.
     """
     shape = np.array(values.shape)
     inside = values < 0
@@ -51,8 +51,37 @@ def surface_nets(values: NDArray[np.float64], origin: Points, spacing: float) ->
     return points, index[np.vstack(crossings)]
 
 
+def without_saddles(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Values whose sign is never the same at just two opposite corners of a grid square.
+
+    There surface nets would join four quads along one edge: a ridge that runs along the grid's diagonal, as an arm
+    in A-pose does, makes many. Of the outer corners the one nearer the surface is taken in; where the surface runs
+    exactly is settled by projection afterwards.
+    """
+    values = values.copy()
+    flat = values.reshape(-1)
+    inward = -1e-6  # [m] in, but hardly
+    strides = (values.shape[1] * values.shape[2], values.shape[2], 1)
+    found = True
+    while found:
+        found = False
+        for one, two in ((0, 1), (1, 2), (2, 0)):
+            corner = tuple(slice(None, -1) if axis in (one, two) else slice(None) for axis in range(3))
+            base = np.arange(flat.size).reshape(values.shape)[corner].ravel()
+            a, c = base, base + strides[one] + strides[two]
+            b, d = base + strides[one], base + strides[two]
+            inside = flat < 0
+            saddle = (inside[a] == inside[c]) & (inside[b] == inside[d]) & (inside[a] != inside[b])
+            if saddle.any():
+                found = True
+                a, b, c, d = a[saddle], b[saddle], c[saddle], d[saddle]
+                first, second = np.where(inside[a], b, a), np.where(inside[a], d, c)
+                flat[np.where(flat[first] < flat[second], first, second)] = inward
+    return values
+
+
 def is_closed_manifold(quads: Quads, vertex_count: int) -> bool:
-    """True where every edge joins two quads that agree in winding, and the quads round a vertex form one ring."""
+    """True where every edge joins two quads that agree in winding, and each vertex has one ring of quads."""
     one = quads.ravel()
     other = np.roll(quads, -1, axis=1).ravel()
     key, reverse = one * vertex_count + other, other * vertex_count + one
@@ -60,9 +89,7 @@ def is_closed_manifold(quads: Quads, vertex_count: int) -> bool:
     if np.any(np.diff(key[order]) == 0) or not np.array_equal(key[order], np.sort(reverse)):
         return False
     corner = np.arange(len(one)).reshape(quads.shape)
-    opposite = order[
-        np.searchsorted(key[order], reverse)
-    ]  # corner that starts the same edge from its other end
+    opposite = order[np.searchsorted(key[order], reverse)]  # corner that starts the same edge from its other end
     turn = np.roll(corner, -1, axis=1).ravel()[opposite]  # next corner round the same vertex
     label = corner.ravel()
     for _ in range(5):  # doubling: 32 steps are more than any vertex has corners
