@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from warp_cloth.mesh import Points
 from warp_cloth.shapes.loft import Loft, Values, loft, natural_spline, smooth_minimum
@@ -113,6 +114,7 @@ NECK_BASE = (0.0, 0.818, -0.012)
 NECK_TILT = 14.0  # degrees forward
 THUMB_ANGLE = 0.85  # radians from the arm, forward
 TOE_OUT = 9.0  # degrees
+FOLD = 0.006  # rounding of the fold that mirrors a limb to the other side
 ARM_PARTS = (4, 5)  # arm and thumb among a form's parts
 CALIBRATION_STEPS = 8  # each divides the girth's error by about 5
 GIRTH_ERROR = 2e-4  # relative, at which calibration ends: 0.2 mm
@@ -122,7 +124,7 @@ FAR = 1.0  # [m] value where no part is near
 
 @dataclass(frozen=True, eq=False)
 class Form:
-    """Parts with their fillets, in the order in which they are joined: the first reaches ``blend`` 0."""
+    """Parts with the size of their fillets [m], in the order in which they are joined."""
 
     parts: tuple[tuple[Loft, float], ...]
     floor_blend: float  # [m] rounding of the soles' rim
@@ -167,54 +169,65 @@ class Form:
         return np.array([-high[0], 0.0, low[2]]), high
 
 
-def _scaled(stations: Stations, scale: float, widths: Sequence[float] | Values = 1.0) -> list[list[float]]:  # type: ignore[assignment]
+def _scaled(stations: Stations, scale: float, widths: ArrayLike = 1.0) -> Values:
+    """Stations in metres, their half axes widened."""
     rows = np.array(stations) * scale
-    rows[:, 1:4] *= np.broadcast_to(np.asarray(widths, dtype=float), len(rows))[:, None]
-    return rows.tolist()
+    rows[:, 1:4] *= np.broadcast_to(widths, len(rows))[:, None]
+    return rows
 
 
-def build_form(measures: MannequinMeasures, factors: Sequence[float]) -> Form:
+def build_form(measures: MannequinMeasures, factors: Values) -> Form:
     """Form whose torso is widened by ``factors`` at hip, waist and chest."""
     h = measures.stature
-    hip, _, chest = factors
-    heights = np.array([row[0] for row in TORSO])
-    levels = np.array([0.432, HIP_LEVEL, WAIST_LEVEL, CHEST_LEVEL, 0.838])
-    top = 0.5 + 0.5 * chest  # shoulders and neck follow the chest by half, limbs by a third
-    widths = natural_spline(levels, np.array([hip, *factors, top]), heights)
-    limb = (2 + chest) / 3
-    span = max(top, chest)  # arms must start outside a wide chest
-
-    shoulders = np.array(SHOULDERS) * h
-    shoulders[:, 0] *= span
-    shoulders[:, 1:4] *= top
-    angle = math.radians(measures.arm_angle)
-    joint = np.array(SHOULDER_JOINT) * h * (span, 1, 1)
-    arm_axes = np.array([[math.cos(angle), math.sin(angle), 0], [0, 0, 1], [math.sin(angle), -math.cos(angle), 0]])
-    thumb_base = joint + (arm_axes[2] * 0.358 + arm_axes[1] * 0.018 - arm_axes[0] * 0.002) * h
-    outward = arm_axes[2] * math.cos(THUMB_ANGLE) + arm_axes[1] * math.sin(THUMB_ANGLE)
-    thumb_axes = [arm_axes[0], np.cross(outward, arm_axes[0]), outward]
-    tilt = math.radians(NECK_TILT)
-    neck_axes = [[1, 0, 0], [0, -math.sin(tilt), math.cos(tilt)], [0, math.cos(tilt), math.sin(tilt)]]
-    leg = np.array(LEG) * h
-    leg_widths = 1 + (hip - 1) * np.interp(leg[:, 0] / h, [0.05, 0.45], [0.2, 1.0])
-    leg[:, 1:4] *= leg_widths[:, None]
-    leg[:, 4] *= leg_widths
-    toe = math.radians(TOE_OUT)
-    foot_axes = [[math.cos(toe), 0, -math.sin(toe)], [0, 1, 0], [math.sin(toe), 0, math.cos(toe)]]
-    ankle = (leg[1, 4], 0.0, -0.012 * h)
-    fold = 0.006 * h
-    return Form(
+    hip, _, chest = factors.tolist()
+    top = 0.5 + 0.5 * chest  # shoulders and neck follow the chest by half
+    levels = np.array([TORSO[0][0], HIP_LEVEL, WAIST_LEVEL, CHEST_LEVEL, TORSO[-1][0]])
+    widths = natural_spline(levels, np.array([hip, *factors, top]), np.array([row[0] for row in TORSO]))
+    shoulders = _scaled(SHOULDERS, h, top)
+    shoulders[:, 0] *= max(top, chest)
+    side, tilt = (1, 0, 0), math.radians(NECK_TILT)
+    forward, upward = (0, -math.sin(tilt), math.cos(tilt)), (0, math.cos(tilt), math.sin(tilt))
+    trunk = (
+        (loft(_scaled(TORSO, h, widths), exponent=2.25), 0.020 * h),
+        (loft(shoulders, axes=((0, 1, 0), (0, 0, 1), side), mirrored=FOLD * h), 0.040 * h),
         (
-            (loft(_scaled(TORSO, h, widths), exponent=2.25), 0.02),
-            (loft(shoulders.tolist(), axes=[[0, 1, 0], [0, 0, 1], [1, 0, 0]], mirrored=fold), 0.040 * h),
-            (loft(_scaled(NECK, h, top), origin=np.array(NECK_BASE) * h, axes=neck_axes), 0.045 * h),
-            (loft(_scaled(HEAD, h)), 0.014 * h),
-            (loft(_scaled(ARM, h, limb), origin=joint, axes=arm_axes, mirrored=fold), 0.032 * h),
-            (loft(_scaled(THUMB, h, limb), origin=thumb_base, axes=thumb_axes, mirrored=fold), 0.014 * h),
-            (loft(leg.tolist(), mirrored=fold), 0.030 * h),
-            (loft(_scaled(FOOT, h), origin=ankle, axes=foot_axes, exponent=2.2, mirrored=fold), 0.022 * h),
+            loft(_scaled(NECK, h, top), origin=np.array(NECK_BASE) * h, axes=(side, forward, upward)),
+            0.045 * h,
         ),
-        floor_blend=0.005 * h,
+        (loft(_scaled(HEAD, h)), 0.014 * h),
+    )
+    return Form((*trunk, *_arm(measures, chest), *_leg(h, hip)), floor_blend=0.005 * h)
+
+
+def _arm(measures: MannequinMeasures, chest: float) -> tuple[tuple[Loft, float], ...]:
+    """Arm with hand, and thumb; their girth follows the chest's widening by a third."""
+    h = measures.stature
+    angle = math.radians(measures.arm_angle)
+    axes = np.array([[math.cos(angle), math.sin(angle), 0], [0, 0, 1], [math.sin(angle), -math.cos(angle), 0]])
+    across, forward, along = axes
+    span = max(0.5 + 0.5 * chest, chest)  # arms must start outside a wide chest
+    joint = np.array(SHOULDER_JOINT) * h * (span, 1, 1)
+    base = joint + (0.358 * along + 0.018 * forward - 0.002 * across) * h
+    outward = along * math.cos(THUMB_ANGLE) + forward * math.sin(THUMB_ANGLE)
+    thumb_axes = np.array([across, np.cross(outward, across), outward])
+    girth = (2 + chest) / 3
+    return (
+        (loft(_scaled(ARM, h, girth), origin=joint, axes=axes, mirrored=FOLD * h), 0.032 * h),
+        (loft(_scaled(THUMB, h, girth), origin=base, axes=thumb_axes, mirrored=FOLD * h), 0.014 * h),
+    )
+
+
+def _leg(h: float, hip: float) -> tuple[tuple[Loft, float], ...]:
+    """Leg and foot; the thigh follows the hip's widening, sideways too, the ankle hardly."""
+    leg = _scaled(LEG, h)
+    widths = 1 + (hip - 1) * np.interp(leg[:, 0] / h, [0.05, 0.45], [0.2, 1.0])
+    leg[:, 1:5] *= widths[:, None]
+    toe = math.radians(TOE_OUT)
+    axes = ((math.cos(toe), 0, -math.sin(toe)), (0, 1, 0), (math.sin(toe), 0, math.cos(toe)))
+    ankle = (leg[1, 4], 0.0, leg[1, 5])
+    return (
+        (loft(leg, mirrored=FOLD * h), 0.030 * h),
+        (loft(_scaled(FOOT, h), origin=ankle, axes=axes, exponent=2.2, mirrored=FOLD * h), 0.022 * h),
     )
 
 
@@ -264,7 +277,7 @@ def calibrated_form(measures: MannequinMeasures) -> Form:
     heights = (measures.hip_height, measures.waist_height, measures.chest_height)
     wanted = np.array([measures.hip, measures.waist, measures.chest])
     factors = np.ones(3)
-    form = build_form(measures, factors.tolist())
+    form = build_form(measures, factors)
     for with_arms in (False, True):
         for _ in range(CALIBRATION_STEPS):
             whole = form if with_arms else form.without(ARM_PARTS)
@@ -273,5 +286,5 @@ def calibrated_form(measures: MannequinMeasures) -> Form:
             if error < GIRTH_ERROR or (with_arms and error > ARMS_JOINED):
                 break
             factors *= wanted / girths
-            form = build_form(measures, factors.tolist())
+            form = build_form(measures, factors)
     return form

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from warp_cloth.mesh import Points
 
@@ -82,10 +81,10 @@ class Loft:
 
 
 def loft(
-    stations: Sequence[Sequence[float]],
+    stations: ArrayLike,
     *,
-    origin: Sequence[float] = (0.0, 0.0, 0.0),
-    axes: Sequence[Sequence[float]] = ((1, 0, 0), (0, 0, 1), (0, 1, 0)),
+    origin: ArrayLike = (0.0, 0.0, 0.0),
+    axes: ArrayLike = ((1, 0, 0), (0, 0, 1), (0, 1, 0)),
     exponent: float = 2.0,
     mirrored: float = 0.0,
 ) -> Loft:

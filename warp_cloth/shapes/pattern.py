@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from warp_cloth.mesh import Indices, Points
 from warp_cloth.shapes.triangulate import triangulate
@@ -108,7 +108,7 @@ def _steps(edge: float, curve: Points) -> int:
     return max(2, round(curve_length(curve) / edge))
 
 
-def _bezier(*handles: Sequence[float]) -> Points:
+def _bezier(*handles: ArrayLike) -> Points:
     """Cubic curve through its first and last handle, finely sampled."""
     t = np.linspace(0, 1, CURVE_SAMPLES)[:, None]
     p0, p1, p2, p3 = (np.asarray(handle, dtype=float) for handle in handles)
@@ -116,7 +116,7 @@ def _bezier(*handles: Sequence[float]) -> Points:
     return curve
 
 
-def _line(start: Sequence[float], end: Sequence[float]) -> Points:
+def _line(start: ArrayLike, end: ArrayLike) -> Points:
     return np.array([start, end], dtype=float)
 
 

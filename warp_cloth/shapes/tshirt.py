@@ -157,7 +157,7 @@ def _sew(pattern: Pattern, placed: list[Points], form: Form) -> Mesh:
         low = np.minimum(label[one], label[other])
         np.minimum.at(label, one, low)
         np.minimum.at(label, other, low)
-    kept, vertex = np.unique(label, return_inverse=True)
+    _, vertex = np.unique(label, return_inverse=True)
     weight = np.bincount(vertex)
     flat = np.concatenate([starts[panel.name] + panel.triangles for panel in pattern.panels])
     everywhere = np.concatenate(placed)
