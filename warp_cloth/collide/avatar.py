@@ -19,7 +19,8 @@ log = logging.getLogger(__name__)
 
 # Room that the depth buffers leave round the garments [m]: as far as a garment can fall between two looks (20
 # iterations at the default cap of 5 mm). One that comes near the edge has the buffers drawn anew.
-MARGIN = 0.1
+MARGIN = 0.15
+NEAR_EDGE = 0.04  # of that room, what must be left: more than the field's own reach and support
 
 
 class AvatarContact:
@@ -50,8 +51,9 @@ class AvatarContact:
             exact = build_exact_collider(self._avatar, self._device)
             self._kept = exact
             return Collider(mesh_contact, exact.collider, MeshCollider, self._offset, self._friction)
-        lower, upper = contact_bounds(points, self._avatar.points, MARGIN)
-        self._lower, self._upper = points.min(axis=0) - MARGIN, points.max(axis=0) + MARGIN
+        margin = MARGIN * 2.0 ** (self.builds - 1)  # a garment that fell out of it once is still falling
+        lower, upper = contact_bounds(points, self._avatar.points, margin)
+        self._lower, self._upper = points.min(axis=0) - margin, points.max(axis=0) + margin
         buffers = build_depth_buffers(
             self._avatar.points, self._avatar.triangles, lower, upper, self._pixel, self._device
         )
@@ -65,5 +67,7 @@ class AvatarContact:
         if self._avatar is None or self._kind == "mesh":
             return True
         lower, upper = self._avatar.bounds()
+        # beyond the avatar's own box there is nothing to meet
         near = np.maximum(points.min(axis=0), lower), np.minimum(points.max(axis=0), upper)
-        return bool((near[0] >= self._lower).all() and (near[1] <= self._upper).all())
+        inside = (near[0] >= self._lower + NEAR_EDGE) & (near[1] <= self._upper - NEAR_EDGE)
+        return bool(inside.all())

@@ -15,8 +15,10 @@ from warp_cloth.result import Status
 from warp_cloth.solver.certificate import Certifier, Check, Tolerance
 from warp_cloth.solver.relax import Collider, Relaxation
 
+Follow = Callable[[Points], "Collider | None"]
 CHUNK = 20  # iterations in a captured graph: enough to hide a launch, few enough to follow a fall
 CHUNKS_PER_CHECK = 5  # the certificate costs about two iterations
+FALL = 0.01  # [m]; cloth that moved further since the last check is followed chunk by chunk
 
 
 @dataclass
@@ -46,6 +48,14 @@ class FrameKeeper:
             self.frames.append((iteration, relaxation.model.points().astype(np.float32)))
 
 
+def _follow(relaxation: Relaxation, certifier: Certifier, follow: Follow | None, points: Points) -> None:
+    """Goes on with a new collider where the old one no longer covers these positions."""
+    collider = follow(points) if follow is not None else None
+    if collider is not None:
+        relaxation.meet(collider)
+        certifier.meet(collider)
+
+
 def relax_to_rest(
     relaxation: Relaxation,
     certifier: Certifier,
@@ -53,7 +63,7 @@ def relax_to_rest(
     limit: int,
     *,
     frames: int = 0,
-    follow: Callable[[Points], Collider | None] | None = None,
+    follow: Follow | None = None,
     on_check: Callable[[Check, float], None] | None = None,
 ) -> Outcome:
     """Runs iterations in chunks, and checks every few of them.
@@ -72,7 +82,7 @@ def relax_to_rest(
     iteration = 0
     points = relaxation.model.points()
     check = certifier.check(0)
-    falling = follow is not None
+    falling = True
     status = Status.ITERATION_LIMIT
     while iteration < limit:
         for _ in range(CHUNKS_PER_CHECK):
@@ -80,11 +90,8 @@ def relax_to_rest(
             relaxation.run(count)
             iteration += count
             keeper.offer(iteration, relaxation)
-            if falling and follow is not None:
-                collider = follow(relaxation.model.points())
-                if collider is not None:
-                    relaxation.meet(collider)
-                    certifier.meet(collider)
+            if falling:
+                _follow(relaxation, certifier, follow, relaxation.model.points())
             if iteration >= limit:
                 break
         check = certifier.check(iteration)
@@ -92,7 +99,8 @@ def relax_to_rest(
             status = Status.DIVERGED
             break
         last, points = points, relaxation.model.points()
-        falling = follow is not None and float(np.abs(points - last).max()) > 0.1 * CHUNK * relaxation.cap
+        _follow(relaxation, certifier, follow, points)
+        falling = float(np.abs(points - last).max()) > FALL
         if on_check is not None:
             on_check(check, time.perf_counter() - began)
         if check.within(tolerance):
