@@ -67,8 +67,14 @@ class Fit:
         began = time.perf_counter()
         stage, picture, report = folder / f"{self.scene.name}.usdc", folder / "preview.png", folder / "report.json"
         write_stage(stage, garments=self.garments, avatar=self.avatar, name=self.scene.name)
-        title = {"title": self.scene.name, "sentence": self.message}
-        write_preview(picture, garments=self.garments, avatar=self.avatar, device=self.device, **title)
+        write_preview(
+            picture,
+            garments=self.garments,
+            avatar=self.avatar,
+            device=self.device,
+            title=self.scene.name,
+            sentence=self.message,
+        )
         maps = []
         for worn in self.garments:
             path = folder / f"{self.scene.name}_{worn.name}_map.npz"

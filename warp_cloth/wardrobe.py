@@ -10,19 +10,8 @@ from warp_cloth.mesh import Mesh
 from warp_cloth.model import GarmentPart
 from warp_cloth.pins import select_pins
 from warp_cloth.rest import build_rest_shape
-from warp_cloth.scene import (
-    AvatarSpec,
-    GarmentSpec,
-    MannequinShape,
-    Scene,
-    SphereShape,
-    SquareShape,
-    TshirtShape,
-)
-from warp_cloth.shapes.mannequin import mannequin
-from warp_cloth.shapes.measures import SIZE_BODIES, MannequinMeasures
-from warp_cloth.shapes.simple import sphere, square
-from warp_cloth.shapes.tshirt import tshirt
+from warp_cloth.scene import AvatarSpec, GarmentSpec, MannequinShape, Scene, TshirtShape
+from warp_cloth.shapes import MannequinMeasures, build_avatar, build_garment, mannequin_measures
 
 DEFAULT_SIZE = "M"
 
@@ -42,11 +31,13 @@ def open_wardrobe(scene: Scene) -> Wardrobe:
     Raises:
         InputError: a file, a rest shape or a pin that cannot be used.
     """
-    body = _body_measures(scene)
+    size = _worn_size(scene)
+    worn_by = scene.avatar.shape if scene.avatar is not None else None
+    body = mannequin_measures(worn_by, size=size) if isinstance(worn_by, MannequinShape) else None
     garments = tuple(
         _garment_mesh(spec, key, body) for spec, key in zip(scene.garments, scene.garment_keys, strict=True)
     )
-    avatar = _avatar_mesh(scene.avatar, body) if scene.avatar is not None else None
+    avatar = _avatar_mesh(scene.avatar, size) if scene.avatar is not None else None
     check_sizes(list(zip(scene.garment_keys, garments, strict=True)), avatar)
     parts = tuple(
         _part(mesh, spec, key) for mesh, spec, key in zip(garments, scene.garments, scene.garment_keys, strict=True)
@@ -65,41 +56,16 @@ def _part(mesh: Mesh, spec: GarmentSpec, key: str) -> GarmentPart:
 def _garment_mesh(spec: GarmentSpec, key: str, body: MannequinMeasures | None) -> Mesh:
     if spec.mesh is not None:
         return load_mesh(spec.mesh, role="garment", key=key, prim=spec.prim, units=spec.units, rest=spec.rest)
-    shape = spec.shape
-    if isinstance(shape, TshirtShape):
-        return tshirt(size=shape.size, edge=shape.edge_mm * 1e-3, body=body)
-    if isinstance(shape, SquareShape):
-        return square(
-            side=shape.side,
-            vertices_per_side=shape.vertices_per_side,
-            height=shape.height,
-            plane=shape.plane,
-        )
-    raise TypeError(f"no generator for {shape!r}")
+    return build_garment(spec.shape, body=body)
 
 
-def _avatar_mesh(spec: AvatarSpec, body: MannequinMeasures | None) -> Mesh:
+def _avatar_mesh(spec: AvatarSpec, size: str) -> Mesh:
     if spec.mesh is not None:
         return load_mesh(spec.mesh, role="avatar", key="avatar", prim=spec.prim, units=spec.units)
-    shape = spec.shape
-    if isinstance(shape, SphereShape):
-        return sphere(radius=shape.radius, centre=shape.centre, edge=shape.edge_mm * 1e-3)
-    if isinstance(shape, MannequinShape):
-        return mannequin(body)
-    raise TypeError(f"no generator for {shape!r}")
+    return build_avatar(spec.shape, size=size)
 
 
-def _body_measures(scene: Scene) -> MannequinMeasures | None:
-    """The mannequin's measures; what is left out is that of the worn size's standard body. None: no mannequin."""
-    shape = scene.avatar.shape if scene.avatar is not None else None
-    if not isinstance(shape, MannequinShape):
-        return None
+def _worn_size(scene: Scene) -> str:
+    """The size whose standard body fills in the mannequin's measures: the innermost sized garment's."""
     sizes = [garment.shape.size for garment in scene.garments if isinstance(garment.shape, TshirtShape)]
-    standard = SIZE_BODIES[sizes[0] if sizes else DEFAULT_SIZE]
-    return MannequinMeasures(
-        stature=standard.stature if shape.stature is None else shape.stature,
-        chest=standard.chest if shape.chest is None else shape.chest,
-        waist=standard.waist if shape.waist is None else shape.waist,
-        hip=standard.hip if shape.hip is None else shape.hip,
-        arm_angle=shape.arm_angle_degrees,
-    )
+    return sizes[0] if sizes else DEFAULT_SIZE

@@ -71,7 +71,7 @@ class MannequinShape(Table):
     hip: Real | None = Field(default=None, ge=0.7, le=1.6, description="hip girth [m]")
     arm_angle_degrees: Real = Field(
         default=45.0,
-        ge=20,
+        ge=40,
         le=85,
         description="arms away from hanging straight down [degrees]; 45 is an A-pose",
     )
