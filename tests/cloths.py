@@ -32,10 +32,17 @@ def grid(count: int = 5, side: float = 0.2) -> Mesh:
 
 
 def model_of(
-    mesh: Mesh, rest: RestShape, *, pins: np.ndarray = NO_PINS, precision: str = "float64", device: str = "cpu"
+    mesh: Mesh,
+    rest: RestShape,
+    *,
+    pins: np.ndarray = NO_PINS,
+    precision: str = "float64",
+    device: str = "cpu",
+    gathers: bool | None = None,
 ) -> ClothModel:
     """One garment on a device."""
-    return build_model([GarmentPart(mesh.points, mesh.triangles, rest, pins)], device=device, precision=precision)
+    part = GarmentPart(mesh.points, mesh.triangles, rest, pins)
+    return build_model([part], device=device, precision=precision, gathers=gathers)
 
 
 def deformed_model(mesh: Mesh, points: Points, fabric: Fabric, **options: str) -> ClothModel:

@@ -40,10 +40,12 @@ def shaped(shape: str) -> tuple[Points, float]:
     return points * 1.01 + random.normal(scale=2e-6, size=points.shape), 2e-6
 
 
-def model_with(terms: str, points: Points, precision: str = "float64", device: str = "cpu") -> ClothModel:
+def model_with(
+    terms: str, points: Points, precision: str = "float64", device: str = "cpu", gathers: bool | None = None
+) -> ClothModel:
     rest = build_rest_shape(MESH, FABRIC, rest="mesh")
     rest = without(rest, tension=terms == "bending", bending=terms == "tension")
-    model = model_of(MESH, rest, precision=precision, device=device)
+    model = model_of(MESH, rest, precision=precision, device=device, gathers=gathers)
     model.set_points(points)
     return model
 
@@ -107,15 +109,23 @@ def test_single_precision_agrees_with_double(precision: str) -> None:
     assert np.abs(single - exact).max(axis=0) == pytest.approx(0.0, abs=1e-4 * np.abs(exact).max())
 
 
-@pytest.mark.cuda
-@pytest.mark.skipif(not wp.is_cuda_available(), reason="no CUDA device on this machine")
-@pytest.mark.parametrize("fourth", ["none", "stiffness", "size"])
+@pytest.mark.parametrize(
+    "device",
+    [
+        "cpu",
+        pytest.param(
+            "cuda:0",
+            marks=[
+                pytest.mark.cuda,
+                pytest.mark.skipif(not wp.is_cuda_available(), reason="no CUDA device on this machine"),
+            ],
+        ),
+    ],
+)
+@pytest.mark.parametrize("terms", TERMS)
 @pytest.mark.parametrize("shape", SHAPES)
-def test_gathered_forces_equal_scattered_ones(shape: str, fourth: str) -> None:
+def test_gathered_forces_equal_scattered_ones(shape: str, terms: str, device: str) -> None:
     points, _ = shaped(shape)
-    scattered = cloth_forces(model_with("both", points), fourth)
-    gathered = cloth_forces(model_with("both", points, device="cuda:0"), fourth)
-    size = cloth_forces(model_with("both", points), "size")[:, 3].max()
-    assert np.abs(gathered - scattered)[:, :3].max() <= BALANCE_TOLERANCE * size
-    if fourth == "size":
-        assert np.abs(gathered - scattered)[:, 3].max() <= BALANCE_TOLERANCE * size
+    scattered = cloth_forces(model_with(terms, points), "size")
+    gathered = cloth_forces(model_with(terms, points, device=device, gathers=True), "size")
+    assert np.abs(gathered - scattered).max() <= BALANCE_TOLERANCE * scattered[:, 3].max()

@@ -30,8 +30,8 @@ class GarmentPart:
 class ClothModel:
     """All garments, concatenated. A term that the scene does not use has no arrays (None).
 
-    On the CPU forces are scattered per edge and hinge, on CUDA they are gathered per vertex (see the kernels); only
-    the arrays of the one way are made, except ``edges`` and ``hinges``, which the certificate reads on both.
+    Forces are scattered per edge and hinge or gathered per vertex (see the kernels); only the arrays of the one way
+    are made, except ``edges`` and ``hinges``, which the certificate reads in both.
     """
 
     device: str
@@ -43,9 +43,9 @@ class ClothModel:
     cloth: Any  # kernels.cloth Cloth
     edges: Any  # kernels.cloth Edges
     hinges: Any | None  # kernels.cloth Hinges
-    edge_rows: Any | None  # kernels.cloth EdgeRows, CUDA only
-    folds: Any | None  # kernels.cloth Folds, CUDA only
-    fold_rows: Any  # kernels.cloth FoldRows, CUDA only; empty elsewhere and without bending
+    edge_rows: Any | None  # kernels.cloth EdgeRows, where forces are gathered
+    folds: Any | None  # kernels.cloth Folds, where forces are gathered
+    fold_rows: Any  # kernels.cloth FoldRows; empty where there is nothing to gather
     rest_length: Floats  # of all edges, for reports [m]
 
     @property
@@ -72,8 +72,13 @@ class ClothModel:
         self.cloth.move.zero_()
 
 
-def build_model(parts: Sequence[GarmentPart], *, device: str, precision: str) -> ClothModel:
-    """Concatenates garments and puts them on a device."""
+def build_model(
+    parts: Sequence[GarmentPart], *, device: str, precision: str, gathers: bool | None = None
+) -> ClothModel:
+    """Concatenates garments and puts them on a device.
+
+    ``gathers`` says how forces are summed; None: gathered on CUDA, scattered on the CPU, which is fastest on each.
+    """
     types = cloth_types(precision)
     vertex_start = _starts([len(part.points) for part in parts])
     edge_start = _starts([len(part.rest.topology.edges) for part in parts])
@@ -115,7 +120,7 @@ def build_model(parts: Sequence[GarmentPart], *, device: str, precision: str) ->
         hinges.corners = upload(corners[used], wp.vec4i)
         hinges.stiffness = upload(stiffness[used], types.real)
 
-    gathers = wp.get_device(device).is_cuda
+    gathers = wp.get_device(device).is_cuda if gathers is None else gathers
     triangles = shifted([part.triangles for part in parts])
     return ClothModel(
         device=device,
