@@ -144,6 +144,8 @@ def plain_contact(solid: DepthSolid, p: wp.vec3d) -> wp.vec4f:
     that changes and at silhouettes. Where a view sees nothing, and at reach and beyond: normal zero, d = reach.
     """
     q = wp.vec3f(p - solid.origin)
+    if not wp.isfinite(q):  # a diverged garment must not index the images
+        return wp.vec4f(0.0, 0.0, 0.0, solid.reach)
     front = view_plane(solid.front, solid.pixel, q[0], q[1], q[2])
     back = view_plane(solid.back, solid.pixel, q[0], q[1], -q[2])
     top = view_plane(solid.top, solid.pixel, q[0], q[2], q[1])

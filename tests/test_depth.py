@@ -10,6 +10,7 @@ import trimesh
 import warp as wp
 
 from warp_cloth.collide.depth import DepthBuffers, build_depth_buffers, contact_bounds
+from warp_cloth.errors import InputError
 
 PIXEL = 0.002  # [m]
 RADIUS = 0.15  # of the test sphere [m]
@@ -184,6 +185,12 @@ def test_region_without_avatar_is_empty() -> None:
     assert (buffers.levels(np.random.default_rng(0).uniform(0.9, 1.3, (100, 3))) < 0.0).all()
 
 
+def test_absurd_size_is_refused_before_memory_is_taken() -> None:
+    points, triangles = sphere()
+    with pytest.raises(InputError, match=r"collision\.pixel_mm: .* pixels; set a larger pixel"):
+        build_depth_buffers(points, triangles, np.zeros(3), np.full(3, 1000.0), PIXEL, "cpu")
+
+
 def test_contact_bounds_is_what_both_boxes_share() -> None:
     garment = np.array([[-0.3, 1.0, -0.2], [0.3, 1.4, 0.5]])
     avatar = np.array([[-0.6, 0.0, -0.1], [0.2, 1.7, 0.1]])
@@ -199,7 +206,7 @@ def test_plain_look_up_answers_with_the_nearest_view() -> None:
         contact = buffers.sample(unit[None] * (RADIUS - 0.004))[0]
         assert abs(contact[3] + 0.004) < SPHERE_SAG
         assert contact[:3] @ unit > 0.999
-    far = buffers.sample(np.array([[0.0, 0.0, RADIUS + 0.05], [5.0, 0.0, 0.0]]))
+    far = buffers.sample(np.array([[0.0, 0.0, RADIUS + 0.05], [5.0, 0.0, 0.0], [np.nan, 0.0, 0.0]]))
     assert (far[:, :3] == 0.0).all()
     assert (far[:, 3] >= 0.01).all()
 

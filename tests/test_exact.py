@@ -66,7 +66,7 @@ def test_normal_leads_out_of_both_sides_and_from_the_surface() -> None:
 
 def test_beyond_reach_there_is_no_contact() -> None:
     exact = build_exact_collider(as_mesh(ball()), "cpu", reach=0.01)
-    found = exact.sample(np.array([[0.0, 0.0, 0.12], [3.0, 0.0, 0.0]]))
+    found = exact.sample(np.array([[0.0, 0.0, 0.12], [3.0, 0.0, 0.0], [0.02, 0.03, 0.12]]))
     assert (found == [0.0, 0.0, 0.0, np.float32(0.01)]).all()
 
 

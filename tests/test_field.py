@@ -79,7 +79,16 @@ def test_centre_has_a_unit_normal() -> None:
 
 def test_far_away_and_outside_the_grid_there_is_no_contact() -> None:
     field = bake(sphere())
-    points = np.array([[0.0, 0.0, RADIUS + 0.025], [9.0, 0.0, 0.0], [0.0, -9.0, 0.0], [1.0e6, 1.0e6, -1.0e6]])
+    points = np.array(
+        [
+            [0.0, 0.0, RADIUS + 0.025],
+            [9.0, 0.0, 0.0],
+            [0.0, -9.0, 0.0],
+            [1.0e6, 1.0e6, -1.0e6],
+            [np.nan, 0.0, 0.0],
+            [0.0, np.inf, 0.0],
+        ]
+    )
     found = field.sample(points)
     assert (found[:, :3] == 0.0).all()
     assert (found[:, 3] >= field.reach).all()

@@ -8,6 +8,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
+from warp_cloth.errors import InputError
 from warp_cloth.kernels.depth import DepthSolid, extend_silhouette, sample_level, sample_plain
 from warp_cloth.kernels.raster import View, draw_depth
 from warp_cloth.mesh import Indices, Points
@@ -15,6 +16,8 @@ from warp_cloth.mesh import Indices, Points
 DEFAULT_PIXEL = 0.002  # [m]; fine enough for 0.2 mm on rounded limbs, 0.2 million pixels for a T-shirt
 
 
+MOST_PIXELS = 2**27  # 512 MiB of float32 in each of five images
+TOO_FINE = "set a larger pixel, or check the units of garment and avatar"
 DEFAULT_REACH = 0.01  # [m]; contact happens at the offset, 3 mm: the rest is room to move in one step
 
 
@@ -93,6 +96,8 @@ def build_depth_buffers(
     origin = np.asarray(lower, dtype=np.float64)
     size = np.maximum(np.asarray(upper, dtype=np.float64) - origin, pixel)
     columns, rows, layers = (np.ceil(size / pixel).astype(int) + 1).tolist()
+    if columns * max(rows, layers) > MOST_PIXELS:
+        raise InputError("collision.pixel_mm", f"a depth buffer would have {columns:,} x {rows:,} pixels", TOO_FINE)
     local = wp.array((points - origin).astype(np.float32), dtype=wp.vec3f, device=device)
     faces = wp.array(triangles, dtype=wp.int32, device=device)
     x, y, z = wp.vec3f(1.0, 0.0, 0.0), wp.vec3f(0.0, 1.0, 0.0), wp.vec3f(0.0, 0.0, 1.0)

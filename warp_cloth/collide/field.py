@@ -9,11 +9,14 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from warp_cloth.collide.depth import DEFAULT_REACH, DepthBuffers, sampled
+from warp_cloth.collide.depth import DEFAULT_REACH, TOO_FINE, DepthBuffers, sampled
+from warp_cloth.errors import InputError
 from warp_cloth.kernels import bake as kernels
 from warp_cloth.kernels.field import ContactField, sample_field
 from warp_cloth.mesh import Points
 
+LEAST_SPACING = 0.0025  # [m]; a finer grid costs by the cube and more, and limbs are smooth at this size
+MOST_NODES = 2**28  # 1 GiB of float32, of which building takes five
 PIXELS_PER_SPACING = 2.5  # 5 mm grid from 2 mm pixels: the spline then evens out the pixels' stairs
 MARGIN = 3  # spacings kept beyond reach, so that the spline's support is all real distance
 ROUGH_SWEEPS = 5  # the projection wants 2.5 spacings and the neighbours around, at most 4.3
@@ -80,10 +83,12 @@ def build_contact_field(
     buffers: DepthBuffers, spacing: float | None = None, reach: float = DEFAULT_REACH
 ) -> FieldBuild:
     """Bakes the signed distance to the solid of ``buffers`` on a grid of ``spacing`` [m] over its region."""
-    h = PIXELS_PER_SPACING * buffers.pixel if spacing is None else spacing
+    h = max(PIXELS_PER_SPACING * buffers.pixel, LEAST_SPACING) if spacing is None else spacing
     device = buffers.device
     solid, offset = buffers.solid(), wp.vec3f()
     shape = tuple(max(math.floor(length / h) + 1, 3) for length in buffers.size)
+    if math.prod(shape) > MOST_NODES:
+        raise InputError("collision", f"the contact grid would have {math.prod(shape):,} nodes", TOO_FINE)
     block_shape = tuple(-(-count // kernels.BLOCK) for count in shape)
 
     side = wp.empty(shape, dtype=wp.float32, device=device)
