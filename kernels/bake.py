@@ -4,7 +4,7 @@ import warp as wp
 
 from warp_cloth.kernels.depth import DepthSolid, solid_level
 
-wp.set_module_options({"enable_backward": False})
+wp.set_module_options({"enable_backward": False, "fuse_fp": False})  # the same bits on CPU and CUDA
 
 UNKNOWN = wp.constant(wp.float32(1.0e3))  # distance not measured yet [m]: farther than any other
 BLOCK = wp.constant(4)  # nodes along a block's side; blocks without work are skipped

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import warp as wp
 
 from warp_cloth.kernels.bending import hinge_energy
-from warp_cloth.kernels.cloth import cloth_types, difference_function
+from warp_cloth.kernels.cloth import MODULE_OPTIONS, cloth_types, difference_function
 from warp_cloth.kernels.friction import friction_residual
 from warp_cloth.kernels.tension import tension_energy
 
@@ -17,7 +17,7 @@ def residual_kernel(precision: str, contact: wp.Function | None, collider_type: 
     types = cloth_types(precision)
     real, vec3, vec4, Cloth, Step = types.real, types.vec3, types.vec4, types.Cloth, types.Step
 
-    @wp.kernel(module="unique", enable_backward=False)
+    @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def measure_residual(
         step: Step,
         slack: float,  # how far above the contact offset a vertex still counts as in contact [m]
@@ -52,7 +52,7 @@ def energy_kernels(precision: str) -> SimpleNamespace:
     Cloth, Edges, Hinges = types.Cloth, types.Edges, types.Hinges
     difference = difference_function(precision)
 
-    @wp.kernel(module="unique", enable_backward=False)
+    @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def measure_tension(
         cloth: Cloth,
         edges: Edges,
@@ -66,7 +66,7 @@ def energy_kernels(precision: str) -> SimpleNamespace:
         energy_out[edge] = wp.float64(tension_energy(length, law[0], law[1], law[2]))
         strain_out[edge] = wp.float64((length - law[0]) / law[0])
 
-    @wp.kernel(module="unique", enable_backward=False)
+    @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def measure_bending(
         cloth: Cloth,
         hinges: Hinges,

@@ -7,6 +7,9 @@ import warp as wp
 
 PRECISIONS = ("float32", "mixed", "float64")
 
+# Without fused multiply-adds the CPU and CUDA round alike, operation by operation: a fit gives the same bits on both.
+MODULE_OPTIONS = {"enable_backward": False, "fuse_fp": False}
+
 # What the force kernels sum beside the force: nothing, a bound of the stiffness [N/m] for the accelerated step, or
 # the magnitudes of the forces that meet at the vertex [N] for the certificate.
 FOURTH_PARTS = ("none", "stiffness", "size")
@@ -14,7 +17,7 @@ FOURTH_PARTS = ("none", "stiffness", "size")
 
 @functools.cache
 def cloth_types(precision: str) -> SimpleNamespace:
-    """Types and structs of one precision: ``real``, ``point`` (of positions), ``vec3``, ``vec4``, ``Forces``, ``Cloth``, ``Step``.
+    """Types and structs of one precision: ``real``, ``point`` (of positions), ``vec3``, ``vec4``, ``Cloth`` and others.
 
     "mixed" keeps positions in float64, takes their differences there and computes everything else in float32: near
     1 m float32 positions are 6e-8 m apart, which on fine stiff cloth is more force noise than a vertex weighs.
@@ -71,25 +74,15 @@ def cloth_types(precision: str) -> SimpleNamespace:
         law: wp.array(dtype=vec3)  # as Edges.law, shape [2 E]
 
     @wp.struct
-    class Folds:
-        """The triangles with their neighbours, for a kernel per triangle; F triangles."""
-
-        corners: wp.array(dtype=wp.vec3i)
-        wings: wp.array(dtype=wp.vec3i)  # corner beyond each side (0,1), (1,2), (2,0); -1 at the boundary
-        stiffness: wp.array(dtype=vec3)  # C of each side [N m]
-
-    @wp.struct
-    class FoldRows:
-        """The triangles at each vertex."""
+    class HingeRows:
+        """The hinges at each vertex, for a kernel per vertex."""
 
         start: wp.array(dtype=wp.int32)  # shape [V + 1]
-        triangle: wp.array(dtype=wp.int32)  # shape [3 F]
-        following: wp.array(dtype=wp.vec2i)  # the triangle's other two corners in its order, shape [3 F]
-        corner: wp.array(dtype=wp.uint8)  # which corner of the triangle the vertex is, shape [3 F]
+        slot: wp.array(dtype=wp.int32)  # 4 hinge + corner, shape [4 H]
 
     return SimpleNamespace(
         name=precision, real=real, point=point, vec3=vec3, vec4=vec4, Step=Step, Cloth=Cloth, Edges=Edges,
-        Hinges=Hinges, EdgeRows=EdgeRows, Folds=Folds, FoldRows=FoldRows,
+        Hinges=Hinges, EdgeRows=EdgeRows, HingeRows=HingeRows,
     )  # fmt: skip
 
 

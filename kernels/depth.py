@@ -2,7 +2,7 @@
 
 import warp as wp
 
-wp.set_module_options({"enable_backward": False})
+wp.set_module_options({"enable_backward": False, "fuse_fp": False})  # the same bits on CPU and CUDA
 
 EMPTY = wp.constant(wp.float32(-1.0e30))  # level of a point with no surface around it
 JUMP_SLOPE = wp.constant(wp.float32(4.0))  # pixels of height per pixel above which a cell of the top buffer is a wall

@@ -6,7 +6,7 @@ from typing import Any
 
 import warp as wp
 
-from warp_cloth.kernels.cloth import cloth_types
+from warp_cloth.kernels.cloth import MODULE_OPTIONS, cloth_types
 from warp_cloth.kernels.friction import friction_slide
 
 
@@ -71,7 +71,7 @@ def displace_kernels(precision: str, contact: wp.Function | None, collider_type:
         cloth.move[vertex] = move
         cloth.position[vertex] = old + point(move)
 
-    @wp.kernel(module="unique", enable_backward=False)
+    @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def displace_direct(
         step: Step,
         collider: collider_type,
@@ -87,7 +87,7 @@ def displace_kernels(precision: str, contact: wp.Function | None, collider_type:
             force = vec3(sum[0], sum[1], sum[2]) + step.gravity * weight
             settle(cloth, step, collider, vertex, direct_move(force, weight, step.cap))
 
-    @wp.kernel(module="unique", enable_backward=False)
+    @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def displace_accelerated(
         step: Step,
         collider: collider_type,

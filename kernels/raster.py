@@ -2,6 +2,8 @@
 
 import warp as wp
 
+wp.set_module_options({"enable_backward": False, "fuse_fp": False})  # the same bits on CPU and CUDA
+
 COVERAGE_TOLERANCE = wp.constant(wp.float32(1.0e-5))  # barycentric slack: fused multiply-add must not open cracks
 
 TIE_TOLERANCE = wp.constant(wp.float32(1.0e-6))  # [m]; two kernels may round one depth differently

@@ -44,8 +44,7 @@ class ClothModel:
     edges: Any  # kernels.cloth Edges
     hinges: Any | None  # kernels.cloth Hinges
     edge_rows: Any | None  # kernels.cloth EdgeRows, where forces are gathered
-    folds: Any | None  # kernels.cloth Folds, where forces are gathered
-    fold_rows: Any  # kernels.cloth FoldRows; empty where there is nothing to gather
+    hinge_rows: Any | None  # kernels.cloth HingeRows, where forces are gathered; empty without bending
     rest_length: Floats  # of all edges, for reports [m]
 
     @property
@@ -121,20 +120,21 @@ def build_model(
         hinges.stiffness = upload(stiffness[used], types.real)
 
     gathers = wp.get_device(device).is_cuda if gathers is None else gathers
-    triangles = shifted([part.triangles for part in parts])
+    hinge_rows = None
+    if gathers:
+        hinge_rows = _hinge_rows(types, upload, corners[used], vertex_start[-1]) if bends else types.HingeRows()
     return ClothModel(
         device=device,
         precision=precision,
         vertex_start=vertex_start,
         edge_start=edge_start,
-        triangle_count=len(triangles),
+        triangle_count=sum(len(part.triangles) for part in parts),
         hinge_count=int(used.sum()),
         cloth=cloth,
         edges=edges,
         hinges=hinges,
         edge_rows=_edge_rows(types, upload, ends, law, vertex_start[-1]) if gathers else None,
-        folds=_folds(types, upload, triangles, parts, stiffness) if gathers and bends else None,
-        fold_rows=_fold_rows(types, upload, triangles, vertex_start[-1]) if gathers and bends else types.FoldRows(),
+        hinge_rows=hinge_rows,
         rest_length=length,
     )
 
@@ -145,46 +145,18 @@ def _starts(counts: list[int]) -> tuple[int, ...]:
 
 def _edge_rows(types: Any, upload: Any, ends: Indices, law: Floats, vertex_count: int) -> Any:
     """The edges at each vertex, in the order of the edges."""
-    start, order = ragged_rows(ends.T.ravel(), vertex_count)
+    start, order = ragged_rows(ends.ravel(), vertex_count)
     rows = types.EdgeRows()
     rows.start = upload(start, wp.int32)
-    rows.other = upload(ends.T[::-1].ravel()[order], wp.int32)
-    rows.law = upload(np.concatenate([law, law])[order], types.vec3)
+    rows.other = upload(ends[:, ::-1].ravel()[order], wp.int32)
+    rows.law = upload(np.repeat(law, 2, axis=0)[order], types.vec3)
     return rows
 
 
-def _folds(types: Any, upload: Any, triangles: Indices, parts: Sequence[GarmentPart], stiffness: Floats) -> Any:
-    """Each triangle's sides with the corner beyond them and the hinge's constant."""
-    wings = np.full(triangles.shape, -1, dtype=np.int32)
-    constants = np.zeros(triangles.shape)
-    first_triangle = first_hinge = first_vertex = 0
-    for part in parts:
-        topology = part.rest.topology
-        constant = stiffness[first_hinge : first_hinge + len(topology.hinges)]
-        for end, across in ((0, 3), (1, 2)):  # each of a hinge's triangles sees the other one's wing
-            triangle = topology.hinge_triangles[:, end]
-            side = (topology.triangle_edges[triangle] == topology.hinge_edges[:, None]).argmax(axis=1)
-            wings[first_triangle + triangle, side] = np.where(
-                constant > 0.0, topology.hinges[:, across] + first_vertex, -1
-            )
-            constants[first_triangle + triangle, side] = constant
-        first_triangle += len(part.triangles)
-        first_hinge += len(topology.hinges)
-        first_vertex += len(part.points)
-    folds = types.Folds()
-    folds.corners = upload(triangles, wp.vec3i)
-    folds.wings = upload(wings, wp.vec3i)
-    folds.stiffness = upload(constants, types.vec3)
-    return folds
-
-
-def _fold_rows(types: Any, upload: Any, triangles: Indices, vertex_count: int) -> Any:
-    """The triangles at each vertex, in the order of the triangles."""
-    start, order = ragged_rows(triangles.ravel(), vertex_count)
-    following = np.stack([np.roll(triangles, -1, axis=1).ravel(), np.roll(triangles, -2, axis=1).ravel()], axis=1)
-    rows = types.FoldRows()
+def _hinge_rows(types: Any, upload: Any, corners: Indices, vertex_count: int) -> Any:
+    """The hinges at each vertex, in the order of the hinges."""
+    start, order = ragged_rows(corners.ravel(), vertex_count)
+    rows = types.HingeRows()
     rows.start = upload(start, wp.int32)
-    rows.triangle = upload((order // 3).astype(np.int32), wp.int32)
-    rows.following = upload(following[order], wp.vec2i)
-    rows.corner = upload((order % 3).astype(np.uint8), wp.uint8)
+    rows.slot = upload(order.astype(np.int32), wp.int32)
     return rows

@@ -21,32 +21,32 @@ class ForcePass:
     def __init__(self, model: ClothModel, fourth: str, load: wp.array) -> None:
         self._model = model
         self._load = load
-        bends = model.hinges is not None
+        self._bends = model.hinges is not None
         types = cloth_types(model.precision)
         if model.gathers:
-            self._gather = gather_kernels(model.precision, fourth, bends)
-            self._fold = wp.empty(model.triangle_count if bends else 0, dtype=types.vec4, device=model.device)
+            self._gather = gather_kernels(model.precision, fourth, self._bends)
+            self._stored = wp.empty((model.hinge_count, 4), dtype=types.vec4, device=model.device)
         else:
             self._scatter = scatter_kernels(model.precision, fourth)
 
     def kernels(self) -> list[wp.Kernel]:
         """The kernels that a pass launches, in order."""
         if self._model.gathers:
-            fold = [self._gather.fold_triangles] if self._model.folds is not None else []
-            return [*fold, self._gather.gather_forces]
-        return [self._scatter.add_tension] + ([self._scatter.add_bending] if self._model.hinges is not None else [])
+            return [self._gather.store_bending, self._gather.gather_forces][0 if self._bends else 1 :]
+        return [self._scatter.add_tension, self._scatter.add_bending][: 2 if self._bends else 1]
 
     def launch(self, step: Any) -> None:
         """Launches the pass; ``step`` is a kernels.cloth Step."""
         model, cloth = self._model, self._model.cloth
         if model.gathers:
-            if model.folds is not None:
-                self._launch(self._gather.fold_triangles, model.triangle_count, [cloth, model.folds, step, self._fold])
-            rows = [cloth, model.edge_rows, model.fold_rows, self._fold, step, self._load]
+            if self._bends:
+                outputs = [cloth, model.hinges, step, self._stored]
+                self._launch(self._gather.store_bending, model.hinge_count, outputs)
+            rows = [cloth, model.edge_rows, model.hinge_rows, self._stored.flatten(), step, self._load]
             self._launch(self._gather.gather_forces, model.vertex_count, rows)
         else:
             self._launch(self._scatter.add_tension, model.edge_count, [cloth, model.edges, step, self._load])
-            if model.hinges is not None:
+            if self._bends:
                 self._launch(self._scatter.add_bending, model.hinge_count, [cloth, model.hinges, step, self._load])
 
     def _launch(self, kernel: wp.Kernel, size: int, inputs: list[Any]) -> None:

@@ -38,7 +38,7 @@ class FrameKeeper:
 
     def __init__(self, count: int, limit: int) -> None:
         wanted = np.geomspace(CHUNK, max(limit, CHUNK), 4 * count) if count else np.zeros(0)
-        self._due = sorted({int(round(number / CHUNK)) * CHUNK for number in wanted})
+        self._due = sorted({round(number / CHUNK) * CHUNK for number in wanted})
         self.frames: list[tuple[int, NDArray[np.float32]]] = []
 
     def offer(self, iteration: int, relaxation: Relaxation) -> None:
