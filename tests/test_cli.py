@@ -15,7 +15,7 @@ import pytest
 from rich.console import Console
 from typer.testing import CliRunner, Result
 
-from warp_cloth.cli import app, summary
+from warp_cloth.cli import app, main, summary
 from warp_cloth.errors import InputError
 from warp_cloth.progress import ProgressDisplay
 from warp_cloth.result import Status
@@ -97,9 +97,7 @@ def test_fit_hands_scene_device_and_frames_on_and_tells_what_was_written(stand_i
     ("status", "code"),
     [(Status.AT_REST, 0), (Status.ITERATION_LIMIT, 0), (Status.DIVERGED, 1), (Status.INVALID, 1)],
 )
-def test_the_exit_status_tells_whether_there_is_a_usable_result(
-    stand_in: StandIn, status: Status, code: int
-) -> None:
+def test_the_exit_status_tells_whether_there_is_a_usable_result(stand_in: StandIn, status: Status, code: int) -> None:
     stand_in.status = status
     assert call("fit", "sphere").exit_code == code
 
@@ -117,9 +115,7 @@ def test_the_exit_status_tells_whether_there_is_a_usable_result(
         (("fit", "sphere", "--out", "taken"), "error: taken: is a file, not a folder"),
     ],
 )
-def test_bad_input_is_one_line_exit_2_and_no_fit(
-    stand_in: StandIn, arguments: tuple[str, ...], line: str
-) -> None:
+def test_bad_input_is_one_line_exit_2_and_no_fit(stand_in: StandIn, arguments: tuple[str, ...], line: str) -> None:
     Path("taken").touch()
     result = call(*arguments)
     assert result.exit_code == 2
@@ -155,10 +151,31 @@ def test_an_interrupt_ends_with_130_and_one_line(stand_in: StandIn) -> None:
 
 
 @pytest.mark.parametrize(
-    "arguments", [("fit",), ("fit", "a", "b"), ("fit", "sphere", "--frames", "-1"), ("no",)]
+    ("arguments", "words"),
+    [
+        (("fit",), "Missing argument"),
+        (("fit", "a", "b"), "unexpected extra argument"),
+        (("fit", "sphere", "--frames", "x"), "--frames"),
+        (("fit", "sphere", "--nope"), "--nope"),
+        (("no",), "no"),
+    ],
 )
-def test_wrong_usage_exits_with_2(stand_in: StandIn, arguments: tuple[str, ...]) -> None:
-    assert call(*arguments).exit_code == 2
+def test_wrong_usage_is_one_line_and_exit_2(
+    stand_in: StandIn,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    arguments: tuple[str, ...],
+    words: str,
+) -> None:
+    monkeypatch.setattr(sys, "argv", ["warp-cloth", *arguments])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert ended.value.code == 2
+    told = capsys.readouterr()
+    assert told.out == ""
+    assert told.err.startswith("error: ")
+    assert words in told.err
+    assert told.err.count("\n") == 1
     assert not stand_in.calls
 
 

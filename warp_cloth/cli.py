@@ -19,7 +19,6 @@ if TYPE_CHECKING:
 
 BAD_INPUT = 2  # exit status
 INTERRUPTED = 130  # exit status of a shell's Ctrl-C
-MOST_FRAMES = 10_000
 
 app = typer.Typer(
     name="warp-cloth",
@@ -31,8 +30,22 @@ app = typer.Typer(
 
 
 def main() -> None:
-    """Entry point of the ``warp-cloth`` command."""
-    app()
+    """Entry point of the ``warp-cloth`` command: wrong usage and an interrupt, too, end it with one line."""
+    try:
+        code = app(standalone_mode=False)
+    except (KeyboardInterrupt, typer.Abort):
+        print("interrupted", file=sys.stderr)
+        code = INTERRUPTED
+    except Exception as error:
+        # wrong usage is of a class that typer's versions keep at different places
+        if not hasattr(error, "format_message"):
+            raise
+        code = getattr(error, "exit_code", BAD_INPUT)
+        if type(error).__name__ == "NoArgsIsHelpError":
+            print(error.format_message(), file=sys.stderr)
+        else:
+            _tell_error(f"{error.format_message().rstrip('.')}; see warp-cloth --help")
+    sys.exit(code)
 
 
 def _show_version(wanted: bool) -> None:
@@ -55,15 +68,11 @@ def _options(
 
 @app.command()
 def fit(
-    scene: Annotated[
-        str, typer.Argument(help="Scene file (TOML), or a shipped scene: see `warp-cloth scenes`.")
-    ],
+    scene: Annotated[str, typer.Argument(help="Scene file (TOML), or a shipped scene: see `warp-cloth scenes`.")],
     device: Annotated[
         str | None, typer.Option(help="cpu, cuda or cuda:N.", show_default="a GPU if there is one")
     ] = None,
-    out: Annotated[Path, typer.Option(help="Folder for NAME.usdc, report.json and preview.png.")] = Path(
-        "out"
-    ),
+    out: Annotated[Path, typer.Option(help="Folder for NAME.usdc, report.json and preview.png.")] = Path("out"),
     changes: Annotated[
         list[str] | None,
         typer.Option(
@@ -72,10 +81,7 @@ def fit(
             help="Change one scene key, e.g. garment.fabric=denim. May be repeated.",
         ),
     ] = None,
-    frames: Annotated[
-        int,
-        typer.Option(min=0, max=MOST_FRAMES, help="Shapes on the way to store as time samples in the stage."),
-    ] = 0,
+    frames: Annotated[int, typer.Option(help="Shapes on the way to store as time samples in the stage.")] = 0,
     verbose: Annotated[bool, typer.Option("--verbose", help="Show what the library and Warp log.")] = False,
 ) -> None:
     """Fit a scene's garments, and write the stage, the report and a picture."""
@@ -84,7 +90,7 @@ def fit(
 
         chosen = load_scene(scene, changes or ())
         with _output_folder(out):
-            _quiet_warp(verbose)
+            _start_warp(verbose)
             worn = _fit(chosen, device, frames)
             paths = worn.save(out)
     for line in summary(chosen.name, worn.report, paths):
@@ -136,16 +142,19 @@ def _figures(text: str, values: Mapping[str, Any], *keys: str) -> str:
     return text.format(*("?" if v is None else str(v) if isinstance(v, int) else f"{v:.3g}" for v in found))
 
 
+def _tell_error(sentence: str) -> None:
+    """One line: no markup, no wrapping, nothing that moves a terminal's cursor."""
+    told = "".join(letter if letter.isprintable() else "?" for letter in " ".join(sentence.split()))
+    print(f"error: {told}", file=sys.stderr)
+
+
 @contextmanager
 def _one_line_errors() -> Iterator[None]:
     """Bad input and an interrupt end the command with one plain line, never with a traceback."""
     try:
         yield
     except InputError as error:
-        told = "".join(letter if letter.isprintable() else "?" for letter in str(error))
-        print(
-            f"error: {told}", file=sys.stderr
-        )  # no markup, no wrapping, nothing that moves a terminal's cursor
+        _tell_error(str(error))
         raise typer.Exit(BAD_INPUT) from None
     except KeyboardInterrupt:
         print("interrupted", file=sys.stderr)
@@ -168,16 +177,36 @@ def _output_folder(folder: Path) -> Iterator[None]:
         raise
 
 
-def _quiet_warp(verbose: bool) -> None:
-    """Keep Warp's messages of start-up and of modules off the screen, unless they are wanted."""
+def _start_warp(verbose: bool) -> None:
+    """Start Warp, its messages of start-up and of modules kept off the screen unless they are wanted."""
     import logging
 
     import warp
 
     if verbose:
         logging.basicConfig(level=logging.INFO, format="%(name)s: %(message)s")
-    else:
-        warp.config.log_level = warp.LOG_WARNING
+        warp.init()
+        return
+    warp.config.log_level = warp.LOG_WARNING
+    with _silenced_stderr():
+        warp.init()
+
+
+@contextmanager
+def _silenced_stderr() -> Iterator[None]:
+    """Drop what native code writes to the error stream: Warp says there that a machine has no GPU."""
+    try:
+        kept = os.dup(2)
+    except OSError:  # there is no error stream
+        yield
+        return
+    with open(os.devnull, "w") as nowhere:
+        os.dup2(nowhere.fileno(), 2)
+    try:
+        yield
+    finally:
+        os.dup2(kept, 2)
+        os.close(kept)
 
 
 def _fit(scene: Scene, device: str | None, frames: int) -> Fit:

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import warp as wp
+from numpy.typing import NDArray
 
 from warp_cloth.collide.avatar import AvatarContact
 from warp_cloth.collide.exact import penetration
@@ -22,8 +23,10 @@ from warp_cloth.scene import Scene, load_scene
 from warp_cloth.solver.certificate import Certifier, Check, Tolerance, edge_strains, strain_summary
 from warp_cloth.solver.loop import Outcome, relax_to_rest
 from warp_cloth.solver.relax import Relaxation, StepOptions
-from warp_cloth.verdict import report_of, verdict
+from warp_cloth.verdict import more_iterations, report_of, unheld, verdict
 from warp_cloth.wardrobe import Wardrobe, open_wardrobe
+
+MOST_FRAMES = 10_000  # shapes on the way; of a garment of 10,000 vertices that is 1.2 GB
 
 
 @dataclass(frozen=True)
@@ -104,6 +107,8 @@ def fit(
     Raises:
         InputError: something in the scene or its files cannot be used.
     """
+    if not 0 <= frames <= MOST_FRAMES:
+        raise InputError("frames", f"{frames} shapes on the way cannot be kept", f"choose 0 to {MOST_FRAMES}")
     tell = progress or (lambda _: None)
     chosen = scene if isinstance(scene, Scene) else load_scene(scene, overrides)
     where = _device_named(device)
@@ -218,8 +223,9 @@ def _finished(
     depth = None
     if wardrobe.avatar is not None:
         depth = penetration(outcome.points, wardrobe.avatar, device)
-    message = verdict(outcome, tolerance_of(scene), scene.solver.method)
     garments = _worn(scene, wardrobe, model, outcome, frames)
+    advice = unheld(scene, wardrobe, [worn.points for worn in garments])
+    message = verdict(outcome, tolerance_of(scene), advice or more_iterations(scene.solver.method))
     report = report_of(
         scene,
         wardrobe,
@@ -242,16 +248,20 @@ def _worn(
     for index, (spec, mesh) in enumerate(zip(scene.garments, wardrobe.garments, strict=True)):
         part = slice(model.vertex_start[index], model.vertex_start[index + 1])
         points: Points = outcome.points[part]
-        shapes = _chosen_frames(outcome, part, points, frames) if frames else None
+        shapes = _chosen_frames(outcome, part, mesh.points, points, frames) if frames else None
         worn.append(WornGarment(spec.name, mesh, points, spec.fabric.thickness, shapes))
     return tuple(worn)
 
 
-def _chosen_frames(outcome: Outcome, part: slice, last: Points, count: int) -> Any:
-    """``count`` of the kept shapes, evenly among those before the end, the worn shape last; shape [count, V, 3]."""
-    kept = [shape for iteration, shape in outcome.frames if iteration < outcome.iterations]
-    picks = np.linspace(0, len(kept) - 1, min(count - 1, len(kept))).round().astype(int) if kept else []
-    return np.stack([*(kept[pick][part] for pick in picks), last.astype(np.float32)])
+def _chosen_frames(outcome: Outcome, part: slice, first: Points, last: Points, count: int) -> NDArray[np.float32]:
+    """``count`` shapes: as loaded, evenly among those kept on the way, as worn last; shape [count, V, 3].
+
+    Where fewer shapes are known than frames are wanted, each is held for several frames.
+    """
+    kept = [shape[part] for iteration, shape in outcome.frames if iteration < outcome.iterations]
+    known = [first.astype(np.float32), *(shape for shape in kept if np.isfinite(shape).all())]
+    picks = np.linspace(0, len(known) - 1, count - 1).round().astype(int)
+    return np.stack([*(known[pick] for pick in picks), last.astype(np.float32)])
 
 
 __all__ = ["Fit", "Penetration", "Progress", "fit", "tolerance_of"]

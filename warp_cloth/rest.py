@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from warp_cloth.errors import InputError
 from warp_cloth.mesh import Mesh
 from warp_cloth.topology import Topology, build_topology
+from warp_cloth.units import LENGTH_UNITS, METRES_PER
 
 if TYPE_CHECKING:
     from warp_cloth.fabric import Fabric
@@ -23,9 +24,18 @@ GRAVITY = 9.80665  # standard gravity [m/s2]
 # free, likewise: so each edge answers for three times the area that it carries (a third of its triangles').
 EDGE_SHARE = 3.0
 
-# Edges far shorter than their neighbours would get constants without bound (k ~ 1 / L^3): below this share of the
-# garment's median edge they count as that long.
+# Edges far shorter than their neighbours would get constants without bound (k ~ 1 / L^3), and strains over nothing:
+# below this share of the garment's median edge they count as that long.
 SHORTEST_EDGE_SHARE = 1.0e-3
+
+# Rest length over length in the mesh, median over the edges. Panels placed round a body are near 1, and a garment
+# that starts half or twice its size is told of; the units that get mixed up are 10 times or more apart.
+SCALE_TOLD, SCALE_REFUSED = 2.0, 6.0
+
+# Area in texture space over the panels' median triangle below which a triangle was left out of the panels: exporters
+# put all its corners at one point. A few (buttons, trims) keep their lengths in the mesh; more, and panels are missing.
+LEFT_OUT_AREA = 1.0e-6
+MOST_LEFT_OUT = 0.05
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,25 +49,63 @@ class RestShape:
     hinge_stiffness: Floats  # C [N m], shape [H]
     vertex_weight: Floats  # [N], shape [V]
     area: float  # of the cloth [m2]
+    notes: tuple[str, ...] = ()  # what was guessed or mended, for the report
 
 
-def rest_sides(mesh: Mesh, rest: Literal["mesh", "uv"], metres_per_uv: float, place: str) -> Floats:
-    """Rest lengths of each triangle's sides (0,1), (1,2), (2,0) [m], shape [F, 3].
+def _sides(corners: Floats) -> Floats:
+    """Lengths of the sides (0,1), (1,2), (2,0) of triangles, shape [F, 3]."""
+    return np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2)
+
+
+def _panel_sides(mesh: Mesh, metres_per_uv: float, place: str, key: str) -> tuple[Floats, tuple[str, ...]]:
+    """Lengths of each triangle's sides in the panels [m], shape [F, 3], and notes.
 
     Raises:
-        InputError: ``rest = "uv"`` on a mesh without usable texture coordinates.
+        InputError: no usable panels.
     """
-    if rest == "mesh":
-        corners = mesh.points[mesh.triangles]
+    remedy = f'export the panels as UVs, or set {key}.rest = "mesh"'
+    if mesh.texcoords is None:
+        raise InputError(place, 'rest = "uv" needs texture coordinates on every face, which this mesh lacks', remedy)
+    with np.errstate(over="ignore", invalid="ignore"):
+        sides = _sides(mesh.texcoords * metres_per_uv)
+        areas = triangle_areas(sides)
+    if not np.isfinite(areas).all():
+        raise InputError(place, "the texture coordinates are too large for panels", remedy)
+    if not areas.any():
+        raise InputError(place, "the texture coordinates give panels without area", remedy)
+    left_out = areas <= LEFT_OUT_AREA * float(np.median(areas[areas > 0.0]))
+    count = int(left_out.sum())
+    if count > MOST_LEFT_OUT * len(areas):
+        raise InputError(place, f"{count:,} of {len(areas):,} triangles have no area in texture space", remedy)
+    sides[left_out] = _sides(mesh.points[mesh.triangles[left_out]])
+    note = f"{count:,} of {len(areas):,} triangles have no area in texture space, and keep their lengths in the mesh"
+    return sides, (note,) if count else ()
+
+
+def _check_scale(length: Floats, drawn: Floats, metres_per_uv: float, place: str, key: str) -> tuple[str, ...]:
+    """A note where rest lengths and lengths in the mesh differ much; both [m], shape [E].
+
+    Seams of a garment that is not yet drawn together start far too long, so the median is what counts.
+
+    Raises:
+        InputError: they differ so much that the unit must be wrong.
+    """
+    ratio = float(np.median(length) / max(float(np.median(drawn)), np.finfo(float).tiny))
+    if 1.0 / SCALE_TOLD <= ratio <= SCALE_TOLD:
+        return ()
+    problem = (
+        f"lengths in texture space are {ratio:.3g} times those in the mesh "
+        f"(median edge {1e3 * float(np.median(length)):.3g} mm against {1e3 * float(np.median(drawn)):.3g} mm)"
+    )
+    off = {unit: abs(float(np.log(ratio * METRES_PER[unit] / metres_per_uv))) for unit in LENGTH_UNITS}
+    likely = min(off, key=off.__getitem__)
+    if off[likely] <= np.log(SCALE_TOLD):
+        remedy = f'set {key}.uv_units = "{likely}"'
     else:
-        if mesh.texcoords is None:
-            raise InputError(
-                place,
-                'rest = "uv" needs texture coordinates on every face, and this mesh has none',
-                'export the panels as UVs, or set rest = "mesh"',
-            )
-        corners = mesh.texcoords * metres_per_uv
-    return np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2)
+        remedy = f"set {key}.uv_units to the metres in a unit of texture space, near {metres_per_uv / ratio:.3g}"
+    if not 1.0 / SCALE_REFUSED <= ratio <= SCALE_REFUSED:
+        raise InputError(place, problem, remedy)
+    return (f"{problem}; if that is not meant, {remedy}",)
 
 
 def triangle_areas(sides: Floats) -> Floats:
@@ -68,7 +116,13 @@ def triangle_areas(sides: Floats) -> Floats:
 
 
 def build_rest_shape(
-    mesh: Mesh, fabric: Fabric, *, rest: Literal["mesh", "uv"], metres_per_uv: float = 1.0, place: str = "garment"
+    mesh: Mesh,
+    fabric: Fabric,
+    *,
+    rest: Literal["mesh", "uv"],
+    metres_per_uv: float = 1.0,
+    place: str = "garment",
+    key: str = "garment",
 ) -> RestShape:
     """Rest lengths and constants of a garment of this fabric.
 
@@ -81,30 +135,35 @@ def build_rest_shape(
         fabric: its material.
         rest: where the rest shape comes from.
         metres_per_uv: length of one unit of texture space [m].
-        place: scene key, for messages.
+        place: the mesh's file or name, for messages.
+        key: its scene table, for messages.
 
     Raises:
         InputError: the rest shape cannot be used.
     """
     topology = build_topology(mesh.triangles, mesh.vertex_count)
-    sides = rest_sides(mesh, rest, metres_per_uv, place)
+    notes: tuple[str, ...] = ()
+    sides = _sides(mesh.points[mesh.triangles])
+    drawn = sides
+    if rest == "uv":
+        sides, notes = _panel_sides(mesh, metres_per_uv, place, key)
     areas = triangle_areas(sides)
     if not areas.sum() > 0.0:
-        raise InputError(
-            place,
-            f'rest = "{rest}" gives a garment without area',
-            'lay the panels out as UVs, or set rest = "mesh"' if rest == "uv" else "check the mesh",
-        )
+        raise InputError(place, "the garment has no area", "check the mesh")
     edge_count = len(topology.edges)
     side_edge = topology.triangle_edges.ravel()
     side_count = np.bincount(side_edge, minlength=edge_count)
     # an edge between two panels takes the mean of the panels' lengths (model: cloth)
     length = np.bincount(side_edge, sides.ravel(), edge_count) / side_count
-    carried = np.bincount(side_edge, np.repeat(areas / 3.0, 3), edge_count)
+    if rest == "uv":
+        initial = np.bincount(side_edge, drawn.ravel(), edge_count) / side_count
+        notes += _check_scale(length, initial, metres_per_uv, place, key)
     floor = SHORTEST_EDGE_SHARE * float(np.median(length))
-    pull = EDGE_SHARE * fabric.stretch * carried / np.maximum(length, floor) ** 3
+    length = np.maximum(length, floor)
+    carried = np.bincount(side_edge, np.repeat(areas / 3.0, 3), edge_count)
+    pull = EDGE_SHARE * fabric.stretch * carried / length**3
 
-    axis = np.maximum(length[topology.hinge_edges], floor)
+    axis = length[topology.hinge_edges]
     height = areas[topology.hinge_triangles].sum(axis=1) / axis  # mean of the two wings' 2 A / axis
     bending = fabric.bending * axis / np.maximum(height, floor) ** 2
     weight = fabric.weight * float(areas.sum()) * GRAVITY / mesh.vertex_count
@@ -116,4 +175,5 @@ def build_rest_shape(
         hinge_stiffness=bending,
         vertex_weight=np.full(mesh.vertex_count, weight),
         area=float(areas.sum()),
+        notes=notes,
     )

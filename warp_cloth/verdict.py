@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
@@ -11,14 +12,35 @@ from warp_cloth.solver.certificate import Tolerance
 from warp_cloth.solver.loop import Outcome
 
 if TYPE_CHECKING:
+    from warp_cloth.mesh import Points
     from warp_cloth.model import ClothModel
     from warp_cloth.plan import Term
     from warp_cloth.scene import Scene
     from warp_cloth.wardrobe import Wardrobe
 
 
-def verdict(outcome: Outcome, tolerance: Tolerance, method: str) -> str:
-    """One sentence: how a fit ended and, unless at rest, what to change."""
+def more_iterations(method: str) -> str:
+    """What to change where a fit only needs longer."""
+    return "raise solver.iterations" if method == "accelerated" else 'use solver.method = "accelerated"'
+
+
+def unheld(scene: Scene, wardrobe: Wardrobe, worn: Sequence[Points]) -> str:
+    """What to change where a garment falls because nothing holds it; empty where all are held.
+
+    ``worn`` are the garments' points [m], each shape [V, 3].
+    """
+    for spec, part, points in zip(scene.garments, wardrobe.parts, worn, strict=True):
+        if len(part.pins):
+            continue
+        if wardrobe.avatar is None or scene.collision.avatar == "none":
+            return f'nothing holds "{spec.name}": pin some of its vertices, or let it meet an avatar'
+        if points[:, 1].max() < wardrobe.avatar.points[:, 1].min():
+            return f'"{spec.name}" has fallen past the avatar: place it round or above it, or pin some of its vertices'
+    return ""
+
+
+def verdict(outcome: Outcome, tolerance: Tolerance, advice: str) -> str:
+    """One sentence: how a fit ended and, where it ran out of iterations, what to change."""
     residual = outcome.check.residual
     if outcome.status is Status.AT_REST:
         return (
@@ -38,7 +60,6 @@ def verdict(outcome: Outcome, tolerance: Tolerance, method: str) -> str:
     if not outcome.check.rest_error <= tolerance.rest_error:
         far = f"{1e3 * outcome.check.rest_error:.2g} mm" if math.isfinite(outcome.check.rest_error) else "unknown"
         misses.append(f"rest error {far} (wanted {1e3 * tolerance.rest_error:g} mm)")
-    advice = "raise solver.iterations" if method == "accelerated" else 'use solver.method = "accelerated"'
     return f"Not at rest after {outcome.iterations:,} iterations: {', '.join(misses)}; {advice}."
 
 
@@ -79,7 +100,7 @@ def report_of(
                 "unit": mesh.unit,
                 "area_m2": part.rest.area,
                 "pinned": len(part.pins),
-                "notes": list(mesh.notes),
+                "notes": [*mesh.notes, *part.rest.notes],
             }
             for spec, mesh, part in zip(scene.garments, wardrobe.garments, wardrobe.parts, strict=True)
         ],

@@ -46,7 +46,8 @@ def open_wardrobe(scene: Scene) -> Wardrobe:
 
 
 def _part(mesh: Mesh, spec: GarmentSpec, key: str) -> GarmentPart:
-    rest = build_rest_shape(mesh, spec.fabric, rest=spec.rest, metres_per_uv=spec.uv_metres, place=key)
+    place = key if spec.mesh is None else str(spec.mesh)
+    rest = build_rest_shape(mesh, spec.fabric, rest=spec.rest, metres_per_uv=spec.uv_metres, place=place, key=key)
     pins = select_pins(mesh, spec.pin, f"{key}.pin")
     if len(pins) == mesh.vertex_count:
         raise InputError(f"{key}.pin", "every vertex is pinned, so nothing can move", "pin fewer vertices")

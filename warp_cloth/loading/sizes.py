@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -56,7 +57,7 @@ def choose_unit(
         low, high = PLAUSIBLE[role]
         wanted = f"{_a(role)} of {low:g} to {high:g} m"
         problem = f"units not stated, and an extent of {extent:.4g} fits no unit for {wanted}"
-        remedy = _possible_units(extent, role, key) or f"scale the mesh, and set {key}.units to what it is in then"
+        remedy = _possible_units(extent, role, key) or _rescaling(extent, role, key)
         raise InputError(file, problem, remedy)
     unit = fitting[0]
     note = f"{GUESS_NOTE}: took {_PLURALS[unit]}, as its largest extent is {extent:.4g}"
@@ -93,6 +94,14 @@ def _possible_units(extent: float, role: Role, key: str) -> str:
     return f"if it is meant to be that size, set {key}.units = {values}" if units else ""
 
 
+def _rescaling(extent: float, role: Role, key: str) -> str:
+    """What to do about an extent that no unit makes possible: bring it to metres by a power of ten."""
+    low, high = PLAUSIBLE[role]
+    extent = min(max(extent, 1e-300), 1e300)  # beyond these the factor itself would overflow
+    factor = 10.0 ** round(math.log10(math.sqrt(low * high) / extent))
+    return f'scale the mesh by {factor:g}, which makes it {_length(extent * factor)}, and set {key}.units = "m"'
+
+
 def _length(metres: float) -> str:
     if metres >= 1.0 or metres == 0.0:
         return f"{metres:.3g} m"
@@ -106,7 +115,7 @@ def _refuse_impossible(extent: float, metres: float, name: str, *, file: str, ro
     problem = f"{_length(extent * metres)} across by {source} is no {role}"
     likely = _likely_unit(extent, role, other_than=name)
     if likely is None:
-        raise InputError(file, problem, f"scale the mesh, and set {key}.units to what it is in then")
+        raise InputError(file, problem, _rescaling(extent, role, key))
     raise InputError(file, problem, f'its numbers look like {_PLURALS[likely]}: set {key}.units = "{likely}"')
 
 
