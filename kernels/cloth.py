@@ -78,7 +78,7 @@ def cloth_types(precision: str) -> SimpleNamespace:
         """The hinges at each vertex, for a kernel per vertex."""
 
         start: wp.array(dtype=wp.int32)  # shape [V + 1]
-        slot: wp.array(dtype=wp.int32)  # 4 hinge + corner, shape [4 H]
+        slot: wp.array(dtype=wp.int32)  # corner H + hinge: where the hinge's force on the vertex is stored, shape [4 H]
 
     return SimpleNamespace(
         name=precision, real=real, point=point, vec3=vec3, vec4=vec4, Step=Step, Cloth=Cloth, Edges=Edges,

@@ -30,15 +30,15 @@ def gather_kernels(precision: str, fourth: str, bending: bool) -> SimpleNamespac
         cloth: Cloth,
         hinges: Hinges,
         step: Step,
-        stored_out: wp.array2d(dtype=vec4),  # force [N] and fourth part on each corner, shape [H, 4]
+        stored_out: wp.array2d(dtype=vec4),  # force [N] and fourth part on each corner, shape [4, H]
     ):
         """Stores each hinge's forces on its four vertices."""
         hinge = wp.tid()
         start, end, wing_0, wing_1 = hinge_loads(cloth, hinges, step, hinge)
-        stored_out[hinge, 0] = start
-        stored_out[hinge, 1] = end
-        stored_out[hinge, 2] = wing_0
-        stored_out[hinge, 3] = wing_1
+        stored_out[0, hinge] = start
+        stored_out[1, hinge] = end
+        stored_out[2, hinge] = wing_0
+        stored_out[3, hinge] = wing_1
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def gather_forces(

@@ -158,5 +158,6 @@ def _hinge_rows(types: Any, upload: Any, corners: Indices, vertex_count: int) ->
     start, order = ragged_rows(corners.ravel(), vertex_count)
     rows = types.HingeRows()
     rows.start = upload(start, wp.int32)
-    rows.slot = upload(order.astype(np.int32), wp.int32)
+    slot = order % 4 * len(corners) + order // 4  # planes by corner: neighbouring threads write side by side
+    rows.slot = upload(slot.astype(np.int32), wp.int32)
     return rows

@@ -25,7 +25,7 @@ class ForcePass:
         types = cloth_types(model.precision)
         if model.gathers:
             self._gather = gather_kernels(model.precision, fourth, self._bends)
-            self._stored = wp.empty((model.hinge_count, 4), dtype=types.vec4, device=model.device)
+            self._stored = wp.empty((4, model.hinge_count), dtype=types.vec4, device=model.device)
         else:
             self._scatter = scatter_kernels(model.precision, fourth)
 
