@@ -22,7 +22,7 @@ from warp_cloth.result import Penetration, Status, WornGarment
 from warp_cloth.scene import Scene, load_scene
 from warp_cloth.solver.certificate import Certifier, Check, Tolerance, edge_strains, strain_summary
 from warp_cloth.solver.loop import Outcome, relax_to_rest
-from warp_cloth.solver.relax import Relaxation, StepOptions
+from warp_cloth.solver.relax import Collider, Relaxation, StepOptions
 from warp_cloth.verdict import more_iterations, report_of, unheld, verdict
 from warp_cloth.wardrobe import Wardrobe, open_wardrobe
 
@@ -191,6 +191,10 @@ def _relax(
             )
         )
 
+    def follow(points: Points) -> Collider | None:
+        lost = not np.isfinite(points).all()  # the next check tells
+        return None if lost or contact.covers(points) else contact.collider(points)
+
     tell(Progress("relax", 0, limit))
     return relax_to_rest(
         relaxation,
@@ -198,7 +202,7 @@ def _relax(
         tolerance_of(scene),
         limit,
         frames=frames,
-        follow=lambda points: None if contact.covers(points) else contact.collider(points),
+        follow=follow,
         on_check=told,
     )
 

@@ -21,8 +21,12 @@ SIGNIFICANT_DIGITS = 6  # beyond what any measured figure here is good for
 
 
 def write_report(path: Path, report: Mapping[str, Any]) -> None:
-    """Writes a report as JSON: keys in the order given, 6 significant digits, NaN and infinity as null."""
-    text = json.dumps(plain(report), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+    """Writes a report as JSON: keys in the order given, NaN and infinity as null.
+
+    Figures get 6 significant digits, but what was set stays as it was set: a fit can be repeated from ``settings``.
+    """
+    told = {key: value if key == "settings" else plain(value) for key, value in report.items()}
+    text = json.dumps(told, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
     with whole_file(path) as place:
         place.write_text(text, encoding="utf-8")
 

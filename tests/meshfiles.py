@@ -1,0 +1,112 @@
+"""Writes small meshes, sound or broken, in every format that is read."""
+
+from __future__ import annotations
+
+import json
+import struct
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike
+from pxr import Sdf, Usd, UsdGeom, Vt
+
+from warp_cloth.shapes import sphere
+
+Faces = Sequence[Sequence[int]] | np.ndarray
+Writer = Callable[[Path, np.ndarray, Faces], None]
+
+
+def sheet(count: int = 5, side: float = 0.5, height: float = 1.0, toward: float = 0.3) -> tuple[np.ndarray, np.ndarray]:
+    """A vertical square of ``count`` vertices a side [m], its bottom at ``height``: points and triangles."""
+    x, y = np.meshgrid(np.linspace(-side / 2, side / 2, count), np.linspace(0.0, side, count))
+    points = np.stack([x.ravel(), y.ravel() + height, np.full(count * count, toward)], axis=1)
+    corner = (np.arange(count - 1) + count * np.arange(count - 1)[:, None]).reshape(-1, 1, 1)
+    pair = np.array([[0, 1, count + 1], [0, count + 1, count]])
+    return points, (corner + pair).reshape(-1, 3)
+
+
+def ball(radius: float = 0.25, height: float = 1.25) -> tuple[np.ndarray, np.ndarray]:
+    """A coarse sphere round (0, height, 0) [m]: points and triangles."""
+    mesh = sphere(radius=radius, centre=(0.0, height, 0.0), edge=radius / 3.0)
+    return mesh.points, mesh.triangles
+
+
+def write_obj(path: Path, points: np.ndarray, faces: Faces, texcoords: ArrayLike | None = None) -> None:
+    """Text; texture coordinates per vertex."""
+    lines = [f"v {x!r} {y!r} {z!r}" for x, y, z in np.asarray(points, dtype=float).tolist()]
+    if texcoords is not None:
+        lines += [f"vt {u!r} {v!r}" for u, v in np.asarray(texcoords, dtype=float).tolist()]
+    slash = "" if texcoords is None else "/{0}"
+    lines += ["f " + " ".join(("{0}" + slash).format(int(corner) + 1) for corner in face) for face in faces]
+    path.write_text("\n".join(lines) + "\n")
+
+
+def write_ply(path: Path, points: np.ndarray, faces: Faces) -> None:
+    """Binary, little endian, float32."""
+    head = f"ply\nformat binary_little_endian 1.0\nelement vertex {len(points)}\n"
+    head += "".join(f"property float {axis}\n" for axis in "xyz")
+    head += f"element face {len(faces)}\nproperty list uchar int vertex_indices\nend_header\n"
+    rows = b"".join(struct.pack(f"<B{len(face)}i", len(face), *(int(corner) for corner in face)) for face in faces)
+    path.write_bytes(head.encode() + np.asarray(points, dtype="<f4").tobytes() + rows)
+
+
+def write_stl(path: Path, points: np.ndarray, faces: Faces) -> None:
+    """Binary triangles."""
+    records = np.zeros(len(faces), dtype=[("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("more", "<u2")])
+    if len(faces):
+        records["corners"] = np.asarray(points)[np.asarray(faces)]
+    path.write_bytes(bytes(80) + struct.pack("<I", len(faces)) + records.tobytes())
+
+
+def write_glb(path: Path, points: np.ndarray, faces: Faces) -> None:
+    """One primitive of triangles, float32 and uint32."""
+    place = np.asarray(points, dtype="<f4").tobytes()
+    corners = np.asarray(faces).astype("<u4").tobytes()
+    tree = {
+        "asset": {"version": "2.0"},
+        "scene": 0,
+        "scenes": [{"nodes": [0]}],
+        "nodes": [{"mesh": 0}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1}]}],
+        "buffers": [{"byteLength": len(place) + len(corners)}],
+        "bufferViews": [
+            {"buffer": 0, "byteOffset": 0, "byteLength": len(place)},
+            {"buffer": 0, "byteOffset": len(place), "byteLength": len(corners)},
+        ],
+        "accessors": [
+            {"bufferView": 0, "componentType": 5126, "count": len(points), "type": "VEC3"},
+            {"bufferView": 1, "componentType": 5125, "count": len(corners) // 4, "type": "SCALAR"},
+        ],
+    }
+    text = json.dumps(tree).encode()
+    text += b" " * (-len(text) % 4)
+    body = place + corners
+    chunks = struct.pack("<I4s", len(text), b"JSON") + text + struct.pack("<I4s", len(body), b"BIN\0") + body
+    path.write_bytes(struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks)
+
+
+def write_usd(path: Path, points: np.ndarray, faces: Faces, texcoords: ArrayLike | None = None) -> None:
+    """One mesh, /sheet, in metres, y up; the file's suffix says which kind of USD."""
+    stage = Usd.Stage.CreateInMemory()
+    UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.y)
+    UsdGeom.SetStageMetersPerUnit(stage, 1.0)
+    mesh = UsdGeom.Mesh.Define(stage, "/sheet")
+    mesh.CreatePointsAttr(Vt.Vec3fArray.FromNumpy(np.ascontiguousarray(points, dtype=np.float32)))
+    mesh.CreateFaceVertexCountsAttr([len(face) for face in faces])
+    mesh.CreateFaceVertexIndicesAttr([int(corner) for face in faces for corner in face])
+    if texcoords is not None:
+        kind, per = Sdf.ValueTypeNames.TexCoord2fArray, UsdGeom.Tokens.vertex
+        primvar = UsdGeom.PrimvarsAPI(mesh).CreatePrimvar("st", kind, per)
+        primvar.Set(Vt.Vec2fArray.FromNumpy(np.ascontiguousarray(texcoords, dtype=np.float32)))
+    stage.GetRootLayer().Export(str(path))
+
+
+WRITERS: dict[str, Writer] = {
+    "obj": write_obj,
+    "ply": write_ply,
+    "stl": write_stl,
+    "glb": write_glb,
+    "usda": write_usd,
+    "usdc": write_usd,
+}
