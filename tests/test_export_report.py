@@ -72,10 +72,10 @@ def test_map_is_written_only_when_loading_changed_something(tmp_path: Path) -> N
 
 
 def test_output_folder_is_made(tmp_path: Path) -> None:
-    check_writable(tmp_path / "a" / "b")
+    check_writable(tmp_path / "a" / "b", "fit")
     assert (tmp_path / "a" / "b").is_dir()
     assert list((tmp_path / "a" / "b").iterdir()) == []
-    check_writable(tmp_path / "a" / "b")
+    check_writable(tmp_path / "a" / "b", "fit")
 
 
 def test_a_place_that_cannot_be_written_is_refused(tmp_path: Path) -> None:
@@ -83,17 +83,22 @@ def test_a_place_that_cannot_be_written_is_refused(tmp_path: Path) -> None:
     file.write_text("kept")
     for place in (file, file / "below", file / "far" / "below"):
         with pytest.raises(InputError, match="file"):
-            check_writable(place)
+            check_writable(place, "fit")
         with pytest.raises(InputError, match="file"):
             write_report(place / "report.json", {})
     assert file.read_text() == "kept"
     assert list(tmp_path.iterdir()) == [file]
 
 
-@pytest.mark.parametrize(
-    "name", ["x" * 300, "null\0character"]
-)  # longer than any file system takes; never legal
+@pytest.mark.parametrize("name", ["x" * 300, "null\0character"])  # longer than any file system takes; never legal
 def test_a_refused_folder_leaves_none_of_its_parents(tmp_path: Path, name: str) -> None:
     with pytest.raises(InputError, match="cannot be written"):
-        check_writable(tmp_path / "made" / "on" / "the" / "way" / name)
+        check_writable(tmp_path / "made" / "on" / "the" / "way" / name, "fit")
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("name", ["fit.usdc", "preview.png", "report.json"])
+def test_a_folder_in_a_files_place_is_refused_before_the_work(tmp_path: Path, name: str) -> None:
+    (tmp_path / name).mkdir()
+    with pytest.raises(InputError, match=f"{name}: is a folder"):
+        check_writable(tmp_path, "fit")

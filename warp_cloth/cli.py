@@ -89,7 +89,7 @@ def fit(
         from warp_cloth.scene import load_scene
 
         chosen = load_scene(scene, changes or ())
-        with _output_folder(out):
+        with _output_folder(out, chosen.name):
             _start_warp(verbose)
             worn = _fit(chosen, device, frames)
             paths = worn.save(out)
@@ -162,12 +162,12 @@ def _one_line_errors() -> Iterator[None]:
 
 
 @contextmanager
-def _output_folder(folder: Path) -> Iterator[None]:
+def _output_folder(folder: Path, name: str) -> Iterator[None]:
     """Know before the work that its result can be written; take new folders back if nothing comes of it."""
     from warp_cloth.export.report import check_writable
 
     made = [place for place in (folder, *folder.parents) if not os.path.exists(place)]  # innermost first
-    check_writable(folder)
+    check_writable(folder, name)
     try:
         yield
     except BaseException:

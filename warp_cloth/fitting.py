@@ -62,13 +62,13 @@ class Fit:
             InputError: the folder cannot be written.
         """
         from warp_cloth.export.preview import write_preview
-        from warp_cloth.export.report import check_writable, write_map, write_report
+        from warp_cloth.export.report import check_writable, result_paths, write_map, write_report
         from warp_cloth.export.stage import write_stage
 
         folder = Path(directory)
-        check_writable(folder)
+        check_writable(folder, self.scene.name)
         began = time.perf_counter()
-        stage, picture, report = folder / f"{self.scene.name}.usdc", folder / "preview.png", folder / "report.json"
+        stage, picture, report = result_paths(folder, self.scene.name)
         write_stage(stage, garments=self.garments, avatar=self.avatar, name=self.scene.name)
         write_preview(
             picture,

@@ -65,12 +65,20 @@ def write_map(path: Path, mesh: Mesh) -> bool:
     return True
 
 
-def check_writable(directory: Path) -> None:
-    """Makes the output folder if it is missing; InputError, leaving nothing, if it cannot be written."""
+def result_paths(directory: Path, name: str) -> tuple[Path, Path, Path]:
+    """Where a scene's stage, picture and report go."""
+    return directory / f"{name}.usdc", directory / "preview.png", directory / "report.json"
+
+
+def check_writable(directory: Path, name: str) -> None:
+    """Makes the output folder if it is missing; InputError, leaving nothing, if a scene's files cannot be written."""
     # os.path answers False where Path raises: a name too long, a folder closed to us
     absent = [folder for folder in (directory, *directory.parents) if not os.path.exists(folder)]
     if os.path.isfile(directory):
         raise InputError(directory, "is a file, not a folder", REMEDY)
+    for path in result_paths(directory, name):
+        if os.path.isdir(path):
+            raise InputError(path, "is a folder, where a file is to be written", REMEDY)
     try:
         directory.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=directory) as probe:

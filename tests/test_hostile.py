@@ -1,0 +1,336 @@
+"""Bad input through the command line: exit status 2, one line, nothing written; repairs are told of in the report."""
+
+from __future__ import annotations
+
+import json
+import signal
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from meshfiles import WRITERS, ball, sheet, write_obj
+from typer.testing import CliRunner, Result
+
+from warp_cloth.cli import app
+from warp_cloth.export import preview
+
+STAGES = ("loading", "building", "compiling", "relaxing", "writing")
+
+
+@pytest.fixture(autouse=True)
+def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder of its own with a sound garment and a sound avatar; no pictures, which take most of the time."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(preview, "write_preview", lambda path, **_: path.touch())
+    write_obj(tmp_path / "sheet.obj", *sheet())
+    write_obj(tmp_path / "ball.obj", *ball())
+    return tmp_path
+
+
+def fit(*options: str) -> Result:
+    arguments = ["fit", *options, "--device", "cpu", "--out", "new/out", "--set", "solver.iterations=20"]
+    return CliRunner().invoke(app, arguments)
+
+
+def refused(*options: str) -> str:
+    """The one line of a refusal that leaves everything as it was."""
+    before = {path: path.read_bytes() if path.is_file() else b"" for path in Path().rglob("*")}
+    result = fit(*options)
+    told = [line for line in result.stderr.splitlines() if line not in STAGES]
+    assert result.exit_code == 2, (result.output, result.exception)
+    assert len(told) == 1, told
+    assert told[0].startswith("error: ")
+    assert result.stdout == ""
+    assert {path: path.read_bytes() if path.is_file() else b"" for path in Path().rglob("*")} == before
+    return told[0]
+
+
+def scene_of(garment: str = "sheet.obj", avatar: str = "ball.obj", *lines: str) -> str:
+    """Writes a scene file; ``lines`` belong to its garment."""
+    below = "".join(f"{line}\n" for line in lines)
+    text = f"[garment]\nmesh = '{garment}'\n{below}[avatar]\nmesh = '{avatar}'\n"
+    Path("scene.toml").write_text(text, encoding="utf-8")
+    return "scene.toml"
+
+
+def with_value(points: np.ndarray, value: float) -> np.ndarray:
+    changed = points.copy()
+    changed[3, 1] = value
+    return changed
+
+
+def with_corner(faces: np.ndarray, corner: int) -> np.ndarray:
+    changed = faces.copy()
+    changed[2, 1] = corner
+    return changed
+
+
+Change = Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
+DEFECTS: dict[str, tuple[Change, str]] = {
+    "nan": (lambda p, f: (with_value(p, np.nan), f), "is not finite"),
+    "infinite": (lambda p, f: (with_value(p, -np.inf), f), "is not finite"),
+    "index too high": (lambda p, f: (p, with_corner(f, len(p) + 5)), "vert"),
+    "index below zero": (lambda p, f: (p, with_corner(f, -1)), "vert"),
+    "no faces": (lambda p, f: (p, f[:0]), "faces"),
+    "far too large": (lambda p, f: (1e6 * p, f), 'units = "m"'),
+    "far too small": (lambda p, f: (1e-6 * p, f), 'units = "m"'),
+    "all at one point": (lambda p, f: (0.0 * p, f), "point"),
+    "all on one line": (lambda p, f: (p * [1.0, 0.0, 0.0], f), "without area"),
+}
+NOT_OF_STL = ("index too high", "index below zero")  # STL has no indices
+
+
+@pytest.mark.parametrize("kind", WRITERS)
+@pytest.mark.parametrize("role", ["garment", "avatar"])
+@pytest.mark.parametrize("defect", DEFECTS)
+def test_a_broken_mesh_is_refused_in_every_format(defect: str, role: str, kind: str) -> None:
+    if kind == "stl" and defect in NOT_OF_STL:
+        return
+    change, words = DEFECTS[defect]
+    points, faces = sheet() if role == "garment" else ball()
+    WRITERS[kind](Path(f"bad.{kind}"), *change(points, faces))
+    line = refused(scene_of(**{role: f"bad.{kind}"}))
+    assert f"bad.{kind}" in line
+    assert words in line
+    if "units" in words:
+        assert f"{role}.units" in line
+
+
+@pytest.mark.parametrize("kind", WRITERS)
+def test_an_edge_with_three_faces_is_refused_in_every_format(kind: str) -> None:
+    points, faces = sheet()
+    points = np.concatenate([points, [[-0.2, 1.1, 0.4]]])
+    WRITERS[kind](Path(f"fin.{kind}"), points, np.concatenate([faces, [[0, 6, 25]]]))
+    assert "has 3 faces" in refused(scene_of(f"fin.{kind}"))
+
+
+@pytest.mark.parametrize("kind", WRITERS)
+@pytest.mark.parametrize("role", ["garment", "avatar"])
+@pytest.mark.parametrize("damage", ["missing", "empty", "half", "cut end", "noise", "prose", "folder", "dead link"])
+def test_a_damaged_file_is_refused_in_every_format(damage: str, role: str, kind: str) -> None:
+    path = Path(f"bad.{kind}")
+    whole = Path(f"whole.{kind}")
+    WRITERS[kind](whole, *sheet())
+    data = whole.read_bytes()
+    contents = {
+        "empty": b"",
+        "half": data[: len(data) // 2],
+        "cut end": data[:-4],
+        "noise": np.random.default_rng(1).bytes(2000),
+        "prose": b"Dear Sir,\nplease find enclosed the garment.\n",
+    }
+    if damage in contents:
+        path.write_bytes(contents[damage])
+    elif damage == "folder":
+        path.mkdir()
+    elif damage == "dead link":
+        path.symlink_to("gone")
+    assert str(path) in refused(scene_of(**{role: str(path)}))
+
+
+UV = np.asarray(sheet()[0][:, :2])
+UV_REFUSED: dict[str, tuple[np.ndarray | None, str]] = {
+    "none": (None, "needs texture coordinates"),
+    "all at one point": (0.0 * UV, "without area"),
+    "on one line": (UV * [1.0, 0.0], "without area"),
+    "half left out": (np.where(UV[:, 1:] > 1.25, UV, 0.0), "of 32 triangles have no area"),
+    "nan": (np.where(np.arange(25)[:, None] == 3, np.nan, UV), "needs texture coordinates"),
+    "beyond all numbers": (1e200 * UV, "too large"),
+    "in cm": (100.0 * UV, 'set garment.uv_units = "cm"'),
+    "in mm": (1000.0 * UV, 'set garment.uv_units = "mm"'),
+    "in inches": (UV / 0.0254, 'set garment.uv_units = "in"'),
+    "in a unit of its own": (7.0 * UV, "near 0.143"),
+}
+
+
+@pytest.mark.parametrize("case", UV_REFUSED)
+def test_panels_that_cannot_be_the_rest_shape_are_refused(case: str) -> None:
+    texcoords, words = UV_REFUSED[case]
+    write_obj(Path("panels.obj"), *sheet(), texcoords)
+    line = refused(scene_of("panels.obj", "ball.obj", 'rest = "uv"'))
+    assert line.startswith("error: panels.obj: ")
+    assert words in line
+    assert "garment." in line
+
+
+SCENES: dict[str, tuple[str, str]] = {
+    "nothing": ("", "is empty"),
+    "a comment": ("# soon\n", "garment: is missing"),
+    "no garment": ("[avatar]\nmesh = 'ball.obj'\n", "garment: is missing"),
+    "empty garment": ("[garment]\n", "neither mesh nor shape"),
+    "no TOML": ("[garment\nmesh = 3", "scene.toml:1: not TOML"),
+    "JSON": ('{"garment": {"mesh": "sheet.obj"}}', "not TOML"),
+    "a key twice": ("[garment]\nmesh = 'sheet.obj'\nmesh = 'sheet.obj'\n", "scene.toml:3: not TOML"),
+    "unknown table": ("[garment]\nmesh = 'sheet.obj'\n[gravity]\n", "unknown key gravity"),
+    "misspelt key": ("[garment]\nmesh = 'sheet.obj'\nfabrik = 'denim'\n", "did you mean garment.fabric?"),
+    "wrong type": ("[garment]\nmesh = 'sheet.obj'\n[solver]\nresidual = 'small'\n", 'number above 0 to 1, not "small"'),
+    "not a number": ("[garment]\nmesh = 'sheet.obj'\n[solver]\ntolerance_mm = nan\n", "not nan"),
+    "huge number": (f"[garment]\nmesh = 'sheet.obj'\n[collision]\npixel_mm = 1{'0' * 400}\n", "collision.pixel_mm"),
+    "unknown fabric": ("[garment]\nmesh = 'sheet.obj'\nfabric = 'mithril'\n", 'unknown fabric "mithril"'),
+    "garment without weight": ("[garment]\nmesh = 'sheet.obj'\nfabric = {weight = 0}\n", "garment.fabric.weight"),
+    "unit of road maps": ("[garment]\nmesh = 'sheet.obj'\nunits = 'km'\n", 'one of "m", "cm", "mm", "in"'),
+    "device for a mesh": ("[garment]\nmesh = '/dev/zero'\n", "/dev/zero: is no regular file"),
+    "path of a novel": (f"[garment]\nmesh = '{'x' * 5000}.obj'\n", "cannot be opened"),
+    "null in a path": ('[garment]\nmesh = "sheet\\u0000.obj"\n', "is not a path"),
+    "name that climbs": ("name = '../../etc'\n[garment]\nmesh = 'sheet.obj'\n", "cannot name a file"),
+    "pin of no vertex": ("[garment]\nmesh = 'sheet.obj'\npin = {vertices = [25]}\n", "vertex 25 does not exist"),
+    "pin in the void": ("[garment]\nmesh = 'sheet.obj'\npin = {box = [[8, 8, 8], [9, 9, 9]]}\n", "holds no vertex"),
+    "all pinned": ("[garment]\nmesh = 'sheet.obj'\npin = {box = [[-9, -9, -9], [9, 9, 9]]}\n", "nothing can move"),
+    "shape and mesh": ("[garment]\nmesh = 'sheet.obj'\nshape = {kind = 'square'}\n", "both given"),
+    "unknown shape": ("[garment]\nshape = {kind = 'dress'}\n", 'unknown kind "dress"'),
+    "contact of cloth": ("[garment]\nmesh = 'sheet.obj'\n[collision]\ncloth = true\n", "collision.cloth"),
+    "avatar of nothing": ("[garment]\nmesh = 'sheet.obj'\n[collision]\navatar = 'depth'\n", "no [avatar]"),
+}
+
+
+@pytest.mark.parametrize("case", SCENES)
+def test_nonsense_in_a_scene_file_is_refused(case: str) -> None:
+    text, words = SCENES[case]
+    Path("scene.toml").write_text(text)
+    assert words in refused("scene.toml")
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (("missing.toml",), "missing.toml"),
+        (("new",), '"new": no such scene file'),
+        ((".",), "is a folder"),
+        (("sheet.obj",), "sheet.obj"),
+        (("hanging", "--device", "cuda:99"), 'no device "cuda:99"'),
+        (("hanging", "--device", "gpu"), 'no device "gpu"'),
+        (("hanging", "--device", ""), 'no device ""'),
+        (("hanging", "--frames", "-1"), "-1 shapes"),
+        (("hanging", "--frames", "1000000"), "1000000 shapes"),
+        (("hanging", "--out", "sheet.obj"), "sheet.obj: is a file, not a folder"),
+        (("hanging", "--out", "sheet.obj/out"), "cannot be written"),
+        (("hanging", "--out", "/proc/out"), "cannot be written"),
+        (("hanging", "--out", "x" * 300), "cannot be written"),
+        (("hanging", "--set", "nonsense"), "has no value"),
+        (("hanging", "--set", "=3"), "is not a key"),
+        (("hanging", "--set", "garment.shape.vertices_per_side=1"), "vertices_per_side=1"),
+        (("hanging", "--set", "solver.precision=float16"), "float16"),
+    ],
+)
+def test_nonsense_on_the_command_line_is_refused(options: tuple[str, ...], words: str) -> None:
+    if "--device" in options or "--out" in options:  # the last one given counts
+        result = CliRunner().invoke(app, ["fit", *options, *(("--device", "cpu") if "--out" in options else ())])
+        told = [line for line in result.stderr.splitlines() if line not in STAGES]
+        assert (result.exit_code, result.stdout) == (2, "")
+        assert len(told) == 1
+        assert words in told[0]
+        assert not Path("out").exists()
+    else:
+        assert words in refused(*options)
+
+
+def test_a_garment_far_from_its_avatar_or_ten_times_its_size_is_refused() -> None:
+    points, faces = sheet()
+    write_obj(Path("far.obj"), points + np.array([50.0, 0.0, 0.0]), faces)
+    assert "away from the avatar" in refused(scene_of("far.obj"))
+    write_obj(Path("wide.obj"), points * [10.0, 10.0, 1.0], faces)
+    assert "garment.units" in refused(scene_of("wide.obj"))
+    assert "does not belong to an avatar" in refused(scene_of("sheet.obj", "ball.obj", 'units = "in"'))
+
+
+REPAIRS: dict[str, tuple[Change, str]] = {
+    "a triangle without area": (
+        lambda p, f: (np.concatenate([p, [p[0] + 0.5 * (p[1] - p[0])]]), np.concatenate([f, [[0, 25, 1]]])),
+        "without area",
+    ),
+    "a repeated index": (lambda p, f: (p, np.concatenate([f, [[4, 4, 9]]])), "repeat a vertex"),
+    "a duplicate face": (lambda p, f: (p, np.concatenate([f, f[3:4, [1, 2, 0]]])), "duplicate"),
+    "a flipped face": (lambda p, f: (p, np.concatenate([f[:5, ::-1], f[5:]])), "flipped"),
+    "an isolated vertex": (lambda p, f: (np.concatenate([p, [[0.0, 1.2, 0.5]]]), f), "isolated"),
+    "unwelded": (lambda p, f: (p[f].reshape(-1, 3), np.arange(3 * len(f)).reshape(-1, 3)), "welded"),
+}
+
+
+def notes_of_fit(scene: str) -> tuple[dict[str, Any], str]:
+    result = fit(scene)
+    assert result.exit_code == 0, result.output
+    report = json.loads(Path("new/out/report.json").read_text(encoding="utf-8"))
+    return report, " ".join(report["garments"][0]["notes"])
+
+
+@pytest.mark.parametrize("kind", ["obj", "ply", "usda"])
+@pytest.mark.parametrize("repair", REPAIRS)
+def test_what_can_be_mended_is_mended_and_told(repair: str, kind: str) -> None:
+    change, words = REPAIRS[repair]
+    WRITERS[kind](Path(f"odd.{kind}"), *change(*sheet()))
+    report, notes = notes_of_fit(scene_of(f"odd.{kind}"))
+    assert (report["vertices"], report["faces"]) == (25, 32)
+    assert words in notes
+
+
+@pytest.mark.parametrize("kind", ["obj", "ply", "usda"])
+def test_quads_become_triangles_and_the_report_says_so(kind: str) -> None:
+    points, faces = sheet()
+    quads = np.stack([faces[::2, 0], faces[::2, 1], faces[::2, 2], faces[1::2, 2]], axis=1)
+    WRITERS[kind](Path(f"quads.{kind}"), points, quads)
+    report, notes = notes_of_fit(scene_of(f"quads.{kind}"))
+    assert report["faces"] == 32
+    assert "polygon" in notes or "quad" in notes
+
+
+def oddities() -> dict[str, tuple[np.ndarray, np.ndarray]]:
+    """Garments that are strange and sound."""
+    points, faces = sheet()
+    behind, _ = sheet(toward=0.4)
+    thin = points.copy()
+    thin[12] = thin[13] + [0.0, 0.0, 1e-5]
+    closed, closed_faces = ball(0.3)
+    return {
+        "one triangle": (points[[0, 1, 6]] * 2.0 - [0.0, 1.0, 0.0], np.array([[0, 1, 2]])),
+        "two parts": (np.concatenate([points, behind]), np.concatenate([faces, faces + 25])),
+        "thin triangles": (thin, faces),
+        "closed": (closed, closed_faces),
+        "the avatar itself": ball(),
+    }
+
+
+@pytest.mark.parametrize("case", oddities())
+def test_strange_garments_are_fitted(case: str) -> None:
+    write_obj(Path("Größe S.obj"), *oddities()[case])
+    Path("link to it.obj").symlink_to("Größe S.obj")
+    report, _ = notes_of_fit(scene_of("link to it.obj"))
+    assert report["status"] == "iteration_limit"
+    assert all(value is not None for value in (*report["strain"].values(), *report["residual"].values()))
+
+
+def command(*arguments: str) -> subprocess.Popen[str]:
+    whole = [sys.executable, "-m", "warp_cloth", "fit", *arguments]
+    return subprocess.Popen(whole, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+
+
+def test_the_command_itself_refuses_with_one_line(place: Path) -> None:
+    write_obj(place / "bad.obj", with_value(sheet()[0], np.nan), sheet()[1])
+    scene_of("bad.obj")
+    running = command("scene.toml", "--device", "cpu", "--out", "out")
+    out, err = running.communicate(timeout=120)
+    assert running.returncode == 2
+    assert out == ""
+    assert err == (
+        "loading\nerror: bad.obj:4: vertex 4 is not finite: (0.125, nan, 0.3); repair the mesh where it was made\n"
+    )
+    assert not Path("out").exists()
+
+
+def test_an_interrupt_while_it_relaxes_leaves_nothing(place: Path) -> None:
+    scene_of()
+    endless = ("--set", "solver.iterations=10000000", "--set", "solver.residual=1e-300")
+    running = command("scene.toml", "--device", "cpu", "--out", "new/out", *endless)
+    assert running.stderr is not None
+    for line in running.stderr:
+        if line.startswith("relaxing"):
+            break
+    running.send_signal(signal.SIGINT)
+    out, err = running.communicate(timeout=120)
+    assert running.returncode == 130
+    assert out == ""
+    assert err.splitlines()[-1] == "interrupted"
+    assert not Path("new").exists()
