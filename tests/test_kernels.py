@@ -1,0 +1,98 @@
+"""Every kernel compiles, and says what it does: what a type checker is elsewhere, these tests are for kernels."""
+
+from __future__ import annotations
+
+import ast
+import importlib
+import itertools
+from collections.abc import Iterator
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+import warp as wp
+
+import warp_cloth.kernels
+from warp_cloth.kernels.certify import energy_kernels, residual_kernel
+from warp_cloth.kernels.closest import MeshCollider, mesh_contact
+from warp_cloth.kernels.cloth import FOURTH_PARTS, PRECISIONS
+from warp_cloth.kernels.displace import displace_kernels
+from warp_cloth.kernels.field import ContactField, field_contact
+from warp_cloth.kernels.gather import gather_kernels
+from warp_cloth.kernels.scatter import scatter_kernels
+
+FOLDER = Path(warp_cloth.kernels.__path__[0])
+FILES = sorted(path for path in FOLDER.glob("*.py") if path.name != "__init__.py")
+COLLIDERS = ((None, None), (field_contact, ContactField), (mesh_contact, MeshCollider))
+# Kernels may use these besides Warp and each other: they are written in a language of their own.
+STANDARD = {"functools", "math", "types", "typing"}
+
+MADE_BY_WARP = ("func", "kernel", "struct")
+
+
+def device_code(tree: ast.AST) -> Iterator[tuple[str, ast.FunctionDef | ast.ClassDef]]:
+    """Every function, kernel and struct of a kernel file, wherever in it, with which of these it is."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.FunctionDef | ast.ClassDef):
+            for decorator in node.decorator_list:
+                maker = decorator.func if isinstance(decorator, ast.Call) else decorator
+                if isinstance(maker, ast.Attribute) and maker.attr in MADE_BY_WARP:
+                    yield maker.attr, node
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
+def test_every_kernel_function_and_struct_has_a_docstring(path: Path) -> None:
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    assert ast.get_docstring(tree), "the file itself"
+    for _, node in device_code(tree):
+        assert ast.get_docstring(node), f"{node.name}, line {node.lineno}"
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
+def test_kernels_import_warp_and_each_other_only(path: Path) -> None:
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
+        names += [str(node.module)] if isinstance(node, ast.ImportFrom) else []
+        for name in names:
+            assert name in {"warp", *STANDARD} or name.startswith("warp_cloth.kernels."), name
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
+def test_kernels_are_named_by_a_verb_and_write_to_outputs_named_so(path: Path) -> None:
+    for kind, node in device_code(ast.parse(path.read_text(encoding="utf-8"))):
+        if kind == "kernel":
+            assert "_" in node.name, f"{node.name}: verb_noun"
+            names = [argument.arg for argument in node.args.args]  # type: ignore[union-attr]
+            outputs = [name for name in names if name.endswith("_out")]
+            assert names[len(names) - len(outputs) :] == outputs, f"{node.name}: outputs come last"
+
+
+def loaded(*kernels: Any) -> None:
+    """Compiles kernels for the CPU, or what a factory made."""
+    made = [k for entry in kernels for k in (vars(entry).values() if isinstance(entry, SimpleNamespace) else [entry])]
+    modules = {kernel.module for kernel in made if isinstance(kernel, wp.Kernel)}
+    assert modules
+    wp.force_load("cpu", modules=list(modules))
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
+def test_kernels_outside_factories_compile(path: Path) -> None:
+    module = importlib.import_module(f"warp_cloth.kernels.{path.stem}")
+    kernels = [value for value in vars(module).values() if isinstance(value, wp.Kernel)]
+    if kernels:
+        loaded(*kernels)
+
+
+@pytest.mark.parametrize("precision", PRECISIONS)
+def test_force_kernels_compile(precision: str) -> None:
+    loaded(*(scatter_kernels(precision, fourth) for fourth in FOURTH_PARTS))
+    loaded(*(gather_kernels(precision, *rest) for rest in itertools.product(FOURTH_PARTS, (False, True))))
+
+
+@pytest.mark.parametrize("precision", PRECISIONS)
+def test_displacement_and_certificate_kernels_compile(precision: str) -> None:
+    loaded(energy_kernels(precision))
+    for contact, data in COLLIDERS:
+        displace = displace_kernels(precision, contact, data)
+        loaded(displace, residual_kernel(precision, contact, displace.collider_type))
