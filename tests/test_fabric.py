@@ -8,29 +8,33 @@ from pathlib import Path
 import pytest
 
 from warp_cloth.errors import InputError
-from warp_cloth.fabric import (
-    BOUNDS,
-    KES_BENDING,
-    MATCHED_CURVATURE,
-    Fabric,
-    fabric_named,
-    load_fabric,
-    measured_fabric,
-    resolve_fabric,
-    shipped_fabrics,
-)
+from warp_cloth.fabric import BOUNDS, Fabric, fabric_named, load_fabric, resolve_fabric, shipped_fabrics
+from warp_cloth.laboratory import KES_BENDING, MATCHED_CURVATURE, MATCHED_SHEAR_ANGLE
 
 ROUNDING = 1e-12  # relative; conversions are a few products in float64
 
 
-def test_emt_and_b_give_back_the_laboratory_figures() -> None:
-    fabric = measured_fabric(
-        "x", weight_gsm=120, emt_percent=5, bending_b=0.06, thickness_mm=0.4, source="a laboratory"
+def test_laboratory_figures_come_back_from_the_laws_that_they_set() -> None:
+    fabric = resolve_fabric(
+        {
+            "weight_gsm": 120,
+            "emt_warp_percent": 5,
+            "emt_weft_percent": 8,
+            "shear_G": 0.9,
+            "bending_B_warp": 0.06,
+            "bending_B_weft": 0.04,
+            "thickness_mm": 0.4,
+        }
     )
-    force_at_emt = fabric.stretch * 0.05**2
-    assert force_at_emt == pytest.approx(0.5 * 9.80665 / 0.01, rel=ROUNDING)  # 500 gf/cm in N/m
-    moment = fabric.bending * MATCHED_CURVATURE**2 / 2  # of the cosine law, per width
-    assert moment == pytest.approx(0.06 * KES_BENDING * MATCHED_CURVATURE, rel=ROUNDING)
+    kes_force = pytest.approx(0.5 * 9.80665 / 0.01, rel=ROUNDING)  # 500 gf/cm in N/m
+    assert fabric.stretch_warp * 0.05**2 == kes_force
+    assert fabric.stretch_weft * 0.08**2 == kes_force
+    for bending, b in ((fabric.bending_warp, 0.06), (fabric.bending_weft, 0.04)):
+        moment = bending * MATCHED_CURVATURE**2 / 2  # of the cosine law, per width
+        assert moment == pytest.approx(b * KES_BENDING * MATCHED_CURVATURE, rel=ROUNDING)
+    low, high = (fabric.shear * math.radians(degrees) ** 2 for degrees in (0.5, 2.5))
+    slope = (high - low) / 2.0  # N/m per degree, read where KES-F reads it
+    assert slope == pytest.approx(0.9 * 9.80665e-3 / 0.01, rel=ROUNDING)
     assert (fabric.weight, fabric.thickness) == pytest.approx((0.12, 0.4e-3), rel=ROUNDING)
 
 
@@ -39,16 +43,33 @@ def test_unit_of_bending_rigidity_is_one_gram_force_centimetre_squared_per_centi
 
 
 def test_emt_of_five_percent_is_the_stretch_that_the_model_states() -> None:
-    fabric = measured_fabric("x", weight_gsm=1, emt_percent=5, bending_b=0, thickness_mm=0, source="")
-    assert fabric.stretch == pytest.approx(196e3, rel=1e-3)  # model.md gives three digits
+    fabric = resolve_fabric({"emt_percent": 5})
+    assert fabric.stretch_warp == fabric.stretch_weft == pytest.approx(196e3, rel=1e-3)  # model.md gives three digits
+
+
+def test_a_measured_curve_gives_the_stretch_that_made_it() -> None:
+    curve = [[percent, 150e3 * (percent / 100) ** 2] for percent in (1, 2, 4)]
+    assert resolve_fabric({"tension_warp": curve}).stretch_warp == pytest.approx(150e3, rel=ROUNDING)
+
+
+def test_bending_length_and_bias_extension_state_bending_and_shear() -> None:
+    fabric = resolve_fabric({"weight_gsm": 100, "bending_length_warp_mm": 20, "bias_extension_percent": 4, "base": "silk"})
+    moment = fabric.bending_warp * MATCHED_CURVATURE / 2
+    assert moment == pytest.approx(0.1 * 9.80665 * 0.02**3, rel=ROUNDING)  # ISO 9073-7: weight times length cubed
+    assert fabric.shear * MATCHED_SHEAR_ANGLE == pytest.approx(123 / 4, rel=ROUNDING)
+
+
+def test_one_stretch_for_all_directions_leaves_shear_to_the_edges() -> None:
+    fabric = resolve_fabric({"base": "cotton", "stretch": 5e3, "bending": 2e-7})
+    assert (fabric.stretch_warp, fabric.stretch_weft, fabric.shear) == (5e3, 5e3, None)
+    assert (fabric.bending_warp, fabric.bending_weft) == (2e-7, 2e-7)
+    assert resolve_fabric({"base": "cotton", "stretch": 5e3, "shear": 100}).shear == 100.0
 
 
 def test_eight_fabrics_and_a_generic_one_ship_each_with_its_source() -> None:
     fabrics = shipped_fabrics()
-    assert list(fabrics) == [
-        "default",
-        *("jersey", "cotton", "denim", "silk", "wool", "linen", "polyester", "felt"),
-    ]
+    names = ("cotton", "denim", "felt", "jersey", "linen", "polyester", "silk", "wool")
+    assert list(fabrics) == ["default", *names]
     assert all(fabric.source for fabric in fabrics.values())
     assert fabrics["default"] == Fabric()
 
@@ -56,17 +77,17 @@ def test_eight_fabrics_and_a_generic_one_ship_each_with_its_source() -> None:
 def test_shipped_fabrics_are_ordered_as_cloth_is() -> None:
     fabrics = shipped_fabrics()
     # bending length (B / weight)^(1/3) is what orders drape
-    droop = {name: math.cbrt(f.bending / f.weight) for name, f in fabrics.items()}
+    droop = {name: (f.bending / f.weight) ** (1.0 / 3.0) for name, f in fabrics.items()}
     assert droop["jersey"] < droop["silk"] < droop["cotton"] < droop["denim"] < droop["felt"]
     assert fabrics["jersey"].stretch < fabrics["wool"].stretch < fabrics["linen"].stretch
 
 
 def test_name_table_file_and_fabric_all_state_a_fabric(tmp_path: Path) -> None:
     (tmp_path / "mine.toml").write_text('base = "cotton"\nweight = 0.15\n')
-    assert resolve_fabric("silk") is fabric_named("silk")
+    assert resolve_fabric("silk") == fabric_named("silk")
     assert resolve_fabric(Fabric(weight=1)).weight == 1.0
     table = resolve_fabric({"name": "cotton", "stretch": 1000})
-    assert (table.name, table.stretch, table.weight) == ("cotton", 1000.0, 0.12)
+    assert (table.name, table.stretch_warp, table.weight) == ("cotton", 1000.0, 0.12)
     assert "the scene's own: stretch" in table.source
     file = resolve_fabric("mine.toml", tmp_path)
     assert (file.name, file.weight, file.stretch) == ("mine", 0.15, fabric_named("cotton").stretch)
@@ -76,7 +97,7 @@ def test_name_table_file_and_fabric_all_state_a_fabric(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("key", BOUNDS)
-@pytest.mark.parametrize("value", [-1, math.nan, math.inf, 1e12, "3", True, None])
+@pytest.mark.parametrize("value", [-1, math.nan, math.inf, 1e12, "3", True, [1]])
 def test_a_value_out_of_bounds_is_refused_by_key(key: str, value: object) -> None:
     with pytest.raises(InputError, match="must be a number from") as refused:
         Fabric(**{key: value})  # type: ignore[arg-type]
@@ -91,6 +112,11 @@ def test_a_value_out_of_bounds_is_refused_by_key(key: str, value: object) -> Non
         ({"name": "cottn"}, "name", 'unknown fabric "cottn"; did you mean "cotton"?'),
         ({"base": 3}, "base", "must be a name or a .toml file, not 3"),
         ({"stretsh": 3}, "stretsh", "unknown key; did you mean stretch? allowed here: base, name"),
+        ({"stretch": "much"}, "stretch", 'must be a number from 0.001 to 1e+09, not "much"'),
+        ({"emt_warp_percent": 0}, "emt_warp_percent", "must be a number from 0.05 to 300 [% at 500 gf/cm], not 0"),
+        ({"emt_percent": 3, "stretch": 3.0}, "stretch", "states the same as emt_percent; give one of them"),
+        ({"tension_warp": []}, "tension_warp", "must be a list of [elongation in %, force in N/m], all positive"),
+        ({"shear": 1e4}, "shear", "1e+04 N/m is more than 0.25 of the smaller stretch; state at most 5000 N/m"),
         ({"weight": "heavy"}, "weight", 'must be a number from 0.001 to 100, not "heavy"'),
         ({"base": "silk", "name": 3}, "name", "must be text, not 3"),
     ],

@@ -79,7 +79,7 @@ DEFECTS: dict[str, tuple[Change, str]] = {
     "far too large": (lambda p, f: (1e6 * p, f), 'units = "m"'),
     "far too small": (lambda p, f: (1e-6 * p, f), 'units = "m"'),
     "all at one point": (lambda p, f: (0.0 * p, f), "point"),
-    "all on one line": (lambda p, f: (p * [1.0, 0.0, 0.0], f), "without area"),
+    "all on one line": (lambda p, f: (p * [1.0, 0.0, 0.0], f), "no face is left"),
 }
 NOT_OF_STL = ("index too high", "index below zero")  # STL has no indices
 

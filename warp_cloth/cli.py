@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, redirect_stderr
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -112,8 +112,9 @@ def scenes() -> None:
         typer.echo("Fabrics:")
         for name, fabric in shipped_fabrics().items():
             typer.echo(
-                f"  {name:<10} {fabric.weight * 1e3:4.0f} g/m2  stretch {fabric.stretch / 1e3:5.1f} kN/m  "
-                f"bending {fabric.bending:.1e} N m2  thickness {fabric.thickness * 1e3:.2f} mm"
+                f"  {name:<10} {fabric.weight * 1e3:4.0f} g/m2  stretch {fabric.stretch_warp / 1e3:5.1f} and "
+                f"{fabric.stretch_weft / 1e3:5.1f} kN/m  bending {fabric.bending_warp:.1e} and "
+                f"{fabric.bending_weft:.1e} N m2  thickness {fabric.thickness * 1e3:.2f} mm"
             )
 
 
@@ -194,19 +195,19 @@ def _start_warp(verbose: bool) -> None:
 
 @contextmanager
 def _silenced_stderr() -> Iterator[None]:
-    """Drop what native code writes to the error stream: Warp says there that a machine has no GPU."""
-    try:
-        kept = os.dup(2)
-    except OSError:  # there is no error stream
-        yield
-        return
-    with open(os.devnull, "w") as nowhere:
+    """Drop what is written to the error stream, by native code too: Warp says there that a machine has no GPU."""
+    with open(os.devnull, "w") as nowhere, redirect_stderr(nowhere):
+        try:
+            kept = os.dup(2)
+        except OSError:  # there is no error stream
+            yield
+            return
         os.dup2(nowhere.fileno(), 2)
-    try:
-        yield
-    finally:
-        os.dup2(kept, 2)
-        os.close(kept)
+        try:
+            yield
+        finally:
+            os.dup2(kept, 2)
+            os.close(kept)
 
 
 def _fit(scene: Scene, device: str | None, frames: int) -> Fit:
