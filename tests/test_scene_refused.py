@@ -132,9 +132,7 @@ def test_a_wrong_key_or_value_is_told_with_file_key_value_and_what_is_allowed(
         ("[solver]\niterations = 3", "garment: is missing; give a table, or a list of tables"),
     ],
 )
-def test_a_scene_without_a_proper_garment_is_told_what_one_needs(
-    tmp_path: Path, text: str, line: str
-) -> None:
+def test_a_scene_without_a_proper_garment_is_told_what_one_needs(tmp_path: Path, text: str, line: str) -> None:
     assert line in refused(write(tmp_path, text))
 
 
@@ -173,9 +171,7 @@ def test_a_file_with_a_byte_order_mark_is_read(tmp_path: Path) -> None:
 
 def test_a_missing_scene_names_the_shipped_ones_and_the_nearest(tmp_path: Path) -> None:
     told = refused("tshrt")
-    assert (
-        told == '"tshrt": no such scene file; did you mean "tshirt"? shipped scenes: hanging, sphere, tshirt'
-    )
+    assert told == '"tshrt": no such scene file; did you mean "tshirt"? shipped scenes: hanging, sphere, tshirt'
     assert "shipped scenes" in refused(tmp_path / "absent.toml")
     assert "no such scene file" in refused("a\0b")
     assert "no such scene file" in refused("x" * 5000)

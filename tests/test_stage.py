@@ -31,9 +31,7 @@ def surface(stage: Usd.Stage, part: str = "shirt") -> UsdGeom.Mesh:
 
 @pytest.mark.parametrize("suffix", [".usdc", ".usda", ".usdz"])
 def test_validators_find_nothing(tmp_path: Path, suffix: str) -> None:
-    stage = written(
-        tmp_path / f"fit{suffix}", worn(frame_count=FRAME_COUNT), worn("coat", frame_count=FRAME_COUNT)
-    )
+    stage = written(tmp_path / f"fit{suffix}", worn(frame_count=FRAME_COUNT), worn("coat", frame_count=FRAME_COUNT))
     validators = UsdValidation.ValidationRegistry().GetOrLoadAllValidators()
     findings = UsdValidation.ValidationContext(validators).Validate(stage)
     assert [finding.GetMessage() for finding in findings] == []
@@ -106,9 +104,7 @@ def test_normals_are_the_area_weighted_means(tmp_path: Path) -> None:
 
 def test_normals_are_unit_even_where_no_area_meets(tmp_path: Path) -> None:
     garment = worn()
-    loose = replace(
-        garment.mesh, triangles=garment.mesh.triangles[8:]
-    )  # leaves the first corner without faces
+    loose = replace(garment.mesh, triangles=garment.mesh.triangles[8:])  # leaves the first corner without faces
     points = garment.points.copy()
     points[garment.mesh.triangles[-1]] = points[0]  # a triangle without area
     part = replace(garment, mesh=replace(loose, texcoords=None, panels=None), points=points)

@@ -14,9 +14,7 @@ FRAME_COUNT = 4
 RNG_SEED = 5
 
 
-def worn(
-    name: str = "shirt", *, frame_count: int = 0, height: float = 1.0, toward: float = 0.3
-) -> WornGarment:
+def worn(name: str = "shirt", *, frame_count: int = 0, height: float = 1.0, toward: float = 0.3) -> WornGarment:
     """A bulging vertical square with texture coordinates, panels and a field, ``toward`` the viewer [m]."""
     random = np.random.default_rng(RNG_SEED)
     mesh = grid(7, 0.6)
@@ -32,9 +30,7 @@ def worn(
     )
     steps = np.linspace(0.2, 0.0, frame_count)
     frames = (
-        np.stack([points + np.array([0.0, step, 0.0]) for step in steps]).astype(np.float32)
-        if frame_count
-        else None
+        np.stack([points + np.array([0.0, step, 0.0]) for step in steps]).astype(np.float32) if frame_count else None
     )
     strain = random.normal(size=len(points)).astype(np.float32)
     return WornGarment(name, mesh, points, thickness=5e-4, frames=frames, fields={"strain": strain})

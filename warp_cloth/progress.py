@@ -71,9 +71,7 @@ class ProgressDisplay:
         told = figures(step) if relaxing else ""
         if self._console.is_terminal:
             total = step.iteration_limit if relaxing else None
-            self._bar.update(
-                self._task, description=stage, total=total, completed=step.iteration, figures=told
-            )
+            self._bar.update(self._task, description=stage, total=total, completed=step.iteration, figures=told)
             return
         now = time.monotonic()
         if stage != self._stage or now - self._last_line >= LOG_SECONDS:

@@ -56,18 +56,12 @@ def _text(path: Path, role: str) -> str:
         raise InputError(path, f"is a folder, not a {role}", "name the .toml file itself")
     try:
         if not path.is_file() or path.stat().st_size > LARGEST_FILE:
-            raise InputError(
-                path, f"is not a {role}", "give a TOML file below 1 MB; meshes are only named in it"
-            )
+            raise InputError(path, f"is not a {role}", "give a TOML file below 1 MB; meshes are only named in it")
         text = path.read_bytes().decode("utf-8-sig")
     except OSError as error:
-        raise InputError(
-            path, f"cannot be read: {error.strerror or error}", "check its permissions"
-        ) from None
+        raise InputError(path, f"cannot be read: {error.strerror or error}", "check its permissions") from None
     except UnicodeDecodeError as error:
-        raise InputError(
-            path, f"is not text in UTF-8 (byte {error.start})", f"a {role} is a TOML file"
-        ) from None
+        raise InputError(path, f"is not text in UTF-8 (byte {error.start})", f"a {role} is a TOML file") from None
     if "\0" in text:
         raise InputError(path, "is a binary file", f"a {role} is a TOML file")
     return text

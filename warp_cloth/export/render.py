@@ -49,9 +49,7 @@ class Subject:
 
 def gathered(garments: Sequence[WornGarment], avatar: Mesh | None, device: str) -> Subject:
     """Garments and avatar joined, with their looks."""
-    parts = [
-        (worn.points, worn.mesh.triangles, cloth_colour(i), INSIDE_SHARE) for i, worn in enumerate(garments)
-    ]
+    parts = [(worn.points, worn.mesh.triangles, cloth_colour(i), INSIDE_SHARE) for i, worn in enumerate(garments)]
     if avatar is not None:
         parts.append((avatar.points, avatar.triangles, AVATAR_COLOUR, 1.0))
     starts = np.cumsum([0, *(len(points) for points, *_ in parts)]).tolist()
@@ -109,9 +107,7 @@ def rendered(
     subject: Subject, toward: Vector, pixel: float, width: int, height: int, background: Vector
 ) -> NDArray[np.float32]:
     """Linear light seen along -toward, shape [height, width, 3], top row first; ``pixel`` in metres."""
-    view = view_from(
-        toward, subject.centre, pixel / SUPERSAMPLING, width * SUPERSAMPLING, height * SUPERSAMPLING
-    )
+    view = view_from(toward, subject.centre, pixel / SUPERSAMPLING, width * SUPERSAMPLING, height * SUPERSAMPLING)
     depth = depth_image(subject, view)
     key, fill = (light_direction(light, toward) for light in (KEY_LIGHT, FILL_LIGHT))
     across = int(np.ceil(np.linalg.norm(subject.extent) / pixel)) + 2

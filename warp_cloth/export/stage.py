@@ -87,9 +87,7 @@ def author_root(stage: Usd.Stage, name: str, frame_count: int, frames_per_second
         stage.SetStartTimeCode(FIRST_FRAME)
         stage.SetEndTimeCode(FIRST_FRAME + frame_count - 1)
     stage.GetRootLayer().customLayerData = {"generator": "warp_cloth", "version": version("warp-cloth")}
-    root = UsdGeom.Xform.Define(
-        stage, Sdf.Path.absoluteRootPath.AppendChild(unique_identifier(name, "fit", set()))
-    )
+    root = UsdGeom.Xform.Define(stage, Sdf.Path.absoluteRootPath.AppendChild(unique_identifier(name, "fit", set())))
     root.GetPrim().SetDisplayName(name)
     stage.SetDefaultPrim(root.GetPrim())
     UsdGeom.Scope.Define(stage, root.GetPath().AppendChild(MATERIALS))
@@ -123,9 +121,7 @@ def bind(prim: Usd.Prim, material: UsdShade.Material) -> None:
     UsdShade.MaterialBindingAPI.Apply(prim).Bind(material)
 
 
-def author_mesh(
-    part: Usd.Prim, mesh: Mesh, points: Points, frames: NDArray[np.float32] | None
-) -> UsdGeom.Mesh:
+def author_mesh(part: Usd.Prim, mesh: Mesh, points: Points, frames: NDArray[np.float32] | None) -> UsdGeom.Mesh:
     """The surface: faces and st once, shape (points, normals, extent) as default and at every frame."""
     path = part.GetPath().AppendChild(f"{part.GetName()}_mesh")
     surface = UsdGeom.Mesh.Define(part.GetStage(), path)

@@ -97,9 +97,7 @@ def _tell(detail: ErrorDetails, key: str, allowed: str, keys: Sequence[str]) -> 
         return f"unknown kind {show(context['tag'])}", f"use one of {_tags(context)}"
     if kind in ("model_type", "model_attributes_type", "dict_type"):
         return f"must be a table, not {show(value)}", ""
-    close = (
-        nearest(value, allowed.split('"')[1::2]) if kind == "literal_error" and isinstance(value, str) else ""
-    )
+    close = nearest(value, allowed.split('"')[1::2]) if kind == "literal_error" and isinstance(value, str) else ""
     return f"must be {allowed}, not {show(value)}" if allowed else f"{show(value)} is not allowed", close
 
 
@@ -107,9 +105,7 @@ def _tags(context: Mapping[str, Any]) -> str:
     return str(context.get("expected_tags", '"square", "tshirt", "sphere", "mannequin"')).replace("'", '"')
 
 
-def _look_up(
-    model: type[BaseModel], location: Location, many_garments: bool
-) -> tuple[str, str, tuple[str, ...]]:
+def _look_up(model: type[BaseModel], location: Location, many_garments: bool) -> tuple[str, str, tuple[str, ...]]:
     """The dotted key of a pydantic location, what is allowed there, the keys of the table it stands in."""
     tables, key, allowed = [model], "", ""
     keys: tuple[str, ...] = ()
@@ -168,9 +164,7 @@ def _bare(annotation: Any) -> tuple[Any, list[Any]]:
     while True:
         if get_origin(annotation) is Annotated:
             annotation, *more = get_args(annotation)
-            metadata += [
-                m for item in more for m in (item.metadata if isinstance(item, FieldInfo) else [item])
-            ]
+            metadata += [m for item in more for m in (item.metadata if isinstance(item, FieldInfo) else [item])]
         elif get_origin(annotation) in (Union, types.UnionType):
             kept = [inner for inner in get_args(annotation) if inner is not type(None)]
             if len(kept) != 1:
@@ -201,11 +195,5 @@ def _allowed(annotation: Any, metadata: list[Any]) -> str:
 
 def _range(metadata: Sequence[Any]) -> str:
     bounds = {name: getattr(m, name) for m in metadata for name in ("ge", "gt", "le") if hasattr(m, name)}
-    lowest = (
-        f" above {bounds['gt']:.10g}"
-        if "gt" in bounds
-        else f" from {bounds['ge']:.10g}"
-        if "ge" in bounds
-        else ""
-    )
+    lowest = f" above {bounds['gt']:.10g}" if "gt" in bounds else f" from {bounds['ge']:.10g}" if "ge" in bounds else ""
     return lowest + (f" to {bounds['le']:.10g}" if "le" in bounds else "") if lowest else ""

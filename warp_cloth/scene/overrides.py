@@ -51,9 +51,7 @@ def _parts(key: str, place: str) -> list[str | int]:
     for piece in key.split("."):
         match = PART.fullmatch(piece.strip())
         if match is None:
-            raise InputError(
-                place, f"{show(key)} is not a key", "write KEY=VALUE, for instance solver.iterations=500"
-            )
+            raise InputError(place, f"{show(key)} is not a key", "write KEY=VALUE, for instance solver.iterations=500")
         parts.append(match[1])
         parts += [int(number) for number in re.findall(r"\d+", match[2])]
     return parts
@@ -66,15 +64,11 @@ def _chosen_garment(parts: list[str | int], garments: Any, place: str) -> list[s
         if len(garments) == 1 and not numbered and len(parts) > 1:
             return ["garment", 0, *parts[1:]]
         if not numbered and len(parts) > 1:
-            raise InputError(
-                place, f"the scene has {len(garments)} garments", "say which: garment[0] is the first"
-            )
+            raise InputError(place, f"the scene has {len(garments)} garments", "say which: garment[0] is the first")
     elif numbered and parts[1] == 0:
         return ["garment", *parts[2:]]
     elif numbered:
-        raise InputError(
-            place, f"there is no garment[{parts[1]}]", "the scene has one garment: leave the number out"
-        )
+        raise InputError(place, f"there is no garment[{parts[1]}]", "the scene has one garment: leave the number out")
     return parts
 
 
@@ -111,9 +105,7 @@ def _settle_choice(table: dict[str, Any], key: str, value: str) -> None:
 
 def _path_from_here(key: str, value: Any, directory: Path) -> Any:
     """A file that the scene's folder does not have is taken from the current one, where --set was typed."""
-    named = isinstance(value, str) and (
-        key == "mesh" or (key == "fabric" and value.lower().endswith(".toml"))
-    )
+    named = isinstance(value, str) and (key == "mesh" or (key == "fabric" and value.lower().endswith(".toml")))
     if named and not exists(directory / value) and exists(Path(value)):
         return str(Path(value).absolute())
     return value

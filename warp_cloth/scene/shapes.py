@@ -29,9 +29,7 @@ class SquareShape(Table):
     vertices_per_side: Whole = Field(
         default=33, ge=2, le=2049, description="33 on 1 m: edges of 31 mm, quick and smooth"
     )
-    plane: Literal["horizontal", "vertical"] = Field(
-        default="horizontal", description="lies, or hangs facing +z"
-    )
+    plane: Literal["horizontal", "vertical"] = Field(default="horizontal", description="lies, or hangs facing +z")
     height: Real = Field(
         default=1.0,
         ge=-1e6,
@@ -56,9 +54,7 @@ class SphereShape(Table):
     kind: Literal["sphere"]
     radius: Real = Field(default=0.3, ge=1e-3, le=100, description="radius [m]")
     centre: Point = Field(default=(0.0, 0.6, 0.0), description="centre [m]")
-    edge_mm: Real = Field(
-        default=20.0, ge=1, le=1e4, description="edge length [mm]; 20 on 0.3 m: flat to 0.2 mm"
-    )
+    edge_mm: Real = Field(default=20.0, ge=1, le=1e4, description="edge length [mm]; 20 on 0.3 m: flat to 0.2 mm")
 
 
 class MannequinShape(Table):
