@@ -9,6 +9,7 @@ from warp_cloth.kernels.bending import hinge_energy
 from warp_cloth.kernels.cloth import MODULE_OPTIONS, cloth_types, difference_function
 from warp_cloth.kernels.friction import friction_residual
 from warp_cloth.kernels.tension import tension_energy
+from warp_cloth.kernels.weave import thread_energy, warp_vector, weft_vector
 
 
 @functools.cache
@@ -47,9 +48,10 @@ def residual_kernel(precision: str, contact: wp.Function | None, collider_type: 
 
 @functools.cache
 def energy_kernels(precision: str) -> SimpleNamespace:
-    """Kernels ``measure_tension`` and ``measure_bending``: energy of each edge and hinge, strain of each edge."""
+    """Kernels ``measure_tension``, ``measure_bending``, ``measure_weave``: energies, strains of edges and threads."""
     types = cloth_types(precision)
-    Cloth, Edges, Hinges = types.Cloth, types.Edges, types.Hinges
+    real, vec4 = types.real, types.vec4
+    Cloth, Edges, Hinges, Weave = types.Cloth, types.Edges, types.Hinges, types.Weave
     difference = difference_function(precision)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
@@ -81,4 +83,33 @@ def energy_kernels(precision: str) -> SimpleNamespace:
         wing_1 = difference(cloth.position[corners[3]], start)
         energy_out[hinge] = wp.float64(hinge_energy(axis, wing_0, wing_1, hinges.stiffness[hinge]))
 
-    return SimpleNamespace(measure_tension=measure_tension, measure_bending=measure_bending)
+    half = wp.constant(real(0.5**0.5))
+
+    @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
+    def measure_weave(
+        cloth: Cloth,
+        weave: Weave,
+        energy_out: wp.array(dtype=wp.float64),  # [J], shape [T]
+        strain_out: wp.array(dtype=wp.vec4d),  # of weft, warp and both biases, shape [T]
+    ):
+        """Energy and strains of each woven triangle."""
+        triangle = wp.tid()
+        corners = weave.corners[triangle]
+        law = weave.law[triangle]
+        push = law * law[3]
+        slope = weave.slope[triangle]
+        side_1 = difference(cloth.position[corners[1]], cloth.position[corners[0]])
+        side_2 = difference(cloth.position[corners[2]], cloth.position[corners[0]])
+        along_u = weft_vector(slope, side_1, side_2)
+        along_v = warp_vector(slope, side_1, side_2)
+        plus = half * (along_u + along_v)
+        minus = half * (along_u - along_v)
+        energy = thread_energy(along_u, law[0], push[0]) + thread_energy(along_v, law[1], push[1])
+        energy += thread_energy(plus, law[2], push[2]) + thread_energy(minus, law[2], push[2])
+        energy_out[triangle] = wp.float64(energy)
+        stretch = vec4(wp.length(along_u), wp.length(along_v), wp.length(plus), wp.length(minus))
+        strain_out[triangle] = wp.vec4d(stretch) - wp.vec4d(1.0, 1.0, 1.0, 1.0)
+
+    return SimpleNamespace(
+        measure_tension=measure_tension, measure_bending=measure_bending, measure_weave=measure_weave
+    )

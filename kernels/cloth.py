@@ -66,6 +66,14 @@ def cloth_types(precision: str) -> SimpleNamespace:
         stiffness: wp.array(dtype=real)  # C [N m]
 
     @wp.struct
+    class Weave:
+        """T woven triangles, for a kernel per triangle."""
+
+        corners: wp.array(dtype=wp.vec3i)
+        slope: wp.array(dtype=vec4)  # of the second and third corner along weft, then along warp [1/m]
+        law: wp.array(dtype=vec4)  # area times pull of weft, warp and bias threads [N m], and c
+
+    @wp.struct
     class EdgeRows:
         """The edges at each vertex, for a kernel per vertex."""
 
@@ -74,15 +82,15 @@ def cloth_types(precision: str) -> SimpleNamespace:
         law: wp.array(dtype=vec3)  # as Edges.law, shape [2 E]
 
     @wp.struct
-    class HingeRows:
-        """The hinges at each vertex, for a kernel per vertex."""
+    class StoredRows:
+        """The hinges and woven triangles at each vertex, for a kernel per vertex."""
 
         start: wp.array(dtype=wp.int32)  # shape [V + 1]
-        slot: wp.array(dtype=wp.int32)  # corner H + hinge: where the hinge's force on the vertex is stored, shape [4 H]
+        slot: wp.array(dtype=wp.int32)  # where each one's force on the vertex is stored, shape [4 H + 3 T]
 
     return SimpleNamespace(
         name=precision, real=real, point=point, vec3=vec3, vec4=vec4, Step=Step, Cloth=Cloth, Edges=Edges,
-        Hinges=Hinges, EdgeRows=EdgeRows, HingeRows=HingeRows,
+        Hinges=Hinges, Weave=Weave, EdgeRows=EdgeRows, StoredRows=StoredRows,
     )  # fmt: skip
 
 

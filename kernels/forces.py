@@ -1,4 +1,4 @@
-"""What one edge and one hinge do to their vertices, in one precision; ``scatter`` and ``gather`` sum it."""
+"""What an edge, a hinge and a woven triangle do to their vertices, in one precision; ``scatter``, ``gather`` sum it."""
 
 import functools
 from types import SimpleNamespace
@@ -8,14 +8,15 @@ import warp as wp
 from warp_cloth.kernels.bending import hinge_forces, hinge_stiffness_bound
 from warp_cloth.kernels.cloth import cloth_types, difference_function
 from warp_cloth.kernels.tension import edge_drag, tension_force, tension_stiffness
+from warp_cloth.kernels.weave import slope_shares, thread_pull, warp_vector, weft_vector
 
 
 @functools.cache
 def force_functions(precision: str, fourth: str) -> SimpleNamespace:
-    """Functions ``edge_load`` and ``hinge_loads``; ``fourth`` is one of cloth.FOURTH_PARTS."""
+    """Functions ``edge_load``, ``hinge_loads`` and ``weave_loads``; ``fourth`` is one of cloth.FOURTH_PARTS."""
     types = cloth_types(precision)
     real, vec3, vec4 = types.real, types.vec3, types.vec4
-    Cloth, Hinges, Step = types.Cloth, types.Hinges, types.Step
+    Cloth, Hinges, Weave, Step = types.Cloth, types.Hinges, types.Weave, types.Step
     difference = difference_function(precision)
 
     @wp.func
@@ -70,4 +71,70 @@ def force_functions(precision: str, fourth: str) -> SimpleNamespace:
             vec4(f1[0], f1[1], f1[2], part[3]),
         )
 
-    return SimpleNamespace(edge_load=edge_load, hinge_loads=hinge_loads)
+    half = wp.constant(real(0.5**0.5))
+
+    @wp.func
+    def corner_share(slope_1: real, slope_2: real):
+        """What a thread's figure counts for at each corner: stiffness by ``slope_shares``, size by the slopes."""
+        part = vec3(wp.abs(slope_1 + slope_2), wp.abs(slope_1), wp.abs(slope_2))
+        if wp.static(fourth == "stiffness"):
+            share_0, share_1, share_2 = slope_shares(slope_1, slope_2)
+            part = vec3(share_0, share_1, share_2)
+        return part
+
+    @wp.func
+    def corner_parts(slope: vec4, figure: vec4):
+        """Fourth parts of the corners from the figures of the weft, warp and both bias threads."""
+        part = corner_share(slope[0], slope[1]) * figure[0] + corner_share(slope[2], slope[3]) * figure[1]
+        part += corner_share(half * (slope[0] + slope[2]), half * (slope[1] + slope[3])) * figure[2]
+        part += corner_share(half * (slope[0] - slope[2]), half * (slope[1] - slope[3])) * figure[3]
+        return part
+
+    @wp.func
+    def weave_loads(cloth: Cloth, weave: Weave, step: Step, triangle: int):
+        """Forces of a triangle's four threads [N] and the fourth part on its corners."""
+        corners = weave.corners[triangle]
+        slope = weave.slope[triangle]
+        law = weave.law[triangle]
+        push = law * law[3]
+        origin = cloth.position[corners[0]]
+        side_1 = difference(cloth.position[corners[1]], origin)
+        side_2 = difference(cloth.position[corners[2]], origin)
+        along_u = weft_vector(slope, side_1, side_2)
+        along_v = warp_vector(slope, side_1, side_2)
+        change_u = vec3()
+        change_v = vec3()
+        viscosity = real(0.0)
+        if wp.static(fourth == "stiffness"):
+            move = cloth.move[corners[0]]
+            move_1 = cloth.move[corners[1]] - move
+            move_2 = cloth.move[corners[2]] - move
+            change_u = weft_vector(slope, move_1, move_2)
+            change_v = warp_vector(slope, move_1, move_2)
+            viscosity = step.viscosity
+        plus = half * (along_u + along_v)
+        minus = half * (along_u - along_v)
+        change_p = half * (change_u + change_v)
+        change_m = half * (change_u - change_v)
+        pull_u, stiff_u = thread_pull(along_u, change_u, law[0], push[0], step.reach, viscosity)
+        pull_v, stiff_v = thread_pull(along_v, change_v, law[1], push[1], step.reach, viscosity)
+        pull_p, stiff_p = thread_pull(plus, change_p, law[2], push[2], step.reach, viscosity)
+        pull_m, stiff_m = thread_pull(minus, change_m, law[2], push[2], step.reach, viscosity)
+        part = vec3()
+        if wp.static(fourth == "stiffness"):
+            part = corner_parts(slope, vec4(stiff_u, stiff_v, stiff_p, stiff_m))
+        if wp.static(fourth == "size"):
+            sizes = vec4(wp.length(pull_u), wp.length(pull_v), wp.length(pull_p), wp.length(pull_m))
+            part = corner_parts(slope, sizes)
+        weft = pull_u + half * (pull_p + pull_m)
+        warp = pull_v + half * (pull_p - pull_m)
+        f1 = -(weft * slope[0] + warp * slope[2])
+        f2 = -(weft * slope[1] + warp * slope[3])
+        f0 = -(f1 + f2)
+        return (
+            vec4(f0[0], f0[1], f0[2], part[0]),
+            vec4(f1[0], f1[1], f1[2], part[1]),
+            vec4(f2[0], f2[1], f2[2], part[2]),
+        )
+
+    return SimpleNamespace(edge_load=edge_load, hinge_loads=hinge_loads, weave_loads=weave_loads)

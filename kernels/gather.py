@@ -1,7 +1,7 @@
-"""Forces by a kernel per hinge that stores them and a kernel per vertex that sums what meets there.
+"""Forces by kernels per hinge and woven triangle that store them and one per vertex that sums what meets there.
 
 For CUDA: no atomics, so the same input gives the same bits however the launch is scheduled. The sums run in the order
-of the edges, then of the hinges, as those of ``scatter`` do: both give the same bits.
+of the edges, then of the hinges, then of the triangles, as those of ``scatter`` do: both give the same bits.
 """
 
 import functools
@@ -14,16 +14,16 @@ from warp_cloth.kernels.forces import force_functions
 
 
 @functools.cache
-def gather_kernels(precision: str, fourth: str, bending: bool) -> SimpleNamespace:
-    """Kernels ``store_bending`` and ``gather_forces``; the second reads hinges only where there is bending.
+def gather_kernels(precision: str, fourth: str, stores: bool) -> SimpleNamespace:
+    """Kernels ``store_bending``, ``store_weave`` and ``gather_forces``, which reads what they store where ``stores``.
 
     ``fourth`` is one of cloth.FOURTH_PARTS.
     """
     types = cloth_types(precision)
     vec4, Cloth, EdgeRows, Hinges, Step = types.vec4, types.Cloth, types.EdgeRows, types.Hinges, types.Step
-    HingeRows = types.HingeRows
+    Weave, StoredRows = types.Weave, types.StoredRows
     functions = force_functions(precision, fourth)
-    edge_load, hinge_loads = functions.edge_load, functions.hinge_loads
+    edge_load, hinge_loads, weave_loads = functions.edge_load, functions.hinge_loads, functions.weave_loads
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def store_bending(
@@ -41,22 +41,36 @@ def gather_kernels(precision: str, fourth: str, bending: bool) -> SimpleNamespac
         stored_out[3, hinge] = wing_1
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
+    def store_weave(
+        cloth: Cloth,
+        weave: Weave,
+        step: Step,
+        stored_out: wp.array2d(dtype=vec4),  # force [N] and fourth part on each corner, shape [3, T]
+    ):
+        """Stores the forces of each woven triangle's threads on its three vertices."""
+        triangle = wp.tid()
+        first, second, third = weave_loads(cloth, weave, step, triangle)
+        stored_out[0, triangle] = first
+        stored_out[1, triangle] = second
+        stored_out[2, triangle] = third
+
+    @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def gather_forces(
         cloth: Cloth,
         edges: EdgeRows,
-        hinges: HingeRows,
-        stored: wp.array(dtype=vec4),  # from store_bending, shape [4 H]
+        rows: StoredRows,
+        stored: wp.array(dtype=vec4),  # from store_bending and store_weave, shape [4 H + 3 T]
         step: Step,
         load_out: wp.array(dtype=vec4),  # force [N] and the fourth part, shape [V]
     ):
-        """Sums tension over the edges and bending over the hinges that meet at a vertex."""
+        """Sums tension over the edges that meet at a vertex, and what is stored for its hinges and triangles."""
         vertex = wp.tid()
         load = vec4()
         for row in range(edges.start[vertex], edges.start[vertex + 1]):
             load += edge_load(cloth, step, edges.law[row], vertex, edges.other[row])
-        if wp.static(bending):
-            for row in range(hinges.start[vertex], hinges.start[vertex + 1]):
-                load += stored[hinges.slot[row]]
+        if wp.static(stores):
+            for row in range(rows.start[vertex], rows.start[vertex + 1]):
+                load += stored[rows.slot[row]]
         load_out[vertex] = load
 
-    return SimpleNamespace(store_bending=store_bending, gather_forces=gather_forces)
+    return SimpleNamespace(store_bending=store_bending, store_weave=store_weave, gather_forces=gather_forces)

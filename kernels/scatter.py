@@ -1,4 +1,4 @@
-"""Forces by a kernel per edge and a kernel per hinge that add to their vertices.
+"""Forces by a kernel per edge, per hinge and per woven triangle that add to their vertices.
 
 For the CPU, where Warp runs a launch on one thread: the order of the additions is fixed, so the same input gives the
 same bits. On CUDA the order would be left to chance; there ``gather`` serves.
@@ -15,11 +15,12 @@ from warp_cloth.kernels.forces import force_functions
 
 @functools.cache
 def scatter_kernels(precision: str, fourth: str) -> SimpleNamespace:
-    """Kernels ``add_tension`` and ``add_bending`` in one precision; ``fourth`` is one of cloth.FOURTH_PARTS."""
+    """Kernels ``add_tension``, ``add_bending``, ``add_weave``; ``fourth`` is one of cloth.FOURTH_PARTS."""
     types = cloth_types(precision)
     vec4, Cloth, Edges, Hinges, Step = types.vec4, types.Cloth, types.Edges, types.Hinges, types.Step
+    Weave = types.Weave
     functions = force_functions(precision, fourth)
-    edge_load, hinge_loads = functions.edge_load, functions.hinge_loads
+    edge_load, hinge_loads, weave_loads = functions.edge_load, functions.hinge_loads, functions.weave_loads
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def add_tension(
@@ -52,4 +53,19 @@ def scatter_kernels(precision: str, fourth: str) -> SimpleNamespace:
         wp.atomic_add(load_out, corners[2], wing_0)
         wp.atomic_add(load_out, corners[3], wing_1)
 
-    return SimpleNamespace(add_tension=add_tension, add_bending=add_bending)
+    @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
+    def add_weave(
+        cloth: Cloth,
+        weave: Weave,
+        step: Step,
+        load_out: wp.array(dtype=vec4),  # force [N] and the fourth part, shape [V]
+    ):
+        """Adds the forces of each woven triangle's threads to its three vertices, and the fourth part."""
+        triangle = wp.tid()
+        corners = weave.corners[triangle]
+        first, second, third = weave_loads(cloth, weave, step, triangle)
+        wp.atomic_add(load_out, corners[0], first)
+        wp.atomic_add(load_out, corners[1], second)
+        wp.atomic_add(load_out, corners[2], third)
+
+    return SimpleNamespace(add_tension=add_tension, add_bending=add_bending, add_weave=add_weave)

@@ -53,7 +53,9 @@ def test_a_measured_curve_gives_the_stretch_that_made_it() -> None:
 
 
 def test_bending_length_and_bias_extension_state_bending_and_shear() -> None:
-    fabric = resolve_fabric({"weight_gsm": 100, "bending_length_warp_mm": 20, "bias_extension_percent": 4, "base": "silk"})
+    fabric = resolve_fabric(
+        {"weight_gsm": 100, "bending_length_warp_mm": 20, "bias_extension_percent": 4, "base": "silk"}
+    )
     moment = fabric.bending_warp * MATCHED_CURVATURE / 2
     assert moment == pytest.approx(0.1 * 9.80665 * 0.02**3, rel=ROUNDING)  # ISO 9073-7: weight times length cubed
     assert fabric.shear * MATCHED_SHEAR_ANGLE == pytest.approx(123 / 4, rel=ROUNDING)
@@ -121,9 +123,7 @@ def test_a_value_out_of_bounds_is_refused_by_key(key: str, value: object) -> Non
         ({"base": "silk", "name": 3}, "name", "must be text, not 3"),
     ],
 )
-def test_a_bad_statement_names_what_is_wrong_and_what_there_is(
-    value: object, place: str, problem: str
-) -> None:
+def test_a_bad_statement_names_what_is_wrong_and_what_there_is(value: object, place: str, problem: str) -> None:
     with pytest.raises(InputError) as refused:
         resolve_fabric(value)
     assert refused.value.place == place

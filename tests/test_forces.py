@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import warp as wp
 from cloths import cloth_forces, grid, model_of, without
 
-from warp_cloth.fabric import Fabric
+from warp_cloth.fabric import resolve_fabric
 from warp_cloth.mesh import Points
 from warp_cloth.model import ClothModel
 from warp_cloth.rest import build_rest_shape
@@ -19,9 +21,10 @@ GRADIENT_TOLERANCE = 1e-6
 # Sums over a hundred terms in float64.
 BALANCE_TOLERANCE = 1e-12
 
-FABRIC = Fabric(stretch=20e3, compression=0.1, bending=1e-5)
+FABRIC = resolve_fabric({"stretch": 20e3, "compression": 0.1, "bending": 1e-5})
+WOVEN = replace(FABRIC, stretch_weft=9e3, shear=800.0)
 MESH = grid(5)
-TERMS = ("tension", "bending", "both")
+TERMS = ("tension", "bending", "both", "woven")
 SHAPES = ("random", "folded", "nearly_flat")
 
 
@@ -43,7 +46,7 @@ def shaped(shape: str) -> tuple[Points, float]:
 def model_with(
     terms: str, points: Points, precision: str = "float64", device: str = "cpu", gathers: bool | None = None
 ) -> ClothModel:
-    rest = build_rest_shape(MESH, FABRIC, rest="mesh")
+    rest = build_rest_shape(MESH, WOVEN if terms == "woven" else FABRIC, rest="mesh")
     rest = without(rest, tension=terms == "bending", bending=terms == "tension")
     model = model_of(MESH, rest, precision=precision, device=device, gathers=gathers)
     model.set_points(points)
@@ -124,8 +127,9 @@ def test_single_precision_agrees_with_double(precision: str) -> None:
 )
 @pytest.mark.parametrize("precision", ["float32", "mixed", "float64"])
 @pytest.mark.parametrize("fourth", ["stiffness", "size"])
-def test_gathered_forces_have_the_bits_of_scattered_ones(fourth: str, precision: str, device: str) -> None:
+@pytest.mark.parametrize("terms", ["both", "woven"])
+def test_gathered_forces_have_the_bits_of_scattered_ones(terms: str, fourth: str, precision: str, device: str) -> None:
     points, _ = shaped("random")
-    scattered = cloth_forces(model_with("both", points, precision), fourth)
-    gathered = cloth_forces(model_with("both", points, precision, device, gathers=True), fourth)
+    scattered = cloth_forces(model_with(terms, points, precision), fourth)
+    gathered = cloth_forces(model_with(terms, points, precision, device, gathers=True), fourth)
     assert (gathered == scattered).all()

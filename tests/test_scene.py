@@ -148,7 +148,7 @@ def test_settings_hold_every_value_and_give_the_same_scene_again(name: str) -> N
     assert set(settings) == {"name", "garment", "avatar", "collision", "solver"}
     assert set(settings["solver"]) == set(SolverSpec.model_fields)
     assert set(settings["collision"]) == set(CollisionSpec.model_fields)
-    assert settings["garment"][0]["fabric"]["stretch"] > 0
+    assert settings["garment"][0]["fabric"]["stretch_warp"] > 0
     again = json.loads(json.dumps(settings, allow_nan=False))
     assert load_scene(again).settings() == settings
 

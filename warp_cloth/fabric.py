@@ -6,45 +6,50 @@ import difflib
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
+from importlib.resources import files
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
+from warp_cloth import laboratory
 from warp_cloth.errors import InputError
+from warp_cloth.laboratory import si_values
 from warp_cloth.toml_file import read_toml
-
-KES_FORCE = 490.3325  # [N/m], 500 gf/cm: the force per width at which KES-F reads the elongation EMT
-KES_BENDING = 9.80665e-5  # [N m], 1 gf cm2/cm: the unit of KES-F's bending rigidity B
-# The cosine law's moment per width is bending * curvature^2 / 2, the measured line's B * curvature. They meet
-# at one curvature only: KES-F reads B between 0.5 and 1.5 1/cm, so the middle is taken.
-MATCHED_CURVATURE = 100.0  # [1/m]
 
 BOUNDS: Mapping[str, tuple[float, float]] = MappingProxyType(
     {
         "weight": (1e-3, 100.0),  # [kg/m2], from gossamer to sheet lead
-        "stretch": (1e-3, 1e9),  # [N/m], far beyond any cloth on both sides, within what float32 holds
+        "stretch_warp": (1e-3, 1e9),  # [N/m], far beyond any cloth on both sides, within what float32 holds
+        "stretch_weft": (1e-3, 1e9),
+        "shear": (0.0, 1e9),  # [N/m]
         "compression": (0.0, 1.0),  # a cloth resists being shortened at most as much as being stretched
-        "bending": (0.0, 1.0),  # [N m2], 0: none; 1: a plank
+        "bending_warp": (0.0, 1.0),  # [N m2], 0: none; 1: a plank
+        "bending_weft": (0.0, 1.0),
         "thickness": (0.0, 0.05),  # [m]
         "friction": (0.0, 10.0),
     }
 )
 
+# Bias threads are pulled, too, where the cloth is pulled along warp or weft. Up to this share of the smaller stretch
+# they leave the threads there something to bear.
+LARGEST_SHEAR_SHARE = 0.25
+
 
 @dataclass(frozen=True)
 class Fabric:
-    """A fabric in SI, the same in every direction and for every mesh: edges and hinges take a share of it.
+    """A fabric in SI, for every mesh: edges, threads and hinges take a share of it.
 
     Every value has a default, the generic fabric's, so that a fabric can be stated by what is known of it.
     """
 
     name: str = "default"
     weight: float = 0.2  # [kg/m2], a shirt's or a T-shirt's
-    stretch: float = 20_000.0  # K [N/m], force per width K e^2 at strain e; KES-F would read EMT 15.7 %
+    stretch_warp: float = 20_000.0  # K [N/m], force per width K e^2 at strain e; KES-F would read EMT 15.7 %
+    stretch_weft: float = 20_000.0
+    shear: float | None = None  # [N/m], shear force per width shear * angle^2; None: what the edges happen to resist
     compression: float = 0.1  # c, share of the force when pushed together: cloth buckles before it shortens
-    bending: float = (
-        1e-7  # [N m2], a hinge has C = bending * axis / height^2; KES-F would read B 0.05 gf cm2/cm
-    )
+    bending_warp: float = 1e-7  # [N m2], moment per width bending * curvature^2 / 2 where the warp is bent
+    bending_weft: float = 1e-7  # at a radius of 3 cm both resist as KES-F B 0.017 gf cm2/cm does
     thickness: float = 0.5e-3  # [m]
     friction: float = 0.3  # of cloth on cloth
     source: str = "generic: between a knit and a shirting, measured on nothing"
@@ -52,6 +57,8 @@ class Fabric:
     def __post_init__(self) -> None:
         for key, (low, high) in BOUNDS.items():
             value = getattr(self, key)
+            if key == "shear" and value is None:
+                continue
             number = isinstance(value, int | float) and not isinstance(value, bool)
             if not number or not low <= value <= high or not math.isfinite(value):
                 raise InputError(key, f"must be a number from {low:g} to {high:g}, not {_shown(value)}")
@@ -59,105 +66,52 @@ class Fabric:
         for key in ("name", "source"):
             if not isinstance(getattr(self, key), str):
                 raise InputError(key, f"must be text, not {_shown(getattr(self, key))}")
+        most = LARGEST_SHEAR_SHARE * min(self.stretch_warp, self.stretch_weft)
+        if self.shear is not None and self.shear > most:
+            problem = f"{self.shear:.4g} N/m is more than {LARGEST_SHEAR_SHARE:g} of the smaller stretch"
+            raise InputError("shear", problem, f"state at most {most:.4g} N/m, or none")
 
+    @property
+    def woven(self) -> bool:
+        """Whether the fabric has threads of its own, with a shear of its own, rather than the mesh's edges."""
+        return self.shear is not None
 
-def measured_fabric(
-    name: str,
-    *,
-    weight_gsm: float,
-    emt_percent: float,
-    bending_b: float,
-    thickness_mm: float,
-    friction: float = Fabric.friction,
-    compression: float = Fabric.compression,
-    source: str,
-) -> Fabric:
-    """A fabric from what a textile laboratory states.
+    @property
+    def stretch(self) -> float:
+        """K [N/m] of warp and weft together, their geometric mean."""
+        return math.sqrt(self.stretch_warp * self.stretch_weft)
 
-    ``weight_gsm`` [g/m2]; ``emt_percent`` KES-F elongation at 500 gf/cm [%], which gives K = 490.3 / EMT^2;
-    ``bending_b`` KES-F bending rigidity B [gf cm2/cm], which gives bending = 2 B / curvature at 1 1/cm.
-    """
-    return Fabric(
-        name=name,
-        weight=weight_gsm * 1e-3,
-        stretch=KES_FORCE / (emt_percent * 1e-2) ** 2,
-        compression=compression,
-        bending=2.0 * bending_b * KES_BENDING / MATCHED_CURVATURE,
-        thickness=thickness_mm * 1e-3,
-        friction=friction,
-        source=source,
-    )
-
-
-TYPICAL = "typical KES-F figures, mean of both directions, of no one sample"
-
-_SHIPPED = (
-    Fabric(),
-    measured_fabric(
-        "jersey",
-        weight_gsm=160,
-        emt_percent=22,
-        bending_b=0.02,
-        thickness_mm=0.7,
-        friction=0.35,
-        source=TYPICAL,
-    ),
-    measured_fabric(
-        "cotton", weight_gsm=120, emt_percent=5, bending_b=0.06, thickness_mm=0.35, source=TYPICAL
-    ),
-    measured_fabric(
-        "denim",
-        weight_gsm=400,
-        emt_percent=5,  # 4.7 to 5.7 %, doi 10.1155/2016/4614168, table 5
-        bending_b=0.8,
-        thickness_mm=0.9,  # 0.8 to 1.2 mm, the same
-        friction=0.4,
-        source=f"EMT and thickness: J. Textiles 2016, 4614168, table 5 (soft denims, B only 0.14 to 0.23); "
-        f"weight and B as of 12 oz denim: {TYPICAL}",
-    ),
-    measured_fabric(
-        "silk", weight_gsm=60, emt_percent=4, bending_b=0.02, thickness_mm=0.2, friction=0.2, source=TYPICAL
-    ),
-    measured_fabric("wool", weight_gsm=200, emt_percent=6, bending_b=0.09, thickness_mm=0.5, source=TYPICAL),
-    measured_fabric(
-        "linen", weight_gsm=180, emt_percent=4, bending_b=0.15, thickness_mm=0.45, source=TYPICAL
-    ),
-    measured_fabric(
-        "polyester",
-        weight_gsm=70,
-        emt_percent=3,
-        bending_b=0.03,
-        thickness_mm=0.12,
-        friction=0.2,
-        source=TYPICAL,
-    ),
-    measured_fabric(
-        "felt", weight_gsm=350, emt_percent=10, bending_b=1.0, thickness_mm=2.0, friction=0.5, source=TYPICAL
-    ),
-)
+    @property
+    def bending(self) -> float:
+        """[N m2] of warp and weft together, their geometric mean."""
+        return math.sqrt(self.bending_warp * self.bending_weft)
 
 
 def shipped_fabrics() -> dict[str, Fabric]:
     """Every fabric that comes with the package, by name."""
-    return {fabric.name: fabric for fabric in _SHIPPED}
+    return {"default": Fabric(), **{name: load_fabric(path) for name, path in _shipped_files().items()}}
 
 
 def fabric_named(name: str) -> Fabric:
     """A shipped fabric."""
-    fabrics = shipped_fabrics()
-    if name not in fabrics:
-        close = difflib.get_close_matches(name.lower(), fabrics, n=1, cutoff=0.6)
-        hint = f'did you mean "{close[0]}"? ' if close else ""
-        raise InputError(
-            "",
-            f"unknown fabric {_shown(name)}",
-            f"{hint}there are {', '.join(fabrics)}, or name a .toml file",
-        )
-    return fabrics[name]
+    if name == "default":
+        return Fabric()
+    shipped = _shipped_files()
+    if name in shipped:
+        return load_fabric(shipped[name])
+    names = ["default", *shipped]
+    close = difflib.get_close_matches(name.lower(), names, n=1, cutoff=0.6)
+    hint = f'did you mean "{close[0]}"? ' if close else ""
+    raise InputError("", f"unknown fabric {_shown(name)}", f"{hint}there are {', '.join(names)}, or name a .toml file")
+
+
+def _shipped_files() -> dict[str, Path]:
+    folder = Path(str(files("warp_cloth"))) / "fabrics"
+    return {path.stem: path for path in sorted(folder.glob("*.toml"))}
 
 
 def load_fabric(path: Path) -> Fabric:
-    """A fabric file: TOML with the keys of Fabric in SI, over those of its ``base`` (a name, or a file)."""
+    """A fabric file: TOML of laboratory figures, or of Fabric's keys in SI, over its ``base`` (a name, or a file)."""
     return _load(path, ())
 
 
@@ -173,9 +127,7 @@ def resolve_fabric(value: Any, directory: Path = Path()) -> Fabric:
         return _named_or_file(value, directory, ())
     if isinstance(value, Mapping):
         return _from_table(value, directory)
-    raise InputError(
-        "", f"must be a name, a .toml file or a table, not {_shown(value)}", 'for instance "cotton"'
-    )
+    raise InputError("", f"must be a name, a .toml file or a table, not {_shown(value)}", 'for instance "cotton"')
 
 
 def _named_or_file(value: str, directory: Path, way: tuple[Path, ...]) -> Fabric:
@@ -201,7 +153,7 @@ def _load(path: Path, way: tuple[Path, ...]) -> Fabric:
 
 def _from_table(table: Mapping[str, Any], directory: Path) -> Fabric:
     values = dict(table)
-    named = "base" not in values and "name" in values and not set(BOUNDS) <= set(values)
+    named = "base" not in values and "name" in values and not _complete(values)
     key = "name" if named else "base"
     base = values.pop(key, "default")
     if not isinstance(base, str):
@@ -210,20 +162,30 @@ def _from_table(table: Mapping[str, Any], directory: Path) -> Fabric:
         fabric = _named_or_file(base, directory, ())
     except InputError as error:
         raise InputError(error.place or key, error.problem, error.remedy) from None
-    own = ", ".join(name for name in values if name in BOUNDS)
+    own = ", ".join(name for name in values if name not in ("name", "source"))
     source = f"{fabric.source}; the scene's own: {own}" if own else fabric.source
     return _over(fabric, {"source": source, **values})
 
 
+def _complete(values: Mapping[str, Any]) -> bool:
+    """Whether the values leave nothing to a base."""
+    return set(BOUNDS) <= set(values)
+
+
 def _over(base: Fabric, values: Mapping[str, Any]) -> Fabric:
-    """A fabric with some values replaced."""
-    keys = [field.name for field in fields(Fabric)]
+    """A fabric with some values replaced, each stated in SI or as a laboratory does."""
+    own = [field.name for field in fields(Fabric)]
+    keys = [*own, *laboratory.KEYS]
     for key in values:
         if key not in keys:
             close = difflib.get_close_matches(str(key), keys, n=1, cutoff=0.6)
             hint = f"did you mean {close[0]}? " if close else ""
             raise InputError(str(key), "unknown key", f"{hint}allowed here: base, {', '.join(keys)}")
-    return replace(base, **values)
+    try:
+        return replace(base, **si_values(values, base.weight))
+    except InputError as error:
+        key = next((key for key in values if error.place in laboratory.stated_by(key)), error.place)
+        raise InputError(key, error.problem, error.remedy) from None
 
 
 def _shown(value: Any) -> str:

@@ -42,9 +42,13 @@ class ClothModel:
     hinge_count: int
     cloth: Any  # kernels.cloth Cloth
     edges: Any  # kernels.cloth Edges
+    pulling: Any | None  # those of the edges that pull, kernels.cloth Edges: not those of woven triangles
+    pulling_count: int
     hinges: Any | None  # kernels.cloth Hinges
+    weave: Any | None  # kernels.cloth Weave
+    weave_count: int
     edge_rows: Any | None  # kernels.cloth EdgeRows, where forces are gathered
-    hinge_rows: Any | None  # kernels.cloth HingeRows, where forces are gathered; empty without bending
+    stored_rows: Any | None  # kernels.cloth StoredRows, where forces are gathered; empty without hinges and weave
     rest_length: Floats  # of all edges, for reports [m]
 
     @property
@@ -108,21 +112,37 @@ def build_model(
     edges = types.Edges()
     edges.ends = upload(ends, wp.vec2i)
     edges.law = upload(law, types.vec3)
+    pulls = law[:, 1] > 0.0  # the edges of woven garments do not
+    pulling = None
+    if pulls.all():
+        pulling = edges
+    elif pulls.any():
+        pulling = types.Edges()
+        pulling.ends = upload(ends[pulls], wp.vec2i)
+        pulling.law = upload(law[pulls], types.vec3)
 
     corners = shifted([rest.topology.hinges for rest in rests])
     stiffness = joined([rest.hinge_stiffness for rest in rests])
     used = stiffness > 0.0
-    bends = bool(used.any())
     hinges = None
-    if bends:
+    if used.any():
         hinges = types.Hinges()
         hinges.corners = upload(corners[used], wp.vec4i)
         hinges.stiffness = upload(stiffness[used], types.real)
 
-    gathers = wp.get_device(device).is_cuda if gathers is None else gathers
-    hinge_rows = None
-    if gathers:
-        hinge_rows = _hinge_rows(types, upload, corners[used], vertex_start[-1]) if bends else types.HingeRows()
+    woven = [(rest.weave, first) for rest, first in zip(rests, vertex_start, strict=False) if rest.weave is not None]
+    threaded = joined([part.corners + first for part, first in woven]) if woven else np.zeros((0, 3), dtype=np.int32)
+    weave = None
+    if woven:
+        weave = types.Weave()
+        weave.corners = upload(threaded, wp.vec3i)
+        weave.slope = upload(joined([part.slope for part, _ in woven]), types.vec4)
+        weave.law = upload(joined([part.law for part, _ in woven]), types.vec4)
+
+    edge_rows = stored_rows = None
+    if wp.get_device(device).is_cuda if gathers is None else gathers:
+        edge_rows = _edge_rows(types, upload, ends[pulls], law[pulls], vertex_start[-1])
+        stored_rows = _stored_rows(types, upload, [corners[used], threaded], vertex_start[-1])
     return ClothModel(
         device=device,
         precision=precision,
@@ -132,9 +152,13 @@ def build_model(
         hinge_count=int(used.sum()),
         cloth=cloth,
         edges=edges,
+        pulling=pulling,
+        pulling_count=int(pulls.sum()),
         hinges=hinges,
-        edge_rows=_edge_rows(types, upload, ends, law, vertex_start[-1]) if gathers else None,
-        hinge_rows=hinge_rows,
+        weave=weave,
+        weave_count=len(threaded),
+        edge_rows=edge_rows,
+        stored_rows=stored_rows,
         rest_length=length,
     )
 
@@ -153,11 +177,18 @@ def _edge_rows(types: Any, upload: Any, ends: Indices, law: Floats, vertex_count
     return rows
 
 
-def _hinge_rows(types: Any, upload: Any, corners: Indices, vertex_count: int) -> Any:
-    """The hinges at each vertex, in the order of the hinges."""
-    start, order = ragged_rows(corners.ravel(), vertex_count)
-    rows = types.HingeRows()
+def _stored_rows(types: Any, upload: Any, elements: list[Indices], vertex_count: int) -> Any:
+    """The elements at each vertex: hinges in their order, then woven triangles in theirs; one array of corners each."""
+    rows = types.StoredRows()
+    if not any(len(corners) for corners in elements):
+        return rows
+    slots, first = [], 0
+    for corners in elements:
+        count, width = corners.shape
+        # planes by corner: neighbouring threads write side by side
+        slots.append(first + (np.arange(width) * count + np.arange(count)[:, None]).ravel())
+        first += count * width
+    start, order = ragged_rows(np.concatenate([corners.ravel() for corners in elements]), vertex_count)
     rows.start = upload(start, wp.int32)
-    slot = order % 4 * len(corners) + order // 4  # planes by corner: neighbouring threads write side by side
-    rows.slot = upload(slot.astype(np.int32), wp.int32)
+    rows.slot = upload(np.concatenate(slots)[order].astype(np.int32), wp.int32)
     return rows

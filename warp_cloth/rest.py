@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from warp_cloth.errors import InputError
+from warp_cloth.material import Sheet, WeaveShape, edge_constants, lay_flat, thread_constants
+from warp_cloth.material_bending import hinge_constants
 from warp_cloth.mesh import Mesh
 from warp_cloth.topology import Topology, build_topology
 from warp_cloth.units import LENGTH_UNITS, METRES_PER
@@ -19,10 +22,6 @@ if TYPE_CHECKING:
 Floats = NDArray[np.float64]
 
 GRAVITY = 9.80665  # standard gravity [m/s2]
-
-# A regular grid pulled along its threads bears on one of its three edge families, and an equilateral one, its sides
-# free, likewise: so each edge answers for three times the area that it carries (a third of its triangles').
-EDGE_SHARE = 3.0
 
 # Edges far shorter than their neighbours would get constants without bound (k ~ 1 / L^3), and strains over nothing:
 # below this share of the garment's median edge they count as that long.
@@ -50,6 +49,29 @@ class RestShape:
     vertex_weight: Floats  # [N], shape [V]
     area: float  # of the cloth [m2]
     notes: tuple[str, ...] = ()  # what was guessed or mended, for the report
+    weave: WeaveShape | None = None  # threads of a woven fabric, whose edges do not pull
+
+
+@dataclass(frozen=True)
+class Grain:
+    """How far the warp is turned from the panels' +v, counter-clockwise as the panels are drawn [degrees]."""
+
+    degrees: float = 0.0
+    panels: Mapping[str, float] = field(default_factory=dict)  # of single panels, by name, instead
+
+    def of_triangles(self, mesh: Mesh, place: str) -> Floats:
+        """The angle of each triangle [rad], shape [F].
+
+        Raises:
+            InputError: it names a panel that the mesh lacks.
+        """
+        degrees = np.full(len(mesh.triangles), self.degrees)
+        for name, turn in self.panels.items():
+            if mesh.panels is None or name not in mesh.panel_names:
+                known = f"there are {', '.join(mesh.panel_names)}" if mesh.panel_names else "it has no named panels"
+                raise InputError(place, f'the mesh has no panel "{name}"', known)
+            degrees[mesh.panels == mesh.panel_names.index(name)] = turn
+        return np.radians(degrees)
 
 
 def _sides(corners: Floats) -> Floats:
@@ -115,26 +137,51 @@ def triangle_areas(sides: Floats) -> Floats:
     return 0.25 * np.sqrt(np.maximum(product, 0.0))
 
 
+FLATNESS = 1e-3  # of a normal's components; a mesh that is flatter lies in a plane
+
+
+def _drawn_flat(mesh: Mesh, grain: Grain, place: str) -> Floats | None:
+    """Corners of every triangle, x along weft and y along warp, shape [F, 3, 2]; None where nothing tells the warp.
+
+    The warp is the panels' +v, or, of a flat mesh without panels, what is up in it: +y, or -z where it lies.
+    """
+    if mesh.texcoords is not None:
+        drawn = mesh.texcoords[..., 0] + 1j * mesh.texcoords[..., 1]
+    else:
+        corners = mesh.points[mesh.triangles]
+        normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        total = normals.sum(axis=0)
+        normal = total / max(float(np.linalg.norm(total)), np.finfo(float).tiny)
+        if (np.linalg.norm(np.cross(normals, normal), axis=1) > FLATNESS * np.linalg.norm(normals, axis=1)).any():
+            return None
+        up = np.array([0.0, 1.0, 0.0]) if abs(normal[1]) < np.sqrt(0.5) else np.array([0.0, 0.0, -1.0])
+        warp = up - normal * (up @ normal)
+        warp /= np.linalg.norm(warp)
+        drawn = corners @ np.cross(warp, normal) + 1j * (corners @ warp)
+    turned = drawn * np.exp(-1j * grain.of_triangles(mesh, place))[:, None]
+    return np.stack([turned.real, turned.imag], axis=2)
+
+
 def build_rest_shape(
     mesh: Mesh,
     fabric: Fabric,
     *,
     rest: Literal["mesh", "uv"],
     metres_per_uv: float = 1.0,
+    grain: Grain | None = None,
     place: str = "garment",
     key: str = "garment",
 ) -> RestShape:
-    """Rest lengths and constants of a garment of this fabric.
+    """Rest lengths and constants of a garment of this fabric (see warp_cloth.material).
 
-    Edges: k L^3 = 3 K A, with A the area that the edge carries, so that a strip of cloth pulled to strain e bears
-    K e^2 per width at any resolution. Hinges: C = B3 (axis length) / (mean wing height)^2 (model: bending,
-    mesh-independent form). Gravity: total weight / V on every vertex (the paper, section 2.3).
+    Gravity: total weight / V on every vertex (the paper, section 2.3).
 
     Args:
         mesh: the garment.
         fabric: its material.
         rest: where the rest shape comes from.
         metres_per_uv: length of one unit of texture space [m].
+        grain: direction of the warp in the panels; None: their +v.
         place: the mesh's file or name, for messages.
         key: its scene table, for messages.
 
@@ -160,20 +207,33 @@ def build_rest_shape(
         notes += _check_scale(length, initial, metres_per_uv, place, key)
     floor = SHORTEST_EDGE_SHARE * float(np.median(length))
     length = np.maximum(length, floor)
-    carried = np.bincount(side_edge, np.repeat(areas / 3.0, 3), edge_count)
-    pull = EDGE_SHARE * fabric.stretch * carried / length**3
-
-    axis = length[topology.hinge_edges]
-    height = areas[topology.hinge_triangles].sum(axis=1) / axis  # mean of the two wings' 2 A / axis
-    bending = fabric.bending * axis / np.maximum(height, floor) ** 2
+    averaged = length[topology.triangle_edges]
+    like = _drawn_flat(mesh, grain or Grain(), f"{key}.grain_panels")
+    even = triangle_areas(averaged)
+    sheet = Sheet(topology, mesh.triangles, lay_flat(averaged, even, like), even, like is not None)
+    notes += _check_directions(fabric, sheet)
+    woven = fabric.woven and sheet.directed
+    pull = np.zeros(edge_count) if woven else edge_constants(sheet, fabric, length)
     weight = fabric.weight * float(areas.sum()) * GRAVITY / mesh.vertex_count
     return RestShape(
         topology=topology,
         edge_length=length,
         edge_pull=pull,
         edge_push=fabric.compression * pull,
-        hinge_stiffness=bending,
+        hinge_stiffness=hinge_constants(sheet, fabric, length),
         vertex_weight=np.full(mesh.vertex_count, weight),
         area=float(areas.sum()),
         notes=notes,
+        weave=thread_constants(sheet, fabric) if woven else None,
+    )
+
+
+def _check_directions(fabric: Fabric, sheet: Sheet) -> tuple[str, ...]:
+    """A note where the fabric has directions and the garment has not."""
+    even = fabric.stretch_warp == fabric.stretch_weft and fabric.bending_warp == fabric.bending_weft
+    if sheet.directed or (even and not fabric.woven):
+        return ()
+    return (
+        f'the mesh has no texture coordinates to tell warp from weft, so the fabric "{fabric.name}" '
+        "is taken as the same in every direction, without its shear",
     )

@@ -9,7 +9,7 @@ from warp_cloth.loading import check_sizes, load_mesh
 from warp_cloth.mesh import Mesh
 from warp_cloth.model import GarmentPart
 from warp_cloth.pins import select_pins
-from warp_cloth.rest import build_rest_shape
+from warp_cloth.rest import Grain, build_rest_shape
 from warp_cloth.scene import AvatarSpec, GarmentSpec, MannequinShape, Scene, TshirtShape
 from warp_cloth.shapes import MannequinMeasures, build_avatar, build_garment, mannequin_measures
 
@@ -47,7 +47,10 @@ def open_wardrobe(scene: Scene) -> Wardrobe:
 
 def _part(mesh: Mesh, spec: GarmentSpec, key: str) -> GarmentPart:
     place = key if spec.mesh is None else str(spec.mesh)
-    rest = build_rest_shape(mesh, spec.fabric, rest=spec.rest, metres_per_uv=spec.uv_metres, place=place, key=key)
+    grain = Grain(spec.grain_degrees, spec.grain_panels)
+    rest = build_rest_shape(
+        mesh, spec.fabric, rest=spec.rest, metres_per_uv=spec.uv_metres, grain=grain, place=place, key=key
+    )
     pins = select_pins(mesh, spec.pin, f"{key}.pin")
     if len(pins) == mesh.vertex_count:
         raise InputError(f"{key}.pin", "every vertex is pinned, so nothing can move", "pin fewer vertices")

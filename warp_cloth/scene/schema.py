@@ -6,7 +6,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import Annotated, Any, Literal, get_args
 
 from pydantic import (
     Field,
@@ -29,6 +29,7 @@ AvatarCollision = Literal["depth", "mesh", "auto", "none"]
 Method = Literal["accelerated", "direct"]
 Precision = Literal["float32", "float64", "mixed"]
 LoopSide = Literal["top", "bottom", "left", "right", "front", "back"]
+Degrees = Annotated[Real, Field(ge=-360, le=360)]
 LOOP_SIDES: tuple[LoopSide, ...] = get_args(LoopSide)
 
 
@@ -135,6 +136,12 @@ class GarmentSpec(Wearable):
     fabric: Fabric = Field(
         default="default", description="a shipped fabric, a .toml file, or a table of overrides"
     )  # type: ignore[assignment]
+    grain_degrees: Degrees = Field(
+        default=0.0, description="turn of the warp from the panels' +v, counter-clockwise as drawn [degrees]"
+    )
+    grain_panels: Mapping[str, Degrees] = Field(
+        default_factory=dict, description="the same of single panels, by name, e.g. {sleeve = 45}"
+    )
     pin: tuple[PinSpec, ...] = Field(
         default=(), description="vertices held where they start; none: nothing is held"
     )

@@ -135,13 +135,27 @@ def edge_strains(model: ClothModel) -> NDArray[np.float64]:
     return _measure_tension(model)[1]
 
 
-def element_energies(model: ClothModel) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Energy of every edge, shape [E], and of every hinge, shape [H] [J]."""
+def thread_strains(model: ClothModel) -> NDArray[np.float64]:
+    """Strain of every woven triangle along weft, warp and both biases, shape [T, 4]."""
+    return _measure_weave(model)[1]
+
+
+def element_energies(model: ClothModel) -> tuple[NDArray[np.float64], ...]:
+    """Energy of every edge, shape [E], hinge, shape [H], and woven triangle, shape [T] [J]."""
     fold = wp.zeros(model.hinge_count, dtype=wp.float64, device=model.device)
     if model.hinges is not None:
         kernel = energy_kernels(model.precision).measure_bending
         wp.launch(kernel, dim=model.hinge_count, inputs=[model.cloth, model.hinges, fold], device=model.device)
-    return _measure_tension(model)[0], np.array(fold.numpy())
+    return _measure_tension(model)[0], np.array(fold.numpy()), _measure_weave(model)[0]
+
+
+def _measure_weave(model: ClothModel) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    energy = wp.zeros(model.weave_count, dtype=wp.float64, device=model.device)
+    strain = wp.zeros(model.weave_count, dtype=wp.vec4d, device=model.device)
+    if model.weave is not None:
+        kernel = energy_kernels(model.precision).measure_weave
+        wp.launch(kernel, dim=model.weave_count, inputs=[model.cloth, model.weave, energy, strain], device=model.device)
+    return np.array(energy.numpy()), np.array(strain.numpy()).reshape(-1, 4)
 
 
 def _measure_tension(model: ClothModel) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -21,33 +21,41 @@ class ForcePass:
     def __init__(self, model: ClothModel, fourth: str, load: wp.array) -> None:
         self._model = model
         self._load = load
-        self._bends = model.hinges is not None
         types = cloth_types(model.precision)
+        bends, woven = model.hinges is not None, model.weave is not None
         if model.gathers:
-            self._gather = gather_kernels(model.precision, fourth, self._bends)
-            self._stored = wp.empty((4, model.hinge_count), dtype=types.vec4, device=model.device)
+            kernels = gather_kernels(model.precision, fourth, bends or woven)
+            planes, last = 4 * model.hinge_count, 4 * model.hinge_count + 3 * model.weave_count
+            stored = wp.empty(last, dtype=types.vec4, device=model.device)
+            self._stores = []
+            if bends:
+                out = stored[:planes].reshape((4, model.hinge_count))
+                self._stores.append((kernels.store_bending, model.hinge_count, model.hinges, out))
+            if woven:
+                out = stored[planes:].reshape((3, model.weave_count))
+                self._stores.append((kernels.store_weave, model.weave_count, model.weave, out))
+            self._gather = kernels.gather_forces
+            self._stored = stored
         else:
-            self._scatter = scatter_kernels(model.precision, fourth)
+            scatter = scatter_kernels(model.precision, fourth)
+            tension = (scatter.add_tension, model.pulling_count, model.pulling, load)
+            bending = (scatter.add_bending, model.hinge_count, model.hinges, load)
+            weave = (scatter.add_weave, model.weave_count, model.weave, load)
+            self._stores = [store for store in (tension, bending, weave) if store[1]]
 
     def kernels(self) -> list[wp.Kernel]:
         """The kernels that a pass launches, in order."""
-        if self._model.gathers:
-            return [self._gather.store_bending, self._gather.gather_forces][0 if self._bends else 1 :]
-        return [self._scatter.add_tension, self._scatter.add_bending][: 2 if self._bends else 1]
+        last = [self._gather] if self._model.gathers else []
+        return [store[0] for store in self._stores] + last
 
     def launch(self, step: Any) -> None:
         """Launches the pass; ``step`` is a kernels.cloth Step."""
         model, cloth = self._model, self._model.cloth
+        for kernel, count, elements, out in self._stores:
+            self._launch(kernel, count, [cloth, elements, step, out])
         if model.gathers:
-            if self._bends:
-                outputs = [cloth, model.hinges, step, self._stored]
-                self._launch(self._gather.store_bending, model.hinge_count, outputs)
-            rows = [cloth, model.edge_rows, model.hinge_rows, self._stored.flatten(), step, self._load]
-            self._launch(self._gather.gather_forces, model.vertex_count, rows)
-        else:
-            self._launch(self._scatter.add_tension, model.edge_count, [cloth, model.edges, step, self._load])
-            if self._bends:
-                self._launch(self._scatter.add_bending, model.hinge_count, [cloth, model.hinges, step, self._load])
+            rows = [cloth, model.edge_rows, model.stored_rows, self._stored, step, self._load]
+            self._launch(self._gather, model.vertex_count, rows)
 
     def _launch(self, kernel: wp.Kernel, size: int, inputs: list[Any]) -> None:
         wp.launch(kernel, dim=size, inputs=inputs, device=self._model.device)

@@ -1,0 +1,160 @@
+"""What a textile laboratory states, in its own units, to what a Fabric holds, in SI."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Any
+
+from warp_cloth.errors import InputError
+
+GRAVITY = 9.80665  # standard gravity [m/s2]
+KES_FORCE = 490.3325  # [N/m], 500 gf/cm: the force per width at which KES-F reads the elongation EMT
+KES_BENDING = 9.80665e-5  # [N m], 1 gf cm2/cm: the unit of KES-F's bending rigidity B
+KES_SHEAR = 0.980665 / math.radians(1.0)  # [N/m per radian], 1 gf/(cm degree): the unit of KES-F's shear stiffness G
+FAST_SHEAR = 123.0  # [N/m per radian] over EB5 [%], the bias extension at 5 gf/cm (SiroFAST manual)
+
+# The cosine law's moment per width is bending * curvature^2 / 2, the measured line's B * curvature. They meet at one
+# curvature only: that of a fold of 3 cm radius, as garments and drape tests have, where weight and bending balance.
+MATCHED_CURVATURE = 100.0 / 3.0  # [1/m]
+# The threads' shear force per width is shear * angle^2. KES-F reads G as the slope between 0.5 and 2.5 degrees, and
+# the slope of a square between two angles is its factor times their sum.
+MATCHED_SHEAR_ANGLE = math.radians(0.5 + 2.5)
+
+Point = tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Figure:
+    """One laboratory figure: which values of a Fabric it states, how, and within which bounds."""
+
+    states: tuple[str, ...]
+    unit: str
+    bounds: tuple[float, float]
+    convert: Callable[[float], float]
+
+
+def stretch_of_emt(percent: float) -> float:
+    """K [N/m] of F/w = K e^2 from the elongation at 500 gf/cm [%]."""
+    return KES_FORCE / (percent * 1e-2) ** 2
+
+
+def bending_of_rigidity(rigidity: float) -> float:
+    """The cosine law's constant [N m2] from a bending rigidity B [N m]."""
+    return 2.0 * rigidity / MATCHED_CURVATURE
+
+
+def shear_of_stiffness(stiffness: float) -> float:
+    """The threads' shear constant [N/m] from a shear stiffness G [N/m per radian]."""
+    return stiffness / MATCHED_SHEAR_ANGLE
+
+
+_EMT = ((0.05, 300.0), stretch_of_emt)
+_B = ((0.0, 1e3), lambda value: bending_of_rigidity(value * KES_BENDING))
+_MM = ((0.0, 50.0), lambda value: value * 1e-3)
+
+FIGURES: Mapping[str, Figure] = MappingProxyType(
+    {
+        "weight_gsm": Figure(("weight",), "g/m2", (1.0, 1e5), lambda value: value * 1e-3),
+        "emt_percent": Figure(("stretch_warp", "stretch_weft"), "% at 500 gf/cm", *_EMT),
+        "emt_warp_percent": Figure(("stretch_warp",), "% at 500 gf/cm", *_EMT),
+        "emt_weft_percent": Figure(("stretch_weft",), "% at 500 gf/cm", *_EMT),
+        "shear_G": Figure(
+            ("shear",), "gf/(cm degree)", (1e-4, 1e4), lambda value: shear_of_stiffness(value * KES_SHEAR)
+        ),
+        "bias_extension_percent": Figure(
+            ("shear",), "% at 5 gf/cm", (0.01, 300.0), lambda value: shear_of_stiffness(FAST_SHEAR / value)
+        ),
+        "bending_B": Figure(("bending_warp", "bending_weft"), "gf cm2/cm", *_B),
+        "bending_B_warp": Figure(("bending_warp",), "gf cm2/cm", *_B),
+        "bending_B_weft": Figure(("bending_weft",), "gf cm2/cm", *_B),
+        "thickness_mm": Figure(("thickness",), "mm", *_MM),
+    }
+)
+TABLES: Mapping[str, str] = MappingProxyType({"tension_warp": "stretch_warp", "tension_weft": "stretch_weft"})
+LENGTHS: Mapping[str, str] = MappingProxyType(
+    {"bending_length_warp_mm": "bending_warp", "bending_length_weft_mm": "bending_weft"}
+)
+SHORTHAND: Mapping[str, tuple[str, ...]] = MappingProxyType(
+    {"stretch": ("stretch_warp", "stretch_weft"), "bending": ("bending_warp", "bending_weft")}
+)
+KEYS = (*FIGURES, *TABLES, *LENGTHS, *SHORTHAND)
+
+
+def stated_by(key: str) -> tuple[str, ...]:
+    """The values of a Fabric that a key of its table states."""
+    if key in FIGURES:
+        return FIGURES[key].states
+    if key in SHORTHAND:
+        return SHORTHAND[key]
+    return ({**TABLES, **LENGTHS}.get(key, key),)
+
+
+def si_values(table: Mapping[str, Any], weight: float) -> dict[str, Any]:
+    """A fabric's table with every laboratory figure and shorthand replaced by the SI values that it states.
+
+    ``weight`` [kg/m2] counts where the table states none. The shorthand ``stretch`` is one for every direction: it
+    states that there is no shear of its own, unless the table says otherwise.
+
+    Raises:
+        InputError: placed at the key that is wrong.
+    """
+    values: dict[str, Any] = {}
+    stated: dict[str, str] = {}
+
+    def state(key: str, name: str, value: Any) -> None:
+        if name in stated:
+            raise InputError(key, f"states the same as {stated[name]}", "give one of them")
+        stated[name], values[name] = key, value
+
+    lengths = {key: value for key, value in table.items() if key in LENGTHS}
+    for key, value in table.items():
+        result = value
+        if key in LENGTHS:
+            continue
+        if key in FIGURES:
+            result = FIGURES[key].convert(_number(key, value, FIGURES[key].bounds, FIGURES[key].unit))
+        elif key in TABLES:
+            result = stretch_of_table(key, value)
+        for name in stated_by(key):
+            state(key, name, result)
+    for key, value in lengths.items():
+        metres = _number(key, value, (0.1, 1e3), "mm") * 1e-3
+        heavy = values.get("weight", weight)
+        if isinstance(heavy, int | float):
+            state(key, LENGTHS[key], bending_of_rigidity(heavy * GRAVITY * metres**3))  # ISO 9073-7
+    if "stretch" in table:
+        values.setdefault("shear", None)
+    return values
+
+
+def stretch_of_table(key: str, table: Any) -> float:
+    """K [N/m] that fits measured pairs of elongation [%] and force per width [N/m] best, by least squares in force."""
+    pairs = _pairs(key, table)
+    squares = [((percent * 1e-2) ** 2, force) for percent, force in pairs]
+    return sum(square * force for square, force in squares) / sum(square**2 for square, _ in squares)
+
+
+def _pairs(key: str, table: Any) -> list[Point]:
+    problem = "must be a list of [elongation in %, force in N/m], all positive"
+    rows: Sequence[Any] = table if isinstance(table, list | tuple) else ()
+    pairs: list[Point] = []
+    for row in rows:
+        if not isinstance(row, list | tuple) or len(row) != 2:
+            raise InputError(key, problem)
+        numbers = [_number(key, value, (1e-3, 1e6), "% and N/m") for value in row]
+        pairs.append((numbers[0], numbers[1]))
+    if not pairs:
+        raise InputError(key, problem, "for instance [[1, 20], [3, 180], [5, 490]]")
+    return pairs
+
+
+def _number(key: str, value: Any, bounds: tuple[float, float], unit: str) -> float:
+    low, high = bounds
+    number = isinstance(value, int | float) and not isinstance(value, bool)
+    if not number or not low <= value <= high:
+        shown = f'"{value}"' if isinstance(value, str) else repr(value)[:60]
+        raise InputError(key, f"must be a number from {low:g} to {high:g} [{unit}], not {shown}")
+    return float(value)

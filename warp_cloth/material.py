@@ -1,0 +1,203 @@
+"""Constants of edges, threads and hinges from a fabric and a rest shape, for one material on every mesh.
+
+Everything is float64 on the host. A network of edges or hinges answers an even deformation by its directions and
+sizes; so each takes a share by its rest geometry, and two factors per garment, one for warp and one for weft, are then
+set such that this garment, evenly pulled or bent along warp or weft, answers as the fabric does.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warp_cloth.mesh import Indices
+
+if TYPE_CHECKING:
+    from warp_cloth.fabric import Fabric
+    from warp_cloth.topology import Topology
+
+Floats = NDArray[np.float64]
+
+# A regular grid pulled along its threads bears on one of its three edge families, and an equilateral one, its sides
+# free, likewise: so each edge answers for three times the area that it carries (a third of its triangles').
+EDGE_SHARE = 3.0
+DIRECTIONS = 180  # over half a turn: a degree apart, by which strains differ by at most 2 %
+EQUAL_ROUNDS = 40  # of the fixed point for the two factors
+NEWTON_ROUNDS = 40
+# A mesh may lack edges along a thread altogether. Beyond these factors its other edges would be another material.
+LEAST_FACTOR, MOST_FACTOR = 0.2, 20.0
+THINNEST_SHARE = 1e-6  # of the median triangle's area; thinner ones carry no threads
+
+
+@dataclass(frozen=True, eq=False)
+class WeaveShape:
+    """Threads of woven triangles (kernels.weave), T triangles."""
+
+    corners: Indices  # shape [T, 3]
+    slope: Floats  # of second and third corner along weft, then warp [1/m], shape [T, 4]
+    law: Floats  # area times K of weft, warp and bias threads [N m], and c, shape [T, 4]
+
+
+@dataclass(frozen=True, eq=False)
+class Sheet:
+    """A garment's rest shape, triangle by triangle, laid flat; x along the weft and y along the warp where known."""
+
+    topology: Topology
+    triangles: Indices  # shape [F, 3]
+    flat: Floats  # corners [m], shape [F, 3, 2]
+    areas: Floats  # [m2], shape [F]
+    directed: bool  # whether x and y are weft and warp
+
+    @property
+    def area(self) -> float:
+        return float(self.areas.sum())
+
+
+def lay_flat(sides: Floats, areas: Floats, like: Floats | None) -> Floats:
+    """Triangles of these sides (0,1), (1,2), (2,0) [m] in the plane, shape [F, 3, 2].
+
+    Each is turned, and mirrored where it has to be, to lie as ``like`` does best; those of no area there lie as they
+    come.
+    """
+    first, second, third = sides.T
+    base = np.maximum(first, np.finfo(float).tiny)
+    x = (first**2 + third**2 - second**2) / (2.0 * base)
+    corners = np.stack([np.zeros_like(x), first, x], axis=1) + 0j
+    corners[:, 2] += 2j * areas / base
+    if like is not None:
+        target = like[:, :, 0] + 1j * like[:, :, 1]
+        target = target - target.mean(axis=1, keepdims=True)
+        along, across = target[:, 1] - target[:, 0], target[:, 2] - target[:, 0]
+        mirrored = (np.conj(along) * across).imag < 0.0
+        corners = np.where(mirrored[:, None], np.conj(corners), corners)
+        centred = corners - corners.mean(axis=1, keepdims=True)
+        turn = (target * np.conj(centred)).sum(axis=1)
+        size = np.abs(turn)
+        turn = np.where(size > 0.0, turn / np.where(size > 0.0, size, 1.0), 1.0)
+        corners = corners * turn[:, None]
+    return np.stack([corners.real, corners.imag], axis=2)
+
+
+def edge_constants(sheet: Sheet, fabric: Fabric, length: Floats) -> Floats:
+    """k of every edge [N/m2]: k L^3 = 3 K A, A the area that it carries, K by its direction and the two factors.
+
+    The 3 is what the factors are on a regular grid, nearly.
+    """
+    topology = sheet.topology
+    count = len(topology.edges)
+    carried = np.bincount(topology.triangle_edges.ravel(), np.repeat(sheet.areas / 3.0, 3), count)
+    if not sheet.directed:
+        share = fabric.stretch / even_network(fabric.compression)
+        return share * carried / length**3
+    double = _edge_double_angle(sheet)
+    along = 0.5 + 0.5 * double.real  # cos^2 of the angle to the warp
+    parts = np.stack([along * fabric.stretch_warp, (1.0 - along) * fabric.stretch_weft], axis=1)
+    angle = 0.5 * np.angle(double) % np.pi
+    sector = np.round(angle * DIRECTIONS / np.pi).astype(int) % DIRECTIONS
+    shares = np.stack([np.bincount(sector, carried * part, DIRECTIONS) for part in parts.T], axis=1) / sheet.area
+    factors = _network_factors(shares, fabric)
+    return parts @ factors * carried / length**3
+
+
+def even_network(compression: float) -> float:
+    """K of a network with edges of k L^3 = 1 J per area in every direction alike, pulled one way, its sides free."""
+    spread = np.full((DIRECTIONS, 1), 1.0 / DIRECTIONS)
+    return float(_pulled(spread, np.ones(1), compression, 0.0)[0])
+
+
+def _edge_double_angle(sheet: Sheet) -> NDArray[np.complex128]:
+    """exp(2 i angle to the warp) of every edge, the mean of its triangles'."""
+    across = np.roll(sheet.flat, -1, axis=1) - sheet.flat
+    side = (across[..., 1] + 1j * across[..., 0]).ravel()  # angle 0 along y, the warp
+    edge = sheet.topology.triangle_edges.ravel()
+    squared = side**2 / np.maximum(np.abs(side), np.finfo(float).tiny)
+    count = len(sheet.topology.edges)
+    total = np.bincount(edge, squared.real, count) + 1j * np.bincount(edge, squared.imag, count)
+    size = np.abs(total)
+    return np.asarray(np.where(size > 0.0, total / np.where(size > 0.0, size, 1.0), 1.0))
+
+
+def _network_factors(shares: Floats, fabric: Fabric) -> Floats:
+    """Factors of the two parts such that the network meets the fabric's stretch along warp and weft, shape [2].
+
+    ``shares`` are the parts' sums of K A over the area by direction to the warp, shape [DIRECTIONS, 2].
+    """
+    wanted = np.array([fabric.stretch_warp, fabric.stretch_weft])
+    factors = np.full(2, EDGE_SHARE)
+    for _ in range(EQUAL_ROUNDS):
+        rows = [_pulled(shares, factors, fabric.compression, pull) for pull in (0.0, 0.5 * np.pi)]
+        factors = 0.5 * factors + 0.5 * solved_within(np.array(rows), wanted, EDGE_SHARE)
+    return factors
+
+
+def solved_within(rows: Floats, wanted: Floats, usual: float) -> Floats:
+    """The two factors that solve rows @ factors = wanted, each kept near the usual one and the other fitted to it."""
+    low, high = usual * LEAST_FACTOR, usual * MOST_FACTOR
+    try:
+        factors = np.asarray(np.linalg.solve(rows, wanted), dtype=np.float64)
+    except np.linalg.LinAlgError:
+        factors = np.full(2, low)
+    if (factors >= low).all() and (factors <= high).all():
+        return factors
+    worst = int(np.argmin(factors))
+    factors[worst] = np.clip(factors[worst], low, high)
+    other, row = 1 - worst, rows[1 - worst]
+    left = wanted[other] - row[worst] * factors[worst]
+    factors[other] = np.clip(left / max(row[other], np.finfo(float).tiny), low, high)
+    return factors
+
+
+def _pulled(shares: Floats, factors: Floats, compression: float, direction: float) -> Floats:
+    """What each part adds to the network's K where it is pulled in a direction, its sides free.
+
+    The strains are e(angle) = cos^2 - t sin^2 + g sin cos with the contraction t and the shear g that cost least.
+    """
+    angle = np.arange(DIRECTIONS) * np.pi / DIRECTIONS - direction
+    cosine, sine = np.cos(angle), np.sin(angle)
+    ways = np.stack([-(sine**2), sine * cosine], axis=1)  # change of e with t and g
+    total = shares @ factors
+    free = np.array([0.3, 0.0])
+    for _ in range(NEWTON_ROUNDS):
+        strain = cosine**2 + ways @ free
+        weight = total * np.where(strain > 0.0, 1.0, compression)
+        slope = ways.T @ (weight * strain * np.abs(strain))
+        curve = (ways * (2.0 * weight * np.abs(strain))[:, None]).T @ ways
+        curve += 1e-9 * (np.trace(curve) + 1e-30) * np.eye(2)
+        free = free - np.clip(np.linalg.solve(curve, slope), -0.3, 0.3)
+    strain = cosine**2 + ways @ free
+    cubes = np.abs(strain) ** 3 * np.where(strain > 0.0, 1.0, compression)
+    return cubes @ shares
+
+
+def thread_constants(sheet: Sheet, fabric: Fabric) -> WeaveShape:
+    """Threads of every triangle that has an area; the law by ``thread_stretches``."""
+    shear = fabric.shear if fabric.shear is not None else 0.0
+    warp, weft, bias = thread_stretches(fabric.stretch_warp, fabric.stretch_weft, shear, fabric.compression)
+    used = sheet.areas > THINNEST_SHARE * float(np.median(sheet.areas))
+    flat, areas = sheet.flat[used], sheet.areas[used]
+    sides = np.swapaxes(flat[:, 1:] - flat[:, :1], 1, 2)  # columns are the sides from the first corner
+    inverse = np.linalg.inv(sides)  # [F, corner, direction]
+    slope = np.stack([inverse[:, 0, 0], inverse[:, 1, 0], inverse[:, 0, 1], inverse[:, 1, 1]], axis=1)
+    law = areas[:, None] * np.array([weft, warp, bias, 0.0])
+    law[:, 3] = fabric.compression
+    return WeaveShape(sheet.triangles[used].astype(np.int32), slope, law)
+
+
+def thread_stretches(warp: float, weft: float, shear: float, compression: float) -> tuple[float, float, float]:
+    """K of warp, weft and bias threads [N/m] such that the cloth has these stretches and this shear.
+
+    Sheared by an angle g, the biases have strains of +-g/2 and energy (1 + c) K_b / 3 (g / 2)^3 per area, so K_b =
+    8 shear / (1 + c). Pulled by e with its sides free, the cloth contracts by t e where that costs least, and bears
+    K_warp + 2 K_b ((1 - t) / 2)^3 + c t^3 K_weft in all.
+    """
+    bias = 8.0 * shear / (1.0 + compression)
+    own = np.array([warp, weft])
+    for _ in range(EQUAL_ROUNDS):
+        resisted = compression * own[::-1]
+        ratio = np.sqrt(bias / np.maximum(4.0 * resisted, np.finfo(float).tiny))
+        t = np.where(resisted > 0.0, ratio / (1.0 + ratio), 1.0)
+        own = np.array([warp, weft]) - 2.0 * bias * (0.5 * (1.0 - t)) ** 3 - resisted * t**3
+    return float(own[0]), float(own[1]), bias
