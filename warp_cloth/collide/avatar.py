@@ -6,10 +6,12 @@ import logging
 from typing import Any
 
 import numpy as np
+import warp as wp
 
 from warp_cloth.collide.depth import build_depth_buffers, contact_bounds
 from warp_cloth.collide.exact import build_exact_collider
 from warp_cloth.collide.field import build_contact_field
+from warp_cloth.kernels import bake, closest, depth, raster
 from warp_cloth.kernels.closest import MeshCollider, mesh_contact
 from warp_cloth.kernels.field import ContactField, field_contact
 from warp_cloth.mesh import Mesh, Points
@@ -21,6 +23,12 @@ log = logging.getLogger(__name__)
 # iterations at the default cap of 5 mm). One that comes near the edge has the buffers drawn anew.
 MARGIN = 0.15
 NEAR_EDGE = 0.04  # of that room, what must be left: more than the field's own reach and support
+
+
+def avatar_modules(kind: str) -> list[wp.Module]:
+    """Kernel modules that building a collider of this kind, and measuring against the exact avatar, launch from."""
+    used = (bake, depth, raster, closest) if kind == "depth" else (closest,)
+    return [wp.get_module(module.__name__) for module in used]
 
 
 class AvatarContact:
