@@ -36,12 +36,8 @@ LOOP_SIDES: tuple[LoopSide, ...] = get_args(LoopSide)
 class PinSpec(Table):
     """Vertices that stay where they start; exactly one way of naming them."""
 
-    vertices: tuple[VertexId, ...] | None = Field(
-        default=None, min_length=1, description="vertex indices of the file"
-    )
-    box: tuple[Point, Point] | None = Field(
-        default=None, description="lowest and highest corner of a box [m]"
-    )
+    vertices: tuple[VertexId, ...] | None = Field(default=None, min_length=1, description="vertex indices of the file")
+    box: tuple[Point, Point] | None = Field(default=None, description="lowest and highest corner of a box [m]")
     loop: LoopSide | VertexId | None = Field(
         default=None,
         description="a boundary loop: the one furthest that way, or its rank by length, 0 the longest",
@@ -52,17 +48,13 @@ class PinSpec(Table):
     def _loop(cls, value: Any) -> Any:
         if value is None or value in LOOP_SIDES or (type(value) is int and 0 <= value < 2**31):
             return value
-        raise refusal(
-            f"{show(value)} names no boundary loop", f"use {listed(LOOP_SIDES)}, or a rank from 0 on"
-        )
+        raise refusal(f"{show(value)} names no boundary loop", f"use {listed(LOOP_SIDES)}, or a rank from 0 on")
 
     @field_validator("box", mode="after")
     @classmethod
     def _box(cls, value: tuple[Point, Point] | None) -> tuple[Point, Point] | None:
         if value is not None and any(low > high for low, high in zip(*value, strict=True)):
-            raise refusal(
-                "the first corner is not below the second on every axis", "give the lowest corner first"
-            )
+            raise refusal("the first corner is not below the second on every axis", "give the lowest corner first")
         return value
 
     @model_validator(mode="after")
@@ -115,36 +107,26 @@ class Wearable(Table):
             raise refusal(both, f'give one: mesh = "FILE", or shape = {{kind = {kinds}}}')
         for key in ("prim", "units"):
             if shape is not None and getattr(self, key) is not None:
-                raise refusal(
-                    f"{key} says how to read a mesh file, but a shape is given", "leave it out", below=key
-                )
+                raise refusal(f"{key} says how to read a mesh file, but a shape is given", "leave it out", below=key)
 
 
 class GarmentSpec(Wearable):
     """One garment: its mesh or shape, rest shape, fabric and pins."""
 
-    name: str = Field(
-        default="", description="name in the stage and the report; empty: the mesh file's or the shape's"
-    )
+    name: str = Field(default="", description="name in the stage and the report; empty: the mesh file's or the shape's")
     shape: GarmentShape | None = Field(default=None, description="a generated garment instead of a mesh")
     rest: RestShape = Field(
         default="mesh", description="natural lengths from the 3-D mesh as loaded, or from its 2-D panels"
     )
-    uv_units: LengthUnit | Real = Field(
-        default="m", description="unit of the texture coordinates, or metres per unit"
-    )
-    fabric: Fabric = Field(
-        default="default", description="a shipped fabric, a .toml file, or a table of overrides"
-    )  # type: ignore[assignment]
+    uv_units: LengthUnit | Real = Field(default="m", description="unit of the texture coordinates, or metres per unit")
+    fabric: Fabric = Field(default="default", description="a shipped fabric, a .toml file, or a table of overrides")  # type: ignore[assignment]
     grain_degrees: Degrees = Field(
         default=0.0, description="turn of the warp from the panels' +v, counter-clockwise as drawn [degrees]"
     )
     grain_panels: Mapping[str, Degrees] = Field(
         default_factory=dict, description="the same of single panels, by name, e.g. {sleeve = 45}"
     )
-    pin: tuple[PinSpec, ...] = Field(
-        default=(), description="vertices held where they start; none: nothing is held"
-    )
+    pin: tuple[PinSpec, ...] = Field(default=(), description="vertices held where they start; none: nothing is held")
 
     @field_validator("uv_units", mode="plain")
     @classmethod
@@ -209,12 +191,8 @@ class AvatarSpec(Wearable):
 class CollisionSpec(Table):
     """What the cloth may not pass through, and how that is found."""
 
-    avatar: AvatarCollision = Field(
-        default="depth", description="depth buffers (the paper's), the exact mesh, or none"
-    )
-    pixel_mm: Real = Field(
-        default=2.0, ge=0.2, le=50, description="depth pixel [mm]; 2: below the offset, 1 MB a view"
-    )
+    avatar: AvatarCollision = Field(default="depth", description="depth buffers (the paper's), the exact mesh, or none")
+    pixel_mm: Real = Field(default=2.0, ge=0.2, le=50, description="depth pixel [mm]; 2: below the offset, 1 MB a view")
     offset_mm: Real = Field(
         default=3.0, ge=0, le=50, description="gap kept to the avatar [mm]; 3: no piercing at 12 mm edges"
     )
@@ -270,9 +248,7 @@ class SolverSpec(Table):
 class Scene(Table):
     """A whole scene, every value resolved: what to fit, on what, and how."""
 
-    name: str = Field(
-        default="scene", description="names the output files; the scene file's own name by default"
-    )
+    name: str = Field(default="scene", description="names the output files; the scene file's own name by default")
     garments: tuple[GarmentSpec, ...] = Field(alias="garment", min_length=1, description="inner to outer")
     avatar: AvatarSpec | None = Field(default=None, description="none: the cloth hangs by its pins")
     collision: CollisionSpec = Field(default_factory=CollisionSpec)
@@ -298,9 +274,7 @@ class Scene(Table):
             raise refusal("two garments have the same name", "give each its own name")
         named = []
         for garment in garments:
-            name = stem = garment.name or (
-                garment.shape.kind if garment.shape else Path(garment.mesh or "").stem
-            )
+            name = stem = garment.name or (garment.shape.kind if garment.shape else Path(garment.mesh or "").stem)
             count = 1
             while not garment.name and name in taken:
                 count += 1
