@@ -1,13 +1,13 @@
 """Force, cap, displacement: one iteration's end for a vertex (the paper, section 4), then contact (section 5)."""
 
 import functools
-from types import SimpleNamespace
 from typing import Any
 
 import warp as wp
 
 from warp_cloth.kernels.cloth import MODULE_OPTIONS, cloth_types
 from warp_cloth.kernels.friction import friction_slide
+from warp_cloth.kernels.gather import gathered_load
 
 
 @wp.func
@@ -36,77 +36,108 @@ def accelerated_move(force: Any, stiffness: Any, last: Any, momentum: Any, dampi
     return capped(last * kept + force / stiffness, cap)
 
 
+@wp.struct
+class NoCollider:
+    """A scene without avatar asks nothing."""
+
+
 @functools.cache
-def displace_kernels(precision: str, contact: wp.Function | None, collider_type: type | None) -> SimpleNamespace:
-    """Kernels ``displace_direct`` and ``displace_accelerated``, meeting the avatar through ``contact``.
+def displacement(precision: str, accelerated: bool, contact: wp.Function | None, collider_type: type) -> wp.Function:
+    """The function that turns a free vertex's load into its displacement [m], contact and friction included.
 
     Args:
         precision: of positions and forces.
+        accelerated: each vertex by its own step and with momentum; otherwise by the paper's rule.
         contact: (collider, world position) -> (normal, distance [m]); None where the scene has no avatar.
-        collider_type: the struct that it asks.
+        collider_type: the struct that it asks; NoCollider without avatar.
     """
     types = cloth_types(precision)
-    real, point, vec3, vec4 = types.real, types.point, types.vec3, types.vec4
-    Cloth, Step = types.Cloth, types.Step
-
-    if contact is None:
-
-        @wp.struct
-        class NoCollider:
-            """A scene without avatar asks nothing."""
-
-        collider_type = NoCollider
+    real, vec3, vec4, Cloth, Step = types.real, types.vec3, types.vec4, types.Cloth, types.Step
 
     @wp.func
-    def settle(cloth: Cloth, step: Step, collider: collider_type, vertex: int, move: vec3):
-        """Moves a vertex, pushes it out to the contact offset, takes friction off, remembers what is left."""
-        old = cloth.position[vertex]
+    def vertex_displacement(cloth: Cloth, step: Step, collider: collider_type, load: vec4, vertex: int):
+        """Displacement of a vertex; remembers the stiffness that it went by."""
+        weight = cloth.weight[vertex]
+        force = vec3(load[0], load[1], load[2]) + step.gravity * weight
+        move = vec3()
+        if wp.static(accelerated):
+            last = cloth.stiffness[vertex]
+            stiffness = wp.max(load[3] + weight / step.cap, last * step.memory)
+            momentum = step.momentum * wp.min(last / stiffness, real(1.0))
+            cloth.stiffness[vertex] = stiffness
+            move = accelerated_move(force, stiffness, cloth.move[vertex], momentum, step.damping, step.cap)
+        else:
+            move = direct_move(force, weight, step.cap)
         if wp.static(contact is not None):
-            at = contact(collider, wp.vec3d(old) + wp.vec3d(move))
+            at = contact(collider, wp.vec3d(cloth.position[vertex]) + wp.vec3d(move))
             push = step.offset - at[3]
             if push > 0.0:
                 normal = vec3(real(at[0]), real(at[1]), real(at[2]))
                 pushed = move + normal * wp.min(real(push), step.cap)
                 move = friction_slide(pushed, normal, real(push), real(step.friction))
-        cloth.move[vertex] = move
-        cloth.position[vertex] = old + point(move)
+        return move
+
+    return vertex_displacement
+
+
+@functools.cache
+def displace_kernel(precision: str, accelerated: bool, contact: wp.Function | None, collider_type: type) -> wp.Kernel:
+    """Kernel ``displace_vertices``, which moves the cloth where it lies; arguments as of ``displacement``."""
+    types = cloth_types(precision)
+    point, vec4, Cloth, Step = types.point, types.vec4, types.Cloth, types.Step
+    vertex_displacement = displacement(precision, accelerated, contact, collider_type)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
-    def displace_direct(
-        step: Step,
-        collider: collider_type,
-        load: wp.array(dtype=vec4),  # forces of the cloth [N], shape [V]; left at zero
-        cloth: Cloth,
-    ):
-        """Moves each free vertex by the paper's rule."""
-        vertex = wp.tid()
-        sum = load[vertex]
-        load[vertex] = vec4()
-        if cloth.pinned[vertex] == wp.uint8(0):
-            weight = cloth.weight[vertex]
-            force = vec3(sum[0], sum[1], sum[2]) + step.gravity * weight
-            settle(cloth, step, collider, vertex, direct_move(force, weight, step.cap))
-
-    @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
-    def displace_accelerated(
+    def displace_vertices(
         step: Step,
         collider: collider_type,
         load: wp.array(dtype=vec4),  # forces of the cloth [N] and stiffness bounds [N/m], shape [V]; left at zero
         cloth: Cloth,
     ):
-        """Moves each free vertex by its own step and its momentum."""
+        """Moves each free vertex."""
         vertex = wp.tid()
         sum = load[vertex]
         load[vertex] = vec4()
         if cloth.pinned[vertex] == wp.uint8(0):
-            weight = cloth.weight[vertex]
-            force = vec3(sum[0], sum[1], sum[2]) + step.gravity * weight
-            stiffness = wp.max(sum[3] + weight / step.cap, cloth.stiffness[vertex] * step.memory)
-            momentum = step.momentum * wp.min(cloth.stiffness[vertex] / stiffness, real(1.0))
-            cloth.stiffness[vertex] = stiffness
-            move = accelerated_move(force, stiffness, cloth.move[vertex], momentum, step.damping, step.cap)
-            settle(cloth, step, collider, vertex, move)
+            move = vertex_displacement(cloth, step, collider, sum, vertex)
+            cloth.move[vertex] = move
+            cloth.position[vertex] = cloth.position[vertex] + point(move)
 
-    return SimpleNamespace(
-        displace_direct=displace_direct, displace_accelerated=displace_accelerated, collider_type=collider_type
-    )
+    return displace_vertices
+
+
+@functools.cache
+def advance_kernel(
+    precision: str, accelerated: bool, stores: bool, contact: wp.Function | None, collider_type: type
+) -> wp.Kernel:
+    """Kernel ``advance_vertices``, which gathers a vertex's forces and moves it, from one set of arrays to another.
+
+    ``stores``: whether there are forces of hinges or triangles to gather; the rest as of ``displacement``.
+    """
+    types = cloth_types(precision)
+    point, vec3, vec4, Cloth, Step = types.point, types.vec3, types.vec4, types.Cloth, types.Step
+    EdgeRows, StoredRows = types.EdgeRows, types.StoredRows
+    vertex_displacement = displacement(precision, accelerated, contact, collider_type)
+    vertex_load = gathered_load(precision, "stiffness" if accelerated else "none", stores)
+
+    @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
+    def advance_vertices(
+        step: Step,
+        collider: collider_type,
+        edges: EdgeRows,
+        rows: StoredRows,
+        stored: wp.array(dtype=vec4),  # from the gather module's storing kernels, shape [4 H + 3 T]
+        cloth: Cloth,
+        position_out: wp.array(dtype=point),  # [m], shape [V]
+        move_out: wp.array(dtype=vec3),  # [m], shape [V]
+    ):
+        """Moves each free vertex by the forces that meet there; pinned ones stay."""
+        vertex = wp.tid()
+        move = vec3()
+        if cloth.pinned[vertex] == wp.uint8(0):
+            load = vertex_load(cloth, edges, rows, stored, step, vertex)
+            move = vertex_displacement(cloth, step, collider, load, vertex)
+        move_out[vertex] = move
+        position_out[vertex] = cloth.position[vertex] + point(move)
+
+    return advance_vertices

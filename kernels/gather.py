@@ -14,6 +14,29 @@ from warp_cloth.kernels.forces import force_functions
 
 
 @functools.cache
+def gathered_load(precision: str, fourth: str, stores: bool) -> wp.Function:
+    """The function that sums what meets at a vertex; arguments as of ``gather_kernels``."""
+    types = cloth_types(precision)
+    vec4, Cloth, EdgeRows, StoredRows, Step = types.vec4, types.Cloth, types.EdgeRows, types.StoredRows, types.Step
+    edge_load = force_functions(precision, fourth).edge_load
+
+    @wp.func
+    def vertex_load(
+        cloth: Cloth, edges: EdgeRows, rows: StoredRows, stored: wp.array(dtype=vec4), step: Step, vertex: int
+    ):
+        """Tension over the edges at a vertex and what is stored for its hinges and triangles."""
+        load = vec4()
+        for row in range(edges.start[vertex], edges.start[vertex + 1]):
+            load += edge_load(cloth, step, edges.law[row], vertex, edges.other[row])
+        if wp.static(stores):
+            for row in range(rows.start[vertex], rows.start[vertex + 1]):
+                load += stored[rows.slot[row]]
+        return load
+
+    return vertex_load
+
+
+@functools.cache
 def gather_kernels(precision: str, fourth: str, stores: bool) -> SimpleNamespace:
     """Kernels ``store_bending``, ``store_weave`` and ``gather_forces``, which reads what they store where ``stores``.
 
@@ -23,7 +46,8 @@ def gather_kernels(precision: str, fourth: str, stores: bool) -> SimpleNamespace
     vec4, Cloth, EdgeRows, Hinges, Step = types.vec4, types.Cloth, types.EdgeRows, types.Hinges, types.Step
     Weave, StoredRows = types.Weave, types.StoredRows
     functions = force_functions(precision, fourth)
-    edge_load, hinge_loads, weave_loads = functions.edge_load, functions.hinge_loads, functions.weave_loads
+    hinge_loads, weave_loads = functions.hinge_loads, functions.weave_loads
+    vertex_load = gathered_load(precision, fourth, stores)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def store_bending(
@@ -63,14 +87,8 @@ def gather_kernels(precision: str, fourth: str, stores: bool) -> SimpleNamespace
         step: Step,
         load_out: wp.array(dtype=vec4),  # force [N] and the fourth part, shape [V]
     ):
-        """Sums tension over the edges that meet at a vertex, and what is stored for its hinges and triangles."""
+        """Sums the forces that meet at each vertex."""
         vertex = wp.tid()
-        load = vec4()
-        for row in range(edges.start[vertex], edges.start[vertex + 1]):
-            load += edge_load(cloth, step, edges.law[row], vertex, edges.other[row])
-        if wp.static(stores):
-            for row in range(rows.start[vertex], rows.start[vertex + 1]):
-                load += stored[rows.slot[row]]
-        load_out[vertex] = load
+        load_out[vertex] = vertex_load(cloth, edges, rows, stored, step, vertex)
 
     return SimpleNamespace(store_bending=store_bending, store_weave=store_weave, gather_forces=gather_forces)

@@ -17,7 +17,7 @@ import warp_cloth.kernels
 from warp_cloth.kernels.certify import energy_kernels, residual_kernel
 from warp_cloth.kernels.closest import MeshCollider, mesh_contact
 from warp_cloth.kernels.cloth import FOURTH_PARTS, PRECISIONS
-from warp_cloth.kernels.displace import displace_kernels
+from warp_cloth.kernels.displace import NoCollider, advance_kernel, displace_kernel
 from warp_cloth.kernels.field import ContactField, field_contact
 from warp_cloth.kernels.gather import gather_kernels
 from warp_cloth.kernels.scatter import scatter_kernels
@@ -94,5 +94,8 @@ def test_force_kernels_compile(precision: str) -> None:
 def test_displacement_and_certificate_kernels_compile(precision: str) -> None:
     loaded(energy_kernels(precision))
     for contact, data in COLLIDERS:
-        displace = displace_kernels(precision, contact, data)
-        loaded(displace, residual_kernel(precision, contact, displace.collider_type))
+        asked = contact, data or NoCollider
+        loaded(residual_kernel(precision, *asked))
+        for accelerated in (False, True):
+            loaded(displace_kernel(precision, accelerated, *asked))
+            loaded(advance_kernel(precision, accelerated, True, *asked))

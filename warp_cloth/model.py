@@ -74,6 +74,14 @@ class ClothModel:
         self.cloth.position.assign(wp.array(points, dtype=types.point, device=self.device))
         self.cloth.move.zero_()
 
+    def cloth_beside(self) -> Any:
+        """The cloth with positions and moves of its own, for iterations that write beside what they read."""
+        beside = cloth_types(self.precision).Cloth()
+        beside.position, beside.move = wp.empty_like(self.cloth.position), wp.empty_like(self.cloth.move)
+        beside.weight, beside.pinned = self.cloth.weight, self.cloth.pinned
+        beside.stiffness = self.cloth.stiffness
+        return beside
+
 
 def build_model(
     parts: Sequence[GarmentPart], *, device: str, precision: str, gathers: bool | None = None

@@ -15,10 +15,11 @@ from warp_cloth.model import ClothModel
 class ForcePass:
     """Sums the cloth's forces into ``load``: force [N] and a fourth part (kernels.cloth.FOURTH_PARTS) per vertex.
 
-    ``load`` must be at zero before a pass; the kernels that read it leave it so.
+    ``load`` must be at zero before a pass; the kernels that read it leave it so. Where forces are gathered, a kernel
+    that gathers by itself needs no load: it calls ``store`` and reads ``stored``.
     """
 
-    def __init__(self, model: ClothModel, fourth: str, load: wp.array) -> None:
+    def __init__(self, model: ClothModel, fourth: str, load: wp.array | None) -> None:
         self._model = model
         self._load = load
         types = cloth_types(model.precision)
@@ -35,7 +36,7 @@ class ForcePass:
                 out = stored[planes:].reshape((3, model.weave_count))
                 self._stores.append((kernels.store_weave, model.weave_count, model.weave, out))
             self._gather = kernels.gather_forces
-            self._stored = stored
+            self.stored = stored
         else:
             scatter = scatter_kernels(model.precision, fourth)
             tension = (scatter.add_tension, model.pulling_count, model.pulling, load)
@@ -46,16 +47,24 @@ class ForcePass:
     def kernels(self) -> list[wp.Kernel]:
         """The kernels that a pass launches, in order."""
         last = [self._gather] if self._model.gathers else []
-        return [store[0] for store in self._stores] + last
+        return self.storing_kernels() + last
+
+    def storing_kernels(self) -> list[wp.Kernel]:
+        """The kernels that ``store`` launches, in order."""
+        return [store[0] for store in self._stores]
 
     def launch(self, step: Any) -> None:
         """Launches the pass; ``step`` is a kernels.cloth Step."""
         model, cloth = self._model, self._model.cloth
+        self.store(step, cloth)
+        if model.gathers:
+            rows = [cloth, model.edge_rows, model.stored_rows, self.stored, step, self._load]
+            self._launch(self._gather, model.vertex_count, rows)
+
+    def store(self, step: Any, cloth: Any) -> None:
+        """Scatters the elements' forces into ``load``, or stores them where forces are gathered."""
         for kernel, count, elements, out in self._stores:
             self._launch(kernel, count, [cloth, elements, step, out])
-        if model.gathers:
-            rows = [cloth, model.edge_rows, model.stored_rows, self._stored, step, self._load]
-            self._launch(self._gather, model.vertex_count, rows)
 
     def _launch(self, kernel: wp.Kernel, size: int, inputs: list[Any]) -> None:
         wp.launch(kernel, dim=size, inputs=inputs, device=self._model.device)

@@ -8,7 +8,7 @@ from typing import Any, Literal
 import warp as wp
 
 from warp_cloth.kernels.cloth import cloth_types
-from warp_cloth.kernels.displace import displace_kernels
+from warp_cloth.kernels.displace import NoCollider, advance_kernel, displace_kernel
 from warp_cloth.model import ClothModel
 from warp_cloth.solver.forces import ForcePass
 
@@ -75,11 +75,16 @@ class Relaxation:
         self.step.damping = options.damping
         self.step.viscosity = options.viscosity
         self.step.memory = options.memory
-        self._load = wp.zeros(model.vertex_count, dtype=types.vec4, device=model.device)
+        self.collider_type = collider.data_type or NoCollider
+        # gathering needs no sum of forces in memory, but a second set of positions to write to
+        self._load = None if model.gathers else wp.zeros(model.vertex_count, dtype=types.vec4, device=model.device)
         self._forces = ForcePass(model, "stiffness" if accelerated else "none", self._load)
-        kernels = displace_kernels(model.precision, collider.contact, collider.data_type)
-        self._displace = kernels.displace_accelerated if accelerated else kernels.displace_direct
-        self.collider_type = kernels.collider_type
+        asked = collider.contact, self.collider_type
+        if model.gathers:
+            self._move = advance_kernel(model.precision, accelerated, bool(self._forces.storing_kernels()), *asked)
+            self._there = model.cloth_beside()
+        else:
+            self._move = displace_kernel(model.precision, accelerated, *asked)
         self.meet(collider)
 
     def meet(self, collider: Collider) -> None:
@@ -89,19 +94,27 @@ class Relaxation:
         self.collider_data = collider.data if collider.data is not None else self.collider_type()
         self._graphs: dict[int, Any] = {}
 
-    def iterate(self) -> None:
-        """Launches one iteration."""
-        self._forces.launch(self.step)
-        wp.launch(
-            self._displace,
-            dim=self.model.vertex_count,
-            inputs=[self.step, self.collider_data, self._load, self.model.cloth],
-            device=self.model.device,
-        )
-
     def kernels(self) -> list[wp.Kernel]:
         """The kernels that an iteration launches, in order."""
-        return [*self._forces.kernels(), self._displace]
+        return [*self._forces.storing_kernels(), self._move]
+
+    def iterate(self, count: int = 1) -> None:
+        """Launches iterations."""
+        here = self.model.cloth
+        if not self.model.gathers:
+            for _ in range(count):
+                self._forces.store(self.step, here)
+                self._launch([self.step, self.collider_data, self._load, here])
+            return
+        there = self._there
+        rows = [self.model.edge_rows, self.model.stored_rows, self._forces.stored]
+        for _ in range(count):
+            self._forces.store(self.step, here)
+            self._launch([self.step, self.collider_data, *rows, here, there.position, there.move])
+            here, there = there, here
+        if count % 2:  # the shape is beside the model
+            wp.copy(there.position, here.position)
+            wp.copy(there.move, here.move)
 
     def run(self, iterations: int) -> None:
         """Runs a chunk of iterations as one captured graph, without waiting for the device.
@@ -110,7 +123,9 @@ class Relaxation:
         """
         if iterations not in self._graphs:
             with wp.ScopedCapture(device=self.model.device) as capture:
-                for _ in range(iterations):
-                    self.iterate()
+                self.iterate(iterations)
             self._graphs[iterations] = capture.graph
         wp.capture_launch(self._graphs[iterations])
+
+    def _launch(self, inputs: list[Any]) -> None:
+        wp.launch(self._move, dim=self.model.vertex_count, inputs=inputs, device=self.model.device)
