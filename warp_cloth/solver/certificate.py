@@ -15,11 +15,11 @@ from warp_cloth.model import ClothModel
 from warp_cloth.result import Residual, Strain
 from warp_cloth.solver.forces import ForcePass
 from warp_cloth.solver.relax import Collider, Relaxation
+from warp_cloth.solver.rest_error import RestError
 
 # A vertex at rest on the avatar stands at the contact offset to within the rounding of a float32 distance and one
 # iteration's fall; this far above it still counts as held.
 CONTACT_SLACK = 2e-5  # [m]
-SNAPSHOT_GROWTH = 1.1  # a shape is kept for the rest error when the iterations have grown by this factor
 
 
 @dataclass(frozen=True)
@@ -68,7 +68,7 @@ class Certifier:
         self._forces = ForcePass(model, "size", self._load)
         self._residual = residual_kernel(model.precision, collider.contact, relaxation.collider_type)
         self._left = wp.zeros(model.vertex_count, dtype=wp.vec2f, device=model.device)
-        self._earlier: list[tuple[int, NDArray[np.float32]]] = []  # iteration and shape, geometrically spaced
+        self._rest_error = RestError()
 
     def kernels(self) -> list[wp.Kernel]:
         """The kernels that a check launches."""
@@ -94,23 +94,7 @@ class Certifier:
         finite = bool(np.isfinite(points).all() and np.isfinite(left).all())
         if not finite:
             return Check(iteration, Residual(*([math.inf] * 5)), math.inf, False)
-        return Check(iteration, residual_summary(left), self._rest_error(iteration, points), True)
-
-    def _rest_error(self, iteration: int, points: NDArray[np.float64]) -> float:
-        """How far the shape still is from rest [m]: the rms way of its vertices over the last half of the iterations.
-
-        Soft modes fade like a power of the iterations, late ones exponentially. The distance left is then at most
-        what was covered since half as many iterations; what a single span's shrinking promises is far too little.
-        """
-        while len(self._earlier) > 1 and 2 * self._earlier[1][0] <= iteration:
-            self._earlier = self._earlier[1:]
-        known = bool(self._earlier) and iteration > 0 and 2 * self._earlier[0][0] <= iteration
-        half = self._earlier[0][1] if known else None
-        if not self._earlier or iteration >= SNAPSHOT_GROWTH * self._earlier[-1][0]:
-            self._earlier = [*self._earlier, (iteration, points.astype(np.float32))]
-        if half is None:
-            return math.inf
-        return float(np.sqrt(np.mean(np.sum((points - half) ** 2, axis=1))))
+        return Check(iteration, residual_summary(left), self._rest_error.estimate(iteration, points), True)
 
 
 def residual_summary(left: NDArray[np.float32]) -> Residual:

@@ -1,0 +1,70 @@
+"""The estimate of the distance from rest on motions whose rest is known."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from warp_cloth.solver.rest_error import RestError
+
+STEP = 100  # iterations between two looks
+AWAY = np.array([[0.3, -0.2, 0.1], [0.1, 0.4, 0.2], [-0.1, 0.0, 0.5]])  # [m], from rest at the start
+DISTANCE = math.sqrt(np.mean(np.sum(AWAY**2, axis=1)))
+FINEST = 1e-4  # [m]; shapes are kept in float32, which near 1 m tells 1e-7 m apart
+LOOSEST = 8.0  # times the true distance, median
+
+
+def looked_at(left: Callable[[int], float], until: int) -> list[tuple[float, float]]:
+    """Estimate and true distance [m] at every look at a motion that has ``left`` of its way before it."""
+    error = RestError()
+    return [
+        (error.estimate(now, 1.0 + AWAY * left(now)), DISTANCE * abs(left(now))) for now in range(0, until + 1, STEP)
+    ]
+
+
+MOTIONS: dict[str, Callable[[int], float]] = {
+    "fast": lambda now: math.exp(-now / 300),
+    "slow": lambda now: math.exp(-now / 2000),
+    "like 1 / n2, as momentum leaves a cubic energy": lambda now: (1 + now / 100) ** -2.0,
+    "fast, then slow": lambda now: 0.9 * math.exp(-now / 200) + 0.1 * math.exp(-now / 1500),
+}
+HONEST = 0.95  # share of the looks, as the certificate promises
+HONEST_SWINGING = 0.9  # a swing is slow where it turns, and cloth swings in many modes that do not all turn at once
+
+
+def told(motion: Callable[[int], float]) -> list[float]:
+    """Estimate over true distance at the looks where both are known."""
+    looks = looked_at(motion, 6000)
+    return [estimate / true for estimate, true in looks if true > FINEST and math.isfinite(estimate)]
+
+
+def test_no_less_than_the_true_distance() -> None:
+    ratios = [ratio for motion in MOTIONS.values() for ratio in told(motion)]
+    assert len(ratios) > 100
+    assert np.mean(np.array(ratios) >= 1.0) >= HONEST
+
+
+@pytest.mark.parametrize("motion", MOTIONS.values(), ids=list(MOTIONS))
+def test_not_much_more_than_the_true_distance(motion: Callable[[int], float]) -> None:
+    assert np.median(told(motion)) < LOOSEST
+
+
+def test_a_swing_is_not_taken_for_rest_where_it_turns() -> None:
+    ratios = told(lambda now: math.exp(-now / 1000) * math.cos(now / 150))
+    assert np.mean(np.array(ratios) >= 1.0) >= HONEST_SWINGING
+
+
+def test_steady_creep_is_not_rest() -> None:
+    estimate, _ = looked_at(lambda now: 1.0 - now / 1e6, 6000)[-1]
+    assert estimate > DISTANCE * 6000 / 1e6  # at least as far again
+
+
+def test_nothing_is_known_at_the_start() -> None:
+    assert [math.isinf(estimate) for estimate, _ in looked_at(lambda now: 0.0, 500)] == [True] * 6
+
+
+def test_standing_still_is_rest() -> None:
+    assert looked_at(lambda now: 0.0, 1000)[-1][0] == 0.0
