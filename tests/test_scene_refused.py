@@ -141,6 +141,12 @@ def test_more_than_one_mistake_is_counted(tmp_path: Path) -> None:
     assert told.endswith("(and 2 more)")
 
 
+def test_a_value_that_does_not_go_with_the_fabrics_own_names_the_scenes_key() -> None:
+    garment = {"shape": {"kind": "square"}, "fabric": {"base": "cotton", "stretch_warp": 1.0}}
+    with pytest.raises(InputError, match=r"^scene: garment\.fabric\.shear: "):
+        load_scene({"garment": garment})
+
+
 def test_two_garments_of_one_name_are_refused() -> None:
     same = [{"mesh": "a.obj", "name": "x"}, {"mesh": "b.obj", "name": "x"}]
     assert "two garments have the same name; give each its own name" in refused({"garment": same})

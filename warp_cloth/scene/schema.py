@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import asdict
+from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Annotated, Any, Literal, get_args
 
@@ -31,6 +31,7 @@ Precision = Literal["float32", "float64", "mixed"]
 LoopSide = Literal["top", "bottom", "left", "right", "front", "back"]
 Degrees = Annotated[Real, Field(ge=-360, le=360)]
 LOOP_SIDES: tuple[LoopSide, ...] = get_args(LoopSide)
+FABRIC_KEYS = frozenset(field.name for field in fields(Fabric))
 
 
 class PinSpec(Table):
@@ -145,7 +146,8 @@ class GarmentSpec(Wearable):
         try:
             return resolve_fabric(value, _directory(info))
         except InputError as error:
-            in_table = isinstance(value, Mapping) and error.place in value
+            # a table's own key, or one that it leaves out and that does not go with the ones it has
+            in_table = isinstance(value, Mapping) and (error.place in value or error.place in FABRIC_KEYS)
             below, place = (error.place, "") if in_table else ("", error.place)
             raise refusal(error.problem, error.remedy, below=below, place=place) from error
 
