@@ -1,4 +1,4 @@
-"""The command line: ``warp-cloth fit``, ``warp-cloth scenes``."""
+"""The command line: ``warp-cloth fit``, ``warp-cloth fabric``, ``warp-cloth scenes``."""
 
 from __future__ import annotations
 
@@ -97,6 +97,34 @@ def fit(
         typer.echo(line)
     if worn.status.value in ("diverged", "invalid"):
         raise typer.Exit(1)
+
+
+@app.command()
+def fabric(
+    fabric: Annotated[str, typer.Argument(help="A shipped fabric, or a fabric file (.toml).")],
+    device: Annotated[str, typer.Option(help="cpu, cuda or cuda:N.")] = "cpu",
+    out: Annotated[Path, typer.Option(help="Folder for NAME.json, NAME.csv, NAME.png and NAME_drape.png.")] = Path(
+        "out"
+    ),
+    plots: Annotated[bool, typer.Option(help="Draw the curves, with matplotlib.")] = True,
+) -> None:
+    """Test a fabric as a textile laboratory does, and compare with the values that it states."""
+    with _one_line_errors():
+        from warp_cloth.fabric import resolve_fabric
+
+        chosen = resolve_fabric(fabric)
+        with _output_folder(out, chosen.name):
+            _start_warp(False)
+            from warp_cloth.bench import run_bench
+            from warp_cloth.bench.save import save_bench, table
+            from warp_cloth.fitting import device_named
+
+            where = device_named(device)
+            bench = run_bench(chosen, device=where, tell=lambda name: print(f"testing {name}", file=sys.stderr))
+            lines = table(bench)
+            paths = save_bench(bench, out, where, plots=plots)
+    for line in [*lines, *(f"  wrote {path}" for path in paths)]:
+        typer.echo(line)
 
 
 @app.command()

@@ -111,7 +111,7 @@ def fit(
         raise InputError("frames", f"{frames} shapes on the way cannot be kept", f"choose 0 to {MOST_FRAMES}")
     tell = progress or (lambda _: None)
     chosen = scene if isinstance(scene, Scene) else load_scene(scene, overrides)
-    where = _device_named(device)
+    where = device_named(device)
     clock = _Clock()
     tell(Progress("load"))
     wardrobe = open_wardrobe(chosen)
@@ -158,7 +158,7 @@ class _Clock:
         self._last = now
 
 
-def _device_named(name: str | None) -> str:
+def device_named(name: str | None) -> str:
     """Warp's name of a device that is there."""
     wp.init()
     if name is None:

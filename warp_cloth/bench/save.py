@@ -1,0 +1,86 @@
+"""What the bench found, for people and for programs: table, JSON, CSV, plots, a picture of the drape."""
+
+from __future__ import annotations
+
+import csv
+import io
+from dataclasses import asdict
+from pathlib import Path
+
+from warp_cloth.bench.bench import Bench, Curve
+from warp_cloth.errors import InputError
+from warp_cloth.export.files import whole_file
+from warp_cloth.export.preview import write_preview
+from warp_cloth.export.report import check_writable, write_report
+
+
+def table(bench: Bench) -> list[str]:
+    """Lines of a table: each figure, the fabric's own, how far they are apart."""
+    rows = [("", "measured", "fabric", "off", "")]
+    for found in bench.findings:
+        stated = "" if found.stated is None else f"{found.stated:.3g}"
+        off = "" if found.deviation is None else f"{100 * found.deviation:+.1f} %"
+        rows.append((found.name, f"{found.measured:.3g}", stated, off, found.unit))
+    widths = [max(len(row[column]) for row in rows) for column in range(5)]
+    lines = [f"{bench.fabric.name}: {bench.fabric.source}"]
+    for name, *figures, unit in rows:
+        cells = [figure.rjust(width) for figure, width in zip(figures, widths[1:], strict=False)]
+        lines.append("  ".join(["", name.ljust(widths[0]), *cells, unit]).rstrip())
+    return lines
+
+
+def save_bench(bench: Bench, folder: Path, device: str = "cpu", *, plots: bool = True) -> list[Path]:
+    """Writes NAME.json, NAME.csv, NAME_drape.png and, where matplotlib is there, NAME.png into a folder.
+
+    Raises:
+        InputError: the folder cannot be written, or ``plots`` are wanted and cannot be drawn.
+    """
+    name = bench.fabric.name
+    check_writable(folder, name)
+    paths = [folder / f"{name}{end}" for end in (".json", ".csv", "_drape.png")]
+    findings = [{**asdict(found), "deviation": found.deviation} for found in bench.findings]
+    curves = [asdict(curve) for curve in bench.curves]
+    write_report(paths[0], {"fabric": asdict(bench.fabric), "findings": findings, "curves": curves})
+    with whole_file(paths[1]) as place:
+        place.write_text(_csv(bench.curves), encoding="utf-8")
+    draped = next(found for found in bench.findings if found.name == "drape coefficient")
+    sentence = f"30 cm disc on an 18 cm support, drape coefficient {draped.measured:.0f} %"
+    write_preview(
+        paths[2], garments=[bench.disc], avatar=None, device=device, size=(1500, 500), title=name, sentence=sentence
+    )
+    if plots:
+        paths.append(folder / f"{name}.png")
+        _plot(paths[-1], bench)
+    return paths
+
+
+def _csv(curves: tuple[Curve, ...]) -> str:
+    text = io.StringIO()
+    rows = csv.writer(text, lineterminator="\n")
+    rows.writerow(["test", "x", "x unit", "measured", "fabric", "unit"])
+    for curve in curves:
+        stated = curve.stated or ("",) * len(curve.x)
+        for x, measured, own in zip(curve.x, curve.measured, stated, strict=True):
+            rows.writerow([curve.name, x, curve.x_unit, measured, own, curve.y_unit])
+    return text.getvalue()
+
+
+def _plot(path: Path, bench: Bench) -> None:
+    """Curves by kind of test, measured as marks over the fabric's own as lines."""
+    try:
+        from matplotlib.figure import Figure
+    except ImportError:
+        raise InputError("matplotlib", "is needed for plots", "pip install 'warp-cloth[plot]', or --no-plots") from None
+    kinds = list(dict.fromkeys(curve.name.split()[0] for curve in bench.curves))
+    figure = Figure(figsize=(4.5 * len(kinds), 4.0), layout="constrained")
+    for axes, kind in zip(figure.subplots(1, len(kinds), squeeze=False)[0], kinds, strict=True):
+        for index, curve in enumerate(curve for curve in bench.curves if curve.name.startswith(kind)):
+            axes.plot(curve.x, curve.measured, "os^"[index % 3], color=f"C{index}", label=curve.name, markersize=4)
+            if curve.stated is not None:
+                axes.plot(curve.x, curve.stated, color=f"C{index}", linewidth=1)
+            axes.set_xlabel(curve.x_unit)
+            axes.set_ylabel(curve.y_unit)
+        axes.legend()
+    figure.suptitle(f"{bench.fabric.name}: measured (marks) and the fabric's own (lines)")
+    with whole_file(path) as place:
+        figure.savefig(place, dpi=120)

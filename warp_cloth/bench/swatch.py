@@ -1,0 +1,59 @@
+"""Flat pieces of cloth that a textile laboratory cuts: strips and discs, in the xz plane, the warp along -z."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from warp_cloth.mesh import Mesh, Points
+from warp_cloth.shapes import square
+
+RING_SIDES = 6  # a ring has six vertices more than the next inner one
+
+
+def strip(width: float, length: float, edge: float) -> Mesh:
+    """A rectangle in a regular grid of about this edge length [m]: x across, y of its panel along it."""
+    columns, rows = max(round(width / edge), 1), max(round(length / edge), 1)
+    count = max(columns, rows) + 1
+    whole = square(side=1.0, vertices_per_side=count)
+    texcoords = whole.texcoords if whole.texcoords is not None else np.zeros((0, 3, 2))
+    cell = 1.0 / (count - 1)
+    kept = (texcoords.mean(axis=1) < np.array([columns, rows]) * cell).all(axis=1)
+    flat = texcoords[kept] / cell * np.array([width / columns, length / rows])
+    used, triangles = np.unique(whole.triangles[kept], return_inverse=True)
+    points = np.zeros((len(used), 3))
+    triangles = triangles.reshape(-1, 3)
+    points[triangles.ravel(), 0] = flat[..., 0].ravel() - 0.5 * width
+    points[triangles.ravel(), 2] = 0.5 * length - flat[..., 1].ravel()
+    return Mesh("strip", points, triangles.astype(np.int32), texcoords=flat)
+
+
+def disc(radius: float, hole: float, rings: int) -> Mesh:
+    """A disc of rings around a hexagon, without those inside ``hole`` [m]; one ring lies on the hole's edge or near."""
+    first = max(round(rings * hole / radius), 1)
+    starts = {ring: RING_SIDES * (ring * (ring - 1) - first * (first - 1)) // 2 for ring in range(first, rings + 1)}
+    circles = []
+    for ring in range(first, rings + 1):
+        turn = np.arange(RING_SIDES * ring) * 2.0 * np.pi / (RING_SIDES * ring)
+        circles.append(radius * ring / rings * np.column_stack([np.cos(turn), np.sin(turn)]))
+    flat = np.concatenate(circles)
+    triangles = np.concatenate([_between(ring, starts[ring], starts[ring + 1]) for ring in range(first, rings)])
+    points = np.column_stack([flat[:, 0], np.zeros(len(flat)), -flat[:, 1]])
+    return Mesh("disc", points, triangles.astype(np.int32), texcoords=flat[triangles])
+
+
+def _between(ring: int, inner: int, outer: int) -> np.ndarray:
+    """Triangles between a ring and the next; the two start at these vertices."""
+    side, step = (part.ravel() for part in np.meshgrid(np.arange(RING_SIDES), np.arange(ring + 1), indexing="ij"))
+    here = inner + (side * ring + step) % (RING_SIDES * ring)
+    there = outer + side * (ring + 1) + step
+    beyond = outer + (side * (ring + 1) + step + 1) % (RING_SIDES * (ring + 1))
+    after = inner + (side * ring + step + 1) % (RING_SIDES * ring)
+    pointing = np.column_stack([here, there, beyond])
+    filling = np.column_stack([here, beyond, after])[step < ring]
+    return np.concatenate([pointing, filling])
+
+
+def along(mesh: Mesh) -> tuple[Points, Points]:
+    """Place of every vertex across and along its strip [m], as it was cut; shape [V] each."""
+    length = float(mesh.points[:, 2].max() - mesh.points[:, 2].min())
+    return mesh.points[:, 0], 0.5 * length - mesh.points[:, 2]

@@ -1,0 +1,185 @@
+"""The tests of a textile laboratory, each on a given piece of cloth: what it measures, nothing of what is expected."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from PIL import Image, ImageDraw
+
+from warp_cloth.bench.specimen import Settled, Specimen
+from warp_cloth.bench.swatch import along
+from warp_cloth.mesh import Indices, Mesh, Points
+from warp_cloth.solver.certificate import Tolerance
+from warp_cloth.solver.relax import StepOptions
+
+if TYPE_CHECKING:
+    from warp_cloth.fabric import Fabric
+
+BALANCED = Tolerance(relative_rms=2e-4, relative_p99=2e-3, rest_error=1e-5)  # clamps must read to a part in 1,000
+ITERATIONS = 20_000
+CLAMP = 0.0101  # [m], length of a strip that a bending clamp holds at either end, and a little for rounding
+TIP_ANGLE = math.radians(41.5)  # of the cantilever (ISO 9073-7)
+SUPPORT_RADIUS = 0.09  # [m], of Cusick's support; his disc has DISC_RADIUS
+DISC_RADIUS = 0.15
+SHADOW_PIXEL = 2.5e-4  # [m]; a disc's shadow is then exact to 0.1 points
+DRAPE_MODES = range(3, 10)  # waves round the disc that it starts with, 1 mm high: cloth never lies dead flat
+DRAPED = Tolerance(relative_rms=0.01, relative_p99=0.05, rest_error=1e-3)
+
+
+@dataclass(frozen=True)
+class Reading:
+    """One reading of a machine: what the cloth was brought to, and the force or moment per width that it took."""
+
+    given: float
+    taken: float
+
+
+def pull(
+    mesh: Mesh, fabric: Fabric, strains: Sequence[float], *, grain_degrees: float = 0.0, device: str = "cpu"
+) -> list[Reading]:
+    """A strip clamped at both ends and pulled along its length, its sides free.
+
+    Reads strain in the middle two fifths of the length, as an extensometer does, and force per width [N/m].
+    """
+    across, place = along(mesh)
+    length, width = np.ptp(place), np.ptp(across)
+    far = place > length * (1.0 - 1e-6)
+    specimen = Specimen(mesh, fabric, _ids(far | (place < length * 1e-6)), grain_degrees=grain_degrees, device=device)
+    middle = np.abs(place / length - 0.5) < 0.2
+    readings = []
+    for strain in strains:
+        start = mesh.points.copy()
+        start[:, 2] *= 1.0 + strain
+        settled = specimen.settle(start, BALANCED, ITERATIONS)
+        stretch = -np.polyfit(place[middle], settled.points[middle, 2], 1)[0]
+        readings.append(Reading(float(stretch) - 1.0, float(settled.forces[far, 2].sum() / width)))
+    return readings
+
+
+def released(mesh: Mesh, fabric: Fabric, strains: Sequence[float], *, device: str = "cpu") -> list[Reading]:
+    """A strip that was pulled along its warp and is let go at one end: strain given, and mean strain that is left.
+
+    It lies without weight or friction; what is left is what the certificate takes for rest.
+    """
+    _, place = along(mesh)
+    length = np.ptp(place)
+    near = place < length * 1e-6
+    creeping = StepOptions(momentum=0.0)  # with momentum the strip would shrink past its length and crumple
+    specimen = Specimen(mesh, fabric, _ids(near), device=device, options=creeping)
+    readings = []
+    for strain in strains:
+        start = mesh.points.copy()
+        start[:, 2] *= 1.0 + strain
+        settled = specimen.settle(start, Tolerance(), ITERATIONS)
+        left = -np.polyfit(place, settled.points[:, 2], 1)[0] - 1.0
+        readings.append(Reading(strain, float(left)))
+    return readings
+
+
+def shear(
+    mesh: Mesh, fabric: Fabric, angles: Sequence[float], *, grain_degrees: float = 0.0, device: str = "cpu"
+) -> list[Reading]:
+    """A wide, short strip whose far clamp moves sideways, its sides free, as in KES-FB1.
+
+    Reads the angle [rad] in the middle half of the width, and the sideways force per width [N/m].
+    """
+    across, place = along(mesh)
+    length, width = np.ptp(place), np.ptp(across)
+    far = place > length * (1.0 - 1e-6)
+    specimen = Specimen(mesh, fabric, _ids(far | (place < length * 1e-6)), grain_degrees=grain_degrees, device=device)
+    middle = np.abs(across) < 0.25 * width
+    readings = []
+    for angle in angles:
+        start = mesh.points.copy()
+        start[:, 0] += math.tan(angle) * place
+        settled = specimen.settle(start, BALANCED, ITERATIONS)
+        slope = np.polyfit(place[middle], settled.points[middle, 0] - across[middle], 1)[0]
+        readings.append(Reading(math.atan(slope), -float(settled.forces[far, 0].sum() / width)))
+    return readings
+
+
+def bend(
+    mesh: Mesh, fabric: Fabric, curvatures: Sequence[float], *, grain_degrees: float = 0.0, device: str = "cpu"
+) -> list[Reading]:
+    """A strip whose ends are clamped on an arc, as in KES-FB2.
+
+    Reads the curvature [1/m] of a circle through the middle two fifths, and the moment per width [N].
+    """
+    across, place = along(mesh)
+    length, width = np.ptp(place), np.ptp(across)
+    far = place > length - CLAMP
+    specimen = Specimen(mesh, fabric, _ids(far | (place < CLAMP)), grain_degrees=grain_degrees, device=device)
+    middle, section = np.abs(place / length - 0.5) < 0.2, np.abs(place / length - 0.5) < 0.06
+    readings = []
+    for curvature in curvatures:
+        turn = (place - 0.5 * length) * curvature
+        start = np.column_stack([across, (1.0 - np.cos(turn)) / curvature, -np.sin(turn) / curvature])
+        settled = specimen.settle(start, BALANCED, ITERATIONS)
+        arms = settled.points[far] - settled.points[section].mean(axis=0)
+        moment = abs(float(np.cross(arms, settled.forces[far])[:, 0].sum()))
+        readings.append(Reading(_curvature(settled.points[middle, 1:]), float(moment / width)))
+    return readings
+
+
+def cantilever(mesh: Mesh, fabric: Fabric, *, grain_degrees: float = 0.0, device: str = "cpu") -> float:
+    """Angle [rad] below the horizontal at which a strip's far end is seen from its clamp, bent by its weight."""
+    _, place = along(mesh)
+    far = place > np.ptp(place) * (1.0 - 1e-6)
+    edge = place[place <= CLAMP].max()
+    specimen = Specimen(mesh, fabric, _ids(place <= edge), grain_degrees=grain_degrees, weightless=False, device=device)
+    settled = specimen.settle(mesh.points, DRAPED, ITERATIONS)
+    clamp, tip = settled.points[place == edge].mean(axis=0), settled.points[far].mean(axis=0)
+    return math.atan2(clamp[1] - tip[1], clamp[2] - tip[2])
+
+
+@dataclass(frozen=True, eq=False)
+class Drape:
+    """A disc that hangs over a round support."""
+
+    coefficient: float  # share of the free ring's area that its shadow covers [%]
+    settled: Settled
+
+
+def drape(mesh: Mesh, fabric: Fabric, *, device: str = "cpu", iterations: int = ITERATIONS, seed: int = 0) -> Drape:
+    """Cusick's test (ISO 9073-9): a disc of 30 cm between two of 18 cm."""
+    radius = np.hypot(mesh.points[:, 0], mesh.points[:, 2])
+    turn = np.arctan2(mesh.points[:, 2], mesh.points[:, 0])
+    held = radius < SUPPORT_RADIUS * (1.0 + 1e-6)
+    specimen = Specimen(mesh, fabric, _ids(held), weightless=False, device=device)
+    phases = np.random.default_rng(seed).uniform(0.0, 2.0 * np.pi, len(DRAPE_MODES))
+    start = mesh.points.copy()
+    for mode, phase in zip(DRAPE_MODES, phases, strict=True):
+        out = np.maximum(radius - SUPPORT_RADIUS, 0.0) / (DISC_RADIUS - SUPPORT_RADIUS)
+        start[:, 1] += 1e-3 * np.cos(mode * turn + phase) * out**2
+    settled = specimen.settle(start, DRAPED, iterations)
+    return Drape(drape_coefficient(settled.points, mesh.triangles), settled)
+
+
+def drape_coefficient(points: Points, triangles: Indices) -> float:
+    """Share of the free ring's area that a draped disc's shadow from above covers [%]."""
+    size = math.ceil(2.1 * DISC_RADIUS / SHADOW_PIXEL)
+    seen = points[:, [0, 2]] / SHADOW_PIXEL + 0.5 * size
+    image = Image.new("1", (size, size))
+    draw = ImageDraw.Draw(image)
+    half = SUPPORT_RADIUS / SHADOW_PIXEL
+    draw.ellipse([0.5 * size - half, 0.5 * size - half, 0.5 * size + half, 0.5 * size + half], fill=1)
+    for corners in seen[triangles].reshape(-1, 6).tolist():
+        draw.polygon(corners, fill=1)
+    area = float(np.asarray(image).sum()) * SHADOW_PIXEL**2
+    inner = math.pi * SUPPORT_RADIUS**2
+    return 100.0 * (area - inner) / (math.pi * DISC_RADIUS**2 - inner)
+
+
+def _curvature(points: Points) -> float:
+    """Curvature of the circle that fits points in a plane best [1/m]."""
+    rows = np.column_stack([2.0 * points, np.ones(len(points))])
+    fit = np.linalg.lstsq(rows, (points**2).sum(axis=1), rcond=None)[0]
+    return float(1.0 / math.sqrt(fit[2] + fit[0] ** 2 + fit[1] ** 2))
+
+
+def _ids(chosen: np.ndarray) -> Indices:
+    return np.flatnonzero(chosen).astype(np.int32)
