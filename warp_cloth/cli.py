@@ -112,13 +112,18 @@ def fabric(
     with _one_line_errors():
         from warp_cloth.fabric import resolve_fabric
 
-        chosen = resolve_fabric(fabric)
+        try:
+            chosen = resolve_fabric(fabric)
+        except InputError as error:
+            raise InputError(error.place or "fabric", error.problem, error.remedy) from None
         with _output_folder(out, chosen.name):
             _start_warp(False)
             from warp_cloth.bench import run_bench
-            from warp_cloth.bench.save import save_bench, table
+            from warp_cloth.bench.save import figure_class, save_bench, table
             from warp_cloth.fitting import device_named
 
+            if plots:
+                figure_class()
             where = device_named(device)
             bench = run_bench(chosen, device=where, tell=lambda name: print(f"testing {name}", file=sys.stderr))
             lines = table(bench)

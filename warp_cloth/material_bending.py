@@ -69,13 +69,17 @@ def hinge_constants(sheet: Sheet, fabric: Fabric, length: Floats) -> Floats:
         bends = [np.zeros_like(folds.angle), np.full_like(folds.angle, 0.5 * np.pi)]
     wanted = np.array([fabric.bending_warp, fabric.bending_weft])
     factors = np.ones(parts.shape[1])
-    moved = np.zeros((len(bends), int(sheet.triangles.max()) + 1))
+    stays = _near_border(sheet)
+    within = ~stays[sheet.topology.hinges].any(axis=1)
+    moved = np.zeros((len(bends), len(stays)))
     for rounds in ROUNDS:
         rows = []
         for bend, move in zip(bends, moved, strict=True):
             even = folds.evenly(bend)
-            shared = _shared_out(sheet, folds, parts @ factors, even, move, rounds)
-            rows.append((np.abs(shared) ** 3) @ parts / sheet.area * _with_border(folds, border, even, bend))
+            shared = _shared_out(sheet, folds, parts @ factors, even, move, rounds, stays)
+            whole = np.abs(even) ** 3 @ parts / sheet.area * _with_border(folds, border, even, bend)
+            before, after = (np.abs(fold[within]) ** 3 @ parts[within] for fold in (even, shared))
+            rows.append(whole * np.where(before > 0.0, after / np.where(before > 0.0, before, 1.0), 1.0))
         if sheet.directed:
             factors = solved_within(np.array(rows), wanted, 1.0)
         else:
@@ -91,17 +95,27 @@ def _with_border(folds: _Folds, border: _Folds, even: Floats, bend: Floats) -> f
     return 1.0 + 0.5 * outer / max(inner, np.finfo(float).tiny)
 
 
-def _shared_out(sheet: Sheet, folds: _Folds, stiffness: Floats, even: Floats, move: Floats, rounds: int) -> Floats:
+def _near_border(sheet: Sheet) -> NDArray[np.bool_]:
+    """The vertices of all triangles that touch the border, where hinges are missing, shape [V]."""
+    topology = sheet.topology
+    once = np.bincount(topology.triangle_edges.ravel(), minlength=len(topology.edges)) == 1
+    border = np.zeros(int(sheet.triangles.max()) + 1, dtype=bool)
+    border[topology.edges[once].ravel()] = True
+    near = np.zeros_like(border)
+    near[sheet.triangles[border[sheet.triangles].any(axis=1)].ravel()] = True
+    return near
+
+
+def _shared_out(
+    sheet: Sheet, folds: _Folds, stiffness: Floats, even: Floats, move: Floats, rounds: int, stays: NDArray[np.bool_]
+) -> Floats:
     """Folds per curvature once vertices have left the even bend to where their neighbours' hinges balance [m].
 
     Descends on the sum of C |fold|^3 / 6 with the inner vertices' ways off the surface, kept in ``move`` [m2], shape
-    [V]. The border's vertices stay, so that the bend does.
+    [V]. Vertices by the border stay, so that the bend does.
     """
-    corners, count = sheet.topology.hinges.ravel(), len(move)
     topology = sheet.topology
-    once = np.bincount(topology.triangle_edges.ravel(), minlength=len(topology.edges)) == 1
-    stays = np.zeros(count, dtype=bool)
-    stays[topology.edges[once].ravel()] = True
+    corners, count = topology.hinges.ravel(), len(move)
     last = np.zeros(count)
     folded = even + (folds.slopes * move[topology.hinges]).sum(axis=1)
     for _ in range(rounds):

@@ -6,6 +6,7 @@ import csv
 import io
 from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 from warp_cloth.bench.bench import Bench, Curve
 from warp_cloth.errors import InputError
@@ -65,14 +66,23 @@ def _csv(curves: tuple[Curve, ...]) -> str:
     return text.getvalue()
 
 
-def _plot(path: Path, bench: Bench) -> None:
-    """Curves by kind of test, measured as marks over the fabric's own as lines."""
+def figure_class() -> Any:
+    """Matplotlib's Figure.
+
+    Raises:
+        InputError: matplotlib is not installed.
+    """
     try:
         from matplotlib.figure import Figure
     except ImportError:
         raise InputError("matplotlib", "is needed for plots", "pip install 'warp-cloth[plot]', or --no-plots") from None
+    return Figure
+
+
+def _plot(path: Path, bench: Bench) -> None:
+    """Curves by kind of test, measured as marks over the fabric's own as lines."""
     kinds = list(dict.fromkeys(curve.name.split()[0] for curve in bench.curves))
-    figure = Figure(figsize=(4.5 * len(kinds), 4.0), layout="constrained")
+    figure = figure_class()(figsize=(4.5 * len(kinds), 4.0), layout="constrained")
     for axes, kind in zip(figure.subplots(1, len(kinds), squeeze=False)[0], kinds, strict=True):
         for index, curve in enumerate(curve for curve in bench.curves if curve.name.startswith(kind)):
             axes.plot(curve.x, curve.measured, "os^"[index % 3], color=f"C{index}", label=curve.name, markersize=4)
