@@ -47,6 +47,7 @@ class AvatarContact:
         self._friction = friction
         self._device = device
         self._kept: Any = None  # owns the arrays that the collider points to
+        self._box = self._avatar.bounds() if self._avatar is not None else (np.zeros(3), np.zeros(3))
         self._lower = self._upper = np.zeros(3)
         self.builds = 0
 
@@ -74,7 +75,7 @@ class AvatarContact:
         """Whether the collider still answers wherever garments at these positions [m] may touch the avatar."""
         if self._avatar is None or self._kind == "mesh":
             return True
-        lower, upper = self._avatar.bounds()
+        lower, upper = self._box
         # beyond the avatar's own box there is nothing to meet
         near = np.maximum(points.min(axis=0), lower), np.minimum(points.max(axis=0), upper)
         inside = (near[0] >= self._lower + NEAR_EDGE) & (near[1] <= self._upper - NEAR_EDGE)
