@@ -13,9 +13,10 @@ from warp_cloth.bench.specimen import Specimen
 from warp_cloth.bench.swatch import disc
 from warp_cloth.bench.trials import bend, drape, pull, released, shear
 from warp_cloth.fabric import Fabric, fabric_named
+from warp_cloth.grain import Grain
 from warp_cloth.kernels.cloth import cloth_types
 from warp_cloth.laboratory import MATCHED_CURVATURE, MATCHED_SHEAR_ANGLE
-from warp_cloth.rest import Grain, build_rest_shape
+from warp_cloth.rest import build_rest_shape
 from warp_cloth.solver.certificate import Tolerance, element_energies, thread_strains
 
 # The issue asks for 5 % on regular grids and 10 % on others. Threads are exact on all of them; the clamps, between

@@ -69,6 +69,7 @@ def hinge_constants(sheet: Sheet, fabric: Fabric, length: Floats) -> Floats:
         bends = [np.zeros_like(folds.angle), np.full_like(folds.angle, 0.5 * np.pi)]
     wanted = np.array([fabric.bending_warp, fabric.bending_weft])
     factors = np.ones(parts.shape[1])
+    tiny = np.finfo(float).tiny
     stays = _near_border(sheet)
     within = ~stays[sheet.topology.hinges].any(axis=1)
     moved = np.zeros((len(bends), len(stays)))
@@ -76,14 +77,17 @@ def hinge_constants(sheet: Sheet, fabric: Fabric, length: Floats) -> Floats:
         rows = []
         for bend, move in zip(bends, moved, strict=True):
             even = folds.evenly(bend)
-            shared = _shared_out(sheet, folds, parts @ factors, even, move, rounds, stays)
-            whole = np.abs(even) ** 3 @ parts / sheet.area * _with_border(folds, border, even, bend)
-            before, after = (np.abs(fold[within]) ** 3 @ parts[within] for fold in (even, shared))
-            rows.append(whole * np.where(before > 0.0, after / np.where(before > 0.0, before, 1.0), 1.0))
+            stiffness = parts @ factors
+            shared = _shared_out(sheet, folds, stiffness, even, move, rounds, stays)
+            inner, outer = (float(np.abs(even[part]) ** 3 @ stiffness[part]) for part in (within, ~within))
+            if not inner > 0.0:  # too small a garment to have hinges that share
+                shared, within, inner, outer = even, ~within, outer, 0.0
+            share = (1.0 + outer / max(inner, tiny)) * _with_border(folds, border, even, bend)
+            rows.append(np.abs(shared[within]) ** 3 @ parts[within] / sheet.area * share)
         if sheet.directed:
             factors = solved_within(np.array(rows), wanted, 1.0)
         else:
-            factors = np.array([fabric.bending / max(float(np.mean(rows)), np.finfo(float).tiny)])
+            factors = np.array([fabric.bending / max(float(np.mean(rows)), tiny)])
     return parts @ factors
 
 

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from warp_cloth.errors import InputError
+from warp_cloth.grain import Grain
 from warp_cloth.material import Sheet, WeaveShape, edge_constants, lay_flat, thread_constants
 from warp_cloth.material_bending import hinge_constants
 from warp_cloth.mesh import Mesh
@@ -50,28 +50,6 @@ class RestShape:
     area: float  # of the cloth [m2]
     notes: tuple[str, ...] = ()  # what was guessed or mended, for the report
     weave: WeaveShape | None = None  # threads of a woven fabric, whose edges do not pull
-
-
-@dataclass(frozen=True)
-class Grain:
-    """How far the warp is turned from the panels' +v, counter-clockwise as the panels are drawn [degrees]."""
-
-    degrees: float = 0.0
-    panels: Mapping[str, float] = field(default_factory=dict)  # of single panels, by name, instead
-
-    def of_triangles(self, mesh: Mesh, place: str) -> Floats:
-        """The angle of each triangle [rad], shape [F].
-
-        Raises:
-            InputError: it names a panel that the mesh lacks.
-        """
-        degrees = np.full(len(mesh.triangles), self.degrees)
-        for name, turn in self.panels.items():
-            if mesh.panels is None or name not in mesh.panel_names:
-                known = f"there are {', '.join(mesh.panel_names)}" if mesh.panel_names else "it has no named panels"
-                raise InputError(place, f'the mesh has no panel "{name}"', known)
-            degrees[mesh.panels == mesh.panel_names.index(name)] = turn
-        return np.radians(degrees)
 
 
 def _sides(corners: Floats) -> Floats:
@@ -140,7 +118,7 @@ def triangle_areas(sides: Floats) -> Floats:
 FLATNESS = 1e-3  # of a normal's components; a mesh that is flatter lies in a plane
 
 
-def _drawn_flat(mesh: Mesh, grain: Grain, place: str) -> Floats | None:
+def _drawn_flat(mesh: Mesh, grain: Grain, key: str) -> Floats | None:
     """Corners of every triangle, x along weft and y along warp, shape [F, 3, 2]; None where nothing tells the warp.
 
     The warp is the panels' +v, or, of a flat mesh without panels, what is up in it: +y, or -z where it lies.
@@ -158,7 +136,7 @@ def _drawn_flat(mesh: Mesh, grain: Grain, place: str) -> Floats | None:
         warp = up - normal * (up @ normal)
         warp /= np.linalg.norm(warp)
         drawn = corners @ np.cross(warp, normal) + 1j * (corners @ warp)
-    turned = drawn * np.exp(-1j * grain.of_triangles(mesh, place))[:, None]
+    turned = drawn * np.exp(-1j * grain.of_triangles(mesh, key))[:, None]
     return np.stack([turned.real, turned.imag], axis=2)
 
 
@@ -208,7 +186,7 @@ def build_rest_shape(
     floor = SHORTEST_EDGE_SHARE * float(np.median(length))
     length = np.maximum(length, floor)
     averaged = length[topology.triangle_edges]
-    like = _drawn_flat(mesh, grain or Grain(), f"{key}.grain_panels")
+    like = _drawn_flat(mesh, grain or Grain(), key)
     even = triangle_areas(averaged)
     sheet = Sheet(topology, mesh.triangles, lay_flat(averaged, even, like), even, like is not None)
     notes += _check_directions(fabric, sheet)

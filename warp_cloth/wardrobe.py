@@ -5,11 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from warp_cloth.errors import InputError
+from warp_cloth.grain import Grain
 from warp_cloth.loading import check_sizes, load_mesh
 from warp_cloth.mesh import Mesh
 from warp_cloth.model import GarmentPart
 from warp_cloth.pins import select_pins
-from warp_cloth.rest import Grain, build_rest_shape
+from warp_cloth.rest import build_rest_shape
 from warp_cloth.scene import AvatarSpec, GarmentSpec, MannequinShape, Scene, TshirtShape
 from warp_cloth.shapes import MannequinMeasures, build_avatar, build_garment, mannequin_measures
 
@@ -47,7 +48,7 @@ def open_wardrobe(scene: Scene) -> Wardrobe:
 
 def _part(mesh: Mesh, spec: GarmentSpec, key: str) -> GarmentPart:
     place = key if spec.mesh is None else str(spec.mesh)
-    grain = Grain(spec.grain_degrees, spec.grain_panels)
+    grain = Grain(spec.grain_degrees, spec.grain_panels, spec.grain_texture)
     rest = build_rest_shape(
         mesh, spec.fabric, rest=spec.rest, metres_per_uv=spec.uv_metres, grain=grain, place=place, key=key
     )

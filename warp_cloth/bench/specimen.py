@@ -9,10 +9,11 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
+from warp_cloth.grain import Grain
 from warp_cloth.kernels.cloth import cloth_types
 from warp_cloth.mesh import Indices, Mesh, Points
 from warp_cloth.model import GarmentPart, build_model
-from warp_cloth.rest import Grain, build_rest_shape
+from warp_cloth.rest import build_rest_shape
 from warp_cloth.solver.certificate import Certifier, Check, Tolerance
 from warp_cloth.solver.forces import ForcePass
 from warp_cloth.solver.loop import relax_to_rest

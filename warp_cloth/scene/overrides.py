@@ -105,7 +105,7 @@ def _settle_choice(table: dict[str, Any], key: str, value: str) -> None:
 
 def _path_from_here(key: str, value: Any, directory: Path) -> Any:
     """A file that the scene's folder does not have is taken from the current one, where --set was typed."""
-    named = isinstance(value, str) and (key == "mesh" or (key == "fabric" and value.lower().endswith(".toml")))
-    if named and not exists(directory / value) and exists(Path(value)):
+    file = key in ("mesh", "grain_texture") or (key == "fabric" and str(value).lower().endswith(".toml"))
+    if file and isinstance(value, str) and not exists(directory / value) and exists(Path(value)):
         return str(Path(value).absolute())
     return value

@@ -70,6 +70,14 @@ def _directory(info: ValidationInfo) -> Path:
     return (info.context or {}).get("directory", Path())
 
 
+def _path(value: Any, info: ValidationInfo, what: str) -> Path | None:
+    if value is None:
+        return None
+    if not isinstance(value, str | Path) or not str(value).strip() or "\0" in str(value):
+        raise refusal(f"{show(value)} is not a path", f"name {what}, relative to the scene file")
+    return _directory(info) / value
+
+
 def _checked_name(value: str) -> str:
     if not re.fullmatch(r"[^/\\\x00-\x1f.][^/\\\x00-\x1f]{0,99}", value):
         raise refusal(
@@ -95,11 +103,7 @@ class Wearable(Table):
     @field_validator("mesh", mode="plain")
     @classmethod
     def _mesh(cls, value: Any, info: ValidationInfo) -> Path | None:
-        if value is None:
-            return None
-        if not isinstance(value, str | Path) or not str(value).strip() or "\0" in str(value):
-            raise refusal(f"{show(value)} is not a path", "name a mesh file, relative to the scene file")
-        return _directory(info) / value
+        return _path(value, info, "a mesh file")
 
     def _check_one_source(self, shape: object | None, kinds: str) -> None:
         """Exactly one of mesh and shape, and no key of a mesh file beside a shape."""
@@ -127,6 +131,9 @@ class GarmentSpec(Wearable):
     grain_panels: Mapping[str, Degrees] = Field(
         default_factory=dict, description="the same of single panels, by name, e.g. {sleeve = 45}"
     )
+    grain_texture: Path | None = Field(
+        default=None, description="image over all panels whose hue turns the warp further: red 0, cyan 90 degrees"
+    )
     pin: tuple[PinSpec, ...] = Field(default=(), description="vertices held where they start; none: nothing is held")
 
     @field_validator("uv_units", mode="plain")
@@ -139,6 +146,11 @@ class GarmentSpec(Wearable):
         raise refusal(
             f"{show(value)} is not a unit", f"use {listed(LENGTH_UNITS)}, or metres per unit from 1e-7 to 1e4"
         )
+
+    @field_validator("grain_texture", mode="plain")
+    @classmethod
+    def _texture(cls, value: Any, info: ValidationInfo) -> Path | None:
+        return _path(value, info, "an image")
 
     @field_validator("fabric", mode="plain")
     @classmethod
