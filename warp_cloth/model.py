@@ -49,7 +49,6 @@ class ClothModel:
     weave_count: int
     edge_rows: Any | None  # kernels.cloth EdgeRows, where forces are gathered
     stored_rows: Any | None  # kernels.cloth StoredRows, where forces are gathered; empty without hinges and weave
-    rest_length: Floats  # of all edges, for reports [m]
 
     @property
     def vertex_count(self) -> int:
@@ -167,7 +166,6 @@ def build_model(
         weave_count=len(threaded),
         edge_rows=edge_rows,
         stored_rows=stored_rows,
-        rest_length=length,
     )
 
 
