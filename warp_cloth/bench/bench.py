@@ -11,7 +11,6 @@ import numpy as np
 
 from warp_cloth.bench.swatch import disc, strip
 from warp_cloth.bench.trials import (
-    CLAMP,
     DISC_RADIUS,
     SUPPORT_RADIUS,
     TIP_ANGLE,
@@ -40,18 +39,17 @@ if TYPE_CHECKING:
 
 EDGE = 0.01  # [m], of strips that are pulled or sheared
 BENT_EDGE = 0.005  # of strips that are bent; a fold of 3 cm radius then has ten edges to the half-turn
-FINE_EDGE = 0.0025  # of the cantilever, whose overhang may be 2 cm
+OVERHANG_EDGES = 10  # of the cantilever, whatever its length
 STRIP = (0.05, 0.20)  # width and length pulled [m]
 SHEARED = (0.20, 0.05)  # width and gap of KES-FB1's shear test
 BENT = (0.05, 0.10)
-CANTILEVER_WIDTH = 0.025  # ISO 9073-7
+CANTILEVER_EDGES = 8  # across; its sides are free, so that its width does not matter
 DISC_RINGS = 20  # 930 vertices in the free ring; the coefficient is within 3 points of 40,000's
 PULLED_TO = np.arange(1, 9) / 8.0  # of the elongation at 500 gf/cm; evenly, so that Simpson's rule takes the work
 SHEARED_TO = (1.0, 2.0, 3.0, 4.0, 6.0, 8.0)  # [degrees]
 BENT_TO = (20.0, MATCHED_CURVATURE, 50.0, 70.0)  # [1/m]
 STRETCHED_BY = (0.01, 0.05, 0.20)  # before release
 BIAS_FORCE = 5 * 0.980665  # [N/m], 5 gf/cm, at which FAST reads the bias extension
-LEAST_LENGTH = 0.006  # [m]; a shorter overhang has too few edges to tell
 
 DIRECTIONS = (("warp", 0.0), ("weft", 90.0))
 
@@ -188,13 +186,16 @@ def _cantilever(fabric: Fabric, device: str) -> Part:
     findings = []
     for (way, grain), bending in zip(DIRECTIONS, (fabric.bending_warp, fabric.bending_weft), strict=True):
         length = (0.5 * MATCHED_CURVATURE * bending / (fabric.weight * GRAVITY)) ** (1.0 / 3.0)
-        if length < LEAST_LENGTH:
+        if length == 0.0:
             continue
         overhang = 2.0 * length
         for _ in range(3):
-            piece = strip(CANTILEVER_WIDTH, CLAMP + overhang, FINE_EDGE)
-            angle = cantilever(piece, fabric, grain_degrees=grain, device=device)
-            overhang *= (math.tan(TIP_ANGLE) / math.tan(max(angle, 0.05))) ** 0.4  # the angle goes as length^2.5
+            edge = overhang / OVERHANG_EDGES
+            piece = strip(CANTILEVER_EDGES * edge, overhang + 2.0 * edge, edge)
+            angle = cantilever(piece, fabric, 2.0 * edge, grain_degrees=grain, device=device)
+            # small angles go as the length to the power 2.5; near the wanted one, or far past it, a step is enough
+            turn = math.tan(TIP_ANGLE) / math.tan(min(max(angle, 0.1), 1.5))
+            overhang *= min(max(turn**0.4, 0.7), 1.4)
         findings.append(Finding(f"bending length {way}", "mm", 500.0 * overhang, 1e3 * length))
     return findings, []
 

@@ -27,6 +27,7 @@ SUPPORT_RADIUS = 0.09  # [m], of Cusick's support; his disc has DISC_RADIUS
 DISC_RADIUS = 0.15
 SHADOW_PIXEL = 2.5e-4  # [m]; a disc's shadow is then exact to 0.1 points
 DRAPE_MODES = range(3, 10)  # waves round the disc that it starts with, 1 mm high: cloth never lies dead flat
+HANGING = Tolerance(relative_rms=0.002, relative_p99=0.02, rest_error=1e-4)
 DRAPED = Tolerance(relative_rms=0.01, relative_p99=0.05, rest_error=1e-3)
 
 
@@ -125,15 +126,24 @@ def bend(
     return readings
 
 
-def cantilever(mesh: Mesh, fabric: Fabric, *, grain_degrees: float = 0.0, device: str = "cpu") -> float:
-    """Angle [rad] below the horizontal at which a strip's far end is seen from its clamp, bent by its weight."""
+def cantilever(mesh: Mesh, fabric: Fabric, clamp: float, *, grain_degrees: float = 0.0, device: str = "cpu") -> float:
+    """Angle [rad] below the horizontal at which a strip's far end is seen from its clamp, bent by its weight.
+
+    ``clamp`` [m] of its length are held. It starts on the arc whose end is seen at the angle that the test wants:
+    thin cloth that starts level takes long to fall.
+    """
     _, place = along(mesh)
     far = place > np.ptp(place) * (1.0 - 1e-6)
-    edge = place[place <= CLAMP].max()
+    edge = place[place <= clamp * (1.0 + 1e-6)].max()
+    out = np.maximum(place - edge, 0.0)
+    curvature = 2.0 * TIP_ANGLE / out.max()
+    start = mesh.points.copy()
+    start[:, 1] -= (1.0 - np.cos(curvature * out)) / curvature
+    start[:, 2] += out - np.sin(curvature * out) / curvature
     specimen = Specimen(mesh, fabric, _ids(place <= edge), grain_degrees=grain_degrees, weightless=False, device=device)
-    settled = specimen.settle(mesh.points, DRAPED, ITERATIONS)
-    clamp, tip = settled.points[place == edge].mean(axis=0), settled.points[far].mean(axis=0)
-    return math.atan2(clamp[1] - tip[1], clamp[2] - tip[2])
+    settled = specimen.settle(start, HANGING, ITERATIONS)
+    root, tip = settled.points[place == edge].mean(axis=0), settled.points[far].mean(axis=0)
+    return math.atan2(root[1] - tip[1], root[2] - tip[2])
 
 
 @dataclass(frozen=True, eq=False)
