@@ -14,9 +14,16 @@ from warp_cloth.kernels.weave import slope_shares, thread_pull, warp_vector, wef
 @functools.cache
 def force_functions(precision: str, fourth: str) -> SimpleNamespace:
     """Functions ``edge_load``, ``hinge_loads`` and ``weave_loads``; ``fourth`` is one of cloth.FOURTH_PARTS."""
+    return SimpleNamespace(
+        edge_load=_edge_function(precision, fourth),
+        hinge_loads=_hinge_function(precision, fourth),
+        weave_loads=_weave_function(precision, fourth),
+    )
+
+
+def _edge_function(precision: str, fourth: str) -> wp.Function:
     types = cloth_types(precision)
-    real, vec3, vec4 = types.real, types.vec3, types.vec4
-    Cloth, Hinges, Weave, Step = types.Cloth, types.Hinges, types.Weave, types.Step
+    real, vec3, vec4, Cloth, Step = types.real, types.vec3, types.vec4, types.Cloth, types.Step
     difference = difference_function(precision)
 
     @wp.func
@@ -35,6 +42,14 @@ def force_functions(precision: str, fourth: str) -> SimpleNamespace:
         if wp.static(fourth == "size"):
             part = wp.length(force)
         return vec4(force[0], force[1], force[2], part)
+
+    return edge_load
+
+
+def _hinge_function(precision: str, fourth: str) -> wp.Function:
+    types = cloth_types(precision)
+    real, vec3, vec4, Cloth, Hinges, Step = types.real, types.vec3, types.vec4, types.Cloth, types.Hinges, types.Step
+    difference = difference_function(precision)
 
     @wp.func
     def hinge_sizes(axis: vec3, wing_0: vec3, wing_1: vec3, size_0: real, size_1: real):
@@ -71,6 +86,12 @@ def force_functions(precision: str, fourth: str) -> SimpleNamespace:
             vec4(f1[0], f1[1], f1[2], part[3]),
         )
 
+    return hinge_loads
+
+
+def _thread_parts_function(precision: str, fourth: str) -> wp.Function:
+    types = cloth_types(precision)
+    real, vec3, vec4 = types.real, types.vec3, types.vec4
     half = wp.constant(real(0.5**0.5))
 
     @wp.func
@@ -89,6 +110,16 @@ def force_functions(precision: str, fourth: str) -> SimpleNamespace:
         part += corner_share(half * (slope[0] + slope[2]), half * (slope[1] + slope[3])) * figure[2]
         part += corner_share(half * (slope[0] - slope[2]), half * (slope[1] - slope[3])) * figure[3]
         return part
+
+    return corner_parts
+
+
+def _weave_function(precision: str, fourth: str) -> wp.Function:
+    types = cloth_types(precision)
+    real, vec3, vec4, Cloth, Weave, Step = types.real, types.vec3, types.vec4, types.Cloth, types.Weave, types.Step
+    difference = difference_function(precision)
+    corner_parts = _thread_parts_function(precision, fourth)
+    half = wp.constant(real(0.5**0.5))
 
     @wp.func
     def weave_loads(cloth: Cloth, weave: Weave, step: Step, triangle: int):
@@ -137,4 +168,4 @@ def force_functions(precision: str, fourth: str) -> SimpleNamespace:
             vec4(f2[0], f2[1], f2[2], part[2]),
         )
 
-    return SimpleNamespace(edge_load=edge_load, hinge_loads=hinge_loads, weave_loads=weave_loads)
+    return weave_loads

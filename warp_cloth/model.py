@@ -11,6 +11,7 @@ import warp as wp
 from numpy.typing import NDArray
 
 from warp_cloth.kernels.cloth import cloth_types
+from warp_cloth.material import WeaveShape
 from warp_cloth.mesh import Indices, Points
 from warp_cloth.rest import Floats, RestShape
 from warp_cloth.topology import ragged_rows
@@ -99,15 +100,7 @@ def build_model(
     def upload(array: NDArray[Any], dtype: Any) -> wp.array:
         return wp.array(np.ascontiguousarray(array), dtype=dtype, device=device)
 
-    cloth = types.Cloth()
-    cloth.position = upload(joined([part.points for part in parts]), types.point)
-    cloth.move = wp.zeros(vertex_start[-1], dtype=types.vec3, device=device)
-    cloth.weight = upload(joined([part.rest.vertex_weight for part in parts]), types.real)
-    cloth.stiffness = wp.zeros(vertex_start[-1], dtype=types.real, device=device)
-    pinned = np.zeros(vertex_start[-1], dtype=np.uint8)
-    for part, first in zip(parts, vertex_start, strict=False):
-        pinned[part.pins + first] = 1
-    cloth.pinned = upload(pinned, wp.uint8)
+    cloth = _cloth(types, upload, parts, vertex_start)
 
     def shifted(arrays: list[Indices]) -> Indices:
         return joined([array + first for array, first in zip(arrays, vertex_start, strict=False)])
@@ -139,13 +132,7 @@ def build_model(
 
     woven = [(rest.weave, first) for rest, first in zip(rests, vertex_start, strict=False) if rest.weave is not None]
     threaded = joined([part.corners + first for part, first in woven]) if woven else np.zeros((0, 3), dtype=np.int32)
-    weave = None
-    if woven:
-        weave = types.Weave()
-        weave.corners = upload(threaded, wp.vec3i)
-        weave.slope = upload(joined([part.slope for part, _ in woven]), types.vec4)
-        weave.law = upload(joined([part.law for part, _ in woven]), types.vec4)
-
+    weave = _weave(types, upload, threaded, [part for part, _ in woven]) if woven else None
     edge_rows = stored_rows = None
     if wp.get_device(device).is_cuda if gathers is None else gathers:
         edge_rows = _edge_rows(types, upload, ends[pulls], law[pulls], vertex_start[-1])
@@ -167,6 +154,30 @@ def build_model(
         edge_rows=edge_rows,
         stored_rows=stored_rows,
     )
+
+
+def _cloth(types: Any, upload: Any, parts: Sequence[GarmentPart], vertex_start: tuple[int, ...]) -> Any:
+    """Vertices of all garments at rest where they are loaded."""
+    count = vertex_start[-1]
+    pinned = np.zeros(count, dtype=np.uint8)
+    for part, first in zip(parts, vertex_start, strict=False):
+        pinned[part.pins + first] = 1
+    cloth = types.Cloth()
+    cloth.position = upload(np.concatenate([part.points for part in parts]), types.point)
+    cloth.move = upload(np.zeros((count, 3)), types.vec3)
+    cloth.weight = upload(np.concatenate([part.rest.vertex_weight for part in parts]), types.real)
+    cloth.stiffness = upload(np.zeros(count), types.real)
+    cloth.pinned = upload(pinned, wp.uint8)
+    return cloth
+
+
+def _weave(types: Any, upload: Any, corners: Indices, shapes: Sequence[WeaveShape]) -> Any:
+    """Woven triangles of all garments."""
+    weave = types.Weave()
+    weave.corners = upload(corners, wp.vec3i)
+    weave.slope = upload(np.concatenate([shape.slope for shape in shapes]), types.vec4)
+    weave.law = upload(np.concatenate([shape.law for shape in shapes]), types.vec4)
+    return weave
 
 
 def _starts(counts: list[int]) -> tuple[int, ...]:
