@@ -8,6 +8,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from warp_cloth.connected import lowest_connected
 from warp_cloth.errors import InputError
 from warp_cloth.mesh import Indices, Mesh
 
@@ -99,16 +100,7 @@ def boundary_loops(mesh: Mesh) -> list[NDArray[Any]]:
     edges = edges[count == 1]
     if not len(edges):
         return []
-    label = np.arange(mesh.vertex_count)
-    while True:
-        lower = label.copy()
-        low = np.minimum(label[edges[:, 0]], label[edges[:, 1]])
-        np.minimum.at(lower, edges[:, 0], low)
-        np.minimum.at(lower, edges[:, 1], low)
-        lower = lower[lower]
-        if np.array_equal(lower, label):
-            break
-        label = lower
+    label = lowest_connected(mesh.vertex_count, edges[:, 0], edges[:, 1])
     lengths = np.linalg.norm(mesh.points[edges[:, 0]] - mesh.points[edges[:, 1]], axis=1)
     totals = np.bincount(label[edges[:, 0]], weights=lengths, minlength=mesh.vertex_count)
     roots = np.unique(label[edges[:, 0]])

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from warp_cloth.connected import lowest_connected
 from warp_cloth.loading.distinct import distinct, edges_of
 from warp_cloth.loading.raw import Floats, Ints
 
@@ -37,7 +38,7 @@ def weld(points: Floats, triangles: Ints) -> Weld:
     faces = triangles[np.sort(distinct(np.sort(place[triangles], axis=1)).first)] if soup else triangles
     a, b = _matched(place, faces, soup)
     while True:
-        vertex = _joined(len(points), a, b)
+        vertex = lowest_connected(len(points), a, b)
         bad = np.zeros(len(points), dtype=bool) if soup else _spoilt(vertex, faces)
         if not bad.any():
             break
@@ -72,20 +73,6 @@ def _matched(place: Ints, faces: Ints, soup: bool) -> tuple[Ints, Ints]:
     crossed = place[first[:, 0]] != place[second[:, 0]]
     second = np.where(crossed[:, None], second[:, ::-1], second)
     return first.reshape(-1), second.reshape(-1)
-
-
-def _joined(count: int, a: Ints, b: Ints) -> Ints:
-    """Lowest vertex that each is joined with by the pairs (a, b)."""
-    label = np.arange(count)
-    while True:
-        low = np.minimum(label[a], label[b])
-        lower = label.copy()
-        np.minimum.at(lower, a, low)
-        np.minimum.at(lower, b, low)
-        lower = lower[lower]
-        if np.array_equal(lower, label):
-            return label
-        label = lower
 
 
 def _spoilt(vertex: Ints, triangles: Ints) -> NDArray[np.bool_]:

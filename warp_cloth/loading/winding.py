@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from warp_cloth.connected import lowest_connected
 from warp_cloth.loading.distinct import distinct, edges_of
 from warp_cloth.loading.raw import Floats, Ints
 
@@ -22,21 +23,6 @@ def _neighbours(triangles: Ints) -> tuple[Ints, Ints, NDArray[np.bool_]]:
     return a // 3, b // 3, edges[a, 0] == edges[b, 0]
 
 
-def _components(count: int, a: Ints, b: Ints) -> Ints:
-    """Lowest face of each face's component."""
-    label = np.arange(count)
-    while True:
-        low = np.minimum(label[a], label[b])
-        lower = label.copy()
-        np.minimum.at(lower, a, low)
-        np.minimum.at(lower, b, low)
-        np.minimum.at(lower, label, lower)  # carry to the old representative, so that long strips take few rounds
-        lower = lower[lower]
-        if np.array_equal(lower, label):
-            return label
-        label = lower
-
-
 def consistent_winding(triangles: Ints) -> tuple[NDArray[np.bool_], int]:
     """Which faces to flip so that each component turns one way, with as few flips as can be.
 
@@ -46,7 +32,7 @@ def consistent_winding(triangles: Ints) -> tuple[NDArray[np.bool_], int]:
     a, b, wrong = _neighbours(triangles)
     if not wrong.any():
         return np.zeros(count, dtype=bool), 0
-    component = _components(count, a, b)
+    component = lowest_connected(count, a, b)
     mixed = np.zeros(count, dtype=bool)
     mixed[component[a[wrong]]] = True
     here = mixed[component[a]]
@@ -85,7 +71,7 @@ def _turned(count: int, a: Ints, b: Ints, wrong: NDArray[np.bool_]) -> NDArray[n
 def outward(points: Floats, triangles: Ints) -> NDArray[np.bool_]:
     """Which faces to flip so that every closed component encloses a positive volume."""
     a, b, wrong = _neighbours(triangles)
-    component = _components(len(triangles), a, b)
+    component = lowest_connected(len(triangles), a, b)
     corners = points[triangles]
     count = len(triangles)
     faces = np.bincount(component, minlength=count)

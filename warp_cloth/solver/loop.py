@@ -81,7 +81,7 @@ def relax_to_rest(
     began = time.perf_counter()
     iteration = 0
     points = relaxation.model.points()
-    check = certifier.check(0)
+    check = certifier.check(0, points)
     falling = True
     status = Status.ITERATION_LIMIT
     while iteration < limit:
@@ -94,11 +94,12 @@ def relax_to_rest(
                 _follow(relaxation, certifier, follow, relaxation.model.points())
             if iteration >= limit:
                 break
-        check = certifier.check(iteration)
+        shape = relaxation.model.points()
+        check = certifier.check(iteration, shape)
         if not check.finite:
             status = Status.DIVERGED
             break
-        last, points = points, relaxation.model.points()
+        last, points = points, shape
         _follow(relaxation, certifier, follow, points)
         falling = float(np.abs(points - last).max()) > FALL
         if on_check is not None:

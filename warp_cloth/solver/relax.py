@@ -69,7 +69,6 @@ class Relaxation:
         self.step = types.Step()
         self.step.gravity = types.vec3(0.0, -1.0, 0.0)
         self.step.cap = options.largest_move
-        self.cap = options.largest_move  # [m]
         self.step.reach = options.reach
         self.step.momentum = options.momentum
         self.step.damping = options.damping
