@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from meshfiles import sheet, write_ply
 
 from warp_cloth.errors import InputError
 from warp_cloth.loading import load_mesh
@@ -212,3 +213,15 @@ def test_gltf_index_out_of_range_and_wild_vertex_are_named(tmp_path: Path) -> No
     assert "vertex 7, but there are only 3" in refusal(path).problem
     path.write_bytes(glb(tree, np.array([0, np.nan], "<f4").tobytes() + body[8:]))
     assert "vertex 0 is not finite" in refusal(path).problem
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_nan_that_numpy_warns_of_is_refused_in_one_line(tmp_path: Path) -> None:
+    points, faces = sheet(3)
+    write_ply(tmp_path / "nan.ply", points, faces)
+    content = (tmp_path / "nan.ply").read_bytes()
+    first = content.index(b"end_header\n") + len(b"end_header\n")
+    signalling = b"\xab\xaa\xaa\xff"
+    (tmp_path / "nan.ply").write_bytes(content[:first] + signalling + content[first + 4 :])
+    with pytest.raises(InputError, match="vertex 0 is not finite"):
+        load_mesh(tmp_path / "nan.ply", role="garment", key="garment")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -51,9 +52,11 @@ class Grain:
         if mesh.texcoords is None:
             raise InputError(f"{key}.grain_texture", "the mesh has no texture coordinates", "use grain_degrees")
         try:
-            with Image.open(path) as image:
-                colours = np.asarray(image.convert("RGB").convert("HSV"), dtype=np.float64)
-        except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")  # of damage beside the pixels, such as a camera's remarks
+                with Image.open(path) as image:
+                    colours = np.asarray(image.convert("RGB").convert("HSV"), dtype=np.float64)
+        except (Exception, MemoryError) as error:  # a damaged file makes Pillow raise anything
             problem = getattr(error, "strerror", None) or "is not an image that can be read"
             raise InputError(path, problem, "give a PNG whose hue tells the direction of the warp") from None
         low, high = mesh.texcoords.min(axis=(0, 1)), mesh.texcoords.max(axis=(0, 1))

@@ -29,6 +29,7 @@ EQUAL_ROUNDS = 40  # of the fixed point for the two factors
 NEWTON_ROUNDS = 40
 # A mesh may lack edges along a thread altogether. Beyond these factors its other edges would be another material.
 LEAST_FACTOR, MOST_FACTOR = 0.2, 20.0
+LEAST_RESISTED = 1e-30  # share of the bias threads' K below which nothing resists contraction
 THINNEST_SHARE = 1e-6  # of the median triangle's area; thinner ones carry no threads
 
 
@@ -197,7 +198,8 @@ def thread_stretches(warp: float, weft: float, shear: float, compression: float)
     own = np.array([warp, weft])
     for _ in range(EQUAL_ROUNDS):
         resisted = compression * own[::-1]
-        ratio = np.sqrt(bias / np.maximum(4.0 * resisted, np.finfo(float).tiny))
+        least = LEAST_RESISTED * bias + np.finfo(float).tiny
+        ratio = np.sqrt(bias / np.maximum(4.0 * resisted, least))
         t = np.where(resisted > 0.0, ratio / (1.0 + ratio), 1.0)
         own = np.array([warp, weft]) - 2.0 * bias * (0.5 * (1.0 - t)) ** 3 - resisted * t**3
     return float(own[0]), float(own[1]), bias

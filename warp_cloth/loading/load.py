@@ -86,7 +86,8 @@ def _read(path: Path, *, role: Role, key: str, prim: str | None) -> RawMesh:
     if prim is not None:
         raise InputError(path, f"{key}.prim names a prim, but {kind} files have none", f"remove {key}.prim")
     try:
-        return _READERS[kind](str(path), data)
+        with np.errstate(all="ignore"):  # what is not finite is refused later
+            return _READERS[kind](str(path), data)
     except (ValueError, ArithmeticError, LookupError, RecursionError) as error:
         reason = " ".join(str(error).split())[:120]
         problem = f"cannot be read as {kind[1:].upper()}: {reason} ({type(error).__name__})"
