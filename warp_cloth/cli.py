@@ -1,17 +1,18 @@
-"""The command line: ``warp-cloth fit``, ``warp-cloth fabric``, ``warp-cloth scenes``."""
+"""The command line: ``warp-cloth fit``, ``warp-cloth batch``, ``warp-cloth fabric``, ``warp-cloth scenes``."""
 
 from __future__ import annotations
 
 import os
 import sys
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, redirect_stderr
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from warp_cloth.errors import InputError
+from warp_cloth.quiet import start_warp
 
 if TYPE_CHECKING:
     from warp_cloth.fitting import Fit
@@ -90,7 +91,7 @@ def fit(
 
         chosen = load_scene(scene, changes or ())
         with _output_folder(out, chosen.name):
-            _start_warp(verbose)
+            start_warp(verbose)
             worn = _fit(chosen, device, frames)
             paths = worn.save(out)
     for line in summary(chosen.name, worn.report, paths):
@@ -117,7 +118,7 @@ def fabric(
         except InputError as error:
             raise InputError(error.place or "fabric", error.problem, error.remedy) from None
         with _output_folder(out, chosen.name):
-            _start_warp(False)
+            start_warp(False)
             from warp_cloth.bench import run_bench
             from warp_cloth.bench.save import figure_class, save_bench, table
             from warp_cloth.fitting import device_named
@@ -130,6 +131,48 @@ def fabric(
             paths = save_bench(bench, out, where, plots=plots)
     for line in [*lines, *(f"  wrote {path}" for path in paths)]:
         typer.echo(line)
+
+
+@app.command()
+def batch(
+    jobs: Annotated[Path, typer.Argument(help="Job file: a table (.csv, .parquet, .toml), or a product (.toml).")],
+    out: Annotated[Path, typer.Option(help="Folder for results.parquet, results.csv and the shapes.")] = Path("out"),
+    device: Annotated[
+        str | None, typer.Option(help="cpu, cuda (all GPUs) or cuda:N.", show_default="all GPUs, or the CPU")
+    ] = None,
+    workers: Annotated[int | None, typer.Option(help="Processes.", show_default="one for each core or GPU")] = None,
+    ray: Annotated[str | None, typer.Option(metavar="ADDRESS", help="Work on the Ray cluster there.")] = None,
+    keep: Annotated[str, typer.Option(help="Shapes: arrays (a file per shard), stages (one per item), none.")] = (
+        "arrays"
+    ),
+    shard: Annotated[int | None, typer.Option(help="Items to a task and its file.", show_default="by device")] = None,
+) -> None:
+    """Fit many scenes; started again after whatever stopped it, it goes on where it stood."""
+    with _one_line_errors():
+        from rich.console import Console
+
+        from warp_cloth.batch import run_batch
+        from warp_cloth.batch.progress import BatchDisplay
+
+        start_warp(False)
+        with BatchDisplay(Console(stderr=True)) as display:
+            report = run_batch(
+                jobs,
+                out,
+                device=device,
+                workers=workers,
+                ray=ray,
+                keep=keep,  # type: ignore[arg-type]
+                shard=shard,
+                progress=display,
+            )
+    counts = ", ".join(f"{count} {status}" for status, count in sorted(report.statuses.items()))
+    typer.echo(f"{report.standing.items} items in {report.standing.seconds:.3g} s: {counts}")
+    typer.echo(f"  wrote        {report.folder / 'results.parquet'}, results.csv")
+    for reason, count in report.unwritten.items():
+        typer.echo(f"  {count} items not done: {reason}; start the same command again to do them")
+    if not report.whole:
+        raise typer.Exit(1)
 
 
 @app.command()
@@ -209,38 +252,6 @@ def _output_folder(folder: Path, name: str) -> Iterator[None]:
             if place.is_dir() and not any(place.iterdir()):
                 place.rmdir()
         raise
-
-
-def _start_warp(verbose: bool) -> None:
-    """Start Warp, its messages of start-up and of modules kept off the screen unless they are wanted."""
-    import logging
-
-    import warp
-
-    if verbose:
-        logging.basicConfig(level=logging.INFO, format="%(name)s: %(message)s")
-        warp.init()
-        return
-    warp.config.log_level = warp.LOG_WARNING
-    with _silenced_stderr():
-        warp.init()
-
-
-@contextmanager
-def _silenced_stderr() -> Iterator[None]:
-    """Drop what is written to the error stream, by native code too: Warp says there that a machine has no GPU."""
-    with open(os.devnull, "w") as nowhere, redirect_stderr(nowhere):
-        try:
-            kept = os.dup(2)
-        except OSError:  # there is no error stream
-            yield
-            return
-        os.dup2(nowhere.fileno(), 2)
-        try:
-            yield
-        finally:
-            os.dup2(kept, 2)
-            os.close(kept)
 
 
 def _fit(scene: Scene, device: str | None, frames: int) -> Fit:

@@ -16,9 +16,9 @@ else:
 LARGEST_FILE = 1_000_000  # [bytes]; these files are written by hand, so that a longer one is something else
 
 
-def read_toml(path: Path, role: str) -> dict[str, Any]:
-    """The values of a TOML file; ``role`` says in messages what the file should have been."""
-    text = _text(path, role)
+def read_toml(path: Path, role: str, *, largest: int = LARGEST_FILE) -> dict[str, Any]:
+    """The values of a TOML file of at most ``largest`` bytes; ``role`` says in messages what it should have been."""
+    text = _text(path, role, largest)
     if not text.strip():
         raise InputError(path, "is empty", f"give a {role} in TOML")
     try:
@@ -49,14 +49,15 @@ def exists(path: Path) -> bool:
         return False
 
 
-def _text(path: Path, role: str) -> str:
+def _text(path: Path, role: str, largest: int) -> str:
     if not exists(path):
         raise InputError(path, f"no such {role}", "check the path")
     if path.is_dir():
         raise InputError(path, f"is a folder, not a {role}", "name the .toml file itself")
     try:
-        if not path.is_file() or path.stat().st_size > LARGEST_FILE:
-            raise InputError(path, f"is not a {role}", "give a TOML file below 1 MB; meshes are only named in it")
+        if not path.is_file() or path.stat().st_size > largest:
+            size = f"{largest // 10**6} MB"
+            raise InputError(path, f"is not a {role}", f"give a TOML file below {size}; meshes are only named in it")
         text = path.read_bytes().decode("utf-8-sig")
     except OSError as error:
         raise InputError(path, f"cannot be read: {error.strerror or error}", "check its permissions") from None

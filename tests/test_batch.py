@@ -1,0 +1,264 @@
+"""Batches: the same results however they are cut, killed, retried or mixed with bad items."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow.parquet
+import pytest
+
+import warp_cloth
+from warp_cloth.batch import Item, run_batch
+from warp_cloth.batch.drive import Standing, _Drive
+from warp_cloth.batch.pool import Lost
+from warp_cloth.batch.rows import FAILED, ItemResult, empty_row
+from warp_cloth.batch.store import Store, cut
+from warp_cloth.batch.work import Done, Task, do_task
+from warp_cloth.errors import InputError
+
+FABRICS = ("silk", "cotton", "denim")
+WAIT = 120.0  # [s] at most, for a process that is expected to do something
+
+
+def tiny(name: str, side: int = 4, fabric: str = "cotton", iterations: int = 60) -> Item:
+    """A hanging square of a few vertices."""
+    changes = (f"garment.shape.vertices_per_side={side}", f"garment.fabric={fabric}", f"solver.iterations={iterations}")
+    return Item(name, "hanging", changes)
+
+
+def tiny_items(count: int) -> list[Item]:
+    return [tiny(f"item-{i}", 4 + i % 3, FABRICS[i % len(FABRICS)], 40 + 20 * (i % 4)) for i in range(count)]
+
+
+def results(folder: Path) -> dict[str, dict[str, Any]]:
+    rows = pyarrow.parquet.read_table(folder / "results.parquet").to_pylist()
+    assert len({row["name"] for row in rows}) == len(rows), "none twice"
+    return {row.pop("name"): {key: value for key, value in row.items() if key != "file"} for row in rows}
+
+
+class HerePool:
+    """Does tasks in this process; every worker that touches an item called "killer" dies."""
+
+    patient = False
+    devices: Sequence[str] = ("cpu",)
+
+    def __init__(self) -> None:
+        self.waiting: list[Task] = []
+        self.deaths = 0
+
+    def submit(self, task: Task) -> None:
+        self.waiting.append(task)
+
+    def finished(self) -> Iterator[Done | Lost]:
+        while self.waiting:
+            task = self.waiting.pop(0)
+            if any(item.name == "killer" for item in task.shard.items):
+                self.deaths += 1
+                yield Lost(task, "the worker was ended by SIGSEGV")
+            else:
+                yield do_task(Task(task.store, task.shard, "cpu", task.write))
+
+    def close(self) -> None:
+        pass
+
+
+def drive(out: Path, items: list[Item], size: int, pool: Any = None) -> Any:
+    store = Store(out, "arrays")
+    store.open()
+    return _Drive(store, cut(items, size), pool or HerePool(), lambda _: None, 0.0).run()
+
+
+def test_an_item_is_what_a_fit_of_its_own_gives(tmp_path: Path) -> None:
+    items = tiny_items(3)
+    drive(tmp_path, items, 2)
+    found = results(tmp_path)
+    with np.load(tmp_path / "shards" / "00000.npz") as packed:
+        kept = packed["points"][packed["point_start"][1] : packed["point_start"][2]]
+        triangles = packed["triangles"][packed["triangle_start"][packed["mesh"][1]] :]
+    for item in items:
+        fit = warp_cloth.fit(item.scene, overrides=item.changes, device="cpu")
+        assert found[item.name]["message"] == fit.message
+        assert found[item.name]["rest_error_mm"] == fit.report["rest_error_mm"]
+        if item is items[1]:
+            assert np.array_equal(kept, fit.garments[0].points)
+            assert np.array_equal(triangles, fit.garments[0].mesh.triangles)
+
+
+def test_the_cut_and_the_order_change_nothing(tmp_path: Path) -> None:
+    items = tiny_items(6)
+    drive(tmp_path / "one", items, 1)
+    drive(tmp_path / "all", items, 6)
+    drive(tmp_path / "turned", items[::-1], 4)
+    assert results(tmp_path / "one") == results(tmp_path / "all") == results(tmp_path / "turned")
+
+
+def poisoned(folder: Path) -> list[Item]:
+    """Ten items, each bad in a way of its own."""
+    texts = {
+        "garbage.obj": "\x01\x02 not a mesh",
+        "empty.obj": "",
+        "nan.obj": "v 0 0 0\nv nan 0 0\nv 0 1 0\nf 1 2 3\n",
+        "broken.toml": "[garment\nshape = 1",
+        "cut.usdc": "PXR-USDC but no more",
+    }
+    for name, text in texts.items():
+        (folder / name).write_text(text, encoding="utf-8")
+    return [
+        Item("no-scene", str(folder / "none.toml")),
+        Item("broken-scene", str(folder / "broken.toml")),
+        Item("no-mesh", "hanging", ("garment.mesh=none.obj",)),
+        Item("garbage-mesh", "hanging", (f"garment.mesh={folder / 'garbage.obj'}",)),
+        Item("empty-mesh", "hanging", (f"garment.mesh={folder / 'empty.obj'}",)),
+        Item("nan-mesh", "hanging", (f"garment.mesh={folder / 'nan.obj'}",)),
+        Item("cut-mesh", "hanging", (f"garment.mesh={folder / 'cut.usdc'}",)),
+        Item("no-fabric", "hanging", ("garment.fabric=cardboard",)),
+        Item("bad-value", "hanging", ("solver.iterations=-1",)),
+        Item("bad-row", "hanging", (), "the row has 4 cells, the header 3"),
+    ]
+
+
+def test_bad_items_fail_with_their_reason_and_leave_the_others_alone(tmp_path: Path) -> None:
+    good, bad = tiny_items(10), poisoned(tmp_path)
+    mixed = [item for pair in zip(good, bad, strict=True) for item in pair]
+    drive(tmp_path / "good", good, 4)
+    drive(tmp_path / "mixed", mixed, 4)
+    found, alone = results(tmp_path / "mixed"), results(tmp_path / "good")
+    failed = {name: row for name, row in found.items() if row["digest"] is None}
+    assert set(failed) == {item.name for item in bad}
+    assert all(row["status"] == "invalid" and row["message"] for row in failed.values())
+    assert len({row["message"] for row in failed.values()}) == len(bad), "each says its own reason"
+    assert {name: found[name] for name in alone} == alone
+
+
+def test_an_item_that_ends_its_workers_is_given_up_alone(tmp_path: Path) -> None:
+    items = [*tiny_items(3), tiny("killer"), *[tiny(f"late-{i}") for i in range(2)]]
+    pool = HerePool()
+    report = drive(tmp_path, items, 4, pool)
+    found = results(tmp_path)
+    assert [name for name, row in found.items() if row["status"] == FAILED] == ["killer"]
+    assert found["killer"]["message"] == "the worker was ended by SIGSEGV"
+    assert pool.deaths == 4, "the shard twice, then the item twice"
+    assert report.whole
+
+
+def test_what_the_machine_failed_is_done_by_the_next_run(tmp_path: Path) -> None:
+    items = tiny_items(3)
+    store = Store(tmp_path, "none")
+    store.open()
+    shard = cut(items, 3)[0]
+    rows = [ItemResult(empty_row(item.name, FAILED, "out of memory")) for item in items]
+    store.write(shard, rows, {})
+    assert not store.done(shard)
+    drive(tmp_path, items, 3)
+    assert FAILED not in {row["status"] for row in results(tmp_path).values()}
+
+
+def test_a_full_disk_leaves_the_shard_undone_and_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    items = tiny_items(4)
+    write = Store.write
+
+    def full(store: Store, shard: Any, *rest: Any) -> None:
+        if shard.number == 1:
+            raise InputError(store.folder, "cannot be written (No space left on device)", "make room")
+        write(store, shard, *rest)
+
+    monkeypatch.setattr(Store, "write", full)
+    report = drive(tmp_path, items, 2)
+    assert not report.whole
+    assert [row["status"] == FAILED for row in results(tmp_path).values()] == [False, False, True, True]
+    monkeypatch.setattr(Store, "write", write)
+    assert drive(tmp_path, items, 2).whole
+
+
+def test_a_shard_is_done_again_where_its_items_or_files_changed(tmp_path: Path) -> None:
+    mesh = tmp_path / "sheet.obj"
+    mesh.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\nf 1 2 3\nf 2 4 3\n")
+    change = (f"garment.mesh={mesh}", "garment.pin=[{vertices=[2, 3]}]", "solver.iterations=20", "garment.units=m")
+    items = [Item("sheet", "hanging", change)]
+    drive(tmp_path / "out", items, 1)
+    store = Store(tmp_path / "out", "arrays")
+    (shard,) = cut(items, 1)
+    assert store.done(shard)
+    assert not store.done(cut([Item("sheet", "hanging", (*change, "solver.cap=0.001"))], 1)[0])
+    mesh.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\nf 1 2 3\nf 2 4 3\n# changed\n")
+    assert not store.done(shard)
+
+
+def test_a_damaged_checkpoint_is_done_again(tmp_path: Path) -> None:
+    items = tiny_items(2)
+    drive(tmp_path, items, 1)
+    first = results(tmp_path)
+    (tmp_path / "shards" / "00001.parquet").write_bytes(b"PAR1 and no more")
+    assert [Store(tmp_path, "arrays").done(shard) for shard in cut(items, 1)] == [True, False]
+    drive(tmp_path, items, 1)
+    assert results(tmp_path) == first
+
+
+def test_a_worker_that_dies_is_replaced_and_its_items_done(tmp_path: Path) -> None:
+    killed: list[int] = []
+
+    def kill_one(standing: Standing) -> None:
+        if not killed:
+            child = multiprocessing.active_children()[0]
+            killed.append(child.pid or 0)
+            os.kill(killed[0], signal.SIGKILL)
+
+    items = tiny_items(4)
+    report = run_batch(items, tmp_path / "killed", device="cpu", workers=1, shard=2, progress=kill_one)
+    assert killed
+    assert report.whole
+    drive(tmp_path / "calm", items, 2)
+    assert results(tmp_path / "killed") == results(tmp_path / "calm")
+
+
+def test_killed_and_started_again_it_ends_with_the_same_results(tmp_path: Path) -> None:
+    items = tiny_items(12)
+    rows = [f"{item.name},hanging,{','.join(change.split('=')[1] for change in item.changes)}" for item in items]
+    header = "name,scene,garment.shape.vertices_per_side,garment.fabric,solver.iterations"
+    (tmp_path / "jobs.csv").write_text("\n".join([header, *rows]) + "\n")
+    out = tmp_path / "out"
+    command = [sys.executable, "-m", "warp_cloth", "batch", str(tmp_path / "jobs.csv"), "--out", str(out)]
+    command += ["--device", "cpu", "--workers", "1", "--shard", "2"]
+    running = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    until = time.monotonic() + WAIT
+    while time.monotonic() < until and not list((out / "shards").glob("*.parquet")):
+        time.sleep(0.01)
+    running.kill()
+    running.wait()
+    assert not (out / "results.parquet").exists(), "killed before its end"
+    kept = {path: path.stat().st_mtime_ns for path in (out / "shards").glob("*.parquet")}
+    assert kept
+    subprocess.run(command, check=True, capture_output=True, timeout=WAIT)
+    assert {path: path.stat().st_mtime_ns for path in kept} == kept, "what was done is not done again"
+    drive(tmp_path / "calm", items, 2)
+    assert results(out) == results(tmp_path / "calm")
+
+
+def test_two_batches_do_not_share_a_folder(tmp_path: Path) -> None:
+    store = Store(tmp_path, "none")
+    store.open()
+    with store.held(), pytest.raises(InputError, match="another batch writes there"), store.held():
+        pass
+
+
+def test_one_stage_per_item_where_stages_are_kept(tmp_path: Path) -> None:
+    run_batch(tiny_items(2), tmp_path, device="cpu", workers=1, keep="stages")
+    assert sorted(path.name for path in (tmp_path / "stages").iterdir()) == ["item-0.usdc", "item-1.usdc"]
+
+
+def test_wrong_options_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="--workers"):
+        run_batch(tiny_items(1), tmp_path, workers=0)
+    with pytest.raises(InputError, match="keep"):
+        run_batch(tiny_items(1), tmp_path, keep="all")  # type: ignore[arg-type]
+    with pytest.raises(InputError, match="there is no device"):
+        run_batch(tiny_items(1), tmp_path, device="cuda:99")

@@ -1,0 +1,142 @@
+"""Job files: tables and products become scenes with changes; what is wrong with a row stays with the row."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pyarrow
+import pyarrow.parquet
+import pytest
+
+from warp_cloth.batch import Item, read_jobs
+from warp_cloth.errors import InputError
+from warp_cloth.scene import load_scene
+
+ROWS: list[dict[str, Any]] = [
+    {"name": "a", "scene": "hanging", "garment.fabric": "silk", "solver.iterations": 100},
+    {"name": "b", "scene": "sphere", "garment.fabric": None, "solver.iterations": 200},
+]
+ITEMS = [
+    Item("a", "hanging", ("garment.fabric=silk", "solver.iterations=100")),
+    Item("b", "sphere", ("solver.iterations=200",)),
+]
+
+
+def write(folder: Path, name: str, text: str) -> Path:
+    path = folder / name
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def test_csv_parquet_and_toml_give_the_same_items(tmp_path: Path) -> None:
+    csv = write(
+        tmp_path, "jobs.csv", "name,scene,garment.fabric,solver.iterations\na,hanging,silk,100\n\nb,sphere,,200\n"
+    )
+    parquet = tmp_path / "jobs.parquet"
+    pyarrow.parquet.write_table(pyarrow.Table.from_pylist(ROWS), parquet)
+    toml = write(
+        tmp_path,
+        "jobs.toml",
+        '[[item]]\nname = "a"\nscene = "hanging"\ngarment.fabric = "silk"\nsolver.iterations = 100\n'
+        '[[item]]\nname = "b"\nscene = "sphere"\n"solver.iterations" = 200\n',
+    )
+    assert read_jobs(csv) == read_jobs(parquet) == read_jobs(toml) == ITEMS
+
+
+def test_an_item_is_the_scene_that_the_command_line_makes_of_it(tmp_path: Path) -> None:
+    toml = write(
+        tmp_path,
+        "jobs.toml",
+        '[[item]]\nname = "a"\nscene = "hanging"\ngarment.shape = {kind = "square", side = 0.5}\n'
+        'garment.fabric = {weight = 0.3}\ngarment.pin = [{vertices = [0, 1]}]\nsolver.method = "direct"\n',
+    )
+    (item,) = read_jobs(toml)
+    scene = load_scene(item.scene, item.changes)
+    assert scene.garments[0].shape.side == 0.5
+    assert scene.garments[0].fabric.weight == 0.3
+    assert scene.garments[0].fabric.name == "cotton", "the rest of the fabric is the scene's"
+    assert scene.garments[0].pin[0].vertices == (0, 1)
+    assert scene.solver.method == "direct"
+
+
+def test_files_are_found_beside_the_job_file(tmp_path: Path) -> None:
+    write(tmp_path, "my.toml", "")
+    write(tmp_path, "shirt.obj", "")
+    jobs = write(tmp_path, "jobs.csv", "name,scene,garment.mesh\na,my.toml,shirt.obj\nb,my.toml,elsewhere.obj\n")
+    a, b = read_jobs(jobs)
+    assert a.scene == str(tmp_path / "my.toml")
+    assert a.changes == (f"garment.mesh={tmp_path / 'shirt.obj'}",)
+    assert b.changes == ("garment.mesh=elsewhere.obj",)
+
+
+def test_a_product_has_every_combination_once_the_last_axis_fastest(tmp_path: Path) -> None:
+    jobs = write(
+        tmp_path,
+        "jobs.toml",
+        'scene = "tshirt"\nsolver.iterations = 50\n[product]\nsizes = ["S", "L"]\n'
+        'avatars = [{name = "tall", avatar.shape.stature = 1.9}, {name = "short", avatar.shape.stature = 1.6}]\n'
+        'fabrics = ["silk", "denim"]\n',
+    )
+    items = read_jobs(jobs)
+    assert [item.name for item in items] == [
+        f"{size}-{body}-{fabric}" for size in "SL" for body in ("tall", "short") for fabric in ("silk", "denim")
+    ]
+    scene = load_scene(items[-1].scene, items[-1].changes)
+    assert (scene.garments[0].shape.size, scene.avatar.shape.stature) == ("L", 1.6)
+    assert (scene.garments[0].fabric.name, scene.solver.iterations) == ("denim", 50)
+
+
+def test_a_size_stands_in_the_name_of_a_garments_file(tmp_path: Path) -> None:
+    for size in "SM":
+        write(tmp_path, f"shirt_{size}.obj", "")
+    jobs = write(
+        tmp_path, "jobs.toml", 'scene = "tshirt"\n[product]\ngarments = ["shirt_{size}.obj"]\nsizes = ["S", "M"]\n'
+    )
+    items = read_jobs(jobs)
+    assert [item.name for item in items] == ["shirt-S", "shirt-M"]
+    assert [item.changes for item in items] == [(f"garment.mesh={tmp_path / f'shirt_{size}.obj'}",) for size in "SM"]
+
+
+@pytest.mark.parametrize(
+    ("row", "problem"),
+    [
+        ("a,hanging,silk,extra", "the row has 4 cells, the header 3"),
+        ("a,hanging", "the row has 2 cells, the header 3"),
+        ("a,,silk", "the row names no scene"),
+        ("../a,hanging,silk", '"../a" cannot name a file'),
+    ],
+)
+def test_a_bad_row_is_an_item_that_says_why(tmp_path: Path, row: str, problem: str) -> None:
+    jobs = write(tmp_path, "jobs.csv", f"name,scene,garment.fabric\n{row}\nb,hanging,silk\n")
+    bad, good = read_jobs(jobs)
+    assert bad.problem.startswith(problem)
+    assert not good.problem
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "told"),
+    [
+        ("jobs.csv", "name,scene\na,hanging\na,sphere\n", 'two items have the name "a"'),
+        ("jobs.csv", "name,fabric\na,silk\n", 'has no column "scene"'),
+        ("jobs.csv", "name,scene,scene\na,b,c\n", 'has the column "scene" twice'),
+        ("jobs.csv", "name,scene\n", "has no items"),
+        ("jobs.csv", "", "is empty"),
+        ("jobs.parquet", "garbage", "not Parquet"),
+        ("jobs.txt", "name,scene\n", "is no kind of job file"),
+        ("jobs.toml", 'scene = "tshirt"\n', "wants either [[item]] tables or one [product]"),
+        ("jobs.toml", '[product]\ncolours = ["red"]\n', "unknown key product.colours"),
+        ("jobs.toml", "[product]\nsizes = []\n", "product.sizes is not a list with entries"),
+        ("jobs.toml", '[product]\nsizes = [{garment.shape.size = "S"}]\n', "has no name"),
+    ],
+)
+def test_a_job_file_that_cannot_be_used_is_refused_in_one_line(tmp_path: Path, name: str, text: str, told: str) -> None:
+    with pytest.raises(InputError, match="jobs") as refused:
+        read_jobs(write(tmp_path, name, text))
+    assert told in str(refused.value)
+    assert "\n" not in str(refused.value)
+
+
+def test_a_missing_job_file_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="no such job file"):
+        read_jobs(tmp_path / "none.csv")

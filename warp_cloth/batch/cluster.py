@@ -1,0 +1,89 @@
+"""The work on a Ray cluster: a task for each shard, scheduled, and retried where workers are lost, by Ray."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+from warp_cloth.batch.pool import Lost
+from warp_cloth.batch.work import DeviceLostError, Done, Task, do_task
+from warp_cloth.errors import InputError
+
+RETRIES = 3  # of a task whose worker or node is lost
+MOST_WAITING = 4096  # tasks handed to Ray at a time
+
+
+class RayPool:
+    """Tasks on a Ray cluster. The output folder must be one that every node sees.
+
+    ``device``: "cpu" asks Ray for a core for each task, "cuda" for a GPU; None: GPUs if the cluster has any.
+    """
+
+    patient = True  # Ray has tried again by itself
+
+    def __init__(self, address: str, device: str | None, workers: int | None) -> None:
+        self._ray = _ray()
+        self._started = not self._ray.is_initialized()
+        if self._started:
+            try:
+                self._ray.init(address=address, log_to_driver=False, configure_logging=False)
+            except (ConnectionError, ValueError, RuntimeError) as error:
+                raise InputError(
+                    "--ray", f"no cluster answers at {address} ({error})", "start one with `ray start --head`"
+                ) from None
+        resources = self._ray.cluster_resources()
+        self._resources = task_resources(device, resources)
+        kind = next(iter(self._resources))
+        places = int(resources.get("GPU" if kind == "num_gpus" else "CPU", 0))
+        if not places:
+            self.close()
+            raise InputError("--device", "the cluster has no GPU", "use --device cpu, or add a node that has one")
+        self._device = "cuda:0" if kind == "num_gpus" else "cpu"  # Ray shows a task its own GPU only
+        self.devices: Sequence[str] = (self._device,) * min(places, workers or places)
+        self._most = len(self.devices) if workers else MOST_WAITING
+        self._waiting: list[Task] = []
+        self._running: dict[Any, Task] = {}
+        self._do = self._ray.remote(do_task).options(
+            max_retries=RETRIES, retry_exceptions=[DeviceLostError], name="warp-cloth shard", **self._resources
+        )
+
+    def submit(self, task: Task) -> None:
+        self._waiting.append(Task(task.store, task.shard, self._device, task.write))
+
+    def finished(self) -> Iterator[Done | Lost]:
+        while self._waiting or self._running:
+            while self._waiting and len(self._running) < self._most:
+                task = self._waiting.pop(0)
+                self._running[self._do.remote(task)] = task
+            ready, _ = self._ray.wait(list(self._running), num_returns=1)
+            for reference in ready:
+                task = self._running.pop(reference)
+                try:
+                    yield self._ray.get(reference)
+                except self._ray.exceptions.RayError as error:
+                    yield Lost(task, " ".join(str(error).split())[:300])
+
+    def close(self) -> None:
+        for reference in getattr(self, "_running", {}):
+            self._ray.cancel(reference, force=True)
+        if self._started:
+            self._ray.shutdown()
+
+
+def task_resources(device: str | None, cluster: dict[str, float]) -> dict[str, float]:
+    """What a task asks Ray for: a GPU where GPUs are wanted, otherwise a core."""
+    if device is None:
+        device = "cuda" if cluster.get("GPU") else "cpu"
+    if device == "cpu":
+        return {"num_cpus": 1}
+    if device == "cuda":
+        return {"num_gpus": 1, "num_cpus": 1}
+    raise InputError("--device", f'"{device}" names one device of one machine', "on a cluster use cpu or cuda")
+
+
+def _ray() -> Any:
+    try:
+        import ray
+    except ImportError:
+        raise InputError("--ray", "Ray is not installed", "pip install 'warp-cloth[ray]'") from None
+    return ray

@@ -1,0 +1,225 @@
+"""A whole batch: cuts the items into shards, has them done, retries what was lost, and puts the results together."""
+
+from __future__ import annotations
+
+import collections
+import os
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, get_args
+
+from warp_cloth.batch.jobs import Item, read_jobs
+from warp_cloth.batch.pool import LocalPool, Lost, Pool
+from warp_cloth.batch.rows import FAILED, ItemResult, empty_row
+from warp_cloth.batch.store import Keep, Shard, Store, cut
+from warp_cloth.batch.work import Done, Task
+from warp_cloth.errors import InputError
+
+if TYPE_CHECKING:
+    import pyarrow
+
+CPU_SHARD = 8  # items to a shard at most: what a killed run does again on each core
+GPU_SHARD = 512  # so many garments fill the largest GPU, and one reading of their avatars serves them all
+SHARDS_PER_WORKER = 4  # at least, where there are items enough: the last worker to end is not waited for long
+TRIES = 2  # of a task whose worker dies
+
+
+@dataclass(frozen=True)
+class Standing:
+    """How far a batch has come."""
+
+    items: int
+    done: int  # now and in earlier runs
+    before: int  # of these, in earlier runs
+    problems: int  # of these, without a worn garment
+    seconds: float
+
+    @property
+    def items_per_second(self) -> float | None:
+        fresh = self.done - self.before
+        return fresh / self.seconds if fresh and self.seconds > 0.0 else None
+
+
+@dataclass(frozen=True)
+class BatchReport:
+    """How a batch ended."""
+
+    folder: Path
+    statuses: dict[str, int]  # items by status
+    unwritten: dict[str, int]  # items whose results could not be written, by reason; started again, they are done
+    standing: Standing
+
+    @property
+    def whole(self) -> bool:
+        return not self.unwritten
+
+
+def run_batch(
+    jobs: str | Path | Sequence[Item],
+    out: str | Path = "out",
+    *,
+    device: str | None = None,
+    workers: int | None = None,
+    ray: str | None = None,
+    keep: Keep = "arrays",
+    shard: int | None = None,
+    progress: Callable[[Standing], None] | None = None,
+) -> BatchReport:
+    """Fits every item of a job file, and goes on where an earlier run of the same batch stood.
+
+    Args:
+        jobs: a job file, or items.
+        out: folder for results.parquet, results.csv and the shapes.
+        device: "cpu", "cuda" (all GPUs) or "cuda:N"; None: all GPUs, or the CPU where there is none.
+        workers: processes; None: one for each core or GPU.
+        ray: address of a Ray cluster that does the work ("auto": the one that runs here); None: this machine.
+        keep: "arrays", a packed file per shard, "stages", a USD stage per item, or "none".
+        shard: items to a task and its file; None: by device and number of items, or as the folder has it.
+        progress: told how far the batch has come.
+
+    Raises:
+        InputError: the job file, the folder or the device cannot be used.
+    """
+    items = read_jobs(jobs) if isinstance(jobs, (str, Path)) else list(jobs)
+    if keep not in get_args(Keep):
+        raise InputError("keep", f'"{keep}" is not known', f"use one of {', '.join(get_args(Keep))}")
+    if workers is not None and workers < 1:
+        raise InputError("--workers", f"{workers} processes cannot do anything", "give 1 or more")
+    if shard is not None and shard < 1:
+        raise InputError("--shard", f"{shard} items make no shard", "give 1 or more")
+    store = Store(Path(out).absolute(), keep)
+    store.open()
+    with store.held():
+        began = time.perf_counter()
+        pool = _pool(device, workers, ray)
+        try:
+            size = store.shard_size(shard or _shard_size(len(items), pool.devices), shard is not None)
+            drive = _Drive(store, cut(items, size), pool, progress or (lambda _: None), began)
+            return drive.run()
+        finally:
+            pool.close()
+
+
+def _pool(device: str | None, workers: int | None, ray: str | None) -> Pool:
+    if ray is not None:
+        from warp_cloth.batch.cluster import RayPool
+
+        return RayPool(ray, device, workers)
+    return LocalPool(_devices(device, workers))
+
+
+def _devices(device: str | None, workers: int | None) -> list[str]:
+    """The device of each worker."""
+    import warp as wp
+
+    from warp_cloth.fitting import device_named
+
+    wp.init()
+    gpus = [str(each.alias) for each in wp.get_cuda_devices()]
+    if gpus and device in (None, "cuda"):
+        return gpus[:workers]
+    named = device_named(device)
+    if wp.get_device(named).is_cuda:
+        return [named]
+    return ["cpu"] * (workers or len(os.sched_getaffinity(0)))
+
+
+def _shard_size(items: int, devices: Sequence[str]) -> int:
+    most = CPU_SHARD if devices[0] == "cpu" else GPU_SHARD
+    return min(max(items // (SHARDS_PER_WORKER * len(devices)), 1), most)
+
+
+class _Drive:
+    """Has the shards of one batch done."""
+
+    def __init__(
+        self, store: Store, shards: list[Shard], pool: Pool, tell: Callable[[Standing], None], began: float
+    ) -> None:
+        self._store, self._shards, self._pool, self._tell = store, shards, pool, tell
+        self._began = began
+        self._tries: collections.Counter[tuple[int, str]] = collections.Counter()
+        self._parts: dict[int, dict[str, ItemResult]] = {}  # of shards that are done item by item
+        self._inputs: dict[int, dict[str, list[int]]] = {}
+        self._problems: dict[int, str] = {}  # why a shard is not written
+        self._done = self._before = self._failed = 0
+
+    def run(self) -> BatchReport:
+        left = [shard for shard in self._shards if not self._store.done(shard)]
+        items = sum(len(shard.items) for shard in self._shards)
+        self._before = self._done = items - sum(len(shard.items) for shard in left)
+        self._report()
+        for shard in left:
+            self._pool.submit(Task(self._store, shard, ""))
+        for came in self._pool.finished():
+            if isinstance(came, Lost):
+                self._lost(came)
+            elif came.shard.number in self._parts:
+                self._part(came)
+            else:
+                self._finish(came)
+        table = self._store.merge(self._shards, self._problems)
+        return self._ended(table)
+
+    def _finish(self, done: Done) -> None:
+        """A shard is written, or cannot be."""
+        if done.problem:
+            self._problems[done.shard.number] = done.problem
+            self._failed += len(done.shard.items)
+        self._done += len(done.shard.items)
+        self._failed += sum(result.row["digest"] is None for result in done.results)
+        self._report()
+
+    def _lost(self, lost: Lost) -> None:
+        """Tries a lost task again; then its items one by one; then gives the one up that ends its workers."""
+        task, shard = lost.task, lost.task.shard
+        key = shard.number, "" if task.write else shard.items[0].name
+        self._tries[key] += 1
+        if lost.hopeless:
+            self._give_up(task, lost.reason)
+        elif self._tries[key] < TRIES and not self._pool.patient:
+            self._pool.submit(task)
+        elif task.write:
+            self._parts[shard.number] = {}
+            for item in shard.items:
+                self._pool.submit(replace(task, shard=Shard(shard.number, (item,)), write=False))
+        else:
+            failed = ItemResult(empty_row(shard.items[0].name, FAILED, lost.reason))
+            self._part(Done(shard, (failed,)))
+
+    def _give_up(self, task: Task, reason: str) -> None:
+        """No worker is left: the shard stays undone, to be done by the next run."""
+        number = task.shard.number
+        if number not in self._problems:
+            self._finish(Done(self._shards[number], (), problem=reason))
+
+    def _part(self, part: Done) -> None:
+        """One item of a shard that is done item by item; the last one completes it."""
+        number = part.shard.number
+        parts = self._parts[number]
+        parts.update({result.row["name"]: result for result in part.results})
+        self._inputs.setdefault(number, {}).update(part.inputs)
+        shard = self._shards[number]
+        if len(parts) < len(shard.items):
+            return
+        results = tuple(parts[item.name] for item in shard.items)
+        del self._parts[number]
+        try:
+            self._store.write(shard, results, self._inputs[number])
+        except InputError as error:
+            self._finish(Done(shard, (), problem=str(error)))
+        else:
+            self._finish(Done(shard, results))
+
+    def _report(self) -> None:
+        items = sum(len(shard.items) for shard in self._shards)
+        self._standing = Standing(items, self._done, self._before, self._failed, time.perf_counter() - self._began)
+        self._tell(self._standing)
+
+    def _ended(self, table: pyarrow.Table) -> BatchReport:
+        statuses = collections.Counter(str(status) for status in table["status"].to_pylist())
+        unwritten: collections.Counter[str] = collections.Counter()
+        for number, reason in self._problems.items():
+            unwritten[reason] += len(self._shards[number].items)
+        return BatchReport(self._store.folder, dict(statuses), dict(unwritten), self._standing)

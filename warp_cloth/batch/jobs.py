@@ -1,0 +1,194 @@
+"""Job files: what to fit, an item a row; every item is a scene and changes to it, as ``warp-cloth fit`` takes them."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import math
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from datetime import date, datetime, time
+from pathlib import Path
+from typing import Any
+
+from warp_cloth.batch.product import AXES, product_rows
+from warp_cloth.errors import InputError
+from warp_cloth.toml_file import exists, read_toml
+
+REMEDY = "give a table as .csv, .parquet or .toml, with the columns scene, name and scene keys such as garment.fabric"
+LARGEST_JOB_FILE = 200_000_000  # [bytes]; a million tables
+FILE_KEYS = ("mesh", "grain_texture", "fabric")  # last names of keys whose values may name files
+PLAIN_NAME = re.compile(r"[^/\\\x00-\x1f.][^/\\\x00-\x1f]{0,99}")
+WHOLE = ("kind", "name")  # a table with one of these replaces what stands there; others change it key by key
+
+
+@dataclass(frozen=True)
+class Item:
+    """One fit of a batch: ``warp-cloth fit SCENE --set CHANGE ...`` gives the same."""
+
+    name: str
+    scene: str  # a scene file or a shipped scene's name
+    changes: tuple[str, ...] = ()  # KEY=VALUE
+    problem: str = ""  # why the row cannot be used; empty: it can
+
+
+def read_jobs(path: str | Path) -> list[Item]:
+    """The items of a job file, in its order.
+
+    Raises:
+        InputError: the file cannot be used at all. A row that cannot be used is an item with a ``problem``.
+    """
+    source = Path(path)
+    if not exists(source) or source.is_dir():
+        raise InputError(source, "no such job file", REMEDY)
+    suffix = source.suffix.lower()
+    if suffix == ".csv":
+        rows: Iterable[Mapping[str, Any]] = _csv_rows(source)
+    elif suffix in (".parquet", ".pq"):
+        rows = _parquet_rows(source)
+    elif suffix == ".toml":
+        rows = _toml_rows(source)
+    else:
+        raise InputError(source, f'"{source.suffix}" is no kind of job file', REMEDY)
+    items = [_item(row, number, source.parent) for number, row in enumerate(rows, start=1)]
+    if not items:
+        raise InputError(source, "has no items", "give at least one row")
+    _check_names(items, source)
+    return items
+
+
+def _csv_rows(path: Path) -> list[dict[str, Any]]:
+    try:
+        text = path.read_bytes().decode("utf-8-sig")
+    except OSError as error:
+        raise InputError(path, f"cannot be read: {error.strerror or error}", "check its permissions") from None
+    except UnicodeDecodeError as error:
+        raise InputError(path, f"is not text in UTF-8 (byte {error.start})", REMEDY) from None
+    try:
+        table = list(csv.reader(io.StringIO(text, newline="")))
+    except csv.Error as error:
+        raise InputError(path, f"not CSV: {error}", REMEDY) from None
+    if not table:
+        raise InputError(path, "is empty", REMEDY)
+    header = [name.strip() for name in table[0]]
+    _check_columns(header, path)
+    rows: list[dict[str, Any]] = []
+    for cells in table[1:]:
+        if not cells:  # an empty line
+            continue
+        row: dict[str, Any] = {name: cell.strip() for name, cell in zip(header, cells, strict=False) if cell.strip()}
+        if len(cells) != len(header):
+            row["problem"] = f"the row has {len(cells)} cells, the header {len(header)}"
+        rows.append(row)
+    return rows
+
+
+def _parquet_rows(path: Path) -> list[dict[str, Any]]:
+    import pyarrow
+    import pyarrow.parquet
+
+    try:
+        table = pyarrow.parquet.read_table(path)
+    except (OSError, pyarrow.ArrowException) as error:
+        raise InputError(path, f"not Parquet: {error}", REMEDY) from None
+    _check_columns(table.column_names, path)
+    rows = []
+    for row in table.to_pylist():
+        rows.append({key: value for key, value in row.items() if value is not None and not _lost(value)})
+    return rows
+
+
+def _lost(value: Any) -> bool:
+    """Whether a number stands for an empty cell, as data frames write it."""
+    return isinstance(value, float) and math.isnan(value)
+
+
+def _toml_rows(path: Path) -> list[dict[str, Any]]:
+    values = read_toml(path, "job file", largest=LARGEST_JOB_FILE)
+    shared = {key: value for key, value in values.items() if key not in ("item", "product")}
+    if ("item" in values) == ("product" in values):
+        raise InputError(
+            path, "wants either [[item]] tables or one [product]", f"a [product] has some of {', '.join(AXES)}"
+        )
+    if "product" in values:
+        return product_rows(values["product"], shared, path)
+    rows = values["item"]
+    if not isinstance(rows, list) or not all(isinstance(row, dict) for row in rows):
+        raise InputError(path, "item is not a list of tables", "write [[item]] above each")
+    return [{**shared, **row} for row in rows]
+
+
+def _check_columns(header: Sequence[str], path: Path) -> None:
+    double = next((name for name in header if header.count(name) > 1), None)
+    if double is not None or "" in header:
+        problem = f'has the column "{double}" twice' if double else "has a column without a name"
+        raise InputError(path, problem, "give each column a name of its own")
+    if "scene" not in header:
+        raise InputError(path, 'has no column "scene"', "name there a scene file or a shipped scene")
+
+
+def _item(row: Mapping[str, Any], number: int, folder: Path) -> Item:
+    """One row as an item; what is wrong with it is kept for its result."""
+    name = str(row.get("name", f"row-{number}"))
+    problem = str(row.get("problem", ""))
+    scene = row.get("scene")
+    if not PLAIN_NAME.fullmatch(name):
+        name, problem = f"row-{number}", f'"{name}" cannot name a file; use 1 to 100 characters, without slashes'
+    if not problem and not isinstance(scene, str):
+        problem = "the row names no scene; give a scene file or a shipped scene"
+    changes = []
+    for key, value in flat(row):
+        if key not in ("name", "scene", "problem"):
+            changes.append(f"{key}={_text(_from_folder(key, value, folder))}")
+    return Item(name, str(_from_folder("scene", scene or "", folder)), tuple(changes), problem)
+
+
+def flat(values: Mapping[str, Any], above: str = "") -> list[tuple[str, Any]]:
+    """Dotted keys and values of nested tables; one that says its kind or name stays whole."""
+    found: list[tuple[str, Any]] = []
+    for key, value in values.items():
+        if isinstance(value, Mapping) and not any(word in value for word in WHOLE):
+            found += flat(value, f"{above}{key}.")
+        else:
+            found.append((f"{above}{key}", value))
+    return found
+
+
+def _from_folder(key: str, value: Any, folder: Path) -> Any:
+    """A file that stands beside the job file by its full path, for workers elsewhere; anything else as it is."""
+    names_file = key == "scene" or key.rpartition(".")[2] in FILE_KEYS
+    if names_file and isinstance(value, str) and value and (folder / value).is_file():
+        return str((folder / value).absolute())
+    return value
+
+
+def _text(value: Any) -> str:
+    """A value as TOML writes it. Text of a table's cell is left to be read as TOML, or as the text that it is."""
+    if isinstance(value, str):
+        return value
+    return toml_text(value)
+
+
+def toml_text(value: Any) -> str:
+    """A value in TOML."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, str):
+        return json.dumps(value, ensure_ascii=False)
+    if isinstance(value, (int, float, date, time, datetime)):
+        return str(value)
+    if isinstance(value, Mapping):
+        return "{" + ", ".join(f"{json.dumps(str(key))} = {toml_text(entry)}" for key, entry in value.items()) + "}"
+    if isinstance(value, (list, tuple)):
+        return "[" + ", ".join(toml_text(entry) for entry in value) + "]"
+    return json.dumps(str(value))
+
+
+def _check_names(items: Sequence[Item], path: Path) -> None:
+    seen: set[str] = set()
+    for item in items:
+        if item.name in seen:
+            raise InputError(path, f'two items have the name "{item.name}"', "give each its own: results go by it")
+        seen.add(item.name)

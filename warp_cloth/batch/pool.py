@@ -1,0 +1,189 @@
+"""Worker processes on this machine: one per CPU core, or one per GPU. A dead one is replaced, its task is told lost."""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import multiprocessing
+import os
+import signal
+import threading
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from multiprocessing.connection import Connection, wait
+from multiprocessing.process import BaseProcess
+from types import TracebackType
+from typing import Protocol
+
+from warp_cloth.batch.work import DeviceLostError, Done, Task, do_task
+from warp_cloth.quiet import start_warp
+
+log = logging.getLogger(__name__)
+
+MOST_LOSSES = 2  # of its device in a row, after which a worker's place is given up
+GRACE = 2.0  # [s] between asking a worker to end and ending it
+
+
+@dataclass(frozen=True)
+class Lost:
+    """A task whose worker died."""
+
+    task: Task
+    reason: str
+    hopeless: bool = False  # no worker is left that could try again
+
+
+class Pool(Protocol):
+    """Does tasks somewhere else, several at a time."""
+
+    @property
+    def devices(self) -> Sequence[str]:
+        """The device of each worker."""
+
+    @property
+    def patient(self) -> bool:
+        """Whether a lost task has been tried again already."""
+
+    def submit(self, task: Task) -> None: ...
+
+    def finished(self) -> Iterator[Done | Lost]:
+        """What has come of tasks, as it comes; ends when no task is left, and more may be submitted meanwhile."""
+
+    def close(self) -> None: ...
+
+
+def _serve(connection: Connection) -> None:
+    """A worker's life: a task in, what came of it out, until nobody asks any more."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the asker ends its workers
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+    start_warp()
+    while True:
+        try:
+            task: Task = connection.recv()
+        except EOFError:
+            return
+        try:
+            connection.send(do_task(task))
+        except DeviceLostError as error:
+            connection.send(str(error))  # its device may be well again in another process
+            return
+
+
+def _end_with_parent() -> None:
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)
+
+
+class _Slot:
+    """One place where a worker works, the task that it has, and its device."""
+
+    def __init__(self, device: str) -> None:
+        self.device = device
+        self.task: Task | None = None
+        self.losses = 0  # of the device, one after another
+        self.start()
+
+    def start(self) -> None:
+        context = multiprocessing.get_context("spawn")
+        self.connection, theirs = context.Pipe()
+        self.process: BaseProcess = context.Process(target=_serve, args=(theirs,), daemon=True)
+        self.process.start()
+        theirs.close()
+
+    @property
+    def usable(self) -> bool:
+        return self.losses < MOST_LOSSES
+
+    def give(self, task: Task) -> None:
+        self.task = task
+        with contextlib.suppress(OSError):  # it died meanwhile, which receive finds
+            self.connection.send(task)
+
+    def receive(self) -> Done | Lost:
+        """What came of the task, once the worker said something or died; a dead worker is replaced."""
+        task, self.task = self.task, None
+        if task is None:
+            raise RuntimeError("an idle worker was asked")
+        try:
+            told = self.connection.recv()
+            if isinstance(told, Done):
+                self.losses = 0
+                return told
+            self.losses += 1
+            reason = str(told)
+        except (EOFError, OSError):
+            self.process.join(GRACE)
+            reason = ended(self.process.exitcode)
+        self.stop()
+        if self.losses < MOST_LOSSES:
+            log.warning("a worker is replaced: %s", reason)
+            self.start()
+        return Lost(task, reason)
+
+    def stop(self) -> None:
+        self.connection.close()
+        self.process.terminate()
+        self.process.join(GRACE)
+        if self.process.is_alive():
+            self.process.kill()
+            self.process.join()
+
+
+def ended(code: int | None) -> str:
+    """How a process ended, in words."""
+    if code is None:
+        return "the worker stopped answering"
+    if code < 0:
+        name = signal.Signals(-code).name if -code in set(signal.Signals) else f"signal {-code}"
+        hint = ", perhaps for lack of memory" if name == "SIGKILL" else ""
+        return f"the worker was ended by {name}{hint}"
+    return f"the worker ended with status {code}"
+
+
+class LocalPool:
+    """Worker processes, one for each device named."""
+
+    patient = False
+
+    def __init__(self, devices: Sequence[str]) -> None:
+        self.devices = tuple(devices)
+        self._waiting: list[Task] = []
+        self._slots = [_Slot(device) for device in self.devices]
+
+    def __enter__(self) -> LocalPool:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def submit(self, task: Task) -> None:
+        self._waiting.append(task)
+
+    def finished(self) -> Iterator[Done | Lost]:
+        while True:
+            usable = [slot for slot in self._slots if slot.usable]
+            while self._waiting and not usable:
+                yield Lost(self._waiting.pop(0), "no device is left", hopeless=True)
+            for slot in usable:
+                if slot.task is None and self._waiting:
+                    slot.give(self._task_for(slot))
+            busy = {slot.connection: slot for slot in self._slots if slot.task is not None}
+            if not busy:
+                return
+            for connection in wait(list(busy)):
+                yield busy[connection].receive()  # type: ignore[index]
+
+    def _task_for(self, slot: _Slot) -> Task:
+        task = self._waiting.pop(0)
+        return Task(task.store, task.shard, slot.device, task.write)
+
+    def close(self) -> None:
+        for slot in self._slots:
+            slot.process.terminate()
+        for slot in self._slots:
+            slot.stop()
+        self._slots.clear()

@@ -1,0 +1,86 @@
+"""Products: every garment in every size on every avatar in every fabric."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from warp_cloth.errors import InputError
+from warp_cloth.scene import shipped_scenes
+
+AXES = ("garments", "sizes", "avatars", "fabrics")  # in the order in which names are put together
+SIZE = "{size}"  # stands for the size's name in a garment's texts
+MOST_ITEMS = 10_000_000
+
+
+def product_rows(product: Any, shared: Mapping[str, Any], path: Path) -> list[dict[str, Any]]:
+    """One row for each combination, the last axis fastest; names are the entries' names with dashes between.
+
+    An entry is a text, or a table of scene keys with a ``name``.
+    """
+    if not isinstance(product, dict):
+        raise InputError(path, "product is not a table", f"write [product] with some of {', '.join(AXES)}")
+    unknown = next((key for key in product if key not in AXES), None)
+    if unknown is not None:
+        raise InputError(path, f"unknown key product.{unknown}", f"allowed there: {', '.join(AXES)}")
+    axes = []
+    for axis in AXES:
+        if axis in product:
+            entries = product[axis]
+            if not isinstance(entries, list) or not entries:
+                raise InputError(path, f"product.{axis} is not a list with entries", 'write ["A", "B"]')
+            axes.append([_entry(axis, entry, path) for entry in entries])
+    if not axes:
+        raise InputError(path, "the product is empty", f"give some of {', '.join(AXES)}")
+    count = 1
+    for entries in axes:
+        count *= len(entries)
+    if count > MOST_ITEMS:
+        raise InputError(path, f"the product has {count:,} items", f"at most {MOST_ITEMS:,} go into one batch")
+    rows = []
+    for chosen in itertools.product(*axes):
+        size = next((entry["name"] for entry in chosen if entry["axis"] == "sizes"), "")
+        row: dict[str, Any] = dict(shared)
+        for entry in chosen:
+            row.update({key: _sized(value, size) for key, value in entry["keys"].items()})
+        if size and not any(_names_size(entry) for entry in chosen):
+            row.setdefault("garment.shape.size", size)
+        row["name"] = "-".join(_sized(entry["name"], "").strip("_- ") for entry in chosen)
+        rows.append(row)
+    return rows
+
+
+def _entry(axis: str, entry: Any, path: Path) -> dict[str, Any]:
+    """An entry's axis, name and the scene keys that it states."""
+    if isinstance(entry, dict):
+        if not isinstance(entry.get("name"), str):
+            raise InputError(path, f"a table in product.{axis} has no name", "give each a name: results go by it")
+        keys = {key: value for key, value in entry.items() if key != "name"}
+        return {"axis": axis, "name": entry["name"], "keys": keys, "own": axis == "sizes" and bool(keys)}
+    if not isinstance(entry, str):
+        raise InputError(
+            path, f"{entry!r} in product.{axis} is neither text nor a table", 'write "NAME" or {name = ..}'
+        )
+    name = Path(entry).stem if "." in entry or "/" in entry else entry
+    keys = {
+        "garments": {"scene": entry} if _is_scene(entry) else {"garment.mesh": entry},
+        "sizes": {},
+        "avatars": {"avatar.mesh": entry},
+        "fabrics": {"garment.fabric": entry},
+    }[axis]
+    return {"axis": axis, "name": name, "keys": keys, "own": False}
+
+
+def _is_scene(text: str) -> bool:
+    return text.lower().endswith(".toml") or text in shipped_scenes()
+
+
+def _names_size(entry: Mapping[str, Any]) -> bool:
+    """Whether an entry says by itself what a size means."""
+    return entry["own"] or any(SIZE in str(value) for value in entry["keys"].values())
+
+
+def _sized(value: Any, size: str) -> Any:
+    return value.replace(SIZE, size) if isinstance(value, str) else value

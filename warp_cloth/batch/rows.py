@@ -1,0 +1,88 @@
+"""What a batch keeps of each fit: a row of the results table, and the worn points if they are wanted."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from warp_cloth.mesh import Indices, Points
+
+if TYPE_CHECKING:
+    from warp_cloth.fitting import Fit
+
+FAILED = "failed"  # status of an item that the machine could not finish; one whose input is bad is "invalid"
+
+# Columns of the results table and where the report holds them; nothing that differs from one run to the next.
+FIGURES: dict[str, tuple[str, ...]] = {
+    "vertices": ("vertices",),
+    "iterations": ("iterations",),
+    "residual_rms": ("residual", "rms"),
+    "residual_p99": ("residual", "p99"),
+    "residual_max": ("residual", "max"),
+    "relative_rms": ("residual", "relative_rms"),
+    "relative_p99": ("residual", "relative_p99"),
+    "rest_error_mm": ("rest_error_mm",),
+    "strain_p50": ("strain", "p50"),
+    "strain_p99": ("strain", "p99"),
+    "strain_max": ("strain", "max"),
+    "strain_min": ("strain", "min"),
+    "penetration_max_mm": ("penetration_mm", "max"),
+    "penetration_p999_mm": ("penetration_mm", "p999"),
+    "penetration_fraction": ("penetration_mm", "fraction"),
+}
+WHOLE_NUMBERS = ("vertices", "iterations")
+TEXTS = ("name", "status", "message")
+COLUMNS = (*TEXTS, *FIGURES, "digest", "file")
+
+
+@dataclass(frozen=True)
+class WornPoints:
+    """One garment of one item, as a packed file keeps it."""
+
+    garment: str
+    points: Points  # [m], shape [V, 3]
+    triangles: Indices  # shape [F, 3]
+
+
+@dataclass(frozen=True)
+class ItemResult:
+    """One item's row, and its worn garments where they are to be packed."""
+
+    row: dict[str, Any]
+    worn: tuple[WornPoints, ...] = ()
+
+
+def row_of(name: str, fit: Fit, file: str) -> dict[str, Any]:
+    """The row of a finished fit; ``file`` is where its shape is kept."""
+    row: dict[str, Any] = {"name": name, "status": fit.status.value, "message": fit.message}
+    for column, way in FIGURES.items():
+        row[column] = _at(fit.report, way)
+    row["digest"] = points_digest([worn.points for worn in fit.garments])
+    row["file"] = file
+    return row
+
+
+def empty_row(name: str, status: str, message: str) -> dict[str, Any]:
+    """The row of an item without a fit: why, and no figures."""
+    return {**dict.fromkeys(COLUMNS), "name": name, "status": status, "message": message}
+
+
+def points_digest(garments: list[Points]) -> str:
+    """A fingerprint of the worn points, bit by bit."""
+    digest = hashlib.sha256()
+    for points in garments:
+        digest.update(np.ascontiguousarray(points, dtype=np.float64).tobytes())
+    return digest.hexdigest()[:32]
+
+
+def _at(report: Mapping[str, Any], way: tuple[str, ...]) -> Any:
+    value: Any = report
+    for key in way:
+        if not isinstance(value, Mapping):
+            return None
+        value = value.get(key)
+    return value

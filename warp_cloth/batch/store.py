@@ -1,0 +1,224 @@
+"""The output folder of a batch: every shard's file is whole or absent, and what is there need not be done again.
+
+OUT/plan.json            how the items are cut into shards
+OUT/shards/00000.parquet rows of a shard; its presence says that the shard is done
+OUT/shards/00000.npz     worn points of a shard, packed (keep = "arrays")
+OUT/stages/NAME.usdc     one stage per item (keep = "stages")
+OUT/results.parquet      all rows, in the order of the items; results.csv the same
+"""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import hashlib
+import json
+import os
+import shutil
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any, Literal, get_args
+
+import numpy as np
+import pyarrow
+import pyarrow.csv
+import pyarrow.parquet
+
+from warp_cloth.batch.jobs import Item
+from warp_cloth.batch.rows import COLUMNS, FAILED, FIGURES, WHOLE_NUMBERS, ItemResult, empty_row
+from warp_cloth.errors import InputError
+from warp_cloth.export.files import unwritable, whole_file
+
+Keep = Literal["arrays", "stages", "none"]
+KEEPS: tuple[Keep, ...] = get_args(Keep)
+LAYOUT = 1  # of the output folder; files of another layout are done again
+
+_FIELDS = {name: pyarrow.int64() if name in WHOLE_NUMBERS else pyarrow.float64() for name in FIGURES}
+SCHEMA = pyarrow.schema([(name, _FIELDS.get(name, pyarrow.string())) for name in COLUMNS])
+
+
+@dataclass(frozen=True)
+class Shard:
+    """Items that one task does, and whose results one file holds."""
+
+    number: int
+    items: tuple[Item, ...]
+
+    @property
+    def label(self) -> str:
+        return f"{self.number:05d}"
+
+    @cached_property
+    def digest(self) -> str:
+        """A fingerprint of what is asked: the items, and the scene files as they stand."""
+        asked = [[item.name, item.scene, list(item.changes), item.problem] for item in self.items]
+        scenes = {item.scene: _file_digest(item.scene) for item in self.items}
+        return hashlib.sha256(json.dumps([LAYOUT, asked, scenes]).encode()).hexdigest()
+
+
+def cut(items: Sequence[Item], size: int) -> list[Shard]:
+    """Consecutive items, ``size`` of them to a shard."""
+    return [Shard(first // size, tuple(items[first : first + size])) for first in range(0, len(items), size)]
+
+
+def _file_digest(path: str) -> str:
+    try:
+        return hashlib.sha256(Path(path).read_bytes()).hexdigest()
+    except (OSError, ValueError):
+        return ""  # a shipped scene, or one that is not there: its items will say so
+
+
+def file_marks(paths: Sequence[Path]) -> dict[str, list[int]]:
+    """Size and time of files that results depend on; [] where a file is gone."""
+    marks = {}
+    for path in sorted({str(path.absolute()) for path in paths}):
+        try:
+            status = os.stat(path)
+            marks[path] = [status.st_size, status.st_mtime_ns]
+        except OSError:
+            marks[path] = []
+    return marks
+
+
+@dataclass(frozen=True)
+class Store:
+    """A batch's output folder."""
+
+    folder: Path
+    keep: Keep
+
+    @property
+    def shards(self) -> Path:
+        return self.folder / "shards"
+
+    @property
+    def stages(self) -> Path:
+        return self.folder / "stages"
+
+    def open(self) -> None:
+        """Makes the folders, and clears what a killed run left half-written.
+
+        Raises:
+            InputError: the folder cannot be written.
+        """
+        try:
+            for place in (self.folder, self.shards, *((self.stages,) if self.keep == "stages" else ())):
+                place.mkdir(parents=True, exist_ok=True)
+                for left in place.glob(".*-*"):  # of whole_file
+                    shutil.rmtree(left, ignore_errors=True)
+        except (OSError, ValueError) as error:
+            raise unwritable(self.folder, error) from error
+
+    @contextlib.contextmanager
+    def held(self) -> Iterator[None]:
+        """Keeps another batch out of the folder; the lock ends with the process, however that ends."""
+        try:
+            with open(self.folder / ".lock", "w") as lock:
+                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                yield
+        except BlockingIOError:
+            raise InputError(
+                self.folder, "another batch writes there", "wait for it, or choose another folder"
+            ) from None
+
+    def shard_size(self, wanted: int, asked: bool) -> int:
+        """Items to a shard: as the folder's plan says, so that a batch goes on where it stood; else as wanted.
+
+        ``asked`` says that the size was stated, which then holds.
+        """
+        path = self.folder / "plan.json"
+        if not asked:
+            with contextlib.suppress(OSError, ValueError, KeyError, TypeError):
+                return max(int(json.loads(path.read_text(encoding="utf-8"))["shard_size"]), 1)
+        with whole_file(path) as place:
+            place.write_text(json.dumps({"layout": LAYOUT, "shard_size": wanted}) + "\n", encoding="utf-8")
+        return wanted
+
+    def write(self, shard: Shard, results: Sequence[ItemResult], inputs: Mapping[str, Any]) -> None:
+        """Writes a shard's points, then its rows; with the rows the shard is done.
+
+        Raises:
+            InputError: a file cannot be written; the shard is then not done.
+        """
+        if self.keep == "arrays":
+            with whole_file(self.shards / f"{shard.label}.npz") as place, place.open("wb") as file:
+                np.savez(file, **packed(results))
+        table = pyarrow.Table.from_pylist([result.row for result in results], schema=SCHEMA)
+        marks = {"digest": shard.digest, "keep": self.keep, "inputs": json.dumps(dict(inputs))}
+        with whole_file(self.shards / f"{shard.label}.parquet") as place:
+            pyarrow.parquet.write_table(table.replace_schema_metadata(marks), place)
+
+    def done(self, shard: Shard) -> bool:
+        """Whether a shard needs no more work: it is written, and the machine failed none of its items."""
+        table = self.rows(shard)
+        return table is not None and FAILED not in table["status"].to_pylist()
+
+    def rows(self, shard: Shard) -> pyarrow.Table | None:
+        """A shard's rows, if it is written and its items and files are still as they were then."""
+        path = self.shards / f"{shard.label}.parquet"
+        try:
+            table = pyarrow.parquet.read_table(path)
+            marks = {key.decode(): value.decode() for key, value in (table.schema.metadata or {}).items()}
+            inputs = json.loads(marks.get("inputs", ""))
+        except (OSError, ValueError, pyarrow.ArrowException):  # absent, or damaged
+            return None
+        if marks.get("digest") != shard.digest or marks.get("keep") != self.keep or len(table) != len(shard.items):
+            return None
+        if self.keep == "arrays" and not (self.shards / f"{shard.label}.npz").is_file():
+            return None
+        if file_marks([Path(path) for path in inputs]) != inputs:
+            return None
+        return table.replace_schema_metadata(None)
+
+    def merge(self, shards: Sequence[Shard], problems: Mapping[int, str]) -> pyarrow.Table:
+        """Writes results.parquet and results.csv of all shards, and removes files of none.
+
+        Items of a shard that is not written have failed, for the reason given by its number.
+        """
+        tables = []
+        for shard in shards:
+            table = None if shard.number in problems else self.rows(shard)
+            if table is None:
+                reason = problems.get(shard.number, "not done")
+                failed = [empty_row(item.name, FAILED, reason) for item in shard.items]
+                table = pyarrow.Table.from_pylist(failed, schema=SCHEMA)
+            tables.append(table)
+        merged = pyarrow.concat_tables(tables)
+        with whole_file(self.folder / "results.parquet") as place:
+            pyarrow.parquet.write_table(merged, place)
+        with whole_file(self.folder / "results.csv") as place:
+            pyarrow.csv.write_csv(merged, place)
+        known = {shard.label for shard in shards}
+        for path in self.shards.iterdir():
+            if path.suffix in (".parquet", ".npz") and path.stem not in known:
+                path.unlink(missing_ok=True)
+        return merged
+
+
+def packed(results: Sequence[ItemResult]) -> dict[str, Any]:
+    """Arrays of all worn garments of a shard, one after another; equal triangles are kept once.
+
+    ``item``, ``garment`` name each garment; its points are ``points[point_start[g] : point_start[g + 1]]`` and its
+    triangles, counted from its own first point, ``triangles[triangle_start[m] : triangle_start[m + 1]]``, m = mesh[g].
+    """
+    names = [(result.row["name"], worn) for result in results for worn in result.worn]
+    meshes: dict[bytes, int] = {}
+    triangles, mesh = [], []
+    for _, worn in names:
+        key = hashlib.sha256(np.ascontiguousarray(worn.triangles).tobytes()).digest()
+        if key not in meshes:
+            meshes[key] = len(meshes)
+            triangles.append(worn.triangles)
+        mesh.append(meshes[key])
+    points = [worn.points for _, worn in names]
+    return {
+        "item": np.array([name for name, _ in names], dtype=np.str_),
+        "garment": np.array([worn.garment for _, worn in names], dtype=np.str_),
+        "points": np.concatenate(points) if points else np.zeros((0, 3)),
+        "point_start": np.cumsum([0, *(len(each) for each in points)]),
+        "triangles": np.concatenate(triangles) if triangles else np.zeros((0, 3), dtype=np.int32),
+        "triangle_start": np.cumsum([0, *(len(each) for each in triangles)]),
+        "mesh": np.array(mesh, dtype=np.int32),
+    }

@@ -1,0 +1,167 @@
+"""What a worker does: fits a shard's items, whatever befalls one of them, and writes the shard's file."""
+
+from __future__ import annotations
+
+import errno
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from warp_cloth.batch.rows import FAILED, ItemResult, WornPoints, empty_row, row_of
+from warp_cloth.batch.store import Shard, Store, file_marks
+from warp_cloth.errors import InputError
+from warp_cloth.result import Status
+
+if TYPE_CHECKING:
+    from warp_cloth.batch.jobs import Item
+    from warp_cloth.fitting import Fit
+    from warp_cloth.scene import Scene
+
+SMALLER = "use fewer vertices, or a device with more memory"
+
+
+class DeviceLostError(RuntimeError):
+    """The device answers nothing any more: this process cannot go on, another may."""
+
+
+@dataclass(frozen=True)
+class Task:
+    """A shard, or some of its items, for a worker."""
+
+    store: Store
+    shard: Shard
+    device: str
+    write: bool = True  # whether the worker writes the shard's file; otherwise its results go back to the asker
+
+
+@dataclass(frozen=True)
+class Done:
+    """What came of a task. Rows only, where the worker has written the file."""
+
+    shard: Shard
+    results: tuple[ItemResult, ...]
+    inputs: dict[str, list[int]] = field(default_factory=dict)
+    problem: str = ""  # why the shard's file could not be written
+
+
+def do_task(task: Task) -> Done:
+    """Fits a task's items.
+
+    Raises:
+        DeviceLostError: the device is gone; nothing was written.
+    """
+    if not device_answers(task.device):
+        raise DeviceLostError(f"{task.device} does not answer")
+    worker = _Worker(task)
+    results = worker.results()
+    done = Done(task.shard, tuple(results), worker.inputs)
+    if not task.write:
+        return done
+    try:
+        task.store.write(task.shard, results, worker.inputs)
+    except InputError as error:
+        return Done(task.shard, (), worker.inputs, str(error))
+    return Done(task.shard, tuple(ItemResult(result.row) for result in results), worker.inputs)
+
+
+class _Worker:
+    """Carries out one task; item by item where a whole launch fails, so that only what is bad is lost."""
+
+    def __init__(self, task: Task) -> None:
+        self._task = task
+        self._files: set[Path] = set()
+
+    @property
+    def inputs(self) -> dict[str, list[int]]:
+        """Size and time of every file that the task's scenes name."""
+        return file_marks(list(self._files))
+
+    def results(self) -> list[ItemResult]:
+        items = self._task.shard.items
+        found: dict[str, ItemResult] = {}
+        scenes: list[tuple[Item, Scene]] = []
+        for item in items:
+            scene = self._scene(item)
+            if isinstance(scene, ItemResult):
+                found[item.name] = scene
+            else:
+                scenes.append((item, scene))
+        for (item, _), result in zip(scenes, self._fitted(scenes), strict=True):
+            found[item.name] = result
+        return [found[item.name] for item in items]
+
+    def _scene(self, item: Item) -> Scene | ItemResult:
+        from warp_cloth.batch.jobs import toml_text
+        from warp_cloth.scene import load_scene
+
+        try:
+            if item.problem:
+                raise InputError(item.name, item.problem)
+            scene = load_scene(item.scene, (*item.changes, f"name={toml_text(item.name)}"))
+        except InputError as error:
+            return ItemResult(empty_row(item.name, Status.INVALID.value, str(error)))
+        sources = [scene.avatar.mesh] if scene.avatar is not None else []
+        for garment in scene.garments:
+            sources += [garment.mesh, garment.grain_texture]
+        self._files.update(path for path in sources if path is not None)
+        return scene
+
+    def _fitted(self, scenes: Sequence[tuple[Item, Scene]]) -> list[ItemResult]:
+        return [self._one(item, scene) for item, scene in scenes]
+
+    def _one(self, item: Item, scene: Scene) -> ItemResult:
+        from warp_cloth.fitting import fit
+
+        try:
+            return self._kept(item, fit(scene, device=self._task.device))
+        except Exception as error:
+            return ItemResult(self._failure(item, error))
+
+    def _kept(self, item: Item, fit: Fit) -> ItemResult:
+        """Writes an item's stage, or hands on its points to be packed."""
+        store = self._task.store
+        if store.keep == "stages":
+            from warp_cloth.export.stage import write_stage
+
+            path = store.stages / f"{item.name}.usdc"
+            write_stage(path, garments=fit.garments, avatar=fit.avatar, name=item.name)
+            return ItemResult(row_of(item.name, fit, f"stages/{path.name}"))
+        if store.keep == "none":
+            return ItemResult(row_of(item.name, fit, ""))
+        worn = tuple(WornPoints(each.name, each.points, each.mesh.triangles) for each in fit.garments)
+        return ItemResult(row_of(item.name, fit, f"shards/{self._task.shard.label}.npz"), worn)
+
+    def _failure(self, item: Item, error: Exception) -> dict[str, object]:
+        """The row of an item that raised; DeviceLostError where no other item can be done here either."""
+        if isinstance(error, InputError):
+            cause = error.__cause__
+            lost = isinstance(cause, OSError) and cause.errno in (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EIO)
+            return empty_row(item.name, FAILED if lost else Status.INVALID.value, str(error))
+        if out_of_memory(error):
+            return empty_row(item.name, FAILED, f"out of memory on {self._task.device}; {SMALLER}")
+        if not device_answers(self._task.device):
+            raise DeviceLostError(f"{self._task.device} stopped answering: {error}") from error
+        return empty_row(item.name, FAILED, f"{type(error).__name__}: {' '.join(str(error).split())}")
+
+
+def out_of_memory(error: BaseException) -> bool:
+    """Whether an error says that memory ran out, on the host or on a device."""
+    if isinstance(error, MemoryError):
+        return True
+    told = str(error).lower()
+    return isinstance(error, RuntimeError) and ("out of memory" in told or "failed to allocate" in told)
+
+
+def device_answers(name: str) -> bool:
+    """Whether a device still computes; after some errors CUDA refuses everything in the same process."""
+    import warp as wp
+
+    try:
+        device = wp.get_device(name)
+        if device.is_cuda:
+            wp.synchronize_device(device)
+            wp.zeros(1, dtype=wp.int32, device=device).numpy()
+    except Exception:
+        return False
+    return True
