@@ -176,6 +176,45 @@ def batch(
 
 
 @app.command()
+def sizes(
+    scene: Annotated[str, typer.Argument(help="Scene file (TOML), or a shipped scene; its avatar is the customer.")],
+    size: Annotated[
+        list[str] | None,
+        typer.Option(help="A size, from small to large; may be repeated.", show_default="S, M, L of the T-shirt"),
+    ] = None,
+    changes: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="KEY=VALUE", help="As of fit; {size} stands for the size."),
+    ] = None,
+    ease: Annotated[float, typer.Option(help="Wanted at chest, waist and hip [cm].")] = 4.0,
+    device: Annotated[
+        str | None, typer.Option(help="cpu, cuda or cuda:N.", show_default="a GPU if there is one")
+    ] = None,
+    out: Annotated[Path, typer.Option(help="Folder for sizes.json and a stage of each size.")] = Path("out"),
+) -> None:
+    """Fit all sizes of a garment on one body, and say which to take and why."""
+    with _one_line_errors(), _output_folder(out, "sizes"):
+        from warp_cloth.batch.sizes import fit_sizes
+
+        start_warp()
+        run = fit_sizes(
+            scene,
+            size or (),
+            overrides=changes or (),
+            ease=ease / 100,
+            device=device,
+            progress=lambda name: typer.echo(f"fitting {name}", err=True),
+        )
+        paths = run.save(out)
+    for each in run.sizes:
+        levels = [f"{name} {100 * level.ease:+.1f} cm" for name, level in each.levels.items()]
+        strain = f"strain p99 {100 * each.strain_p99:.1f} %" if each.strain_p99 is not None else each.message
+        typer.echo(f"{each.size:<4} {each.status:<16} {', '.join([*levels, strain])}")
+    typer.echo(f"take {run.recommended}: {run.reason}" if run.recommended else run.reason)
+    typer.echo(f"  wrote        {', '.join(str(path) for path in paths)}")
+
+
+@app.command()
 def scenes() -> None:
     """List the shipped scenes and fabrics."""
     with _one_line_errors():

@@ -32,7 +32,7 @@ def open_wardrobe(scene: Scene) -> Wardrobe:
     Raises:
         InputError: a file, a rest shape or a pin that cannot be used.
     """
-    size = _worn_size(scene)
+    size = worn_size(scene)
     worn_by = scene.avatar.shape if scene.avatar is not None else None
     body = mannequin_measures(worn_by, size=size) if isinstance(worn_by, MannequinShape) else None
     garments = tuple(
@@ -70,7 +70,7 @@ def _avatar_mesh(spec: AvatarSpec, size: str) -> Mesh:
     return build_avatar(spec.shape, size=size)
 
 
-def _worn_size(scene: Scene) -> str:
+def worn_size(scene: Scene) -> str:
     """The size whose standard body fills in the mannequin's measures: the innermost sized garment's."""
     sizes = [garment.shape.size for garment in scene.garments if isinstance(garment.shape, TshirtShape)]
     return sizes[0] if sizes else DEFAULT_SIZE

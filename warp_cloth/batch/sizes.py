@@ -1,0 +1,202 @@
+"""Size runs: all sizes of a garment on one body, what decides between them, and which to take."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, get_args
+
+from warp_cloth.errors import InputError
+from warp_cloth.fitting import Fit, fit
+from warp_cloth.girth import LevelFit, level_fits
+from warp_cloth.result import Status
+from warp_cloth.scene import MannequinShape, Scene, TshirtShape, load_scene
+from warp_cloth.scene.shapes import Size
+from warp_cloth.shapes import mannequin_measures
+from warp_cloth.wardrobe import open_wardrobe, worn_size
+
+SIZE = "{size}"  # stands for the size in a change, as in garment.mesh=shirt_{size}.obj
+# Ease that a garment worn loosely leaves at its tightest level [m]: pattern books give 4 to 10 cm for shirts.
+DEFAULT_EASE = 0.04
+# Strain of the cloth (99th percentile) above which a size is too tight somewhere, whatever its girths. A choice: at
+# 10 % the stiffer of the shipped fabrics pull with more than the 490 N/m that a laboratory's tensile test ends at.
+MOST_STRETCH = 0.10
+
+
+@dataclass(frozen=True, eq=False)
+class SizeFit:
+    """One size on the body."""
+
+    size: str
+    status: str
+    message: str
+    levels: Mapping[str, LevelFit]  # chest, waist, hip, as far as the garment goes round the trunk there
+    strain_p50: float | None
+    strain_p99: float | None
+    fit: Fit | None
+
+    @property
+    def ease(self) -> float | None:
+        """The least ease of all levels [m]."""
+        return min((level.ease for level in self.levels.values()), default=None)
+
+
+@dataclass(frozen=True, eq=False)
+class SizeRun:
+    """All sizes on one body."""
+
+    name: str
+    wanted_ease: float  # [m]
+    sizes: tuple[SizeFit, ...]
+    recommended: str | None
+    reason: str
+
+    def report(self) -> dict[str, Any]:
+        """What sizes.json holds; lengths in centimetres as the names say."""
+        return {
+            "recommended": self.recommended,
+            "reason": self.reason,
+            "wanted_ease_cm": 100.0 * self.wanted_ease,
+            "sizes": [
+                {
+                    "size": each.size,
+                    "status": each.status,
+                    "message": each.message,
+                    "levels": {
+                        name: {
+                            "height_cm": 100.0 * level.height,
+                            "body_cm": 100.0 * level.body,
+                            "garment_cm": 100.0 * level.garment,
+                            "ease_cm": 100.0 * level.ease,
+                            "stretch": level.stretch,
+                        }
+                        for name, level in each.levels.items()
+                    },
+                    "strain_p50": each.strain_p50,
+                    "strain_p99": each.strain_p99,
+                    "report": {k: each.fit.report[k] for k in ("residual", "rest_error_mm")} if each.fit else None,
+                }
+                for each in self.sizes
+            ],
+        }
+
+    def save(self, directory: str | Path) -> list[Path]:
+        """Writes a stage for each size, then sizes.json.
+
+        Raises:
+            InputError: the folder cannot be written.
+        """
+        from warp_cloth.export.report import check_writable, write_report
+        from warp_cloth.export.stage import write_stage
+
+        folder = Path(directory)
+        check_writable(folder, self.name)
+        paths = []
+        for each in self.sizes:
+            if each.fit is not None:
+                paths.append(folder / f"{self.name}_{each.size}.usdc")
+                write_stage(paths[-1], garments=each.fit.garments, avatar=each.fit.avatar, name=self.name)
+        write_report(folder / "sizes.json", self.report())
+        return [*paths, folder / "sizes.json"]
+
+
+def fit_sizes(
+    scene: str | Path | Mapping[str, Any],
+    sizes: Sequence[str] = (),
+    *,
+    overrides: Sequence[str] = (),
+    ease: float = DEFAULT_EASE,
+    device: str | None = None,
+    progress: Callable[[str], None] | None = None,
+) -> SizeRun:
+    """Fits all sizes of a scene's garment on its avatar, and recommends the smallest that leaves ``ease`` everywhere.
+
+    Args:
+        scene: what ``load_scene`` takes; its avatar is the body, the same for all sizes.
+        sizes: from small to large; none: those of the generated T-shirt.
+        overrides: ``KEY=VALUE`` changes; ``{size}`` in one stands for the size. Without one that has it the size is
+            that of the generated T-shirt.
+        ease: wanted at chest, waist and hip [m]; negative for a garment that is to stretch.
+        device: "cpu", "cuda" or "cuda:N"; None: a GPU if there is one.
+        progress: told each size before it is fitted.
+
+    Raises:
+        InputError: the scene cannot be used, or nothing in it depends on the size.
+    """
+    plain = [change for change in overrides if SIZE not in change]
+    sized = [change for change in overrides if SIZE in change]
+    base = load_scene(scene, [*plain, *(change.replace(SIZE, sizes[0]) for change in sized if sizes)])
+    if base.avatar is None:
+        raise InputError("sizes", "the scene has no avatar to choose a size for", "add an [avatar]")
+    generated = isinstance(base.garments[0].shape, TshirtShape)
+    if not sized and not generated:
+        raise InputError("sizes", "nothing in the scene depends on the size", f"--set garment.mesh=shirt_{SIZE}.obj")
+    if sized and not sizes:
+        raise InputError("sizes", "no sizes are named", "give them from small to large: --size S --size M")
+    names = tuple(sizes) or get_args(Size)
+    first = "garment" if len(base.garments) == 1 else "garment[0]"
+    found = []
+    for size in names:
+        changes = [change.replace(SIZE, size) for change in sized] or [f"{first}.shape.size={size}"]
+        if progress is not None:
+            progress(size)
+        found.append(_fit_size(size, scene, [*plain, *_body(base), *changes], device))
+    recommended, reason = recommendation(found, ease)
+    return SizeRun(base.name, ease, tuple(found), recommended, reason)
+
+
+def _body(base: Scene) -> list[str]:
+    """Changes that keep the mannequin's measures as the scene has them, whatever the garment's size."""
+    shape = base.avatar.shape if base.avatar is not None else None
+    if not isinstance(shape, MannequinShape):
+        return []
+    measures = mannequin_measures(shape, size=worn_size(base))
+    return [f"avatar.shape.{name}={getattr(measures, name)}" for name in ("stature", "chest", "waist", "hip")]
+
+
+def _fit_size(size: str, scene: str | Path | Mapping[str, Any], changes: Sequence[str], device: str | None) -> SizeFit:
+    try:
+        chosen = load_scene(scene, changes)
+        worn = fit(chosen, device=device)
+    except InputError as error:
+        return SizeFit(size, Status.INVALID.value, str(error), {}, None, None, None)
+    levels = {}
+    if worn.avatar is not None and worn.status is not Status.DIVERGED:
+        part = open_wardrobe(chosen).parts[0]
+        levels = level_fits(worn.avatar, worn.garments[0].points, part.triangles, part.rest)
+    strain = worn.report["strain"]
+    return SizeFit(size, worn.status.value, worn.message, levels, strain["p50"], strain["p99"], worn)
+
+
+def recommendation(sizes: Sequence[SizeFit], wanted: float) -> tuple[str | None, str]:
+    """The smallest size that is loose enough at every level and stretched nowhere, and the reason in one sentence."""
+    usable = [each for each in sizes if each.fit is not None and each.status != Status.DIVERGED.value]
+    if not usable:
+        return None, "No size could be fitted; see each one's message."
+    for index, each in enumerate(usable):
+        problem = _too_tight(each, wanted)
+        if not problem:
+            before = _too_tight(usable[index - 1], wanted) if index else ""
+            why = f"; {usable[index - 1].size} is too tight: {before}" if before else "; it is the smallest size"
+            return each.size, f"{each.size} {_told(each)}{why}."
+    last = usable[-1]
+    return last.size, f"Even the largest size, {last.size}, is too tight: {_too_tight(last, wanted)}."
+
+
+def _too_tight(each: SizeFit, wanted: float) -> str:
+    """Why a size is too tight; empty where it is not."""
+    for name, level in sorted(each.levels.items(), key=lambda entry: entry[1].ease):
+        if level.ease < wanted:
+            return f"{100 * level.ease:.1f} cm of ease at the {name} (wanted {100 * wanted:.1f})"
+    if each.strain_p99 is not None and each.strain_p99 > MOST_STRETCH:
+        limit = 100 * MOST_STRETCH
+        return f"its cloth is strained by {100 * each.strain_p99:.0f} % (99th percentile; at most {limit:.0f})"
+    return ""
+
+
+def _told(each: SizeFit) -> str:
+    if not each.levels:
+        return f"strains its cloth by {100 * (each.strain_p99 or 0.0):.1f} % at most (99th percentile)"
+    name, level = min(each.levels.items(), key=lambda entry: entry[1].ease)
+    return f"leaves {100 * level.ease:.1f} cm at the {name}, where it is closest"
