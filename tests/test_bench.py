@@ -19,8 +19,8 @@ from warp_cloth.cli import app
 from warp_cloth.fabric import fabric_named
 from warp_cloth.rest import triangle_areas
 
-# The bench's coarse strips against the fabric's own: the 10 %, the cantilever's coarse overhang somewhat more.
-BENCH_TOLERANCE = {"EMT": 0.02, "LT": 0.01, "G": 0.10, "B": 0.10, "bending length": 0.15}
+# The bench's coarse strips against the fabric's own, where 10 % is asked for at most.
+BENCH_TOLERANCE = {"EMT": 0.02, "LT": 0.01, "G": 0.10, "B": 0.10, "bending length": 0.05}
 
 
 @pytest.fixture(scope="module")
@@ -58,8 +58,8 @@ def test_an_unknown_fabric_is_refused_in_one_line(tmp_path: Path) -> None:
     result = CliRunner().invoke(app, ["fabric", "cottn", "--out", str(tmp_path / "out")])
     assert result.exit_code == 2
     assert result.stderr.splitlines() == [
-        'error: fabric: unknown fabric "cottn"; did you mean "cotton"? there are default, cotton, denim, felt, jersey, '
-        "linen, polyester, silk, wool, or name a .toml file"
+        'error: fabric: unknown fabric "cottn"; did you mean "cotton"? there are default, cotton, denim, faille, felt, '
+        "jersey, linen, polyester, silk, wool, or name a .toml file"
     ]
 
 

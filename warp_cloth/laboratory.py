@@ -17,8 +17,10 @@ KES_SHEAR = 0.980665 / math.radians(1.0)  # [N/m per radian], 1 gf/(cm degree): 
 FAST_SHEAR = 123.0  # [N/m per radian] over EB5 [%], the bias extension at 5 gf/cm (SiroFAST manual)
 
 # The cosine law's moment per width is bending * curvature^2 / 2, the measured line's B * curvature. They meet at one
-# curvature only: that of a fold of 3 cm radius, as garments and drape tests have, where weight and bending balance.
-MATCHED_CURVATURE = 100.0 / 3.0  # [1/m]
+# curvature only: where the cloth's own weight folds it. That goes with its bending length c = (B / weight)^(1/3), so
+# that cloths of one c fold alike, whatever they are. At this curvature times c the cantilever test (ISO 9073-7), whose
+# reading is c, reads the same on both.
+MATCHED_FOLD = 0.8327
 # The threads' shear force per width is shear * angle^2. KES-F reads G as the slope between 0.5 and 2.5 degrees, and
 # the slope of a square between two angles is its factor times their sum.
 MATCHED_SHEAR_ANGLE = math.radians(0.5 + 2.5)
@@ -41,9 +43,19 @@ def stretch_of_emt(percent: float) -> float:
     return KES_FORCE / (percent * 1e-2) ** 2
 
 
-def bending_of_rigidity(rigidity: float) -> float:
-    """The cosine law's constant [N m2] from a bending rigidity B [N m]."""
-    return 2.0 * rigidity / MATCHED_CURVATURE
+def bending_length(rigidity: float, weight: float) -> float:
+    """Bending length c [m] of a cloth from its rigidity B [N m] and its weight [kg/m2] (ISO 9073-7)."""
+    return (rigidity / (weight * GRAVITY)) ** (1.0 / 3.0)
+
+
+def bending_of_rigidity(rigidity: float, weight: float) -> float:
+    """The cosine law's constant [N m2] from a bending rigidity B [N m]: it meets the line at MATCHED_FOLD / c."""
+    return 2.0 * rigidity * bending_length(rigidity, weight) / MATCHED_FOLD
+
+
+def rigidity_of_bending(bending: float, weight: float) -> float:
+    """The bending rigidity B [N m] that the cosine law's constant [N m2] stands for."""
+    return (0.5 * MATCHED_FOLD * bending) ** 0.75 * (weight * GRAVITY) ** 0.25
 
 
 def shear_of_stiffness(stiffness: float) -> float:
@@ -52,7 +64,6 @@ def shear_of_stiffness(stiffness: float) -> float:
 
 
 _EMT = ((0.05, 300.0), stretch_of_emt)
-_B = ((0.0, 1e3), lambda value: bending_of_rigidity(value * KES_BENDING))
 _MM = ((0.0, 50.0), lambda value: value * 1e-3)
 
 FIGURES: Mapping[str, Figure] = MappingProxyType(
@@ -67,36 +78,40 @@ FIGURES: Mapping[str, Figure] = MappingProxyType(
         "bias_extension_percent": Figure(
             ("shear",), "% at 5 gf/cm", (0.01, 300.0), lambda value: shear_of_stiffness(FAST_SHEAR / value)
         ),
-        "bending_B": Figure(("bending_warp", "bending_weft"), "gf cm2/cm", *_B),
-        "bending_B_warp": Figure(("bending_warp",), "gf cm2/cm", *_B),
-        "bending_B_weft": Figure(("bending_weft",), "gf cm2/cm", *_B),
         "thickness_mm": Figure(("thickness",), "mm", *_MM),
     }
 )
 TABLES: Mapping[str, str] = MappingProxyType({"tension_warp": "stretch_warp", "tension_weft": "stretch_weft"})
-LENGTHS: Mapping[str, str] = MappingProxyType(
-    {"bending_length_warp_mm": "bending_warp", "bending_length_weft_mm": "bending_weft"}
+RIGIDITIES: Mapping[str, tuple[str, ...]] = MappingProxyType(
+    {
+        "bending_B": ("bending_warp", "bending_weft"),
+        "bending_B_warp": ("bending_warp",),
+        "bending_B_weft": ("bending_weft",),
+    }
+)
+LENGTHS: Mapping[str, tuple[str, ...]] = MappingProxyType(
+    {"bending_length_warp_mm": ("bending_warp",), "bending_length_weft_mm": ("bending_weft",)}
 )
 SHORTHAND: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {"stretch": ("stretch_warp", "stretch_weft"), "bending": ("bending_warp", "bending_weft")}
 )
-KEYS = (*FIGURES, *TABLES, *LENGTHS, *SHORTHAND)
+KEYS = (*FIGURES, *RIGIDITIES, *TABLES, *LENGTHS, *SHORTHAND)
 
 
 def stated_by(key: str) -> tuple[str, ...]:
     """The values of a Fabric that a key of its table states."""
     if key in FIGURES:
         return FIGURES[key].states
-    if key in SHORTHAND:
-        return SHORTHAND[key]
-    return ({**TABLES, **LENGTHS}.get(key, key),)
+    if key in TABLES:
+        return (TABLES[key],)
+    return {**SHORTHAND, **RIGIDITIES, **LENGTHS}.get(key, (key,))
 
 
 def si_values(table: Mapping[str, Any], weight: float) -> dict[str, Any]:
     """A fabric's table with every laboratory figure and shorthand replaced by the SI values that it states.
 
-    ``weight`` [kg/m2] counts where the table states none. The shorthand ``stretch`` is one for every direction: it
-    states that there is no shear of its own, unless the table says otherwise.
+    ``weight`` [kg/m2], which bending figures need, counts where the table states none. The shorthand ``stretch`` is
+    one for every direction: it states that there is no shear of its own, unless the table says otherwise.
 
     Raises:
         InputError: placed at the key that is wrong.
@@ -109,10 +124,10 @@ def si_values(table: Mapping[str, Any], weight: float) -> dict[str, Any]:
             raise InputError(key, f"states the same as {stated[name]}", "give one of them")
         stated[name], values[name] = key, value
 
-    lengths = {key: value for key, value in table.items() if key in LENGTHS}
+    bent = {key: value for key, value in table.items() if key in RIGIDITIES or key in LENGTHS}
     for key, value in table.items():
         result = value
-        if key in LENGTHS:
+        if key in bent:
             continue
         if key in FIGURES:
             result = FIGURES[key].convert(_number(key, value, FIGURES[key].bounds, FIGURES[key].unit))
@@ -120,14 +135,22 @@ def si_values(table: Mapping[str, Any], weight: float) -> dict[str, Any]:
             result = stretch_of_table(key, value)
         for name in stated_by(key):
             state(key, name, result)
-    for key, value in lengths.items():
-        metres = _number(key, value, (0.1, 1e3), "mm") * 1e-3
-        heavy = values.get("weight", weight)
-        if isinstance(heavy, int | float):
-            state(key, LENGTHS[key], bending_of_rigidity(heavy * GRAVITY * metres**3))  # ISO 9073-7
+    heavy = values.get("weight", weight)
+    if not isinstance(heavy, int | float) or not heavy > 0.0:
+        heavy = weight  # it will be refused; what bends it matters no more
+    for key, value in bent.items():
+        for name in stated_by(key):
+            state(key, name, bending_of_rigidity(_rigidity(key, value, heavy), heavy))
     if "stretch" in table:
         values.setdefault("shear", None)
     return values
+
+
+def _rigidity(key: str, value: Any, weight: float) -> float:
+    """B [N m] that a rigidity or a bending length states."""
+    if key in RIGIDITIES:
+        return _number(key, value, (0.0, 1e3), "gf cm2/cm") * KES_BENDING
+    return weight * GRAVITY * (_number(key, value, (0.1, 1e3), "mm") * 1e-3) ** 3  # ISO 9073-7
 
 
 def stretch_of_table(key: str, table: Any) -> float:

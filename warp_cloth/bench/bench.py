@@ -24,12 +24,13 @@ from warp_cloth.bench.trials import (
     shear,
 )
 from warp_cloth.laboratory import (
-    GRAVITY,
     KES_BENDING,
     KES_FORCE,
     KES_SHEAR,
-    MATCHED_CURVATURE,
+    MATCHED_FOLD,
     MATCHED_SHEAR_ANGLE,
+    bending_length,
+    rigidity_of_bending,
 )
 from warp_cloth.mesh import Mesh
 from warp_cloth.result import WornGarment
@@ -38,16 +39,16 @@ if TYPE_CHECKING:
     from warp_cloth.fabric import Fabric
 
 EDGE = 0.01  # [m], of strips that are pulled or sheared
-BENT_EDGE = 0.005  # of strips that are bent; a fold of 3 cm radius then has ten edges to the half-turn
-OVERHANG_EDGES = 10  # of the cantilever, whatever its length
+BENT_EDGES = (10, 20)  # across and along a strip that is bent,
+BENT_EDGE = 0.3  # of its bending length: the matched curvature then turns a quarter of a radian from edge to edge
+OVERHANG_EDGES = 16  # of the cantilever, whatever its length
 STRIP = (0.05, 0.20)  # width and length pulled [m]
 SHEARED = (0.20, 0.05)  # width and gap of KES-FB1's shear test
-BENT = (0.05, 0.10)
 CANTILEVER_EDGES = 8  # across; its sides are free, so that its width does not matter
 DISC_RINGS = 20  # 930 vertices in the free ring; the coefficient is within 3 points of 40,000's
 PULLED_TO = np.arange(1, 9) / 8.0  # of the elongation at 500 gf/cm; evenly, so that Simpson's rule takes the work
 SHEARED_TO = (1.0, 2.0, 3.0, 4.0, 6.0, 8.0)  # [degrees]
-BENT_TO = (20.0, MATCHED_CURVATURE, 50.0, 70.0)  # [1/m]
+BENT_TO = (0.6, 1.0, 1.5, 2.0)  # of the matched curvature
 STRETCHED_BY = (0.01, 0.05, 0.20)  # before release
 BIAS_FORCE = 5 * 0.980665  # [N/m], 5 gf/cm, at which FAST reads the bias extension
 
@@ -171,10 +172,14 @@ def _bending(fabric: Fabric, device: str) -> Part:
     for (way, grain), bending in zip(DIRECTIONS, (fabric.bending_warp, fabric.bending_weft), strict=True):
         if bending == 0.0:
             continue
-        readings = bend(strip(*BENT, BENT_EDGE), fabric, BENT_TO, grain_degrees=grain, device=device)
+        length = bending_length(rigidity_of_bending(bending, fabric.weight), fabric.weight)
+        matched, edge = MATCHED_FOLD / length, BENT_EDGE * length
+        mesh = strip(BENT_EDGES[0] * edge, BENT_EDGES[1] * edge, edge)
+        wanted = [part * matched for part in BENT_TO]
+        readings = bend(mesh, fabric, wanted, clamp=2.0 * edge, grain_degrees=grain, device=device)
         curvature, moment = _columns(readings)
-        constant = float(np.interp(MATCHED_CURVATURE, curvature, 2.0 * moment / curvature**2))
-        to_b = 0.5 * MATCHED_CURVATURE / KES_BENDING
+        constant = float(np.interp(matched, curvature, 2.0 * moment / curvature**2))
+        to_b = 0.5 * matched / KES_BENDING
         findings.append(Finding(f"B {way}", "gf cm2/cm", constant * to_b, bending * to_b))
         law = _tuple(0.5e3 * bending * curvature**2)
         curves.append(Curve(f"bending {way}", "1/m", "mN", _tuple(curvature), _tuple(1e3 * moment), law))
@@ -182,13 +187,16 @@ def _bending(fabric: Fabric, device: str) -> Part:
 
 
 def _cantilever(fabric: Fabric, device: str) -> Part:
-    """Bending length: half the overhang whose end is seen 41.5 degrees below the clamp, found by trial."""
+    """Bending length: half the overhang whose end is seen 41.5 degrees below the clamp, found by trial.
+
+    The hinges on the clamp's edge stand for the bend from half an edge before it, which counts as overhang.
+    """
     findings = []
     for (way, grain), bending in zip(DIRECTIONS, (fabric.bending_warp, fabric.bending_weft), strict=True):
-        length = (0.5 * MATCHED_CURVATURE * bending / (fabric.weight * GRAVITY)) ** (1.0 / 3.0)
-        if length == 0.0:
+        if bending == 0.0:
             continue
-        overhang = 2.0 * length
+        length = bending_length(rigidity_of_bending(bending, fabric.weight), fabric.weight)
+        overhang, edge = 2.0 * length, 0.0
         for _ in range(3):
             edge = overhang / OVERHANG_EDGES
             piece = strip(CANTILEVER_EDGES * edge, overhang + 2.0 * edge, edge)
@@ -196,7 +204,7 @@ def _cantilever(fabric: Fabric, device: str) -> Part:
             # small angles go as the length to the power 2.5; near the wanted one, or far past it, a step is enough
             turn = math.tan(TIP_ANGLE) / math.tan(min(max(angle, 0.1), 1.5))
             overhang *= min(max(turn**0.4, 0.7), 1.4)
-        findings.append(Finding(f"bending length {way}", "mm", 500.0 * overhang, 1e3 * length))
+        findings.append(Finding(f"bending length {way}", "mm", 500.0 * (overhang + 0.5 * edge), 1e3 * length))
     return findings, []
 
 
