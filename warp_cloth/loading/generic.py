@@ -174,10 +174,12 @@ def _part(file: str, mesh: Any, transform: Any, metres_per_unit: float | None) -
     """One mesh of a scene, moved to its place; a mirroring transform turns its faces round."""
     matrix = np.asarray(transform, dtype=np.float64)
     points = np.asarray(mesh.vertices, dtype=np.float64)
+    faces = np.asarray(mesh.faces, dtype=np.int64)
+    if points.ndim != 2 or points.shape[1] != 3 or faces.ndim != 2 or faces.shape[1] != 3:
+        raise ValueError(f"positions of shape {points.shape} and triangles of shape {faces.shape}")
     if not np.array_equal(matrix, np.eye(4)):
         with np.errstate(all="ignore"):  # what is not finite is refused later
             points = points @ matrix[:3, :3].T + matrix[:3, 3]
-    faces = np.asarray(mesh.faces, dtype=np.int64)
     if np.linalg.det(matrix[:3, :3]) < 0:
         faces = faces[:, ::-1]
     texcoords = mesh.vertex_attributes.get(_UV)
