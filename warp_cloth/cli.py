@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import os
 import sys
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -13,13 +11,11 @@ import typer
 
 from warp_cloth.errors import InputError
 from warp_cloth.quiet import start_warp
+from warp_cloth.terminal import BAD_INPUT, INTERRUPTED, one_line_errors, output_folder, tell_error
 
 if TYPE_CHECKING:
     from warp_cloth.fitting import Fit
     from warp_cloth.scene import Scene
-
-BAD_INPUT = 2  # exit status
-INTERRUPTED = 130  # exit status of a shell's Ctrl-C
 
 app = typer.Typer(
     name="warp-cloth",
@@ -45,7 +41,7 @@ def main() -> None:
         if type(error).__name__ == "NoArgsIsHelpError":
             print(error.format_message(), file=sys.stderr)
         else:
-            _tell_error(f"{error.format_message().rstrip('.')}; see warp-cloth --help")
+            tell_error(f"{error.format_message().rstrip('.')}; see warp-cloth --help")
     sys.exit(code)
 
 
@@ -86,11 +82,11 @@ def fit(
     verbose: Annotated[bool, typer.Option("--verbose", help="Show what the library and Warp log.")] = False,
 ) -> None:
     """Fit a scene's garments, and write the stage, the report and a picture."""
-    with _one_line_errors():
+    with one_line_errors():
         from warp_cloth.scene import load_scene
 
         chosen = load_scene(scene, changes or ())
-        with _output_folder(out, chosen.name):
+        with output_folder(out, chosen.name):
             start_warp(verbose)
             worn = _fit(chosen, device, frames)
             paths = worn.save(out)
@@ -110,14 +106,14 @@ def fabric(
     plots: Annotated[bool, typer.Option(help="Draw the curves, with matplotlib.")] = True,
 ) -> None:
     """Test a fabric as a textile laboratory does, and compare with the values that it states."""
-    with _one_line_errors():
+    with one_line_errors():
         from warp_cloth.fabric import resolve_fabric
 
         try:
             chosen = resolve_fabric(fabric)
         except InputError as error:
             raise InputError(error.place or "fabric", error.problem, error.remedy) from None
-        with _output_folder(out, chosen.name):
+        with output_folder(out, chosen.name):
             start_warp(False)
             from warp_cloth.bench import run_bench
             from warp_cloth.bench.save import figure_class, save_bench, table
@@ -148,7 +144,7 @@ def batch(
     shard: Annotated[int | None, typer.Option(help="Items to a task and its file.", show_default="by device")] = None,
 ) -> None:
     """Fit many scenes; started again after whatever stopped it, it goes on where it stood."""
-    with _one_line_errors():
+    with one_line_errors():
         from rich.console import Console
 
         from warp_cloth.batch import run_batch
@@ -193,7 +189,7 @@ def sizes(
     out: Annotated[Path, typer.Option(help="Folder for sizes.json and a stage of each size.")] = Path("out"),
 ) -> None:
     """Fit all sizes of a garment on one body, and say which to take and why."""
-    with _one_line_errors(), _output_folder(out, "sizes"):
+    with one_line_errors(), output_folder(out, "sizes"):
         from warp_cloth.batch.sizes import fit_sizes
 
         start_warp()
@@ -217,7 +213,7 @@ def sizes(
 @app.command()
 def scenes() -> None:
     """List the shipped scenes and fabrics."""
-    with _one_line_errors():
+    with one_line_errors():
         from warp_cloth.fabric import shipped_fabrics
         from warp_cloth.scene import describe_scene, shipped_scenes
 
@@ -256,41 +252,6 @@ def _figures(text: str, values: Mapping[str, Any], *keys: str) -> str:
     if all(value is None for value in found):
         return ""
     return text.format(*("?" if v is None else str(v) if isinstance(v, int) else f"{v:.3g}" for v in found))
-
-
-def _tell_error(sentence: str) -> None:
-    """One line: no markup, no wrapping, nothing that moves a terminal's cursor."""
-    told = "".join(letter if letter.isprintable() else "?" for letter in " ".join(sentence.split()))
-    print(f"error: {told}", file=sys.stderr)
-
-
-@contextmanager
-def _one_line_errors() -> Iterator[None]:
-    """Bad input and an interrupt end the command with one plain line, never with a traceback."""
-    try:
-        yield
-    except InputError as error:
-        _tell_error(str(error))
-        raise typer.Exit(BAD_INPUT) from None
-    except KeyboardInterrupt:
-        print("interrupted", file=sys.stderr)
-        raise typer.Exit(INTERRUPTED) from None
-
-
-@contextmanager
-def _output_folder(folder: Path, name: str) -> Iterator[None]:
-    """Know before the work that its result can be written; take new folders back if nothing comes of it."""
-    from warp_cloth.export.report import check_writable
-
-    made = [place for place in (folder, *folder.parents) if not os.path.exists(place)]  # innermost first
-    check_writable(folder, name)
-    try:
-        yield
-    except BaseException:
-        for place in made:
-            if place.is_dir() and not any(place.iterdir()):
-                place.rmdir()
-        raise
 
 
 def _fit(scene: Scene, device: str | None, frames: int) -> Fit:

@@ -113,28 +113,60 @@ def fit(
     chosen = scene if isinstance(scene, Scene) else load_scene(scene, overrides)
     where = device_named(device)
     clock = _Clock()
-    tell(Progress("load"))
-    wardrobe = open_wardrobe(chosen)
-    clock.lap("load")
-    if wardrobe.avatar is not None:
-        tell(Progress("compile"))
-        _compile(avatar_modules(chosen.collision.avatar), where)
-        clock.lap("compile")
-    tell(Progress("build"))
-    contact = _avatar_contact(chosen, wardrobe, where)
-    model = build_model(wardrobe.parts, device=where, precision=chosen.solver.precision)
-    collider = contact.collider(model.points())
-    options = StepOptions(method=chosen.solver.method, cap=chosen.solver.cap)
-    relaxation = Relaxation(model, collider, options)
-    certifier = Certifier(relaxation, collider)
-    wp.synchronize_device(where)
-    clock.lap("build")
-    tell(Progress("compile"))
-    _compile([kernel.module for kernel in relaxation.kernels() + certifier.kernels()], where)
-    clock.lap("compile")
+    made = set_up(chosen, where, tell=tell, lap=clock.lap)
+    wardrobe, contact, model = made.wardrobe, made.contact, made.model
+    relaxation, certifier = made.relaxation, made.certifier
     outcome = _relax(chosen, relaxation, certifier, contact, frames, tell)
     clock.lap("relax")
     return _finished(chosen, wardrobe, model, outcome, clock, where, frames)
+
+
+@dataclass(frozen=True, eq=False)
+class SetUp:
+    """A scene on its device, ready to relax."""
+
+    wardrobe: Wardrobe
+    contact: AvatarContact
+    model: ClothModel
+    relaxation: Relaxation
+    certifier: Certifier
+
+
+def set_up(
+    scene: Scene,
+    device: str,
+    *,
+    tell: Callable[[Progress], None] = lambda _: None,
+    lap: Callable[[str], None] = lambda _: None,
+) -> SetUp:
+    """Loads a scene, builds what its plan asks for on the device, and compiles the kernels.
+
+    Args:
+        scene: a loaded scene.
+        device: Warp's name of it.
+        tell: told at every stage.
+        lap: told the name of every stage at its end.
+    """
+    tell(Progress("load"))
+    wardrobe = open_wardrobe(scene)
+    lap("load")
+    if wardrobe.avatar is not None:
+        tell(Progress("compile"))
+        _compile(avatar_modules(scene.collision.avatar), device)
+        lap("compile")
+    tell(Progress("build"))
+    contact = _avatar_contact(scene, wardrobe, device)
+    model = build_model(wardrobe.parts, device=device, precision=scene.solver.precision)
+    collider = contact.collider(model.points())
+    options = StepOptions(method=scene.solver.method, cap=scene.solver.cap)
+    relaxation = Relaxation(model, collider, options)
+    certifier = Certifier(relaxation, collider)
+    wp.synchronize_device(device)
+    lap("build")
+    tell(Progress("compile"))
+    _compile([kernel.module for kernel in relaxation.kernels() + certifier.kernels()], device)
+    lap("compile")
+    return SetUp(wardrobe, contact, model, relaxation, certifier)
 
 
 def _compile(modules: list[wp.Module], device: str) -> None:
