@@ -20,9 +20,8 @@ GOLDEN_ANGLE = wp.constant(wp.float32(2.39996))  # [rad]
 
 @wp.struct
 class Look:
-    """What a thing's surface looks like."""
+    """Which side of a thing's surface is out, and what the other looks like."""
 
-    colour: wp.vec3f  # reflectance in linear light, 0..1
     outside: float  # 1 where triangles wind outward, -1 where inward
     inside: float  # share of the reflectance left on the inside
 
@@ -59,12 +58,13 @@ def look_up_pixels(
     triangles: wp.array2d(dtype=wp.int32),  # shape [F, 3]
     owners: wp.array(dtype=wp.int32),  # whose triangle it is, an index of looks, shape [F]
     looks: wp.array(dtype=Look),
+    colours: wp.array(dtype=wp.vec3f),  # reflectance in linear light, 0..1, shape [V]
     view: View,
     ids: wp.array2d(dtype=wp.int32),  # from draw_triangle_ids, shape [rows, columns]
     normal_out: wp.array2d(dtype=wp.vec3f),  # turned to the viewer, shape [rows, columns]
     reflectance_out: wp.array2d(dtype=wp.vec3f),  # linear, 0..1; left as it is where nothing is drawn
 ):
-    """Looks up the surface under every pixel: normal interpolated over the triangle, reflectance by side."""
+    """Looks up the surface under every pixel: normal and colour interpolated over the triangle, the inside darker."""
     row, column = wp.tid()
     triangle = ids[row, column]
     if triangle >= triangles.shape[0]:
@@ -81,7 +81,8 @@ def look_up_pixels(
     facing = wp.sign((b[0] - a[0]) * (c[1] - a[1]) - (c[0] - a[0]) * (b[1] - a[1]))
     look = looks[owners[triangle]]
     normal_out[row, column] = turned_to_viewer(facing * normal, view.toward)
-    reflectance_out[row, column] = look.colour * wp.where(facing * look.outside < 0.0, look.inside, 1.0)
+    colour = w[0] * colours[i] + w[1] * colours[j] + w[2] * colours[k]
+    reflectance_out[row, column] = colour * wp.where(facing * look.outside < 0.0, look.inside, 1.0)
 
 
 @wp.func

@@ -20,6 +20,7 @@ from warp_cloth.kernels.cloth import FOURTH_PARTS, PRECISIONS
 from warp_cloth.kernels.displace import NoCollider, advance_kernel, displace_kernel
 from warp_cloth.kernels.field import ContactField, field_contact
 from warp_cloth.kernels.gather import gather_kernels
+from warp_cloth.kernels.pressure import push_kernel
 from warp_cloth.kernels.scatter import scatter_kernels
 
 FOLDER = Path(warp_cloth.kernels.__path__[0])
@@ -96,6 +97,8 @@ def test_displacement_and_certificate_kernels_compile(precision: str) -> None:
     for contact, data in COLLIDERS:
         asked = contact, data or NoCollider
         loaded(residual_kernel(precision, *asked))
+        if contact is not None:
+            loaded(push_kernel(precision, *asked))
         for accelerated in (False, True):
             loaded(displace_kernel(precision, accelerated, *asked))
             loaded(advance_kernel(precision, accelerated, True, *asked))

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from warp_cloth.cli_look import compare
 from warp_cloth.errors import InputError
 from warp_cloth.quiet import start_warp
 from warp_cloth.terminal import BAD_INPUT, INTERRUPTED, one_line_errors, output_folder, tell_error
@@ -79,17 +80,24 @@ def fit(
         ),
     ] = None,
     frames: Annotated[int, typer.Option(help="Shapes on the way to store as time samples in the stage.")] = 0,
+    maps: Annotated[
+        str, typer.Option(help="Fit maps: strain, pressure, ease, one of their parts, or all; with commas between.")
+    ] = "",
+    colour: Annotated[str, typer.Option(help="The map that colours the stage's garments.")] = "",
     verbose: Annotated[bool, typer.Option("--verbose", help="Show what the library and Warp log.")] = False,
 ) -> None:
     """Fit a scene's garments, and write the stage, the report and a picture."""
     with one_line_errors():
+        from warp_cloth.maps.kinds import chosen_maps
         from warp_cloth.scene import load_scene
 
+        wanted = chosen_maps(maps)
+        painted = chosen_maps(colour, place="--colour")[:1]
         chosen = load_scene(scene, changes or ())
         with output_folder(out, chosen.name):
             start_warp(verbose)
-            worn = _fit(chosen, device, frames)
-            paths = worn.save(out)
+            worn = _fit(chosen, device, frames, (*wanted, *painted))
+            paths = worn.save(out, colour="".join(painted))
     for line in summary(chosen.name, worn.report, paths):
         typer.echo(line)
     if worn.status.value in ("diverged", "invalid"):
@@ -210,6 +218,9 @@ def sizes(
     typer.echo(f"  wrote        {', '.join(str(path) for path in paths)}")
 
 
+app.command()(compare)
+
+
 @app.command()
 def scenes() -> None:
     """List the shipped scenes and fabrics."""
@@ -254,11 +265,11 @@ def _figures(text: str, values: Mapping[str, Any], *keys: str) -> str:
     return text.format(*("?" if v is None else str(v) if isinstance(v, int) else f"{v:.3g}" for v in found))
 
 
-def _fit(scene: Scene, device: str | None, frames: int) -> Fit:
+def _fit(scene: Scene, device: str | None, frames: int, maps: Sequence[str] = ()) -> Fit:
     from rich.console import Console
 
     from warp_cloth.fitting import fit as run
     from warp_cloth.progress import ProgressDisplay
 
     with ProgressDisplay(Console(stderr=True)) as display:
-        return run(scene, device=device, frames=frames, progress=display)
+        return run(scene, device=device, frames=frames, maps=maps, progress=display)

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,8 @@ from numpy.typing import NDArray
 from warp_cloth.collide.avatar import AvatarContact, avatar_modules
 from warp_cloth.collide.exact import penetration
 from warp_cloth.errors import InputError
+from warp_cloth.maps import MAPS, FitMaps, chosen_maps, measure_maps
+from warp_cloth.maps.measure import check_maps
 from warp_cloth.mesh import Mesh, Points
 from warp_cloth.model import ClothModel, build_model
 from warp_cloth.plan import make_plan
@@ -52,9 +55,12 @@ class Fit:
     avatar: Mesh | None
     report: dict[str, Any]  # what report.json holds
     device: str
+    maps: FitMaps | None = None  # where they were asked for
 
-    def save(self, directory: str | Path) -> list[Path]:
-        """Writes NAME.usdc, preview.png, report.json, and a map for each garment whose mesh loading changed.
+    def save(self, directory: str | Path, *, colour: str = "") -> list[Path]:
+        """Writes NAME.usdc, preview.png, report.json, pictures of maps, and what loading did to meshes.
+
+        The map named ``colour`` becomes the stage's displayColor.
 
         The report is written last: where it stands, the fit is whole.
 
@@ -69,7 +75,10 @@ class Fit:
         check_writable(folder, self.scene.name)
         began = time.perf_counter()
         stage, picture, report = result_paths(folder, self.scene.name)
-        write_stage(stage, garments=self.garments, avatar=self.avatar, name=self.scene.name)
+        ranges = self.maps.ranges if self.maps is not None else {}
+        write_stage(
+            stage, garments=self.garments, avatar=self.avatar, name=self.scene.name, ranges=ranges, colour=colour
+        )
         write_preview(
             picture,
             garments=self.garments,
@@ -78,13 +87,23 @@ class Fit:
             title=self.scene.name,
             sentence=self.message,
         )
+        for name in set(MAPS) - set(ranges):  # an earlier run's would be taken for this one's
+            (folder / f"map_{name}.png").unlink(missing_ok=True)
+        pictures = [self._draw_map(folder / f"map_{name}.png", name) for name in ranges]
         maps = []
         for worn in self.garments:
             path = folder / f"{self.scene.name}_{worn.name}_map.npz"
             maps += [path] if write_map(path, worn.mesh) else []
         self.report["seconds"]["export"] = time.perf_counter() - began
         write_report(report, self.report)
-        return [stage, picture, report, *maps]
+        return [stage, picture, report, *pictures, *maps]
+
+    def _draw_map(self, path: Path, name: str) -> Path:
+        from warp_cloth.export.map_picture import write_map_picture
+
+        bounds = self.maps.ranges[name] if self.maps is not None else (0.0, 1.0)
+        write_map_picture(path, MAPS[name], bounds, garments=self.garments, avatar=self.avatar, device=self.device)
+        return path
 
 
 def fit(
@@ -93,6 +112,7 @@ def fit(
     device: str | None = None,
     overrides: Sequence[str] = (),
     frames: int = 0,
+    maps: str | Sequence[str] = (),
     progress: Callable[[Progress], None] | None = None,
 ) -> Fit:
     """Fits the garments of a scene.
@@ -102,6 +122,7 @@ def fit(
         device: "cpu", "cuda" or "cuda:N"; None: a GPU if there is one.
         overrides: ``KEY=VALUE`` changes, where the scene is not loaded yet.
         frames: how many shapes on the way the result keeps.
+        maps: fit maps to make, by name (see ``warp_cloth.maps``): "strain,pressure,ease", or "all".
         progress: told at every stage and check.
 
     Raises:
@@ -111,6 +132,7 @@ def fit(
         raise InputError("frames", f"{frames} shapes on the way cannot be kept", f"choose 0 to {MOST_FRAMES}")
     tell = progress or (lambda _: None)
     chosen = scene if isinstance(scene, Scene) else load_scene(scene, overrides)
+    wanted = check_maps(chosen_maps(maps), has_avatar=chosen.avatar is not None)
     where = device_named(device)
     clock = _Clock()
     made = set_up(chosen, where, tell=tell, lap=clock.lap)
@@ -118,7 +140,32 @@ def fit(
     relaxation, certifier = made.relaxation, made.certifier
     outcome = _relax(chosen, relaxation, certifier, contact, frames, tell)
     clock.lap("relax")
-    return _finished(chosen, wardrobe, model, outcome, clock, where, frames)
+    finished = _finished(chosen, wardrobe, model, outcome, clock, where, frames)
+    return _with_maps(finished, wanted, wardrobe, model, certifier) if wanted else finished
+
+
+def _with_maps(fitted: Fit, names: Sequence[str], wardrobe: Wardrobe, model: ClothModel, certifier: Certifier) -> Fit:
+    """The fit with its maps, which its report tells of, too."""
+    push = certifier.pushes()
+    starts = model.vertex_start
+    called = [worn.name for worn in fitted.garments]
+    made = measure_maps(
+        names,
+        parts=wardrobe.parts,
+        worn=[worn.points for worn in fitted.garments],
+        pushes=None if push is None else [push[a:b] for a, b in itertools.pairwise(starts)],
+        avatar=fitted.avatar,
+        garment_names=called,
+        device=fitted.device,
+    )
+    garments = tuple(
+        replace(worn, fields={**worn.fields, **fields})
+        for worn, fields in zip(fitted.garments, made.fields, strict=True)
+    )
+    report = {**fitted.report, "maps": made.summary(called), "girths_mm": list(made.girths)}
+    if made.notes:
+        report["map_notes"] = list(made.notes)
+    return replace(fitted, garments=garments, report=report, maps=made)
 
 
 @dataclass(frozen=True, eq=False)

@@ -50,6 +50,7 @@ class RestShape:
     area: float  # of the cloth [m2]
     notes: tuple[str, ...] = ()  # what was guessed or mended, for the report
     weave: WeaveShape | None = None  # threads of a woven fabric, whose edges do not pull
+    sheet: Sheet | None = None  # the rest shape triangle by triangle, for maps
 
 
 def _sides(corners: Floats) -> Floats:
@@ -203,6 +204,7 @@ def build_rest_shape(
         area=float(areas.sum()),
         notes=notes,
         weave=thread_constants(sheet, fabric) if woven else None,
+        sheet=sheet,
     )
 
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
 from warp_cloth.export.files import whole_file
-from warp_cloth.export.render import gathered, rendered
+from warp_cloth.export.render import Subject, gathered, rendered
 from warp_cloth.export.surface import linear, require_sound, srgb
 from warp_cloth.mesh import Mesh
 from warp_cloth.result import WornGarment
@@ -60,7 +60,11 @@ def write_preview(
 ) -> None:
     """Writes a PNG, ``size`` wide and high [px]; title and sentence stand above. ValueError if not finite."""
     require_sound(garments, avatar)
-    subject = gathered(garments, avatar, device)
+    save_picture(drawn(gathered(garments, avatar, device), size, title, sentence), path)
+
+
+def drawn(subject: Subject, size: tuple[int, int], title: str = "", sentence: str = "") -> Image.Image:
+    """The views side by side, ``size`` wide and high [px]; title and sentence stand above."""
     layout = arranged(subject.extent, size, bool(title or sentence))
     background = linear(BACKGROUND)
     light = np.tile(background, (size[1], size[0], 1))
@@ -70,6 +74,11 @@ def write_preview(
         )
     image = Image.fromarray(np.round(srgb(light) * 255.0).astype(np.uint8), "RGB")
     letter(image, layout, title, sentence)
+    return image
+
+
+def save_picture(image: Image.Image, path: Path) -> None:
+    """Writes a PNG whole or not at all."""
     with whole_file(path) as place:
         image.save(place, format="PNG")
 

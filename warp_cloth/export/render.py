@@ -34,6 +34,7 @@ class Subject:
     triangles: wp.array  # shape [F, 3]
     owners: wp.array  # whose triangle it is, an index of looks, shape [F]
     looks: wp.array
+    colours: wp.array  # reflectance in linear light, shape [V]
     low: Vector  # corners of the bounding box [m]
     high: Vector
     device: str
@@ -47,11 +48,20 @@ class Subject:
         return self.high - self.low
 
 
-def gathered(garments: Sequence[WornGarment], avatar: Mesh | None, device: str) -> Subject:
-    """Garments and avatar joined, with their looks."""
-    parts = [(worn.points, worn.mesh.triangles, cloth_colour(i), INSIDE_SHARE) for i, worn in enumerate(garments)]
+def gathered(
+    garments: Sequence[WornGarment],
+    avatar: Mesh | None,
+    device: str,
+    painted: Sequence[NDArray[np.float64]] | None = None,
+) -> Subject:
+    """Garments and avatar joined, with their looks; ``painted`` are the garments' own colours (sRGB, [V, 3] each)."""
+    plain = [np.tile(cloth_colour(i), (len(worn.points), 1)) for i, worn in enumerate(garments)]
+    parts = [
+        (worn.points, worn.mesh.triangles, colour, INSIDE_SHARE)
+        for worn, colour in zip(garments, painted or plain, strict=True)
+    ]
     if avatar is not None:
-        parts.append((avatar.points, avatar.triangles, AVATAR_COLOUR, 1.0))
+        parts.append((avatar.points, avatar.triangles, np.tile(AVATAR_COLOUR, (len(avatar.points), 1)), 1.0))
     starts = np.cumsum([0, *(len(points) for points, *_ in parts)]).tolist()
     points = np.concatenate([points for points, *_ in parts])
     triangles = [faces + start for (_, faces, *_), start in zip(parts, starts[:-1], strict=True)]
@@ -65,17 +75,17 @@ def gathered(garments: Sequence[WornGarment], avatar: Mesh | None, device: str) 
         normals=array(np.concatenate([vertex_normals(p, faces) for p, faces, *_ in parts]), wp.vec3f),
         triangles=array(np.concatenate(triangles).astype(np.int32), wp.int32),
         owners=array(owners.astype(np.int32), wp.int32),
-        looks=array([appearance(*part) for part in parts], Look),
+        looks=array([appearance(p, faces, inside) for p, faces, _, inside in parts], Look),
+        colours=array(linear(np.concatenate([colour for _, _, colour, _ in parts])).astype(np.float32), wp.vec3f),
         low=points.min(axis=0),
         high=points.max(axis=0),
         device=device,
     )
 
 
-def appearance(points: Vector, triangles: NDArray[np.int32], colour: Sequence[float], inside: float) -> Look:
-    """The look of one part from its colour (sRGB)."""
+def appearance(points: Vector, triangles: NDArray[np.int32], inside: float) -> Look:
+    """The look of one part's sides."""
     look = Look()
-    look.colour = vector(linear(colour))
     look.outside = 1.0 if winds_outward(points, triangles) else -1.0
     look.inside = inside
     return look
@@ -126,7 +136,7 @@ def rendered(
         wp.launch(kernel, dim, inputs=inputs, outputs=outputs, device=device)
 
     launch(draw_triangle_ids, len(subject.triangles), [*mesh, view, depth], [ids])
-    surface = [subject.points, subject.normals, subject.triangles, subject.owners, subject.looks]
+    surface = [subject.points, subject.normals, subject.triangles, subject.owners, subject.looks, subject.colours]
     launch(look_up_pixels, shape, [*surface, view, ids], [normal, reflectance])
     launch(cast_shadows, shape, [depth, normal, view, key_view, key_depth], [lit])
     launch(light_pixels, shape, [depth, normal, reflectance, lit, view, vector(key), vector(fill)], [light])

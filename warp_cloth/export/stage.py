@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import unicodedata
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from importlib.metadata import version
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -22,8 +23,12 @@ from warp_cloth.export.surface import (
     require_sound,
     vertex_normals,
 )
+from warp_cloth.maps.colour import colours
+from warp_cloth.maps.kinds import kind_named
 from warp_cloth.mesh import Mesh, Points
 from warp_cloth.result import WornGarment
+
+Ranges = Mapping[str, tuple[float, float]]
 
 FIRST_FRAME = 1  # where Blender, Maya and most film tools start counting
 SUFFIXES = (".usdc", ".usda", ".usd", ".usdz")
@@ -40,11 +45,14 @@ def write_stage(
     avatar: Mesh | None,
     name: str,
     frames_per_second: float = 24.0,
+    ranges: Ranges = MappingProxyType({}),
+    colour: str = "",
 ) -> None:
     """Writes garments and avatar as one stage in metres: /NAME/GARMENT/GARMENT_mesh, /NAME/materials.
 
-    Points, normals and extent have samples over time only where garments have frames. Nothing is written if a
-    value is not finite (ValueError).
+    Points, normals and extent have samples over time only where garments have frames. ``ranges`` are those that the
+    colours of maps span; the map named ``colour`` becomes displayColor, too. Nothing is written if a value is not
+    finite (ValueError).
     """
     if path.suffix not in SUFFIXES:
         raise InputError(path, f"is no USD file name ({', '.join(SUFFIXES)})", "name it .usdc")
@@ -57,9 +65,12 @@ def write_stage(
     taken = {MATERIALS}
     for index, garment in enumerate(garments):
         part = author_part(root, garment.name, unique_identifier(garment.name, "garment", taken), assembled)
-        material = author_material(root, part, cloth_colour(index), CLOTH_ROUGHNESS)
+        painted = colour in garment.fields
+        material = author_material(root, part, cloth_colour(index), CLOTH_ROUGHNESS, painted=painted)
         surface = author_mesh(part, garment.mesh, garment.points, garment.frames)
-        author_fields(surface, garment)
+        author_fields(surface, garment, ranges)
+        if painted:
+            author_colours(surface, garment.fields[colour], colour, ranges[colour])
         author_panels(surface, garment.mesh, material)
         bind(surface.GetPrim(), material)
     if avatar is not None:
@@ -103,13 +114,22 @@ def author_part(root: Usd.Prim, name: str, identifier: str, assembled: bool) -> 
     return part
 
 
-def author_material(root: Usd.Prim, part: Usd.Prim, colour: Colour, roughness: float) -> UsdShade.Material:
-    """A preview surface of one colour (sRGB), named after its part."""
+def author_material(
+    root: Usd.Prim, part: Usd.Prim, colour: Colour, roughness: float, *, painted: bool = False
+) -> UsdShade.Material:
+    """A preview surface of one colour (sRGB), or of the mesh's displayColor where painted; named after its part."""
     path = root.GetPath().AppendChild(MATERIALS).AppendChild(part.GetName())
     material = UsdShade.Material.Define(root.GetStage(), path)
     shader = UsdShade.Shader.Define(root.GetStage(), path.AppendChild("surface"))
     shader.CreateIdAttr("UsdPreviewSurface")
-    shader.CreateInput("diffuseColor", Sdf.ValueTypeNames.Color3f).Set(Gf.Vec3f(*linear(colour).tolist()))
+    diffuse = shader.CreateInput("diffuseColor", Sdf.ValueTypeNames.Color3f)
+    diffuse.Set(Gf.Vec3f(*linear(colour).tolist()))
+    if painted:
+        reader = UsdShade.Shader.Define(root.GetStage(), path.AppendChild("colour"))
+        reader.CreateIdAttr("UsdPrimvarReader_float3")
+        reader.CreateInput("varname", Sdf.ValueTypeNames.String).Set("displayColor")
+        reader.CreateInput("fallback", Sdf.ValueTypeNames.Float3).Set(Gf.Vec3f(*linear(colour).tolist()))
+        diffuse.ConnectToSource(reader.CreateOutput("result", Sdf.ValueTypeNames.Float3))
     shader.CreateInput("roughness", Sdf.ValueTypeNames.Float).Set(roughness)
     shader.CreateInput("metallic", Sdf.ValueTypeNames.Float).Set(0.0)
     output = shader.CreateOutput("surface", Sdf.ValueTypeNames.Token)
@@ -153,14 +173,35 @@ def author_shape(surface: UsdGeom.Mesh, mesh: Mesh, points: ArrayLike, time: Usd
     surface.GetExtentAttr().Set(Vt.Vec3fArray.FromNumpy(box), time)
 
 
-def author_fields(surface: UsdGeom.Mesh, garment: WornGarment) -> None:
-    """Values per vertex as float primvars; Blender drops double and half."""
+def author_fields(surface: UsdGeom.Mesh, garment: WornGarment, ranges: Ranges) -> None:
+    """Values per vertex as float primvars (Blender drops double and half); a map's with its unit and ranges."""
     taken = set(MESH_PRIMVARS)
     for name, values in garment.fields.items():
         primvar = UsdGeom.PrimvarsAPI(surface).CreatePrimvar(
             unique_identifier(name, "field", taken), Sdf.ValueTypeNames.FloatArray, UsdGeom.Tokens.vertex
         )
-        primvar.Set(Vt.FloatArray.FromNumpy(contiguous(values, np.float32)))
+        written = contiguous(values, np.float32)
+        primvar.Set(Vt.FloatArray.FromNumpy(written))
+        about = {"minimum": float(written.min()), "maximum": float(written.max())}
+        if name in ranges:
+            about |= dict(zip(("range_low", "range_high"), ranges[name], strict=True))
+        for key, value in about.items():
+            primvar.GetAttr().SetCustomDataByKey(key, value)
+        kind = kind_named(name)
+        if kind is not None:
+            primvar.GetAttr().SetCustomDataByKey("unit", kind.unit)
+            primvar.GetAttr().SetDocumentation(kind.about)
+
+
+def author_colours(surface: UsdGeom.Mesh, values: NDArray[np.float32], name: str, bounds: tuple[float, float]) -> None:
+    """A map as displayColor: linear colours per vertex."""
+    kind = kind_named(name)
+    if kind is None:
+        raise ValueError(f"{name!r} is no map")
+    primvar = surface.CreateDisplayColorPrimvar(UsdGeom.Tokens.vertex)
+    shown = linear(colours(kind, values, bounds))
+    primvar.Set(Vt.Vec3fArray.FromNumpy(contiguous(shown, np.float32)))
+    primvar.GetAttr().SetCustomDataByKey("map", name)
 
 
 def author_panels(surface: UsdGeom.Mesh, mesh: Mesh, material: UsdShade.Material) -> None:

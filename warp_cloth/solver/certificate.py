@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from warp_cloth.kernels.certify import energy_kernels, residual_kernel
 from warp_cloth.kernels.cloth import cloth_types
+from warp_cloth.kernels.pressure import push_kernel
 from warp_cloth.mesh import Points
 from warp_cloth.model import ClothModel
 from warp_cloth.result import Residual, Strain
@@ -68,6 +69,7 @@ class Certifier:
         self._load = wp.zeros(model.vertex_count, dtype=types.vec4, device=model.device)
         self._forces = ForcePass(model, "size", self._load)
         self._residual = residual_kernel(model.precision, collider.contact, relaxation.collider_type)
+        self._contact = (collider.contact, relaxation.collider_type)
         self._left = wp.zeros(model.vertex_count, dtype=wp.vec2f, device=model.device)
         self._rest_error = RestError()
 
@@ -95,6 +97,21 @@ class Certifier:
         if not finite:
             return Check(iteration, Residual(*([math.inf] * 5)), math.inf, False)
         return Check(iteration, residual_summary(left), self._rest_error.estimate(iteration, points), True)
+
+    def pushes(self) -> NDArray[np.float64] | None:
+        """Force with which each vertex presses on the avatar [N], shape [V]; None without contact. Waits."""
+        model = self._model
+        if self._contact[0] is None:
+            return None
+        self._forces.launch(self._step)
+        push = wp.zeros(model.vertex_count, dtype=wp.float64, device=model.device)
+        wp.launch(
+            push_kernel(model.precision, *self._contact),
+            dim=model.vertex_count,
+            inputs=[self._step, CONTACT_SLACK, self._collider, model.cloth, self._load, push],
+            device=model.device,
+        )
+        return np.array(push.numpy())
 
 
 def residual_summary(left: NDArray[np.float32]) -> Residual:

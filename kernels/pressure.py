@@ -1,0 +1,37 @@
+"""How hard cloth is pressed on the avatar, from the forces that the certificate balances (model: rest)."""
+
+import functools
+
+import warp as wp
+
+from warp_cloth.kernels.cloth import MODULE_OPTIONS, cloth_types
+
+
+@functools.cache
+def push_kernel(precision: str, contact: wp.Function, collider_type: type) -> wp.Kernel:
+    """Kernel ``measure_push`` in one precision, with the contact that the iteration uses."""
+    types = cloth_types(precision)
+    real, vec3, vec4, Cloth, Step = types.real, types.vec3, types.vec4, types.Cloth, types.Step
+
+    @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
+    def measure_push(
+        step: Step,
+        slack: float,  # how far above the contact offset a vertex still counts as in contact [m]
+        collider: collider_type,
+        cloth: Cloth,
+        load: wp.array(dtype=vec4),  # forces of the cloth [N], shape [V]; left at zero
+        push_out: wp.array(dtype=wp.float64),  # [N], shape [V]; 0 away from the avatar and where pinned
+    ):
+        """Normal part of the force that a vertex in contact hands on to the avatar: max(-F . n, 0)."""
+        vertex = wp.tid()
+        sum = load[vertex]
+        load[vertex] = vec4()
+        push_out[vertex] = wp.float64(0.0)
+        if cloth.pinned[vertex] == wp.uint8(0):
+            at = contact(collider, wp.vec3d(cloth.position[vertex]))
+            if at[3] < step.offset + slack:
+                normal = vec3(real(at[0]), real(at[1]), real(at[2]))
+                force = vec3(sum[0], sum[1], sum[2]) + step.gravity * cloth.weight[vertex]
+                push_out[vertex] = wp.float64(wp.max(-wp.dot(force, normal), real(0.0)))
+
+    return measure_push

@@ -1,0 +1,146 @@
+"""Maps in files: primvars with units and ranges, colours, legends, and the difference between two fits."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+from pxr import Usd, UsdGeom, UsdShade, UsdValidation
+from worn import box_avatar, worn
+
+from warp_cloth.errors import InputError
+from warp_cloth.export.comparison import save_comparison
+from warp_cloth.export.map_picture import write_map_picture
+from warp_cloth.export.stage import write_stage
+from warp_cloth.export.surface import linear
+from warp_cloth.loading.result import WrittenFit, read_fit
+from warp_cloth.maps import MAPS
+from warp_cloth.maps.colour import colours, shown_value
+from warp_cloth.maps.compare import compare_fits
+from warp_cloth.result import WornGarment
+
+RANGES = {"pressure": (0.0, 2.0), "strain_warp": (-0.1, 0.1)}
+
+
+def mapped(name: str = "shirt") -> WornGarment:
+    """A garment with a pressure that grows with height and a strain that grows to the side."""
+    garment = worn(name)
+    low = garment.points.min(axis=0)
+    up, aside = ((garment.points - low) / np.maximum(np.ptp(garment.points, axis=0), 1e-9))[:, [1, 0]].T
+    fields = {"pressure": (2.0 * up).astype(np.float32), "strain_warp": (0.2 * aside - 0.1).astype(np.float32)}
+    return replace(garment, fields=fields)
+
+
+def staged(path: Path, *garments: WornGarment, colour: str = "pressure") -> Usd.Stage:
+    write_stage(path, garments=garments, avatar=box_avatar(), name="fit", ranges=RANGES, colour=colour)
+    return Usd.Stage.Open(str(path))
+
+
+def test_a_map_is_a_float_primvar_with_its_unit_and_ranges(tmp_path: Path) -> None:
+    garment = mapped()
+    stage = staged(tmp_path / "fit.usda", garment)
+    primvar = UsdGeom.PrimvarsAPI(stage.GetPrimAtPath("/fit/shirt/shirt_mesh")).GetPrimvar("pressure")
+    assert np.array_equal(primvar.Get(), garment.fields["pressure"])
+    about = primvar.GetAttr().GetCustomData()
+    assert about == {"unit": "kPa", "minimum": 0.0, "maximum": 2.0, "range_low": 0.0, "range_high": 2.0}
+    assert primvar.GetAttr().GetDocumentation() == MAPS["pressure"].about
+
+
+def test_the_chosen_map_is_the_display_colour_and_the_material_reads_it(tmp_path: Path) -> None:
+    garment = mapped()
+    stage = staged(tmp_path / "fit.usda", garment)
+    mesh = UsdGeom.Mesh(stage.GetPrimAtPath("/fit/shirt/shirt_mesh"))
+    shown = np.array(mesh.GetDisplayColorAttr().Get())
+    expected = linear(colours(MAPS["pressure"], garment.fields["pressure"], RANGES["pressure"]))
+    assert np.allclose(shown, expected, atol=1e-7)
+    assert mesh.GetDisplayColorPrimvar().GetInterpolation() == UsdGeom.Tokens.vertex
+    reader = UsdShade.Shader(stage.GetPrimAtPath("/fit/materials/shirt/colour"))
+    assert (reader.GetShaderId(), reader.GetInput("varname").Get()) == ("UsdPrimvarReader_float3", "displayColor")
+    validators = UsdValidation.ValidationRegistry().GetOrLoadAllValidators()
+    assert [f.GetMessage() for f in UsdValidation.ValidationContext(validators).Validate(stage)] == []
+
+
+def test_a_stage_reads_back_as_the_fit_that_wrote_it(tmp_path: Path) -> None:
+    garment = mapped()
+    staged(tmp_path / "fit.usdc", garment)
+    (tmp_path / "report.json").write_text(json.dumps({"status": "at_rest"}))
+    for place in (tmp_path, tmp_path / "fit.usdc"):
+        fit = read_fit(place)
+        assert np.array_equal(fit.garments[0].fields["pressure"], garment.fields["pressure"])
+        assert np.array_equal(fit.garments[0].mesh.triangles, garment.mesh.triangles)
+        assert fit.avatar is not None
+        assert fit.report == {"status": "at_rest"}
+
+
+def test_colours_run_from_end_to_end_and_stay_there_beyond() -> None:
+    kind = MAPS["pressure"]
+    low, high = colours(kind, [0.0, 2.0], (0.0, 2.0))
+    below, above = colours(kind, [-5.0, 7.0], (0.0, 2.0))
+    assert np.array_equal(low, below)
+    assert np.array_equal(high, above)
+    light = colours(kind, np.linspace(0, 2, 64), (0.0, 2.0)) @ (0.2126, 0.7152, 0.0722)
+    assert (np.diff(light) > 0.0).all()  # a perceptual table: more is lighter
+
+
+def test_legend_values_have_their_unit() -> None:
+    assert shown_value(MAPS["strain"], 0.025) == "2.5 %"
+    assert shown_value(MAPS["pressure"], 0.03) == "0.03 kPa"
+    assert shown_value(MAPS["shear"], -2.0) == "-2 °"
+
+
+def test_picture_shows_the_map_and_its_legend(tmp_path: Path) -> None:
+    kind, garment = MAPS["pressure"], mapped()
+    path = tmp_path / "map.png"
+    write_map_picture(path, kind, (0.0, 2.0), garments=[garment], avatar=None, size=(400, 240))
+    image = np.asarray(Image.open(path)).astype(int)
+    first, last = (np.round(255 * colours(kind, value, (0.0, 2.0))).astype(int) for value in (0.0, 2.0))
+    assert (np.abs(image[:, 348:] - last).max(axis=-1) < 6).any()
+    assert (np.abs(image[:, 348:] - first).max(axis=-1) < 6).any()
+    front = image[:, :116]
+    rows = [front[row][np.ptp(front[row], axis=-1) > 40] for row in (80, 170)]  # of colour, not of grey
+    assert rows[0].mean(axis=0)[0] > rows[1].mean(axis=0)[0] + 20  # yellow over violet
+
+
+def test_a_fit_less_itself_is_zero(tmp_path: Path) -> None:
+    fit = WrittenFit("one", (mapped(),), box_avatar(), {})
+    found = compare_fits(fit, fit)
+    assert set(found.ranges) == {"pressure_difference", "strain_warp_difference"}
+    assert all(not values.any() for values in found.garments[0].fields.values())
+
+
+def test_another_mesh_is_compared_where_it_lies_nearest() -> None:
+    one = mapped()
+    mesh = replace(one.mesh, triangles=one.mesh.triangles[::-1].copy())
+    lifted = {"pressure": one.fields["pressure"] + np.float32(0.25)}
+    other = WrittenFit("two", (replace(one, mesh=mesh, fields=lifted),), None, {})
+    found = compare_fits(WrittenFit("one", (one,), None, {}), other)
+    assert np.allclose(found.garments[0].fields["pressure_difference"], 0.25, atol=1e-4)
+
+
+def test_comparison_is_a_stage_pictures_and_figures(tmp_path: Path) -> None:
+    row = {"garment": "shirt", "level": "waist", "body_girth": 800.0, "garment_girth": 900.0, "natural_girth": 890.0}
+    reports = [{"status": "at_rest", "girths_mm": [{**row, "ease": ease}]} for ease in (90.0, 40.0)]
+    fits = tuple(WrittenFit(name, (mapped(),), None, report) for name, report in zip("ab", reports, strict=True))
+    paths = save_comparison(compare_fits(*fits), fits, tmp_path)
+    assert [path.name for path in paths] == [
+        "compare.usdc", "strain_warp_difference.png", "pressure_difference.png", "compare.json",
+    ]  # fmt: skip
+    told = json.loads(paths[-1].read_text())
+    assert told["girths_mm"][0]["first"]["ease"] == 90.0
+    assert told["girths_mm"][0]["second"]["ease"] == 40.0
+    assert told["differences"]["pressure_difference"]["unit"] == "kPa"
+
+
+def test_fits_without_maps_in_common_are_refused(tmp_path: Path) -> None:
+    bare = replace(mapped(), fields={"ease": np.zeros(49, dtype=np.float32)})
+    with pytest.raises(InputError, match="no map that both fits have"):
+        compare_fits(WrittenFit("a", (mapped(),), None, {}), WrittenFit("b", (bare,), None, {}))
+    write_stage(tmp_path / "bare.usdc", garments=[replace(mapped(), fields={})], avatar=None, name="bare")
+    with pytest.raises(InputError, match="holds no fit maps"):
+        read_fit(tmp_path / "bare.usdc")
+    with pytest.raises(InputError, match="is no stage"):
+        read_fit(tmp_path / "nothing.usdc")

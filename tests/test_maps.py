@@ -1,0 +1,259 @@
+"""Fit maps against closed forms: strain of a stretched strip, pressure of a net on a sphere, ease as exact distance."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import warp as wp
+from cloths import NO_PINS, grid, model_of
+from worn import box_avatar
+
+from warp_cloth.collide.exact import build_exact_collider
+from warp_cloth.errors import InputError
+from warp_cloth.fabric import Fabric
+from warp_cloth.fitting import fit
+from warp_cloth.kernels.closest import MeshCollider, mesh_contact
+from warp_cloth.maps import MAPS, chosen_maps, measure_maps
+from warp_cloth.maps.girths import garment_girths
+from warp_cloth.maps.kinds import rounded_up, shown_range
+from warp_cloth.maps.levels import body_levels
+from warp_cloth.maps.section import cut
+from warp_cloth.maps.strain import face_strains, vertex_areas, vertex_means
+from warp_cloth.material import even_network
+from warp_cloth.mesh import Mesh
+from warp_cloth.model import GarmentPart
+from warp_cloth.rest import GRAVITY, build_rest_shape
+from warp_cloth.shapes import mannequin, sphere
+from warp_cloth.solver.certificate import Certifier
+from warp_cloth.solver.relax import Collider, Relaxation, StepOptions
+
+ROUNDING = 1e-9  # of float64 strains
+CLOSED_FORM = 0.05  # of a map against its closed form
+GIRTH = 3e-3  # [m]; 1 % of the stature between two levels looked at, where girths change least
+
+
+def panels(mesh: Mesh) -> Mesh:
+    """The mesh with its own shape as its panels."""
+    return replace(mesh, texcoords=mesh.points[mesh.triangles][:, :, :2])
+
+
+def strains_of(mesh: Mesh, points: np.ndarray) -> dict[str, np.ndarray]:
+    sheet = build_rest_shape(mesh, Fabric(), rest="mesh").sheet
+    return face_strains(points, sheet)
+
+
+def test_even_stretch_along_the_threads_is_read_exactly() -> None:
+    mesh = panels(grid(5, 0.4))
+    found = strains_of(mesh, mesh.points * (1.03, 1.10, 1.0))
+    assert np.allclose(found["strain_weft"], 0.03, atol=ROUNDING)
+    assert np.allclose(found["strain_warp"], 0.10, atol=ROUNDING)
+    assert np.allclose(found["strain"], 0.10, atol=ROUNDING)
+    assert np.allclose(found["strain_bias"], math.sqrt((1.03**2 + 1.10**2) / 2) - 1, atol=ROUNDING)
+    assert np.allclose(found["shear"], 0.0, atol=1e-6)
+
+
+def test_shear_is_the_change_of_the_threads_angle_however_the_cloth_lies() -> None:
+    mesh = panels(grid(5, 0.4))
+    angle = math.radians(7.0)
+    sheared = mesh.points.copy()
+    sheared[:, 0] += math.sin(angle) * mesh.points[:, 1]
+    sheared[:, 1] = math.cos(angle) * mesh.points[:, 1]
+    turn = np.linalg.qr(np.random.default_rng(3).normal(size=(3, 3)))[0]
+    found = strains_of(mesh, sheared @ turn.T + 5.0)
+    assert np.allclose(found["shear"], 7.0, atol=1e-6)
+    assert np.allclose(found["strain_warp"], 0.0, atol=ROUNDING)
+    # unit threads at 83 degrees: the long bias is |u + v| / sqrt 2 = sqrt(1 + sin 7 degrees)
+    assert np.allclose(found["strain_bias"], math.sqrt(1 + math.sin(angle)) - 1, atol=ROUNDING)
+
+
+def test_a_mesh_without_a_warp_has_its_largest_strain_only() -> None:
+    bulging = grid(5, 0.4)
+    bulging.points[:, 2] = bulging.points[:, 0] ** 2
+    assert set(strains_of(bulging, bulging.points)) == {"strain"}
+
+
+def test_strip_that_hangs_under_its_weight_strains_as_the_square_root_of_what_hangs_below() -> None:
+    """Force per width at height y over the hem is w g y = K e^2, so e(y) = sqrt(w g y / K)."""
+    fabric = {"weight": 2.0, "stretch": 4000.0, "shear": 100.0, "bending": 0.0}
+    scene = {
+        "garment": {
+            "shape": {"kind": "square", "side": 0.6, "vertices_per_side": 25, "plane": "vertical", "height": 1.0},
+            "fabric": fabric,
+            "pin": {"box": [[-1.0, 0.999, -1.0], [1.0, 1.001, 1.0]]},
+        },
+        "solver": {"iterations": 4000, "tolerance_mm": 0.1},
+    }
+    worn = fit(scene, device="cpu", maps="strain")
+    assert worn.status.value == "at_rest"
+    garment = worn.garments[0]
+    height = garment.mesh.points[:, 1] - garment.mesh.points[:, 1].min()
+    expected = np.sqrt(2.0 * GRAVITY * height / 4000.0)
+    # away from the hem, where a row of triangles averages a square root, and from the pins, which hold the width
+    inner = (height > 0.1) & (height < 0.4) & (np.abs(garment.mesh.points[:, 0]) < 0.2)
+    assert np.abs(garment.fields["strain_warp"][inner] / expected[inner] - 1.0).max() < CLOSED_FORM
+
+
+def test_net_on_a_sphere_presses_by_its_tension_and_curvature() -> None:
+    """A net strained by e all ways has E / A = K e^3 / 3 / N, N the network's share: p = (dE/de) e' / (4 pi r^2).
+
+    With r = R (1 + e): p = K e^2 / (N R) / (1 + e)^2, K / N the sum of k L^3 per area (see warp_cloth.material).
+    """
+    radius, strain, offset = 0.3, 0.04, 0.003
+    net = sphere(radius=(radius + offset) / (1 + strain), centre=(0.0, 0.0, 0.0), edge=0.03)
+    fabric = Fabric(weight=1e-3, bending_warp=0.0, bending_weft=0.0)
+    rest = build_rest_shape(net, fabric, rest="mesh")
+    model = model_of(net, rest)
+    worn = net.points * (1 + strain)
+    model.set_points(worn)
+    avatar = sphere(radius=radius, centre=(0.0, 0.0, 0.0), edge=0.01)
+    exact = build_exact_collider(avatar, "cpu")
+    # the net's flat triangles leave its vertices at the offset, up to the avatar's own facets
+    collider = Collider(mesh_contact, exact.collider, MeshCollider, offset + 1e-4, 0.0)
+    relaxation = Relaxation(model, collider, StepOptions())
+    push = Certifier(relaxation, collider).pushes()
+    part = GarmentPart(net.points, net.triangles, rest, NO_PINS)
+    made = measure_maps(
+        ("pressure",), parts=[part], worn=[worn], pushes=[push], avatar=avatar, garment_names=["net"], device="cpu"
+    )
+    tension = fabric.stretch / even_network(fabric.compression)
+    rest_radius = float(np.linalg.norm(net.points, axis=1).mean())
+    expected = 1e-3 * tension * strain**2 / (rest_radius * (1 + strain) ** 2)
+    pressure = made.fields[0]["pressure"]
+    weight = vertex_areas(worn, net.triangles)
+    assert (pressure > 0.0).all()
+    assert abs(np.average(pressure, weights=weight) / expected - 1.0) < CLOSED_FORM
+    assert abs(np.median(pressure) / expected - 1.0) < CLOSED_FORM
+
+
+def test_ease_is_the_exact_distance_to_the_skin() -> None:
+    body = box_avatar()
+    garment = grid(9, 1.0)
+    points = garment.points @ np.array([[1.0, 0, 0], [0, 1.0, 0], [0, 0, 1.0]]) + (-0.5, 0.3, 0.23)
+    part = GarmentPart(points, garment.triangles, build_rest_shape(garment, Fabric(), rest="mesh"), NO_PINS)
+    made = measure_maps(
+        ("ease",), parts=[part], worn=[points], pushes=None, avatar=body, garment_names=["sheet"], device="cpu"
+    )
+    away = np.maximum(np.abs(points - (0.0, 0.8, 0.0)) - (0.2, 0.8, 0.2), 0.0)
+    expected = 1e3 * np.linalg.norm(away, axis=1)
+    assert np.abs(made.fields[0]["ease"] - expected).max() < 1e-3  # float32 over a metre
+
+
+def test_means_at_vertices_keep_a_constant() -> None:
+    mesh = grid(4, 1.0)
+    areas = np.full(mesh.triangle_count, 2.0)
+    assert np.allclose(vertex_means(np.full(mesh.triangle_count, 3.0), areas, mesh.triangles, 16), 3.0)
+
+
+@pytest.fixture(scope="module")
+def body() -> Mesh:
+    return mannequin()
+
+
+def test_levels_of_the_mannequin_are_its_measures(body: Mesh) -> None:
+    girths = {level.name: level.girth for level in body_levels(body)}
+    assert list(girths) == ["chest", "waist", "hip"]
+    assert girths["chest"] == pytest.approx(0.98, abs=GIRTH)
+    assert girths["waist"] == pytest.approx(0.86, abs=GIRTH)
+    assert girths["hip"] == pytest.approx(1.00, abs=0.02)  # the fullest of the seat is a little below that level
+
+
+def test_levels_do_not_mind_where_a_body_stands(body: Mesh) -> None:
+    moved = replace(body, points=body.points + np.array((3.0, -2.0, 1.0)))
+    for here, there in zip(body_levels(body), body_levels(moved), strict=True):
+        assert there.girth == pytest.approx(here.girth, abs=1e-6)
+        assert there.height == pytest.approx(here.height - 2.0, abs=1e-6)
+
+
+def test_real_bodies_have_levels(shared_data: Path) -> None:
+    from warp_cloth.loading import load_mesh
+
+    for name in ("garmentcode/mean_all.obj", "anny/female_avg_A_pose.obj", "anny/female_avg_T_pose.obj"):
+        levels = {
+            level.name: level for level in body_levels(load_mesh(shared_data / name, role="avatar", key="avatar"))
+        }
+        assert levels["waist"].girth < levels["chest"].girth
+        assert levels["waist"].girth < levels["hip"].girth
+        assert levels["hip"].height < levels["waist"].height < levels["chest"].height
+
+
+def test_what_is_no_body_has_no_levels() -> None:
+    assert body_levels(sphere(radius=0.5)) is None
+    assert body_levels(box_avatar()) is None
+
+
+def tube(radius: float, low: float, high: float, around: int = 96) -> Mesh:
+    """An upright tube; its panels are its own strip."""
+    turn = np.arange(around) / around * 2 * np.pi
+    ring = np.stack([radius * np.cos(turn), np.zeros(around), radius * np.sin(turn)], axis=1)
+    rows = np.linspace(low, high, 9)
+    points = np.concatenate([ring + np.array((0.0, row, 0.0)) for row in rows])
+    a = np.arange(around * (len(rows) - 1))
+    b = a // around * around + (a + 1) % around
+    triangles = np.concatenate([np.stack([a, b, b + around], 1), np.stack([a, b + around, a + around], 1)])
+    return Mesh("tube", points, triangles.astype(np.int32))
+
+
+def test_ease_at_the_waist_is_the_rest_girth_less_the_body(body: Mesh) -> None:
+    rest = tube(0.2, 0.95, 1.25)
+    worn = rest.points * (0.95, 1.0, 0.95)  # pushed together: what counts is the cloth there is
+    sheet = build_rest_shape(rest, Fabric(), rest="mesh").sheet
+    rows = {row["level"]: row for row in garment_girths("tube", worn, sheet, body, body_levels(body))}
+    assert set(rows) == {"waist"}
+    assert rows["waist"]["natural_girth"] == pytest.approx(2e3 * np.pi * 0.2, rel=1e-3)  # 96 chords
+    assert rows["waist"]["garment_girth"] == pytest.approx(0.95 * rows["waist"]["natural_girth"], rel=1e-6)
+    assert rows["waist"]["ease"] == pytest.approx(2e3 * np.pi * 0.2 - 860.0, abs=1e3 * GIRTH)
+    assert rows["waist"]["closed"] is True
+
+
+def test_half_a_garment_goes_not_round(body: Mesh) -> None:
+    whole = tube(0.2, 0.95, 1.25)
+    front = whole.points[whole.triangles].mean(axis=1)[:, 2] > 0.0
+    half = replace(whole, triangles=whole.triangles[front])
+    sheet = build_rest_shape(half, Fabric(), rest="mesh").sheet
+    (row,) = garment_girths("half", half.points, sheet, body, body_levels(body))
+    assert (row["closed"], row["ease"]) == (False, None)
+
+
+def test_a_section_of_a_tube_is_one_ring() -> None:
+    mesh = tube(0.3, 0.0, 1.0)
+    section = cut(mesh.points, mesh.triangles, 0.4)
+    assert section.part_count == 1
+    assert section.girth(0) == pytest.approx(2 * np.pi * 0.3, rel=1e-3)
+    assert np.allclose(section.weights.sum(axis=2), 1.0)
+
+
+def test_names_of_maps_stand_for_groups_and_unknown_ones_are_refused() -> None:
+    assert chosen_maps("ease, pressure") == ("ease", "pressure")
+    assert chosen_maps("strain")[:2] == ("strain", "strain_warp")
+    assert chosen_maps("all") == tuple(MAPS)
+    with pytest.raises(InputError, match='did you mean "pressure"'):
+        chosen_maps("presure")
+
+
+def test_colour_ranges_end_on_round_numbers() -> None:
+    assert [rounded_up(value) for value in (0.011, 0.02, 47.0, 1.0)] == [0.015, 0.02, 50.0, 1.0]
+    values = np.linspace(-0.01, 0.047, 50).astype(np.float32)
+    assert shown_range(MAPS["strain_warp"], [values]) == (-0.05, 0.05)
+    assert shown_range(MAPS["pressure"], [values]) == (0.0, 0.05)
+
+
+def test_maps_that_need_an_avatar_are_refused_without_one() -> None:
+    with pytest.raises(InputError, match="the scene has no avatar"):
+        fit("hanging", maps="pressure,ease")
+
+
+@pytest.mark.parametrize("precision", ["float32", "mixed"])
+def test_pressing_is_the_same_bits_every_time(precision: str) -> None:
+    scene = {
+        "garment": {"shape": {"kind": "square", "vertices_per_side": 15, "height": 0.91}, "fabric": "jersey"},
+        "avatar": {"shape": {"kind": "sphere"}},
+        "solver": {"iterations": 100, "precision": precision},
+    }
+    wp.init()
+    one, other = (fit(scene, device="cpu", maps="pressure,ease").garments[0].fields for _ in range(2))
+    assert one["pressure"].max() > 0.0
+    assert all(np.array_equal(one[name], other[name]) for name in ("pressure", "ease"))

@@ -1,0 +1,62 @@
+"""A comparison of two fits as files: a stage, pictures, and figures."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from warp_cloth.export.map_picture import write_map_picture
+from warp_cloth.export.report import write_report
+from warp_cloth.export.stage import write_stage
+from warp_cloth.loading.result import WrittenFit
+from warp_cloth.maps.compare import Comparison
+from warp_cloth.maps.kinds import kind_named
+from warp_cloth.maps.measure import percentiles
+
+
+def save_comparison(found: Comparison, fits: tuple[WrittenFit, WrittenFit], folder: Path) -> list[Path]:
+    """Writes compare.usdc, a picture of each difference, and compare.json last."""
+    first, second = fits
+    stage = folder / "compare.usdc"
+    colour = next(iter(found.ranges))
+    write_stage(stage, garments=found.garments, avatar=first.avatar, name="compare", ranges=found.ranges, colour=colour)
+    paths = [stage]
+    for name, bounds in found.ranges.items():
+        kind = kind_named(name)
+        if kind is None:
+            continue
+        path = folder / f"{name}.png"
+        sentence = f"{second.name} less {first.name}"
+        write_map_picture(path, kind, bounds, garments=found.garments, avatar=first.avatar, sentence=sentence)
+        paths.append(path)
+    report = folder / "compare.json"
+    write_report(
+        report,
+        {
+            "first": _told(first),
+            "second": _told(second),
+            "differences": {
+                name: {
+                    "unit": kind.unit if (kind := kind_named(name)) else "",
+                    "garments": {w.name: percentiles(w.fields[name]) for w in found.garments if name in w.fields},
+                }
+                for name in found.ranges
+            },
+            "girths_mm": list(found.girths),
+        },
+    )
+    return [*paths, report]
+
+
+def _told(fit: WrittenFit) -> dict[str, Any]:
+    return {"name": fit.name, "status": fit.report.get("status"), "maps": fit.report.get("maps")}
+
+
+def girth_lines(found: Comparison) -> list[str]:
+    """Ease of both fits, a line for each garment and level."""
+    lines = []
+    for row in found.girths:
+        eases = [None if row[place] is None else row[place]["ease"] for place in ("first", "second")]
+        told = " and ".join("not there" if ease is None else f"{ease:+.0f} mm" for ease in eases)
+        lines.append(f"{row['garment']} {row['level']}: ease {told}")
+    return lines

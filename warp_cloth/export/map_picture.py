@@ -1,0 +1,90 @@
+"""A map as a picture: the worn garments in its colours from three sides, with a legend."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from PIL import Image, ImageDraw, ImageFont
+
+from warp_cloth.export.preview import BACKGROUND, FAINT_INK, INK, drawn, save_picture, text_height
+from warp_cloth.export.render import gathered
+from warp_cloth.export.surface import cloth_colour, require_sound
+from warp_cloth.maps.colour import colours, shown_value
+from warp_cloth.maps.kinds import MapKind
+from warp_cloth.mesh import Mesh
+from warp_cloth.result import WornGarment
+
+LEGEND_SHARE = 0.13  # of the picture's width
+BAR_WIDTH = 0.2  # of the legend's width
+TICKS = 5
+AROUND = 0.06  # of the garments' largest extent, shown round them
+
+
+def write_map_picture(
+    path: Path,
+    kind: MapKind,
+    bounds: tuple[float, float],
+    *,
+    garments: Sequence[WornGarment],
+    avatar: Mesh | None,
+    device: str = "cpu",
+    size: tuple[int, int] = (1500, 900),
+    title: str = "",
+    sentence: str = "",
+) -> None:
+    """Writes a PNG of the map ``kind``, its colours spanning ``bounds``; garments without it keep their own colour."""
+    require_sound(garments, avatar)
+    painted = [
+        colours(kind, worn.fields[kind.name], bounds)
+        if kind.name in worn.fields
+        else np.tile(cloth_colour(index), (len(worn.points), 1))
+        for index, worn in enumerate(garments)
+    ]
+    legend_width = round(LEGEND_SHARE * size[0])
+    worn = np.concatenate([worn.points for worn in garments])
+    low, high = worn.min(axis=0), worn.max(axis=0)
+    margin = AROUND * float((high - low).max())  # the body is there for orientation only
+    subject = replace(gathered(garments, avatar, device, painted), low=low - margin, high=high + margin)
+    views = drawn(subject, (size[0] - legend_width, size[1]), title or kind.label, sentence)
+    ground = tuple(round(255 * channel) for channel in BACKGROUND)
+    image = Image.new("RGB", size, ground)
+    image.paste(views, (0, 0))
+    _draw_legend(image, kind, bounds, legend_width)
+    save_picture(image, path)
+
+
+def _draw_legend(image: Image.Image, kind: MapKind, bounds: tuple[float, float], width: int) -> None:
+    """A bar of the map's colours with its values beside it, at the picture's right."""
+    draw = ImageDraw.Draw(image)
+    text = text_height(image.size)
+    font = ImageFont.load_default(text)
+    left = image.width - width
+    top, bottom = round(0.2 * image.height), round(0.8 * image.height)
+    values = np.linspace(bounds[1], bounds[0], bottom - top)
+    bar = np.round(255.0 * colours(kind, values, bounds)).astype(np.uint8)
+    bar_width = max(round(BAR_WIDTH * width), 4)
+    image.paste(Image.fromarray(np.repeat(bar[:, None, :], bar_width, axis=1), "RGB"), (left, top))
+    for tick in range(TICKS):
+        share = tick / (TICKS - 1)
+        row = top + share * (bottom - top - 1)
+        value = bounds[1] + share * (bounds[0] - bounds[1])
+        draw.line([(left + bar_width, row), (left + bar_width + text // 3, row)], fill=FAINT_INK)
+        draw.text((left + bar_width + text // 2, row), shown_value(kind, value), fill=INK, font=font, anchor="lm")
+    small = ImageFont.load_default(max(round(0.85 * text), 9))
+    for line, words in enumerate(_wrapped(kind.label, small, width)):
+        draw.text((left, top - 3 * text + 1.2 * text * line), words, fill=INK, font=small, anchor="lm")
+
+
+def _wrapped(label: str, font: ImageFont.FreeTypeFont | ImageFont.ImageFont, room: float) -> list[str]:
+    """The label in lines no wider than ``room`` [px]."""
+    lines = [""]
+    for word in label.split():
+        longer = f"{lines[-1]} {word}".strip()
+        if lines[-1] and font.getlength(longer) > room:
+            lines.append(word)
+        else:
+            lines[-1] = longer
+    return lines

@@ -1,0 +1,74 @@
+"""Girths of a worn garment beside the body's: what a pattern maker compares."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warp_cloth.maps.levels import Level
+from warp_cloth.maps.section import cut
+from warp_cloth.material import Sheet
+from warp_cloth.mesh import Mesh, Points
+
+SECTORS = 72  # of 5 degrees round the trunk
+CLOSED = 0.95  # share of the sectors that a garment covers that goes round
+PRESENT = 0.3  # less than this is a strap or a corner of the hem
+MILLIMETRES = 1e3
+
+
+def garment_girths(
+    name: str, points: Points, sheet: Sheet | None, avatar: Mesh, levels: Sequence[Level]
+) -> list[dict[str, Any]]:
+    """Girths at each level that the garment reaches [mm].
+
+    ``garment`` is the cloth's length round the trunk as worn, folds and all, ``natural`` that same line in the rest
+    shape, ``ease`` natural less the body's: negative where the cloth must stretch to go round.
+    """
+    rows = []
+    for level in levels:
+        if sheet is None:
+            continue
+        section = cut(points, sheet.triangles, level.height)
+        if not len(section.faces):
+            continue
+        of_trunk = _round_the_trunk(section.ends, level)
+        ends = section.ends[of_trunk]
+        covered = _covered(ends, level)
+        if covered < PRESENT:
+            continue
+        worn = float(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1).sum())
+        flat = np.einsum("sek,skd->sed", section.weights[of_trunk], sheet.flat[section.faces[of_trunk]])
+        natural = float(np.linalg.norm(flat[:, 1] - flat[:, 0], axis=1).sum())
+        rows.append(
+            {
+                "garment": name,
+                "level": level.name,
+                "height": MILLIMETRES * (level.height - float(avatar.points[:, 1].min())),
+                "body_girth": MILLIMETRES * level.girth,
+                "garment_girth": MILLIMETRES * worn,
+                "natural_girth": MILLIMETRES * natural,
+                "ease": MILLIMETRES * (natural - level.girth) if covered >= CLOSED else None,
+                "closed": covered >= CLOSED,
+            }
+        )
+    return rows
+
+
+def _round_the_trunk(ends: NDArray[np.float64], level: Level) -> NDArray[np.bool_]:
+    """Whether segments are nearer to the trunk than to any other part of the body (arms), shape [S]."""
+    middle = ends.mean(axis=1)
+    spots, part = level.section.ends.mean(axis=1), level.section.part
+    away = ((middle[:, None, :] - spots[None, :, :]) ** 2).sum(axis=2)
+    nearest: NDArray[np.bool_] = part[np.argmin(away, axis=1)] == level.trunk
+    return nearest
+
+
+def _covered(ends: NDArray[np.float64], level: Level) -> float:
+    """Share of the directions from the trunk's middle in which there is cloth."""
+    trunk = level.section.ends[level.section.part == level.trunk]
+    way = ends.mean(axis=1) - trunk.reshape(-1, 2).mean(axis=0)
+    sector = np.floor((np.arctan2(way[:, 1], way[:, 0]) / (2.0 * np.pi) + 0.5) * SECTORS).astype(int) % SECTORS
+    return len(np.unique(sector)) / SECTORS

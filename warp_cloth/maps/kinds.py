@@ -1,0 +1,99 @@
+"""The maps that a fit can make: their names, units, and how they are coloured."""
+
+from __future__ import annotations
+
+import difflib
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warp_cloth.errors import InputError
+
+SHOWN_SHARE = 98.0  # percentile of a map that its colours reach; the few vertices beyond would hide all others
+NICE_STEPS = (1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0)  # ends of a colour range, times a power of ten
+
+
+@dataclass(frozen=True)
+class MapKind:
+    """One map: a value per vertex."""
+
+    name: str  # of the primvar
+    unit: str
+    label: str  # in pictures
+    signed: bool  # coloured about zero, otherwise from zero up
+    about: str
+    needs_avatar: bool = False
+    needs_warp: bool = False  # needs to know the warp's direction in the garment
+    least_range: float = 1e-3  # colours never span less
+
+
+_KINDS = (
+    MapKind("strain", "1", "largest strain", False, "largest principal strain of the cloth"),
+    MapKind("strain_warp", "1", "strain along the warp", True, "strain along the warp", needs_warp=True),
+    MapKind("strain_weft", "1", "strain along the weft", True, "strain along the weft", needs_warp=True),
+    MapKind("strain_bias", "1", "strain along the bias", True, "larger strain of both biases", needs_warp=True),
+    MapKind(
+        "shear", "degree", "shear angle", True, "change of the angle between warp and weft", needs_warp=True,
+        least_range=1.0,
+    ),
+    MapKind(
+        "pressure", "kPa", "pressure on the body", False, "contact force on the avatar over area", needs_avatar=True,
+        least_range=0.01,
+    ),
+    MapKind(
+        "ease", "mm", "distance to the skin", False, "exact distance to the avatar's surface, negative inside",
+        needs_avatar=True, least_range=5.0,
+    ),
+)  # fmt: skip
+
+MAPS: Mapping[str, MapKind] = MappingProxyType({kind.name: kind for kind in _KINDS})
+GROUPS: Mapping[str, tuple[str, ...]] = MappingProxyType(
+    {
+        "strain": ("strain", "strain_warp", "strain_weft", "strain_bias", "shear"),
+        "all": tuple(MAPS),
+    }
+)
+
+
+def chosen_maps(text: str | Sequence[str], *, place: str = "--maps") -> tuple[str, ...]:
+    """Names of maps from "strain,pressure,ease"; "strain" stands for all strains and the shear, "all" for every map."""
+    asked = [name.strip() for name in text.split(",")] if isinstance(text, str) else list(text)
+    names: dict[str, None] = {}
+    for name in filter(None, asked):
+        if name not in MAPS and name not in GROUPS:
+            close = difflib.get_close_matches(name, [*MAPS, *GROUPS], n=1)
+            hint = f'did you mean "{close[0]}"? ' if close else ""
+            raise InputError(place, f'there is no map "{name}"', f"{hint}there are {', '.join([*MAPS, 'all'])}")
+        names.update(dict.fromkeys(GROUPS.get(name, (name,))))
+    return tuple(names)
+
+
+def difference_of(kind: MapKind) -> MapKind:
+    """The map of a difference between two fits."""
+    label = f"difference in {kind.label}"
+    return replace(kind, name=f"{kind.name}_difference", label=label, signed=True, about=label)
+
+
+def kind_named(name: str) -> MapKind | None:
+    """The map of a field's name, a difference's too; None for a field that is none."""
+    base = MAPS.get(name.removesuffix("_difference"))
+    return base if base is None or base.name == name else difference_of(base)
+
+
+def shown_range(kind: MapKind, values: Sequence[NDArray[np.floating]]) -> tuple[float, float]:
+    """The range that a map's colours span, with round ends; the same for all the arrays given."""
+    joined = np.concatenate([np.ravel(array) for array in values]) if len(values) else np.zeros(1)
+    top = float(np.percentile(np.abs(joined) if kind.signed else joined, SHOWN_SHARE)) if len(joined) else 0.0
+    end = rounded_up(max(top, kind.least_range))
+    return (-end, end) if kind.signed else (0.0, end)
+
+
+def rounded_up(value: float) -> float:
+    """The next round number, one of NICE_STEPS times a power of ten."""
+    power = 10.0 ** math.floor(math.log10(value))
+    step = next(step for step in NICE_STEPS if step * power >= value * (1.0 - 1e-9))
+    return float(f"{step * power:.6g}")

@@ -1,0 +1,74 @@
+"""Chest, waist and hip of any standing body: the levels where a tailor's tape goes, found from its sections."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from warp_cloth.maps.section import Section, cut
+from warp_cloth.mesh import Mesh
+
+STEP = 0.01  # of the stature, between the sections looked at
+# Where each level is looked for, as shares of the stature (after ISO 8559-1: the hip at the fullest of the seat, the
+# waist at the narrowest between ribs and hip bone, the chest at the fullest below the armpits).
+HIP_RANGE = (0.49, 0.55)
+WAIST_RANGE = (0.57, 0.67)
+CHEST_RANGE = (0.68, 0.75)
+ARMS_JOIN = 1.06  # a girth that grows by more than this in one step has taken in the arms
+STATURES = (0.8, 2.6)  # [m]; beyond them it is no body
+GIRTHS = (0.3, 2.2)  # [m]
+
+
+@dataclass(frozen=True, eq=False)
+class Level:
+    """One level: its height, the girth there, the body's section and which of its parts is the trunk."""
+
+    name: str
+    height: float  # [m]
+    girth: float  # [m]
+    section: Section
+    trunk: int
+
+
+def body_levels(body: Mesh) -> tuple[Level, ...] | None:
+    """Chest, waist and hip of a body that stands along y, arms apart from the trunk; None where it is no body."""
+    low, high = body.bounds()
+    stature = float(high[1] - low[1])
+    if not STATURES[0] <= stature <= STATURES[1]:
+        return None
+    middle = 0.5 * float(low[0] + high[0])
+    shares = np.arange(HIP_RANGE[0], CHEST_RANGE[1] + 0.5 * STEP, STEP)
+    levels = [_trunk_level(body, low[1] + share * stature, middle) for share in shares]
+    # from the waist up, no higher than where the arms join
+    top = len(shares)
+    waist_from = int(np.searchsorted(shares, WAIST_RANGE[0]))
+    for index in range(waist_from + 1, len(shares)):
+        below, here = levels[index - 1], levels[index]
+        if below is None or here is None or here.girth > ARMS_JOIN * below.girth:
+            top = index
+            break
+
+    def among(name: str, bounds: tuple[float, float], sign: float) -> Level | None:
+        inside = [i for i in range(top) if bounds[0] - 1e-9 <= shares[i] <= bounds[1] + 1e-9]
+        found = [level for level in (levels[i] for i in inside) if level is not None]
+        best = max(found, key=lambda level: sign * level.girth, default=None)
+        return None if best is None else Level(name, best.height, best.girth, best.section, best.trunk)
+
+    chosen = (among("chest", CHEST_RANGE, 1.0), among("waist", WAIST_RANGE, -1.0), among("hip", HIP_RANGE, 1.0))
+    good = tuple(level for level in chosen if level is not None and GIRTHS[0] <= level.girth <= GIRTHS[1])
+    legs = cut(body.points, body.triangles, float(low[1]) + 0.25 * stature).part_count >= 2
+    return good if legs and len(good) == len(chosen) else None
+
+
+def _trunk_level(body: Mesh, height: float, middle: float) -> Level | None:
+    """The section at a height with the part that reaches over the body's middle plane; None below the crotch."""
+    section = cut(body.points, body.triangles, height)
+    best: Level | None = None
+    for part in range(section.part_count):
+        across = section.ends[section.part == part, :, 0]
+        if across.min() < middle < across.max():
+            girth = section.girth(part)
+            if best is None or girth > best.girth:
+                best = Level("", height, girth, section, part)
+    return best

@@ -1,0 +1,58 @@
+"""Horizontal sections of a triangle mesh: where a tape goes round."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warp_cloth.connected import lowest_connected
+from warp_cloth.mesh import Indices, Points
+from warp_cloth.shapes.body import convex_girth
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Section:
+    """Segments in which a plane of constant height cuts triangles."""
+
+    ends: Floats  # (x, z) of both ends [m], shape [S, 2, 2]
+    faces: NDArray[np.int64]  # triangle of each segment, shape [S]
+    weights: Floats  # of the triangle's corners at both ends, shape [S, 2, 3]
+    part: NDArray[np.int64]  # of the section's connected parts, by number, shape [S]
+
+    @property
+    def part_count(self) -> int:
+        return int(self.part.max()) + 1 if len(self.part) else 0
+
+    def girth(self, part: int) -> float:
+        """Length of a tape round a part [m]."""
+        return convex_girth(self.ends[self.part == part].reshape(-1, 2))
+
+
+def cut(points: Points, triangles: Indices, height: float) -> Section:
+    """Section of the mesh at a height [m]; a vertex at exactly that height counts as above it."""
+    level = points[:, 1] - height
+    above = level[triangles] >= 0.0
+    faces = np.flatnonzero(above.any(axis=1) & ~above.all(axis=1))
+    corners, up = triangles[faces].astype(np.int64), above[faces]
+    crossed = up != np.roll(up, -1, axis=1)  # sides (0,1), (1,2), (2,0): two of the three
+    first = np.argmax(crossed, axis=1)
+    second = 2 - np.argmax(crossed[:, ::-1], axis=1)
+    rows = np.arange(len(faces))
+    weights = np.zeros((len(faces), 2, 3))
+    keys = np.zeros((len(faces), 2), dtype=np.int64)
+    for end, side in enumerate((first, second)):
+        a, b = corners[rows, side], corners[rows, (side + 1) % 3]
+        share = level[a] / (level[a] - level[b])
+        weights[rows, end, side] = 1.0 - share
+        weights[rows, end, (side + 1) % 3] = share
+        keys[:, end] = np.minimum(a, b) * len(points) + np.maximum(a, b)
+    ends = np.einsum("sek,skd->sed", weights, points[corners][:, :, [0, 2]])
+    unique, node = np.unique(keys, return_inverse=True)
+    node = node.reshape(-1, 2)
+    label = lowest_connected(len(unique), node[:, 0], node[:, 1])
+    _, part = np.unique(label[node[:, 0]], return_inverse=True) if len(faces) else (None, np.zeros(0, dtype=np.int64))
+    return Section(ends, faces, weights, part.ravel())

@@ -1,0 +1,57 @@
+"""Strain of a worn garment along its threads, triangle by triangle, against its rest shape."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warp_cloth.material import THINNEST_SHARE, Sheet
+from warp_cloth.mesh import Indices, Points
+
+Floats = NDArray[np.float64]
+
+
+def face_strains(points: Points, sheet: Sheet) -> dict[str, Floats]:
+    """Strains of every triangle, shape [F] each; those of threads only where the garment tells its warp.
+
+    A triangle takes the unit vectors along weft and warp to u and v: warp |v| - 1, weft |u| - 1, bias the larger of
+    |u +- v| / sqrt 2 - 1, shear asin(u . v / |u| |v|) in degrees, strain the largest principal stretch less 1.
+    Triangles without area at rest have none: 0.
+    """
+    used = sheet.areas > THINNEST_SHARE * float(np.median(sheet.areas))
+    corners = points[sheet.triangles[used]]
+    sides = np.swapaxes(corners[:, 1:] - corners[:, :1], 1, 2)  # columns are the sides from the first corner
+    flat = np.swapaxes(sheet.flat[used, 1:] - sheet.flat[used, :1], 1, 2)
+    turned = sides @ np.linalg.inv(flat)
+    u, v = turned[:, :, 0], turned[:, :, 1]
+    uu, vv, uv = (np.einsum("ij,ij->i", a, b) for a, b in ((u, u), (v, v), (u, v)))
+    middle, half = 0.5 * (uu + vv), np.hypot(0.5 * (uu - vv), uv)
+    found = {"strain": np.sqrt(middle + half) - 1.0}
+    if sheet.directed:
+        size = np.maximum(np.sqrt(uu * vv), np.finfo(float).tiny)
+        found["strain_warp"] = np.sqrt(vv) - 1.0
+        found["strain_weft"] = np.sqrt(uu) - 1.0
+        found["strain_bias"] = np.sqrt(middle + np.abs(uv)) - 1.0
+        found["shear"] = np.degrees(np.arcsin(np.clip(uv / size, -1.0, 1.0)))
+    return {name: _filled(values, used) for name, values in found.items()}
+
+
+def _filled(values: Floats, used: NDArray[np.bool_]) -> Floats:
+    every = np.zeros(len(used))
+    every[used] = values
+    return every
+
+
+def vertex_means(values: Floats, areas: Floats, triangles: Indices, count: int) -> Floats:
+    """Values of triangles brought to their vertices, weighted by area; shape [V]."""
+    corner = triangles.ravel()
+    total = np.bincount(corner, np.repeat(values * areas, 3), count)
+    weight = np.bincount(corner, np.repeat(areas, 3), count)
+    return total / np.maximum(weight, np.finfo(float).tiny)
+
+
+def vertex_areas(points: Points, triangles: Indices) -> Floats:
+    """A third of the area of the triangles round every vertex [m2], shape [V]."""
+    corners = points[triangles]
+    double = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    return np.asarray(np.bincount(triangles.ravel(), np.repeat(double / 6.0, 3), len(points)), dtype=np.float64)
