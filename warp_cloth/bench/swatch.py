@@ -53,6 +53,26 @@ def _between(ring: int, inner: int, outer: int) -> np.ndarray:
     return np.concatenate([pointing, filling])
 
 
+def on_finer_disc(coarse: Mesh, points: Points, fine: Mesh) -> Points:
+    """Where a disc's vertices are [m] if a coarser one, ``coarse`` as it was cut, lies at ``points``."""
+    (radius, turn), (finer, finer_turn) = _polar(coarse), _polar(fine)
+    rings = np.unique(radius.round(9))
+    shapes = np.empty((len(rings), fine.vertex_count, 3))
+    for index, ring in enumerate(rings):
+        on_it = np.isclose(radius, ring)
+        for axis in range(3):
+            shapes[index, :, axis] = np.interp(finer_turn, turn[on_it], points[on_it, axis], period=2.0 * np.pi)
+    outer = np.clip(np.searchsorted(rings, finer.round(9), side="left"), 1, len(rings) - 1)
+    share = ((finer - rings[outer - 1]) / (rings[outer] - rings[outer - 1]))[:, None]
+    every = np.arange(fine.vertex_count)
+    return (1.0 - share) * shapes[outer - 1, every] + share * shapes[outer, every]
+
+
+def _polar(mesh: Mesh) -> tuple[np.ndarray, np.ndarray]:
+    """Radius [m] and angle of every vertex of a disc as it was cut."""
+    return np.hypot(mesh.points[:, 0], mesh.points[:, 2]), np.arctan2(mesh.points[:, 2], mesh.points[:, 0])
+
+
 def along(mesh: Mesh) -> tuple[Points, Points]:
     """Place of every vertex across and along its strip [m], as it was cut; shape [V] each."""
     length = float(mesh.points[:, 2].max() - mesh.points[:, 2].min())

@@ -11,7 +11,7 @@ import numpy as np
 from PIL import Image, ImageDraw
 
 from warp_cloth.bench.specimen import Settled, Specimen
-from warp_cloth.bench.swatch import along
+from warp_cloth.bench.swatch import along, disc, on_finer_disc
 from warp_cloth.mesh import Indices, Mesh, Points
 from warp_cloth.solver.certificate import Tolerance
 from warp_cloth.solver.relax import StepOptions
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 BALANCED = Tolerance(relative_rms=2e-4, relative_p99=2e-3, rest_error=1e-5)  # clamps must read to a part in 1,000
 ITERATIONS = 20_000
 DRAPE_ITERATIONS = 100_000  # limp cloth creeps from fold to fold: silk takes 30,000 at 1,000 vertices
+COARSEST_RINGS = 10  # of a disc from whose shape finer ones start
 TIP_ANGLE = math.radians(41.5)  # of the cantilever (ISO 9073-7)
 SUPPORT_RADIUS = 0.09  # [m], of Cusick's support; his disc has DISC_RADIUS
 DISC_RADIUS = 0.15
@@ -157,25 +158,50 @@ def cantilever(mesh: Mesh, fabric: Fabric, clamp: float, *, grain_degrees: float
 class Drape:
     """A disc that hangs over a round support."""
 
+    mesh: Mesh  # as it was cut
     coefficient: float  # share of the free ring's area that its shadow covers [%]
     settled: Settled
 
 
 def drape(
-    mesh: Mesh, fabric: Fabric, *, device: str = "cpu", iterations: int = DRAPE_ITERATIONS, seed: int = 0
+    rings: int, fabric: Fabric, *, device: str = "cpu", iterations: int = DRAPE_ITERATIONS, seed: int = 0
 ) -> Drape:
-    """Cusick's test (ISO 9073-9): a disc of 30 cm between two of 18 cm."""
-    radius = np.hypot(mesh.points[:, 0], mesh.points[:, 2])
-    turn = np.arctan2(mesh.points[:, 2], mesh.points[:, 0])
-    held = radius < SUPPORT_RADIUS * (1.0 + 1e-6)
-    specimen = Specimen(mesh, fabric, _ids(held), weightless=False, device=device)
+    """Cusick's test (ISO 9073-9): a disc of 30 cm between two of 18 cm, in so many rings from its middle.
+
+    A multiple of 5 puts a ring on the support's edge. Fine discs start from where coarser ones came to rest: they
+    would creep for long from fold to fold.
+    """
+    levels = [rings]
+    while levels[0] % 2 == 0 and levels[0] > COARSEST_RINGS:
+        levels.insert(0, levels[0] // 2)
+    mesh = drape_disc(levels[0])
+    settled = _hung(mesh, fabric, _waved(mesh, seed), device, iterations)
+    for level in levels[1:]:
+        coarse, mesh = mesh, drape_disc(level)
+        settled = _hung(mesh, fabric, on_finer_disc(coarse, settled.points, mesh), device, iterations)
+    return Drape(mesh, drape_coefficient(settled.points, mesh.triangles), settled)
+
+
+def drape_disc(rings: int) -> Mesh:
+    """Cusick's disc without its middle: of what the support holds two rings are enough."""
+    return disc(DISC_RADIUS, SUPPORT_RADIUS * (1.0 - 2.0 / rings), rings)
+
+
+def _waved(mesh: Mesh, seed: int) -> Points:
+    """The disc, its free ring slightly waved."""
+    radius, turn = np.hypot(mesh.points[:, 0], mesh.points[:, 2]), np.arctan2(mesh.points[:, 2], mesh.points[:, 0])
     phases = np.random.default_rng(seed).uniform(0.0, 2.0 * np.pi, len(DRAPE_MODES))
     start = mesh.points.copy()
     for mode, phase in zip(DRAPE_MODES, phases, strict=True):
         out = np.maximum(radius - SUPPORT_RADIUS, 0.0) / (DISC_RADIUS - SUPPORT_RADIUS)
         start[:, 1] += 1e-3 * np.cos(mode * turn + phase) * out**2
-    settled = specimen.settle(start, DRAPED, iterations)
-    return Drape(drape_coefficient(settled.points, mesh.triangles), settled)
+    return start
+
+
+def _hung(mesh: Mesh, fabric: Fabric, start: Points, device: str, iterations: int) -> Settled:
+    held = np.hypot(mesh.points[:, 0], mesh.points[:, 2]) < SUPPORT_RADIUS * (1.0 + 1e-6)
+    specimen = Specimen(mesh, fabric, _ids(held), weightless=False, device=device)
+    return specimen.settle(np.where(held[:, None], mesh.points, start), DRAPED, iterations)
 
 
 def drape_coefficient(points: Points, triangles: Indices) -> float:
