@@ -7,13 +7,14 @@ import json
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 from PIL import Image
 from typer.testing import CliRunner
 
 from warp_cloth.bench import Bench, run_bench
 from warp_cloth.bench.save import save_bench, table
-from warp_cloth.bench.swatch import disc, strip
+from warp_cloth.bench.swatch import disc, on_finer_disc, strip
 from warp_cloth.bench.trials import drape_coefficient
 from warp_cloth.cli import app
 from warp_cloth.fabric import fabric_named
@@ -42,8 +43,8 @@ def test_files_hold_what_was_measured(bench: Bench, tmp_path: Path) -> None:
     assert [found["name"] for found in report["findings"]] == [found.name for found in bench.findings]
     rows = list(csv.DictReader(paths[1].open()))
     assert {row["test"] for row in rows} == {curve.name for curve in bench.curves}
-    assert Image.open(paths[2]).size == (1500, 500)
-    assert len(table(bench)) == 2 + len(bench.findings)
+    assert Image.open(paths[2]).size == (1500, 600)
+    assert [line.split("  ")[1] for line in table(bench)[-len(bench.findings) :]] == [f.name for f in bench.findings]
 
 
 def test_plots_without_matplotlib_name_the_extra(bench: Bench, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -68,6 +69,19 @@ def test_pieces_have_the_size_that_they_were_cut_to() -> None:
         corners = mesh.texcoords
         sides = ((corners - corners[:, [1, 2, 0]]) ** 2).sum(axis=2) ** 0.5
         assert triangle_areas(sides).sum() == pytest.approx(area, rel=4e-3)  # the disc is a polygon, with a hole
+
+
+def test_a_finer_disc_lies_where_the_coarser_one_does() -> None:
+    coarse, fine = disc(0.15, 0.06, 10), disc(0.15, 0.075, 20)
+
+    def bent(points: np.ndarray) -> np.ndarray:
+        radius, turn = np.hypot(points[:, 0], points[:, 2]), np.arctan2(points[:, 2], points[:, 0])
+        return points + np.column_stack([0.0 * radius, 0.3 * radius * np.cos(3.0 * turn), 0.0 * radius])
+
+    # chords miss a wave by its height times (phase between vertices)^2 / 8: 1.4 mm in the innermost ring
+    assert on_finer_disc(coarse, bent(coarse.points), fine) == pytest.approx(bent(fine.points), abs=1.5e-3)
+    same = on_finer_disc(coarse, bent(coarse.points), coarse)
+    assert same == pytest.approx(bent(coarse.points), abs=1e-12)
 
 
 def test_a_flat_disc_covers_its_ring_and_a_hanging_one_does_not() -> None:

@@ -9,10 +9,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from warp_cloth.bench.swatch import disc, strip
+from warp_cloth.bench.swatch import strip
 from warp_cloth.bench.trials import (
-    DISC_RADIUS,
-    SUPPORT_RADIUS,
     TIP_ANGLE,
     Drape,
     Reading,
@@ -32,7 +30,6 @@ from warp_cloth.laboratory import (
     bending_length,
     rigidity_of_bending,
 )
-from warp_cloth.mesh import Mesh
 from warp_cloth.result import WornGarment
 
 if TYPE_CHECKING:
@@ -113,10 +110,10 @@ def run_bench(
         findings += found
         curves += drawn
     tell("drape")
-    mesh = disc(DISC_RADIUS, SUPPORT_RADIUS * (1.0 - 2.0 / rings), rings)
-    draped = drape(mesh, fabric, device=device)
+    draped = drape(rings, fabric, device=device)
     findings += _draped(draped)
-    return Bench(fabric, tuple(findings), tuple(curves), _shown(mesh, draped, fabric))
+    shown = WornGarment("disc", draped.mesh, draped.settled.points, fabric.thickness, None)
+    return Bench(fabric, tuple(findings), tuple(curves), shown)
 
 
 Part = tuple[list[Finding], list[Curve]]
@@ -219,10 +216,6 @@ def _draped(draped: Drape) -> list[Finding]:
         Finding("drape coefficient", "%", draped.coefficient),
         Finding("drape's rest error", "mm", 1e3 * check.rest_error),
     ]
-
-
-def _shown(mesh: Mesh, draped: Drape, fabric: Fabric) -> WornGarment:
-    return WornGarment("disc", mesh, draped.settled.points, fabric.thickness, None)
 
 
 def _columns(readings: Sequence[Reading]) -> tuple[np.ndarray, np.ndarray]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import textwrap
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -11,8 +12,12 @@ from typing import Any
 from warp_cloth.bench.bench import Bench, Curve
 from warp_cloth.errors import InputError
 from warp_cloth.export.files import whole_file
-from warp_cloth.export.preview import write_preview
+from warp_cloth.export.preview import drawn, save_picture
+from warp_cloth.export.render import gathered
 from warp_cloth.export.report import check_writable, write_report
+
+DRAPE_SIDES = {"front": (0.0, 0.0, 1.0), "from above": (0.0, 0.9998, 0.02)}
+TABLE_WIDTH = 100  # characters, of the text above the table
 
 
 def table(bench: Bench) -> list[str]:
@@ -23,7 +28,7 @@ def table(bench: Bench) -> list[str]:
         off = "" if found.deviation is None else f"{100 * found.deviation:+.1f} %"
         rows.append((found.name, f"{found.measured:.3g}", stated, off, found.unit))
     widths = [max(len(row[column]) for row in rows) for column in range(5)]
-    lines = [f"{bench.fabric.name}: {bench.fabric.source}"]
+    lines = textwrap.wrap(f"{bench.fabric.name}: {bench.fabric.source}", TABLE_WIDTH)
     for name, *figures, unit in rows:
         cells = [figure.rjust(width) for figure, width in zip(figures, widths[1:], strict=False)]
         lines.append("  ".join(["", name.ljust(widths[0]), *cells, unit]).rstrip())
@@ -46,9 +51,8 @@ def save_bench(bench: Bench, folder: Path, device: str = "cpu", *, plots: bool =
         place.write_text(_csv(bench.curves), encoding="utf-8")
     draped = next(found for found in bench.findings if found.name == "drape coefficient")
     sentence = f"30 cm disc on an 18 cm support, drape coefficient {draped.measured:.0f} %"
-    write_preview(
-        paths[2], garments=[bench.disc], avatar=None, device=device, size=(1500, 500), title=name, sentence=sentence
-    )
+    picture = drawn(gathered([bench.disc], None, device), (1500, 600), name, sentence, DRAPE_SIDES)
+    save_picture(picture, paths[2])
     if plots:
         paths.append(folder / f"{name}.png")
         _plot(paths[-1], bench)

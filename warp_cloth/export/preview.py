@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
 from warp_cloth.export.files import whole_file
-from warp_cloth.export.render import Subject, gathered, rendered
+from warp_cloth.export.render import Subject, gathered, rendered, view_axes
 from warp_cloth.export.surface import linear, require_sound, srgb
 from warp_cloth.mesh import Mesh
 from warp_cloth.result import WornGarment
@@ -25,7 +25,7 @@ SIDES = {
     "front": (0.0, 0.0, 1.0),
     "side": (1.0, 0.0, 0.0),
     "back": (0.0, 0.0, -1.0),
-}  # from the scene to the viewer
+}  # from the scene to the viewer; no view is quite vertical
 
 
 @dataclass(frozen=True)
@@ -63,9 +63,15 @@ def write_preview(
     save_picture(drawn(gathered(garments, avatar, device), size, title, sentence), path)
 
 
-def drawn(subject: Subject, size: tuple[int, int], title: str = "", sentence: str = "") -> Image.Image:
-    """The views side by side, ``size`` wide and high [px]; title and sentence stand above."""
-    layout = arranged(subject.extent, size, bool(title or sentence))
+def drawn(
+    subject: Subject,
+    size: tuple[int, int],
+    title: str = "",
+    sentence: str = "",
+    sides: Mapping[str, Sequence[float]] = SIDES,
+) -> Image.Image:
+    """The views from some sides by one another, ``size`` wide and high [px]; title and sentence stand above."""
+    layout = arranged(subject.extent, size, bool(title or sentence), sides)
     background = linear(BACKGROUND)
     light = np.tile(background, (size[1], size[0], 1))
     for window in layout.windows:
@@ -83,20 +89,24 @@ def save_picture(image: Image.Image, path: Path) -> None:
         image.save(place, format="PNG")
 
 
-def arranged(extent: NDArray[np.float64], size: tuple[int, int], titled: bool) -> Layout:
+def arranged(
+    extent: NDArray[np.float64], size: tuple[int, int], titled: bool, sides: Mapping[str, Sequence[float]] = SIDES
+) -> Layout:
     """Windows as wide as their views need, what is left shared out; one scale that fits all."""
     width, height = size
     text = text_height(size)
     top = 3 * text if titled else text
     shown = np.maximum(extent, SMALLEST_EXTENT)
-    needs = [float(shown[0] * abs(toward[2]) + shown[2] * abs(toward[0])) for toward in SIDES.values()]
-    room = max(width - 2 * round(MARGIN * width) * len(SIDES), 1)
-    pixel = max(sum(needs) / room, shown[1] / max(height - top - 4 * text, 1))
-    spare = (width - sum(needs) / pixel) / len(SIDES)
+    frames = [view_axes(np.array(toward)) for toward in sides.values()]
+    needs = [float(shown @ np.abs(right)) for right, _ in frames]
+    tallest = max(float(shown @ np.abs(up)) for _, up in frames)
+    room = max(width - 2 * round(MARGIN * width) * len(sides), 1)
+    pixel = max(sum(needs) / room, tallest / max(height - top - 4 * text, 1))
+    spare = (width - sum(needs) / pixel) / len(sides)
     edges = np.round(np.cumsum([0.0, *(need / pixel + spare for need in needs)])).astype(int).tolist()
     windows = tuple(
         Window(label, np.array(toward), left, right - left)
-        for (label, toward), left, right in zip(SIDES.items(), edges[:-1], edges[1:], strict=True)
+        for (label, toward), left, right in zip(sides.items(), edges[:-1], edges[1:], strict=True)
     )
     return Layout(windows, top, height - top - text, pixel)
 

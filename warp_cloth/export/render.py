@@ -95,11 +95,16 @@ def vector(values: NDArray[Any]) -> wp.vec3f:
     return wp.vec3f(*values.tolist())
 
 
-def view_from(toward: Vector, centre: Vector, pixel: float, columns: int, rows: int) -> View:
-    """A view along -toward with ``centre`` in its middle; rows run upward. ``toward`` is not vertical."""
+def view_axes(toward: Vector) -> tuple[Vector, Vector]:
+    """Right and up of a view along -toward, which is a unit vector and not vertical."""
     right = np.cross(UP, toward)
     right /= np.linalg.norm(right)
-    up = np.cross(toward, right)
+    return right, np.cross(toward, right)
+
+
+def view_from(toward: Vector, centre: Vector, pixel: float, columns: int, rows: int) -> View:
+    """A view along -toward with ``centre`` in its middle; rows run upward."""
+    right, up = view_axes(toward)
     view = View()
     view.origin = vector(centre - 0.5 * pixel * ((columns - 1) * right + (rows - 1) * up))
     view.right, view.up, view.toward = vector(right), vector(up), vector(toward)
@@ -108,8 +113,9 @@ def view_from(toward: Vector, centre: Vector, pixel: float, columns: int, rows: 
 
 
 def light_direction(light: Sequence[float], toward: Vector) -> Vector:
-    """Unit vector to a light that is given along right, up and toward of a level view."""
-    direction = light[0] * np.cross(UP, toward) + light[1] * UP + light[2] * toward
+    """Unit vector to a light that is given along a view's right, up and toward."""
+    right, up = view_axes(toward)
+    direction = light[0] * right + light[1] * up + light[2] * toward
     return direction / np.linalg.norm(direction)
 
 
