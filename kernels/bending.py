@@ -19,17 +19,6 @@ def hinge_fold(axis: Any, wing_0: Any, wing_1: Any):
     return wp.normalize(normal_0), wp.normalize(normal_1), wp.length(normal_0), wp.length(normal_1)
 
 
-# A triangle thinner than this share of its axis has no usable direction, and 1 / d no bound: as it collapses the
-# hinge's torque fades with it, for both wings alike, so that forces stay balanced and bounded.
-THINNEST = wp.constant(1.0e-3)
-
-
-@wp.func
-def thinness(area: Any, axis: Any):
-    """Share of a hinge's torque that a triangle of twice this area bears: 1 but for collapsed ones."""
-    return wp.min(area / (type(area)(THINNEST) * wp.dot(axis, axis)), type(area)(1.0))
-
-
 @wp.func
 def hinge_torque(normal_0: Any, normal_1: Any, axis: Any, stiffness: Any):
     """Signed torque [N m] that unfolds the hinge: C (1 - cos theta), sign from (n0 x n1) . axis.
@@ -41,33 +30,60 @@ def hinge_torque(normal_0: Any, normal_1: Any, axis: Any, stiffness: Any):
     return wp.where(wp.dot(wp.cross(normal_0, normal_1), axis) < type(stiffness)(0.0), -torque, torque)
 
 
-@wp.func
-def hinge_forces(axis: Any, wing_0: Any, wing_1: Any, stiffness: Any):
-    """Forces [N] on both wings and on the axis' second vertex; the first vertex takes minus their sum.
+# A triangle thinner than this share of its axis has no usable direction, and 1 / d no bound: as it collapses the
+# hinge's torque fades with it, for both wings alike, so that forces stay balanced and bounded.
+THINNEST = wp.constant(1.0e-3)
+SMALLEST = wp.constant(1.0e-30)  # twice the area [m2] of what has none; its inverse is still a float32
 
-    On a wing: torque / distance from the axis, along the triangle's normal (equation 3). On the axis: the wings'
-    forces shared by the feet of their perpendiculars, so that neither a net force nor a net torque is left.
+
+@wp.func
+def triangle_normal(side_1: Any, side_2: Any):
+    """Unit normal of a triangle and the inverse of twice its area [1/m2], from the sides that leave its first corner.
+
+    Both are zero where it has no area.
     """
-    zero = type(stiffness)(0.0)
-    normal_0, normal_1, area_0, area_1 = hinge_fold(axis, wing_0, wing_1)
-    force_0 = wing_0 * zero
-    force_1 = wing_0 * zero
-    force_axis = wing_0 * zero
-    if area_0 > zero and area_1 > zero:
+    normal = wp.cross(side_1, side_2)
+    area = wp.length(normal)
+    inverse = type(area)(0.0)
+    if area > type(area)(SMALLEST):
+        inverse = type(area)(1.0) / area
+        normal = normal / area
+    else:
+        normal = normal * inverse
+    return normal, inverse
+
+
+@wp.func
+def hinge_turn(normal_0: Any, inverse_0: Any, normal_1: Any, inverse_1: Any, axis: Any, stiffness: Any, reach: Any):
+    """Torque of a hinge over the length L of its axis [N], and a bound of its stiffness [N/m].
+
+    The force on a wing is the torque over its distance from the axis, along its triangle's normal (equation 3): turn
+    times L^2 over twice the triangle's area. The bound holds for any of the hinge's vertices while these move by no
+    more than ``reach`` [m]: C (|sin theta| + angle that ``reach`` can add) (1 / h0 + 1 / h1)^2, with |sin theta| <=
+    |n0 - n1|. Normals and inverse areas as of ``triangle_normal``; the axis as it runs in the first triangle.
+    """
+    turn = type(stiffness)(0.0)
+    bound = turn
+    if inverse_0 > turn and inverse_1 > turn:
         length = wp.length(axis)
-        torque = hinge_torque(normal_0, normal_1, axis, stiffness) * thinness(area_0, axis) * thinness(area_1, axis)
-        force_0 = normal_0 * (torque * length / area_0)
-        force_1 = normal_1 * (torque * length / area_1)
-        scale = type(stiffness)(1.0) / (length * length)
-        foot_0 = wp.dot(wing_0, axis) * scale
-        foot_1 = wp.dot(wing_1, axis) * scale
-        force_axis = -(force_0 * foot_0 + force_1 * foot_1)
-    return force_0, force_1, force_axis
+        most = type(stiffness)(1.0) / (type(stiffness)(THINNEST) * length * length)
+        torque = hinge_torque(normal_0, normal_1, axis, stiffness)
+        bounded_0 = inverse_0
+        bounded_1 = inverse_1
+        if wp.max(inverse_0, inverse_1) > most:
+            bounded_0 = wp.min(inverse_0, most)
+            bounded_1 = wp.min(inverse_1, most)
+            torque = torque * (bounded_0 / inverse_0) * (bounded_1 / inverse_1)
+        turn = torque / length
+        per_height = length * (bounded_0 + bounded_1)
+        fold = wp.min(wp.length(normal_0 - normal_1) + reach * per_height, type(stiffness)(2.0))
+        bound = stiffness * fold * per_height * per_height
+    return turn, bound
 
 
 @wp.func
 def hinge_energy(axis: Any, wing_0: Any, wing_1: Any, stiffness: Any):
-    """Energy [J], E = C (|theta| - sin |theta|), of which ``hinge_forces`` are minus the gradient.
+    """Energy [J], E = C (|theta| - sin |theta|), of which the forces by ``hinge_turn`` are minus the gradient.
 
     Near flat the difference is taken from its series, which keeps its digits.
     """
@@ -84,21 +100,3 @@ def hinge_energy(axis: Any, wing_0: Any, wing_1: Any, stiffness: Any):
         stiffness * excess,
         stiffness * type(stiffness)(0.0),
     )
-
-
-@wp.func
-def hinge_stiffness_bound(axis: Any, wing_0: Any, wing_1: Any, stiffness: Any, reach: Any):
-    """Bound of a hinge's stiffness [N/m] at any of its vertices while these move by no more than ``reach`` [m].
-
-    C (|sin theta| + angle that ``reach`` can add) (1 / h0 + 1 / h1)^2, with |sin theta| <= |n0 - n1|.
-    """
-    zero = type(stiffness)(0.0)
-    normal_0, normal_1, area_0, area_1 = hinge_fold(axis, wing_0, wing_1)
-    bound = zero
-    if area_0 > zero and area_1 > zero:
-        thinnest = type(stiffness)(THINNEST) * wp.dot(axis, axis)
-        inverse = type(stiffness)(1.0) / wp.max(area_0, thinnest) + type(stiffness)(1.0) / wp.max(area_1, thinnest)
-        per_height = wp.length(axis) * inverse
-        fold = wp.min(wp.length(normal_0 - normal_1) + reach * per_height, type(stiffness)(2.0))
-        bound = stiffness * fold * per_height * per_height
-    return bound

@@ -2,6 +2,7 @@
 
 import functools
 from types import SimpleNamespace
+from typing import NamedTuple
 
 import warp as wp
 
@@ -15,6 +16,14 @@ MODULE_OPTIONS = {"enable_backward": False, "fuse_fp": False}
 FOURTH_PARTS = ("none", "stiffness", "size")
 
 
+class Terms(NamedTuple):
+    """What acts in a scene's cloth; the kernels are made for these."""
+
+    edges: bool
+    folds: bool
+    threads: bool
+
+
 @functools.cache
 def cloth_types(precision: str) -> SimpleNamespace:
     """Types and structs of one precision: ``real``, ``point`` (of positions), ``vec3``, ``vec4``, ``Cloth`` and others.
@@ -24,6 +33,7 @@ def cloth_types(precision: str) -> SimpleNamespace:
     """
     real = wp.float64 if precision == "float64" else wp.float32
     point = wp.vec3f if precision == "float32" else wp.vec3d
+    vec2 = wp.vec2d if precision == "float64" else wp.vec2f
     vec3 = wp.vec3d if precision == "float64" else wp.vec3f
     vec4 = wp.vec4d if precision == "float64" else wp.vec4f
 
@@ -53,44 +63,67 @@ def cloth_types(precision: str) -> SimpleNamespace:
 
     @wp.struct
     class Edges:
-        """E edges, for a kernel per edge."""
+        """E edges; ``beside`` and ``fold`` only where cloth bends."""
 
         ends: wp.array(dtype=wp.vec2i)
         law: wp.array(dtype=vec3)  # rest length [m], pull [N/m2], push [N/m2]
+        beside: wp.array(dtype=wp.vec2i)  # both triangles; the edge runs as the first is wound
+        fold: wp.array(dtype=real)  # C of its hinge [N m], negative where the second triangle is wound likewise
+
+    @wp.struct
+    class Triangles:
+        """F triangles; arrays of the terms that the scene has."""
+
+        corners: wp.array(dtype=wp.vec3i)
+        edges: wp.array(dtype=wp.vec3i)  # opposite to each corner; -1 - edge where its turn counts the other way round
+        slope: wp.array(dtype=vec4)  # as Weave.slope; zero where there are no threads
+        threads: wp.array(dtype=vec4)  # as Weave.law
 
     @wp.struct
     class Hinges:
-        """H hinges, for a kernel per hinge."""
+        """H hinges, as the certificate measures them."""
 
         corners: wp.array(dtype=wp.vec4i)  # axis start, axis end, two wings
         stiffness: wp.array(dtype=real)  # C [N m]
 
     @wp.struct
     class Weave:
-        """T woven triangles, for a kernel per triangle."""
+        """T woven triangles, as the certificate measures them."""
 
         corners: wp.array(dtype=wp.vec3i)
         slope: wp.array(dtype=vec4)  # of the second and third corner along weft, then along warp [1/m]
         law: wp.array(dtype=vec4)  # area times pull of weft, warp and bias threads [N m], and c
 
     @wp.struct
-    class EdgeRows:
-        """The edges at each vertex, for a kernel per vertex."""
+    class Span:
+        """An edge as it lies."""
 
-        start: wp.array(dtype=wp.int32)  # shape [V + 1]
-        other: wp.array(dtype=wp.int32)  # vertex at the other end, shape [2 E]
-        law: wp.array(dtype=vec3)  # as Edges.law, shape [2 E]
+        side: vec3  # from its first end to its second [m]
+        change: vec3  # what the last displacements changed that by [m]
+        move: real  # the first end's last displacement [m]
+
+    @wp.struct
+    class Sides:
+        """A triangle's sides as they lie, opposite to its corners, running as it is wound [m]."""
+
+        side_0: vec3
+        side_1: vec3
+        side_2: vec3
+        change_1: vec3  # what the last displacements changed those at the first corner by [m]
+        change_2: vec3
 
     @wp.struct
     class StoredRows:
-        """The hinges and woven triangles at each vertex, for a kernel per vertex."""
+        """The edges and triangles at each vertex, for a kernel per vertex."""
 
+        edge_start: wp.array(dtype=wp.int32)  # shape [V + 1]
+        edge: wp.array(dtype=wp.int32)  # at whose first end the vertex is, -1 - edge at its second; shape [2 E]
         start: wp.array(dtype=wp.int32)  # shape [V + 1]
-        slot: wp.array(dtype=wp.int32)  # where each one's force on the vertex is stored, shape [4 H + 3 T]
+        slot: wp.array(dtype=wp.int32)  # where each triangle's load on the vertex is stored, shape [3 F]
 
     return SimpleNamespace(
-        name=precision, real=real, point=point, vec3=vec3, vec4=vec4, Step=Step, Cloth=Cloth, Edges=Edges,
-        Hinges=Hinges, Weave=Weave, EdgeRows=EdgeRows, StoredRows=StoredRows,
+        name=precision, real=real, point=point, vec2=vec2, vec3=vec3, vec4=vec4, Step=Step, Cloth=Cloth,
+        Edges=Edges, Triangles=Triangles, Hinges=Hinges, Weave=Weave, Span=Span, Sides=Sides, StoredRows=StoredRows,
     )  # fmt: skip
 
 

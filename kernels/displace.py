@@ -5,7 +5,7 @@ from typing import Any
 
 import warp as wp
 
-from warp_cloth.kernels.cloth import MODULE_OPTIONS, cloth_types
+from warp_cloth.kernels.cloth import MODULE_OPTIONS, Terms, cloth_types
 from warp_cloth.kernels.friction import friction_slide
 from warp_cloth.kernels.gather import gathered_load
 
@@ -108,25 +108,25 @@ def displace_kernel(precision: str, accelerated: bool, contact: wp.Function | No
 
 @functools.cache
 def advance_kernel(
-    precision: str, accelerated: bool, stores: bool, contact: wp.Function | None, collider_type: type
+    precision: str, accelerated: bool, terms: Terms, contact: wp.Function | None, collider_type: type
 ) -> wp.Kernel:
     """Kernel ``advance_vertices``, which gathers a vertex's forces and moves it, from one set of arrays to another.
 
-    ``stores``: whether there are forces of hinges or triangles to gather; the rest as of ``displacement``.
+    ``terms``: what there is to gather; the rest as of ``displacement``.
     """
     types = cloth_types(precision)
     point, vec3, vec4, Cloth, Step = types.point, types.vec3, types.vec4, types.Cloth, types.Step
-    EdgeRows, StoredRows = types.EdgeRows, types.StoredRows
+    StoredRows = types.StoredRows
     vertex_displacement = displacement(precision, accelerated, contact, collider_type)
-    vertex_load = gathered_load(precision, "stiffness" if accelerated else "none", stores)
+    vertex_load = gathered_load(precision, terms)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def advance_vertices(
         step: Step,
         collider: collider_type,
-        edges: EdgeRows,
         rows: StoredRows,
-        stored: wp.array(dtype=vec4),  # from the gather module's storing kernels, shape [4 H + 3 T]
+        edge_load: wp.array(dtype=vec4),  # from the gather module's store_edges, shape [E]
+        stored: wp.array(dtype=vec4),  # from its store_triangles, shape [3 F]
         cloth: Cloth,
         position_out: wp.array(dtype=point),  # [m], shape [V]
         move_out: wp.array(dtype=vec3),  # [m], shape [V]
@@ -135,7 +135,7 @@ def advance_kernel(
         vertex = wp.tid()
         move = vec3()
         if cloth.pinned[vertex] == wp.uint8(0):
-            load = vertex_load(cloth, edges, rows, stored, step, vertex)
+            load = vertex_load(rows, edge_load, stored, vertex)
             move = vertex_displacement(cloth, step, collider, load, vertex)
         move_out[vertex] = move
         position_out[vertex] = cloth.position[vertex] + point(move)

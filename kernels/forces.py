@@ -1,92 +1,176 @@
-"""What an edge, a hinge and a woven triangle do to their vertices, in one precision; ``scatter``, ``gather`` sum it."""
+"""What an edge, its hinge and a triangle do to their vertices, in one precision; ``scatter``, ``gather`` sum it.
+
+A load is a force [N] and a fourth part (one of cloth.FOURTH_PARTS). A hinge turns its two triangles, each of which
+answers along its own normal: so a hinge's forces are summed triangle by triangle, of three hinges at a time.
+"""
 
 import functools
 from types import SimpleNamespace
 
 import warp as wp
 
-from warp_cloth.kernels.bending import hinge_forces, hinge_stiffness_bound
-from warp_cloth.kernels.cloth import cloth_types, difference_function
+from warp_cloth.kernels.bending import hinge_turn, triangle_normal
+from warp_cloth.kernels.cloth import Terms, cloth_types, difference_function
 from warp_cloth.kernels.tension import edge_drag, tension_force, tension_stiffness
 from warp_cloth.kernels.weave import slope_shares, thread_pull, warp_vector, weft_vector
 
 
 @functools.cache
-def force_functions(precision: str, fourth: str) -> SimpleNamespace:
-    """Functions ``edge_load``, ``hinge_loads`` and ``weave_loads``; ``fourth`` is one of cloth.FOURTH_PARTS."""
-    return SimpleNamespace(
-        edge_load=_edge_function(precision, fourth),
-        hinge_loads=_hinge_function(precision, fourth),
-        weave_loads=_weave_function(precision, fourth),
-    )
-
-
-def _edge_function(precision: str, fourth: str) -> wp.Function:
+def edge_functions(precision: str, fourth: str) -> SimpleNamespace:
+    """Functions ``edge_span``, ``edge_load`` (its tension) and ``edge_fold`` (its hinge)."""
     types = cloth_types(precision)
-    real, vec3, vec4, Cloth, Step = types.real, types.vec3, types.vec4, types.Cloth, types.Step
+    real, vec2, vec3, vec4 = types.real, types.vec2, types.vec3, types.vec4
+    Cloth, Step, Span = types.Cloth, types.Step, types.Span
     difference = difference_function(precision)
 
     @wp.func
-    def edge_load(cloth: Cloth, step: Step, law: vec3, vertex: int, other: int):
-        """Force of an edge on one of its ends [N], and the fourth part; on the other end the force is the opposite."""
-        d = difference(cloth.position[other], cloth.position[vertex])
-        length = wp.length(d)
+    def edge_span(cloth: Cloth, ends: wp.vec2i):
+        """An edge as it lies, and what last moved it."""
+        span = Span()
+        span.side = difference(cloth.position[ends[1]], cloth.position[ends[0]])
+        if wp.static(fourth == "stiffness"):
+            move = cloth.move[ends[0]]
+            span.change = cloth.move[ends[1]] - move
+            span.move = wp.length(move)
+        return span
+
+    @wp.func
+    def edge_load(span: Span, law: vec3, step: Step):
+        """Load of an edge's tension on its first end; on the second the force is the opposite."""
+        length = wp.length(span.side)
         force = vec3()
         if length > real(0.0):
-            force = d * (tension_force(length, law[0], law[1], law[2]) / length)
+            force = span.side * (tension_force(length, law[0], law[1], law[2]) / length)
         part = real(0.0)
         if wp.static(fourth == "stiffness"):
-            change = cloth.move[other] - cloth.move[vertex]
-            part = tension_stiffness(length, law[0], law[1], law[2], step.reach * wp.length(change))
-            force = force + edge_drag(change, part, step.viscosity)
+            part = tension_stiffness(length, law[0], law[1], law[2], step.reach * wp.length(span.change))
+            force = force + edge_drag(span.change, part, step.viscosity)
         if wp.static(fourth == "size"):
             part = wp.length(force)
         return vec4(force[0], force[1], force[2], part)
 
-    return edge_load
+    @wp.func
+    def edge_fold(span: Span, first: vec4, second: vec4, stiffness: real, step: Step):
+        """Turn [N] of an edge's hinge and bound of its stiffness [N/m], from its triangles' ``triangle_fold``."""
+        normal_0 = vec3(first[0], first[1], first[2])
+        normal_1 = vec3(second[0], second[1], second[2]) * wp.sign(stiffness)
+        reach = step.reach * span.move
+        turn, bound = hinge_turn(normal_0, first[3], normal_1, second[3], span.side, wp.abs(stiffness), reach)
+        return vec2(turn, bound)
+
+    return SimpleNamespace(edge_span=edge_span, edge_load=edge_load, edge_fold=edge_fold)
 
 
-def _hinge_function(precision: str, fourth: str) -> wp.Function:
+@functools.cache
+def triangle_functions(precision: str, fourth: str, terms: Terms) -> SimpleNamespace:
+    """Functions ``triangle_sides``, ``triangle_fold`` (its normal) and ``triangle_loads`` (hinges and threads)."""
     types = cloth_types(precision)
-    real, vec3, vec4, Cloth, Hinges, Step = types.real, types.vec3, types.vec4, types.Cloth, types.Hinges, types.Step
+    vec3, vec4, Cloth, Step, Sides = types.vec3, types.vec4, types.Cloth, types.Step, types.Sides
     difference = difference_function(precision)
+    fold_loads = _fold_function(precision, fourth)
+    thread_loads = _thread_function(precision, fourth)
 
     @wp.func
-    def hinge_sizes(axis: vec3, wing_0: vec3, wing_1: vec3, size_0: real, size_1: real):
-        """Sum of the magnitudes that each wing's force brings to the axis' ends and to the wings [N]."""
-        square = wp.max(wp.dot(axis, axis), real(1.0e-30))
-        foot_0 = wp.dot(wing_0, axis) / square
-        foot_1 = wp.dot(wing_1, axis) / square
-        start = wp.abs(real(1.0) - foot_0) * size_0 + wp.abs(real(1.0) - foot_1) * size_1
-        end = wp.abs(foot_0) * size_0 + wp.abs(foot_1) * size_1
-        return vec4(start, end, size_0, size_1)
+    def triangle_sides(cloth: Cloth, corners: wp.vec3i):
+        """A triangle as it lies, and what last moved it."""
+        p_0 = cloth.position[corners[0]]
+        p_1 = cloth.position[corners[1]]
+        p_2 = cloth.position[corners[2]]
+        sides = Sides()
+        sides.side_0 = difference(p_2, p_1)
+        sides.side_1 = difference(p_0, p_2)
+        sides.side_2 = difference(p_1, p_0)
+        if wp.static(fourth == "stiffness" and terms.threads):
+            move = cloth.move[corners[0]]
+            sides.change_1 = move - cloth.move[corners[2]]
+            sides.change_2 = cloth.move[corners[1]] - move
+        return sides
 
     @wp.func
-    def hinge_loads(cloth: Cloth, hinges: Hinges, step: Step, hinge: int):
-        """Forces of a hinge [N] and the fourth part on the axis' start and end and on the two wings."""
-        corners = hinges.corners[hinge]
-        origin = cloth.position[corners[0]]
-        axis = difference(cloth.position[corners[1]], origin)
-        wing_0 = difference(cloth.position[corners[2]], origin)
-        wing_1 = difference(cloth.position[corners[3]], origin)
-        stiffness = hinges.stiffness[hinge]
-        f0, f1, end = hinge_forces(axis, wing_0, wing_1, stiffness)
-        start = -(f0 + f1 + end)
-        part = vec4()
-        if wp.static(fourth == "stiffness"):
-            reach = step.reach * wp.length(cloth.move[corners[0]])
-            bound = hinge_stiffness_bound(axis, wing_0, wing_1, stiffness, reach)
-            part = vec4(bound, bound, bound, bound)
-        if wp.static(fourth == "size"):
-            part = hinge_sizes(axis, wing_0, wing_1, wp.length(f0), wp.length(f1))
+    def triangle_fold(sides: Sides):
+        """Unit normal, and the inverse of twice the area [1/m2]."""
+        normal, inverse = triangle_normal(sides.side_2, -sides.side_1)
+        return vec4(normal[0], normal[1], normal[2], inverse)
+
+    @wp.func
+    def triangle_loads(sides: Sides, own: vec4, turn: vec3, bound: vec3, slope: vec4, threads: vec4, step: Step):
+        """Loads of the corners; their forces sum to zero.
+
+        Args:
+            own: ``triangle_fold``.
+            turn: of the sides' hinges [N], as the triangle is wound.
+            bound: of their stiffness [N/m].
+            slope: of the threads, as in cloth's Weave.
+            threads: their law.
+        """
+        load_0 = vec4()
+        load_1 = vec4()
+        load_2 = vec4()
+        if wp.static(terms.folds):
+            load_0, load_1, load_2 = fold_loads(sides, own, turn, bound)
+        if wp.static(terms.threads):
+            thread_0, thread_1, thread_2 = thread_loads(sides, slope, threads, step)
+            load_0 += thread_0
+            load_1 += thread_1
+            load_2 += thread_2
+        return load_0, load_1, load_2
+
+    return SimpleNamespace(triangle_sides=triangle_sides, triangle_fold=triangle_fold, triangle_loads=triangle_loads)
+
+
+@functools.cache
+def _loads_function(precision: str) -> wp.Function:
+    types = cloth_types(precision)
+    vec3, vec4 = types.vec3, types.vec4
+
+    @wp.func
+    def corner_loads(force_1: vec3, force_2: vec3, part: vec3):
+        """Loads of the corners from the forces on the second and third, which the first balances."""
+        force_0 = -(force_1 + force_2)
         return (
-            vec4(start[0], start[1], start[2], part[0]),
-            vec4(end[0], end[1], end[2], part[1]),
-            vec4(f0[0], f0[1], f0[2], part[2]),
-            vec4(f1[0], f1[1], f1[2], part[3]),
+            vec4(force_0[0], force_0[1], force_0[2], part[0]),
+            vec4(force_1[0], force_1[1], force_1[2], part[1]),
+            vec4(force_2[0], force_2[1], force_2[2], part[2]),
         )
 
-    return hinge_loads
+    return corner_loads
+
+
+def _fold_function(precision: str, fourth: str) -> wp.Function:
+    types = cloth_types(precision)
+    real, vec3, vec4, Sides = types.real, types.vec3, types.vec4, types.Sides
+    corner_loads = _loads_function(precision)
+    half = wp.constant(real(0.5))
+
+    @wp.func
+    def fold_loads(sides: Sides, own: vec4, turn: vec3, bound: vec3):
+        """Loads of the three sides' hinges on the corners, along the triangle's normal.
+
+        With p_i the turn of side i over twice the area, it pushes corner i by p_i L_i^2 and the side's ends by -p_i
+        times the dot product of the sides that leave the other end: each end's share of L_i^2 by the foot of the
+        corner's perpendicular. So no net force is left, nor with the other triangle's a net torque.
+        """
+        s_0, s_1, s_2 = sides.side_0, sides.side_1, sides.side_2
+        square_0, square_1, square_2 = wp.dot(s_0, s_0), wp.dot(s_1, s_1), wp.dot(s_2, s_2)
+        dot_0, dot_1, dot_2 = -wp.dot(s_1, s_2), -wp.dot(s_2, s_0), -wp.dot(s_0, s_1)
+        p_0, p_1, p_2 = turn[0] * own[3], turn[1] * own[3], turn[2] * own[3]
+        normal = vec3(own[0], own[1], own[2])
+        force_1 = normal * (p_1 * square_1 - p_0 * dot_2 - p_2 * dot_0)
+        force_2 = normal * (p_2 * square_2 - p_0 * dot_1 - p_1 * dot_0)
+        part = vec3()
+        if wp.static(fourth == "stiffness"):
+            # a wing's bound is in its own triangle, an axis' in both of the hinge's
+            both = half * (bound[0] + bound[1] + bound[2])
+            part = vec3(both + half * bound[0], both + half * bound[1], both + half * bound[2])
+        if wp.static(fourth == "size"):
+            part = vec3(
+                wp.abs(p_0) * square_0 + wp.abs(p_1 * dot_2) + wp.abs(p_2 * dot_1),
+                wp.abs(p_1) * square_1 + wp.abs(p_0 * dot_2) + wp.abs(p_2 * dot_0),
+                wp.abs(p_2) * square_2 + wp.abs(p_0 * dot_1) + wp.abs(p_1 * dot_0),
+            )
+        return corner_loads(force_1, force_2, part)
+
+    return fold_loads
 
 
 def _thread_parts_function(precision: str, fourth: str) -> wp.Function:
@@ -114,34 +198,25 @@ def _thread_parts_function(precision: str, fourth: str) -> wp.Function:
     return corner_parts
 
 
-def _weave_function(precision: str, fourth: str) -> wp.Function:
+def _thread_function(precision: str, fourth: str) -> wp.Function:
     types = cloth_types(precision)
-    real, vec3, vec4, Cloth, Weave, Step = types.real, types.vec3, types.vec4, types.Cloth, types.Weave, types.Step
-    difference = difference_function(precision)
+    real, vec3, vec4, Sides, Step = types.real, types.vec3, types.vec4, types.Sides, types.Step
+    corner_loads = _loads_function(precision)
     corner_parts = _thread_parts_function(precision, fourth)
     half = wp.constant(real(0.5**0.5))
 
     @wp.func
-    def weave_loads(cloth: Cloth, weave: Weave, step: Step, triangle: int):
-        """Forces of a triangle's four threads [N] and the fourth part on its corners."""
-        corners = weave.corners[triangle]
-        slope = weave.slope[triangle]
-        law = weave.law[triangle]
+    def thread_loads(sides: Sides, slope: vec4, law: vec4, step: Step):
+        """Loads of the four threads on the corners."""
         push = law * law[3]
-        origin = cloth.position[corners[0]]
-        side_1 = difference(cloth.position[corners[1]], origin)
-        side_2 = difference(cloth.position[corners[2]], origin)
-        along_u = weft_vector(slope, side_1, side_2)
-        along_v = warp_vector(slope, side_1, side_2)
+        along_u = weft_vector(slope, sides.side_2, -sides.side_1)
+        along_v = warp_vector(slope, sides.side_2, -sides.side_1)
         change_u = vec3()
         change_v = vec3()
         viscosity = real(0.0)
         if wp.static(fourth == "stiffness"):
-            move = cloth.move[corners[0]]
-            move_1 = cloth.move[corners[1]] - move
-            move_2 = cloth.move[corners[2]] - move
-            change_u = weft_vector(slope, move_1, move_2)
-            change_v = warp_vector(slope, move_1, move_2)
+            change_u = weft_vector(slope, sides.change_2, -sides.change_1)
+            change_v = warp_vector(slope, sides.change_2, -sides.change_1)
             viscosity = step.viscosity
         plus = half * (along_u + along_v)
         minus = half * (along_u - along_v)
@@ -159,13 +234,8 @@ def _weave_function(precision: str, fourth: str) -> wp.Function:
             part = corner_parts(slope, sizes)
         weft = pull_u + half * (pull_p + pull_m)
         warp = pull_v + half * (pull_p - pull_m)
-        f1 = -(weft * slope[0] + warp * slope[2])
-        f2 = -(weft * slope[1] + warp * slope[3])
-        f0 = -(f1 + f2)
-        return (
-            vec4(f0[0], f0[1], f0[2], part[0]),
-            vec4(f1[0], f1[1], f1[2], part[1]),
-            vec4(f2[0], f2[1], f2[2], part[2]),
-        )
+        force_1 = -(weft * slope[0] + warp * slope[2])
+        force_2 = -(weft * slope[1] + warp * slope[3])
+        return corner_loads(force_1, force_2, part)
 
-    return weave_loads
+    return thread_loads

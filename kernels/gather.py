@@ -1,7 +1,7 @@
-"""Forces by kernels per hinge and woven triangle that store them and one per vertex that sums what meets there.
+"""Forces by kernels per edge and triangle that store them and one per vertex that sums what meets there.
 
 For CUDA: no atomics, so the same input gives the same bits however the launch is scheduled. The sums run in the order
-of the edges, then of the hinges, then of the triangles, as those of ``scatter`` do: both give the same bits.
+of the edges, then of the triangles, as those of ``scatter`` do: both give the same bits.
 """
 
 import functools
@@ -9,26 +9,29 @@ from types import SimpleNamespace
 
 import warp as wp
 
-from warp_cloth.kernels.cloth import MODULE_OPTIONS, cloth_types
-from warp_cloth.kernels.forces import force_functions
+from warp_cloth.kernels.cloth import MODULE_OPTIONS, Terms, cloth_types
+from warp_cloth.kernels.scatter import element_functions
 
 
 @functools.cache
-def gathered_load(precision: str, fourth: str, stores: bool) -> wp.Function:
-    """The function that sums what meets at a vertex; arguments as of ``gather_kernels``."""
+def gathered_load(precision: str, terms: Terms) -> wp.Function:
+    """The function that sums what meets at a vertex."""
     types = cloth_types(precision)
-    vec4, Cloth, EdgeRows, StoredRows, Step = types.vec4, types.Cloth, types.EdgeRows, types.StoredRows, types.Step
-    edge_load = force_functions(precision, fourth).edge_load
+    vec4, StoredRows = types.vec4, types.StoredRows
 
     @wp.func
-    def vertex_load(
-        cloth: Cloth, edges: EdgeRows, rows: StoredRows, stored: wp.array(dtype=vec4), step: Step, vertex: int
-    ):
-        """Tension over the edges at a vertex and what is stored for its hinges and triangles."""
+    def vertex_load(rows: StoredRows, edge_load: wp.array(dtype=vec4), stored: wp.array(dtype=vec4), vertex: int):
+        """Sum of what is stored for the edges and triangles at a vertex."""
         load = vec4()
-        for row in range(edges.start[vertex], edges.start[vertex + 1]):
-            load += edge_load(cloth, step, edges.law[row], vertex, edges.other[row])
-        if wp.static(stores):
+        if wp.static(terms.edges):
+            for row in range(rows.edge_start[vertex], rows.edge_start[vertex + 1]):
+                edge = rows.edge[row]
+                if edge >= 0:
+                    load += edge_load[edge]
+                else:
+                    other = edge_load[-1 - edge]
+                    load += vec4(-other[0], -other[1], -other[2], other[3])
+        if wp.static(terms.folds or terms.threads):
             for row in range(rows.start[vertex], rows.start[vertex + 1]):
                 load += stored[rows.slot[row]]
         return load
@@ -37,58 +40,57 @@ def gathered_load(precision: str, fourth: str, stores: bool) -> wp.Function:
 
 
 @functools.cache
-def gather_kernels(precision: str, fourth: str, stores: bool) -> SimpleNamespace:
-    """Kernels ``store_bending``, ``store_weave`` and ``gather_forces``, which reads what they store where ``stores``.
-
-    ``fourth`` is one of cloth.FOURTH_PARTS.
-    """
+def gather_kernels(precision: str, fourth: str, terms: Terms) -> SimpleNamespace:
+    """Kernels ``store_edges``, ``store_triangles``, ``gather_forces``; ``fourth`` is one of cloth.FOURTH_PARTS."""
     types = cloth_types(precision)
-    vec4, Cloth, EdgeRows, Hinges, Step = types.vec4, types.Cloth, types.EdgeRows, types.Hinges, types.Step
-    Weave, StoredRows = types.Weave, types.StoredRows
-    functions = force_functions(precision, fourth)
-    hinge_loads, weave_loads = functions.hinge_loads, functions.weave_loads
-    vertex_load = gathered_load(precision, fourth, stores)
+    vec2, vec4, Cloth, Step, StoredRows = types.vec2, types.vec4, types.Cloth, types.Step, types.StoredRows
+    Edges, Triangles = types.Edges, types.Triangles
+    functions = element_functions(precision, fourth, terms)
+    edge_effects, triangle_effects = functions.edge_effects, functions.triangle_effects
+    vertex_load = gathered_load(precision, terms)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
-    def store_bending(
+    def store_edges(
         cloth: Cloth,
-        hinges: Hinges,
+        edges: Edges,
+        normal: wp.array(dtype=vec4),  # of measure_normals, shape [F]
         step: Step,
-        stored_out: wp.array2d(dtype=vec4),  # force [N] and fourth part on each corner, shape [4, H]
+        fold_out: wp.array(dtype=vec2),  # turn [N] and bound [N/m] of each edge's hinge, shape [E]
+        load_out: wp.array(dtype=vec4),  # force on each edge's first end [N] and fourth part, shape [E]
     ):
-        """Stores each hinge's forces on its four vertices."""
-        hinge = wp.tid()
-        start, end, wing_0, wing_1 = hinge_loads(cloth, hinges, step, hinge)
-        stored_out[0, hinge] = start
-        stored_out[1, hinge] = end
-        stored_out[2, hinge] = wing_0
-        stored_out[3, hinge] = wing_1
+        """Stores each edge's tension, and works out its hinge."""
+        edge = wp.tid()
+        load, fold = edge_effects(cloth, edges, normal, step, edge)
+        if wp.static(terms.edges):
+            load_out[edge] = load
+        if wp.static(terms.folds):
+            fold_out[edge] = fold
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
-    def store_weave(
+    def store_triangles(
         cloth: Cloth,
-        weave: Weave,
+        triangles: Triangles,
+        normal: wp.array(dtype=vec4),  # of measure_normals, shape [F]
+        fold: wp.array(dtype=vec2),  # of store_edges, shape [E]
         step: Step,
-        stored_out: wp.array2d(dtype=vec4),  # force [N] and fourth part on each corner, shape [3, T]
+        stored_out: wp.array2d(dtype=vec4),  # force [N] and fourth part on each corner, shape [3, F]
     ):
-        """Stores the forces of each woven triangle's threads on its three vertices."""
+        """Stores each triangle's hinges and threads on its corners."""
         triangle = wp.tid()
-        first, second, third = weave_loads(cloth, weave, step, triangle)
+        first, second, third = triangle_effects(cloth, triangles, normal, fold, step, triangle)
         stored_out[0, triangle] = first
         stored_out[1, triangle] = second
         stored_out[2, triangle] = third
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def gather_forces(
-        cloth: Cloth,
-        edges: EdgeRows,
         rows: StoredRows,
-        stored: wp.array(dtype=vec4),  # from store_bending and store_weave, shape [4 H + 3 T]
-        step: Step,
+        edge_load: wp.array(dtype=vec4),  # from store_edges, shape [E]
+        stored: wp.array(dtype=vec4),  # from store_triangles, shape [3 F]
         load_out: wp.array(dtype=vec4),  # force [N] and the fourth part, shape [V]
     ):
         """Sums the forces that meet at each vertex."""
         vertex = wp.tid()
-        load_out[vertex] = vertex_load(cloth, edges, rows, stored, step, vertex)
+        load_out[vertex] = vertex_load(rows, edge_load, stored, vertex)
 
-    return SimpleNamespace(store_bending=store_bending, store_weave=store_weave, gather_forces=gather_forces)
+    return SimpleNamespace(store_edges=store_edges, store_triangles=store_triangles, gather_forces=gather_forces)

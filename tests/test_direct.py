@@ -18,17 +18,26 @@ WEIGHT = 0.01  # [N]
 DOWN = np.array([0.0, -1.0, 0.0])
 
 
-def moved(points: Points, rest: RestShape, iterations: int = 1, pins: tuple[int, ...] = ()) -> Points:
+NO_TRIANGLES = np.zeros((0, 3), dtype=np.int32)
+
+
+def moved(
+    points: Points,
+    rest: RestShape,
+    iterations: int = 1,
+    pins: tuple[int, ...] = (),
+    triangles: Indices = NO_TRIANGLES,
+) -> Points:
     """Positions after iterations of the direct rule."""
-    model = model_for(points, rest, np.array(pins, dtype=np.int32))
+    model = model_for(points, rest, np.array(pins, dtype=np.int32), triangles)
     relaxation = Relaxation(model, Collider(), StepOptions(method="direct", cap=CAP))
     for _ in range(iterations):
         relaxation.iterate()
     return model.points()
 
 
-def model_for(points: Points, rest: RestShape, pins: Indices) -> ClothModel:
-    return model_of(Mesh("bare", points, np.zeros((0, 3), dtype=np.int32)), rest, pins=pins)
+def model_for(points: Points, rest: RestShape, pins: Indices, triangles: Indices = NO_TRIANGLES) -> ClothModel:
+    return model_of(Mesh("bare", points, triangles), rest, pins=pins)
 
 
 def expected_move(force: Points) -> Points:
@@ -60,7 +69,7 @@ def test_one_hinge(angle: float) -> None:
     topology = build_topology(triangles, 4)
     none = np.zeros(len(topology.edges))
     rest = RestShape(topology, none + 1.0, none, none, np.array([stiffness]), np.full(4, WEIGHT), 0.0)
-    after = moved(points, rest)
+    after = moved(points, rest, triangles=triangles)
 
     size = stiffness * (1.0 - np.cos(theta)) / 0.1  # N / d
     # the fold is a valley: the standing wing turns down to flat, the other one away below the axis

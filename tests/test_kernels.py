@@ -16,12 +16,12 @@ import warp as wp
 import warp_cloth.kernels
 from warp_cloth.kernels.certify import energy_kernels, residual_kernel
 from warp_cloth.kernels.closest import MeshCollider, mesh_contact
-from warp_cloth.kernels.cloth import FOURTH_PARTS, PRECISIONS
+from warp_cloth.kernels.cloth import FOURTH_PARTS, PRECISIONS, Terms
 from warp_cloth.kernels.displace import NoCollider, advance_kernel, displace_kernel
 from warp_cloth.kernels.field import ContactField, field_contact
 from warp_cloth.kernels.gather import gather_kernels
 from warp_cloth.kernels.pressure import push_kernel
-from warp_cloth.kernels.scatter import scatter_kernels
+from warp_cloth.kernels.scatter import normals_kernel, scatter_kernels
 
 FOLDER = Path(warp_cloth.kernels.__path__[0])
 FILES = sorted(path for path in FOLDER.glob("*.py") if path.name != "__init__.py")
@@ -87,8 +87,10 @@ def test_kernels_outside_factories_compile(path: Path) -> None:
 
 @pytest.mark.parametrize("precision", PRECISIONS)
 def test_force_kernels_compile(precision: str) -> None:
-    loaded(*(scatter_kernels(precision, fourth) for fourth in FOURTH_PARTS))
-    loaded(*(gather_kernels(precision, *rest) for rest in itertools.product(FOURTH_PARTS, (False, True))))
+    terms = (Terms(True, True, False), Terms(False, True, True), Terms(False, False, True))
+    loaded(normals_kernel(precision))
+    loaded(*(scatter_kernels(precision, *rest) for rest in itertools.product(FOURTH_PARTS, terms)))
+    loaded(*(gather_kernels(precision, *rest) for rest in itertools.product(FOURTH_PARTS, terms)))
 
 
 @pytest.mark.parametrize("precision", PRECISIONS)
@@ -101,4 +103,4 @@ def test_displacement_and_certificate_kernels_compile(precision: str) -> None:
             loaded(push_kernel(precision, *asked))
         for accelerated in (False, True):
             loaded(displace_kernel(precision, accelerated, *asked))
-            loaded(advance_kernel(precision, accelerated, True, *asked))
+            loaded(advance_kernel(precision, accelerated, Terms(True, True, True), *asked))

@@ -160,8 +160,8 @@ def test_fabrics_without_threads_have_none_and_woven_edges_do_not_pull() -> None
     even = model_of(mesh, build_rest_shape(mesh, Fabric(), rest="uv"))
     woven = model_of(mesh, build_rest_shape(mesh, fabric_named("cotton"), rest="uv"))
     assert even.weave is None
-    assert even.pulling is even.edges
-    assert woven.pulling is None
+    assert even.terms.edges
+    assert not woven.terms.edges
     assert woven.weave_count == len(mesh.triangles)
     assert len(cloth_types("mixed").Weave.vars) == 3
 

@@ -37,6 +37,7 @@ THINNEST_SHARE = 1e-6  # of the median triangle's area; thinner ones carry no th
 class WeaveShape:
     """Threads of woven triangles (kernels.weave), T triangles."""
 
+    triangles: Indices  # of the garment's triangles those that carry threads, shape [T]
     corners: Indices  # shape [T, 3]
     slope: Floats  # of second and third corner along weft, then warp [1/m], shape [T, 4]
     law: Floats  # area times K of weft, warp and bias threads [N m], and c, shape [T, 4]
@@ -184,7 +185,7 @@ def thread_constants(sheet: Sheet, fabric: Fabric) -> WeaveShape:
     slope = np.stack([inverse[:, 0, 0], inverse[:, 1, 0], inverse[:, 0, 1], inverse[:, 1, 1]], axis=1)
     law = areas[:, None] * np.array([weft, warp, bias, 0.0])
     law[:, 3] = fabric.compression
-    return WeaveShape(sheet.triangles[used].astype(np.int32), slope, law)
+    return WeaveShape(np.flatnonzero(used).astype(np.int32), sheet.triangles[used].astype(np.int32), slope, law)
 
 
 def thread_stretches(warp: float, weft: float, shear: float, compression: float) -> tuple[float, float, float]:

@@ -10,10 +10,10 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from warp_cloth.kernels.cloth import cloth_types
-from warp_cloth.material import WeaveShape
+from warp_cloth.elements import Elements, garment_elements, joined_elements
+from warp_cloth.kernels.cloth import Terms, cloth_types
 from warp_cloth.mesh import Indices, Points
-from warp_cloth.rest import Floats, RestShape
+from warp_cloth.rest import RestShape
 from warp_cloth.topology import ragged_rows
 
 
@@ -31,8 +31,8 @@ class GarmentPart:
 class ClothModel:
     """All garments, concatenated. A term that the scene does not use has no arrays (None).
 
-    Forces are scattered per edge and hinge or gathered per vertex (see the kernels); only the arrays of the one way
-    are made, except ``edges`` and ``hinges``, which the certificate reads in both.
+    Forces act in edges and triangles, from which they are scattered or gathered per vertex (see the kernels). Hinges
+    and weave are what the certificate measures.
     """
 
     device: str
@@ -41,15 +41,14 @@ class ClothModel:
     edge_start: tuple[int, ...]
     triangle_count: int
     hinge_count: int
+    weave_count: int
+    terms: Terms
     cloth: Any  # kernels.cloth Cloth
     edges: Any  # kernels.cloth Edges
-    pulling: Any | None  # those of the edges that pull, kernels.cloth Edges: not those of woven triangles
-    pulling_count: int
+    triangles: Any  # kernels.cloth Triangles
     hinges: Any | None  # kernels.cloth Hinges
     weave: Any | None  # kernels.cloth Weave
-    weave_count: int
-    edge_rows: Any | None  # kernels.cloth EdgeRows, where forces are gathered
-    stored_rows: Any | None  # kernels.cloth StoredRows, where forces are gathered; empty without hinges and weave
+    stored_rows: Any | None  # kernels.cloth StoredRows, where forces are gathered
 
     @property
     def vertex_count(self) -> int:
@@ -61,8 +60,8 @@ class ClothModel:
 
     @property
     def gathers(self) -> bool:
-        """Whether forces are summed per vertex rather than scattered per edge."""
-        return self.edge_rows is not None
+        """Whether forces are gathered per vertex rather than scattered per edge and triangle."""
+        return self.stored_rows is not None
 
     def points(self) -> NDArray[np.float64]:
         """Positions now [m], shape [V, 3]. Waits for the device."""
@@ -92,68 +91,87 @@ def build_model(
     """
     types = cloth_types(precision)
     vertex_start = _starts([len(part.points) for part in parts])
-    edge_start = _starts([len(part.rest.topology.edges) for part in parts])
-
-    def joined(arrays: list[Any]) -> NDArray[Any]:
-        return np.concatenate(arrays)
+    rests = [part.rest for part in parts]
+    elements = joined_elements([garment_elements(part.triangles, part.rest) for part in parts], vertex_start)
+    terms = Terms(
+        edges=bool(elements.law[:, 1:].any()),
+        folds=bool(elements.fold.any()),
+        threads=any(rest.weave is not None for rest in rests),
+    )
 
     def upload(array: NDArray[Any], dtype: Any) -> wp.array:
         return wp.array(np.ascontiguousarray(array), dtype=dtype, device=device)
 
-    cloth = _cloth(types, upload, parts, vertex_start)
-
-    def shifted(arrays: list[Indices]) -> Indices:
-        return joined([array + first for array, first in zip(arrays, vertex_start, strict=False)])
-
-    ends = shifted([part.rest.topology.edges for part in parts])
-    rests = [part.rest for part in parts]
-    length = joined([rest.edge_length for rest in rests])
-    law = np.stack([length, joined([r.edge_pull for r in rests]), joined([r.edge_push for r in rests])], axis=1)
-    edges = types.Edges()
-    edges.ends = upload(ends, wp.vec2i)
-    edges.law = upload(law, types.vec3)
-    pulls = law[:, 1] > 0.0  # the edges of woven garments do not
-    pulling = None
-    if pulls.all():
-        pulling = edges
-    elif pulls.any():
-        pulling = types.Edges()
-        pulling.ends = upload(ends[pulls], wp.vec2i)
-        pulling.law = upload(law[pulls], types.vec3)
-
-    corners = shifted([rest.topology.hinges for rest in rests])
-    stiffness = joined([rest.hinge_stiffness for rest in rests])
-    used = stiffness > 0.0
-    hinges = None
-    if used.any():
-        hinges = types.Hinges()
-        hinges.corners = upload(corners[used], wp.vec4i)
-        hinges.stiffness = upload(stiffness[used], types.real)
-
-    woven = [(rest.weave, first) for rest, first in zip(rests, vertex_start, strict=False) if rest.weave is not None]
-    threaded = joined([part.corners + first for part, first in woven]) if woven else np.zeros((0, 3), dtype=np.int32)
-    weave = _weave(types, upload, threaded, [part for part, _ in woven]) if woven else None
-    edge_rows = stored_rows = None
-    if wp.get_device(device).is_cuda if gathers is None else gathers:
-        edge_rows = _edge_rows(types, upload, ends[pulls], law[pulls], vertex_start[-1])
-        stored_rows = _stored_rows(types, upload, [corners[used], threaded], vertex_start[-1])
+    hinges, hinge_count = _hinges(types, upload, rests, vertex_start)
+    weave, weave_count = _weave(types, upload, rests, vertex_start)
+    gathered = wp.get_device(device).is_cuda if gathers is None else gathers
     return ClothModel(
         device=device,
         precision=precision,
         vertex_start=vertex_start,
-        edge_start=edge_start,
-        triangle_count=sum(len(part.triangles) for part in parts),
-        hinge_count=int(used.sum()),
-        cloth=cloth,
-        edges=edges,
-        pulling=pulling,
-        pulling_count=int(pulls.sum()),
+        edge_start=_starts([len(rest.topology.edges) for rest in rests]),
+        triangle_count=len(elements.corners),
+        hinge_count=hinge_count,
+        weave_count=weave_count,
+        terms=terms,
+        cloth=_cloth(types, upload, parts, vertex_start),
+        edges=_edges(types, upload, elements, terms),
+        triangles=_triangles(types, upload, elements, terms),
         hinges=hinges,
         weave=weave,
-        weave_count=len(threaded),
-        edge_rows=edge_rows,
-        stored_rows=stored_rows,
+        stored_rows=_stored_rows(types, upload, elements, vertex_start[-1]) if gathered else None,
     )
+
+
+def _edges(types: Any, upload: Any, elements: Elements, terms: Terms) -> Any:
+    """Edges of all garments."""
+    edges = types.Edges()
+    edges.ends = upload(elements.ends, wp.vec2i)
+    edges.law = upload(elements.law, types.vec3)
+    if terms.folds:
+        edges.beside = upload(elements.beside, wp.vec2i)
+        edges.fold = upload(elements.fold, types.real)
+    return edges
+
+
+def _triangles(types: Any, upload: Any, elements: Elements, terms: Terms) -> Any:
+    """Triangles with the arrays of the terms that there are."""
+    triangles = types.Triangles()
+    triangles.corners = upload(elements.corners, wp.vec3i)
+    if terms.folds:
+        triangles.edges = upload(elements.edges, wp.vec3i)
+    if terms.threads:
+        triangles.slope = upload(elements.slope, types.vec4)
+        triangles.threads = upload(elements.threads, types.vec4)
+    return triangles
+
+
+def _hinges(
+    types: Any, upload: Any, rests: Sequence[RestShape], vertex_start: tuple[int, ...]
+) -> tuple[Any | None, int]:
+    """Hinges of all garments that are stiff, and their number."""
+    stiffness = np.concatenate([rest.hinge_stiffness for rest in rests])
+    used = stiffness > 0.0
+    if not used.any():
+        return None, 0
+    hinges = types.Hinges()
+    hinges.corners = upload(_shifted([rest.topology.hinges for rest in rests], vertex_start)[used], wp.vec4i)
+    hinges.stiffness = upload(stiffness[used], types.real)
+    return hinges, int(used.sum())
+
+
+def _weave(
+    types: Any, upload: Any, rests: Sequence[RestShape], vertex_start: tuple[int, ...]
+) -> tuple[Any | None, int]:
+    """Woven triangles of all garments, and their number."""
+    woven = [(rest.weave, first) for rest, first in zip(rests, vertex_start, strict=False) if rest.weave is not None]
+    if not woven:
+        return None, 0
+    weave = types.Weave()
+    weave.corners = upload(np.concatenate([shape.corners + first for shape, first in woven]), wp.vec3i)
+    weave.slope = upload(np.concatenate([shape.slope for shape, _ in woven]), types.vec4)
+    weave.law = upload(np.concatenate([shape.law for shape, _ in woven]), types.vec4)
+    return weave, sum(len(shape.corners) for shape, _ in woven)
 
 
 def _cloth(types: Any, upload: Any, parts: Sequence[GarmentPart], vertex_start: tuple[int, ...]) -> Any:
@@ -171,41 +189,26 @@ def _cloth(types: Any, upload: Any, parts: Sequence[GarmentPart], vertex_start: 
     return cloth
 
 
-def _weave(types: Any, upload: Any, corners: Indices, shapes: Sequence[WeaveShape]) -> Any:
-    """Woven triangles of all garments."""
-    weave = types.Weave()
-    weave.corners = upload(corners, wp.vec3i)
-    weave.slope = upload(np.concatenate([shape.slope for shape in shapes]), types.vec4)
-    weave.law = upload(np.concatenate([shape.law for shape in shapes]), types.vec4)
-    return weave
+def _shifted(arrays: Sequence[Indices], starts: tuple[int, ...]) -> Indices:
+    """Vertices of each garment as those of all."""
+    return np.concatenate([array + first for array, first in zip(arrays, starts, strict=False)])
 
 
 def _starts(counts: list[int]) -> tuple[int, ...]:
     return (0, *(int(end) for end in np.cumsum(counts)))
 
 
-def _edge_rows(types: Any, upload: Any, ends: Indices, law: Floats, vertex_count: int) -> Any:
-    """The edges at each vertex, in the order of the edges."""
-    start, order = ragged_rows(ends.ravel(), vertex_count)
-    rows = types.EdgeRows()
-    rows.start = upload(start, wp.int32)
-    rows.other = upload(ends[:, ::-1].ravel()[order], wp.int32)
-    rows.law = upload(np.repeat(law, 2, axis=0)[order], types.vec3)
-    return rows
-
-
-def _stored_rows(types: Any, upload: Any, elements: list[Indices], vertex_count: int) -> Any:
-    """The elements at each vertex: hinges in their order, then woven triangles in theirs; one array of corners each."""
+def _stored_rows(types: Any, upload: Any, elements: Elements, vertex_count: int) -> Any:
+    """The edges and triangles at each vertex, in their order."""
+    edges, triangles = np.arange(len(elements.ends)), np.arange(len(elements.corners))
+    edge = np.stack([edges, -1 - edges], axis=1)
+    # planes by corner: neighbouring threads write side by side
+    slot = np.arange(3) * len(triangles) + triangles[:, None]
     rows = types.StoredRows()
-    if not any(len(corners) for corners in elements):
-        return rows
-    slots, first = [], 0
-    for corners in elements:
-        count, width = corners.shape
-        # planes by corner: neighbouring threads write side by side
-        slots.append(first + (np.arange(width) * count + np.arange(count)[:, None]).ravel())
-        first += count * width
-    start, order = ragged_rows(np.concatenate([corners.ravel() for corners in elements]), vertex_count)
+    start, order = ragged_rows(elements.ends.ravel(), vertex_count)
+    rows.edge_start = upload(start, wp.int32)
+    rows.edge = upload(edge.ravel()[order].astype(np.int32), wp.int32)
+    start, order = ragged_rows(elements.corners.ravel(), vertex_count)
     rows.start = upload(start, wp.int32)
-    rows.slot = upload(np.concatenate(slots)[order].astype(np.int32), wp.int32)
+    rows.slot = upload(slot.ravel()[order].astype(np.int32), wp.int32)
     return rows

@@ -8,7 +8,7 @@ import warp as wp
 
 from warp_cloth.kernels.cloth import cloth_types
 from warp_cloth.kernels.gather import gather_kernels
-from warp_cloth.kernels.scatter import scatter_kernels
+from warp_cloth.kernels.scatter import normals_kernel, scatter_kernels
 from warp_cloth.model import ClothModel
 
 
@@ -23,31 +23,40 @@ class ForcePass:
         self._model = model
         self._load = load
         types = cloth_types(model.precision)
-        bends, woven = model.hinges is not None, model.weave is not None
+        terms = model.terms
+
+        def empty(count: int, dtype: Any = types.vec4) -> wp.array:
+            return wp.empty(count, dtype=dtype, device=model.device)
+
+        normal = empty(model.triangle_count if terms.folds else 0)
+        fold = empty(model.edge_count if terms.folds else 0, types.vec2)
+        self._gather: wp.Kernel | None = None
+        self.stored: list[Any] = []  # what a gathering kernel reads beside the model
+        edge_out = triangle_out = load
         if model.gathers:
-            kernels = gather_kernels(model.precision, fourth, bends or woven)
-            planes, last = 4 * model.hinge_count, 4 * model.hinge_count + 3 * model.weave_count
-            stored = wp.empty(last, dtype=types.vec4, device=model.device)
-            self._stores = []
-            if bends:
-                out = stored[:planes].reshape((4, model.hinge_count))
-                self._stores.append((kernels.store_bending, model.hinge_count, model.hinges, out))
-            if woven:
-                out = stored[planes:].reshape((3, model.weave_count))
-                self._stores.append((kernels.store_weave, model.weave_count, model.weave, out))
-            self._gather = kernels.gather_forces
-            self.stored = stored
+            kernels = gather_kernels(model.precision, fourth, terms)
+            edge_kernel, triangle_kernel, self._gather = (
+                kernels.store_edges, kernels.store_triangles, kernels.gather_forces,
+            )  # fmt: skip
+            edge_out = empty(model.edge_count if terms.edges else 0)
+            triangle_out = empty(3 * model.triangle_count if terms.folds or terms.threads else 0)
+            self.stored = [model.stored_rows, edge_out, triangle_out]
+            triangle_out = triangle_out.reshape((3, -1))
         else:
-            scatter = scatter_kernels(model.precision, fourth)
-            tension = (scatter.add_tension, model.pulling_count, model.pulling, load)
-            bending = (scatter.add_bending, model.hinge_count, model.hinges, load)
-            weave = (scatter.add_weave, model.weave_count, model.weave, load)
-            self._stores = [store for store in (tension, bending, weave) if store[1]]
+            kernels = scatter_kernels(model.precision, fourth, terms)
+            edge_kernel, triangle_kernel = kernels.add_edges, kernels.add_triangles
+        edges, triangles = model.edge_count, model.triangle_count
+        self._stores: list[tuple[wp.Kernel, int, list[Any], list[Any]]] = []  # kernel, size, reads, writes
+        if terms.folds:
+            self._stores.append((normals_kernel(model.precision), triangles, [model.triangles], [normal]))
+        if terms.edges or terms.folds:
+            self._stores.append((edge_kernel, edges, [model.edges, normal], [fold, edge_out]))
+        if terms.folds or terms.threads:
+            self._stores.append((triangle_kernel, triangles, [model.triangles, normal, fold], [triangle_out]))
 
     def kernels(self) -> list[wp.Kernel]:
         """The kernels that a pass launches, in order."""
-        last = [self._gather] if self._model.gathers else []
-        return self.storing_kernels() + last
+        return self.storing_kernels() + [kernel for kernel in [self._gather] if kernel is not None]
 
     def storing_kernels(self) -> list[wp.Kernel]:
         """The kernels that ``store`` launches, in order."""
@@ -55,16 +64,15 @@ class ForcePass:
 
     def launch(self, step: Any) -> None:
         """Launches the pass; ``step`` is a kernels.cloth Step."""
-        model, cloth = self._model, self._model.cloth
-        self.store(step, cloth)
-        if model.gathers:
-            rows = [cloth, model.edge_rows, model.stored_rows, self.stored, step, self._load]
-            self._launch(self._gather, model.vertex_count, rows)
+        model = self._model
+        self.store(step, model.cloth)
+        if self._gather is not None:
+            self._launch(self._gather, model.vertex_count, [*self.stored, self._load])
 
     def store(self, step: Any, cloth: Any) -> None:
-        """Scatters the elements' forces into ``load``, or stores them where forces are gathered."""
-        for kernel, count, elements, out in self._stores:
-            self._launch(kernel, count, [cloth, elements, step, out])
+        """Scatters the forces into ``load``, or stores them where they are gathered."""
+        for kernel, size, read, written in self._stores:
+            self._launch(kernel, size, [cloth, *read, step, *written])
 
     def _launch(self, kernel: wp.Kernel, size: int, inputs: list[Any]) -> None:
         wp.launch(kernel, dim=size, inputs=inputs, device=self._model.device)

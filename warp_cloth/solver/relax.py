@@ -80,7 +80,7 @@ class Relaxation:
         self._forces = ForcePass(model, "stiffness" if accelerated else "none", self._load)
         asked = collider.contact, self.collider_type
         if model.gathers:
-            self._move = advance_kernel(model.precision, accelerated, bool(self._forces.storing_kernels()), *asked)
+            self._move = advance_kernel(model.precision, accelerated, model.terms, *asked)
             self._there = model.cloth_beside()
         else:
             self._move = displace_kernel(model.precision, accelerated, *asked)
@@ -106,7 +106,7 @@ class Relaxation:
                 self._launch([self.step, self.collider_data, self._load, here])
             return
         there = self._there
-        rows = [self.model.edge_rows, self.model.stored_rows, self._forces.stored]
+        rows = self._forces.stored
         for _ in range(count):
             self._forces.store(self.step, here)
             self._launch([self.step, self.collider_data, *rows, here, there.position, there.move])

@@ -1,0 +1,72 @@
+"""Edges and triangles of a garment as the force kernels read them, in float64 on the host."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from warp_cloth.mesh import Indices
+from warp_cloth.rest import Floats, RestShape
+
+
+@dataclass(frozen=True, eq=False)
+class Elements:
+    """What acts in E edges and F triangles (kernels.cloth: Edges, Triangles)."""
+
+    ends: Indices  # shape [E, 2]
+    law: Floats  # rest length [m], pull [N/m2], push [N/m2], shape [E, 3]
+    beside: Indices  # triangles of each edge's hinge, 0 where it has none, shape [E, 2]
+    fold: Floats  # C of that hinge [N m], negative where both triangles run along the edge, shape [E]
+    corners: Indices  # shape [F, 3]
+    edges: Indices  # opposite to each corner, -1 - edge where the hinge's turn counts the other way, shape [F, 3]
+    slope: Floats  # of the threads, zero where there are none, shape [F, 4]
+    threads: Floats  # their law, shape [F, 4]
+
+
+def garment_elements(triangles: Indices, rest: RestShape) -> Elements:
+    """A garment's edges and triangles."""
+    topology = rest.topology
+    ends = topology.edges.copy()
+    beside = np.zeros((len(ends), 2), dtype=np.int32)
+    fold = np.zeros(len(ends))
+    edges = topology.triangle_edges[:, [1, 2, 0]]
+    stiff = rest.hinge_stiffness > 0.0
+    edge, axis = topology.hinge_edges[stiff], topology.hinges[stiff, :2]
+    ends[edge] = axis  # as its first triangle is wound
+    beside[edge] = topology.hinge_triangles[stiff]
+    # where each triangle's sides start, opposite to its corners
+    starts = np.roll(triangles, -1, axis=1)
+    second = topology.hinge_triangles[stiff, 1]
+    there = edges[second] == edge[:, None]
+    alike = (there & (starts[second] == axis[:, :1])).any(axis=1)  # one-sided cloth
+    fold[edge] = np.where(alike, -1.0, 1.0) * rest.hinge_stiffness[stiff]
+    counted = edges.copy()
+    rows, columns = np.nonzero(there & alike[:, None])
+    counted[second[rows], columns] = -1 - edges[second[rows], columns]
+    slope, threads = (np.zeros((len(triangles), 4)) for _ in range(2))
+    if rest.weave is not None:
+        slope[rest.weave.triangles], threads[rest.weave.triangles] = rest.weave.slope, rest.weave.law
+    law = np.stack([rest.edge_length, rest.edge_pull, rest.edge_push], axis=1)
+    return Elements(ends, law, beside, fold, triangles, counted, slope, threads)
+
+
+def joined_elements(garments: list[Elements], vertex_start: tuple[int, ...]) -> Elements:
+    """Elements of all garments as one's."""
+    edge_start = np.cumsum([0, *(len(elements.ends) for elements in garments)])
+    triangle_start = np.cumsum([0, *(len(elements.corners) for elements in garments)])
+    starts: dict[str, Any] = {"ends": vertex_start, "corners": vertex_start, "beside": triangle_start}
+
+    def shifted(name: str, index: int) -> Any:
+        array = getattr(garments[index], name)
+        if name == "edges":
+            return np.where(array < 0, array - edge_start[index], array + edge_start[index])
+        return array + starts[name][index] if name in starts else array
+
+    return Elements(
+        **{
+            name: np.concatenate([shifted(name, index) for index in range(len(garments))])
+            for name in Elements.__dataclass_fields__
+        }
+    )
