@@ -372,7 +372,8 @@ def test_python_names_do_what_the_readme_says(tmp_path: Path) -> None:
     (garment,) = worn.garments
     assert garment.points.shape == (garment.mesh.vertex_count, 3)
     assert garment.points.dtype == np.float64
-    assert set(worn.report["strain"]) == {"p50", "p99", "max", "min"}
+    assert set(worn.report["strain"]) == {"p50", "p99", "max", "min", "warp", "weft", "bias"}
+    assert set(worn.report["strain"]["bias"]) == {"p50", "p99", "max", "min"}
     assert [path.name for path in worn.save(str(tmp_path / "out"))] == ["tshirt.usdc", "preview.png", "report.json"]
     assert [step.stage for step in told] == ["load", "compile", "build", "compile", "relax", "relax"]
     assert told[-1].iteration == 100

@@ -16,7 +16,7 @@ from warp_cloth.grain import Grain
 from warp_cloth.kernels.cloth import cloth_types
 from warp_cloth.laboratory import MATCHED_SHEAR_ANGLE
 from warp_cloth.rest import build_rest_shape
-from warp_cloth.solver.certificate import Tolerance, element_energies, thread_strains
+from warp_cloth.solver.certificate import Tolerance, element_energies, thread_strains, thread_summaries
 
 # The issue asks for 5 % on regular grids and 10 % on others. Threads are exact on all of them; the clamps, between
 # which the cloth cannot narrow, leave 1 % of the softest cloth's force.
@@ -120,6 +120,10 @@ def test_threads_tell_strain_along_weft_and_warp() -> None:
         model.set_points(mesh.points * (1.02, 1.0, 0.99))
         strains = thread_strains(model)[:, :2]
         assert strains == pytest.approx(np.broadcast_to(expected, strains.shape), abs=1e-9)
+        found = thread_summaries(model)
+        assert (found["weft"].max, found["warp"].max) == pytest.approx(expected, abs=1e-9)
+        bias = np.hypot(1.02, 0.99) / 2**0.5 - 1.0  # nothing is sheared
+        assert (found["bias"].min, found["bias"].max) == pytest.approx((bias, bias), abs=1e-9)
 
 
 def test_a_released_strip_keeps_a_slight_stretch_whatever_it_was_pulled_to() -> None:
@@ -160,6 +164,7 @@ def test_fabrics_without_threads_have_none_and_woven_edges_do_not_pull() -> None
     even = model_of(mesh, build_rest_shape(mesh, Fabric(), rest="uv"))
     woven = model_of(mesh, build_rest_shape(mesh, fabric_named("cotton"), rest="uv"))
     assert even.weave is None
+    assert thread_summaries(even) == {}
     assert even.terms.edges
     assert not woven.terms.edges
     assert woven.weave_count == len(mesh.triangles)

@@ -243,12 +243,14 @@ def scenes() -> None:
 def summary(name: str, report: Mapping[str, Any], paths: list[Path]) -> list[str]:
     """What a fit came to, for people: its status, the certificate's key figures, the files written."""
     residual, strain = report.get("residual") or {}, report.get("strain") or {}
+    threads = {way: strain[way]["p99"] for way in ("warp", "weft", "bias") if way in strain}
     penetration, seconds = report.get("penetration_mm") or {}, report.get("seconds") or {}
     lines = [f"{name}: {report.get('status', 'unknown')}. {report.get('message', '')}".rstrip()]
     rows = [
         ("residual", _figures("{} relative rms, {} p99", residual, "relative_rms", "relative_p99")),
         ("rest error", _figures("{} mm", report, "rest_error_mm")),
         ("strain", _figures("{} median, {} p99, {} largest", strain, "p50", "p99", "max")),
+        ("threads", _figures("{} warp, {} weft, {} bias p99", threads, "warp", "weft", "bias")),
         ("penetration", _figures("{} mm deepest, {} mm p99.9", penetration, "max", "p999")),
         ("iterations", _figures("{}, {} a second", report, "iterations", "iterations_per_second")),
         ("relaxed in", _figures("{} s on " + str(report.get("device")), seconds, "relax")),

@@ -23,7 +23,7 @@ from warp_cloth.model import ClothModel, build_model
 from warp_cloth.plan import make_plan
 from warp_cloth.result import Penetration, Status, WornGarment
 from warp_cloth.scene import Scene, load_scene
-from warp_cloth.solver.certificate import Certifier, Check, Tolerance, edge_strains, strain_summary
+from warp_cloth.solver.certificate import Certifier, Check, Tolerance, edge_strains, strain_summary, thread_summaries
 from warp_cloth.solver.loop import Outcome, relax_to_rest
 from warp_cloth.solver.relax import Collider, Relaxation, StepOptions
 from warp_cloth.verdict import more_iterations, report_of, unheld, verdict
@@ -314,7 +314,7 @@ def _finished(
 ) -> Fit:
     if outcome.status is Status.DIVERGED:
         model.set_points(outcome.points)
-    strains = edge_strains(model)
+    strains, threads = edge_strains(model), thread_summaries(model)
     depth = None
     if wardrobe.avatar is not None:
         depth = penetration(outcome.points, wardrobe.avatar, device)
@@ -331,6 +331,7 @@ def _finished(
         seconds=clock.seconds,
         device=device,
         strain=strain_summary(strains),
+        threads=threads,
         depth=depth,
         plan=make_plan(scene, wardrobe),
     )

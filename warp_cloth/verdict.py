@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
@@ -73,10 +73,14 @@ def report_of(
     seconds: dict[str, float],
     device: str,
     strain: Strain,
+    threads: Mapping[str, Strain],
     depth: Penetration | None,
     plan: tuple[Term, ...],
 ) -> dict[str, Any]:
-    """The report under its stable keys; lengths as their names say."""
+    """The report under its stable keys; lengths as their names say.
+
+    ``strain`` is that of edges; ``threads`` those along "warp", "weft" and "bias", of woven garments only.
+    """
     relaxing = seconds["relax"]
     return {
         "status": outcome.status.value,
@@ -92,7 +96,7 @@ def report_of(
         "precision": model.precision,
         "residual": asdict(outcome.check.residual),
         "rest_error_mm": 1e3 * outcome.check.rest_error,
-        "strain": asdict(strain),
+        "strain": {**asdict(strain), **{way: asdict(found) for way, found in threads.items()}},
         "penetration_mm": asdict(depth) if depth is not None else None,
         "garments": [
             {

@@ -141,6 +141,15 @@ def thread_strains(model: ClothModel) -> NDArray[np.float64]:
     return _measure_weave(model)[1]
 
 
+def thread_summaries(model: ClothModel) -> dict[str, Strain]:
+    """Strains of woven triangles along "warp", "weft" and both ways of the "bias"; empty where nothing is woven."""
+    if model.weave is None:
+        return {}
+    strain = thread_strains(model)
+    ways = {"warp": strain[:, 1], "weft": strain[:, 0], "bias": strain[:, 2:].ravel()}
+    return {way: strain_summary(along) for way, along in ways.items()}
+
+
 def element_energies(model: ClothModel) -> tuple[NDArray[np.float64], ...]:
     """Energy of every edge, shape [E], hinge, shape [H], and woven triangle, shape [T] [J]."""
     fold = wp.zeros(model.hinge_count, dtype=wp.float64, device=model.device)
