@@ -19,6 +19,7 @@ from warp_cloth.laboratory import (
     bending_of_rigidity,
     rigidity_of_bending,
 )
+from warp_cloth.material import even_shear, thread_stretches
 
 ROUNDING = 1e-12  # relative; conversions are a few products in float64
 
@@ -102,11 +103,20 @@ def test_cloths_of_one_bending_length_fold_alike() -> None:
     assert heavy.bending_warp / heavy.weight == pytest.approx(light.bending_warp / light.weight, rel=ROUNDING)
 
 
-def test_one_stretch_for_all_directions_leaves_shear_to_the_edges() -> None:
+def test_a_stretch_without_a_shear_is_woven_alike_in_every_direction() -> None:
     fabric = resolve_fabric({"base": "cotton", "stretch": 5e3, "bending": 2e-7})
-    assert (fabric.stretch_warp, fabric.stretch_weft, fabric.shear) == (5e3, 5e3, None)
+    assert (fabric.stretch_warp, fabric.stretch_weft, fabric.shear) == (5e3, 5e3, even_shear(fabric))
     assert (fabric.bending_warp, fabric.bending_weft) == (2e-7, 2e-7)
+    warp, weft, bias = thread_stretches(5e3, 5e3, fabric.shear, fabric.compression)
+    assert (warp, weft) == pytest.approx((bias, bias), rel=1e-9)
     assert resolve_fabric({"base": "cotton", "stretch": 5e3, "shear": 100}).shear == 100.0
+    assert resolve_fabric({"base": "cotton", "stretch_warp": 5e4}).shear == fabric_named("cotton").shear
+    assert resolve_fabric({"emt_warp_percent": 5}).shear == even_shear(Fabric())  # by the softer weft
+
+
+def test_edges_pull_where_that_is_asked_for_or_nothing_is_stated() -> None:
+    for value in ("default", {"weight": 0.3}, {"stretch": 5e3, "shear": "edges"}, {"base": "silk", "shear": "edges"}):
+        assert resolve_fabric(value).shear is None
 
 
 def test_nine_fabrics_and_a_generic_one_ship_each_with_its_source() -> None:
@@ -161,6 +171,7 @@ def test_a_value_out_of_bounds_is_refused_by_key(key: str, value: object) -> Non
         ({"emt_percent": 3, "stretch": 3.0}, "stretch", "states the same as emt_percent; give one of them"),
         ({"tension_warp": []}, "tension_warp", "must be a list of [elongation in %, force in N/m], all positive"),
         ({"shear": 1e4}, "shear", "1e+04 N/m is more than 0.25 of the smaller stretch; state at most 5000 N/m"),
+        ({"shear": "edgs"}, "shear", 'must be a number from 0 to 1e+09, or "edges", not "edgs"'),
         ({"weight": "heavy"}, "weight", 'must be a number from 0.001 to 100, not "heavy"'),
         ({"base": "silk", "name": 3}, "name", "must be text, not 3"),
     ],

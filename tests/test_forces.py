@@ -21,7 +21,7 @@ GRADIENT_TOLERANCE = 1e-6
 # Sums over a hundred terms in float64.
 BALANCE_TOLERANCE = 1e-12
 
-FABRIC = resolve_fabric({"stretch": 20e3, "compression": 0.1, "bending": 1e-5})
+FABRIC = resolve_fabric({"stretch": 20e3, "shear": "edges", "compression": 0.1, "bending": 1e-5})
 WOVEN = replace(FABRIC, stretch_weft=9e3, shear=800.0)
 MESH = grid(5)
 TERMS = ("tension", "bending", "both", "woven")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from swatches import MESHINGS, swatch
 
 from warp_cloth.bench.specimen import Specimen
 from warp_cloth.bench.trials import bend, drape, pull, released, shear
-from warp_cloth.fabric import Fabric, fabric_named
+from warp_cloth.fabric import Fabric, fabric_named, resolve_fabric
 from warp_cloth.grain import Grain
 from warp_cloth.kernels.cloth import cloth_types
 from warp_cloth.laboratory import MATCHED_SHEAR_ANGLE
@@ -36,9 +37,9 @@ def directions(fabric: Fabric) -> list[tuple[float, float, float]]:
 
 @pytest.mark.parametrize("edge", [0.01, 0.005])
 @pytest.mark.parametrize("meshing", MESHINGS)
-@pytest.mark.parametrize("name", WOVEN)
-def test_tension_is_the_fabrics_own(name: str, meshing: str, edge: float) -> None:
-    fabric = fabric_named(name)
+@pytest.mark.parametrize("value", [*WOVEN, {"stretch_warp": 40e3, "stretch_weft": 10e3}])
+def test_tension_is_the_fabrics_own(value: Any, meshing: str, edge: float) -> None:
+    fabric = resolve_fabric(value)
     mesh = swatch(0.05, 0.2, edge, meshing)
     for grain, stretch, _ in directions(fabric):
         for reading in pull(mesh, fabric, STRAINS, grain_degrees=grain):
@@ -177,6 +178,9 @@ def test_a_curved_mesh_without_panels_is_told_to_be_even() -> None:
     rest = build_rest_shape(bent, fabric_named("cotton"), rest="mesh")
     assert rest.weave is None
     assert "no texture coordinates to tell warp from weft" in rest.notes[0]
+    plain = build_rest_shape(bent, resolve_fabric({"stretch": 5e3}), rest="mesh")
+    assert plain.weave is None  # nothing is lost: it is even
+    assert not plain.notes
     known = build_rest_shape(replace(flat, texcoords=None), fabric_named("cotton"), rest="mesh")
     assert known.weave is not None
     assert not known.notes

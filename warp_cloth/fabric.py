@@ -14,6 +14,7 @@ from typing import Any
 from warp_cloth import laboratory
 from warp_cloth.errors import InputError
 from warp_cloth.laboratory import si_values
+from warp_cloth.material import even_shear
 from warp_cloth.toml_file import read_toml
 
 BOUNDS: Mapping[str, tuple[float, float]] = MappingProxyType(
@@ -46,7 +47,7 @@ class Fabric:
     weight: float = 0.2  # [kg/m2], a shirt's or a T-shirt's
     stretch_warp: float = 20_000.0  # K [N/m], force per width K e^2 at strain e; KES-F would read EMT 15.7 %
     stretch_weft: float = 20_000.0
-    shear: float | None = None  # [N/m], shear force per width shear * angle^2; None: what the edges happen to resist
+    shear: float | None = None  # [N/m], shear force per width shear * angle^2; None: what the mesh's edges resist
     compression: float = 0.1  # c, share of the force when pushed together: cloth buckles before it shortens
     bending_warp: float = 1e-7  # [N m2], moment per width bending * curvature^2 / 2 where the warp is bent
     bending_weft: float = 1e-7  # with this weight as KES-F B 0.035 gf cm2/cm: a bending length of 12 mm
@@ -61,7 +62,8 @@ class Fabric:
                 continue
             number = isinstance(value, int | float) and not isinstance(value, bool)
             if not number or not low <= value <= high or not math.isfinite(value):
-                raise InputError(key, f"must be a number from {low:g} to {high:g}, not {_shown(value)}")
+                other = f', or "{laboratory.EDGES}"' if key == "shear" else ""
+                raise InputError(key, f"must be a number from {low:g} to {high:g}{other}, not {_shown(value)}")
             object.__setattr__(self, key, float(value))
         for key in ("name", "source"):
             if not isinstance(getattr(self, key), str):
@@ -182,7 +184,15 @@ def _over(base: Fabric, values: Mapping[str, Any]) -> Fabric:
             hint = f"did you mean {close[0]}? " if close else ""
             raise InputError(str(key), "unknown key", f"{hint}allowed here: base, {', '.join(keys)}")
     try:
-        return replace(base, **si_values(values, base.weight))
+        stated = si_values(values, base.weight)
+        sheared = "shear" in stated
+        if "stretch" in values:  # one for every direction: the base's shear does not go with it
+            stated.setdefault("shear", None)
+        fabric = replace(base, **stated)
+        if fabric.shear is None and not sheared and ("stretch_warp" in stated or "stretch_weft" in stated):
+            # a stretch that somebody states is to be met on every mesh, which edges do not
+            fabric = replace(fabric, shear=even_shear(fabric))
+        return fabric
     except InputError as error:
         key = next((key for key in values if error.place in laboratory.stated_by(key)), error.place)
         raise InputError(key, error.problem, error.remedy) from None

@@ -25,6 +25,8 @@ MATCHED_FOLD = 0.8327
 # the slope of a square between two angles is its factor times their sum.
 MATCHED_SHEAR_ANGLE = math.radians(0.5 + 2.5)
 
+EDGES = "edges"  # a shear that is no figure: what the mesh's edges happen to resist
+
 Point = tuple[float, float]
 
 
@@ -110,8 +112,7 @@ def stated_by(key: str) -> tuple[str, ...]:
 def si_values(table: Mapping[str, Any], weight: float) -> dict[str, Any]:
     """A fabric's table with every laboratory figure and shorthand replaced by the SI values that it states.
 
-    ``weight`` [kg/m2], which bending figures need, counts where the table states none. The shorthand ``stretch`` is
-    one for every direction: it states that there is no shear of its own, unless the table says otherwise.
+    ``weight`` [kg/m2], which bending figures need, counts where the table states none. A shear of "edges" is None.
 
     Raises:
         InputError: placed at the key that is wrong.
@@ -133,6 +134,8 @@ def si_values(table: Mapping[str, Any], weight: float) -> dict[str, Any]:
             result = FIGURES[key].convert(_number(key, value, FIGURES[key].bounds, FIGURES[key].unit))
         elif key in TABLES:
             result = stretch_of_table(key, value)
+        elif key == "shear" and value == EDGES:
+            result = None
         for name in stated_by(key):
             state(key, name, result)
     heavy = values.get("weight", weight)
@@ -141,8 +144,6 @@ def si_values(table: Mapping[str, Any], weight: float) -> dict[str, Any]:
     for key, value in bent.items():
         for name in stated_by(key):
             state(key, name, bending_of_rigidity(_rigidity(key, value, heavy), heavy))
-    if "stretch" in table:
-        values.setdefault("shear", None)
     return values
 
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from warp_cloth.errors import InputError
 from warp_cloth.grain import Grain
-from warp_cloth.material import Sheet, WeaveShape, edge_constants, lay_flat, thread_constants
+from warp_cloth.material import Sheet, WeaveShape, edge_constants, even_shear, lay_flat, thread_constants
 from warp_cloth.material_bending import hinge_constants
 from warp_cloth.mesh import Mesh
 from warp_cloth.topology import Topology, build_topology
@@ -211,7 +211,8 @@ def build_rest_shape(
 def _check_directions(fabric: Fabric, sheet: Sheet) -> tuple[str, ...]:
     """A note where the fabric has directions and the garment has not."""
     even = fabric.stretch_warp == fabric.stretch_weft and fabric.bending_warp == fabric.bending_weft
-    if sheet.directed or (even and not fabric.woven):
+    own_shear = fabric.shear is not None and not np.isclose(fabric.shear, even_shear(fabric))
+    if sheet.directed or (even and not own_shear):
         return ()
     return (
         f'the mesh has no texture coordinates to tell warp from weft, so the fabric "{fabric.name}" '
