@@ -52,7 +52,7 @@ class StandIn:
     def report(self) -> dict[str, Any]:
         return {"status": self.status.value, "message": "All forces balance.", "rest_error_mm": 0.4}
 
-    def save(self, directory: Path, *, colour: str) -> list[Path]:
+    def save(self, directory: Path, *, colour: str, formats: tuple[str, ...]) -> list[Path]:
         path = Path(directory) / "report.json"
         path.write_text("{}")
         return [path]

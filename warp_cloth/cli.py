@@ -66,7 +66,10 @@ def _options(
 
 @app.command()
 def fit(
-    scene: Annotated[str, typer.Argument(help="Scene file (TOML), or a shipped scene: see `warp-cloth scenes`.")],
+    scene: Annotated[
+        str,
+        typer.Argument(help="Scene file (TOML), USD stage of a garment and an avatar, or a shipped scene."),
+    ],
     device: Annotated[
         str | None, typer.Option(help="cpu, cuda or cuda:N.", show_default="a GPU if there is one")
     ] = None,
@@ -84,20 +87,26 @@ def fit(
         str, typer.Option(help="Fit maps: strain, pressure, ease, one of their parts, or all; with commas between.")
     ] = "",
     colour: Annotated[str, typer.Option(help="The map that colours the stage's garments.")] = "",
+    formats: Annotated[
+        str, typer.Option("--format", help="Of the result, with commas between: usdc, usda, usdz, glb, obj.")
+    ] = "usdc",
     verbose: Annotated[bool, typer.Option("--verbose", help="Show what the library and Warp log.")] = False,
 ) -> None:
     """Fit a scene's garments, and write the stage, the report and a picture."""
     with one_line_errors():
+        from warp_cloth.export.formats import check_inputs_kept, chosen_formats
         from warp_cloth.maps.kinds import chosen_maps
         from warp_cloth.scene import load_scene
 
+        suffixes = chosen_formats(formats)
         wanted = chosen_maps(maps)
         painted = chosen_maps(colour, place="--colour")[:1]
         chosen = load_scene(scene, changes or ())
+        check_inputs_kept(chosen, out, suffixes)
         with output_folder(out, chosen.name):
             start_warp(verbose)
             worn = _fit(chosen, device, frames, (*wanted, *painted))
-            paths = worn.save(out, colour="".join(painted))
+            paths = worn.save(out, colour="".join(painted), formats=suffixes)
     for line in summary(chosen.name, worn.report, paths):
         typer.echo(line)
     if worn.status.value in ("diverged", "invalid"):

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from warp_cloth.collide.avatar import AvatarContact, avatar_modules
 from warp_cloth.collide.exact import penetration
 from warp_cloth.errors import InputError
-from warp_cloth.maps import MAPS, FitMaps, chosen_maps, measure_maps
+from warp_cloth.maps import FitMaps, chosen_maps, measure_maps
 from warp_cloth.maps.measure import check_maps
 from warp_cloth.mesh import Mesh, Points
 from warp_cloth.model import ClothModel, build_model
@@ -57,53 +57,18 @@ class Fit:
     device: str
     maps: FitMaps | None = None  # where they were asked for
 
-    def save(self, directory: str | Path, *, colour: str = "") -> list[Path]:
-        """Writes NAME.usdc, preview.png, report.json, pictures of maps, and what loading did to meshes.
+    def save(self, directory: str | Path, *, colour: str = "", formats: Sequence[str] = ("usdc",)) -> list[Path]:
+        """Writes NAME.usdc (or other ``formats``), preview.png, report.json, report.html, pictures of maps and more.
 
-        The map named ``colour`` becomes the stage's displayColor.
-
-        The report is written last: where it stands, the fit is whole.
+        The map named ``colour`` becomes the stage's displayColor. Where garments came from a USD stage, NAME_over.usda
+        is a layer over it. report.json is written last: where it stands, the fit is whole.
 
         Raises:
-            InputError: the folder cannot be written.
+            InputError: the folder cannot be written, or a file of the scene would be written over.
         """
-        from warp_cloth.export.preview import write_preview
-        from warp_cloth.export.report import check_writable, result_paths, write_map, write_report
-        from warp_cloth.export.stage import write_stage
+        from warp_cloth.export.save import save_fit
 
-        folder = Path(directory)
-        check_writable(folder, self.scene.name)
-        began = time.perf_counter()
-        stage, picture, report = result_paths(folder, self.scene.name)
-        ranges = self.maps.ranges if self.maps is not None else {}
-        write_stage(
-            stage, garments=self.garments, avatar=self.avatar, name=self.scene.name, ranges=ranges, colour=colour
-        )
-        write_preview(
-            picture,
-            garments=self.garments,
-            avatar=self.avatar,
-            device=self.device,
-            title=self.scene.name,
-            sentence=self.message,
-        )
-        for name in set(MAPS) - set(ranges):  # an earlier run's would be taken for this one's
-            (folder / f"map_{name}.png").unlink(missing_ok=True)
-        pictures = [self._draw_map(folder / f"map_{name}.png", name) for name in ranges]
-        maps = []
-        for worn in self.garments:
-            path = folder / f"{self.scene.name}_{worn.name}_map.npz"
-            maps += [path] if write_map(path, worn.mesh) else []
-        self.report["seconds"]["export"] = time.perf_counter() - began
-        write_report(report, self.report)
-        return [stage, picture, report, *pictures, *maps]
-
-    def _draw_map(self, path: Path, name: str) -> Path:
-        from warp_cloth.export.map_picture import write_map_picture
-
-        bounds = self.maps.ranges[name] if self.maps is not None else (0.0, 1.0)
-        write_map_picture(path, MAPS[name], bounds, garments=self.garments, avatar=self.avatar, device=self.device)
-        return path
+        return save_fit(self, Path(directory), colour=colour, formats=formats)
 
 
 def fit(
@@ -346,7 +311,8 @@ def _worn(
         part = slice(model.vertex_start[index], model.vertex_start[index + 1])
         points: Points = outcome.points[part]
         shapes = _chosen_frames(outcome, part, mesh.points, points, frames) if frames else None
-        worn.append(WornGarment(spec.name, mesh, points, spec.fabric.thickness, shapes))
+        rest = wardrobe.parts[index].rest
+        worn.append(WornGarment(spec.name, mesh, points, spec.fabric.thickness, shapes, fabric=spec.fabric, rest=rest))
     return tuple(worn)
 
 

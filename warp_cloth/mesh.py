@@ -30,6 +30,7 @@ class Mesh:
     unit: str = "m"  # the file's length unit, stated or guessed
     vertex_map: NDArray[np.int64] | None = None  # shape [vertices of the file]
     triangle_source: NDArray[np.int64] | None = None  # shape [F]
+    rest_corners: Points | None = None  # corners at rest, as a stage states them [m], shape [F, 3, 3]
 
     @property
     def vertex_count(self) -> int:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from warp_cloth.errors import InputError
 from warp_cloth.grain import Grain
+from warp_cloth.loading.repair import RestKind
 from warp_cloth.material import Sheet, WeaveShape, edge_constants, even_shear, lay_flat, thread_constants
 from warp_cloth.material_bending import hinge_constants
 from warp_cloth.mesh import Mesh
@@ -83,6 +84,14 @@ def _panel_sides(mesh: Mesh, metres_per_uv: float, place: str, key: str) -> tupl
     return sides, (note,) if count else ()
 
 
+def _stated_sides(mesh: Mesh, place: str, key: str) -> Floats:
+    """Lengths of each triangle's sides in the rest shape that the stage states [m], shape [F, 3]."""
+    if mesh.rest_corners is None:
+        problem = 'rest = "physics" needs a mesh with physics:restShapePoints in a USD file'
+        raise InputError(place, problem, f'set {key}.rest = "mesh" or "uv"')
+    return _sides(mesh.rest_corners)
+
+
 def _check_scale(length: Floats, drawn: Floats, metres_per_uv: float, place: str, key: str) -> tuple[str, ...]:
     """A note where rest lengths and lengths in the mesh differ much; both [m], shape [E].
 
@@ -119,12 +128,16 @@ def triangle_areas(sides: Floats) -> Floats:
 FLATNESS = 1e-3  # of a normal's components; a mesh that is flatter lies in a plane
 
 
-def _drawn_flat(mesh: Mesh, grain: Grain, key: str) -> Floats | None:
+def _drawn_flat(mesh: Mesh, grain: Grain, key: str, rest: RestKind) -> Floats | None:
     """Corners of every triangle, x along weft and y along warp, shape [F, 3, 2]; None where nothing tells the warp.
 
-    The warp is the panels' +v, or, of a flat mesh without panels, what is up in it: +y, or -z where it lies.
+    The warp is +y of a stated rest shape in the xy plane, the panels' +v, or, of a flat mesh without panels, what is
+    up in it: +y, or -z where it lies.
     """
-    if mesh.texcoords is not None:
+    stated = mesh.rest_corners if rest == "physics" else None
+    if stated is not None and np.ptp(stated[..., 2]) <= FLATNESS * np.ptp(stated):
+        drawn = stated[..., 0] + 1j * stated[..., 1]
+    elif mesh.texcoords is not None:
         drawn = mesh.texcoords[..., 0] + 1j * mesh.texcoords[..., 1]
     else:
         corners = mesh.points[mesh.triangles]
@@ -145,7 +158,7 @@ def build_rest_shape(
     mesh: Mesh,
     fabric: Fabric,
     *,
-    rest: Literal["mesh", "uv"],
+    rest: RestKind,
     metres_per_uv: float = 1.0,
     grain: Grain | None = None,
     place: str = "garment",
@@ -173,6 +186,8 @@ def build_rest_shape(
     drawn = sides
     if rest == "uv":
         sides, notes = _panel_sides(mesh, metres_per_uv, place, key)
+    elif rest == "physics":
+        sides = _stated_sides(mesh, place, key)
     areas = triangle_areas(sides)
     if not areas.sum() > 0.0:
         raise InputError(place, "the garment has no area", "check the mesh")
@@ -187,7 +202,7 @@ def build_rest_shape(
     floor = SHORTEST_EDGE_SHARE * float(np.median(length))
     length = np.maximum(length, floor)
     averaged = length[topology.triangle_edges]
-    like = _drawn_flat(mesh, grain or Grain(), key)
+    like = _drawn_flat(mesh, grain or Grain(), key, rest)
     even = triangle_areas(averaged)
     sheet = Sheet(topology, mesh.triangles, lay_flat(averaged, even, like), even, like is not None)
     notes += _check_directions(fabric, sheet)

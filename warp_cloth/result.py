@@ -4,11 +4,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from enum import Enum
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from warp_cloth.mesh import Mesh, Points
+
+if TYPE_CHECKING:
+    from warp_cloth.fabric import Fabric
+    from warp_cloth.rest import RestShape
 
 
 class Status(str, Enum):
@@ -64,3 +69,5 @@ class WornGarment:
     thickness: float  # fabric thickness [m]
     frames: NDArray[np.float32] | None = None  # shapes on the way [m], shape [N, V, 3], the last is the worn shape
     fields: dict[str, NDArray[np.float32]] = field(default_factory=dict)  # per-vertex values by name, shape [V]
+    fabric: Fabric | None = None  # where known, written with the stage's physics
+    rest: RestShape | None = None

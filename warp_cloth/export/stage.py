@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-import unicodedata
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from importlib.metadata import version
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from pxr import Gf, Kind, Sdf, Tf, Usd, UsdGeom, UsdShade, UsdUtils, Vt
+from pxr import Gf, Kind, Sdf, Tf, Usd, UsdGeom, UsdPhysics, UsdShade, UsdUtils, Vt
 
 from warp_cloth.errors import InputError
+from warp_cloth.export.fields import Ranges, author_colours, author_fields, contiguous, unique_identifier
 from warp_cloth.export.files import whole_file
+from warp_cloth.export.physics import author_collider, author_physics
+from warp_cloth.export.reference import AvatarAsset, author_reference
 from warp_cloth.export.surface import (
     AVATAR_COLOUR,
     Colour,
@@ -23,19 +24,14 @@ from warp_cloth.export.surface import (
     require_sound,
     vertex_normals,
 )
-from warp_cloth.maps.colour import colours
-from warp_cloth.maps.kinds import kind_named
 from warp_cloth.mesh import Mesh, Points
 from warp_cloth.result import WornGarment
-
-Ranges = Mapping[str, tuple[float, float]]
 
 FIRST_FRAME = 1  # where Blender, Maya and most film tools start counting
 SUFFIXES = (".usdc", ".usda", ".usd", ".usdz")
 CLOTH_ROUGHNESS = 0.85
 AVATAR_ROUGHNESS = 0.55
 MATERIALS = "materials"
-MESH_PRIMVARS = ("st", "normals", "displayColor", "displayOpacity")  # not to be taken by a field's name
 
 
 def write_stage(
@@ -47,12 +43,13 @@ def write_stage(
     frames_per_second: float = 24.0,
     ranges: Ranges = MappingProxyType({}),
     colour: str = "",
+    asset: AvatarAsset | None = None,
 ) -> None:
     """Writes garments and avatar as one stage in metres: /NAME/GARMENT/GARMENT_mesh, /NAME/materials.
 
     Points, normals and extent have samples over time only where garments have frames. ``ranges`` are those that the
-    colours of maps span; the map named ``colour`` becomes displayColor, too. Nothing is written if a value is not
-    finite (ValueError).
+    colours of maps span; the map named ``colour`` becomes displayColor, too. An avatar that came from a USD file
+    (``asset``) is referenced, not copied. Nothing is written if a value is not finite (ValueError).
     """
     if path.suffix not in SUFFIXES:
         raise InputError(path, f"is no USD file name ({', '.join(SUFFIXES)})", "name it .usdc")
@@ -68,15 +65,19 @@ def write_stage(
         painted = colour in garment.fields
         material = author_material(root, part, cloth_colour(index), CLOTH_ROUGHNESS, painted=painted)
         surface = author_mesh(part, garment.mesh, garment.points, garment.frames)
-        author_fields(surface, garment, ranges)
+        author_fields(surface, garment.fields, ranges)
         if painted:
             author_colours(surface, garment.fields[colour], colour, ranges[colour])
         author_panels(surface, garment.mesh, material)
         bind(surface.GetPrim(), material)
+        author_physics(surface, garment, material)
     if avatar is not None:
         part = author_part(root, avatar.name, unique_identifier(avatar.name, "avatar", taken), assembled)
-        material = author_material(root, part, AVATAR_COLOUR, AVATAR_ROUGHNESS)
-        bind(author_mesh(part, avatar, avatar.points, None).GetPrim(), material)
+        if asset is None or not author_reference(part, asset, path):
+            material = author_material(root, part, AVATAR_COLOUR, AVATAR_ROUGHNESS)
+            surface = author_mesh(part, avatar, avatar.points, None)
+            bind(surface.GetPrim(), material)
+            author_collider(surface)
     save(stage, path)
 
 
@@ -92,6 +93,7 @@ def author_root(stage: Usd.Stage, name: str, frame_count: int, frames_per_second
     """The stage's metadata and its default prim."""
     UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.y)
     UsdGeom.SetStageMetersPerUnit(stage, UsdGeom.LinearUnits.meters)
+    UsdPhysics.SetStageKilogramsPerUnit(stage, 1.0)
     stage.SetTimeCodesPerSecond(frames_per_second)
     stage.SetFramesPerSecond(frames_per_second)
     if frame_count:
@@ -173,37 +175,6 @@ def author_shape(surface: UsdGeom.Mesh, mesh: Mesh, points: ArrayLike, time: Usd
     surface.GetExtentAttr().Set(Vt.Vec3fArray.FromNumpy(box), time)
 
 
-def author_fields(surface: UsdGeom.Mesh, garment: WornGarment, ranges: Ranges) -> None:
-    """Values per vertex as float primvars (Blender drops double and half); a map's with its unit and ranges."""
-    taken = set(MESH_PRIMVARS)
-    for name, values in garment.fields.items():
-        primvar = UsdGeom.PrimvarsAPI(surface).CreatePrimvar(
-            unique_identifier(name, "field", taken), Sdf.ValueTypeNames.FloatArray, UsdGeom.Tokens.vertex
-        )
-        written = contiguous(values, np.float32)
-        primvar.Set(Vt.FloatArray.FromNumpy(written))
-        about = {"minimum": float(written.min()), "maximum": float(written.max())}
-        if name in ranges:
-            about |= dict(zip(("range_low", "range_high"), ranges[name], strict=True))
-        for key, value in about.items():
-            primvar.GetAttr().SetCustomDataByKey(key, value)
-        kind = kind_named(name)
-        if kind is not None:
-            primvar.GetAttr().SetCustomDataByKey("unit", kind.unit)
-            primvar.GetAttr().SetDocumentation(kind.about)
-
-
-def author_colours(surface: UsdGeom.Mesh, values: NDArray[np.float32], name: str, bounds: tuple[float, float]) -> None:
-    """A map as displayColor: linear colours per vertex."""
-    kind = kind_named(name)
-    if kind is None:
-        raise ValueError(f"{name!r} is no map")
-    primvar = surface.CreateDisplayColorPrimvar(UsdGeom.Tokens.vertex)
-    shown = linear(colours(kind, values, bounds))
-    primvar.Set(Vt.Vec3fArray.FromNumpy(contiguous(shown, np.float32)))
-    primvar.GetAttr().SetCustomDataByKey("map", name)
-
-
 def author_panels(surface: UsdGeom.Mesh, mesh: Mesh, material: UsdShade.Material) -> None:
     """Panels as subsets of faces that together are the whole garment."""
     if mesh.panels is None:
@@ -217,25 +188,6 @@ def author_panels(surface: UsdGeom.Mesh, mesh: Mesh, material: UsdShade.Material
         )
         bind(subset.GetPrim(), material)
     UsdShade.MaterialBindingAPI(surface).SetMaterialBindSubsetsFamilyType(UsdGeom.Tokens.partition)
-
-
-def unique_identifier(name: str, fallback: str, taken: set[str]) -> str:
-    """A legal ASCII name (every tool reads it) near to ``name`` and not in ``taken``, which it joins."""
-    ascii_name = unicodedata.normalize("NFKD", name).encode("ascii", "ignore").decode()
-    if not any(character.isalnum() for character in ascii_name):
-        ascii_name = fallback
-    base = Tf.MakeValidIdentifier(f"_{ascii_name}" if ascii_name[0].isdigit() else ascii_name)
-    identifier, count = base, 1
-    while identifier in taken:
-        count += 1
-        identifier = f"{base}_{count}"
-    taken.add(identifier)
-    return identifier
-
-
-def contiguous(values: ArrayLike, dtype: type[np.generic]) -> NDArray[Any]:
-    """The array as Vt takes it."""
-    return np.ascontiguousarray(values, dtype=dtype)
 
 
 def save(stage: Usd.Stage, path: Path) -> None:

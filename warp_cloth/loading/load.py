@@ -71,6 +71,7 @@ def load_mesh(
         unit=unit.name,
         vertex_map=None if same_vertices else sound.vertex_map,
         triangle_source=None if same_faces else sound.faces,
+        rest_corners=None if sound.rest is None else sound.rest * unit.metres,
     )
 
 

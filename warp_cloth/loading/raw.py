@@ -38,6 +38,7 @@ class RawMesh:
     face_lines: Ints | None = None  # shape [P]
     first_index: int = 0  # what the file calls its first vertex
     notes: tuple[str, ...] = ()
+    rest: Floats | None = None  # where each corner is at rest, as a stage states it, shape [sum of counts, 3]
 
     def vertex_name(self, vertex: int) -> str:
         """How the file itself calls a vertex."""

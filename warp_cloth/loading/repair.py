@@ -15,7 +15,7 @@ from warp_cloth.loading.raw import Floats, Ints, RawMesh, Role, counted
 from warp_cloth.loading.weld import Weld, weld
 from warp_cloth.loading.winding import consistent_winding, outward
 
-RestKind = Literal["mesh", "uv"]
+RestKind = Literal["mesh", "uv", "physics"]
 
 # Height of a triangle relative to its longest edge, below which it counts as a line: 10 nm at a 10 mm edge,
 # which no cloth has and which float32 positions one metre from the origin cannot hold.
@@ -32,6 +32,7 @@ class Repaired:
     faces: Ints  # polygon of the raw mesh, shape [F]
     vertex_map: Ints  # new vertex of each raw vertex, -1: dropped
     notes: tuple[str, ...]
+    rest: Floats | None = None  # corners at rest, in the file's unit, shape [F, 3, 3]
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,6 +85,7 @@ def repaired(raw: RawMesh, points: Floats, *, role: Role, rest: RestKind) -> Rep
         faces=work.faces,
         vertex_map=number[welded.vertex],
         notes=notes,
+        rest=None if raw.rest is None else raw.rest[work.corners],
     )
 
 
@@ -111,6 +113,8 @@ def _first_of_each(triangles: Ints) -> NDArray[np.bool_]:
 
 def _without_area(raw: RawMesh, work: _Work, points: Floats, rest: RestKind) -> NDArray[np.bool_]:
     flat = _is_line(points[work.triangles])
+    if rest == "physics" and raw.rest is not None:
+        return flat & _is_line(raw.rest[work.corners])
     if rest == "uv" and raw.texcoords is not None and flat.any():
         texcoords = raw.texcoords[work.corners]
         placed = np.asarray(np.isfinite(texcoords).all(axis=(1, 2)), dtype=bool)

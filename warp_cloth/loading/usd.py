@@ -6,6 +6,8 @@ import os
 import re
 import subprocess
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,6 +15,7 @@ import numpy as np
 
 from warp_cloth.errors import InputError
 from warp_cloth.loading.raw import EXPORT_AGAIN, Floats, Ints, RawMesh, Role, joined
+from warp_cloth.loading.usd_physics import rest_corners
 
 if TYPE_CHECKING:
     from pxr import Usd, UsdGeom
@@ -26,23 +29,29 @@ _REST = "unassigned"  # panel of the faces that no subset names
 
 def read_usd(file: str, *, role: Role, key: str, prim: str | None) -> RawMesh:
     """The mesh at or below ``prim``, or the stage's only one; an avatar may be made of several."""
-    from pxr import Usd, UsdGeom, UsdUtils
+    with opened_stage(file) as stage:
+        return _read(stage, file, role, key, prim, None)
 
-    _refuse_unreadable(file)
+
+def mesh_paths_of(file: str, prim: str | None = None, key: str = "") -> list[str]:
+    """Paths of the meshes at or below ``prim``, or of all that the stage shows; of a file that was read before."""
+    with opened_stage(file, known=True) as stage:
+        return _mesh_paths(stage, prim, file, key)
+
+
+@contextmanager
+def opened_stage(file: str, *, known: bool = False) -> Iterator[Usd.Stage]:
+    """The stage of a file; whatever USD has against it is told as bad input. ``known``: it was read before."""
+    from pxr import Usd, UsdUtils
+
+    if not known:
+        _refuse_unreadable(file)
     quiet = UsdUtils.CoalescingDiagnosticDelegate()  # USD's warnings come here, not to stderr
     try:
         stage = Usd.Stage.Open(file)
         if stage is None:
             raise ValueError("USD opens no stage")
-        paths = _mesh_paths(stage, prim, file, key)
-        if len(paths) > 1 and role == "garment":
-            raise InputError(file, f"holds {len(paths)} meshes: {_listed(paths)}", f'choose one: {key}.prim = "PATH"')
-        scale = float(UsdGeom.GetStageMetersPerUnit(stage)) if UsdGeom.StageHasAuthoredMetersPerUnit(stage) else None
-        if scale is not None and not (np.isfinite(scale) and scale > 0):
-            raise InputError(file, f"metersPerUnit is {scale:g}", "give the stage a positive one")
-        z_up = UsdGeom.GetStageUpAxis(stage) == UsdGeom.Tokens.z
-        parts = [_part(file, stage, path, scale, z_up, panels=role == "garment") for path in paths]
-        return joined(parts, file, paths)
+        yield stage
     except InputError:
         raise
     except Exception as error:  # USD raises its own kinds for whatever is wrong with a file
@@ -50,6 +59,21 @@ def read_usd(file: str, *, role: Role, key: str, prim: str | None) -> RawMesh:
         raise InputError(file, problem, DAMAGED) from error
     finally:
         quiet.TakeUncoalescedDiagnostics()
+
+
+def _read(stage: Usd.Stage, file: str, role: Role, key: str, prim: str | None, time: float | None) -> RawMesh:
+    """The meshes that are asked for at a time, or as they stand."""
+    from pxr import UsdGeom
+
+    paths = _mesh_paths(stage, prim, file, key)
+    if len(paths) > 1 and role == "garment":
+        raise InputError(file, f"holds {len(paths)} meshes: {_listed(paths)}", f'choose one: {key}.prim = "PATH"')
+    scale = float(UsdGeom.GetStageMetersPerUnit(stage)) if UsdGeom.StageHasAuthoredMetersPerUnit(stage) else None
+    if scale is not None and not (np.isfinite(scale) and scale > 0):
+        raise InputError(file, f"metersPerUnit is {scale:g}", "give the stage a positive one")
+    z_up = UsdGeom.GetStageUpAxis(stage) == UsdGeom.Tokens.z
+    parts = [_part(file, stage, path, scale, z_up, panels=role == "garment", at=time) for path in paths]
+    return joined(parts, file, paths)
 
 
 def _refuse_unreadable(file: str) -> None:
@@ -117,15 +141,18 @@ def _is_shown(prim: UsdGeom.Imageable) -> bool:
     return not hidden and prim.ComputePurpose() not in (UsdGeom.Tokens.guide, UsdGeom.Tokens.proxy)
 
 
-def _part(file: str, stage: Usd.Stage, path: str, scale: float | None, z_up: bool, *, panels: bool) -> RawMesh:
-    """One mesh in stage space, y up: its default shape, or its first time sample."""
+def _part(
+    file: str, stage: Usd.Stage, path: str, scale: float | None, z_up: bool, *, panels: bool, at: float | None
+) -> RawMesh:
+    """One mesh in stage space, y up, at a time; None: its default shape, or its first time sample."""
     from pxr import Usd, UsdGeom
 
     mesh = UsdGeom.Mesh(stage.GetPrimAtPath(path))
     place = f"{file} {path}"
     attribute = mesh.GetPointsAttr()
     sampled = attribute.Get(Usd.TimeCode.Default()) is None and attribute.GetNumTimeSamples() > 0
-    time = Usd.TimeCode(attribute.GetTimeSamples()[0]) if sampled else Usd.TimeCode.Default()
+    first = Usd.TimeCode(attribute.GetTimeSamples()[0]) if sampled else Usd.TimeCode.Default()
+    time = first if at is None else Usd.TimeCode(at)
     matrix = np.array(UsdGeom.XformCache(time).GetLocalToWorldTransform(mesh.GetPrim()), dtype=np.float64)
     points = _array(attribute.Get(time), np.float64).reshape(-1, 3)
     with np.errstate(all="ignore"):  # what is not finite is refused later
@@ -141,6 +168,7 @@ def _part(file: str, stage: Usd.Stage, path: str, scale: float | None, z_up: boo
     panel, names = _panels(mesh, len(counts)) if panels else (None, ())
     mirrored = bool(np.linalg.det(matrix[:3, :3]) < 0)
     turn = mirrored != (mesh.GetOrientationAttr().Get(time) == UsdGeom.Tokens.leftHanded)
+    rest = rest_corners(mesh, counts, corners, matrix, place) if panels else None
     order = _order(counts, turn, _array(mesh.GetHoleIndicesAttr().Get(time), np.int64))
     return RawMesh(
         file=place,
@@ -152,6 +180,7 @@ def _part(file: str, stage: Usd.Stage, path: str, scale: float | None, z_up: boo
         panel_names=names,
         metres_per_unit=scale,
         notes=order[2],
+        rest=None if rest is None else rest[order[1]],
     )
 
 

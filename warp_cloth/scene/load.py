@@ -16,11 +16,12 @@ from warp_cloth.errors import InputError
 from warp_cloth.scene.messages import scene_error, show
 from warp_cloth.scene.overrides import apply_override, set_place
 from warp_cloth.scene.schema import Scene
+from warp_cloth.scene.stage import USD_SUFFIXES, check_prims, stage_values
 from warp_cloth.toml_file import exists, read_toml
 
 
 def load_scene(source: str | Path | Mapping[str, Any], overrides: Sequence[str] = ()) -> Scene:
-    """The scene of a TOML file, of a shipped scene's name, or of a dictionary of the same keys.
+    """The scene of a TOML file, of a USD stage, of a shipped scene's name, or of a dictionary of the same keys.
 
     ``overrides`` are ``KEY=VALUE`` texts as --set takes them: dotted keys; a value is TOML, or plain text.
     Relative paths start from the scene file's folder, a dictionary's from the current one; an override's from
@@ -30,10 +31,14 @@ def load_scene(source: str | Path | Mapping[str, Any], overrides: Sequence[str] 
         place, name, directory, values = "scene", "scene", Path(), deepcopy(dict(source))
     else:
         path = _scene_file(source)
-        place, name, directory, values = str(path), path.stem, path.parent, read_toml(path, "scene file")
+        place, name, directory = str(path), path.stem, path.parent
+        staged = path.suffix.lower() in USD_SUFFIXES
+        values = stage_values(path) if staged else read_toml(path, "scene file")
     stated: dict[str, str] = {}  # dotted key -> the --set that stated it
     for text in overrides:
         stated[apply_override(values, text, directory)] = set_place(text)
+    if not isinstance(source, Mapping) and path.suffix.lower() in USD_SUFFIXES:
+        check_prims(values, path)
     values.setdefault("name", name)
     try:
         return Scene.model_validate(values, context={"directory": directory})

@@ -24,7 +24,7 @@ from warp_cloth.scene.messages import listed, refusal, show
 from warp_cloth.scene.shapes import AvatarShape, GarmentShape, Point, Real, Table, VertexId, Whole
 from warp_cloth.units import LENGTH_UNITS, METRES_PER, LengthUnit
 
-RestShape = Literal["mesh", "uv"]
+RestShape = Literal["mesh", "uv", "physics"]
 AvatarCollision = Literal["depth", "mesh", "auto", "none"]
 Method = Literal["accelerated", "direct"]
 Precision = Literal["float32", "float64", "mixed"]
@@ -121,7 +121,8 @@ class GarmentSpec(Wearable):
     name: str = Field(default="", description="name in the stage and the report; empty: the mesh file's or the shape's")
     shape: GarmentShape | None = Field(default=None, description="a generated garment instead of a mesh")
     rest: RestShape = Field(
-        default="mesh", description="natural lengths from the 3-D mesh as loaded, or from its 2-D panels"
+        default="mesh",
+        description="natural lengths: of the 3-D mesh as loaded, its 2-D panels, or the rest shape that a stage states",
     )
     uv_units: LengthUnit | Real = Field(default="m", description="unit of the texture coordinates, or metres per unit")
     fabric: Fabric = Field(default="default", description="a shipped fabric, a .toml file, or a table of overrides")  # type: ignore[assignment]

@@ -1,0 +1,32 @@
+"""Which files a fit writes, checked before the work."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from warp_cloth.errors import InputError
+from warp_cloth.scene import Scene
+
+FORMATS = ("usdc", "usda", "usdz", "glb", "obj")
+
+
+def chosen_formats(text: str, *, place: str = "--format") -> tuple[str, ...]:
+    """Formats from "usdc,glb"."""
+    names = tuple(dict.fromkeys(name.strip().lstrip(".").lower() for name in text.split(",") if name.strip()))
+    unknown = [name for name in names if name not in FORMATS]
+    if unknown or not names:
+        raise InputError(place, f'"{", ".join(unknown)}" is not written', f"choose of {', '.join(FORMATS)}")
+    return names
+
+
+def check_inputs_kept(scene: Scene, folder: Path, formats: Sequence[str]) -> None:
+    """Refuse a folder in which a file of the scene would be written over."""
+    written = {folder / f"{scene.name}.{suffix}" for suffix in formats} | {folder / f"{scene.name}_over.usda"}
+    places = {path.resolve() for path in written}
+    specs = [*scene.garments, *([scene.avatar] if scene.avatar is not None else [])]
+    for file in (spec.mesh for spec in specs):
+        if isinstance(file, Path) and file.resolve() in places:
+            raise InputError(
+                folder, f"{file.name} would be written over, which the scene reads", "choose another folder"
+            )

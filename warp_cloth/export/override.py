@@ -1,0 +1,149 @@
+"""The worn shape as a layer over the user's own stage, whose files stay as they are."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from types import MappingProxyType
+from typing import TYPE_CHECKING
+
+import numpy as np
+from pxr import Sdf, Usd, UsdGeom, Vt
+
+from warp_cloth.errors import InputError
+from warp_cloth.export.fields import Ranges, author_colours, author_fields
+from warp_cloth.export.files import whole_file
+from warp_cloth.export.reference import relative_asset, to_metres
+from warp_cloth.export.surface import require_sound, vertex_normals
+from warp_cloth.mesh import Points
+from warp_cloth.result import WornGarment
+from warp_cloth.units import LengthUnit
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+
+@dataclass(frozen=True)
+class StagedGarment:
+    """A worn garment and the prim of the user's stage that it came from."""
+
+    worn: WornGarment
+    file: Path
+    prim: str  # of the mesh
+    units: LengthUnit | None = None  # where the scene overrules the stage's
+
+
+def write_override(
+    path: Path,
+    garments: Sequence[StagedGarment],
+    *,
+    ranges: Ranges = MappingProxyType({}),
+    colour: str = "",
+) -> None:
+    """Writes a layer whose one sublayer is the user's stage: points, normals, extent and maps of the garments.
+
+    All in the stage's own units, up axis and prim transforms; everything else, references and variants too, composes
+    as it did. An instance that a garment lies in is opened in the layer.
+    """
+    file = garments[0].file
+    require_sound([garment.worn for garment in garments], None)
+    layer = Sdf.Layer.CreateAnonymous(".usda")
+    layer.subLayerPaths.append(str(file.resolve()))  # to compose it here; the written one is relative
+    stage = Usd.Stage.Open(layer)
+    _take_over_metadata(Usd.Stage.Open(str(file)), stage)
+    for garment in garments:
+        _open_instances(stage, garment.prim)
+        _author_garment(stage, garment, ranges, colour)
+    layer.subLayerPaths[0] = relative_asset(file, path.parent)
+    with whole_file(path) as target:
+        if not layer.Export(str(target)):
+            raise OSError("USD could not write it")
+
+
+def _take_over_metadata(base: Usd.Stage, stage: Usd.Stage) -> None:
+    """Units, axis and times, which a stage reads from its root layer only."""
+    root = base.GetRootLayer()
+    for key in root.pseudoRoot.ListInfoKeys():
+        if key not in ("subLayers", "subLayerOffsets"):
+            stage.GetRootLayer().pseudoRoot.SetInfo(key, root.pseudoRoot.GetInfo(key))
+
+
+def _open_instances(stage: Usd.Stage, path: str) -> None:
+    """An instance's inside cannot be overridden, so what holds the garment is no instance in this layer."""
+    prim = stage.GetPrimAtPath(path)
+    while prim and prim.IsInstanceProxy():
+        holder = prim
+        while holder.IsInstanceProxy():
+            holder = holder.GetParent()
+        holder.SetInstanceable(False)
+        prim = stage.GetPrimAtPath(path)
+
+
+def _author_garment(stage: Usd.Stage, garment: StagedGarment, ranges: Ranges, colour: str) -> None:
+    prim = stage.GetPrimAtPath(garment.prim)
+    if not prim:
+        raise InputError(garment.file, f"there is no prim {garment.prim}", "fit the stage again")
+    surface = UsdGeom.Mesh(stage.OverridePrim(garment.prim))
+    old = _default_points(UsdGeom.Mesh(prim))
+    worn = garment.worn
+    vertex = np.arange(len(old)) if worn.mesh.vertex_map is None else worn.mesh.vertex_map
+    if len(vertex) != len(old):
+        raise InputError(garment.file, f"{garment.prim} has changed since the fit", "fit the stage again")
+    from_world = np.linalg.inv(to_metres(stage, prim, garment.units))
+
+    def local(points: Points | NDArray[np.float32]) -> NDArray[np.float32]:
+        moved = old.copy()
+        moved[vertex >= 0] = (np.asarray(points, dtype=np.float64) @ from_world[:3, :3] + from_world[3, :3])[
+            vertex[vertex >= 0]
+        ]
+        return np.ascontiguousarray(moved, dtype=np.float32)
+
+    triangles = _file_triangles(surface)
+    if UsdGeom.PrimvarsAPI(surface).GetPrimvar("normals"):
+        surface.GetPrim().GetAttribute("primvars:normals").Block()
+
+    def author(points: NDArray[np.float32], time: Usd.TimeCode) -> None:
+        surface.CreatePointsAttr().Set(Vt.Vec3fArray.FromNumpy(points), time)
+        normal = vertex_normals(points, triangles)
+        if surface.GetOrientationAttr().Get() == UsdGeom.Tokens.leftHanded:
+            normal = -normal
+        surface.CreateNormalsAttr().Set(Vt.Vec3fArray.FromNumpy(normal), time)
+        box = np.stack([points.min(axis=0), points.max(axis=0)])
+        surface.CreateExtentAttr().Set(Vt.Vec3fArray.FromNumpy(box), time)
+
+    author(local(worn.points), Usd.TimeCode.Default())
+    for index, frame in enumerate(() if worn.frames is None else worn.frames):
+        author(local(frame), Usd.TimeCode(stage.GetStartTimeCode() + index))
+    surface.SetNormalsInterpolation(UsdGeom.Tokens.vertex)
+    fields = {name: _at_file_vertices(values, vertex) for name, values in worn.fields.items()}
+    author_fields(surface, fields, ranges)
+    if colour in fields:
+        author_colours(surface, fields[colour], colour, ranges[colour])
+
+
+def _default_points(mesh: UsdGeom.Mesh) -> Points:
+    """The mesh's points as the loader reads them: default, or first sample; in its own space."""
+    value = mesh.GetPointsAttr().Get()
+    if value is None:
+        value = mesh.GetPointsAttr().Get(Usd.TimeCode.EarliestTime())
+    return np.array(value, dtype=np.float64).reshape(-1, 3)
+
+
+def _file_triangles(mesh: UsdGeom.Mesh) -> NDArray[np.int32]:
+    """The mesh's polygons as fans, for its normals."""
+    counts = np.array(mesh.GetFaceVertexCountsAttr().Get(), dtype=np.int64)
+    corners = np.array(mesh.GetFaceVertexIndicesAttr().Get(), dtype=np.int64)
+    starts = np.cumsum(counts) - counts
+    fan_size = np.maximum(counts - 2, 0)
+    fans = np.repeat(np.arange(len(counts)), fan_size)
+    step = np.arange(len(fans)) - np.repeat(np.cumsum(fan_size) - fan_size, fan_size)
+    first = starts[fans]
+    return np.stack([corners[first], corners[first + step + 1], corners[first + step + 2]], axis=1).astype(np.int32)
+
+
+def _at_file_vertices(values: NDArray[np.float32], vertex: NDArray[np.int64]) -> NDArray[np.float32]:
+    """Values at the vertices of the file; 0 at those that no face uses."""
+    found = np.zeros(len(vertex), dtype=np.float32)
+    found[vertex >= 0] = values[vertex[vertex >= 0]]
+    return found

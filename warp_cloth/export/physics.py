@@ -1,0 +1,83 @@
+"""A garment's cloth in the surface-deformable physics schema, so that other simulators take it up as it is.
+
+The schema is not registered with OpenUSD yet, so its names are applied and its attributes made by hand.
+"""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from typing import Any
+
+import numpy as np
+from pxr import Sdf, Usd, UsdGeom, UsdPhysics, UsdShade, Vt
+
+from warp_cloth.fabric import Fabric
+from warp_cloth.linearised import linear_constants
+from warp_cloth.loading.usd_physics import COLLISION, OWN, SURFACE
+from warp_cloth.rest import GRAVITY, RestShape
+from warp_cloth.result import WornGarment
+
+BODY = "PhysicsDeformableBodyAPI"
+MATERIAL = "PhysicsSurfaceDeformableMaterialAPI"
+
+
+def author_physics(surface: UsdGeom.Mesh, garment: WornGarment, material: UsdShade.Material) -> None:
+    """Rest shape, thickness and masses on the mesh, density and stiffness on its material; SI, as the stage is."""
+    if garment.fabric is None or garment.rest is None:
+        return
+    prim = surface.GetPrim()
+    for schema in (BODY, SURFACE, COLLISION):
+        prim.AddAppliedSchema(schema)
+    points, triangles = rest_arrays(garment, garment.rest)
+    _set(prim, "physics:restShapePoints", Sdf.ValueTypeNames.Point3fArray, Vt.Vec3fArray.FromNumpy(points))
+    indices = Vt.Vec3iArray.FromNumpy(triangles)
+    _set(prim, "physics:restTriVertexIndices", Sdf.ValueTypeNames.Int3Array, indices)
+    _set(prim, "physics:restBendAnglesDefault", Sdf.ValueTypeNames.Token, "flat")
+    thickness = Vt.FloatArray([garment.fabric.thickness])
+    _set(prim, "physics:thicknesses", Sdf.ValueTypeNames.FloatArray, thickness)
+    _set(prim, "physics:thicknesses:elementType", Sdf.ValueTypeNames.Token, "constant")
+    masses = np.ascontiguousarray(garment.rest.vertex_weight / GRAVITY, dtype=np.float32)
+    _set(prim, "physics:masses", Sdf.ValueTypeNames.FloatArray, Vt.FloatArray.FromNumpy(masses))
+    author_cloth_material(material, garment.fabric)
+    UsdShade.MaterialBindingAPI.Apply(prim).Bind(material, UsdShade.Tokens.weakerThanDescendants, "physics")
+
+
+def rest_arrays(garment: WornGarment, rest: RestShape) -> tuple[Any, Any]:
+    """Rest points [m] and triangles: each triangle laid flat by itself, x weft and y warp; or the mesh as loaded.
+
+    Triangles laid flat by themselves have the lengths that the fit used, also at seams, where panels may differ.
+    """
+    sheet = rest.sheet
+    if sheet is None or not sheet.directed:
+        return (
+            np.ascontiguousarray(garment.mesh.points, dtype=np.float32),
+            np.ascontiguousarray(garment.mesh.triangles, dtype=np.int32),
+        )
+    flat = sheet.flat - sheet.flat.mean(axis=1, keepdims=True)
+    points = np.zeros((3 * len(flat), 3), dtype=np.float32)
+    points[:, :2] = flat.reshape(-1, 2)
+    return points, np.arange(len(points), dtype=np.int32).reshape(-1, 3)
+
+
+def author_cloth_material(material: UsdShade.Material, fabric: Fabric) -> None:
+    """The fabric as the schema's linear constants, and as its own values beside them."""
+    prim = material.GetPrim()
+    UsdPhysics.MaterialAPI.Apply(prim)
+    prim.AddAppliedSchema(MATERIAL)
+    for name, value in linear_constants(fabric).items():
+        _set(prim, f"physics:{name}", Sdf.ValueTypeNames.Float, value)
+    for field in fields(fabric):
+        value = getattr(fabric, field.name)
+        if value is not None:
+            kind = Sdf.ValueTypeNames.String if isinstance(value, str) else Sdf.ValueTypeNames.Double
+            _set(prim, OWN + field.name, kind, value)
+
+
+def author_collider(surface: UsdGeom.Mesh) -> None:
+    """The avatar as what cloth meets."""
+    UsdPhysics.CollisionAPI.Apply(surface.GetPrim())
+    UsdPhysics.MeshCollisionAPI.Apply(surface.GetPrim()).CreateApproximationAttr(UsdPhysics.Tokens.none)
+
+
+def _set(prim: Usd.Prim, name: str, kind: Sdf.ValueTypeName, value: Any) -> None:
+    prim.CreateAttribute(name, kind, False).Set(value)

@@ -1,0 +1,86 @@
+"""The avatar as a reference to the user's own file: placed, turned and scaled, but not copied."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from pxr import Gf, Kind, Sdf, Usd, UsdGeom, UsdUtils
+
+from warp_cloth.mesh import Points
+from warp_cloth.units import METRES_PER, LengthUnit
+
+
+@dataclass(frozen=True)
+class AvatarAsset:
+    """Where an avatar came from: a USD file, its meshes there, and what must not come along."""
+
+    file: Path
+    meshes: tuple[str, ...]
+    garments: tuple[str, ...] = ()  # meshes of the same file that are worn
+    units: LengthUnit | None = None  # where the scene overrules the file's
+
+
+def relative_asset(file: Path, folder: Path) -> str:
+    """The file as a layer in a folder refers to it."""
+    path = Path(os.path.relpath(file.resolve(), folder.resolve())).as_posix()
+    return path if path.startswith(".") else f"./{path}"  # without a dot it would be looked up in search paths
+
+
+def author_reference(part: Usd.Prim, asset: AvatarAsset, path_of_stage: Path) -> bool:
+    """Puts a reference to the avatar under its part; False, and nothing done, where it has no prim of its own.
+
+    A package takes the referenced file into itself, so it is told where that file lies; a stage refers to it by the
+    way from one to the other.
+    """
+    source = Usd.Stage.Open(str(asset.file))
+    target = own_prim(source, asset.meshes, asset.garments)
+    if target is None:
+        return False
+    place = to_metres(source, source.GetPrimAtPath(target).GetParent(), asset.units)
+    path = part.GetPath().AppendChild(f"{part.GetName()}_avatar")
+    holder = UsdGeom.Xform.Define(part.GetStage(), path)
+    holder.AddTransformOp().Set(Gf.Matrix4d(place.tolist()))
+    inner = part.GetStage().DefinePrim(path.AppendChild(Sdf.Path(target).name))
+    packed = path_of_stage.suffix == ".usdz"
+    named = str(asset.file.resolve()) if packed else relative_asset(asset.file, path_of_stage.parent)
+    quiet = UsdUtils.CoalescingDiagnosticDelegate()  # a stage in memory has no folder to find the file from
+    inner.GetReferences().AddReference(named, target)
+    quiet.TakeUncoalescedDiagnostics()
+    if any(Usd.ModelAPI(prim).GetKind() for prim in Usd.PrimRange(source.GetPrimAtPath(target))):
+        Usd.ModelAPI(part).SetKind(Kind.Tokens.group)  # a component would hide the models inside
+    return True
+
+
+def own_prim(stage: Usd.Stage, meshes: Sequence[str], garments: Sequence[str]) -> str | None:
+    """The prim that holds the avatar's meshes and no other; its Xform rather than a mesh, for materials beside it."""
+    common = Sdf.Path(meshes[0])
+    for path in meshes[1:]:
+        common = common.GetCommonPrefix(Sdf.Path(path))
+    while not stage.GetPrimAtPath(common).IsPseudoRoot():
+        parent = common.GetParentPath()
+        inside = [p for p in Usd.PrimRange(stage.GetPrimAtPath(parent)) if p.IsA(UsdGeom.Gprim)]
+        if parent == Sdf.Path.absoluteRootPath or {str(p.GetPath()) for p in inside} - set(meshes):
+            break
+        common = parent
+    if common == Sdf.Path.absoluteRootPath or any(Sdf.Path(path).HasPrefix(common) for path in garments):
+        return None
+    prim = stage.GetPrimAtPath(common)
+    return None if prim.IsInstanceProxy() else str(common)
+
+
+def to_metres(stage: Usd.Stage, prim: Usd.Prim, units: LengthUnit | None) -> Points:
+    """Matrix (row vectors) from a prim's own space to metres with y up, as the loader takes it; shape [4, 4]."""
+    points = UsdGeom.Mesh(prim).GetPointsAttr() if prim.IsA(UsdGeom.Mesh) else None
+    sampled = points is not None and points.Get() is None and points.GetNumTimeSamples() > 0
+    time = Usd.TimeCode(points.GetTimeSamples()[0]) if points is not None and sampled else Usd.TimeCode.Default()
+    world = np.array(UsdGeom.XformCache(time).GetLocalToWorldTransform(prim), dtype=np.float64)
+    authored = UsdGeom.StageHasAuthoredMetersPerUnit(stage)
+    metres = METRES_PER[units] if units else UsdGeom.GetStageMetersPerUnit(stage) if authored else 1.0
+    turn = np.eye(4)
+    if UsdGeom.GetStageUpAxis(stage) == UsdGeom.Tokens.z:  # (x, y, z) becomes (x, z, -y)
+        turn[:3, :3] = [[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]
+    return np.asarray(world @ turn @ np.diag([metres] * 3 + [1.0]))

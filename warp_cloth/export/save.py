@@ -1,0 +1,120 @@
+"""All files of a fit."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from warp_cloth.export.formats import check_inputs_kept
+from warp_cloth.export.map_picture import write_map_picture
+from warp_cloth.export.override import StagedGarment, write_override
+from warp_cloth.export.preview import write_preview
+from warp_cloth.export.reference import AvatarAsset
+from warp_cloth.export.report import check_writable, result_paths, write_map, write_report
+from warp_cloth.export.stage import write_stage
+from warp_cloth.loading.usd import mesh_paths_of
+from warp_cloth.maps.kinds import MAPS
+from warp_cloth.scene import Scene
+from warp_cloth.scene.stage import USD_SUFFIXES
+
+if TYPE_CHECKING:
+    from warp_cloth.fitting import Fit
+
+
+def save_fit(fit: Fit, folder: Path, *, colour: str, formats: Sequence[str]) -> list[Path]:
+    """Writes what ``Fit.save`` says; the report last."""
+    scene = fit.scene
+    check_writable(folder, scene.name)
+    began = time.perf_counter()
+    _, picture, report = result_paths(folder, scene.name)
+    ranges = fit.maps.ranges if fit.maps is not None else {}
+    paths = write_meshes(fit, folder, colour=colour, formats=formats)
+    write_preview(
+        picture,
+        garments=fit.garments,
+        avatar=fit.avatar,
+        device=fit.device,
+        title=scene.name,
+        sentence=fit.message,
+    )
+    paths += [picture, report]
+    for name in set(MAPS) - set(ranges):  # an earlier run's would be taken for this one's
+        (folder / f"map_{name}.png").unlink(missing_ok=True)
+    for name, bounds in ranges.items():
+        path = folder / f"map_{name}.png"
+        write_map_picture(path, MAPS[name], bounds, garments=fit.garments, avatar=fit.avatar, device=fit.device)
+        paths.append(path)
+    for worn in fit.garments:
+        path = folder / f"{scene.name}_{worn.name}_map.npz"
+        paths += [path] if write_map(path, worn.mesh) else []
+    fit.report["seconds"]["export"] = time.perf_counter() - began
+    write_report(report, fit.report)
+    return paths
+
+
+def write_meshes(fit: Fit, folder: Path, *, colour: str = "", formats: Sequence[str] = ("usdc",)) -> list[Path]:
+    """The worn garments in every format, and the layer over the user's stage."""
+    from warp_cloth.export.meshes import write_glb, write_obj
+
+    check_inputs_kept(fit.scene, folder, formats)
+    ranges = fit.maps.ranges if fit.maps is not None else {}
+    folder.mkdir(parents=True, exist_ok=True)
+    paths = []
+    asset = avatar_asset(fit.scene)
+    for suffix in formats:
+        path = folder / f"{fit.scene.name}.{suffix}"
+        if suffix == "glb":
+            write_glb(path, garments=fit.garments, avatar=fit.avatar, ranges=ranges, colour=colour)
+        elif suffix == "obj":
+            write_obj(path, garments=fit.garments)
+        else:
+            write_stage(
+                path,
+                garments=fit.garments,
+                avatar=fit.avatar,
+                name=fit.scene.name,
+                ranges=ranges,
+                colour=colour,
+                asset=asset,
+            )
+        paths.append(path)
+    staged = staged_garments(fit)
+    if staged:
+        path = folder / f"{fit.scene.name}_over.usda"
+        write_override(path, staged, ranges=ranges, colour=colour)
+        paths.append(path)
+    return paths
+
+
+def avatar_asset(scene: Scene) -> AvatarAsset | None:
+    """The USD file that the avatar came from, if it did."""
+    avatar = scene.avatar
+    if avatar is None or not _is_stage(avatar.mesh):
+        return None
+    file = Path(str(avatar.mesh))
+    worn = [
+        mesh_paths_of(str(file), garment.prim, "garment")[0]
+        for garment in scene.garments
+        if _is_stage(garment.mesh) and Path(str(garment.mesh)).resolve() == file.resolve()
+    ]
+    meshes = mesh_paths_of(str(file), avatar.prim, "avatar")
+    return AvatarAsset(file, tuple(meshes), tuple(worn), avatar.units)
+
+
+def staged_garments(fit: Fit) -> list[StagedGarment]:
+    """The garments that came from the first garment's USD file, if it is one."""
+    specs = fit.scene.garments
+    if not _is_stage(specs[0].mesh):
+        return []
+    file = Path(str(specs[0].mesh))
+    return [
+        StagedGarment(worn, file, mesh_paths_of(str(file), spec.prim, "garment")[0], spec.units)
+        for spec, worn in zip(specs, fit.garments, strict=True)
+        if spec.mesh is not None and spec.mesh.resolve() == file.resolve()
+    ]
+
+
+def _is_stage(file: object) -> bool:
+    return isinstance(file, Path) and file.suffix.lower() in USD_SUFFIXES

@@ -1,0 +1,61 @@
+"""A USD stage as a scene: its cloth is the garment, what the cloth meets is the avatar."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from warp_cloth.errors import InputError
+
+USD_SUFFIXES = (".usd", ".usda", ".usdc", ".usdz")
+
+
+def stage_values(path: Path) -> dict[str, Any]:
+    """A scene's values from a stage whose garments carry the surface-deformable physics schema.
+
+    A stage without it must be told its prims: then garment and avatar name the file only.
+    """
+    from warp_cloth.loading.usd import opened_stage
+    from warp_cloth.loading.usd_physics import collision_meshes, common_ancestor, staged_cloths
+
+    with opened_stage(str(path)) as stage:
+        cloths = staged_cloths(stage)
+        if not cloths:
+            return {"garment": {"mesh": path.name}, "avatar": {"mesh": path.name}}
+        garments = [
+            {
+                "name": cloth.name,
+                "mesh": path.name,
+                "prim": cloth.path,
+                "rest": "physics" if cloth.has_rest else "mesh",
+                "fabric": cloth.fabric or "default",
+            }
+            for cloth in cloths
+        ]
+        if len({garment["name"] for garment in garments}) < len(garments):
+            for garment in garments:
+                garment.pop("name")
+        values: dict[str, Any] = {"garment": garments}
+        others = collision_meshes(stage, cloths)
+        if others:
+            prim = common_ancestor(others, [cloth.path for cloth in cloths], path)
+            values["avatar"] = {"mesh": path.name, "prim": prim}
+    return values
+
+
+def check_prims(values: dict[str, Any], path: Path) -> None:
+    """Refuse a stage without the physics schema whose garment or avatar prim nobody stated."""
+    garment, avatar = values.get("garment"), values.get("avatar")
+    if isinstance(garment, list) or not isinstance(garment, dict):
+        return
+    lacking = [
+        f"--set {key}.prim=PATH"
+        for key, table in (("garment", garment), ("avatar", avatar))
+        if isinstance(table, dict) and table.get("mesh") == path.name and not table.get("prim")
+    ]
+    if lacking:
+        from warp_cloth.loading.usd import mesh_paths_of
+
+        meshes = ", ".join(mesh_paths_of(str(path))[:6])
+        problem = f"no mesh of the stage is a surface deformable; it holds {meshes or 'no mesh'}"
+        raise InputError(path, problem, f"say which is which: {' '.join(lacking)}")
