@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from warp_cloth.cli_look import compare
+from warp_cloth.cli_look import compare, view
 from warp_cloth.errors import InputError
 from warp_cloth.quiet import start_warp
 from warp_cloth.terminal import BAD_INPUT, INTERRUPTED, one_line_errors, output_folder, tell_error
@@ -228,6 +228,7 @@ def sizes(
 
 
 app.command()(compare)
+app.command()(view)
 
 
 @app.command()

@@ -1,12 +1,14 @@
-"""Commands that look at fits: ``warp-cloth compare``."""
+"""Commands that look at fits: ``warp-cloth compare``, ``warp-cloth view``."""
 
 from __future__ import annotations
 
+import importlib.util
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from warp_cloth.errors import InputError
 from warp_cloth.quiet import start_warp
 from warp_cloth.terminal import one_line_errors, output_folder
 
@@ -30,3 +32,30 @@ def compare(
             paths = save_comparison(found, fits, out)
     for line in [*girth_lines(found), *(f"  wrote {path}" for path in paths)]:
         typer.echo(line)
+
+
+def view(
+    scene: Annotated[str, typer.Argument(help="Scene file, shipped scene, or USD stage, a fit's own too.")],
+    changes: Annotated[
+        list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Change one scene key. May be repeated.")
+    ] = None,
+    device: Annotated[
+        str | None, typer.Option(help="cpu, cuda or cuda:N.", show_default="a GPU if there is one")
+    ] = None,
+    host: Annotated[str, typer.Option(help="Address to serve at; 0.0.0.0 lets other machines in.")] = "127.0.0.1",
+    port: Annotated[int, typer.Option(help="Port; the next free one if it is taken.")] = 8080,
+) -> None:
+    """Show a garment draping live on a page, with sliders for size, fabric, body and offset."""
+    with one_line_errors():
+        if importlib.util.find_spec("viser") is None:
+            raise InputError("view", "needs the package viser", "pip install 'warp-cloth[view]'")
+        for text in changes or ():
+            if "=" not in text:
+                raise InputError(f"--set {text}", "has no value", "write KEY=VALUE")
+        start_warp(False)
+        from warp_cloth.view.live import LiveFit
+        from warp_cloth.view.page import serve
+
+        pairs = dict(text.split("=", 1) for text in changes or ())
+        live = LiveFit(scene, pairs, device)
+        serve(live, host=host, port=port, tell=typer.echo)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping, MutableMapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -150,6 +150,7 @@ def set_up(
     *,
     tell: Callable[[Progress], None] = lambda _: None,
     lap: Callable[[str], None] = lambda _: None,
+    kept: MutableMapping[str, Mesh] | None = None,
 ) -> SetUp:
     """Loads a scene, builds what its plan asks for on the device, and compiles the kernels.
 
@@ -158,9 +159,10 @@ def set_up(
         device: Warp's name of it.
         tell: told at every stage.
         lap: told the name of every stage at its end.
+        kept: meshes of earlier scenes (see ``open_wardrobe``).
     """
     tell(Progress("load"))
-    wardrobe = open_wardrobe(scene)
+    wardrobe = open_wardrobe(scene, kept)
     lap("load")
     if wardrobe.avatar is not None:
         tell(Progress("compile"))

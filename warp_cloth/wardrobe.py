@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, MutableMapping
 from dataclasses import dataclass
+from functools import partial
 
 from warp_cloth.errors import InputError
 from warp_cloth.grain import Grain
@@ -26,8 +28,10 @@ class Wardrobe:
     avatar: Mesh | None
 
 
-def open_wardrobe(scene: Scene) -> Wardrobe:
+def open_wardrobe(scene: Scene, kept: MutableMapping[str, Mesh] | None = None) -> Wardrobe:
     """Loads or generates every mesh of a scene and works out the rest shapes.
+
+    ``kept`` holds meshes of earlier scenes, by what they were made of, and takes those of this one.
 
     Raises:
         InputError: a file, a rest shape or a pin that cannot be used.
@@ -35,15 +39,30 @@ def open_wardrobe(scene: Scene) -> Wardrobe:
     size = worn_size(scene)
     worn_by = scene.avatar.shape if scene.avatar is not None else None
     body = mannequin_measures(worn_by, size=size) if isinstance(worn_by, MannequinShape) else None
+    known = {} if kept is None else kept
+
+    def once(source: str, make: Callable[[], Mesh]) -> Mesh:
+        if source not in known:
+            known[source] = make()
+        return known[source]
+
     garments = tuple(
-        _garment_mesh(spec, key, body) for spec, key in zip(scene.garments, scene.garment_keys, strict=True)
+        once(f"{_source(spec)} {spec.rest} {body}", partial(_garment_mesh, spec, key, body))
+        for spec, key in zip(scene.garments, scene.garment_keys, strict=True)
     )
-    avatar = _avatar_mesh(scene.avatar, size) if scene.avatar is not None else None
+    avatar = None
+    if scene.avatar is not None:
+        avatar = once(f"avatar {_source(scene.avatar)} {size}", partial(_avatar_mesh, scene.avatar, size))
     check_sizes(list(zip(scene.garment_keys, garments, strict=True)), avatar)
     parts = tuple(
         _part(mesh, spec, key) for mesh, spec, key in zip(garments, scene.garments, scene.garment_keys, strict=True)
     )
     return Wardrobe(garments, parts, avatar)
+
+
+def _source(spec: GarmentSpec | AvatarSpec) -> str:
+    """What a mesh is made of."""
+    return f"{spec.mesh} {spec.prim} {spec.units} {spec.shape!r}"
 
 
 def _part(mesh: Mesh, spec: GarmentSpec, key: str) -> GarmentPart:

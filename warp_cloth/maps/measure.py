@@ -69,6 +69,7 @@ def measure_maps(
     avatar: Mesh | None,
     garment_names: Sequence[str],
     device: str,
+    girths: bool = True,
 ) -> FitMaps:
     """Maps by name (see ``kinds.MAPS``) of garments as worn.
 
@@ -80,6 +81,7 @@ def measure_maps(
         avatar: the body, for ease and girths.
         garment_names: for the girths.
         device: where distances are measured.
+        girths: whether the body's levels are looked for, and girths taken there.
     """
     fields: list[dict[str, NDArray[np.float32]]] = []
     notes: list[str] = []
@@ -92,12 +94,12 @@ def measure_maps(
         fields.append({name: values[name].astype(np.float32) for name in names if name in values})
     made = [name for name in names if any(name in of_garment for of_garment in fields)]
     ranges = {name: shown_range(MAPS[name], [field[name] for field in fields if name in field]) for name in made}
-    levels = body_levels(avatar) if avatar is not None else None
-    girths: list[dict[str, Any]] = []
+    levels = body_levels(avatar) if avatar is not None and girths else None
+    taken: list[dict[str, Any]] = []
     if avatar is not None and levels is not None:
         for name, part, points in zip(garment_names, parts, worn, strict=True):
-            girths += garment_girths(name, points, part.rest.sheet, avatar, levels)
-    return FitMaps(tuple(fields), ranges, tuple(girths), tuple(notes))
+            taken += garment_girths(name, points, part.rest.sheet, avatar, levels)
+    return FitMaps(tuple(fields), ranges, tuple(taken), tuple(notes))
 
 
 def _values(

@@ -1,0 +1,166 @@
+"""The live page: what its controls do to a fit, and what it hands to a browser."""
+
+from __future__ import annotations
+
+import io
+import json
+import struct
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+from cloths import grid
+from pxr import Usd, UsdGeom
+
+from warp_cloth.errors import InputError
+from warp_cloth.maps import MAPS
+from warp_cloth.mesh import Mesh
+from warp_cloth.shapes import tshirt
+from warp_cloth.view.live import CHUNK, PLOT_POINTS, History, LiveFit
+from warp_cloth.view.picture import glb_bytes, legend_html
+from warp_cloth.view.warm import carried_over
+
+DRAPED = {
+    "garment": {"shape": {"kind": "square", "vertices_per_side": 11, "height": 0.91}, "fabric": "jersey"},
+    "avatar": {"shape": {"kind": "sphere", "edge_mm": 60}},
+    "collision": {"pixel_mm": 5},
+}
+
+
+@pytest.fixture
+def live() -> LiveFit:
+    return LiveFit(DRAPED, {}, "cpu")
+
+
+def test_it_relaxes_to_rest_and_stays(live: LiveFit) -> None:
+    for _ in range(200):
+        live.advance()
+    assert live.at_rest
+    assert "At rest" in live.status()
+    at = live.iteration
+    live.advance()
+    assert live.iteration == at
+    assert live.history.iteration[-1] == at
+    assert live.history.residual[-1] < live.history.residual[0]
+
+
+def test_a_change_keeps_the_worn_shape_and_a_refused_one_changes_nothing(live: LiveFit) -> None:
+    for _ in range(5):
+        live.advance()
+    worn = live.points.copy()
+    live.change({"garment.fabric": "denim"})
+    assert live.scene.garments[0].fabric.name == "denim"
+    assert np.array_equal(live.made.model.points(), worn)
+    live.change({"collision.offset_mm": "6"})
+    assert live.made.relaxation.step.offset == pytest.approx(0.006)
+    assert live.scene.garments[0].fabric.name == "denim"
+    with pytest.raises(InputError):
+        live.change({"collision.offset_mm": "-1"})
+    assert live.scene.collision.offset_mm == 6.0
+    live.advance()
+    assert live.iteration == CHUNK
+
+
+def test_reset_goes_back_to_the_start(live: LiveFit) -> None:
+    start = live.points.copy()
+    live.advance()
+    live.reset()
+    assert np.array_equal(live.points, start)
+    assert live.iteration == 0
+
+
+def test_maps_are_there_while_it_moves(live: LiveFit) -> None:
+    for _ in range(10):
+        live.advance()
+    for name in ("ease", "pressure", "strain_warp"):
+        shown = live.values(name)
+        assert shown is not None
+        assert len(shown[0][0]) == len(live.points)
+    assert live.values("nothing") is None
+
+
+def test_the_saved_stage_is_what_is_shown(live: LiveFit, tmp_path: Path) -> None:
+    live.advance()
+    stage = Usd.Stage.Open(str(live.saved(tmp_path, "ease")))
+    mesh = UsdGeom.Mesh(stage.GetPrimAtPath("/scene/square/square_mesh"))
+    assert np.allclose(mesh.GetPointsAttr().Get(), live.points, atol=1e-6)
+    assert UsdGeom.PrimvarsAPI(mesh).GetPrimvar("ease").HasValue()
+    assert mesh.GetDisplayColorPrimvar().HasValue()
+
+
+def test_a_worn_shape_is_taken_over_by_another_size() -> None:
+    small, large = tshirt(size="S", edge=0.04), tshirt(size="L", edge=0.04)
+    lifted = small.points + np.array((0.0, 5.0, 0.0))
+    taken = carried_over(small, lifted, large)
+    assert taken is not None
+    assert taken.shape == large.points.shape
+    # within a few edges of where the other size's own vertex starts, once lifted as well
+    away = np.linalg.norm(taken - (large.points + np.array((0.0, 5.0, 0.0))), axis=1)
+    assert np.median(away) < 0.04
+    assert away.max() < 0.15
+
+
+def test_the_same_mesh_keeps_its_vertices_and_a_stranger_starts_anew() -> None:
+    mesh = grid(4, 1.0)
+    worn = mesh.points + 1.0
+    assert np.array_equal(carried_over(mesh, worn, grid(4, 2.0)), worn)
+    assert carried_over(mesh, worn, grid(5, 1.0)) is None
+
+
+def test_history_keeps_its_ends_and_stays_short() -> None:
+    history = History()
+    for index in range(5 * PLOT_POINTS):
+        history.add(index, 1.0 / (1 + index), 100.0)
+    assert len(history.iteration) <= PLOT_POINTS
+    assert (history.iteration[0], history.iteration[-1]) == (0.0, 5.0 * PLOT_POINTS - 1)
+
+
+def test_the_browsers_mesh_is_sound_gltf() -> None:
+    mesh: Mesh = grid(5, 1.0)
+    shown = np.linspace(0, 1, 75).reshape(25, 3)
+    data = glb_bytes(mesh.points, mesh.triangles, shown)
+    magic, version, length = struct.unpack("<4sII", data[:12])
+    assert (magic, version, length) == (b"glTF", 2, len(data))
+    size = struct.unpack("<I", data[12:16])[0]
+    assert json.loads(data[20 : 20 + size])["asset"]["version"] == "2.0"
+    back = trimesh.load(io.BytesIO(data), file_type="glb", process=False).to_geometry()
+    assert np.allclose(back.vertices, mesh.points)
+    assert np.array_equal(back.faces, mesh.triangles)
+
+
+def test_legend_names_the_map_and_its_ends() -> None:
+    html = legend_html(MAPS["pressure"], (0.0, 2.0))
+    assert "pressure on the body" in html
+    assert "<span>0 kPa</span><span>1 kPa</span><span>2 kPa</span>" in html
+    assert "#440154" in html
+
+
+@pytest.fixture
+def page(live: LiveFit) -> Iterator[object]:
+    pytest.importorskip("viser")
+    from warp_cloth.view.page import Page
+
+    page = Page(live, port=0)
+    thread = threading.Thread(target=page.run)
+    thread.start()
+    yield page
+    page.stop()
+    thread.join(timeout=30)
+    assert not thread.is_alive()
+
+
+def test_the_page_is_served_on_this_machine_only_and_shows_pictures(page: object) -> None:
+    import time
+    import urllib.request
+
+    with urllib.request.urlopen(f"http://127.0.0.1:{page.port}/", timeout=20) as answer:
+        assert answer.status == 200
+    assert page._server.get_host() == "127.0.0.1"
+    for _ in range(600):
+        if page.pictures > 3:
+            break
+        time.sleep(0.05)
+    assert page.pictures > 3

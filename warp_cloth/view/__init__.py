@@ -1,0 +1,1 @@
+"""A page on this machine on which the garment drapes live."""

@@ -1,0 +1,215 @@
+"""A fit that goes on while its scene is changed under it."""
+
+from __future__ import annotations
+
+import itertools
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warp_cloth.fitting import SetUp, device_named, set_up, tolerance_of
+from warp_cloth.maps import MAPS, measure_maps
+from warp_cloth.mesh import Mesh, Points
+from warp_cloth.result import WornGarment
+from warp_cloth.scene import MannequinShape, Scene, TshirtShape, load_scene
+from warp_cloth.solver.certificate import Check
+from warp_cloth.view.warm import carried_over
+
+CHUNK = 20  # iterations between two pictures
+CHUNKS_PER_CHECK = 5
+PLOT_POINTS = 400  # the oldest are thinned out
+BODY_MEASURES = ("stature", "chest", "waist", "hip")
+
+
+@dataclass
+class History:
+    """What the plots show: iteration, relative residual, iterations a second."""
+
+    iteration: list[float] = field(default_factory=list)
+    residual: list[float] = field(default_factory=list)
+    speed: list[float] = field(default_factory=list)
+
+    def add(self, iteration: int, residual: float, speed: float) -> None:
+        """Notes one check; thins out what is old."""
+        for values, value in ((self.iteration, iteration), (self.residual, residual), (self.speed, speed)):
+            values.append(float(value))
+            if len(values) > PLOT_POINTS:
+                del values[1:-1:2]
+
+
+class LiveFit:
+    """A scene that relaxes chunk by chunk; changes keep the worn shape where they can."""
+
+    def __init__(self, source: str | Path | Mapping[str, Any], changes: Mapping[str, str], device: str | None) -> None:
+        self._source = source
+        self._changes = dict(changes)
+        self._kept: dict[str, Mesh] = {}
+        self.device = device_named(device)
+        self.scene = self._load(self._changes)
+        self.made: SetUp = set_up(self.scene, self.device, kept=self._kept)
+        self._start()
+
+    def _load(self, changes: Mapping[str, str]) -> Scene:
+        return load_scene(self._source, [f"{key}={value}" for key, value in changes.items()])
+
+    def _start(self) -> None:
+        self.iteration = 0
+        self.at_rest = self.diverged = False
+        self.history = History()
+        self.check: Check | None = None
+        self._chunks = 0
+        self._seconds = 0.0
+        self.points: Points = self.made.model.points()
+
+    @property
+    def ended(self) -> bool:
+        """Whether nothing moves any more."""
+        return self.at_rest or self.diverged
+
+    @property
+    def sized(self) -> bool:
+        """Whether the garment has sizes."""
+        return isinstance(self.scene.garments[0].shape, TshirtShape)
+
+    @property
+    def body(self) -> dict[str, float] | None:
+        """The mannequin's measures [m]; None where the body is none."""
+        shape = self.scene.avatar.shape if self.scene.avatar is not None else None
+        if not isinstance(shape, MannequinShape):
+            return None
+        from warp_cloth.shapes import mannequin_measures
+        from warp_cloth.wardrobe import worn_size
+
+        measures = mannequin_measures(shape, size=worn_size(self.scene))
+        return {name: float(getattr(measures, name)) for name in BODY_MEASURES}
+
+    def advance(self) -> None:
+        """A chunk of iterations; now and then a check."""
+        if self.ended:
+            return
+        began = time.perf_counter()
+        made = self.made
+        made.relaxation.run(CHUNK)
+        points = made.model.points()
+        self.iteration += CHUNK
+        self._chunks += 1
+        self._seconds += time.perf_counter() - began
+        if not np.isfinite(points).all():
+            self.diverged = True
+            return
+        self.points = points
+        if not made.contact.covers(points):
+            collider = made.contact.collider(points)
+            made.relaxation.meet(collider)
+            made.certifier.meet(collider)
+        if self._chunks % CHUNKS_PER_CHECK == 0:
+            self.check = made.certifier.check(self.iteration, points)
+            speed = CHUNKS_PER_CHECK * CHUNK / max(self._seconds, 1e-9)
+            self.history.add(self.iteration, self.check.residual.relative_rms, speed)
+            self._seconds = 0.0
+            self.at_rest = self.check.within(tolerance_of(self.scene))
+            self.diverged = not self.check.finite
+
+    def change(self, changes: Mapping[str, str]) -> None:
+        """Changes scene keys and goes on from the worn shape, where the new garment can take it over.
+
+        Raises:
+            InputError: a value that the scene refuses; nothing has changed then.
+        """
+        together = {**self._changes, **changes}
+        scene = self._load(together)
+        old, worn = self.made, self.points
+        made = set_up(scene, self.device, kept=self._kept)
+        starts = old.model.vertex_start
+        taken = [
+            carried_over(before, worn[starts[index] : starts[index + 1]], after, self.device)
+            for index, (before, after) in enumerate(zip(old.wardrobe.garments, made.wardrobe.garments, strict=True))
+        ]
+        fresh = made.model.points()
+        ends = made.model.vertex_start
+        for index, points in enumerate(taken):
+            if points is not None and not self.diverged:
+                fresh[ends[index] : ends[index + 1]] = points
+        pinned = np.concatenate([part.pins + first for part, first in zip(made.wardrobe.parts, ends, strict=False)])
+        fresh[pinned] = made.model.points()[pinned]
+        made.model.set_points(fresh)
+        collider = made.contact.collider(fresh)
+        made.relaxation.meet(collider)
+        made.certifier.meet(collider)
+        self.scene, self.made, self._changes = scene, made, together
+        self._start()
+
+    def reset(self) -> None:
+        """Back to where the garments are loaded."""
+        self.made = set_up(self.scene, self.device, kept=self._kept)
+        self._start()
+
+    def values(self, name: str) -> tuple[list[NDArray[np.float32]], tuple[float, float]] | None:
+        """A map of every garment as it lies now, and the range of its colours; None where there is none."""
+        if name not in MAPS or (MAPS[name].needs_avatar and self.made.wardrobe.avatar is None):
+            return None
+        made = self.made
+        push = made.certifier.pushes() if name == "pressure" else None
+        parts, starts = made.wardrobe.parts, made.model.vertex_start
+        spans = list(itertools.pairwise(starts))
+        found = measure_maps(
+            (name,),
+            parts=parts,
+            worn=[self.points[a:b] for a, b in spans],
+            pushes=None if push is None else [push[a:b] for a, b in spans],
+            avatar=made.wardrobe.avatar,
+            garment_names=[spec.name for spec in self.scene.garments],
+            device=self.device,
+            girths=False,
+        )
+        if name not in found.ranges:
+            return None
+        none = np.zeros(0, dtype=np.float32)
+        return [fields.get(name, none) for fields in found.fields], found.ranges[name]
+
+    def garments(self) -> tuple[WornGarment, ...]:
+        """The garments as they lie now."""
+        starts = self.made.model.vertex_start
+        return tuple(
+            WornGarment(
+                spec.name, mesh, self.points[starts[index] : starts[index + 1]], spec.fabric.thickness,
+                fabric=spec.fabric, rest=part.rest,
+            )
+            for index, (spec, mesh, part) in enumerate(
+                zip(self.scene.garments, self.made.wardrobe.garments, self.made.wardrobe.parts, strict=True)
+            )
+        )  # fmt: skip
+
+    def saved(self, folder: Path, map_name: str = "") -> Path:
+        """Writes the stage as it is now, with the map chosen."""
+        from warp_cloth.export.stage import write_stage
+
+        garments, ranges = self.garments(), {}
+        shown = self.values(map_name)
+        if shown is not None:
+            ranges[map_name] = shown[1]
+            garments = tuple(
+                replace(worn, fields={map_name: values} if len(values) else {})
+                for worn, values in zip(garments, shown[0], strict=True)
+            )
+        path = folder / f"{self.scene.name}.usdz"
+        avatar = self.made.wardrobe.avatar
+        write_stage(path, garments=garments, avatar=avatar, name=self.scene.name, ranges=ranges, colour=map_name)
+        return path
+
+    def status(self) -> str:
+        """One line on how it stands."""
+        if self.diverged:
+            return "The numbers left their range: reset, or take a softer fabric."
+        if self.check is None:
+            return f"{self.iteration:,} iterations"
+        rest = f"{1e3 * self.check.rest_error:.2g} mm" if np.isfinite(self.check.rest_error) else "unknown"
+        said = "At rest" if self.at_rest else "Relaxing"
+        return (
+            f"{said}: {self.iteration:,} iterations, residual {self.check.residual.relative_rms:.2g}, rest error {rest}"
+        )

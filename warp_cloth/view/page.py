@@ -1,0 +1,261 @@
+"""The page: a viser server whose controls change a live fit."""
+
+from __future__ import annotations
+
+import tempfile
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from warp_cloth.errors import InputError
+from warp_cloth.export.surface import AVATAR_COLOUR, cloth_colour, linear
+from warp_cloth.fabric import shipped_fabrics
+from warp_cloth.maps import MAPS
+from warp_cloth.view.live import BODY_MEASURES, LiveFit
+from warp_cloth.view.picture import glb_bytes, legend_html, map_colours
+
+PLAIN = "none"
+IDLE_SECONDS = 0.03  # between two looks at the controls while nothing moves
+MOST_PICTURES = 30.0  # a second
+COLOUR_SECONDS = 0.5  # between two measurements of a map while the garment moves
+SIZES = ("S", "M", "L")
+BODY_RANGES = {"stature": (1.5, 2.0), "chest": (0.8, 1.3), "waist": (0.6, 1.2), "hip": (0.8, 1.3)}  # [m]
+
+
+class Page:
+    """Shows a live fit and takes its changes; ``run`` serves until ``stop``."""
+
+    def __init__(self, live: LiveFit, *, host: str = "127.0.0.1", port: int = 8080) -> None:
+        import viser
+
+        self._live = live
+        self._server = viser.ViserServer(host=host, port=port, label="warp-cloth", verbose=False)
+        self._pending: dict[str, str] = {}
+        self._lock = threading.Lock()
+        self._stopped = threading.Event()
+        self._work = threading.Lock()  # held while the live fit is read or moved: controls call from other threads
+        self._reset_asked = False
+        self._stale = False  # a picture is wanted although nothing moves
+        self._shown: dict[str, Any] = {}  # scene nodes by garment
+        self._map: tuple[list[Any], tuple[float, float]] | None = None
+        self._map_time = 0.0
+        self.pictures = 0
+        self._build()
+
+    @property
+    def port(self) -> int:
+        """Where the page is served."""
+        return int(self._server.get_port())
+
+    def stop(self) -> None:
+        """Ends ``run`` and the server."""
+        self._stopped.set()
+
+    def run(self) -> None:
+        """Relaxes, shows, and applies what the controls changed."""
+        try:
+            while not self._stopped.is_set():
+                began = time.perf_counter()
+                if self._turn():
+                    time.sleep(max(1.0 / MOST_PICTURES - (time.perf_counter() - began), 0.0))
+                else:
+                    time.sleep(IDLE_SECONDS)
+        finally:
+            self._server.stop()
+
+    def _turn(self) -> bool:
+        """Applies changes, relaxes a chunk and shows it; False where there was nothing to do."""
+        with self._work:
+            changed, self._stale = self._apply() or self._stale, False
+            moving = not (self._pause.value or self._live.ended)
+            if moving and not changed:
+                self._live.advance()
+            if changed or moving:
+                self.show()
+            return changed or moving
+
+    def _build(self) -> None:
+        """All controls, the avatar and the garments."""
+        server, live = self._server, self._live
+        server.scene.set_up_direction("+y")
+        server.gui.configure_theme(control_layout="fixed", control_width="medium", dark_mode=False)
+        low = np.min([live.points.min(axis=0), self._body_bounds()[0]], axis=0)
+        high = np.max([live.points.max(axis=0), self._body_bounds()[1]], axis=0)
+        middle, size = 0.5 * (low + high), float((high - low).max())
+        server.initial_camera.position = tuple(middle + np.array([0.35, 0.1, 1.35]) * size)
+        server.initial_camera.look_at = tuple(middle)
+        gui = server.gui
+        self._status = gui.add_markdown(live.status())
+        with gui.add_folder("Garment"):
+            if live.sized:
+                self._slider_of_sizes()
+            fabrics = tuple(shipped_fabrics())
+            name = live.scene.garments[0].fabric.name
+            chosen = gui.add_dropdown("fabric", fabrics, initial_value=name if name in fabrics else "default")
+            chosen.on_update(lambda _: self._ask("garment.fabric", chosen.value, every_garment=True))
+            if live.scene.avatar is not None:
+                offset = gui.add_slider(
+                    "offset [mm]", min=0.0, max=15.0, step=0.5, initial_value=live.scene.collision.offset_mm
+                )
+                offset.on_update(lambda _: self._ask("collision.offset_mm", f"{offset.value}"))
+        measures = live.body
+        if measures is not None:
+            with gui.add_folder("Body"):
+                self._measure_sliders(measures)
+        with gui.add_folder("Map"):
+            possible = [n for n, kind in MAPS.items() if live.scene.avatar is not None or not kind.needs_avatar]
+            self._map_choice = gui.add_dropdown("map", (PLAIN, *possible), initial_value=PLAIN)
+            self._map_choice.on_update(lambda _: self._recolour())
+            self._legend = gui.add_html("")
+        with gui.add_folder("Run"):
+            self._pause = gui.add_checkbox("pause", initial_value=False)
+            reset = gui.add_button("reset")
+            reset.on_click(lambda _: self._ask_reset())
+            save = gui.add_button("save")
+            save.on_click(self._save)
+        self._build_plots()
+        self._show_avatar()
+        self.show()
+
+    def _build_plots(self) -> None:
+        data = (np.zeros(1), np.ones(1))
+        with self._server.gui.add_folder("Progress"):
+            self._residual = self._server.gui.add_uplot(
+                data,
+                series=({"label": "iteration"}, {"label": "relative residual", "stroke": "#4a7da8", "width": 2}),
+                scales={"x": {"time": False}, "y": {"distr": 3}},
+                title="relative residual",
+                aspect=2.2,
+            )
+            self._speed = self._server.gui.add_uplot(
+                data,
+                series=({"label": "iteration"}, {"label": "iterations a second", "stroke": "#c46b57", "width": 2}),
+                scales={"x": {"time": False}},
+                title="iterations a second",
+                aspect=2.2,
+            )
+
+    def _slider_of_sizes(self) -> None:
+        shape = self._live.scene.garments[0].shape
+        at = SIZES.index(shape.size) if shape is not None and hasattr(shape, "size") else 1
+        marks = tuple((index, name) for index, name in enumerate(SIZES))
+        size = self._server.gui.add_slider("size", min=0, max=2, step=1, initial_value=at, marks=marks)
+        # the body stays as it is: its measures would otherwise follow the size
+        size.on_update(lambda _: self._ask_size(SIZES[int(size.value)]))
+
+    def _ask_size(self, size: str) -> None:
+        held = self._live.body or {}
+        with self._lock:
+            self._pending["garment.shape.size"] = size
+            for name, value in held.items():
+                self._pending.setdefault(f"avatar.shape.{name}", f"{value:.3f}")
+
+    def _measure_sliders(self, measures: dict[str, float]) -> None:
+        def connect(name: str) -> None:
+            low, high = BODY_RANGES[name]
+            first = min(max(100 * measures[name], 100 * low), 100 * high)
+            slider = self._server.gui.add_slider(
+                f"{name} [cm]", min=100 * low, max=100 * high, step=1.0, initial_value=first
+            )
+            slider.on_update(lambda _: self._ask(f"avatar.shape.{name}", f"{slider.value / 100:.3f}"))
+
+        for name in BODY_MEASURES:
+            connect(name)
+
+    def _ask(self, key: str, value: str, *, every_garment: bool = False) -> None:
+        count = len(self._live.scene.garments)
+        with self._lock:
+            if every_garment and count > 1:
+                for index in range(count):
+                    self._pending[key.replace("garment.", f"garment[{index}].")] = value
+            else:
+                self._pending[key] = value
+
+    def _ask_reset(self) -> None:
+        with self._lock:
+            self._reset_asked = True
+
+    def _apply(self) -> bool:
+        """Applies what was asked since the last look; whether anything was."""
+        with self._lock:
+            asked, self._pending = self._pending, {}
+            reset, self._reset_asked = self._reset_asked, False
+        if not (asked or reset):
+            return False
+        self._status.content = f"Changing {', '.join(asked) or 'back to the start'} …"
+        try:
+            if asked:
+                self._live.change(asked)
+            if reset:
+                self._live.reset()
+        except InputError as error:
+            self._status.content = f"**Refused:** {error}"
+            return False
+        if any(key.startswith("avatar.shape") for key in asked):
+            self._show_avatar()
+        self._map_time = 0.0
+        return True
+
+    def _recolour(self) -> None:
+        self._map_time = 0.0
+        self._stale = True
+
+    def _body_bounds(self) -> tuple[Any, Any]:
+        avatar = self._live.made.wardrobe.avatar
+        return avatar.bounds() if avatar is not None else (self._live.points.min(axis=0), self._live.points.max(axis=0))
+
+    def _show_avatar(self) -> None:
+        avatar = self._live.made.wardrobe.avatar
+        if avatar is not None:
+            colour = np.tile(linear(AVATAR_COLOUR), (avatar.vertex_count, 1))
+            self._put("avatar", glb_bytes(avatar.points, avatar.triangles, colour))
+
+    def _put(self, name: str, data: bytes) -> None:
+        if name in self._shown:
+            self._shown[name].glb_data = data
+        else:
+            self._shown[name] = self._server.scene.add_glb(f"/{name}", data)
+
+    def show(self) -> None:
+        """One picture: garments in their colours, status, plots."""
+        live = self._live
+        now = time.perf_counter()
+        name = self._map_choice.value
+        if name == PLAIN:
+            self._map = None
+            self._legend.content = ""
+        elif now - self._map_time > COLOUR_SECONDS or live.ended:
+            self._map, self._map_time = live.values(name), now
+            known = self._map is not None
+            self._legend.content = legend_html(MAPS[name], self._map[1]) if self._map and known else "not known here"
+        for index, worn in enumerate(live.garments()):
+            colour = np.tile(linear(cloth_colour(index)), (len(worn.points), 1))
+            if self._map is not None and name in MAPS and len(self._map[0][index]) == len(worn.points):
+                colour = map_colours(MAPS[name], self._map[0][index], self._map[1])
+            self._put(f"garment_{index}", glb_bytes(worn.points, worn.mesh.triangles, colour))
+        self.pictures += 1
+        self._status.content = live.status()
+        history = live.history
+        if history.iteration and len(history.iteration) != len(self._residual.data[0]):
+            x = np.array(history.iteration)
+            self._residual.data = (x, np.maximum(np.array(history.residual), 1e-9))
+            self._speed.data = (x, np.array(history.speed))
+
+    def _save(self, event: Any) -> None:
+        with self._work, tempfile.TemporaryDirectory() as folder:
+            chosen = self._map_choice.value
+            path = self._live.saved(Path(folder), "" if chosen == PLAIN else chosen)
+            content = path.read_bytes()
+        target = event.client if event.client is not None else self._server
+        target.send_file_download(path.name, content, save_immediately=True)
+
+
+def serve(live: LiveFit, *, host: str, port: int, tell: Callable[[str], None]) -> None:
+    """Serves the page until it is interrupted."""
+    page = Page(live, host=host, port=port)
+    tell(f"open http://{host}:{page.port} in a browser; Ctrl-C ends it")
+    page.run()

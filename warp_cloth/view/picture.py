@@ -1,0 +1,79 @@
+"""Meshes as the page takes them, and the legend of a map."""
+
+from __future__ import annotations
+
+import json
+import struct
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warp_cloth.export.surface import linear, vertex_normals
+from warp_cloth.maps.colour import colours, shown_value
+from warp_cloth.maps.kinds import MapKind
+from warp_cloth.mesh import Indices, Points
+
+FLOAT, UNSIGNED = 5126, 5125  # glTF's names of number types
+VERTICES, ELEMENTS = 34962, 34963  # and of buffers
+LEGEND_STEPS = 24
+
+
+def glb_bytes(points: Points, triangles: Indices, shown: NDArray[np.float64]) -> bytes:
+    """A glTF file of one mesh with vertex colours (linear light, shape [V, 3]), both its sides seen.
+
+    Written by hand: ten times a second, a general exporter is too slow.
+    """
+    written = np.ascontiguousarray(points, dtype="<f4")
+    arrays = [
+        (written, "VEC3", FLOAT, VERTICES),
+        (vertex_normals(written, triangles).astype("<f4"), "VEC3", FLOAT, VERTICES),
+        (np.ascontiguousarray(shown, dtype="<f4"), "VEC3", FLOAT, VERTICES),
+        (np.ascontiguousarray(triangles.ravel(), dtype="<u4"), "SCALAR", UNSIGNED, ELEMENTS),
+    ]
+    views: list[dict[str, Any]] = []
+    accessors: list[dict[str, Any]] = []
+    start = 0
+    for array, shape, kind, target in arrays:
+        views.append({"buffer": 0, "byteOffset": start, "byteLength": array.nbytes, "target": target})
+        entry = {"bufferView": len(accessors), "componentType": kind, "count": len(array), "type": shape}
+        accessors.append(entry)
+        start += array.nbytes
+    accessors[0] |= {"min": written.min(axis=0).tolist(), "max": written.max(axis=0).tolist()}
+    attributes = {"POSITION": 0, "NORMAL": 1, "COLOR_0": 2}
+    look = {"pbrMetallicRoughness": {"metallicFactor": 0.0, "roughnessFactor": 0.9}, "doubleSided": True}
+    document = {
+        "asset": {"version": "2.0"},
+        "scene": 0,
+        "scenes": [{"nodes": [0]}],
+        "nodes": [{"mesh": 0}],
+        "meshes": [{"primitives": [{"attributes": attributes, "indices": 3, "material": 0}]}],
+        "materials": [look],
+        "buffers": [{"byteLength": start}],
+        "bufferViews": views,
+        "accessors": accessors,
+    }
+    text = json.dumps(document, separators=(",", ":")).encode()
+    text += b" " * (-len(text) % 4)
+    data = b"".join(array.tobytes() for array, *_ in arrays)
+    head = struct.pack("<4sII", b"glTF", 2, 12 + 8 + len(text) + 8 + len(data))
+    return head + struct.pack("<I4s", len(text), b"JSON") + text + struct.pack("<I4s", len(data), b"BIN\0") + data
+
+
+def map_colours(kind: MapKind, values: NDArray[np.float32], bounds: tuple[float, float]) -> NDArray[np.float64]:
+    """Linear light of a map's values, shape [V, 3]."""
+    return linear(colours(kind, values, bounds))
+
+
+def legend_html(kind: MapKind, bounds: tuple[float, float]) -> str:
+    """A bar of the map's colours with the values at its ends and middle."""
+    values = np.linspace(*bounds, LEGEND_STEPS)
+    rows = np.round(255 * colours(kind, values, bounds)).astype(np.uint8)
+    stops = ",".join(f"#{row.tobytes().hex()}" for row in rows)
+    ends = [shown_value(kind, value) for value in (bounds[0], 0.5 * (bounds[0] + bounds[1]), bounds[1])]
+    numbers = "".join(f"<span>{end}</span>" for end in ends)
+    return (
+        f'<div style="padding:0 1em 0.5em;font-size:0.8em" id="map-legend"><div>{kind.label}</div>'
+        f'<div style="height:0.9em;border-radius:2px;background:linear-gradient(to right,{stops})"></div>'
+        f'<div style="display:flex;justify-content:space-between">{numbers}</div></div>'
+    )
