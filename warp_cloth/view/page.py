@@ -82,7 +82,7 @@ class Page:
         """All controls, the avatar and the garments."""
         server, live = self._server, self._live
         server.scene.set_up_direction("+y")
-        server.gui.configure_theme(control_layout="fixed", control_width="medium", dark_mode=False)
+        server.gui.configure_theme(control_width="medium", dark_mode=False)
         low = np.min([live.points.min(axis=0), self._body_bounds()[0]], axis=0)
         high = np.max([live.points.max(axis=0), self._body_bounds()[1]], axis=0)
         middle, size = 0.5 * (low + high), float((high - low).max())
