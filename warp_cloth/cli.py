@@ -12,6 +12,7 @@ import typer
 from warp_cloth.cli_look import compare, view
 from warp_cloth.errors import InputError
 from warp_cloth.quiet import start_warp
+from warp_cloth.study.commands import plan
 from warp_cloth.terminal import BAD_INPUT, INTERRUPTED, one_line_errors, output_folder, tell_error
 
 if TYPE_CHECKING:
@@ -25,6 +26,7 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
+app.command()(plan)
 
 
 def main() -> None:

@@ -20,7 +20,7 @@ from warp_cloth.maps import FitMaps, chosen_maps, measure_maps
 from warp_cloth.maps.measure import check_maps
 from warp_cloth.mesh import Mesh, Points
 from warp_cloth.model import ClothModel, build_model
-from warp_cloth.plan import make_plan
+from warp_cloth.plan import contact_kind, make_plan
 from warp_cloth.result import Penetration, Status, WornGarment
 from warp_cloth.scene import Scene, load_scene
 from warp_cloth.solver.certificate import Certifier, Check, Tolerance, edge_strains, strain_summary, thread_summaries
@@ -166,7 +166,7 @@ def set_up(
     lap("load")
     if wardrobe.avatar is not None:
         tell(Progress("compile"))
-        _compile(avatar_modules(scene.collision.avatar), device)
+        _compile(avatar_modules(contact_kind(scene, wardrobe)), device)
         lap("compile")
     tell(Progress("build"))
     contact = _avatar_contact(scene, wardrobe, device)
@@ -219,7 +219,7 @@ def device_named(name: str | None) -> str:
 def _avatar_contact(scene: Scene, wardrobe: Wardrobe, device: str) -> AvatarContact:
     return AvatarContact(
         wardrobe.avatar,
-        scene.collision.avatar,
+        contact_kind(scene, wardrobe),
         pixel=scene.collision.pixel_mm * 1e-3,
         offset=scene.collision.offset_mm * 1e-3,
         friction=scene.avatar.friction if scene.avatar is not None else 0.0,

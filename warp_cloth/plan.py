@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from warp_cloth.reach import reach_box
 from warp_cloth.scene import Scene
 from warp_cloth.wardrobe import Wardrobe
 
@@ -19,23 +20,58 @@ class Term:
 
 def make_plan(scene: Scene, wardrobe: Wardrobe) -> tuple[Term, ...]:
     """The terms of a scene, in the order in which an iteration meets them."""
-    bends = any(bool((part.rest.hinge_stiffness > 0.0).any()) for part in wardrobe.parts)
+    rests = [part.rest for part in wardrobe.parts]
+    bends = any(bool((rest.hinge_stiffness > 0.0).any()) for rest in rests)
+    pulls = any(bool((rest.edge_pull > 0.0).any()) for rest in rests)
+    woven = any(rest.weave is not None for rest in rests)
     pins = sum(len(part.pins) for part in wardrobe.parts)
-    kind = scene.collision.avatar
-    if scene.avatar is None:
-        contact = Term("avatar contact", False, "the scene has no avatar")
-    elif kind == "none":
-        contact = Term("avatar contact", False, 'collision.avatar = "none"')
-    else:
-        contact = Term("avatar contact", True, f'collision.avatar = "{kind}"')
+    accelerated = scene.solver.method == "accelerated"
     return (
-        Term("tension", True, "every garment has edges"),
+        Term("tension", pulls, "edges pull" if pulls else "woven triangles pull in place of the edges"),
+        Term("weave", woven, "a fabric states its shear" if woven else "no fabric states its shear: edges pull"),
         Term(
             "bending",
             bends,
             "the fabric resists bending" if bends else "no hinge has a stiffness: the fabric's bending is 0",
         ),
         Term("pins", pins > 0, f"{pins} vertices are pinned" if pins else "nothing is pinned"),
-        contact,
+        Term("momentum", accelerated, f'solver.method = "{scene.solver.method}"'),
+        *_avatar_terms(scene, wardrobe),
         Term("cloth contact", False, "collision.cloth = false"),
     )
+
+
+def contact_kind(scene: Scene, wardrobe: Wardrobe) -> str:
+    """How the avatar is met: as the scene says, or "none" where no garment can come near it."""
+    return scene.collision.avatar if _may_meet(scene, wardrobe) else "none"
+
+
+def _avatar_terms(scene: Scene, wardrobe: Wardrobe) -> tuple[Term, ...]:
+    kind = scene.collision.avatar
+    if scene.avatar is None:
+        why = "the scene has no avatar"
+    elif kind == "none":
+        why = 'collision.avatar = "none"'
+    elif not _may_meet(scene, wardrobe):
+        why = "no pinned garment can reach the avatar, however its weight stretches it"
+    else:
+        rubs = scene.avatar.friction > 0.0
+        return (
+            Term("avatar contact", True, f'collision.avatar = "{kind}"'),
+            Term("avatar friction", rubs, f"avatar.friction = {scene.avatar.friction:g}"),
+        )
+    return (Term("avatar contact", False, why), Term("avatar friction", False, why))
+
+
+def _may_meet(scene: Scene, wardrobe: Wardrobe) -> bool:
+    """Whether a garment may come within the offset of the avatar; false only where that is proved."""
+    if wardrobe.avatar is None:
+        return False
+    gap = scene.collision.offset_mm * 1e-3
+    low, high = wardrobe.avatar.bounds()
+    for part in wardrobe.parts:
+        apart = (part.points.min(axis=0) > high + gap) | (part.points.max(axis=0) < low - gap)
+        box = reach_box(part) if apart.any() else None
+        if box is None or not ((box[0] > high + gap) | (box[1] < low - gap)).any():
+            return True
+    return False

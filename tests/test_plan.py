@@ -1,0 +1,182 @@
+"""The plan tells what an iteration really launches and touches; what is left out is truly absent."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import warp as wp
+from typer.testing import CliRunner
+
+from warp_cloth.cli import app
+from warp_cloth.fitting import SetUp, fit, set_up
+from warp_cloth.plan import contact_kind, make_plan
+from warp_cloth.reach import reach_box
+from warp_cloth.scene import load_scene
+from warp_cloth.study import footprint
+from warp_cloth.study.launches import Launch, bytes_of, launches_of
+from warp_cloth.study.traffic import array_uses
+
+SQUARE = {"kind": "square", "side": 0.5, "vertices_per_side": 7, "plane": "vertical", "height": 1.5}
+SPHERE = {"kind": "sphere", "radius": 0.2, "centre": [0.0, 1.2, -0.1], "edge_mm": 80}
+PLAIN = {"stretch": 2e4, "bending": 1e-6}
+TOP = {"box": [[-1, 1.499, -1], [1, 2, 1]]}
+
+
+def ready(fabric: object = None, **more: object) -> SetUp:
+    tree = {"garment": {"shape": SQUARE, "fabric": fabric or PLAIN, "pin": TOP}, "collision": {"pixel_mm": 20}, **more}
+    if "avatar" not in tree:
+        del tree["collision"]
+    return set_up(load_scene(tree), "cpu")
+
+
+def seen(made: SetUp) -> tuple[list[Launch], set[str]]:
+    """Launches of an iteration, and the names of the arrays that they are given."""
+    launches = launches_of(made.relaxation.iterate)
+    return launches, {name for launch in launches for name in launch.arrays()}
+
+
+def test_an_iteration_launches_the_kernels_that_the_relaxation_names() -> None:
+    made = ready(avatar={"shape": SPHERE})
+    launches, _ = seen(made)
+    assert [launch.kernel for launch in launches] == made.relaxation.kernels()
+
+
+@pytest.mark.parametrize(
+    ("fabric", "gone"), [({**PLAIN, "bending": 0.0}, "hinges"), (PLAIN, "weave"), ("cotton", "edges")]
+)
+def test_a_term_without_use_has_no_launch_and_no_array(fabric: object, gone: str) -> None:
+    _, names = seen(ready(fabric))
+    assert not {name for name in names if gone in name}
+
+
+def test_bending_off_is_one_launch_less_and_its_memory_is_free() -> None:
+    with_it, without = ready(), ready({**PLAIN, "bending": 0.0})
+    (launches, _), (fewer, _) = seen(with_it), seen(without)
+    assert len(fewer) == len(launches) - 1
+    freed = bytes_of([with_it.model.hinges.corners, with_it.model.hinges.stiffness])
+    both = [bytes_of([a for launch in some for a in launch.arrays().values()]) for some in (launches, fewer)]
+    assert both[0] - both[1] == freed
+
+
+def test_no_avatar_no_collider() -> None:
+    _, names = seen(ready())
+    assert not {name for name in names if name.startswith("collider")}
+    _, names = seen(ready(avatar={"shape": SPHERE}))
+    assert {name for name in names if name.startswith("collider")}
+
+
+@pytest.mark.parametrize("method", ["accelerated", "direct"])
+@pytest.mark.parametrize("avatar", [None, SPHERE])
+def test_the_arrays_that_change_are_those_that_a_kernel_is_said_to_write(
+    method: str, avatar: dict[str, object] | None
+) -> None:
+    more = {"avatar": {"shape": avatar}} if avatar else {}
+    made = ready("cotton", solver={"method": method}, **more)
+    made.relaxation.iterate(5)
+    for launch in launches_of(made.relaxation.iterate):
+        uses, arrays = array_uses(launch.kernel), launch.arrays()
+        before = {name: array.numpy().copy() for name, array in arrays.items()}
+        launch.command.launch()
+        changed = {name for name, array in arrays.items() if not np.array_equal(before[name], array.numpy())}
+        assert changed <= uses.written
+        assert uses.written & arrays.keys()
+
+
+def test_what_a_kernel_does_not_read_cannot_change_what_it_writes() -> None:
+    made = ready("cotton")
+    made.relaxation.iterate(5)
+    for launch in launches_of(made.relaxation.iterate):
+        kept = {name: wp.clone(array) for name, array in launch.arrays().items()}
+        clean, poisoned = written_by(launch, kept, False), written_by(launch, kept, True)
+        assert all(np.array_equal(clean[name], poisoned[name]) for name in clean)
+
+
+def written_by(launch: Launch, given: dict[str, wp.array], poison: bool) -> dict[str, np.ndarray]:
+    """What a launch writes if its arrays hold what is given, those that it is said not to use nonsense."""
+    uses, arrays = array_uses(launch.kernel), launch.arrays()
+    for name, array in arrays.items():
+        wp.copy(array, given[name])
+        if poison and name not in uses.read | uses.written:
+            array.fill_(1)
+    launch.command.launch()
+    return {name: arrays[name].numpy().copy() for name in uses.written & arrays.keys()}
+
+
+def test_memory_that_two_arrays_share_counts_once() -> None:
+    whole = wp.zeros(100, dtype=float, device="cpu")
+    other = wp.zeros(10, dtype=float, device="cpu")
+    assert bytes_of([whole, whole[10:50], other]) == 440
+
+
+def test_shares_are_of_the_kernels_that_are_launched(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(footprint, "SHORTEST_RUN", 0.01)
+    made = ready("cotton", avatar={"shape": SPHERE})
+    cost = footprint.footprint_of(made)
+    assert cost.launches == len(made.relaxation.kernels()) == len(cost.kernels)
+    assert sum(cost.share(kernel) for kernel in cost.kernels) == pytest.approx(1.0)
+    assert all(kernel.bytes > 0 and kernel.seconds > 0 and kernel.purpose for kernel in cost.kernels)
+    assert cost.memory["avatar"] > 0
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_a_garment_that_cannot_reach_the_avatar_does_not_ask_it_and_one_that_may_does(side: float) -> None:
+    def scene(away: float) -> dict[str, object]:
+        shape = {"kind": "sphere", "radius": 0.4, "centre": [side * away, 1.2, 0.0], "edge_mm": 160}
+        garment = {"shape": SQUARE, "fabric": PLAIN, "pin": TOP}
+        return {"garment": garment, "avatar": {"shape": shape}, "collision": {"pixel_mm": 20}}
+
+    kinds = {}
+    for away in (0.8, 2.1):
+        made = load_scene(scene(away))
+        kinds[away] = contact_kind(made, set_up(made, "cpu").wardrobe)
+    assert kinds == {0.8: "depth", 2.1: "none"}
+
+
+def test_a_pinned_garment_stays_within_its_reach_all_the_way() -> None:
+    tree = {"garment": {"shape": SQUARE, "fabric": {**PLAIN, "weight": 5.0}, "pin": {"vertices": [0]}}}
+    scene = load_scene(tree, ["solver.iterations=3000"])
+    made = set_up(scene, "cpu")
+    box = reach_box(made.wardrobe.parts[0])
+    assert box is not None
+    worn = fit(scene, device="cpu", frames=20)
+    shapes = worn.garments[0].frames
+    assert shapes is not None
+    assert (shapes >= box[0]).all()
+    assert (shapes <= box[1]).all()
+
+
+def test_nothing_is_proved_of_a_garment_that_nothing_holds() -> None:
+    made = set_up(load_scene({"garment": {"shape": SQUARE, "fabric": PLAIN}}), "cpu")
+    assert reach_box(made.wardrobe.parts[0]) is None
+
+
+def test_every_term_says_why() -> None:
+    made = ready("cotton", avatar={"shape": SPHERE, "friction": 0.0})
+    scene = load_scene({"garment": {"shape": SQUARE, "fabric": "cotton"}, "avatar": {"shape": SPHERE, "friction": 0}})
+    terms = {term.name: term for term in make_plan(scene, made.wardrobe)}
+    assert all(term.reason for term in terms.values())
+    assert not terms["avatar friction"].used
+    assert terms["weave"].used
+    assert not terms["tension"].used
+
+
+def test_the_command_tells_terms_kernels_and_memory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(footprint, "SHORTEST_RUN", 0.01)
+    out = tmp_path / "plan.json"
+    options = ["--set", "garment.shape.vertices_per_side=9", "--device", "cpu", "--out", str(out)]
+    result = CliRunner().invoke(app, ["plan", "hanging", *options])
+    assert result.exit_code == 0, result.output
+    for words in ("Terms:", "An iteration:", "Memory:", "displace_vertices", "the scene has no avatar"):
+        assert words in result.stdout
+    values = json.loads(out.read_text())
+    assert values["vertices"] == 81
+    assert sum(kernel["share"] for kernel in values["kernels"]) == pytest.approx(1.0)
+
+
+def test_the_command_refuses_in_one_line() -> None:
+    result = CliRunner().invoke(app, ["plan", "hangin", "--device", "cpu"])
+    assert result.exit_code == 2
+    assert result.stderr.count("\n") == 1

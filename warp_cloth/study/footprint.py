@@ -1,0 +1,151 @@
+"""What an iteration costs: kernels, launches, bytes, memory and shares of time, all from the objects that run it."""
+
+from __future__ import annotations
+
+import inspect
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import warp as wp
+
+from warp_cloth.fitting import SetUp
+from warp_cloth.study.launches import Launch, bytes_of, launches_of
+from warp_cloth.study.traffic import Uses, array_uses
+
+PAIR = 2  # iterations that are watched: where forces are gathered, the second goes back to the first one's arrays
+WARM_UP = 100  # iterations before the clock runs: cloth that has met the avatar costs more
+SHORTEST_RUN = 0.5  # [s] of timing
+MOST_ROUNDS = 1000
+TABLE_CORNERS = 8  # of a three-dimensional table, that a thread reads round its place
+
+
+@dataclass(frozen=True)
+class KernelCost:
+    """One kernel's part of an iteration."""
+
+    name: str
+    purpose: str
+    launches: float  # per iteration
+    threads: int
+    bytes: float  # that it must read and write at least once, per iteration
+    seconds: float  # per iteration, each launch timed by itself
+
+
+@dataclass(frozen=True)
+class Footprint:
+    """What one iteration launches, moves and takes, and the memory that stays."""
+
+    device: str
+    vertices: int
+    kernels: tuple[KernelCost, ...]
+    launches: float  # per iteration
+    bytes: float  # per iteration
+    seconds: float  # of an iteration as a fit runs it, captured
+    memory: dict[str, int]  # [bytes] by what it is for
+
+    def share(self, kernel: KernelCost) -> float:
+        """A kernel's share of the kernels' time."""
+        return kernel.seconds / max(sum(other.seconds for other in self.kernels), 1e-30)
+
+
+def footprint_of(made: SetUp) -> Footprint:
+    """Watches a pair of iterations, then times them. The cloth moves on by some hundreds of iterations."""
+    relaxation, model = made.relaxation, made.model
+    chunk = _seconds_of_iteration(made)
+    launches = launches_of(lambda: relaxation.iterate(PAIR))
+    checks = launches_of(lambda: made.certifier.check(0, model.points()))
+    seconds = _seconds_of_launches(launches, model.device)
+    uses = {launch.kernel.key: array_uses(launch.kernel) for launch in launches}
+    kernels = []
+    for key in uses:
+        own = [(launch, spent) for launch, spent in zip(launches, seconds, strict=True) if launch.kernel.key == key]
+        kernels.append(
+            KernelCost(
+                name=key.rpartition("__")[2],
+                purpose=(inspect.getdoc(own[0][0].kernel.func) or "").partition("\n")[0],
+                launches=len(own) / PAIR,
+                threads=own[0][0].threads,
+                bytes=sum(_moved(launch, uses[key]) for launch, _ in own) / PAIR,
+                seconds=sum(spent for _, spent in own) / PAIR,
+            )
+        )
+    return Footprint(
+        device=model.device,
+        vertices=model.vertex_count,
+        kernels=tuple(kernels),
+        launches=len(launches) / PAIR,
+        bytes=sum(kernel.bytes for kernel in kernels),
+        seconds=chunk,
+        memory=_memory(launches, checks),
+    )
+
+
+def _moved(launch: Launch, uses: Uses) -> int:
+    """Bytes that a launch moves if it reads and writes each element once, and finds it in the cache after that."""
+    arrays = launch.arrays()
+    total = 0
+    for names in (uses.read, uses.written):
+        for name in names & arrays.keys():
+            array = arrays[name]
+            size = array.size * wp.types.type_size_in_bytes(array.dtype)
+            if array.ndim == 3:  # a table that is looked up by place
+                size = min(size, TABLE_CORNERS * launch.threads * wp.types.type_size_in_bytes(array.dtype))
+            total += size
+    return total
+
+
+def _memory(launches: Sequence[Launch], checks: Sequence[Launch]) -> dict[str, int]:
+    """Bytes of the arrays that iterations and checks touch: of the cloth, of the avatar, more for the checks."""
+    named = [item for launch in launches for item in launch.arrays().items()]
+    avatar = [array for name, array in named if name.startswith("collider")]
+    cloth = [array for name, array in named if not name.startswith("collider")]
+    everything = [array for _, array in named] + [array for launch in checks for array in launch.arrays().values()]
+    return {
+        "cloth": bytes_of(cloth),
+        "avatar": bytes_of(avatar),
+        "checks": bytes_of(everything) - bytes_of(avatar) - bytes_of(cloth),
+    }
+
+
+def _seconds_of_iteration(made: SetUp) -> float:
+    """Seconds of an iteration, run in the chunks in which a fit runs them."""
+    made.relaxation.run(WARM_UP)
+    device = made.model.device
+    wp.synchronize_device(device)
+    done, began = 0, time.perf_counter()
+    while time.perf_counter() - began < SHORTEST_RUN and done < MOST_ROUNDS * WARM_UP:
+        made.relaxation.run(WARM_UP)
+        done += WARM_UP
+        wp.synchronize_device(device)
+    return (time.perf_counter() - began) / done
+
+
+def _seconds_of_launches(launches: Sequence[Launch], device: str) -> list[float]:
+    """Seconds of each launch, in the order and with the data of the loop: the mean of many rounds."""
+    if wp.get_device(device).is_cuda:
+        return _cuda_seconds(launches, device)
+    totals = [0.0] * len(launches)
+    rounds, began = 0, time.perf_counter()
+    while rounds < MOST_ROUNDS and (rounds < 10 or time.perf_counter() - began < SHORTEST_RUN):
+        for index, launch in enumerate(launches):
+            start = time.perf_counter()
+            launch.command.launch()
+            totals[index] += time.perf_counter() - start
+        rounds += 1
+    return [total / rounds for total in totals]
+
+
+def _cuda_seconds(launches: Sequence[Launch], device: str) -> list[float]:
+    rounds = 50
+    with wp.ScopedDevice(device):
+        wp.timing_begin(cuda_filter=wp.TIMING_KERNEL)
+        for _ in range(rounds):
+            for launch in launches:
+                launch.command.launch()
+        results: list[Any] = wp.timing_end()
+    return [
+        1e-3 * sum(result.elapsed for result in results[index :: len(launches)]) / rounds
+        for index in range(len(launches))
+    ]

@@ -1,0 +1,70 @@
+"""Which kernels an action launches, over which arrays: seen from outside, so that it is what really happens."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from itertools import chain
+from typing import Any
+
+import warp as wp
+
+
+@dataclass(frozen=True, eq=False)
+class Launch:
+    """One launch: its kernel, the arguments by name, and how to do it again."""
+
+    kernel: wp.Kernel
+    threads: int
+    arguments: dict[str, Any]
+    command: Any  # Warp's Launch, which repeats it without looking at the arguments again
+
+    def arrays(self) -> dict[str, wp.array]:
+        """The arrays that it is given, by name; those in structs as "struct.member"; unused ones left out."""
+        return dict(chain.from_iterable(_arrays(name, value) for name, value in self.arguments.items()))
+
+
+def _arrays(name: str, value: Any) -> Iterator[tuple[str, wp.array]]:
+    if isinstance(value, wp.array):
+        if value.size:
+            yield name, value
+        return
+    for member in getattr(getattr(value, "_cls", None), "vars", {}):
+        yield from _arrays(f"{name}.{member}", getattr(value, member))
+
+
+def launches_of(action: Callable[[], Any]) -> list[Launch]:
+    """Does the action, and tells what it launched, in order. One such call at a time in a process."""
+    found: list[Launch] = []
+    with _watched(found):
+        action()
+    return found
+
+
+@contextmanager
+def _watched(found: list[Launch]) -> Iterator[None]:
+    launch = wp.launch
+
+    def watch(kernel: wp.Kernel, dim: Any, inputs: Sequence[Any] = (), outputs: Sequence[Any] = (), **more: Any) -> Any:
+        given = launch(kernel, dim, inputs, outputs, **{**more, "record_cmd": True})
+        names = (argument.label for argument in kernel.adj.args)
+        values = dict(zip(names, [*inputs, *outputs], strict=False))
+        found.append(Launch(kernel, int(given.bounds.size), values, given))
+        return launch(kernel, dim, inputs, outputs, **more)
+
+    wp.launch = watch
+    try:
+        yield
+    finally:
+        wp.launch = launch
+
+
+def bytes_of(arrays: Sequence[wp.array]) -> int:
+    """Memory that arrays take [bytes], each byte once, however many of them share it."""
+    spans = sorted((array.ptr, array.ptr + array.capacity) for array in arrays if array.ptr)
+    total, end = 0, 0
+    for first, last in spans:
+        total += max(last - max(first, end), 0)
+        end = max(end, last)
+    return total

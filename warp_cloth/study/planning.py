@@ -1,0 +1,55 @@
+"""A plan as people read it, and as programs do."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from warp_cloth.errors import InputError
+from warp_cloth.plan import Term
+from warp_cloth.study.footprint import Footprint
+
+
+def plan_lines(name: str, terms: Sequence[Term], cost: Footprint) -> list[str]:
+    """Terms with their reasons, kernels with their costs, memory."""
+    lines = [f"{name}: {cost.vertices:,} vertices on {cost.device}", "Terms:"]
+    lines += [f"  {'+' if term.used else '-'} {term.name:<16} {term.reason}" for term in terms]
+    lines.append("An iteration:")
+    lines.append(f"  {'kernel':<24} {'launches':>8} {'threads':>10} {'MB':>9} {'us':>9} {'time':>6}")
+    for kernel in cost.kernels:
+        lines.append(
+            f"  {kernel.name:<24} {kernel.launches:>8g} {kernel.threads:>10,} {1e-6 * kernel.bytes:>9.3f} "
+            f"{1e6 * kernel.seconds:>9.1f} {cost.share(kernel):>6.0%}"
+        )
+    lines.append(
+        f"  {'as a fit runs it':<24} {cost.launches:>8g} {'':>10} {1e-6 * cost.bytes:>9.3f} "
+        f"{1e6 * cost.seconds:>9.1f}        {1e-9 * cost.bytes / cost.seconds:.3g} GB/s"
+    )
+    total = sum(cost.memory.values())
+    parts = ", ".join(f"{what} {1e-6 * size:,.3g}" for what, size in cost.memory.items())
+    lines.append(f"Memory: {1e-6 * total:,.3g} MB ({parts}), {total / cost.vertices:,.0f} bytes a vertex")
+    return lines
+
+
+def plan_values(terms: Sequence[Term], cost: Footprint) -> dict[str, Any]:
+    """The same for JSON; bytes and seconds are of one iteration."""
+    values = asdict(cost)
+    for row, kernel in zip(values["kernels"], cost.kernels, strict=True):
+        row["share"] = cost.share(kernel)
+    return {"terms": [asdict(term) for term in terms], **values}
+
+
+def write_plan(path: Path, terms: Sequence[Term], cost: Footprint) -> None:
+    """Writes the plan as JSON.
+
+    Raises:
+        InputError: the file cannot be written.
+    """
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(json.dumps(plan_values(terms, cost), indent=2) + "\n", encoding="utf-8")
+    except OSError as error:
+        raise InputError(path, f"cannot be written: {error.strerror or error}", "choose another --out") from None

@@ -1,0 +1,100 @@
+"""Which of its arrays a kernel reads and writes, from the kernel's own source."""
+
+from __future__ import annotations
+
+import ast
+import inspect
+from dataclasses import dataclass, field
+from typing import Any
+
+import warp as wp
+
+ATOMICS = frozenset({"atomic_add", "atomic_sub", "atomic_min", "atomic_max", "atomic_cas", "atomic_exch"})
+
+
+@dataclass
+class Uses:
+    """Names of arrays as ``Launch.arrays`` gives them."""
+
+    read: set[str] = field(default_factory=set)
+    written: set[str] = field(default_factory=set)
+
+
+def array_uses(kernel: wp.Kernel) -> Uses:
+    """Arrays that a kernel's source reads and writes, in the functions that it calls too.
+
+    Branches that ``wp.static`` leaves out do not count.
+    """
+    uses = Uses()
+    names = [argument.label for argument in kernel.adj.args]
+    _Reader(kernel.func, dict(zip(names, names, strict=True)), uses).read(kernel.adj.tree)
+    return uses
+
+
+class _Reader(ast.NodeVisitor):
+    """Walks one function; ``paths`` says what each of its names stands for in the kernel's arguments."""
+
+    def __init__(self, function: Any, paths: dict[str, str], uses: Uses) -> None:
+        closure = inspect.getclosurevars(function)
+        self._known = {**closure.globals, **closure.nonlocals}
+        self._paths = dict(paths)
+        self._uses = uses
+
+    def read(self, tree: ast.AST) -> None:
+        found = tree.body[0] if isinstance(tree, ast.Module) else tree
+        for statement in getattr(found, "body", []):
+            self.visit(statement)
+
+    def visit_If(self, node: ast.If) -> None:
+        chosen = self._static(node.test)
+        if chosen is None:
+            self.generic_visit(node)
+            return
+        for statement in node.body if chosen else node.orelse:
+            self.visit(statement)
+
+    def visit_Subscript(self, node: ast.Subscript) -> None:
+        path = self._path(node.value)
+        if path:
+            (self._uses.read if isinstance(node.ctx, ast.Load) else self._uses.written).add(path)
+        else:
+            self.visit(node.value)
+        self.visit(node.slice)
+
+    def visit_AugAssign(self, node: ast.AugAssign) -> None:
+        self.generic_visit(node)
+        if isinstance(node.target, ast.Subscript):
+            path = self._path(node.target.value)
+            self._uses.read |= {path} if path else set()
+
+    def visit_Call(self, node: ast.Call) -> None:
+        name = node.func.attr if isinstance(node.func, ast.Attribute) else getattr(node.func, "id", "")
+        if name in ATOMICS and node.args:
+            path = self._path(node.args[0])
+            self._uses.read |= {path} if path else set()
+            self._uses.written |= {path} if path else set()
+        self.generic_visit(node)
+        called = self._known.get(name)
+        if isinstance(called, wp.Function) and called.func is not None and getattr(called, "adj", None) is not None:
+            labels = [argument.label for argument in called.adj.args]
+            paths = {label: self._path(value) for label, value in zip(labels, node.args, strict=False)}
+            given = {label: path for label, path in paths.items() if path}
+            if given:
+                _Reader(called.func, given, self._uses).read(called.adj.tree)
+
+    def _path(self, node: ast.AST) -> str:
+        """What a name, or a member of one, stands for; empty where that is no argument of the kernel."""
+        if isinstance(node, ast.Attribute):
+            owner = self._path(node.value)
+            return f"{owner}.{node.attr}" if owner else ""
+        return self._paths.get(node.id, "") if isinstance(node, ast.Name) else ""
+
+    def _static(self, test: ast.AST) -> bool | None:
+        """The value of ``wp.static(...)``, None where the test is none or cannot be told."""
+        if not (isinstance(test, ast.Call) and isinstance(test.func, ast.Attribute) and test.func.attr == "static"):
+            return None
+        names = {**vars(__import__("builtins")), **self._known}
+        try:
+            return bool(eval(compile(ast.Expression(test.args[0]), "<static>", "eval"), names))  # as Warp does
+        except NameError:
+            return None
