@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import subprocess
 import sys
+import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -20,6 +21,7 @@ from warp_cloth.errors import InputError
 from warp_cloth.progress import ProgressDisplay
 from warp_cloth.result import Status
 from warp_cloth.scene import Scene
+from warp_cloth.terminal import keep_interrupts
 
 
 @dataclass(frozen=True)
@@ -258,3 +260,20 @@ def test_progress_on_a_terminal_shows_iteration_residual_and_speed(shown: Callab
     text = shown(Step("relax", 50, 100, 0.02, float("nan"), 800.0), terminal=True)
     assert "50/100  residual 0.02  800/s" in text
     assert "rest error" not in text
+
+
+def test_an_interrupt_while_an_object_is_freed_is_not_lost(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Interrupted:
+        def __del__(self) -> None:
+            raise KeyboardInterrupt
+
+    def frees() -> None:
+        thing = Interrupted()
+        del thing
+        for _ in range(100):
+            time.sleep(0.05)
+
+    monkeypatch.setattr(sys, "unraisablehook", sys.unraisablehook)
+    keep_interrupts()
+    with pytest.raises(KeyboardInterrupt):
+        frees()

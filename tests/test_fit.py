@@ -352,9 +352,12 @@ def test_a_scene_without_contact_builds_none(scene: str, monkeypatch: pytest.Mon
     used = {term["name"]: term["used"] for term in worn.report["plan"]}
     assert used == {
         "tension": True,
+        "weave": False,
         "bending": True,
         "pins": True,
+        "momentum": True,
         "avatar contact": False,
+        "avatar friction": False,
         "cloth contact": False,
     }
     # what is measured against an avatar is measured, whether or not the cloth meets it

@@ -12,8 +12,8 @@ import typer
 from warp_cloth.cli_look import compare, view
 from warp_cloth.errors import InputError
 from warp_cloth.quiet import start_warp
-from warp_cloth.study.commands import plan
-from warp_cloth.terminal import BAD_INPUT, INTERRUPTED, one_line_errors, output_folder, tell_error
+from warp_cloth.study.commands import extremes, plan, tradeoff
+from warp_cloth.terminal import BAD_INPUT, INTERRUPTED, keep_interrupts, one_line_errors, output_folder, tell_error
 
 if TYPE_CHECKING:
     from warp_cloth.fitting import Fit
@@ -27,10 +27,13 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
 )
 app.command()(plan)
+app.command()(tradeoff)
+app.command()(extremes)
 
 
 def main() -> None:
     """Entry point of the ``warp-cloth`` command: wrong usage and an interrupt, too, end it with one line."""
+    keep_interrupts()
     try:
         code = app(standalone_mode=False)
     except (KeyboardInterrupt, typer.Abort):

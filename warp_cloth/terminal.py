@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import _thread
 import os
 import sys
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -13,7 +15,21 @@ import typer
 from warp_cloth.errors import InputError
 
 BAD_INPUT = 2  # exit status
+SENT_AGAIN = 0.01  # [s] after an interrupt that would be lost: by then the object is freed
 INTERRUPTED = 130  # exit status of a shell's Ctrl-C
+
+
+def keep_interrupts() -> None:
+    """An interrupt that comes while Python frees an object would only be told of and lost: it is sent again."""
+    usual = sys.unraisablehook
+
+    def hook(lost: sys.UnraisableHookArgs) -> None:
+        if issubclass(lost.exc_type, KeyboardInterrupt):
+            threading.Timer(SENT_AGAIN, _thread.interrupt_main).start()
+        else:
+            usual(lost)
+
+    sys.unraisablehook = hook
 
 
 def tell_error(sentence: str) -> None:

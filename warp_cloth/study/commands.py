@@ -1,15 +1,17 @@
-"""The commands of the studies: ``warp-cloth plan``."""
+"""The commands of the studies: ``warp-cloth plan``, ``warp-cloth tradeoff``, ``warp-cloth extremes``."""
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from warp_cloth.errors import InputError
 from warp_cloth.quiet import start_warp
-from warp_cloth.terminal import one_line_errors
+from warp_cloth.terminal import INTERRUPTED, one_line_errors, output_folder
 
 SceneName = Annotated[str, typer.Argument(help="Scene file (TOML), or a shipped scene: see `warp-cloth scenes`.")]
 Device = Annotated[str | None, typer.Option(help="cpu, cuda or cuda:N.", show_default="a GPU if there is one")]
@@ -42,6 +44,77 @@ def plan(
             write_plan(out, terms, cost)
             lines.append(f"  wrote {out}")
     _show(lines, typer.echo)
+
+
+def tradeoff(
+    scene: SceneName,
+    within: Annotated[str, typer.Option(help="Error wanted: rms distance from the reference.")] = "2mm",
+    out: Annotated[Path, typer.Option(help="Folder for NAME_tradeoff.json, .csv, .toml and .png.")] = Path("out"),
+    device: Device = None,
+    changes: Changes = None,
+    plots: Annotated[bool, typer.Option(help="Draw the plot, with matplotlib.")] = True,
+) -> None:
+    """Run a scene over its knobs against a tight reference of it: what does accuracy cost, what is cheap enough?
+
+    Results are kept as they come: interrupted, the same command goes on where it was.
+    """
+    with one_line_errors():
+        from warp_cloth.scene import load_scene
+        from warp_cloth.study.tradeoff import TradeStudy, millimetres
+        from warp_cloth.study.tradeoff_files import save_trade, trade_lines
+
+        wanted, chosen = millimetres(within), load_scene(scene, changes or ())
+        with output_folder(out, f"{chosen.name}_tradeoff"):
+            start_warp(False)
+            from warp_cloth.bench.save import figure_class
+            from warp_cloth.fitting import device_named
+
+            if plots:
+                figure_class()
+            study = TradeStudy(
+                chosen,
+                device=device_named(device),
+                within_mm=wanted,
+                folder=out,
+                tell=lambda line: print(line, file=sys.stderr),
+            )
+            try:
+                trade = study.run()
+            except KeyboardInterrupt:
+                print("interrupted: the same command goes on from here", file=sys.stderr)
+                save_trade(study.trade(), out, plots=plots)
+                raise typer.Exit(INTERRUPTED) from None
+            paths = save_trade(trade, out, plots=plots)
+    _show([*trade_lines(trade), *(f"  wrote {path}" for path in paths)], typer.echo)
+
+
+def extremes(
+    out: Annotated[Path, typer.Option(help="Folder for extremes.json, .csv and .png.")] = Path("out"),
+    device: Annotated[str, typer.Option(help="cpu, cuda or cuda:N.")] = "cpu",
+    only: Annotated[list[str] | None, typer.Option(help='"cases", "map" or "precision"; all by default.')] = None,
+    plots: Annotated[bool, typer.Option(help="Draw the map, with matplotlib.")] = True,
+) -> None:
+    """Fit what no tailor would cut: where does the solver come to rest, where does it say that it does not?"""
+    with one_line_errors():
+        from warp_cloth.study.extremes import GROUPS, run_extremes
+        from warp_cloth.study.extremes_files import extremes_lines, save_extremes
+
+        unknown = set(only or ()) - set(GROUPS)
+        if unknown:
+            raise InputError("--only", f'"{min(unknown)}" is no part of the study', f"use {', '.join(GROUPS)}")
+        with output_folder(out, "extremes"):
+            start_warp(False)
+            from warp_cloth.bench.save import figure_class
+            from warp_cloth.fitting import device_named
+
+            if plots:
+                figure_class()
+            where = device_named(device)
+            found = run_extremes(where, lambda line: print(line, file=sys.stderr), only or GROUPS)
+            paths = save_extremes(found, out, plots=plots)
+    _show([*extremes_lines(found), *(f"  wrote {path}" for path in paths)], typer.echo)
+    if not all(outcome.kept for outcome in found):
+        raise typer.Exit(1)
 
 
 def _show(lines: Sequence[str], say: Callable[[str], None]) -> None:

@@ -1,0 +1,103 @@
+"""At the ends of what is possible a fit is at rest, says that it is not, or refuses; it is never lost."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from warp_cloth.cli import app
+from warp_cloth.study import extremes
+from warp_cloth.study.extreme_meshes import caps, needles, square, torn, tube
+from warp_cloth.study.extremes import Case, Outcome, hanging, run_case, single_cases, theory_cap
+from warp_cloth.study.extremes_files import extremes_lines, save_extremes
+
+FEW = 150  # iterations
+ONE_OF = 6  # of the single cases, that many apart
+
+
+@pytest.mark.parametrize("case", single_cases()[::ONE_OF], ids=lambda case: case.name)
+@pytest.mark.parametrize("method", ["accelerated", "direct"])
+def test_an_extreme_case_keeps_the_promise(case: Case, method: str) -> None:
+    outcome = run_case(case, method, "mixed", "cpu", FEW)
+    assert outcome.kept, outcome
+    assert math.isfinite(outcome.furthest) or outcome.verdict in ("refused", "diverged")
+
+
+@pytest.mark.parametrize("stiffness", [1.0, 1e4, 1e8])
+@pytest.mark.parametrize("cap", [1e-7, 1.0])
+def test_the_corners_of_the_map_keep_the_promise(stiffness: float, cap: float) -> None:
+    for method in extremes.METHODS:
+        case = Case("map", "corner", {**hanging(stiffness, 5), "solver": {"cap": cap}})
+        assert run_case(case, method, "mixed", "cpu", FEW).kept
+
+
+def test_the_direct_rule_rests_well_below_the_theorys_line_and_not_well_above_it() -> None:
+    stiffness = 100.0
+    verdicts = {}
+    for factor in (0.3, 30.0):
+        cap = factor * theory_cap(stiffness)
+        case = Case("map", "line", {**hanging(stiffness), "solver": {"cap": cap}})
+        verdicts[factor] = run_case(case, "direct", "mixed", "cpu", 4000).verdict
+    assert verdicts == {0.3: "at rest", 30.0: "not at rest"}
+
+
+def test_single_precision_ends_before_mixed() -> None:
+    tree = {"garment": {"shape": {**hanging()["garment"]["shape"], "height": 1e4}, "pin": {"vertices": [72, 80]}}}
+    verdicts = [run_case(Case("", "far", tree), "accelerated", p, "cpu", 2000).verdict for p in ("float32", "mixed")]
+    assert verdicts == ["not at rest", "at rest"]
+
+
+def test_the_odd_meshes_are_what_they_claim() -> None:
+    def heights(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+        a, b, c = (points[triangles[:, i]] for i in range(3))
+        longest = np.max([np.linalg.norm(u - v, axis=1) for u, v in ((a, b), (b, c), (c, a))], axis=0)
+        return np.linalg.norm(np.cross(b - a, c - a), axis=1) / longest**2
+
+    assert heights(*needles(1e4)[:2]) == pytest.approx(1e-4, rel=0.01)
+    assert heights(*caps(1e-4)[:2]).min() < 1e-4
+    points, _, flat = torn(50.0)
+    assert flat is not None
+    assert np.ptp(points[:, 2]) == pytest.approx(50.0 * 0.5 / 9)
+    assert len(square(9)[1]) == 128
+    ring = tube(0.2, 0.5)[0]
+    assert np.linalg.norm(ring[:, [0, 2]], axis=1) == pytest.approx(0.2)
+
+
+def test_a_broken_promise_is_told(tmp_path: Path) -> None:
+    lost = Outcome("start", "heap", "direct", "mixed", "not finite", "x")
+    lines = extremes_lines([lost, Outcome("start", "fine", "direct", "mixed", "refused", "why")])
+    assert any(line.startswith("2 runs: 1 broke") for line in lines)
+    assert "BROKEN heap" in lines[-1]
+    assert [path.name for path in save_extremes([lost], tmp_path)] == ["extremes.json", "extremes.csv"]
+
+
+def test_the_command_runs_the_parts_that_are_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(extremes, "single_cases", lambda: single_cases()[:1])
+    monkeypatch.setattr(extremes, "CASE_LIMIT", FEW)
+    result = CliRunner().invoke(app, ["extremes", "--only", "cases", "--out", str(tmp_path)])
+    assert result.exit_code == 0, result.output
+    assert "3 runs: 0 broke" in result.stdout
+    assert (tmp_path / "extremes.csv").read_text().count("\n") == 4
+    assert CliRunner().invoke(app, ["extremes", "--only", "everything", "--out", str(tmp_path)]).exit_code == 2
+
+
+def test_the_map_is_drawn(tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib")
+    found = [
+        Outcome("map", "", method, "mixed", "at rest", "x", values={"stiffness": k, "cap": c})
+        for k in extremes.STIFFNESS
+        for c in extremes.CAPS
+        for method in extremes.METHODS
+    ]
+    found += [
+        Outcome("precision", "", "accelerated", p, "at rest", "x", values={"stiffness": k, "size": float(n)})
+        for k in extremes.STIFFNESS
+        for n in extremes.SIZES
+        for p in ("float32", "mixed")
+    ]
+    paths = save_extremes(found, tmp_path)
+    assert paths[-1].stat().st_size > 10_000

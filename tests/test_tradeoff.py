@@ -1,0 +1,157 @@
+"""The trade keeps its word: what it recommends meets the error wanted when it is run afresh."""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from cloths import grid
+from typer.testing import CliRunner
+
+from warp_cloth.cli import app
+from warp_cloth.errors import InputError
+from warp_cloth.fitting import fit
+from warp_cloth.scene import load_scene
+from warp_cloth.shapes import square
+from warp_cloth.study import knobs, tradeoff
+from warp_cloth.study.knobs import reference_of, single_trials
+from warp_cloth.study.surface import distances
+from warp_cloth.study.tradeoff import Measured, Trade, TradeStudy, millimetres
+from warp_cloth.study.tradeoff_files import snippet, trade_lines
+
+WITHIN_MM = 2.0
+TREE = {
+    "name": "small",
+    "garment": {
+        "shape": {"kind": "square", "side": 0.4, "vertices_per_side": 7, "plane": "vertical", "height": 1.4},
+        "fabric": {"stretch": 2e3, "bending": 1e-6},
+        "pin": {"box": [[-1, 1.39, -1], [1, 1.41, 1]]},
+    },
+    "avatar": {"shape": {"kind": "sphere", "radius": 0.15, "centre": [0, 1.15, -0.12], "edge_mm": 20}, "friction": 0},
+    "collision": {"pixel_mm": 4},
+    "solver": {"iterations": 1000},
+}
+
+
+@pytest.fixture(scope="module")
+def found(tmp_path_factory: pytest.TempPathFactory) -> tuple[Trade, Path]:
+    """A whole study of a small scene, with few settings."""
+    folder = tmp_path_factory.mktemp("trade")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(knobs, "BUDGETS", (250, 500))
+        patch.setattr(knobs, "PIXELS_MM", (4.0, 8.0))
+        study = TradeStudy(load_scene(TREE), device="cpu", within_mm=WITHIN_MM, folder=folder, tell=lambda _: None)
+        return study.run(), folder
+
+
+def test_the_recommended_settings_are_within_the_error_wanted_when_run_afresh(found: tuple[Trade, Path]) -> None:
+    best = found[0].cheapest
+    assert best is not None
+    reference = fit(TREE, device="cpu", overrides=reference_of(load_scene(TREE)).overrides()).garments[0]
+    again = fit(TREE, device="cpu", overrides=[f"{key}={value}" for key, value in best.settings.items()]).garments[0]
+    away = distances(reference.mesh, reference.points, again.mesh, again.points)
+    assert away is not None
+    assert 1e3 * np.sqrt(np.mean(away**2)) <= WITHIN_MM
+
+
+def test_nothing_beats_the_front(found: tuple[Trade, Path]) -> None:
+    trade, _ = found
+    for trial in trade.measured:
+        if trial.known and trial not in trade.front:
+            assert any(f.seconds <= trial.seconds and f.rms_mm <= trial.rms_mm for f in trade.front)
+    assert all(
+        a.seconds < b.seconds and a.rms_mm > b.rms_mm for a, b in zip(trade.front, trade.front[1:], strict=False)
+    )
+
+
+def test_every_knob_is_turned(found: tuple[Trade, Path]) -> None:
+    wanted = {"scene", "tolerance", "precision", "collider", "pixel", "mesh", "method", "iterations"}
+    assert wanted <= {trial.knob for trial in found[0].measured}
+
+
+def test_a_study_that_was_cut_off_goes_on_with_what_it_knows(
+    found: tuple[Trade, Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    trade, folder = found
+    kept = next(folder.glob("*.jsonl"))
+    kept.write_text(kept.read_text() + '{"knob": "cut o')
+    study = TradeStudy(load_scene(TREE), device="cpu", within_mm=WITHIN_MM, folder=folder, tell=lambda _: None)
+    monkeypatch.setattr(tradeoff, "fit", lambda *_, **__: pytest.fail("it was known already"))
+    study._load()
+    study._refer()
+    assert len(study.trade().measured) == len(trade.measured)
+    assert study._measure(single_trials(load_scene(TREE))[0]).knob == "scene"
+
+
+def test_the_command_writes_table_settings_and_plot(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("matplotlib")
+    monkeypatch.setattr(knobs, "BUDGETS", ())
+    monkeypatch.setattr(knobs, "TOLERANCES", ())
+    monkeypatch.setattr(knobs, "COARSENING", (2.0,))
+    monkeypatch.setattr(knobs, "DIRECT_BUDGET", 100)
+    options = [
+        "--set",
+        "garment.shape.vertices_per_side=7",
+        "--device",
+        "cpu",
+        "--out",
+        str(tmp_path),
+        "--within",
+        "3cm",
+    ]
+    result = CliRunner().invoke(app, ["tradeoff", "hanging", *options, "--out", str(tmp_path)])
+    assert result.exit_code == 0, result.output
+    assert "Within 30 mm" in result.stdout
+    values = json.loads((tmp_path / "hanging_tradeoff.json").read_text())
+    rows = list(csv.DictReader((tmp_path / "hanging_tradeoff.csv").open()))
+    assert len(rows) == len(values["measured"]) > 3
+    assert (tmp_path / "hanging_tradeoff.png").stat().st_size > 10_000
+    assert "# --set" in (tmp_path / "hanging_tradeoff.toml").read_text()
+
+
+def measured(settings: dict[str, str]) -> Measured:
+    return Measured("together", "", settings, "at_rest", 1.0, 100, 0.5, 1.0, None, 0.0)
+
+
+def test_the_snippet_can_be_pasted_into_a_scene_file() -> None:
+    best = measured({"solver.method": "direct", "solver.iterations": "500", "collision.pixel_mm": "4"})
+    text = snippet(Trade("scene", "cpu", 2.0, "", 0.1, (best,), (best,), best))
+    from warp_cloth.toml_file import tomllib
+
+    assert tomllib.loads(text) == {"solver": {"method": "direct", "iterations": 500}, "collision": {"pixel_mm": 4}}
+
+
+def test_an_error_below_what_the_scene_itself_scatters_is_told() -> None:
+    best = measured({})
+    told = " ".join(trade_lines(Trade("scene", "cpu", 2.0, "", 5.0, (best,), (best,), best)))
+    assert "5 mm apart by themselves" in told
+    assert "Nothing tried" in " ".join(trade_lines(Trade("scene", "cpu", 0.1, "", 5.0, (best,), (best,), None)))
+
+
+@pytest.mark.parametrize(("text", "value"), [("2mm", 2.0), ("0.2 cm", 2.0), ("3", 3.0), ("0.001m", 1.0)])
+def test_lengths_as_typed(text: str, value: float) -> None:
+    assert millimetres(text) == pytest.approx(value)
+
+
+@pytest.mark.parametrize("text", ["", "mm", "-1mm", "nan", "2 feet", "inf", "0"])
+def test_what_is_no_length_is_refused(text: str) -> None:
+    with pytest.raises(InputError, match="is no length"):
+        millimetres(text)
+
+
+def test_one_surface_is_itself_on_every_mesh() -> None:
+    coarse, fine = (square(side=1.0, vertices_per_side=count, plane="vertical", height=1.0) for count in (5, 12))
+    bent = [mesh.points + np.array([0.0, 0.0, 1.0]) * (0.3 * mesh.points[:, :1]) for mesh in (coarse, fine)]
+    away = distances(coarse, bent[0], fine, bent[1])
+    assert away is not None
+    assert away.max() < 1e-12
+    moved = distances(coarse, bent[0], fine, bent[1] + [0.0, 0.0, 0.01])
+    assert moved == pytest.approx(0.01)
+
+
+def test_meshes_without_panels_cannot_be_compared() -> None:
+    a, b = grid(5), grid(6)
+    assert distances(a, a.points, b, b.points) is None

@@ -1,0 +1,145 @@
+"""What may be traded against time in a scene: each knob with settings worth trying, and a reference beyond all."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+
+from warp_cloth.errors import InputError
+from warp_cloth.scene import Scene, SquareShape, TshirtShape
+from warp_cloth.solver.relax import DEFAULT_CAP
+
+Settings = Mapping[str, str]  # scene keys and their values, as --set takes them
+
+# The reference is this much tighter than what a garment is cut to, and gets this many times the scene's iterations.
+REFERENCE_MM = 0.2
+REFERENCE_RESIDUAL = 2e-3
+REFERENCE_ITERATIONS = 2
+REFERENCE_PIXEL_MM = 1.0
+COARSENING = (1.4, 2.0)  # factors on the edge length
+PIXELS_MM = (1.0, 2.0, 4.0, 8.0)
+TOLERANCES = ((0.3, 0.003), (1.0, 0.01), (3.0, 0.03), (10.0, 0.1))  # [mm] of rest error, relative residual rms
+BUDGETS = (125, 250, 500, 1000, 2000, 4000)  # iterations
+DIRECT_BUDGET = 2000  # iterations of the direct method, which may never rest
+EXACT_BUDGET = 1000  # iterations against the exact avatar, each of which takes as long as five others
+
+
+@dataclass(frozen=True)
+class Trial:
+    """Settings over the scene's own, and the knob that they turn."""
+
+    knob: str
+    settings: Settings
+
+    @property
+    def label(self) -> str:
+        """The settings in short: pixel_mm=4."""
+        shown = {key.rpartition(".")[2]: value.strip('"') for key, value in self.settings.items()}
+        if "tolerance_mm" in shown:
+            for key in ("residual", "residual_p99"):
+                shown.pop(key, None)
+        return " ".join(f"{key}={value}" for key, value in shown.items()) or "as in the scene"
+
+    def overrides(self) -> list[str]:
+        """For ``load_scene``."""
+        return [f"{key}={value}" for key, value in self.settings.items()]
+
+
+def reference_of(scene: Scene) -> Trial:
+    """The scene in double precision, its avatar drawn finely, until nothing moves that a ruler could see.
+
+    The avatar is met as in the scene: the exact one would take minutes, and penetration is told against it anyway.
+    """
+    settings = {
+        "solver.method": "accelerated",
+        "solver.precision": "float64",
+        **_tolerance(REFERENCE_MM, REFERENCE_RESIDUAL),
+        "solver.iterations": str(min(max(REFERENCE_ITERATIONS * scene.solver.iterations, 20_000), 10**7)),
+    }
+    if scene.collision.avatar == "depth" and scene.collision.pixel_mm > REFERENCE_PIXEL_MM:
+        settings["collision.pixel_mm"] = f"{REFERENCE_PIXEL_MM:g}"
+    return Trial("reference", MappingProxyType(settings))
+
+
+def twin_of(scene: Scene) -> Trial:
+    """As tight as the reference on another way: its steps are half as long."""
+    cap = scene.solver.cap if scene.solver.cap is not None else DEFAULT_CAP["accelerated"]
+    return Trial("twin", MappingProxyType({**reference_of(scene).settings, "solver.cap": f"{0.5 * cap:g}"}))
+
+
+def single_trials(scene: Scene) -> list[Trial]:
+    """The scene as it is, then every knob turned alone."""
+    solver, collision = scene.solver, scene.collision
+    trials = [Trial("scene", MappingProxyType({}))]
+
+    def add(knob: str, **settings: str) -> None:
+        trials.append(Trial(knob, MappingProxyType({key.replace("__", "."): text for key, text in settings.items()})))
+
+    for millimetres, residual in TOLERANCES:
+        if millimetres != solver.tolerance_mm:
+            trials.append(Trial("tolerance", MappingProxyType(_tolerance(millimetres, residual))))
+    for precision in ("float32", "mixed", "float64"):
+        if precision != solver.precision:
+            add("precision", solver__precision=precision)
+    if collision.avatar != "none":
+        for kind in ("depth", "mesh", "none"):
+            if kind == "mesh" != collision.avatar:
+                add("collider", collision__avatar=kind, solver__iterations=str(min(solver.iterations, EXACT_BUDGET)))
+            elif kind != collision.avatar:
+                add("collider", collision__avatar=kind)
+        if collision.avatar == "depth":
+            for pixel in PIXELS_MM:
+                if pixel != collision.pixel_mm:
+                    add("pixel", collision__pixel_mm=f"{pixel:g}")
+    add("cloth contact", collision__cloth="false" if collision.cloth else "true")
+    for factor in COARSENING:
+        coarse = _coarser(scene, factor)
+        if coarse:
+            trials.append(Trial("mesh", MappingProxyType(coarse)))
+    method = "direct" if solver.method == "accelerated" else "accelerated"
+    limit = min(solver.iterations, DIRECT_BUDGET) if method == "direct" else solver.iterations
+    add("method", solver__method=method, solver__iterations=str(limit))
+    return [trial for trial in trials if _allowed(scene, trial)]
+
+
+def budget_trials(scene: Scene, settings: Settings, most: int) -> list[Trial]:
+    """Settings stopped after fewer iterations than they took."""
+    return [
+        Trial("iterations", MappingProxyType({**settings, "solver.iterations": str(count)}))
+        for count in BUDGETS
+        if count < min(most, scene.solver.iterations)
+    ]
+
+
+def _tolerance(millimetres: float, residual: float) -> dict[str, str]:
+    return {
+        "solver.tolerance_mm": f"{millimetres:g}",
+        "solver.residual": f"{residual:g}",
+        "solver.residual_p99": f"{min(5.0 * residual, 1.0):g}",
+    }
+
+
+def _coarser(scene: Scene, factor: float) -> dict[str, str]:
+    """Generated garments with longer edges; empty where no garment is generated, or pins name vertices."""
+    settings = {}
+    for key, garment in zip(scene.garment_keys, scene.garments, strict=True):
+        if any(pin.vertices is not None for pin in garment.pin):
+            return {}
+        if isinstance(garment.shape, SquareShape):
+            side = round((garment.shape.vertices_per_side - 1) / factor) + 1
+            settings[f"{key}.shape.vertices_per_side"] = str(max(side, 3))
+        elif isinstance(garment.shape, TshirtShape):
+            settings[f"{key}.shape.edge_mm"] = f"{min(garment.shape.edge_mm * factor, 60.0):.3g}"
+    return settings
+
+
+def _allowed(scene: Scene, trial: Trial) -> bool:
+    """Whether this version takes the settings at all."""
+    from warp_cloth.scene import load_scene
+
+    try:
+        load_scene(scene.settings(), trial.overrides())
+    except InputError:
+        return False
+    return True
