@@ -28,7 +28,7 @@ def make_plan(scene: Scene, wardrobe: Wardrobe) -> tuple[Term, ...]:
     accelerated = scene.solver.method == "accelerated"
     return (
         Term("tension", pulls, "edges pull" if pulls else "woven triangles pull in place of the edges"),
-        Term("weave", woven, "a fabric states its shear" if woven else "no fabric states its shear: edges pull"),
+        Term("weave", woven, "threads run through every triangle" if woven else "no fabric is woven: edges pull"),
         Term(
             "bending",
             bends,

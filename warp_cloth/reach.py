@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
-import numpy as np
+from dataclasses import dataclass
 
+import numpy as np
+from numpy.typing import NDArray
+
+from warp_cloth.material import WeaveShape
 from warp_cloth.model import GarmentPart
-from warp_cloth.rest import Floats
+from warp_cloth.rest import Floats, RestShape
 
 ROUNDS = 40  # of raising the energy until it holds itself
 MOST_STEPS = 400  # edges on the way from a pin; a bound is not worth more work than this
@@ -14,44 +18,82 @@ MOST_STEPS = 400  # edges on the way from a pin; a bound is not worth more work 
 def reach_box(part: GarmentPart) -> tuple[Floats, Floats] | None:
     """Lowest and highest corner [m] of a box that the garment cannot leave; None where nothing can be proved.
 
-    An edge of E = k/3 (r - L)^3 is stretched by no more than (3 E / k)^(1/3) while E is all the elastic energy there
-    is: that of the start, and what the weight gives by sinking to where the edges let it. Along the shortest way of
-    such edges from the pins, every vertex stays within reach of the pins' box. An energy that these distances cannot
-    give is never passed.
+    A thread of E = k/3 |e|^3 is strained by no more than (3 E / k)^(1/3) while E is all the elastic energy there is:
+    that of the start, and what the weight gives by sinking to where the threads let it. Along the shortest way of
+    edges so stretched from the pins, every vertex stays within reach of the pins' box. An energy that these distances
+    cannot give is never passed.
     """
     rest = part.rest
-    ends, pull = rest.topology.edges, rest.edge_pull
-    if not len(part.pins) or not len(ends) or not (pull > 0.0).all():
+    ways = _edge_ways(rest, part.points) if rest.weave is None else _woven_ways(rest.weave, part.points)
+    if not len(part.pins) or not len(ways.ends) or not (ways.stiffness > 0.0).all():
         return None
-    now = np.linalg.norm(part.points[ends[:, 0]] - part.points[ends[:, 1]], axis=1) - rest.edge_length
-    start = float(np.sum(np.where(now > 0.0, pull, rest.edge_push) * np.abs(now) ** 3) / 3.0)
-    start += 4.0 * float(rest.hinge_stiffness.sum())  # C (t - sin t) is at most pi C
+    start = ways.start + 4.0 * float(rest.hinge_stiffness.sum())  # of C (t - sin t), at most pi C
     held = part.points[part.pins]
     low, high = held.min(axis=0), held.max(axis=0)
     energy = start + 1e-9
     for _ in range(ROUNDS):
-        way = _ways(part, rest.edge_length + np.cbrt(3.0 * energy / pull))
-        if way is None:
+        far = _distances(len(part.points), part.pins, ways.ends, ways.lengths(energy))
+        if far is None:
             return None
-        sunk = np.maximum(part.points[:, 1] - (low[1] - way), 0.0)
+        sunk = np.maximum(part.points[:, 1] - (low[1] - far), 0.0)
         needed = start + float(rest.vertex_weight @ sunk)
         if needed < energy:
-            furthest = float(way.max())
-            return low - furthest, high + furthest
+            return low - far.max(), high + far.max()
         energy = 1.1 * needed
     return None
 
 
-def _ways(part: GarmentPart, lengths: Floats) -> Floats | None:
-    """Length of the shortest way from any pin to each vertex [m]; None where one is not held, or the ways are long."""
-    ends = part.rest.topology.edges
-    way = np.full(len(part.points), np.inf)
-    way[part.pins] = 0.0
+@dataclass(frozen=True, eq=False)
+class _Ways:
+    """N pieces of way between two vertices, each the sum of two rests that two threads stretch."""
+
+    ends: NDArray[np.int32]  # shape [N, 2]
+    rest: Floats  # [m], shape [N, 2]
+    stiffness: Floats  # k of E = k/3 |e|^3 [J], shape [N, 2]
+    start: float  # elastic energy at the start [J]
+
+    def lengths(self, energy: float) -> Floats:
+        """The longest that each can be [m], shape [N]."""
+        longest: Floats = (self.rest * (1.0 + np.cbrt(3.0 * energy / self.stiffness))).sum(axis=1)
+        return longest
+
+
+def _edge_ways(rest: RestShape, points: Floats) -> _Ways:
+    ends, length = rest.topology.edges, rest.edge_length
+    change = np.linalg.norm(points[ends[:, 0]] - points[ends[:, 1]], axis=1) - length
+    energy = np.where(change > 0.0, rest.edge_pull, rest.edge_push) @ np.abs(change) ** 3 / 3.0
+    none = np.zeros_like(length)
+    return _Ways(
+        ends, np.stack([length, none], axis=1), np.stack([rest.edge_pull * length**3, none + 1.0], axis=1), energy
+    )
+
+
+def _woven_ways(weave: WeaveShape, points: Floats) -> _Ways:
+    """The sides of woven triangles: each is so much along weft and so much along warp."""
+    inverse = weave.slope[:, [0, 2, 1, 3]].reshape(-1, 2, 2)  # [T, corner, direction]
+    sides = np.swapaxes(np.linalg.inv(inverse), 1, 2)  # [T, corner, direction], from the first corner
+    parts = np.abs(np.stack([sides[:, 0], sides[:, 1], sides[:, 1] - sides[:, 0]], axis=1))
+    stiffness = np.broadcast_to(weave.law[:, None, :2], parts.shape)
+    ends = weave.corners[:, [[0, 1], [0, 2], [1, 2]]].reshape(-1, 2)
+    corners = points[weave.corners]
+    threads = np.einsum("tcx,tcd->tdx", corners[:, 1:] - corners[:, :1], inverse)  # as drawn now, of unit rest
+    bias = np.stack([threads[:, 0] + threads[:, 1], threads[:, 0] - threads[:, 1]], axis=1) / np.sqrt(2.0)
+    strain = np.linalg.norm(np.concatenate([threads, bias], axis=1), axis=2) - 1.0
+    law = weave.law[:, [0, 1, 2, 2]]
+    weaker = np.where(strain > 0.0, 1.0, weave.law[:, 3:])
+    energy = float((law * weaker * np.abs(strain) ** 3).sum() / 3.0)
+    return _Ways(ends, parts.reshape(-1, 2), stiffness.reshape(-1, 2), energy)
+
+
+def _distances(count: int, pins: NDArray[np.int32], ends: NDArray[np.int32], lengths: Floats) -> Floats | None:
+    """Length of the shortest way from any pin to each vertex [m]; None where one is not held, or ways are long."""
+    far = np.full(count, np.inf)
+    far[pins] = 0.0
     for _ in range(MOST_STEPS):
-        shorter = way.copy()
-        np.minimum.at(shorter, ends[:, 0], way[ends[:, 1]] + lengths)
-        np.minimum.at(shorter, ends[:, 1], way[ends[:, 0]] + lengths)
-        if np.array_equal(shorter, way):
-            return way if np.isfinite(way).all() else None
-        way = shorter
+        shorter = far.copy()
+        np.minimum.at(shorter, ends[:, 0], far[ends[:, 1]] + lengths)
+        np.minimum.at(shorter, ends[:, 1], far[ends[:, 0]] + lengths)
+        if np.array_equal(shorter, far):
+            return far if np.isfinite(far).all() else None
+        far = shorter
     return None

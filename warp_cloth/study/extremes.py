@@ -98,7 +98,7 @@ def _outcome(fitted: Fit, told: dict[str, Any], seconds: float) -> Outcome:
     away = float(np.linalg.norm(moved, axis=1).max()) if np.isfinite(moved).all() else math.inf
     verdicts = {"at_rest": "at rest", "iteration_limit": "not at rest", "diverged": "diverged", "invalid": "diverged"}
     verdict = verdicts[report["status"]]
-    figures = [report["residual"]["relative_rms"], *report["strain"].values()]
+    figures = [report["residual"]["relative_rms"], *(report["strain"][key] for key in ("p50", "p99", "max", "min"))]
     if not math.isfinite(away) or (verdict == "at rest" and not all(math.isfinite(figure) for figure in figures)):
         verdict = "not finite"
     return Outcome(
