@@ -6,6 +6,7 @@ from typing import Any
 import warp as wp
 
 from warp_cloth.kernels.cloth import MODULE_OPTIONS, Terms, cloth_types
+from warp_cloth.kernels.cloth_contact import ClothContact, contact_room, contact_sum, contact_watch
 from warp_cloth.kernels.friction import friction_slide
 from warp_cloth.kernels.gather import gathered_load
 
@@ -41,8 +42,20 @@ class NoCollider:
     """A scene without avatar asks nothing."""
 
 
+@wp.struct
+class NoClothContact:
+    """Cloth that passes through cloth asks nothing."""
+
+
+def touch_type(touches: bool) -> type:
+    """The struct that tells of cloth on cloth, where it is told at all."""
+    return ClothContact if touches else NoClothContact
+
+
 @functools.cache
-def displacement(precision: str, accelerated: bool, contact: wp.Function | None, collider_type: type) -> wp.Function:
+def displacement(
+    precision: str, accelerated: bool, contact: wp.Function | None, collider_type: type, touches: bool
+) -> wp.Function:
     """The function that turns a free vertex's load into its displacement [m], contact and friction included.
 
     Args:
@@ -50,13 +63,17 @@ def displacement(precision: str, accelerated: bool, contact: wp.Function | None,
         accelerated: each vertex by its own step and with momentum; otherwise by the paper's rule.
         contact: (collider, world position) -> (normal, distance [m]); None where the scene has no avatar.
         collider_type: the struct that it asks; NoCollider without avatar.
+        touches: whether cloth meets cloth.
     """
     types = cloth_types(precision)
     real, vec3, vec4, Cloth, Step = types.real, types.vec3, types.vec4, types.Cloth, types.Step
+    Touch = touch_type(touches)
 
     @wp.func
-    def vertex_displacement(cloth: Cloth, step: Step, collider: collider_type, load: vec4, vertex: int):
-        """Displacement of a vertex; remembers the stiffness that it went by."""
+    def vertex_displacement(cloth: Cloth, step: Step, collider: collider_type, touch: Touch, load: vec4, vertex: int):
+        """Displacement of a vertex and the part of it that has momentum; remembers the stiffness that it went by."""
+        if wp.static(touches):
+            load += vec4(contact_sum(touch, vertex))
         weight = cloth.weight[vertex]
         force = vec3(load[0], load[1], load[2]) + step.gravity * weight
         move = vec3()
@@ -68,6 +85,10 @@ def displacement(precision: str, accelerated: bool, contact: wp.Function | None,
             move = accelerated_move(force, stiffness, cloth.move[vertex], momentum, step.damping, step.cap)
         else:
             move = direct_move(force, weight, step.cap)
+        shift = vec3()
+        if wp.static(touches):
+            shift = vec3(touch.shift[vertex])
+            move += shift
         if wp.static(contact is not None):
             at = contact(collider, wp.vec3d(cloth.position[vertex]) + wp.vec3d(move))
             push = step.offset - at[3]
@@ -75,22 +96,28 @@ def displacement(precision: str, accelerated: bool, contact: wp.Function | None,
                 normal = vec3(real(at[0]), real(at[1]), real(at[2]))
                 pushed = move + normal * wp.min(real(push), step.cap)
                 move = friction_slide(pushed, normal, real(push), real(step.friction))
-        return move
+        if wp.static(touches):
+            move = capped(move, real(contact_room(touch, vertex, wp.vec3d(cloth.position[vertex]))))
+        return move, move - shift
 
     return vertex_displacement
 
 
 @functools.cache
-def displace_kernel(precision: str, accelerated: bool, contact: wp.Function | None, collider_type: type) -> wp.Kernel:
+def displace_kernel(
+    precision: str, accelerated: bool, contact: wp.Function | None, collider_type: type, touches: bool
+) -> wp.Kernel:
     """Kernel ``displace_vertices``, which moves the cloth where it lies; arguments as of ``displacement``."""
     types = cloth_types(precision)
     point, vec4, Cloth, Step = types.point, types.vec4, types.Cloth, types.Step
-    vertex_displacement = displacement(precision, accelerated, contact, collider_type)
+    vertex_displacement = displacement(precision, accelerated, contact, collider_type, touches)
+    Touch = touch_type(touches)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def displace_vertices(
         step: Step,
         collider: collider_type,
+        touch: Touch,
         load: wp.array(dtype=vec4),  # forces of the cloth [N] and stiffness bounds [N/m], shape [V]; left at zero
         cloth: Cloth,
     ):
@@ -99,16 +126,18 @@ def displace_kernel(precision: str, accelerated: bool, contact: wp.Function | No
         sum = load[vertex]
         load[vertex] = vec4()
         if cloth.pinned[vertex] == wp.uint8(0):
-            move = vertex_displacement(cloth, step, collider, sum, vertex)
-            cloth.move[vertex] = move
+            move, kept = vertex_displacement(cloth, step, collider, touch, sum, vertex)
+            cloth.move[vertex] = kept
             cloth.position[vertex] = cloth.position[vertex] + point(move)
+            if wp.static(touches):
+                contact_watch(touch, vertex, wp.vec3d(cloth.position[vertex]))
 
     return displace_vertices
 
 
 @functools.cache
 def advance_kernel(
-    precision: str, accelerated: bool, terms: Terms, contact: wp.Function | None, collider_type: type
+    precision: str, accelerated: bool, terms: Terms, contact: wp.Function | None, collider_type: type, touches: bool
 ) -> wp.Kernel:
     """Kernel ``advance_vertices``, which gathers a vertex's forces and moves it, from one set of arrays to another.
 
@@ -117,13 +146,15 @@ def advance_kernel(
     types = cloth_types(precision)
     point, vec3, vec4, Cloth, Step = types.point, types.vec3, types.vec4, types.Cloth, types.Step
     StoredRows = types.StoredRows
-    vertex_displacement = displacement(precision, accelerated, contact, collider_type)
+    vertex_displacement = displacement(precision, accelerated, contact, collider_type, touches)
+    Touch = touch_type(touches)
     vertex_load = gathered_load(precision, terms)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def advance_vertices(
         step: Step,
         collider: collider_type,
+        touch: Touch,
         rows: StoredRows,
         edge_load: wp.array(dtype=vec4),  # from the gather module's store_edges, shape [E]
         stored: wp.array(dtype=vec4),  # from its store_triangles, shape [3 F]
@@ -134,10 +165,14 @@ def advance_kernel(
         """Moves each free vertex by the forces that meet there; pinned ones stay."""
         vertex = wp.tid()
         move = vec3()
+        kept = vec3()
         if cloth.pinned[vertex] == wp.uint8(0):
             load = vertex_load(rows, edge_load, stored, vertex)
-            move = vertex_displacement(cloth, step, collider, load, vertex)
-        move_out[vertex] = move
-        position_out[vertex] = cloth.position[vertex] + point(move)
+            move, kept = vertex_displacement(cloth, step, collider, touch, load, vertex)
+        move_out[vertex] = kept
+        position = cloth.position[vertex] + point(move)
+        position_out[vertex] = position
+        if wp.static(touches):
+            contact_watch(touch, vertex, wp.vec3d(position))
 
     return advance_vertices

@@ -95,6 +95,7 @@ KINDS: dict[str, Any] = {
     "rest_error_mm": float,
     "strain": dict.fromkeys(("p50", "p99", "max", "min"), float),
     "penetration_mm": dict.fromkeys(("max", "p999", "fraction"), float),
+    "crossings": dict.fromkeys(("pairs", "between_garments", "faces"), int),
     "settings": dict,
 }
 

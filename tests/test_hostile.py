@@ -182,7 +182,6 @@ SCENES: dict[str, tuple[str, str]] = {
     "all pinned": ("[garment]\nmesh = 'sheet.obj'\npin = {box = [[-9, -9, -9], [9, 9, 9]]}\n", "nothing can move"),
     "shape and mesh": ("[garment]\nmesh = 'sheet.obj'\nshape = {kind = 'square'}\n", "both given"),
     "unknown shape": ("[garment]\nshape = {kind = 'dress'}\n", 'unknown kind "dress"'),
-    "contact of cloth": ("[garment]\nmesh = 'sheet.obj'\n[collision]\ncloth = true\n", "collision.cloth"),
     "avatar of nothing": ("[garment]\nmesh = 'sheet.obj'\n[collision]\navatar = 'depth'\n", "no [avatar]"),
 }
 

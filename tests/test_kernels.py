@@ -17,11 +17,14 @@ import warp_cloth.kernels
 from warp_cloth.kernels.certify import energy_kernels, residual_kernel
 from warp_cloth.kernels.closest import MeshCollider, mesh_contact
 from warp_cloth.kernels.cloth import FOURTH_PARTS, PRECISIONS, Terms
+from warp_cloth.kernels.cloth_contact import add_kernel, press_kernel
+from warp_cloth.kernels.contact_search import search_kernels
 from warp_cloth.kernels.displace import NoCollider, advance_kernel, displace_kernel
 from warp_cloth.kernels.field import ContactField, field_contact
 from warp_cloth.kernels.gather import gather_kernels
 from warp_cloth.kernels.pressure import push_kernel
 from warp_cloth.kernels.scatter import normals_kernel, scatter_kernels
+from warp_cloth.kernels.untangle import untangle_kernels
 
 FOLDER = Path(warp_cloth.kernels.__path__[0])
 FILES = sorted(path for path in FOLDER.glob("*.py") if path.name != "__init__.py")
@@ -102,5 +105,12 @@ def test_displacement_and_certificate_kernels_compile(precision: str) -> None:
         if contact is not None:
             loaded(push_kernel(precision, *asked))
         for accelerated in (False, True):
-            loaded(displace_kernel(precision, accelerated, *asked))
-            loaded(advance_kernel(precision, accelerated, Terms(True, True, True), *asked))
+            for touches in (False, True):
+                loaded(displace_kernel(precision, accelerated, *asked, touches))
+                loaded(advance_kernel(precision, accelerated, Terms(True, True, True), *asked, touches))
+
+
+@pytest.mark.parametrize("precision", PRECISIONS)
+def test_kernels_of_cloth_on_cloth_compile(precision: str) -> None:
+    loaded(search_kernels(precision), untangle_kernels(precision), add_kernel(precision))
+    loaded(*(press_kernel(precision, fourth) for fourth in FOURTH_PARTS))

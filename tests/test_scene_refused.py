@@ -90,10 +90,6 @@ def refused(source: Any) -> str:
         ("collision.offset_mm = -1", "collision.offset_mm: must be a number from 0 to 50, not -1"),
         ("collision.cloth = 1", "collision.cloth: must be true or false, not 1"),
         (
-            "collision.cloth = true",
-            "contact of cloth with cloth is not available in this version; use cloth = false",
-        ),
-        (
             "collision.avatar = 'auto'",
             'collision.avatar: "auto" is not available in this version; use "depth"',
         ),

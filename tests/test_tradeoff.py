@@ -109,7 +109,8 @@ def test_the_command_writes_table_settings_and_plot(tmp_path: Path, monkeypatch:
     rows = list(csv.DictReader((tmp_path / "hanging_tradeoff.csv").open()))
     assert len(rows) == len(values["measured"]) > 3
     assert (tmp_path / "hanging_tradeoff.png").stat().st_size > 10_000
-    assert "# --set" in (tmp_path / "hanging_tradeoff.toml").read_text()
+    # which settings are cheapest on a sheet so small is the clock's whim
+    assert "within 30 mm" in (tmp_path / "hanging_tradeoff.toml").read_text()
 
 
 def measured(settings: dict[str, str]) -> Measured:

@@ -267,6 +267,7 @@ def summary(name: str, report: Mapping[str, Any], paths: list[Path]) -> list[str
         ("strain", _figures("{} median, {} p99, {} largest", strain, "p50", "p99", "max")),
         ("threads", _figures("{} warp, {} weft, {} bias p99", threads, "warp", "weft", "bias")),
         ("penetration", _figures("{} mm deepest, {} mm p99.9", penetration, "max", "p999")),
+        ("crossings", _figures("{} pairs of faces", report.get("crossings") or {}, "pairs")),
         ("iterations", _figures("{}, {} a second", report, "iterations", "iterations_per_second")),
         ("relaxed in", _figures("{} s on " + str(report.get("device")), seconds, "relax")),
     ]

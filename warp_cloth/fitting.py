@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from warp_cloth.collide.avatar import AvatarContact, avatar_modules
 from warp_cloth.collide.exact import penetration
+from warp_cloth.collide.garments import cloth_course, cloth_touch, worn_crossings
 from warp_cloth.errors import InputError
 from warp_cloth.maps import FitMaps, chosen_maps, measure_maps
 from warp_cloth.maps.measure import check_maps
@@ -24,6 +25,7 @@ from warp_cloth.plan import contact_kind, make_plan
 from warp_cloth.result import Penetration, Status, WornGarment
 from warp_cloth.scene import Scene, load_scene
 from warp_cloth.solver.certificate import Certifier, Check, Tolerance, edge_strains, strain_summary, thread_summaries
+from warp_cloth.solver.course import Course
 from warp_cloth.solver.loop import Outcome, relax_to_rest
 from warp_cloth.solver.relax import Collider, Relaxation, StepOptions
 from warp_cloth.verdict import more_iterations, report_of, unheld, verdict
@@ -101,9 +103,9 @@ def fit(
     where = device_named(device)
     clock = _Clock()
     made = set_up(chosen, where, tell=tell, lap=clock.lap)
-    wardrobe, contact, model = made.wardrobe, made.contact, made.model
-    relaxation, certifier = made.relaxation, made.certifier
-    outcome = _relax(chosen, relaxation, certifier, contact, frames, tell)
+    wardrobe, model = made.wardrobe, made.model
+    certifier = made.certifier
+    outcome = _relax(chosen, made, frames, tell)
     clock.lap("relax")
     finished = _finished(chosen, wardrobe, model, outcome, clock, where, frames)
     return _with_maps(finished, wanted, wardrobe, model, certifier) if wanted else finished
@@ -142,6 +144,7 @@ class SetUp:
     model: ClothModel
     relaxation: Relaxation
     certifier: Certifier
+    course: Course | None  # where cloth meets cloth
 
 
 def set_up(
@@ -173,14 +176,16 @@ def set_up(
     model = build_model(wardrobe.parts, device=device, precision=scene.solver.precision)
     collider = contact.collider(model.points())
     options = StepOptions(method=scene.solver.method, cap=scene.solver.cap)
-    relaxation = Relaxation(model, collider, options)
+    touch = cloth_touch(scene, wardrobe, model) if scene.collision.cloth else None
+    relaxation = Relaxation(model, collider, options, touch)
     certifier = Certifier(relaxation, collider)
+    course = cloth_course(wardrobe, relaxation, touch, device) if touch is not None else None
     wp.synchronize_device(device)
     lap("build")
     tell(Progress("compile"))
     _compile([kernel.module for kernel in relaxation.kernels() + certifier.kernels()], device)
     lap("compile")
-    return SetUp(wardrobe, contact, model, relaxation, certifier)
+    return SetUp(wardrobe, contact, model, relaxation, certifier, course)
 
 
 def _compile(modules: list[wp.Module], device: str) -> None:
@@ -229,12 +234,11 @@ def _avatar_contact(scene: Scene, wardrobe: Wardrobe, device: str) -> AvatarCont
 
 def _relax(
     scene: Scene,
-    relaxation: Relaxation,
-    certifier: Certifier,
-    contact: AvatarContact,
+    made: SetUp,
     frames: int,
     tell: Callable[[Progress], None],
 ) -> Outcome:
+    contact = made.contact
     limit = scene.solver.iterations
 
     def told(check: Check, seconds: float) -> None:
@@ -255,12 +259,13 @@ def _relax(
 
     tell(Progress("relax", 0, limit))
     return relax_to_rest(
-        relaxation,
-        certifier,
+        made.relaxation,
+        made.certifier,
         tolerance_of(scene),
         limit,
         frames=frames,
         follow=follow,
+        course=made.course,
         on_check=told,
     )
 
@@ -285,8 +290,12 @@ def _finished(
     depth = None
     if wardrobe.avatar is not None:
         depth = penetration(outcome.points, wardrobe.avatar, device)
+    crossing = worn_crossings(wardrobe, outcome.points, device)
     clock.lap("measure")
-    garments = _worn(scene, wardrobe, model, outcome, frames)
+    garments = tuple(
+        replace(worn, fields=crossing.marked(index, worn.mesh))
+        for index, worn in enumerate(_worn(scene, wardrobe, model, outcome, frames))
+    )
     advice = unheld(scene, wardrobe, [worn.points for worn in garments])
     message = verdict(outcome, tolerance_of(scene), advice or more_iterations(scene.solver.method))
     report = report_of(
@@ -300,6 +309,7 @@ def _finished(
         strain=strain_summary(strains),
         threads=threads,
         depth=depth,
+        crossing=crossing,
         plan=make_plan(scene, wardrobe),
     )
     return Fit(scene, outcome.status, message, garments, wardrobe.avatar, report, device)

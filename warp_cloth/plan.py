@@ -37,7 +37,7 @@ def make_plan(scene: Scene, wardrobe: Wardrobe) -> tuple[Term, ...]:
         Term("pins", pins > 0, f"{pins} vertices are pinned" if pins else "nothing is pinned"),
         Term("momentum", accelerated, f'solver.method = "{scene.solver.method}"'),
         *_avatar_terms(scene, wardrobe),
-        Term("cloth contact", False, "collision.cloth = false"),
+        Term("cloth contact", scene.collision.cloth, f"collision.cloth = {str(scene.collision.cloth).lower()}"),
     )
 
 

@@ -12,6 +12,7 @@ from warp_cloth.solver.certificate import Tolerance
 from warp_cloth.solver.loop import Outcome
 
 if TYPE_CHECKING:
+    from warp_cloth.collide.garments import GarmentCrossings
     from warp_cloth.mesh import Points
     from warp_cloth.model import ClothModel
     from warp_cloth.plan import Term
@@ -75,6 +76,7 @@ def report_of(
     strain: Strain,
     threads: Mapping[str, Strain],
     depth: Penetration | None,
+    crossing: GarmentCrossings,
     plan: tuple[Term, ...],
 ) -> dict[str, Any]:
     """The report under its stable keys; lengths as their names say.
@@ -98,6 +100,7 @@ def report_of(
         "rest_error_mm": 1e3 * outcome.check.rest_error,
         "strain": {**asdict(strain), **{way: asdict(found) for way, found in threads.items()}},
         "penetration_mm": asdict(depth) if depth is not None else None,
+        "crossings": {"pairs": crossing.pairs, "between_garments": crossing.between, "faces": crossing.face_count},
         "garments": [
             {
                 "name": spec.name,
@@ -105,8 +108,11 @@ def report_of(
                 "area_m2": part.rest.area,
                 "pinned": len(part.pins),
                 "notes": [*mesh.notes, *part.rest.notes],
+                "crossing_faces": faces.tolist(),
             }
-            for spec, mesh, part in zip(scene.garments, wardrobe.garments, wardrobe.parts, strict=True)
+            for spec, mesh, part, faces in zip(
+                scene.garments, wardrobe.garments, wardrobe.parts, crossing.faces, strict=True
+            )
         ],
         "avatar": {"unit": wardrobe.avatar.unit, "notes": list(wardrobe.avatar.notes)} if wardrobe.avatar else None,
         "plan": [asdict(term) for term in plan],

@@ -223,13 +223,6 @@ class CollisionSpec(Table):
             )
         return value
 
-    @field_validator("cloth")
-    @classmethod
-    def _no_cloth_yet(cls, value: bool) -> bool:
-        if value:
-            raise refusal("contact of cloth with cloth is not available in this version", "use cloth = false")
-        return value
-
 
 class SolverSpec(Table):
     """How the rest shape is looked for, and when it is found."""

@@ -65,6 +65,7 @@ class Certifier:
         types = cloth_types(model.precision)
         self._model = model
         self._step = relaxation.step
+        self._touch = relaxation.touch
         self._collider = relaxation.collider_data
         self._load = wp.zeros(model.vertex_count, dtype=types.vec4, device=model.device)
         self._forces = ForcePass(model, "size", self._load)
@@ -85,7 +86,7 @@ class Certifier:
     def check(self, iteration: int, points: Points) -> Check:
         """Measures the shape as it stands, which is ``points`` [m], shape [V, 3]. Waits for the device."""
         model = self._model
-        self._forces.launch(self._step)
+        self._sum_forces()
         wp.launch(
             self._residual,
             dim=model.vertex_count,
@@ -98,12 +99,17 @@ class Certifier:
             return Check(iteration, Residual(*([math.inf] * 5)), math.inf, False)
         return Check(iteration, residual_summary(left), self._rest_error.estimate(iteration, points), True)
 
+    def _sum_forces(self) -> None:
+        self._forces.launch(self._step)
+        if self._touch is not None:
+            self._touch.measure(self._step, self._load)
+
     def pushes(self) -> NDArray[np.float64] | None:
         """Force with which each vertex presses on the avatar [N], shape [V]; None without contact. Waits."""
         model = self._model
         if self._contact[0] is None:
             return None
-        self._forces.launch(self._step)
+        self._sum_forces()
         push = wp.zeros(model.vertex_count, dtype=wp.float64, device=model.device)
         wp.launch(
             push_kernel(model.precision, *self._contact),

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from warp_cloth.mesh import Points
 from warp_cloth.result import Status
 from warp_cloth.solver.certificate import Certifier, Check, Tolerance
+from warp_cloth.solver.course import Course
 from warp_cloth.solver.relax import Collider, Relaxation
 
 Follow = Callable[[Points], "Collider | None"]
@@ -64,6 +65,7 @@ def relax_to_rest(
     *,
     frames: int = 0,
     follow: Follow | None = None,
+    course: Course | None = None,
     on_check: Callable[[Check, float], None] | None = None,
 ) -> Outcome:
     """Runs iterations in chunks, and checks every few of them.
@@ -75,6 +77,7 @@ def relax_to_rest(
         limit: most iterations.
         frames: how many shapes on the way are wanted; some more are kept.
         follow: given the positions, a new collider where the old one no longer covers them.
+        course: of garments that meet themselves and each other.
         on_check: told of every check and the seconds so far.
     """
     keeper = FrameKeeper(frames, limit)
@@ -82,6 +85,8 @@ def relax_to_rest(
     iteration = 0
     points = relaxation.model.points()
     check = certifier.check(0, points)
+    if course is not None:
+        course.advance(0, points)
     falling = True
     status = Status.ITERATION_LIMIT
     while iteration < limit:
@@ -104,7 +109,8 @@ def relax_to_rest(
         falling = float(np.abs(points - last).max()) > FALL
         if on_check is not None:
             on_check(check, time.perf_counter() - began)
-        if check.within(tolerance):
+        settled = course is None or course.advance(iteration, points)
+        if settled and check.within(tolerance):
             status = Status.AT_REST
             break
     wp.synchronize_device(relaxation.model.device)

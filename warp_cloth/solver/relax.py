@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import warp as wp
 
 from warp_cloth.kernels.cloth import cloth_types
-from warp_cloth.kernels.displace import NoCollider, advance_kernel, displace_kernel
+from warp_cloth.kernels.displace import NoClothContact, NoCollider, advance_kernel, displace_kernel
 from warp_cloth.model import ClothModel
 from warp_cloth.solver.forces import ForcePass
+
+if TYPE_CHECKING:
+    from warp_cloth.collide.cloth import ClothTouch
+
+LOOK_EVERY = 2  # iterations between two looks at whether cloth has moved so far that what is near changed
 
 Method = Literal["accelerated", "direct"]
 
@@ -60,9 +65,14 @@ class Collider:
 
 
 class Relaxation:
-    """Owns the scratch memory of a model's iterations and runs them in captured chunks."""
+    """Owns the scratch memory of a model's iterations and runs them in captured chunks.
 
-    def __init__(self, model: ClothModel, collider: Collider, options: StepOptions) -> None:
+    ``touch`` is the contact of cloth with cloth; None: it passes through itself.
+    """
+
+    def __init__(
+        self, model: ClothModel, collider: Collider, options: StepOptions, touch: ClothTouch | None = None
+    ) -> None:
         types = cloth_types(model.precision)
         accelerated = options.method == "accelerated"
         self.model = model
@@ -75,10 +85,11 @@ class Relaxation:
         self.step.viscosity = options.viscosity
         self.step.memory = options.memory
         self.collider_type = collider.data_type or NoCollider
+        self.touch = touch
         # gathering needs no sum of forces in memory, but a second set of positions to write to
         self._load = None if model.gathers else wp.zeros(model.vertex_count, dtype=types.vec4, device=model.device)
         self._forces = ForcePass(model, "stiffness" if accelerated else "none", self._load)
-        asked = collider.contact, self.collider_type
+        asked = collider.contact, self.collider_type, touch is not None
         if model.gathers:
             self._move = advance_kernel(model.precision, accelerated, model.terms, *asked)
             self._there = model.cloth_beside()
@@ -91,25 +102,44 @@ class Relaxation:
         self.step.offset = collider.offset
         self.step.friction = collider.friction
         self.collider_data = collider.data if collider.data is not None else self.collider_type()
+        self.forget_graphs()
+
+    def forget_graphs(self) -> None:
+        """Captures iterations anew: what they read or launch has changed."""
         self._graphs: dict[int, Any] = {}
 
     def kernels(self) -> list[wp.Kernel]:
         """The kernels that an iteration launches, in order."""
-        return [*self._forces.storing_kernels(), self._move]
+        touching = [] if self.touch is None else self.touch.kernels()
+        return [*self._forces.storing_kernels(), *touching, self._move]
+
+    @property
+    def touch_data(self) -> Any:
+        """What the kernels read of cloth on cloth."""
+        return NoClothContact() if self.touch is None else self.touch.data
+
+    def _meet_cloth(self, iteration: int, cloth: Any) -> None:
+        """Contact of cloth with cloth, where there is any."""
+        if self.touch is not None and self.touch.awake:
+            if iteration % LOOK_EVERY == 0:
+                self.touch.search_where_due(cloth)
+            self.touch.press(self.step, cloth)
 
     def iterate(self, count: int = 1) -> None:
         """Launches iterations."""
         here = self.model.cloth
         if not self.model.gathers:
-            for _ in range(count):
+            for iteration in range(count):
                 self._forces.store(self.step, here)
-                self._launch([self.step, self.collider_data, self._load, here])
+                self._meet_cloth(iteration, here)
+                self._launch([self.step, self.collider_data, self.touch_data, self._load, here])
             return
         there = self._there
         rows = self._forces.stored
-        for _ in range(count):
+        for iteration in range(count):
             self._forces.store(self.step, here)
-            self._launch([self.step, self.collider_data, *rows, here, there.position, there.move])
+            self._meet_cloth(iteration, here)
+            self._launch([self.step, self.collider_data, self.touch_data, *rows, here, there.position, there.move])
             here, there = there, here
         if count % 2:  # the shape is beside the model
             wp.copy(there.position, here.position)

@@ -1,0 +1,221 @@
+"""Cloth on cloth: pairs nearer than the thickness push apart and hold each other by friction."""
+
+import functools
+
+import warp as wp
+
+from warp_cloth.kernels.cloth import MODULE_OPTIONS, cloth_types
+from warp_cloth.kernels.friction import friction_slide
+from warp_cloth.kernels.touch import (
+    NOTHING,
+    WHOLE,
+    nearest_on_edges,
+    nearest_on_triangle,
+    slant_share,
+    slant_slope,
+    squeeze_energy,
+    squeeze_force,
+    squeeze_stiffness,
+)
+
+# Sums are kept as whole numbers of these units: whole numbers add up to the same in every order, so that pairs may be
+# found and summed in any.
+FORCE_UNIT = wp.constant(wp.float64(2.0**-36))  # [N]; a vertex weighs 1e7 of them
+STIFFNESS_UNIT = wp.constant(wp.float64(2.0**-16))  # [N/m]
+ROOM_UNIT = wp.constant(wp.float64(2.0**-33))  # [m]
+NO_LIMIT = wp.constant(wp.int32(2**31 - 1))  # room of a vertex with nothing near
+
+# Of the distance between two bits of cloth, what each may move in an iteration: less than half, so they never pass.
+ROOM_SHARE = wp.constant(wp.float64(0.45))
+LEAST_SHARE = wp.constant(wp.float64(0.02))  # of the thickness; nearer than this, force and stiffness grow no more
+
+# Threads lean over by this share of the thickness before one layer slides on the other.
+LEAN = wp.constant(wp.float64(0.2))
+
+ON_TRIANGLE = wp.constant(wp.int32(0))  # a vertex and a triangle
+ON_EDGE = wp.constant(wp.int32(1))  # two edges
+NEIGHBOURS = wp.constant(wp.int32(2))  # added where the two are near in the rest shape: they do not push
+
+
+@wp.struct
+class ClothContact:
+    """Which cloth is near which, and what that does to the vertices; P pairs at most, V vertices."""
+
+    # of the garments
+    thickness: wp.array(dtype=wp.float32)  # [m], shape [V]
+    modulus: wp.array(dtype=wp.float32)  # of squeeze_energy [N/m], shape [V]
+    friction: wp.array(dtype=wp.float32)  # shape [V]
+    reach: wp.float64  # pairs nearer than this when they were looked for are known [m]
+    # pairs
+    count: wp.array(dtype=wp.int32)  # pairs found, more than P where they did not fit, shape [1]
+    corners: wp.array(dtype=wp.vec4i)  # vertex and triangle, or the ends of two edges, shape [P]
+    kind: wp.array(dtype=wp.int32)  # ON_TRIANGLE or ON_EDGE, and NEIGHBOURS or not, shape [P]
+    lean: wp.array(dtype=wp.vec3f)  # how far the first has been dragged along the second [m], shape [P]
+    # what a move reads, and leaves as it was at the start
+    sum: wp.array2d(dtype=wp.int64)  # force [FORCE_UNIT] and fourth part [STIFFNESS_UNIT], shape [V, 4]; zero
+    room: wp.array(dtype=wp.int32)  # largest displacement [ROOM_UNIT], shape [V]; NO_LIMIT
+    # between two searches
+    shift: wp.array(dtype=wp.vec3f)  # displacement in each iteration that untangles [m], shape [V]
+    searched: wp.array(dtype=wp.vec3d)  # where vertices were at the last search [m], shape [V]
+    moved: wp.array(dtype=wp.int32)  # whether it is time for another, shape [1]
+
+
+@wp.func
+def pair_weights(kind: int, x0: wp.vec3d, x1: wp.vec3d, x2: wp.vec3d, x3: wp.vec3d):
+    """Weights of the four vertices whose sum is the way from the second's nearest point to the first's."""
+    if kind == ON_TRIANGLE:
+        on = nearest_on_triangle(x0 - x1, x2 - x1, x3 - x1)
+        return wp.vec4d(WHOLE, -on[0], -on[1], -on[2])
+    at = nearest_on_edges(x1 - x0, x3 - x2, x0 - x2)
+    return wp.vec4d(WHOLE - at[0], at[0], at[1] - WHOLE, -at[1])
+
+
+@wp.func
+def pair_way(weights: wp.vec4d, x0: wp.vec3d, x1: wp.vec3d, x2: wp.vec3d, x3: wp.vec3d):
+    """The way from the second's nearest point to the first's [m], summed from differences."""
+    # the weights sum to zero: seen from x1 nothing large cancels
+    return weights[0] * (x0 - x1) + weights[2] * (x2 - x1) + weights[3] * (x3 - x1)
+
+
+@wp.func
+def add_share(sum: wp.array2d(dtype=wp.int64), vertex: int, force: wp.vec3d, part: wp.float64):
+    """Adds a force [N] and a fourth part to a vertex's sum."""
+    wp.atomic_add(sum, vertex, 0, wp.int64(force[0] / FORCE_UNIT))
+    wp.atomic_add(sum, vertex, 1, wp.int64(force[1] / FORCE_UNIT))
+    wp.atomic_add(sum, vertex, 2, wp.int64(force[2] / FORCE_UNIT))
+    wp.atomic_add(sum, vertex, 3, wp.int64(part / STIFFNESS_UNIT))
+
+
+@wp.func
+def contact_room(contact: ClothContact, vertex: int, position: wp.vec3d):
+    """How far a vertex may move [m] before it could meet something, known or not; leaves the room open.
+
+    Whatever was farther than the reach at the last search cannot be met within half of it from there.
+    """
+    known = wp.float64(contact.room[vertex]) * ROOM_UNIT
+    contact.room[vertex] = NO_LIMIT
+    unknown = wp.float64(0.49) * contact.reach - wp.length(position - contact.searched[vertex])
+    return wp.max(wp.min(known, unknown), NOTHING)
+
+
+@wp.func
+def contact_watch(contact: ClothContact, vertex: int, position: wp.vec3d):
+    """Asks for another search where a vertex has used half of what it may move between two."""
+    if wp.length(position - contact.searched[vertex]) > wp.float64(0.25) * contact.reach:
+        contact.moved[0] = 1
+
+
+@wp.func
+def contact_sum(contact: ClothContact, vertex: int):
+    """Force [N] and fourth part that contact adds at a vertex; leaves the sum at zero."""
+    x = wp.float64(contact.sum[vertex, 0]) * FORCE_UNIT
+    y = wp.float64(contact.sum[vertex, 1]) * FORCE_UNIT
+    z = wp.float64(contact.sum[vertex, 2]) * FORCE_UNIT
+    part = wp.float64(contact.sum[vertex, 3]) * STIFFNESS_UNIT
+    for column in range(4):
+        contact.sum[vertex, column] = wp.int64(0)
+    return wp.vec4d(x, y, z, part)
+
+
+@functools.cache
+def press_kernel(precision: str, fourth: str) -> wp.Kernel:
+    """Kernel ``press_pairs``; ``fourth`` is one of cloth.FOURTH_PARTS. "size", the certificate's, changes no lean."""
+    types = cloth_types(precision)
+    Cloth, Step = types.Cloth, types.Step
+
+    @wp.func
+    def relative_move(cloth: Cloth, corners: wp.vec4i, weights: wp.vec4d):
+        """How far the first's nearest point moved in the last iteration against the second's [m]."""
+        move = weights[0] * wp.vec3d(cloth.move[corners[0]])
+        move += weights[1] * wp.vec3d(cloth.move[corners[1]])
+        move += weights[2] * wp.vec3d(cloth.move[corners[2]])
+        return move + weights[3] * wp.vec3d(cloth.move[corners[3]])
+
+    @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
+    def press_pairs(step: Step, cloth: Cloth, contact: ClothContact):
+        """Adds what each pair does to its four vertices, and narrows their room."""
+        pair = wp.tid()
+        if pair >= contact.count[0]:
+            return
+        corners = contact.corners[pair]
+        kind = contact.kind[pair]
+        x0 = wp.vec3d(cloth.position[corners[0]])
+        x1 = wp.vec3d(cloth.position[corners[1]])
+        x2 = wp.vec3d(cloth.position[corners[2]])
+        x3 = wp.vec3d(cloth.position[corners[3]])
+        weights = pair_weights(kind & 1, x0, x1, x2, x3)
+        way = pair_way(weights, x0, x1, x2, x3)
+        distance = wp.length(way)
+        if wp.static(fourth != "size"):
+            room = ROOM_SHARE * distance
+            if room < wp.float64(0.5) * contact.reach:  # no move is longer
+                for corner in range(4):
+                    wp.atomic_min(contact.room, corners[corner], wp.int32(room / ROOM_UNIT))
+        thickness = wp.float64(0.5) * wp.float64(contact.thickness[corners[0]] + contact.thickness[corners[3]])
+        if kind >= NEIGHBOURS or distance >= thickness or distance <= NOTHING:
+            if wp.static(fourth != "size"):
+                contact.lean[pair] = wp.vec3f()
+            return
+        normal = way / distance
+        modulus = wp.float64(0.5) * wp.float64(contact.modulus[corners[0]] + contact.modulus[corners[3]])
+        held = wp.max(distance, LEAST_SHARE * thickness)
+        share = wp.vec2d(WHOLE, NOTHING)
+        if kind == ON_EDGE:
+            share = slant_share(x1 - x0, x3 - x2)
+        push = share[0] * squeeze_force(held, thickness, modulus)
+        friction = wp.float64(0.5) * wp.float64(contact.friction[corners[0]] + contact.friction[corners[3]])
+        change = wp.vec3d()
+        if wp.static(fourth != "size"):
+            change = relative_move(cloth, corners, weights)
+        lean = wp.vec3d(contact.lean[pair]) + change
+        lean -= normal * wp.dot(normal, lean)
+        lean -= friction_slide(lean, normal, LEAN * thickness, friction)
+        grip = push / (LEAN * thickness)
+        force = normal * push - lean * grip
+        part = NOTHING
+        if wp.static(fourth == "stiffness"):
+            approach = -wp.dot(normal, change)
+            nearer = wp.max(held - wp.max(wp.float64(step.reach) * approach, NOTHING), wp.float64(0.5) * held)
+            stiffness = share[0] * squeeze_stiffness(nearer, thickness, modulus)
+            force += normal * (wp.float64(step.viscosity) * stiffness * approach)
+            part = wp.float64(2.0) * (stiffness + grip)  # the weights' sizes sum to two
+        if wp.static(fourth == "size"):
+            part = push + grip * wp.length(lean)
+        if wp.static(fourth != "size"):
+            contact.lean[pair] = wp.vec3f(lean)
+        turn_0 = wp.vec3d()
+        turn_1 = wp.vec3d()
+        turn = NOTHING
+        if share[1] > NOTHING:  # nearly parallel edges also turn
+            energy = share[1] * squeeze_energy(held, thickness, modulus)
+            turn_0 = slant_slope(x1 - x0, x3 - x2) * energy
+            turn_1 = slant_slope(x3 - x2, x1 - x0) * energy
+            if wp.static(fourth == "stiffness"):
+                shorter = wp.min(wp.length_sq(x1 - x0), wp.length_sq(x3 - x2))
+                turn = wp.float64(4.0) * energy / wp.max(shorter, wp.float64(1.0e-12))
+            if wp.static(fourth == "size"):
+                turn = wp.max(wp.length(turn_0), wp.length(turn_1))
+        add_share(contact.sum, corners[0], weights[0] * force + turn_0, wp.abs(weights[0]) * part + turn)
+        add_share(contact.sum, corners[1], weights[1] * force - turn_0, wp.abs(weights[1]) * part + turn)
+        add_share(contact.sum, corners[2], weights[2] * force + turn_1, wp.abs(weights[2]) * part + turn)
+        add_share(contact.sum, corners[3], weights[3] * force - turn_1, wp.abs(weights[3]) * part + turn)
+
+    return press_pairs
+
+
+@functools.cache
+def add_kernel(precision: str) -> wp.Kernel:
+    """Kernel ``add_contact``, which hands the sums on to what reads a load."""
+    types = cloth_types(precision)
+    vec4 = types.vec4
+
+    @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
+    def add_contact(
+        contact: ClothContact,
+        load: wp.array(dtype=vec4),  # force [N] and fourth part, shape [V]
+    ):
+        """Adds a vertex's sum to its load, and leaves the sum at zero."""
+        vertex = wp.tid()
+        load[vertex] = load[vertex] + vec4(contact_sum(contact, vertex))
+
+    return add_contact

@@ -1,0 +1,166 @@
+"""Finds which cloth is near which: boxes in trees, grouped so that only garments of one item meet."""
+
+import functools
+from types import SimpleNamespace
+
+import warp as wp
+
+from warp_cloth.kernels.cloth import MODULE_OPTIONS, cloth_types
+from warp_cloth.kernels.cloth_contact import NEIGHBOURS, ON_EDGE, ON_TRIANGLE, ClothContact, pair_way, pair_weights
+from warp_cloth.kernels.crossing import has_vertex
+
+SLACK = wp.constant(wp.float32(1.0e-6))  # [m]; more than rounding a box to float32 moves it
+
+
+@wp.struct
+class ContactSearch:
+    """What is searched: E edges and F triangles over V vertices, and a tree of the boxes of each."""
+
+    triangles: wp.array(dtype=wp.vec3i)  # shape [F]
+    edges: wp.array(dtype=wp.vec2i)  # shape [E]
+    item: wp.array(dtype=wp.int32)  # vertices of different items never meet, shape [V]
+    longest: wp.array(dtype=wp.float32)  # of each edge before it counts as a seam yet to close [m], shape [E]
+    sides: wp.array(dtype=wp.vec3i)  # edges of each triangle, shape [F]
+    near_start: wp.array(dtype=wp.int32)  # rows of the vertices near each one in the rest shape, shape [V + 1]
+    near: wp.array(dtype=wp.int32)  # those vertices, each one itself among them
+    triangle_tree: wp.uint64
+    edge_tree: wp.uint64
+    triangle_lower: wp.array(dtype=wp.vec3f)  # [m], shape [F]
+    triangle_upper: wp.array(dtype=wp.vec3f)  # [m], shape [F]
+    edge_lower: wp.array(dtype=wp.vec3f)  # [m], shape [E]
+    edge_upper: wp.array(dtype=wp.vec3f)  # [m], shape [E]
+    open_edge: wp.array(dtype=wp.int32)  # whether an edge is longer than its longest, shape [E]
+    tangled: wp.array(dtype=wp.int32)  # whether a vertex belongs to what crosses, shape [V]
+
+
+@wp.func
+def rest_near(search: ContactSearch, a: int, b: int):
+    """Whether two vertices are near in the rest shape."""
+    for row in range(search.near_start[a], search.near_start[a + 1]):
+        if search.near[row] == b:
+            return True
+    return False
+
+
+@wp.func
+def spans_gap(search: ContactSearch, triangle: int):
+    """Whether a triangle spans a seam that has yet to close, where there is no cloth to meet."""
+    sides = search.sides[triangle]
+    return search.open_edge[sides[0]] + search.open_edge[sides[1]] + search.open_edge[sides[2]] > 0
+
+
+@wp.func
+def keep_pair(contact: ClothContact, corners: wp.vec4i, kind: int):
+    """Counts a pair and, while there is room, keeps it."""
+    slot = wp.atomic_add(contact.count, 0, 1)
+    if slot < contact.corners.shape[0]:
+        contact.corners[slot] = corners
+        contact.kind[slot] = kind
+        contact.lean[slot] = wp.vec3f()
+
+
+@functools.cache
+def search_kernels(precision: str) -> SimpleNamespace:
+    """Kernels ``start_search``, ``box_sheets``, ``find_on_triangles`` and ``find_on_edges``, in this order."""
+    types = cloth_types(precision)
+    point, Cloth = types.point, types.Cloth
+
+    @wp.func
+    def at(position: wp.array(dtype=point), vertex: int):
+        """Where a vertex is [m]."""
+        return wp.vec3d(position[vertex])
+
+    @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
+    def start_search(cloth: Cloth, contact: ClothContact):
+        """Remembers where each vertex is, and forgets the pairs and what they asked for."""
+        vertex = wp.tid()
+        contact.searched[vertex] = at(cloth.position, vertex)
+        if vertex == 0:
+            contact.count[0] = 0
+            contact.moved[0] = 0
+
+    @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
+    def box_sheets(cloth: Cloth, search: ContactSearch):
+        """The box of each triangle and of each edge: one thread for as many as there are of the more."""
+        thread = wp.tid()
+        if thread < search.triangles.shape[0]:
+            corners = search.triangles[thread]
+            a = wp.vec3f(at(cloth.position, corners[0]))
+            b = wp.vec3f(at(cloth.position, corners[1]))
+            c = wp.vec3f(at(cloth.position, corners[2]))
+            search.triangle_lower[thread] = wp.min(wp.min(a, b), c)
+            search.triangle_upper[thread] = wp.max(wp.max(a, b), c)
+        if thread < search.edges.shape[0]:
+            ends = search.edges[thread]
+            p = wp.vec3f(at(cloth.position, ends[0]))
+            q = wp.vec3f(at(cloth.position, ends[1]))
+            search.edge_lower[thread] = wp.min(p, q)
+            search.edge_upper[thread] = wp.max(p, q)
+            search.open_edge[thread] = wp.where(wp.length(q - p) > search.longest[thread], 1, 0)
+
+    @wp.func
+    def nearer(cloth: Cloth, corners: wp.vec4i, kind: int, reach: wp.float64):
+        """Whether a pair is nearer than the reach."""
+        x0 = at(cloth.position, corners[0])
+        x1 = at(cloth.position, corners[1])
+        x2 = at(cloth.position, corners[2])
+        x3 = at(cloth.position, corners[3])
+        weights = pair_weights(kind, x0, x1, x2, x3)
+        return wp.length(pair_way(weights, x0, x1, x2, x3)) < reach
+
+    @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
+    def find_on_triangles(cloth: Cloth, search: ContactSearch, contact: ClothContact):
+        """Keeps the triangles near each vertex, but those that it is a corner of, and where both are tangled."""
+        vertex = wp.tid()
+        centre = wp.vec3f(at(cloth.position, vertex))
+        room = float(contact.reach) + SLACK
+        wide = wp.vec3f(room, room, room)
+        root = wp.bvh_get_group_root(search.triangle_tree, search.item[vertex])
+        query = wp.bvh_query_aabb(search.triangle_tree, centre - wide, centre + wide, root)
+        triangle = int(0)
+        while wp.bvh_query_next(query, triangle):
+            t = search.triangles[triangle]
+            tangled = search.tangled[t[0]] + search.tangled[t[1]] + search.tangled[t[2]]
+            out = tangled + search.tangled[vertex] > 0 or has_vertex(t, vertex) or spans_gap(search, triangle)
+            corners = wp.vec4i(vertex, t[0], t[1], t[2])
+            if not out and nearer(cloth, corners, ON_TRIANGLE, contact.reach):
+                kind = ON_TRIANGLE
+                if (
+                    rest_near(search, vertex, t[0])
+                    or rest_near(search, vertex, t[1])
+                    or rest_near(search, vertex, t[2])
+                ):
+                    kind = ON_TRIANGLE + NEIGHBOURS
+                keep_pair(contact, corners, kind)
+
+    @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
+    def find_on_edges(cloth: Cloth, search: ContactSearch, contact: ClothContact):
+        """Keeps the later edges near each edge, but those that share an end, and where both are tangled."""
+        edge = wp.tid()
+        room = float(contact.reach) + SLACK
+        wide = wp.vec3f(room, room, room)
+        e = search.edges[edge]
+        tangled = search.tangled[e[0]] + search.tangled[e[1]]
+        root = wp.bvh_get_group_root(search.edge_tree, search.item[e[0]])
+        query = wp.bvh_query_aabb(
+            search.edge_tree, search.edge_lower[edge] - wide, search.edge_upper[edge] + wide, root
+        )
+        other = int(0)
+        while wp.bvh_query_next(query, other):
+            if other > edge:
+                o = search.edges[other]
+                out = e[0] == o[0] or e[0] == o[1] or e[1] == o[0] or e[1] == o[1]
+                out = out or tangled + search.tangled[o[0]] + search.tangled[o[1]] > 0
+                out = out or search.open_edge[edge] + search.open_edge[other] > 0
+                corners = wp.vec4i(e[0], e[1], o[0], o[1])
+                if not out and nearer(cloth, corners, ON_EDGE, contact.reach):
+                    kind = ON_EDGE
+                    near = rest_near(search, e[0], o[0]) or rest_near(search, e[0], o[1])
+                    if near or rest_near(search, e[1], o[0]) or rest_near(search, e[1], o[1]):
+                        kind = ON_EDGE + NEIGHBOURS
+                    keep_pair(contact, corners, kind)
+
+    return SimpleNamespace(
+        start_search=start_search, box_sheets=box_sheets, find_on_triangles=find_on_triangles,
+        find_on_edges=find_on_edges,
+    )  # fmt: skip

@@ -1,0 +1,116 @@
+"""Where cloth passes through cloth: an edge through a triangle, told in float64."""
+
+import warp as wp
+
+wp.set_module_options({"enable_backward": False, "fuse_fp": False})  # the same answer on CPU and CUDA
+
+
+@wp.func
+def volume(a: wp.vec3d, b: wp.vec3d, c: wp.vec3d, d: wp.vec3d):
+    """Six times the signed volume of the tetrahedron a b c d [m3]."""
+    return wp.dot(wp.cross(b - a, c - a), d - a)
+
+
+@wp.func
+def segment_pierces(p: wp.vec3d, q: wp.vec3d, a: wp.vec3d, b: wp.vec3d, c: wp.vec3d):
+    """Whether the segment p q passes through the triangle a b c.
+
+    Its ends lie on different sides of the plane, and the line turns the same way round all three sides. A segment in
+    the plane passes nothing; one through a side, seen from that side's other triangle, has the same volume there: it
+    passes through one of the two at least.
+    """
+    zero = wp.float64(0.0)
+    before = volume(a, b, c, p)
+    behind = volume(a, b, c, q)
+    if before * behind >= zero:
+        return False
+    u = volume(p, q, a, b)
+    v = volume(p, q, b, c)
+    w = volume(p, q, c, a)
+    return (u >= zero and v >= zero and w >= zero) or (u <= zero and v <= zero and w <= zero)
+
+
+@wp.func
+def has_vertex(triangle: wp.vec3i, vertex: int):
+    """Whether the vertex is a corner of the triangle."""
+    return triangle[0] == vertex or triangle[1] == vertex or triangle[2] == vertex
+
+
+@wp.func
+def pierces(position: wp.array(dtype=wp.vec3d), ends: wp.vec2i, corners: wp.vec3i):
+    """Whether an edge passes through a triangle that it shares no vertex with."""
+    if has_vertex(corners, ends[0]) or has_vertex(corners, ends[1]):
+        return False
+    return segment_pierces(
+        position[ends[0]], position[ends[1]], position[corners[0]], position[corners[1]], position[corners[2]]
+    )
+
+
+@wp.func
+def keep_crossing(
+    edge: int,
+    triangle: int,
+    count: wp.array(dtype=wp.int32),
+    crossing: wp.array(dtype=wp.vec2i),
+):
+    """Counts a crossing and, while there is room, keeps it."""
+    slot = wp.atomic_add(count, 0, 1)
+    if slot < crossing.shape[0]:
+        crossing[slot] = wp.vec2i(edge, triangle)
+
+
+@wp.kernel
+def find_every_crossing(
+    position: wp.array(dtype=wp.vec3d),  # [m], shape [V]
+    edges: wp.array(dtype=wp.vec2i),  # shape [E]
+    triangles: wp.array(dtype=wp.vec3i),  # shape [F]
+    item: wp.array(dtype=wp.int32),  # which vertices meet at all: those of one item, shape [V]
+    count_out: wp.array(dtype=wp.int32),  # shape [1]
+    crossing_out: wp.array(dtype=wp.vec2i),  # edge and triangle, shape [capacity]
+):
+    """Tests every edge against every triangle; the yardstick of find_crossings."""
+    edge = wp.tid()
+    ends = edges[edge]
+    for triangle in range(triangles.shape[0]):
+        corners = triangles[triangle]
+        if item[ends[0]] == item[corners[0]] and pierces(position, ends, corners):
+            keep_crossing(edge, triangle, count_out, crossing_out)
+
+
+@wp.kernel
+def find_crossings(
+    tree: wp.uint64,  # wp.Bvh of the triangles' boxes, grouped by item
+    position: wp.array(dtype=wp.vec3d),  # [m], shape [V]
+    edges: wp.array(dtype=wp.vec2i),  # shape [E]
+    triangles: wp.array(dtype=wp.vec3i),  # shape [F]
+    item: wp.array(dtype=wp.int32),  # which vertices meet at all: those of one item, shape [V]
+    count_out: wp.array(dtype=wp.int32),  # shape [1]
+    crossing_out: wp.array(dtype=wp.vec2i),  # edge and triangle, shape [capacity]
+):
+    """Tests every edge against the triangles whose boxes it meets."""
+    edge = wp.tid()
+    ends = edges[edge]
+    p = wp.vec3f(position[ends[0]])
+    q = wp.vec3f(position[ends[1]])
+    query = wp.bvh_query_aabb(tree, wp.min(p, q), wp.max(p, q), wp.bvh_get_group_root(tree, item[ends[0]]))
+    triangle = int(0)
+    while wp.bvh_query_next(query, triangle):
+        if pierces(position, ends, triangles[triangle]):
+            keep_crossing(edge, triangle, count_out, crossing_out)
+
+
+@wp.kernel
+def box_triangles(
+    position: wp.array(dtype=wp.vec3d),  # [m], shape [V]
+    triangles: wp.array(dtype=wp.vec3i),  # shape [F]
+    lower_out: wp.array(dtype=wp.vec3f),  # [m], shape [F]
+    upper_out: wp.array(dtype=wp.vec3f),  # [m], shape [F]
+):
+    """The box of each triangle."""
+    triangle = wp.tid()
+    corners = triangles[triangle]
+    a = wp.vec3f(position[corners[0]])  # rounding keeps the order of numbers: boxes that met still meet
+    b = wp.vec3f(position[corners[1]])
+    c = wp.vec3f(position[corners[2]])
+    lower_out[triangle] = wp.min(wp.min(a, b), c)
+    upper_out[triangle] = wp.max(wp.max(a, b), c)

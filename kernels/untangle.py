@@ -1,0 +1,222 @@
+"""Takes cloth that passes through cloth back out, without knowing how it came there."""
+
+import functools
+from types import SimpleNamespace
+
+import warp as wp
+
+from warp_cloth.kernels.cloth import MODULE_OPTIONS, cloth_types
+from warp_cloth.kernels.cloth_contact import ClothContact
+from warp_cloth.kernels.contact_search import SLACK, ContactSearch, spans_gap
+from warp_cloth.kernels.crossing import has_vertex, segment_pierces, volume
+from warp_cloth.kernels.touch import NOTHING, WHOLE, nearest_on_triangle
+
+SHIFT_UNIT = wp.constant(wp.float64(2.0**-40))  # whole numbers of it are summed, the same in every order
+LEAST_SLOPE = wp.constant(wp.float64(0.05))  # of an edge to a triangle; one nearly in its plane says little
+RING = wp.constant(wp.int32(16))  # searches that a tangle must last before one more ring of vertices is smoothed
+WIDEST = wp.constant(wp.int32(8 * 16))  # of those rings
+SMOOTHING = wp.constant(wp.float64(0.2))  # share of the way to the mean of its neighbours that a vertex is shifted
+ASTRIDE = wp.constant(wp.float64(0.5))  # cosine to the normal below which a nearest point tells no side
+
+
+@wp.struct
+class Untangling:
+    """What untangling needs of the garments, and sums up."""
+
+    wings: wp.array(dtype=wp.vec2i)  # third corners of the triangles at each edge, -1 where there is none, shape [E]
+    rim: wp.array(dtype=wp.int32)  # whether a vertex lies on the garment's border, shape [V]
+    beside_start: wp.array(dtype=wp.int32)  # rows of the vertices that an edge joins to each one, shape [V + 1]
+    beside: wp.array(dtype=wp.int32)  # those vertices, shape [2 E]
+    crosses: wp.array(dtype=wp.int32)  # whether a vertex belongs to what crosses, shape [V]
+    level: wp.array(dtype=wp.int32)  # how far round it the tangle is smoothed [1 / RING rings], shape [V]
+    layer: wp.array(dtype=wp.int32)  # garments of one item from the inside out, shape [V]
+    outward: wp.array(dtype=wp.float32)  # whether triangles face away from the body, 1, or to it, -1, shape [V]
+    layer_reach: float  # how far on the wrong side of another layer a vertex is still found [m]
+    stride: wp.float64  # longest shift in an iteration [m]
+    sum: wp.array2d(dtype=wp.int64)  # shifts [SHIFT_UNIT] and how many there are, shape [V, 4]
+    count: wp.array(dtype=wp.int32)  # edges that cross, and vertices on the wrong side of a layer, shape [2]
+
+
+@wp.func
+def contour_slope(along: wp.vec3d, normal: wp.vec3d, wing: wp.vec3d):
+    """Which way an edge goes against a triangle to make the line shorter along which its own triangle crosses it.
+
+    G = R - 2 (E R) / (E N) N, R along that line from the edge inwards (Volino and Magnenat-Thalmann 2006, Resolving
+    surface collisions through intersection contour minimization, eq. 5); ``along`` E and ``normal`` N unit vectors,
+    ``wing`` from the edge to the third corner.
+    """
+    inward = wing - along * wp.dot(wing, along)
+    line = wp.cross(normal, wp.cross(along, wing))
+    size = wp.length(line)
+    if size <= NOTHING:
+        return wp.vec3d()
+    line = line / size
+    if wp.dot(line, inward) < NOTHING:
+        line = -line
+    slope = wp.dot(along, normal)
+    slope = wp.where(slope < NOTHING, wp.min(slope, -LEAST_SLOPE), wp.max(slope, LEAST_SLOPE))
+    return line - normal * (wp.float64(2.0) * wp.dot(along, line) / slope)
+
+
+@wp.func
+def add_shift(sum: wp.array2d(dtype=wp.int64), vertex: int, shift: wp.vec3d):
+    """Adds one shift [m] to a vertex's sum."""
+    wp.atomic_add(sum, vertex, 0, wp.int64(shift[0] / SHIFT_UNIT))
+    wp.atomic_add(sum, vertex, 1, wp.int64(shift[1] / SHIFT_UNIT))
+    wp.atomic_add(sum, vertex, 2, wp.int64(shift[2] / SHIFT_UNIT))
+    wp.atomic_add(sum, vertex, 3, wp.int64(1))
+
+
+@functools.cache
+def untangle_kernels(precision: str) -> SimpleNamespace:
+    """Kernels ``forget_tangles``, ``part_crossings``, ``part_layers`` and ``settle_shifts``, in this order."""
+    types = cloth_types(precision)
+    point, Cloth = types.point, types.Cloth
+
+    @wp.func
+    def at(position: wp.array(dtype=point), vertex: int):
+        """Where a vertex is [m]."""
+        return wp.vec3d(position[vertex])
+
+    @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
+    def forget_tangles(search: ContactSearch, untangling: Untangling):
+        """Forgets what crossed at the last search."""
+        vertex = wp.tid()
+        untangling.level[vertex] = search.tangled[vertex]
+        untangling.crosses[vertex] = 0
+        for column in range(4):
+            untangling.sum[vertex, column] = wp.int64(0)
+        if vertex < 2:
+            untangling.count[vertex] = 0
+
+    @wp.func
+    def edge_slope(cloth: Cloth, ends: wp.vec2i, wings: wp.vec2i, normal: wp.vec3d):
+        """Sum of contour_slope over the triangles at an edge, at most one long."""
+        start = at(cloth.position, ends[0])
+        along = wp.normalize(at(cloth.position, ends[1]) - start)
+        slope = wp.vec3d()
+        for side in range(2):
+            if wings[side] >= 0:
+                slope += contour_slope(along, normal, at(cloth.position, wings[side]) - start)
+        return slope / wp.sqrt(wp.dot(slope, slope) + WHOLE)
+
+    @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
+    def part_crossings(cloth: Cloth, search: ContactSearch, untangling: Untangling):
+        """Shifts each edge that passes through a triangle, and that triangle, so that they cross less."""
+        edge = wp.tid()
+        ends = search.edges[edge]
+        p = at(cloth.position, ends[0])
+        q = at(cloth.position, ends[1])
+        low = search.edge_lower[edge]
+        root = wp.bvh_get_group_root(search.triangle_tree, search.item[ends[0]])
+        query = wp.bvh_query_aabb(search.triangle_tree, low, search.edge_upper[edge], root)
+        triangle = int(0)
+        while wp.bvh_query_next(query, triangle):
+            corners = search.triangles[triangle]
+            out = search.open_edge[edge] > 0 or spans_gap(search, triangle)
+            if not out and not has_vertex(corners, ends[0]) and not has_vertex(corners, ends[1]):
+                a = at(cloth.position, corners[0])
+                b = at(cloth.position, corners[1])
+                c = at(cloth.position, corners[2])
+                if segment_pierces(p, q, a, b, c):
+                    wp.atomic_add(untangling.count, 0, 1)
+                    before = volume(a, b, c, p)
+                    share = before / (before - volume(a, b, c, q))
+                    on = nearest_on_triangle(p + (q - p) * share - a, b - a, c - a)
+                    normal = wp.normalize(wp.cross(b - a, c - a))
+                    slope = edge_slope(cloth, ends, untangling.wings[edge], normal) * untangling.stride
+                    add_shift(untangling.sum, ends[0], slope * (WHOLE - share))
+                    add_shift(untangling.sum, ends[1], slope * share)
+                    for corner in range(3):
+                        add_shift(untangling.sum, corners[corner], -slope * on[corner])
+                        untangling.crosses[corners[corner]] = 1
+                    untangling.crosses[ends[0]] = 1
+                    untangling.crosses[ends[1]] = 1
+
+    @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
+    def part_layers(cloth: Cloth, search: ContactSearch, contact: ClothContact, untangling: Untangling):
+        """Shifts each vertex on the wrong side of another garment, and the triangle of that which is nearest."""
+        vertex = wp.tid()
+        layer = untangling.layer[vertex]
+        x = at(cloth.position, vertex)
+        room = untangling.layer_reach + SLACK
+        centre = wp.vec3f(x)
+        wide = wp.vec3f(room, room, room)
+        root = wp.bvh_get_group_root(search.triangle_tree, search.item[vertex])
+        query = wp.bvh_query_aabb(search.triangle_tree, centre - wide, centre + wide, root)
+        least = wp.float64(untangling.layer_reach)
+        nearest = int(-1)
+        triangle = int(0)
+        while wp.bvh_query_next(query, triangle):
+            t = search.triangles[triangle]
+            if untangling.layer[t[0]] != layer and not spans_gap(search, triangle):
+                a = at(cloth.position, t[0])
+                ab = at(cloth.position, t[1]) - a
+                ac = at(cloth.position, t[2]) - a
+                on = nearest_on_triangle(x - a, ab, ac)
+                distance = wp.length(x - a - ab * on[1] - ac * on[2])
+                # the tree names triangles in an order of its own: of two as near, the first of the mesh
+                if distance < least or (distance == least and triangle < nearest):
+                    least = distance
+                    nearest = triangle
+        if nearest >= 0:
+            t = search.triangles[nearest]
+            a = at(cloth.position, t[0])
+            ab = at(cloth.position, t[1]) - a
+            ac = at(cloth.position, t[2]) - a
+            on = nearest_on_triangle(x - a, ab, ac)
+            inner = NOTHING
+            for corner in range(3):
+                if untangling.rim[t[corner]] == 0:
+                    inner += on[corner]
+            facing = wp.float64(untangling.outward[t[0]])
+            if untangling.layer[t[0]] > layer:
+                facing = -facing
+            normal = wp.normalize(wp.cross(ab, ac)) * facing
+            side = wp.dot(x - a - ab * on[1] - ac * on[2], normal)
+            if inner > NOTHING and side < -ASTRIDE * least:
+                wp.atomic_add(untangling.count, 1, 1)
+                thickness = wp.float64(contact.thickness[vertex])
+                shift = normal * wp.min(untangling.stride, wp.float64(0.5) * (thickness - side))
+                add_shift(untangling.sum, vertex, shift)
+                untangling.crosses[vertex] = 1
+                for corner in range(3):
+                    add_shift(untangling.sum, t[corner], -shift * on[corner])
+                    untangling.crosses[t[corner]] = 1
+
+    @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
+    def settle_shifts(cloth: Cloth, search: ContactSearch, contact: ClothContact, untangling: Untangling):
+        """A vertex's untangling shift: the mean of what its crossings ask for, and smoothing round tangles that last.
+
+        A fold that passes through itself is a loop; smoothed, it becomes shorter and comes undone, as a curve's does.
+        """
+        vertex = wp.tid()
+        level = int(0)
+        mean = wp.vec3d()
+        x = at(cloth.position, vertex)
+        first = untangling.beside_start[vertex]
+        last = untangling.beside_start[vertex + 1]
+        for row in range(first, last):
+            other = untangling.beside[row]
+            level = wp.max(level, untangling.level[other] - RING)
+            mean += at(cloth.position, other) - x
+        if untangling.crosses[vertex] > 0:
+            level = wp.max(level, wp.clamp(untangling.level[vertex] + 1, RING, WIDEST))
+        search.tangled[vertex] = level
+        count = untangling.sum[vertex, 3]
+        shift = wp.vec3d()
+        if count > wp.int64(0):
+            scale = SHIFT_UNIT / wp.float64(count)
+            dx = wp.float64(untangling.sum[vertex, 0])
+            dy = wp.float64(untangling.sum[vertex, 1])
+            shift = wp.vec3d(dx, dy, wp.float64(untangling.sum[vertex, 2])) * scale
+        if level > 0:
+            shift += mean * (SMOOTHING / wp.float64(last - first))
+        contact.shift[vertex] = wp.vec3f(shift)
+        if vertex == 0 and untangling.count[0] + untangling.count[1] > 0:
+            contact.moved[0] = 1
+
+    return SimpleNamespace(
+        forget_tangles=forget_tangles, part_crossings=part_crossings, part_layers=part_layers,
+        settle_shifts=settle_shifts,
+    )  # fmt: skip

@@ -1,0 +1,243 @@
+"""Cloth on cloth: the device arrays of its contact, the search for what is near, and what sets it going."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import warp as wp
+from numpy.typing import NDArray
+
+from warp_cloth.collide.crossing import Sheets
+from warp_cloth.collide.rest_near import rest_near_rows
+from warp_cloth.kernels.cloth_contact import NO_LIMIT, ClothContact, add_kernel, press_kernel
+from warp_cloth.kernels.contact_search import ContactSearch, search_kernels
+from warp_cloth.kernels.untangle import Untangling, untangle_kernels
+from warp_cloth.model import ClothModel, GarmentPart
+from warp_cloth.topology import ragged_rows
+
+log = logging.getLogger(__name__)
+
+LEAST_THICKNESS = 1e-4  # [m]; thinner fabrics count as that thick: gauze is
+# Pressure at which a fabric is half as thick [Pa]: KES compresses to 50 gf/cm2, 4.9 kPa, where most keep 60 to 70 %.
+HALVING_PRESSURE = 1e4
+FORCE_AT_HALF = 2.0  # squeeze_force over modulus times thickness, there
+# Cloth within this many thicknesses along itself cannot be folded onto itself: the half turn between is pi/2 of them.
+NEAR_SHARE = 1.6
+# How much farther than the thickness pairs are looked for: room to move between two searches. A share of the edges,
+# so that it names few more pairs than one would see, and at least two thicknesses.
+SKIN_OF_EDGE = 0.35
+SKIN_OF_THICKNESS = 2.0
+OPEN_STRETCH = 2.0  # length over rest length beyond which an edge is a seam that has yet to close
+PAIRS_PER_VERTEX = 3  # to begin with; a T-shirt on a body needs less once it is sewn
+LAYER_REACH = 0.03  # [m]; how deep one garment may start inside another
+STRIDE_SHARE = 0.1  # of the reach: longest untangling shift in an iteration
+
+
+@dataclass(frozen=True)
+class SheetKind:
+    """What contact needs to know of a garment besides its mesh."""
+
+    thickness: float  # [m]
+    friction: float
+    item: int = 0  # garments of different items never meet
+    layer: int = 0  # of one item's garments, from the inside out
+
+
+def sheets_of(parts: Sequence[GarmentPart]) -> Sheets:
+    """Triangles and edges of all garments, over one array of vertices."""
+    first = np.concatenate([[0], np.cumsum([len(part.points) for part in parts])])
+    first_edge = np.concatenate([[0], np.cumsum([len(part.rest.topology.edges) for part in parts])])
+    topologies = [part.rest.topology for part in parts]
+    return Sheets(
+        np.concatenate([part.triangles + at for part, at in zip(parts, first, strict=False)]).astype(np.int32),
+        np.concatenate([each.edges + at for each, at in zip(topologies, first, strict=False)]).astype(np.int32),
+        np.concatenate([each.triangle_edges + at for each, at in zip(topologies, first_edge, strict=False)]),
+        np.repeat(np.arange(len(parts), dtype=np.int32), [len(part.triangles) for part in parts]),
+        tuple(int(at) for at in first),
+    )
+
+
+class ClothTouch:
+    """Contact of a model's garments with themselves and each other.
+
+    ``data`` is the kernels' view. Until ``awaken`` it lets everything pass, and launches nothing.
+    """
+
+    def __init__(self, model: ClothModel, parts: Sequence[GarmentPart], kinds: Sequence[SheetKind]) -> None:
+        self._model = model
+        self.sheets = sheets_of(parts)
+        self._thickness = np.array([max(kind.thickness, LEAST_THICKNESS) for kind in kinds])
+        lengths = np.concatenate([part.rest.edge_length for part in parts])
+        thickest = float(self._thickness.max())
+        skin = max(SKIN_OF_EDGE * float(np.median(lengths)), SKIN_OF_THICKNESS * thickest)
+        self.reach = thickest + skin  # [m]; pairs nearer than this are looked for
+        self.awake = False
+        self._search_kernels = search_kernels(model.precision)
+        self._untangle_kernels = untangle_kernels(model.precision)
+        self._press = press_kernel(model.precision, "stiffness")
+        self._measure = press_kernel(model.precision, "size")
+        self._add = add_kernel(model.precision)
+        with wp.ScopedDevice(model.device):
+            self.data = self._contact(parts, kinds)
+            self._search = self._sheet_search(parts, kinds)
+            self._untangling = self._sheet_untangling(parts, kinds)
+        self._layered = len({(kind.item, kind.layer) for kind in kinds}) > len({kind.item for kind in kinds})
+
+    def _per_vertex(self, values: Sequence[float] | NDArray[Any], dtype: Any) -> wp.array:
+        return wp.array(np.repeat(np.asarray(values), np.diff(self.sheets.vertex_start)), dtype=dtype)
+
+    def _contact(self, parts: Sequence[GarmentPart], kinds: Sequence[SheetKind]) -> Any:
+        count = self.sheets.vertex_count
+        area = np.array([part.rest.area / len(part.points) for part in parts])
+        data = ClothContact()
+        data.thickness = self._per_vertex(self._thickness, wp.float32)
+        data.modulus = self._per_vertex(HALVING_PRESSURE * area / (FORCE_AT_HALF * self._thickness), wp.float32)
+        data.friction = self._per_vertex([kind.friction for kind in kinds], wp.float32)
+        data.reach = np.inf  # asleep
+        data.count = wp.zeros(1, dtype=wp.int32)
+        data.sum = wp.zeros((count, 4), dtype=wp.int64)
+        data.room = wp.full(count, int(NO_LIMIT), dtype=wp.int32)
+        data.shift = wp.zeros(count, dtype=wp.vec3f)
+        data.searched = wp.zeros(count, dtype=wp.vec3d)
+        data.moved = wp.ones(1, dtype=wp.int32)
+        self._hold_pairs(data, PAIRS_PER_VERTEX * count)
+        return data
+
+    def _hold_pairs(self, data: Any, capacity: int) -> None:
+        data.corners = wp.zeros(capacity, dtype=wp.vec4i, device=self._model.device)
+        data.kind = wp.zeros(capacity, dtype=wp.int32, device=self._model.device)
+        data.lean = wp.zeros(capacity, dtype=wp.vec3f, device=self._model.device)
+
+    def _sheet_search(self, parts: Sequence[GarmentPart], kinds: Sequence[SheetKind]) -> Any:
+        sheets, start = self.sheets, self.sheets.vertex_start
+        rows = [
+            rest_near_rows(part.triangles, part.rest, len(part.points), NEAR_SHARE * thickness)
+            for part, thickness in zip(parts, self._thickness, strict=True)
+        ]
+        counts = np.concatenate([np.diff(row_start) for row_start, _ in rows])
+        search = ContactSearch()
+        search.triangles = wp.array(sheets.triangles, dtype=wp.vec3i)
+        search.edges = wp.array(sheets.edges, dtype=wp.vec2i)
+        items = np.array([kind.item for kind in kinds], dtype=np.int32)
+        search.item = self._per_vertex(items, wp.int32)
+        search.near_start = wp.array(np.concatenate([[0], np.cumsum(counts)]), dtype=wp.int32)
+        near = [vertices + first for (_, vertices), first in zip(rows, start, strict=False)]
+        search.near = wp.array(np.concatenate(near), dtype=wp.int32)
+        lengths = np.concatenate([part.rest.edge_length for part in parts])
+        search.longest = wp.array(OPEN_STRETCH * lengths, dtype=wp.float32)
+        search.sides = wp.array(sheets.triangle_edges, dtype=wp.vec3i)
+        search.open_edge = wp.zeros(len(sheets.edges), dtype=wp.int32)
+        search.tangled = wp.zeros(sheets.vertex_count, dtype=wp.int32)
+        for name, count in (("triangle", len(sheets.triangles)), ("edge", len(sheets.edges))):
+            setattr(search, f"{name}_lower", wp.zeros(count, dtype=wp.vec3f))
+            setattr(search, f"{name}_upper", wp.zeros(count, dtype=wp.vec3f))
+        self._edge_item = items[np.repeat(np.arange(len(parts)), [len(part.rest.topology.edges) for part in parts])]
+        self._triangle_item = items[sheets.garment]
+        return search
+
+    def _sheet_untangling(self, parts: Sequence[GarmentPart], kinds: Sequence[SheetKind]) -> Any:
+        count = self.sheets.vertex_count
+        untangling = Untangling()
+        rim = np.zeros(count, dtype=np.int32)
+        wings = []
+        for part, first in zip(parts, self.sheets.vertex_start, strict=False):
+            topology = part.rest.topology
+            of_edge = np.full((len(topology.edges), 2), -1, dtype=np.int32)
+            sides = topology.triangle_edges.ravel()
+            third = np.roll(part.triangles, -2, axis=1).ravel() + first
+            order = np.argsort(sides, kind="stable")
+            rank = np.arange(len(sides)) - np.searchsorted(sides[order], sides[order])
+            of_edge[sides[order], rank] = third[order]
+            wings.append(of_edge)
+            rim[topology.edges[of_edge[:, 1] < 0].ravel() + first] = 1
+        untangling.wings = wp.array(np.concatenate(wings), dtype=wp.vec2i)
+        untangling.rim = wp.array(rim, dtype=wp.int32)
+        start, order = ragged_rows(self.sheets.edges.ravel(), count)
+        untangling.beside_start = wp.array(start, dtype=wp.int32)
+        untangling.beside = wp.array(self.sheets.edges[:, ::-1].ravel()[order], dtype=wp.int32)
+        untangling.crosses, untangling.level = wp.zeros(count, dtype=wp.int32), wp.zeros(count, dtype=wp.int32)
+        untangling.layer = self._per_vertex([kind.layer for kind in kinds], wp.int32)
+        untangling.outward = self._per_vertex([1.0] * len(kinds), wp.float32)
+        untangling.layer_reach = LAYER_REACH
+        untangling.stride = STRIDE_SHARE * self.reach
+        untangling.sum = wp.zeros((count, 4), dtype=wp.int64)
+        untangling.count = wp.zeros(2, dtype=wp.int32)
+        return untangling
+
+    def kernels(self) -> list[wp.Kernel]:
+        """Every kernel that contact launches."""
+        found = [*vars(self._search_kernels).values(), *vars(self._untangle_kernels).values()]
+        return [*found, self._press, self._measure, self._add]
+
+    def awaken(self) -> None:
+        """From now on garments meet. Builds the trees for where they are now, which only changes their speed."""
+        self.awake = True
+        self.data.reach = self.reach
+        search, cloth = self._search, self._model.cloth
+        most = max(len(self.sheets.triangles), len(self.sheets.edges))
+        with wp.ScopedDevice(self._model.device):
+            wp.launch(self._search_kernels.box_sheets, dim=most, inputs=[cloth, search])
+            groups = wp.array(self._triangle_item, dtype=wp.int32), wp.array(self._edge_item, dtype=wp.int32)
+            self._trees = (
+                wp.Bvh(search.triangle_lower, search.triangle_upper, groups=groups[0]),
+                wp.Bvh(search.edge_lower, search.edge_upper, groups=groups[1]),
+            )
+        search.triangle_tree, search.edge_tree = (tree.id for tree in self._trees)
+        self.data.moved.fill_(1)
+
+    def face(self, outward: Sequence[float]) -> None:
+        """Says of each garment whether its triangles face away from the body, 1, or to it, -1."""
+        self._untangling.outward.assign(self._per_vertex(outward, wp.float32).numpy())
+
+    def grow(self) -> bool:
+        """Makes room for every pair that the last search found; whether it had to. Waits for the device."""
+        found = int(self.data.count.numpy()[0])
+        if found <= len(self.data.corners):
+            return False
+        self._hold_pairs(self.data, 2 * found)
+        self.data.moved.fill_(1)
+        log.info("room for %d pairs of cloth near cloth", 2 * found)
+        return True
+
+    def crossing_count(self) -> int:
+        """Crossings and vertices on the wrong side of a layer at the last search. Waits for the device."""
+        return int(self._untangling.count.numpy().sum())
+
+    def search_where_due(self, cloth: Any) -> None:
+        """Looks for pairs anew where something moved too far since the last search; decided on the device."""
+        wp.capture_if(self.data.moved, on_true=self.search, cloth=cloth)
+
+    def search(self, cloth: Any) -> None:
+        """Looks for pairs, and for what crosses."""
+        given, found, untangling = self._search, self.data, self._untangling
+        sheets = self.sheets
+        edges, triangles, vertices = len(sheets.edges), len(sheets.triangles), sheets.vertex_count
+        look, part = self._search_kernels, self._untangle_kernels
+        self._launch(look.start_search, vertices, [cloth, found])
+        self._launch(look.box_sheets, max(edges, triangles), [cloth, given])
+        for tree in self._trees:
+            tree.refit()
+        self._launch(part.forget_tangles, vertices, [given, untangling])
+        self._launch(part.part_crossings, edges, [cloth, given, untangling])
+        if self._layered:
+            self._launch(part.part_layers, vertices, [cloth, given, found, untangling])
+        self._launch(part.settle_shifts, vertices, [cloth, given, found, untangling])
+        self._launch(look.find_on_triangles, vertices, [cloth, given, found])
+        self._launch(look.find_on_edges, edges, [cloth, given, found])
+
+    def press(self, step: Any, cloth: Any) -> None:
+        """Sums what the known pairs do to their vertices, for the next move."""
+        self._launch(self._press, len(self.data.corners), [step, cloth, self.data])
+
+    def measure(self, step: Any, load: wp.array) -> None:
+        """Adds the same to a certificate's load: forces as they stand, and their sizes."""
+        if self.awake:
+            self._launch(self._measure, len(self.data.corners), [step, self._model.cloth, self.data])
+            self._launch(self._add, self.sheets.vertex_count, [self.data, load])
+
+    def _launch(self, kernel: wp.Kernel, size: int, inputs: list[Any]) -> None:
+        wp.launch(kernel, dim=size, inputs=inputs, device=self._model.device)

@@ -1,0 +1,107 @@
+"""Where garments pass through themselves and each other: the count that every report states."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import warp as wp
+
+from warp_cloth.kernels import crossing as kernels
+from warp_cloth.mesh import Indices, Points
+
+FIRST_CAPACITY = 1024  # crossings; more are counted first, then kept
+
+
+@dataclass(frozen=True, eq=False)
+class Sheets:
+    """The triangles and edges of garments that lie one after another in one array of vertices."""
+
+    triangles: Indices  # shape [F, 3]
+    edges: Indices  # shape [E, 2]
+    triangle_edges: Indices  # edges of each triangle, shape [F, 3]
+    garment: Indices  # garment of each triangle, shape [F]
+    vertex_start: tuple[int, ...]  # first vertex of each garment, and the vertex count
+
+    @property
+    def vertex_count(self) -> int:
+        return self.vertex_start[-1]
+
+
+@dataclass(frozen=True, eq=False)
+class Crossings:
+    """Edges that pass through triangles, in order, and the pairs of triangles that cross by them."""
+
+    pierced: Indices  # edge and triangle, shape [N, 2]
+    pairs: Indices  # triangles, the lower first, shape [M, 2]
+
+    @property
+    def faces(self) -> Indices:
+        """Every triangle that crosses another, in order."""
+        return np.unique(self.pairs)
+
+
+def find_crossings(
+    points: Points,
+    sheets: Sheets,
+    device: wp.DeviceLike = None,
+    *,
+    items: Sequence[int] | None = None,
+    every_pair: bool = False,
+) -> Crossings:
+    """Tests which edges pass through which triangles, all in float64.
+
+    Triangles with a common vertex cross where the side of one that lacks it passes through the other.
+
+    Args:
+        points: vertices [m], shape [V, 3].
+        sheets: what they form.
+        device: where to search.
+        items: of each garment; garments of different items never meet. None: all do.
+        every_pair: search without a tree, testing every edge against every triangle.
+    """
+    none = np.zeros((0, 2), dtype=np.int32)
+    if not np.isfinite(points).all():
+        return Crossings(none, none)
+    with wp.ScopedDevice(device):
+        position = wp.array(np.ascontiguousarray(points), dtype=wp.vec3d)
+        triangles = wp.array(sheets.triangles, dtype=wp.vec3i)
+        edges = wp.array(sheets.edges, dtype=wp.vec2i)
+        of_garment = np.asarray(items if items is not None else [0] * (len(sheets.vertex_start) - 1), dtype=np.int32)
+        item = wp.array(np.repeat(of_garment, np.diff(sheets.vertex_start)), dtype=wp.int32)
+        given = [position, edges, triangles, item]
+        if every_pair:
+            kernel = kernels.find_every_crossing
+        else:
+            kernel = kernels.find_crossings
+            lower, upper = (wp.empty(len(sheets.triangles), dtype=wp.vec3f) for _ in range(2))
+            wp.launch(kernels.box_triangles, dim=len(lower), inputs=[position, triangles], outputs=[lower, upper])
+            tree = wp.Bvh(lower, upper, groups=wp.array(of_garment[sheets.garment], dtype=wp.int32))
+            given = [tree.id, *given]
+        capacity = FIRST_CAPACITY
+        while True:
+            count, crossing = wp.zeros(1, dtype=wp.int32), wp.empty(capacity, dtype=wp.vec2i)
+            wp.launch(kernel, dim=len(sheets.edges), inputs=given, outputs=[count, crossing])
+            found = int(count.numpy()[0])
+            if found <= capacity:
+                break
+            capacity = found
+        pierced = crossing.numpy().reshape(-1, 2)[:found]
+    pierced = pierced[np.lexsort((pierced[:, 1], pierced[:, 0]))]
+    return Crossings(pierced, _triangle_pairs(pierced, sheets))
+
+
+def _triangle_pairs(pierced: Indices, sheets: Sheets) -> Indices:
+    """The triangles at each edge, each with the triangle that the edge passes through; every pair once."""
+    if not len(pierced):
+        return np.zeros((0, 2), dtype=np.int32)
+    sides = sheets.triangle_edges.ravel()
+    order = np.argsort(sides, kind="stable")
+    first = np.searchsorted(sides[order], pierced[:, 0], side="left")
+    last = np.searchsorted(sides[order], pierced[:, 0], side="right")
+    row = np.repeat(np.arange(len(pierced)), last - first)
+    within = np.arange(len(row)) - np.repeat(np.cumsum(last - first) - (last - first), last - first)
+    beside = order[first[row] + within] // 3
+    pairs = np.sort(np.stack([beside, pierced[row, 1]], axis=1), axis=1)
+    return np.unique(pairs, axis=0).astype(np.int32)

@@ -1,0 +1,93 @@
+"""A scene's garments as they meet themselves and each other."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import partial
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warp_cloth.collide.cloth import ClothTouch, SheetKind, sheets_of
+from warp_cloth.collide.crossing import find_crossings
+from warp_cloth.collide.exact import signed_distances
+from warp_cloth.mesh import Indices, Mesh, Points
+from warp_cloth.model import ClothModel
+from warp_cloth.scene import Scene
+from warp_cloth.solver.course import Course
+from warp_cloth.solver.relax import Relaxation
+from warp_cloth.wardrobe import Wardrobe
+
+CROSSING_FIELD = "crossing"  # of a garment where some of it crosses: 1 at the corners of those faces
+FEELER = 5e-3  # [m]; how far before and behind the cloth its distance from the body is compared
+
+
+def cloth_touch(scene: Scene, wardrobe: Wardrobe, model: ClothModel) -> ClothTouch:
+    """Contact between a scene's garments, inner to outer as listed."""
+    kinds = [
+        SheetKind(spec.fabric.thickness, spec.fabric.friction, layer=layer) for layer, spec in enumerate(scene.garments)
+    ]
+    return ClothTouch(model, wardrobe.parts, kinds)
+
+
+def cloth_course(wardrobe: Wardrobe, relaxation: Relaxation, touch: ClothTouch, device: str) -> Course:
+    """The way of a scene's garments from where they are loaded."""
+    lengths = np.concatenate([part.rest.edge_length for part in wardrobe.parts])
+    return Course(relaxation, touch, lengths, partial(outward_signs, wardrobe, device=device))
+
+
+def outward_signs(wardrobe: Wardrobe, points: Points, device: str) -> list[float]:
+    """Of each garment, whether most of its area faces away from the body, 1, or to it, -1; ``points`` [m]."""
+    signs, first = [], 0
+    for part in wardrobe.parts:
+        worn = points[first : first + len(part.points)]
+        signs.append(_outward(worn, part.triangles, wardrobe.avatar, device))
+        first += len(part.points)
+    return signs
+
+
+def _outward(points: Points, triangles: np.ndarray, avatar: Mesh | None, device: str) -> float:
+    corners = points[triangles]
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    area = np.linalg.norm(normal, axis=1)
+    centre = corners.mean(axis=1)
+    if avatar is None:  # away from its own middle
+        away = np.einsum("ij,ij->i", normal, centre - points.mean(axis=0))
+        return 1.0 if away.sum() >= 0.0 else -1.0
+    step = FEELER * normal / np.maximum(area, np.finfo(float).tiny)[:, None]
+    before = signed_distances(centre + step, avatar, device)
+    behind = signed_distances(centre - step, avatar, device)
+    return 1.0 if float((area * np.sign(before - behind)).sum()) >= 0.0 else -1.0
+
+
+@dataclass(frozen=True, eq=False)
+class GarmentCrossings:
+    """Where worn garments pass through themselves and each other."""
+
+    pairs: int  # of triangles that cross
+    between: int  # of those, how many belong to two garments
+    faces: tuple[Indices, ...]  # of each garment, in order
+
+    @property
+    def face_count(self) -> int:
+        return sum(len(faces) for faces in self.faces)
+
+    def marked(self, garment: int, mesh: Mesh) -> dict[str, NDArray[np.float32]]:
+        """The field that shows where a garment crosses; none where it does not."""
+        faces = self.faces[garment]
+        if not len(faces):
+            return {}
+        at = np.zeros(mesh.vertex_count, dtype=np.float32)
+        at[mesh.triangles[faces]] = 1.0
+        return {CROSSING_FIELD: at}
+
+
+def worn_crossings(wardrobe: Wardrobe, points: Points, device: str) -> GarmentCrossings:
+    """Counts and lists what crosses at these points [m], shape [V, 3], all garments' one after another."""
+    sheets = sheets_of(wardrobe.parts)
+    found = find_crossings(points, sheets, device)
+    garment = sheets.garment[found.pairs]
+    first = np.concatenate([[0], np.cumsum([len(part.triangles) for part in wardrobe.parts])])
+    faces = tuple(found.faces[(found.faces >= a) & (found.faces < b)] - a for a, b in pairwise(first))
+    return GarmentCrossings(len(found.pairs), int((garment[:, 0] != garment[:, 1]).sum()), faces)
