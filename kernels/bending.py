@@ -1,6 +1,7 @@
 """Bending of a hinge: the paper's cosine law (section 2.2 b, equations 1 to 3) on the wings, completed on the axis.
 
 E = C (|theta| - sin |theta|); torque C (1 - cos theta) back to flat, largest at 180 degrees. No inverse trigonometry.
+A hinge with a rest angle t0 has the same law in theta - t0: its second normal is turned back by t0 beforehand.
 """
 
 from typing import Any
@@ -54,6 +55,16 @@ def triangle_normal(side_1: Any, side_2: Any):
 
 
 @wp.func
+def turned_back(normal: Any, axis: Any, rest: Any):
+    """The second triangle's unit normal, turned about the axis by minus a rest angle of this cosine and sine.
+
+    The angle counts as theta does: positive where (n0 x n1) . axis is.
+    """
+    length = wp.max(wp.length(axis), type(rest[0])(SMALLEST))
+    return normal * rest[0] - wp.cross(axis, normal) * (rest[1] / length)
+
+
+@wp.func
 def hinge_turn(normal_0: Any, inverse_0: Any, normal_1: Any, inverse_1: Any, axis: Any, stiffness: Any, reach: Any):
     """Torque of a hinge over the length L of its axis [N], and a bound of its stiffness [N/m].
 
@@ -82,12 +93,11 @@ def hinge_turn(normal_0: Any, inverse_0: Any, normal_1: Any, inverse_1: Any, axi
 
 
 @wp.func
-def hinge_energy(axis: Any, wing_0: Any, wing_1: Any, stiffness: Any):
+def fold_energy(normal_0: Any, normal_1: Any, stiffness: Any):
     """Energy [J], E = C (|theta| - sin |theta|), of which the forces by ``hinge_turn`` are minus the gradient.
 
     Near flat the difference is taken from its series, which keeps its digits.
     """
-    normal_0, normal_1, area_0, area_1 = hinge_fold(axis, wing_0, wing_1)
     one = type(stiffness)(1.0)
     angle = type(stiffness)(2.0) * wp.atan2(wp.length(normal_0 - normal_1), wp.length(normal_0 + normal_1))
     square = angle * angle
@@ -95,8 +105,4 @@ def hinge_energy(axis: Any, wing_0: Any, wing_1: Any, stiffness: Any):
     excess = angle * square / type(stiffness)(6.0) * (one - square / type(stiffness)(20.0) * series)
     if angle > type(stiffness)(0.1):
         excess = angle - wp.sin(angle)
-    return wp.where(
-        area_0 > type(stiffness)(0.0) and area_1 > type(stiffness)(0.0),
-        stiffness * excess,
-        stiffness * type(stiffness)(0.0),
-    )
+    return stiffness * excess

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import warp as wp
 
-from warp_cloth.kernels.bending import hinge_energy
+from warp_cloth.kernels.bending import fold_energy, hinge_fold, turned_back
 from warp_cloth.kernels.cloth import MODULE_OPTIONS, cloth_types, difference_function
 from warp_cloth.kernels.friction import friction_residual
 from warp_cloth.kernels.tension import tension_energy
@@ -48,10 +48,10 @@ def residual_kernel(precision: str, contact: wp.Function | None, collider_type: 
 
 @functools.cache
 def energy_kernels(precision: str) -> SimpleNamespace:
-    """Kernels ``measure_tension``, ``measure_bending``, ``measure_weave``: energies, strains of edges and threads."""
+    """Kernels ``measure_tension`` and ``measure_weave``: energies and strains of edges and threads."""
     types = cloth_types(precision)
     real, vec4 = types.real, types.vec4
-    Cloth, Edges, Hinges, Weave = types.Cloth, types.Edges, types.Hinges, types.Weave
+    Cloth, Edges, Weave = types.Cloth, types.Edges, types.Weave
     difference = difference_function(precision)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
@@ -67,21 +67,6 @@ def energy_kernels(precision: str) -> SimpleNamespace:
         length = wp.length(difference(cloth.position[edges.ends[edge][1]], cloth.position[edges.ends[edge][0]]))
         energy_out[edge] = wp.float64(tension_energy(length, law[0], law[1], law[2]))
         strain_out[edge] = wp.float64((length - law[0]) / law[0])
-
-    @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
-    def measure_bending(
-        cloth: Cloth,
-        hinges: Hinges,
-        energy_out: wp.array(dtype=wp.float64),  # [J], shape [H]
-    ):
-        """Energy of each hinge."""
-        hinge = wp.tid()
-        corners = hinges.corners[hinge]
-        start = cloth.position[corners[0]]
-        axis = difference(cloth.position[corners[1]], start)
-        wing_0 = difference(cloth.position[corners[2]], start)
-        wing_1 = difference(cloth.position[corners[3]], start)
-        energy_out[hinge] = wp.float64(hinge_energy(axis, wing_0, wing_1, hinges.stiffness[hinge]))
 
     half = wp.constant(real(0.5**0.5))
 
@@ -110,6 +95,35 @@ def energy_kernels(precision: str) -> SimpleNamespace:
         stretch = vec4(wp.length(along_u), wp.length(along_v), wp.length(plus), wp.length(minus))
         strain_out[triangle] = wp.vec4d(stretch) - wp.vec4d(1.0, 1.0, 1.0, 1.0)
 
-    return SimpleNamespace(
-        measure_tension=measure_tension, measure_bending=measure_bending, measure_weave=measure_weave
-    )
+    return SimpleNamespace(measure_tension=measure_tension, measure_weave=measure_weave)
+
+
+@functools.cache
+def bending_energy_kernel(precision: str, angles: bool) -> wp.Kernel:
+    """Kernel ``measure_bending``, of hinges with rest angles or flat ones."""
+    types = cloth_types(precision)
+    real, Cloth, Hinges = types.real, types.Cloth, types.Hinges
+    difference = difference_function(precision)
+
+    @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
+    def measure_bending(
+        cloth: Cloth,
+        hinges: Hinges,
+        energy_out: wp.array(dtype=wp.float64),  # [J], shape [H]
+    ):
+        """Energy of each hinge; none where a triangle has no area."""
+        hinge = wp.tid()
+        corners = hinges.corners[hinge]
+        start = cloth.position[corners[0]]
+        axis = difference(cloth.position[corners[1]], start)
+        wing_0 = difference(cloth.position[corners[2]], start)
+        wing_1 = difference(cloth.position[corners[3]], start)
+        normal_0, normal_1, area_0, area_1 = hinge_fold(axis, wing_0, wing_1)
+        if wp.static(angles):
+            normal_1 = turned_back(normal_1, axis, hinges.rest[hinge])
+        energy = real(0.0)
+        if area_0 > real(0.0) and area_1 > real(0.0):
+            energy = fold_energy(normal_0, normal_1, hinges.stiffness[hinge])
+        energy_out[hinge] = wp.float64(energy)
+
+    return measure_bending

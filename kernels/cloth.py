@@ -22,6 +22,7 @@ class Terms(NamedTuple):
     edges: bool
     folds: bool
     threads: bool
+    angles: bool = False  # folds that are not flat at rest
 
 
 @functools.cache
@@ -63,12 +64,13 @@ def cloth_types(precision: str) -> SimpleNamespace:
 
     @wp.struct
     class Edges:
-        """E edges; ``beside`` and ``fold`` only where cloth bends."""
+        """E edges; ``beside`` and ``fold`` only where cloth bends, ``rest`` only where it is not flat at rest."""
 
         ends: wp.array(dtype=wp.vec2i)
         law: wp.array(dtype=vec3)  # rest length [m], pull [N/m2], push [N/m2]
         beside: wp.array(dtype=wp.vec2i)  # both triangles; the edge runs as the first is wound
         fold: wp.array(dtype=real)  # C of its hinge [N m], negative where the second triangle is wound likewise
+        rest: wp.array(dtype=vec2)  # cosine and sine of its hinge's rest angle
 
     @wp.struct
     class Triangles:
@@ -85,6 +87,7 @@ def cloth_types(precision: str) -> SimpleNamespace:
 
         corners: wp.array(dtype=wp.vec4i)  # axis start, axis end, two wings
         stiffness: wp.array(dtype=real)  # C [N m]
+        rest: wp.array(dtype=vec2)  # cosine and sine of the rest angle, where cloth is not flat at rest
 
     @wp.struct
     class Weave:

@@ -9,15 +9,15 @@ from types import SimpleNamespace
 
 import warp as wp
 
-from warp_cloth.kernels.bending import hinge_turn, triangle_normal
+from warp_cloth.kernels.bending import hinge_turn, triangle_normal, turned_back
 from warp_cloth.kernels.cloth import Terms, cloth_types, difference_function
 from warp_cloth.kernels.tension import edge_drag, tension_force, tension_stiffness
 from warp_cloth.kernels.weave import slope_shares, thread_pull, warp_vector, weft_vector
 
 
 @functools.cache
-def edge_functions(precision: str, fourth: str) -> SimpleNamespace:
-    """Functions ``edge_span``, ``edge_load`` (its tension) and ``edge_fold`` (its hinge)."""
+def edge_functions(precision: str, fourth: str, angles: bool) -> SimpleNamespace:
+    """Functions ``edge_span``, ``edge_load`` (its tension) and ``edge_fold`` (its hinge, with rest angles or flat)."""
     types = cloth_types(precision)
     real, vec2, vec3, vec4 = types.real, types.vec2, types.vec3, types.vec4
     Cloth, Step, Span = types.Cloth, types.Step, types.Span
@@ -50,10 +50,12 @@ def edge_functions(precision: str, fourth: str) -> SimpleNamespace:
         return vec4(force[0], force[1], force[2], part)
 
     @wp.func
-    def edge_fold(span: Span, first: vec4, second: vec4, stiffness: real, step: Step):
+    def edge_fold(span: Span, first: vec4, second: vec4, stiffness: real, rest: vec2, step: Step):
         """Turn [N] of an edge's hinge and bound of its stiffness [N/m], from its triangles' ``triangle_fold``."""
         normal_0 = vec3(first[0], first[1], first[2])
         normal_1 = vec3(second[0], second[1], second[2]) * wp.sign(stiffness)
+        if wp.static(angles):
+            normal_1 = turned_back(normal_1, span.side, rest)
         reach = step.reach * span.move
         turn, bound = hinge_turn(normal_0, first[3], normal_1, second[3], span.side, wp.abs(stiffness), reach)
         return vec2(turn, bound)

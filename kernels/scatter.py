@@ -41,7 +41,7 @@ def element_functions(precision: str, fourth: str, terms: Terms) -> SimpleNamesp
     types = cloth_types(precision)
     vec2, vec3, vec4, Cloth, Step = types.vec2, types.vec3, types.vec4, types.Cloth, types.Step
     Edges, Triangles = types.Edges, types.Triangles
-    edge, triangle = edge_functions(precision, fourth), triangle_functions(precision, fourth, terms)
+    edge, triangle = edge_functions(precision, fourth, terms.angles), triangle_functions(precision, fourth, terms)
     edge_span, edge_load, edge_fold = edge.edge_span, edge.edge_load, edge.edge_fold
     triangle_sides, triangle_loads = triangle.triangle_sides, triangle.triangle_loads
 
@@ -55,7 +55,10 @@ def element_functions(precision: str, fourth: str, terms: Terms) -> SimpleNamesp
             load = edge_load(span, edges.law[edge], step)
         if wp.static(terms.folds):
             beside = edges.beside[edge]
-            fold = edge_fold(span, normal[beside[0]], normal[beside[1]], edges.fold[edge], step)
+            rest = vec2()
+            if wp.static(terms.angles):
+                rest = edges.rest[edge]
+            fold = edge_fold(span, normal[beside[0]], normal[beside[1]], edges.fold[edge], rest, step)
         return load, fold
 
     @wp.func

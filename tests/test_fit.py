@@ -355,6 +355,7 @@ def test_a_scene_without_contact_builds_none(scene: str, monkeypatch: pytest.Mon
         "tension": True,
         "weave": False,
         "bending": True,
+        "rest angles": False,
         "pins": True,
         "momentum": True,
         "avatar contact": False,

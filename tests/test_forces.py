@@ -24,7 +24,7 @@ BALANCE_TOLERANCE = 1e-12
 FABRIC = resolve_fabric({"stretch": 20e3, "shear": "edges", "compression": 0.1, "bending": 1e-5})
 WOVEN = replace(FABRIC, stretch_weft=9e3, shear=800.0)
 MESH = grid(5)
-TERMS = ("tension", "bending", "both", "woven")
+TERMS = ("tension", "bending", "both", "woven", "angles")
 SHAPES = ("random", "folded", "nearly_flat")
 
 
@@ -54,7 +54,9 @@ def model_with(
     fabric = WOVEN if terms == "woven" else FABRIC
     plain = build_rest_shape(MESH, fabric, rest="mesh")
     rest = replace(build_rest_shape(mesh, fabric, rest="mesh"), hinge_stiffness=plain.hinge_stiffness)
-    rest = without(rest, tension=terms == "bending", bending=terms == "tension")
+    rest = without(rest, tension=terms in ("bending", "angles"), bending=terms == "tension")
+    if terms == "angles":
+        rest = replace(rest, hinge_angle=np.random.default_rng(8).uniform(-2.5, 2.5, len(rest.hinge_stiffness)))
     model = model_of(mesh, rest, precision=precision, device=device, gathers=gathers)
     model.set_points(points)
     return model

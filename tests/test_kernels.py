@@ -14,7 +14,7 @@ import pytest
 import warp as wp
 
 import warp_cloth.kernels
-from warp_cloth.kernels.certify import energy_kernels, residual_kernel
+from warp_cloth.kernels.certify import bending_energy_kernel, energy_kernels, residual_kernel
 from warp_cloth.kernels.closest import MeshCollider, mesh_contact
 from warp_cloth.kernels.cloth import FOURTH_PARTS, PRECISIONS, Terms
 from warp_cloth.kernels.cloth_contact import add_kernel, press_kernel
@@ -88,9 +88,12 @@ def test_kernels_outside_factories_compile(path: Path) -> None:
         loaded(*kernels)
 
 
+FOLDED = Terms(True, True, True, angles=True)
+
+
 @pytest.mark.parametrize("precision", PRECISIONS)
 def test_force_kernels_compile(precision: str) -> None:
-    terms = (Terms(True, True, False), Terms(False, True, True), Terms(False, False, True))
+    terms = (Terms(True, True, False), Terms(False, True, True), Terms(False, False, True), FOLDED)
     loaded(normals_kernel(precision))
     loaded(*(scatter_kernels(precision, *rest) for rest in itertools.product(FOURTH_PARTS, terms)))
     loaded(*(gather_kernels(precision, *rest) for rest in itertools.product(FOURTH_PARTS, terms)))
@@ -98,7 +101,7 @@ def test_force_kernels_compile(precision: str) -> None:
 
 @pytest.mark.parametrize("precision", PRECISIONS)
 def test_displacement_and_certificate_kernels_compile(precision: str) -> None:
-    loaded(energy_kernels(precision))
+    loaded(energy_kernels(precision), bending_energy_kernel(precision, False), bending_energy_kernel(precision, True))
     for contact, data in COLLIDERS:
         asked = contact, data or NoCollider
         loaded(residual_kernel(precision, *asked))

@@ -44,7 +44,7 @@ def refused(source: Any) -> str:
             "garment.fabric = {name = 'silk', stretsh = 3}",
             "garment.fabric.stretsh: unknown key; did you mean stretch?",
         ),
-        ('garment.rest = "flat"', 'garment.rest: must be one of "mesh", "uv", not "flat"'),
+        ('garment.rest = "flat"', 'garment.rest: must be one of "mesh", "uv", "physics", not "flat"'),
         ('garment.units = "ft"', 'garment.units: must be one of "m", "cm", "mm", "in", not "ft"'),
         (
             "garment.uv_units = 0",

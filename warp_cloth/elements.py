@@ -19,6 +19,7 @@ class Elements:
     law: Floats  # rest length [m], pull [N/m2], push [N/m2], shape [E, 3]
     beside: Indices  # triangles of each edge's hinge, 0 where it has none, shape [E, 2]
     fold: Floats  # C of that hinge [N m], negative where both triangles run along the edge, shape [E]
+    rest: Floats  # cosine and sine of its rest angle, shape [E, 2]
     corners: Indices  # shape [F, 3]
     edges: Indices  # opposite to each corner, -1 - edge where the hinge's turn counts the other way, shape [F, 3]
     slope: Floats  # of the threads, zero where there are none, shape [F, 4]
@@ -42,6 +43,8 @@ def garment_elements(triangles: Indices, rest: RestShape) -> Elements:
     there = edges[second] == edge[:, None]
     alike = (there & (starts[second] == axis[:, :1])).any(axis=1)  # one-sided cloth
     fold[edge] = np.where(alike, -1.0, 1.0) * rest.hinge_stiffness[stiff]
+    turn = np.zeros(len(ends))
+    turn[edge] = rest.fold_angle[stiff]
     counted = edges.copy()
     rows, columns = np.nonzero(there & alike[:, None])
     counted[second[rows], columns] = -1 - edges[second[rows], columns]
@@ -49,7 +52,8 @@ def garment_elements(triangles: Indices, rest: RestShape) -> Elements:
     if rest.weave is not None:
         slope[rest.weave.triangles], threads[rest.weave.triangles] = rest.weave.slope, rest.weave.law
     law = np.stack([rest.edge_length, rest.edge_pull, rest.edge_push], axis=1)
-    return Elements(ends, law, beside, fold, triangles, counted, slope, threads)
+    angles = np.stack([np.cos(turn), np.sin(turn)], axis=1)
+    return Elements(ends, law, beside, fold, angles, triangles, counted, slope, threads)
 
 
 def joined_elements(garments: list[Elements], vertex_start: tuple[int, ...]) -> Elements:

@@ -97,12 +97,13 @@ def build_model(
         edges=bool(elements.law[:, 1:].any()),
         folds=bool(elements.fold.any()),
         threads=any(rest.weave is not None for rest in rests),
+        angles=bool((elements.rest[elements.fold != 0.0] != (1.0, 0.0)).any()),
     )
 
     def upload(array: NDArray[Any], dtype: Any) -> wp.array:
         return wp.array(np.ascontiguousarray(array), dtype=dtype, device=device)
 
-    hinges, hinge_count = _hinges(types, upload, rests, vertex_start)
+    hinges, hinge_count = _hinges(types, upload, rests, vertex_start, terms.angles)
     weave, weave_count = _weave(types, upload, rests, vertex_start)
     gathered = wp.get_device(device).is_cuda if gathers is None else gathers
     return ClothModel(
@@ -131,6 +132,8 @@ def _edges(types: Any, upload: Any, elements: Elements, terms: Terms) -> Any:
     if terms.folds:
         edges.beside = upload(elements.beside, wp.vec2i)
         edges.fold = upload(elements.fold, types.real)
+    if terms.angles:
+        edges.rest = upload(elements.rest, types.vec2)
     return edges
 
 
@@ -147,7 +150,7 @@ def _triangles(types: Any, upload: Any, elements: Elements, terms: Terms) -> Any
 
 
 def _hinges(
-    types: Any, upload: Any, rests: Sequence[RestShape], vertex_start: tuple[int, ...]
+    types: Any, upload: Any, rests: Sequence[RestShape], vertex_start: tuple[int, ...], angles: bool
 ) -> tuple[Any | None, int]:
     """Hinges of all garments that are stiff, and their number."""
     stiffness = np.concatenate([rest.hinge_stiffness for rest in rests])
@@ -157,6 +160,9 @@ def _hinges(
     hinges = types.Hinges()
     hinges.corners = upload(_shifted([rest.topology.hinges for rest in rests], vertex_start)[used], wp.vec4i)
     hinges.stiffness = upload(stiffness[used], types.real)
+    if angles:
+        angle = np.concatenate([rest.fold_angle for rest in rests])
+        hinges.rest = upload(np.stack([np.cos(angle), np.sin(angle)], axis=1)[used], types.vec2)
     return hinges, int(used.sum())
 
 

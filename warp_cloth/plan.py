@@ -24,6 +24,7 @@ def make_plan(scene: Scene, wardrobe: Wardrobe) -> tuple[Term, ...]:
     bends = any(bool((rest.hinge_stiffness > 0.0).any()) for rest in rests)
     pulls = any(bool((rest.edge_pull > 0.0).any()) for rest in rests)
     woven = any(rest.weave is not None for rest in rests)
+    folded = any(bool(rest.fold_angle[rest.hinge_stiffness > 0.0].any()) for rest in rests)
     pins = sum(len(part.pins) for part in wardrobe.parts)
     accelerated = scene.solver.method == "accelerated"
     return (
@@ -34,6 +35,7 @@ def make_plan(scene: Scene, wardrobe: Wardrobe) -> tuple[Term, ...]:
             bends,
             "the fabric resists bending" if bends else "no hinge has a stiffness: the fabric's bending is 0",
         ),
+        Term("rest angles", folded, "garment.rest_angles, of a mesh with folds" if folded else "cloth is flat at rest"),
         Term("pins", pins > 0, f"{pins} vertices are pinned" if pins else "nothing is pinned"),
         Term("momentum", accelerated, f'solver.method = "{scene.solver.method}"'),
         *_avatar_terms(scene, wardrobe),

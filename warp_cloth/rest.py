@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +13,7 @@ from warp_cloth.grain import Grain
 from warp_cloth.loading.repair import RestKind
 from warp_cloth.material import Sheet, WeaveShape, edge_constants, even_shear, lay_flat, thread_constants
 from warp_cloth.material_bending import hinge_constants
-from warp_cloth.mesh import Mesh
+from warp_cloth.mesh import Mesh, Points
 from warp_cloth.topology import Topology, build_topology
 from warp_cloth.units import LENGTH_UNITS, METRES_PER
 
@@ -51,7 +51,13 @@ class RestShape:
     area: float  # of the cloth [m2]
     notes: tuple[str, ...] = ()  # what was guessed or mended, for the report
     weave: WeaveShape | None = None  # threads of a woven fabric, whose edges do not pull
+    hinge_angle: Floats | None = None  # at rest [rad], shape [H]; None: flat
     sheet: Sheet | None = None  # the rest shape triangle by triangle, for maps
+
+    @property
+    def fold_angle(self) -> Floats:
+        """Rest angle of every hinge [rad], shape [H]."""
+        return np.zeros(len(self.hinge_stiffness)) if self.hinge_angle is None else self.hinge_angle
 
 
 def _sides(corners: Floats) -> Floats:
@@ -161,6 +167,7 @@ def build_rest_shape(
     rest: RestKind,
     metres_per_uv: float = 1.0,
     grain: Grain | None = None,
+    rest_angles: Literal["flat", "mesh"] = "flat",
     place: str = "garment",
     key: str = "garment",
 ) -> RestShape:
@@ -174,6 +181,7 @@ def build_rest_shape(
         rest: where the rest shape comes from.
         metres_per_uv: length of one unit of texture space [m].
         grain: direction of the warp in the panels; None: their +v.
+        rest_angles: whether folds are flat at rest, or as they are in the mesh (pressed pleats, shaped garments).
         place: the mesh's file or name, for messages.
         key: its scene table, for messages.
 
@@ -219,8 +227,22 @@ def build_rest_shape(
         area=float(areas.sum()),
         notes=notes,
         weave=thread_constants(sheet, fabric) if woven else None,
+        hinge_angle=fold_angles(mesh.points, topology) if rest_angles == "mesh" else None,
         sheet=sheet,
     )
+
+
+def fold_angles(points: Points, topology: Topology) -> Floats:
+    """Angle of every hinge between its triangles' normals [rad], shape [H]; 0 where a triangle has no area.
+
+    Positive where (n0 x n1) . axis is, as in kernels.bending.
+    """
+    start, end, wing_0, wing_1 = (points[topology.hinges[:, column]] for column in range(4))
+    axis = end - start
+    normal_0, normal_1 = np.cross(axis, wing_0 - start), np.cross(wing_1 - start, axis)
+    length = np.maximum(np.linalg.norm(axis, axis=1), np.finfo(float).tiny)
+    sine = np.einsum("ij,ij->i", np.cross(normal_0, normal_1), axis) / length
+    return np.asarray(np.arctan2(sine, np.einsum("ij,ij->i", normal_0, normal_1)))
 
 
 def _check_directions(fabric: Fabric, sheet: Sheet) -> tuple[str, ...]:

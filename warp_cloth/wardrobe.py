@@ -69,7 +69,14 @@ def _part(mesh: Mesh, spec: GarmentSpec, key: str) -> GarmentPart:
     place = key if spec.mesh is None else str(spec.mesh)
     grain = Grain(spec.grain_degrees, spec.grain_panels, spec.grain_texture)
     rest = build_rest_shape(
-        mesh, spec.fabric, rest=spec.rest, metres_per_uv=spec.uv_metres, grain=grain, place=place, key=key
+        mesh,
+        spec.fabric,
+        rest=spec.rest,
+        metres_per_uv=spec.uv_metres,
+        grain=grain,
+        rest_angles=spec.rest_angles,
+        place=place,
+        key=key,
     )
     pins = select_pins(mesh, spec.pin, f"{key}.pin")
     if len(pins) == mesh.vertex_count:

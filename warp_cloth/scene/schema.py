@@ -25,6 +25,7 @@ from warp_cloth.scene.shapes import AvatarShape, GarmentShape, Point, Real, Tabl
 from warp_cloth.units import LENGTH_UNITS, METRES_PER, LengthUnit
 
 RestShape = Literal["mesh", "uv", "physics"]
+RestAngles = Literal["flat", "mesh"]
 AvatarCollision = Literal["depth", "mesh", "auto", "none"]
 Method = Literal["accelerated", "direct"]
 Precision = Literal["float32", "float64", "mixed"]
@@ -123,6 +124,9 @@ class GarmentSpec(Wearable):
     rest: RestShape = Field(
         default="mesh",
         description="natural lengths: of the 3-D mesh as loaded, its 2-D panels, or the rest shape that a stage states",
+    )
+    rest_angles: RestAngles = Field(
+        default="flat", description="cloth is flat at rest, or folded as in the mesh: pressed pleats, shaped garments"
     )
     uv_units: LengthUnit | Real = Field(default="m", description="unit of the texture coordinates, or metres per unit")
     fabric: Fabric = Field(default="default", description="a shipped fabric, a .toml file, or a table of overrides")  # type: ignore[assignment]

@@ -9,7 +9,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from warp_cloth.kernels.certify import energy_kernels, residual_kernel
+from warp_cloth.kernels.certify import bending_energy_kernel, energy_kernels, residual_kernel
 from warp_cloth.kernels.cloth import cloth_types
 from warp_cloth.kernels.pressure import push_kernel
 from warp_cloth.mesh import Points
@@ -160,7 +160,7 @@ def element_energies(model: ClothModel) -> tuple[NDArray[np.float64], ...]:
     """Energy of every edge, shape [E], hinge, shape [H], and woven triangle, shape [T] [J]."""
     fold = wp.zeros(model.hinge_count, dtype=wp.float64, device=model.device)
     if model.hinges is not None:
-        kernel = energy_kernels(model.precision).measure_bending
+        kernel = bending_energy_kernel(model.precision, model.terms.angles)
         wp.launch(kernel, dim=model.hinge_count, inputs=[model.cloth, model.hinges, fold], device=model.device)
     return _measure_tension(model)[0], np.array(fold.numpy()), _measure_weave(model)[0]
 
