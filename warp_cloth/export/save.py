@@ -13,6 +13,7 @@ from warp_cloth.export.override import StagedGarment, write_override
 from warp_cloth.export.preview import write_preview
 from warp_cloth.export.reference import AvatarAsset
 from warp_cloth.export.report import check_writable, result_paths, write_map, write_report
+from warp_cloth.export.report_page import write_report_page
 from warp_cloth.export.stage import write_stage
 from warp_cloth.loading.usd import mesh_paths_of
 from warp_cloth.maps.kinds import MAPS
@@ -42,13 +43,18 @@ def save_fit(fit: Fit, folder: Path, *, colour: str, formats: Sequence[str]) -> 
     paths += [picture, report]
     for name in set(MAPS) - set(ranges):  # an earlier run's would be taken for this one's
         (folder / f"map_{name}.png").unlink(missing_ok=True)
+    pictures = {"preview": picture}
     for name, bounds in ranges.items():
         path = folder / f"map_{name}.png"
         write_map_picture(path, MAPS[name], bounds, garments=fit.garments, avatar=fit.avatar, device=fit.device)
         paths.append(path)
+        pictures[name] = path
     for worn in fit.garments:
         path = folder / f"{scene.name}_{worn.name}_map.npz"
         paths += [path] if write_map(path, worn.mesh) else []
+    page = folder / "report.html"
+    write_report_page(page, scene.name, fit.report, pictures)
+    paths.insert(paths.index(report) + 1, page)
     fit.report["seconds"]["export"] = time.perf_counter() - began
     write_report(report, fit.report)
     return paths
