@@ -64,13 +64,23 @@ def saved(tmp_path_factory: pytest.TempPathFactory) -> tuple[Fit, Path]:
     # the rest error is known from 900 iterations on
     few = ("garment.shape.edge_mm=40", "collision.pixel_mm=8", "solver.iterations=1000")
     worn = quick("tshirt", *few, frames=3)
-    assert sorted(path.name for path in worn.save(folder)) == ["preview.png", "report.json", "tshirt.usdc"]
+    assert sorted(path.name for path in worn.save(folder)) == [
+        "preview.png",
+        "report.html",
+        "report.json",
+        "tshirt.usdc",
+    ]
     return worn, folder
 
 
 def test_three_files_are_written_and_nothing_else(saved: tuple[Fit, Path]) -> None:
     worn, folder = saved
-    assert sorted(path.name for path in folder.iterdir()) == ["preview.png", "report.json", "tshirt.usdc"]
+    assert sorted(path.name for path in folder.iterdir()) == [
+        "preview.png",
+        "report.html",
+        "report.json",
+        "tshirt.usdc",
+    ]
     with Image.open(folder / "preview.png") as picture:
         assert min(picture.size) > 400
         assert len(picture.convert("RGB").getcolors(2**24)) > 500  # shaded, not blank
@@ -179,7 +189,7 @@ def test_vertices_faces_and_texture_coordinates_stay_in_the_files_order(tmp_path
     write_obj(tmp_path / "sheet.obj", points, faces, texcoords)
     top = int(points[:, 1].argmax())
     worn = quick(hanging(tmp_path / "sheet.obj", top, iterations=40), frames=2)
-    assert len(worn.save(tmp_path / "out")) == 3  # and no map
+    assert len(worn.save(tmp_path / "out")) == 4  # and no map
     _stage, mesh = opened(tmp_path / "out" / "scene.usdc", "scene", "sheet")
     assert np.array_equal(np.array(mesh.GetPointsAttr().Get(1.0)), points.astype(np.float32))
     assert np.array_equal(np.array(mesh.GetFaceVertexIndicesAttr().Get()).reshape(-1, 3), faces)
@@ -196,9 +206,9 @@ def test_a_map_leads_from_the_files_vertices_and_faces_to_the_results(tmp_path: 
     write_obj(tmp_path / "apart.obj", apart, with_double)
     worn = quick(hanging(tmp_path / "apart.obj", 0, iterations=20))
     files = worn.save(tmp_path / "out")
-    assert [path.name for path in files[3:]] == ["scene_apart_map.npz"]
+    assert [path.name for path in files[4:]] == ["scene_apart_map.npz"]
     mesh = worn.garments[0].mesh
-    with np.load(files[3]) as maps:
+    with np.load(files[4]) as maps:
         assert np.array_equal(mesh.points[maps["vertex_map"]], apart)
         assert np.array_equal(maps["vertex_map"][with_double[maps["triangle_source"]]], mesh.triangles)
     assert mesh.vertex_count == 16
@@ -251,7 +261,7 @@ def test_numbers_that_run_away_are_diverged_with_the_last_finite_shape(
     assert np.isfinite(worn.garments[0].points).all()
     assert np.isfinite(worn.garments[0].frames).all()
     names = sorted(path.name for path in worn.save(tmp_path))
-    assert names == ["preview.png", "report.json", "sphere.usdc"]
+    assert names == ["preview.png", "report.html", "report.json", "sphere.usdc"]
     report = json.loads((tmp_path / "report.json").read_text(encoding="utf-8"))
     assert report["status"] == "diverged"
     assert report["residual"]["rms"] is None
@@ -379,7 +389,8 @@ def test_python_names_do_what_the_readme_says(tmp_path: Path) -> None:
     assert garment.points.dtype == np.float64
     assert set(worn.report["strain"]) == {"p50", "p99", "max", "min", "warp", "weft", "bias"}
     assert set(worn.report["strain"]["bias"]) == {"p50", "p99", "max", "min"}
-    assert [path.name for path in worn.save(str(tmp_path / "out"))] == ["tshirt.usdc", "preview.png", "report.json"]
+    written = [path.name for path in worn.save(str(tmp_path / "out"))]
+    assert written == ["tshirt.usdc", "preview.png", "report.json", "report.html"]
     assert [step.stage for step in told] == ["load", "compile", "build", "compile", "relax", "relax"]
     assert told[-1].iteration == 100
     scene = warp_cloth.load_scene({"garment": {"shape": {"kind": "square"}, "pin": {"loop": "top"}}})
@@ -392,4 +403,9 @@ def test_saving_again_replaces_the_files(saved: tuple[Fit, Path], tmp_path: Path
     (tmp_path / "report.json").write_text("older")
     quick("hanging", *SMALL, "solver.iterations=0").save(tmp_path)
     assert json.loads((tmp_path / "report.json").read_text(encoding="utf-8"))["vertices"] == 81
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["hanging.usdc", "preview.png", "report.json"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == [
+        "hanging.usdc",
+        "preview.png",
+        "report.html",
+        "report.json",
+    ]

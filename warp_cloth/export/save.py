@@ -7,14 +7,13 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from warp_cloth.export import preview, stage
 from warp_cloth.export.formats import check_inputs_kept
 from warp_cloth.export.map_picture import write_map_picture
 from warp_cloth.export.override import StagedGarment, write_override
-from warp_cloth.export.preview import write_preview
 from warp_cloth.export.reference import AvatarAsset
 from warp_cloth.export.report import check_writable, result_paths, write_map, write_report
 from warp_cloth.export.report_page import write_report_page
-from warp_cloth.export.stage import write_stage
 from warp_cloth.loading.usd import mesh_paths_of
 from warp_cloth.maps.kinds import MAPS
 from warp_cloth.scene import Scene
@@ -32,7 +31,7 @@ def save_fit(fit: Fit, folder: Path, *, colour: str, formats: Sequence[str]) -> 
     _, picture, report = result_paths(folder, scene.name)
     ranges = fit.maps.ranges if fit.maps is not None else {}
     paths = write_meshes(fit, folder, colour=colour, formats=formats)
-    write_preview(
+    preview.write_preview(
         picture,
         garments=fit.garments,
         avatar=fit.avatar,
@@ -76,7 +75,7 @@ def write_meshes(fit: Fit, folder: Path, *, colour: str = "", formats: Sequence[
         elif suffix == "obj":
             write_obj(path, garments=fit.garments)
         else:
-            write_stage(
+            stage.write_stage(
                 path,
                 garments=fit.garments,
                 avatar=fit.avatar,

@@ -14,7 +14,7 @@ STEP = 0.01  # of the stature, between the sections looked at
 # waist at the narrowest between ribs and hip bone, the chest at the fullest below the armpits).
 HIP_RANGE = (0.49, 0.55)
 WAIST_RANGE = (0.57, 0.67)
-CHEST_RANGE = (0.68, 0.75)
+CHEST_RANGE = (0.68, 0.73)
 ARMS_JOIN = 1.06  # a girth that grows by more than this in one step has taken in the arms
 STATURES = (0.8, 2.6)  # [m]; beyond them it is no body
 GIRTHS = (0.3, 2.2)  # [m]
