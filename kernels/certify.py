@@ -7,6 +7,7 @@ import warp as wp
 
 from warp_cloth.kernels.bending import fold_energy, hinge_fold, turned_back
 from warp_cloth.kernels.cloth import MODULE_OPTIONS, cloth_types, difference_function
+from warp_cloth.kernels.displace import colliders_type
 from warp_cloth.kernels.friction import friction_residual
 from warp_cloth.kernels.tension import tension_energy
 from warp_cloth.kernels.weave import thread_energy, warp_vector, weft_vector
@@ -22,7 +23,7 @@ def residual_kernel(precision: str, contact: wp.Function | None, collider_type: 
     def measure_residual(
         step: Step,
         slack: float,  # how far above the contact offset a vertex still counts as in contact [m]
-        collider: collider_type,
+        colliders: colliders_type(contact, collider_type),
         cloth: Cloth,
         load: wp.array(dtype=vec4),  # forces of the cloth and the sum of their magnitudes [N], shape [V]; left at zero
         residual_out: wp.array(dtype=wp.vec2f),  # force left, in weights and relative, shape [V]; -1 where pinned
@@ -31,16 +32,19 @@ def residual_kernel(precision: str, contact: wp.Function | None, collider_type: 
         vertex = wp.tid()
         sum = load[vertex]
         load[vertex] = vec4()
+        item = cloth.items[cloth.item[vertex]]
+        if item.active == 0:
+            return
         residual_out[vertex] = wp.vec2f(-1.0, -1.0)
         if cloth.pinned[vertex] == wp.uint8(0):
             weight = cloth.weight[vertex]
             force = vec3(sum[0], sum[1], sum[2]) + step.gravity * weight
             left = wp.length(force)
             if wp.static(contact is not None):
-                at = contact(collider, wp.vec3d(cloth.position[vertex]))
-                if at[3] < step.offset + slack:
+                at = contact(colliders[cloth.item[vertex]], wp.vec3d(cloth.position[vertex]))
+                if at[3] < item.offset + slack:
                     normal = vec3(real(at[0]), real(at[1]), real(at[2]))
-                    left = friction_residual(force, normal, real(step.friction))
+                    left = friction_residual(force, normal, real(item.friction))
             residual_out[vertex] = wp.vec2f(float(left / weight), float(left / (weight + sum[3])))
 
     return measure_residual

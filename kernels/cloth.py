@@ -40,27 +40,35 @@ def cloth_types(precision: str) -> SimpleNamespace:
 
     @wp.struct
     class Step:
-        """What one iteration needs besides the garment."""
+        """What one iteration needs besides the garments; the same for all items."""
 
         gravity: vec3  # unit vector
-        cap: real  # largest displacement in an iteration [m]
         reach: real  # change of length that the step allows for, as a share of the vertex's own last move
         momentum: real  # share of the last displacement that is kept
         damping: real  # that share's factor where the displacement points against the force
         viscosity: real  # share of an edge's stiffness that resists its ends' moving apart
         memory: real  # share of a vertex's stiffness bound that is kept from one iteration to the next
+
+    @wp.struct
+    class Item:
+        """What one fit of a batch has of its own; a single fit is a batch of one."""
+
+        cap: real  # largest displacement in an iteration [m]
         offset: float  # contact offset [m]
         friction: float  # of the avatar
+        active: int  # 0: at rest, or given up; its vertices stay and cost nothing
 
     @wp.struct
     class Cloth:
-        """Vertices of all garments, one after another; V vertices."""
+        """Vertices of all garments of all items, one after another; V vertices."""
 
         position: wp.array(dtype=point)  # [m]
         move: wp.array(dtype=vec3)  # last displacement [m]
         weight: wp.array(dtype=real)  # [N]
         pinned: wp.array(dtype=wp.uint8)
         stiffness: wp.array(dtype=real)  # that the last step went by [N/m]; accelerated method only
+        item: wp.array(dtype=wp.int32)  # which fit each vertex belongs to
+        items: wp.array(dtype=Item)
 
     @wp.struct
     class Edges:
@@ -125,9 +133,23 @@ def cloth_types(precision: str) -> SimpleNamespace:
         slot: wp.array(dtype=wp.int32)  # where each triangle's load on the vertex is stored, shape [3 F]
 
     return SimpleNamespace(
-        name=precision, real=real, point=point, vec2=vec2, vec3=vec3, vec4=vec4, Step=Step, Cloth=Cloth,
-        Edges=Edges, Triangles=Triangles, Hinges=Hinges, Weave=Weave, Span=Span, Sides=Sides, StoredRows=StoredRows,
+        name=precision, real=real, point=point, vec2=vec2, vec3=vec3, vec4=vec4, Step=Step, Item=Item,
+        Cloth=Cloth, Edges=Edges, Triangles=Triangles, Hinges=Hinges, Weave=Weave, Span=Span, Sides=Sides,
+        StoredRows=StoredRows,
     )  # fmt: skip
+
+
+@functools.cache
+def rest_function(precision: str) -> wp.Function:
+    """The function that tells whether a vertex is of an item that no longer iterates."""
+    Cloth = cloth_types(precision).Cloth
+
+    @wp.func
+    def rests(cloth: Cloth, vertex: int):
+        """Whether the item of a vertex is at rest, or given up."""
+        return cloth.items[cloth.item[vertex]].active == 0
+
+    return rests
 
 
 @functools.cache

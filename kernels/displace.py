@@ -5,7 +5,7 @@ from typing import Any
 
 import warp as wp
 
-from warp_cloth.kernels.cloth import MODULE_OPTIONS, Terms, cloth_types
+from warp_cloth.kernels.cloth import MODULE_OPTIONS, Terms, cloth_types, rest_function
 from warp_cloth.kernels.cloth_contact import ClothContact, contact_room, contact_sum, contact_watch
 from warp_cloth.kernels.friction import friction_slide
 from warp_cloth.kernels.gather import gathered_load
@@ -42,6 +42,11 @@ class NoCollider:
     """A scene without avatar asks nothing."""
 
 
+def colliders_type(contact: wp.Function | None, collider_type: type) -> Any:
+    """What kernels take for the items' avatars: an array of their structs, or nothing where there are none."""
+    return NoCollider if contact is None else wp.array(dtype=collider_type)
+
+
 @wp.struct
 class NoClothContact:
     """Cloth that passes through cloth asks nothing."""
@@ -62,40 +67,41 @@ def displacement(
         precision: of positions and forces.
         accelerated: each vertex by its own step and with momentum; otherwise by the paper's rule.
         contact: (collider, world position) -> (normal, distance [m]); None where the scene has no avatar.
-        collider_type: the struct that it asks; NoCollider without avatar.
+        collider_type: the struct that it asks, one for each item; NoCollider without avatar.
         touches: whether cloth meets cloth.
     """
     types = cloth_types(precision)
     real, vec3, vec4, Cloth, Step = types.real, types.vec3, types.vec4, types.Cloth, types.Step
-    Touch = touch_type(touches)
+    Colliders, Touch = colliders_type(contact, collider_type), touch_type(touches)
 
     @wp.func
-    def vertex_displacement(cloth: Cloth, step: Step, collider: collider_type, touch: Touch, load: vec4, vertex: int):
+    def vertex_displacement(cloth: Cloth, step: Step, colliders: Colliders, touch: Touch, load: vec4, vertex: int):
         """Displacement of a vertex and the part of it that has momentum; remembers the stiffness that it went by."""
         if wp.static(touches):
             load += vec4(contact_sum(touch, vertex))
+        item = cloth.items[cloth.item[vertex]]
         weight = cloth.weight[vertex]
         force = vec3(load[0], load[1], load[2]) + step.gravity * weight
         move = vec3()
         if wp.static(accelerated):
             last = cloth.stiffness[vertex]
-            stiffness = wp.max(load[3] + weight / step.cap, last * step.memory)
+            stiffness = wp.max(load[3] + weight / item.cap, last * step.memory)
             momentum = step.momentum * wp.min(last / stiffness, real(1.0))
             cloth.stiffness[vertex] = stiffness
-            move = accelerated_move(force, stiffness, cloth.move[vertex], momentum, step.damping, step.cap)
+            move = accelerated_move(force, stiffness, cloth.move[vertex], momentum, step.damping, item.cap)
         else:
-            move = direct_move(force, weight, step.cap)
+            move = direct_move(force, weight, item.cap)
         shift = vec3()
         if wp.static(touches):
             shift = vec3(touch.shift[vertex])
             move += shift
         if wp.static(contact is not None):
-            at = contact(collider, wp.vec3d(cloth.position[vertex]) + wp.vec3d(move))
-            push = step.offset - at[3]
+            at = contact(colliders[cloth.item[vertex]], wp.vec3d(cloth.position[vertex]) + wp.vec3d(move))
+            push = item.offset - at[3]
             if push > 0.0:
                 normal = vec3(real(at[0]), real(at[1]), real(at[2]))
-                pushed = move + normal * wp.min(real(push), step.cap)
-                move = friction_slide(pushed, normal, real(push), real(step.friction))
+                pushed = move + normal * wp.min(real(push), item.cap)
+                move = friction_slide(pushed, normal, real(push), real(item.friction))
         if wp.static(touches):
             move = capped(move, real(contact_room(touch, vertex, wp.vec3d(cloth.position[vertex]))))
         return move, move - shift
@@ -112,21 +118,24 @@ def displace_kernel(
     point, vec4, Cloth, Step = types.point, types.vec4, types.Cloth, types.Step
     vertex_displacement = displacement(precision, accelerated, contact, collider_type, touches)
     Touch = touch_type(touches)
+    rests = rest_function(precision)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def displace_vertices(
         step: Step,
-        collider: collider_type,
+        colliders: colliders_type(contact, collider_type),
         touch: Touch,
         load: wp.array(dtype=vec4),  # forces of the cloth [N] and stiffness bounds [N/m], shape [V]; left at zero
         cloth: Cloth,
     ):
-        """Moves each free vertex."""
+        """Moves each free vertex of an item that is not at rest."""
         vertex = wp.tid()
         sum = load[vertex]
         load[vertex] = vec4()
+        if rests(cloth, vertex):
+            return
         if cloth.pinned[vertex] == wp.uint8(0):
-            move, kept = vertex_displacement(cloth, step, collider, touch, sum, vertex)
+            move, kept = vertex_displacement(cloth, step, colliders, touch, sum, vertex)
             cloth.move[vertex] = kept
             cloth.position[vertex] = cloth.position[vertex] + point(move)
             if wp.static(touches):
@@ -149,11 +158,12 @@ def advance_kernel(
     vertex_displacement = displacement(precision, accelerated, contact, collider_type, touches)
     Touch = touch_type(touches)
     vertex_load = gathered_load(precision, terms)
+    rests = rest_function(precision)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def advance_vertices(
         step: Step,
-        collider: collider_type,
+        colliders: colliders_type(contact, collider_type),
         touch: Touch,
         rows: StoredRows,
         edge_load: wp.array(dtype=vec4),  # from the gather module's store_edges, shape [E]
@@ -162,13 +172,15 @@ def advance_kernel(
         position_out: wp.array(dtype=point),  # [m], shape [V]
         move_out: wp.array(dtype=vec3),  # [m], shape [V]
     ):
-        """Moves each free vertex by the forces that meet there; pinned ones stay."""
+        """Moves each free vertex of an item that is not at rest by the forces that meet there; pinned ones stay."""
         vertex = wp.tid()
+        if rests(cloth, vertex):
+            return
         move = vec3()
         kept = vec3()
         if cloth.pinned[vertex] == wp.uint8(0):
             load = vertex_load(rows, edge_load, stored, vertex)
-            move, kept = vertex_displacement(cloth, step, collider, touch, load, vertex)
+            move, kept = vertex_displacement(cloth, step, colliders, touch, load, vertex)
         move_out[vertex] = kept
         position = cloth.position[vertex] + point(move)
         position_out[vertex] = position

@@ -9,7 +9,7 @@ from types import SimpleNamespace
 
 import warp as wp
 
-from warp_cloth.kernels.cloth import MODULE_OPTIONS, Terms, cloth_types
+from warp_cloth.kernels.cloth import MODULE_OPTIONS, Terms, cloth_types, rest_function
 from warp_cloth.kernels.scatter import element_functions
 
 
@@ -48,6 +48,7 @@ def gather_kernels(precision: str, fourth: str, terms: Terms) -> SimpleNamespace
     functions = element_functions(precision, fourth, terms)
     edge_effects, triangle_effects = functions.edge_effects, functions.triangle_effects
     vertex_load = gathered_load(precision, terms)
+    rests = rest_function(precision)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def store_edges(
@@ -60,6 +61,8 @@ def gather_kernels(precision: str, fourth: str, terms: Terms) -> SimpleNamespace
     ):
         """Stores each edge's tension, and works out its hinge."""
         edge = wp.tid()
+        if rests(cloth, edges.ends[edge][0]):
+            return
         load, fold = edge_effects(cloth, edges, normal, step, edge)
         if wp.static(terms.edges):
             load_out[edge] = load
@@ -77,6 +80,8 @@ def gather_kernels(precision: str, fourth: str, terms: Terms) -> SimpleNamespace
     ):
         """Stores each triangle's hinges and threads on its corners."""
         triangle = wp.tid()
+        if rests(cloth, triangles.corners[triangle][0]):
+            return
         first, second, third = triangle_effects(cloth, triangles, normal, fold, step, triangle)
         stored_out[0, triangle] = first
         stored_out[1, triangle] = second

@@ -17,7 +17,7 @@ def push_kernel(precision: str, contact: wp.Function, collider_type: type) -> wp
     def measure_push(
         step: Step,
         slack: float,  # how far above the contact offset a vertex still counts as in contact [m]
-        collider: collider_type,
+        colliders: wp.array(dtype=collider_type),
         cloth: Cloth,
         load: wp.array(dtype=vec4),  # forces of the cloth [N], shape [V]; left at zero
         push_out: wp.array(dtype=wp.float64),  # [N], shape [V]; 0 away from the avatar and where pinned
@@ -28,8 +28,9 @@ def push_kernel(precision: str, contact: wp.Function, collider_type: type) -> wp
         load[vertex] = vec4()
         push_out[vertex] = wp.float64(0.0)
         if cloth.pinned[vertex] == wp.uint8(0):
-            at = contact(collider, wp.vec3d(cloth.position[vertex]))
-            if at[3] < step.offset + slack:
+            item = cloth.item[vertex]
+            at = contact(colliders[item], wp.vec3d(cloth.position[vertex]))
+            if at[3] < cloth.items[item].offset + slack:
                 normal = vec3(real(at[0]), real(at[1]), real(at[2]))
                 force = vec3(sum[0], sum[1], sum[2]) + step.gravity * cloth.weight[vertex]
                 push_out[vertex] = wp.float64(wp.max(-wp.dot(force, normal), real(0.0)))

@@ -9,7 +9,7 @@ from types import SimpleNamespace
 
 import warp as wp
 
-from warp_cloth.kernels.cloth import MODULE_OPTIONS, Terms, cloth_types
+from warp_cloth.kernels.cloth import MODULE_OPTIONS, Terms, cloth_types, rest_function
 from warp_cloth.kernels.forces import edge_functions, triangle_functions
 
 
@@ -20,6 +20,7 @@ def normals_kernel(precision: str) -> wp.Kernel:
     vec4, Cloth, Triangles, Step = types.vec4, types.Cloth, types.Triangles, types.Step
     functions = triangle_functions(precision, "none", Terms(False, False, False))
     triangle_sides, triangle_fold = functions.triangle_sides, functions.triangle_fold
+    rests = rest_function(precision)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def measure_normals(
@@ -30,6 +31,8 @@ def normals_kernel(precision: str) -> wp.Kernel:
     ):
         """Writes each triangle's normal."""
         triangle = wp.tid()
+        if rests(cloth, triangles.corners[triangle][0]):
+            return
         normal_out[triangle] = triangle_fold(triangle_sides(cloth, triangles.corners[triangle]))
 
     return measure_normals
@@ -105,6 +108,7 @@ def scatter_kernels(precision: str, fourth: str, terms: Terms) -> SimpleNamespac
     )  # fmt: skip
     functions = element_functions(precision, fourth, terms)
     edge_effects, triangle_effects = functions.edge_effects, functions.triangle_effects
+    rests = rest_function(precision)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def add_edges(
@@ -117,6 +121,8 @@ def scatter_kernels(precision: str, fourth: str, terms: Terms) -> SimpleNamespac
     ):
         """Adds each edge's tension to its ends, and works out its hinge."""
         edge = wp.tid()
+        if rests(cloth, edges.ends[edge][0]):
+            return
         load, fold = edge_effects(cloth, edges, normal, step, edge)
         if wp.static(terms.edges):
             ends = edges.ends[edge]
@@ -137,6 +143,8 @@ def scatter_kernels(precision: str, fourth: str, terms: Terms) -> SimpleNamespac
         """Adds each triangle's hinges and threads to its corners."""
         triangle = wp.tid()
         corners = triangles.corners[triangle]
+        if rests(cloth, corners[0]):
+            return
         first, second, third = triangle_effects(cloth, triangles, normal, fold, step, triangle)
         wp.atomic_add(load_out, corners[0], first)
         wp.atomic_add(load_out, corners[1], second)

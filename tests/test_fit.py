@@ -15,7 +15,7 @@ from PIL import Image
 from pxr import Usd, UsdGeom
 
 import warp_cloth
-from warp_cloth import fitting
+from warp_cloth import set_up
 from warp_cloth.collide import avatar as avatar_contact
 from warp_cloth.errors import InputError
 from warp_cloth.export import preview
@@ -254,7 +254,7 @@ def test_a_garment_that_falls_for_ever_is_told_of(scene: dict[str, Any], words: 
 def test_numbers_that_run_away_are_diverged_with_the_last_finite_shape(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    monkeypatch.setattr(fitting, "StepOptions", partial(StepOptions, momentum=math.nan))
+    monkeypatch.setattr(set_up, "StepOptions", partial(StepOptions, momentum=math.nan))
     worn = quick("sphere", "garment.shape.vertices_per_side=5", "avatar.shape.edge_mm=100", frames=3)
     assert worn.status is Status.DIVERGED
     assert "solver.cap" in worn.message

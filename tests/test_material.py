@@ -121,7 +121,7 @@ def test_threads_tell_strain_along_weft_and_warp() -> None:
         model.set_points(mesh.points * (1.02, 1.0, 0.99))
         strains = thread_strains(model)[:, :2]
         assert strains == pytest.approx(np.broadcast_to(expected, strains.shape), abs=1e-9)
-        found = thread_summaries(model)
+        found = thread_summaries(thread_strains(model))
         assert (found["weft"].max, found["warp"].max) == pytest.approx(expected, abs=1e-9)
         bias = np.hypot(1.02, 0.99) / 2**0.5 - 1.0  # nothing is sheared
         assert (found["bias"].min, found["bias"].max) == pytest.approx((bias, bias), abs=1e-9)
@@ -165,7 +165,7 @@ def test_fabrics_without_threads_have_none_and_woven_edges_do_not_pull() -> None
     even = model_of(mesh, build_rest_shape(mesh, Fabric(), rest="uv"))
     woven = model_of(mesh, build_rest_shape(mesh, fabric_named("cotton"), rest="uv"))
     assert even.weave is None
-    assert thread_summaries(even) == {}
+    assert thread_summaries(thread_strains(even)) == {}
     assert even.terms.edges
     assert not woven.terms.edges
     assert woven.weave_count == len(mesh.triangles)

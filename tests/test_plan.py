@@ -11,10 +11,11 @@ import warp as wp
 from typer.testing import CliRunner
 
 from warp_cloth.cli import app
-from warp_cloth.fitting import SetUp, fit, set_up
+from warp_cloth.fitting import fit
 from warp_cloth.plan import contact_kind, make_plan
 from warp_cloth.reach import reach_box
 from warp_cloth.scene import load_scene
+from warp_cloth.set_up import SetUp, set_up_one
 from warp_cloth.study import footprint
 from warp_cloth.study.launches import Launch, bytes_of, launches_of
 from warp_cloth.study.traffic import array_uses
@@ -30,7 +31,7 @@ def ready(fabric: object = None, **more: object) -> SetUp:
     tree = {"garment": {"shape": SQUARE, "fabric": fabric or PLAIN, "pin": TOP}, "collision": {"pixel_mm": 20}, **more}
     if "avatar" not in tree:
         del tree["collision"]
-    return set_up(load_scene(tree), "cpu")
+    return set_up_one(load_scene(tree), "cpu")
 
 
 def seen(made: SetUp) -> tuple[list[Launch], set[str]]:
@@ -136,7 +137,7 @@ def test_a_garment_that_cannot_reach_the_avatar_does_not_ask_it_and_one_that_may
     kinds = {}
     for away in (0.8, 2.1):
         made = load_scene(scene(away))
-        kinds[away] = contact_kind(made, set_up(made, "cpu").wardrobe)
+        kinds[away] = contact_kind(made, set_up_one(made, "cpu").wardrobe)
     assert kinds == {0.8: "depth", 2.1: "none"}
 
 
@@ -144,7 +145,7 @@ def test_a_garment_that_cannot_reach_the_avatar_does_not_ask_it_and_one_that_may
 def test_a_pinned_garment_stays_within_its_reach_all_the_way(fabric: dict[str, object]) -> None:
     tree = {"garment": {"shape": SQUARE, "fabric": {**fabric, "weight": 5.0}, "pin": {"vertices": [0]}}}
     scene = load_scene(tree, ["solver.iterations=3000"])
-    made = set_up(scene, "cpu")
+    made = set_up_one(scene, "cpu")
     box = reach_box(made.wardrobe.parts[0])
     assert box is not None
     worn = fit(scene, device="cpu", frames=20)
@@ -155,7 +156,7 @@ def test_a_pinned_garment_stays_within_its_reach_all_the_way(fabric: dict[str, o
 
 
 def test_nothing_is_proved_of_a_garment_that_nothing_holds() -> None:
-    made = set_up(load_scene({"garment": {"shape": SQUARE, "fabric": PLAIN}}), "cpu")
+    made = set_up_one(load_scene({"garment": {"shape": SQUARE, "fabric": PLAIN}}), "cpu")
     assert reach_box(made.wardrobe.parts[0]) is None
 
 

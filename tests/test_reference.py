@@ -53,7 +53,7 @@ def test_rest_is_where_the_energy_is_least(
     model = model_of(mesh, rest, pins=pins, precision="mixed")
     model.set_points(start)
     relaxation = Relaxation(model, Collider(), StepOptions())
-    certifier = Certifier(relaxation, Collider())
+    certifier = Certifier(relaxation)
     wp.force_load("cpu", modules=[kernel.module for kernel in relaxation.kernels() + certifier.kernels()])
     outcome = relax_to_rest(relaxation, certifier, CLOSE, LIMIT)
     assert outcome.status is Status.AT_REST

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable
 
 import numpy as np
 import pytest
 
-from warp_cloth.solver.rest_error import RestError
+from warp_cloth.solver.rest_error import Mark, RestError, rest_error
 
 STEP = 100  # iterations between two looks
 AWAY = np.array([[0.3, -0.2, 0.1], [0.1, 0.4, 0.2], [-0.1, 0.0, 0.5]])  # [m], from rest at the start
@@ -20,9 +21,17 @@ LOOSEST = 8.0  # times the true distance, median
 def looked_at(left: Callable[[int], float], until: int) -> list[tuple[float, float]]:
     """Estimate and true distance [m] at every look at a motion that has ``left`` of its way before it."""
     error = RestError()
-    return [
-        (error.estimate(now, 1.0 + AWAY * left(now)), DISTANCE * abs(left(now))) for now in range(0, until + 1, STEP)
-    ]
+    looks = []
+    for now in range(0, until + 1, STEP):
+        shape = (1.0 + AWAY * left(now)).astype(np.float32)
+        marks = error.marks(now)
+        shapes = [shape, *(mark.shape for mark in marks)]
+        ways = [float(np.sqrt(np.mean(np.sum((a - b) ** 2, axis=1)))) for a, b in itertools.pairwise(shapes)]
+        looks.append((rest_error(now, marks, ways), DISTANCE * abs(left(now))))
+        if error.due(now):
+            error.keep(Mark(now, shape))
+        error.dropped(now)
+    return looks
 
 
 MOTIONS: dict[str, Callable[[int], float]] = {

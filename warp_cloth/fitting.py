@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import time
-from collections.abc import Callable, Mapping, MutableMapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -13,23 +13,27 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from warp_cloth.collide.avatar import AvatarContact, avatar_modules
-from warp_cloth.collide.exact import penetration
-from warp_cloth.collide.garments import cloth_course, cloth_touch, worn_crossings
+from warp_cloth.collide.exact import ExactCollider, build_exact_collider, penetration
+from warp_cloth.collide.garments import worn_crossings
 from warp_cloth.errors import InputError
 from warp_cloth.maps import FitMaps, chosen_maps, measure_maps
 from warp_cloth.maps.measure import check_maps
 from warp_cloth.mesh import Mesh, Points
-from warp_cloth.model import ClothModel, build_model
-from warp_cloth.plan import contact_kind, make_plan
+from warp_cloth.plan import make_plan
 from warp_cloth.result import Penetration, Status, WornGarment
 from warp_cloth.scene import Scene, load_scene
-from warp_cloth.solver.certificate import Certifier, Check, Tolerance, edge_strains, strain_summary, thread_summaries
-from warp_cloth.solver.course import Course
+from warp_cloth.set_up import SetUp, following, set_up_one
+from warp_cloth.solver.certificate import (
+    Check,
+    Tolerance,
+    edge_strains,
+    strain_summary,
+    thread_strains,
+    thread_summaries,
+)
 from warp_cloth.solver.loop import Outcome, relax_to_rest
-from warp_cloth.solver.relax import Collider, Relaxation, StepOptions
 from warp_cloth.verdict import more_iterations, report_of, unheld, verdict
-from warp_cloth.wardrobe import Wardrobe, open_wardrobe
+from warp_cloth.wardrobe import Wardrobe
 
 MOST_FRAMES = 10_000  # shapes on the way; of a garment of 10,000 vertices that is 1.2 GB
 
@@ -102,23 +106,21 @@ def fit(
     wanted = check_maps(chosen_maps(maps), has_avatar=chosen.avatar is not None)
     where = device_named(device)
     clock = _Clock()
-    made = set_up(chosen, where, tell=tell, lap=clock.lap)
-    wardrobe, model = made.wardrobe, made.model
-    certifier = made.certifier
+    made = set_up_one(chosen, where, tell=lambda stage: tell(Progress(stage)), lap=clock.lap)
     outcome = _relax(chosen, made, frames, tell)
     clock.lap("relax")
-    finished = _finished(chosen, wardrobe, model, outcome, clock, where, frames)
-    return _with_maps(finished, wanted, wardrobe, model, certifier) if wanted else finished
+    (fitted,) = finished(made, [outcome], lap=clock.lap, seconds=clock.seconds, frames=frames)
+    return _with_maps(fitted, wanted, made) if wanted else fitted
 
 
-def _with_maps(fitted: Fit, names: Sequence[str], wardrobe: Wardrobe, model: ClothModel, certifier: Certifier) -> Fit:
+def _with_maps(fitted: Fit, names: Sequence[str], made: SetUp) -> Fit:
     """The fit with its maps, which its report tells of, too."""
-    push = certifier.pushes()
-    starts = model.vertex_start
+    push = made.certifier.pushes()
+    starts = made.model.vertex_start
     called = [worn.name for worn in fitted.garments]
-    made = measure_maps(
+    maps = measure_maps(
         names,
-        parts=wardrobe.parts,
+        parts=made.wardrobe.parts,
         worn=[worn.points for worn in fitted.garments],
         pushes=None if push is None else [push[a:b] for a, b in itertools.pairwise(starts)],
         avatar=fitted.avatar,
@@ -127,73 +129,12 @@ def _with_maps(fitted: Fit, names: Sequence[str], wardrobe: Wardrobe, model: Clo
     )
     garments = tuple(
         replace(worn, fields={**worn.fields, **fields})
-        for worn, fields in zip(fitted.garments, made.fields, strict=True)
+        for worn, fields in zip(fitted.garments, maps.fields, strict=True)
     )
-    report = {**fitted.report, "maps": made.summary(called), "girths_mm": list(made.girths)}
-    if made.notes:
-        report["map_notes"] = list(made.notes)
-    return replace(fitted, garments=garments, report=report, maps=made)
-
-
-@dataclass(frozen=True, eq=False)
-class SetUp:
-    """A scene on its device, ready to relax."""
-
-    wardrobe: Wardrobe
-    contact: AvatarContact
-    model: ClothModel
-    relaxation: Relaxation
-    certifier: Certifier
-    course: Course | None  # where cloth meets cloth
-
-
-def set_up(
-    scene: Scene,
-    device: str,
-    *,
-    tell: Callable[[Progress], None] = lambda _: None,
-    lap: Callable[[str], None] = lambda _: None,
-    kept: MutableMapping[str, Mesh] | None = None,
-) -> SetUp:
-    """Loads a scene, builds what its plan asks for on the device, and compiles the kernels.
-
-    Args:
-        scene: a loaded scene.
-        device: Warp's name of it.
-        tell: told at every stage.
-        lap: told the name of every stage at its end.
-        kept: meshes of earlier scenes (see ``open_wardrobe``).
-    """
-    tell(Progress("load"))
-    wardrobe = open_wardrobe(scene, kept)
-    lap("load")
-    if wardrobe.avatar is not None:
-        tell(Progress("compile"))
-        _compile(avatar_modules(contact_kind(scene, wardrobe)), device)
-        lap("compile")
-    tell(Progress("build"))
-    contact = _avatar_contact(scene, wardrobe, device)
-    model = build_model(wardrobe.parts, device=device, precision=scene.solver.precision)
-    collider = contact.collider(model.points())
-    options = StepOptions(method=scene.solver.method, cap=scene.solver.cap)
-    touch = cloth_touch(scene, wardrobe, model) if scene.collision.cloth else None
-    relaxation = Relaxation(model, collider, options, touch)
-    certifier = Certifier(relaxation, collider)
-    course = cloth_course(wardrobe, relaxation, touch, device) if touch is not None else None
-    wp.synchronize_device(device)
-    lap("build")
-    tell(Progress("compile"))
-    _compile([kernel.module for kernel in relaxation.kernels() + certifier.kernels()], device)
-    lap("compile")
-    return SetUp(wardrobe, contact, model, relaxation, certifier, course)
-
-
-def _compile(modules: list[wp.Module], device: str) -> None:
-    """Loads kernels, compiled where Warp's cache does not have them yet.
-
-    For the CPU one after another: two threads of that compiler take twice as long as one (measured, Warp 1.19).
-    """
-    wp.force_load(device, modules=modules, max_workers=0 if wp.get_device(device).is_cpu else None)
+    report = {**fitted.report, "maps": maps.summary(called), "girths_mm": list(maps.girths)}
+    if maps.notes:
+        report["map_notes"] = list(maps.notes)
+    return replace(fitted, garments=garments, report=report, maps=maps)
 
 
 class _Clock:
@@ -221,24 +162,12 @@ def device_named(name: str | None) -> str:
         raise InputError("--device", f'there is no device "{name}" here', f"use one of: {devices}") from None
 
 
-def _avatar_contact(scene: Scene, wardrobe: Wardrobe, device: str) -> AvatarContact:
-    return AvatarContact(
-        wardrobe.avatar,
-        contact_kind(scene, wardrobe),
-        pixel=scene.collision.pixel_mm * 1e-3,
-        offset=scene.collision.offset_mm * 1e-3,
-        friction=scene.avatar.friction if scene.avatar is not None else 0.0,
-        device=device,
-    )
-
-
 def _relax(
     scene: Scene,
     made: SetUp,
     frames: int,
     tell: Callable[[Progress], None],
 ) -> Outcome:
-    contact = made.contact
     limit = scene.solver.iterations
 
     def told(check: Check, seconds: float) -> None:
@@ -253,10 +182,6 @@ def _relax(
             )
         )
 
-    def follow(points: Points) -> Collider | None:
-        lost = not np.isfinite(points).all()  # the next check tells
-        return None if lost or contact.covers(points) else contact.collider(points)
-
     tell(Progress("relax", 0, limit))
     return relax_to_rest(
         made.relaxation,
@@ -264,7 +189,7 @@ def _relax(
         tolerance_of(scene),
         limit,
         frames=frames,
-        follow=follow,
+        follow=following(made),
         course=made.course,
         on_check=told,
     )
@@ -275,56 +200,64 @@ def tolerance_of(scene: Scene) -> Tolerance:
     return Tolerance(scene.solver.residual, scene.solver.residual_p99, scene.solver.tolerance_mm * 1e-3)
 
 
-def _finished(
-    scene: Scene,
-    wardrobe: Wardrobe,
-    model: ClothModel,
-    outcome: Outcome,
-    clock: _Clock,
-    device: str,
-    frames: int,
-) -> Fit:
-    if outcome.status is Status.DIVERGED:
-        model.set_points(outcome.points)
-    strains, threads = edge_strains(model), thread_summaries(model)
-    depth = None
-    if wardrobe.avatar is not None:
-        depth = penetration(outcome.points, wardrobe.avatar, device)
-    crossing = worn_crossings(wardrobe, outcome.points, device)
-    clock.lap("measure")
-    garments = tuple(
-        replace(worn, fields=crossing.marked(index, worn.mesh))
-        for index, worn in enumerate(_worn(scene, wardrobe, model, outcome, frames))
-    )
-    advice = unheld(scene, wardrobe, [worn.points for worn in garments])
-    message = verdict(outcome, tolerance_of(scene), advice or more_iterations(scene.solver.method))
-    report = report_of(
-        scene,
-        wardrobe,
-        model,
-        outcome,
-        message=message,
-        seconds=clock.seconds,
-        device=device,
-        strain=strain_summary(strains),
-        threads=threads,
-        depth=depth,
-        crossing=crossing,
-        plan=make_plan(scene, wardrobe),
-    )
-    return Fit(scene, outcome.status, message, garments, wardrobe.avatar, report, device)
+def finished(
+    made: SetUp,
+    outcomes: Sequence[Outcome],
+    *,
+    lap: Callable[[str], None],
+    seconds: dict[str, float],
+    frames: int = 0,
+) -> list[Fit]:
+    """Measures relaxed scenes, and puts sentence and report together; ``seconds`` of the stages, of all together."""
+    model = made.model
+    for item, outcome in enumerate(outcomes):
+        if outcome.status is Status.DIVERGED:
+            model.set_points(outcome.points, item)
+    strains, threads = edge_strains(model), thread_strains(model)
+    exact: dict[int, ExactCollider] = {}
+    depths: list[Penetration | None] = []
+    for wardrobe, outcome in zip(made.wardrobes, outcomes, strict=True):
+        avatar = wardrobe.avatar
+        if avatar is not None and id(avatar) not in exact:
+            exact[id(avatar)] = build_exact_collider(avatar, model.device)
+        depths.append(penetration(outcome.points, avatar, model.device, exact[id(avatar)]) if avatar else None)
+    lap("measure")
+    fits = []
+    for item, (scene, wardrobe, outcome) in enumerate(zip(made.scenes, made.wardrobes, outcomes, strict=True)):
+        crossing = worn_crossings(wardrobe, outcome.points, model.device)
+        garments = tuple(
+            replace(worn, fields=crossing.marked(index, worn.mesh))
+            for index, worn in enumerate(_worn(scene, wardrobe, outcome, frames))
+        )
+        advice = unheld(scene, wardrobe, [worn.points for worn in garments])
+        message = verdict(outcome, tolerance_of(scene), advice or more_iterations(scene.solver.method))
+        report = report_of(
+            scene,
+            wardrobe,
+            outcome,
+            message=message,
+            seconds=seconds if len(outcomes) == 1 else {**seconds, "relax": outcome.seconds},
+            device=model.device,
+            strain=strain_summary(strains[model.of_item(item, model.edge_start)]),
+            threads=thread_summaries(threads[model.of_item(item, model.weave_start)]),
+            depth=depths[item],
+            crossing=crossing,
+            plan=make_plan(scene, wardrobe),
+        )
+        fits.append(Fit(scene, outcome.status, message, garments, wardrobe.avatar, report, model.device))
+    return fits
 
 
-def _worn(
-    scene: Scene, wardrobe: Wardrobe, model: ClothModel, outcome: Outcome, frames: int
-) -> tuple[WornGarment, ...]:
+def _worn(scene: Scene, wardrobe: Wardrobe, outcome: Outcome, frames: int) -> tuple[WornGarment, ...]:
     worn = []
-    for index, (spec, mesh) in enumerate(zip(scene.garments, wardrobe.garments, strict=True)):
-        part = slice(model.vertex_start[index], model.vertex_start[index + 1])
+    first = 0
+    for spec, mesh, loaded in zip(scene.garments, wardrobe.garments, wardrobe.parts, strict=True):
+        part = slice(first, first + mesh.vertex_count)
+        first = part.stop
         points: Points = outcome.points[part]
         shapes = _chosen_frames(outcome, part, mesh.points, points, frames) if frames else None
-        rest = wardrobe.parts[index].rest
-        worn.append(WornGarment(spec.name, mesh, points, spec.fabric.thickness, shapes, fabric=spec.fabric, rest=rest))
+        kind = spec.fabric
+        worn.append(WornGarment(spec.name, mesh, points, kind.thickness, shapes, fabric=kind, rest=loaded.rest))
     return tuple(worn)
 
 

@@ -29,7 +29,9 @@ class GarmentPart:
 
 @dataclass(frozen=True, eq=False)
 class ClothModel:
-    """All garments, concatenated. A term that the scene does not use has no arrays (None).
+    """All garments of all items, concatenated. A term that no scene uses has no arrays (None).
+
+    An item is one fit. Nothing in the arithmetic of its vertices depends on what else is there.
 
     Forces act in edges and triangles, from which they are scattered or gathered per vertex (see the kernels). Hinges
     and weave are what the certificate measures.
@@ -37,11 +39,12 @@ class ClothModel:
 
     device: str
     precision: str
+    item_start: tuple[int, ...]  # first vertex of each item, and the vertex count
     vertex_start: tuple[int, ...]  # first vertex of each garment, and the vertex count
     edge_start: tuple[int, ...]
     triangle_count: int
     hinge_count: int
-    weave_count: int
+    weave_start: tuple[int, ...]  # first woven triangle of each garment, and their number
     terms: Terms
     cloth: Any  # kernels.cloth Cloth
     edges: Any  # kernels.cloth Edges
@@ -63,15 +66,32 @@ class ClothModel:
         """Whether forces are gathered per vertex rather than scattered per edge and triangle."""
         return self.stored_rows is not None
 
-    def points(self) -> NDArray[np.float64]:
-        """Positions now [m], shape [V, 3]. Waits for the device."""
-        return np.array(self.cloth.position.numpy(), dtype=np.float64)
+    @property
+    def item_count(self) -> int:
+        return len(self.item_start) - 1
 
-    def set_points(self, points: Points) -> None:
-        """Moves every vertex to these positions [m], shape [V, 3], and forgets its momentum."""
+    @property
+    def weave_count(self) -> int:
+        return self.weave_start[-1]
+
+    def of_item(self, item: int, starts: tuple[int, ...] | None = None) -> slice:
+        """The vertices of an item, or what else ``starts`` counts by garment."""
+        first, last = self.item_start[item], self.item_start[item + 1]
+        if starts is None:
+            return slice(first, last)
+        return slice(starts[self.vertex_start.index(first)], starts[self.vertex_start.index(last)])
+
+    def points(self, item: int | None = None) -> NDArray[np.float64]:
+        """Positions now [m] of all vertices or of an item's, shape [V, 3]. Waits for the device."""
+        position = self.cloth.position if item is None else self.cloth.position[self.of_item(item)]
+        return np.array(position.numpy(), dtype=np.float64)
+
+    def set_points(self, points: Points, item: int = 0) -> None:
+        """Moves an item's vertices to these positions [m], shape [V, 3], and forgets their momentum."""
         types = cloth_types(self.precision)
-        self.cloth.position.assign(wp.array(points, dtype=types.point, device=self.device))
-        self.cloth.move.zero_()
+        part = self.of_item(item)
+        self.cloth.position[part].assign(wp.array(points, dtype=types.point, device=self.device))
+        self.cloth.move[part].zero_()
 
     def cloth_beside(self) -> Any:
         """The cloth with positions and moves of its own, for iterations that write beside what they read."""
@@ -79,48 +99,70 @@ class ClothModel:
         beside.position, beside.move = wp.empty_like(self.cloth.position), wp.empty_like(self.cloth.move)
         beside.weight, beside.pinned = self.cloth.weight, self.cloth.pinned
         beside.stiffness = self.cloth.stiffness
+        beside.item, beside.items = self.cloth.item, self.cloth.items
         return beside
 
 
+def terms_of(rests: Sequence[RestShape]) -> Terms:
+    """What acts in these garments."""
+    return Terms(
+        edges=any(bool(rest.edge_pull.any() or rest.edge_push.any()) for rest in rests),
+        folds=any(bool(rest.hinge_stiffness.any()) for rest in rests),
+        threads=any(rest.weave is not None for rest in rests),
+        angles=any(bool(rest.fold_angle[rest.hinge_stiffness > 0.0].any()) for rest in rests),
+    )
+
+
 def build_model(
-    parts: Sequence[GarmentPart], *, device: str, precision: str, gathers: bool | None = None
+    parts: Sequence[GarmentPart],
+    *,
+    device: str,
+    precision: str,
+    gathers: bool | None = None,
+    garments: Sequence[int] | None = None,
 ) -> ClothModel:
     """Concatenates garments and puts them on a device.
 
-    ``gathers`` says how forces are summed; None: gathered on CUDA, scattered on the CPU, which is fastest on each.
+    ``garments`` is how many of the parts belong to each item; None: all to one. ``gathers`` says how forces are
+    summed; None: gathered on CUDA, scattered on the CPU, which is fastest on each.
     """
     types = cloth_types(precision)
     vertex_start = _starts([len(part.points) for part in parts])
     rests = [part.rest for part in parts]
-    elements = joined_elements([garment_elements(part.triangles, part.rest) for part in parts], vertex_start)
-    terms = Terms(
-        edges=bool(elements.law[:, 1:].any()),
-        folds=bool(elements.fold.any()),
-        threads=any(rest.weave is not None for rest in rests),
-        angles=bool((elements.rest[elements.fold != 0.0] != (1.0, 0.0)).any()),
-    )
+    made: dict[int, Elements] = {}  # of each part once, however often it is there
+    garments_elements = []
+    for part in parts:
+        if id(part) not in made:
+            made[id(part)] = garment_elements(part.triangles, part.rest)
+        garments_elements.append(made[id(part)])
+    elements = joined_elements(garments_elements, vertex_start)
+    terms = terms_of(rests)
 
     def upload(array: NDArray[Any], dtype: Any) -> wp.array:
         return wp.array(np.ascontiguousarray(array), dtype=dtype, device=device)
 
+    item_start = tuple(vertex_start[first] for first in _starts(list(garments or [len(parts)])))
     hinges, hinge_count = _hinges(types, upload, rests, vertex_start, terms.angles)
-    weave, weave_count = _weave(types, upload, rests, vertex_start)
+    weave = _weave(types, upload, rests, vertex_start)
     gathered = wp.get_device(device).is_cuda if gathers is None else gathers
     return ClothModel(
         device=device,
         precision=precision,
+        item_start=item_start,
         vertex_start=vertex_start,
         edge_start=_starts([len(rest.topology.edges) for rest in rests]),
         triangle_count=len(elements.corners),
         hinge_count=hinge_count,
-        weave_count=weave_count,
+        weave_start=_starts([0 if rest.weave is None else len(rest.weave.corners) for rest in rests]),
         terms=terms,
-        cloth=_cloth(types, upload, parts, vertex_start),
+        cloth=_cloth(types, upload, parts, vertex_start, item_start),
         edges=_edges(types, upload, elements, terms),
         triangles=_triangles(types, upload, elements, terms),
         hinges=hinges,
         weave=weave,
-        stored_rows=_stored_rows(types, upload, elements, vertex_start[-1]) if gathered else None,
+        stored_rows=_stored_rows(types, upload, garments_elements, vertex_start, len(elements.corners))
+        if gathered
+        else None,
     )
 
 
@@ -166,21 +208,25 @@ def _hinges(
     return hinges, int(used.sum())
 
 
-def _weave(
-    types: Any, upload: Any, rests: Sequence[RestShape], vertex_start: tuple[int, ...]
-) -> tuple[Any | None, int]:
-    """Woven triangles of all garments, and their number."""
+def _weave(types: Any, upload: Any, rests: Sequence[RestShape], vertex_start: tuple[int, ...]) -> Any | None:
+    """Woven triangles of all garments."""
     woven = [(rest.weave, first) for rest, first in zip(rests, vertex_start, strict=False) if rest.weave is not None]
     if not woven:
-        return None, 0
+        return None
     weave = types.Weave()
     weave.corners = upload(np.concatenate([shape.corners + first for shape, first in woven]), wp.vec3i)
     weave.slope = upload(np.concatenate([shape.slope for shape, _ in woven]), types.vec4)
     weave.law = upload(np.concatenate([shape.law for shape, _ in woven]), types.vec4)
-    return weave, sum(len(shape.corners) for shape, _ in woven)
+    return weave
 
 
-def _cloth(types: Any, upload: Any, parts: Sequence[GarmentPart], vertex_start: tuple[int, ...]) -> Any:
+def _cloth(
+    types: Any,
+    upload: Any,
+    parts: Sequence[GarmentPart],
+    vertex_start: tuple[int, ...],
+    item_start: tuple[int, ...],
+) -> Any:
     """Vertices of all garments at rest where they are loaded."""
     count = vertex_start[-1]
     pinned = np.zeros(count, dtype=np.uint8)
@@ -192,6 +238,10 @@ def _cloth(types: Any, upload: Any, parts: Sequence[GarmentPart], vertex_start: 
     cloth.weight = upload(np.concatenate([part.rest.vertex_weight for part in parts]), types.real)
     cloth.stiffness = upload(np.zeros(count), types.real)
     cloth.pinned = upload(pinned, wp.uint8)
+    cloth.item = upload(np.repeat(np.arange(len(item_start) - 1), np.diff(item_start)), wp.int32)
+    items = np.zeros(len(item_start) - 1, dtype=types.Item.numpy_dtype())
+    items["active"] = 1
+    cloth.items = upload(items, types.Item)
     return cloth
 
 
@@ -204,17 +254,47 @@ def _starts(counts: list[int]) -> tuple[int, ...]:
     return (0, *(int(end) for end in np.cumsum(counts)))
 
 
-def _stored_rows(types: Any, upload: Any, elements: Elements, vertex_count: int) -> Any:
+def _stored_rows(
+    types: Any, upload: Any, garments: Sequence[Elements], vertex_start: tuple[int, ...], triangle_count: int
+) -> Any:
     """The edges and triangles at each vertex, in their order."""
-    edges, triangles = np.arange(len(elements.ends)), np.arange(len(elements.corners))
-    edge = np.stack([edges, -1 - edges], axis=1)
-    # planes by corner: neighbouring threads write side by side
-    slot = np.arange(3) * len(triangles) + triangles[:, None]
+    made: dict[int, _Rows] = {}
+    edge_start, edge, start, slot = [], [], [], []
+    edges = triangles = 0
+    for elements, first, last in zip(garments, vertex_start, vertex_start[1:], strict=False):
+        if id(elements) not in made:
+            made[id(elements)] = _rows(elements, last - first)
+        of = made[id(elements)]
+        edge_start.append(of.edge_start + 2 * edges)
+        edge.append(np.where(of.edge < 0, of.edge - edges, of.edge + edges))
+        start.append(of.start + 3 * triangles)
+        # planes by corner: neighbouring threads write side by side
+        slot.append(of.corner * triangle_count + (of.triangle + triangles))
+        edges += len(elements.ends)
+        triangles += len(elements.corners)
     rows = types.StoredRows()
-    start, order = ragged_rows(elements.ends.ravel(), vertex_count)
-    rows.edge_start = upload(start, wp.int32)
-    rows.edge = upload(edge.ravel()[order].astype(np.int32), wp.int32)
-    start, order = ragged_rows(elements.corners.ravel(), vertex_count)
-    rows.start = upload(start, wp.int32)
-    rows.slot = upload(slot.ravel()[order].astype(np.int32), wp.int32)
+    rows.edge_start = upload(np.concatenate([*edge_start, [2 * edges]]), wp.int32)
+    rows.edge = upload(np.concatenate(edge), wp.int32)
+    rows.start = upload(np.concatenate([*start, [3 * triangles]]), wp.int32)
+    rows.slot = upload(np.concatenate(slot), wp.int32)
     return rows
+
+
+@dataclass(frozen=True, eq=False)
+class _Rows:
+    """The edges and triangles at each vertex of one garment."""
+
+    edge_start: Indices  # shape [V]
+    edge: Indices  # kernels.cloth StoredRows
+    start: Indices  # shape [V]
+    corner: Indices  # which corner of its triangle the vertex is
+    triangle: Indices
+
+
+def _rows(elements: Elements, vertex_count: int) -> _Rows:
+    edges = np.arange(len(elements.ends), dtype=np.int32)
+    edge_start, order = ragged_rows(elements.ends.ravel(), vertex_count)
+    edge = np.stack([edges, -1 - edges], axis=1).ravel()[order]
+    start, order = ragged_rows(elements.corners.ravel(), vertex_count)
+    corner, triangle = (order % 3).astype(np.int32), (order // 3).astype(np.int32)
+    return _Rows(edge_start[:-1], edge, start[:-1], corner, triangle)

@@ -14,7 +14,6 @@ from warp_cloth.solver.loop import Outcome
 if TYPE_CHECKING:
     from warp_cloth.collide.garments import GarmentCrossings
     from warp_cloth.mesh import Points
-    from warp_cloth.model import ClothModel
     from warp_cloth.plan import Term
     from warp_cloth.scene import Scene
     from warp_cloth.wardrobe import Wardrobe
@@ -67,7 +66,6 @@ def verdict(outcome: Outcome, tolerance: Tolerance, advice: str) -> str:
 def report_of(
     scene: Scene,
     wardrobe: Wardrobe,
-    model: ClothModel,
     outcome: Outcome,
     *,
     message: str,
@@ -84,18 +82,19 @@ def report_of(
     ``strain`` is that of edges; ``threads`` those along "warp", "weft" and "bias", of woven garments only.
     """
     relaxing = seconds["relax"]
+    topologies = [part.rest.topology for part in wardrobe.parts]
     return {
         "status": outcome.status.value,
         "message": message,
-        "vertices": model.vertex_count,
-        "faces": model.triangle_count,
-        "edges": model.edge_count,
-        "hinges": sum(len(part.rest.topology.hinges) for part in wardrobe.parts),
+        "vertices": sum(len(part.points) for part in wardrobe.parts),
+        "faces": sum(len(part.triangles) for part in wardrobe.parts),
+        "edges": sum(len(topology.edges) for topology in topologies),
+        "hinges": sum(len(topology.hinges) for topology in topologies),
         "iterations": outcome.iterations,
         "seconds": seconds,
         "iterations_per_second": outcome.iterations / relaxing if relaxing > 0.0 else None,
         "device": device,
-        "precision": model.precision,
+        "precision": scene.solver.precision,
         "residual": asdict(outcome.check.residual),
         "rest_error_mm": 1e3 * outcome.check.rest_error,
         "strain": {**asdict(strain), **{way: asdict(found) for way, found in threads.items()}},

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, MutableMapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
+from typing import Any, TypeVar
 
 from warp_cloth.errors import InputError
 from warp_cloth.grain import Grain
@@ -17,6 +18,9 @@ from warp_cloth.scene import AvatarSpec, GarmentSpec, MannequinShape, Scene, Tsh
 from warp_cloth.shapes import MannequinMeasures, build_avatar, build_garment, mannequin_measures
 
 DEFAULT_SIZE = "M"
+MESH_KEYS = {"mesh", "shape", "prim", "units", "rest"}  # of a garment or an avatar, that its mesh depends on
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,41 +32,52 @@ class Wardrobe:
     avatar: Mesh | None
 
 
-def open_wardrobe(scene: Scene, kept: MutableMapping[str, Mesh] | None = None) -> Wardrobe:
-    """Loads or generates every mesh of a scene and works out the rest shapes.
+class Rack:
+    """Keeps what scenes share: meshes, and garments of the same fabric and pins."""
 
-    ``kept`` holds meshes of earlier scenes, by what they were made of, and takes those of this one.
+    def __init__(self) -> None:
+        self._kept: dict[tuple[str, ...], Any] = {}
+
+    def once(self, make: Callable[[], T], *key: str) -> T:
+        """What was made under this key before, or is made now."""
+        if key not in self._kept:
+            self._kept[key] = make()
+        found: T = self._kept[key]
+        return found
+
+
+def open_wardrobe(scene: Scene, rack: Rack | None = None) -> Wardrobe:
+    """Loads or generates every mesh of a scene and works out the rest shapes; what a rack has is taken from there.
 
     Raises:
         InputError: a file, a rest shape or a pin that cannot be used.
     """
+    kept = rack or Rack()
     size = worn_size(scene)
     worn_by = scene.avatar.shape if scene.avatar is not None else None
     body = mannequin_measures(worn_by, size=size) if isinstance(worn_by, MannequinShape) else None
-    known = {} if kept is None else kept
-
-    def once(source: str, make: Callable[[], Mesh]) -> Mesh:
-        if source not in known:
-            known[source] = make()
-        return known[source]
-
+    where = str(scene.directory.absolute())
+    named = list(zip(scene.garments, scene.garment_keys, strict=True))
+    fitted_to = str(body)
     garments = tuple(
-        once(f"{_source(spec)} {spec.rest} {body}", partial(_garment_mesh, spec, key, body))
-        for spec, key in zip(scene.garments, scene.garment_keys, strict=True)
+        kept.once(partial(_garment_mesh, spec, key, body), "mesh", where, key, fitted_to, _worked(spec, MESH_KEYS))
+        for spec, key in named
     )
     avatar = None
     if scene.avatar is not None:
-        avatar = once(f"avatar {_source(scene.avatar)} {size}", partial(_avatar_mesh, scene.avatar, size))
+        spec = scene.avatar
+        avatar = kept.once(lambda: _avatar_mesh(spec, size), "avatar", where, size, _worked(spec, MESH_KEYS))
     check_sizes(list(zip(scene.garment_keys, garments, strict=True)), avatar)
     parts = tuple(
-        _part(mesh, spec, key) for mesh, spec, key in zip(garments, scene.garments, scene.garment_keys, strict=True)
+        kept.once(partial(_part, mesh, spec, key), "part", where, key, fitted_to, _worked(spec, None))
+        for mesh, (spec, key) in zip(garments, named, strict=True)
     )
     return Wardrobe(garments, parts, avatar)
 
 
-def _source(spec: GarmentSpec | AvatarSpec) -> str:
-    """What a mesh is made of."""
-    return f"{spec.mesh} {spec.prim} {spec.units} {spec.shape!r}"
+def _worked(spec: GarmentSpec | AvatarSpec, keys: set[str] | None) -> str:
+    """The values that a mesh or a garment is made from, as a text."""
+    return spec.model_dump_json(include=keys, exclude={"name"})
 
 
 def _part(mesh: Mesh, spec: GarmentSpec, key: str) -> GarmentPart:

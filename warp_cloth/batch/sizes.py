@@ -9,7 +9,9 @@ from typing import Any, get_args
 
 from warp_cloth.errors import InputError
 from warp_cloth.fitting import Fit, fit
-from warp_cloth.girth import LevelFit, level_fits
+from warp_cloth.maps.girths import garment_girths
+from warp_cloth.maps.levels import body_levels
+from warp_cloth.model import GarmentPart
 from warp_cloth.result import Status
 from warp_cloth.scene import MannequinShape, Scene, TshirtShape, load_scene
 from warp_cloth.scene.shapes import Size
@@ -22,6 +24,21 @@ DEFAULT_EASE = 0.04
 # Strain of the cloth (99th percentile) above which a size is too tight somewhere, whatever its girths. A choice: at
 # 10 % the stiffer of the shipped fabrics pull with more than the 490 N/m that a laboratory's tensile test ends at.
 MOST_STRETCH = 0.10
+
+
+@dataclass(frozen=True)
+class LevelFit:
+    """Body and garment at one level."""
+
+    height: float  # above the floor [m]
+    body: float  # girth of the trunk by tape [m]
+    garment: float  # girth of the garment as cut [m]
+    stretch: float  # of the garment as worn against as cut
+
+    @property
+    def ease(self) -> float:
+        """How much larger the garment is cut than the body [m]; negative where it must stretch."""
+        return self.garment - self.body
 
 
 @dataclass(frozen=True, eq=False)
@@ -163,10 +180,25 @@ def _fit_size(size: str, scene: str | Path | Mapping[str, Any], changes: Sequenc
         return SizeFit(size, Status.INVALID.value, str(error), {}, None, None, None)
     levels = {}
     if worn.avatar is not None and worn.status is not Status.DIVERGED:
-        part = open_wardrobe(chosen).parts[0]
-        levels = level_fits(worn.avatar, worn.garments[0].points, part.triangles, part.rest)
+        levels = _levels(worn, open_wardrobe(chosen).parts[0])
     strain = worn.report["strain"]
     return SizeFit(size, worn.status.value, worn.message, levels, strain["p50"], strain["p99"], worn)
+
+
+def _levels(worn: Fit, part: GarmentPart) -> dict[str, LevelFit]:
+    """The levels at which the first garment goes all round the trunk."""
+    avatar, garment = worn.avatar, worn.garments[0]
+    levels = body_levels(avatar) if avatar is not None else None
+    if avatar is None or levels is None:
+        return {}
+    found = {}
+    for row in garment_girths(garment.name, garment.points, part.rest.sheet, avatar, levels):
+        if row["closed"]:
+            height, body, cut, as_worn = (
+                1e-3 * row[key] for key in ("height", "body_girth", "natural_girth", "garment_girth")
+            )
+            found[row["level"]] = LevelFit(height, body, cut, as_worn / cut - 1.0)
+    return found
 
 
 def recommendation(sizes: Sequence[SizeFit], wanted: float) -> tuple[str | None, str]:

@@ -108,13 +108,16 @@ class _Worker:
         return scene
 
     def _fitted(self, scenes: Sequence[tuple[Item, Scene]]) -> list[ItemResult]:
-        return [self._one(item, scene) for item, scene in scenes]
+        from warp_cloth.batch.many import fit_many
 
-    def _one(self, item: Item, scene: Scene) -> ItemResult:
-        from warp_cloth.fitting import fit
+        fits = fit_many([scene for _, scene in scenes], self._task.device)
+        return [self._result(item, fit) for (item, _), fit in zip(scenes, fits, strict=True)]
 
+    def _result(self, item: Item, fit: Fit | Exception) -> ItemResult:
         try:
-            return self._kept(item, fit(scene, device=self._task.device))
+            if isinstance(fit, Exception):
+                raise fit
+            return self._kept(item, fit)
         except Exception as error:
             return ItemResult(self._failure(item, error))
 

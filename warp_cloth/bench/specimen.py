@@ -59,14 +59,14 @@ class Specimen:
         self._load = wp.zeros(self.model.vertex_count, dtype=wp.vec4f, device=device)
         self._forces = ForcePass(self.model, "none", self._load)
         kernels = [*self._relaxation.kernels(), *self._forces.kernels()]
-        certifier = Certifier(self._relaxation, Collider())
+        certifier = Certifier(self._relaxation)
         wp.force_load(device, modules=[kernel.module for kernel in kernels + certifier.kernels()])
 
     def settle(self, start: Points, tolerance: Tolerance, limit: int) -> Settled:
         """Relaxes from these positions, in which the clamps stand where they stay."""
         self.model.set_points(start)
         self.model.cloth.stiffness.zero_()
-        certifier = Certifier(self._relaxation, Collider())
+        certifier = Certifier(self._relaxation)
         outcome = relax_to_rest(self._relaxation, certifier, tolerance, limit)
         self.model.set_points(outcome.points)
         self._load.zero_()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from copy import copy
 from typing import Any
 
 import numpy as np
@@ -70,6 +71,12 @@ class AvatarContact:
         self._kept = (buffers, field)
         log.info("contact field of %s nodes", " x ".join(str(count) for count in field.values.shape))
         return Collider(field_contact, field.field, ContactField, self._offset, self._friction)
+
+    def alike(self, friction: float) -> AvatarContact:
+        """The same contact for another scene: what is built so far is shared, what is built later is its own."""
+        other = copy(self)
+        other._friction = friction
+        return other
 
     def covers(self, points: Points) -> bool:
         """Whether the collider still answers wherever garments at these positions [m] may touch the avatar."""

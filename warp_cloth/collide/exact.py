@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import warp as wp
@@ -26,6 +26,13 @@ class ExactCollider:
     @property
     def device(self) -> wp.Device:
         return self.mesh.device
+
+    def within(self, distance: float) -> ExactCollider:
+        """The same mesh, answering up to this distance inside and outside [m]."""
+        collider = kernels.MeshCollider()
+        collider.mesh, collider.origin = self.collider.mesh, self.collider.origin
+        collider.depth = collider.reach = distance
+        return replace(self, collider=collider)
 
     def sample(self, points: Points) -> NDArray[np.float32]:
         """Unit normal and signed distance at points [m], shape [N, 3]; shape [N, 4]. Far ones have no normal."""
@@ -58,22 +65,29 @@ def build_exact_collider(
     return ExactCollider(collider, mesh)
 
 
-def signed_distances(points: Points, avatar: Mesh, device: wp.DeviceLike = None) -> NDArray[np.float32]:
-    """Signed distance to the avatar's mesh [m], positive outside, shape [N]; NaN where a point is not finite."""
+def signed_distances(
+    points: Points, avatar: Mesh, device: wp.DeviceLike = None, exact: ExactCollider | None = None
+) -> NDArray[np.float32]:
+    """Signed distance to the avatar's mesh [m], positive outside, shape [N]; NaN where a point is not finite.
+
+    ``exact`` is of that mesh, where there is one already.
+    """
     distances = np.full(len(points), np.nan, dtype=np.float32)
     finite = np.isfinite(points).all(axis=1)
     if not finite.any() or not avatar.triangle_count:
         return distances
     lower, upper = avatar.bounds()
     far = float(np.linalg.norm(np.maximum(np.abs(points[finite] - lower), np.abs(points[finite] - upper)).max(axis=0)))
-    exact = build_exact_collider(avatar, device, depth=2.0 * far, reach=2.0 * far)
-    distances[finite] = exact.sample(points[finite])[:, 3]
+    asked = (exact or build_exact_collider(avatar, device)).within(2.0 * far)
+    distances[finite] = asked.sample(points[finite])[:, 3]
     return distances
 
 
-def penetration(points: Points, avatar: Mesh, device: wp.DeviceLike = None) -> Penetration:
+def penetration(
+    points: Points, avatar: Mesh, device: wp.DeviceLike = None, exact: ExactCollider | None = None
+) -> Penetration:
     """How deep points lie under the avatar's surface; NaN where a point is not finite."""
-    distances = signed_distances(points, avatar, device).astype(np.float64)
+    distances = signed_distances(points, avatar, device, exact).astype(np.float64)
     depth = 1000.0 * np.maximum(-distances, 0.0)
     inside = float(np.mean(distances < 0.0)) if np.isfinite(distances).all() else float("nan")
     return Penetration(max=float(depth.max()), p999=float(np.percentile(depth, 99.9)), fraction=inside)

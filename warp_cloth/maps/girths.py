@@ -14,6 +14,7 @@ from warp_cloth.material import Sheet
 from warp_cloth.mesh import Mesh, Points
 
 SECTORS = 72  # of 5 degrees round the trunk
+ALONG = 9  # spots looked at along each piece of a section
 CLOSED = 0.95  # share of the sectors that a garment covers that goes round
 PRESENT = 0.3  # less than this is a strap or a corner of the hem
 MILLIMETRES = 1e3
@@ -69,6 +70,9 @@ def _round_the_trunk(ends: NDArray[np.float64], level: Level) -> NDArray[np.bool
 def _covered(ends: NDArray[np.float64], level: Level) -> float:
     """Share of the directions from the trunk's middle in which there is cloth."""
     trunk = level.section.ends[level.section.part == level.trunk]
-    way = ends.mean(axis=1) - trunk.reshape(-1, 2).mean(axis=0)
+    # long edges reach over several sectors
+    share = np.linspace(0.0, 1.0, ALONG)[:, None, None]
+    spots = (1.0 - share) * ends[:, 0] + share * ends[:, 1]
+    way = spots.reshape(-1, 2) - trunk.reshape(-1, 2).mean(axis=0)
     sector = np.floor((np.arctan2(way[:, 1], way[:, 0]) / (2.0 * np.pi) + 0.5) * SECTORS).astype(int) % SECTORS
     return len(np.unique(sector)) / SECTORS

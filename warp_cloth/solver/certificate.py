@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 import warp as wp
@@ -12,12 +13,24 @@ from numpy.typing import NDArray
 from warp_cloth.kernels.certify import bending_energy_kernel, energy_kernels, residual_kernel
 from warp_cloth.kernels.cloth import cloth_types
 from warp_cloth.kernels.pressure import push_kernel
+from warp_cloth.kernels.summary import (
+    CHUNK,
+    COLUMNS,
+    FREE,
+    LOWER,
+    MOVED,
+    RELATIVE,
+    UPPER,
+    WAYS,
+    WEIGHTS,
+    summary_kernels,
+)
 from warp_cloth.mesh import Points
 from warp_cloth.model import ClothModel
 from warp_cloth.result import Residual, Strain
 from warp_cloth.solver.forces import ForcePass
-from warp_cloth.solver.relax import Collider, Relaxation
-from warp_cloth.solver.rest_error import RestError
+from warp_cloth.solver.relax import Relaxation
+from warp_cloth.solver.rest_error import Mark, RestError, rest_error
 
 # A vertex at rest on the avatar stands at the contact offset to within the rounding of a float32 distance and one
 # iteration's fall; this far above it still counts as held.
@@ -40,94 +53,172 @@ class Tolerance:
 
 @dataclass(frozen=True)
 class Check:
-    """The certificate's figures after some iterations."""
+    """The certificate's figures of an item after some iterations."""
 
     iteration: int
-    residual: Residual
+    residual: Residual  # percentiles and the largest only where the rest is within the tolerance, or at the end
     rest_error: float  # [m]; inf while nothing is known of it
     finite: bool
+    moved: float = math.inf  # largest change of a coordinate since the last check [m]
+    bounds: tuple[Points, Points] | None = None  # lowest and highest corner of the item's garments [m]
 
     def within(self, tolerance: Tolerance) -> bool:
         """Whether this is rest."""
+        return self.nearly_within(tolerance) and self.residual.relative_p99 <= tolerance.relative_p99
+
+    def nearly_within(self, tolerance: Tolerance) -> bool:
+        """Whether it is, as far as sums tell."""
         return (
             self.finite
             and self.residual.relative_rms <= tolerance.relative_rms
-            and self.residual.relative_p99 <= tolerance.relative_p99
             and self.rest_error <= tolerance.rest_error
         )
 
 
 class Certifier:
-    """Measures a relaxation's shape with the forces and the contact that its iterations use."""
+    """Measures the items of a relaxation with the forces and the contact that their iterations use.
 
-    def __init__(self, relaxation: Relaxation, collider: Collider) -> None:
+    What is summed over an item's vertices is summed on the device, in the same order whatever else is there.
+    """
+
+    def __init__(self, relaxation: Relaxation) -> None:
         model = relaxation.model
         types = cloth_types(model.precision)
         self._model = model
-        self._step = relaxation.step
-        self._touch = relaxation.touch
-        self._collider = relaxation.collider_data
+        self._relaxation = relaxation
         self._load = wp.zeros(model.vertex_count, dtype=types.vec4, device=model.device)
         self._forces = ForcePass(model, "size", self._load)
-        self._residual = residual_kernel(model.precision, collider.contact, relaxation.collider_type)
-        self._contact = (collider.contact, relaxation.collider_type)
+        self._residual = residual_kernel(model.precision, relaxation.contact, relaxation.collider_type)
+        self._summary = summary_kernels(model.precision)
         self._left = wp.zeros(model.vertex_count, dtype=wp.vec2f, device=model.device)
+        self._last = wp.clone(model.cloth.position)  # at the last check
         self._rest_error = RestError()
+        self._spare: list[wp.array] = []  # shapes that are kept no longer
+        chunks = [_chunks(model.of_item(item)) for item in range(model.item_count)]
+        first = np.concatenate([*chunks, [model.vertex_count]])
+        starts = np.cumsum([0, *(len(each) for each in chunks)])
+        self._first_vertex = wp.array(first, dtype=wp.int32, device=model.device)
+        self._first_chunk = wp.array(starts, dtype=wp.int32, device=model.device)
+        self._sums = wp.zeros((len(first) - 1, COLUMNS), dtype=wp.float64, device=model.device)
+        self._figures = wp.zeros((model.item_count, COLUMNS), dtype=wp.float64, device=model.device)
 
     def kernels(self) -> list[wp.Kernel]:
         """The kernels that a check launches."""
-        return [*self._forces.kernels(), self._residual]
+        summary = self._summary
+        return [
+            *self._forces.kernels(), self._residual, summary.summarise_chunks, summary.summarise_items,
+            summary.keep_shape,
+        ]  # fmt: skip
 
-    def meet(self, collider: Collider) -> None:
-        """Goes on with this collider; it must be of the kind that the certifier was made with."""
-        if collider.data is not None:
-            self._collider = collider.data
+    def check(self, iteration: int, tolerances: Mapping[int, Tolerance | None]) -> dict[int, Check]:
+        """Measures items, given by number, as they stand. Waits for the device.
 
-    def check(self, iteration: int, points: Points) -> Check:
-        """Measures the shape as it stands, which is ``points`` [m], shape [V, 3]. Waits for the device."""
-        model = self._model
+        Percentiles are worked out for those that are within their tolerance, or that have none given.
+        """
+        relaxation, model = self._relaxation, self._model
         self._sum_forces()
-        wp.launch(
-            self._residual,
-            dim=model.vertex_count,
-            inputs=[self._step, CONTACT_SLACK, self._collider, model.cloth, self._load, self._left],
-            device=model.device,
-        )
-        left = self._left.numpy()
-        finite = bool(np.isfinite(points).all() and np.isfinite(left).all())
-        if not finite:
+        asked = [relaxation.step, CONTACT_SLACK, relaxation.collider_data, model.cloth, self._load, self._left]
+        wp.launch(self._residual, dim=model.vertex_count, inputs=asked, device=model.device)
+        marks = self._rest_error.marks(iteration)
+        figures = self._summarised(marks)
+        return {
+            item: self._item_check(iteration, item, marks, figures[item], tolerance)
+            for item, tolerance in tolerances.items()
+        }
+
+    def bounds(self) -> NDArray[np.float64]:
+        """Lowest and highest corner of every item that iterates [m], shape [items, 2, 3]. Waits for the device.
+
+        NaN where a point is not finite.
+        """
+        figures = self._summarised([])
+        figures[~np.isfinite(figures[:, FREE])] = np.nan  # the sums tell, comparisons pass over it
+        return figures[:, LOWER:].reshape(-1, 2, 3)
+
+    def turn_page(self, iteration: int) -> None:
+        """Goes on from a check that looked at all items: the shapes of now are what the next one compares with."""
+        wp.copy(self._last, self._model.cloth.position)
+        if self._rest_error.due(iteration):
+            model = self._model
+            shape = self._spare.pop() if self._spare else wp.zeros(model.vertex_count, wp.vec3f, device=model.device)
+            wp.launch(self._summary.keep_shape, dim=len(shape), inputs=[model.cloth, shape], device=model.device)
+            self._rest_error.keep(Mark(iteration, shape))
+        self._spare += self._rest_error.dropped(iteration)
+
+    def last_points(self, item: int) -> Points:
+        """An item's points at the last check of all items [m], shape [V, 3]."""
+        return np.array(self._last[self._model.of_item(item)].numpy(), dtype=np.float64)
+
+    def _summarised(self, marks: Sequence[Mark]) -> NDArray[np.float64]:
+        """Figures of all items, shape [items, COLUMNS]; of those that do not iterate what they last were."""
+        model, device = self._model, self._model.device
+        looks = self._summary.Looks()
+        looks.last, looks.marks = self._last, len(marks)
+        for number, mark in enumerate(marks, start=1):
+            setattr(looks, f"mark_{number}", mark.shape)
+        chunk_inputs = [self._first_vertex, model.cloth, self._left, looks, self._sums]
+        wp.launch(self._summary.summarise_chunks, dim=len(self._sums), inputs=chunk_inputs, device=device)
+        item_inputs = [self._first_chunk, self._sums, self._figures]
+        wp.launch(self._summary.summarise_items, dim=self._figures.shape, inputs=item_inputs, device=device)
+        return np.array(self._figures.numpy())
+
+    def _item_check(
+        self,
+        iteration: int,
+        item: int,
+        marks: Sequence[Mark],
+        figures: NDArray[np.float64],
+        tolerance: Tolerance | None,
+    ) -> Check:
+        if not np.isfinite(figures[:MOVED]).all():
             return Check(iteration, Residual(*([math.inf] * 5)), math.inf, False)
-        return Check(iteration, residual_summary(left), self._rest_error.estimate(iteration, points), True)
+        count = figures[FREE]
+        rms, relative_rms = np.sqrt(figures[[WEIGHTS, RELATIVE]] / count) if count else (0.0, 0.0)
+        vertices = self._model.item_start[item + 1] - self._model.item_start[item]
+        error = rest_error(iteration, marks, np.sqrt(figures[WAYS:MOVED] / vertices).tolist())
+        unknown = Residual(float(rms), math.nan, math.nan, float(relative_rms), math.nan)
+        bounds = figures[LOWER:UPPER], figures[UPPER:]
+        check = Check(iteration, unknown, error, True, float(figures[MOVED]), bounds)
+        if tolerance is None or check.nearly_within(tolerance):
+            left = self._left[self._model.of_item(item)].numpy()
+            check = replace(check, residual=with_percentiles(unknown, left))
+        return check
 
     def _sum_forces(self) -> None:
-        self._forces.launch(self._step)
-        if self._touch is not None:
-            self._touch.measure(self._step, self._load)
+        relaxation = self._relaxation
+        self._forces.launch(relaxation.step)
+        if relaxation.touch is not None:
+            relaxation.touch.measure(relaxation.step, self._load)
 
     def pushes(self) -> NDArray[np.float64] | None:
         """Force with which each vertex presses on the avatar [N], shape [V]; None without contact. Waits."""
         model = self._model
-        if self._contact[0] is None:
+        relaxation = self._relaxation
+        if relaxation.contact is None:
             return None
         self._sum_forces()
         push = wp.zeros(model.vertex_count, dtype=wp.float64, device=model.device)
         wp.launch(
-            push_kernel(model.precision, *self._contact),
+            push_kernel(model.precision, relaxation.contact, relaxation.collider_type),
             dim=model.vertex_count,
-            inputs=[self._step, CONTACT_SLACK, self._collider, model.cloth, self._load, push],
+            inputs=[relaxation.step, CONTACT_SLACK, relaxation.collider_data, model.cloth, self._load, push],
             device=model.device,
         )
         return np.array(push.numpy())
 
 
-def residual_summary(left: NDArray[np.float32]) -> Residual:
-    """Summary over free vertices; ``left`` [V, 2] holds weights and relative, -1 where pinned."""
+def _chunks(vertices: slice) -> NDArray[np.int64]:
+    """First vertices of an item's chunks: counted from its own first one, so that its company changes no sum."""
+    return np.arange(vertices.start, vertices.stop, CHUNK)
+
+
+def with_percentiles(residual: Residual, left: NDArray[np.float32]) -> Residual:
+    """The residual with what needs all vertices; ``left`` [V, 2] holds weights and relative, -1 where pinned."""
     free = left[left[:, 0] >= 0.0].astype(np.float64)
     if not len(free):
-        return Residual(0.0, 0.0, 0.0, 0.0, 0.0)
-    rms, relative_rms = np.sqrt(np.mean(free**2, axis=0))
+        return replace(residual, p99=0.0, max=0.0, relative_p99=0.0)
     p99, relative_p99 = np.quantile(free, 0.99, axis=0)
-    return Residual(float(rms), float(p99), float(free[:, 0].max()), float(relative_rms), float(relative_p99))
+    return replace(residual, p99=float(p99), max=float(free[:, 0].max()), relative_p99=float(relative_p99))
 
 
 def strain_summary(strain: NDArray[np.float64]) -> Strain:
@@ -147,11 +238,10 @@ def thread_strains(model: ClothModel) -> NDArray[np.float64]:
     return _measure_weave(model)[1]
 
 
-def thread_summaries(model: ClothModel) -> dict[str, Strain]:
-    """Strains of woven triangles along "warp", "weft" and both ways of the "bias"; empty where nothing is woven."""
-    if model.weave is None:
+def thread_summaries(strain: NDArray[np.float64]) -> dict[str, Strain]:
+    """Strains along "warp", "weft" and both ways of the "bias", of ``thread_strains``; empty where nothing is woven."""
+    if not len(strain):
         return {}
-    strain = thread_strains(model)
     ways = {"warp": strain[:, 1], "weft": strain[:, 0], "bias": strain[:, 2:].ravel()}
     return {way: strain_summary(along) for way, along in ways.items()}
 

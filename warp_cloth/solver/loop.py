@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -16,15 +16,24 @@ from warp_cloth.solver.certificate import Certifier, Check, Tolerance
 from warp_cloth.solver.course import Course
 from warp_cloth.solver.relax import Collider, Relaxation
 
-Follow = Callable[[Points], "Collider | None"]
+Box = tuple[Points, Points]  # lowest and highest corner [m], each shape [3]
+Follow = Callable[[int, Box], "Collider | None"]
 CHUNK = 20  # iterations in a captured graph: enough to hide a launch, few enough to follow a fall
 CHUNKS_PER_CHECK = 5  # the certificate costs about two iterations
 FALL = 0.01  # [m]; cloth that moved further since the last check is followed chunk by chunk
 
 
+@dataclass(frozen=True)
+class Goal:
+    """What an item is to reach, and how long it may try."""
+
+    tolerance: Tolerance
+    limit: int  # iterations
+
+
 @dataclass
 class Outcome:
-    """How a relaxation ended."""
+    """How an item's relaxation ended."""
 
     status: Status
     check: Check
@@ -49,14 +58,6 @@ class FrameKeeper:
             self.frames.append((iteration, relaxation.model.points().astype(np.float32)))
 
 
-def _follow(relaxation: Relaxation, certifier: Certifier, follow: Follow | None, points: Points) -> None:
-    """Goes on with a new collider where the old one no longer covers these positions."""
-    collider = follow(points) if follow is not None else None
-    if collider is not None:
-        relaxation.meet(collider)
-        certifier.meet(collider)
-
-
 def relax_to_rest(
     relaxation: Relaxation,
     certifier: Certifier,
@@ -68,7 +69,7 @@ def relax_to_rest(
     course: Course | None = None,
     on_check: Callable[[Check, float], None] | None = None,
 ) -> Outcome:
-    """Runs iterations in chunks, and checks every few of them.
+    """Runs the iterations of a single item; ``relax_items`` says how.
 
     Args:
         relaxation: what iterates.
@@ -76,42 +77,149 @@ def relax_to_rest(
         tolerance: when to stop.
         limit: most iterations.
         frames: how many shapes on the way are wanted; some more are kept.
-        follow: given the positions, a new collider where the old one no longer covers them.
+        follow: given item and bounding box, a new collider where the old one no longer covers it.
         course: of garments that meet themselves and each other.
         on_check: told of every check and the seconds so far.
     """
     keeper = FrameKeeper(frames, limit)
-    began = time.perf_counter()
-    iteration = 0
-    points = relaxation.model.points()
-    check = certifier.check(0, points)
-    if course is not None:
-        course.advance(0, points)
-    falling = True
-    status = Status.ITERATION_LIMIT
-    while iteration < limit:
-        for _ in range(CHUNKS_PER_CHECK):
-            count = min(CHUNK, limit - iteration)
-            relaxation.run(count)
-            iteration += count
-            keeper.offer(iteration, relaxation)
-            if falling:
-                _follow(relaxation, certifier, follow, relaxation.model.points())
-            if iteration >= limit:
-                break
-        shape = relaxation.model.points()
-        check = certifier.check(iteration, shape)
-        if not check.finite:
-            status = Status.DIVERGED
-            break
-        last, points = points, shape
-        _follow(relaxation, certifier, follow, points)
-        falling = float(np.abs(points - last).max()) > FALL
+
+    def told(checks: Mapping[int, Check], seconds: float) -> None:
         if on_check is not None:
-            on_check(check, time.perf_counter() - began)
-        settled = course is None or course.advance(iteration, points)
-        if settled and check.within(tolerance):
-            status = Status.AT_REST
-            break
-    wp.synchronize_device(relaxation.model.device)
-    return Outcome(status, check, points, iteration, time.perf_counter() - began, keeper.frames)
+            on_check(checks[0], seconds)
+
+    goals = [Goal(tolerance, limit)]
+    (outcome,) = relax_items(
+        relaxation, certifier, goals, follow=follow, course=course, on_check=told, on_chunk=keeper.offer
+    )
+    outcome.frames = keeper.frames
+    return outcome
+
+
+def relax_items(
+    relaxation: Relaxation,
+    certifier: Certifier,
+    goals: Sequence[Goal],
+    *,
+    follow: Follow | None = None,
+    course: Course | None = None,
+    on_check: Callable[[Mapping[int, Check], float], None] | None = None,
+    on_chunk: Callable[[int, Relaxation], None] | None = None,
+) -> list[Outcome]:
+    """Runs iterations of all items in chunks, checks every few of them, and retires each item as it ends.
+
+    Every item is checked after the same iterations as it would be alone: that, and arithmetic that knows nothing of
+    the other items, gives it the same bits in any company.
+
+    Args:
+        relaxation: what iterates.
+        certifier: what measures it.
+        goals: of the items, in their order.
+        follow: given item and bounding box, a new collider where the old one no longer covers it.
+        course: of garments that meet themselves and each other; such a scene is an item alone.
+        on_check: told of every check of all items that still iterate, and the seconds so far.
+        on_chunk: told of every chunk's last iteration.
+    """
+    return _Loop(relaxation, certifier, goals, follow, course).run(on_check, on_chunk)
+
+
+class _Loop:
+    """The items of one relaxation on their way to rest."""
+
+    def __init__(
+        self,
+        relaxation: Relaxation,
+        certifier: Certifier,
+        goals: Sequence[Goal],
+        follow: Follow | None,
+        course: Course | None,
+    ) -> None:
+        self._relaxation, self._certifier = relaxation, certifier
+        self._goals, self._follow, self._course = goals, follow, course
+        self._active = list(range(len(goals)))
+        self._falling = set(self._active)
+        self._outcomes: dict[int, Outcome] = {}
+        self._began = time.perf_counter()
+
+    def run(
+        self,
+        on_check: Callable[[Mapping[int, Check], float], None] | None,
+        on_chunk: Callable[[int, Relaxation], None] | None,
+    ) -> list[Outcome]:
+        self._relaxation.start_anew()
+        iteration = 0
+        self._look(iteration)
+        while self._active:
+            # every item stops at its own limit, and nobody else looks there
+            count = min(CHUNK - iteration % CHUNK, min(self._goals[item].limit for item in self._active) - iteration)
+            self._relaxation.run(count)
+            iteration += count
+            if on_chunk is not None:
+                on_chunk(iteration, self._relaxation)
+            if iteration % CHUNK == 0:
+                self._follow_falling()
+            checks = self._look(iteration)
+            if checks and on_check is not None:
+                on_check(checks, time.perf_counter() - self._began)
+        self._relaxation.start_anew()  # what is measured next is measured of all
+        wp.synchronize_device(self._relaxation.model.device)
+        return [self._outcomes[item] for item in range(len(self._goals))]
+
+    def _look(self, iteration: int) -> dict[int, Check]:
+        """Checks the items whose turn it is, retires those that have ended, follows the others."""
+        ending = {item for item in self._active if self._goals[item].limit <= iteration}
+        all_looked_at = iteration % (CHUNK * CHUNKS_PER_CHECK) == 0
+        looked_at = self._active if all_looked_at else sorted(ending)
+        if not looked_at:
+            return {}
+        tolerances = {item: None if item in ending else self._goals[item].tolerance for item in looked_at}
+        checks = self._certifier.check(iteration, tolerances)
+        settled = self._advance(iteration, checks)
+        ended = []
+        for item, check in checks.items():
+            status = self._status(item, check, settled, item in ending)
+            if status is not None:
+                self._end(item, status, check)
+                ended.append(item)
+        self._active = [item for item in self._active if item not in self._outcomes]
+        if all_looked_at and iteration > 0:
+            self._falling = {item for item in self._active if checks[item].moved > FALL}
+            for item in self._active:
+                self._go_on(item, checks[item].bounds)
+        if all_looked_at:
+            self._certifier.turn_page(iteration)
+        self._relaxation.retire(ended)
+        return checks
+
+    def _advance(self, iteration: int, checks: Mapping[int, Check]) -> bool:
+        """Goes on along the course; whether what is now may be the rest shape."""
+        if self._course is None or not all(check.finite for check in checks.values()):
+            return True
+        return self._course.advance(iteration, self._relaxation.model.points())
+
+    def _status(self, item: int, check: Check, settled: bool, ending: bool) -> Status | None:
+        """How an item has ended; None while it has not. The start is an end only where it is the limit."""
+        if check.iteration > 0:
+            if not check.finite:
+                return Status.DIVERGED
+            if settled and check.within(self._goals[item].tolerance):
+                return Status.AT_REST
+        return Status.ITERATION_LIMIT if ending else None
+
+    def _end(self, item: int, status: Status, check: Check) -> None:
+        lost = status is Status.DIVERGED
+        points = self._certifier.last_points(item) if lost else self._relaxation.model.points(item)
+        self._outcomes[item] = Outcome(status, check, points, check.iteration, time.perf_counter() - self._began)
+
+    def _follow_falling(self) -> None:
+        """Goes on with new colliders where cloth that falls fast has left the old ones."""
+        if self._follow is None or not self._falling:
+            return
+        bounds = self._certifier.bounds()
+        for item in sorted(self._falling):
+            if np.isfinite(bounds[item]).all():  # otherwise the next check tells
+                self._go_on(item, (bounds[item, 0], bounds[item, 1]))
+
+    def _go_on(self, item: int, bounds: Box | None) -> None:
+        collider = self._follow(item, bounds) if self._follow is not None and bounds is not None else None
+        if collider is not None:
+            self._relaxation.meet(item, collider)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -67,46 +68,87 @@ class Collider:
 class Relaxation:
     """Owns the scratch memory of a model's iterations and runs them in captured chunks.
 
-    ``touch`` is the contact of cloth with cloth; None: it passes through itself.
+    ``colliders`` are those of the items, all of one kind; ``caps`` their largest displacements [m], by default that
+    of the options. ``touch`` is the contact of cloth with cloth; None: it passes through itself.
     """
 
     def __init__(
-        self, model: ClothModel, collider: Collider, options: StepOptions, touch: ClothTouch | None = None
+        self,
+        model: ClothModel,
+        colliders: Collider | Sequence[Collider],
+        options: StepOptions,
+        touch: ClothTouch | None = None,
+        caps: Sequence[float | None] | None = None,
     ) -> None:
         types = cloth_types(model.precision)
         accelerated = options.method == "accelerated"
         self.model = model
         self.step = types.Step()
         self.step.gravity = types.vec3(0.0, -1.0, 0.0)
-        self.step.cap = options.largest_move
         self.step.reach = options.reach
         self.step.momentum = options.momentum
         self.step.damping = options.damping
         self.step.viscosity = options.viscosity
         self.step.memory = options.memory
-        self.collider_type = collider.data_type or NoCollider
+        met = [colliders] * model.item_count if isinstance(colliders, Collider) else list(colliders)
+        self.contact, self.collider_type = met[0].contact, met[0].data_type or NoCollider
         self.touch = touch
         # gathering needs no sum of forces in memory, but a second set of positions to write to
         self._load = None if model.gathers else wp.zeros(model.vertex_count, dtype=types.vec4, device=model.device)
         self._forces = ForcePass(model, "stiffness" if accelerated else "none", self._load)
-        asked = collider.contact, self.collider_type, touch is not None
+        asked = self.contact, self.collider_type, touch is not None
         if model.gathers:
             self._move = advance_kernel(model.precision, accelerated, model.terms, *asked)
             self._there = model.cloth_beside()
         else:
             self._move = displace_kernel(model.precision, accelerated, *asked)
-        self.meet(collider)
-
-    def meet(self, collider: Collider) -> None:
-        """Goes on with this collider; it must be of the kind that the relaxation was made with."""
-        self.step.offset = collider.offset
-        self.step.friction = collider.friction
-        self.collider_data = collider.data if collider.data is not None else self.collider_type()
+        self._items = model.cloth.items.numpy().copy()
+        self._items["active"] = 1
+        largest = [options.largest_move if cap is None else cap for cap in caps or [None] * model.item_count]
+        self._items["cap"] = largest
+        self.collider_data: Any = NoCollider()
+        if self.contact is not None:
+            data = [collider.data for collider in met]
+            self.collider_data = wp.array(data, dtype=self.collider_type, device=model.device)
         self.forget_graphs()
+        for item, collider in enumerate(met):
+            self._stand_off(item, collider)
+        self.tell_items()
+
+    def meet(self, item: int, collider: Collider) -> None:
+        """Goes on with this collider of an item; it must be of the kind that the relaxation was made with."""
+        self._stand_off(item, collider)
+        self.tell_items()
+        if self.contact is not None:
+            data = wp.array([collider.data], dtype=self.collider_type, device=self.model.device)
+            wp.copy(self.collider_data, data, dest_offset=item, count=1)
+
+    def _stand_off(self, item: int, collider: Collider) -> None:
+        self._items["offset"][item] = collider.offset
+        self._items["friction"][item] = collider.friction
+
+    def start_anew(self) -> None:
+        """Lets every item iterate."""
+        self._items["active"] = 1
+        self.tell_items()
+
+    def retire(self, items: Sequence[int]) -> None:
+        """Leaves these items as they are from now on."""
+        if not len(items):
+            return
+        self._items["active"][list(items)] = 0
+        self.tell_items()
+        if self.model.gathers:  # iterations go to and fro between two sets of positions
+            wp.copy(self._there.position, self.model.cloth.position)
+            wp.copy(self._there.move, self.model.cloth.move)
 
     def forget_graphs(self) -> None:
         """Captures iterations anew: what they read or launch has changed."""
         self._graphs: dict[int, Any] = {}
+
+    def tell_items(self) -> None:
+        """Puts what the items have of their own on the device."""
+        self.model.cloth.items.assign(self._items)
 
     def kernels(self) -> list[wp.Kernel]:
         """The kernels that an iteration launches, in order."""

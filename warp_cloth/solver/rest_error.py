@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 # Measured on 56 relaxations (hanging squares, cantilever strips, cloth over a ball with and without friction, a sewn
 # T-shirt; K = 2 to 400 kN/m, 80 to 9,409 vertices), at 2,597 checks where the forces were balanced to 1 %, against the
@@ -22,51 +24,73 @@ SAFETY = 2.0  # what is left of soft modes shrinks more slowly than what has bee
 GROWTH = 1.03  # shapes are kept when the iterations have grown by this factor
 
 
+@dataclass(frozen=True)
+class Mark:
+    """A shape on the way, of all items: which iteration left it."""
+
+    iteration: int
+    shape: Any  # float32 [m], shape [V]
+
+
 class RestError:
-    """Estimates the distance from rest out of the shapes that it is shown."""
+    """Estimates the distance from rest out of the way between shapes that it has chosen to keep."""
 
     def __init__(self) -> None:
-        self._kept: list[tuple[int, NDArray[np.float32]]] = []  # iteration and shape
+        self._kept: list[Mark] = []
 
-    def estimate(self, iteration: int, points: NDArray[np.float64]) -> float:
-        """The rms distance of the vertices from their rest [m], no less than it 19 times in 20; inf while unknown.
-
-        The last three spans of SPAN of the iterations covered d2, d1, d0 [m, rms]. With q = max(d0 / d1,
-        sqrt(d0 / d2)) every span to come covers at most q of the one before, and all of them d0 q / (1 - q).
-
-        Args:
-            iteration: iterations done since the relaxation began.
-            points: the shape [m], shape [V, 3].
-        """
-        span = max(SPAN * iteration, float(LEAST_SPAN))
-        shape = points.astype(np.float32)
-        found = self._error(iteration, shape, span)
-        if not self._kept or iteration >= GROWTH * self._kept[-1][0]:
-            self._kept.append((iteration, shape))
-        while len(self._kept) > 1 and self._kept[1][0] <= iteration - 3.0 * span:
-            self._kept.pop(0)
-        return found
-
-    def _error(self, iteration: int, shape: NDArray[np.float32], span: float) -> float:
-        if not self._kept or self._kept[0][0] > iteration - 3.0 * span:
-            return math.inf
-        marks = [(iteration, shape)]
+    def marks(self, iteration: int) -> list[Mark]:
+        """The three kept shapes that are nearest to one, two and three spans ago; none while these are not known."""
+        span = _span(iteration)
+        if not self._kept or self._kept[0].iteration > iteration - 3.0 * span:
+            return []
+        found = []
         for number in (1, 2, 3):
             wanted = iteration - number * span
-            marks.append(min(self._kept, key=lambda kept: abs(kept[0] - wanted)))
-        ways = []
-        for late, early in itertools.pairwise(marks):
-            if late[0] <= early[0]:  # checks too far apart to tell the spans from one another
-                return math.inf
-            ways.append(_distance(late[1], early[1]) * span / (late[0] - early[0]))
-        if ways[0] == 0.0:
-            return 0.0
-        smallest = np.finfo(np.float32).tiny
-        ratio = max(ways[0] / max(ways[1], smallest), math.sqrt(ways[0] / max(ways[2], smallest)))
-        shrinking = min(max(ratio, FASTEST), SLOWEST)
-        return SAFETY * ways[0] * shrinking / (1.0 - shrinking)
+            found.append(min(self._kept, key=lambda mark: abs(mark.iteration - wanted)))
+        late = [iteration, *(mark.iteration for mark in found)]
+        # checks too far apart do not tell the spans from one another
+        return found if all(now > before for now, before in itertools.pairwise(late)) else []
+
+    def due(self, iteration: int) -> bool:
+        """Whether the shape after this iteration is to be kept."""
+        return not self._kept or iteration >= GROWTH * self._kept[-1].iteration
+
+    def keep(self, mark: Mark) -> None:
+        self._kept.append(mark)
+
+    def dropped(self, iteration: int) -> list[Any]:
+        """Shapes that no later estimate can ask for; they are kept no longer."""
+        gone = []
+        while len(self._kept) > 1 and self._kept[1].iteration <= iteration - 3.0 * _span(iteration):
+            gone.append(self._kept.pop(0).shape)
+        return gone
 
 
-def _distance(a: NDArray[np.float32], b: NDArray[np.float32]) -> float:
-    """Root mean square distance of corresponding points [m]."""
-    return float(np.sqrt(np.mean(np.sum((a - b).astype(np.float64) ** 2, axis=1))))
+def _span(iteration: int) -> float:
+    return max(SPAN * iteration, float(LEAST_SPAN))
+
+
+def rest_error(iteration: int, marks: Sequence[Mark], ways: Sequence[float]) -> float:
+    """The rms distance of vertices from their rest [m], no less than it 19 times in 20; inf while unknown.
+
+    The last three spans of SPAN of the iterations covered d2, d1, d0 [m, rms]. With q = max(d0 / d1, sqrt(d0 / d2))
+    every span to come covers at most q of the one before, and all of them d0 q / (1 - q).
+
+    Args:
+        iteration: iterations done since the relaxation began.
+        marks: of RestError.
+        ways: rms distance from the shape now to the first mark, from that to the second, to the third [m].
+    """
+    if not marks:
+        return math.inf
+    span = _span(iteration)
+    late = [iteration, *(mark.iteration for mark in marks)]
+    d0, d1, d2 = (
+        way * span / (now - before) for way, (now, before) in zip(ways, itertools.pairwise(late), strict=True)
+    )
+    if d0 == 0.0:
+        return 0.0
+    smallest = float(np.finfo(np.float32).tiny)
+    ratio = max(d0 / max(d1, smallest), math.sqrt(d0 / max(d2, smallest)))
+    shrinking = min(max(ratio, FASTEST), SLOWEST)
+    return SAFETY * d0 * shrinking / (1.0 - shrinking)

@@ -32,12 +32,13 @@ def plan(
 
         chosen = load_scene(scene, changes or ())
         start_warp(False)
-        from warp_cloth.fitting import device_named, set_up
+        from warp_cloth.fitting import device_named
         from warp_cloth.plan import make_plan
+        from warp_cloth.set_up import set_up_one
         from warp_cloth.study.footprint import footprint_of
         from warp_cloth.study.planning import plan_lines, write_plan
 
-        made = set_up(chosen, device_named(device))
+        made = set_up_one(chosen, device_named(device))
         terms, cost = make_plan(chosen, made.wardrobe), footprint_of(made)
         lines = plan_lines(chosen.name, terms, cost)
         if out is not None:

@@ -12,13 +12,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from warp_cloth.fitting import SetUp, device_named, set_up, tolerance_of
+from warp_cloth.fitting import device_named, tolerance_of
 from warp_cloth.maps import MAPS, measure_maps
-from warp_cloth.mesh import Mesh, Points
+from warp_cloth.mesh import Points
 from warp_cloth.result import WornGarment
 from warp_cloth.scene import MannequinShape, Scene, TshirtShape, load_scene
+from warp_cloth.set_up import SetUp, set_up_one
 from warp_cloth.solver.certificate import Check
 from warp_cloth.view.warm import carried_over
+from warp_cloth.wardrobe import Rack
 
 CHUNK = 20  # iterations between two pictures
 CHUNKS_PER_CHECK = 5
@@ -48,10 +50,10 @@ class LiveFit:
     def __init__(self, source: str | Path | Mapping[str, Any], changes: Mapping[str, str], device: str | None) -> None:
         self._source = source
         self._changes = dict(changes)
-        self._kept: dict[str, Mesh] = {}
+        self._rack = Rack()
         self.device = device_named(device)
         self.scene = self._load(self._changes)
-        self.made: SetUp = set_up(self.scene, self.device, kept=self._kept)
+        self.made: SetUp = set_up_one(self.scene, self.device, rack=self._rack)
         self._start()
 
     def _load(self, changes: Mapping[str, str]) -> Scene:
@@ -105,14 +107,15 @@ class LiveFit:
         self.points = points
         if not made.contact.covers(points):
             collider = made.contact.collider(points)
-            made.relaxation.meet(collider)
-            made.certifier.meet(collider)
+            made.relaxation.meet(0, collider)
         if self._chunks % CHUNKS_PER_CHECK == 0:
-            self.check = made.certifier.check(self.iteration, points)
+            tolerance = tolerance_of(self.scene)
+            self.check = made.certifier.check(self.iteration, {0: tolerance})[0]
+            made.certifier.turn_page(self.iteration)
             speed = CHUNKS_PER_CHECK * CHUNK / max(self._seconds, 1e-9)
             self.history.add(self.iteration, self.check.residual.relative_rms, speed)
             self._seconds = 0.0
-            self.at_rest = self.check.within(tolerance_of(self.scene))
+            self.at_rest = self.check.within(tolerance)
             self.diverged = not self.check.finite
 
     def change(self, changes: Mapping[str, str]) -> None:
@@ -124,7 +127,7 @@ class LiveFit:
         together = {**self._changes, **changes}
         scene = self._load(together)
         old, worn = self.made, self.points
-        made = set_up(scene, self.device, kept=self._kept)
+        made = set_up_one(scene, self.device, rack=self._rack)
         starts = old.model.vertex_start
         taken = [
             carried_over(before, worn[starts[index] : starts[index + 1]], after, self.device)
@@ -139,14 +142,13 @@ class LiveFit:
         fresh[pinned] = made.model.points()[pinned]
         made.model.set_points(fresh)
         collider = made.contact.collider(fresh)
-        made.relaxation.meet(collider)
-        made.certifier.meet(collider)
+        made.relaxation.meet(0, collider)
         self.scene, self.made, self._changes = scene, made, together
         self._start()
 
     def reset(self) -> None:
         """Back to where the garments are loaded."""
-        self.made = set_up(self.scene, self.device, kept=self._kept)
+        self.made = set_up_one(self.scene, self.device, rack=self._rack)
         self._start()
 
     def values(self, name: str) -> tuple[list[NDArray[np.float32]], tuple[float, float]] | None:

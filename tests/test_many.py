@@ -1,0 +1,178 @@
+"""Fits together: the same bits alone, in company, in any order, and however the company fares."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import Any
+
+import numpy as np
+import pytest
+import warp as wp
+
+import warp_cloth
+from warp_cloth import set_up
+from warp_cloth.batch import many
+from warp_cloth.batch.many import fit_many
+from warp_cloth.batch.memory import Need, cut_to_fit, need_of
+from warp_cloth.errors import InputError
+from warp_cloth.fitting import Fit, tolerance_of
+from warp_cloth.model import build_model
+from warp_cloth.result import Status
+from warp_cloth.scene import Scene, load_scene
+from warp_cloth.set_up import SetUp
+from warp_cloth.solver.loop import Goal, relax_items
+from warp_cloth.wardrobe import open_wardrobe
+
+ON_SPHERE = ["solver.iterations=330", "collision.pixel_mm=10"]
+HANGING = ["garment.shape.vertices_per_side=6", "solver.iterations=250"]
+NO_GPU = pytest.mark.skipif(not wp.is_cuda_available(), reason="no GPU")
+CUDA = pytest.param("cuda:0", True, marks=[pytest.mark.cuda, NO_GPU])
+
+
+def mixture() -> list[Scene]:
+    """Garments, avatars, fabrics, frictions, caps, limits and colliders of many kinds."""
+    return [
+        load_scene("sphere", [*ON_SPHERE, "garment.shape.vertices_per_side=9"]),
+        load_scene("sphere", [*ON_SPHERE, "garment.shape.vertices_per_side=9", "avatar.friction=0.1"]),
+        load_scene("sphere", [*ON_SPHERE, "garment.shape.vertices_per_side=12", "garment.fabric=silk"]),
+        load_scene("sphere", [*ON_SPHERE, "garment.shape.vertices_per_side=9", "avatar.shape.radius=0.2"]),
+        load_scene("sphere", [*ON_SPHERE, "garment.shape.vertices_per_side=7", "collision.avatar=mesh"]),
+        load_scene("sphere", [*ON_SPHERE, "garment.shape.vertices_per_side=7", "collision.offset_mm=8"]),
+        load_scene("hanging", HANGING),
+        load_scene("hanging", [*HANGING, "garment.fabric=denim", "solver.cap=0.002", "solver.iterations=27"]),
+        load_scene("hanging", [*HANGING, "solver.precision=float64"]),
+        load_scene("hanging", [*HANGING, "solver.method=direct"]),
+        load_scene("hanging", [*HANGING, "garment.fabric=silk", "solver.iterations=2000"]),
+        load_scene("hanging", [*HANGING, "solver.iterations=0"]),
+    ]
+
+
+def figures(fit: Fit) -> dict[str, Any]:
+    """Everything that a fit tells, but for how long it took."""
+    timed = ("seconds", "iterations_per_second")
+    return {key: value for key, value in fit.report.items() if key not in timed}
+
+
+def assert_same(fit: Fit | Exception, alone: Fit) -> None:
+    assert isinstance(fit, Fit), fit
+    for garment, other in zip(fit.garments, alone.garments, strict=True):
+        assert np.array_equal(garment.points, other.points)
+    assert figures(fit) == figures(alone)
+
+
+@pytest.mark.parametrize(("device", "gathers"), [("cpu", False), ("cpu", True), CUDA])
+def test_an_item_has_the_same_bits_alone_in_company_and_in_any_order(
+    device: str, gathers: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(set_up, "build_model", partial(build_model, gathers=gathers))
+    scenes = mixture()
+    alone = [warp_cloth.fit(scene, device=device) for scene in scenes]
+    assert len({fit.report["iterations"] for fit in alone}) >= 4, "they end at different times"
+    together = fit_many(scenes, device, together=len(scenes))
+    for fit, own in zip(together, alone, strict=True):
+        assert_same(fit, own)
+    order = np.random.default_rng(1).permutation(len(scenes)).tolist()
+    shuffled = fit_many([scenes[at] for at in order], device, together=5)
+    for fit, at in zip(shuffled, order, strict=True):
+        assert_same(fit, alone[at])
+
+
+@pytest.mark.cuda
+@NO_GPU
+def test_a_batch_has_the_same_bits_on_both_devices() -> None:
+    scenes = mixture()
+    for gpu, cpu in zip(fit_many(scenes, "cuda:0"), fit_many(scenes, "cpu"), strict=True):
+        assert isinstance(gpu, Fit)
+        assert isinstance(cpu, Fit)
+        assert np.array_equal(gpu.garments[0].points, cpu.garments[0].points)
+
+
+def test_one_whose_numbers_are_lost_leaves_the_others_their_bits(monkeypatch: pytest.MonkeyPatch) -> None:
+    scenes = [load_scene("hanging", [*HANGING, f"solver.iterations={240 + n}"]) for n in range(3)]
+    alone = [warp_cloth.fit(scene, device="cpu") for scene in scenes]
+    build = many.set_up
+
+    def with_a_hole(*given: Any, **options: Any) -> SetUp:
+        made = build(*given, **options)
+        weight = made.model.cloth.weight.numpy().copy()
+        weight[made.model.item_start[1] + 3] = np.nan
+        made.model.cloth.weight.assign(weight)
+        return made
+
+    monkeypatch.setattr(many, "set_up", with_a_hole)
+    first, lost, third = fit_many(scenes, "cpu", together=3)
+    assert_same(first, alone[0])
+    assert_same(third, alone[2])
+    assert isinstance(lost, Fit)
+    assert lost.status is Status.DIVERGED
+    assert np.isfinite(lost.garments[0].points).all()
+
+
+def test_what_cannot_be_loaded_is_told_in_its_place() -> None:
+    scenes = [load_scene("hanging", HANGING), load_scene("hanging", [*HANGING, "garment.mesh=none.obj"])]
+    good, bad = fit_many(scenes, "cpu", together=2)
+    assert isinstance(good, Fit)
+    assert isinstance(bad, InputError)
+
+
+def test_too_many_for_the_memory_are_halved_until_they_fit(monkeypatch: pytest.MonkeyPatch) -> None:
+    scenes = [load_scene("hanging", [*HANGING, f"solver.iterations={20 + n}"]) for n in range(7)]
+    alone = [warp_cloth.fit(scene, device="cpu") for scene in scenes]
+    run, sizes = many._together, []
+
+    def narrow(some: list[Scene], *rest: Any) -> list[Fit]:
+        sizes.append(len(some))
+        if len(some) > 2:
+            raise RuntimeError("Failed to allocate 123456789 bytes on device 'cuda:0'")
+        return run(some, *rest)
+
+    monkeypatch.setattr(many, "_together", narrow)
+    for fit, own in zip(fit_many(scenes, "cpu", together=7), alone, strict=True):
+        assert_same(fit, own)
+    assert sizes == [7, 3, 1, 2, 4, 2, 2]
+
+
+def test_pieces_stay_within_the_budget_and_hold_every_item_once() -> None:
+    needs = [Need(size, 0, None) for size in (30, 50, 10, 200, 40, 40, 40)]
+    pieces = cut_to_fit(needs, 100, most=2)
+    assert [list(piece) for piece in pieces] == [[0, 1], [2], [3], [4, 5], [6]]
+    on_two_bodies = [Need(20, 50, body) for body in "AAABBA"]
+    assert [list(piece) for piece in cut_to_fit(on_two_bodies, 100, most=9)] == [[0, 1], [2], [3, 4], [5]]
+    assert cut_to_fit([], 100, most=2) == []
+
+
+def held(thing: Any, seen: set[int]) -> int:
+    """Bytes of all device arrays that an object holds, each once."""
+    if id(thing) in seen or isinstance(thing, (str, bytes, int, float, np.ndarray, wp.Kernel, type)):
+        return 0
+    seen.add(id(thing))
+    if isinstance(thing, wp.array):
+        at = thing.ptr or 0
+        if at in seen:
+            return 0
+        seen.add(at)
+        return int(thing.capacity)
+    if isinstance(thing, (list, tuple)):
+        return sum(held(each, seen) for each in thing)
+    if isinstance(thing, dict):
+        return sum(held(each, seen) for each in thing.values())
+    names = getattr(getattr(thing, "_cls", None), "vars", None)
+    if names is not None:  # a Warp struct
+        return sum(held(getattr(thing, name), seen) for name in names)
+    module = type(thing).__module__
+    return held(vars(thing), seen) if module.startswith("warp_cloth") and hasattr(thing, "__dict__") else 0
+
+
+@pytest.mark.parametrize("gathers", [False, True])
+@pytest.mark.parametrize("fabric", ["cotton", "jersey", "default"])
+def test_the_planned_memory_bounds_what_is_held(gathers: bool, fabric: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(set_up, "build_model", partial(build_model, gathers=gathers))
+    changes = ["garment.shape.vertices_per_side=60", f"garment.fabric={fabric}", "solver.iterations=4000"]
+    scene = load_scene("sphere", [*changes, "collision.pixel_mm=10"])
+    wardrobe = open_wardrobe(scene)
+    made = set_up.set_up([scene], [wardrobe], "cpu")
+    relax_items(made.relaxation, made.certifier, [Goal(tolerance_of(scene), 1500)])
+    used = held([made.model, made.relaxation, made.certifier, made.contacts], set())
+    need = need_of(scene, wardrobe, gathers=gathers)
+    planned = need.own + need.shared
+    assert used <= planned <= 2.5 * used

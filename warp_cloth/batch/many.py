@@ -1,0 +1,90 @@
+"""Many scenes on one device: loaded once where they share, relaxed together, cut so that they fit its memory."""
+
+from __future__ import annotations
+
+import collections
+import time
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import warp as wp
+
+from warp_cloth.batch.memory import available_bytes, cut_to_fit, need_of
+from warp_cloth.fitting import Fit, finished, tolerance_of
+from warp_cloth.scene import Scene
+from warp_cloth.set_up import following, kind_of, set_up
+from warp_cloth.solver.loop import Goal, relax_items
+from warp_cloth.wardrobe import Rack, Wardrobe, open_wardrobe
+
+
+def fit_many(
+    scenes: Sequence[Scene], device: str, *, budget: int | None = None, together: int | None = None
+) -> list[Fit | Exception]:
+    """Fits scenes on one device; where one cannot be fitted, the reason stands in its place.
+
+    Every fit has the bits that it has alone.
+
+    Args:
+        scenes: in any mixture.
+        device: Warp's name of it.
+        budget: memory [bytes] that may be used there; None: most of what is free.
+        together: scenes that relax together at most; None: on a GPU as many as fit, on the CPU one at a time, as a
+            launch there is a loop and a garment alone stays in the cache.
+    """
+    gpu = wp.get_device(device).is_cuda
+    most = together or (len(scenes) if gpu else 1)
+    limit = available_bytes(device) if budget is None else budget
+    rack = Rack()
+    results: dict[int, Fit | Exception] = {}
+    loaded: dict[int, Wardrobe] = {}
+    groups: collections.defaultdict[tuple[Any, ...], list[int]] = collections.defaultdict(list)
+    for number, scene in enumerate(scenes):
+        try:
+            loaded[number] = open_wardrobe(scene, rack)
+            groups[kind_of(scene, loaded[number])].append(number)
+        except Exception as error:
+            results[number] = error
+
+    def run(numbers: Sequence[int]) -> list[Fit]:
+        return _together([scenes[n] for n in numbers], [loaded[n] for n in numbers], device)
+
+    for numbers in groups.values():
+        needs = [need_of(scenes[n], loaded[n], gathers=gpu) for n in numbers]
+        for piece in cut_to_fit(needs, limit, most):
+            _halving([numbers[at] for at in piece], run, results)
+    return [results[number] for number in range(len(scenes))]
+
+
+def _halving(
+    numbers: Sequence[int], run: Callable[[Sequence[int]], list[Fit]], results: dict[int, Fit | Exception]
+) -> None:
+    """Runs scenes together; where that fails, for lack of memory or by one that is bad, each half by itself."""
+    try:
+        results.update(zip(numbers, run(numbers), strict=True))
+    except Exception as error:
+        if len(numbers) == 1:
+            results[numbers[0]] = error.with_traceback(None)  # which holds on to the memory
+            return
+    else:
+        return
+    middle = len(numbers) // 2
+    _halving(numbers[:middle], run, results)
+    _halving(numbers[middle:], run, results)
+
+
+def _together(scenes: Sequence[Scene], wardrobes: Sequence[Wardrobe], device: str) -> list[Fit]:
+    """Relaxes scenes of one kind together."""
+    seconds = dict.fromkeys(("load", "compile", "build", "relax", "measure", "export"), 0.0)
+    last = time.perf_counter()
+
+    def lap(stage: str) -> None:
+        nonlocal last
+        now = time.perf_counter()
+        seconds[stage] += now - last
+        last = now
+
+    made = set_up(scenes, wardrobes, device, lap=lap)
+    goals = [Goal(tolerance_of(scene), scene.solver.iterations) for scene in scenes]
+    outcomes = relax_items(made.relaxation, made.certifier, goals, follow=following(made), course=made.course)
+    lap("relax")
+    return finished(made, outcomes, lap=lap, seconds=seconds)

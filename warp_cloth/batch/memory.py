@@ -1,0 +1,93 @@
+"""Device memory of a batch, planned before anything is allocated."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Hashable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import warp as wp
+
+from warp_cloth.collide.avatar import MARGIN
+from warp_cloth.collide.field import LEAST_SPACING, PIXELS_PER_SPACING
+from warp_cloth.plan import contact_kind
+from warp_cloth.scene import Scene
+from warp_cloth.set_up import contact_key
+from warp_cloth.wardrobe import Wardrobe
+
+# Bytes for each vertex, edge, triangle and hinge of model, iterations, certificate and the shapes that it keeps, in
+# the "mixed" precision; measured by adding up the arrays, and rounded up.
+PER_VERTEX, PER_EDGE, PER_TRIANGLE, PER_HINGE = 640, 96, 192, 64
+SCATTERED = 0.5  # factor where forces are scattered: nothing is stored, and there is one set of positions
+DOUBLE = 2.0  # factor where everything is float64
+FIELD_NODE = 8  # of the field's four bytes and the depth buffers'
+TREE_TRIANGLE = 200  # of an avatar's mesh and its search tree
+SHARE = 0.8  # of the free memory that a batch takes: the allocator and the kernels want some
+CPU_SHARE = 0.4  # likewise: other workers are there, too
+
+
+@dataclass(frozen=True)
+class Need:
+    """Bound of the device memory of one scene [bytes]."""
+
+    own: int  # of its garments
+    shared: int  # of its avatar, held once for all scenes of the same ``key``
+    key: Hashable
+
+
+def need_of(scene: Scene, wardrobe: Wardrobe, *, gathers: bool) -> Need:
+    """What a scene needs whose forces are gathered (on GPUs) or scattered."""
+    total = 0.0
+    for part in wardrobe.parts:
+        topology = part.rest.topology
+        total += PER_VERTEX * len(part.points) + PER_EDGE * len(topology.edges)
+        total += PER_TRIANGLE * len(part.triangles) + PER_HINGE * len(topology.hinges)
+    if not gathers:
+        total *= SCATTERED
+    if scene.solver.precision == "float64":
+        total *= DOUBLE
+    return Need(int(total), collider_bytes(scene, wardrobe), contact_key(scene, wardrobe))
+
+
+def collider_bytes(scene: Scene, wardrobe: Wardrobe) -> int:
+    """Bound of the memory of an avatar as a scene meets it [bytes]."""
+    avatar = wardrobe.avatar
+    kind = contact_kind(scene, wardrobe)
+    if avatar is None or kind == "none":
+        return 0
+    mesh = TREE_TRIANGLE * avatar.triangle_count
+    if kind == "mesh":
+        return mesh
+    points = np.concatenate([part.points for part in wardrobe.parts])
+    lower, upper = avatar.bounds()
+    low, high = np.maximum(points.min(axis=0), lower) - MARGIN, np.minimum(points.max(axis=0), upper) + MARGIN
+    spacing = max(PIXELS_PER_SPACING * scene.collision.pixel_mm * 1e-3, LEAST_SPACING)
+    nodes = float(np.prod(np.maximum(high - low, 0.0) / spacing + 4.0))
+    return mesh + int(FIELD_NODE * nodes)
+
+
+def available_bytes(device: str) -> int:
+    """Memory that a batch may take [bytes]."""
+    where = wp.get_device(device)
+    if where.is_cuda:
+        return int(SHARE * where.free_memory)
+    return int(CPU_SHARE * os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"))
+
+
+def cut_to_fit(needs: Sequence[Need], budget: int, most: int) -> list[range]:
+    """Consecutive items that together stay within the budget [bytes], ``most`` of them at most.
+
+    An item that alone needs more makes a piece of its own: it may fit all the same.
+    """
+    pieces, first, total = [], 0, 0
+    held: set[Hashable] = set()
+    for at, need in enumerate(needs):
+        more = need.own + (0 if need.key in held else need.shared)
+        if at > first and (total + more > budget or at - first >= most):
+            pieces.append(range(first, at))
+            first, total, more = at, 0, need.own + need.shared
+            held.clear()
+        total += more
+        held.add(need.key)
+    return [*pieces, range(first, len(needs))] if needs else []

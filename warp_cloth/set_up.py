@@ -1,0 +1,165 @@
+"""Scenes on a device: what their plans ask for is built there, ready to relax together."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Hashable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from warp_cloth.collide.avatar import AvatarContact, avatar_modules
+from warp_cloth.collide.garments import cloth_course, cloth_touch
+from warp_cloth.model import ClothModel, build_model, terms_of
+from warp_cloth.plan import contact_kind
+from warp_cloth.scene import Scene
+from warp_cloth.solver.certificate import Certifier
+from warp_cloth.solver.course import Course
+from warp_cloth.solver.loop import Box, Follow
+from warp_cloth.solver.relax import Collider, Relaxation, StepOptions
+from warp_cloth.wardrobe import Rack, Wardrobe, open_wardrobe
+
+
+@dataclass(frozen=True, eq=False)
+class SetUp:
+    """Scenes on a device, ready to relax together; each is an item. All are of one ``kind_of``."""
+
+    scenes: tuple[Scene, ...]
+    wardrobes: tuple[Wardrobe, ...]
+    contacts: tuple[AvatarContact, ...]
+    model: ClothModel
+    relaxation: Relaxation
+    certifier: Certifier
+    course: Course | None  # where cloth meets cloth
+
+    @property
+    def wardrobe(self) -> Wardrobe:
+        """That of the first scene, or of a lone one."""
+        return self.wardrobes[0]
+
+    @property
+    def contact(self) -> AvatarContact:
+        """That of the first scene, or of a lone one."""
+        return self.contacts[0]
+
+
+def kind_of(scene: Scene, wardrobe: Wardrobe) -> tuple[Any, ...]:
+    """What scenes must have in common to relax together: then their kernels are those of each alone.
+
+    One whose cloth meets cloth is of a kind of its own: what it launches depends on how its garments lie.
+    """
+    solver = scene.solver
+    contact = contact_kind(scene, wardrobe)
+    alone = id(scene) if scene.collision.cloth else 0
+    return solver.method, solver.precision, contact, alone, terms_of([part.rest for part in wardrobe.parts])
+
+
+def set_up_one(
+    scene: Scene,
+    device: str,
+    *,
+    rack: Rack | None = None,
+    tell: Callable[[str], None] = lambda _: None,
+    lap: Callable[[str], None] = lambda _: None,
+) -> SetUp:
+    """Loads a scene and sets it up alone; ``rack`` has what earlier scenes share with it, the rest as of ``set_up``."""
+    tell("load")
+    wardrobe = open_wardrobe(scene, rack)
+    lap("load")
+    return set_up([scene], [wardrobe], device, tell=tell, lap=lap)
+
+
+def set_up(
+    scenes: Sequence[Scene],
+    wardrobes: Sequence[Wardrobe],
+    device: str,
+    *,
+    tell: Callable[[str], None] = lambda _: None,
+    lap: Callable[[str], None] = lambda _: None,
+) -> SetUp:
+    """Builds what the scenes' plans ask for on the device, and compiles the kernels.
+
+    Args:
+        scenes: loaded scenes of one ``kind_of``.
+        wardrobes: theirs.
+        device: Warp's name of it.
+        tell: told at every stage.
+        lap: told the name of every stage at its end.
+    """
+    first = scenes[0]
+    if wardrobes[0].avatar is not None:
+        tell("compile")
+        _compile(avatar_modules(contact_kind(first, wardrobes[0])), device)
+        lap("compile")
+    tell("build")
+    contacts, colliders = _avatar_contacts(scenes, wardrobes, device)
+    model = build_model(
+        [part for each in wardrobes for part in each.parts],
+        device=device,
+        precision=first.solver.precision,
+        garments=[len(each.parts) for each in wardrobes],
+    )
+    options = StepOptions(method=first.solver.method)
+    touch = cloth_touch(first, wardrobes[0], model) if first.collision.cloth else None
+    relaxation = Relaxation(model, colliders, options, touch, [scene.solver.cap for scene in scenes])
+    certifier = Certifier(relaxation)
+    course = cloth_course(wardrobes[0], relaxation, touch, device) if touch is not None else None
+    wp.synchronize_device(device)
+    lap("build")
+    tell("compile")
+    _compile([kernel.module for kernel in relaxation.kernels() + certifier.kernels()], device)
+    lap("compile")
+    return SetUp(tuple(scenes), tuple(wardrobes), tuple(contacts), model, relaxation, certifier, course)
+
+
+def contact_key(scene: Scene, wardrobe: Wardrobe) -> Hashable:
+    """What scenes have in common that meet their avatar alike to begin with."""
+    return id(wardrobe.avatar), scene.collision, *(id(part.points) for part in wardrobe.parts)
+
+
+def _avatar_contacts(
+    scenes: Sequence[Scene], wardrobes: Sequence[Wardrobe], device: str
+) -> tuple[list[AvatarContact], list[Collider]]:
+    """Every scene's contact and first collider; built once for scenes whose garments start alike on one avatar."""
+    built: dict[Hashable, tuple[AvatarContact, Collider]] = {}
+    contacts, colliders = [], []
+    for scene, wardrobe in zip(scenes, wardrobes, strict=True):
+        friction = scene.avatar.friction if scene.avatar is not None else 0.0
+        key = contact_key(scene, wardrobe)
+        if key not in built:
+            contact = _avatar_contact(scene, wardrobe, device)
+            built[key] = contact, contact.collider(np.concatenate([part.points for part in wardrobe.parts]))
+        contact, collider = built[key]
+        contacts.append(contact.alike(friction))
+        colliders.append(replace(collider, friction=friction))
+    return contacts, colliders
+
+
+def _compile(modules: list[wp.Module], device: str) -> None:
+    """Loads kernels, compiled where Warp's cache does not have them yet.
+
+    For the CPU one after another: two threads of that compiler take twice as long as one (measured, Warp 1.19).
+    """
+    wp.force_load(device, modules=modules, max_workers=0 if wp.get_device(device).is_cpu else None)
+
+
+def _avatar_contact(scene: Scene, wardrobe: Wardrobe, device: str) -> AvatarContact:
+    return AvatarContact(
+        wardrobe.avatar,
+        contact_kind(scene, wardrobe),
+        pixel=scene.collision.pixel_mm * 1e-3,
+        offset=scene.collision.offset_mm * 1e-3,
+        friction=scene.avatar.friction if scene.avatar is not None else 0.0,
+        device=device,
+    )
+
+
+def following(made: SetUp) -> Follow:
+    """What gives an item a new collider where its garments leave the region of the old one."""
+
+    def follow(item: int, box: Box) -> Collider | None:
+        contact = made.contacts[item]
+        return None if contact.covers(np.stack(box)) else contact.collider(made.model.points(item))
+
+    return follow
