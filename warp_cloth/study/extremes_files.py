@@ -15,10 +15,11 @@ import numpy as np
 from warp_cloth.bench.save import figure_class
 from warp_cloth.export.files import whole_file
 from warp_cloth.export.report import write_report
-from warp_cloth.study.extremes import CAPS, METHODS, SIZES, STIFFNESS, Outcome, theory_cap
+from warp_cloth.study.extremes import CAPS, LIMIT, METHODS, SIZES, STIFFNESS, Outcome, theory_cap
 
 COLOURS = {"at rest": "#4c9f70", "not at rest": "#f2c14e", "diverged": "#d1495b", "refused": "#9a9a9a"}
 ODD = "#000000"  # of what must not happen
+PRECISIONS = {"both": "#4c9f70", "mixed": "#5b8fd9", "float32": "#b07cc6", "": "#f2c14e"}  # which come to rest
 COLUMNS = (
     "group",
     "name",
@@ -97,8 +98,12 @@ def _plot(path: Path, found: Sequence[Outcome]) -> None:
             line = np.array(STIFFNESS)
             axes.plot(line, [theory_cap(k) for k in line], color="black", linewidth=2)
             axes.annotate(
-                "theory: rest only below", (1e5, theory_cap(1e5)), xytext=(0, 14), textcoords="offset points",
-                fontsize=9, weight="bold", ha="center",
+                "theory: rest only below this line", (1e8, 0.3), ha="right", va="center", fontsize=9, weight="bold",
+                bbox={"color": "white", "alpha": 0.8},
+            )  # fmt: skip
+            axes.annotate(
+                f"too slow for {LIMIT:,} iterations", (0.6, 2e-7), va="center", fontsize=9,
+                bbox={"color": "white", "alpha": 0.8},
             )  # fmt: skip
     axes = panels[2]
     for size in SIZES:
@@ -109,8 +114,7 @@ def _plot(path: Path, found: Sequence[Outcome]) -> None:
                 if o.group == "precision" and o.values == {"stiffness": stiffness, "size": float(size)}
             }
             kind = "both" if all(runs.values()) else "mixed" if runs["mixed"] else "float32" if runs["float32"] else ""
-            colour = {"both": COLOURS["at rest"], "mixed": "#5b8fd9", "float32": "#b07cc6", "": COLOURS["not at rest"]}
-            axes.scatter([stiffness], [size], marker="s", s=330, color=colour[kind])
+            axes.scatter([stiffness], [size], marker="s", s=330, color=PRECISIONS[kind])
             axes.annotate(kind or "none", (stiffness, size), ha="center", va="center", fontsize=6)
     axes.set(ylabel="vertices a side of 0.5 m", title="which precision comes to rest (accelerated)", yticks=SIZES)
     axes.margins(y=0.25)
@@ -119,6 +123,9 @@ def _plot(path: Path, found: Sequence[Outcome]) -> None:
     handles = [
         panels[0].scatter([], [], marker="s", s=90, color=colour, label=verdict) for verdict, colour in COLOURS.items()
     ]
+    handles.append(
+        panels[0].scatter([], [], marker="s", s=90, color=PRECISIONS["mixed"], label="at rest only in mixed")
+    )
     figure.legend(handles=handles, loc="outside lower center", ncols=len(handles), fontsize=9)
     with whole_file(path) as place:
         figure.savefig(place, dpi=90)
