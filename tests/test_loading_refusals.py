@@ -225,3 +225,10 @@ def test_a_nan_that_numpy_warns_of_is_refused_in_one_line(tmp_path: Path) -> Non
     (tmp_path / "nan.ply").write_bytes(content[:first] + signalling + content[first + 4 :])
     with pytest.raises(InputError, match="vertex 0 is not finite"):
         load_mesh(tmp_path / "nan.ply", role="garment", key="garment")
+
+
+def test_a_data_file_whose_name_no_system_takes_is_refused_in_one_line(tmp_path: Path) -> None:
+    tree = {"asset": {"version": "2.0"}, "buffers": [{"uri": "A" * 5000, "byteLength": 1}]}
+    (tmp_path / "long.gltf").write_text(json.dumps(tree))
+    with pytest.raises(InputError, match="is no glTF"):
+        load_mesh(tmp_path / "long.gltf", role="garment", key="garment")

@@ -69,6 +69,8 @@ def _may_meet(scene: Scene, wardrobe: Wardrobe) -> bool:
     """Whether a garment may come within the offset of the avatar; false only where that is proved."""
     if wardrobe.avatar is None:
         return False
+    if scene.collision.cloth:  # layers push one another apart, and no energy bounds how far
+        return True
     gap = scene.collision.offset_mm * 1e-3
     low, high = wardrobe.avatar.bounds()
     for part in wardrobe.parts:

@@ -27,7 +27,7 @@ def reach_box(part: GarmentPart) -> tuple[Floats, Floats] | None:
     ways = _edge_ways(rest, part.points) if rest.weave is None else _woven_ways(rest.weave, part.points)
     if not len(part.pins) or not len(ways.ends) or not (ways.stiffness > 0.0).all():
         return None
-    start = ways.start + 4.0 * float(rest.hinge_stiffness.sum())  # of C (t - sin t), at most pi C
+    start = ways.start + 7.0 * float(rest.hinge_stiffness.sum())  # C (t - sin t) is at most 2 pi C
     held = part.points[part.pins]
     low, high = held.min(axis=0), held.max(axis=0)
     energy = start + 1e-9

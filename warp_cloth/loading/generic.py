@@ -80,7 +80,7 @@ def read_gltf(file: str, data: bytes) -> RawMesh:
                 attributes.pop(unused, None)
         kind = "glb" if binary else "gltf"
         chunk = json.dumps(tree).encode()
-    except (ValueError, TypeError, KeyError, AttributeError, IndexError, RecursionError) as error:
+    except (ValueError, TypeError, KeyError, AttributeError, IndexError, RecursionError, OSError) as error:
         raise InputError(file, f"is no glTF: {_reason(error)}", "check the file's name and content") from None
     if binary:
         chunk += b" " * (-len(chunk) % 4)

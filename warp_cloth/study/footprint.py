@@ -5,13 +5,13 @@ from __future__ import annotations
 import inspect
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 import warp as wp
 
 from warp_cloth.fitting import SetUp
-from warp_cloth.study.launches import Launch, bytes_of, launches_of
+from warp_cloth.study.launches import Launch, arrays_in, bytes_of, launches_of
 from warp_cloth.study.traffic import Uses, array_uses
 
 PAIR = 2  # iterations that are watched: where forces are gathered, the second goes back to the first one's arrays
@@ -55,7 +55,6 @@ def footprint_of(made: SetUp) -> Footprint:
     relaxation, model = made.relaxation, made.model
     chunk = _seconds_of_iteration(made)
     launches = launches_of(lambda: relaxation.iterate(PAIR))
-    checks = launches_of(lambda: made.certifier.check(0, {0: None}))
     seconds = _seconds_of_launches(launches, model.device)
     uses = {launch.kernel.key: array_uses(launch.kernel) for launch in launches}
     kernels = []
@@ -78,7 +77,7 @@ def footprint_of(made: SetUp) -> Footprint:
         launches=len(launches) / PAIR,
         bytes=sum(kernel.bytes for kernel in kernels),
         seconds=chunk,
-        memory=_memory(launches, checks),
+        memory=_memory(made),
     )
 
 
@@ -96,16 +95,15 @@ def _moved(launch: Launch, uses: Uses) -> int:
     return total
 
 
-def _memory(launches: Sequence[Launch], checks: Sequence[Launch]) -> dict[str, int]:
-    """Bytes of the arrays that iterations and checks touch: of the cloth, of the avatar, more for the checks."""
-    named = [item for launch in launches for item in launch.arrays().items()]
-    avatar = [array for name, array in named if name.startswith("collider")]
-    cloth = [array for name, array in named if not name.startswith("collider")]
-    everything = [array for _, array in named] + [array for launch in checks for array in launch.arrays().values()]
+def _memory(made: SetUp) -> dict[str, int]:
+    """Bytes of the arrays that a scene holds on its device: of the avatar, of the cloth, more for the checks."""
+    avatar = arrays_in(made.contact)
+    cloth = arrays_in([getattr(made, part.name) for part in fields(made) if part.name != "certifier"])
+    whole = bytes_of(arrays_in(made))
     return {
-        "cloth": bytes_of(cloth),
+        "cloth": bytes_of(cloth) - bytes_of(avatar),
         "avatar": bytes_of(avatar),
-        "checks": bytes_of(everything) - bytes_of(avatar) - bytes_of(cloth),
+        "checks": whole - bytes_of(cloth),
     }
 
 

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import chain
+from types import SimpleNamespace
 from typing import Any
 
 import warp as wp
@@ -58,6 +59,27 @@ def _watched(found: list[Launch]) -> Iterator[None]:
         yield
     finally:
         wp.launch = launch
+
+
+def arrays_in(thing: Any, seen: set[int] | None = None) -> list[wp.array]:
+    """Every array that an object of this library holds, in its attributes, in structs and in containers."""
+    seen = set() if seen is None else seen
+    if id(thing) in seen:
+        return []
+    seen.add(id(thing))
+    if isinstance(thing, wp.array):
+        return [thing]
+    if isinstance(thing, Mapping):
+        inner = list(thing.values())
+    elif isinstance(thing, (list, tuple)):
+        inner = list(thing)
+    elif hasattr(thing, "_cls"):  # an instance of a Warp struct
+        inner = [getattr(thing, name) for name in thing._cls.vars]
+    elif type(thing).__module__.startswith("warp_cloth") or isinstance(thing, (SimpleNamespace, wp.Mesh)):
+        inner = list(vars(thing).values())
+    else:
+        inner = []
+    return [array for part in inner for array in arrays_in(part, seen)]
 
 
 def bytes_of(arrays: Sequence[wp.array]) -> int:

@@ -128,6 +128,9 @@ def _plot(path: Path, trade: Trade) -> None:
         [t.seconds for t in trade.front], [max(t.rms_mm, LEAST_MM) for t in trade.front], color="0.6", linewidth=1
     )
     axes.set(xscale="log", yscale="log", xlabel="seconds", ylabel="distance from the reference [mm, rms]")
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_major_formatter("{x:g}")
+    axes.xaxis.set_minor_formatter(lambda value, _: f"{value:g}" if f"{value:e}"[0] in "235" else "")
     if trade.scatter_mm > LEAST_MM:
         axes.set_ylim(bottom=min(axes.get_ylim()[0], 0.5 * trade.scatter_mm))
         axes.axhspan(axes.get_ylim()[0], trade.scatter_mm, color="0.92", zorder=0)

@@ -90,11 +90,13 @@ class _Reader(ast.NodeVisitor):
         return self._paths.get(node.id, "") if isinstance(node, ast.Name) else ""
 
     def _static(self, test: ast.AST) -> bool | None:
-        """The value of ``wp.static(...)``, None where the test is none or cannot be told."""
+        """The value of ``wp.static(...)``, before or after Warp has put it in; None for any other test."""
+        if isinstance(test, ast.Constant):
+            return bool(test.value)
         if not (isinstance(test, ast.Call) and isinstance(test.func, ast.Attribute) and test.func.attr == "static"):
             return None
-        names = {**vars(__import__("builtins")), **self._known}
+        code = compile(ast.Expression(test.args[0]), "<static>", "eval")
         try:
-            return bool(eval(compile(ast.Expression(test.args[0]), "<static>", "eval"), names))  # as Warp does
+            return bool(eval(code, dict(self._known)))  # as Warp does
         except NameError:
             return None
