@@ -97,7 +97,7 @@ def _moved(launch: Launch, uses: Uses) -> int:
 
 def _memory(made: SetUp) -> dict[str, int]:
     """Bytes of the arrays that a scene holds on its device: of the avatar, of the cloth, more for the checks."""
-    avatar = arrays_in(made.contact)
+    avatar = arrays_in(made.contacts)
     cloth = arrays_in([getattr(made, part.name) for part in fields(made) if part.name != "certifier"])
     whole = bytes_of(arrays_in(made))
     return {

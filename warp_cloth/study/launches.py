@@ -61,12 +61,12 @@ def _watched(found: list[Launch]) -> Iterator[None]:
         wp.launch = launch
 
 
-def arrays_in(thing: Any, seen: set[int] | None = None) -> list[wp.array]:
+def arrays_in(thing: Any, seen: dict[int, Any] | None = None) -> list[wp.array]:
     """Every array that an object of this library holds, in its attributes, in structs and in containers."""
-    seen = set() if seen is None else seen
+    seen = {} if seen is None else seen
     if id(thing) in seen:
         return []
-    seen.add(id(thing))
+    seen[id(thing)] = thing  # kept, so that nothing else gets its id
     if isinstance(thing, wp.array):
         return [thing]
     if isinstance(thing, Mapping):
