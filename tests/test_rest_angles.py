@@ -69,7 +69,7 @@ def test_a_crease_that_is_pressed_flat_folds_back(degrees: float) -> None:
     model.set_points(FLAT.points)
     relaxation = Relaxation(model, Collider(), StepOptions())
     relaxation.step.gravity = cloth_types("mixed").vec3(0.0, 0.0, 0.0)
-    certifier = Certifier(relaxation, Collider())
+    certifier = Certifier(relaxation)
     wp.force_load("cpu", modules=[kernel.module for kernel in relaxation.kernels() + certifier.kernels()])
     outcome = relax_to_rest(relaxation, certifier, Tolerance(rest_error=1e-4), 20_000)
     topology = build_topology(mesh.triangles, mesh.vertex_count)
