@@ -36,7 +36,7 @@ def live() -> LiveFit:
 
 
 def test_it_relaxes_to_rest_and_stays(live: LiveFit) -> None:
-    for _ in range(200):
+    for _ in range(800):
         live.advance()
     assert live.at_rest
     assert "At rest" in live.status()

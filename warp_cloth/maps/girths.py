@@ -18,6 +18,9 @@ ALONG = 9  # spots looked at along each piece of a section
 CLOSED = 0.95  # share of the sectors that a garment covers that goes round
 PRESENT = 0.3  # less than this is a strap or a corner of the hem
 MILLIMETRES = 1e3
+# A garment's chest is measured a little below its armholes, so where the sleeves join at the body's level, lower [m].
+LOWER = {"chest": 0.06}
+STEP = 0.01
 
 
 def garment_girths(
@@ -26,36 +29,48 @@ def garment_girths(
     """Girths at each level that the garment reaches [mm].
 
     ``garment`` is the cloth's length round the trunk as worn, folds and all, ``natural`` that same line in the rest
-    shape, ``ease`` natural less the body's: negative where the cloth must stretch to go round.
+    shape, ``ease`` natural less the body's: negative where the cloth must stretch to go round. Where sleeves join the
+    trunk at the chest, the garment is measured a little lower.
     """
-    rows = []
+    rows: list[dict[str, Any]] = []
+    if sheet is None:
+        return rows
     for level in levels:
-        if sheet is None:
-            continue
-        section = cut(points, sheet.triangles, level.height)
-        if not len(section.faces):
-            continue
-        of_trunk = _round_the_trunk(section.ends, level)
-        ends = section.ends[of_trunk]
-        covered = _covered(ends, level)
-        if covered < PRESENT:
-            continue
-        worn = float(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1).sum())
-        flat = np.einsum("sek,skd->sed", section.weights[of_trunk], sheet.flat[section.faces[of_trunk]])
-        natural = float(np.linalg.norm(flat[:, 1] - flat[:, 0], axis=1).sum())
-        rows.append(
-            {
-                "garment": name,
-                "level": level.name,
-                "height": MILLIMETRES * (level.height - float(avatar.points[:, 1].min())),
-                "body_girth": MILLIMETRES * level.girth,
-                "garment_girth": MILLIMETRES * worn,
-                "natural_girth": MILLIMETRES * natural,
-                "ease": MILLIMETRES * (natural - level.girth) if covered >= CLOSED else None,
-                "closed": covered >= CLOSED,
-            }
-        )
+        row = None
+        for drop in np.arange(0.0, LOWER.get(level.name, 0.0) + 0.5 * STEP, STEP):
+            lower = _girth_row(name, points, sheet, level, drop, float(avatar.points[:, 1].min()))
+            row = lower if row is None or (lower is not None and lower["closed"]) else row
+            if row is None or row["closed"]:
+                break
+        rows += [row] if row is not None else []
     return rows
+
+
+def _girth_row(
+    name: str, points: Points, sheet: Sheet, level: Level, drop: float, floor: float
+) -> dict[str, Any] | None:
+    """The garment's girth ``drop`` [m] below a level; None where it does not reach."""
+    section = cut(points, sheet.triangles, level.height - drop)
+    if not len(section.faces):
+        return None
+    of_trunk = _round_the_trunk(section.ends, level)
+    ends = section.ends[of_trunk]
+    covered = _covered(ends, level)
+    if covered < PRESENT:
+        return None
+    worn = float(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1).sum())
+    flat = np.einsum("sek,skd->sed", section.weights[of_trunk], sheet.flat[section.faces[of_trunk]])
+    natural = float(np.linalg.norm(flat[:, 1] - flat[:, 0], axis=1).sum())
+    return {
+        "garment": name,
+        "level": level.name,
+        "height": MILLIMETRES * (level.height - floor),
+        "body_girth": MILLIMETRES * level.girth,
+        "garment_girth": MILLIMETRES * worn,
+        "natural_girth": MILLIMETRES * natural,
+        "ease": MILLIMETRES * (natural - level.girth) if covered >= CLOSED else None,
+        "closed": covered >= CLOSED,
+    }
 
 
 def _round_the_trunk(ends: NDArray[np.float64], level: Level) -> NDArray[np.bool_]:

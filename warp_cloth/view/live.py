@@ -22,8 +22,10 @@ from warp_cloth.solver.certificate import Check
 from warp_cloth.view.warm import carried_over
 from warp_cloth.wardrobe import Rack
 
-CHUNK = 20  # iterations between two pictures
-CHUNKS_PER_CHECK = 5
+CHUNK = 20  # iterations between two pictures, where they take no longer than a picture may
+LEAST_CHUNK = 5
+SLOW, FAST = 0.06, 0.02  # [s] of a chunk; slower ones are halved, faster ones doubled: 10 pictures a second and more
+CHECK_ITERATIONS = 100  # between two checks
 PLOT_POINTS = 400  # the oldest are thinned out
 BODY_MEASURES = ("stature", "chest", "waist", "hip")
 
@@ -64,9 +66,12 @@ class LiveFit:
         self.at_rest = self.diverged = False
         self.history = History()
         self.check: Check | None = None
-        self._chunks = 0
+        self._unchecked = 0
+        self._chunk = CHUNK
         self._seconds = 0.0
         self.points: Points = self.made.model.points()
+        if self.made.course is not None:
+            self.made.course.advance(0, self.points)
 
     @property
     def ended(self) -> bool:
@@ -96,11 +101,17 @@ class LiveFit:
             return
         began = time.perf_counter()
         made = self.made
-        made.relaxation.run(CHUNK)
+        count = min(self._chunk, CHECK_ITERATIONS - self._unchecked)
+        made.relaxation.run(count)
         points = made.model.points()
-        self.iteration += CHUNK
-        self._chunks += 1
-        self._seconds += time.perf_counter() - began
+        self.iteration += count
+        self._unchecked += count
+        spent = time.perf_counter() - began
+        self._seconds += spent
+        if spent > SLOW:
+            self._chunk = max(self._chunk // 2, LEAST_CHUNK)
+        elif spent < FAST:
+            self._chunk = min(2 * self._chunk, CHUNK)
         if not np.isfinite(points).all():
             self.diverged = True
             return
@@ -108,15 +119,16 @@ class LiveFit:
         if not made.contact.covers(points):
             collider = made.contact.collider(points)
             made.relaxation.meet(0, collider)
-        if self._chunks % CHUNKS_PER_CHECK == 0:
+        if self._unchecked >= CHECK_ITERATIONS:
             tolerance = tolerance_of(self.scene)
             self.check = made.certifier.check(self.iteration, {0: tolerance})[0]
             made.certifier.turn_page(self.iteration)
-            speed = CHUNKS_PER_CHECK * CHUNK / max(self._seconds, 1e-9)
+            speed = self._unchecked / max(self._seconds, 1e-9)
             self.history.add(self.iteration, self.check.residual.relative_rms, speed)
-            self._seconds = 0.0
-            self.at_rest = self.check.within(tolerance)
+            self._seconds, self._unchecked = 0.0, 0
             self.diverged = not self.check.finite
+            settled = made.course is None or made.course.advance(self.iteration, points)
+            self.at_rest = settled and self.check.within(tolerance)
 
     def change(self, changes: Mapping[str, str]) -> None:
         """Changes scene keys and goes on from the worn shape, where the new garment can take it over.
