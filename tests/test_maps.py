@@ -27,7 +27,7 @@ from warp_cloth.material import even_network
 from warp_cloth.mesh import Mesh
 from warp_cloth.model import GarmentPart
 from warp_cloth.rest import GRAVITY, build_rest_shape
-from warp_cloth.shapes import mannequin, sphere
+from warp_cloth.shapes import MannequinMeasures, mannequin, sphere, tshirt
 from warp_cloth.solver.certificate import Certifier
 from warp_cloth.solver.relax import Collider, Relaxation, StepOptions
 
@@ -216,6 +216,14 @@ def test_half_a_garment_goes_not_round(body: Mesh) -> None:
     sheet = build_rest_shape(half, Fabric(), rest="mesh").sheet
     (row,) = garment_girths("half", half.points, sheet, body, body_levels(body))
     assert (row["closed"], row["ease"]) == (False, None)
+
+
+def test_sleeves_that_join_at_the_chest_are_left_out(body: Mesh) -> None:
+    shirt = tshirt(size="L", edge=0.03, body=MannequinMeasures())
+    sheet = build_rest_shape(shirt, Fabric(), rest="uv").sheet
+    rows = {row["level"]: row for row in garment_girths("shirt", shirt.points, sheet, body, body_levels(body))}
+    # its sleeves begin below the chest of a size M body
+    assert rows["chest"]["natural_girth"] == pytest.approx(rows["waist"]["natural_girth"], rel=0.03)
 
 
 def test_a_section_of_a_tube_is_one_ring() -> None:

@@ -97,7 +97,12 @@ def fit(
     ] = "usdc",
     verbose: Annotated[bool, typer.Option("--verbose", help="Show what the library and Warp log.")] = False,
 ) -> None:
-    """Fit a scene's garments, and write the stage, the report and a picture."""
+    """Fit a scene's garments, and write the stage, the report and a picture.
+
+    \b
+    warp-cloth fit tshirt --set garment.shape.size=L --maps all --colour ease
+    warp-cloth fit stage.usda --set garment.prim=/World/shirt --set avatar.prim=/World/body
+    """
     with one_line_errors():
         from warp_cloth.export.formats import check_inputs_kept, chosen_formats
         from warp_cloth.maps.kinds import chosen_maps

@@ -18,7 +18,11 @@ def compare(
     second: Annotated[Path, typer.Argument(help="The fit to compare it with.")],
     out: Annotated[Path, typer.Option(help="Folder for compare.usdc, compare.json and pictures.")] = Path("out"),
 ) -> None:
-    """Show the difference between two fits, of sizes, fabrics or bodies: the second less the first."""
+    """Show the difference between two fits, of sizes, fabrics or bodies: the second less the first.
+
+    \b
+    warp-cloth compare out_M out_L --out difference
+    """
     with one_line_errors():
         from warp_cloth.loading.result import read_fit
 
@@ -45,7 +49,12 @@ def view(
     host: Annotated[str, typer.Option(help="Address to serve at; 0.0.0.0 lets other machines in.")] = "127.0.0.1",
     port: Annotated[int, typer.Option(help="Port; the next free one if it is taken.")] = 8080,
 ) -> None:
-    """Show a garment draping live on a page, with sliders for size, fabric, body and offset."""
+    """Show a garment draping live on a page, with sliders for size, fabric, body and offset.
+
+    \b
+    warp-cloth view tshirt
+    warp-cloth view scene.toml --set garment.fabric=denim --port 8090
+    """
     with one_line_errors():
         if importlib.util.find_spec("viser") is None:
             raise InputError("view", "needs the package viser", "pip install 'warp-cloth[view]'")

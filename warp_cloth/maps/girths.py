@@ -8,18 +8,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from warp_cloth.maps.levels import Level
-from warp_cloth.maps.section import cut
+from warp_cloth.maps.levels import Level, trunk_level
+from warp_cloth.maps.section import Section, cut
 from warp_cloth.material import Sheet
 from warp_cloth.mesh import Mesh, Points
 
 SECTORS = 72  # of 5 degrees round the trunk
 ALONG = 9  # spots looked at along each piece of a section
-CLOSED = 0.95  # share of the sectors that a garment covers that goes round
 PRESENT = 0.3  # less than this is a strap or a corner of the hem
 MILLIMETRES = 1e3
-# A garment's chest is measured a little below its armholes, so where the sleeves join at the body's level, lower [m].
-LOWER = {"chest": 0.06}
+# A garment's chest is measured a little below its armholes, and those of a wide garment hang low [m].
+LOWER = {"chest": 0.12}
 STEP = 0.01
 
 
@@ -38,7 +37,7 @@ def garment_girths(
     for level in levels:
         row = None
         for drop in np.arange(0.0, LOWER.get(level.name, 0.0) + 0.5 * STEP, STEP):
-            lower = _girth_row(name, points, sheet, level, drop, float(avatar.points[:, 1].min()))
+            lower = _girth_row(name, points, sheet, avatar, level, drop)
             row = lower if row is None or (lower is not None and lower["closed"]) else row
             if row is None or row["closed"]:
                 break
@@ -47,33 +46,62 @@ def garment_girths(
 
 
 def _girth_row(
-    name: str, points: Points, sheet: Sheet, level: Level, drop: float, floor: float
+    name: str, points: Points, sheet: Sheet, avatar: Mesh, level: Level, drop: float
 ) -> dict[str, Any] | None:
     """The garment's girth ``drop`` [m] below a level; None where it does not reach."""
+    low, high = avatar.bounds()
     section = cut(points, sheet.triangles, level.height - drop)
-    if not len(section.faces):
+    here = trunk_level(avatar, level.height - drop, 0.5 * float(low[0] + high[0])) if drop > 0.0 else level
+    if not len(section.faces) or here is None:
         return None
-    of_trunk = _round_the_trunk(section.ends, level)
-    ends = section.ends[of_trunk]
-    covered = _covered(ends, level)
-    if covered < PRESENT:
+    ring = _ring(section, here)
+    chosen = _near_the_trunk(section.ends, here) if ring is None else section.part == ring
+    ends = section.ends[chosen]
+    if ring is None and _covered(ends, here) < PRESENT:
         return None
     worn = float(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1).sum())
-    flat = np.einsum("sek,skd->sed", section.weights[of_trunk], sheet.flat[section.faces[of_trunk]])
+    flat = np.einsum("sek,skd->sed", section.weights[chosen], sheet.flat[section.faces[chosen]])
     natural = float(np.linalg.norm(flat[:, 1] - flat[:, 0], axis=1).sum())
     return {
         "garment": name,
         "level": level.name,
-        "height": MILLIMETRES * (level.height - floor),
+        "height": MILLIMETRES * (level.height - float(low[1])),
         "body_girth": MILLIMETRES * level.girth,
         "garment_girth": MILLIMETRES * worn,
         "natural_girth": MILLIMETRES * natural,
-        "ease": MILLIMETRES * (natural - level.girth) if covered >= CLOSED else None,
-        "closed": covered >= CLOSED,
+        "ease": MILLIMETRES * (natural - level.girth) if ring is not None else None,
+        "closed": ring is not None,
     }
 
 
-def _round_the_trunk(ends: NDArray[np.float64], level: Level) -> NDArray[np.bool_]:
+def _ring(section: Section, level: Level) -> int | None:
+    """The part of a garment's section that goes round the trunk and round no arm; the longest, where there are more."""
+    trunk, *others = _middles(level)
+    rings = []
+    for part in set(range(section.part_count)) - section.open_parts:
+        ends = section.ends[section.part == part]
+        if _encloses(ends, trunk) and not any(_encloses(ends, other) for other in others):
+            rings.append((float(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1).sum()), part))
+    return max(rings)[1] if rings else None
+
+
+def _middles(level: Level) -> list[NDArray[np.float64]]:
+    """Middles of the body's section, the trunk's first, (x, z) [m]."""
+    section = level.section
+    order = sorted(range(section.part_count), key=lambda part: part != level.trunk)
+    return [section.ends[section.part == part].reshape(-1, 2).mean(axis=0) for part in order]
+
+
+def _encloses(ends: NDArray[np.float64], spot: NDArray[np.float64]) -> bool:
+    """Whether closed lines go round a point: a ray from it crosses them an odd number of times."""
+    x, z = ends[..., 0] - spot[0], ends[..., 1] - spot[1]
+    across = (z[:, 0] < 0.0) != (z[:, 1] < 0.0)
+    rise = np.where(across, z[:, 1] - z[:, 0], 1.0)
+    crossing = x[:, 0] - z[:, 0] * (x[:, 1] - x[:, 0]) / rise
+    return bool((across & (crossing > 0.0)).sum() % 2)
+
+
+def _near_the_trunk(ends: NDArray[np.float64], level: Level) -> NDArray[np.bool_]:
     """Whether segments are nearer to the trunk than to any other part of the body (arms), shape [S]."""
     middle = ends.mean(axis=1)
     spots, part = level.section.ends.mean(axis=1), level.section.part

@@ -39,7 +39,7 @@ def body_levels(body: Mesh) -> tuple[Level, ...] | None:
         return None
     middle = 0.5 * float(low[0] + high[0])
     shares = np.arange(HIP_RANGE[0], CHEST_RANGE[1] + 0.5 * STEP, STEP)
-    levels = [_trunk_level(body, low[1] + share * stature, middle) for share in shares]
+    levels = [trunk_level(body, low[1] + share * stature, middle) for share in shares]
     # from the waist up, no higher than where the arms join
     top = len(shares)
     waist_from = int(np.searchsorted(shares, WAIST_RANGE[0]))
@@ -61,7 +61,7 @@ def body_levels(body: Mesh) -> tuple[Level, ...] | None:
     return good if legs and len(good) == len(chosen) else None
 
 
-def _trunk_level(body: Mesh, height: float, middle: float) -> Level | None:
+def trunk_level(body: Mesh, height: float, middle: float) -> Level | None:
     """The section at a height with the part that reaches over the body's middle plane; None below the crotch."""
     section = cut(body.points, body.triangles, height)
     best: Level | None = None

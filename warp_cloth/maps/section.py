@@ -22,6 +22,7 @@ class Section:
     faces: NDArray[np.int64]  # triangle of each segment, shape [S]
     weights: Floats  # of the triangle's corners at both ends, shape [S, 2, 3]
     part: NDArray[np.int64]  # of the section's connected parts, by number, shape [S]
+    open_parts: frozenset[int]  # those with an end
 
     @property
     def part_count(self) -> int:
@@ -55,4 +56,6 @@ def cut(points: Points, triangles: Indices, height: float) -> Section:
     node = node.reshape(-1, 2)
     label = lowest_connected(len(unique), node[:, 0], node[:, 1])
     _, part = np.unique(label[node[:, 0]], return_inverse=True) if len(faces) else (None, np.zeros(0, dtype=np.int64))
-    return Section(ends, faces, weights, part.ravel())
+    ending = np.bincount(node.ravel(), minlength=len(unique)) != 2
+    open_parts = frozenset(part.ravel()[ending[node].any(axis=1)].tolist())
+    return Section(ends, faces, weights, part.ravel(), open_parts)
