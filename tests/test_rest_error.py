@@ -27,7 +27,8 @@ def looked_at(left: Callable[[int], float], until: int) -> list[tuple[float, flo
         marks = error.marks(now)
         shapes = [shape, *(mark.shape for mark in marks)]
         ways = [float(np.sqrt(np.mean(np.sum((a - b) ** 2, axis=1)))) for a, b in itertools.pairwise(shapes)]
-        looks.append((rest_error(now, marks, ways), DISTANCE * abs(left(now))))
+        estimate = float(rest_error(now, marks, np.array([ways]))[0])
+        looks.append((estimate, DISTANCE * abs(left(now))))
         if error.due(now):
             error.keep(Mark(now, shape))
         error.dropped(now)

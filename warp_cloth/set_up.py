@@ -16,7 +16,7 @@ from warp_cloth.plan import contact_kind
 from warp_cloth.scene import Scene
 from warp_cloth.solver.certificate import Certifier
 from warp_cloth.solver.course import Course
-from warp_cloth.solver.loop import Box, Follow
+from warp_cloth.solver.loop import Boxes, Follow
 from warp_cloth.solver.relax import Collider, Relaxation, StepOptions
 from warp_cloth.wardrobe import Rack, Wardrobe, open_wardrobe
 
@@ -156,10 +156,16 @@ def _avatar_contact(scene: Scene, wardrobe: Wardrobe, device: str) -> AvatarCont
 
 
 def following(made: SetUp) -> Follow:
-    """What gives an item a new collider where its garments leave the region of the old one."""
+    """What gives items new colliders where their garments leave the region of the old ones."""
+    rooms = np.array([contact.room() for contact in made.contacts])
 
-    def follow(item: int, box: Box) -> Collider | None:
-        contact = made.contacts[item]
-        return None if contact.covers(np.stack(box)) else contact.collider(made.model.points(item))
+    def follow(items: Sequence[int], boxes: Boxes) -> dict[int, Collider]:
+        left = (boxes[:, 0] < rooms[items, 0]).any(axis=1) | (boxes[:, 1] > rooms[items, 1]).any(axis=1)
+        found = {}
+        for at in np.flatnonzero(left).tolist():
+            item = items[at]
+            found[item] = made.contacts[item].collider(made.model.points(item))
+            rooms[item] = made.contacts[item].room()
+        return found
 
     return follow

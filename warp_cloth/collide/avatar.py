@@ -80,10 +80,16 @@ class AvatarContact:
 
     def covers(self, points: Points) -> bool:
         """Whether the collider still answers wherever garments at these positions [m] may touch the avatar."""
+        lower, upper = self.room()
+        return bool((points.min(axis=0) >= lower).all() and (points.max(axis=0) <= upper).all())
+
+    def room(self) -> tuple[Points, Points]:
+        """The box [m] that garments may not leave without a new collider; infinite where they may."""
         if self._avatar is None or self._kind == "mesh":
-            return True
-        lower, upper = self._box
+            return np.full(3, -np.inf), np.full(3, np.inf)
+        lower, upper = self._lower + NEAR_EDGE, self._upper - NEAR_EDGE
         # beyond the avatar's own box there is nothing to meet
-        near = np.maximum(points.min(axis=0), lower), np.minimum(points.max(axis=0), upper)
-        inside = (near[0] >= self._lower + NEAR_EDGE) & (near[1] <= self._upper - NEAR_EDGE)
-        return bool(inside.all())
+        return (
+            np.where(self._box[0] >= lower, -np.inf, lower),
+            np.where(self._box[1] <= upper, np.inf, upper),
+        )

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import warp as wp
@@ -20,13 +20,13 @@ from warp_cloth.kernels.summary import (
     LOWER,
     MOVED,
     RELATIVE,
-    UPPER,
     WAYS,
     WEIGHTS,
     summary_kernels,
 )
 from warp_cloth.mesh import Points
 from warp_cloth.model import ClothModel
+from warp_cloth.rest import Floats
 from warp_cloth.result import Residual, Strain
 from warp_cloth.solver.forces import ForcePass
 from warp_cloth.solver.relax import Relaxation
@@ -56,23 +56,36 @@ class Check:
     """The certificate's figures of an item after some iterations."""
 
     iteration: int
-    residual: Residual  # percentiles and the largest only where the rest is within the tolerance, or at the end
+    residual: Residual
     rest_error: float  # [m]; inf while nothing is known of it
     finite: bool
-    moved: float = math.inf  # largest change of a coordinate since the last check [m]
-    bounds: tuple[Points, Points] | None = None  # lowest and highest corner of the item's garments [m]
 
     def within(self, tolerance: Tolerance) -> bool:
         """Whether this is rest."""
-        return self.nearly_within(tolerance) and self.residual.relative_p99 <= tolerance.relative_p99
-
-    def nearly_within(self, tolerance: Tolerance) -> bool:
-        """Whether it is, as far as sums tell."""
         return (
             self.finite
             and self.residual.relative_rms <= tolerance.relative_rms
+            and self.residual.relative_p99 <= tolerance.relative_p99
             and self.rest_error <= tolerance.rest_error
         )
+
+
+@dataclass(frozen=True, eq=False)
+class Look:
+    """What sums over their vertices tell of all items after some iterations, shape [items]."""
+
+    iteration: int
+    rms: Floats  # of the residual, in weights
+    relative_rms: Floats
+    rest_error: Floats  # [m]; inf while nothing is known of it
+    moved: Floats  # largest change of a coordinate since the last look at all [m]
+    boxes: Floats  # lowest and highest corner of an item's garments [m], shape [items, 2, 3]
+    finite: NDArray[np.bool_]
+
+    def nearly_within(self, relative_rms: Floats, error: Floats) -> NDArray[np.bool_]:
+        """Whether each may be at rest, as far as sums tell."""
+        near: NDArray[np.bool_] = self.finite & (self.relative_rms <= relative_rms) & (self.rest_error <= error)
+        return near
 
 
 class Certifier:
@@ -110,21 +123,31 @@ class Certifier:
             summary.keep_shape,
         ]  # fmt: skip
 
-    def check(self, iteration: int, tolerances: Mapping[int, Tolerance | None]) -> dict[int, Check]:
-        """Measures items, given by number, as they stand. Waits for the device.
-
-        Percentiles are worked out for those that are within their tolerance, or that have none given.
-        """
+    def look(self, iteration: int) -> Look:
+        """Measures all items that iterate, as they stand. Waits for the device."""
         relaxation, model = self._relaxation, self._model
         self._sum_forces()
         asked = [relaxation.step, CONTACT_SLACK, relaxation.collider_data, model.cloth, self._load, self._left]
         wp.launch(self._residual, dim=model.vertex_count, inputs=asked, device=model.device)
         marks = self._rest_error.marks(iteration)
         figures = self._summarised(marks)
-        return {
-            item: self._item_check(iteration, item, marks, figures[item], tolerance)
-            for item, tolerance in tolerances.items()
-        }
+        finite = np.asarray(np.isfinite(figures[:, :MOVED]).all(axis=1))
+        sums = np.where(finite[:, None], figures[:, :MOVED], np.inf)
+        with np.errstate(invalid="ignore"):  # inf over inf, of what is lost
+            residual = np.sqrt(sums[:, [WEIGHTS, RELATIVE]] / np.maximum(sums[:, [FREE]], 1.0))
+            residual[~finite] = np.inf
+            ways = np.sqrt(sums[:, WAYS:MOVED] / np.diff(model.item_start)[:, None])
+            error = np.where(finite, rest_error(iteration, marks, ways), np.inf)
+        boxes = figures[:, LOWER:].reshape(-1, 2, 3)
+        return Look(iteration, residual[:, 0], residual[:, 1], error, figures[:, MOVED], boxes, finite)
+
+    def check(self, look: Look, item: int) -> Check:
+        """All figures of one item, as it stood at that look, the last one. Waits for the device."""
+        if not look.finite[item]:
+            return Check(look.iteration, Residual(*([math.inf] * 5)), math.inf, False)
+        left = self._left[self._model.of_item(item)].numpy()
+        residual = residual_summary(left, float(look.rms[item]), float(look.relative_rms[item]))
+        return Check(look.iteration, residual, float(look.rest_error[item]), True)
 
     def bounds(self) -> NDArray[np.float64]:
         """Lowest and highest corner of every item that iterates [m], shape [items, 2, 3]. Waits for the device.
@@ -162,28 +185,6 @@ class Certifier:
         wp.launch(self._summary.summarise_items, dim=self._figures.shape, inputs=item_inputs, device=device)
         return np.array(self._figures.numpy())
 
-    def _item_check(
-        self,
-        iteration: int,
-        item: int,
-        marks: Sequence[Mark],
-        figures: NDArray[np.float64],
-        tolerance: Tolerance | None,
-    ) -> Check:
-        if not np.isfinite(figures[:MOVED]).all():
-            return Check(iteration, Residual(*([math.inf] * 5)), math.inf, False)
-        count = figures[FREE]
-        rms, relative_rms = np.sqrt(figures[[WEIGHTS, RELATIVE]] / count) if count else (0.0, 0.0)
-        vertices = self._model.item_start[item + 1] - self._model.item_start[item]
-        error = rest_error(iteration, marks, np.sqrt(figures[WAYS:MOVED] / vertices).tolist())
-        unknown = Residual(float(rms), math.nan, math.nan, float(relative_rms), math.nan)
-        bounds = figures[LOWER:UPPER], figures[UPPER:]
-        check = Check(iteration, unknown, error, True, float(figures[MOVED]), bounds)
-        if tolerance is None or check.nearly_within(tolerance):
-            left = self._left[self._model.of_item(item)].numpy()
-            check = replace(check, residual=with_percentiles(unknown, left))
-        return check
-
     def _sum_forces(self) -> None:
         relaxation = self._relaxation
         self._forces.launch(relaxation.step)
@@ -212,13 +213,13 @@ def _chunks(vertices: slice) -> NDArray[np.int64]:
     return np.arange(vertices.start, vertices.stop, CHUNK)
 
 
-def with_percentiles(residual: Residual, left: NDArray[np.float32]) -> Residual:
+def residual_summary(left: NDArray[np.float32], rms: float, relative_rms: float) -> Residual:
     """The residual with what needs all vertices; ``left`` [V, 2] holds weights and relative, -1 where pinned."""
     free = left[left[:, 0] >= 0.0].astype(np.float64)
     if not len(free):
-        return replace(residual, p99=0.0, max=0.0, relative_p99=0.0)
+        return Residual(0.0, 0.0, 0.0, 0.0, 0.0)
     p99, relative_p99 = np.quantile(free, 0.99, axis=0)
-    return replace(residual, p99=float(p99), max=float(free[:, 0].max()), relative_p99=float(relative_p99))
+    return Residual(rms, float(p99), float(free[:, 0].max()), relative_rms, float(relative_p99))
 
 
 def strain_summary(strain: NDArray[np.float64]) -> Strain:

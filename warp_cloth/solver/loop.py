@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -11,13 +11,14 @@ import warp as wp
 from numpy.typing import NDArray
 
 from warp_cloth.mesh import Points
+from warp_cloth.rest import Floats
 from warp_cloth.result import Status
-from warp_cloth.solver.certificate import Certifier, Check, Tolerance
+from warp_cloth.solver.certificate import Certifier, Check, Look, Tolerance
 from warp_cloth.solver.course import Course
 from warp_cloth.solver.relax import Collider, Relaxation
 
-Box = tuple[Points, Points]  # lowest and highest corner [m], each shape [3]
-Follow = Callable[[int, Box], "Collider | None"]
+Boxes = Floats  # lowest and highest corner of some items [m], shape [N, 2, 3]
+Follow = Callable[[Sequence[int], Boxes], dict[int, Collider]]
 CHUNK = 20  # iterations in a captured graph: enough to hide a launch, few enough to follow a fall
 CHUNKS_PER_CHECK = 5  # the certificate costs about two iterations
 FALL = 0.01  # [m]; cloth that moved further since the last check is followed chunk by chunk
@@ -77,15 +78,15 @@ def relax_to_rest(
         tolerance: when to stop.
         limit: most iterations.
         frames: how many shapes on the way are wanted; some more are kept.
-        follow: given item and bounding box, a new collider where the old one no longer covers it.
+        follow: given items and their bounding boxes, new colliders where the old ones no longer cover them.
         course: of garments that meet themselves and each other.
         on_check: told of every check and the seconds so far.
     """
     keeper = FrameKeeper(frames, limit)
 
-    def told(checks: Mapping[int, Check], seconds: float) -> None:
+    def told(look: Look, seconds: float) -> None:
         if on_check is not None:
-            on_check(checks[0], seconds)
+            on_check(certifier.check(look, 0), seconds)
 
     goals = [Goal(tolerance, limit)]
     (outcome,) = relax_items(
@@ -102,7 +103,7 @@ def relax_items(
     *,
     follow: Follow | None = None,
     course: Course | None = None,
-    on_check: Callable[[Mapping[int, Check], float], None] | None = None,
+    on_check: Callable[[Look, float], None] | None = None,
     on_chunk: Callable[[int, Relaxation], None] | None = None,
 ) -> list[Outcome]:
     """Runs iterations of all items in chunks, checks every few of them, and retires each item as it ends.
@@ -114,9 +115,9 @@ def relax_items(
         relaxation: what iterates.
         certifier: what measures it.
         goals: of the items, in their order.
-        follow: given item and bounding box, a new collider where the old one no longer covers it.
+        follow: given items and their bounding boxes, new colliders where the old ones no longer cover them.
         course: of garments that meet themselves and each other; such a scene is an item alone.
-        on_check: told of every check of all items that still iterate, and the seconds so far.
+        on_check: told of every look at all items, and the seconds so far.
         on_chunk: told of every chunk's last iteration.
     """
     return _Loop(relaxation, certifier, goals, follow, course).run(on_check, on_chunk)
@@ -136,13 +137,15 @@ class _Loop:
         self._relaxation, self._certifier = relaxation, certifier
         self._goals, self._follow, self._course = goals, follow, course
         self._active = list(range(len(goals)))
-        self._falling = set(self._active)
+        self._falling = list(self._active)
         self._outcomes: dict[int, Outcome] = {}
+        self._relative_rms = np.array([goal.tolerance.relative_rms for goal in goals])
+        self._rest_error = np.array([goal.tolerance.rest_error for goal in goals])
         self._began = time.perf_counter()
 
     def run(
         self,
-        on_check: Callable[[Mapping[int, Check], float], None] | None,
+        on_check: Callable[[Look, float], None] | None,
         on_chunk: Callable[[int, Relaxation], None] | None,
     ) -> list[Outcome]:
         self._relaxation.start_anew()
@@ -157,44 +160,44 @@ class _Loop:
                 on_chunk(iteration, self._relaxation)
             if iteration % CHUNK == 0:
                 self._follow_falling()
-            checks = self._look(iteration)
-            if checks and on_check is not None:
-                on_check(checks, time.perf_counter() - self._began)
+            look = self._look(iteration)
+            if look is not None and on_check is not None:
+                on_check(look, time.perf_counter() - self._began)
         self._relaxation.start_anew()  # what is measured next is measured of all
         wp.synchronize_device(self._relaxation.model.device)
         return [self._outcomes[item] for item in range(len(self._goals))]
 
-    def _look(self, iteration: int) -> dict[int, Check]:
-        """Checks the items whose turn it is, retires those that have ended, follows the others."""
+    def _look(self, iteration: int) -> Look | None:
+        """Looks at the items whose turn it is, retires those that have ended, follows the others."""
         ending = {item for item in self._active if self._goals[item].limit <= iteration}
-        all_looked_at = iteration % (CHUNK * CHUNKS_PER_CHECK) == 0
-        looked_at = self._active if all_looked_at else sorted(ending)
-        if not looked_at:
-            return {}
-        tolerances = {item: None if item in ending else self._goals[item].tolerance for item in looked_at}
-        checks = self._certifier.check(iteration, tolerances)
-        settled = self._advance(iteration, checks)
+        at_all = iteration % (CHUNK * CHUNKS_PER_CHECK) == 0
+        if not at_all and not ending:
+            return None
+        look = self._certifier.look(iteration)
+        settled = self._advance(look)
+        near = look.nearly_within(self._relative_rms, self._rest_error) | ~look.finite
         ended = []
-        for item, check in checks.items():
-            status = self._status(item, check, settled, item in ending)
-            if status is not None:
-                self._end(item, status, check)
-                ended.append(item)
+        for item in self._active if at_all else sorted(ending):
+            if item in ending or (near[item] and iteration > 0):
+                check = self._certifier.check(look, item)
+                status = self._status(item, check, settled, item in ending)
+                if status is not None:
+                    self._end(item, status, check)
+                    ended.append(item)
         self._active = [item for item in self._active if item not in self._outcomes]
-        if all_looked_at and iteration > 0:
-            self._falling = {item for item in self._active if checks[item].moved > FALL}
-            for item in self._active:
-                self._go_on(item, checks[item].bounds)
-        if all_looked_at:
+        if at_all:
+            if iteration > 0:
+                self._falling = [item for item in self._active if look.moved[item] > FALL]
+                self._go_on(self._active, look.boxes[self._active])
             self._certifier.turn_page(iteration)
         self._relaxation.retire(ended)
-        return checks
+        return look
 
-    def _advance(self, iteration: int, checks: Mapping[int, Check]) -> bool:
+    def _advance(self, look: Look) -> bool:
         """Goes on along the course; whether what is now may be the rest shape."""
-        if self._course is None or not all(check.finite for check in checks.values()):
+        if self._course is None or not look.finite.all():
             return True
-        return self._course.advance(iteration, self._relaxation.model.points())
+        return self._course.advance(look.iteration, self._relaxation.model.points())
 
     def _status(self, item: int, check: Check, settled: bool, ending: bool) -> Status | None:
         """How an item has ended; None while it has not. The start is an end only where it is the limit."""
@@ -214,12 +217,11 @@ class _Loop:
         """Goes on with new colliders where cloth that falls fast has left the old ones."""
         if self._follow is None or not self._falling:
             return
-        bounds = self._certifier.bounds()
-        for item in sorted(self._falling):
-            if np.isfinite(bounds[item]).all():  # otherwise the next check tells
-                self._go_on(item, (bounds[item, 0], bounds[item, 1]))
+        boxes = self._certifier.bounds()[self._falling]
+        known = np.asarray(np.isfinite(boxes).all(axis=(1, 2)))  # of the others the next check tells
+        self._go_on([item for item, there in zip(self._falling, known, strict=True) if there], boxes[known])
 
-    def _go_on(self, item: int, bounds: Box | None) -> None:
-        collider = self._follow(item, bounds) if self._follow is not None and bounds is not None else None
-        if collider is not None:
-            self._relaxation.meet(item, collider)
+    def _go_on(self, items: Sequence[int], boxes: Boxes) -> None:
+        if self._follow is not None and len(items):
+            for item, collider in self._follow(items, boxes).items():
+                self._relaxation.meet(item, collider)

@@ -121,7 +121,7 @@ class LiveFit:
             made.relaxation.meet(0, collider)
         if self._unchecked >= CHECK_ITERATIONS:
             tolerance = tolerance_of(self.scene)
-            self.check = made.certifier.check(self.iteration, {0: tolerance})[0]
+            self.check = made.certifier.check(made.certifier.look(self.iteration), 0)
             made.certifier.turn_page(self.iteration)
             speed = self._unchecked / max(self._seconds, 1e-9)
             self.history.add(self.iteration, self.check.residual.relative_rms, speed)
