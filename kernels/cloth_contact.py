@@ -46,6 +46,7 @@ class ClothContact:
     modulus: wp.array(dtype=wp.float32)  # of squeeze_energy [N/m], shape [V]
     friction: wp.array(dtype=wp.float32)  # shape [V]
     reach: wp.float64  # pairs nearer than this when they were looked for are known [m]
+    leeway: wp.float64  # how far a vertex moves before it is time for another search [m]
     # pairs
     count: wp.array(dtype=wp.int32)  # pairs found, more than P where they did not fit, shape [1]
     corners: wp.array(dtype=wp.vec4i)  # vertex and triangle, or the ends of two edges, shape [P]
@@ -55,6 +56,7 @@ class ClothContact:
     sum: wp.array2d(dtype=wp.int64)  # force [FORCE_UNIT] and fourth part [STIFFNESS_UNIT], shape [V, 4]; zero
     room: wp.array(dtype=wp.int32)  # largest displacement [ROOM_UNIT], shape [V]; NO_LIMIT
     # between two searches
+    lift: wp.array(dtype=wp.float32)  # how much farther from the avatar than its offset a vertex stays [m], shape [V]
     shift: wp.array(dtype=wp.vec3f)  # displacement in each iteration that untangles [m], shape [V]
     searched: wp.array(dtype=wp.vec3d)  # where vertices were at the last search [m], shape [V]
     moved: wp.array(dtype=wp.int32)  # whether it is time for another, shape [1]
@@ -100,8 +102,8 @@ def contact_room(contact: ClothContact, vertex: int, position: wp.vec3d):
 
 @wp.func
 def contact_watch(contact: ClothContact, vertex: int, position: wp.vec3d):
-    """Asks for another search where a vertex has used half of what it may move between two."""
-    if wp.length(position - contact.searched[vertex]) > wp.float64(0.25) * contact.reach:
+    """Asks for another search where a vertex has moved so far that what it touches may not be known any more."""
+    if wp.length(position - contact.searched[vertex]) > contact.leeway:
         contact.moved[0] = 1
 
 

@@ -98,6 +98,8 @@ def displacement(
         if wp.static(contact is not None):
             at = contact(colliders[cloth.item[vertex]], wp.vec3d(cloth.position[vertex]) + wp.vec3d(move))
             push = item.offset - at[3]
+            if wp.static(touches):
+                push += touch.lift[vertex]
             if push > 0.0:
                 normal = vec3(real(at[0]), real(at[1]), real(at[2]))
                 pushed = move + normal * wp.min(real(push), item.cap)

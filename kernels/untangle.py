@@ -13,6 +13,8 @@ from warp_cloth.kernels.touch import NOTHING, WHOLE, nearest_on_triangle
 
 SHIFT_UNIT = wp.constant(wp.float64(2.0**-40))  # whole numbers of it are summed, the same in every order
 LEAST_SLOPE = wp.constant(wp.float64(0.05))  # of an edge to a triangle; one nearly in its plane says little
+LAYERS = wp.constant(wp.int32(1))  # crosses another layer: which way is out is known
+ITSELF = wp.constant(wp.int32(2))  # crosses its own garment, or one of the same layer
 RING = wp.constant(wp.int32(16))  # searches that a tangle must last before one more ring of vertices is smoothed
 WIDEST = wp.constant(wp.int32(8 * 16))  # of those rings
 SMOOTHING = wp.constant(wp.float64(0.2))  # share of the way to the mean of its neighbours that a vertex is shifted
@@ -27,7 +29,7 @@ class Untangling:
     rim: wp.array(dtype=wp.int32)  # whether a vertex lies on the garment's border, shape [V]
     beside_start: wp.array(dtype=wp.int32)  # rows of the vertices that an edge joins to each one, shape [V + 1]
     beside: wp.array(dtype=wp.int32)  # those vertices, shape [2 E]
-    crosses: wp.array(dtype=wp.int32)  # whether a vertex belongs to what crosses, shape [V]
+    crosses: wp.array(dtype=wp.int32)  # whether a vertex belongs to what crosses, LAYERS or ITSELF, shape [V]
     level: wp.array(dtype=wp.int32)  # how far round it the tangle is smoothed [1 / RING rings], shape [V]
     layer: wp.array(dtype=wp.int32)  # garments of one item from the inside out, shape [V]
     outward: wp.array(dtype=wp.float32)  # whether triangles face away from the body, 1, or to it, -1, shape [V]
@@ -124,14 +126,22 @@ def untangle_kernels(precision: str) -> SimpleNamespace:
                     share = before / (before - volume(a, b, c, q))
                     on = nearest_on_triangle(p + (q - p) * share - a, b - a, c - a)
                     normal = wp.normalize(wp.cross(b - a, c - a))
-                    slope = edge_slope(cloth, ends, untangling.wings[edge], normal) * untangling.stride
+                    what = ITSELF
+                    slope = wp.vec3d()
+                    if untangling.layer[ends[0]] == untangling.layer[corners[0]]:
+                        slope = edge_slope(cloth, ends, untangling.wings[edge], normal) * untangling.stride
+                    else:  # the outer one goes outwards
+                        what = LAYERS
+                        slope = normal * (wp.float64(untangling.outward[corners[0]]) * untangling.stride)
+                        if untangling.layer[ends[0]] < untangling.layer[corners[0]]:
+                            slope = -slope
                     add_shift(untangling.sum, ends[0], slope * (WHOLE - share))
                     add_shift(untangling.sum, ends[1], slope * share)
                     for corner in range(3):
                         add_shift(untangling.sum, corners[corner], -slope * on[corner])
-                        untangling.crosses[corners[corner]] = 1
-                    untangling.crosses[ends[0]] = 1
-                    untangling.crosses[ends[1]] = 1
+                        wp.atomic_max(untangling.crosses, corners[corner], what)
+                    wp.atomic_max(untangling.crosses, ends[0], what)
+                    wp.atomic_max(untangling.crosses, ends[1], what)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def part_layers(cloth: Cloth, search: ContactSearch, contact: ClothContact, untangling: Untangling):
@@ -179,10 +189,10 @@ def untangle_kernels(precision: str) -> SimpleNamespace:
                 thickness = wp.float64(contact.thickness[vertex])
                 shift = normal * wp.min(untangling.stride, wp.float64(0.5) * (thickness - side))
                 add_shift(untangling.sum, vertex, shift)
-                untangling.crosses[vertex] = 1
+                wp.atomic_max(untangling.crosses, vertex, LAYERS)
                 for corner in range(3):
                     add_shift(untangling.sum, t[corner], -shift * on[corner])
-                    untangling.crosses[t[corner]] = 1
+                    wp.atomic_max(untangling.crosses, t[corner], LAYERS)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def settle_shifts(cloth: Cloth, search: ContactSearch, contact: ClothContact, untangling: Untangling):
@@ -200,9 +210,9 @@ def untangle_kernels(precision: str) -> SimpleNamespace:
             other = untangling.beside[row]
             level = wp.max(level, untangling.level[other] - RING)
             mean += at(cloth.position, other) - x
-        if untangling.crosses[vertex] > 0:
+        if untangling.crosses[vertex] == ITSELF:
             level = wp.max(level, wp.clamp(untangling.level[vertex] + 1, RING, WIDEST))
-        search.tangled[vertex] = level
+        search.tangled[vertex] = wp.max(level, untangling.crosses[vertex])
         count = untangling.sum[vertex, 3]
         shift = wp.vec3d()
         if count > wp.int64(0):

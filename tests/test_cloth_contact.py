@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,13 +12,18 @@ import warp as wp
 from cloths import NO_PINS, grid
 from touching import brute_energy, brute_forces, touching_pairs
 
+import warp_cloth
 from warp_cloth.collide.cloth import LEAST_THICKNESS, ClothTouch, SheetKind
 from warp_cloth.collide.crossing import find_crossings
+from warp_cloth.collide.exact import signed_distances
+from warp_cloth.collide.placing import DEEP, clear_shift
 from warp_cloth.fabric import Fabric
 from warp_cloth.kernels.cloth import cloth_types
 from warp_cloth.mesh import Mesh, Points
 from warp_cloth.model import ClothModel, GarmentPart, build_model
 from warp_cloth.rest import build_rest_shape
+from warp_cloth.scene import SphereShape
+from warp_cloth.shapes import build_avatar
 from warp_cloth.solver.certificate import Certifier
 from warp_cloth.solver.course import Course
 from warp_cloth.solver.relax import Collider, Relaxation, StepOptions
@@ -106,7 +112,7 @@ def test_pairs_stay_known_until_the_next_search() -> None:
     flat, mesh = grid(12, 0.22), crumpled(3)
     model, touch, _ = sheets_at([flat])
     # not touching yet, but each side goes almost as far as vertices may before another search is due
-    way = np.where(flat.points[:, 0] > 0.11, 1.0, -1.0)[:, None] * [0.0, 0.0, 0.24 * touch.reach]
+    way = np.where(flat.points[:, 0] > 0.11, 1.0, -1.0)[:, None] * [0.0, 0.0, 0.98 * touch.leeway]
     model.set_points(mesh.points + way)
     look(model, touch)
     assert not np.abs(contact_forces(model, touch)).any()
@@ -291,3 +297,50 @@ def test_the_certificate_counts_what_contact_carries() -> None:
     certifier = Certifier(relaxation)
     check = certifier.check(certifier.look(1500), 0)
     assert check.residual.relative_rms < 0.02  # balanced, though gravity pulls everywhere
+
+
+UNTANGLED = 1000  # iterations that the shared T-shirt is given; it takes about 800
+
+
+def test_the_shared_tshirt_is_sewn_and_nothing_crosses(shared_data: Path) -> None:
+    folder = shared_data / "garmentcode"
+    scene = {
+        "garment": {"mesh": str(folder / "tshirt.obj"), "rest": "uv"},
+        "avatar": {"mesh": str(folder / "mean_all.obj")},
+        "collision": {"cloth": True},
+        "solver": {"iterations": UNTANGLED},
+    }
+    worn = warp_cloth.fit(scene, device="cpu")
+    assert worn.report["crossings"]["pairs"] == 0
+    assert worn.report["strain"]["max"] < 0.3  # every seam closed
+
+
+def test_a_garment_to_be_sewn_starts_clear_of_a_body_that_is_taller() -> None:
+    body = build_avatar(SphereShape(kind="sphere", radius=0.2, centre=(0.0, 0.1, 0.0)), size="M")
+    around = build_avatar(SphereShape(kind="sphere", radius=0.24, centre=(0.0, 0.0, 0.0)), size="M").points
+    assert signed_distances(around, body, "cpu").min() < -DEEP
+    shift = clear_shift(around, body, "cpu")
+    assert shift is not None
+    assert signed_distances(around + shift, body, "cpu").min() > 0.0
+    assert clear_shift(around + shift, body, "cpu") is None
+
+
+def test_what_crosses_is_reported_and_marked(tmp_path: Path) -> None:
+    write_crossing(tmp_path / "crossed.obj")
+    scene = {
+        "garment": {"mesh": str(tmp_path / "crossed.obj"), "units": "m", "pin": {"vertices": [0]}},
+        "solver": {"iterations": 0},
+    }
+    worn = warp_cloth.fit(scene, device="cpu")
+    faces = worn.report["garments"][0]["crossing_faces"]
+    assert worn.report["crossings"] == {"pairs": len(faces) // 2, "between_garments": 0, "faces": len(faces)}
+    marked = np.flatnonzero(worn.garments[0].fields["crossing"])
+    assert set(marked) == set(worn.garments[0].mesh.triangles[faces].ravel())
+
+
+def write_crossing(path: Path) -> None:
+    """A strip of three triangles whose last passes through its first."""
+    points = np.array([[0, 0, 0], [1, 0, 0], [0.5, 1, 0], [0.6, 0.8, 0.6], [0.5, 0.4, -0.5]])
+    faces = [[1, 2, 3], [3, 2, 4], [3, 4, 5]]
+    lines = [f"v {x} {y} {z}\n" for x, y, z in points] + [f"f {a} {b} {c}\n" for a, b, c in faces]
+    path.write_text("".join(lines))

@@ -10,7 +10,8 @@ import numpy as np
 import warp as wp
 
 from warp_cloth.collide.avatar import AvatarContact, avatar_modules
-from warp_cloth.collide.garments import cloth_course, cloth_touch
+from warp_cloth.collide.depth import DEFAULT_REACH
+from warp_cloth.collide.garments import cloth_course, cloth_touch, highest_lift, placed
 from warp_cloth.model import ClothModel, build_model, terms_of
 from warp_cloth.plan import contact_kind
 from warp_cloth.scene import Scene
@@ -93,6 +94,7 @@ def set_up(
         _compile(avatar_modules(contact_kind(first, wardrobes[0])), device)
         lap("compile")
     tell("build")
+    wardrobes = placed(scenes, wardrobes, device)
     contacts, colliders = _avatar_contacts(scenes, wardrobes, device)
     model = build_model(
         [part for each in wardrobes for part in each.parts],
@@ -152,6 +154,7 @@ def _avatar_contact(scene: Scene, wardrobe: Wardrobe, device: str) -> AvatarCont
         offset=scene.collision.offset_mm * 1e-3,
         friction=scene.avatar.friction if scene.avatar is not None else 0.0,
         device=device,
+        reach=DEFAULT_REACH + highest_lift(scene),
     )
 
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from warp_cloth.collide.depth import build_depth_buffers, contact_bounds
+from warp_cloth.collide.depth import DEFAULT_REACH, build_depth_buffers, contact_bounds
 from warp_cloth.collide.exact import build_exact_collider
 from warp_cloth.collide.field import build_contact_field
 from warp_cloth.kernels import bake, closest, depth, raster
@@ -35,17 +35,26 @@ def avatar_modules(kind: str) -> list[wp.Module]:
 class AvatarContact:
     """Builds the collider of a scene, and builds it anew when a garment leaves the region that it covers.
 
-    ``kind`` is "depth", "mesh" or "none"; lengths in metres.
+    ``kind`` is "depth", "mesh" or "none"; lengths in metres. ``reach``: how far from the avatar contact still answers.
     """
 
     def __init__(
-        self, avatar: Mesh | None, kind: str, *, pixel: float, offset: float, friction: float, device: str
+        self,
+        avatar: Mesh | None,
+        kind: str,
+        *,
+        pixel: float,
+        offset: float,
+        friction: float,
+        device: str,
+        reach: float = DEFAULT_REACH,
     ) -> None:
         self._avatar = avatar if kind != "none" else None
         self._kind = kind
         self._pixel = pixel
         self._offset = offset
         self._friction = friction
+        self._reach = reach
         self._device = device
         self._kept: Any = None  # owns the arrays that the collider points to
         self._box = self._avatar.bounds() if self._avatar is not None else (np.zeros(3), np.zeros(3))
@@ -58,7 +67,7 @@ class AvatarContact:
             return Collider()
         self.builds += 1
         if self._kind == "mesh":
-            exact = build_exact_collider(self._avatar, self._device)
+            exact = build_exact_collider(self._avatar, self._device, reach=self._reach)
             self._kept = exact
             return Collider(mesh_contact, exact.collider, MeshCollider, self._offset, self._friction)
         margin = MARGIN * 2.0 ** (self.builds - 1)  # a garment that fell out of it once is still falling
@@ -67,7 +76,7 @@ class AvatarContact:
         buffers = build_depth_buffers(
             self._avatar.points, self._avatar.triangles, lower, upper, self._pixel, self._device
         )
-        field = build_contact_field(buffers)
+        field = build_contact_field(buffers, reach=self._reach)
         self._kept = (buffers, field)
         log.info("contact field of %s nodes", " x ".join(str(count) for count in field.values.shape))
         return Collider(field_contact, field.field, ContactField, self._offset, self._friction)

@@ -32,8 +32,11 @@ NEAR_SHARE = 1.6
 SKIN_OF_EDGE = 0.35
 SKIN_OF_THICKNESS = 2.0
 OPEN_STRETCH = 2.0  # length over rest length beyond which an edge is a seam that has yet to close
+# Share of the skin that a vertex moves before the next search: two that near each other by twice that were looked for
+# before they touch, with some room for the moves until the search.
+LEEWAY_SHARE = 0.4
 PAIRS_PER_VERTEX = 3  # to begin with; a T-shirt on a body needs less once it is sewn
-LAYER_REACH = 0.03  # [m]; how deep one garment may start inside another
+LAYER_REACH = 0.01  # [m]; how deep one garment may be inside another once both are sewn
 STRIDE_SHARE = 0.1  # of the reach: longest untangling shift in an iteration
 
 
@@ -75,6 +78,7 @@ class ClothTouch:
         thickest = float(self._thickness.max())
         skin = max(SKIN_OF_EDGE * float(np.median(lengths)), SKIN_OF_THICKNESS * thickest)
         self.reach = thickest + skin  # [m]; pairs nearer than this are looked for
+        self.leeway = LEEWAY_SHARE * skin  # [m]
         self.awake = False
         self._search_kernels = search_kernels(model.precision)
         self._untangle_kernels = untangle_kernels(model.precision)
@@ -85,7 +89,7 @@ class ClothTouch:
             self.data = self._contact(parts, kinds)
             self._search = self._sheet_search(parts, kinds)
             self._untangling = self._sheet_untangling(parts, kinds)
-        self._layered = len({(kind.item, kind.layer) for kind in kinds}) > len({kind.item for kind in kinds})
+        self.layered = len({(kind.item, kind.layer) for kind in kinds}) > len({kind.item for kind in kinds})
 
     def _per_vertex(self, values: Sequence[float] | NDArray[Any], dtype: Any) -> wp.array:
         return wp.array(np.repeat(np.asarray(values), np.diff(self.sheets.vertex_start)), dtype=dtype)
@@ -97,10 +101,11 @@ class ClothTouch:
         data.thickness = self._per_vertex(self._thickness, wp.float32)
         data.modulus = self._per_vertex(HALVING_PRESSURE * area / (FORCE_AT_HALF * self._thickness), wp.float32)
         data.friction = self._per_vertex([kind.friction for kind in kinds], wp.float32)
-        data.reach = np.inf  # asleep
+        data.reach = data.leeway = np.inf  # asleep
         data.count = wp.zeros(1, dtype=wp.int32)
         data.sum = wp.zeros((count, 4), dtype=wp.int64)
         data.room = wp.full(count, int(NO_LIMIT), dtype=wp.int32)
+        data.lift = wp.zeros(count, dtype=wp.float32)
         data.shift = wp.zeros(count, dtype=wp.vec3f)
         data.searched = wp.zeros(count, dtype=wp.vec3d)
         data.moved = wp.ones(1, dtype=wp.int32)
@@ -176,7 +181,7 @@ class ClothTouch:
     def awaken(self) -> None:
         """From now on garments meet. Builds the trees for where they are now, which only changes their speed."""
         self.awake = True
-        self.data.reach = self.reach
+        self.data.reach, self.data.leeway = self.reach, self.leeway
         search, cloth = self._search, self._model.cloth
         most = max(len(self.sheets.triangles), len(self.sheets.edges))
         with wp.ScopedDevice(self._model.device):
@@ -192,6 +197,16 @@ class ClothTouch:
     def face(self, outward: Sequence[float]) -> None:
         """Says of each garment whether its triangles face away from the body, 1, or to it, -1."""
         self._untangling.outward.assign(self._per_vertex(outward, wp.float32).numpy())
+
+    def lift(self, height: float) -> None:
+        """Keeps each layer this much farther from the avatar [m] than the one inside it."""
+        layers = self._untangling.layer.numpy()
+        self.data.lift.assign((layers * height).astype(np.float32))
+
+    def regrow_trees(self) -> None:
+        """Sorts the trees anew for where garments were at the last search, which only changes their speed."""
+        for tree in self._trees:
+            tree.rebuild()
 
     def grow(self) -> bool:
         """Makes room for every pair that the last search found; whether it had to. Waits for the device."""
@@ -223,7 +238,7 @@ class ClothTouch:
             tree.refit()
         self._launch(part.forget_tangles, vertices, [given, untangling])
         self._launch(part.part_crossings, edges, [cloth, given, untangling])
-        if self._layered:
+        if self.layered:
             self._launch(part.part_layers, vertices, [cloth, given, found, untangling])
         self._launch(part.settle_shifts, vertices, [cloth, given, found, untangling])
         self._launch(look.find_on_triangles, vertices, [cloth, given, found])

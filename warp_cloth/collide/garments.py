@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import pairwise
 
@@ -12,15 +13,53 @@ from numpy.typing import NDArray
 from warp_cloth.collide.cloth import ClothTouch, SheetKind, sheets_of
 from warp_cloth.collide.crossing import find_crossings
 from warp_cloth.collide.exact import signed_distances
+from warp_cloth.collide.placing import clear_shift
 from warp_cloth.mesh import Indices, Mesh, Points
 from warp_cloth.model import ClothModel
 from warp_cloth.scene import Scene
-from warp_cloth.solver.course import Course
+from warp_cloth.solver.course import LAYER_LIFT, Course
 from warp_cloth.solver.relax import Relaxation
 from warp_cloth.wardrobe import Wardrobe
 
 CROSSING_FIELD = "crossing"  # of a garment where some of it crosses: 1 at the corners of those faces
 FEELER = 5e-3  # [m]; how far before and behind the cloth its distance from the body is compared
+
+
+def placed(scenes: Sequence[Scene], wardrobes: Sequence[Wardrobe], device: str) -> list[Wardrobe]:
+    """The wardrobes with every garment to be sewn clear of its avatar, as far as moving it up or forward does that.
+
+    The panels say what the garment is; where they start does not matter, unless they start on both sides of a limb.
+    """
+    known: dict[tuple[int, int], Points | None] = {}  # of garments that scenes share, on one avatar
+
+    def shift_of(scene: Scene, wardrobe: Wardrobe, index: int) -> Points | None:
+        part, avatar = wardrobe.parts[index], wardrobe.avatar
+        if avatar is None or scene.collision.avatar == "none" or scene.garments[index].rest != "uv" or len(part.pins):
+            return None
+        key = id(part.points), id(avatar)
+        if key not in known:
+            known[key] = clear_shift(part.points, avatar, device)
+        return known[key]
+
+    return [
+        _shifted(wardrobe, [shift_of(scene, wardrobe, index) for index in range(len(wardrobe.parts))])
+        for scene, wardrobe in zip(scenes, wardrobes, strict=True)
+    ]
+
+
+def _shifted(wardrobe: Wardrobe, shifts: Sequence[Points | None]) -> Wardrobe:
+    if all(shift is None for shift in shifts):
+        return wardrobe
+    parts, meshes = list(wardrobe.parts), list(wardrobe.garments)
+    for index, shift in enumerate(shifts):
+        if shift is not None:
+            note = (
+                f"some of it started inside the avatar: moved {1e3 * shift[1]:.0f} mm up and "
+                f"{1e3 * shift[2]:.0f} mm forward before it was sewn"
+            )
+            parts[index] = replace(parts[index], points=parts[index].points + shift)
+            meshes[index] = replace(meshes[index], notes=(*meshes[index].notes, note))
+    return replace(wardrobe, parts=tuple(parts), garments=tuple(meshes))
 
 
 def cloth_touch(scene: Scene, wardrobe: Wardrobe, model: ClothModel) -> ClothTouch:
@@ -29,6 +68,11 @@ def cloth_touch(scene: Scene, wardrobe: Wardrobe, model: ClothModel) -> ClothTou
         SheetKind(spec.fabric.thickness, spec.fabric.friction, layer=layer) for layer, spec in enumerate(scene.garments)
     ]
     return ClothTouch(model, wardrobe.parts, kinds)
+
+
+def highest_lift(scene: Scene) -> float:
+    """How much farther from the avatar than its offset a scene's outermost garment is sewn [m]."""
+    return LAYER_LIFT * (len(scene.garments) - 1) if scene.collision.cloth else 0.0
 
 
 def cloth_course(wardrobe: Wardrobe, relaxation: Relaxation, touch: ClothTouch, device: str) -> Course:

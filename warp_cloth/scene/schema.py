@@ -215,7 +215,9 @@ class CollisionSpec(Table):
     offset_mm: Real = Field(
         default=3.0, ge=0, le=50, description="gap kept to the avatar [mm]; 3: no piercing at 12 mm edges"
     )
-    cloth: StrictBool = Field(default=False, description="contact of cloth with cloth")
+    cloth: StrictBool = Field(
+        default=False, description="contact of cloth with cloth; false: half the iterations, but folds may pass through"
+    )
 
     @field_validator("avatar")
     @classmethod

@@ -15,6 +15,7 @@ from warp_cloth.solver.relax import Relaxation
 # and cross in 5,000 places, with this in 200.
 CALM_MOMENTUM = 0.9
 MOST_SEWING = 1000  # iterations after which a seam that will not close is taken as it is
+LAYER_LIFT = 8e-3  # [m]; while it is sewn, each layer keeps clear of the folds of the one inside it
 MOST_UNTANGLING = 2000  # iterations after which swinging may help where calm did not
 
 
@@ -33,6 +34,8 @@ class Course:
         self._outward = outward
         self._momentum = relaxation.step.momentum
         self._woken = 0
+        if touch.layered:
+            touch.lift(LAYER_LIFT)
         self._set_momentum(min(CALM_MOMENTUM, self._momentum))
 
     @property
@@ -60,8 +63,12 @@ class Course:
         if touch.grow():
             self._relaxation.forget_graphs()
             return False
+        if self.calm:
+            touch.regrow_trees()
         crossings = touch.crossing_count()
         if self.calm and iteration > self._woken and (not crossings or iteration - self._woken >= MOST_UNTANGLING):
             self._set_momentum(self._momentum)
+            touch.lift(0.0)
+            touch.layered = touch.layered and crossings > 0  # what does not cross now never will
             return False
         return not crossings and not self.calm

@@ -1,0 +1,34 @@
+"""Where a sewn garment starts: a box mesh that was placed round another body is moved clear of this one."""
+
+from __future__ import annotations
+
+import numpy as np
+import warp as wp
+
+from warp_cloth.collide.exact import build_exact_collider
+from warp_cloth.mesh import Mesh, Points
+
+DEEP = 0.02  # [m]; vertices that start less deep come out by themselves
+WAYS_UP = np.arange(-0.04, 0.161, 0.01)  # [m]; a head taller or shorter is 0.2, its shoulders less
+WAYS_FORWARD = np.array([0.0, -0.02, 0.02, -0.04, 0.04])  # [m]
+WORTH = 0.5  # a move must leave less than this share of the depth, or it is not made
+
+
+def clear_shift(points: Points, avatar: Mesh, device: wp.DeviceLike = None) -> Points | None:
+    """The shift [m] up and forward that brings a garment's vertices out of the avatar best; None: leave it there.
+
+    ``points`` [m], shape [V, 3]. Measured by the depths of all vertices inside, summed; of equal shifts the shortest.
+    """
+    exact = build_exact_collider(avatar, device)
+
+    def depths(shift: Points) -> Points:
+        return np.maximum(-exact.sample(points + shift)[:, 3].astype(np.float64), 0.0)
+
+    start = depths(np.zeros(3))
+    if start.max() <= DEEP:
+        return None
+    shifts = [np.array([0.0, up, forward]) for up in WAYS_UP for forward in WAYS_FORWARD]
+    shifts.sort(key=lambda shift: float(np.linalg.norm(shift)))
+    sums = [float(depths(shift).sum()) for shift in shifts]
+    best = int(np.argmin(sums))
+    return shifts[best] if sums[best] < WORTH * float(start.sum()) else None
