@@ -68,3 +68,19 @@ def sample_mesh(
     """What mesh_contact answers at points."""
     point = wp.tid()
     contact_out[point] = mesh_contact(collider, points[point])
+
+
+@wp.kernel
+def find_closest(
+    mesh: wp.uint64,
+    points: wp.array(dtype=wp.vec3f),  # [m], shape [N]
+    closest_out: wp.array(dtype=wp.vec3f),  # closest point of the mesh [m], shape [N]
+    face_out: wp.array(dtype=wp.int32),  # its triangle, shape [N]
+    weights_out: wp.array(dtype=wp.vec3f),  # its barycentric coordinates there, shape [N]
+):
+    """Finds the surface nearest to each point."""
+    point = wp.tid()
+    query = wp.mesh_query_point_no_sign(mesh, points[point], FARTHEST)
+    closest_out[point] = wp.mesh_eval_position(mesh, query.face, query.u, query.v)
+    face_out[point] = query.face
+    weights_out[point] = wp.vec3f(query.u, query.v, 1.0 - query.u - query.v)

@@ -49,6 +49,42 @@ def barycentric(a: wp.vec3f, b: wp.vec3f, c: wp.vec3f, x: float, y: float) -> wp
     return w / area
 
 
+@wp.func
+def edge_side(ux: float, uy: float, vx: float, vy: float) -> int:
+    """On which side of the edge from u to v the origin lies: 1 left, -1 right; never both, nor neither.
+
+    Antisymmetric in its ends to the bit; on the edge itself its direction decides.
+    """
+    w = ux * vy - vx * uy
+    if w == 0.0:
+        w = wp.where(uy == vy, vx - ux, vy - uy)
+    return wp.where(w > 0.0, 1, -1)
+
+
+@wp.func
+def sided_cover(a: wp.vec3f, b: wp.vec3f, c: wp.vec3f, x: float, y: float) -> int:
+    """Whether a projected triangle covers (x, y): 1 seen from its front, -1 from its back, 0 not at all.
+
+    Of the triangles round an edge or a vertex exactly one takes a point on it: along any ray the surfaces of a
+    closed mesh that are entered and left balance.
+    """
+    side = edge_side(b[0] - x, b[1] - y, c[0] - x, c[1] - y)
+    if edge_side(c[0] - x, c[1] - y, a[0] - x, a[1] - y) != side:
+        return 0
+    if edge_side(a[0] - x, a[1] - y, b[0] - x, b[1] - y) != side:
+        return 0
+    return side
+
+
+@wp.func
+def pixel_weights(a: wp.vec3f, b: wp.vec3f, c: wp.vec3f, x: float, y: float) -> wp.vec3f:
+    """Barycentric coordinates of (x, y), thirds where the projected triangle has no area."""
+    w = barycentric(a, b, c, x, y)
+    if wp.min(w) < -0.5:
+        return wp.vec3f(1.0, 1.0, 1.0) / 3.0
+    return w
+
+
 @wp.kernel
 def draw_depth(
     points: wp.array(dtype=wp.vec3f),  # [m], shape [V]

@@ -14,21 +14,25 @@ import pytest
 import warp as wp
 
 import warp_cloth.kernels
+from warp_cloth.kernels.bake import bake_kernels
 from warp_cloth.kernels.certify import bending_energy_kernel, energy_kernels, residual_kernel
 from warp_cloth.kernels.closest import MeshCollider, mesh_contact
 from warp_cloth.kernels.cloth import FOURTH_PARTS, PRECISIONS, Terms
 from warp_cloth.kernels.cloth_contact import add_kernel, press_kernel
 from warp_cloth.kernels.contact_search import search_kernels
+from warp_cloth.kernels.depth import DepthSolid, plain_contact, solid_level
 from warp_cloth.kernels.displace import NoCollider, advance_kernel, displace_kernel
 from warp_cloth.kernels.field import ContactField, field_contact
 from warp_cloth.kernels.gather import gather_kernels
+from warp_cloth.kernels.layers import LayeredSolid, layered_level
 from warp_cloth.kernels.pressure import push_kernel
 from warp_cloth.kernels.scatter import normals_kernel, scatter_kernels
 from warp_cloth.kernels.untangle import untangle_kernels
 
 FOLDER = Path(warp_cloth.kernels.__path__[0])
 FILES = sorted(path for path in FOLDER.glob("*.py") if path.name != "__init__.py")
-COLLIDERS = ((None, None), (field_contact, ContactField), (mesh_contact, MeshCollider))
+COLLIDERS = ((None, None), (field_contact, ContactField), (mesh_contact, MeshCollider), (plain_contact, DepthSolid))
+SOLIDS = ((solid_level, DepthSolid), (layered_level, LayeredSolid))
 # Kernels may use these besides Warp and each other: they are written in a language of their own.
 STANDARD = {"functools", "math", "types", "typing"}
 
@@ -86,6 +90,10 @@ def test_kernels_outside_factories_compile(path: Path) -> None:
     kernels = [value for value in vars(module).values() if isinstance(value, wp.Kernel)]
     if kernels:
         loaded(*kernels)
+
+
+def test_bake_kernels_compile() -> None:
+    loaded(*(bake_kernels(*solid) for solid in SOLIDS))
 
 
 FOLDED = Terms(True, True, True, angles=True)

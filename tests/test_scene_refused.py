@@ -89,10 +89,6 @@ def refused(source: Any) -> str:
         ("collision.pixel_mm = 0.1", "collision.pixel_mm: must be a number from 0.2 to 50, not 0.1"),
         ("collision.offset_mm = -1", "collision.offset_mm: must be a number from 0 to 50, not -1"),
         ("collision.cloth = 1", "collision.cloth: must be true or false, not 1"),
-        (
-            "collision.avatar = 'auto'",
-            'collision.avatar: "auto" is not available in this version; use "depth"',
-        ),
         ("collision.avatar = 'depths'", 'not "depths"; did you mean depth?'),
         ("solver.iterations = 3.0", "solver.iterations: must be a whole number from 0 to 10000000, not 3.0"),
         ("solver.iterations = '3'", 'solver.iterations: must be a whole number from 0 to 10000000, not "3"'),

@@ -242,6 +242,42 @@ app.command()(view)
 
 
 @app.command()
+def avatar(
+    scene: Annotated[str, typer.Argument(help="Scene file (TOML), or a shipped scene.")],
+    device: Annotated[
+        str | None, typer.Option(help="cpu, cuda or cuda:N.", show_default="a GPU if there is one")
+    ] = None,
+    out: Annotated[Path, typer.Option(help="Folder for NAME_avatar.json and NAME_walks.png.")] = Path("out"),
+    changes: Annotated[
+        list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Change one scene key. May be repeated.")
+    ] = None,
+    plots: Annotated[bool, typer.Option(help="Draw the fields along lines, with matplotlib.")] = True,
+) -> None:
+    """Compare every collider of a scene's avatar with its exact mesh, near the garment."""
+    with one_line_errors():
+        from warp_cloth.scene import load_scene
+
+        chosen = load_scene(scene, changes or ())
+        with output_folder(out, chosen.name):
+            start_warp(False)
+            from warp_cloth.bench.avatar import run_avatar_bench, save_avatar_bench, table
+            from warp_cloth.bench.save import figure_class
+            from warp_cloth.fitting import device_named
+            from warp_cloth.wardrobe import open_wardrobe
+
+            if plots:
+                figure_class()
+            where = device_named(device)
+            wardrobe = open_wardrobe(chosen)
+            found = run_avatar_bench(
+                chosen, wardrobe, device=where, tell=lambda kind: print(f"building {kind}", file=sys.stderr)
+            )
+            lines, paths = table(found), save_avatar_bench(found, out, plots=plots)
+    for line in [*lines, *(f"  wrote {path}" for path in paths)]:
+        typer.echo(line)
+
+
+@app.command()
 def scenes() -> None:
     """List the shipped scenes and fabrics."""
     with one_line_errors():

@@ -42,7 +42,7 @@ MOST_FRAMES = 10_000  # shapes on the way; of a garment of 10,000 vertices that 
 class Progress:
     """Where a fit stands; figures are None while they are not known."""
 
-    stage: str  # "load", "compile", "build", "relax"
+    stage: str  # "load", "compile", "build", "carry", "relax"
     iteration: int = 0
     iteration_limit: int = 0
     residual: float | None = None  # relative, rms
@@ -141,7 +141,7 @@ class _Clock:
     """Seconds of each stage."""
 
     def __init__(self) -> None:
-        self.seconds = dict.fromkeys(("load", "compile", "build", "relax", "measure", "export"), 0.0)
+        self.seconds = dict.fromkeys(("load", "compile", "build", "carry", "relax", "measure", "export"), 0.0)
         self._last = time.perf_counter()
 
     def lap(self, stage: str) -> None:
@@ -242,6 +242,7 @@ def finished(
             threads=thread_summaries(threads[model.of_item(item, model.weave_start)]),
             depth=depths[item],
             crossing=crossing,
+            contact=made.touched(item),
             plan=make_plan(scene, wardrobe),
         )
         fits.append(Fit(scene, outcome.status, message, garments, wardrobe.avatar, report, model.device))

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from warp_cloth.reach import reach_box
 from warp_cloth.scene import Scene
 from warp_cloth.wardrobe import Wardrobe
@@ -72,7 +74,8 @@ def _may_meet(scene: Scene, wardrobe: Wardrobe) -> bool:
     if scene.collision.cloth:  # layers push one another apart, and no energy bounds how far
         return True
     gap = scene.collision.offset_mm * 1e-3
-    low, high = wardrobe.avatar.bounds()
+    places = [wardrobe.avatar.points, *wardrobe.poses]
+    low, high = np.min([p.min(axis=0) for p in places], axis=0), np.max([p.max(axis=0) for p in places], axis=0)
     for part in wardrobe.parts:
         apart = (part.points.min(axis=0) > high + gap) | (part.points.max(axis=0) < low - gap)
         box = reach_box(part) if apart.any() else None

@@ -16,6 +16,7 @@ STAGES = {
     "load": "loading",
     "compile": "compiling",
     "build": "building",
+    "carry": "carrying",
     "relax": "relaxing",
     "export": "writing",
 }

@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
 import warp as wp
 
+from warp_cloth.carry import Carried, carry
 from warp_cloth.collide.avatar import AvatarContact, avatar_modules
 from warp_cloth.collide.depth import DEFAULT_REACH
 from warp_cloth.collide.garments import cloth_course, cloth_touch, highest_lift, placed
 from warp_cloth.model import ClothModel, build_model, terms_of
 from warp_cloth.plan import contact_kind
 from warp_cloth.scene import Scene
-from warp_cloth.solver.certificate import Certifier
+from warp_cloth.solver.certificate import Certifier, Tolerance
 from warp_cloth.solver.course import Course
 from warp_cloth.solver.loop import Boxes, Follow
 from warp_cloth.solver.relax import Collider, Relaxation, StepOptions
@@ -33,6 +34,7 @@ class SetUp:
     relaxation: Relaxation
     certifier: Certifier
     course: Course | None  # where cloth meets cloth
+    carried: Carried | None = None  # what it took to bring the garments along, where the avatar moves
 
     @property
     def wardrobe(self) -> Wardrobe:
@@ -44,15 +46,23 @@ class SetUp:
         """That of the first scene, or of a lone one."""
         return self.contacts[0]
 
+    def touched(self, item: int) -> dict[str, Any] | None:
+        """What an item's avatar is met by, and how good that is; None without avatar."""
+        if self.wardrobes[item].avatar is None:
+            return None
+        carried = asdict(self.carried) if self.carried is not None else None
+        return {**(self.contacts[item].report or {}), "carried": carried}
+
 
 def kind_of(scene: Scene, wardrobe: Wardrobe) -> tuple[Any, ...]:
     """What scenes must have in common to relax together: then their kernels are those of each alone.
 
-    One whose cloth meets cloth is of a kind of its own: what it launches depends on how its garments lie.
+    One whose cloth meets cloth is of a kind of its own: what it launches depends on how its garments lie. So is one
+    whose avatar moves.
     """
     solver = scene.solver
     contact = contact_kind(scene, wardrobe)
-    alone = id(scene) if scene.collision.cloth else 0
+    alone = id(scene) if scene.collision.cloth or wardrobe.poses else 0
     return solver.method, solver.precision, contact, alone, terms_of([part.rest for part in wardrobe.parts])
 
 
@@ -112,7 +122,29 @@ def set_up(
     tell("compile")
     _compile([kernel.module for kernel in relaxation.kernels() + certifier.kernels()], device)
     lap("compile")
-    return SetUp(tuple(scenes), tuple(wardrobes), tuple(contacts), model, relaxation, certifier, course)
+    made = SetUp(tuple(scenes), tuple(wardrobes), tuple(contacts), model, relaxation, certifier, course)
+    if not wardrobes[0].poses:
+        return made
+    tell("carry")
+    carried = _carry(made)
+    lap("carry")
+    return replace(made, certifier=Certifier(relaxation), carried=carried)
+
+
+def _carry(made: SetUp) -> Carried:
+    """Takes a lone scene's garments along to its avatar's last pose."""
+    (scene,) = made.scenes
+    tolerance = Tolerance(scene.solver.residual, scene.solver.residual_p99, scene.solver.tolerance_mm * 1e-3)
+    return carry(
+        made.relaxation,
+        made.certifier,
+        made.contact,
+        made.wardrobe.poses,
+        tolerance=tolerance,
+        limit=scene.solver.iterations,
+        follow=following(made),
+        course=made.course,
+    )
 
 
 def contact_key(scene: Scene, wardrobe: Wardrobe) -> Hashable:
@@ -148,10 +180,11 @@ def _compile(modules: list[wp.Module], device: str) -> None:
 
 def _avatar_contact(scene: Scene, wardrobe: Wardrobe, device: str) -> AvatarContact:
     return AvatarContact(
-        wardrobe.avatar,
+        wardrobe.starting_avatar,
         contact_kind(scene, wardrobe),
         pixel=scene.collision.pixel_mm * 1e-3,
         offset=scene.collision.offset_mm * 1e-3,
+        error=scene.collision.error_mm * 1e-3,
         friction=scene.avatar.friction if scene.avatar is not None else 0.0,
         device=device,
         reach=DEFAULT_REACH + highest_lift(scene),

@@ -75,6 +75,7 @@ def report_of(
     threads: Mapping[str, Strain],
     depth: Penetration | None,
     crossing: GarmentCrossings,
+    contact: dict[str, Any] | None,
     plan: tuple[Term, ...],
 ) -> dict[str, Any]:
     """The report under its stable keys; lengths as their names say.
@@ -100,6 +101,7 @@ def report_of(
         "strain": {**asdict(strain), **{way: asdict(found) for way, found in threads.items()}},
         "penetration_mm": asdict(depth) if depth is not None else None,
         "crossings": {"pairs": crossing.pairs, "between_garments": crossing.between, "faces": crossing.face_count},
+        "contact": contact,
         "garments": [
             {
                 "name": spec.name,

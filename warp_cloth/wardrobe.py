@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, TypeVar
 
 from warp_cloth.errors import InputError
 from warp_cloth.grain import Grain
-from warp_cloth.loading import check_sizes, load_mesh
-from warp_cloth.mesh import Mesh
+from warp_cloth.loading import check_sizes, load_mesh, load_poses
+from warp_cloth.mesh import Mesh, Points
 from warp_cloth.model import GarmentPart
 from warp_cloth.pins import select_pins
 from warp_cloth.rest import build_rest_shape
@@ -29,7 +29,13 @@ class Wardrobe:
 
     garments: tuple[Mesh, ...]
     parts: tuple[GarmentPart, ...]
-    avatar: Mesh | None
+    avatar: Mesh | None  # as it stands when the garments are worn
+    poses: tuple[Points, ...] = ()  # vertices of an avatar that moves, from where it starts to where it stands [m]
+
+    @property
+    def starting_avatar(self) -> Mesh | None:
+        """The avatar round which the garments start."""
+        return replace(self.avatar, points=self.poses[0]) if self.avatar is not None and self.poses else self.avatar
 
 
 class Rack:
@@ -72,7 +78,17 @@ def open_wardrobe(scene: Scene, rack: Rack | None = None) -> Wardrobe:
         kept.once(partial(_part, mesh, spec, key), "part", where, key, fitted_to, _worked(spec, None))
         for mesh, (spec, key) in zip(garments, named, strict=True)
     )
-    return Wardrobe(garments, parts, avatar)
+    poses = _poses(scene.avatar, avatar)
+    if avatar is not None and poses:
+        avatar = replace(avatar, points=poses[-1])
+    return Wardrobe(garments, parts, avatar, poses)
+
+
+def _poses(spec: AvatarSpec | None, avatar: Mesh | None) -> tuple[Points, ...]:
+    """Vertices of an avatar that moves, in each of its poses; none where it does not move."""
+    if spec is None or avatar is None or spec.mesh is None or not spec.poses:
+        return ()
+    return (avatar.points, *load_poses(avatar, spec.mesh, spec.poses, prim=spec.prim, units=spec.units))
 
 
 def _worked(spec: GarmentSpec | AvatarSpec, keys: set[str] | None) -> str:

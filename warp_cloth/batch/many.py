@@ -74,7 +74,7 @@ def _halving(
 
 def _together(scenes: Sequence[Scene], wardrobes: Sequence[Wardrobe], device: str) -> list[Fit]:
     """Relaxes scenes of one kind together."""
-    seconds = dict.fromkeys(("load", "compile", "build", "relax", "measure", "export"), 0.0)
+    seconds = dict.fromkeys(("load", "compile", "build", "carry", "relax", "measure", "export"), 0.0)
     last = time.perf_counter()
 
     def lap(stage: str) -> None:

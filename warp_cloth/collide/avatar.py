@@ -4,16 +4,22 @@ from __future__ import annotations
 
 import logging
 from copy import copy
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
 import warp as wp
 
-from warp_cloth.collide.depth import DEFAULT_REACH, build_depth_buffers, contact_bounds
-from warp_cloth.collide.exact import build_exact_collider
-from warp_cloth.collide.field import build_contact_field
-from warp_cloth.kernels import bake, closest, depth, raster
+from warp_cloth.collide.audit import NearSurface, Sampled, contact_error, near_surface, unseen_share
+from warp_cloth.collide.depth import DEFAULT_REACH, DepthBuffers, build_depth_buffers, contact_bounds
+from warp_cloth.collide.exact import ExactCollider, build_exact_collider
+from warp_cloth.collide.field import FieldBuild, bake_modules, build_contact_field
+from warp_cloth.collide.layers import LayeredBuffers, build_layered_buffers
+from warp_cloth.collide.solid import Closing, closing_of
+from warp_cloth.errors import InputError
+from warp_cloth.kernels import audit, closest, depth, layers, raster
 from warp_cloth.kernels.closest import MeshCollider, mesh_contact
+from warp_cloth.kernels.depth import DepthSolid, plain_contact
 from warp_cloth.kernels.field import ContactField, field_contact
 from warp_cloth.mesh import Mesh, Points
 from warp_cloth.solver.relax import Collider
@@ -24,18 +30,41 @@ log = logging.getLogger(__name__)
 # iterations at the default cap of 5 mm). One that comes near the edge has the buffers drawn anew.
 MARGIN = 0.15
 NEAR_EDGE = 0.04  # of that room, what must be left: more than the field's own reach and support
+ROOM_TO_MOVE = 0.007  # [m] beyond the offset that contact must know: what cloth moves by in one iteration, and more
+HELD, FREE = 0.02, 0.06  # [m] from a skin that moves: nearer than this cloth goes with it, farther off not at all
+FINER = 0.5  # factor on the pixel where all layers at the scene's own are not enough
+DRAWN = ("depth", "plain", "auto")  # colliders that are drawn over a region
 
 
 def avatar_modules(kind: str) -> list[wp.Module]:
     """Kernel modules that building a collider of this kind, and measuring against the exact avatar, launch from."""
-    used = (bake, depth, raster, closest) if kind == "depth" else (closest,)
-    return [wp.get_module(module.__name__) for module in used]
+    used = [closest, audit]
+    if kind in DRAWN:
+        used += [depth, raster]
+    if kind == "auto":
+        used += [layers]
+    modules = [wp.get_module(module.__name__) for module in used]
+    if kind in ("depth", "auto"):
+        modules += bake_modules(DepthBuffers)
+    if kind == "auto":
+        modules += bake_modules(LayeredBuffers)
+    return modules
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """How the avatar is drawn: with all layers or the paper's three buffers, and the pixel [m]."""
+
+    layered: bool
+    pixel: float
 
 
 class AvatarContact:
     """Builds the collider of a scene, and builds it anew when a garment leaves the region that it covers.
 
-    ``kind`` is "depth", "mesh" or "none"; lengths in metres. ``reach``: how far from the avatar contact still answers.
+    ``kind`` is "depth", "plain", "auto", "mesh" or "none"; lengths in metres. ``error`` is the distance error that
+    "auto" stays within at 99.9 % of the surface that the garment can reach. ``reach``: how far from the avatar
+    contact answers at least.
     """
 
     def __init__(
@@ -46,40 +75,89 @@ class AvatarContact:
         pixel: float,
         offset: float,
         friction: float,
+        error: float,
         device: str,
         reach: float = DEFAULT_REACH,
     ) -> None:
-        self._avatar = avatar if kind != "none" else None
+        self._closing: Closing | None = None
+        self._avatar = self._solid(avatar, kind) if avatar is not None and kind != "none" else None
         self._kind = kind
-        self._pixel = pixel
         self._offset = offset
+        self._reach = max(reach, offset + ROOM_TO_MOVE)
         self._friction = friction
-        self._reach = reach
+        self._error = error
         self._device = device
         self._kept: Any = None  # owns the arrays that the collider points to
         self._box = self._avatar.bounds() if self._avatar is not None else (np.zeros(3), np.zeros(3))
         self._lower = self._upper = np.zeros(3)
+        drawings = [Drawing(False, pixel), Drawing(True, pixel), Drawing(True, FINER * pixel)]
+        self._drawings = drawings if kind == "auto" else drawings[:1]  # those not found wanting yet
         self.builds = 0
+        self.report: dict[str, Any] | None = None  # what the last build was, and how good
 
-    def collider(self, points: Points) -> Collider:
-        """The collider for garments at these positions [m], shape [V, 3]."""
+    def _solid(self, avatar: Mesh, kind: str) -> Mesh:
+        """The avatar with its holes closed; a sheet stays as it is, for the collider that can deal with one."""
+        closing = closing_of(avatar)
+        if closing.encloses:
+            self._closing = closing
+            return closing.closed(avatar)
+        if kind in DRAWN:
+            problem = "its surface encloses nothing, or only a sheet"
+            raise InputError("avatar", problem, 'close it, or use collision.avatar = "mesh"')
+        return avatar
+
+    def collider(self, points: Points, *, audited: bool = True) -> Collider:
+        """The collider for garments at these positions [m], shape [V, 3].
+
+        ``audited`` measures it against the exact mesh, fills the report, and lets "auto" choose.
+        """
         if self._avatar is None:
             return Collider()
-        self.builds += 1
+        self.builds += audited
         if self._kind == "mesh":
             exact = build_exact_collider(self._avatar, self._device, reach=self._reach)
             self._kept = exact
-            return Collider(mesh_contact, exact.collider, MeshCollider, self._offset, self._friction)
-        margin = MARGIN * 2.0 ** (self.builds - 1)  # a garment that fell out of it once is still falling
+            holes = len(self._closing.rims) if self._closing is not None else 0
+            self.report = {"buffers": [], "triangles": self._avatar.triangle_count, "holes_closed": holes}
+            return self._collider(mesh_contact, exact.collider, MeshCollider)
+        margin = MARGIN * 2.0 ** max(self.builds - 1, 0)  # a garment that fell out of it once is still falling
         lower, upper = contact_bounds(points, self._avatar.points, margin)
         self._lower, self._upper = points.min(axis=0) - margin, points.max(axis=0) + margin
-        buffers = build_depth_buffers(
-            self._avatar.points, self._avatar.triangles, lower, upper, self._pixel, self._device
-        )
-        field = build_contact_field(buffers, reach=self._reach)
-        self._kept = (buffers, field)
-        log.info("contact field of %s nodes", " x ".join(str(count) for count in field.values.shape))
-        return Collider(field_contact, field.field, ContactField, self._offset, self._friction)
+        self._kept = None  # its memory serves the next
+        if not audited:
+            return self._drawn(self._avatar, self._drawings[0], lower, upper)
+        exact = build_exact_collider(self._avatar, self._device, reach=self._reach)
+        surface = near_surface(self._avatar, exact, points, lower + NEAR_EDGE, upper - NEAR_EDGE)
+        while True:
+            found = self._drawn(self._avatar, self._drawings[0], lower, upper)
+            self.report = self._audit(exact, surface)
+            if len(self._drawings) == 1 or self.report["error_mm"]["p999"] <= 1e3 * self._error:
+                return found
+            self._drawings = self._drawings[1:]
+
+    def move(self, avatar: Points, cloth: Points) -> Points:
+        """Goes on with the avatar's vertices at these positions [m]; the next collider is of them.
+
+        Returns where cloth at these positions [m] goes along: on the skin all its way, farther off less of it.
+        """
+        if self._avatar is None:
+            return cloth
+        if self._closing is not None:
+            avatar = self._closing.points(avatar)
+        exact = build_exact_collider(self._avatar, self._device)
+        near = exact.closest(cloth)
+        away = np.linalg.norm(cloth - near.points, axis=1)
+        share = np.clip((FREE - away) / (FREE - HELD), 0.0, 1.0)
+        way = np.einsum("ij,ijk->ik", near.weights, (avatar - self._avatar.points)[near.corners])
+        self._avatar = replace(self._avatar, points=avatar)
+        self._box = self._avatar.bounds()
+        self.builds = 0
+        return cloth + share[:, None] * way
+
+    @property
+    def kept(self) -> Sampled:
+        """What the last collider built answers on the host."""
+        return self._kept if isinstance(self._kept, ExactCollider) else self._kept[1]
 
     def alike(self, friction: float) -> AvatarContact:
         """The same contact for another scene: what is built so far is shared, what is built later is its own."""
@@ -102,3 +180,36 @@ class AvatarContact:
             np.where(self._box[0] >= lower, -np.inf, lower),
             np.where(self._box[1] <= upper, np.inf, upper),
         )
+
+    def _drawn(self, avatar: Mesh, drawing: Drawing, lower: Points, upper: Points) -> Collider:
+        """Draws the avatar over a box [m], and fuses what is drawn unless the plain look-up is wanted."""
+        region = (avatar.points, avatar.triangles, lower, upper, drawing.pixel, self._device)
+        buffers = build_layered_buffers(*region) if drawing.layered else build_depth_buffers(*region)
+        if self._kind == "plain" and isinstance(buffers, DepthBuffers):
+            plain = buffers.plain(self._reach)
+            self._kept = (buffers, plain)
+            return self._collider(plain_contact, plain.solid, DepthSolid)
+        field = build_contact_field(buffers, reach=self._reach)
+        self._kept = (buffers, field)
+        log.info("contact field of %s nodes", " x ".join(str(count) for count in field.values.shape))
+        return self._collider(field_contact, field.field, ContactField)
+
+    def _collider(self, contact: wp.Function, data: Any, data_type: Any) -> Collider:
+        return Collider(contact, data, data_type, self._offset, self._friction)
+
+    def _audit(self, exact: ExactCollider, surface: NearSurface) -> dict[str, Any]:
+        """How good what is kept is, for the report."""
+        buffers, sampled = self._kept
+        error = contact_error(sampled, exact, surface.worn(exact, self._offset))
+        return {
+            "buffers": buffers.names,
+            "pixel_mm": 1e3 * buffers.pixel,
+            "spacing_mm": 1e3 * sampled.spacing if isinstance(sampled, FieldBuild) else None,
+            "megabytes": 1e-6 * sampled.bytes,
+            "holes_closed": len(self._closing.rims) if self._closing is not None else 0,
+            "near_area_m2": surface.area,
+            "unseen_by_three_views": unseen_share(surface, exact),
+            "unbalanced_pixels": getattr(buffers, "unbalanced", None),
+            "error_mm": asdict(error),
+            "error_sought_mm": 1e3 * self._error if self._kind == "auto" else None,
+        }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,7 +10,7 @@ import warp as wp
 from numpy.typing import NDArray
 
 from warp_cloth.errors import InputError
-from warp_cloth.kernels.depth import DepthSolid, extend_silhouette, sample_level, sample_plain
+from warp_cloth.kernels.depth import DepthSolid, extend_silhouette, sample_level, sample_plain, solid_level
 from warp_cloth.kernels.raster import View, draw_depth
 from warp_cloth.mesh import Indices, Points
 
@@ -30,6 +31,19 @@ def sampled(kernel: wp.Kernel, collider: object, points: Points, device: wp.Devi
 
 
 @dataclass(frozen=True, eq=False)
+class PlainCollider:
+    """The paper's look-up, without the fusion into a field."""
+
+    solid: DepthSolid
+    reach: float  # [m]
+    bytes: int  # of memory that it reads
+
+    def sample(self, points: Points) -> NDArray[np.float32]:
+        """Unit normal and signed distance at points [m], shape [N, 3]; shape [N, 4]. Far ones have no normal."""
+        return sampled(sample_plain, self.solid, points, self.solid.front.device)
+
+
+@dataclass(frozen=True, eq=False)
 class DepthBuffers:
     """Three orthographic depth buffers of one avatar over one region; pixel (0, 0) is centred at ``origin``.
 
@@ -44,24 +58,32 @@ class DepthBuffers:
     top: wp.array  # greatest y [m], shape [rows along z, columns along x]
     middle: wp.array  # mean of front and back surface, carried past the silhouette [m]
     bulge: wp.array  # half thickness squared, negative past the silhouette [m2]
+    level = solid_level
+    solid_type = DepthSolid
 
     @property
     def device(self) -> wp.Device:
         return self.front.device
 
-    def solid(self, reach: float = DEFAULT_REACH) -> DepthSolid:
-        """The kernels' view of these buffers, and the collider of plain_contact; valid while this object lives."""
+    @property
+    def names(self) -> list[str]:
+        """The buffers, for people."""
+        return ["front", "back", "top"]
+
+    def solid(self) -> DepthSolid:
+        """The kernels' view of these buffers; valid while this object lives."""
         solid = DepthSolid()
-        solid.reach = reach
         solid.origin = wp.vec3d(*self.origin)
         solid.pixel = self.pixel
         solid.front, solid.back, solid.top = self.front, self.back, self.top
         solid.middle, solid.bulge = self.middle, self.bulge
         return solid
 
-    def sample(self, points: Points, reach: float = DEFAULT_REACH) -> NDArray[np.float32]:
-        """The paper's plain look-up at points [m], shape [N, 3]: unit normal and signed distance, shape [N, 4]."""
-        return sampled(sample_plain, self.solid(reach), points, self.device)
+    def plain(self, reach: float = DEFAULT_REACH) -> PlainCollider:
+        """The paper's own look-up in these buffers, to a distance of ``reach`` [m]; valid while this object lives."""
+        solid = self.solid()
+        solid.reach = reach
+        return PlainCollider(solid, reach, sum(view.capacity for view in (self.front, self.back, self.top)))
 
     def levels(self, points: Points) -> NDArray[np.float32]:
         """Positive inside the solid that the buffers enclose, negative outside [m], shape [N]."""
@@ -81,6 +103,14 @@ def contact_bounds(garment: Points, avatar: Points, margin: float) -> tuple[Poin
     return np.minimum(lower, upper), np.maximum(lower, upper)
 
 
+def image_shape(width: float, height: float, pixel: float) -> tuple[int, int]:
+    """Columns and rows of a view of this size [m]; refuses what would take all memory."""
+    columns, rows = math.ceil(width / pixel) + 1, math.ceil(height / pixel) + 1
+    if columns * rows > MOST_PIXELS:
+        raise InputError("collision.pixel_mm", f"a depth buffer would have {columns:,} x {rows:,} pixels", TOO_FINE)
+    return columns, rows
+
+
 def build_depth_buffers(
     points: Points,
     triangles: Indices,
@@ -95,9 +125,8 @@ def build_depth_buffers(
     """
     origin = np.asarray(lower, dtype=np.float64)
     size = np.maximum(np.asarray(upper, dtype=np.float64) - origin, pixel)
-    columns, rows, layers = (np.ceil(size / pixel).astype(int) + 1).tolist()
-    if columns * max(rows, layers) > MOST_PIXELS:
-        raise InputError("collision.pixel_mm", f"a depth buffer would have {columns:,} x {rows:,} pixels", TOO_FINE)
+    columns, rows = image_shape(size[0], size[1], pixel)
+    _, layers = image_shape(size[0], size[2], pixel)
     local = wp.array((points - origin).astype(np.float32), dtype=wp.vec3f, device=device)
     faces = wp.array(triangles, dtype=wp.int32, device=device)
     x, y, z = wp.vec3f(1.0, 0.0, 0.0), wp.vec3f(0.0, 1.0, 0.0), wp.vec3f(0.0, 0.0, 1.0)

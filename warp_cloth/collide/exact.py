@@ -17,15 +17,52 @@ DEFAULT_DEPTH = 0.3  # [m]; deeper than the middle of any trunk
 
 
 @dataclass(frozen=True, eq=False)
+class Closest:
+    """Closest points of an avatar."""
+
+    points: Points  # [m], shape [N, 3]
+    corners: NDArray[np.int32]  # vertices of the triangles that they lie on, shape [N, 3]
+    weights: Points  # of those vertices, shape [N, 3]
+
+
+@dataclass(frozen=True, eq=False)
 class ExactCollider:
     """An exact collider for kernels, and what keeps its mesh alive."""
 
     collider: kernels.MeshCollider
     mesh: wp.Mesh
+    turn: float = 1.0  # -1 where the avatar was inside out
 
     @property
     def device(self) -> wp.Device:
         return self.mesh.device
+
+    @property
+    def reach(self) -> float:
+        """Distance outside up to which it answers [m]."""
+        return float(self.collider.reach)
+
+    def local(self, points: Points) -> wp.array:
+        """Points [m], shape [N, 3], as the mesh has them."""
+        near = (points - np.array(self.collider.origin)).astype(np.float32)
+        return wp.array(near, dtype=wp.vec3f, device=self.device)
+
+    def closest(self, points: Points) -> Closest:
+        """The surface nearest to points [m], shape [N, 3], however far."""
+        given = self.local(points)
+        found = wp.empty_like(given)
+        face = wp.empty(len(given), dtype=wp.int32, device=self.device)
+        weights = wp.empty_like(given)
+        wp.launch(
+            kernels.find_closest,
+            dim=len(given),
+            inputs=[self.mesh.id, given],
+            outputs=[found, face, weights],
+            device=self.device,
+        )
+        corners = self.mesh.indices.numpy().reshape(-1, 3)[face.numpy()]
+        place = found.numpy().astype(np.float64) + np.array(self.collider.origin)
+        return Closest(place, corners, weights.numpy().astype(np.float64))
 
     def within(self, distance: float) -> ExactCollider:
         """The same mesh, answering up to this distance inside and outside [m]."""
@@ -52,7 +89,8 @@ def build_exact_collider(
     lower, upper = avatar.bounds()
     origin = 0.5 * (lower + upper)
     points, triangles = avatar.points - origin, avatar.triangles
-    if _enclosed_volume(points, triangles) < 0.0:
+    turn = -1.0 if _enclosed_volume(points, triangles) < 0.0 else 1.0
+    if turn < 0.0:
         triangles = np.ascontiguousarray(triangles[:, ::-1])
     mesh = wp.Mesh(
         points=wp.array(points.astype(np.float32), dtype=wp.vec3f, device=device),
@@ -62,7 +100,7 @@ def build_exact_collider(
     collider = kernels.MeshCollider()
     collider.mesh, collider.origin = mesh.id, wp.vec3d(*origin)
     collider.depth, collider.reach = depth, reach
-    return ExactCollider(collider, mesh)
+    return ExactCollider(collider, mesh, turn)
 
 
 def signed_distances(

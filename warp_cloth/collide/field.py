@@ -10,8 +10,10 @@ import warp as wp
 from numpy.typing import NDArray
 
 from warp_cloth.collide.depth import DEFAULT_REACH, TOO_FINE, DepthBuffers, sampled
+from warp_cloth.collide.layers import LayeredBuffers
 from warp_cloth.errors import InputError
-from warp_cloth.kernels import bake as kernels
+from warp_cloth.kernels import sweep as kernels
+from warp_cloth.kernels.bake import bake_kernels
 from warp_cloth.kernels.field import ContactField, sample_field
 from warp_cloth.mesh import Points
 
@@ -38,9 +40,20 @@ class FieldBuild:
     def device(self) -> wp.Device:
         return self.values.device
 
+    @property
+    def bytes(self) -> int:
+        """Memory that it reads."""
+        return int(self.values.capacity)
+
     def sample(self, points: Points) -> NDArray[np.float32]:
         """Unit normal and signed distance at points [m], shape [N, 3]; shape [N, 4]. Far ones have no normal."""
         return sampled(sample_field, self.field, points, self.device)
+
+
+def bake_modules(kind: type[DepthBuffers] | type[LayeredBuffers]) -> list[wp.Module]:
+    """Kernel modules that fusing buffers of a kind launches from."""
+    made = bake_kernels(kind.level, kind.solid_type)
+    return [wp.get_module(kernels.__name__), *(kernel.module for kernel in vars(made).values())]
 
 
 def _active_blocks(surface: wp.array, radius: int, also: wp.array) -> wp.array:
@@ -80,11 +93,12 @@ def _sweep(
 
 
 def build_contact_field(
-    buffers: DepthBuffers, spacing: float | None = None, reach: float = DEFAULT_REACH
+    buffers: DepthBuffers | LayeredBuffers, spacing: float | None = None, reach: float = DEFAULT_REACH
 ) -> FieldBuild:
     """Bakes the signed distance to the solid of ``buffers`` on a grid of ``spacing`` [m] over its region."""
     h = max(PIXELS_PER_SPACING * buffers.pixel, LEAST_SPACING) if spacing is None else spacing
     device = buffers.device
+    bake = bake_kernels(buffers.level, buffers.solid_type)
     solid, offset = buffers.solid(), wp.vec3f()
     shape = tuple(max(math.floor(length / h) + 1, 3) for length in buffers.size)
     if math.prod(shape) > MOST_NODES:
@@ -92,7 +106,7 @@ def build_contact_field(
     block_shape = tuple(-(-count // kernels.BLOCK) for count in shape)
 
     side = wp.empty(shape, dtype=wp.float32, device=device)
-    wp.launch(kernels.mark_inside, dim=shape, inputs=[solid, h, offset], outputs=[side], device=device)
+    wp.launch(bake.mark_inside, dim=shape, inputs=[solid, h, offset], outputs=[side], device=device)
     inside = wp.empty(block_shape, dtype=wp.int32, device=device)
     surface = wp.empty_like(inside)
     wp.launch(kernels.mark_blocks, dim=block_shape, inputs=[side], outputs=[inside, surface], device=device)
@@ -106,9 +120,9 @@ def build_contact_field(
 
     near = _active_blocks(surface, 1, surface)
     limit = reach + MARGIN * h
-    crossed = measure(kernels.measure_crossings, near, side)
+    crossed = measure(bake.measure_crossings, near, side)
     rough = _sweep(h, (ROUGH_SWEEPS * h, ROUGH_SWEEPS * h), near, crossed, least=ROUGH_SWEEPS, most=ROUGH_SWEEPS)
-    projected = measure(kernels.project_distance, near, rough)
+    projected = measure(bake.project_distance, near, rough)
     fixed = wp.clone(projected)
     dim = (len(near), kernels.BLOCK, kernels.BLOCK)
     wp.launch(kernels.limit_slopes, dim=dim, inputs=[h, near, projected], outputs=[fixed], device=device)

@@ -33,7 +33,7 @@ def placed(scenes: Sequence[Scene], wardrobes: Sequence[Wardrobe], device: str) 
     known: dict[tuple[int, int], Points | None] = {}  # of garments that scenes share, on one avatar
 
     def shift_of(scene: Scene, wardrobe: Wardrobe, index: int) -> Points | None:
-        part, avatar = wardrobe.parts[index], wardrobe.avatar
+        part, avatar = wardrobe.parts[index], wardrobe.starting_avatar
         if avatar is None or scene.collision.avatar == "none" or scene.garments[index].rest != "uv" or len(part.pins):
             return None
         key = id(part.points), id(avatar)
@@ -86,7 +86,7 @@ def outward_signs(wardrobe: Wardrobe, points: Points, device: str) -> list[float
     signs, first = [], 0
     for part in wardrobe.parts:
         worn = points[first : first + len(part.points)]
-        signs.append(_outward(worn, part.triangles, wardrobe.avatar, device))
+        signs.append(_outward(worn, part.triangles, wardrobe.starting_avatar, device))
         first += len(part.points)
     return signs
 

@@ -26,8 +26,8 @@ _READERS: dict[str, Callable[[str, bytes], RawMesh]] = {
     ".glb": read_gltf,
     ".gltf": read_gltf,
 }
-_USD = (".usd", ".usda", ".usdc", ".usdz")
-SUPPORTED = (*_READERS, *_USD)
+USD_KINDS = (".usd", ".usda", ".usdc", ".usdz")
+SUPPORTED = (*_READERS, *USD_KINDS)
 
 
 def load_mesh(
@@ -46,7 +46,7 @@ def load_mesh(
     mended.
     """
     try:
-        raw = _read(Path(path), role=role, key=key, prim=prim)
+        raw = read_raw(Path(path), role=role, key=key, prim=prim)
         check(raw)
         used = raw.points[np.unique(raw.corners)] if len(raw.corners) else raw.points
         declared = raw.metres_per_unit
@@ -75,11 +75,11 @@ def load_mesh(
     )
 
 
-def _read(path: Path, *, role: Role, key: str, prim: str | None) -> RawMesh:
+def read_raw(path: Path, *, role: Role, key: str, prim: str | None) -> RawMesh:
     """The file by the reader that its extension names."""
     data = _content(path)
     kind = path.suffix.lower()
-    if kind in _USD:
+    if kind in USD_KINDS:
         return read_usd(str(path), role=role, key=key, prim=prim)
     if kind not in _READERS:
         problem = f"{path.suffix or 'a file without extension'!s} is no mesh format that is read"

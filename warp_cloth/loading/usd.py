@@ -33,6 +33,19 @@ def read_usd(file: str, *, role: Role, key: str, prim: str | None) -> RawMesh:
         return _read(stage, file, role, key, prim, None)
 
 
+def read_usd_samples(file: str, *, key: str, prim: str | None) -> list[RawMesh]:
+    """An avatar at each of its time samples, in order.
+
+    Raises:
+        InputError: it has none.
+    """
+    with opened_stage(file) as stage:
+        times = _sample_times(stage, _mesh_paths(stage, prim, file, key))
+        if not times:
+            raise InputError(file, "the avatar has no time samples", "export it with its animation")
+        return [_read(stage, file, "avatar", key, prim, time) for time in times]
+
+
 def mesh_paths_of(file: str, prim: str | None = None, key: str = "") -> list[str]:
     """Paths of the meshes at or below ``prim``, or of all that the stage shows; of a file that was read before."""
     with opened_stage(file, known=True) as stage:
@@ -74,6 +87,20 @@ def _read(stage: Usd.Stage, file: str, role: Role, key: str, prim: str | None, t
     z_up = UsdGeom.GetStageUpAxis(stage) == UsdGeom.Tokens.z
     parts = [_part(file, stage, path, scale, z_up, panels=role == "garment", at=time) for path in paths]
     return joined(parts, file, paths)
+
+
+def _sample_times(stage: Usd.Stage, paths: list[str]) -> list[float]:
+    """Times at which a mesh, or what it hangs from, has a sample of its own."""
+    from pxr import UsdGeom
+
+    times: set[float] = set()
+    for path in paths:
+        prim = stage.GetPrimAtPath(path)
+        times.update(UsdGeom.Mesh(prim).GetPointsAttr().GetTimeSamples())
+        while prim and not prim.IsPseudoRoot():
+            times.update(UsdGeom.Xformable(prim).GetTimeSamples() if prim.IsA(UsdGeom.Xformable) else ())
+            prim = prim.GetParent()
+    return sorted(times)
 
 
 def _refuse_unreadable(file: str) -> None:

@@ -26,7 +26,7 @@ from warp_cloth.units import LENGTH_UNITS, METRES_PER, LengthUnit
 
 RestShape = Literal["mesh", "uv", "physics"]
 RestAngles = Literal["flat", "mesh"]
-AvatarCollision = Literal["depth", "mesh", "auto", "none"]
+AvatarCollision = Literal["depth", "auto", "mesh", "plain", "none"]
 Method = Literal["accelerated", "direct"]
 Precision = Literal["float32", "float64", "mixed"]
 LoopSide = Literal["top", "bottom", "left", "right", "front", "back"]
@@ -194,40 +194,58 @@ class GarmentSpec(Wearable):
 
 
 class AvatarSpec(Wearable):
-    """The body that wears the garments; it does not move."""
+    """The body that wears the garments; where it has poses the garments are carried from one to the next."""
 
     shape: AvatarShape | None = Field(default=None, description="a generated avatar instead of a mesh")
+    poses: tuple[Path, ...] | Literal["samples"] = Field(
+        default=(),
+        description="meshes of the same topology to go on to, in order; or the time samples of the USD mesh",
+    )
     friction: Real = Field(
         default=0.5, ge=0, le=10, description="Coulomb friction of cloth on the avatar; 0.5: cloth on skin"
     )
 
+    @field_validator("poses", mode="plain")
+    @classmethod
+    def _poses(cls, value: Any, info: ValidationInfo) -> Any:
+        if value == "samples":
+            return value
+        entries = value if isinstance(value, list | tuple) else (value,)
+        return tuple(_path(entry, info, "a mesh file") for entry in entries if entry is not None)
+
+    @field_serializer("poses")
+    def _pose_values(self, poses: tuple[Path, ...] | str) -> str | list[str]:
+        return poses if isinstance(poses, str) else [str(pose) for pose in poses]
+
     @model_validator(mode="after")
     def _source(self) -> AvatarSpec:
         self._check_one_source(self.shape, '"sphere" or "mannequin"')
+        if self.shape is not None and self.poses:
+            raise refusal("poses are of a mesh file, but a shape is given", "leave them out", below="poses")
         return self
 
 
 class CollisionSpec(Table):
     """What the cloth may not pass through, and how that is found."""
 
-    avatar: AvatarCollision = Field(default="depth", description="depth buffers (the paper's), the exact mesh, or none")
+    avatar: AvatarCollision = Field(
+        default="depth",
+        description="three depth buffers fused into a field, more of them where needed, the exact mesh, the paper's "
+        "plain look-up in the three, or none",
+    )
     pixel_mm: Real = Field(default=2.0, ge=0.2, le=50, description="depth pixel [mm]; 2: below the offset, 1 MB a view")
     offset_mm: Real = Field(
         default=3.0, ge=0, le=50, description="gap kept to the avatar [mm]; 3: no piercing at 12 mm edges"
     )
+    error_mm: Real = Field(
+        default=1.5,
+        gt=0,
+        le=50,
+        description='"auto" adds buffers until 99.9 % of the near surface is within this [mm]; 1.5: half the offset',
+    )
     cloth: StrictBool = Field(
         default=False, description="contact of cloth with cloth; false: half the iterations, but folds may pass through"
     )
-
-    @field_validator("avatar")
-    @classmethod
-    def _built(cls, value: AvatarCollision) -> AvatarCollision:
-        if value == "auto":
-            raise refusal(
-                '"auto" is not available in this version',
-                'use "depth", or "mesh" where limbs hide each other',
-            )
-        return value
 
 
 class SolverSpec(Table):

@@ -1,0 +1,69 @@
+"""The avatar under test: colliders measured against the exact mesh, walked for jumps, told and written."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import warp_cloth
+from warp_cloth.bench.avatar import AvatarBench, named_places, run_avatar_bench, save_avatar_bench, table
+from warp_cloth.cli import app
+from warp_cloth.collide.audit import NearSurface
+from warp_cloth.wardrobe import open_wardrobe
+
+JUMP = 0.02  # [mm] beyond the 0.05 mm walked: a slope of 1.4, as in creases
+ERROR = 1.0  # [mm] of the fields on the test's ball, drawn coarsely
+SCENE = {
+    "name": "ball",
+    "garment": {"shape": {"kind": "square", "side": 0.2, "vertices_per_side": 5, "height": 0.71}},
+    "avatar": {"shape": {"kind": "sphere", "radius": 0.1}},
+    "collision": {"pixel_mm": 4.0},
+}
+
+
+@pytest.fixture(scope="module")
+def bench() -> AvatarBench:
+    scene = warp_cloth.load_scene(SCENE)
+    return run_avatar_bench(scene, open_wardrobe(scene), device="cpu")
+
+
+def test_fields_have_no_jumps_and_the_plain_look_up_has(bench: AvatarBench) -> None:
+    found = {finding.kind: finding for finding in bench.findings}
+    for kind in ("depth", "auto"):
+        assert found[kind].jump_mm < JUMP
+        assert found[kind].max < ERROR
+    assert found["plain"].jump_mm > 10.0 * JUMP
+    assert found["mesh"].max == 0.0
+
+
+def test_table_and_files_tell_every_collider(bench: AvatarBench, tmp_path: Path) -> None:
+    lines = table(bench)
+    assert [line.split()[0] for line in lines[2:]] == ["depth", "auto", "plain", "mesh"]
+    [path] = save_avatar_bench(bench, tmp_path, plots=False)
+    told = json.loads(path.read_text(encoding="utf-8"))
+    assert [entry["kind"] for entry in told["colliders"]] == ["depth", "auto", "plain", "mesh"]
+    assert 0.0 <= told["unseen_by_three_views"] <= 1.0
+
+
+def test_places_are_found_by_shape() -> None:
+    """On a ball: the left, the top; no armpit and no crotch where nothing looks down."""
+    way = np.random.default_rng(0).normal(size=(5000, 3))
+    way /= np.linalg.norm(way, axis=1)[:, None]
+    way = way[way[:, 1] > -0.5]
+    places = named_places(NearSurface(0.1 * way, way, 1.0))
+    assert set(places) == {"silhouette", "shoulder"}
+    assert places["silhouette"][0][0] > 0.09
+    assert places["shoulder"][0][1] > 0.09
+    assert named_places(NearSurface(np.zeros((0, 3)), np.zeros((0, 3)), 0.0)) == {}
+
+
+def test_scene_without_avatar_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    result = CliRunner().invoke(app, ["avatar", "hanging", "--device", "cpu", "--no-plots"])
+    assert result.exit_code == 2
+    assert result.stderr.splitlines()[-1].startswith("error: hanging: the scene has no avatar to look at")
+    assert not (tmp_path / "out").exists()

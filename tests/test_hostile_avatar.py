@@ -1,0 +1,169 @@
+"""Avatars that are no closed surfaces: met like the sound body, or refused with the reason."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+from meshfiles import write_obj
+
+import warp_cloth
+from warp_cloth.collide.avatar import AvatarContact
+from warp_cloth.collide.depth import build_depth_buffers
+from warp_cloth.collide.exact import build_exact_collider, penetration
+from warp_cloth.collide.field import build_contact_field
+from warp_cloth.collide.layers import build_layered_buffers
+from warp_cloth.collide.solid import closing_of
+from warp_cloth.errors import InputError
+from warp_cloth.loading import load_mesh
+from warp_cloth.mesh import Mesh
+from warp_cloth.result import Status
+
+RADIUS = 0.08  # [m]
+CUT = 0.06  # height of the open neck [m]
+NEAR = 4.0e-4  # [m]: mesh sag, the pixels' stairs at the silhouette, spline rounding
+WORN = 0.5  # [mm] under the sound body, at an offset of 3 mm
+LIMB = np.array([0.0, 0.0, RADIUS])  # middle of one that is inside out [m]
+GAP = 0.02  # [m] from a hole, where its flat lid cannot be felt any more
+
+
+def ball(radius: float = RADIUS, subdivisions: int = 4) -> trimesh.Trimesh:
+    return trimesh.creation.icosphere(subdivisions=subdivisions, radius=radius)
+
+
+def without(shape: trimesh.Trimesh, gone: np.ndarray) -> trimesh.Trimesh:
+    shape.update_faces(~gone)
+    shape.remove_unreferenced_vertices()
+    return shape
+
+
+def open_neck() -> trimesh.Trimesh:
+    shape = ball()
+    return without(shape, shape.triangles_center[:, 1] > CUT)
+
+
+def small_holes() -> trimesh.Trimesh:
+    shape = ball()
+    gone = np.zeros(len(shape.faces), dtype=bool)
+    gone[::97] = True
+    return without(shape, gone)
+
+
+def scattered_flips() -> trimesh.Trimesh:
+    shape = ball()
+    faces = np.array(shape.faces)
+    turn = np.random.default_rng(0).random(len(faces)) < 0.3
+    faces[turn] = faces[turn][:, ::-1]
+    return trimesh.Trimesh(shape.vertices, faces, process=False)
+
+
+def inside_out_limb() -> trimesh.Trimesh:
+    """A part of its own, inside out, that crosses the trunk."""
+    limb = ball(0.03, 3).apply_translation(LIMB)
+    limb.invert()
+    return trimesh.util.concatenate([ball(), limb])
+
+
+def inner_parts() -> trimesh.Trimesh:
+    """Eyes, one of them inside out, and a tongue that pokes through the skin of the mouth's wall inside."""
+    eyes = [ball(0.01, 2).apply_translation((x, 0.01, 0.06)) for x in (-0.02, 0.02)]
+    eyes[0].invert()
+    tongue = trimesh.creation.box((0.02, 0.01, 0.04)).apply_translation((0.0, -0.02, 0.03))
+    return trimesh.util.concatenate([ball(), *eyes, tongue])
+
+
+def crossing_parts() -> trimesh.Trimesh:
+    """A second skin that crosses the first all over, by less than rounding matters."""
+    other = ball(subdivisions=3)
+    turn = trimesh.transformations.rotation_matrix(0.4, (1.0, 2.0, 3.0))
+    return trimesh.util.concatenate([ball(), other.apply_transform(turn).apply_scale(1.0005)])
+
+
+AVATARS: dict[str, Callable[[], trimesh.Trimesh]] = {
+    made.__name__: made
+    for made in (open_neck, small_holes, scattered_flips, inside_out_limb, inner_parts, crossing_parts)
+}
+
+
+def loaded(folder: Path, shape: trimesh.Trimesh) -> Mesh:
+    write_obj(folder / "avatar.obj", np.asarray(shape.vertices), np.asarray(shape.faces))
+    return load_mesh(folder / "avatar.obj", role="avatar", key="avatar", units="m")
+
+
+@pytest.mark.parametrize("case", AVATARS)
+def test_contact_is_that_of_the_sound_body(tmp_path: Path, case: str) -> None:
+    mesh = loaded(tmp_path, AVATARS[case]())
+    sound = build_exact_collider(
+        Mesh("sound", np.asarray(ball().vertices, dtype=np.float64), np.asarray(ball().faces, dtype=np.int32)), "cpu"
+    )
+    random = np.random.default_rng(1)
+    way = random.normal(size=(3000, 3))
+    points = way / np.linalg.norm(way, axis=1)[:, None] * (RADIUS + random.uniform(-0.003, 0.008, (3000, 1)))
+    if case == "open_neck":
+        points = points[points[:, 1] < CUT - GAP]
+    if case == "inside_out_limb":
+        points = points[np.linalg.norm(points - LIMB, axis=1) > 0.03 + GAP]
+    truth = sound.sample(points)[:, 3]
+    solid = closing_of(mesh).closed(mesh)
+    lower, upper = solid.bounds()
+    region = (solid.points, solid.triangles, lower - 0.02, upper + 0.02, 0.002, "cpu")
+    colliders = [build_contact_field(build(*region)) for build in (build_depth_buffers, build_layered_buffers)]
+    if case in ("open_neck", "small_holes", "scattered_flips"):  # the exact one knows inner surfaces, too
+        colliders.append(build_exact_collider(solid, "cpu"))
+    for collider in colliders:
+        error = np.abs(collider.sample(points)[:, 3] - truth)
+        assert np.percentile(error, 99.5) < NEAR
+        assert error.max() < 3.0 * NEAR  # the lids of holes, and the second skin
+
+
+def test_closed_mesh_is_left_as_it_is() -> None:
+    mesh = Mesh("ball", np.asarray(ball().vertices, dtype=np.float64), np.asarray(ball().faces, dtype=np.int32))
+    closing = closing_of(mesh)
+    assert closing.rims == ()
+    assert (closing.triangles == mesh.triangles).all()
+    assert closing.thickness == pytest.approx(RADIUS / 3.0, rel=1e-2)
+
+
+@pytest.mark.parametrize("case", ["open_neck", "small_holes", "scattered_flips"])
+def test_rays_through_a_closed_avatar_balance_whatever_was_wrong_with_it(case: str) -> None:
+    """Also with faces that loading would have turned: the cones take up what does not cancel."""
+    shape = AVATARS[case]()
+    mesh = Mesh(case, np.asarray(shape.vertices, dtype=np.float64), np.asarray(shape.faces, dtype=np.int32))
+    solid = closing_of(mesh).closed(mesh)
+    lower, upper = solid.bounds()
+    assert (
+        build_layered_buffers(solid.points, solid.triangles, lower - 0.01, upper + 0.01, 0.002, "cpu").unbalanced == 0
+    )
+
+
+@pytest.mark.parametrize("kind", ["depth", "auto", "plain"])
+def test_a_sheet_is_no_avatar_for_depth_buffers(kind: str) -> None:
+    sheet = Mesh("sheet", np.array([[0.0, 0, 0], [1, 0, 0], [0, 0, 1], [1, 0, 1]]), np.array([[0, 2, 1], [1, 2, 3]]))
+    with pytest.raises(InputError, match=r'avatar: its surface encloses nothing.*use collision.avatar = "mesh"'):
+        AvatarContact(sheet, kind, pixel=0.002, offset=0.003, friction=0.5, error=1e-3, device="cpu")
+    AvatarContact(sheet, "mesh", pixel=0.002, offset=0.003, friction=0.5, error=1e-3, device="cpu")
+
+
+def test_cloth_lies_on_a_hostile_avatar_as_on_a_sound_one(tmp_path: Path) -> None:
+    """Everything at once: an open neck below, eyes, holes, flipped faces."""
+    shape = small_holes()
+    shape = without(shape, shape.triangles_center[:, 1] < -CUT)
+    eye = ball(0.01, 2).apply_translation((0.0, 0.05, 0.0))
+    shape = trimesh.util.concatenate([shape, eye]).apply_translation((0.0, 1.0, 0.0))
+    faces = np.array(shape.faces)
+    faces[::5] = faces[::5][:, ::-1]
+    write_obj(tmp_path / "avatar.obj", np.asarray(shape.vertices), faces)
+    scene = {
+        "garment": {"shape": {"kind": "square", "side": 0.2, "vertices_per_side": 11, "height": 1.09}},
+        "avatar": {"mesh": str(tmp_path / "avatar.obj"), "units": "m"},
+    }
+    worn = warp_cloth.fit(scene, device="cpu")
+    assert worn.status is Status.AT_REST
+    assert worn.report["contact"]["holes_closed"] > 10
+    sound = Mesh(
+        "sound", np.asarray(ball().vertices) + np.array([0.0, 1.0, 0.0]), np.asarray(ball().faces, dtype=np.int32)
+    )
+    assert penetration(worn.garments[0].points, sound, "cpu").max < WORN

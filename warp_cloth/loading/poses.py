@@ -1,0 +1,60 @@
+"""Further poses of an avatar: the same vertices and faces in other places."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from warp_cloth.errors import InputError
+from warp_cloth.loading.load import USD_KINDS, read_raw
+from warp_cloth.loading.raw import RawMesh, check
+from warp_cloth.loading.usd import read_usd_samples
+from warp_cloth.mesh import Mesh, Points
+from warp_cloth.units import METRES_PER, LengthUnit
+
+KEY = "avatar.poses"
+
+
+def load_poses(
+    avatar: Mesh,
+    path: Path,
+    poses: Sequence[Path] | Literal["samples"],
+    *,
+    prim: str | None = None,
+    units: LengthUnit | None = None,
+) -> tuple[Points, ...]:
+    """Vertices of ``avatar``, loaded from ``path``, in further poses [m], each shape [V, 3].
+
+    ``poses`` are files of the same vertices and faces, or "samples": the time samples of the USD file itself.
+
+    Raises:
+        InputError: a file that cannot be read, or whose mesh is another.
+    """
+    first = read_raw(path, role="avatar", key="avatar", prim=prim)
+    metres = METRES_PER[units] if units is not None else None
+    if poses == "samples":
+        if path.suffix.lower() not in USD_KINDS:
+            raise InputError(KEY, f'"samples" is for USD files, but avatar.mesh is {path.name}', "list mesh files")
+        others = read_usd_samples(str(path), key="avatar", prim=prim)
+    else:
+        others = [read_raw(pose, role="avatar", key="avatar", prim=prim) for pose in poses]
+    return tuple(_posed(avatar, first, other, metres) for other in others)
+
+
+def _posed(avatar: Mesh, first: RawMesh, other: RawMesh, metres: float | None) -> Points:
+    """The avatar's vertices where another mesh has them."""
+    check(other)
+    if len(other.points) != len(first.points):
+        problem = f"has {len(other.points):,} vertices, but avatar.mesh has {len(first.points):,}"
+        raise InputError(other.file, problem, "export every pose from the same mesh, its vertices in the same order")
+    if not (np.array_equal(other.counts, first.counts) and np.array_equal(other.corners, first.corners)):
+        raise InputError(other.file, "its faces are not those of avatar.mesh", "export every pose from the same mesh")
+    scale = metres if metres is not None else other.metres_per_unit or METRES_PER[avatar.unit]  # type: ignore[index]
+    points = np.empty_like(avatar.points)
+    number = np.arange(len(first.points)) if avatar.vertex_map is None else avatar.vertex_map
+    kept = number >= 0
+    points[number[kept]] = other.points[kept] * scale
+    return points
