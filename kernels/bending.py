@@ -38,7 +38,7 @@ SMALLEST = wp.constant(1.0e-30)  # twice the area [m2] of what has none; its inv
 
 
 @wp.func
-def triangle_normal(side_1: Any, side_2: Any):
+def unit_normal(side_1: Any, side_2: Any):
     """Unit normal of a triangle and the inverse of twice its area [1/m2], from the sides that leave its first corner.
 
     Both are zero where it has no area.
@@ -48,7 +48,7 @@ def triangle_normal(side_1: Any, side_2: Any):
     inverse = type(area)(0.0)
     if area > type(area)(SMALLEST):
         inverse = type(area)(1.0) / area
-        normal = normal / area
+        normal = normal / area  # not times the inverse: flat cloth has equal normals to the last bit
     else:
         normal = normal * inverse
     return normal, inverse
@@ -71,19 +71,19 @@ def hinge_turn(normal_0: Any, inverse_0: Any, normal_1: Any, inverse_1: Any, axi
     The force on a wing is the torque over its distance from the axis, along its triangle's normal (equation 3): turn
     times L^2 over twice the triangle's area. The bound holds for any of the hinge's vertices while these move by no
     more than ``reach`` [m]: C (|sin theta| + angle that ``reach`` can add) (1 / h0 + 1 / h1)^2, with |sin theta| <=
-    |n0 - n1|. Normals and inverse areas as of ``triangle_normal``; the axis as it runs in the first triangle.
+    |n0 - n1|. Normals and inverse areas as of ``unit_normal``; the axis as it runs in the first triangle.
     """
     turn = type(stiffness)(0.0)
     bound = turn
     if inverse_0 > turn and inverse_1 > turn:
         length = wp.length(axis)
-        most = type(stiffness)(1.0) / (type(stiffness)(THINNEST) * length * length)
         torque = hinge_torque(normal_0, normal_1, axis, stiffness)
         bounded_0 = inverse_0
         bounded_1 = inverse_1
-        if wp.max(inverse_0, inverse_1) > most:
-            bounded_0 = wp.min(inverse_0, most)
-            bounded_1 = wp.min(inverse_1, most)
+        least = type(stiffness)(THINNEST) * length * length
+        if wp.max(inverse_0, inverse_1) * least > type(stiffness)(1.0):
+            bounded_0 = wp.min(inverse_0, type(stiffness)(1.0) / least)
+            bounded_1 = wp.min(inverse_1, type(stiffness)(1.0) / least)
             torque = torque * (bounded_0 / inverse_0) * (bounded_1 / inverse_1)
         turn = torque / length
         per_height = length * (bounded_0 + bounded_1)

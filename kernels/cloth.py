@@ -25,6 +25,25 @@ class Terms(NamedTuple):
     angles: bool = False  # folds that are not flat at rest
 
 
+@wp.struct
+class Patch:
+    """Where a patch has its parts, and how many."""
+
+    vertex_start: int
+    vertex_count: int
+    owned_count: int  # of its vertices
+    edge_start: int
+    edge_count: int
+    triangle_start: int
+    triangle_count: int  # those at its vertices, which come first
+    normal_count: int  # and those beyond its edges
+    edge_slot_start: int
+    edge_rank_count: int  # most edges at a vertex that it owns
+    slot_start: int
+    rank_count: int  # most triangles at one
+    overflow: int  # where its memory is if a block's own is too small; else -1
+
+
 @functools.cache
 def cloth_types(precision: str) -> SimpleNamespace:
     """Types and structs of one precision: ``real``, ``point`` (of positions), ``vec3``, ``vec4``, ``Cloth`` and others.
@@ -115,27 +134,51 @@ def cloth_types(precision: str) -> SimpleNamespace:
 
     @wp.struct
     class Sides:
-        """A triangle's sides as they lie, opposite to its corners, running as it is wound [m]."""
+        """A triangle's sides as they leave its first corner [m]."""
 
-        side_0: vec3
         side_1: vec3
         side_2: vec3
-        change_1: vec3  # what the last displacements changed those at the first corner by [m]
+        change_1: vec3  # what the last displacements changed them by [m]
         change_2: vec3
 
     @wp.struct
-    class StoredRows:
-        """The edges and triangles at each vertex, for a kernel per vertex."""
+    class Patches:
+        """The cloth cut into patches, for a kernel per patch. A patch counts its own vertices, edges, triangles.
 
-        edge_start: wp.array(dtype=wp.int32)  # shape [V + 1]
-        edge: wp.array(dtype=wp.int32)  # at whose first end the vertex is, -1 - edge at its second; shape [2 E]
-        start: wp.array(dtype=wp.int32)  # shape [V + 1]
-        slot: wp.array(dtype=wp.int32)  # where each triangle's load on the vertex is stored, shape [3 F]
+        Words pack four numbers below 65536. What a vertex sums lies rank by rank: its first edge and all its
+        neighbours' first ones, then the second ones; 65535 where it has no more.
+        """
+
+        patch: wp.array(dtype=Patch)
+        vertex: wp.array(dtype=wp.int32)  # of all garments; of each patch those that it owns first
+        ends: wp.array(dtype=wp.uint64)  # of an edge, and its two triangles
+        law: wp.array(dtype=vec3)  # as Edges.law
+        fold: wp.array(dtype=real)  # as Edges.fold
+        rest: wp.array(dtype=vec2)  # as Edges.rest
+        corners: wp.array(dtype=wp.uint64)  # of a triangle
+        sides: wp.array(dtype=wp.uint64)  # its edges, opposite to the corners; bits: whose turn counts the other way
+        slope: wp.array(dtype=vec4)  # as Triangles.slope
+        threads: wp.array(dtype=vec4)
+        edge_slot: wp.array(dtype=wp.uint16)  # twice the edge, and 1 where the vertex is its second end
+        slot: wp.array(dtype=wp.uint16)  # four times the triangle, and which of its corners the vertex is
+
+    @wp.struct
+    class PatchMemory:
+        """What a block works out for its patch."""
+
+        normal: wp.array(dtype=vec4)  # unit normal and inverse of twice the area [1/m2]
+        edge_load: wp.array(dtype=vec4)  # on each edge's first end
+        thread_load: wp.array(dtype=vec4)  # on the triangles' first corners, then on the second, then on the third
+        fold: wp.array(dtype=vec3)  # turn [N], bound [N/m] and L^2 [m2] of each edge's hinge
+        along: wp.array(dtype=real)  # what the hinges do along the normal [N], corners as of thread_load
+        part: wp.array(dtype=real)  # and its fourth part
+        position: wp.array(dtype=point)
+        move: wp.array(dtype=vec3)
 
     return SimpleNamespace(
         name=precision, real=real, point=point, vec2=vec2, vec3=vec3, vec4=vec4, Step=Step, Item=Item,
         Cloth=Cloth, Edges=Edges, Triangles=Triangles, Hinges=Hinges, Weave=Weave, Span=Span, Sides=Sides,
-        StoredRows=StoredRows,
+        Patches=Patches, PatchMemory=PatchMemory,
     )  # fmt: skip
 
 

@@ -8,7 +8,7 @@ import warp as wp
 from warp_cloth.kernels.cloth import MODULE_OPTIONS, Terms, cloth_types, rest_function
 from warp_cloth.kernels.cloth_contact import ClothContact, contact_room, contact_sum, contact_watch
 from warp_cloth.kernels.friction import friction_slide
-from warp_cloth.kernels.gather import gathered_load
+from warp_cloth.kernels.gather import patch_functions
 
 
 @wp.func
@@ -155,38 +155,41 @@ def advance_kernel(
     ``terms``: what there is to gather; the rest as of ``displacement``.
     """
     types = cloth_types(precision)
-    point, vec3, vec4, Cloth, Step = types.point, types.vec3, types.vec4, types.Cloth, types.Step
-    StoredRows = types.StoredRows
+    point, vec3, Cloth, Step, Patches = types.point, types.vec3, types.Cloth, types.Step, types.Patches
     vertex_displacement = displacement(precision, accelerated, contact, collider_type, touches)
     Touch = touch_type(touches)
-    vertex_load = gathered_load(precision, terms)
+    functions = patch_functions(precision, "stiffness" if accelerated else "none", terms)
+    work_patch, vertex_load = functions.work_patch, functions.vertex_load
     rests = rest_function(precision)
 
-    @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
+    @wp.kernel(module="unique", module_options=MODULE_OPTIONS, grid_stride=False)
     def advance_vertices(
         step: Step,
         colliders: colliders_type(contact, collider_type),
         touch: Touch,
-        rows: StoredRows,
-        edge_load: wp.array(dtype=vec4),  # from the gather module's store_edges, shape [E]
-        stored: wp.array(dtype=vec4),  # from its store_triangles, shape [3 F]
+        patches: Patches,
+        overflow: wp.array(dtype=wp.uint8),  # memory of patches that are too large for a block's own
         cloth: Cloth,
         position_out: wp.array(dtype=point),  # [m], shape [V]
         move_out: wp.array(dtype=vec3),  # [m], shape [V]
     ):
         """Moves each free vertex of an item that is not at rest by the forces that meet there; pinned ones stay."""
-        vertex = wp.tid()
-        if rests(cloth, vertex):
+        number, lane = wp.tid()
+        patch = patches.patch[number]
+        if rests(cloth, patches.vertex[patch.vertex_start]):
             return
-        move = vec3()
-        kept = vec3()
-        if cloth.pinned[vertex] == wp.uint8(0):
-            load = vertex_load(rows, edge_load, stored, vertex)
-            move, kept = vertex_displacement(cloth, step, colliders, touch, load, vertex)
-        move_out[vertex] = kept
-        position = cloth.position[vertex] + point(move)
-        position_out[vertex] = position
-        if wp.static(touches):
-            contact_watch(touch, vertex, wp.vec3d(position))
+        memory = work_patch(cloth, patches, patch, overflow, step, lane)
+        for local in range(lane, patch.owned_count, wp.block_dim()):
+            vertex = patches.vertex[patch.vertex_start + local]
+            move = vec3()
+            kept = vec3()
+            if cloth.pinned[vertex] == wp.uint8(0):
+                load = vertex_load(patches, patch, memory, local)
+                move, kept = vertex_displacement(cloth, step, colliders, touch, load, vertex)
+            move_out[vertex] = kept
+            position = cloth.position[vertex] + point(move)
+            position_out[vertex] = position
+            if wp.static(touches):
+                contact_watch(touch, vertex, wp.vec3d(position))
 
     return advance_vertices

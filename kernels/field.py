@@ -15,12 +15,13 @@ class ContactField:
     origin: wp.vec3d  # node (0, 0, 0) in the world [m]
     spacing: float  # [m]
     reach: float  # distance from the surface up to which answers are exact; farther is simply far [m]
+    near: float  # distance up to which a normal is told: who meets cloth at an offset asks for none beyond it [m]
 
 
 @wp.func
-def far_contact(reach: float) -> wp.vec4f:
-    """No contact: zero normal and a distance at or beyond reach [m]."""
-    return wp.vec4f(0.0, 0.0, 0.0, reach)
+def far_contact(distance: float) -> wp.vec4f:
+    """No contact: zero normal and that distance [m]."""
+    return wp.vec4f(0.0, 0.0, 0.0, distance)
 
 
 @wp.func
@@ -56,8 +57,9 @@ def field_contact(field: ContactField, p: wp.vec3d) -> wp.vec4f:
     """Unit normal and signed distance [m] at a world point p: (normal, d), d > 0 outside the avatar.
 
     d = sum c_ijk w_i(x) w_j(y) w_k(z) over 27 nodes, normal = grad d / |grad d|: both continuous everywhere
-    nearer than reach. Beyond it, and outside the grid: normal zero, d >= reach. Where the gradient vanishes
-    (on a medial axis deep inside), the normal is the grid direction along which d grows most.
+    nearer than reach; the normal is zero beyond ``near``. Beyond reach, and outside the grid: normal zero, d >= reach.
+    Where the gradient vanishes (on a medial axis deep inside), the normal is the grid direction along which d grows
+    most.
     """
     q = p - field.origin
     x = float(q[0]) / field.spacing
@@ -79,27 +81,32 @@ def field_contact(field: ContactField, p: wp.vec3d) -> wp.vec4f:
     wx = spline_weights(u)
     wy = spline_weights(v)
     wz = spline_weights(w)
+    distance = float(0.0)
+    for a in range(3):
+        plane = float(0.0)
+        for b in range(3):
+            row = field.values[i + a - 1, j + b - 1]
+            plane += wy[b] * (wz[0] * row[k - 1] + wz[1] * row[k] + wz[2] * row[k + 1])
+        distance += wx[a] * plane
+    if distance > field.near:
+        return far_contact(distance)
     sx = spline_slopes(u)
     sy = spline_slopes(v)
     sz = spline_slopes(w)
-    distance = float(0.0)
     gx = float(0.0)
     gy = float(0.0)
     gz = float(0.0)
     for a in range(3):
-        plane = float(0.0)
+        plane_x = float(0.0)
         plane_y = float(0.0)
         plane_z = float(0.0)
         for b in range(3):
-            c0 = field.values[i + a - 1, j + b - 1, k - 1]
-            c1 = field.values[i + a - 1, j + b - 1, k]
-            c2 = field.values[i + a - 1, j + b - 1, k + 1]
-            line = wz[0] * c0 + wz[1] * c1 + wz[2] * c2
-            plane += wy[b] * line
+            row = field.values[i + a - 1, j + b - 1]
+            line = wz[0] * row[k - 1] + wz[1] * row[k] + wz[2] * row[k + 1]
+            plane_x += wy[b] * line
             plane_y += sy[b] * line
-            plane_z += wy[b] * (sz[0] * c0 + sz[1] * c1 + sz[2] * c2)
-        distance += wx[a] * plane
-        gx += sx[a] * plane
+            plane_z += wy[b] * (sz[0] * row[k - 1] + sz[1] * row[k] + sz[2] * row[k + 1])
+        gx += sx[a] * plane_x
         gy += wx[a] * plane_y
         gz += wx[a] * plane_z
     gradient = wp.vec3f(gx, gy, gz) / field.spacing

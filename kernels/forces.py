@@ -9,8 +9,8 @@ from types import SimpleNamespace
 
 import warp as wp
 
-from warp_cloth.kernels.bending import hinge_turn, triangle_normal, turned_back
-from warp_cloth.kernels.cloth import Terms, cloth_types, difference_function
+from warp_cloth.kernels.bending import hinge_turn, turned_back, unit_normal
+from warp_cloth.kernels.cloth import cloth_types, difference_function
 from warp_cloth.kernels.tension import edge_drag, tension_force, tension_stiffness
 from warp_cloth.kernels.weave import slope_shares, thread_pull, warp_vector, weft_vector
 
@@ -20,17 +20,17 @@ def edge_functions(precision: str, fourth: str, angles: bool) -> SimpleNamespace
     """Functions ``edge_span``, ``edge_load`` (its tension) and ``edge_fold`` (its hinge, with rest angles or flat)."""
     types = cloth_types(precision)
     real, vec2, vec3, vec4 = types.real, types.vec2, types.vec3, types.vec4
-    Cloth, Step, Span = types.Cloth, types.Step, types.Span
+    point, Step, Span = types.point, types.Step, types.Span
     difference = difference_function(precision)
 
     @wp.func
-    def edge_span(cloth: Cloth, ends: wp.vec2i):
+    def edge_span(position: wp.array(dtype=point), moved: wp.array(dtype=vec3), first: int, second: int):
         """An edge as it lies, and what last moved it."""
         span = Span()
-        span.side = difference(cloth.position[ends[1]], cloth.position[ends[0]])
+        span.side = difference(position[second], position[first])
         if wp.static(fourth == "stiffness"):
-            move = cloth.move[ends[0]]
-            span.change = cloth.move[ends[1]] - move
+            move = moved[first]
+            span.change = moved[second] - move
             span.move = wp.length(move)
         return span
 
@@ -51,128 +51,94 @@ def edge_functions(precision: str, fourth: str, angles: bool) -> SimpleNamespace
 
     @wp.func
     def edge_fold(span: Span, first: vec4, second: vec4, stiffness: real, rest: vec2, step: Step):
-        """Turn [N] of an edge's hinge and bound of its stiffness [N/m], from its triangles' ``triangle_fold``."""
+        """Turn of an edge's hinge [N], bound of its stiffness [N/m] and L^2 [m2], from its triangles' normals."""
         normal_0 = vec3(first[0], first[1], first[2])
         normal_1 = vec3(second[0], second[1], second[2]) * wp.sign(stiffness)
         if wp.static(angles):
             normal_1 = turned_back(normal_1, span.side, rest)
         reach = step.reach * span.move
         turn, bound = hinge_turn(normal_0, first[3], normal_1, second[3], span.side, wp.abs(stiffness), reach)
-        return vec2(turn, bound)
+        return vec3(turn, bound, wp.dot(span.side, span.side))
 
     return SimpleNamespace(edge_span=edge_span, edge_load=edge_load, edge_fold=edge_fold)
 
 
 @functools.cache
-def triangle_functions(precision: str, fourth: str, terms: Terms) -> SimpleNamespace:
-    """Functions ``triangle_sides``, ``triangle_fold`` (its normal) and ``triangle_loads`` (hinges and threads)."""
+def triangle_functions(precision: str, fourth: str) -> SimpleNamespace:
+    """Functions ``triangle_sides``, ``triangle_normal`` and what acts on the corners.
+
+    That is ``corner_folds`` and ``fold_load`` for its hinges, ``thread_loads`` for its threads.
+    """
     types = cloth_types(precision)
-    vec3, vec4, Cloth, Step, Sides = types.vec3, types.vec4, types.Cloth, types.Step, types.Sides
+    real, point, vec3, vec4, Sides = types.real, types.point, types.vec3, types.vec4, types.Sides
     difference = difference_function(precision)
-    fold_loads = _fold_function(precision, fourth)
-    thread_loads = _thread_function(precision, fourth)
-
-    @wp.func
-    def triangle_sides(cloth: Cloth, corners: wp.vec3i):
-        """A triangle as it lies, and what last moved it."""
-        p_0 = cloth.position[corners[0]]
-        p_1 = cloth.position[corners[1]]
-        p_2 = cloth.position[corners[2]]
-        sides = Sides()
-        sides.side_0 = difference(p_2, p_1)
-        sides.side_1 = difference(p_0, p_2)
-        sides.side_2 = difference(p_1, p_0)
-        if wp.static(fourth == "stiffness" and terms.threads):
-            move = cloth.move[corners[0]]
-            sides.change_1 = move - cloth.move[corners[2]]
-            sides.change_2 = cloth.move[corners[1]] - move
-        return sides
-
-    @wp.func
-    def triangle_fold(sides: Sides):
-        """Unit normal, and the inverse of twice the area [1/m2]."""
-        normal, inverse = triangle_normal(sides.side_2, -sides.side_1)
-        return vec4(normal[0], normal[1], normal[2], inverse)
-
-    @wp.func
-    def triangle_loads(sides: Sides, own: vec4, turn: vec3, bound: vec3, slope: vec4, threads: vec4, step: Step):
-        """Loads of the corners; their forces sum to zero.
-
-        Args:
-            own: ``triangle_fold``.
-            turn: of the sides' hinges [N], as the triangle is wound.
-            bound: of their stiffness [N/m].
-            slope: of the threads, as in cloth's Weave.
-            threads: their law.
-        """
-        load_0 = vec4()
-        load_1 = vec4()
-        load_2 = vec4()
-        if wp.static(terms.folds):
-            load_0, load_1, load_2 = fold_loads(sides, own, turn, bound)
-        if wp.static(terms.threads):
-            thread_0, thread_1, thread_2 = thread_loads(sides, slope, threads, step)
-            load_0 += thread_0
-            load_1 += thread_1
-            load_2 += thread_2
-        return load_0, load_1, load_2
-
-    return SimpleNamespace(triangle_sides=triangle_sides, triangle_fold=triangle_fold, triangle_loads=triangle_loads)
-
-
-@functools.cache
-def _loads_function(precision: str) -> wp.Function:
-    types = cloth_types(precision)
-    vec3, vec4 = types.vec3, types.vec4
-
-    @wp.func
-    def corner_loads(force_1: vec3, force_2: vec3, part: vec3):
-        """Loads of the corners from the forces on the second and third, which the first balances."""
-        force_0 = -(force_1 + force_2)
-        return (
-            vec4(force_0[0], force_0[1], force_0[2], part[0]),
-            vec4(force_1[0], force_1[1], force_1[2], part[1]),
-            vec4(force_2[0], force_2[1], force_2[2], part[2]),
-        )
-
-    return corner_loads
-
-
-def _fold_function(precision: str, fourth: str) -> wp.Function:
-    types = cloth_types(precision)
-    real, vec3, vec4, Sides = types.real, types.vec3, types.vec4, types.Sides
-    corner_loads = _loads_function(precision)
     half = wp.constant(real(0.5))
 
     @wp.func
-    def fold_loads(sides: Sides, own: vec4, turn: vec3, bound: vec3):
-        """Loads of the three sides' hinges on the corners, along the triangle's normal.
+    def triangle_sides(position: wp.array(dtype=point), moved: wp.array(dtype=vec3), corners: wp.vec3i):
+        """A triangle as it lies, and what last moved it."""
+        origin = position[corners[0]]
+        sides = Sides()
+        sides.side_1 = difference(position[corners[1]], origin)
+        sides.side_2 = difference(position[corners[2]], origin)
+        if wp.static(fourth == "stiffness"):
+            move = moved[corners[0]]
+            sides.change_1 = moved[corners[1]] - move
+            sides.change_2 = moved[corners[2]] - move
+        return sides
+
+    @wp.func
+    def triangle_normal(position: wp.array(dtype=point), corners: wp.vec3i):
+        """Unit normal, and the inverse of twice the area [1/m2]."""
+        origin = position[corners[0]]
+        side_1 = difference(position[corners[1]], origin)
+        normal, inverse = unit_normal(side_1, difference(position[corners[2]], origin))
+        return vec4(normal[0], normal[1], normal[2], inverse)
+
+    @wp.func
+    def corner_folds(inverse: real, fold_0: vec3, fold_1: vec3, fold_2: vec3):
+        """What the hinges of a triangle's sides do to its corners: forces along its normal [N], and fourth parts.
 
         With p_i the turn of side i over twice the area, it pushes corner i by p_i L_i^2 and the side's ends by -p_i
         times the dot product of the sides that leave the other end: each end's share of L_i^2 by the foot of the
         corner's perpendicular. So no net force is left, nor with the other triangle's a net torque.
+
+        Args:
+            inverse: of twice the area [1/m2].
+            fold_0: ``edge_fold`` of the side opposite to the first corner, its turn as the triangle is wound.
+            fold_1: that of the next.
+            fold_2: that of the last.
         """
-        s_0, s_1, s_2 = sides.side_0, sides.side_1, sides.side_2
-        square_0, square_1, square_2 = wp.dot(s_0, s_0), wp.dot(s_1, s_1), wp.dot(s_2, s_2)
-        dot_0, dot_1, dot_2 = -wp.dot(s_1, s_2), -wp.dot(s_2, s_0), -wp.dot(s_0, s_1)
-        p_0, p_1, p_2 = turn[0] * own[3], turn[1] * own[3], turn[2] * own[3]
-        normal = vec3(own[0], own[1], own[2])
-        force_1 = normal * (p_1 * square_1 - p_0 * dot_2 - p_2 * dot_0)
-        force_2 = normal * (p_2 * square_2 - p_0 * dot_1 - p_1 * dot_0)
+        square = vec3(fold_0[2], fold_1[2], fold_2[2])
+        dots = half * vec3(
+            square[1] + square[2] - square[0], square[2] + square[0] - square[1], square[0] + square[1] - square[2]
+        )
+        push = vec3(fold_0[0], fold_1[0], fold_2[0]) * inverse
+        along_1 = push[1] * square[1] - push[0] * dots[2] - push[2] * dots[0]
+        along_2 = push[2] * square[2] - push[0] * dots[1] - push[1] * dots[0]
         part = vec3()
         if wp.static(fourth == "stiffness"):
             # a wing's bound is in its own triangle, an axis' in both of the hinge's
+            bound = vec3(fold_0[1], fold_1[1], fold_2[1])
             both = half * (bound[0] + bound[1] + bound[2])
-            part = vec3(both + half * bound[0], both + half * bound[1], both + half * bound[2])
+            part = vec3(both, both, both) + bound * half
         if wp.static(fourth == "size"):
             part = vec3(
-                wp.abs(p_0) * square_0 + wp.abs(p_1 * dot_2) + wp.abs(p_2 * dot_1),
-                wp.abs(p_1) * square_1 + wp.abs(p_0 * dot_2) + wp.abs(p_2 * dot_0),
-                wp.abs(p_2) * square_2 + wp.abs(p_0 * dot_1) + wp.abs(p_1 * dot_0),
+                wp.abs(push[0]) * square[0] + wp.abs(push[1] * dots[2]) + wp.abs(push[2] * dots[1]),
+                wp.abs(push[1]) * square[1] + wp.abs(push[0] * dots[2]) + wp.abs(push[2] * dots[0]),
+                wp.abs(push[2]) * square[2] + wp.abs(push[0] * dots[1]) + wp.abs(push[1] * dots[0]),
             )
-        return corner_loads(force_1, force_2, part)
+        return vec3(-(along_1 + along_2), along_1, along_2), part
 
-    return fold_loads
+    @wp.func
+    def fold_load(normal: vec4, along: real, part: real):
+        """Load of a corner from what ``corner_folds`` says."""
+        return vec4(normal[0] * along, normal[1] * along, normal[2] * along, part)
+
+    return SimpleNamespace(
+        triangle_sides=triangle_sides, triangle_normal=triangle_normal, corner_folds=corner_folds,
+        fold_load=fold_load, thread_loads=_thread_function(precision, fourth),
+    )  # fmt: skip
 
 
 def _thread_parts_function(precision: str, fourth: str) -> wp.Function:
@@ -203,7 +169,6 @@ def _thread_parts_function(precision: str, fourth: str) -> wp.Function:
 def _thread_function(precision: str, fourth: str) -> wp.Function:
     types = cloth_types(precision)
     real, vec3, vec4, Sides, Step = types.real, types.vec3, types.vec4, types.Sides, types.Step
-    corner_loads = _loads_function(precision)
     corner_parts = _thread_parts_function(precision, fourth)
     half = wp.constant(real(0.5**0.5))
 
@@ -211,14 +176,14 @@ def _thread_function(precision: str, fourth: str) -> wp.Function:
     def thread_loads(sides: Sides, slope: vec4, law: vec4, step: Step):
         """Loads of the four threads on the corners."""
         push = law * law[3]
-        along_u = weft_vector(slope, sides.side_2, -sides.side_1)
-        along_v = warp_vector(slope, sides.side_2, -sides.side_1)
+        along_u = weft_vector(slope, sides.side_1, sides.side_2)
+        along_v = warp_vector(slope, sides.side_1, sides.side_2)
         change_u = vec3()
         change_v = vec3()
         viscosity = real(0.0)
         if wp.static(fourth == "stiffness"):
-            change_u = weft_vector(slope, sides.change_2, -sides.change_1)
-            change_v = warp_vector(slope, sides.change_2, -sides.change_1)
+            change_u = weft_vector(slope, sides.change_1, sides.change_2)
+            change_v = warp_vector(slope, sides.change_1, sides.change_2)
             viscosity = step.viscosity
         plus = half * (along_u + along_v)
         minus = half * (along_u - along_v)
@@ -238,6 +203,11 @@ def _thread_function(precision: str, fourth: str) -> wp.Function:
         warp = pull_v + half * (pull_p - pull_m)
         force_1 = -(weft * slope[0] + warp * slope[2])
         force_2 = -(weft * slope[1] + warp * slope[3])
-        return corner_loads(force_1, force_2, part)
+        force_0 = -(force_1 + force_2)
+        return (
+            vec4(force_0[0], force_0[1], force_0[2], part[0]),
+            vec4(force_1[0], force_1[1], force_1[2], part[1]),
+            vec4(force_2[0], force_2[1], force_2[2], part[2]),
+        )
 
     return thread_loads

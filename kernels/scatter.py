@@ -18,8 +18,7 @@ def normals_kernel(precision: str) -> wp.Kernel:
     """Kernel ``measure_normals``, which goes first where cloth bends."""
     types = cloth_types(precision)
     vec4, Cloth, Triangles, Step = types.vec4, types.Cloth, types.Triangles, types.Step
-    functions = triangle_functions(precision, "none", Terms(False, False, False))
-    triangle_sides, triangle_fold = functions.triangle_sides, functions.triangle_fold
+    triangle_normal = triangle_functions(precision, "none").triangle_normal
     rests = rest_function(precision)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
@@ -31,84 +30,32 @@ def normals_kernel(precision: str) -> wp.Kernel:
     ):
         """Writes each triangle's normal."""
         triangle = wp.tid()
-        if rests(cloth, triangles.corners[triangle][0]):
+        corners = triangles.corners[triangle]
+        if rests(cloth, corners[0]):
             return
-        normal_out[triangle] = triangle_fold(triangle_sides(cloth, triangles.corners[triangle]))
+        normal_out[triangle] = triangle_normal(cloth.position, corners)
 
     return measure_normals
-
-
-@functools.cache
-def element_functions(precision: str, fourth: str, terms: Terms) -> SimpleNamespace:
-    """Functions ``edge_effects`` and ``triangle_effects``, which gather what an edge and a triangle need."""
-    types = cloth_types(precision)
-    vec2, vec3, vec4, Cloth, Step = types.vec2, types.vec3, types.vec4, types.Cloth, types.Step
-    Edges, Triangles = types.Edges, types.Triangles
-    edge, triangle = edge_functions(precision, fourth, terms.angles), triangle_functions(precision, fourth, terms)
-    edge_span, edge_load, edge_fold = edge.edge_span, edge.edge_load, edge.edge_fold
-    triangle_sides, triangle_loads = triangle.triangle_sides, triangle.triangle_loads
-
-    @wp.func
-    def edge_effects(cloth: Cloth, edges: Edges, normal: wp.array(dtype=vec4), step: Step, edge: int):
-        """Load of an edge's tension on its first end, and its hinge's turn and bound."""
-        span = edge_span(cloth, edges.ends[edge])
-        load = vec4()
-        fold = vec2()
-        if wp.static(terms.edges):
-            load = edge_load(span, edges.law[edge], step)
-        if wp.static(terms.folds):
-            beside = edges.beside[edge]
-            rest = vec2()
-            if wp.static(terms.angles):
-                rest = edges.rest[edge]
-            fold = edge_fold(span, normal[beside[0]], normal[beside[1]], edges.fold[edge], rest, step)
-        return load, fold
-
-    @wp.func
-    def triangle_effects(
-        cloth: Cloth,
-        triangles: Triangles,
-        normal: wp.array(dtype=vec4),
-        fold: wp.array(dtype=vec2),
-        step: Step,
-        triangle: int,
-    ):
-        """Loads of a triangle's hinges and threads on its corners."""
-        own = vec4()
-        turn = vec3()
-        bound = vec3()
-        slope = vec4()
-        threads = vec4()
-        if wp.static(terms.folds):
-            own = normal[triangle]
-            edges = triangles.edges[triangle]
-            for side in range(3):
-                edge = edges[side]
-                if edge >= 0:
-                    turn[side] = fold[edge][0]
-                    bound[side] = fold[edge][1]
-                else:
-                    turn[side] = -fold[-1 - edge][0]
-                    bound[side] = fold[-1 - edge][1]
-        if wp.static(terms.threads):
-            slope = triangles.slope[triangle]
-            threads = triangles.threads[triangle]
-        sides = triangle_sides(cloth, triangles.corners[triangle])
-        return triangle_loads(sides, own, turn, bound, slope, threads, step)
-
-    return SimpleNamespace(edge_effects=edge_effects, triangle_effects=triangle_effects)
 
 
 @functools.cache
 def scatter_kernels(precision: str, fourth: str, terms: Terms) -> SimpleNamespace:
     """Kernels ``add_edges`` and ``add_triangles``; ``fourth`` is one of cloth.FOURTH_PARTS."""
     types = cloth_types(precision)
-    vec2, vec4, Cloth, Step, Edges, Triangles = (
-        types.vec2, types.vec4, types.Cloth, types.Step, types.Edges, types.Triangles,
-    )  # fmt: skip
-    functions = element_functions(precision, fourth, terms)
-    edge_effects, triangle_effects = functions.edge_effects, functions.triangle_effects
+    vec2, vec3, vec4, Cloth, Step = types.vec2, types.vec3, types.vec4, types.Cloth, types.Step
+    Edges, Triangles = types.Edges, types.Triangles
+    of_edge, of_triangle = edge_functions(precision, fourth, terms.angles), triangle_functions(precision, fourth)
+    edge_span, edge_load, edge_fold = of_edge.edge_span, of_edge.edge_load, of_edge.edge_fold
     rests = rest_function(precision)
+    corner_folds, fold_load = of_triangle.corner_folds, of_triangle.fold_load
+    triangle_sides, thread_loads = of_triangle.triangle_sides, of_triangle.thread_loads
+
+    @wp.func
+    def side_fold(fold: wp.array(dtype=vec3), edge: int):
+        """Hinge of a triangle's side, its turn as the triangle is wound."""
+        way = wp.where(edge < 0, -1 - edge, edge)
+        found = fold[way]
+        return vec3(wp.where(edge < 0, -found[0], found[0]), found[1], found[2])
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def add_edges(
@@ -116,27 +63,32 @@ def scatter_kernels(precision: str, fourth: str, terms: Terms) -> SimpleNamespac
         edges: Edges,
         normal: wp.array(dtype=vec4),  # of measure_normals, shape [F]
         step: Step,
-        fold_out: wp.array(dtype=vec2),  # turn [N] and bound [N/m] of each edge's hinge, shape [E]
+        fold_out: wp.array(dtype=vec3),  # turn [N], bound [N/m] and L^2 [m2] of each edge's hinge, shape [E]
         load_out: wp.array(dtype=vec4),  # force [N] and the fourth part, shape [V]
     ):
         """Adds each edge's tension to its ends, and works out its hinge."""
         edge = wp.tid()
-        if rests(cloth, edges.ends[edge][0]):
+        ends = edges.ends[edge]
+        if rests(cloth, ends[0]):
             return
-        load, fold = edge_effects(cloth, edges, normal, step, edge)
+        span = edge_span(cloth.position, cloth.move, ends[0], ends[1])
         if wp.static(terms.edges):
-            ends = edges.ends[edge]
+            load = edge_load(span, edges.law[edge], step)
             wp.atomic_add(load_out, ends[0], load)
             wp.atomic_add(load_out, ends[1], vec4(-load[0], -load[1], -load[2], load[3]))
         if wp.static(terms.folds):
-            fold_out[edge] = fold
+            beside = edges.beside[edge]
+            rest = vec2()
+            if wp.static(terms.angles):
+                rest = edges.rest[edge]
+            fold_out[edge] = edge_fold(span, normal[beside[0]], normal[beside[1]], edges.fold[edge], rest, step)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def add_triangles(
         cloth: Cloth,
         triangles: Triangles,
         normal: wp.array(dtype=vec4),  # of measure_normals, shape [F]
-        fold: wp.array(dtype=vec2),  # of add_edges, shape [E]
+        fold: wp.array(dtype=vec3),  # of add_edges, shape [E]
         step: Step,
         load_out: wp.array(dtype=vec4),  # force [N] and the fourth part, shape [V]
     ):
@@ -145,9 +97,19 @@ def scatter_kernels(precision: str, fourth: str, terms: Terms) -> SimpleNamespac
         corners = triangles.corners[triangle]
         if rests(cloth, corners[0]):
             return
-        first, second, third = triangle_effects(cloth, triangles, normal, fold, step, triangle)
-        wp.atomic_add(load_out, corners[0], first)
-        wp.atomic_add(load_out, corners[1], second)
-        wp.atomic_add(load_out, corners[2], third)
+        if wp.static(terms.folds):
+            own = normal[triangle]
+            edges = triangles.edges[triangle]
+            folds = side_fold(fold, edges[0]), side_fold(fold, edges[1]), side_fold(fold, edges[2])
+            along, part = corner_folds(own[3], folds[0], folds[1], folds[2])
+            for corner in range(3):
+                wp.atomic_add(load_out, corners[corner], fold_load(own, along[corner], part[corner]))
+        if wp.static(terms.threads):
+            sides = triangle_sides(cloth.position, cloth.move, corners)
+            slope, law = triangles.slope[triangle], triangles.threads[triangle]
+            first, second, third = thread_loads(sides, slope, law, step)
+            wp.atomic_add(load_out, corners[0], first)
+            wp.atomic_add(load_out, corners[1], second)
+            wp.atomic_add(load_out, corners[2], third)
 
     return SimpleNamespace(add_edges=add_edges, add_triangles=add_triangles)

@@ -23,7 +23,7 @@ from warp_cloth.kernels.contact_search import search_kernels
 from warp_cloth.kernels.depth import DepthSolid, plain_contact, solid_level
 from warp_cloth.kernels.displace import NoCollider, advance_kernel, displace_kernel
 from warp_cloth.kernels.field import ContactField, field_contact
-from warp_cloth.kernels.gather import gather_kernels
+from warp_cloth.kernels.gather import gather_kernel
 from warp_cloth.kernels.layers import LayeredSolid, layered_level
 from warp_cloth.kernels.pressure import push_kernel
 from warp_cloth.kernels.scatter import normals_kernel, scatter_kernels
@@ -104,7 +104,7 @@ def test_force_kernels_compile(precision: str) -> None:
     terms = (Terms(True, True, False), Terms(False, True, True), Terms(False, False, True), FOLDED)
     loaded(normals_kernel(precision))
     loaded(*(scatter_kernels(precision, *rest) for rest in itertools.product(FOURTH_PARTS, terms)))
-    loaded(*(gather_kernels(precision, *rest) for rest in itertools.product(FOURTH_PARTS, terms)))
+    loaded(*(gather_kernel(precision, *rest) for rest in itertools.product(FOURTH_PARTS, terms)))
 
 
 @pytest.mark.parametrize("precision", PRECISIONS)

@@ -11,10 +11,10 @@ import warp as wp
 from numpy.typing import NDArray
 
 from warp_cloth.elements import Elements, garment_elements, joined_elements
-from warp_cloth.kernels.cloth import Terms, cloth_types
+from warp_cloth.kernels.cloth import Patch, Terms, cloth_types
 from warp_cloth.mesh import Indices, Points
+from warp_cloth.patches import cut_patches
 from warp_cloth.rest import RestShape
-from warp_cloth.topology import ragged_rows
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,12 +28,21 @@ class GarmentPart:
 
 
 @dataclass(frozen=True, eq=False)
+class Patches:
+    """The cloth cut into patches, each of which a thread block works out."""
+
+    count: int
+    tables: Any  # kernels.cloth Patches
+    overflow: wp.array  # memory of patches that are too large for a block's own
+
+
+@dataclass(frozen=True, eq=False)
 class ClothModel:
     """All garments of all items, concatenated. A term that no scene uses has no arrays (None).
 
     An item is one fit. Nothing in the arithmetic of its vertices depends on what else is there.
 
-    Forces act in edges and triangles, from which they are scattered or gathered per vertex (see the kernels). Hinges
+    Forces act in edges and triangles, from which they are scattered or gathered by vertex (see the kernels). Hinges
     and weave are what the certificate measures.
     """
 
@@ -51,7 +60,7 @@ class ClothModel:
     triangles: Any  # kernels.cloth Triangles
     hinges: Any | None  # kernels.cloth Hinges
     weave: Any | None  # kernels.cloth Weave
-    stored_rows: Any | None  # kernels.cloth StoredRows, where forces are gathered
+    patches: Patches | None  # where forces are gathered patch by patch
 
     @property
     def vertex_count(self) -> int:
@@ -63,8 +72,8 @@ class ClothModel:
 
     @property
     def gathers(self) -> bool:
-        """Whether forces are gathered per vertex rather than scattered per edge and triangle."""
-        return self.stored_rows is not None
+        """Whether forces are gathered patch by patch rather than scattered per edge and triangle."""
+        return self.patches is not None
 
     @property
     def item_count(self) -> int:
@@ -160,9 +169,7 @@ def build_model(
         triangles=_triangles(types, upload, elements, terms),
         hinges=hinges,
         weave=weave,
-        stored_rows=_stored_rows(types, upload, garments_elements, vertex_start, len(elements.corners))
-        if gathered
-        else None,
+        patches=_patches(types, upload, garments_elements, elements, parts, terms, device) if gathered else None,
     )
 
 
@@ -254,47 +261,39 @@ def _starts(counts: list[int]) -> tuple[int, ...]:
     return (0, *(int(end) for end in np.cumsum(counts)))
 
 
-def _stored_rows(
-    types: Any, upload: Any, garments: Sequence[Elements], vertex_start: tuple[int, ...], triangle_count: int
-) -> Any:
-    """The edges and triangles at each vertex, in their order."""
-    made: dict[int, _Rows] = {}
-    edge_start, edge, start, slot = [], [], [], []
-    edges = triangles = 0
-    for elements, first, last in zip(garments, vertex_start, vertex_start[1:], strict=False):
-        if id(elements) not in made:
-            made[id(elements)] = _rows(elements, last - first)
-        of = made[id(elements)]
-        edge_start.append(of.edge_start + 2 * edges)
-        edge.append(np.where(of.edge < 0, of.edge - edges, of.edge + edges))
-        start.append(of.start + 3 * triangles)
-        # planes by corner: neighbouring threads write side by side
-        slot.append(of.corner * triangle_count + (of.triangle + triangles))
-        edges += len(elements.ends)
-        triangles += len(elements.corners)
-    rows = types.StoredRows()
-    rows.edge_start = upload(np.concatenate([*edge_start, [2 * edges]]), wp.int32)
-    rows.edge = upload(np.concatenate(edge), wp.int32)
-    rows.start = upload(np.concatenate([*start, [3 * triangles]]), wp.int32)
-    rows.slot = upload(np.concatenate(slot), wp.int32)
-    return rows
-
-
-@dataclass(frozen=True, eq=False)
-class _Rows:
-    """The edges and triangles at each vertex of one garment."""
-
-    edge_start: Indices  # shape [V]
-    edge: Indices  # kernels.cloth StoredRows
-    start: Indices  # shape [V]
-    corner: Indices  # which corner of its triangle the vertex is
-    triangle: Indices
-
-
-def _rows(elements: Elements, vertex_count: int) -> _Rows:
-    edges = np.arange(len(elements.ends), dtype=np.int32)
-    edge_start, order = ragged_rows(elements.ends.ravel(), vertex_count)
-    edge = np.stack([edges, -1 - edges], axis=1).ravel()[order]
-    start, order = ragged_rows(elements.corners.ravel(), vertex_count)
-    corner, triangle = (order % 3).astype(np.int32), (order // 3).astype(np.int32)
-    return _Rows(edge_start[:-1], edge, start[:-1], corner, triangle)
+def _patches(
+    types: Any,
+    upload: Any,
+    garments: Sequence[Elements],
+    joined: Elements,
+    parts: Sequence[GarmentPart],
+    terms: Terms,
+    device: str,
+) -> Patches:
+    """The cloth cut into patches of vertices that lie together as loaded."""
+    own_memory = wp.get_device(device).is_cuda
+    points = [part.points for part in parts]
+    cut = cut_patches(garments, points, terms, precision=types.name, own_memory=own_memory)
+    rows = np.zeros(len(cut.patch["vertex_start"]), dtype=Patch.numpy_dtype())
+    for name, numbers in cut.patch.items():
+        rows[name] = numbers
+    tables = types.Patches()
+    tables.patch = wp.array(rows, dtype=Patch, device=device)
+    tables.vertex = upload(cut.vertex.astype(np.int32), wp.int32)
+    if terms.edges or terms.folds:
+        tables.ends = upload(cut.ends, wp.uint64)
+    if terms.edges:
+        tables.law = upload(joined.law[cut.edge], types.vec3)
+        tables.edge_slot = upload(cut.edge_slot, wp.uint16)
+    if terms.folds:
+        tables.fold = upload(joined.fold[cut.edge], types.real)
+        tables.sides = upload(cut.sides, wp.uint64)
+    if terms.angles:
+        tables.rest = upload(joined.rest[cut.edge], types.vec2)
+    if terms.folds or terms.threads:
+        tables.corners = upload(cut.corners, wp.uint64)
+        tables.slot = upload(cut.slot, wp.uint16)
+    if terms.threads:
+        tables.slope = upload(joined.slope[cut.triangle], types.vec4)
+        tables.threads = upload(joined.threads[cut.triangle], types.vec4)
+    return Patches(len(rows), tables, wp.empty(cut.overflow, dtype=wp.uint8, device=device))

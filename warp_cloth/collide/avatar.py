@@ -192,7 +192,7 @@ class AvatarContact:
         field = build_contact_field(buffers, reach=self._reach)
         self._kept = (buffers, field)
         log.info("contact field of %s nodes", " x ".join(str(count) for count in field.values.shape))
-        return self._collider(field_contact, field.field, ContactField)
+        return self._collider(field_contact, field.touching(self._offset), ContactField)
 
     def _collider(self, contact: wp.Function, data: Any, data_type: Any) -> Collider:
         return Collider(contact, data, data_type, self._offset, self._friction)

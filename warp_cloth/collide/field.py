@@ -23,6 +23,7 @@ PIXELS_PER_SPACING = 2.5  # 5 mm grid from 2 mm pixels: the spline then evens ou
 MARGIN = 3  # spacings kept beyond reach, so that the spline's support is all real distance
 ROUGH_SWEEPS = 5  # the projection wants 2.5 spacings and the neighbours around, at most 4.3
 SWEEPS_PER_LOOK = 8  # sweeps between two looks at whether the inside still changes
+TOUCH = 1e-3  # [m] beyond the contact offset: more than the certificate allows for
 SWEEPS_AT_MOST = 512  # a body 2.5 m thick at 5 mm
 
 
@@ -44,6 +45,13 @@ class FieldBuild:
     def bytes(self) -> int:
         """Memory that it reads."""
         return int(self.values.capacity)
+
+    def touching(self, offset: float) -> ContactField:
+        """The field for cloth that is met at this offset [m]: no normals where nothing asks for them."""
+        field = ContactField()
+        field.values, field.origin = self.values, wp.vec3d(*self.origin)
+        field.spacing, field.reach, field.near = self.spacing, self.reach, offset + TOUCH
+        return field
 
     def sample(self, points: Points) -> NDArray[np.float32]:
         """Unit normal and signed distance at points [m], shape [N, 3]; shape [N, 4]. Far ones have no normal."""
@@ -140,5 +148,5 @@ def build_contact_field(
     )
     field = ContactField()
     field.values, field.origin = values, wp.vec3d(*buffers.origin)
-    field.spacing, field.reach = h, reach
+    field.spacing, field.reach, field.near = h, reach, math.inf
     return FieldBuild(field, values, buffers.origin, h, reach)

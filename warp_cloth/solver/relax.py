@@ -11,7 +11,7 @@ import warp as wp
 from warp_cloth.kernels.cloth import cloth_types
 from warp_cloth.kernels.displace import NoClothContact, NoCollider, advance_kernel, displace_kernel
 from warp_cloth.model import ClothModel
-from warp_cloth.solver.forces import ForcePass
+from warp_cloth.solver.forces import ForcePass, launch_patches
 
 if TYPE_CHECKING:
     from warp_cloth.collide.cloth import ClothTouch
@@ -93,14 +93,14 @@ class Relaxation:
         met = [colliders] * model.item_count if isinstance(colliders, Collider) else list(colliders)
         self.contact, self.collider_type = met[0].contact, met[0].data_type or NoCollider
         self.touch = touch
-        # gathering needs no sum of forces in memory, but a second set of positions to write to
-        self._load = None if model.gathers else wp.zeros(model.vertex_count, dtype=types.vec4, device=model.device)
-        self._forces = ForcePass(model, "stiffness" if accelerated else "none", self._load)
         asked = self.contact, self.collider_type, touch is not None
-        if model.gathers:
+        self._scatter: ForcePass | None = None
+        if model.gathers:  # no sum of forces in memory, but a second set of positions to write to
             self._move = advance_kernel(model.precision, accelerated, model.terms, *asked)
             self._there = model.cloth_beside()
         else:
+            self._load = wp.zeros(model.vertex_count, dtype=types.vec4, device=model.device)
+            self._scatter = ForcePass(model, "stiffness" if accelerated else "none", self._load)
             self._move = displace_kernel(model.precision, accelerated, *asked)
         self._items = model.cloth.items.numpy().copy()
         self._items["active"] = 1
@@ -153,7 +153,8 @@ class Relaxation:
     def kernels(self) -> list[wp.Kernel]:
         """The kernels that an iteration launches, in order."""
         touching = [] if self.touch is None else self.touch.kernels()
-        return [*self._forces.storing_kernels(), *touching, self._move]
+        scattering = [] if self._scatter is None else self._scatter.kernels()
+        return [*scattering, *touching, self._move]
 
     @property
     def touch_data(self) -> Any:
@@ -169,19 +170,20 @@ class Relaxation:
 
     def iterate(self, count: int = 1) -> None:
         """Launches iterations."""
-        here = self.model.cloth
-        if not self.model.gathers:
+        model, here = self.model, self.model.cloth
+        asked = [self.step, self.collider_data, self.touch_data]
+        if self._scatter is not None:
             for iteration in range(count):
-                self._forces.store(self.step, here)
+                self._scatter.launch(self.step)
                 self._meet_cloth(iteration, here)
-                self._launch([self.step, self.collider_data, self.touch_data, self._load, here])
+                inputs = [*asked, self._load, here]
+                wp.launch(self._move, dim=model.vertex_count, inputs=inputs, device=model.device)
+        if model.patches is None:
             return
-        there = self._there
-        rows = self._forces.stored
+        there, patches = self._there, [model.patches.tables, model.patches.overflow]
         for iteration in range(count):
-            self._forces.store(self.step, here)
             self._meet_cloth(iteration, here)
-            self._launch([self.step, self.collider_data, self.touch_data, *rows, here, there.position, there.move])
+            launch_patches(self._move, model, [*asked, *patches, here, there.position, there.move])
             here, there = there, here
         if count % 2:  # the shape is beside the model
             wp.copy(there.position, here.position)
@@ -197,6 +199,3 @@ class Relaxation:
                 self.iterate(iterations)
             self._graphs[iterations] = capture.graph
         wp.capture_launch(self._graphs[iterations])
-
-    def _launch(self, inputs: list[Any]) -> None:
-        wp.launch(self._move, dim=self.model.vertex_count, inputs=inputs, device=self.model.device)

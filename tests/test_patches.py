@@ -1,0 +1,95 @@
+"""However the cloth is cut into patches, every vertex sums the same numbers in the same order."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from cloths import cloth_forces, grid, model_of
+
+from warp_cloth import patches
+from warp_cloth.elements import garment_elements
+from warp_cloth.errors import InputError
+from warp_cloth.fabric import resolve_fabric
+from warp_cloth.kernels.cloth import Terms
+from warp_cloth.kernels.gather import BLOCK_MEMORY
+from warp_cloth.mesh import Mesh
+from warp_cloth.patches import PatchTables, cut_patches
+from warp_cloth.rest import RestShape, build_rest_shape
+from warp_cloth.topology import build_topology
+
+FABRIC = resolve_fabric({"stretch": 20e3, "compression": 0.1, "bending": 1e-5})
+WOVEN = replace(FABRIC, stretch_weft=9e3, shear=800.0)
+BENT = Terms(edges=True, folds=True, threads=False)
+
+
+def fan(count: int) -> Mesh:
+    """A wheel of ``count`` triangles around one vertex."""
+    angle = np.linspace(0.0, 2.0 * np.pi, count, endpoint=False)
+    rim = np.stack([np.cos(angle), np.sin(angle), 0.1 * np.cos(3.0 * angle)], axis=1)
+    number = np.arange(count)
+    triangles = np.stack([0 * number, 1 + number, 1 + (number + 1) % count], axis=1)
+    return Mesh("fan", np.concatenate([np.zeros((1, 3)), rim]), triangles.astype(np.int32))
+
+
+def fan_rest(mesh: Mesh) -> RestShape:
+    topology = build_topology(mesh.triangles, mesh.vertex_count)
+    even = np.ones(len(topology.edges))
+    weight = np.ones(mesh.vertex_count)
+    return RestShape(topology, 0.9 * even, even, 0.1 * even, np.ones(len(topology.hinges)), weight, 1.0)
+
+
+def cut(mesh: Mesh, rest: RestShape, terms: Terms = BENT) -> PatchTables:
+    elements = garment_elements(mesh.triangles, rest)
+    return cut_patches([elements], [mesh.points], terms, precision="mixed", own_memory=True)
+
+
+def owned(tables: PatchTables) -> np.ndarray:
+    rows = zip(tables.patch["vertex_start"], tables.patch["owned_count"], strict=True)
+    return np.concatenate([tables.vertex[start : start + count] for start, count in rows])
+
+
+@pytest.mark.parametrize("size", [1, 7, 1000])
+@pytest.mark.parametrize("fabric", [FABRIC, WOVEN], ids=["edges", "threads"])
+def test_patches_of_any_size_give_the_bits_of_scattered_forces(
+    fabric: object, size: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    mesh = grid(12)
+    rest = build_rest_shape(mesh, fabric, rest="mesh")
+    points = mesh.points + np.random.default_rng(1).normal(scale=5e-3, size=mesh.points.shape)
+    monkeypatch.setattr(patches, "SMALLEST", size)
+    monkeypatch.setattr(patches, "LARGEST", size)
+    loads = []
+    for gathers in (False, True):
+        model = model_of(mesh, rest, precision="mixed", gathers=gathers)
+        model.set_points(points)
+        loads.append(cloth_forces(model, "stiffness"))
+    assert model.patches is not None
+    assert model.patches.count >= mesh.vertex_count // size
+    assert (loads[0] == loads[1]).all()
+
+
+@pytest.mark.parametrize("count", [6, 60, 600])
+def test_many_triangles_at_a_vertex_are_summed_as_scattered_ones(count: int) -> None:
+    mesh = fan(count)
+    loads = [cloth_forces(model_of(mesh, fan_rest(mesh), precision="mixed", gathers=how)) for how in (False, True)]
+    assert (loads[0] == loads[1]).all()
+
+
+@pytest.mark.parametrize("mesh", [grid(40), fan(3000)], ids=["grid", "fan"])
+def test_every_vertex_is_owned_once_and_every_patch_has_memory(mesh: Mesh) -> None:
+    tables = cut(mesh, fan_rest(mesh))
+    assert (np.sort(owned(tables)) == np.arange(mesh.vertex_count)).all()
+    needed = patches._memory(tables.patch, BENT, "mixed")
+    place = tables.patch["overflow"]
+    assert ((needed > BLOCK_MEMORY) == (place >= 0)).all()
+    assert (tables.patch["owned_count"][place >= 0] == 1).all()  # only what cannot be cut further
+    ends = np.sort(place[place >= 0])[1:], tables.overflow
+    assert ((place + needed)[place >= 0] <= np.append(*ends)).all()
+
+
+def test_a_vertex_with_too_many_triangles_is_told() -> None:
+    mesh = fan(20_000)
+    with pytest.raises(InputError, match="more than 10,000 triangles meet at a vertex"):
+        cut(mesh, fan_rest(mesh))
