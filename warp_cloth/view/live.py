@@ -153,8 +153,8 @@ class LiveFit:
         pinned = np.concatenate([part.pins + first for part, first in zip(made.wardrobe.parts, ends, strict=False)])
         fresh[pinned] = made.model.points()[pinned]
         made.model.set_points(fresh)
-        collider = made.contact.collider(fresh)
-        made.relaxation.meet(0, collider)
+        if not made.contact.covers(fresh):
+            made.relaxation.meet(0, made.contact.collider(fresh))
         self.scene, self.made, self._changes = scene, made, together
         self._start()
 
