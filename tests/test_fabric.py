@@ -10,7 +10,15 @@ import numpy as np
 import pytest
 
 from warp_cloth.errors import InputError
-from warp_cloth.fabric import BOUNDS, Fabric, fabric_named, load_fabric, resolve_fabric, shipped_fabrics
+from warp_cloth.fabric import (
+    BOUNDS,
+    Fabric,
+    fabric_named,
+    generic_fabric,
+    load_fabric,
+    resolve_fabric,
+    shipped_fabrics,
+)
 from warp_cloth.laboratory import (
     KES_BENDING,
     MATCHED_FOLD,
@@ -114,9 +122,16 @@ def test_a_stretch_without_a_shear_is_woven_alike_in_every_direction() -> None:
     assert resolve_fabric({"emt_warp_percent": 5}).shear == even_shear(Fabric())  # by the softer weft
 
 
-def test_edges_pull_where_that_is_asked_for_or_nothing_is_stated() -> None:
-    for value in ("default", {"weight": 0.3}, {"stretch": 5e3, "shear": "edges"}, {"base": "silk", "shear": "edges"}):
+def test_edges_pull_only_where_that_is_asked_for() -> None:
+    for value in ({"shear": "edges"}, {"stretch": 5e3, "shear": "edges"}, {"base": "silk", "shear": "edges"}):
         assert resolve_fabric(value).shear is None
+    for woven in (resolve_fabric("default"), resolve_fabric({"weight": 0.3}), resolve_fabric({"emt_weft_percent": 30})):
+        assert woven.shear == even_shear(woven)
+
+
+def test_a_base_of_edges_stays_one(tmp_path: Path) -> None:
+    (tmp_path / "edges.toml").write_text('shear = "edges"\n')
+    assert resolve_fabric({"base": "edges.toml", "weight": 0.3}, tmp_path).shear is None
 
 
 def test_nine_fabrics_and_a_generic_one_ship_each_with_its_source() -> None:
@@ -124,7 +139,7 @@ def test_nine_fabrics_and_a_generic_one_ship_each_with_its_source() -> None:
     names = ("cotton", "denim", "faille", "felt", "jersey", "linen", "polyester", "silk", "wool")
     assert list(fabrics) == ["default", *names]
     assert all(fabric.source for fabric in fabrics.values())
-    assert fabrics["default"] == Fabric()
+    assert fabrics["default"] == generic_fabric()
 
 
 def test_shipped_fabrics_are_ordered_as_cloth_is() -> None:
@@ -147,7 +162,7 @@ def test_name_table_file_and_fabric_all_state_a_fabric(tmp_path: Path) -> None:
     assert (file.name, file.weight, file.stretch) == ("mine", 0.15, fabric_named("cotton").stretch)
     over_file = resolve_fabric({"base": "mine.toml", "name": "heavy", "weight": 2}, tmp_path)
     assert (over_file.name, over_file.weight) == ("heavy", 2.0)
-    assert resolve_fabric({}) == Fabric()
+    assert resolve_fabric({}) == generic_fabric()
 
 
 @pytest.mark.parametrize("key", BOUNDS)

@@ -10,7 +10,7 @@ import pytest
 from pydantic import ValidationError
 
 from warp_cloth.errors import InputError
-from warp_cloth.fabric import Fabric, fabric_named
+from warp_cloth.fabric import fabric_named, generic_fabric
 from warp_cloth.scene import GarmentSpec, Scene, load_scene, shipped_scenes
 from warp_cloth.scene.schema import AvatarSpec, CollisionSpec, SolverSpec
 from warp_cloth.scene.shapes import MannequinShape, SphereShape, SquareShape, TshirtShape
@@ -89,7 +89,7 @@ def test_every_key_of_the_issue_is_read(tmp_path: Path) -> None:
     assert shirt.pin[0].vertices == (0, 5)
     assert shirt.pin[1].box == ((0, 0, 0), (1, 1, 1))
     assert [pin.loop for pin in shirt.pin] == [None, None, "top", 2]
-    assert (coat.name, coat.fabric, coat.pin) == ("coat", Fabric(), ())
+    assert (coat.name, coat.fabric, coat.pin) == ("coat", generic_fabric(), ())
     assert scene.garment_keys == ("garment[0]", "garment[1]")
     assert scene.avatar == AvatarSpec(mesh=tmp_path / "body.obj", prim="/World/Body", units="in", friction=0)
     assert scene.collision == CollisionSpec(avatar="mesh", pixel_mm=1, offset_mm=2.5)

@@ -91,13 +91,18 @@ class Fabric:
 
 def shipped_fabrics() -> dict[str, Fabric]:
     """Every fabric that comes with the package, by name."""
-    return {"default": Fabric(), **{name: load_fabric(path) for name, path in _shipped_files().items()}}
+    return {"default": generic_fabric(), **{name: load_fabric(path) for name, path in _shipped_files().items()}}
+
+
+def generic_fabric() -> Fabric:
+    """Where nothing is known of a fabric: as ``Fabric``, woven alike in every direction."""
+    return replace(Fabric(), shear=even_shear(Fabric()))
 
 
 def fabric_named(name: str) -> Fabric:
     """A shipped fabric."""
     if name == "default":
-        return Fabric()
+        return generic_fabric()
     shipped = _shipped_files()
     if name in shipped:
         return load_fabric(shipped[name])
@@ -136,6 +141,11 @@ def _named_or_file(value: str, directory: Path, way: tuple[Path, ...]) -> Fabric
     return _load(directory / value, way) if value.lower().endswith(".toml") else fabric_named(value)
 
 
+def _base(value: str, directory: Path, way: tuple[Path, ...]) -> Fabric:
+    """What a fabric is stated over; of the generic one, whose shear goes with its stretch, the shear is left open."""
+    return Fabric() if value == "default" else _named_or_file(value, directory, way)
+
+
 def _load(path: Path, way: tuple[Path, ...]) -> Fabric:
     """A fabric file; ``way`` are the files that lead here by ``base``."""
     values = read_toml(path, "fabric file")
@@ -145,7 +155,7 @@ def _load(path: Path, way: tuple[Path, ...]) -> Fabric:
         base = values.pop("base", "default")
         if not isinstance(base, str):
             raise InputError("base", f"must be a name or a .toml file, not {_shown(base)}")
-        fabric = _named_or_file(base, path.parent, (*way, path.resolve()))
+        fabric = _base(base, path.parent, (*way, path.resolve()))
         return _over(fabric, {"name": path.stem, "source": f"{path.name}, over {fabric.name}", **values})
     except InputError as error:
         nested = error.place in values or error.place in ("", "base")
@@ -161,7 +171,7 @@ def _from_table(table: Mapping[str, Any], directory: Path) -> Fabric:
     if not isinstance(base, str):
         raise InputError(key, f"must be a name or a .toml file, not {_shown(base)}")
     try:
-        fabric = _named_or_file(base, directory, ())
+        fabric = _base(base, directory, ())
     except InputError as error:
         raise InputError(error.place or key, error.problem, error.remedy) from None
     own = ", ".join(name for name in values if name not in ("name", "source"))
@@ -189,8 +199,9 @@ def _over(base: Fabric, values: Mapping[str, Any]) -> Fabric:
         if "stretch" in values:  # one for every direction: the base's shear does not go with it
             stated.setdefault("shear", None)
         fabric = replace(base, **stated)
-        if fabric.shear is None and not sheared and ("stretch_warp" in stated or "stretch_weft" in stated):
-            # a stretch that somebody states is to be met on every mesh, which edges do not
+        open_shear = base == Fabric() or "stretch_warp" in stated or "stretch_weft" in stated
+        if fabric.shear is None and not sheared and open_shear:
+            # a stretch is to be met on every mesh, which edges do not; they pull only where somebody asks for them
             fabric = replace(fabric, shear=even_shear(fabric))
         return fabric
     except InputError as error:
