@@ -273,7 +273,7 @@ def test_any_fabric_gives_finite_constants_or_one_line(fabric: dict[str, float],
 
 SOLVERS = st.fixed_dictionaries(
     {
-        "method": st.sampled_from(("accelerated", "direct")),
+        "method": st.sampled_from(("multilevel", "accelerated", "direct")),
         "precision": st.sampled_from(("mixed", "float32", "float64")),
         "iterations": st.integers(0, 200),
     },

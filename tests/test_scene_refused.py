@@ -95,7 +95,7 @@ def refused(source: Any) -> str:
         ("solver.tolerance_mm = 0", "solver.tolerance_mm: must be a number above 0 to 1000, not 0"),
         ("solver.residual = nan", "solver.residual: must be a number above 0 to 1, not nan"),
         ("solver.cap = 2", "solver.cap: must be a number from 1e-07 to 1, not 2"),
-        ("solver.method = 3", 'solver.method: must be one of "accelerated", "direct", not 3'),
+        ("solver.method = 3", 'solver.method: must be one of "multilevel", "accelerated", "direct", not 3'),
         ("solver.cap = 1979-05-27", "solver.cap: must be a number from 1e-07 to 1, not 1979-05-27"),
     ],
 )

@@ -53,6 +53,7 @@ class RestShape:
     weave: WeaveShape | None = None  # threads of a woven fabric, whose edges do not pull
     hinge_angle: Floats | None = None  # at rest [rad], shape [H]; None: flat
     sheet: Sheet | None = None  # the rest shape triangle by triangle, for maps
+    corners: Floats | None = None  # of every triangle in the panels or the mesh as loaded [m], shape [F, 3, 2 or 3]
 
     @property
     def fold_angle(self) -> Floats:
@@ -129,6 +130,13 @@ def triangle_areas(sides: Floats) -> Floats:
     c, b, a = np.sort(sides, axis=1).T
     product = (a + (b + c)) * (c - (a - b)) * (c + (a - b)) * (a + (b - c))
     return 0.25 * np.sqrt(np.maximum(product, 0.0))
+
+
+def _places(mesh: Mesh, metres_per_uv: float | None) -> Floats:
+    """Corners of every triangle where the rest shape has them, shape [F, 3, 2 or 3]."""
+    if metres_per_uv is None or mesh.texcoords is None:
+        return np.asarray(mesh.points[mesh.triangles])
+    return np.asarray(mesh.texcoords * metres_per_uv)
 
 
 FLATNESS = 1e-3  # of a normal's components; a mesh that is flatter lies in a plane
@@ -229,6 +237,7 @@ def build_rest_shape(
         weave=thread_constants(sheet, fabric) if woven else None,
         hinge_angle=fold_angles(mesh.points, topology) if rest_angles == "mesh" else None,
         sheet=sheet,
+        corners=_places(mesh, metres_per_uv if rest == "uv" else None),
     )
 
 

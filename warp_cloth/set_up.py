@@ -19,6 +19,7 @@ from warp_cloth.scene import Scene
 from warp_cloth.solver.certificate import Certifier, Tolerance
 from warp_cloth.solver.course import Course
 from warp_cloth.solver.loop import Boxes, Follow
+from warp_cloth.solver.multilevel import relaxation_by
 from warp_cloth.solver.relax import Collider, Relaxation, StepOptions
 from warp_cloth.wardrobe import Rack, Wardrobe, open_wardrobe
 
@@ -58,11 +59,12 @@ def kind_of(scene: Scene, wardrobe: Wardrobe) -> tuple[Any, ...]:
     """What scenes must have in common to relax together: then their kernels are those of each alone.
 
     One whose cloth meets cloth is of a kind of its own: what it launches depends on how its garments lie. So is one
-    whose avatar moves.
+    whose avatar moves, and one of the multilevel method.
     """
     solver = scene.solver
     contact = contact_kind(scene, wardrobe)
-    alone = id(scene) if scene.collision.cloth or wardrobe.poses else 0
+    by_itself = scene.collision.cloth or wardrobe.poses or solver.method == "multilevel"
+    alone = id(scene) if by_itself else 0
     return solver.method, solver.precision, contact, alone, terms_of([part.rest for part in wardrobe.parts])
 
 
@@ -114,7 +116,8 @@ def set_up(
     )
     options = StepOptions(method=first.solver.method)
     touch = cloth_touch(first, wardrobes[0], model) if first.collision.cloth else None
-    relaxation = Relaxation(model, colliders, options, touch, [scene.solver.cap for scene in scenes])
+    parts = [part for each in wardrobes for part in each.parts]
+    relaxation = relaxation_by(options, model, colliders, parts, touch, [scene.solver.cap for scene in scenes])
     certifier = Certifier(relaxation)
     course = cloth_course(wardrobes[0], relaxation, touch, device) if touch is not None else None
     wp.synchronize_device(device)

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 def more_iterations(method: str) -> str:
     """What to change where a fit only needs longer."""
-    return "raise solver.iterations" if method == "accelerated" else 'use solver.method = "accelerated"'
+    return 'use solver.method = "accelerated"' if method == "direct" else "raise solver.iterations"
 
 
 def unheld(scene: Scene, wardrobe: Wardrobe, worn: Sequence[Points]) -> str:

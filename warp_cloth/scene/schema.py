@@ -27,7 +27,7 @@ from warp_cloth.units import LENGTH_UNITS, METRES_PER, LengthUnit
 RestShape = Literal["mesh", "uv", "physics"]
 RestAngles = Literal["flat", "mesh"]
 AvatarCollision = Literal["depth", "auto", "mesh", "plain", "none"]
-Method = Literal["accelerated", "direct"]
+Method = Literal["multilevel", "accelerated", "direct"]
 Precision = Literal["float32", "float64", "mixed"]
 LoopSide = Literal["top", "bottom", "left", "right", "front", "back"]
 Degrees = Annotated[Real, Field(ge=-360, le=360)]
@@ -252,7 +252,8 @@ class SolverSpec(Table):
     """How the rest shape is looked for, and when it is found."""
 
     method: Method = Field(
-        default="accelerated", description="accelerated, or direct: the paper's own rule to the letter"
+        default="accelerated",
+        description="multilevel: all vertices at once; accelerated: vertex by vertex; direct: the paper's own rule",
     )
     iterations: Whole = Field(
         default=20_000, ge=0, le=10**7, description="limit; a T-shirt on a body rests after about 8,000"

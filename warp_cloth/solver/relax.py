@@ -18,12 +18,12 @@ if TYPE_CHECKING:
 
 LOOK_EVERY = 2  # iterations between two looks at whether cloth has moved so far that what is near changed
 
-Method = Literal["accelerated", "direct"]
+Method = Literal["multilevel", "accelerated", "direct"]
 
 # Largest displacement in an iteration [m]. Accelerated: under the thinnest limb's radius, so that nothing passes
 # through a body in one step. Direct: what a force slightly larger than gravity moves a vertex by; the paper's rule
-# chatters at this size where the cloth is stiff.
-DEFAULT_CAP: dict[Method, float] = {"accelerated": 5e-3, "direct": 1e-4}
+# chatters at this size where the cloth is stiff. Multilevel: ten steps' fall.
+DEFAULT_CAP: dict[Method, float] = {"multilevel": 2e-2, "accelerated": 5e-3, "direct": 1e-4}
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,189 @@
+"""Conjugate gradients on a garment's linearised forces, every sum in one fixed order.
+
+A x = b with A = inertia + sum over pairs of S_ij, on what contact and pins leave free. Each garment has step lengths of
+its own, so that it ends in the same bits alone and beside others.
+"""
+
+import functools
+from types import SimpleNamespace
+
+import warp as wp
+
+from warp_cloth.kernels.cloth import MODULE_OPTIONS, cloth_types
+from warp_cloth.kernels.levels import level_types
+from warp_cloth.kernels.stiffness import stiffness_types, symmetric_functions
+
+# What contact, friction and pins leave of a vertex's freedom: all, all but its normal, nothing.
+FREE, SLIDES, STAYS = wp.constant(0), wp.constant(1), wp.constant(2)
+
+
+@functools.cache
+def conjugate_types(precision: str) -> SimpleNamespace:
+    """Struct ``System``."""
+    real, vec3 = cloth_types(precision).real, cloth_types(precision).vec3
+    own = stiffness_types(precision)
+
+    @wp.struct
+    class System:
+        """The linearised forces and their solution; V vertices, N pairs, G garments."""
+
+        garment: wp.array(dtype=wp.int32)  # of each vertex, shape [V]
+        start: wp.array(dtype=wp.int32)  # rows of the pairs at each vertex, shape [V + 1]
+        other: wp.array(dtype=wp.int32)  # the pair's other vertex, shape [2 N]
+        coupling: wp.array(dtype=own.mat3)  # [N/m], shape [2 N]
+        fall: wp.array(dtype=real)  # how far its own weight moves a vertex in a step [m], shape [G]
+        inertia: wp.array(dtype=real)  # what resists a change of the displacement [N/m], shape [V]
+        divisor: wp.array(dtype=own.vec6)  # inverse of each vertex's own block [m/N], shape [V]
+        hold: wp.array(dtype=wp.int32)  # FREE, SLIDES or STAYS, shape [V]
+        normal: wp.array(dtype=vec3)  # of the avatar where it is met, else zero, shape [V]
+        gap: wp.array(dtype=real)  # to the contact offset there [m], shape [V]
+        pressed: wp.array(dtype=wp.uint8)  # whether contact bore on the vertex's last displacement, shape [V]
+        displacement: wp.array(dtype=vec3)  # x [m], shape [V]
+        residual: wp.array(dtype=vec3)  # b - A x [N], shape [V]
+        correction: wp.array(dtype=vec3)  # the residual by the preconditioner [m], shape [V]
+        direction: wp.array(dtype=vec3)  # [m], shape [V]
+        product: wp.array(dtype=vec3)  # A direction [N], shape [V]
+        along: wp.array(dtype=wp.float64)  # residual . correction [J], shape [G]
+        before: wp.array(dtype=wp.float64)  # the last round's [J], shape [G]
+        across: wp.array(dtype=wp.float64)  # direction . product [J], shape [G]
+
+    return SimpleNamespace(System=System)
+
+
+@functools.cache
+def allowed_function(precision: str) -> wp.Function:
+    """The function that leaves of a vector what contact and pins leave free."""
+    vec3 = cloth_types(precision).vec3
+
+    @wp.func
+    def allowed(v: vec3, normal: vec3, hold: int):
+        """v, v without its part along the normal, or nothing."""
+        result = v
+        if hold == SLIDES:
+            result = v - normal * wp.dot(v, normal)
+        if hold == STAYS:
+            result = vec3()
+        return result
+
+    return allowed
+
+
+@functools.cache
+def conjugate_kernels(precision: str) -> SimpleNamespace:
+    """Kernels of the solution, in the order of a round; ``begin_solution`` comes before the first."""
+    real, vec3 = cloth_types(precision).real, cloth_types(precision).vec3
+    System, Rows = conjugate_types(precision).System, level_types(precision).Rows
+    times = symmetric_functions(precision).times
+    allowed = allowed_function(precision)
+
+    @wp.func
+    def coupled(system: System, x: wp.array(dtype=vec3), vertex: int):
+        """Sum of S_ij (x_i - x_j) over the pairs at a vertex [N]."""
+        sum = vec3()
+        own = x[vertex]
+        for row in range(system.start[vertex], system.start[vertex + 1]):
+            sum += system.coupling[row] * (own - x[system.other[row]])
+        return sum
+
+    @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
+    def begin_solution(system: System):
+        """Takes off the residual what the displacement that is kept changes of the forces."""
+        vertex = wp.tid()
+        hold = system.hold[vertex]
+        system.direction[vertex] = vec3()
+        if hold != STAYS:
+            changed = allowed(coupled(system, system.displacement, vertex), system.normal[vertex], hold)
+            system.residual[vertex] = system.residual[vertex] - changed
+
+    @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
+    def precondition_residual(
+        system: System,
+        up: Rows,  # from the coarser level
+        coarser: wp.array(dtype=vec3),  # its displacements [m]; None without coarser levels
+    ):
+        """Each vertex's residual by its own block, and what it follows."""
+        vertex = wp.tid()
+        hold = system.hold[vertex]
+        sum = vec3()
+        if hold != STAYS:
+            sum = times(system.divisor[vertex], system.residual[vertex])
+            if coarser:
+                for entry in range(up.start[vertex], up.start[vertex + 1]):
+                    sum += coarser[up.index[entry]] * up.weight[entry]
+        system.correction[vertex] = allowed(sum, system.normal[vertex], hold)
+
+    @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
+    def turn_direction(system: System):
+        """The next direction: correction + along / before direction."""
+        vertex = wp.tid()
+        garment = system.garment[vertex]
+        share = real(0.0)
+        if system.before[garment] > wp.float64(0.0):
+            share = real(system.along[garment] / system.before[garment])
+        system.direction[vertex] = system.correction[vertex] + system.direction[vertex] * share
+
+    @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
+    def multiply_direction(system: System):
+        """product = A direction."""
+        vertex = wp.tid()
+        hold = system.hold[vertex]
+        sum = vec3()
+        if hold != STAYS:
+            sum = coupled(system, system.direction, vertex) + system.direction[vertex] * system.inertia[vertex]
+        system.product[vertex] = allowed(sum, system.normal[vertex], hold)
+
+    @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
+    def advance_solution(system: System):
+        """displacement += step direction, residual -= step product, step = along / across."""
+        vertex = wp.tid()
+        garment = system.garment[vertex]
+        step = real(0.0)
+        if system.across[garment] > wp.float64(0.0):
+            step = real(system.along[garment] / system.across[garment])
+        system.displacement[vertex] = system.displacement[vertex] + system.direction[vertex] * step
+        system.residual[vertex] = system.residual[vertex] - system.product[vertex] * step
+
+    return SimpleNamespace(
+        begin_solution=begin_solution,
+        precondition_residual=precondition_residual,
+        turn_direction=turn_direction,
+        multiply_direction=multiply_direction,
+        advance_solution=advance_solution,
+    )
+
+
+@functools.cache
+def dot_kernels(precision: str) -> SimpleNamespace:
+    """Kernels ``dot_parts`` and ``sum_parts``: a . b of every garment in one fixed order, in float64."""
+    vec3 = cloth_types(precision).vec3
+
+    @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
+    def dot_parts(
+        first: wp.array(dtype=wp.int32),  # vertex of each garment, shape [G + 1]
+        a: wp.array(dtype=vec3),
+        b: wp.array(dtype=vec3),
+        part_out: wp.array2d(dtype=wp.float64),  # shape [G, parts]
+    ):
+        """Sums of a . b, each over as many vertices as there are parts, that many apart."""
+        garment, part = wp.tid()
+        sum = wp.float64(0.0)
+        for vertex in range(first[garment] + part, first[garment + 1], part_out.shape[1]):
+            sum += wp.float64(wp.dot(a[vertex], b[vertex]))
+        part_out[garment, part] = sum
+
+    @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
+    def sum_parts(
+        part: wp.array2d(dtype=wp.float64),
+        dot_out: wp.array(dtype=wp.float64),  # shape [G]
+        last_out: wp.array(dtype=wp.float64),  # what dot_out held; None where nobody asks
+    ):
+        """a . b of each garment."""
+        garment = wp.tid()
+        sum = wp.float64(0.0)
+        for i in range(part.shape[1]):
+            sum += part[garment, i]
+        if last_out:
+            last_out[garment] = dot_out[garment]
+        dot_out[garment] = sum
+
+    return SimpleNamespace(dot_parts=dot_parts, sum_parts=sum_parts)

@@ -1,0 +1,151 @@
+"""Both ends of an implicit step: what contact leaves of the forces, and the capped displacement (section 4 and 5)."""
+
+import functools
+from types import SimpleNamespace
+
+import warp as wp
+
+from warp_cloth.kernels.cloth import MODULE_OPTIONS, cloth_types
+from warp_cloth.kernels.conjugate import FREE, SLIDES, STAYS, allowed_function, conjugate_types
+from warp_cloth.kernels.displace import capped, colliders_type
+from warp_cloth.kernels.friction import friction_slide
+from warp_cloth.kernels.stiffness import stiffness_types, symmetric_functions
+
+# Up to this far above the contact offset a vertex that the force presses on counts as held by the avatar; one that
+# contact has just borne on, up to WIDE: a field's distance and its slope agree no better.
+NEAR = wp.constant(2.0e-5)  # [m]
+WIDE = wp.constant(1.0e-3)  # [m]
+
+# A vertex whose force has turned against its last displacement went too far: it gets heavier, up to a share of the
+# stiffness that it meets, and else lighter again. Without this wrinkles of stiff cloth tremble for ever.
+HEAVIER, LIGHTER = wp.constant(1.05), wp.constant(0.97)
+HEAVIEST = wp.constant(0.02)
+
+
+@functools.cache
+def implicit_kernels(precision: str, contact: wp.Function | None, collider_type: type) -> SimpleNamespace:
+    """Kernels ``face_forces`` and ``take_step``, with the contact of ``kernels.displace.displacement``."""
+    types = cloth_types(precision)
+    real, point, vec3, vec4, Cloth, Step = types.real, types.point, types.vec3, types.vec4, types.Cloth, types.Step
+    vec6, System = stiffness_types(precision).vec6, conjugate_types(precision).System
+    symmetric = symmetric_functions(precision)
+    along, even, times, inverse = symmetric.along, symmetric.even, symmetric.times, symmetric.inverse
+    allowed = allowed_function(precision)
+
+    @wp.func
+    def hold_of(force: vec3, normal: vec3, friction: real):
+        """What friction leaves free of a vertex on the avatar, and the force that it leaves [N]."""
+        hold = int(FREE)
+        left = force
+        push = -wp.dot(force, normal)
+        if push > real(0.0):
+            tangent = force + normal * push
+            size = wp.length(tangent)
+            over = size - friction * push
+            hold = int(STAYS)
+            left = vec3()
+            if over > real(0.0):
+                hold = int(SLIDES)
+                left = tangent * (over / size)
+        return hold, left
+
+    @wp.func
+    def own_block(system: System, vertex: int):
+        """Sum of the couplings at a vertex [N/m]."""
+        block = vec6()
+        for row in range(system.start[vertex], system.start[vertex + 1]):
+            s = system.coupling[row]
+            block += vec6(s[0, 0], s[1, 1], s[2, 2], s[0, 1], s[0, 2], s[1, 2])
+        return block
+
+    @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
+    def face_forces(
+        step: Step,
+        colliders: colliders_type(contact, collider_type),
+        cloth: Cloth,
+        load: wp.array(dtype=vec4),  # forces of the cloth [N], shape [V]; left at zero
+        system: System,
+        anchor_out: wp.array(dtype=vec6),  # stiffness against the world [N/m], shape [V]
+    ):
+        """The right-hand side, what is held, and the share of the last displacement that is kept."""
+        vertex = wp.tid()
+        sum = load[vertex]
+        load[vertex] = vec4()
+        weight = cloth.weight[vertex]
+        hold = int(FREE)
+        left = vec3(sum[0], sum[1], sum[2]) + step.gravity * weight
+        normal = vec3()
+        if wp.static(contact is not None):
+            item = cloth.items[cloth.item[vertex]]
+            at = contact(colliders[cloth.item[vertex]], wp.vec3d(cloth.position[vertex]))
+            gap = real(at[3] - item.offset)
+            system.gap[vertex] = gap
+            if gap < real(NEAR) or (gap < real(WIDE) and system.pressed[vertex] != wp.uint8(0)):
+                normal = vec3(real(at[0]), real(at[1]), real(at[2]))
+                hold, left = hold_of(left, normal, real(item.friction))
+        if cloth.pinned[vertex] != wp.uint8(0):
+            hold = int(STAYS)
+            left = vec3()
+        block = own_block(system, vertex)
+        turned = wp.dot(cloth.move[vertex], left) < real(0.0)
+        inertia = system.inertia[vertex] * wp.where(turned, real(HEAVIER), real(LIGHTER))
+        most = real(HEAVIEST) * (block[0] + block[1] + block[2])
+        inertia = wp.max(wp.min(inertia, most), weight / system.fall[system.garment[vertex]])
+        anchor = even(inertia)
+        if hold == SLIDES:
+            anchor += along(wp.dot(normal, times(block, normal)), normal)
+        if hold == STAYS:
+            anchor += block
+        anchor_out[vertex] = anchor
+        last = allowed(cloth.move[vertex], normal, hold)
+        system.hold[vertex] = hold
+        system.normal[vertex] = normal
+        system.inertia[vertex] = inertia
+        system.divisor[vertex] = inverse(block + anchor)
+        system.residual[vertex] = left
+        system.displacement[vertex] = last * step.momentum
+
+    @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
+    def take_step(
+        colliders: colliders_type(contact, collider_type),
+        cloth: Cloth,
+        system: System,
+    ):
+        """Moves each free vertex by its displacement, capped; a held one stays on the avatar's surface.
+
+        Where the avatar stops a vertex that was not on it, friction shortens the displacement's tangential part.
+        """
+        vertex = wp.tid()
+        if cloth.pinned[vertex] == wp.uint8(0):
+            move = system.displacement[vertex]
+            normal = system.normal[vertex]
+            met = wp.dot(normal, normal) > real(0.5)
+            if met:
+                beyond = wp.dot(move, normal) + system.gap[vertex]
+                if system.hold[vertex] != FREE or beyond < real(0.0):
+                    move = move - normal * beyond
+            item = cloth.items[cloth.item[vertex]]
+            move = capped(move, item.cap)
+            if wp.static(contact is not None):
+                at = contact(colliders[cloth.item[vertex]], wp.vec3d(cloth.position[vertex]) + wp.vec3d(move))
+                push = item.offset - at[3]
+                system.pressed[vertex] = wp.uint8(push > 0.0 or system.hold[vertex] != FREE)
+                if push > 0.0:
+                    out = vec3(real(at[0]), real(at[1]), real(at[2]))
+                    move = move + out * wp.min(real(push), item.cap)
+                    if not met:
+                        move = friction_slide(move, out, real(push), real(item.friction))
+            cloth.move[vertex] = move
+            cloth.position[vertex] = cloth.position[vertex] + point(move)
+
+    @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
+    def ease_inertia(
+        growth: real,
+        most: real,  # [m]
+        system: System,
+    ):
+        """Lets every garment fall further in its next step."""
+        garment = wp.tid()
+        system.fall[garment] = wp.min(system.fall[garment] * growth, most)
+
+    return SimpleNamespace(face_forces=face_forces, take_step=take_step, ease_inertia=ease_inertia)

@@ -1,0 +1,104 @@
+"""Coarser levels of a garment's stiffness: a residual is gathered to them, a correction gathered back.
+
+A fine vertex follows coarse ones, x_i = sum_I P_iI x_I. Of sums over pairs of S_ij (d_i - d_j)^2 the coarse ones are
+S_IJ = -sum_ij (P_iI - P_jI) (P_iJ - P_jJ) S_ij, exactly. What stays where it is (pins) is one more coarse vertex.
+"""
+
+import functools
+from types import SimpleNamespace
+
+import warp as wp
+
+from warp_cloth.kernels.cloth import MODULE_OPTIONS, cloth_types
+from warp_cloth.kernels.stiffness import stiffness_types, symmetric_functions
+
+
+@functools.cache
+def level_types(precision: str) -> SimpleNamespace:
+    """Struct ``Rows``."""
+    real = cloth_types(precision).real
+
+    @wp.struct
+    class Rows:
+        """A sparse matrix by rows."""
+
+        start: wp.array(dtype=wp.int32)  # shape [rows + 1]
+        index: wp.array(dtype=wp.int32)  # column
+        weight: wp.array(dtype=real)
+
+    return SimpleNamespace(Rows=Rows)
+
+
+@functools.cache
+def level_kernels(precision: str) -> SimpleNamespace:
+    """Kernels ``gather_blocks``, ``gather_anchors``, ``restrict_residual``, ``correct_level``."""
+    vec3 = cloth_types(precision).vec3
+    vec6, Rows = stiffness_types(precision).vec6, level_types(precision).Rows
+    symmetric = symmetric_functions(precision)
+    inverse, times = symmetric.inverse, symmetric.times
+
+    @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
+    def gather_blocks(
+        rows: Rows,
+        fine: wp.array(dtype=vec6),
+        coarse_out: wp.array(dtype=vec6),
+    ):
+        """Sums weighted symmetric blocks [N/m]: pairs to coarse pairs, or to the coarse vertices."""
+        row = wp.tid()
+        sum = vec6()
+        for entry in range(rows.start[row], rows.start[row + 1]):
+            sum += fine[rows.index[entry]] * rows.weight[entry]
+        coarse_out[row] = sum
+
+    @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
+    def gather_anchors(
+        down: Rows,  # of the coarse vertices, from the finer ones
+        anchor: wp.array(dtype=vec6),  # stiffness of the finer vertices against the world [N/m]
+        stiffness: wp.array(dtype=vec6),  # of the coarse vertices against each other [N/m]
+        anchor_out: wp.array(dtype=vec6),
+        inverse_out: wp.array(dtype=vec6),  # of both together [m/N]
+    ):
+        """Anchors of the coarse vertices, P^2 times those of the finer ones, and what their blocks divide by."""
+        vertex = wp.tid()
+        sum = vec6()
+        for entry in range(down.start[vertex], down.start[vertex + 1]):
+            weight = down.weight[entry]
+            sum += anchor[down.index[entry]] * (weight * weight)
+        anchor_out[vertex] = sum
+        inverse_out[vertex] = inverse(stiffness[vertex] + sum)
+
+    @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
+    def restrict_residual(
+        down: Rows,
+        residual: wp.array(dtype=vec3),  # of the finer vertices [N]
+        residual_out: wp.array(dtype=vec3),
+    ):
+        """Forces left on the coarse vertices."""
+        vertex = wp.tid()
+        sum = vec3()
+        for entry in range(down.start[vertex], down.start[vertex + 1]):
+            sum += residual[down.index[entry]] * down.weight[entry]
+        residual_out[vertex] = sum
+
+    @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
+    def correct_level(
+        up: Rows,  # of these vertices, from the coarser ones
+        divisor: wp.array(dtype=vec6),  # inverse blocks [m/N]
+        residual: wp.array(dtype=vec3),  # [N]
+        coarser: wp.array(dtype=vec3),  # displacements of the coarser vertices [m]; None on the coarsest level
+        correction_out: wp.array(dtype=vec3),  # [m]
+    ):
+        """Displacements: each vertex's own block, and what it follows."""
+        vertex = wp.tid()
+        sum = times(divisor[vertex], residual[vertex])
+        if coarser:
+            for entry in range(up.start[vertex], up.start[vertex + 1]):
+                sum += coarser[up.index[entry]] * up.weight[entry]
+        correction_out[vertex] = sum
+
+    return SimpleNamespace(
+        gather_blocks=gather_blocks,
+        gather_anchors=gather_anchors,
+        restrict_residual=restrict_residual,
+        correct_level=correct_level,
+    )

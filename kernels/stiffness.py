@@ -1,0 +1,246 @@
+"""How the forces change with the positions: for each pair of vertices that share an element, a 3x3 coupling [N/m].
+
+Moved by d, the forces change by minus the sum over pairs of S_ij (d_i - d_j): rigid shifts cost nothing, exactly. Only
+what resists is kept (tension across an edge, not the buckling of a compressed one), so that the whole is never
+negative and a solution with it always goes downhill.
+"""
+
+import functools
+from types import SimpleNamespace
+
+import warp as wp
+
+from warp_cloth.kernels.bending import THINNEST, hinge_fold, turned_back
+from warp_cloth.kernels.cloth import MODULE_OPTIONS, cloth_types, difference_function
+from warp_cloth.kernels.tension import tension_force, tension_stiffness
+from warp_cloth.kernels.weave import warp_vector, weft_vector
+
+
+@functools.cache
+def stiffness_types(precision: str) -> SimpleNamespace:
+    """Struct ``Pairs`` and the types ``mat3`` and ``vec6`` (xx, yy, zz, xy, xz, yz of a symmetric matrix)."""
+    real = cloth_types(precision).real
+    mat3 = wp.types.matrix(shape=(3, 3), dtype=real)
+    vec6 = wp.types.vector(length=6, dtype=real)
+
+    @wp.struct
+    class Pairs:
+        """N pairs of vertices i < j that share an edge, a hinge or a woven triangle, and what couples each."""
+
+        edge: wp.array(dtype=wp.int32)  # the edge that pulls between them, or -1, shape [N]
+        hinge_start: wp.array(dtype=wp.int32)  # rows of ``hinge``, shape [N + 1]
+        hinge: wp.array(dtype=wp.int32)  # 16 hinge + 4 corner of i + corner of j
+        weave_start: wp.array(dtype=wp.int32)  # rows of ``weave``, shape [N + 1]
+        weave: wp.array(dtype=wp.int32)  # 3 triangle + side
+        slot: wp.array(dtype=wp.vec2i)  # where row i and row j keep the coupling, shape [N]
+
+    return SimpleNamespace(mat3=mat3, vec6=vec6, Pairs=Pairs)
+
+
+@functools.cache
+def symmetric_functions(precision: str) -> SimpleNamespace:
+    """Functions on symmetric matrices as vec6: ``along``, ``even``, ``times``, ``solved``."""
+    real, vec3 = cloth_types(precision).real, cloth_types(precision).vec3
+    vec6 = stiffness_types(precision).vec6
+    # of a block's mean stiffness; keeps a block with a direction that nothing resists solvable
+    least = wp.constant(real(1.0e-6))
+
+    @wp.func
+    def along(size: real, u: vec3):
+        """size u u^T."""
+        return vec6(
+            size * u[0] * u[0], size * u[1] * u[1], size * u[2] * u[2],
+            size * u[0] * u[1], size * u[0] * u[2], size * u[1] * u[2],
+        )  # fmt: skip
+
+    @wp.func
+    def even(size: real):
+        """size times the unit matrix."""
+        zero = real(0.0)
+        return vec6(size, size, size, zero, zero, zero)
+
+    @wp.func
+    def times(m: vec6, v: vec3):
+        """m v."""
+        return vec3(
+            m[0] * v[0] + m[3] * v[1] + m[4] * v[2],
+            m[3] * v[0] + m[1] * v[1] + m[5] * v[2],
+            m[4] * v[0] + m[5] * v[1] + m[2] * v[2],
+        )
+
+    @wp.func
+    def inverse(m: vec6):
+        """m^-1, by cofactors of what is left when its size is taken out; zero where m is."""
+        one = real(1.0)
+        mean = (m[0] + m[1] + m[2]) / real(3.0)
+        result = vec6()
+        if mean > real(0.0):
+            n = m / mean
+            xx = n[0] + least
+            yy = n[1] + least
+            zz = n[2] + least
+            c00 = yy * zz - n[5] * n[5]
+            c01 = n[4] * n[5] - n[3] * zz
+            c02 = n[3] * n[5] - n[4] * yy
+            c11 = xx * zz - n[4] * n[4]
+            c12 = n[3] * n[4] - xx * n[5]
+            c22 = xx * yy - n[3] * n[3]
+            determinant = xx * c00 + n[3] * c01 + n[4] * c02
+            if determinant > real(0.0):
+                result = vec6(c00, c11, c22, c01, c02, c12) * (one / (determinant * mean))
+        return result
+
+    return SimpleNamespace(along=along, even=even, times=times, inverse=inverse)
+
+
+@functools.cache
+def stiffness_kernels(precision: str, angles: bool) -> SimpleNamespace:
+    """Kernels ``linearise_hinges`` (with rest angles or flat), ``linearise_weave``, ``couple_pairs``."""
+    types, own = cloth_types(precision), stiffness_types(precision)
+    real, vec3, Cloth = types.real, types.vec3, types.Cloth
+    Edges, Hinges, Weave = types.Edges, types.Hinges, types.Weave
+    mat3, vec6, Pairs = own.mat3, own.vec6, own.Pairs
+    symmetric = symmetric_functions(precision)
+    along, even = symmetric.along, symmetric.even
+    difference = difference_function(precision)
+    half = wp.constant(real(0.5**0.5))
+
+    @wp.func
+    def spring(d: vec3, change: vec3, rest: real, pull: real, push: real, share: real):
+        """Stiffness of a spring at d: f' along it, f / r across it where it pulls, at most where its change ends."""
+        length = wp.max(wp.length(d), real(1.0e-9))
+        reach = share * wp.abs(wp.length(d + change) - length)
+        across = wp.max(tension_force(length + reach, rest, pull, push), real(0.0)) / length
+        stiff = tension_stiffness(length, rest, pull, push, reach)
+        across = wp.min(across, stiff)
+        return along(stiff - across, d / length) + even(across)
+
+    @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
+    def linearise_hinges(
+        cloth: Cloth,
+        hinges: Hinges,
+        gradient_out: wp.array2d(dtype=vec3),  # sqrt(C sin theta) times the angle's gradient, shape [4, H]
+    ):
+        """C sin(theta) grad(theta) grad(theta)^T is a hinge's stiffness; stores a root of it for each corner."""
+        hinge = wp.tid()
+        corners = hinges.corners[hinge]
+        origin = cloth.position[corners[0]]
+        axis = difference(cloth.position[corners[1]], origin)
+        wing_0 = difference(cloth.position[corners[2]], origin)
+        wing_1 = difference(cloth.position[corners[3]], origin)
+        normal_0, normal_1, area_0, area_1 = hinge_fold(axis, wing_0, wing_1)
+        length = wp.length(axis)
+        least = real(THINNEST) * length * length + real(1.0e-30)
+        # as kernels.bending.hinge_turn: the torque of a collapsing triangle fades
+        faded = wp.min(area_0 / least, real(1.0)) * wp.min(area_1 / least, real(1.0))
+        against = normal_1
+        if wp.static(angles):
+            against = turned_back(normal_1, axis, hinges.rest[hinge])
+        bent = wp.length(wp.cross(normal_0, against)) * faded
+        root = wp.sqrt(hinges.stiffness[hinge] * bent)
+        g2 = normal_0 * (root * length / wp.max(area_0, least))
+        g3 = normal_1 * (root * length / wp.max(area_1, least))
+        scale = real(1.0) / (length * length + real(1.0e-30))
+        g1 = -(g2 * (wp.dot(wing_0, axis) * scale) + g3 * (wp.dot(wing_1, axis) * scale))
+        gradient_out[0, hinge] = -(g1 + g2 + g3)
+        gradient_out[1, hinge] = g1
+        gradient_out[2, hinge] = g2
+        gradient_out[3, hinge] = g3
+
+    @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
+    def linearise_weave(
+        cloth: Cloth,
+        weave: Weave,
+        share: real,  # of the last change of a length that is allowed for
+        side_out: wp.array2d(dtype=vec6),  # coupling of the corners (0,1), (1,2), (2,0) [N/m], shape [3, T]
+    ):
+        """Couplings of a woven triangle's corners by its four threads: minus b_i b_j times the thread's stiffness."""
+        triangle = wp.tid()
+        corners = weave.corners[triangle]
+        slope = weave.slope[triangle]
+        law = weave.law[triangle]
+        push = law * law[3]
+        origin = cloth.position[corners[0]]
+        side_1 = difference(cloth.position[corners[1]], origin)
+        side_2 = difference(cloth.position[corners[2]], origin)
+        along_u = weft_vector(slope, side_1, side_2)
+        along_v = warp_vector(slope, side_1, side_2)
+        move = cloth.move[corners[0]]
+        change_u = weft_vector(slope, cloth.move[corners[1]] - move, cloth.move[corners[2]] - move)
+        change_v = warp_vector(slope, cloth.move[corners[1]] - move, cloth.move[corners[2]] - move)
+        one = real(1.0)
+        first = vec6()
+        second = vec6()
+        third = vec6()
+        for thread in range(4):
+            t = along_u
+            change = change_u
+            b1 = slope[0]
+            b2 = slope[1]
+            pull = law[0]
+            low = push[0]
+            if thread == 1:
+                t = along_v
+                change = change_v
+                b1 = slope[2]
+                b2 = slope[3]
+                pull = law[1]
+                low = push[1]
+            if thread > 1:
+                sign = wp.where(thread == 2, half, -half)
+                t = along_u * half + along_v * sign
+                change = change_u * half + change_v * sign
+                b1 = slope[0] * half + slope[2] * sign
+                b2 = slope[1] * half + slope[3] * sign
+                pull = law[2]
+                low = push[2]
+            stiff = spring(t, change, one, pull, low, share)
+            b0 = -(b1 + b2)
+            first -= stiff * (b0 * b1)
+            second -= stiff * (b1 * b2)
+            third -= stiff * (b2 * b0)
+        side_out[0, triangle] = first
+        side_out[1, triangle] = second
+        side_out[2, triangle] = third
+
+    @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
+    def couple_pairs(
+        cloth: Cloth,
+        edges: Edges,
+        pairs: Pairs,
+        share: real,  # as of linearise_weave
+        gradient: wp.array2d(dtype=vec3),  # from linearise_hinges
+        side: wp.array2d(dtype=vec6),  # from linearise_weave
+        coupling_out: wp.array(dtype=mat3),  # S_ij in row i and its transpose in row j [N/m], shape [2 N]
+        pair_out: wp.array(dtype=vec6),  # symmetric part of S_ij, shape [N]
+    ):
+        """Sums what couples the two vertices of a pair."""
+        pair = wp.tid()
+        s = vec6()
+        edge = pairs.edge[pair]
+        if edge >= 0:
+            ends = edges.ends[edge]
+            law = edges.law[edge]
+            d = difference(cloth.position[ends[1]], cloth.position[ends[0]])
+            change = cloth.move[ends[1]] - cloth.move[ends[0]]
+            s = spring(d, change, law[0], law[1], law[2], share)
+        for row in range(pairs.weave_start[pair], pairs.weave_start[pair + 1]):
+            code = pairs.weave[row]
+            s += side[code % 3, code // 3]
+        full = mat3(s[0], s[3], s[4], s[3], s[1], s[5], s[4], s[5], s[2])
+        for row in range(pairs.hinge_start[pair], pairs.hinge_start[pair + 1]):
+            code = pairs.hinge[row]
+            hinge = code // 16
+            full -= wp.outer(gradient[(code // 4) % 4, hinge], gradient[code % 4, hinge])
+        slot = pairs.slot[pair]
+        coupling_out[slot[0]] = full
+        coupling_out[slot[1]] = wp.transpose(full)
+        two = real(0.5)
+        pair_out[pair] = vec6(
+            full[0, 0], full[1, 1], full[2, 2],
+            (full[0, 1] + full[1, 0]) * two, (full[0, 2] + full[2, 0]) * two, (full[1, 2] + full[2, 1]) * two,
+        )  # fmt: skip
+
+    return SimpleNamespace(
+        linearise_hinges=linearise_hinges, linearise_weave=linearise_weave, couple_pairs=couple_pairs
+    )

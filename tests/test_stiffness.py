@@ -1,0 +1,128 @@
+"""The linearised forces against finite differences of the forces, and their coarse levels against a dense product."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import warp as wp
+from cloths import cloth_forces, deformed_model, grid, model_of, without
+
+from warp_cloth.fabric import Fabric
+from warp_cloth.kernels.displace import NoCollider
+from warp_cloth.kernels.stiffness import stiffness_kernels, stiffness_types
+from warp_cloth.model import ClothModel, GarmentPart
+from warp_cloth.rest import build_rest_shape
+from warp_cloth.solver.hierarchy import build_hierarchy
+from warp_cloth.solver.implicit import ImplicitOptions, ImplicitStep
+from warp_cloth.solver.pairs import build_pairs
+
+STEP = 1e-7  # [m]; central differences of a smooth force: relative error near 1e-8
+DIFFERENCE = 1e-6
+ROUNDING = 1e-12
+MESH = grid(6, 0.2)
+FABRIC = Fabric(stretch_warp=2e4, stretch_weft=1e4, bending_warp=1e-5, bending_weft=1e-5)
+WOVEN = Fabric(stretch_warp=2e4, stretch_weft=1e4, shear=50.0, bending_warp=0.0, bending_weft=0.0)
+
+
+def stretched(share: float = 1.1) -> np.ndarray:
+    """The grid pulled in its plane, every edge and thread longer than at rest, and shaken a little."""
+    shaken = np.random.default_rng(3).normal(scale=3e-4, size=MESH.points.shape)
+    return MESH.points * share + shaken
+
+
+def matrix_of(model: ClothModel) -> np.ndarray:
+    """The couplings as one matrix, shape [3 V, 3 V]: what moving the vertices takes off the forces [N/m]."""
+    table = build_pairs(model)
+    own = stiffness_types(model.precision)
+    kernels = stiffness_kernels(model.precision, model.terms.angles)
+    gradient = wp.zeros((4, model.hinge_count), dtype=wp.vec3d, device="cpu")
+    side = wp.zeros((3, model.weave_count), dtype=own.vec6, device="cpu")
+    coupling = wp.zeros(2 * len(table.ends), dtype=own.mat3, device="cpu")
+    pair = wp.zeros(len(table.ends), dtype=own.vec6, device="cpu")
+    if model.hinges is not None:
+        wp.launch(kernels.linearise_hinges, model.hinge_count, [model.cloth, model.hinges, gradient], device="cpu")
+    if model.weave is not None:
+        wp.launch(kernels.linearise_weave, model.weave_count, [model.cloth, model.weave, 0.0, side], device="cpu")
+    inputs = [model.cloth, model.edges, table.pairs, 0.0, gradient, side, coupling, pair]
+    wp.launch(kernels.couple_pairs, len(table.ends), inputs, device="cpu")
+    matrix = np.zeros((model.vertex_count, 3, model.vertex_count, 3))
+    start, other, blocks = table.start.numpy(), table.other.numpy(), coupling.numpy()
+    for vertex in range(model.vertex_count):
+        for row in range(start[vertex], start[vertex + 1]):
+            matrix[vertex, :, other[row]] -= blocks[row]
+            matrix[vertex, :, vertex] += blocks[row]
+    return matrix.reshape(3 * model.vertex_count, -1)
+
+
+def slopes(model: ClothModel) -> np.ndarray:
+    """Minus the change of all forces with every coordinate, by central differences, shape [3 V, 3 V]."""
+    points = model.points()
+    columns = []
+    for coordinate in range(points.size):
+        sides = []
+        for way in (STEP, -STEP):
+            moved = points.ravel().copy()
+            moved[coordinate] += way
+            model.set_points(moved.reshape(-1, 3))
+            sides.append(cloth_forces(model)[:, :3].ravel())
+        columns.append((sides[1] - sides[0]) / (2.0 * STEP))
+    model.set_points(points)
+    return np.stack(columns, axis=1)
+
+
+@pytest.mark.parametrize("fabric", [FABRIC, WOVEN], ids=["edges", "woven"])
+def test_stretched_cloth_changes_its_forces_as_linearised(fabric: Fabric) -> None:
+    rest = without(build_rest_shape(MESH, fabric, rest="mesh"), bending=True)
+    model = model_of(MESH, rest)
+    model.set_points(stretched())
+    expected = slopes(model)
+    assert matrix_of(model) == pytest.approx(expected, abs=DIFFERENCE * np.abs(expected).max())
+
+
+def test_a_hinge_resists_along_its_angles_gradient() -> None:
+    rest = without(build_rest_shape(MESH, FABRIC, rest="mesh"), tension=True)
+    points = np.array([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0], [0.04, 0.08, 0.0], [0.05, -0.06, 0.05]])
+    mesh = type(MESH)("hinge", points, np.array([[0, 1, 2], [1, 0, 3]], dtype=np.int32))
+    rest = without(build_rest_shape(mesh, FABRIC, rest="mesh"), tension=True)
+    model = model_of(mesh, rest)
+    force = cloth_forces(model)[:, :3].ravel()
+    normals = np.cross(points[1], points[2]), np.cross(points[3], points[1])
+    unit = [normal / np.linalg.norm(normal) for normal in normals]
+    cosine = float(unit[0] @ unit[1])
+    stiffness = rest.hinge_stiffness[rest.hinge_stiffness > 0.0][0]
+    gradient = force / (stiffness * (1.0 - cosine))  # of the angle, up to its sign
+    expected = stiffness * np.sqrt(1.0 - cosine**2) * np.outer(gradient, gradient)
+    assert matrix_of(model) == pytest.approx(expected, abs=1e-9 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("fabric", [FABRIC, WOVEN], ids=["edges", "woven"])
+def test_crumpled_cloth_is_never_linearised_to_run_away(fabric: Fabric) -> None:
+    crumpled = MESH.points + np.random.default_rng(5).normal(scale=0.02, size=MESH.points.shape)
+    matrix = matrix_of(deformed_model(MESH, crumpled, fabric))
+    assert np.abs(matrix - matrix.T).max() < ROUNDING * np.abs(matrix).max()
+    values = np.linalg.eigvalsh(matrix)
+    assert values[0] > -ROUNDING * values[-1]
+
+
+def test_coarse_blocks_are_those_of_the_dense_product() -> None:
+    mesh = grid(17, 0.2)
+    rest = build_rest_shape(mesh, FABRIC, rest="mesh")
+    pins = np.array([0, 16], dtype=np.int32)
+    part = GarmentPart(mesh.points, mesh.triangles, rest, pins)
+    model = model_of(mesh, rest, pins=pins)
+    model.set_points(mesh.points * 1.05 + np.random.default_rng(1).normal(scale=1e-3, size=mesh.points.shape))
+    table = build_pairs(model)
+    levels = build_hierarchy(model, [part], table.ends)
+    assert len(levels) == 1
+    step = ImplicitStep(model, None, NoCollider, table, levels, ImplicitOptions())
+    step._linearise(True)
+    follow = np.zeros((model.vertex_count, levels[0].count))
+    start, index, weight = (getattr(levels[0].up, name).numpy() for name in ("start", "index", "weight"))
+    for vertex in range(model.vertex_count):
+        follow[vertex, index[start[vertex] : start[vertex + 1]]] = weight[start[vertex] : start[vertex + 1]]
+    fine = matrix_of(model).reshape(model.vertex_count, 3, model.vertex_count, 3)
+    dense = np.einsum("ia,iujv,ja->auv", follow, fine, follow, optimize=True)
+    found = step._block[0].numpy()
+    expected = np.stack([dense[:, a, b] for a, b in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))], axis=1)
+    # weights below hierarchy.SMALLEST are left out
+    assert found == pytest.approx(expected, abs=1e-3 * np.abs(expected).max())

@@ -1,0 +1,192 @@
+"""The implicit step: every displacement solves the forces, linearised where the cloth is, over all vertices at once.
+
+A per-vertex step passes a force on from neighbour to neighbour, so that its number grows with the vertices across the
+cloth. Here the coarser levels carry it across at once, and the number hardly grows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from warp_cloth.kernels.cloth import cloth_types
+from warp_cloth.kernels.conjugate import conjugate_kernels, conjugate_types, dot_kernels
+from warp_cloth.kernels.implicit import implicit_kernels
+from warp_cloth.kernels.levels import level_kernels, level_types
+from warp_cloth.kernels.stiffness import stiffness_kernels, stiffness_types
+from warp_cloth.model import ClothModel
+from warp_cloth.solver.forces import ForcePass
+from warp_cloth.solver.hierarchy import Level
+from warp_cloth.solver.pairs import PairTable
+
+# Of a garment's sums, whatever its size: it ends in the same bits beside a larger one.
+PARTS = 128
+
+
+@dataclass(frozen=True)
+class ImplicitOptions:
+    """How an implicit step moves the cloth. Every default with its unit and reason.
+
+    fall: how far its own weight moves a vertex in the first step [m]: inertia is what resists where the cloth does
+        not, and while it falls or unfolds too long a step overstretches it.
+    most_fall: the same in the end [m]; beyond, a draped cloth no longer settles.
+    easing: growth of the fall from step to step. With 1.05 stiff cloth on a ball was still moving when it was eased.
+    reach: the stiffness allows for an edge changing its length by this many times its last change.
+    momentum: share of the last displacement that the solution starts from.
+    rounds: of conjugate gradients in a step; with 5 stiff cloth on a ball no longer settled, 20 gained nothing.
+    renewal: the coarser levels' stiffness is summed anew every so many steps.
+    """
+
+    fall: float = 1e-3
+    most_fall: float = 15e-3
+    easing: float = 1.02
+    reach: float = 1.0
+    momentum: float = 0.9
+    rounds: int = 10
+    renewal: int = 2
+
+
+class ImplicitStep:
+    """Owns the scratch memory of a model's implicit steps and launches them."""
+
+    def __init__(
+        self,
+        model: ClothModel,
+        contact: wp.Function | None,
+        collider_type: Any,
+        table: PairTable,
+        levels: Sequence[Level],
+        options: ImplicitOptions,
+    ) -> None:
+        precision = model.precision
+        types, own = cloth_types(precision), stiffness_types(precision)
+        self._model, self._levels, self._options = model, levels, options
+        self._pairs = table.pairs
+        self._pair_count = len(table.ends)
+        self._load = self._zeros(model.vertex_count, types.vec4)
+        self._forces = ForcePass(model, "none", self._load)
+        self._gradient = self._zeros((4, model.hinge_count), types.vec3)
+        self._side = self._zeros((3, model.weave_count), own.vec6)
+        sizes = [model.vertex_count, *(level.count for level in levels)]
+        self._pair = [self._zeros(n, own.vec6) for n in (self._pair_count, *(level.pair_count for level in levels))]
+        self._anchor = [self._zeros(size, own.vec6) for size in sizes]
+        self._block, self._divisor = ([self._zeros(size, own.vec6) for size in sizes[1:]] for _ in range(2))
+        self._left, self._answer = ([self._zeros(size, types.vec3) for size in sizes[1:]] for _ in range(2))
+        starts = np.array(model.vertex_start)
+        self._groups = len(starts) - 1
+        self._first = wp.array(starts.astype(np.int32), dtype=wp.int32, device=model.device)
+        self._part = self._zeros((self._groups, PARTS), wp.float64)
+        self._system = self._make_system(table)
+        self._no_rows = level_types(precision).Rows()
+        self._stiffness, self._level = stiffness_kernels(precision, model.terms.angles), level_kernels(precision)
+        self._conjugate, self._dots = conjugate_kernels(precision), dot_kernels(precision)
+        self._ends = implicit_kernels(precision, contact, collider_type)
+
+    def _zeros(self, shape: Any, dtype: Any) -> wp.array:
+        return wp.zeros(shape, dtype=dtype, device=self._model.device)
+
+    def _make_system(self, table: PairTable) -> Any:
+        model = self._model
+        types, own = cloth_types(model.precision), stiffness_types(model.precision)
+        count = model.vertex_count
+        system = conjugate_types(model.precision).System()
+        groups = np.repeat(np.arange(self._groups, dtype=np.int32), np.diff(model.vertex_start))
+        system.garment = wp.array(groups, dtype=wp.int32, device=model.device)
+        system.start, system.other = table.start, table.other
+        system.fall = self._zeros(self._groups, types.real)
+        system.fall.fill_(self._options.fall)
+        system.coupling = self._zeros(2 * self._pair_count, own.mat3)
+        system.inertia, system.gap = self._zeros(count, types.real), self._zeros(count, types.real)
+        system.divisor = self._zeros(count, own.vec6)
+        system.hold, system.pressed = self._zeros(count, wp.int32), self._zeros(count, wp.uint8)
+        for name in ("normal", "displacement", "residual", "correction", "direction", "product"):
+            setattr(system, name, self._zeros(count, types.vec3))
+        for name in ("along", "before", "across"):
+            setattr(system, name, self._zeros(self._groups, wp.float64))
+        return system
+
+    def kernels(self) -> list[wp.Kernel]:
+        """The kernels that a step launches."""
+
+        def used(group: SimpleNamespace) -> list[wp.Kernel]:
+            return list(vars(group).values())
+
+        stiffness = [self._stiffness.couple_pairs]
+        stiffness += [self._stiffness.linearise_hinges] if self._model.hinges is not None else []
+        stiffness += [self._stiffness.linearise_weave] if self._model.weave is not None else []
+        levels = used(self._level) if self._levels else []
+        return [
+            *self._forces.kernels(),
+            *stiffness,
+            *levels,
+            *used(self._conjugate),
+            *used(self._dots),
+            *used(self._ends),
+        ]
+
+    def launch(self, step: Any, collider_data: Any, renew: bool) -> None:
+        """One step. ``step`` is a kernels.cloth Step; ``renew`` sums the coarser levels' stiffness anew."""
+        model, system = self._model, self._system
+        self._forces.launch(step)
+        self._linearise(renew)
+        inputs = [step, collider_data, model.cloth, self._load, system, self._anchor[0]]
+        self._launch(self._ends.face_forces, model.vertex_count, inputs)
+        for number, level in enumerate(self._levels):
+            anchors, block = self._anchor[number : number + 2], self._block[number]
+            inputs = [level.down, anchors[0], block, anchors[1], self._divisor[number]]
+            self._launch(self._level.gather_anchors, level.count, inputs)
+        self._solve()
+        self._launch(self._ends.take_step, model.vertex_count, [collider_data, model.cloth, system])
+        own = self._options
+        self._launch(self._ends.ease_inertia, self._groups, [own.easing, own.most_fall, self._system])
+
+    def _linearise(self, renew: bool) -> None:
+        model, kernels, reach = self._model, self._stiffness, self._options.reach
+        if model.hinges is not None:
+            self._launch(kernels.linearise_hinges, model.hinge_count, [model.cloth, model.hinges, self._gradient])
+        if model.weave is not None:
+            self._launch(kernels.linearise_weave, model.weave_count, [model.cloth, model.weave, reach, self._side])
+        elements = [model.cloth, model.edges, self._pairs, reach, self._gradient, self._side]
+        self._launch(kernels.couple_pairs, self._pair_count, [*elements, self._system.coupling, self._pair[0]])
+        for number, level in enumerate(self._levels if renew else ()):
+            finer, pair = self._pair[number : number + 2]
+            self._launch(self._level.gather_blocks, level.pair_count, [level.pairs, finer, pair])
+            self._launch(self._level.gather_blocks, level.count, [level.blocks, pair, self._block[number]])
+
+    def _solve(self) -> None:
+        system, kernels, count = self._system, self._conjugate, self._model.vertex_count
+        self._launch(kernels.begin_solution, count, [system])
+        system.along.zero_()
+        for _ in range(self._options.rounds):
+            self._precondition()
+            self._dot(system.residual, system.correction, system.along, system.before)
+            self._launch(kernels.turn_direction, count, [system])
+            self._launch(kernels.multiply_direction, count, [system])
+            self._dot(system.direction, system.product, system.across, None)
+            self._launch(kernels.advance_solution, count, [system])
+
+    def _precondition(self) -> None:
+        levels = self._levels
+        finer = self._system.residual
+        for level, left in zip(levels, self._left, strict=True):
+            self._launch(self._level.restrict_residual, level.count, [level.down, finer, left])
+            finer = left
+        up, coarser = self._no_rows, None
+        for level, divisor, left, answer in reversed(
+            list(zip(levels, self._divisor, self._left, self._answer, strict=True))
+        ):
+            self._launch(self._level.correct_level, level.count, [up, divisor, left, coarser, answer])
+            up, coarser = level.up, answer
+        self._launch(self._conjugate.precondition_residual, self._model.vertex_count, [self._system, up, coarser])
+
+    def _dot(self, a: wp.array, b: wp.array, out: wp.array, last: wp.array | None) -> None:
+        self._launch(self._dots.dot_parts, self._part.shape, [self._first, a, b, self._part])
+        self._launch(self._dots.sum_parts, self._groups, [self._part, out, last])
+
+    def _launch(self, kernel: wp.Kernel, size: Any, inputs: list[Any]) -> None:
+        wp.launch(kernel, dim=size, inputs=inputs, device=self._model.device)

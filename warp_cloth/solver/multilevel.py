@@ -1,0 +1,121 @@
+"""The multilevel method: a garment's overstretched seams are closed vertex by vertex, all else by implicit steps."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import warp as wp
+
+from warp_cloth.kernels.certify import energy_kernels
+from warp_cloth.model import ClothModel, GarmentPart
+from warp_cloth.solver.certificate import edge_strains
+from warp_cloth.solver.hierarchy import build_hierarchy
+from warp_cloth.solver.implicit import ImplicitOptions, ImplicitStep
+from warp_cloth.solver.pairs import build_pairs
+from warp_cloth.solver.relax import DEFAULT_CAP, Collider, Relaxation, StepOptions
+
+if TYPE_CHECKING:
+    from warp_cloth.collide.cloth import ClothTouch
+
+# Forces grow with the square of the strain: what starts 48 times too long tears at its neighbours far beyond where
+# they may be linearised. Per-vertex steps with their bound of the stiffness close a seam in some hundred iterations.
+DRAWN = 0.05  # rms strain of the edges from which on steps are implicit
+LEAST_GAIN = 0.05  # or where so many iterations bring it down by no more than this share: tight cloth stays stretched
+LOOK = 100  # iterations
+MOST_LOOKS = 10
+
+
+class MultilevelRelaxation(Relaxation):
+    """Runs a model's iterations: per-vertex ones first where edges are overstretched, then implicit steps.
+
+    An iteration is one pass over all vertices: of an implicit step's solution, a round.
+    """
+
+    def __init__(
+        self,
+        model: ClothModel,
+        collider: Collider,
+        options: StepOptions,
+        parts: Sequence[GarmentPart],
+        implicit: ImplicitOptions | None = None,
+    ) -> None:
+        implicit = implicit or ImplicitOptions()
+        self._implicit: ImplicitStep | None = None
+        super().__init__(model, collider, vertex_by_vertex(options))
+        table = build_pairs(model)
+        levels = build_hierarchy(model, parts, table.ends)
+        self._implicit = ImplicitStep(model, self.contact, self.collider_type, table, levels, implicit)
+        self._options = options, implicit
+        self._drawing = True
+        self._looks, self._strain, self._since = 0, math.inf, 0
+
+    def kernels(self) -> list[wp.Kernel]:
+        """The kernels that iterations launch."""
+        own = self._implicit.kernels() if self._implicit is not None else []
+        return [*super().kernels(), *own, energy_kernels(self.model.precision).measure_tension]
+
+    def iterate(self, count: int = 1) -> None:
+        """Launches iterations, of implicit steps whole ones."""
+        if self._drawing or self._implicit is None:
+            super().iterate(count)
+            return
+        implicit = self._options[1]
+        for number in range(max(1, count // implicit.rounds)):
+            self._implicit.launch(self.step, self.collider_data, number % implicit.renewal == 0)
+
+    def run(self, iterations: int) -> None:
+        """Runs a chunk of iterations as one captured graph; looks from time to time whether seams are closed yet."""
+        if self._drawing:
+            self._look()
+        self._since += iterations
+        super().run(iterations)
+
+    def _look(self) -> None:
+        if self._looks and self._since < LOOK:
+            return
+        strain = float(np.sqrt(np.mean(np.maximum(edge_strains(self.model), 0.0) ** 2)))
+        stays = strain > (1.0 - LEAST_GAIN) * self._strain
+        if strain <= DRAWN or stays or self._looks == MOST_LOOKS:
+            self._drawing = False
+            options, implicit = self._options
+            self.step.momentum = implicit.momentum
+            self._items["cap"] = options.largest_move
+            self.tell_items()
+            self.forget_graphs()
+        self._looks, self._strain, self._since = self._looks + 1, strain, 0
+
+
+def relaxation_by(
+    options: StepOptions,
+    model: ClothModel,
+    colliders: Sequence[Collider],
+    parts: Sequence[GarmentPart],
+    touch: ClothTouch | None = None,
+    caps: Sequence[float | None] | None = None,
+) -> Relaxation:
+    """What iterates by the options' method; vertex by vertex where cloth meets cloth.
+
+    Args:
+        options: the method and its step.
+        model: the garments' model; of the multilevel method, of one item.
+        colliders: the items' contact with their avatars.
+        parts: the model's garments.
+        touch: contact of cloth with cloth; None: it passes through itself.
+        caps: largest displacements of the items [m]; None: the options'.
+    """
+    if options.method != "multilevel":
+        return Relaxation(model, colliders, options, touch, caps)
+    if caps is not None:
+        options = replace(options, cap=caps[0])
+    if touch is not None:
+        return Relaxation(model, colliders, vertex_by_vertex(options), touch)
+    return MultilevelRelaxation(model, colliders[0], options, parts)
+
+
+def vertex_by_vertex(options: StepOptions) -> StepOptions:
+    """The accelerated method's, with a cap no larger than its own."""
+    return replace(options, method="accelerated", cap=min(options.largest_move, DEFAULT_CAP["accelerated"]))
