@@ -10,7 +10,7 @@ from types import SimpleNamespace
 import warp as wp
 
 from warp_cloth.kernels.cloth import MODULE_OPTIONS, cloth_types
-from warp_cloth.kernels.levels import level_types
+from warp_cloth.kernels.levels import level_types, row_function
 from warp_cloth.kernels.stiffness import stiffness_types, symmetric_functions
 
 # What contact, friction and pins leave of a vertex's freedom: all, all but its normal, nothing.
@@ -75,6 +75,7 @@ def conjugate_kernels(precision: str) -> SimpleNamespace:
     System, Rows = conjugate_types(precision).System, level_types(precision).Rows
     times = symmetric_functions(precision).times
     allowed = allowed_function(precision)
+    add_row = row_function(precision)
 
     @wp.func
     def coupled(system: System, x: wp.array(dtype=vec3), vertex: int):
@@ -108,8 +109,7 @@ def conjugate_kernels(precision: str) -> SimpleNamespace:
         if hold != STAYS:
             sum = times(system.divisor[vertex], system.residual[vertex])
             if coarser:
-                for entry in range(up.start[vertex], up.start[vertex + 1]):
-                    sum += coarser[up.index[entry]] * up.weight[entry]
+                sum = add_row(sum, up, vertex, coarser)
         system.correction[vertex] = allowed(sum, system.normal[vertex], hold)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)

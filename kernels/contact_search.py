@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import warp as wp
 
-from warp_cloth.kernels.cloth import MODULE_OPTIONS, cloth_types
+from warp_cloth.kernels.cloth import MODULE_OPTIONS, cloth_types, place_function
 from warp_cloth.kernels.cloth_contact import NEIGHBOURS, ON_EDGE, ON_TRIANGLE, ClothContact, pair_way, pair_weights
 from warp_cloth.kernels.crossing import has_vertex
 
@@ -62,13 +62,7 @@ def keep_pair(contact: ClothContact, corners: wp.vec4i, kind: int):
 @functools.cache
 def search_kernels(precision: str) -> SimpleNamespace:
     """Kernels ``start_search``, ``box_sheets``, ``find_on_triangles`` and ``find_on_edges``, in this order."""
-    types = cloth_types(precision)
-    point, Cloth = types.point, types.Cloth
-
-    @wp.func
-    def at(position: wp.array(dtype=point), vertex: int):
-        """Where a vertex is [m]."""
-        return wp.vec3d(position[vertex])
+    Cloth, at = cloth_types(precision).Cloth, place_function(precision)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def start_search(cloth: Cloth, contact: ClothContact):

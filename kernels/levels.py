@@ -30,12 +30,28 @@ def level_types(precision: str) -> SimpleNamespace:
 
 
 @functools.cache
+def row_function(precision: str) -> wp.Function:
+    """The function that adds a row of a sparse matrix times displacements [m], or forces [N], to a sum."""
+    vec3, Rows = cloth_types(precision).vec3, level_types(precision).Rows
+
+    @wp.func
+    def add_row(sum: vec3, rows: Rows, row: int, x: wp.array(dtype=vec3)):
+        """sum + sum_j P_ij x_j, added in the order of the row."""
+        for entry in range(rows.start[row], rows.start[row + 1]):
+            sum += x[rows.index[entry]] * rows.weight[entry]
+        return sum
+
+    return add_row
+
+
+@functools.cache
 def level_kernels(precision: str) -> SimpleNamespace:
     """Kernels ``gather_blocks``, ``gather_anchors``, ``restrict_residual``, ``correct_level``."""
     vec3 = cloth_types(precision).vec3
     vec6, Rows = stiffness_types(precision).vec6, level_types(precision).Rows
     symmetric = symmetric_functions(precision)
     inverse, times = symmetric.inverse, symmetric.times
+    add_row = row_function(precision)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def gather_blocks(
@@ -75,10 +91,7 @@ def level_kernels(precision: str) -> SimpleNamespace:
     ):
         """Forces left on the coarse vertices."""
         vertex = wp.tid()
-        sum = vec3()
-        for entry in range(down.start[vertex], down.start[vertex + 1]):
-            sum += residual[down.index[entry]] * down.weight[entry]
-        residual_out[vertex] = sum
+        residual_out[vertex] = add_row(vec3(), down, vertex, residual)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def correct_level(
@@ -92,8 +105,7 @@ def level_kernels(precision: str) -> SimpleNamespace:
         vertex = wp.tid()
         sum = times(divisor[vertex], residual[vertex])
         if coarser:
-            for entry in range(up.start[vertex], up.start[vertex + 1]):
-                sum += coarser[up.index[entry]] * up.weight[entry]
+            sum = add_row(sum, up, vertex, coarser)
         correction_out[vertex] = sum
 
     return SimpleNamespace(

@@ -235,10 +235,10 @@ def stiffness_kernels(precision: str, angles: bool) -> SimpleNamespace:
         slot = pairs.slot[pair]
         coupling_out[slot[0]] = full
         coupling_out[slot[1]] = wp.transpose(full)
-        two = real(0.5)
+        mean = real(0.5)
         pair_out[pair] = vec6(
             full[0, 0], full[1, 1], full[2, 2],
-            (full[0, 1] + full[1, 0]) * two, (full[0, 2] + full[2, 0]) * two, (full[1, 2] + full[2, 1]) * two,
+            (full[0, 1] + full[1, 0]) * mean, (full[0, 2] + full[2, 0]) * mean, (full[1, 2] + full[2, 1]) * mean,
         )  # fmt: skip
 
     return SimpleNamespace(

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import warp as wp
 
-from warp_cloth.kernels.cloth import MODULE_OPTIONS, cloth_types
+from warp_cloth.kernels.cloth import MODULE_OPTIONS, cloth_types, place_function
 from warp_cloth.kernels.cloth_contact import ClothContact
 from warp_cloth.kernels.contact_search import SLACK, ContactSearch, spans_gap
 from warp_cloth.kernels.crossing import has_vertex, segment_pierces, volume
@@ -72,13 +72,7 @@ def add_shift(sum: wp.array2d(dtype=wp.int64), vertex: int, shift: wp.vec3d):
 @functools.cache
 def untangle_kernels(precision: str) -> SimpleNamespace:
     """Kernels ``forget_tangles``, ``part_crossings``, ``part_layers`` and ``settle_shifts``, in this order."""
-    types = cloth_types(precision)
-    point, Cloth = types.point, types.Cloth
-
-    @wp.func
-    def at(position: wp.array(dtype=point), vertex: int):
-        """Where a vertex is [m]."""
-        return wp.vec3d(position[vertex])
+    Cloth, at = cloth_types(precision).Cloth, place_function(precision)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def forget_tangles(search: ContactSearch, untangling: Untangling):

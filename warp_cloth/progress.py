@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Sequence
 from types import TracebackType
-from typing import Protocol
+from typing import Protocol, TypeVar
 
 from rich.console import Console
-from rich.progress import BarColumn, TextColumn, TimeElapsedColumn
+from rich.progress import BarColumn, ProgressColumn, TextColumn, TimeElapsedColumn
 from rich.progress import Progress as Bar
 
 LOG_SECONDS = 5.0  # between two lines where there is no terminal: a log stays short
@@ -39,25 +40,19 @@ class Step(Protocol):
     def iterations_per_second(self) -> float | None: ...
 
 
-class ProgressDisplay:
-    """Shows a fit's steps as they come: one moving line on a terminal, a few plain lines elsewhere."""
+Display = TypeVar("Display", bound="LineDisplay")
 
-    def __init__(self, console: Console) -> None:
+
+class LineDisplay:
+    """One moving line on a terminal, a few plain lines elsewhere; what is told is for those who derive from it."""
+
+    def __init__(self, console: Console, columns: Sequence[ProgressColumn], task: str) -> None:
         self._console = console
-        self._stage = ""
         self._last_line = -math.inf  # when [s]
-        self._bar = Bar(
-            TextColumn("{task.description:<10}"),
-            BarColumn(bar_width=24),
-            TextColumn("{task.fields[figures]}", markup=False),
-            TimeElapsedColumn(),
-            console=console,
-            transient=True,
-            disable=not console.is_terminal,
-        )
-        self._task = self._bar.add_task("starting", total=None, figures="")
+        self._bar = Bar(*columns, console=console, transient=True, disable=not console.is_terminal)
+        self._task = self._bar.add_task(task, total=None, figures="")
 
-    def __enter__(self) -> ProgressDisplay:
+    def __enter__(self: Display) -> Display:
         self._bar.start()
         return self
 
@@ -65,6 +60,31 @@ class ProgressDisplay:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self._bar.stop()
+
+    def _line_due(self, at_once: bool) -> bool:
+        """Whether it is time for a plain line, and if so, counts it as written."""
+        now = time.monotonic()
+        due = at_once or now - self._last_line >= LOG_SECONDS
+        if due:
+            self._last_line = now
+        return due
+
+    def _write(self, line: str) -> None:
+        self._console.print(line, markup=False, highlight=False, soft_wrap=True)
+
+
+class ProgressDisplay(LineDisplay):
+    """Shows a fit's steps as they come."""
+
+    def __init__(self, console: Console) -> None:
+        columns = (
+            TextColumn("{task.description:<10}"),
+            BarColumn(bar_width=24),
+            TextColumn("{task.fields[figures]}", markup=False),
+            TimeElapsedColumn(),
+        )
+        super().__init__(console, columns, "starting")
+        self._stage = ""
 
     def __call__(self, step: Step) -> None:
         stage = STAGES.get(step.stage, step.stage)
@@ -74,10 +94,9 @@ class ProgressDisplay:
             total = step.iteration_limit if relaxing else None
             self._bar.update(self._task, description=stage, total=total, completed=step.iteration, figures=told)
             return
-        now = time.monotonic()
-        if stage != self._stage or now - self._last_line >= LOG_SECONDS:
-            self._stage, self._last_line = stage, now
-            self._console.print(f"{stage} {told}".rstrip(), markup=False, highlight=False, soft_wrap=True)
+        if self._line_due(at_once=stage != self._stage):
+            self._stage = stage
+            self._write(f"{stage} {told}".rstrip())
 
 
 def figures(step: Step) -> str:

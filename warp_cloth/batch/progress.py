@@ -2,25 +2,18 @@
 
 from __future__ import annotations
 
-import math
-import time
-from types import TracebackType
-
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
-from rich.progress import Progress as Bar
 
 from warp_cloth.batch.drive import Standing
-from warp_cloth.progress import LOG_SECONDS
+from warp_cloth.progress import LineDisplay
 
 
-class BatchDisplay:
-    """One moving line on a terminal, a few plain lines elsewhere."""
+class BatchDisplay(LineDisplay):
+    """Shows where a batch stands."""
 
     def __init__(self, console: Console) -> None:
-        self._console = console
-        self._last_line = -math.inf  # when [s]
-        self._bar = Bar(
+        columns = (
             TextColumn("fitting"),
             BarColumn(bar_width=24),
             MofNCompleteColumn(),
@@ -28,34 +21,20 @@ class BatchDisplay:
             TimeElapsedColumn(),
             TextColumn("left"),
             TimeRemainingColumn(),
-            console=console,
-            transient=True,
-            disable=not console.is_terminal,
         )
-        self._task = self._bar.add_task("fitting", total=None, figures="")
-
-    def __enter__(self) -> BatchDisplay:
-        self._bar.start()
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._bar.stop()
+        super().__init__(console, columns, "fitting")
 
     def __call__(self, standing: Standing) -> None:
         told = figures(standing)
         if self._console.is_terminal:
             self._bar.update(self._task, total=standing.items, completed=standing.done, figures=told)
             return
-        now = time.monotonic()
-        if now - self._last_line >= LOG_SECONDS or standing.done == standing.items:
-            self._last_line = now
+        if self._line_due(at_once=standing.done == standing.items):
             line = f"fitted {standing.done}/{standing.items} {told}".rstrip()
             left = time_left(standing)
             if left:
                 line += f"  {left} left"
-            self._console.print(line, markup=False, highlight=False, soft_wrap=True)
+            self._write(line)
 
 
 def figures(standing: Standing) -> str:
