@@ -1,13 +1,13 @@
-"""Figures of each item of a batch: over chunks of its vertices, then over its chunks, always in the same order."""
+"""Figures of each item of a batch: over chunks of its vertices, then over groups of these, always in one order."""
 
 import functools
-from types import SimpleNamespace
 
 import warp as wp
 
 from warp_cloth.kernels.cloth import MODULE_OPTIONS, cloth_types, rest_function
 
-CHUNK = 64  # vertices that one thread sums: enough of them on a GPU, and few sums left over
+CHUNK = 16  # vertices that one thread sums: a GPU has threads for them all, and each waits for its own in turn
+GROUP = 32  # sums that the next thread sums
 # Columns of a summary: free vertices, squares of the residual in weights and relative; squares of three ways [m2];
 # largest coordinate's change since the last look [m]; lowest and highest corner of the bounding box [m].
 FREE, WEIGHTS, RELATIVE, WAYS, MOVED, LOWER, UPPER, COLUMNS = 0, 1, 2, 3, 6, 7, 10, 13
@@ -15,16 +15,13 @@ NOWHERE = wp.constant(wp.float64(1.0e300))
 
 
 @functools.cache
-def summary_kernels(precision: str) -> SimpleNamespace:
-    """Kernels ``summarise_chunks``, ``summarise_items`` and ``keep_shape`` in one precision."""
-    types = cloth_types(precision)
-    point, Cloth = types.point, types.Cloth
-
-    rests = rest_function(precision)
+def looks_type(precision: str) -> type:
+    """The struct of the shapes that the one now is compared with."""
+    point = cloth_types(precision).point
 
     @wp.struct
     class Looks:
-        """Shapes that the one now is compared with."""
+        """Shapes on the way."""
 
         last: wp.array(dtype=point)  # at the last look [m], shape [V]
         marks: int  # how many of the earlier shapes are known: 3 or none
@@ -32,11 +29,21 @@ def summary_kernels(precision: str) -> SimpleNamespace:
         mark_2: wp.array(dtype=wp.vec3f)
         mark_3: wp.array(dtype=wp.vec3f)
 
-    @wp.func
-    def squared_way(a: wp.vec3f, b: wp.vec3f):
-        """|a - b|^2 [m2]."""
-        d = wp.vec3d(a - b)
-        return wp.dot(d, d)
+    return Looks
+
+
+@wp.func
+def squared_way(a: wp.vec3f, b: wp.vec3f):
+    """|a - b|^2 [m2]."""
+    d = wp.vec3d(a - b)
+    return wp.dot(d, d)
+
+
+@functools.cache
+def chunk_kernel(precision: str) -> wp.Kernel:
+    """Kernel ``summarise_chunks``, which goes first."""
+    Cloth, Looks = cloth_types(precision).Cloth, looks_type(precision)
+    rests = rest_function(precision)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def summarise_chunks(
@@ -84,24 +91,34 @@ def summary_kernels(precision: str) -> SimpleNamespace:
             sum_out[chunk, wp.static(LOWER) + k] = lower[k]
             sum_out[chunk, wp.static(UPPER) + k] = upper[k]
 
-    @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
-    def summarise_items(
-        first: wp.array(dtype=wp.int32),  # first chunk of each item, and the chunk count
-        sum: wp.array2d(dtype=wp.float64),  # of summarise_chunks
-        figure_out: wp.array2d(dtype=wp.float64),  # shape [items, COLUMNS]
-    ):
-        """Figures of each item: sums, the smallest of the lower corners, the largest of the rest."""
-        item, column = wp.tid()
-        figure = sum[first[item], column]
-        for chunk in range(first[item] + 1, first[item + 1]):
-            other = sum[chunk, column]
-            if column < wp.static(MOVED):
-                figure += other
-            elif column >= wp.static(LOWER) and column < wp.static(UPPER):
-                figure = wp.min(figure, other)
-            else:
-                figure = wp.max(figure, other)
-        figure_out[item, column] = figure
+    return summarise_chunks
+
+
+@wp.kernel(module="unique", module_options=MODULE_OPTIONS)
+def summarise_groups(
+    first: wp.array(dtype=wp.int32),  # first row of each group, and the row count
+    sum: wp.array2d(dtype=wp.float64),  # of summarise_chunks, or of this kernel, shape [rows, COLUMNS]
+    sum_out: wp.array2d(dtype=wp.float64),  # shape [groups, COLUMNS]
+):
+    """Figures of each group: sums, the smallest of the lower corners, the largest of the rest."""
+    group, column = wp.tid()
+    figure = sum[first[group], column]
+    for row in range(first[group] + 1, first[group + 1]):
+        other = sum[row, column]
+        if column < wp.static(MOVED):
+            figure += other
+        elif column >= wp.static(LOWER) and column < wp.static(UPPER):
+            figure = wp.min(figure, other)
+        else:
+            figure = wp.max(figure, other)
+    sum_out[group, column] = figure
+
+
+@functools.cache
+def keep_kernel(precision: str) -> wp.Kernel:
+    """Kernel ``keep_shape``, which rounds it to float32."""
+    Cloth = cloth_types(precision).Cloth
+    rests = rest_function(precision)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def keep_shape(
@@ -113,6 +130,4 @@ def summary_kernels(precision: str) -> SimpleNamespace:
         if not rests(cloth, vertex):
             shape_out[vertex] = wp.vec3f(cloth.position[vertex])
 
-    return SimpleNamespace(
-        Looks=Looks, summarise_chunks=summarise_chunks, summarise_items=summarise_items, keep_shape=keep_shape
-    )
+    return keep_shape

@@ -70,6 +70,7 @@ def carry(
         limit,
         follow=follow,
         course=course,
+        ahead=False,
     )
     iterations, steps = outcome.iterations, 0
     for start, end in itertools.pairwise(poses):

@@ -107,7 +107,7 @@ def fit(
     where = device_named(device)
     clock = _Clock()
     made = set_up_one(chosen, where, tell=lambda stage: tell(Progress(stage)), lap=clock.lap)
-    outcome = _relax(chosen, made, frames, tell)
+    outcome = _relax(chosen, made, frames, progress)
     clock.lap("relax")
     (fitted,) = finished(made, [outcome], lap=clock.lap, seconds=clock.seconds, frames=frames)
     return _with_maps(fitted, wanted, made) if wanted else fitted
@@ -166,9 +166,10 @@ def _relax(
     scene: Scene,
     made: SetUp,
     frames: int,
-    tell: Callable[[Progress], None],
+    progress: Callable[[Progress], None] | None,
 ) -> Outcome:
     limit = scene.solver.iterations
+    tell = progress or (lambda _: None)
 
     def told(check: Check, seconds: float) -> None:
         tell(
@@ -191,7 +192,7 @@ def _relax(
         frames=frames,
         follow=following(made),
         course=made.course,
-        on_check=told,
+        on_check=told if progress is not None else None,
     )
 
 

@@ -13,17 +13,7 @@ from numpy.typing import NDArray
 from warp_cloth.kernels.certify import bending_energy_kernel, energy_kernels, residual_kernel
 from warp_cloth.kernels.cloth import cloth_types
 from warp_cloth.kernels.pressure import push_kernel
-from warp_cloth.kernels.summary import (
-    CHUNK,
-    COLUMNS,
-    FREE,
-    LOWER,
-    MOVED,
-    RELATIVE,
-    WAYS,
-    WEIGHTS,
-    summary_kernels,
-)
+from warp_cloth.kernels.summary import FREE, LOWER, MOVED, RELATIVE, WAYS, WEIGHTS, keep_kernel
 from warp_cloth.mesh import Points
 from warp_cloth.model import ClothModel
 from warp_cloth.rest import Floats
@@ -31,6 +21,7 @@ from warp_cloth.result import Residual, Strain
 from warp_cloth.solver.forces import ForcePass
 from warp_cloth.solver.relax import Relaxation
 from warp_cloth.solver.rest_error import Mark, RestError, rest_error
+from warp_cloth.solver.summary import Answer, Summary
 
 # A vertex at rest on the avatar stands at the contact offset to within the rounding of a float32 distance and one
 # iteration's fall; this far above it still counts as held.
@@ -88,10 +79,20 @@ class Look:
         return near
 
 
+@dataclass(frozen=True, eq=False)
+class Glance:
+    """A look whose figures are still on their way from the device."""
+
+    iteration: int
+    marks: Sequence[Mark]
+    answer: Answer
+
+
 class Certifier:
     """Measures the items of a relaxation with the forces and the contact that their iterations use.
 
-    What is summed over an item's vertices is summed on the device, in the same order whatever else is there.
+    What is summed over an item's vertices is summed on the device, in the same order whatever else is there. A look
+    may be read later: till the next glance, what it saw stays, whatever iterates meanwhile.
     """
 
     def __init__(self, relaxation: Relaxation) -> None:
@@ -102,88 +103,98 @@ class Certifier:
         self._load = wp.zeros(model.vertex_count, dtype=types.vec4, device=model.device)
         self._forces = ForcePass(model, "size", self._load)
         self._residual = residual_kernel(model.precision, relaxation.contact, relaxation.collider_type)
-        self._summary = summary_kernels(model.precision)
+        self._keep = keep_kernel(model.precision)
+        self._summary = Summary(model)
         self._left = wp.zeros(model.vertex_count, dtype=wp.vec2f, device=model.device)
         self._last = wp.clone(model.cloth.position)  # at the last check
+        self._before = wp.clone(model.cloth.position)  # at the one before
         self._rest_error = RestError()
         self._spare: list[wp.array] = []  # shapes that are kept no longer
-        chunks = [_chunks(model.of_item(item)) for item in range(model.item_count)]
-        first = np.concatenate([*chunks, [model.vertex_count]])
-        starts = np.cumsum([0, *(len(each) for each in chunks)])
-        self._first_vertex = wp.array(first, dtype=wp.int32, device=model.device)
-        self._first_chunk = wp.array(starts, dtype=wp.int32, device=model.device)
-        self._sums = wp.zeros((len(first) - 1, COLUMNS), dtype=wp.float64, device=model.device)
-        self._figures = wp.zeros((model.item_count, COLUMNS), dtype=wp.float64, device=model.device)
+        self._beside: wp.Stream | None = None
+        if wp.get_device(model.device).is_cuda:
+            self._beside = wp.Stream(model.device)
+            largest = int(np.diff(model.item_start).max())
+            self._left_there = wp.empty(largest, dtype=wp.vec2f, device="cpu", pinned=True)
 
     def kernels(self) -> list[wp.Kernel]:
         """The kernels that a check launches."""
-        summary = self._summary
-        return [
-            *self._forces.kernels(), self._residual, summary.summarise_chunks, summary.summarise_items,
-            summary.keep_shape,
-        ]  # fmt: skip
+        return [*self._forces.kernels(), self._residual, *self._summary.kernels(), self._keep]
 
     def look(self, iteration: int) -> Look:
         """Measures all items that iterate, as they stand. Waits for the device."""
+        return self.read(self.glance(iteration))
+
+    def glance(self, iteration: int) -> Glance:
+        """Measures all items that iterate, as they stand, without waiting for the device."""
         relaxation, model = self._relaxation, self._model
         self._sum_forces()
         asked = [relaxation.step, CONTACT_SLACK, relaxation.collider_data, model.cloth, self._load, self._left]
         wp.launch(self._residual, dim=model.vertex_count, inputs=asked, device=model.device)
         marks = self._rest_error.marks(iteration)
-        figures = self._summarised(marks)
+        return Glance(iteration, marks, self._asked(marks))
+
+    def read(self, glance: Glance) -> Look:
+        """What the last glance has seen. Waits for it, not for what was launched after it."""
+        iteration, marks, figures = glance.iteration, glance.marks, glance.answer.read()
         finite = np.asarray(np.isfinite(figures[:, :MOVED]).all(axis=1))
         sums = np.where(finite[:, None], figures[:, :MOVED], np.inf)
         with np.errstate(invalid="ignore"):  # inf over inf, of what is lost
             residual = np.sqrt(sums[:, [WEIGHTS, RELATIVE]] / np.maximum(sums[:, [FREE]], 1.0))
             residual[~finite] = np.inf
-            ways = np.sqrt(sums[:, WAYS:MOVED] / np.diff(model.item_start)[:, None])
+            ways = np.sqrt(sums[:, WAYS:MOVED] / np.diff(self._model.item_start)[:, None])
             error = np.where(finite, rest_error(iteration, marks, ways), np.inf)
         boxes = figures[:, LOWER:].reshape(-1, 2, 3)
         return Look(iteration, residual[:, 0], residual[:, 1], error, figures[:, MOVED], boxes, finite)
 
     def check(self, look: Look, item: int) -> Check:
-        """All figures of one item, as it stood at that look, the last one. Waits for the device."""
+        """All figures of one item, as it stood at that look, the last one. Waits for what it saw."""
         if not look.finite[item]:
             return Check(look.iteration, Residual(*([math.inf] * 5)), math.inf, False)
-        left = self._left[self._model.of_item(item)].numpy()
+        left = self._residuals(item)
         residual = residual_summary(left, float(look.rms[item]), float(look.relative_rms[item]))
         return Check(look.iteration, residual, float(look.rest_error[item]), True)
 
-    def bounds(self) -> NDArray[np.float64]:
-        """Lowest and highest corner of every item that iterates [m], shape [items, 2, 3]. Waits for the device.
+    def _residuals(self, item: int) -> NDArray[np.float32]:
+        """What ``residual_summary`` takes, of the last look, which has been read: on a stream of its own."""
+        left = self._left[self._model.of_item(item)]
+        if self._beside is None:
+            return np.array(left.numpy())
+        wp.copy(self._left_there, left, count=len(left), stream=self._beside)
+        wp.synchronize_stream(self._beside)
+        return np.array(self._left_there.numpy()[: len(left)])
 
-        NaN where a point is not finite.
-        """
-        figures = self._summarised([])
-        figures[~np.isfinite(figures[:, FREE])] = np.nan  # the sums tell, comparisons pass over it
-        return figures[:, LOWER:].reshape(-1, 2, 3)
+    def ask_bounds(self) -> Answer:
+        """Asks where every item is that iterates, without waiting for the device; ``bounds`` takes the answer."""
+        return self._asked([])
 
     def turn_page(self, iteration: int) -> None:
-        """Goes on from a check that looked at all items: the shapes of now are what the next one compares with."""
+        """Goes on from a glance at all items: the shapes of now are what the next one compares with."""
+        self._last, self._before = self._before, self._last
         wp.copy(self._last, self._model.cloth.position)
         if self._rest_error.due(iteration):
             model = self._model
             shape = self._spare.pop() if self._spare else wp.zeros(model.vertex_count, wp.vec3f, device=model.device)
-            wp.launch(self._summary.keep_shape, dim=len(shape), inputs=[model.cloth, shape], device=model.device)
+            wp.launch(self._keep, dim=len(shape), inputs=[model.cloth, shape], device=model.device)
             self._rest_error.keep(Mark(iteration, shape))
         self._spare += self._rest_error.dropped(iteration)
 
     def last_points(self, item: int) -> Points:
-        """An item's points at the last check of all items [m], shape [V, 3]."""
-        return np.array(self._last[self._model.of_item(item)].numpy(), dtype=np.float64)
+        """An item's last finite points at a check of all items [m], shape [V, 3]."""
+        part = self._model.of_item(item)
+        last = np.array(self._last[part].numpy(), dtype=np.float64)
+        return last if np.isfinite(last).all() else np.array(self._before[part].numpy(), dtype=np.float64)
 
-    def _summarised(self, marks: Sequence[Mark]) -> NDArray[np.float64]:
-        """Figures of all items, shape [items, COLUMNS]; of those that do not iterate what they last were."""
-        model, device = self._model, self._model.device
-        looks = self._summary.Looks()
+    def put_back(self, item: int) -> None:
+        """Puts an item back where the last glance at all items saw it, from iterations that came too late to stop."""
+        part = self._model.of_item(item)
+        wp.copy(self._model.cloth.position[part], self._last[part])
+
+    def _asked(self, marks: Sequence[Mark]) -> Answer:
+        looks = self._summary.looks_type()
         looks.last, looks.marks = self._last, len(marks)
         for number, mark in enumerate(marks, start=1):
             setattr(looks, f"mark_{number}", mark.shape)
-        chunk_inputs = [self._first_vertex, model.cloth, self._left, looks, self._sums]
-        wp.launch(self._summary.summarise_chunks, dim=len(self._sums), inputs=chunk_inputs, device=device)
-        item_inputs = [self._first_chunk, self._sums, self._figures]
-        wp.launch(self._summary.summarise_items, dim=self._figures.shape, inputs=item_inputs, device=device)
-        return np.array(self._figures.numpy())
+        return self._summary.ask(self._left, looks)
 
     def _sum_forces(self) -> None:
         relaxation = self._relaxation
@@ -208,9 +219,14 @@ class Certifier:
         return np.array(push.numpy())
 
 
-def _chunks(vertices: slice) -> NDArray[np.int64]:
-    """First vertices of an item's chunks: counted from its own first one, so that its company changes no sum."""
-    return np.arange(vertices.start, vertices.stop, CHUNK)
+def bounds(answer: Answer) -> Floats:
+    """Lowest and highest corner of every item [m], shape [items, 2, 3]; NaN where a point is not finite.
+
+    Waits for the answer to ``Certifier.ask_bounds``.
+    """
+    figures = answer.read()
+    figures[~np.isfinite(figures[:, FREE])] = np.nan  # the sums tell, comparisons pass over it
+    return figures[:, LOWER:].reshape(-1, 2, 3)
 
 
 def residual_summary(left: NDArray[np.float32], rms: float, relative_rms: float) -> Residual:

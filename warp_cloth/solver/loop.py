@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 from warp_cloth.mesh import Points
 from warp_cloth.rest import Floats
 from warp_cloth.result import Status
-from warp_cloth.solver.certificate import Certifier, Check, Look, Tolerance
+from warp_cloth.solver.certificate import Certifier, Check, Glance, Look, Tolerance, bounds
 from warp_cloth.solver.course import Course
 from warp_cloth.solver.relax import Collider, Relaxation
+from warp_cloth.solver.summary import Answer
 
 Boxes = Floats  # lowest and highest corner of some items [m], shape [N, 2, 3]
 Follow = Callable[[Sequence[int], Boxes], dict[int, Collider]]
@@ -69,6 +70,7 @@ def relax_to_rest(
     follow: Follow | None = None,
     course: Course | None = None,
     on_check: Callable[[Check, float], None] | None = None,
+    ahead: bool | None = None,
 ) -> Outcome:
     """Runs the iterations of a single item; ``relax_items`` says how.
 
@@ -81,6 +83,7 @@ def relax_to_rest(
         follow: given items and their bounding boxes, new colliders where the old ones no longer cover them.
         course: of garments that meet themselves and each other.
         on_check: told of every check and the seconds so far.
+        ahead: as of relax_items.
     """
     keeper = FrameKeeper(frames, limit)
 
@@ -88,9 +91,15 @@ def relax_to_rest(
         if on_check is not None:
             on_check(certifier.check(look, 0), seconds)
 
-    goals = [Goal(tolerance, limit)]
     (outcome,) = relax_items(
-        relaxation, certifier, goals, follow=follow, course=course, on_check=told, on_chunk=keeper.offer
+        relaxation,
+        certifier,
+        [Goal(tolerance, limit)],
+        follow=follow,
+        course=course,
+        on_check=told if on_check is not None else None,
+        on_chunk=keeper.offer,
+        ahead=ahead,
     )
     outcome.frames = keeper.frames
     return outcome
@@ -105,11 +114,15 @@ def relax_items(
     course: Course | None = None,
     on_check: Callable[[Look, float], None] | None = None,
     on_chunk: Callable[[int, Relaxation], None] | None = None,
+    ahead: bool | None = None,
 ) -> list[Outcome]:
     """Runs iterations of all items in chunks, checks every few of them, and retires each item as it ends.
 
     Every item is checked after the same iterations as it would be alone: that, and arithmetic that knows nothing of
     the other items, gives it the same bits in any company.
+
+    A GPU goes on with the next chunk while a check is read. An item that turns out to have ended goes back to where
+    the check saw it; new colliders come a chunk after what asked for them, on every device.
 
     Args:
         relaxation: what iterates.
@@ -119,8 +132,34 @@ def relax_items(
         course: of garments that meet themselves and each other; such a scene is an item alone.
         on_check: told of every look at all items, and the seconds so far.
         on_chunk: told of every chunk's last iteration.
+        ahead: whether iterations go on while a check is read; None: where that saves time. Not where more iterations
+            are to follow the end: displacements and stiffness bounds are not those that the check saw.
     """
-    return _Loop(relaxation, certifier, goals, follow, course).run(on_check, on_chunk)
+    return _Loop(relaxation, certifier, goals, follow, course, on_check, ahead).run(on_chunk)
+
+
+@dataclass(frozen=True, eq=False)
+class _Seen:
+    """What was asked of the device after some iterations, and is not read yet."""
+
+    iteration: int
+    glance: Glance | None  # of a check
+    bounds: Answer | None  # of cloth that falls, between checks
+    ending: frozenset[int]  # items that have no iterations left
+
+    @property
+    def whole(self) -> bool:
+        """Whether the check is of all items, not only of those that end by their limit."""
+        return self.iteration % (CHUNK * CHUNKS_PER_CHECK) == 0
+
+
+@dataclass(frozen=True, eq=False)
+class _BoxesSeen:
+    """Where the items were after some iterations; ``moved`` as of a check [m]."""
+
+    iteration: int
+    boxes: Boxes
+    moved: Floats | None
 
 
 class _Loop:
@@ -133,65 +172,87 @@ class _Loop:
         goals: Sequence[Goal],
         follow: Follow | None,
         course: Course | None,
+        on_check: Callable[[Look, float], None] | None,
+        ahead: bool | None,
     ) -> None:
         self._relaxation, self._certifier = relaxation, certifier
-        self._goals, self._follow, self._course = goals, follow, course
+        self._goals, self._follow, self._course, self._on_check = goals, follow, course, on_check
+        saves = wp.get_device(relaxation.model.device).is_cuda if ahead is None else ahead
+        self._runs_ahead = saves and course is None  # which changes what comes next by what is now
         self._active = list(range(len(goals)))
         self._falling = list(self._active)
+        self._boxes_seen: _BoxesSeen | None = None  # that is to be followed at the next chunk's end
+        self._boxes = np.zeros((len(goals), 2, 3))  # of each item when it was last followed,
+        self._followed = np.zeros(len(goals), dtype=np.int64)  # and after which iteration that was
         self._outcomes: dict[int, Outcome] = {}
         self._relative_rms = np.array([goal.tolerance.relative_rms for goal in goals])
         self._rest_error = np.array([goal.tolerance.rest_error for goal in goals])
         self._began = time.perf_counter()
 
-    def run(
-        self,
-        on_check: Callable[[Look, float], None] | None,
-        on_chunk: Callable[[int, Relaxation], None] | None,
-    ) -> list[Outcome]:
-        self._relaxation.start_anew()
+    def run(self, on_chunk: Callable[[int, Relaxation], None] | None) -> list[Outcome]:
+        relaxation = self._relaxation
+        relaxation.start_anew()
         iteration = 0
-        self._look(iteration)
-        while self._active:
+        while True:
+            seen = self._see(iteration)
+            late = self._runs_ahead and not seen.ending
+            if not late:
+                self._decide(seen)
+            if not self._active:
+                break
             # every item stops at its own limit, and nobody else looks there
             count = min(CHUNK - iteration % CHUNK, min(self._goals[item].limit for item in self._active) - iteration)
-            self._relaxation.run(count)
+            relaxation.run(count)
             iteration += count
             if on_chunk is not None:
-                on_chunk(iteration, self._relaxation)
+                on_chunk(iteration, relaxation)
+            if late:
+                self._decide(seen, late=True)
             if iteration % CHUNK == 0:
-                self._follow_falling()
-            look = self._look(iteration)
-            if look is not None and on_check is not None:
-                on_check(look, time.perf_counter() - self._began)
-        self._relaxation.start_anew()  # what is measured next is measured of all
-        wp.synchronize_device(self._relaxation.model.device)
+                self._go_on()
+            if not self._active:
+                break
+        relaxation.start_anew()  # what is measured next is measured of all
+        wp.synchronize_device(relaxation.model.device)
         return [self._outcomes[item] for item in range(len(self._goals))]
 
-    def _look(self, iteration: int) -> Look | None:
-        """Looks at the items whose turn it is, retires those that have ended, follows the others."""
-        ending = {item for item in self._active if self._goals[item].limit <= iteration}
-        at_all = iteration % (CHUNK * CHUNKS_PER_CHECK) == 0
-        if not at_all and not ending:
-            return None
-        look = self._certifier.look(iteration)
+    def _see(self, iteration: int) -> _Seen:
+        """Asks of the device what there is to decide after these iterations."""
+        ending = frozenset(item for item in self._active if self._goals[item].limit <= iteration)
+        if iteration % (CHUNK * CHUNKS_PER_CHECK) == 0:
+            glance = self._certifier.glance(iteration)
+            self._certifier.turn_page(iteration)
+            return _Seen(iteration, glance, None, ending)
+        if ending:
+            return _Seen(iteration, self._certifier.glance(iteration), None, ending)
+        follows = self._follow is not None and self._falling and iteration % CHUNK == 0
+        return _Seen(iteration, None, self._certifier.ask_bounds() if follows else None, ending)
+
+    def _decide(self, seen: _Seen, *, late: bool = False) -> None:
+        """Reads what was seen, and retires the items that had ended then; ``late``: they have iterated since."""
+        if seen.bounds is not None:
+            self._boxes_seen = _BoxesSeen(seen.iteration, bounds(seen.bounds), None)
+        if seen.glance is None:
+            return
+        look = self._certifier.read(seen.glance)
         settled = self._advance(look)
         near = look.nearly_within(self._relative_rms, self._rest_error) | ~look.finite
         ended = []
-        for item in self._active if at_all else sorted(ending):
-            if item in ending or (near[item] and iteration > 0):
+        for item in self._active if seen.whole else sorted(seen.ending):
+            if item in seen.ending or (near[item] and look.iteration > 0):
                 check = self._certifier.check(look, item)
-                status = self._status(item, check, settled, item in ending)
+                status = self._status(item, check, settled, item in seen.ending)
                 if status is not None:
+                    if late:
+                        self._certifier.put_back(item)
                     self._end(item, status, check)
                     ended.append(item)
         self._active = [item for item in self._active if item not in self._outcomes]
-        if at_all:
-            if iteration > 0:
-                self._falling = [item for item in self._active if look.moved[item] > FALL]
-                self._go_on(self._active, look.boxes[self._active])
-            self._certifier.turn_page(iteration)
+        if seen.whole:
+            self._boxes_seen = _BoxesSeen(look.iteration, look.boxes, look.moved)
         self._relaxation.retire(ended)
-        return look
+        if self._on_check is not None and look.iteration > 0:
+            self._on_check(look, time.perf_counter() - self._began)
 
     def _advance(self, look: Look) -> bool:
         """Goes on along the course; whether what is now may be the rest shape."""
@@ -213,15 +274,21 @@ class _Loop:
         points = self._certifier.last_points(item) if lost else self._relaxation.model.points(item)
         self._outcomes[item] = Outcome(status, check, points, check.iteration, time.perf_counter() - self._began)
 
-    def _follow_falling(self) -> None:
-        """Goes on with new colliders where cloth that falls fast has left the old ones."""
-        if self._follow is None or not self._falling:
+    def _go_on(self) -> None:
+        """Goes on with new colliders where cloth has left the old ones, or will have in a chunk."""
+        seen, self._boxes_seen = self._boxes_seen, None
+        if seen is None:
             return
-        boxes = self._certifier.bounds()[self._falling]
-        known = np.asarray(np.isfinite(boxes).all(axis=(1, 2)))  # of the others the next check tells
-        self._go_on([item for item, there in zip(self._falling, known, strict=True) if there], boxes[known])
-
-    def _go_on(self, items: Sequence[int], boxes: Boxes) -> None:
-        if self._follow is not None and len(items):
-            for item, collider in self._follow(items, boxes).items():
+        if seen.moved is not None and seen.iteration > 0:
+            self._falling = [item for item in self._active if seen.moved[item] > FALL]
+        going = self._active if seen.moved is not None else [item for item in self._falling if item in self._active]
+        known = np.asarray(np.isfinite(seen.boxes).all(axis=(1, 2)))  # of the others the next check tells
+        items = [item for item in going if known[item]]
+        now = seen.boxes[items]
+        if seen.iteration > 0 and self._follow is not None and items:
+            way = (now - self._boxes[items]) * (CHUNK / (seen.iteration - self._followed[items]))[:, None, None]
+            soon = now + way
+            room = np.stack([np.minimum(now, soon)[:, 0], np.maximum(now, soon)[:, 1]], axis=1)
+            for item, collider in self._follow(items, room).items():
                 self._relaxation.meet(item, collider)
+        self._boxes[items], self._followed[items] = now, seen.iteration

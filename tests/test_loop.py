@@ -1,0 +1,40 @@
+"""The relax loop: going on while a check is read changes nothing of how a fit ends."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+
+from warp_cloth.fitting import tolerance_of
+from warp_cloth.scene import load_scene
+from warp_cloth.set_up import following, set_up
+from warp_cloth.solver.loop import Goal, Outcome, relax_items
+from warp_cloth.wardrobe import open_wardrobe
+
+FALLING = ["garment.shape.vertices_per_side=9", "collision.pixel_mm=10", "collision.offset_mm=5"]
+
+
+def ended(changes: Sequence[Sequence[str]], *, ahead: bool) -> list[Outcome]:
+    """How scenes of cloth that falls on a ball end together; the last shape is what the model holds."""
+    scenes = [load_scene("sphere", [*FALLING, *change]) for change in changes]
+    made = set_up(scenes, [open_wardrobe(scene) for scene in scenes], "cpu")
+    goals = [Goal(tolerance_of(scene), scene.solver.iterations) for scene in scenes]
+    outcomes = relax_items(made.relaxation, made.certifier, goals, follow=following(made), ahead=ahead)
+    for item, outcome in enumerate(outcomes):
+        np.testing.assert_array_equal(made.model.points(item), outcome.points)
+    return outcomes
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        [["avatar.friction=0", "solver.iterations=3000", "solver.residual=0.3", "solver.residual_p99=1"]],
+        [["solver.iterations=50"], ["solver.iterations=300"], ["solver.iterations=3000", "solver.tolerance_mm=20"]],
+    ],
+)
+def test_what_runs_ahead_ends_where_its_check_saw_it(changes: Sequence[Sequence[str]]) -> None:
+    for late, early in zip(ended(changes, ahead=True), ended(changes, ahead=False), strict=True):
+        assert (late.status, late.iterations, late.check) == (early.status, early.iterations, early.check)
+        np.testing.assert_array_equal(late.points, early.points)
