@@ -16,6 +16,8 @@ from warp_cloth.mesh import Indices, Points
 from warp_cloth.patches import cut_patches
 from warp_cloth.rest import RestShape
 
+SHARE_AT_REST = 0.125  # of the patches at work, those of items that have ended: their blocks start, and end at once
+
 
 @dataclass(frozen=True, eq=False)
 class GarmentPart:
@@ -27,13 +29,28 @@ class GarmentPart:
     pins: Indices  # pinned vertices
 
 
-@dataclass(frozen=True, eq=False)
 class Patches:
-    """The cloth cut into patches, each of which a thread block works out."""
+    """The cloth cut into patches, each of which a thread block works out. The first ``count`` are worked on."""
 
-    count: int
-    tables: Any  # kernels.cloth Patches
-    overflow: wp.array  # memory of patches that are too large for a block's own
+    def __init__(self, rows: NDArray[Any], item: NDArray[np.int32], tables: Any, overflow: wp.array) -> None:
+        """``rows`` are kernels.cloth Patch, each of an ``item``; ``tables`` kernels.cloth Patches."""
+        self._rows, self._item = rows, item
+        self.tables = tables
+        self.overflow = overflow  # memory of patches that are too large for a block's own
+        self.count = len(rows)
+
+    def work_on(self, active: NDArray[np.bool_]) -> bool:
+        """Puts the patches of active items first and the others out of work; whether their number has changed.
+
+        Where few of those at work are of other items that is not worth it, as a patch at rest takes little time.
+        """
+        chosen = active[self._item]
+        wanted = int(chosen.sum())
+        if not wanted or wanted <= self.count <= wanted + SHARE_AT_REST * wanted:
+            return False
+        self.tables.patch.assign(self._rows[np.argsort(~chosen, kind="stable")])
+        self.count = wanted
+        return True
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,7 +186,7 @@ def build_model(
         triangles=_triangles(types, upload, elements, terms),
         hinges=hinges,
         weave=weave,
-        patches=_patches(types, upload, garments_elements, elements, parts, terms, device) if gathered else None,
+        patches=_patches(types, upload, garments_elements, elements, parts, item_start, device) if gathered else None,
     )
 
 
@@ -267,10 +284,11 @@ def _patches(
     garments: Sequence[Elements],
     joined: Elements,
     parts: Sequence[GarmentPart],
-    terms: Terms,
+    item_start: tuple[int, ...],
     device: str,
 ) -> Patches:
     """The cloth cut into patches of vertices that lie together as loaded."""
+    terms = terms_of([part.rest for part in parts])
     own_memory = wp.get_device(device).is_cuda
     points = [part.points for part in parts]
     cut = cut_patches(garments, points, terms, precision=types.name, own_memory=own_memory)
@@ -296,4 +314,5 @@ def _patches(
     if terms.threads:
         tables.slope = upload(joined.slope[cut.triangle], types.vec4)
         tables.threads = upload(joined.threads[cut.triangle], types.vec4)
-    return Patches(len(rows), tables, wp.empty(cut.overflow, dtype=wp.uint8, device=device))
+    item = np.searchsorted(item_start, cut.vertex[cut.patch["vertex_start"]], side="right") - 1
+    return Patches(rows, item.astype(np.int32), tables, wp.empty(cut.overflow, dtype=wp.uint8, device=device))

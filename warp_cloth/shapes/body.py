@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -161,7 +161,7 @@ class Form:
         kept = tuple(part for number, part in enumerate(self.parts) if number not in numbers)
         return Form(kept, self.floor_blend)
 
-    @cached_property
+    @functools.cached_property
     def bounds(self) -> tuple[Points, Points]:
         """Corners of a box round the body [m]."""
         low = np.min([part.low for part, _ in self.parts], axis=0)
@@ -268,6 +268,7 @@ def convex_girth(points: Points) -> float:
     return sum(math.dist(p, q) for p, q in zip(hull, hull[1:] + hull[:1], strict=True))
 
 
+@functools.lru_cache(maxsize=16)  # the body that a garment is placed round is the one that wears it
 def calibrated_form(measures: MannequinMeasures) -> Form:
     """Form whose girths at the three levels are the measures: fixed point on the torso's widths.
 

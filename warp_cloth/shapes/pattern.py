@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -155,28 +156,11 @@ def _trunk_curves(m: TshirtMeasures, is_front: bool) -> dict[str, Points]:
 
 
 def _sleeve_curves(m: TshirtMeasures, front: float, back: float) -> dict[str, Points]:
-    """Sides of the left sleeve, counter-clockwise from the cuff; x < 0 is sewn to the front, y = 0 at the crown.
-
-    The height of the cap and the place of its crown are found by bisection, so that each half of the cap is as
-    long as its armhole and the ease.
-    """
-
-    def half(width: float, height: float) -> Points:
-        return _bezier((width, -height), (0.62 * width, -height), (0.50 * width, 0), (0, 0))
-
-    def crown(height: float) -> float:
-        """Half width of the front that shares out the cap as the armholes are shared."""
-        return _bisect(
-            lambda w: curve_length(half(w, height)) / curve_length(half(m.bicep - w, height)) - front / back,
-            0.3 * m.bicep,
-            0.7 * m.bicep,
-        )
-
-    height = _bisect(lambda h: curve_length(half(crown(h), h)) - CAP_EASE * front, 0.01, m.sleeve_length - 0.02)
-    ahead = crown(height)
+    """Sides of the left sleeve, counter-clockwise from the cuff; x < 0 is sewn to the front, y = 0 at the crown."""
+    height, ahead = _cap(m, front, back)
     cuff_ahead, cuff_behind = m.cuff * ahead / m.bicep, m.cuff * (1 - ahead / m.bicep)
-    front_cap = half(ahead, height) * (-1, 1)
-    back_cap = half(m.bicep - ahead, height)
+    front_cap = _half_cap(ahead, height) * (-1, 1)
+    back_cap = _half_cap(m.bicep - ahead, height)
     return {
         "cuff": _line((-cuff_ahead, -m.sleeve_length), (cuff_behind, -m.sleeve_length)),
         "back_underarm": _line((cuff_behind, -m.sleeve_length), (m.bicep - ahead, -height)),
@@ -184,6 +168,29 @@ def _sleeve_curves(m: TshirtMeasures, front: float, back: float) -> dict[str, Po
         "front_cap": front_cap[::-1],
         "front_underarm": _line((-ahead, -height), (-cuff_ahead, -m.sleeve_length)),
     }
+
+
+def _half_cap(width: float, height: float) -> Points:
+    return _bezier((width, -height), (0.62 * width, -height), (0.50 * width, 0), (0, 0))
+
+
+@functools.lru_cache(maxsize=64)  # a catalogue has few sizes, and each of them many meshes
+def _cap(m: TshirtMeasures, front: float, back: float) -> tuple[float, float]:
+    """Height of the sleeve's cap, and its half width to the front [m].
+
+    Both are found by bisection, so that each half of the cap is as long as its armhole and the ease.
+    """
+
+    def crown(height: float) -> float:
+        """Half width of the front that shares out the cap as the armholes are shared."""
+        return _bisect(
+            lambda w: curve_length(_half_cap(w, height)) / curve_length(_half_cap(m.bicep - w, height)) - front / back,
+            0.3 * m.bicep,
+            0.7 * m.bicep,
+        )
+
+    height = _bisect(lambda h: curve_length(_half_cap(crown(h), h)) - CAP_EASE * front, 0.01, m.sleeve_length - 0.02)
+    return height, crown(height)
 
 
 def _bisect(function: Callable[[float], float], low: float, high: float) -> float:

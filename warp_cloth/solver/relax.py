@@ -131,6 +131,7 @@ class Relaxation:
         """Lets every item iterate."""
         self._items["active"] = 1
         self.tell_items()
+        self._choose_patches()
 
     def retire(self, items: Sequence[int]) -> None:
         """Leaves these items as they are from now on."""
@@ -141,6 +142,13 @@ class Relaxation:
         if self.model.gathers:  # iterations go to and fro between two sets of positions
             wp.copy(self._there.position, self.model.cloth.position)
             wp.copy(self._there.move, self.model.cloth.move)
+        self._choose_patches()
+
+    def _choose_patches(self) -> None:
+        """Works on no more than the items that iterate."""
+        patches = self.model.patches
+        if patches is not None and patches.work_on(self._items["active"] == 1):
+            self.forget_graphs()
 
     def forget_graphs(self) -> None:
         """Captures iterations anew: what they read or launch has changed."""
