@@ -163,7 +163,7 @@ def batch(
     device: Annotated[
         str | None, typer.Option(help="cpu, cuda (all GPUs) or cuda:N.", show_default="all GPUs, or the CPU")
     ] = None,
-    workers: Annotated[int | None, typer.Option(help="Processes.", show_default="one for each core or GPU")] = None,
+    workers: Annotated[int | None, typer.Option(help="Processes.", show_default="one a core, two a GPU")] = None,
     ray: Annotated[str | None, typer.Option(metavar="ADDRESS", help="Work on the Ray cluster there.")] = None,
     keep: Annotated[str, typer.Option(help="Shapes: arrays (a file per shard), stages (one per item), none.")] = (
         "arrays"

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import contextlib
+import os
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, TypeVar
@@ -10,10 +12,10 @@ from typing import Any, TypeVar
 from warp_cloth.errors import InputError
 from warp_cloth.grain import Grain
 from warp_cloth.loading import check_sizes, load_mesh, load_poses
-from warp_cloth.mesh import Mesh, Points
+from warp_cloth.mesh import Indices, Mesh, Points
 from warp_cloth.model import GarmentPart
 from warp_cloth.pins import select_pins
-from warp_cloth.rest import build_rest_shape
+from warp_cloth.rest import RestShape, build_rest_shape
 from warp_cloth.scene import AvatarSpec, GarmentSpec, MannequinShape, Scene, TshirtShape
 from warp_cloth.shapes import MannequinMeasures, build_avatar, build_garment, mannequin_measures
 
@@ -38,11 +40,30 @@ class Wardrobe:
         return replace(self.avatar, points=self.poses[0]) if self.avatar is not None and self.poses else self.avatar
 
 
+@dataclass(frozen=True, eq=False)
+class Recipe:
+    """How something that scenes share is made, and the key under which a rack keeps it."""
+
+    key: tuple[str, ...]
+    make: Callable[[], Any]  # in any process
+
+
 class Rack:
     """Keeps what scenes share: meshes, and garments of the same fabric and pins."""
 
     def __init__(self) -> None:
         self._kept: dict[tuple[str, ...], Any] = {}
+
+    def __contains__(self, key: tuple[str, ...]) -> bool:
+        return key in self._kept
+
+    def put(self, key: tuple[str, ...], made: Any) -> None:
+        """Keeps what was made elsewhere."""
+        self._kept[key] = made
+
+    def made(self, recipe: Recipe) -> Any:
+        """What was made by this recipe before, or is made now."""
+        return self.once(recipe.make, *recipe.key)
 
     def once(self, make: Callable[[], T], *key: str) -> T:
         """What was made under this key before, or is made now."""
@@ -50,6 +71,11 @@ class Rack:
             self._kept[key] = make()
         found: T = self._kept[key]
         return found
+
+    @property
+    def vertex_count(self) -> int:
+        """Of all meshes that are kept."""
+        return sum(made.vertex_count for made in self._kept.values() if isinstance(made, Mesh))
 
 
 def open_wardrobe(scene: Scene, rack: Rack | None = None) -> Wardrobe:
@@ -59,29 +85,62 @@ def open_wardrobe(scene: Scene, rack: Rack | None = None) -> Wardrobe:
         InputError: a file, a rest shape or a pin that cannot be used.
     """
     kept = rack or Rack()
-    size = worn_size(scene)
-    worn_by = scene.avatar.shape if scene.avatar is not None else None
-    body = mannequin_measures(worn_by, size=size) if isinstance(worn_by, MannequinShape) else None
-    where = str(scene.directory.absolute())
-    named = list(zip(scene.garments, scene.garment_keys, strict=True))
-    fitted_to = str(body)
-    garments = tuple(
-        kept.once(partial(_garment_mesh, spec, key, body), "mesh", where, key, fitted_to, _worked(spec, MESH_KEYS))
-        for spec, key in named
-    )
-    avatar = None
-    if scene.avatar is not None:
-        spec = scene.avatar
-        avatar = kept.once(lambda: _avatar_mesh(spec, size), "avatar", where, size, _worked(spec, MESH_KEYS))
+    meshes = [kept.made(recipe) for recipe in mesh_recipes(scene)]
+    garments, avatar = tuple(meshes[: len(scene.garments)]), meshes[-1] if scene.avatar is not None else None
     check_sizes(list(zip(scene.garment_keys, garments, strict=True)), avatar)
-    parts = tuple(
-        kept.once(partial(_part, mesh, spec, key), "part", where, key, fitted_to, _worked(spec, None))
-        for mesh, (spec, key) in zip(garments, named, strict=True)
-    )
+    parts = []
+    for mesh, recipe in zip(garments, rest_recipes(scene, garments), strict=True):
+        rest, pins = kept.made(recipe)
+        parts.append(kept.once(partial(GarmentPart, mesh.points, mesh.triangles, rest, pins), "part", *recipe.key))
     poses = _poses(scene.avatar, avatar)
     if avatar is not None and poses:
         avatar = replace(avatar, points=poses[-1])
-    return Wardrobe(garments, parts, avatar, poses)
+    return Wardrobe(garments, tuple(parts), avatar, poses)
+
+
+def mesh_recipes(scene: Scene) -> list[Recipe]:
+    """How to load or generate the meshes of a scene's garments, inner to outer, then of its avatar."""
+    size, body, where = worn_size(scene), _body(scene), _where(scene)
+    recipes = [
+        Recipe(
+            ("mesh", where, key, str(body), _worked(spec, MESH_KEYS), _file_mark(spec)),
+            partial(_garment_mesh, spec, key, body),
+        )
+        for spec, key in zip(scene.garments, scene.garment_keys, strict=True)
+    ]
+    if scene.avatar is not None:
+        key = "avatar", where, size, _worked(scene.avatar, MESH_KEYS), _file_mark(scene.avatar)
+        recipes.append(Recipe(key, partial(_avatar_mesh, scene.avatar, size)))
+    return recipes
+
+
+def rest_recipes(scene: Scene, meshes: Sequence[Mesh]) -> list[Recipe]:
+    """How to work out rest shape and pins of a scene's garments, which have these meshes."""
+    body, where = str(_body(scene)), _where(scene)
+    return [
+        Recipe(("rest", where, key, body, _worked(spec, None), _file_mark(spec)), partial(_rest, mesh, spec, key))
+        for mesh, spec, key in zip(meshes, scene.garments, scene.garment_keys, strict=True)
+    ]
+
+
+def _where(scene: Scene) -> str:
+    return str(scene.directory.absolute())
+
+
+def _body(scene: Scene) -> MannequinMeasures | None:
+    """The mannequin that generated garments are placed round."""
+    worn_by = scene.avatar.shape if scene.avatar is not None else None
+    return mannequin_measures(worn_by, size=worn_size(scene)) if isinstance(worn_by, MannequinShape) else None
+
+
+def _file_mark(spec: GarmentSpec | AvatarSpec) -> str:
+    """Size and time of the files that a mesh or garment is made from, which may change while a rack is kept."""
+    marks = []
+    for path in (spec.mesh, getattr(spec, "grain_texture", None)):
+        with contextlib.suppress(OSError, ValueError):  # what is not there is told when it is read
+            status = os.stat(path) if path is not None else None
+            marks.append(f"{status.st_size} {status.st_mtime_ns}" if status is not None else "")
+    return " ".join(marks)
 
 
 def _poses(spec: AvatarSpec | None, avatar: Mesh | None) -> tuple[Points, ...]:
@@ -96,7 +155,7 @@ def _worked(spec: GarmentSpec | AvatarSpec, keys: set[str] | None) -> str:
     return spec.model_dump_json(include=keys, exclude={"name"})
 
 
-def _part(mesh: Mesh, spec: GarmentSpec, key: str) -> GarmentPart:
+def _rest(mesh: Mesh, spec: GarmentSpec, key: str) -> tuple[RestShape, Indices]:
     place = key if spec.mesh is None else str(spec.mesh)
     grain = Grain(spec.grain_degrees, spec.grain_panels, spec.grain_texture)
     rest = build_rest_shape(
@@ -112,7 +171,7 @@ def _part(mesh: Mesh, spec: GarmentSpec, key: str) -> GarmentPart:
     pins = select_pins(mesh, spec.pin, f"{key}.pin")
     if len(pins) == mesh.vertex_count:
         raise InputError(f"{key}.pin", "every vertex is pinned, so nothing can move", "pin fewer vertices")
-    return GarmentPart(mesh.points, mesh.triangles, rest, pins)
+    return rest, pins
 
 
 def _garment_mesh(spec: GarmentSpec, key: str, body: MannequinMeasures | None) -> Mesh:

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 CPU_SHARD = 8  # items to a shard at most: what a killed run does again on each core
 GPU_SHARD = 512  # so many garments fill the largest GPU, and one reading of their avatars serves them all
+WORKERS_PER_GPU = 2  # one loads, or measures what it has fitted, while the other's garments relax
 SHARDS_PER_WORKER = 4  # at least, where there are items enough: the last worker to end is not waited for long
 TRIES = 2  # of a task whose worker dies
 
@@ -73,7 +74,7 @@ def run_batch(
         jobs: a job file, or items.
         out: folder for results.parquet, results.csv and the shapes.
         device: "cpu", "cuda" (all GPUs) or "cuda:N"; None: all GPUs, or the CPU where there is none.
-        workers: processes; None: one for each core or GPU.
+        workers: processes; None: one for each core, or WORKERS_PER_GPU for each GPU.
         ray: address of a Ray cluster that does the work ("auto": the one that runs here); None: this machine.
         keep: "arrays", a packed file per shard, "stages", a USD stage per item, or "none".
         shard: items to a task and its file; None: by device and number of items, or as the folder has it.
@@ -119,10 +120,10 @@ def _devices(device: str | None, workers: int | None) -> list[str]:
     wp.init()
     gpus = [str(each.alias) for each in wp.get_cuda_devices()]
     if gpus and device in (None, "cuda"):
-        return gpus[:workers]
+        return [gpus[number % len(gpus)] for number in range(workers or WORKERS_PER_GPU * len(gpus))]
     named = device_named(device)
     if wp.get_device(named).is_cuda:
-        return [named]
+        return [named] * (workers or WORKERS_PER_GPU)
     return ["cpu"] * (workers or len(os.sched_getaffinity(0)))
 
 

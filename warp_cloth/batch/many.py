@@ -9,6 +9,7 @@ from typing import Any
 
 import warp as wp
 
+from warp_cloth.batch.loading import Shelf
 from warp_cloth.batch.memory import available_bytes, cut_to_fit, need_of
 from warp_cloth.fitting import Fit, finished, tolerance_of
 from warp_cloth.scene import Scene
@@ -18,7 +19,12 @@ from warp_cloth.wardrobe import Rack, Wardrobe, open_wardrobe
 
 
 def fit_many(
-    scenes: Sequence[Scene], device: str, *, budget: int | None = None, together: int | None = None
+    scenes: Sequence[Scene],
+    device: str,
+    *,
+    budget: int | None = None,
+    together: int | None = None,
+    shelf: Shelf | None = None,
 ) -> list[Fit | Exception]:
     """Fits scenes on one device; where one cannot be fitted, the reason stands in its place.
 
@@ -30,11 +36,14 @@ def fit_many(
         budget: memory [bytes] that may be used there; None: most of what is free.
         together: scenes that relax together at most; None: on a GPU as many as fit, on the CPU one at a time, as a
             launch there is a loop and a garment alone stays in the cache.
+        shelf: what earlier batches have loaded, and who loads for this one.
     """
     gpu = wp.get_device(device).is_cuda
     most = together or (len(scenes) if gpu else 1)
     limit = available_bytes(device) if budget is None else budget
-    rack = Rack()
+    rack = Rack() if shelf is None else shelf.rack
+    if shelf is not None:
+        shelf.loaders.fill(rack, scenes)
     results: dict[int, Fit | Exception] = {}
     loaded: dict[int, Wardrobe] = {}
     groups: collections.defaultdict[tuple[Any, ...], list[int]] = collections.defaultdict(list)

@@ -67,11 +67,11 @@ def collider_bytes(scene: Scene, wardrobe: Wardrobe) -> int:
     return mesh + int(FIELD_NODE * nodes)
 
 
-def available_bytes(device: str) -> int:
-    """Memory that a batch may take [bytes]."""
+def available_bytes(device: str, share: float = 1.0) -> int:
+    """Memory that a batch may take [bytes], where others have the device, too, no more than its share of a GPU's."""
     where = wp.get_device(device)
     if where.is_cuda:
-        return int(SHARE * where.free_memory)
+        return int(SHARE * min(where.free_memory, share * where.total_memory))
     return int(CPU_SHARE * os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"))
 
 

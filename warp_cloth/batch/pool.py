@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
+import collections
 import contextlib
 import logging
 import multiprocessing
 import os
 import signal
-import threading
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 from types import TracebackType
 from typing import Protocol
 
+from warp_cloth.batch.lifeline import end_with_parent
 from warp_cloth.batch.work import DeviceLostError, Done, Task, do_task
 from warp_cloth.quiet import start_warp
 
@@ -52,35 +53,32 @@ class Pool(Protocol):
     def close(self) -> None: ...
 
 
-def _serve(connection: Connection) -> None:
+def _serve(connection: Connection, helpers: int) -> None:
     """A worker's life: a task in, what came of it out, until nobody asks any more."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the asker ends its workers
-    threading.Thread(target=_end_with_parent, daemon=True).start()
+    end_with_parent()
     start_warp()
+    from warp_cloth.batch.loading import Shelf
+
+    shelf = Shelf(helpers)
     while True:
         try:
             task: Task = connection.recv()
         except EOFError:
             return
         try:
-            connection.send(do_task(task))
+            connection.send(do_task(task, shelf.tidied()))
         except DeviceLostError as error:
             connection.send(str(error))  # its device may be well again in another process
             return
 
 
-def _end_with_parent() -> None:
-    parent = multiprocessing.parent_process()
-    if parent is not None:
-        parent.join()
-        os._exit(1)
-
-
 class _Slot:
-    """One place where a worker works, the task that it has, and its device."""
+    """One place where a worker works, the task that it has, its device and its share of that, its helpers."""
 
-    def __init__(self, device: str) -> None:
-        self.device = device
+    def __init__(self, device: str, share: float, helpers: int) -> None:
+        self.device, self.share = device, share
+        self._helpers = helpers
         self.task: Task | None = None
         self.losses = 0  # of the device, one after another
         self.start()
@@ -88,7 +86,8 @@ class _Slot:
     def start(self) -> None:
         context = multiprocessing.get_context("spawn")
         self.connection, theirs = context.Pipe()
-        self.process: BaseProcess = context.Process(target=_serve, args=(theirs,), daemon=True)
+        # no daemon, as these may have no helpers; it ends with this process all the same
+        self.process: BaseProcess = context.Process(target=_serve, args=(theirs, self._helpers))
         self.process.start()
         theirs.close()
 
@@ -142,6 +141,12 @@ def ended(code: int | None) -> str:
     return f"the worker ended with status {code}"
 
 
+def helpers(device: str, workers: int) -> int:
+    """Processes that load for each of so many workers: cores that only wait for a GPU; on the CPU all have work."""
+    count = len(os.sched_getaffinity(0)) // workers - 1
+    return count if device != "cpu" and count > 1 else 0
+
+
 class LocalPool:
     """Worker processes, one for each device named."""
 
@@ -150,7 +155,8 @@ class LocalPool:
     def __init__(self, devices: Sequence[str]) -> None:
         self.devices = tuple(devices)
         self._waiting: list[Task] = []
-        self._slots = [_Slot(device) for device in self.devices]
+        at = collections.Counter(self.devices)
+        self._slots = [_Slot(device, 1.0 / at[device], helpers(device, len(self.devices))) for device in self.devices]
 
     def __enter__(self) -> LocalPool:
         return self
@@ -178,8 +184,7 @@ class LocalPool:
                 yield busy[connection].receive()  # type: ignore[index]
 
     def _task_for(self, slot: _Slot) -> Task:
-        task = self._waiting.pop(0)
-        return Task(task.store, task.shard, slot.device, task.write)
+        return replace(self._waiting.pop(0), device=slot.device, share=slot.share)
 
     def close(self) -> None:
         for slot in self._slots:

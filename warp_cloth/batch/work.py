@@ -15,6 +15,7 @@ from warp_cloth.result import Status
 
 if TYPE_CHECKING:
     from warp_cloth.batch.jobs import Item
+    from warp_cloth.batch.loading import Shelf
     from warp_cloth.fitting import Fit
     from warp_cloth.scene import Scene
 
@@ -33,6 +34,7 @@ class Task:
     shard: Shard
     device: str
     write: bool = True  # whether the worker writes the shard's file; otherwise its results go back to the asker
+    share: float = 1.0  # of a GPU's memory, where other workers use it, too
 
 
 @dataclass(frozen=True)
@@ -45,15 +47,15 @@ class Done:
     problem: str = ""  # why the shard's file could not be written
 
 
-def do_task(task: Task) -> Done:
-    """Fits a task's items.
+def do_task(task: Task, shelf: Shelf | None = None) -> Done:
+    """Fits a task's items; what a shelf has is taken from there.
 
     Raises:
         DeviceLostError: the device is gone; nothing was written.
     """
     if not device_answers(task.device):
         raise DeviceLostError(f"{task.device} does not answer")
-    worker = _Worker(task)
+    worker = _Worker(task, shelf)
     results = worker.results()
     done = Done(task.shard, tuple(results), worker.inputs)
     if not task.write:
@@ -68,8 +70,8 @@ def do_task(task: Task) -> Done:
 class _Worker:
     """Carries out one task; item by item where a whole launch fails, so that only what is bad is lost."""
 
-    def __init__(self, task: Task) -> None:
-        self._task = task
+    def __init__(self, task: Task, shelf: Shelf | None) -> None:
+        self._task, self._shelf = task, shelf
         self._files: set[Path] = set()
 
     @property
@@ -109,8 +111,11 @@ class _Worker:
 
     def _fitted(self, scenes: Sequence[tuple[Item, Scene]]) -> list[ItemResult]:
         from warp_cloth.batch.many import fit_many
+        from warp_cloth.batch.memory import available_bytes
 
-        fits = fit_many([scene for _, scene in scenes], self._task.device)
+        device = self._task.device
+        budget = available_bytes(device, self._task.share)
+        fits = fit_many([scene for _, scene in scenes], device, budget=budget, shelf=self._shelf)
         return [self._result(item, fit) for (item, _), fit in zip(scenes, fits, strict=True)]
 
     def _result(self, item: Item, fit: Fit | Exception) -> ItemResult:

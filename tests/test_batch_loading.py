@@ -1,0 +1,79 @@
+"""Helpers that load: what they make is what the worker itself would have made, and nothing is lost without them."""
+
+from __future__ import annotations
+
+import os
+import signal
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+from warp_cloth.batch.loading import WORTH, Loaders, Shelf
+from warp_cloth.batch.many import fit_many
+from warp_cloth.errors import InputError
+from warp_cloth.fitting import Fit
+from warp_cloth.scene import Scene, load_scene
+from warp_cloth.wardrobe import Rack, Recipe, mesh_recipes, open_wardrobe
+
+
+def scenes() -> list[Scene]:
+    """More different meshes than it takes to start helpers, on one avatar, in two fabrics."""
+    sides = [4 + number // 2 for number in range(2 * WORTH)]
+    fabrics = ("jersey", "denim")
+    common = ["solver.iterations=40", "collision.pixel_mm=10"]
+    return [
+        load_scene(
+            "sphere", [*common, f"garment.shape.vertices_per_side={side}", f"garment.fabric={fabrics[number % 2]}"]
+        )
+        for number, side in enumerate(sides)
+    ]
+
+
+@pytest.fixture(scope="module")
+def loaders() -> Iterator[Loaders]:
+    made = Loaders(2)
+    yield made
+    made.close()
+
+
+def forbidden() -> None:
+    raise AssertionError("it is on the rack")
+
+
+def test_helpers_make_what_the_worker_would_have_made_and_share_it_alike(loaders: Loaders) -> None:
+    several, rack = scenes(), Rack()
+    loaders.fill(rack, several)
+    for scene in several:
+        for recipe in mesh_recipes(scene):
+            rack.made(Recipe(recipe.key, forbidden))
+    opened = [open_wardrobe(scene, rack) for scene in several]
+    for scene, wardrobe in zip(several, opened, strict=True):
+        alone = open_wardrobe(scene)
+        for part, own in zip(wardrobe.parts, alone.parts, strict=True):
+            assert np.array_equal(part.points, own.points)
+            assert np.array_equal(part.rest.hinge_stiffness, own.rest.hinge_stiffness)
+            assert np.array_equal(part.pins, own.pins)
+    assert len({id(wardrobe.avatar) for wardrobe in opened}) == 1
+    jersey, denim = opened[:2]
+    assert jersey.parts[0].points is denim.parts[0].points, "one mesh in two fabrics meets its avatar alike"
+
+
+def test_what_helpers_cannot_load_is_told_in_its_place(loaders: Loaders) -> None:
+    shelf = Shelf(0)
+    shelf.loaders = loaders
+    several = [*scenes(), load_scene("hanging", ["garment.mesh=none.obj"])]
+    *good, bad = fit_many(several, "cpu", shelf=shelf)
+    assert all(isinstance(fit, Fit) for fit in good)
+    assert isinstance(bad, InputError)
+
+
+def test_without_its_helpers_a_worker_loads_by_itself(loaders: Loaders) -> None:
+    rack = Rack()
+    loaders.fill(rack, scenes())
+    assert loaders._pool is not None
+    for process in loaders._pool._processes.values():
+        os.kill(process.pid, signal.SIGKILL)
+    more = load_scene("sphere", ["garment.shape.vertices_per_side=30"])
+    loaders.fill(rack, [more])
+    assert open_wardrobe(more, rack).garments[0].vertex_count == 900
