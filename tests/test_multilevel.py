@@ -15,6 +15,7 @@ from warp_cloth.solver.certificate import Certifier, Tolerance
 from warp_cloth.solver.loop import Outcome, relax_to_rest
 from warp_cloth.solver.multilevel import MultilevelRelaxation
 from warp_cloth.solver.relax import Collider, StepOptions
+from warp_cloth.solver.simplified import build_ladder
 
 MOST_GROWTH = 2.0  # of the iterations where the vertices become 10 times as many; one level needs 3 times as many
 LIMIT = 10_000
@@ -34,7 +35,9 @@ def hanging(count: int, fabric: Fabric = FABRIC) -> GarmentPart:
 
 def relaxation_of(parts: list[GarmentPart], gathers: bool | None = None) -> MultilevelRelaxation:
     model = build_model(parts, device="cpu", precision="mixed", gathers=gathers)
-    made = MultilevelRelaxation(model, Collider(), StepOptions(method="multilevel"), parts)
+    made = MultilevelRelaxation(
+        model, Collider(), StepOptions(method="multilevel"), [build_ladder(part) for part in parts]
+    )
     wp.force_load("cpu", modules=[kernel.module for kernel in made.kernels()])
     return made
 

@@ -15,6 +15,7 @@ from warp_cloth.rest import build_rest_shape
 from warp_cloth.solver.hierarchy import build_hierarchy
 from warp_cloth.solver.implicit import ImplicitOptions, ImplicitStep
 from warp_cloth.solver.pairs import build_pairs
+from warp_cloth.solver.simplified import build_ladder
 
 STEP = 1e-7  # [m]; central differences of a smooth force: relative error near 1e-8
 DIFFERENCE = 1e-6
@@ -112,7 +113,7 @@ def test_coarse_blocks_are_those_of_the_dense_product() -> None:
     model = model_of(mesh, rest, pins=pins)
     model.set_points(mesh.points * 1.05 + np.random.default_rng(1).normal(scale=1e-3, size=mesh.points.shape))
     table = build_pairs(model)
-    levels = build_hierarchy(model, [part], table.ends)
+    levels = build_hierarchy(model, [build_ladder(part)], table.ends)
     assert len(levels) == 1
     step = ImplicitStep(model, None, NoCollider, table, levels, ImplicitOptions())
     step._linearise(True)

@@ -13,6 +13,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
+from warp_cloth.cascade import LevelRun
 from warp_cloth.collide.exact import ExactCollider, build_exact_collider, penetration
 from warp_cloth.collide.garments import worn_crossings
 from warp_cloth.errors import InputError
@@ -22,10 +23,9 @@ from warp_cloth.mesh import Mesh, Points
 from warp_cloth.plan import make_plan
 from warp_cloth.result import Penetration, Status, WornGarment
 from warp_cloth.scene import Scene, load_scene
-from warp_cloth.set_up import SetUp, following, set_up_one
+from warp_cloth.set_up import SetUp, following, set_up_one, start_coarse, tolerance_of
 from warp_cloth.solver.certificate import (
     Check,
-    Tolerance,
     edge_strains,
     strain_summary,
     thread_strains,
@@ -107,9 +107,10 @@ def fit(
     where = device_named(device)
     clock = _Clock()
     made = set_up_one(chosen, where, tell=lambda stage: tell(Progress(stage)), lap=clock.lap)
+    levels = start_coarse(made)
     outcome = _relax(chosen, made, frames, progress)
     clock.lap("relax")
-    (fitted,) = finished(made, [outcome], lap=clock.lap, seconds=clock.seconds, frames=frames)
+    (fitted,) = finished(made, [outcome], levels=levels, lap=clock.lap, seconds=clock.seconds, frames=frames)
     return _with_maps(fitted, wanted, made) if wanted else fitted
 
 
@@ -196,20 +197,19 @@ def _relax(
     )
 
 
-def tolerance_of(scene: Scene) -> Tolerance:
-    """The scene's tolerances in SI."""
-    return Tolerance(scene.solver.residual, scene.solver.residual_p99, scene.solver.tolerance_mm * 1e-3)
-
-
 def finished(
     made: SetUp,
     outcomes: Sequence[Outcome],
     *,
+    levels: Sequence[LevelRun],
     lap: Callable[[str], None],
     seconds: dict[str, float],
     frames: int = 0,
 ) -> list[Fit]:
-    """Measures relaxed scenes, and puts sentence and report together; ``seconds`` of the stages, of all together."""
+    """Measures relaxed scenes, and puts sentence and report together; ``seconds`` of the stages, of all together.
+
+    ``levels`` are of simplified garments that came to rest before; only a lone scene has them.
+    """
     model = made.model
     for item, outcome in enumerate(outcomes):
         if outcome.status is Status.DIVERGED:
@@ -244,6 +244,7 @@ def finished(
             depth=depths[item],
             crossing=crossing,
             contact=made.touched(item),
+            levels=levels,
             plan=make_plan(scene, wardrobe),
         )
         fits.append(Fit(scene, outcome.status, message, garments, wardrobe.avatar, report, model.device))

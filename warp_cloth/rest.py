@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -13,7 +13,7 @@ from warp_cloth.grain import Grain
 from warp_cloth.loading.repair import RestKind
 from warp_cloth.material import Sheet, WeaveShape, edge_constants, even_shear, lay_flat, thread_constants
 from warp_cloth.material_bending import hinge_constants
-from warp_cloth.mesh import Mesh, Points
+from warp_cloth.mesh import Indices, Mesh, Points
 from warp_cloth.topology import Topology, build_topology
 from warp_cloth.units import LENGTH_UNITS, METRES_PER
 
@@ -54,6 +54,7 @@ class RestShape:
     hinge_angle: Floats | None = None  # at rest [rad], shape [H]; None: flat
     sheet: Sheet | None = None  # the rest shape triangle by triangle, for maps
     corners: Floats | None = None  # of every triangle in the panels or the mesh as loaded [m], shape [F, 3, 2 or 3]
+    fabric: Fabric | None = None  # what the constants are of
 
     @property
     def fold_angle(self) -> Floats:
@@ -196,7 +197,6 @@ def build_rest_shape(
     Raises:
         InputError: the rest shape cannot be used.
     """
-    topology = build_topology(mesh.triangles, mesh.vertex_count)
     notes: tuple[str, ...] = ()
     sides = _sides(mesh.points[mesh.triangles])
     drawn = sides
@@ -207,37 +207,54 @@ def build_rest_shape(
     areas = triangle_areas(sides)
     if not areas.sum() > 0.0:
         raise InputError(place, "the garment has no area", "check the mesh")
+    weight = fabric.weight * float(areas.sum()) * GRAVITY / mesh.vertex_count
+    like = _drawn_flat(mesh, grain or Grain(), key, rest)
+    made = constants_of(mesh.triangles, sides, np.full(mesh.vertex_count, weight), fabric, like)
+    topology, length = made.topology, made.edge_length
+    if rest == "uv":
+        side_edge = topology.triangle_edges.ravel()
+        initial = np.bincount(side_edge, drawn.ravel(), len(length)) / np.bincount(side_edge, minlength=len(length))
+        notes += _check_scale(length, initial, metres_per_uv, place, key)
+    return replace(
+        made,
+        notes=notes + _check_directions(fabric, like is not None),
+        hinge_angle=fold_angles(mesh.points, topology) if rest_angles == "mesh" else None,
+        corners=_places(mesh, metres_per_uv if rest == "uv" else None),
+    )
+
+
+def constants_of(triangles: Indices, sides: Floats, weight: Floats, fabric: Fabric, like: Floats | None) -> RestShape:
+    """The constants of a garment whose triangles have these sides (0,1), (1,2), (2,0) at rest [m], shape [F, 3].
+
+    Args:
+        triangles: shape [F, 3].
+        sides: of every triangle; an edge between two takes their mean.
+        weight: of every vertex [N], shape [V].
+        fabric: its material.
+        like: corners of every triangle, x along weft and y along warp, shape [F, 3, 2]; None: it has no directions.
+    """
+    topology = build_topology(triangles, len(weight))
     edge_count = len(topology.edges)
     side_edge = topology.triangle_edges.ravel()
-    side_count = np.bincount(side_edge, minlength=edge_count)
     # an edge between two panels takes the mean of the panels' lengths (model: cloth)
-    length = np.bincount(side_edge, sides.ravel(), edge_count) / side_count
-    if rest == "uv":
-        initial = np.bincount(side_edge, drawn.ravel(), edge_count) / side_count
-        notes += _check_scale(length, initial, metres_per_uv, place, key)
-    floor = SHORTEST_EDGE_SHARE * float(np.median(length))
-    length = np.maximum(length, floor)
+    length = np.bincount(side_edge, sides.ravel(), edge_count) / np.bincount(side_edge, minlength=edge_count)
+    length = np.maximum(length, SHORTEST_EDGE_SHARE * float(np.median(length)))
     averaged = length[topology.triangle_edges]
-    like = _drawn_flat(mesh, grain or Grain(), key, rest)
     even = triangle_areas(averaged)
-    sheet = Sheet(topology, mesh.triangles, lay_flat(averaged, even, like), even, like is not None)
-    notes += _check_directions(fabric, sheet)
+    sheet = Sheet(topology, triangles, lay_flat(averaged, even, like), even, like is not None)
     woven = fabric.woven and sheet.directed
     pull = np.zeros(edge_count) if woven else edge_constants(sheet, fabric, length)
-    weight = fabric.weight * float(areas.sum()) * GRAVITY / mesh.vertex_count
     return RestShape(
         topology=topology,
         edge_length=length,
         edge_pull=pull,
         edge_push=fabric.compression * pull,
         hinge_stiffness=hinge_constants(sheet, fabric, length),
-        vertex_weight=np.full(mesh.vertex_count, weight),
-        area=float(areas.sum()),
-        notes=notes,
+        vertex_weight=weight,
+        area=float(triangle_areas(sides).sum()),
         weave=thread_constants(sheet, fabric) if woven else None,
-        hinge_angle=fold_angles(mesh.points, topology) if rest_angles == "mesh" else None,
         sheet=sheet,
-        corners=_places(mesh, metres_per_uv if rest == "uv" else None),
+        fabric=fabric,
     )
 
 
@@ -254,11 +271,11 @@ def fold_angles(points: Points, topology: Topology) -> Floats:
     return np.asarray(np.arctan2(sine, np.einsum("ij,ij->i", normal_0, normal_1)))
 
 
-def _check_directions(fabric: Fabric, sheet: Sheet) -> tuple[str, ...]:
+def _check_directions(fabric: Fabric, directed: bool) -> tuple[str, ...]:
     """A note where the fabric has directions and the garment has not."""
     even = fabric.stretch_warp == fabric.stretch_weft and fabric.bending_warp == fabric.bending_weft
     own_shear = fabric.shear is not None and not np.isclose(fabric.shear, even_shear(fabric))
-    if sheet.directed or (even and not own_shear):
+    if directed or (even and not own_shear):
         return ()
     return (
         f'the mesh has no texture coordinates to tell warp from weft, so the fabric "{fabric.name}" '

@@ -10,6 +10,7 @@ import numpy as np
 import warp as wp
 
 from warp_cloth.carry import Carried, carry
+from warp_cloth.cascade import LevelRun, start_from_coarse
 from warp_cloth.collide.avatar import AvatarContact, avatar_modules
 from warp_cloth.collide.depth import DEFAULT_REACH
 from warp_cloth.collide.garments import cloth_course, cloth_touch, highest_lift, placed
@@ -19,7 +20,7 @@ from warp_cloth.scene import Scene
 from warp_cloth.solver.certificate import Certifier, Tolerance
 from warp_cloth.solver.course import Course
 from warp_cloth.solver.loop import Boxes, Follow
-from warp_cloth.solver.multilevel import relaxation_by
+from warp_cloth.solver.multilevel import MultilevelRelaxation, relaxation_by
 from warp_cloth.solver.relax import Collider, Relaxation, StepOptions
 from warp_cloth.wardrobe import Rack, Wardrobe, open_wardrobe
 
@@ -134,16 +135,35 @@ def set_up(
     return replace(made, certifier=Certifier(relaxation), carried=carried)
 
 
+def tolerance_of(scene: Scene) -> Tolerance:
+    """The scene's tolerances in SI."""
+    return Tolerance(scene.solver.residual, scene.solver.residual_p99, scene.solver.tolerance_mm * 1e-3)
+
+
+def start_coarse(made: SetUp) -> tuple[LevelRun, ...]:
+    """Lets simplified garments come to rest first, where the method has them; the relaxation goes on from there."""
+    relaxation = made.relaxation
+    if not isinstance(relaxation, MultilevelRelaxation) or made.wardrobe.poses:
+        return ()
+    (scene,) = made.scenes
+    return start_from_coarse(
+        relaxation,
+        made.contact if made.wardrobe.avatar is not None else None,
+        tolerance=tolerance_of(scene),
+        limit=scene.solver.iterations,
+        load=lambda kernels: _compile([kernel.module for kernel in kernels], made.model.device),
+    )
+
+
 def _carry(made: SetUp) -> Carried:
     """Takes a lone scene's garments along to its avatar's last pose."""
     (scene,) = made.scenes
-    tolerance = Tolerance(scene.solver.residual, scene.solver.residual_p99, scene.solver.tolerance_mm * 1e-3)
     return carry(
         made.relaxation,
         made.certifier,
         made.contact,
         made.wardrobe.poses,
-        tolerance=tolerance,
+        tolerance=tolerance_of(scene),
         limit=scene.solver.iterations,
         follow=following(made),
         course=made.course,

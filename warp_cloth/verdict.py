@@ -12,6 +12,7 @@ from warp_cloth.solver.certificate import Tolerance
 from warp_cloth.solver.loop import Outcome
 
 if TYPE_CHECKING:
+    from warp_cloth.cascade import LevelRun
     from warp_cloth.collide.garments import GarmentCrossings
     from warp_cloth.mesh import Points
     from warp_cloth.plan import Term
@@ -76,6 +77,7 @@ def report_of(
     depth: Penetration | None,
     crossing: GarmentCrossings,
     contact: dict[str, Any] | None,
+    levels: Sequence[LevelRun],
     plan: tuple[Term, ...],
 ) -> dict[str, Any]:
     """The report under its stable keys; lengths as their names say.
@@ -92,6 +94,7 @@ def report_of(
         "edges": sum(len(topology.edges) for topology in topologies),
         "hinges": sum(len(topology.hinges) for topology in topologies),
         "iterations": outcome.iterations,
+        "levels": [{**asdict(level), "status": level.status.value} for level in levels],
         "seconds": seconds,
         "iterations_per_second": outcome.iterations / relaxing if relaxing > 0.0 else None,
         "device": device,

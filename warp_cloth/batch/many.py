@@ -13,7 +13,7 @@ from warp_cloth.batch.loading import Shelf
 from warp_cloth.batch.memory import available_bytes, cut_to_fit, need_of
 from warp_cloth.fitting import Fit, finished, tolerance_of
 from warp_cloth.scene import Scene
-from warp_cloth.set_up import following, kind_of, set_up
+from warp_cloth.set_up import following, kind_of, set_up, start_coarse
 from warp_cloth.solver.loop import Goal, relax_items
 from warp_cloth.wardrobe import Rack, Wardrobe, open_wardrobe
 
@@ -93,7 +93,8 @@ def _together(scenes: Sequence[Scene], wardrobes: Sequence[Wardrobe], device: st
         last = now
 
     made = set_up(scenes, wardrobes, device, lap=lap)
+    levels = start_coarse(made)
     goals = [Goal(tolerance_of(scene), scene.solver.iterations) for scene in scenes]
     outcomes = relax_items(made.relaxation, made.certifier, goals, follow=following(made), course=made.course)
     lap("relax")
-    return finished(made, outcomes, lap=lap, seconds=seconds)
+    return finished(made, outcomes, levels=levels, lap=lap, seconds=seconds)

@@ -44,6 +44,7 @@ class Coarse:
 
     cloth: Pattern
     kept: Indices  # its vertices in the finer garment
+    wedges: Indices  # its wedges in the finer garment
     start: Indices  # rows of the finer garment's vertices, shape [V_fine + 1]
     index: Indices  # coarse vertices
     weight: Floats
@@ -367,4 +368,11 @@ def _relabelled(cloth: Pattern, row: Ints, col: Ints, value: Floats, count: int)
         cloth.pinned[kept],
     )
     start = np.searchsorted(row, np.arange(count + 1))
-    return Coarse(coarse, kept.astype(np.int32), start.astype(np.int32), number[col].astype(np.int32), value)
+    return Coarse(
+        coarse,
+        kept.astype(np.int32),
+        used.astype(np.int32),
+        start.astype(np.int32),
+        number[col].astype(np.int32),
+        value,
+    )

@@ -13,15 +13,13 @@ from numpy.typing import NDArray
 from warp_cloth.kernels.cloth import cloth_types
 from warp_cloth.kernels.levels import level_types
 from warp_cloth.mesh import Indices
-from warp_cloth.model import ClothModel, GarmentPart
-from warp_cloth.solver.coarsen import coarsen, rest_pattern
+from warp_cloth.model import ClothModel
+from warp_cloth.solver.simplified import Ladder
 from warp_cloth.topology import ragged_rows
 
 Ints = NDArray[np.int64]
 Floats = NDArray[np.float64]
 
-RATIO = 4  # of the vertices of a level to those of the next: edges twice as long
-FEWEST = 30  # vertices of a garment's coarsest level
 SMALLEST = 1e-4  # weights below this share couple nothing worth the reading
 
 
@@ -47,10 +45,10 @@ class Level:
     blocks: Any  # Rows: each vertex's block from the couplings
 
 
-def build_hierarchy(model: ClothModel, parts: Sequence[GarmentPart], pairs: Indices) -> list[Level]:
+def build_hierarchy(model: ClothModel, ladders: Sequence[Ladder], pairs: Indices) -> list[Level]:
     """Coarser levels of all garments, finest first. ``pairs`` [N, 2] are the model's own."""
-    chains = [_chain(part) for part in parts]
-    counts = [len(part.points) for part in parts]
+    counts = [len(ladder.part.points) for ladder in ladders]
+    chains = [_chain(ladder) for ladder in ladders]
     levels = []
     for depth in range(max(len(chain) for chain in chains)):
         # a garment without further levels has no coarse vertices there, and follows nothing
@@ -63,17 +61,12 @@ def build_hierarchy(model: ClothModel, parts: Sequence[GarmentPart], pairs: Indi
     return levels
 
 
-def _chain(part: GarmentPart) -> list[Sparse]:
-    """How one garment's vertices follow fewer ones, those fewer still, and so on."""
-    if part.rest.corners is None:
-        return []
-    pinned = np.zeros(len(part.points), dtype=bool)
-    pinned[part.pins] = True
-    cloth = rest_pattern(part.triangles, part.rest.corners, pinned)
+def _chain(ladder: Ladder) -> list[Sparse]:
+    """How one garment's free vertices follow fewer ones, those fewer still, and so on."""
     chain = []
-    while len(cloth.pinned) >= RATIO * FEWEST:
-        found = coarsen(cloth, len(cloth.pinned) // RATIO)
-        if found is None:
+    cloth = ladder.pattern
+    for found in ladder.rungs:
+        if cloth is None:
             break
         row = np.repeat(np.arange(len(cloth.pinned)), np.diff(found.start))
         free = ~cloth.pinned[row] & ~found.cloth.pinned[found.index] & (np.abs(found.weight) > SMALLEST)

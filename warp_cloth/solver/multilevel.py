@@ -17,6 +17,7 @@ from warp_cloth.solver.hierarchy import build_hierarchy
 from warp_cloth.solver.implicit import ImplicitOptions, ImplicitStep
 from warp_cloth.solver.pairs import build_pairs
 from warp_cloth.solver.relax import DEFAULT_CAP, Collider, Relaxation, StepOptions
+from warp_cloth.solver.simplified import Ladder, build_ladder
 
 if TYPE_CHECKING:
     from warp_cloth.collide.cloth import ClothTouch
@@ -40,16 +41,17 @@ class MultilevelRelaxation(Relaxation):
         model: ClothModel,
         collider: Collider,
         options: StepOptions,
-        parts: Sequence[GarmentPart],
+        ladders: Sequence[Ladder],
         implicit: ImplicitOptions | None = None,
     ) -> None:
-        implicit = implicit or ImplicitOptions()
+        self.options, self.implicit_options = options, implicit or ImplicitOptions()
+        self.ladders = tuple(ladders)
+        self.collider = collider  # that the garments start with
         self._implicit: ImplicitStep | None = None
         super().__init__(model, collider, vertex_by_vertex(options))
         table = build_pairs(model)
-        levels = build_hierarchy(model, parts, table.ends)
-        self._implicit = ImplicitStep(model, self.contact, self.collider_type, table, levels, implicit)
-        self._options = options, implicit
+        levels = build_hierarchy(model, ladders, table.ends)
+        self._implicit = ImplicitStep(model, self.contact, self.collider_type, table, levels, self.implicit_options)
         self._drawing = True
         self._looks, self._strain, self._since = 0, math.inf, 0
 
@@ -63,9 +65,9 @@ class MultilevelRelaxation(Relaxation):
         if self._drawing or self._implicit is None:
             super().iterate(count)
             return
-        implicit = self._options[1]
-        for number in range(max(1, count // implicit.rounds)):
-            self._implicit.launch(self.step, self.collider_data, number % implicit.renewal == 0)
+        own = self.implicit_options
+        for number in range(max(1, count // own.rounds)):
+            self._implicit.launch(self.step, self.collider_data, number % own.renewal == 0)
 
     def run(self, iterations: int) -> None:
         """Runs a chunk of iterations as one captured graph; looks from time to time whether seams are closed yet."""
@@ -81,9 +83,8 @@ class MultilevelRelaxation(Relaxation):
         stays = strain > (1.0 - LEAST_GAIN) * self._strain
         if strain <= DRAWN or stays or self._looks == MOST_LOOKS:
             self._drawing = False
-            options, implicit = self._options
-            self.step.momentum = implicit.momentum
-            self._items["cap"] = options.largest_move
+            self.step.momentum = self.implicit_options.momentum
+            self._items["cap"] = self.options.largest_move
             self.tell_items()
             self.forget_graphs()
         self._looks, self._strain, self._since = self._looks + 1, strain, 0
@@ -113,7 +114,7 @@ def relaxation_by(
         options = replace(options, cap=caps[0])
     if touch is not None:
         return Relaxation(model, colliders, vertex_by_vertex(options), touch)
-    return MultilevelRelaxation(model, colliders[0], options, parts)
+    return MultilevelRelaxation(model, colliders[0], options, [build_ladder(part) for part in parts])
 
 
 def vertex_by_vertex(options: StepOptions) -> StepOptions:

@@ -1,0 +1,98 @@
+"""Simplified garments are the same cloth, and a fit that starts from them comes to rest."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from cloths import NO_PINS, grid
+
+from warp_cloth.fabric import Fabric, shipped_fabrics
+from warp_cloth.fitting import fit
+from warp_cloth.grain import Grain
+from warp_cloth.mesh import Mesh
+from warp_cloth.model import GarmentPart
+from warp_cloth.rest import build_rest_shape
+from warp_cloth.result import Status
+from warp_cloth.scene.shapes import TshirtShape
+from warp_cloth.shapes import build_garment
+from warp_cloth.solver.simplified import Ladder, build_ladder, carried
+
+ROUNDING = 1e-12
+AREA = 0.01  # what a coarse outline may lose of a T-shirt's curved seams, as a share of its area
+DEGREE = np.radians(1.0)
+MESH = grid(21, 1.0)
+PANEL = MESH.points[MESH.triangles][:, :, :2]
+AWAY = np.array([0.1, 0.0, 0.0])  # [m]
+DENIM = shipped_fabrics()["denim"]
+
+
+def ladder_of(mesh: Mesh, fabric: Fabric, pins: np.ndarray = NO_PINS, turned: float = 0.0) -> Ladder:
+    rest = build_rest_shape(mesh, fabric, rest="uv", grain=Grain(turned))
+    return build_ladder(GarmentPart(mesh.points, mesh.triangles, rest, pins))
+
+
+def below(ladder: Ladder) -> Ladder:
+    found = ladder.below()
+    assert found is not None
+    return found
+
+
+def test_a_simplified_garment_weighs_and_measures_the_same() -> None:
+    mesh = build_garment(TshirtShape(kind="tshirt"), body=None)
+    fine = ladder_of(mesh, DENIM)
+    coarse = below(fine)
+    assert len(coarse.part.points) < 0.3 * len(fine.part.points)
+    assert coarse.part.rest.vertex_weight.sum() == pytest.approx(fine.part.rest.vertex_weight.sum(), rel=AREA)
+    assert coarse.part.rest.area == pytest.approx(fine.part.rest.area, rel=AREA)
+
+
+@pytest.mark.parametrize("degrees", [0.0, 30.0, 90.0, 135.0])
+def test_its_warp_lies_as_the_finer_ones(degrees: float) -> None:
+    coarse = below(ladder_of(replace(MESH, texcoords=PANEL), DENIM, turned=degrees)).part.rest
+    assert coarse.sheet is not None
+    assert coarse.corners is not None
+    first = coarse.corners[:, 1] - coarse.corners[:, 0]
+    drawn = coarse.sheet.flat[:, 1] - coarse.sheet.flat[:, 0]
+    # the flat side's angle to the warp is the side's in the panel less the grain, up to a mirror and half a turn
+    angle = np.arctan2(first[:, 0], first[:, 1]) + np.radians(degrees)
+    own = np.arctan2(drawn[:, 0], drawn[:, 1])
+    off = np.minimum(np.abs(np.sin(own - angle)), np.abs(np.sin(own + angle)))
+    assert off.max() < DEGREE
+
+
+def test_pinned_vertices_stay_and_flat_cloth_is_carried_exactly() -> None:
+    pins = np.array([0, 20, 200], dtype=np.int32)
+    fine = ladder_of(replace(MESH, texcoords=PANEL), DENIM, pins)
+    coarse = below(fine)
+    assert (coarse.part.points[coarse.part.pins] == MESH.points[pins]).all()
+    moved = carried(fine.rungs[0], coarse.part.points + AWAY, fine.part)
+    wanted = MESH.points + AWAY
+    wanted[pins] = MESH.points[pins]
+    assert moved == pytest.approx(wanted, abs=ROUNDING)
+
+
+def test_a_garment_of_unknown_rest_shape_stays_as_it_is() -> None:
+    rest = replace(build_rest_shape(MESH, DENIM, rest="mesh"), corners=None)
+    ladder = build_ladder(GarmentPart(MESH.points, MESH.triangles, rest, NO_PINS))
+    assert ladder.rungs == ()
+    assert ladder.below() is None
+
+
+def test_a_fit_tells_of_the_simplified_garments_that_it_started_from() -> None:
+    overrides = ["garment.shape.vertices_per_side=33", "solver.method=multilevel"]
+    worn = fit("hanging", device="cpu", overrides=overrides)
+    assert worn.status is Status.AT_REST
+    (level,) = worn.report["levels"]
+    assert level["status"] == "at_rest"
+    assert level["vertices"] < 33 * 33 / 3
+    assert level["iterations"] > 0
+
+
+def test_what_will_not_rest_as_simplified_still_fits() -> None:
+    overrides = ["garment.shape.vertices_per_side=33", "solver.method=multilevel", "solver.iterations=100"]
+    worn = fit("hanging", device="cpu", overrides=overrides)
+    assert worn.status is Status.ITERATION_LIMIT
+    assert worn.report["levels"][0]["status"] == "iteration_limit"
+    assert np.isfinite(worn.garments[0].points).all()
