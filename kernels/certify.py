@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import warp as wp
 
 from warp_cloth.kernels.bending import fold_energy, hinge_fold, turned_back
-from warp_cloth.kernels.cloth import MODULE_OPTIONS, cloth_types, difference_function
+from warp_cloth.kernels.cloth import MODULE_OPTIONS, cloth_types, difference_function, free_function
 from warp_cloth.kernels.displace import colliders_type
 from warp_cloth.kernels.friction import friction_residual
 from warp_cloth.kernels.tension import tension_energy
@@ -14,10 +14,11 @@ from warp_cloth.kernels.weave import thread_energy, warp_vector, weft_vector
 
 
 @functools.cache
-def residual_kernel(precision: str, contact: wp.Function | None, collider_type: type) -> wp.Kernel:
-    """Kernel ``measure_residual`` in one precision, with the contact that the iteration uses."""
+def residual_kernel(precision: str, contact: wp.Function | None, collider_type: type, pins: bool) -> wp.Kernel:
+    """Kernel ``measure_residual`` in one precision, with the contact that the iteration uses, with or without pins."""
     types = cloth_types(precision)
     real, vec3, vec4, Cloth, Step = types.real, types.vec3, types.vec4, types.Cloth, types.Step
+    free = free_function(precision, pins)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def measure_residual(
@@ -36,7 +37,7 @@ def residual_kernel(precision: str, contact: wp.Function | None, collider_type: 
         if item.active == 0:
             return
         residual_out[vertex] = wp.vec2f(-1.0, -1.0)
-        if cloth.pinned[vertex] == wp.uint8(0):
+        if free(cloth, vertex):
             weight = cloth.weight[vertex]
             force = vec3(sum[0], sum[1], sum[2]) + step.gravity * weight
             left = wp.length(force)

@@ -23,6 +23,7 @@ class Terms(NamedTuple):
     folds: bool
     threads: bool
     angles: bool = False  # folds that are not flat at rest
+    pins: bool = False  # vertices that stay
 
 
 @wp.struct
@@ -84,7 +85,7 @@ def cloth_types(precision: str) -> SimpleNamespace:
         position: wp.array(dtype=point)  # [m]
         move: wp.array(dtype=vec3)  # last displacement [m]
         weight: wp.array(dtype=real)  # [N]
-        pinned: wp.array(dtype=wp.uint8)
+        pinned: wp.array(dtype=wp.uint8)  # where any is
         stiffness: wp.array(dtype=real)  # that the last step went by [N/m]; accelerated method only
         item: wp.array(dtype=wp.int32)  # which fit each vertex belongs to
         items: wp.array(dtype=Item)
@@ -193,6 +194,24 @@ def rest_function(precision: str) -> wp.Function:
         return cloth.items[cloth.item[vertex]].active == 0
 
     return rests
+
+
+@functools.cache
+def free_function(precision: str, pins: bool) -> wp.Function:
+    """The function that tells whether a vertex may move: where nothing is pinned, without a look."""
+    Cloth = cloth_types(precision).Cloth
+
+    @wp.func
+    def unpinned(cloth: Cloth, vertex: int):
+        """Whether a vertex is not pinned."""
+        return cloth.pinned[vertex] == wp.uint8(0)
+
+    @wp.func
+    def always(cloth: Cloth, vertex: int):
+        """True."""
+        return True
+
+    return unpinned if pins else always
 
 
 @functools.cache

@@ -5,7 +5,7 @@ from typing import Any
 
 import warp as wp
 
-from warp_cloth.kernels.cloth import MODULE_OPTIONS, Terms, cloth_types, rest_function
+from warp_cloth.kernels.cloth import MODULE_OPTIONS, Terms, cloth_types, free_function, rest_function
 from warp_cloth.kernels.cloth_contact import ClothContact, contact_room, contact_sum, contact_watch
 from warp_cloth.kernels.friction import friction_slide
 from warp_cloth.kernels.gather import patch_functions
@@ -113,14 +113,17 @@ def displacement(
 
 @functools.cache
 def displace_kernel(
-    precision: str, accelerated: bool, contact: wp.Function | None, collider_type: type, touches: bool
+    precision: str, accelerated: bool, contact: wp.Function | None, collider_type: type, touches: bool, pins: bool
 ) -> wp.Kernel:
-    """Kernel ``displace_vertices``, which moves the cloth where it lies; arguments as of ``displacement``."""
+    """Kernel ``displace_vertices``, which moves the cloth where it lies; arguments as of ``displacement``.
+
+    ``pins``: whether any vertex is pinned.
+    """
     types = cloth_types(precision)
     point, vec4, Cloth, Step = types.point, types.vec4, types.Cloth, types.Step
     vertex_displacement = displacement(precision, accelerated, contact, collider_type, touches)
     Touch = touch_type(touches)
-    rests = rest_function(precision)
+    rests, free = rest_function(precision), free_function(precision, pins)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def displace_vertices(
@@ -136,7 +139,7 @@ def displace_kernel(
         load[vertex] = vec4()
         if rests(cloth, vertex):
             return
-        if cloth.pinned[vertex] == wp.uint8(0):
+        if free(cloth, vertex):
             move, kept = vertex_displacement(cloth, step, colliders, touch, sum, vertex)
             cloth.move[vertex] = kept
             cloth.position[vertex] = cloth.position[vertex] + point(move)
@@ -152,7 +155,7 @@ def advance_kernel(
 ) -> wp.Kernel:
     """Kernel ``advance_vertices``, which gathers a vertex's forces and moves it, from one set of arrays to another.
 
-    ``terms``: what there is to gather; the rest as of ``displacement``.
+    ``terms``: what there is to gather, and pins; the rest as of ``displacement``.
     """
     types = cloth_types(precision)
     point, vec3, Cloth, Step, Patches = types.point, types.vec3, types.Cloth, types.Step, types.Patches
@@ -160,7 +163,7 @@ def advance_kernel(
     Touch = touch_type(touches)
     functions = patch_functions(precision, "stiffness" if accelerated else "none", terms)
     work_patch, vertex_load = functions.work_patch, functions.vertex_load
-    rests = rest_function(precision)
+    rests, free = rest_function(precision), free_function(precision, terms.pins)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS, grid_stride=False)
     def advance_vertices(
@@ -183,7 +186,7 @@ def advance_kernel(
             vertex = patches.vertex[patch.vertex_start + local]
             move = vec3()
             kept = vec3()
-            if cloth.pinned[vertex] == wp.uint8(0):
+            if free(cloth, vertex):
                 load = vertex_load(patches, patch, memory, local)
                 move, kept = vertex_displacement(cloth, step, colliders, touch, load, vertex)
             move_out[vertex] = kept

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import warp as wp
 
-from warp_cloth.kernels.cloth import MODULE_OPTIONS, cloth_types
+from warp_cloth.kernels.cloth import MODULE_OPTIONS, cloth_types, free_function
 from warp_cloth.kernels.conjugate import FREE, SLIDES, STAYS, allowed_function, conjugate_types
 from warp_cloth.kernels.displace import capped, colliders_type
 from warp_cloth.kernels.friction import friction_slide
@@ -23,14 +23,14 @@ HEAVIEST = wp.constant(0.02)
 
 
 @functools.cache
-def implicit_kernels(precision: str, contact: wp.Function | None, collider_type: type) -> SimpleNamespace:
+def implicit_kernels(precision: str, contact: wp.Function | None, collider_type: type, pins: bool) -> SimpleNamespace:
     """Kernels ``face_forces`` and ``take_step``, with the contact of ``kernels.displace.displacement``."""
     types = cloth_types(precision)
     real, point, vec3, vec4, Cloth, Step = types.real, types.point, types.vec3, types.vec4, types.Cloth, types.Step
     vec6, System = stiffness_types(precision).vec6, conjugate_types(precision).System
     symmetric = symmetric_functions(precision)
     along, even, times, inverse = symmetric.along, symmetric.even, symmetric.times, symmetric.inverse
-    allowed = allowed_function(precision)
+    allowed, free = allowed_function(precision), free_function(precision, pins)
 
     @wp.func
     def hold_of(force: vec3, normal: vec3, friction: real):
@@ -83,7 +83,7 @@ def implicit_kernels(precision: str, contact: wp.Function | None, collider_type:
             if gap < real(NEAR) or (gap < real(WIDE) and system.pressed[vertex] != wp.uint8(0)):
                 normal = vec3(real(at[0]), real(at[1]), real(at[2]))
                 hold, left = hold_of(left, normal, real(item.friction))
-        if cloth.pinned[vertex] != wp.uint8(0):
+        if not free(cloth, vertex):
             hold = int(STAYS)
             left = vec3()
         block = own_block(system, vertex)
@@ -116,7 +116,7 @@ def implicit_kernels(precision: str, contact: wp.Function | None, collider_type:
         Where the avatar stops a vertex that was not on it, friction shortens the displacement's tangential part.
         """
         vertex = wp.tid()
-        if cloth.pinned[vertex] == wp.uint8(0):
+        if free(cloth, vertex):
             move = system.displacement[vertex]
             normal = system.normal[vertex]
             met = wp.dot(normal, normal) > real(0.5)

@@ -4,14 +4,15 @@ import functools
 
 import warp as wp
 
-from warp_cloth.kernels.cloth import MODULE_OPTIONS, cloth_types
+from warp_cloth.kernels.cloth import MODULE_OPTIONS, cloth_types, free_function
 
 
 @functools.cache
-def push_kernel(precision: str, contact: wp.Function, collider_type: type) -> wp.Kernel:
-    """Kernel ``measure_push`` in one precision, with the contact that the iteration uses."""
+def push_kernel(precision: str, contact: wp.Function, collider_type: type, pins: bool) -> wp.Kernel:
+    """Kernel ``measure_push`` in one precision, with the contact that the iteration uses, with or without pins."""
     types = cloth_types(precision)
     real, vec3, vec4, Cloth, Step = types.real, types.vec3, types.vec4, types.Cloth, types.Step
+    free = free_function(precision, pins)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def measure_push(
@@ -27,7 +28,7 @@ def push_kernel(precision: str, contact: wp.Function, collider_type: type) -> wp
         sum = load[vertex]
         load[vertex] = vec4()
         push_out[vertex] = wp.float64(0.0)
-        if cloth.pinned[vertex] == wp.uint8(0):
+        if free(cloth, vertex):
             item = cloth.item[vertex]
             at = contact(colliders[item], wp.vec3d(cloth.position[vertex]))
             if at[3] < cloth.items[item].offset + slack:

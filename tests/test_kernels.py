@@ -112,12 +112,12 @@ def test_displacement_and_certificate_kernels_compile(precision: str) -> None:
     loaded(energy_kernels(precision), bending_energy_kernel(precision, False), bending_energy_kernel(precision, True))
     for contact, data in COLLIDERS:
         asked = contact, data or NoCollider
-        loaded(residual_kernel(precision, *asked))
+        loaded(residual_kernel(precision, *asked, False), residual_kernel(precision, *asked, True))
         if contact is not None:
-            loaded(push_kernel(precision, *asked))
+            loaded(push_kernel(precision, *asked, False), push_kernel(precision, *asked, True))
         for accelerated in (False, True):
             for touches in (False, True):
-                loaded(displace_kernel(precision, accelerated, *asked, touches))
+                loaded(displace_kernel(precision, accelerated, *asked, touches, touches))
                 loaded(advance_kernel(precision, accelerated, Terms(True, True, True), *asked, touches))
 
 

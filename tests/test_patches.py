@@ -15,6 +15,7 @@ from warp_cloth.fabric import resolve_fabric
 from warp_cloth.kernels.cloth import Terms
 from warp_cloth.kernels.gather import BLOCK_MEMORY
 from warp_cloth.mesh import Mesh
+from warp_cloth.model import GarmentPart, terms_of
 from warp_cloth.patches import PatchTables, cut_patches
 from warp_cloth.rest import RestShape, build_rest_shape
 from warp_cloth.topology import build_topology
@@ -93,3 +94,20 @@ def test_a_vertex_with_too_many_triangles_is_told() -> None:
     mesh = fan(20_000)
     with pytest.raises(InputError, match="more than 10,000 triangles meet at a vertex"):
         cut(mesh, fan_rest(mesh))
+
+
+@pytest.mark.parametrize("fabric", [FABRIC, WOVEN], ids=["edges", "threads"])
+def test_patches_cut_in_several_parts_are_those_cut_at_once(fabric: object, monkeypatch: pytest.MonkeyPatch) -> None:
+    mesh = grid(12)
+    rest = build_rest_shape(mesh, fabric, rest="mesh")
+    terms = terms_of([GarmentPart(mesh.points, mesh.triangles, rest, np.zeros(0, dtype=np.int32))])
+    monkeypatch.setattr(patches, "SMALLEST", 7)
+    monkeypatch.setattr(patches, "BLOCK_MEMORY", 4000)  # some have to be halved
+    whole = cut(mesh, rest, terms)
+    monkeypatch.setattr(patches, "CHUNK", 3)
+    parts = cut(mesh, rest, terms)
+    assert len(whole.patch["owned_count"]) > 144 / 7
+    for name in (field for field in PatchTables.__dataclass_fields__ if field != "patch"):
+        assert np.array_equal(getattr(parts, name), getattr(whole, name)), name
+    for name, numbers in whole.patch.items():
+        assert np.array_equal(parts.patch[name], numbers), name

@@ -56,6 +56,15 @@ def test_a_term_without_use_has_no_array(fabric: dict[str, object], gone: str) -
     assert not {name for name in names if gone in name}
 
 
+def test_without_pins_or_steps_of_its_own_a_vertex_keeps_neither() -> None:
+    _, names = seen(ready())
+    assert {"cloth.pinned", "cloth.stiffness"} <= names
+    shape = {"kind": "sphere", "radius": 0.2, "centre": [0.0, 1.0, 0.0], "edge_mm": 80}
+    tree = {"garment": {"shape": SQUARE, "fabric": PLAIN}, "avatar": {"shape": shape}, "solver": {"method": "direct"}}
+    _, names = seen(set_up_one(load_scene(tree), "cpu"))
+    assert not {"cloth.pinned", "cloth.stiffness"} & names
+
+
 @pytest.mark.parametrize(("more", "less"), [(PLAIN, {**PLAIN, "bending": 0.0}), (WOVEN, {**WOVEN, "bending": 0.0})])
 def test_bending_off_launches_less_and_its_memory_is_free(more: dict[str, object], less: dict[str, object]) -> None:
     (launches, _), (fewer, _) = seen(ready(more)), seen(ready(less))

@@ -88,8 +88,9 @@ def carry(
 
 def _place(model: ClothModel, points: Points) -> None:
     """Puts the cloth's free vertices at these positions [m]."""
-    pinned = model.cloth.pinned.numpy() != 0
-    model.set_points(np.where(pinned[:, None], model.points(), points))
+    if model.terms.pins:
+        points = np.where(model.cloth.pinned.numpy()[:, None] != 0, model.points(), points)
+    model.set_points(points)
 
 
 def _steps(cloth: Points, start: Points, end: Points) -> int:

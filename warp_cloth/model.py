@@ -123,19 +123,22 @@ class ClothModel:
         """The cloth with positions and moves of its own, for iterations that write beside what they read."""
         beside = cloth_types(self.precision).Cloth()
         beside.position, beside.move = wp.empty_like(self.cloth.position), wp.empty_like(self.cloth.move)
-        beside.weight, beside.pinned = self.cloth.weight, self.cloth.pinned
-        beside.stiffness = self.cloth.stiffness
+        beside.weight, beside.stiffness = self.cloth.weight, self.cloth.stiffness
+        if self.terms.pins:
+            beside.pinned = self.cloth.pinned
         beside.item, beside.items = self.cloth.item, self.cloth.items
         return beside
 
 
-def terms_of(rests: Sequence[RestShape]) -> Terms:
+def terms_of(parts: Sequence[GarmentPart]) -> Terms:
     """What acts in these garments."""
+    rests = [part.rest for part in parts]
     return Terms(
         edges=any(bool(rest.edge_pull.any() or rest.edge_push.any()) for rest in rests),
         folds=any(bool(rest.hinge_stiffness.any()) for rest in rests),
         threads=any(rest.weave is not None for rest in rests),
         angles=any(bool(rest.fold_angle[rest.hinge_stiffness > 0.0].any()) for rest in rests),
+        pins=any(len(part.pins) > 0 for part in parts),
     )
 
 
@@ -162,7 +165,7 @@ def build_model(
             made[id(part)] = garment_elements(part.triangles, part.rest)
         garments_elements.append(made[id(part)])
     elements = joined_elements(garments_elements, vertex_start)
-    terms = terms_of(rests)
+    terms = terms_of(parts)
 
     def upload(array: NDArray[Any], dtype: Any) -> wp.array:
         return wp.array(np.ascontiguousarray(array), dtype=dtype, device=device)
@@ -181,7 +184,7 @@ def build_model(
         hinge_count=hinge_count,
         weave_start=_starts([0 if rest.weave is None else len(rest.weave.corners) for rest in rests]),
         terms=terms,
-        cloth=_cloth(types, upload, parts, vertex_start, item_start),
+        cloth=_cloth(types, upload, parts, vertex_start, item_start, terms.pins),
         edges=_edges(types, upload, elements, terms),
         triangles=_triangles(types, upload, elements, terms),
         hinges=hinges,
@@ -250,18 +253,19 @@ def _cloth(
     parts: Sequence[GarmentPart],
     vertex_start: tuple[int, ...],
     item_start: tuple[int, ...],
+    pins: bool,
 ) -> Any:
     """Vertices of all garments at rest where they are loaded."""
     count = vertex_start[-1]
-    pinned = np.zeros(count, dtype=np.uint8)
-    for part, first in zip(parts, vertex_start, strict=False):
-        pinned[part.pins + first] = 1
     cloth = types.Cloth()
     cloth.position = upload(np.concatenate([part.points for part in parts]), types.point)
     cloth.move = upload(np.zeros((count, 3)), types.vec3)
     cloth.weight = upload(np.concatenate([part.rest.vertex_weight for part in parts]), types.real)
-    cloth.stiffness = upload(np.zeros(count), types.real)
-    cloth.pinned = upload(pinned, wp.uint8)
+    if pins:
+        pinned = np.zeros(count, dtype=np.uint8)
+        for part, first in zip(parts, vertex_start, strict=False):
+            pinned[part.pins + first] = 1
+        cloth.pinned = upload(pinned, wp.uint8)
     cloth.item = upload(np.repeat(np.arange(len(item_start) - 1), np.diff(item_start)), wp.int32)
     items = np.zeros(len(item_start) - 1, dtype=types.Item.numpy_dtype())
     items["active"] = 1
@@ -288,7 +292,7 @@ def _patches(
     device: str,
 ) -> Patches:
     """The cloth cut into patches of vertices that lie together as loaded."""
-    terms = terms_of([part.rest for part in parts])
+    terms = terms_of(parts)
     own_memory = wp.get_device(device).is_cuda
     points = [part.points for part in parts]
     cut = cut_patches(garments, points, terms, precision=types.name, own_memory=own_memory)

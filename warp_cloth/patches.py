@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -14,13 +14,18 @@ from warp_cloth.errors import InputError
 from warp_cloth.kernels.cloth import Terms
 from warp_cloth.kernels.gather import BLOCK_MEMORY, NO_SLOT
 from warp_cloth.mesh import Indices, Points
-from warp_cloth.topology import ragged_rows
+from warp_cloth.threads import map_in_threads
+from warp_cloth.topology import ragged_rows, sorted_keys
 
 LARGEST = 128  # vertices that a patch owns: with what is around them as much as a block's memory holds
 SMALLEST = 16  # below, far more is worked out around a patch than in it
 BLOCKS = 264  # patches that a large GPU works on at a time, so that small garments are cut smaller
 
+CHUNK = 512  # patches that are cut at a time: their tables fit a processor's caches
+MOST_PATCHES = 1 << 24  # of a chunk, whose patches are numbered from a multiple of this
+
 Keys = NDArray[np.int64]
+Numbers = NDArray[np.integer[Any]]  # of elements, of either width
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +59,10 @@ def cut_patches(
     for elements, part in zip(garments, points, strict=True):
         if id(elements) not in made:
             made[id(elements)] = _garment_tables(elements, part, size, terms, precision)
-    tables = _joined([made[id(elements)] for elements in garments], garments, points)
+    first = {"vertex": points, "edge": [part.ends for part in garments], "triangle": [g.corners for g in garments]}
+    tables = _end_to_end(
+        [made[id(elements)] for elements in garments], {name: _starts(of) for name, of in first.items()}
+    )
     memory = _memory(tables.patch, terms, precision)
     if not own_memory:
         tables.patch["overflow"] = np.zeros_like(memory)
@@ -67,148 +75,204 @@ def cut_patches(
 
 def _garment_tables(elements: Elements, points: Points, size: int, terms: Terms, precision: str) -> PatchTables:
     """A garment's patches of ``size`` vertices, halved where they would not fit."""
-    groups = _near_groups(points, np.arange(len(points), dtype=np.int32), size)
-    while True:
-        tables = _tables(elements, groups, terms)
-        large = (_memory(tables.patch, terms, precision) > BLOCK_MEMORY) & (tables.patch["owned_count"] > 1)
-        if not large.any():
-            break
-        groups = [
-            part
-            for group, halved in zip(groups, large, strict=True)
-            for part in (_near_groups(points, group, -(-len(group) // 2)) if halved else [group])
-        ]
+    groups = _near_groups(points, size)
+    chunks = [groups[first : first + CHUNK] for first in range(0, len(groups), CHUNK)]
+    owner = np.empty(len(points), dtype=np.int64)
+    for index, chunk in enumerate(chunks):
+        owner[np.concatenate(chunk)] = index
+    ends, corners = (_by_chunk(table, owner, len(chunks)) for table in (elements.ends, elements.corners))
+    owner *= MOST_PATCHES
+    lane = np.zeros(len(points), dtype=np.int64)
+
+    def cut(index: int) -> PatchTables:
+        own = chunks[index]
+        while True:
+            part = _Part(own, index * MOST_PATCHES, owner, lane, ends[index], corners[index])
+            tables = _tables(elements, terms, part)
+            large = (_memory(tables.patch, terms, precision) > BLOCK_MEMORY) & (tables.patch["owned_count"] > 1)
+            if not large.any():
+                return tables
+            own = [
+                half
+                for group, halved in zip(own, large, strict=True)
+                for half in (_near_groups(points, -(-len(group) // 2), group) if halved else [group])
+            ]
+
+    tables = _end_to_end(map_in_threads(cut, range(len(chunks))))
     counts = ("vertex_count", "normal_count", "triangle_count", "edge_count")
     if max(int(tables.patch[count].max(initial=0)) for count in counts) * 4 >= NO_SLOT:
         raise InputError("garment", "more than 10,000 triangles meet at a vertex", "divide the mesh differently")
     return tables
 
 
-def _joined(tables: Sequence[PatchTables], garments: Sequence[Elements], points: Sequence[Points]) -> PatchTables:
-    """Patches of all garments as one's."""
+def _by_chunk(vertices: Indices, chunk: Keys, chunk_count: int) -> list[Keys]:
+    """Where in a flattened table each chunk's vertices stand."""
+    of = chunk[vertices.ravel()].astype(np.uint16)  # two bytes sort much faster
+    return np.split(np.argsort(of, kind="stable"), np.cumsum(np.bincount(of, minlength=chunk_count))[:-1])
+
+
+def _starts(arrays: Sequence[Any]) -> list[int]:
+    """Where each array starts if they stand end to end."""
+    return [0, *np.cumsum([len(array) for array in arrays])[:-1].tolist()]
+
+
+def _end_to_end(parts: Sequence[PatchTables], first: Mapping[str, Sequence[int]] | None = None) -> PatchTables:
+    """Patches of several parts as of one; ``first``: each part's first vertex, edge and triangle, where they differ."""
+    if len(parts) == 1:
+        return parts[0]
     starts = {"vertex_start": "vertex", "edge_start": "ends", "triangle_start": "corners",
               "edge_slot_start": "edge_slot", "slot_start": "slot"}  # fmt: skip
-    first = {"vertex": points, "edge": [part.ends for part in garments], "triangle": [g.corners for g in garments]}
 
-    def offsets(arrays: Sequence[Any]) -> Keys:
-        return np.cumsum([0, *(len(array) for array in arrays)])
-
-    def joined(name: str) -> Any:
-        arrays = [getattr(table, name) for table in tables]
-        if name in first:
-            arrays = [array + start for array, start in zip(arrays, offsets(first[name]), strict=False)]
+    def joined(arrays: Sequence[Any], offsets: Sequence[int] | None) -> Any:
+        if offsets is not None:
+            arrays = [array + start for array, start in zip(arrays, offsets, strict=True)]
         return np.concatenate(arrays)
 
     patch = {}
-    for name in tables[0].patch:
-        numbers = [table.patch[name] for table in tables]
-        if name in starts:
-            begin = offsets([getattr(table, starts[name]) for table in tables])
-            numbers = [number + start for number, start in zip(numbers, begin, strict=False)]
-        patch[name] = np.concatenate(numbers)
+    for name in parts[0].patch:
+        begin = _starts([getattr(part, starts[name]) for part in parts]) if name in starts else None
+        patch[name] = joined([part.patch[name] for part in parts], begin)
     names = [name for name in PatchTables.__dataclass_fields__ if name not in ("patch", "overflow")]
-    return PatchTables(patch=patch, overflow=0, **{name: joined(name) for name in names})
+    tables = {name: joined([getattr(part, name) for part in parts], (first or {}).get(name)) for name in names}
+    return PatchTables(patch=patch, overflow=0, **tables)
 
 
-def _near_groups(points: Points, vertices: Indices, size: int) -> list[Indices]:
+Cluster = tuple[Indices, Points, int]  # vertices, where they are, and into how many groups they go
+
+
+def _near_groups(points: Points, size: int, vertices: Indices | None = None) -> list[Indices]:
     """Vertices in groups of at most ``size`` that lie together, halved across the longer way again and again."""
-    groups: list[Indices] = []
-    waiting = [(vertices, -(-len(vertices) // size))]
+    chosen = np.arange(len(points), dtype=np.int32) if vertices is None else vertices
+    clusters = _halved((chosen, points[chosen], -(-len(chosen) // size)), CHUNK)
+    return [np.sort(group) for found in map_in_threads(lambda each: _halved(each, 1), clusters) for group, *_ in found]
+
+
+def _halved(cluster: Cluster, parts: int) -> list[Cluster]:
+    """Clusters of at most so many groups."""
+    clusters, waiting = [], [cluster]
     while waiting:
-        group, parts = waiting.pop()
-        if parts <= 1:
-            groups.append(np.sort(group))
+        group, place, count = waiting.pop()
+        if count <= parts:
+            clusters.append((group, place, count))
             continue
-        half = parts // 2
-        count = -(-len(group) * half // parts)
-        place = points[group]
+        half = count // 2
+        size = -(-len(group) * half // count)
         axis = int(np.argmax(np.ptp(place, axis=0)))
-        order = np.argpartition(place[:, axis], count - 1)
-        waiting += [(group[order[count:]], parts - half), (group[order[:count]], half)]
-    return groups
+        order = np.argpartition(place[:, axis], size - 1)
+        for part, own in ((order[size:], count - half), (order[:size], half)):
+            waiting.append((group[part], place[part], own))
+    return clusters
 
 
 class _Members:
     """Which of some elements each patch has, and as which it counts them: those that are not ``last`` come first."""
 
-    def __init__(self, patch: Keys, element: Keys, total: int, patch_count: int) -> None:
+    def __init__(self, patch: Keys, element: Numbers, total: int, patch_count: int) -> None:
         self._total = total
-        self._keys = np.unique(patch.astype(np.int64) * total + element)
+        self._keys = sorted_keys(patch.astype(np.int64) * total + element)
         self.patch, self.element = self._keys // total, self._keys % total
         self.count = np.bincount(self.patch, minlength=patch_count)
         self.start = np.cumsum(self.count) - self.count
-        self._order(np.zeros(len(self._keys), dtype=bool))
-
-    def _order(self, last: NDArray[np.bool_]) -> None:
-        order = np.lexsort((last, self.patch))
-        place = np.empty(len(order), dtype=np.int64)
-        place[order] = np.arange(len(order))
-        self._number = place - self.start[self.patch]
-        self.listed = self.element[order]
-        self.listed_patch = self.patch[order]
+        self.listed, self.listed_patch = self.element, self.patch
+        self._number = np.arange(len(self._keys)) - self.start[self.patch]
 
     def put_last(self, last: NDArray[np.bool_]) -> None:
         """Counts these after the others, which keep their order."""
-        self._order(last)
+        before: Keys = np.cumsum(~last) - ~last  # that are not last, before each
+        first = np.append(before, np.count_nonzero(~last))[np.append(self.start, len(last))]
+        others, own = before - first[self.patch], np.diff(first)[self.patch]
+        self._number = np.where(last, own + self._number - others, others)
+        self.listed = np.empty_like(self.element)
+        self.listed[self.start[self.patch] + self._number] = self.element
 
-    def find(self, patch: Keys, element: Keys) -> Keys:
-        """Numbers of elements in their patches, whatever the shape; 0 where the patch has no such element."""
+    def _at(self, patch: Keys, element: Numbers) -> tuple[Keys, NDArray[np.bool_]]:
         wanted = patch * self._total + element
         at = np.minimum(np.searchsorted(self._keys, wanted), len(self._keys) - 1)
-        return np.where(self._keys[at] == wanted, self._number[at], 0) if len(self._keys) else 0 * wanted
+        return at, self._keys[at] == wanted
 
-    def has(self, patch: Keys, element: Keys) -> NDArray[np.bool_]:
+    def find(self, patch: Keys, element: Numbers) -> Keys:
+        """Numbers of elements in their patches, whatever the shape; 0 where the patch has no such element."""
+        if not len(self._keys):
+            return np.zeros(np.broadcast(patch, element).shape, dtype=np.int64)
+        at, there = self._at(patch, element)
+        return np.where(there, self._number[at], 0)
+
+    def has(self, patch: Keys, element: Numbers) -> NDArray[np.bool_]:
         """Whether each patch has that element."""
-        return np.isin(patch * self._total + element, self._keys)
+        return self._at(patch, element)[1] if len(self._keys) else np.zeros(len(patch), dtype=bool)
 
 
-def _tables(elements: Elements, groups: list[Indices], terms: Terms) -> PatchTables:
-    """Tables of given patches, their memory not yet placed."""
-    count = len(groups)
-    owned = np.array([len(group) for group in groups])
-    vertex_count, edge_count = int(owned.sum()), len(elements.ends)
-    owner, lane = np.empty(vertex_count, dtype=np.int64), np.empty(vertex_count, dtype=np.int64)
-    joined = np.concatenate(groups)
-    owner[joined] = np.repeat(np.arange(count), owned)
-    lane[joined] = np.arange(vertex_count) - np.repeat(np.cumsum(owned) - owned, owned)
-    corners, ends = elements.corners.astype(np.int64), elements.ends.astype(np.int64)
-    edges = np.where(elements.edges < 0, -1 - elements.edges, elements.edges).astype(np.int64)
+class _Part:
+    """Some patches' vertices, and where they stand in the garment's flattened ends of edges and corners of triangles.
 
-    own = _Members(owner[corners].ravel(), np.repeat(np.arange(len(corners)), 3), max(len(corners), 1), count)
-    edge_patch, edge = owner[ends].ravel(), np.repeat(np.arange(edge_count), 2)
+    ``owner`` and ``lane`` of all the garment's vertices are those of other parts, too, which never count as own.
+    """
+
+    def __init__(self, groups: list[Indices], base: int, owner: Keys, lane: Keys, ends: Keys, corners: Keys) -> None:
+        self.owned = np.array([len(group) for group in groups])
+        self.first = np.cumsum(self.owned) - self.owned
+        self.vertices = np.concatenate(groups).astype(np.int64)
+        self.patch = np.repeat(np.arange(len(groups)), self.owned)
+        owner[self.vertices] = base + self.patch
+        lane[self.vertices] = np.arange(len(self.vertices)) - self.first[self.patch]
+        self.ends, self.corners, self.garment_vertices = ends, corners, len(owner)
+        self._owner, self._lane, self._base = owner, lane, base
+
+    def owner(self, vertices: Numbers) -> Keys:
+        """The patch of this part that owns each vertex; no patch's number where another part has it."""
+        return self._owner[vertices] - self._base
+
+    def ranked(self, vertices: Numbers, entries: Keys) -> tuple[NDArray[np.uint16], Keys, Keys]:
+        """Entries of each vertex rank by rank within its patch, where each patch's start, how many ranks it has."""
+        patch, lane = self.owner(vertices), self._lane[vertices]
+        start, order = ragged_rows(self.first[patch] + lane, len(self.vertices))
+        patch, lane = patch[order], lane[order]
+        rank = np.arange(len(order)) - start[self.first[patch] + lane]
+        most = np.maximum.reduceat(np.diff(start), self.first).astype(np.int64)
+        begin = np.cumsum(most * self.owned) - most * self.owned
+        ranked = np.full(int((most * self.owned).sum()), NO_SLOT, dtype=np.uint16)
+        ranked[begin[patch] + rank * self.owned[patch] + lane] = entries[order].astype(np.uint16)
+        return ranked, begin, most
+
+
+def _tables(elements: Elements, terms: Terms, part: _Part) -> PatchTables:
+    """Tables of a part's patches, their memory not yet placed."""
+    count, corners, ends = len(part.owned), elements.corners, elements.ends
+    edge_end, edge = ends.ravel()[part.ends], part.ends // 2
+    corner, triangle = corners.ravel()[part.corners], part.corners // 3
+
+    own = _Members(part.owner(corner), triangle, max(len(corners), 1), count)
+    patches: list[Keys] = [part.owner(edge_end)]
+    found: list[Numbers] = [edge]
     if terms.folds:
-        edge_patch = np.concatenate([edge_patch, np.repeat(own.patch, 3)])
-        edge = np.concatenate([edge, edges[own.element].ravel()])
-    mine = _Members(edge_patch, edge, edge_count, count)
+        patches.append(np.repeat(own.patch, 3))
+        found.append(_edge_numbers(elements.edges[own.element]).ravel())
+    mine = _Members(np.concatenate(patches), np.concatenate(found), len(ends), count)
     folded = elements.fold[mine.listed] != 0.0
-    beyond = np.repeat(mine.listed_patch[folded], 2), elements.beside[mine.listed[folded]].astype(np.int64).ravel()
+    beyond = np.repeat(mine.listed_patch[folded], 2), elements.beside[mine.listed[folded]].ravel()
     normal = _Members(
         np.concatenate([own.patch, beyond[0]]), np.concatenate([own.element, beyond[1]]), max(len(corners), 1), count
     )
     normal.put_last(~own.has(normal.patch, normal.element))
     vertex = _Members(
-        np.concatenate([owner, np.repeat(normal.patch, 3), np.repeat(mine.patch, 2)]),
-        np.concatenate([np.arange(vertex_count), corners[normal.element].ravel(), ends[mine.element].ravel()]),
-        vertex_count,
+        np.concatenate([part.patch, np.repeat(normal.patch, 3), np.repeat(mine.patch, 2)]),
+        np.concatenate([part.vertices, corners[normal.element].ravel(), ends[mine.element].ravel()]),
+        part.garment_vertices,
         count,
     )
-    vertex.put_last(owner[vertex.element] != vertex.patch)
+    vertex.put_last(part.owner(vertex.element) != vertex.patch)
 
     at = mine.listed_patch[:, None]
-    word = np.concatenate(
-        [vertex.find(at, ends[mine.listed]), normal.find(at, elements.beside[mine.listed].astype(np.int64))], axis=1
-    )
+    word = np.concatenate([vertex.find(at, ends[mine.listed]), normal.find(at, elements.beside[mine.listed])], axis=1)
     at = normal.listed_patch[:, None]
-    turned = ((elements.edges[normal.listed] < 0) * np.array([1, 2, 4])).sum(axis=1, keepdims=True)
-    sides = np.concatenate([mine.find(at, edges[normal.listed]), turned], axis=1)
-
-    edge_entry = 2 * mine.find(owner[ends], np.arange(edge_count)[:, None]) + np.array([0, 1])
-    number = normal.find(owner[corners], np.arange(len(corners))[:, None])
-    entry = 4 * number + np.arange(3)
-    edge_slot, edge_slot_start, edge_ranks = _ranked(ends, edge_entry, owner, lane, owned)
-    slot, slot_start, ranks = _ranked(corners, entry, owner, lane, owned)
+    sides = elements.edges[normal.listed]
+    turned = ((sides < 0) * np.array([1, 2, 4])).sum(axis=1, keepdims=True)
+    edge_entry = 2 * mine.find(part.owner(edge_end), edge) + part.ends % 2
+    edge_slot, edge_slot_start, edge_ranks = part.ranked(edge_end, edge_entry)
+    entry = 4 * normal.find(part.owner(corner), triangle) + part.corners % 3
+    slot, slot_start, ranks = part.ranked(corner, entry)
     patch = {
-        "vertex_start": vertex.start, "vertex_count": vertex.count, "owned_count": owned,
+        "vertex_start": vertex.start, "vertex_count": vertex.count, "owned_count": part.owned,
         "edge_start": mine.start, "edge_count": mine.count,
         "triangle_start": normal.start, "triangle_count": own.count, "normal_count": normal.count,
         "edge_slot_start": edge_slot_start, "edge_rank_count": edge_ranks, "slot_start": slot_start,
@@ -220,7 +284,7 @@ def _tables(elements: Elements, groups: list[Indices], terms: Terms) -> PatchTab
         ends=_words(word),
         edge=mine.listed,
         corners=_words(vertex.find(at, corners[normal.listed])),
-        sides=_words(sides),
+        sides=_words(np.concatenate([mine.find(at, _edge_numbers(sides)), turned], axis=1)),
         triangle=normal.listed,
         edge_slot=edge_slot,
         slot=slot,
@@ -228,19 +292,9 @@ def _tables(elements: Elements, groups: list[Indices], terms: Terms) -> PatchTab
     )
 
 
-def _ranked(
-    vertices: Keys, entries: Keys, owner: Keys, lane: Keys, owned: Keys
-) -> tuple[NDArray[np.uint16], Keys, Keys]:
-    """Entries of each vertex rank by rank within its patch, where each patch's start, and how many ranks it has."""
-    start, order = ragged_rows(vertices.ravel(), len(owner))
-    of = vertices.ravel()[order]
-    rank = np.arange(len(of)) - start[of]
-    most = np.zeros(len(owned), dtype=np.int64)
-    np.maximum.at(most, owner, np.diff(start))
-    begin = np.cumsum(most * owned) - most * owned
-    ranked = np.full(int((most * owned).sum()), NO_SLOT, dtype=np.uint16)
-    ranked[begin[owner[of]] + rank * owned[owner[of]] + lane[of]] = entries.ravel()[order].astype(np.uint16)
-    return ranked, begin, most
+def _edge_numbers(edges: Indices) -> Indices:
+    """Edges without the sign that tells how their hinge's turn counts."""
+    return np.where(edges < 0, -1 - edges, edges)
 
 
 def _words(numbers: Keys) -> NDArray[np.uint64]:

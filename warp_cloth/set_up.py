@@ -66,7 +66,7 @@ def kind_of(scene: Scene, wardrobe: Wardrobe) -> tuple[Any, ...]:
     contact = contact_kind(scene, wardrobe)
     by_itself = scene.collision.cloth or wardrobe.poses or solver.method == "multilevel"
     alone = id(scene) if by_itself else 0
-    return solver.method, solver.precision, contact, alone, terms_of([part.rest for part in wardrobe.parts])
+    return solver.method, solver.precision, contact, alone, terms_of(wardrobe.parts)
 
 
 def set_up_one(

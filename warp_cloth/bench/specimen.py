@@ -65,7 +65,8 @@ class Specimen:
     def settle(self, start: Points, tolerance: Tolerance, limit: int) -> Settled:
         """Relaxes from these positions, in which the clamps stand where they stay."""
         self.model.set_points(start)
-        self.model.cloth.stiffness.zero_()
+        if self.model.cloth.stiffness:
+            self.model.cloth.stiffness.zero_()
         certifier = Certifier(self._relaxation)
         outcome = relax_to_rest(self._relaxation, certifier, tolerance, limit)
         self.model.set_points(outcome.points)

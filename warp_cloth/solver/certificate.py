@@ -102,7 +102,8 @@ class Certifier:
         self._relaxation = relaxation
         self._load = wp.zeros(model.vertex_count, dtype=types.vec4, device=model.device)
         self._forces = ForcePass(model, "size", self._load)
-        self._residual = residual_kernel(model.precision, relaxation.contact, relaxation.collider_type)
+        asked = relaxation.contact, relaxation.collider_type, model.terms.pins
+        self._residual = residual_kernel(model.precision, *asked)
         self._keep = keep_kernel(model.precision)
         self._summary = Summary(model)
         self._left = wp.zeros(model.vertex_count, dtype=wp.vec2f, device=model.device)
@@ -211,7 +212,7 @@ class Certifier:
         self._sum_forces()
         push = wp.zeros(model.vertex_count, dtype=wp.float64, device=model.device)
         wp.launch(
-            push_kernel(model.precision, relaxation.contact, relaxation.collider_type),
+            push_kernel(model.precision, relaxation.contact, relaxation.collider_type, model.terms.pins),
             dim=model.vertex_count,
             inputs=[relaxation.step, CONTACT_SLACK, relaxation.collider_data, model.cloth, self._load, push],
             device=model.device,

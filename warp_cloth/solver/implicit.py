@@ -85,7 +85,7 @@ class ImplicitStep:
         self._no_rows = level_types(precision).Rows()
         self._stiffness, self._level = stiffness_kernels(precision, model.terms.angles), level_kernels(precision)
         self._conjugate, self._dots = conjugate_kernels(precision), dot_kernels(precision)
-        self._ends = implicit_kernels(precision, contact, collider_type)
+        self._ends = implicit_kernels(precision, contact, collider_type, model.terms.pins)
 
     def _zeros(self, shape: Any, dtype: Any) -> wp.array:
         return wp.zeros(shape, dtype=dtype, device=self._model.device)

@@ -95,13 +95,15 @@ class Relaxation:
         self.touch = touch
         asked = self.contact, self.collider_type, touch is not None
         self._scatter: ForcePass | None = None
+        if accelerated and not model.cloth.stiffness:
+            model.cloth.stiffness = wp.zeros(model.vertex_count, dtype=types.real, device=model.device)
         if model.gathers:  # no sum of forces in memory, but a second set of positions to write to
             self._move = advance_kernel(model.precision, accelerated, model.terms, *asked)
             self._there = model.cloth_beside()
         else:
             self._load = wp.zeros(model.vertex_count, dtype=types.vec4, device=model.device)
             self._scatter = ForcePass(model, "stiffness" if accelerated else "none", self._load)
-            self._move = displace_kernel(model.precision, accelerated, *asked)
+            self._move = displace_kernel(model.precision, accelerated, *asked, model.terms.pins)
         self._items = model.cloth.items.numpy().copy()
         self._items["active"] = 1
         largest = [options.largest_move if cap is None else cap for cap in caps or [None] * model.item_count]

@@ -1,0 +1,36 @@
+"""Sorting by counting gives the order that sorting by comparing gives."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from warp_cloth import topology
+from warp_cloth.topology import ragged_rows, sorted_keys, stable_order
+
+
+@pytest.mark.parametrize("share", [4, 1 << 15])
+@pytest.mark.parametrize("largest", [0, 1, 17, 65_535, 65_536, 2**31 - 1, 2**45])
+@pytest.mark.parametrize("count", [0, 1, 5, 3000])
+def test_the_order_is_that_of_a_stable_sort(
+    count: int, largest: int, share: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(topology, "SHARE", share)
+    rng = np.random.default_rng(count)
+    for kind in (np.int32, np.int64) if largest < 2**31 else (np.int64,):
+        keys = rng.integers(0, largest, count, endpoint=True).astype(kind)
+        keys[count // 2 :] = keys[: count - count // 2]
+        assert np.array_equal(stable_order(keys), np.argsort(keys, kind="stable"))
+
+
+def test_sorted_keys_are_the_different_ones() -> None:
+    keys = np.random.default_rng(0).integers(0, 50, 200)
+    assert np.array_equal(sorted_keys(keys), np.unique(keys))
+    assert not len(sorted_keys(keys[:0]))
+
+
+def test_rows_of_owners_hold_their_entries_as_they_stood() -> None:
+    start, order = ragged_rows(np.array([2, 0, 2, 2, 0]), 4)
+    assert [order[a:b].tolist() for a, b in pairwise(start)] == [[1, 4], [], [0, 2, 3], []]
