@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from functools import partial
 from typing import Any
 
@@ -14,6 +15,8 @@ from warp_cloth import set_up
 from warp_cloth.batch import many
 from warp_cloth.batch.many import fit_many
 from warp_cloth.batch.memory import Need, cut_to_fit, need_of
+from warp_cloth.collide.exact import penetration, penetrations
+from warp_cloth.collide.garments import worn_crossings
 from warp_cloth.errors import InputError
 from warp_cloth.fitting import Fit, tolerance_of
 from warp_cloth.model import build_model
@@ -86,6 +89,23 @@ def test_a_batch_has_the_same_bits_on_both_devices() -> None:
         assert isinstance(gpu, Fit)
         assert isinstance(cpu, Fit)
         assert np.array_equal(gpu.garments[0].points, cpu.garments[0].points)
+
+
+def test_crossings_and_depths_of_many_are_those_of_each() -> None:
+    rng = np.random.default_rng(2)
+    wardrobes = [open_wardrobe(scene) for scene in mixture()[:5]]
+    worn = [part.points + rng.normal(scale=0.1, size=part.points.shape) for (part,) in (w.parts for w in wardrobes)]
+    worn[3][0, 0] = np.nan
+    avatars = [wardrobe.avatar for wardrobe in wardrobes]
+    together, depths = worn_crossings(wardrobes, worn, "cpu"), penetrations(worn, avatars, "cpu")
+    assert [found.pairs > 0 for found in together] == [True, True, True, False, True], "one is lost"
+    for wardrobe, points, found, depth in zip(wardrobes, worn, together, depths, strict=True):
+        (alone,) = worn_crossings([wardrobe], [points], "cpu")
+        assert (found.pairs, found.between) == (alone.pairs, alone.between)
+        assert [faces.tolist() for faces in found.faces] == [faces.tolist() for faces in alone.faces]
+        assert wardrobe.avatar is not None
+        assert depth is not None
+        np.testing.assert_equal(asdict(depth), asdict(penetration(points, wardrobe.avatar, "cpu")))
 
 
 def test_one_whose_numbers_are_lost_leaves_the_others_their_bits(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -14,7 +14,7 @@ import warp as wp
 from numpy.typing import NDArray
 
 from warp_cloth.cascade import LevelRun
-from warp_cloth.collide.exact import ExactCollider, build_exact_collider, penetration
+from warp_cloth.collide.exact import penetrations
 from warp_cloth.collide.garments import worn_crossings
 from warp_cloth.errors import InputError
 from warp_cloth.maps import FitMaps, chosen_maps, measure_maps
@@ -215,17 +215,13 @@ def finished(
         if outcome.status is Status.DIVERGED:
             model.set_points(outcome.points, item)
     strains, threads = edge_strains(model), thread_strains(model)
-    exact: dict[int, ExactCollider] = {}
-    depths: list[Penetration | None] = []
-    for wardrobe, outcome in zip(made.wardrobes, outcomes, strict=True):
-        avatar = wardrobe.avatar
-        if avatar is not None and id(avatar) not in exact:
-            exact[id(avatar)] = build_exact_collider(avatar, model.device)
-        depths.append(penetration(outcome.points, avatar, model.device, exact[id(avatar)]) if avatar else None)
+    worn_points = [outcome.points for outcome in outcomes]
+    depths = penetrations(worn_points, [wardrobe.avatar for wardrobe in made.wardrobes], model.device)
+    crossings = worn_crossings(made.wardrobes, worn_points, model.device)
     lap("measure")
     fits = []
     for item, (scene, wardrobe, outcome) in enumerate(zip(made.scenes, made.wardrobes, outcomes, strict=True)):
-        crossing = worn_crossings(wardrobe, outcome.points, model.device)
+        crossing = crossings[item]
         garments = tuple(
             replace(worn, fields=crossing.marked(index, worn.mesh))
             for index, worn in enumerate(_worn(scene, wardrobe, outcome, frames))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -42,6 +43,10 @@ class Mesh:
 
     def bounds(self) -> tuple[Points, Points]:
         """Lowest and highest corner of the bounding box [m], each shape [3]."""
+        return self._box
+
+    @cached_property
+    def _box(self) -> tuple[Points, Points]:
         return self.points.min(axis=0), self.points.max(axis=0)
 
     def arrays(self) -> dict[str, Any]:

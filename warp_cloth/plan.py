@@ -74,8 +74,8 @@ def _may_meet(scene: Scene, wardrobe: Wardrobe) -> bool:
     if scene.collision.cloth:  # layers push one another apart, and no energy bounds how far
         return True
     gap = scene.collision.offset_mm * 1e-3
-    places = [wardrobe.avatar.points, *wardrobe.poses]
-    low, high = np.min([p.min(axis=0) for p in places], axis=0), np.max([p.max(axis=0) for p in places], axis=0)
+    boxes = [wardrobe.avatar.bounds(), *((pose.min(axis=0), pose.max(axis=0)) for pose in wardrobe.poses)]
+    low, high = np.min([box[0] for box in boxes], axis=0), np.max([box[1] for box in boxes], axis=0)
     for part in wardrobe.parts:
         apart = (part.points.min(axis=0) > high + gap) | (part.points.max(axis=0) < low - gap)
         box = reach_box(part) if apart.any() else None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,6 +15,7 @@ from warp_cloth.mesh import Mesh, Points
 from warp_cloth.result import Penetration
 
 DEFAULT_DEPTH = 0.3  # [m]; deeper than the middle of any trunk
+POINTS_AT_ONCE = 1 << 20  # of several garments: as many as fill a GPU
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,7 +127,41 @@ def penetration(
     points: Points, avatar: Mesh, device: wp.DeviceLike = None, exact: ExactCollider | None = None
 ) -> Penetration:
     """How deep points lie under the avatar's surface; NaN where a point is not finite."""
-    distances = signed_distances(points, avatar, device, exact).astype(np.float64)
-    depth = 1000.0 * np.maximum(-distances, 0.0)
+    return _depths(signed_distances(points, avatar, device, exact))
+
+
+def penetrations(
+    worn: Sequence[Points], avatars: Sequence[Mesh | None], device: wp.DeviceLike = None
+) -> list[Penetration | None]:
+    """``penetration`` of garments in their own avatars, None without one; asked together where avatars are the same."""
+    found: dict[int, Penetration] = {}
+    of_avatar: dict[int, tuple[Mesh, list[int]]] = {}
+    for number, avatar in enumerate(avatars):
+        if avatar is not None:
+            of_avatar.setdefault(id(avatar), (avatar, []))[1].append(number)
+    for avatar, numbers in of_avatar.values():
+        exact = build_exact_collider(avatar, device)
+        for piece in pieces([len(worn[number]) for number in numbers], POINTS_AT_ONCE):
+            chosen = [numbers[at] for at in piece]
+            distances = signed_distances(np.concatenate([worn[number] for number in chosen]), avatar, device, exact)
+            ends = np.cumsum([len(worn[number]) for number in chosen])
+            for number, own in zip(chosen, np.split(distances, ends[:-1]), strict=True):
+                found[number] = _depths(own)
+    return [found.get(number) for number in range(len(worn))]
+
+
+def pieces(sizes: Sequence[int], most: int) -> list[range]:
+    """Consecutive numbers whose sizes add up to ``most`` at most, or one by itself."""
+    found, first, total = [], 0, 0
+    for at, size in enumerate(sizes):
+        if at > first and total + size > most:
+            found.append(range(first, at))
+            first, total = at, 0
+        total += size
+    return [*found, range(first, len(sizes))] if sizes else []
+
+
+def _depths(distances: NDArray[np.float32]) -> Penetration:
+    depth = 1000.0 * np.maximum(-distances.astype(np.float64), 0.0)
     inside = float(np.mean(distances < 0.0)) if np.isfinite(distances).all() else float("nan")
     return Penetration(max=float(depth.max()), p999=float(np.percentile(depth, 99.9)), fraction=inside)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from warp_cloth.collide.cloth import ClothTouch, SheetKind, sheets_of
 from warp_cloth.collide.crossing import find_crossings
-from warp_cloth.collide.exact import signed_distances
+from warp_cloth.collide.exact import POINTS_AT_ONCE, pieces, signed_distances
 from warp_cloth.collide.placing import clear_shift
 from warp_cloth.mesh import Indices, Mesh, Points
 from warp_cloth.model import ClothModel
@@ -127,11 +127,37 @@ class GarmentCrossings:
         return {CROSSING_FIELD: at}
 
 
-def worn_crossings(wardrobe: Wardrobe, points: Points, device: str) -> GarmentCrossings:
-    """Counts and lists what crosses at these points [m], shape [V, 3], all garments' one after another."""
-    sheets = sheets_of(wardrobe.parts)
-    found = find_crossings(points, sheets, device)
-    garment = sheets.garment[found.pairs]
-    first = np.concatenate([[0], np.cumsum([len(part.triangles) for part in wardrobe.parts])])
-    faces = tuple(found.faces[(found.faces >= a) & (found.faces < b)] - a for a, b in pairwise(first))
-    return GarmentCrossings(len(found.pairs), int((garment[:, 0] != garment[:, 1]).sum()), faces)
+def worn_crossings(wardrobes: Sequence[Wardrobe], worn: Sequence[Points], device: str) -> list[GarmentCrossings]:
+    """What crosses of each scene's garments at these points [m], shape [V, 3], one after another.
+
+    Garments of different scenes do not meet; they are looked through together, which keeps a GPU busy.
+    """
+    finite = [number for number, points in enumerate(worn) if np.isfinite(points).all()]
+    found: dict[int, GarmentCrossings] = {}
+    for piece in pieces([len(worn[number]) for number in finite], POINTS_AT_ONCE):
+        chosen = [finite[at] for at in piece]
+        several = _crossings_together([wardrobes[number] for number in chosen], [worn[n] for n in chosen], device)
+        found.update(zip(chosen, several, strict=True))
+    none = np.zeros(0, dtype=np.int32)
+    return [
+        found.get(number) or GarmentCrossings(0, 0, (none,) * len(wardrobe.parts))
+        for number, wardrobe in enumerate(wardrobes)
+    ]
+
+
+def _crossings_together(wardrobes: Sequence[Wardrobe], worn: Sequence[Points], device: str) -> list[GarmentCrossings]:
+    parts = [part for wardrobe in wardrobes for part in wardrobe.parts]
+    items = [item for item, wardrobe in enumerate(wardrobes) for _ in wardrobe.parts]
+    sheets = sheets_of(parts)
+    pairs = find_crossings(np.concatenate(worn), sheets, device, items=items).pairs
+    first = np.concatenate([[0], np.cumsum([len(part.triangles) for part in parts])])
+    item = np.asarray(items)[sheets.garment[pairs[:, 0]]]
+    found, garment = [], 0
+    for number, wardrobe in enumerate(wardrobes):
+        own, last = pairs[item == number], garment + len(wardrobe.parts)
+        faces, between = np.unique(own), np.diff(sheets.garment[own], axis=1) != 0
+        ends = pairwise(first[garment : last + 1])
+        listed = tuple(faces[(faces >= a) & (faces < b)] - a for a, b in ends)
+        found.append(GarmentCrossings(len(own), int(between.sum()), listed))
+        garment = last
+    return found
