@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 import pytest
 
+from warp_cloth import set_up as set_up_module
 from warp_cloth.fitting import tolerance_of
+from warp_cloth.model import build_model
 from warp_cloth.scene import load_scene
 from warp_cloth.set_up import following, set_up
 from warp_cloth.solver.loop import Goal, Outcome, relax_items
@@ -34,7 +37,11 @@ def ended(changes: Sequence[Sequence[str]], *, ahead: bool) -> list[Outcome]:
         [["solver.iterations=50"], ["solver.iterations=300"], ["solver.iterations=3000", "solver.tolerance_mm=20"]],
     ],
 )
-def test_what_runs_ahead_ends_where_its_check_saw_it(changes: Sequence[Sequence[str]]) -> None:
+@pytest.mark.parametrize("gathers", [False, True])
+def test_what_runs_ahead_ends_where_its_check_saw_it(
+    changes: Sequence[Sequence[str]], gathers: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(set_up_module, "build_model", partial(build_model, gathers=gathers))
     for late, early in zip(ended(changes, ahead=True), ended(changes, ahead=False), strict=True):
         assert (late.status, late.iterations, late.check) == (early.status, early.iterations, early.check)
         np.testing.assert_array_equal(late.points, early.points)

@@ -15,9 +15,10 @@ from warp_cloth.fabric import resolve_fabric
 from warp_cloth.kernels.cloth import Terms
 from warp_cloth.kernels.gather import BLOCK_MEMORY
 from warp_cloth.mesh import Mesh
-from warp_cloth.model import GarmentPart, terms_of
+from warp_cloth.model import GarmentPart, build_model, terms_of
 from warp_cloth.patches import PatchTables, cut_patches
 from warp_cloth.rest import RestShape, build_rest_shape
+from warp_cloth.solver.relax import Collider, Relaxation, StepOptions
 from warp_cloth.topology import build_topology
 
 FABRIC = resolve_fabric({"stretch": 20e3, "compression": 0.1, "bending": 1e-5})
@@ -111,3 +112,26 @@ def test_patches_cut_in_several_parts_are_those_cut_at_once(fabric: object, monk
         assert np.array_equal(getattr(parts, name), getattr(whole, name)), name
     for name, numbers in whole.patch.items():
         assert np.array_equal(parts.patch[name], numbers), name
+
+
+def test_items_that_have_ended_leave_the_launch_and_come_back() -> None:
+    meshes = [grid(side) for side in (6, 9, 12)]
+    parts = [
+        GarmentPart(mesh.points, mesh.triangles, build_rest_shape(mesh, WOVEN, rest="mesh"), np.array([0]))
+        for mesh in meshes
+    ]
+    model = build_model(parts, device="cpu", precision="mixed", gathers=True, garments=[1, 1, 1])
+    relaxation = Relaxation(model, Collider(), StepOptions())
+    assert model.patches is not None
+    everything = model.patches.count
+    relaxation.run(20)
+    before = model.points()
+    relaxation.retire([0, 1])
+    assert 0 < model.patches.count < everything
+    relaxation.run(20)
+    moved = [not np.array_equal(model.points(item), before[model.of_item(item)]) for item in range(3)]
+    assert moved == [False, False, True]
+    relaxation.start_anew()
+    assert model.patches.count == everything
+    relaxation.run(20)
+    assert all(not np.array_equal(model.points(item), before[model.of_item(item)]) for item in range(3))
