@@ -22,7 +22,7 @@ from warp_cloth.quiet import start_warp
 log = logging.getLogger(__name__)
 
 MOST_LOSSES = 2  # of its device in a row, after which a worker's place is given up
-GRACE = 2.0  # [s] between asking a worker to end and ending it
+GRACE = 4.0  # [s] between asking a worker to end and ending it
 
 
 @dataclass(frozen=True)
@@ -65,6 +65,8 @@ def _serve(connection: Connection, helpers: int) -> None:
         try:
             task: Task = connection.recv()
         except EOFError:
+            for helper in multiprocessing.active_children():
+                helper.terminate()
             return
         try:
             connection.send(do_task(task, shelf.tidied()))
@@ -121,8 +123,15 @@ class _Slot:
             self.start()
         return Lost(task, reason)
 
-    def stop(self) -> None:
+    def dismiss(self) -> None:
+        """Asks the worker to end: an idle one ends by itself, with its helpers."""
         self.connection.close()
+        if self.task is not None:
+            self.process.terminate()
+
+    def stop(self) -> None:
+        self.dismiss()
+        self.process.join(GRACE)
         self.process.terminate()
         self.process.join(GRACE)
         if self.process.is_alive():
@@ -188,7 +197,7 @@ class LocalPool:
 
     def close(self) -> None:
         for slot in self._slots:
-            slot.process.terminate()
+            slot.dismiss()
         for slot in self._slots:
             slot.stop()
         self._slots.clear()
