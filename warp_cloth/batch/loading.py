@@ -8,7 +8,6 @@ import os
 from collections.abc import Iterable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
-from multiprocessing.queues import Queue
 from typing import Any
 
 from warp_cloth.batch.lifeline import end_with_parent
@@ -70,24 +69,13 @@ class Loaders:
         if self._pool is None:
             context = multiprocessing.get_context("spawn")
             os.environ.update(dict.fromkeys(ONE_THREAD, "1"))  # in helpers; here the libraries are loaded already
-            cores = context.Queue()
-            for core in range(self._count):
-                cores.put(core)
-            self._pool = ProcessPoolExecutor(self._count, context, initializer=_begin, initargs=(cores,))
+            self._pool = ProcessPoolExecutor(self._count, context, initializer=end_with_parent)
         return self._pool
 
 
 def _rests(rack: Rack, scene: Scene) -> list[Recipe]:
     meshes = [rack.made(recipe) for recipe in mesh_recipes(scene)]
     return rest_recipes(scene, meshes[: len(scene.garments)])
-
-
-def _begin(cores: Queue[int]) -> None:
-    """A helper's start: it keeps to one core, so that it starts no threads, and ends with its parent."""
-    end_with_parent()
-    if hasattr(os, "sched_setaffinity"):
-        there = sorted(os.sched_getaffinity(0))
-        os.sched_setaffinity(0, {there[cores.get() % len(there)]})
 
 
 def _made(recipe: Recipe) -> Any:

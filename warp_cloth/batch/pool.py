@@ -22,6 +22,7 @@ from warp_cloth.quiet import start_warp
 log = logging.getLogger(__name__)
 
 MOST_LOSSES = 2  # of its device in a row, after which a worker's place is given up
+MOST_HELPERS = 8  # of a worker, which takes in no more than so many make
 GRACE = 4.0  # [s] between asking a worker to end and ending it
 
 
@@ -152,7 +153,7 @@ def ended(code: int | None) -> str:
 
 def helpers(device: str, workers: int) -> int:
     """Processes that load for each of so many workers: cores that only wait for a GPU; on the CPU all have work."""
-    count = len(os.sched_getaffinity(0)) // workers - 1
+    count = min(len(os.sched_getaffinity(0)) // workers - 1, MOST_HELPERS)
     return count if device != "cpu" and count > 1 else 0
 
 
