@@ -8,6 +8,8 @@ from typing import Any
 
 import warp as wp
 
+from warp_cloth.kernels.arithmetic import quotient, root
+
 
 @wp.func
 def hinge_fold(axis: Any, wing_0: Any, wing_1: Any):
@@ -35,6 +37,7 @@ def hinge_torque(normal_0: Any, normal_1: Any, axis: Any, stiffness: Any):
 # hinge's torque fades with it, for both wings alike, so that forces stay balanced and bounded.
 THINNEST = wp.constant(1.0e-3)
 SMALLEST = wp.constant(1.0e-30)  # twice the area [m2] of what has none; its inverse is still a float32
+SHORTEST = wp.constant(1.0e-20)  # of an axis [m]; what divides by it stays finite
 
 
 @wp.func
@@ -44,14 +47,15 @@ def unit_normal(side_1: Any, side_2: Any):
     Both are zero where it has no area.
     """
     normal = wp.cross(side_1, side_2)
-    area = wp.length(normal)
-    inverse = type(area)(0.0)
-    if area > type(area)(SMALLEST):
-        inverse = type(area)(1.0) / area
-        normal = normal / area  # not times the inverse: flat cloth has equal normals to the last bit
-    else:
-        normal = normal * inverse
-    return normal, inverse
+    area = root(wp.dot(normal, normal))
+    none = type(area)(0.0)
+    some = area > type(area)(SMALLEST)
+    bounded = wp.max(area, type(area)(SMALLEST))
+    # not times the inverse: flat cloth has equal normals to the last bit
+    x = wp.where(some, quotient(normal[0], bounded), none)
+    y = wp.where(some, quotient(normal[1], bounded), none)
+    z = wp.where(some, quotient(normal[2], bounded), none)
+    return type(normal)(x, y, z), wp.where(some, quotient(type(area)(1.0), bounded), none)
 
 
 @wp.func
@@ -73,23 +77,25 @@ def hinge_turn(normal_0: Any, inverse_0: Any, normal_1: Any, inverse_1: Any, axi
     more than ``reach`` [m]: C (|sin theta| + angle that ``reach`` can add) (1 / h0 + 1 / h1)^2, with |sin theta| <=
     |n0 - n1|. Normals and inverse areas as of ``unit_normal``; the axis as it runs in the first triangle.
     """
-    turn = type(stiffness)(0.0)
-    bound = turn
-    if inverse_0 > turn and inverse_1 > turn:
-        length = wp.length(axis)
-        torque = hinge_torque(normal_0, normal_1, axis, stiffness)
-        bounded_0 = inverse_0
-        bounded_1 = inverse_1
-        least = type(stiffness)(THINNEST) * length * length
-        if wp.max(inverse_0, inverse_1) * least > type(stiffness)(1.0):
-            bounded_0 = wp.min(inverse_0, type(stiffness)(1.0) / least)
-            bounded_1 = wp.min(inverse_1, type(stiffness)(1.0) / least)
-            torque = torque * (bounded_0 / inverse_0) * (bounded_1 / inverse_1)
-        turn = torque / length
-        per_height = length * (bounded_0 + bounded_1)
-        fold = wp.min(wp.length(normal_0 - normal_1) + reach * per_height, type(stiffness)(2.0))
-        bound = stiffness * fold * per_height * per_height
-    return turn, bound
+    none = type(stiffness)(0.0)
+    difference = normal_0 - normal_1
+    square = wp.dot(axis, axis)
+    length = wp.max(root(square), type(stiffness)(SHORTEST))
+    torque = hinge_torque(normal_0, normal_1, axis, stiffness)
+    bounded_0 = inverse_0
+    bounded_1 = inverse_1
+    least = type(stiffness)(THINNEST) * square
+    if wp.max(inverse_0, inverse_1) * least > type(stiffness)(1.0):
+        most = quotient(type(stiffness)(1.0), least)
+        bounded_0 = wp.min(inverse_0, most)
+        bounded_1 = wp.min(inverse_1, most)
+        if inverse_0 > none and inverse_1 > none:
+            torque = torque * quotient(bounded_0, inverse_0) * quotient(bounded_1, inverse_1)
+    per_height = length * (bounded_0 + bounded_1)
+    fold = wp.min(root(wp.dot(difference, difference)) + reach * per_height, type(stiffness)(2.0))
+    both = inverse_0 > none and inverse_1 > none
+    turn = wp.where(both, quotient(torque, length), none)
+    return turn, wp.where(both, stiffness * fold * per_height * per_height, none)
 
 
 @wp.func

@@ -28,20 +28,21 @@ class Terms(NamedTuple):
 
 @wp.struct
 class Patch:
-    """Where a patch has its parts, and how many."""
+    """Where a patch has its parts, and how many. Arrays have four vec4i of it, the last two numbers unused."""
 
     vertex_start: int
     vertex_count: int
     owned_count: int  # of its vertices
+    item: int  # that it is of
     edge_start: int
     edge_count: int
+    edge_slot_start: int
+    edge_words: int  # that the edges at a vertex take, at most
     triangle_start: int
     triangle_count: int  # those at its vertices, which come first
     normal_count: int  # and those beyond its edges
-    edge_slot_start: int
-    edge_rank_count: int  # most edges at a vertex that it owns
     slot_start: int
-    rank_count: int  # most triangles at one
+    words: int  # that the triangles at a vertex take, at most
     overflow: int  # where its memory is if a block's own is too small; else -1
 
 
@@ -146,40 +147,28 @@ def cloth_types(precision: str) -> SimpleNamespace:
     class Patches:
         """The cloth cut into patches, for a kernel per patch. A patch counts its own vertices, edges, triangles.
 
-        Words pack four numbers below 65536. What a vertex sums lies rank by rank: its first edge and all its
-        neighbours' first ones, then the second ones; 65535 where it has no more.
+        Words pack four numbers below 65536. What a vertex sums lies word by word: its first four edges and all its
+        neighbours' first ones, then the next ones; where it has no more, what counts nothing.
         """
 
-        patch: wp.array(dtype=Patch)
+        patch: wp.array(dtype=wp.vec4i)  # as Patch
         vertex: wp.array(dtype=wp.int32)  # of all garments; of each patch those that it owns first
         ends: wp.array(dtype=wp.uint64)  # of an edge, and its two triangles
-        law: wp.array(dtype=vec3)  # as Edges.law
-        fold: wp.array(dtype=real)  # as Edges.fold
+        law: wp.array(dtype=vec4)  # as Edges.law and Edges.fold; where there are edges
+        fold: wp.array(dtype=real)  # as Edges.fold, where there are folds only
         rest: wp.array(dtype=vec2)  # as Edges.rest
         corners: wp.array(dtype=wp.uint64)  # of a triangle
         sides: wp.array(dtype=wp.uint64)  # its edges, opposite to the corners; bits: whose turn counts the other way
         slope: wp.array(dtype=vec4)  # as Triangles.slope
         threads: wp.array(dtype=vec4)
-        edge_slot: wp.array(dtype=wp.uint16)  # twice the edge, and 1 where the vertex is its second end
-        slot: wp.array(dtype=wp.uint16)  # four times the triangle, and which of its corners the vertex is
-
-    @wp.struct
-    class PatchMemory:
-        """What a block works out for its patch."""
-
-        normal: wp.array(dtype=vec4)  # unit normal and inverse of twice the area [1/m2]
-        edge_load: wp.array(dtype=vec4)  # on each edge's first end
-        thread_load: wp.array(dtype=vec4)  # on the triangles' first corners, then on the second, then on the third
-        fold: wp.array(dtype=vec3)  # turn [N], bound [N/m] and L^2 [m2] of each edge's hinge
-        along: wp.array(dtype=real)  # what the hinges do along the normal [N], corners as of thread_load
-        part: wp.array(dtype=real)  # and its fourth part
-        position: wp.array(dtype=point)
-        move: wp.array(dtype=vec3)
+        edge_slot: wp.array(dtype=wp.uint64)  # twice the edge, and 1 where the vertex is its second end
+        slot: wp.array(dtype=wp.uint64)  # the triangle, after all first corners come the second ones, then the third
 
     return SimpleNamespace(
         name=precision, real=real, point=point, vec2=vec2, vec3=vec3, vec4=vec4, Step=Step, Item=Item,
         Cloth=Cloth, Edges=Edges, Triangles=Triangles, Hinges=Hinges, Weave=Weave, Span=Span, Sides=Sides,
-        Patches=Patches, PatchMemory=PatchMemory,
+        Patches=Patches,
+        real_size=8 if precision == "float64" else 4, point_size=12 if precision == "float32" else 24,
     )  # fmt: skip
 
 

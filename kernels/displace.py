@@ -5,19 +5,20 @@ from typing import Any
 
 import warp as wp
 
-from warp_cloth.kernels.cloth import MODULE_OPTIONS, Terms, cloth_types, free_function, rest_function
+from warp_cloth.kernels.access import element
+from warp_cloth.kernels.arithmetic import quotient, root
+from warp_cloth.kernels.block import block_of, block_threads, lane_of
+from warp_cloth.kernels.cloth import MODULE_OPTIONS, Terms, cloth_types, free_function
 from warp_cloth.kernels.cloth_contact import ClothContact, contact_room, contact_sum, contact_watch
 from warp_cloth.kernels.friction import friction_slide
-from warp_cloth.kernels.gather import patch_functions
+from warp_cloth.kernels.gather import patch_functions, patch_of
 
 
 @wp.func
 def capped(force: Any, limit: Any):
     """The force, or where it passes the limit one of that size in its direction (the paper, section 4)."""
-    size = wp.length(force)
-    if size > limit:
-        return force * (limit / size)
-    return force
+    size = root(wp.dot(force, force))
+    return force * wp.where(size > limit, quotient(limit, size), type(limit)(1.0))
 
 
 @wp.func
@@ -34,7 +35,7 @@ def direct_move(force: Any, weight: Any, cap: Any):
 def accelerated_move(force: Any, stiffness: Any, last: Any, momentum: Any, damping: Any, cap: Any):
     """Displacement [m]: force over the vertex's own stiffness, plus momentum, damped where it fights the force."""
     kept = wp.where(wp.dot(last, force) < type(cap)(0.0), momentum * damping, momentum)
-    return capped(last * kept + force / stiffness, cap)
+    return capped(last * kept + force * quotient(type(cap)(1.0), stiffness), cap)
 
 
 @wp.struct
@@ -71,24 +72,28 @@ def displacement(
         touches: whether cloth meets cloth.
     """
     types = cloth_types(precision)
-    real, vec3, vec4, Cloth, Step = types.real, types.vec3, types.vec4, types.Cloth, types.Step
+    real, vec3, vec4, Cloth, Step, Item = types.real, types.vec3, types.vec4, types.Cloth, types.Step, types.Item
     Colliders, Touch = colliders_type(contact, collider_type), touch_type(touches)
 
     @wp.func
-    def vertex_displacement(cloth: Cloth, step: Step, colliders: Colliders, touch: Touch, load: vec4, vertex: int):
-        """Displacement of a vertex and the part of it that has momentum; remembers the stiffness that it went by."""
+    def vertex_displacement(
+        cloth: Cloth, step: Step, colliders: Colliders, touch: Touch, load: vec4, vertex: int, number: int, item: Item
+    ):
+        """Displacement of a vertex and the part of it that has momentum; remembers the stiffness that it went by.
+
+        ``number`` is of the item that the vertex belongs to.
+        """
         if wp.static(touches):
             load += vec4(contact_sum(touch, vertex))
-        item = cloth.items[cloth.item[vertex]]
-        weight = cloth.weight[vertex]
+        weight = element(cloth.weight, vertex)
         force = vec3(load[0], load[1], load[2]) + step.gravity * weight
         move = vec3()
         if wp.static(accelerated):
-            last = cloth.stiffness[vertex]
-            stiffness = wp.max(load[3] + weight / item.cap, last * step.memory)
-            momentum = step.momentum * wp.min(last / stiffness, real(1.0))
+            last = element(cloth.stiffness, vertex)
+            stiffness = wp.max(load[3] + quotient(weight, item.cap), last * step.memory)
+            momentum = step.momentum * wp.min(quotient(last, stiffness), real(1.0))
             cloth.stiffness[vertex] = stiffness
-            move = accelerated_move(force, stiffness, cloth.move[vertex], momentum, step.damping, item.cap)
+            move = accelerated_move(force, stiffness, element(cloth.move, vertex), momentum, step.damping, item.cap)
         else:
             move = direct_move(force, weight, item.cap)
         shift = vec3()
@@ -96,7 +101,7 @@ def displacement(
             shift = vec3(touch.shift[vertex])
             move += shift
         if wp.static(contact is not None):
-            at = contact(colliders[cloth.item[vertex]], wp.vec3d(cloth.position[vertex]) + wp.vec3d(move))
+            at = contact(colliders[number], wp.vec3d(element(cloth.position, vertex)) + wp.vec3d(move))
             push = item.offset - at[3]
             if wp.static(touches):
                 push += touch.lift[vertex]
@@ -123,7 +128,7 @@ def displace_kernel(
     point, vec4, Cloth, Step = types.point, types.vec4, types.Cloth, types.Step
     vertex_displacement = displacement(precision, accelerated, contact, collider_type, touches)
     Touch = touch_type(touches)
-    rests, free = rest_function(precision), free_function(precision, pins)
+    free = free_function(precision, pins)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def displace_vertices(
@@ -135,12 +140,14 @@ def displace_kernel(
     ):
         """Moves each free vertex of an item that is not at rest."""
         vertex = wp.tid()
-        sum = load[vertex]
+        sum = element(load, vertex)
         load[vertex] = vec4()
-        if rests(cloth, vertex):
+        number = element(cloth.item, vertex)
+        item = cloth.items[number]
+        if item.active == 0:
             return
         if free(cloth, vertex):
-            move, kept = vertex_displacement(cloth, step, colliders, touch, sum, vertex)
+            move, kept = vertex_displacement(cloth, step, colliders, touch, sum, vertex, number, item)
             cloth.move[vertex] = kept
             cloth.position[vertex] = cloth.position[vertex] + point(move)
             if wp.static(touches):
@@ -151,48 +158,59 @@ def displace_kernel(
 
 @functools.cache
 def advance_kernel(
-    precision: str, accelerated: bool, terms: Terms, contact: wp.Function | None, collider_type: type, touches: bool
+    precision: str,
+    accelerated: bool,
+    terms: Terms,
+    fits: bool,
+    contact: wp.Function | None,
+    collider_type: type,
+    touches: bool,
 ) -> wp.Kernel:
     """Kernel ``advance_vertices``, which gathers a vertex's forces and moves it, from one set of arrays to another.
 
-    ``terms``: what there is to gather, and pins; the rest as of ``displacement``.
+    ``terms``: what there is to gather, and pins; ``fits`` as of ``gather.patch_functions``, the rest as of
+    ``displacement``.
     """
     types = cloth_types(precision)
     point, vec3, Cloth, Step, Patches = types.point, types.vec3, types.Cloth, types.Step, types.Patches
     vertex_displacement = displacement(precision, accelerated, contact, collider_type, touches)
     Touch = touch_type(touches)
-    functions = patch_functions(precision, "stiffness" if accelerated else "none", terms)
+    functions = patch_functions(precision, "stiffness" if accelerated else "none", terms, fits)
     work_patch, vertex_load = functions.work_patch, functions.vertex_load
-    rests, free = rest_function(precision), free_function(precision, terms.pins)
+    free = free_function(precision, terms.pins)
 
-    @wp.kernel(module="unique", module_options=MODULE_OPTIONS, grid_stride=False)
+    @wp.kernel(module="unique", module_options=MODULE_OPTIONS, grid_stride=False, launch_bounds=(256, 3))
     def advance_vertices(
         step: Step,
         colliders: colliders_type(contact, collider_type),
         touch: Touch,
         patches: Patches,
-        overflow: wp.array(dtype=wp.uint8),  # memory of patches that are too large for a block's own
+        beside: wp.array(dtype=wp.uint8),  # memory of patches that are too large for a block's own
         cloth: Cloth,
         position_out: wp.array(dtype=point),  # [m], shape [V]
         move_out: wp.array(dtype=vec3),  # [m], shape [V]
     ):
         """Moves each free vertex of an item that is not at rest by the forces that meet there; pinned ones stay."""
-        number, lane = wp.tid()
-        patch = patches.patch[number]
-        if rests(cloth, patches.vertex[patch.vertex_start]):
+        thread = wp.tid()
+        lane = lane_of(thread)
+        patch = patch_of(patches.patch, block_of(thread))
+        item = cloth.items[patch.item]
+        if item.active == 0:
             return
-        memory = work_patch(cloth, patches, patch, overflow, step, lane)
-        for local in range(lane, patch.owned_count, wp.block_dim()):
-            vertex = patches.vertex[patch.vertex_start + local]
+        memory = work_patch(cloth, patches, patch, beside, step, lane)
+        local = int(lane)
+        while local < patch.owned_count:
+            vertex = element(patches.vertex, patch.vertex_start + local)
             move = vec3()
             kept = vec3()
             if free(cloth, vertex):
-                load = vertex_load(patches, patch, memory, local)
-                move, kept = vertex_displacement(cloth, step, colliders, touch, load, vertex)
+                load = vertex_load(patches, patch, beside, memory, local)
+                move, kept = vertex_displacement(cloth, step, colliders, touch, load, vertex, patch.item, item)
             move_out[vertex] = kept
-            position = cloth.position[vertex] + point(move)
+            position = element(cloth.position, vertex) + point(move)
             position_out[vertex] = position
             if wp.static(touches):
                 contact_watch(touch, vertex, wp.vec3d(position))
+            local += block_threads()
 
     return advance_vertices

@@ -2,6 +2,8 @@
 
 import warp as wp
 
+from warp_cloth.kernels.arithmetic import quotient, root
+
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})  # the same bits on CPU and CUDA
 
 FLAT = wp.constant(wp.float32(1.0e-3))  # gradient below which no normal is told
@@ -36,6 +38,18 @@ def spline_slopes(t: float) -> wp.vec3f:
     return wp.vec3f(t - 0.5, -2.0 * t, t + 0.5)
 
 
+_ROW = """
+    const float* row = values.data + ((size_t)i * values.shape[1] + j) * values.shape[2] + k;
+    return wp::vec_t<3, wp::float32>(row[-1], row[0], row[1]);
+"""
+
+
+@wp.func_native(_ROW)
+def row_about(values: wp.array3d(dtype=wp.float32), i: int, j: int, k: int) -> wp.vec3f:
+    """Nodes (i, j, k - 1) to (i, j, k + 1) of a grid that lies in memory as it is counted."""
+    return wp.vec3f(values[i, j, k - 1], values[i, j, k], values[i, j, k + 1])
+
+
 @wp.func
 def steepest_axis(values: wp.array3d(dtype=wp.float32), i: int, j: int, k: int) -> wp.vec3f:
     """Of the six grid directions, that to the neighbour of an inner node with the greatest distance."""
@@ -62,9 +76,9 @@ def field_contact(field: ContactField, p: wp.vec3d) -> wp.vec4f:
     most.
     """
     q = p - field.origin
-    x = float(q[0]) / field.spacing
-    y = float(q[1]) / field.spacing
-    z = float(q[2]) / field.spacing
+    x = quotient(float(q[0]), field.spacing)
+    y = quotient(float(q[1]), field.spacing)
+    z = quotient(float(q[2]), field.spacing)
     i = int(wp.floor(x + 0.5))
     j = int(wp.floor(y + 0.5))
     k = int(wp.floor(z + 0.5))
@@ -73,7 +87,8 @@ def field_contact(field: ContactField, p: wp.vec3d) -> wp.vec4f:
     nz = field.values.shape[2]
     if i < 1 or j < 1 or k < 1 or i > nx - 2 or j > ny - 2 or k > nz - 2:
         return far_contact(field.reach)
-    if field.values[i, j, k] > field.reach + field.spacing:
+    middle = row_about(field.values, i, j, k)
+    if middle[1] > field.reach + field.spacing:
         return far_contact(field.reach)
     u = x - float(i)
     v = y - float(j)
@@ -85,8 +100,7 @@ def field_contact(field: ContactField, p: wp.vec3d) -> wp.vec4f:
     for a in range(3):
         plane = float(0.0)
         for b in range(3):
-            row = field.values[i + a - 1, j + b - 1]
-            plane += wy[b] * (wz[0] * row[k - 1] + wz[1] * row[k] + wz[2] * row[k + 1])
+            plane += wy[b] * wp.dot(wz, row_about(field.values, i + a - 1, j + b - 1, k))
         distance += wx[a] * plane
     if distance > field.near:
         return far_contact(distance)
@@ -101,18 +115,18 @@ def field_contact(field: ContactField, p: wp.vec3d) -> wp.vec4f:
         plane_y = float(0.0)
         plane_z = float(0.0)
         for b in range(3):
-            row = field.values[i + a - 1, j + b - 1]
-            line = wz[0] * row[k - 1] + wz[1] * row[k] + wz[2] * row[k + 1]
+            row = row_about(field.values, i + a - 1, j + b - 1, k)
+            line = wp.dot(wz, row)
             plane_x += wy[b] * line
             plane_y += sy[b] * line
-            plane_z += wy[b] * (sz[0] * row[k - 1] + sz[1] * row[k] + sz[2] * row[k + 1])
+            plane_z += wy[b] * wp.dot(sz, row)
         gx += sx[a] * plane_x
         gy += wx[a] * plane_y
         gz += wx[a] * plane_z
-    gradient = wp.vec3f(gx, gy, gz) / field.spacing
-    length = wp.length(gradient)
-    if length > FLAT:
-        normal = gradient / length
+    gradient = wp.vec3f(gx, gy, gz)  # per spacing
+    length = root(wp.dot(gradient, gradient))
+    if length > FLAT * field.spacing:
+        normal = gradient * quotient(1.0, length)
     else:
         normal = steepest_axis(field.values, i, j, k)
     return wp.vec4f(normal[0], normal[1], normal[2], distance)

@@ -9,8 +9,9 @@ from types import SimpleNamespace
 
 import warp as wp
 
-from warp_cloth.kernels.bending import hinge_turn, turned_back, unit_normal
-from warp_cloth.kernels.cloth import cloth_types, difference_function
+from warp_cloth.kernels.arithmetic import quotient, root
+from warp_cloth.kernels.bending import SHORTEST, hinge_turn, turned_back, unit_normal
+from warp_cloth.kernels.cloth import Terms, cloth_types, difference_function
 from warp_cloth.kernels.tension import edge_drag, tension_force, tension_stiffness
 from warp_cloth.kernels.weave import slope_shares, thread_pull, warp_vector, weft_vector
 
@@ -24,26 +25,25 @@ def edge_functions(precision: str, fourth: str, angles: bool) -> SimpleNamespace
     difference = difference_function(precision)
 
     @wp.func
-    def edge_span(position: wp.array(dtype=point), moved: wp.array(dtype=vec3), first: int, second: int):
+    def edge_span(first: point, second: point, first_move: vec3, second_move: vec3):
         """An edge as it lies, and what last moved it."""
         span = Span()
-        span.side = difference(position[second], position[first])
+        span.side = difference(second, first)
         if wp.static(fourth == "stiffness"):
-            move = moved[first]
-            span.change = moved[second] - move
-            span.move = wp.length(move)
+            span.change = second_move - first_move
+            span.move = root(wp.dot(first_move, first_move))
         return span
 
     @wp.func
     def edge_load(span: Span, law: vec3, step: Step):
         """Load of an edge's tension on its first end; on the second the force is the opposite."""
-        length = wp.length(span.side)
-        force = vec3()
-        if length > real(0.0):
-            force = span.side * (tension_force(length, law[0], law[1], law[2]) / length)
+        length = root(wp.dot(span.side, span.side))
+        tension = tension_force(length, law[0], law[1], law[2])
+        force = span.side * quotient(tension, wp.max(length, real(SHORTEST)))
         part = real(0.0)
         if wp.static(fourth == "stiffness"):
-            part = tension_stiffness(length, law[0], law[1], law[2], step.reach * wp.length(span.change))
+            reach = step.reach * root(wp.dot(span.change, span.change))
+            part = tension_stiffness(length, law[0], law[1], law[2], reach)
             force = force + edge_drag(span.change, part, step.viscosity)
         if wp.static(fourth == "size"):
             part = wp.length(force)
@@ -65,35 +65,70 @@ def edge_functions(precision: str, fourth: str, angles: bool) -> SimpleNamespace
 
 @functools.cache
 def triangle_functions(precision: str, fourth: str) -> SimpleNamespace:
-    """Functions ``triangle_sides``, ``triangle_normal`` and what acts on the corners.
-
-    That is ``corner_folds`` and ``fold_load`` for its hinges, ``thread_loads`` for its threads.
-    """
+    """Functions ``triangle_sides`` and ``triangle_normal``."""
     types = cloth_types(precision)
-    real, point, vec3, vec4, Sides = types.real, types.point, types.vec3, types.vec4, types.Sides
+    point, vec3, vec4, Sides = types.point, types.vec3, types.vec4, types.Sides
     difference = difference_function(precision)
-    half = wp.constant(real(0.5))
 
     @wp.func
-    def triangle_sides(position: wp.array(dtype=point), moved: wp.array(dtype=vec3), corners: wp.vec3i):
+    def triangle_sides(origin: point, second: point, third: point, move: vec3, second_move: vec3, third_move: vec3):
         """A triangle as it lies, and what last moved it."""
-        origin = position[corners[0]]
         sides = Sides()
-        sides.side_1 = difference(position[corners[1]], origin)
-        sides.side_2 = difference(position[corners[2]], origin)
+        sides.side_1 = difference(second, origin)
+        sides.side_2 = difference(third, origin)
         if wp.static(fourth == "stiffness"):
-            move = moved[corners[0]]
-            sides.change_1 = moved[corners[1]] - move
-            sides.change_2 = moved[corners[2]] - move
+            sides.change_1 = second_move - move
+            sides.change_2 = third_move - move
         return sides
 
     @wp.func
-    def triangle_normal(position: wp.array(dtype=point), corners: wp.vec3i):
+    def triangle_normal(origin: point, second: point, third: point):
         """Unit normal, and the inverse of twice the area [1/m2]."""
-        origin = position[corners[0]]
-        side_1 = difference(position[corners[1]], origin)
-        normal, inverse = unit_normal(side_1, difference(position[corners[2]], origin))
+        normal, inverse = unit_normal(difference(second, origin), difference(third, origin))
         return vec4(normal[0], normal[1], normal[2], inverse)
+
+    return SimpleNamespace(triangle_sides=triangle_sides, triangle_normal=triangle_normal)
+
+
+@functools.cache
+def corner_function(precision: str, fourth: str, terms: Terms) -> wp.Function:
+    """The function that says what a triangle does to its corners, by all terms that there are."""
+    types = cloth_types(precision)
+    vec3, vec4, Sides, Step = types.vec3, types.vec4, types.Sides, types.Step
+    corner_folds, thread_loads = _fold_function(precision, fourth), _thread_function(precision, fourth)
+
+    @wp.func
+    def fold_load(normal: vec4, along: types.real, part: types.real):
+        """Load of a corner from what ``corner_folds`` says."""
+        return vec4(normal[0] * along, normal[1] * along, normal[2] * along, part)
+
+    @wp.func
+    def corner_loads(
+        normal: vec4, fold_0: vec3, fold_1: vec3, fold_2: vec3, sides: Sides, slope: vec4, law: vec4, step: Step
+    ):
+        """Loads of the corners: of the hinges of the triangle's sides, then of its threads."""
+        first = vec4()
+        second = vec4()
+        third = vec4()
+        if wp.static(terms.folds):
+            along, part = corner_folds(normal[3], fold_0, fold_1, fold_2)
+            first = fold_load(normal, along[0], part[0])
+            second = fold_load(normal, along[1], part[1])
+            third = fold_load(normal, along[2], part[2])
+        if wp.static(terms.threads):
+            load_0, load_1, load_2 = thread_loads(sides, slope, law, step)
+            first += load_0
+            second += load_1
+            third += load_2
+        return first, second, third
+
+    return corner_loads
+
+
+def _fold_function(precision: str, fourth: str) -> wp.Function:
+    types = cloth_types(precision)
+    real, vec3 = types.real, types.vec3
+    half = wp.constant(real(0.5))
 
     @wp.func
     def corner_folds(inverse: real, fold_0: vec3, fold_1: vec3, fold_2: vec3):
@@ -130,15 +165,7 @@ def triangle_functions(precision: str, fourth: str) -> SimpleNamespace:
             )
         return vec3(-(along_1 + along_2), along_1, along_2), part
 
-    @wp.func
-    def fold_load(normal: vec4, along: real, part: real):
-        """Load of a corner from what ``corner_folds`` says."""
-        return vec4(normal[0] * along, normal[1] * along, normal[2] * along, part)
-
-    return SimpleNamespace(
-        triangle_sides=triangle_sides, triangle_normal=triangle_normal, corner_folds=corner_folds,
-        fold_load=fold_load, thread_loads=_thread_function(precision, fourth),
-    )  # fmt: skip
+    return corner_folds
 
 
 def _thread_parts_function(precision: str, fourth: str) -> wp.Function:

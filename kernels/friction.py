@@ -4,6 +4,8 @@ from typing import Any
 
 import warp as wp
 
+from warp_cloth.kernels.arithmetic import quotient, root
+
 
 @wp.func
 def friction_slide(displacement: Any, normal: Any, push: Any, friction: Any):
@@ -13,9 +15,9 @@ def friction_slide(displacement: Any, normal: Any, push: Any, friction: Any):
     """
     along = normal * wp.dot(displacement, normal)
     tangent = displacement - along
-    slide = wp.length(tangent)
+    slide = root(wp.dot(tangent, tangent))
     kept = wp.max(slide - friction * push, type(push)(0.0))
-    return along + tangent * wp.where(slide > type(push)(0.0), kept / slide, type(push)(0.0))
+    return along + tangent * wp.where(slide > type(push)(0.0), quotient(kept, slide), type(push)(0.0))
 
 
 @wp.func

@@ -11,38 +11,33 @@ from types import SimpleNamespace
 
 import warp as wp
 
-from warp_cloth.kernels.cloth import MODULE_OPTIONS, Patch, Terms, cloth_types, rest_function
-from warp_cloth.kernels.forces import edge_functions, triangle_functions
+from warp_cloth.kernels.access import element
+from warp_cloth.kernels.arithmetic import signed_sum
+from warp_cloth.kernels.block import (
+    BESIDE,
+    block_of,
+    block_threads,
+    lane_of,
+    memory_functions,
+    own_memory,
+    wait_for_block,
+)
+from warp_cloth.kernels.cloth import MODULE_OPTIONS, Patch, Terms, cloth_types
+from warp_cloth.kernels.forces import corner_function, edge_functions, triangle_functions
 
-BLOCK_MEMORY = 47 * 1024  # [bytes]; CUDA gives a block 48 KiB without being asked, and Warp takes some of that
-NO_SLOT = 65535
-
-_BLOCK_MEMORY = """
-#if defined(__CUDA_ARCH__)
-    __shared__ __align__(16) unsigned char memory[%d];
-    if (offset < 0)
-        return (wp::uint64)memory;
-#endif
-    return (wp::uint64)(overflow.data + offset);
-"""
-
-_WAIT = """
-#if defined(__CUDA_ARCH__)
-    __syncthreads();
-#endif
-"""
+RANKS = 4  # of what meets at a vertex that share a word
 
 
-@wp.func_native(_BLOCK_MEMORY % BLOCK_MEMORY)
-def block_memory(overflow: wp.array(dtype=wp.uint8), offset: int) -> wp.uint64:
-    """Address of the block's own memory, or of what it has in ``overflow`` where its patch is too large for that."""
-    ...
+@wp.struct
+class PatchMemory:
+    """Places in the block's memory; vectors of four reals unless said otherwise."""
 
-
-@wp.func_native(_WAIT)
-def wait_for_block():
-    """Until all threads of the block have come here; on the CPU a block is one thread."""
-    ...
+    edge_load: int  # on each edge's first end, and nothing after the last
+    corner_load: int  # on the triangles' first corners, the second, the third, and nothing after the last
+    normal: int  # unit normal and inverse of twice the area [1/m2] of each triangle
+    fold: int  # of three: turn [N], bound [N/m] and L^2 [m2] of each edge's hinge
+    position: int  # of three, in the positions' own precision
+    move: int  # of three
 
 
 @wp.func
@@ -51,275 +46,321 @@ def packed(word: wp.uint64, place: int):
     return int((word >> wp.uint64(16 * place)) & wp.uint64(65535))
 
 
-# Warp reads and writes a vector number by number; a GPU moves 16 bytes at a time, in fewer turns at its banks.
-_READ = {
-    "float32": """
-#if defined(__CUDA_ARCH__)
-    float4 v = *reinterpret_cast<const float4*>(memory.data + index);
-    return wp::vec_t<4, wp::float32>(v.x, v.y, v.z, v.w);
-#else
-    return memory.data[index];
-#endif
-""",
-    "float64": """
-#if defined(__CUDA_ARCH__)
-    const double2* parts = reinterpret_cast<const double2*>(memory.data + index);
-    double2 v = parts[0], w = parts[1];
-    return wp::vec_t<4, wp::float64>(v.x, v.y, w.x, w.y);
-#else
-    return memory.data[index];
-#endif
-""",
-}
-_WRITE = {
-    "float32": """
-#if defined(__CUDA_ARCH__)
-    *reinterpret_cast<float4*>(memory.data + index) = make_float4(value[0], value[1], value[2], value[3]);
-#else
-    memory.data[index] = value;
-#endif
-""",
-    "float64": """
-#if defined(__CUDA_ARCH__)
-    double2* parts = reinterpret_cast<double2*>(memory.data + index);
-    parts[0] = make_double2(value[0], value[1]);
-    parts[1] = make_double2(value[2], value[3]);
-#else
-    memory.data[index] = value;
-#endif
-""",
-}
-
-
-@functools.cache
-def memory_functions(precision: str) -> SimpleNamespace:
-    """Functions ``read_vector`` and ``write_vector`` of vec4 arrays in the block's memory, which lie at 16 bytes."""
-    vec4 = cloth_types(precision).vec4
-    real = "float64" if precision == "float64" else "float32"
-
-    @wp.func_native(_READ[real])
-    def read_vector(memory: wp.array(dtype=vec4), index: int) -> vec4:
-        """What an array holds."""
-        ...
-
-    @wp.func_native(_WRITE[real])
-    def write_vector(memory: wp.array(dtype=vec4), index: int, value: vec4):
-        """Lets an array hold it."""
-        ...
-
-    return SimpleNamespace(read_vector=read_vector, write_vector=write_vector)
+@wp.func
+def patch_of(patches: wp.array(dtype=wp.vec4i), number: int):
+    """A patch, which is read in four pieces."""
+    one, two = element(patches, 4 * number), element(patches, 4 * number + 1)
+    three, four = element(patches, 4 * number + 2), element(patches, 4 * number + 3)
+    patch = Patch()
+    patch.vertex_start = one[0]
+    patch.vertex_count = one[1]
+    patch.owned_count = one[2]
+    patch.item = one[3]
+    patch.edge_start = two[0]
+    patch.edge_count = two[1]
+    patch.edge_slot_start = two[2]
+    patch.edge_words = two[3]
+    patch.triangle_start = three[0]
+    patch.triangle_count = three[1]
+    patch.normal_count = three[2]
+    patch.slot_start = three[3]
+    patch.words = four[0]
+    patch.overflow = four[1]
+    return patch
 
 
 @functools.cache
 def layout_function(precision: str, terms: Terms) -> wp.Function:
     """The function that lays out the block's memory; the host counts the same bytes."""
-    types = cloth_types(precision)
-    real, point, vec3, vec4, PatchMemory = types.real, types.point, types.vec3, types.vec4, types.PatchMemory
-    real_size = 8 if precision == "float64" else 4
-    point_size = 12 if precision == "float32" else 24
+    real = 8 if precision == "float64" else 4
+    point = 12 if precision == "float32" else 24
 
     @wp.func
-    def patch_memory(patch: Patch, overflow: wp.array(dtype=wp.uint8)):
-        """The block's memory as arrays; without threads, what hinges do comes to lie where the vertices lay."""
+    def patch_memory(patch: Patch):
+        """Places in the block's memory; without threads, corners' loads come to lie where the vertices lay."""
         memory = PatchMemory()
-        base = block_memory(overflow, patch.overflow)
-        at = int(0)
-        if wp.static(terms.folds):
-            memory.normal = wp.array(ptr=base, shape=(patch.normal_count,), dtype=vec4)
-            at += wp.static(4 * real_size) * patch.normal_count
+        at = own_memory()
+        if patch.overflow >= 0:
+            at = patch.overflow | BESIDE
         if wp.static(terms.edges):
-            memory.edge_load = wp.array(ptr=base + wp.uint64(at), shape=(patch.edge_count,), dtype=vec4)
-            at += wp.static(4 * real_size) * patch.edge_count
-        if wp.static(terms.threads):
-            memory.thread_load = wp.array(ptr=base + wp.uint64(at), shape=(3 * patch.triangle_count,), dtype=vec4)
-            at += wp.static(12 * real_size) * patch.triangle_count
+            memory.edge_load = at
+            at += wp.static(4 * real) * (patch.edge_count + 1)
         if wp.static(terms.folds):
-            memory.fold = wp.array(ptr=base + wp.uint64(at), shape=(patch.edge_count,), dtype=vec3)
-            at = (at + wp.static(3 * real_size) * patch.edge_count + 7) // 8 * 8
-        late = int(at)
-        memory.position = wp.array(ptr=base + wp.uint64(at), shape=(patch.vertex_count,), dtype=point)
-        at += wp.static(point_size) * patch.vertex_count
-        memory.move = wp.array(ptr=base + wp.uint64(at), shape=(patch.vertex_count,), dtype=vec3)
+            memory.normal = at
+            at += wp.static(4 * real) * patch.normal_count
+        memory.corner_load = at
         if wp.static(terms.threads):
-            late = at + wp.static(3 * real_size) * patch.vertex_count
-        if wp.static(terms.folds):
-            memory.along = wp.array(ptr=base + wp.uint64(late), shape=(3 * patch.triangle_count,), dtype=real)
-            late += wp.static(3 * real_size) * patch.triangle_count
-            memory.part = wp.array(ptr=base + wp.uint64(late), shape=(3 * patch.triangle_count,), dtype=real)
+            at += wp.static(4 * real) * (3 * patch.triangle_count + 1)
+        memory.position = at
+        at += (wp.static(point) * patch.vertex_count + 7) & -8
+        memory.move = at
+        at += (wp.static(3 * real) * patch.vertex_count + 7) & -8
+        if wp.static(terms.folds and not terms.threads):
+            at = wp.max(at, memory.corner_load + wp.static(4 * real) * (3 * patch.triangle_count + 1))
+        memory.fold = at
         return memory
 
     return patch_memory
 
 
 @functools.cache
-def patch_functions(precision: str, fourth: str, terms: Terms) -> SimpleNamespace:
-    """Functions ``work_patch`` and ``vertex_load``, which sums a vertex' load once the whole block is through it."""
+def patch_functions(precision: str, fourth: str, terms: Terms, fits: bool) -> SimpleNamespace:
+    """Functions ``work_patch`` and ``vertex_load``, which sums a vertex' load once the whole block is through it.
+
+    ``fits``: whether no patch is too large for a block's own memory.
+    """
     types = cloth_types(precision)
-    real, vec4, Cloth, Step = types.real, types.vec4, types.Cloth, types.Step
-    Patches, PatchMemory = types.Patches, types.PatchMemory
+    vec4, Cloth, Step, Patches = types.vec4, types.Cloth, types.Step, types.Patches
     patch_memory = layout_function(precision, terms)
-    read_vector = memory_functions(precision).read_vector
-    work = _work_functions(precision, fourth, terms)
-    read_vertices, work_normals = work.read_vertices, work.work_normals
-    work_edges, work_triangles = work.work_edges, work.work_triangles
-    fold_load = triangle_functions(precision, fourth).fold_load
+    read_4 = memory_functions(precision, fits).read_4
+    read_vertices = _vertices_function(precision, fourth, fits)
+    work_normals = _normals_function(precision, fits)
+    work_edges = _edges_function(precision, fourth, terms, fits)
+    work_triangles = _triangles_function(precision, fourth, terms, fits)
 
     @wp.func
     def work_patch(
-        cloth: Cloth, patches: Patches, patch: Patch, overflow: wp.array(dtype=wp.uint8), step: Step, lane: int
+        cloth: Cloth, patches: Patches, patch: Patch, beside: wp.array(dtype=wp.uint8), step: Step, lane: int
     ):
         """All that meets at the patch's vertices, in the block's memory; every thread of the block calls it."""
-        memory = patch_memory(patch, overflow)
-        read_vertices(cloth, patches, patch, memory, lane)
+        memory = patch_memory(patch)
+        read_vertices(cloth, patches, patch, beside, memory, lane)
         wait_for_block()
         if wp.static(terms.folds):
-            work_normals(patches, patch, memory, lane)
+            work_normals(patches, patch, beside, memory, lane)
             wait_for_block()
         if wp.static(terms.folds or terms.edges):
-            work_edges(patches, patch, memory, step, lane)
+            work_edges(patches, patch, beside, memory, step, lane)
             wait_for_block()
         if wp.static(terms.folds or terms.threads):
-            work_triangles(patches, patch, memory, step, lane)
+            work_triangles(patches, patch, beside, memory, step, lane)
             wait_for_block()
         return memory
 
     @wp.func
-    def vertex_load(patches: Patches, patch: Patch, memory: PatchMemory, local: int):
-        """Sum over the edges, then over the triangles at a vertex that the patch owns."""
+    def vertex_load(patches: Patches, patch: Patch, beside: wp.array(dtype=wp.uint8), memory: PatchMemory, local: int):
+        """Sum over the edges, then over the triangles at a vertex that the patch owns; what is not there is nothing."""
         load = vec4()
         if wp.static(terms.edges):
-            for rank in range(patch.edge_rank_count):
-                entry = int(patches.edge_slot[patch.edge_slot_start + rank * patch.owned_count + local])
-                if entry != wp.static(NO_SLOT):
-                    pull = read_vector(memory.edge_load, entry >> 1)
-                    way = real(1 - 2 * (entry & 1))  # from the edge's first end, or its second
-                    load += vec4(pull[0] * way, pull[1] * way, pull[2] * way, pull[3])
+            for four in range(patch.edge_words):
+                word = element(patches.edge_slot, patch.edge_slot_start + four * patch.owned_count + local)
+                for rank in range(wp.static(RANKS)):
+                    entry = packed(word, rank)
+                    pull = read_4(beside, memory.edge_load + wp.static(4 * types.real_size) * (entry >> 1))
+                    load = signed_sum(load, pull, entry & 1)  # from the edge's first end, or its second
         if wp.static(terms.folds or terms.threads):
-            for rank in range(patch.rank_count):
-                entry = int(patches.slot[patch.slot_start + rank * patch.owned_count + local])
-                if entry != wp.static(NO_SLOT):
-                    triangle = entry >> 2
-                    corner = (entry & 3) * patch.triangle_count + triangle
-                    if wp.static(terms.folds):
-                        normal = read_vector(memory.normal, triangle)
-                        load += fold_load(normal, memory.along[corner], memory.part[corner])
-                    if wp.static(terms.threads):
-                        load += read_vector(memory.thread_load, corner)
+            for four in range(patch.words):
+                word = element(patches.slot, patch.slot_start + four * patch.owned_count + local)
+                for rank in range(wp.static(RANKS)):
+                    entry = packed(word, rank)
+                    load += read_4(beside, memory.corner_load + wp.static(4 * types.real_size) * entry)
         return load
 
     return SimpleNamespace(work_patch=work_patch, vertex_load=vertex_load)
 
 
-def _work_functions(precision: str, fourth: str, terms: Terms) -> SimpleNamespace:
+def _vertices_function(precision: str, fourth: str, fits: bool) -> wp.Function:
     types = cloth_types(precision)
-    vec2, vec3, Cloth, Step = types.vec2, types.vec3, types.Cloth, types.Step
-    Patches, PatchMemory = types.Patches, types.PatchMemory
-    edge, triangle = edge_functions(precision, fourth, terms.angles), triangle_functions(precision, fourth)
-    edge_span, edge_load, edge_fold = edge.edge_span, edge.edge_load, edge.edge_fold
-    triangle_sides, triangle_normal = triangle.triangle_sides, triangle.triangle_normal
-    corner_folds, thread_loads = triangle.corner_folds, triangle.thread_loads
-    functions = memory_functions(precision)
-    read_vector, write_vector = functions.read_vector, functions.write_vector
+    Cloth, Patches = types.Cloth, types.Patches
+    functions = memory_functions(precision, fits)
+    write_point, write_3 = functions.write_point, functions.write_3
 
     @wp.func
-    def read_vertices(cloth: Cloth, patches: Patches, patch: Patch, memory: PatchMemory, lane: int):
+    def read_vertices(
+        cloth: Cloth,
+        patches: Patches,
+        patch: Patch,
+        beside: wp.array(dtype=wp.uint8),
+        memory: PatchMemory,
+        lane: int,
+    ):
         """Brings the vertices that the patch needs into the block's memory."""
-        for local in range(lane, patch.vertex_count, wp.block_dim()):
-            vertex = patches.vertex[patch.vertex_start + local]
-            memory.position[local] = cloth.position[vertex]
+        local = int(lane)
+        while local < patch.vertex_count:
+            vertex = element(patches.vertex, patch.vertex_start + local)
+            write_point(beside, memory.position + wp.static(types.point_size) * local, element(cloth.position, vertex))
             if wp.static(fourth == "stiffness"):
-                memory.move[local] = cloth.move[vertex]
+                write_3(beside, memory.move + wp.static(3 * types.real_size) * local, element(cloth.move, vertex))
+            local += block_threads()
+
+    return read_vertices
+
+
+def _normals_function(precision: str, fits: bool) -> wp.Function:
+    types = cloth_types(precision)
+    functions = memory_functions(precision, fits)
+    read_point, write_4 = functions.read_point, functions.write_4
+    triangle_normal = triangle_functions(precision, "none").triangle_normal
 
     @wp.func
-    def triangle_corners(patches: Patches, at: int):
-        """Corners of a triangle as the patch counts its vertices."""
-        word = patches.corners[at]
-        return wp.vec3i(packed(word, 0), packed(word, 1), packed(word, 2))
-
-    @wp.func
-    def work_normals(patches: Patches, patch: Patch, memory: PatchMemory, lane: int):
+    def work_normals(
+        patches: types.Patches, patch: Patch, beside: wp.array(dtype=wp.uint8), memory: PatchMemory, lane: int
+    ):
         """Normals of the patch's triangles and of those beyond its edges."""
-        for local in range(lane, patch.normal_count, wp.block_dim()):
-            corners = triangle_corners(patches, patch.triangle_start + local)
-            write_vector(memory.normal, local, triangle_normal(memory.position, corners))
+        local = int(lane)
+        while local < patch.normal_count:
+            word = element(patches.corners, patch.triangle_start + local)
+            origin = read_point(beside, memory.position + wp.static(types.point_size) * packed(word, 0))
+            second = read_point(beside, memory.position + wp.static(types.point_size) * packed(word, 1))
+            third = read_point(beside, memory.position + wp.static(types.point_size) * packed(word, 2))
+            normal = triangle_normal(origin, second, third)
+            write_4(beside, memory.normal + wp.static(4 * types.real_size) * local, normal)
+            local += block_threads()
+
+    return work_normals
+
+
+def _edges_function(precision: str, fourth: str, terms: Terms, fits: bool) -> wp.Function:
+    types = cloth_types(precision)
+    vec2, vec3, vec4, Patches, Step = types.vec2, types.vec3, types.vec4, types.Patches, types.Step
+    functions = memory_functions(precision, fits)
+    read_point, read_3, read_4 = functions.read_point, functions.read_3, functions.read_4
+    write_3, write_4 = functions.write_3, functions.write_4
+    edge = edge_functions(precision, fourth, terms.angles)
+    edge_span, edge_load, edge_fold = edge.edge_span, edge.edge_load, edge.edge_fold
 
     @wp.func
-    def work_edges(patches: Patches, patch: Patch, memory: PatchMemory, step: Step, lane: int):
+    def work_edges(
+        patches: Patches,
+        patch: Patch,
+        beside: wp.array(dtype=wp.uint8),
+        memory: PatchMemory,
+        step: Step,
+        lane: int,
+    ):
         """Tensions and hinges of the patch's edges."""
-        for local in range(lane, patch.edge_count, wp.block_dim()):
+        local = int(lane)
+        while local < patch.edge_count:
             at = patch.edge_start + local
-            word = patches.ends[at]
-            span = edge_span(memory.position, memory.move, packed(word, 0), packed(word, 1))
+            word = element(patches.ends, at)
+            law = vec4()
             if wp.static(terms.edges):
-                write_vector(memory.edge_load, local, edge_load(span, patches.law[at], step))
+                law = element(patches.law, at)
+            if wp.static(terms.folds and not terms.edges):
+                law[3] = element(patches.fold, at)
+            first, second = packed(word, 0), packed(word, 1)
+            start = read_point(beside, memory.position + wp.static(types.point_size) * first)
+            end = read_point(beside, memory.position + wp.static(types.point_size) * second)
+            move_0 = vec3()
+            move_1 = vec3()
+            if wp.static(fourth == "stiffness"):
+                move_0 = read_3(beside, memory.move + wp.static(3 * types.real_size) * first)
+                move_1 = read_3(beside, memory.move + wp.static(3 * types.real_size) * second)
+            span = edge_span(start, end, move_0, move_1)
+            if wp.static(terms.edges):
+                load = edge_load(span, vec3(law[0], law[1], law[2]), step)
+                write_4(beside, memory.edge_load + wp.static(4 * types.real_size) * local, load)
             if wp.static(terms.folds):
-                first = read_vector(memory.normal, packed(word, 2))
-                second = read_vector(memory.normal, packed(word, 3))
+                normal_0 = read_4(beside, memory.normal + wp.static(4 * types.real_size) * packed(word, 2))
+                normal_1 = read_4(beside, memory.normal + wp.static(4 * types.real_size) * packed(word, 3))
                 rest = vec2()
                 if wp.static(terms.angles):
-                    rest = patches.rest[at]
-                memory.fold[local] = edge_fold(span, first, second, patches.fold[at], rest, step)
+                    rest = element(patches.rest, at)
+                fold = edge_fold(span, normal_0, normal_1, law[3], rest, step)
+                write_3(beside, memory.fold + wp.static(3 * types.real_size) * local, fold)
+            local += block_threads()
+        if wp.static(terms.edges):
+            if lane == 0:
+                write_4(beside, memory.edge_load + wp.static(4 * types.real_size) * patch.edge_count, vec4())
+
+    return work_edges
+
+
+def _triangles_function(precision: str, fourth: str, terms: Terms, fits: bool) -> wp.Function:
+    types = cloth_types(precision)
+    vec3, vec4, Patches, Step, Sides = types.vec3, types.vec4, types.Patches, types.Step, types.Sides
+    functions = memory_functions(precision, fits)
+    read_point, read_3, read_4, write_4 = functions.read_point, functions.read_3, functions.read_4, functions.write_4
+    triangle_sides = triangle_functions(precision, fourth).triangle_sides
+    corner_loads = corner_function(precision, fourth, terms)
+    point_size, size_3 = types.point_size, 3 * types.real_size
 
     @wp.func
-    def side_fold(memory: PatchMemory, word: wp.uint64, side: int):
+    def side_fold(beside: wp.array(dtype=wp.uint8), memory: PatchMemory, word: wp.uint64, side: int):
         """Hinge of a triangle's side, its turn as the triangle is wound."""
-        fold = memory.fold[packed(word, side)]
+        fold = read_3(beside, memory.fold + wp.static(size_3) * packed(word, side))
         otherwise = (packed(word, 3) >> side) & 1
         return vec3(wp.where(otherwise == 1, -fold[0], fold[0]), fold[1], fold[2])
 
     @wp.func
-    def work_triangles(patches: Patches, patch: Patch, memory: PatchMemory, step: Step, lane: int):
+    def sides_of(beside: wp.array(dtype=wp.uint8), memory: PatchMemory, word: wp.uint64):
+        """A triangle as it lies."""
+        a, b, c = packed(word, 0), packed(word, 1), packed(word, 2)
+        move_0, move_1, move_2 = vec3(), vec3(), vec3()
+        if wp.static(fourth == "stiffness"):
+            move_0 = read_3(beside, memory.move + wp.static(size_3) * a)
+            move_1 = read_3(beside, memory.move + wp.static(size_3) * b)
+            move_2 = read_3(beside, memory.move + wp.static(size_3) * c)
+        origin = read_point(beside, memory.position + wp.static(point_size) * a)
+        second = read_point(beside, memory.position + wp.static(point_size) * b)
+        third = read_point(beside, memory.position + wp.static(point_size) * c)
+        return triangle_sides(origin, second, third, move_0, move_1, move_2)
+
+    @wp.func
+    def work_triangles(
+        patches: Patches,
+        patch: Patch,
+        beside: wp.array(dtype=wp.uint8),
+        memory: PatchMemory,
+        step: Step,
+        lane: int,
+    ):
         """What the hinges and threads of the patch's triangles do to their corners."""
         count = patch.triangle_count
-        for local in range(lane, count, wp.block_dim()):
+        local = int(lane)
+        while local < count:
             at = patch.triangle_start + local
+            normal, slope, law = vec4(), vec4(), vec4()
+            fold_0, fold_1, fold_2 = vec3(), vec3(), vec3()
+            sides = Sides()
             if wp.static(terms.folds):
-                word = patches.sides[at]
-                fold_0, fold_1, fold_2 = (
-                    side_fold(memory, word, 0),
-                    side_fold(memory, word, 1),
-                    side_fold(memory, word, 2),
-                )
-                along, part = corner_folds(memory.normal[local][3], fold_0, fold_1, fold_2)
-                for corner in range(3):
-                    memory.along[corner * count + local] = along[corner]
-                    memory.part[corner * count + local] = part[corner]
+                word = element(patches.sides, at)
+                normal = read_4(beside, memory.normal + wp.static(4 * types.real_size) * local)
+                fold_0 = side_fold(beside, memory, word, 0)
+                fold_1 = side_fold(beside, memory, word, 1)
+                fold_2 = side_fold(beside, memory, word, 2)
             if wp.static(terms.threads):
-                sides = triangle_sides(memory.position, memory.move, triangle_corners(patches, at))
-                first, second, third = thread_loads(sides, patches.slope[at], patches.threads[at], step)
-                write_vector(memory.thread_load, local, first)
-                write_vector(memory.thread_load, count + local, second)
-                write_vector(memory.thread_load, 2 * count + local, third)
+                slope, law = element(patches.slope, at), element(patches.threads, at)
+                sides = sides_of(beside, memory, element(patches.corners, at))
+            first, second, third = corner_loads(normal, fold_0, fold_1, fold_2, sides, slope, law, step)
+            place = memory.corner_load + wp.static(4 * types.real_size) * local
+            write_4(beside, place, first)
+            write_4(beside, place + wp.static(4 * types.real_size) * count, second)
+            write_4(beside, place + wp.static(8 * types.real_size) * count, third)
+            local += block_threads()
+        if lane == 0:
+            write_4(beside, memory.corner_load + wp.static(12 * types.real_size) * count, vec4())
 
-    return SimpleNamespace(
-        read_vertices=read_vertices, work_normals=work_normals, work_edges=work_edges, work_triangles=work_triangles
-    )
+    return work_triangles
 
 
 @functools.cache
-def gather_kernel(precision: str, fourth: str, terms: Terms) -> wp.Kernel:
-    """Kernel ``gather_forces``; ``fourth`` is one of cloth.FOURTH_PARTS."""
+def gather_kernel(precision: str, fourth: str, terms: Terms, fits: bool) -> wp.Kernel:
+    """Kernel ``gather_forces``; ``fourth`` is one of cloth.FOURTH_PARTS, ``fits`` as of ``patch_functions``."""
     types = cloth_types(precision)
     vec4, Cloth, Step, Patches = types.vec4, types.Cloth, types.Step, types.Patches
-    functions = patch_functions(precision, fourth, terms)
+    functions = patch_functions(precision, fourth, terms, fits)
     work_patch, vertex_load = functions.work_patch, functions.vertex_load
-    rests = rest_function(precision)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS, grid_stride=False)
     def gather_forces(
         cloth: Cloth,
         patches: Patches,
-        overflow: wp.array(dtype=wp.uint8),  # memory of patches that are too large for a block's own
+        beside: wp.array(dtype=wp.uint8),  # memory of patches that are too large for a block's own
         step: Step,
         load_out: wp.array(dtype=vec4),  # force [N] and the fourth part, shape [V]
     ):
         """Sums the forces that meet at each vertex."""
-        number, lane = wp.tid()
-        patch = patches.patch[number]
-        if rests(cloth, patches.vertex[patch.vertex_start]):
+        thread = wp.tid()
+        patch = patch_of(patches.patch, block_of(thread))
+        if cloth.items[patch.item].active == 0:
             return
-        memory = work_patch(cloth, patches, patch, overflow, step, lane)
-        for local in range(lane, patch.owned_count, wp.block_dim()):
-            load_out[patches.vertex[patch.vertex_start + local]] = vertex_load(patches, patch, memory, local)
+        lane = lane_of(thread)
+        memory = work_patch(cloth, patches, patch, beside, step, lane)
+        local = int(lane)
+        while local < patch.owned_count:
+            vertex = element(patches.vertex, patch.vertex_start + local)
+            load_out[vertex] = vertex_load(patches, patch, beside, memory, local)
+            local += block_threads()
 
     return gather_forces

@@ -5,12 +5,12 @@ same bits. On CUDA the order would be left to chance; there ``gather`` serves.
 """
 
 import functools
-from types import SimpleNamespace
 
 import warp as wp
 
+from warp_cloth.kernels.access import add_to, element
 from warp_cloth.kernels.cloth import MODULE_OPTIONS, Terms, cloth_types, rest_function
-from warp_cloth.kernels.forces import edge_functions, triangle_functions
+from warp_cloth.kernels.forces import corner_function, edge_functions, triangle_functions
 
 
 @functools.cache
@@ -30,32 +30,24 @@ def normals_kernel(precision: str) -> wp.Kernel:
     ):
         """Writes each triangle's normal."""
         triangle = wp.tid()
-        corners = triangles.corners[triangle]
+        corners = element(triangles.corners, triangle)
         if rests(cloth, corners[0]):
             return
-        normal_out[triangle] = triangle_normal(cloth.position, corners)
+        origin = element(cloth.position, corners[0])
+        second, third = element(cloth.position, corners[1]), element(cloth.position, corners[2])
+        normal_out[triangle] = triangle_normal(origin, second, third)
 
     return measure_normals
 
 
 @functools.cache
-def scatter_kernels(precision: str, fourth: str, terms: Terms) -> SimpleNamespace:
-    """Kernels ``add_edges`` and ``add_triangles``; ``fourth`` is one of cloth.FOURTH_PARTS."""
+def edges_kernel(precision: str, fourth: str, terms: Terms) -> wp.Kernel:
+    """Kernel ``add_edges``; ``fourth`` is one of cloth.FOURTH_PARTS."""
     types = cloth_types(precision)
-    vec2, vec3, vec4, Cloth, Step = types.vec2, types.vec3, types.vec4, types.Cloth, types.Step
-    Edges, Triangles = types.Edges, types.Triangles
-    of_edge, of_triangle = edge_functions(precision, fourth, terms.angles), triangle_functions(precision, fourth)
-    edge_span, edge_load, edge_fold = of_edge.edge_span, of_edge.edge_load, of_edge.edge_fold
+    vec2, vec3, vec4, Cloth, Step, Edges = types.vec2, types.vec3, types.vec4, types.Cloth, types.Step, types.Edges
+    functions = edge_functions(precision, fourth, terms.angles)
+    edge_span, edge_load, edge_fold = functions.edge_span, functions.edge_load, functions.edge_fold
     rests = rest_function(precision)
-    corner_folds, fold_load = of_triangle.corner_folds, of_triangle.fold_load
-    triangle_sides, thread_loads = of_triangle.triangle_sides, of_triangle.thread_loads
-
-    @wp.func
-    def side_fold(fold: wp.array(dtype=vec3), edge: int):
-        """Hinge of a triangle's side, its turn as the triangle is wound."""
-        way = wp.where(edge < 0, -1 - edge, edge)
-        found = fold[way]
-        return vec3(wp.where(edge < 0, -found[0], found[0]), found[1], found[2])
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def add_edges(
@@ -68,20 +60,45 @@ def scatter_kernels(precision: str, fourth: str, terms: Terms) -> SimpleNamespac
     ):
         """Adds each edge's tension to its ends, and works out its hinge."""
         edge = wp.tid()
-        ends = edges.ends[edge]
+        ends = element(edges.ends, edge)
         if rests(cloth, ends[0]):
             return
-        span = edge_span(cloth.position, cloth.move, ends[0], ends[1])
+        move_0 = vec3()
+        move_1 = vec3()
+        if wp.static(fourth == "stiffness"):
+            move_0, move_1 = element(cloth.move, ends[0]), element(cloth.move, ends[1])
+        span = edge_span(element(cloth.position, ends[0]), element(cloth.position, ends[1]), move_0, move_1)
         if wp.static(terms.edges):
-            load = edge_load(span, edges.law[edge], step)
-            wp.atomic_add(load_out, ends[0], load)
-            wp.atomic_add(load_out, ends[1], vec4(-load[0], -load[1], -load[2], load[3]))
+            load = edge_load(span, element(edges.law, edge), step)
+            add_to(load_out, ends[0], load)
+            add_to(load_out, ends[1], vec4(-load[0], -load[1], -load[2], load[3]))
         if wp.static(terms.folds):
-            beside = edges.beside[edge]
+            beside = element(edges.beside, edge)
             rest = vec2()
             if wp.static(terms.angles):
-                rest = edges.rest[edge]
-            fold_out[edge] = edge_fold(span, normal[beside[0]], normal[beside[1]], edges.fold[edge], rest, step)
+                rest = element(edges.rest, edge)
+            first, second = element(normal, beside[0]), element(normal, beside[1])
+            fold_out[edge] = edge_fold(span, first, second, element(edges.fold, edge), rest, step)
+
+    return add_edges
+
+
+@functools.cache
+def triangles_kernel(precision: str, fourth: str, terms: Terms) -> wp.Kernel:
+    """Kernel ``add_triangles``; ``fourth`` is one of cloth.FOURTH_PARTS."""
+    types = cloth_types(precision)
+    vec3, vec4, Cloth, Step, Triangles, Sides = (
+        types.vec3, types.vec4, types.Cloth, types.Step, types.Triangles, types.Sides,
+    )  # fmt: skip
+    triangle_sides = triangle_functions(precision, fourth).triangle_sides
+    corner_loads = corner_function(precision, fourth, terms)
+    rests = rest_function(precision)
+
+    @wp.func
+    def side_fold(fold: wp.array(dtype=vec3), edge: int):
+        """Hinge of a triangle's side, its turn as the triangle is wound."""
+        found = element(fold, wp.where(edge < 0, -1 - edge, edge))
+        return vec3(wp.where(edge < 0, -found[0], found[0]), found[1], found[2])
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def add_triangles(
@@ -94,22 +111,27 @@ def scatter_kernels(precision: str, fourth: str, terms: Terms) -> SimpleNamespac
     ):
         """Adds each triangle's hinges and threads to its corners."""
         triangle = wp.tid()
-        corners = triangles.corners[triangle]
+        corners = element(triangles.corners, triangle)
         if rests(cloth, corners[0]):
             return
+        own, slope, law = vec4(), vec4(), vec4()
+        fold_0, fold_1, fold_2 = vec3(), vec3(), vec3()
+        sides = Sides()
         if wp.static(terms.folds):
-            own = normal[triangle]
-            edges = triangles.edges[triangle]
-            folds = side_fold(fold, edges[0]), side_fold(fold, edges[1]), side_fold(fold, edges[2])
-            along, part = corner_folds(own[3], folds[0], folds[1], folds[2])
-            for corner in range(3):
-                wp.atomic_add(load_out, corners[corner], fold_load(own, along[corner], part[corner]))
+            own = element(normal, triangle)
+            edges = element(triangles.edges, triangle)
+            fold_0, fold_1, fold_2 = side_fold(fold, edges[0]), side_fold(fold, edges[1]), side_fold(fold, edges[2])
         if wp.static(terms.threads):
-            sides = triangle_sides(cloth.position, cloth.move, corners)
-            slope, law = triangles.slope[triangle], triangles.threads[triangle]
-            first, second, third = thread_loads(sides, slope, law, step)
-            wp.atomic_add(load_out, corners[0], first)
-            wp.atomic_add(load_out, corners[1], second)
-            wp.atomic_add(load_out, corners[2], third)
+            slope, law = element(triangles.slope, triangle), element(triangles.threads, triangle)
+            move_0, move_1, move_2 = vec3(), vec3(), vec3()
+            if wp.static(fourth == "stiffness"):
+                move_0, move_1 = element(cloth.move, corners[0]), element(cloth.move, corners[1])
+                move_2 = element(cloth.move, corners[2])
+            origin, second = element(cloth.position, corners[0]), element(cloth.position, corners[1])
+            sides = triangle_sides(origin, second, element(cloth.position, corners[2]), move_0, move_1, move_2)
+        first, second_load, third = corner_loads(own, fold_0, fold_1, fold_2, sides, slope, law, step)
+        add_to(load_out, corners[0], first)
+        add_to(load_out, corners[1], second_load)
+        add_to(load_out, corners[2], third)
 
-    return SimpleNamespace(add_edges=add_edges, add_triangles=add_triangles)
+    return add_triangles

@@ -11,7 +11,10 @@ from typing import Any
 
 import warp as wp
 
+from warp_cloth.kernels.arithmetic import quotient, root
 from warp_cloth.kernels.tension import tension_energy, tension_force, tension_stiffness
+
+SHORTEST = wp.constant(1.0e-20)  # of a thread that has collapsed; what divides by it stays finite
 
 
 @wp.func
@@ -34,12 +37,10 @@ def thread_pull(thread: Any, change: Any, pull: Any, push: Any, reach: Any, visc
     step, resists it as ``tension.edge_drag`` does; with 0 the pull is minus the gradient of ``thread_energy``.
     """
     one = type(pull)(1.0)
-    length = wp.length(thread)
-    stiffness = tension_stiffness(length, one, pull, push, reach * wp.length(change))
-    drawn = change * (stiffness * viscosity)
-    if length > type(pull)(0.0):
-        drawn = drawn + thread * (tension_force(length, one, pull, push) / length)
-    return drawn, stiffness
+    length = root(wp.dot(thread, thread))
+    stiffness = tension_stiffness(length, one, pull, push, reach * root(wp.dot(change, change)))
+    along = quotient(tension_force(length, one, pull, push), wp.max(length, type(pull)(SHORTEST)))
+    return change * (stiffness * viscosity) + thread * along, stiffness
 
 
 @wp.func

@@ -26,7 +26,7 @@ from warp_cloth.kernels.field import ContactField, field_contact
 from warp_cloth.kernels.gather import gather_kernel
 from warp_cloth.kernels.layers import LayeredSolid, layered_level
 from warp_cloth.kernels.pressure import push_kernel
-from warp_cloth.kernels.scatter import normals_kernel, scatter_kernels
+from warp_cloth.kernels.scatter import edges_kernel, normals_kernel, triangles_kernel
 from warp_cloth.kernels.untangle import untangle_kernels
 
 FOLDER = Path(warp_cloth.kernels.__path__[0])
@@ -103,8 +103,9 @@ FOLDED = Terms(True, True, True, angles=True)
 def test_force_kernels_compile(precision: str) -> None:
     terms = (Terms(True, True, False), Terms(False, True, True), Terms(False, False, True), FOLDED)
     loaded(normals_kernel(precision))
-    loaded(*(scatter_kernels(precision, *rest) for rest in itertools.product(FOURTH_PARTS, terms)))
-    loaded(*(gather_kernel(precision, *rest) for rest in itertools.product(FOURTH_PARTS, terms)))
+    for make in (edges_kernel, triangles_kernel):
+        loaded(*(make(precision, *rest) for rest in itertools.product(FOURTH_PARTS, terms)))
+    loaded(*(gather_kernel(precision, *rest, False) for rest in itertools.product(FOURTH_PARTS, terms)))
 
 
 @pytest.mark.parametrize("precision", PRECISIONS)
@@ -118,7 +119,7 @@ def test_displacement_and_certificate_kernels_compile(precision: str) -> None:
         for accelerated in (False, True):
             for touches in (False, True):
                 loaded(displace_kernel(precision, accelerated, *asked, touches, touches))
-                loaded(advance_kernel(precision, accelerated, Terms(True, True, True), *asked, touches))
+                loaded(advance_kernel(precision, accelerated, Terms(True, True, True), False, *asked, touches))
 
 
 @pytest.mark.parametrize("precision", PRECISIONS)

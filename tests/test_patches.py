@@ -12,8 +12,8 @@ from warp_cloth import patches
 from warp_cloth.elements import garment_elements
 from warp_cloth.errors import InputError
 from warp_cloth.fabric import resolve_fabric
+from warp_cloth.kernels.block import BLOCK_MEMORY
 from warp_cloth.kernels.cloth import Terms
-from warp_cloth.kernels.gather import BLOCK_MEMORY
 from warp_cloth.mesh import Mesh
 from warp_cloth.model import GarmentPart, build_model, terms_of
 from warp_cloth.patches import PatchTables, cut_patches

@@ -21,7 +21,7 @@ from warp_cloth.mesh import Mesh
 from warp_cloth.shapes import SIZE_BODIES, tshirt
 from warp_cloth.view.live import CHUNK, PLOT_POINTS, History, LiveFit
 from warp_cloth.view.picture import glb_bytes, legend_html
-from warp_cloth.view.warm import carried_over
+from warp_cloth.warm import carried_over
 
 DRAPED = {
     "garment": {"shape": {"kind": "square", "vertices_per_side": 11, "height": 0.91}, "fabric": "jersey"},

@@ -95,6 +95,10 @@ def fit(
     formats: Annotated[
         str, typer.Option("--format", help="Of the result, with commas between: usdc, usda, usdz, glb, obj.")
     ] = "usdc",
+    start: Annotated[
+        Path | None,
+        typer.Option("--from", metavar="RESULT", help="Start as an earlier result is worn: its .usdc, .obj or .glb."),
+    ] = None,
     verbose: Annotated[bool, typer.Option("--verbose", help="Show what the library and Warp log.")] = False,
 ) -> None:
     """Fit a scene's garments, and write the stage, the report and a picture.
@@ -115,7 +119,7 @@ def fit(
         check_inputs_kept(chosen, out, suffixes)
         with output_folder(out, chosen.name):
             start_warp(verbose)
-            worn = _fit(chosen, device, frames, (*wanted, *painted))
+            worn = _fit(chosen, device, frames, (*wanted, *painted), start)
             paths = worn.save(out, colour="".join(painted), formats=suffixes)
     for line in summary(chosen.name, worn.report, paths):
         typer.echo(line)
@@ -324,11 +328,11 @@ def _figures(text: str, values: Mapping[str, Any], *keys: str) -> str:
     return text.format(*("?" if v is None else str(v) if isinstance(v, int) else f"{v:.3g}" for v in found))
 
 
-def _fit(scene: Scene, device: str | None, frames: int, maps: Sequence[str] = ()) -> Fit:
+def _fit(scene: Scene, device: str | None, frames: int, maps: Sequence[str], start: Path | None) -> Fit:
     from rich.console import Console
 
     from warp_cloth.fitting import fit as run
     from warp_cloth.progress import ProgressDisplay
 
     with ProgressDisplay(Console(stderr=True)) as display:
-        return run(scene, device=device, frames=frames, maps=maps, progress=display)
+        return run(scene, device=device, frames=frames, maps=maps, start=start, progress=display)

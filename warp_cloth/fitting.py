@@ -34,6 +34,7 @@ from warp_cloth.solver.certificate import (
 from warp_cloth.solver.loop import Outcome, relax_to_rest
 from warp_cloth.verdict import more_iterations, report_of, unheld, verdict
 from warp_cloth.wardrobe import Wardrobe
+from warp_cloth.warm import Worn, saved_result, start_from
 
 MOST_FRAMES = 10_000  # shapes on the way; of a garment of 10,000 vertices that is 1.2 GB
 
@@ -84,6 +85,7 @@ def fit(
     overrides: Sequence[str] = (),
     frames: int = 0,
     maps: str | Sequence[str] = (),
+    start: Fit | str | Path | None = None,
     progress: Callable[[Progress], None] | None = None,
 ) -> Fit:
     """Fits the garments of a scene.
@@ -94,6 +96,8 @@ def fit(
         overrides: ``KEY=VALUE`` changes, where the scene is not loaded yet.
         frames: how many shapes on the way the result keeps.
         maps: fit maps to make, by name (see ``warp_cloth.maps``): "strain,pressure,ease", or "all".
+        start: an earlier result, or the file of one (.usdc and the like; .obj or .glb of one garment): the garments
+            start as they are worn there, where their meshes or the names of their panels correspond.
         progress: told at every stage and check.
 
     Raises:
@@ -105,9 +109,16 @@ def fit(
     chosen = scene if isinstance(scene, Scene) else load_scene(scene, overrides)
     wanted = check_maps(chosen_maps(maps), has_avatar=chosen.avatar is not None)
     where = device_named(device)
+    if start is not None and chosen.avatar is not None and chosen.avatar.poses:
+        raise InputError("avatar.poses", "a garment that goes along with an avatar has its start", "leave one out")
+    earlier = None if start is None else _earlier(start, chosen)
     clock = _Clock()
     made = set_up_one(chosen, where, tell=lambda stage: tell(Progress(stage)), lap=clock.lap)
-    levels = start_coarse(made)
+    levels = start_coarse(made) if earlier is None else ()
+    if earlier is not None and not start_from(made, earlier):
+        place = start if isinstance(start, str | Path) else "start"
+        problem = "its garments have neither the mesh nor the panels' names of the scene's"
+        raise InputError(place, problem, "start from a result of the same pattern, or leave it out")
     outcome = _relax(chosen, made, frames, progress)
     clock.lap("relax")
     (fitted,) = finished(made, [outcome], levels=levels, lap=clock.lap, seconds=clock.seconds, frames=frames)
@@ -136,6 +147,16 @@ def _with_maps(fitted: Fit, names: Sequence[str], made: SetUp) -> Fit:
     if maps.notes:
         report["map_notes"] = list(maps.notes)
     return replace(fitted, garments=garments, report=report, maps=maps)
+
+
+def _earlier(start: Fit | str | Path, scene: Scene) -> list[Worn]:
+    """The garments of an earlier result that a scene's start from."""
+    if not isinstance(start, Fit):
+        return saved_result(Path(start), len(scene.garments))
+    if len(start.garments) != len(scene.garments):
+        problem = f"has {len(start.garments)} garments, the scene {len(scene.garments)}"
+        raise InputError("start", problem, "start from a result of the same garments")
+    return [(worn.mesh, worn.points) for worn in start.garments]
 
 
 class _Clock:

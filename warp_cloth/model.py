@@ -32,11 +32,12 @@ class GarmentPart:
 class Patches:
     """The cloth cut into patches, each of which a thread block works out. The first ``count`` are worked on."""
 
-    def __init__(self, rows: NDArray[Any], item: NDArray[np.int32], tables: Any, overflow: wp.array) -> None:
-        """``rows`` are kernels.cloth Patch, each of an ``item``; ``tables`` kernels.cloth Patches."""
+    def __init__(self, rows: NDArray[np.int32], item: NDArray[np.int32], tables: Any, overflow: wp.array) -> None:
+        """``rows`` are kernels.cloth Patch, each of an ``item``, shape [P, 16]; ``tables`` kernels.cloth Patches."""
         self._rows, self._item = rows, item
         self.tables = tables
         self.overflow = overflow  # memory of patches that are too large for a block's own
+        self.fits = wp.get_device(overflow.device).is_cuda and not len(overflow)  # whether none is
         self.count = len(rows)
 
     def work_on(self, active: NDArray[np.bool_]) -> bool:
@@ -48,7 +49,7 @@ class Patches:
         wanted = int(chosen.sum())
         if not wanted or wanted <= self.count <= wanted + SHARE_AT_REST * wanted:
             return False
-        self.tables.patch.assign(self._rows[np.argsort(~chosen, kind="stable")])
+        self.tables.patch.assign(self._rows[np.argsort(~chosen, kind="stable")].reshape(-1, 4))
         self.count = wanted
         return True
 
@@ -299,24 +300,29 @@ def _patches(
     rows = np.zeros(len(cut.patch["vertex_start"]), dtype=Patch.numpy_dtype())
     for name, numbers in cut.patch.items():
         rows[name] = numbers
+    first = cut.vertex[rows["vertex_start"]]
+    rows["item"] = np.searchsorted(item_start, first, side="right") - 1
     tables = types.Patches()
-    tables.patch = wp.array(rows, dtype=Patch, device=device)
+    wide = np.zeros((len(rows), 16), dtype=np.int32)
+    wide[:, : rows.dtype.itemsize // 4] = rows.view(np.int32).reshape(len(rows), -1)
+    tables.patch = upload(wide.reshape(-1, 4), wp.vec4i)
     tables.vertex = upload(cut.vertex.astype(np.int32), wp.int32)
     if terms.edges or terms.folds:
         tables.ends = upload(cut.ends, wp.uint64)
     if terms.edges:
-        tables.law = upload(joined.law[cut.edge], types.vec3)
-        tables.edge_slot = upload(cut.edge_slot, wp.uint16)
+        law = np.column_stack([joined.law[cut.edge], joined.fold[cut.edge]])
+        tables.law = upload(law, types.vec4)
+        tables.edge_slot = upload(cut.edge_slot, wp.uint64)
     if terms.folds:
-        tables.fold = upload(joined.fold[cut.edge], types.real)
         tables.sides = upload(cut.sides, wp.uint64)
+    if terms.folds and not terms.edges:
+        tables.fold = upload(joined.fold[cut.edge], types.real)
     if terms.angles:
         tables.rest = upload(joined.rest[cut.edge], types.vec2)
     if terms.folds or terms.threads:
         tables.corners = upload(cut.corners, wp.uint64)
-        tables.slot = upload(cut.slot, wp.uint16)
+        tables.slot = upload(cut.slot, wp.uint64)
     if terms.threads:
         tables.slope = upload(joined.slope[cut.triangle], types.vec4)
         tables.threads = upload(joined.threads[cut.triangle], types.vec4)
-    item = np.searchsorted(item_start, cut.vertex[cut.patch["vertex_start"]], side="right") - 1
-    return Patches(rows, item.astype(np.int32), tables, wp.empty(cut.overflow, dtype=wp.uint8, device=device))
+    return Patches(wide, rows["item"], tables, wp.empty(cut.overflow, dtype=wp.uint8, device=device))

@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 
 from warp_cloth.elements import Elements
 from warp_cloth.errors import InputError
-from warp_cloth.kernels.cloth import Terms
-from warp_cloth.kernels.gather import BLOCK_MEMORY, NO_SLOT
+from warp_cloth.kernels.block import BLOCK_MEMORY
+from warp_cloth.kernels.cloth import Terms, cloth_types
+from warp_cloth.kernels.gather import RANKS
 from warp_cloth.mesh import Indices, Points
 from warp_cloth.threads import map_in_threads
 from warp_cloth.topology import ragged_rows, sorted_keys
@@ -26,6 +27,7 @@ MOST_PATCHES = 1 << 24  # of a chunk, whose patches are numbered from a multiple
 
 Keys = NDArray[np.int64]
 Numbers = NDArray[np.integer[Any]]  # of elements, of either width
+MOST = 65536  # numbers that a quarter of a word tells apart
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,8 +41,8 @@ class PatchTables:
     corners: NDArray[np.uint64]
     sides: NDArray[np.uint64]
     triangle: Keys  # of the elements' triangles, in the patches' order
-    edge_slot: NDArray[np.uint16]
-    slot: NDArray[np.uint16]
+    edge_slot: NDArray[np.uint64]
+    slot: NDArray[np.uint64]
     overflow: int  # bytes that patches need which are too large for a block's own memory
 
 
@@ -54,7 +56,7 @@ def cut_patches(
     Raises:
         InputError: more meets at one vertex than a patch can count.
     """
-    size = int(np.clip(sum(len(part) for part in points) // BLOCKS, SMALLEST, LARGEST))
+    size = int(np.clip(-(-sum(len(part) for part in points) // BLOCKS), SMALLEST, LARGEST))
     made: dict[int, PatchTables] = {}  # of each garment once, however often it is there
     for elements, part in zip(garments, points, strict=True):
         if id(elements) not in made:
@@ -100,7 +102,7 @@ def _garment_tables(elements: Elements, points: Points, size: int, terms: Terms,
 
     tables = _end_to_end(map_in_threads(cut, range(len(chunks))))
     counts = ("vertex_count", "normal_count", "triangle_count", "edge_count")
-    if max(int(tables.patch[count].max(initial=0)) for count in counts) * 4 >= NO_SLOT:
+    if max(int(tables.patch[count].max(initial=0)) for count in counts) * 4 >= MOST:
         raise InputError("garment", "more than 10,000 triangles meet at a vertex", "divide the mesh differently")
     return tables
 
@@ -222,17 +224,20 @@ class _Part:
         """The patch of this part that owns each vertex; no patch's number where another part has it."""
         return self._owner[vertices] - self._base
 
-    def ranked(self, vertices: Numbers, entries: Keys) -> tuple[NDArray[np.uint16], Keys, Keys]:
-        """Entries of each vertex rank by rank within its patch, where each patch's start, how many ranks it has."""
+    def ranked(self, vertices: Numbers, entries: Keys, nothing: Keys) -> tuple[NDArray[np.uint64], Keys, Keys]:
+        """Entries of each vertex, RANKS to a word, within its patch; where each patch's start, and words of a vertex.
+
+        ``nothing`` is what each patch enters where a vertex has no more.
+        """
         patch, lane = self.owner(vertices), self._lane[vertices]
         start, order = ragged_rows(self.first[patch] + lane, len(self.vertices))
         patch, lane = patch[order], lane[order]
         rank = np.arange(len(order)) - start[self.first[patch] + lane]
-        most = np.maximum.reduceat(np.diff(start), self.first).astype(np.int64)
-        begin = np.cumsum(most * self.owned) - most * self.owned
-        ranked = np.full(int((most * self.owned).sum()), NO_SLOT, dtype=np.uint16)
-        ranked[begin[patch] + rank * self.owned[patch] + lane] = entries[order].astype(np.uint16)
-        return ranked, begin, most
+        words = -(-np.maximum.reduceat(np.diff(start), self.first).astype(np.int64) // RANKS)
+        begin = np.cumsum(words * self.owned) - words * self.owned
+        ranked = np.repeat(nothing, words * self.owned)[:, None].repeat(RANKS, axis=1)
+        ranked[begin[patch] + rank // RANKS * self.owned[patch] + lane, rank % RANKS] = entries[order]
+        return _words(ranked), begin, words
 
 
 def _tables(elements: Elements, terms: Terms, part: _Part) -> PatchTables:
@@ -268,15 +273,15 @@ def _tables(elements: Elements, terms: Terms, part: _Part) -> PatchTables:
     sides = elements.edges[normal.listed]
     turned = ((sides < 0) * np.array([1, 2, 4])).sum(axis=1, keepdims=True)
     edge_entry = 2 * mine.find(part.owner(edge_end), edge) + part.ends % 2
-    edge_slot, edge_slot_start, edge_ranks = part.ranked(edge_end, edge_entry)
-    entry = 4 * normal.find(part.owner(corner), triangle) + part.corners % 3
-    slot, slot_start, ranks = part.ranked(corner, entry)
+    edge_slot, edge_slot_start, edge_words = part.ranked(edge_end, edge_entry, 2 * mine.count)
+    owner = part.owner(corner)
+    entry = normal.find(owner, triangle) + part.corners % 3 * own.count[owner]
+    slot, slot_start, words = part.ranked(corner, entry, 3 * own.count)
     patch = {
         "vertex_start": vertex.start, "vertex_count": vertex.count, "owned_count": part.owned,
         "edge_start": mine.start, "edge_count": mine.count,
         "triangle_start": normal.start, "triangle_count": own.count, "normal_count": normal.count,
-        "edge_slot_start": edge_slot_start, "edge_rank_count": edge_ranks, "slot_start": slot_start,
-        "rank_count": ranks,
+        "edge_slot_start": edge_slot_start, "edge_words": edge_words, "slot_start": slot_start, "words": words,
     }  # fmt: skip
     return PatchTables(
         patch=patch,
@@ -305,10 +310,13 @@ def _words(numbers: Keys) -> NDArray[np.uint64]:
 
 def _memory(patch: dict[str, Keys], terms: Terms, precision: str) -> Keys:
     """Bytes that each patch's block needs, as kernels.gather lays them out, shape [P]."""
-    real, point = (8 if precision == "float64" else 4), (12 if precision == "float32" else 24)
+    types = cloth_types(precision)
+    real, point = types.real_size, types.point_size
     triangles, edges, vertices = patch["triangle_count"], patch["edge_count"], patch["vertex_count"]
-    needed = 4 * real * (terms.folds * patch["normal_count"] + terms.edges * edges + 3 * terms.threads * triangles)
-    needed = needed + -(-3 * real * terms.folds * edges // 8) * 8
-    early, late = (point + 3 * real) * vertices, 6 * real * terms.folds * triangles
-    needed = needed + (early + late if terms.threads else np.maximum(early, late))
-    return np.asarray(-(-needed // 16) * 16)
+    needed = 4 * real * (terms.folds * patch["normal_count"] + terms.edges * (edges + 1))
+    corners, around = 4 * real * (3 * triangles + 1), -(-point * vertices // 8) * 8 + -(-3 * real * vertices // 8) * 8
+    if terms.threads:
+        needed = needed + corners + around
+    else:
+        needed = needed + (np.maximum(corners, around) if terms.folds else around)
+    return np.asarray(-(-(needed + 3 * real * terms.folds * edges) // 16) * 16)

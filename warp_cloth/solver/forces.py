@@ -8,7 +8,7 @@ import warp as wp
 
 from warp_cloth.kernels.cloth import cloth_types
 from warp_cloth.kernels.gather import gather_kernel
-from warp_cloth.kernels.scatter import normals_kernel, scatter_kernels
+from warp_cloth.kernels.scatter import edges_kernel, normals_kernel, triangles_kernel
 from warp_cloth.model import ClothModel
 
 BLOCK_THREADS = 256  # that work on a patch; two passes over the triangles of a full one
@@ -26,18 +26,18 @@ class ForcePass:
         self._passes: list[tuple[wp.Kernel, int, list[Any], list[Any]]] = []  # kernel, size, reads, writes
         if model.patches is not None:
             read = [model.patches.tables, model.patches.overflow]
-            self._passes.append((gather_kernel(model.precision, fourth, terms), 0, read, [load]))
+            self._passes.append((gather_kernel(model.precision, fourth, terms, model.patches.fits), 0, read, [load]))
             return
         edges, triangles = model.edge_count, model.triangle_count
         normal = wp.empty(triangles if terms.folds else 0, dtype=types.vec4, device=model.device)
         fold = wp.empty(edges if terms.folds else 0, dtype=types.vec3, device=model.device)
-        kernels = scatter_kernels(model.precision, fourth, terms)
+        asked = model.precision, fourth, terms
         if terms.folds:
             self._passes.append((normals_kernel(model.precision), triangles, [model.triangles], [normal]))
         if terms.edges or terms.folds:
-            self._passes.append((kernels.add_edges, edges, [model.edges, normal], [fold, load]))
+            self._passes.append((edges_kernel(*asked), edges, [model.edges, normal], [fold, load]))
         if terms.folds or terms.threads:
-            self._passes.append((kernels.add_triangles, triangles, [model.triangles, normal, fold], [load]))
+            self._passes.append((triangles_kernel(*asked), triangles, [model.triangles, normal, fold], [load]))
 
     def kernels(self) -> list[wp.Kernel]:
         """The kernels that a pass launches, in order."""
@@ -59,4 +59,4 @@ def launch_patches(kernel: wp.Kernel, model: ClothModel, inputs: list[Any]) -> N
     if model.patches is None:
         return
     threads = BLOCK_THREADS if wp.get_device(model.device).is_cuda else 1
-    wp.launch(kernel, dim=(model.patches.count, threads), inputs=inputs, device=model.device, block_dim=threads)
+    wp.launch(kernel, dim=model.patches.count * threads, inputs=inputs, device=model.device, block_dim=threads)

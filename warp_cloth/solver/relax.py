@@ -97,8 +97,8 @@ class Relaxation:
         self._scatter: ForcePass | None = None
         if accelerated and not model.cloth.stiffness:
             model.cloth.stiffness = wp.zeros(model.vertex_count, dtype=types.real, device=model.device)
-        if model.gathers:  # no sum of forces in memory, but a second set of positions to write to
-            self._move = advance_kernel(model.precision, accelerated, model.terms, *asked)
+        if model.patches is not None:  # no sum of forces in memory, but a second set of positions to write to
+            self._move = advance_kernel(model.precision, accelerated, model.terms, model.patches.fits, *asked)
             self._there = model.cloth_beside()
         else:
             self._load = wp.zeros(model.vertex_count, dtype=types.vec4, device=model.device)

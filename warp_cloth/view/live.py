@@ -19,8 +19,8 @@ from warp_cloth.result import WornGarment
 from warp_cloth.scene import MannequinShape, Scene, TshirtShape, load_scene
 from warp_cloth.set_up import SetUp, set_up_one
 from warp_cloth.solver.certificate import Check
-from warp_cloth.view.warm import carried_over
 from warp_cloth.wardrobe import Rack
+from warp_cloth.warm import start_from
 
 CHUNK = 20  # iterations between two pictures, where they take no longer than a picture may
 LEAST_CHUNK = 5
@@ -140,21 +140,9 @@ class LiveFit:
         scene = self._load(together)
         old, worn = self.made, self.points
         made = set_up_one(scene, self.device, rack=self._rack)
-        starts = old.model.vertex_start
-        taken = [
-            carried_over(before, worn[starts[index] : starts[index + 1]], after, self.device)
-            for index, (before, after) in enumerate(zip(old.wardrobe.garments, made.wardrobe.garments, strict=True))
-        ]
-        fresh = made.model.points()
-        ends = made.model.vertex_start
-        for index, points in enumerate(taken):
-            if points is not None and not self.diverged:
-                fresh[ends[index] : ends[index + 1]] = points
-        pinned = np.concatenate([part.pins + first for part, first in zip(made.wardrobe.parts, ends, strict=False)])
-        fresh[pinned] = made.model.points()[pinned]
-        made.model.set_points(fresh)
-        if not made.contact.covers(fresh):
-            made.relaxation.meet(0, made.contact.collider(fresh))
+        if not self.diverged:
+            worn_parts = [worn[first:last] for first, last in itertools.pairwise(old.model.vertex_start)]
+            start_from(made, list(zip(old.wardrobe.garments, worn_parts, strict=True)))
         self.scene, self.made, self._changes = scene, made, together
         self._start()
 

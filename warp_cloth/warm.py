@@ -1,15 +1,69 @@
-"""Warm starts: the worn shape of one garment taken over by another size or mesh of it."""
+"""Warm starts: garments begin as an earlier fit wore them, in another size, fabric, or on another body."""
 
 from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
+from warp_cloth.errors import InputError
 from warp_cloth.kernels.nearest import find_nearest
+from warp_cloth.loading import load_mesh
 from warp_cloth.mesh import Mesh, Points
+from warp_cloth.scene.stage import USD_SUFFIXES
+from warp_cloth.set_up import SetUp
 
 PANEL_GAP = 10.0  # between panels, which are brought to the unit square
+
+Worn = tuple[Mesh, Points]  # a garment and its worn points [m], shape [V, 3]
+
+
+def saved_result(path: Path, count: int) -> list[Worn]:
+    """The first ``count`` garments of a result that a fit has saved, as they are worn there.
+
+    Raises:
+        InputError: it cannot be read, or has fewer.
+    """
+    prims: list[str | None] = [None]
+    if path.suffix.lower() in USD_SUFFIXES and path.is_file():
+        from warp_cloth.loading.usd import mesh_paths_of, opened_stage
+
+        with opened_stage(str(path)):
+            pass  # tells what is wrong with a file that is no stage
+        prims = list(mesh_paths_of(str(path)))  # garments first, as listed, then the avatar
+    if len(prims) < count:
+        raise InputError(path, f"holds {len(prims)} of the scene's {count} garments", "name a result of this scene")
+    found = [load_mesh(path, role="garment", key="start", prim=prim, units="m") for prim in prims[:count]]
+    return [(mesh, mesh.points) for mesh in found]
+
+
+def start_from(made: SetUp, earlier: Sequence[Worn]) -> bool:
+    """Puts a lone scene's garments where earlier ones were worn, pins apart; whether any could be.
+
+    What corresponds to nothing starts as it was loaded. The collider goes with the garments.
+    """
+    taken = [
+        carried_over(mesh, worn, new, made.model.device)
+        for (mesh, worn), new in zip(earlier, made.wardrobe.garments, strict=True)
+    ]
+    if all(points is None for points in taken):
+        return False
+    loaded = made.model.points()
+    points = loaded.copy()
+    for (first, last), part, there in zip(
+        itertools.pairwise(made.model.vertex_start), made.wardrobe.parts, taken, strict=True
+    ):
+        if there is not None:
+            points[first:last] = there
+        points[first + part.pins] = loaded[first + part.pins]
+    made.model.set_points(points)
+    if not made.contact.covers(points):
+        made.relaxation.meet(0, made.contact.collider(points))
+    return True
 
 
 def carried_over(old: Mesh, worn: Points, new: Mesh, device: str = "cpu") -> Points | None:

@@ -1,0 +1,128 @@
+"""A thread block and its own memory, in which a patch of cloth is worked out; on the CPU a block is one thread.
+
+A place in that memory is a number of bytes: from its start, or, where its sign bit is set, in an array beside it, which
+serves patches that are too large. On the CPU all are in that array.
+"""
+
+import functools
+from types import SimpleNamespace
+from typing import Any
+
+import warp as wp
+
+from warp_cloth.kernels.cloth import cloth_types
+
+BLOCK_MEMORY = 47 * 1024  # [bytes]; CUDA gives a block 48 KiB without being asked, and Warp takes some of that
+BESIDE = wp.constant(-2147483648)  # the sign bit
+
+_OWN_MEMORY = f"""
+#if defined(__CUDA_ARCH__)
+    __shared__ __align__(16) unsigned char memory[{BLOCK_MEMORY}];
+    return (int)__cvta_generic_to_shared(memory);
+#else
+    return 0;
+#endif
+"""
+
+_WAIT = """
+#if defined(__CUDA_ARCH__)
+    __syncthreads();
+#endif
+"""
+
+_BLOCK = """
+#if defined(__CUDA_ARCH__)
+    return (int)blockIdx.x;
+#else
+    return thread;
+#endif
+"""
+
+_LANE = """
+#if defined(__CUDA_ARCH__)
+    return (int)threadIdx.x;
+#else
+    return 0;
+#endif
+"""
+
+_BLOCK_THREADS = """
+#if defined(__CUDA_ARCH__)
+    return (int)blockDim.x;
+#else
+    return 1;
+#endif
+"""
+
+_PLACE = """
+#if defined(__CUDA_ARCH__)
+    void* at = %s__cvta_shared_to_generic(place);
+#else
+    void* at = beside.data + (place & 2147483647);
+#endif
+    auto* held = reinterpret_cast<%s*>(__builtin_assume_aligned(at, %d));
+"""
+_MAY_BE_BESIDE = "place < 0 ? (void*)(beside.data + (place & 2147483647)) : "
+
+
+@wp.func_native(_OWN_MEMORY)
+def own_memory() -> int:
+    """Place where the block's own memory starts."""
+    ...
+
+
+@wp.func_native(_WAIT)
+def wait_for_block():
+    """Until all threads of the block have come here."""
+    ...
+
+
+@wp.func_native(_BLOCK)
+def block_of(thread: int) -> int:
+    """Number of a thread's block."""
+    ...
+
+
+@wp.func_native(_LANE)
+def lane_of(thread: int) -> int:
+    """Number of a thread in its block."""
+    ...
+
+
+@wp.func_native(_BLOCK_THREADS)
+def block_threads() -> int:
+    """How many threads a block has."""
+    ...
+
+
+@functools.cache
+def memory_functions(precision: str, fits: bool) -> SimpleNamespace:
+    """Functions ``read_4``, ``read_3``, ``read_point`` and ``write_4``, ``write_3``, ``write_point``.
+
+    ``fits``: whether no patch is too large for a block's own memory.
+    """
+    types = cloth_types(precision)
+    real = "wp::float64" if precision == "float64" else "wp::float32"
+    point = "wp::float32" if precision == "float32" else "wp::float64"
+    four = _accessors(types.vec4, f"wp::vec_t<4, {real}>", 16, fits)
+    three = _accessors(types.vec3, f"wp::vec_t<3, {real}>", 8 if precision == "float64" else 4, fits)
+    points = _accessors(types.point, f"wp::vec_t<3, {point}>", 4 if precision == "float32" else 8, fits)
+    return SimpleNamespace(
+        read_4=four[0], write_4=four[1], read_3=three[0], write_3=three[1], read_point=points[0], write_point=points[1]
+    )
+
+
+def _accessors(dtype: Any, name: str, alignment: int, fits: bool) -> tuple[wp.Function, wp.Function]:
+    find = _PLACE % ("" if fits else _MAY_BE_BESIDE, name, alignment)
+
+    @wp.func_native(find + "    return *held;")
+    def read(beside: wp.array(dtype=wp.uint8), place: int) -> dtype:
+        """What is kept at a place."""
+        ...
+
+    @wp.func_native(find + "    *held = value;")
+    def write(beside: wp.array(dtype=wp.uint8), place: int, value: dtype):
+        """Keeps it at a place."""
+        ...
+
+    return read, write

@@ -1,0 +1,74 @@
+"""Warm starts: a fit that starts from an earlier result comes to the same rest as one that starts anew."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import warp_cloth
+from warp_cloth.errors import InputError
+from warp_cloth.export.save import write_meshes
+from warp_cloth.fitting import Fit
+from warp_cloth.result import Status
+
+# Each is within the rest error that it certifies, 0.2 mm, of rest; twice that lies between two.
+APART = 4e-4  # [m], rms
+CURTAIN = {
+    "garment": {
+        "shape": {"kind": "square", "side": 1.0, "vertices_per_side": 13, "plane": "vertical", "height": 1.0},
+        "fabric": "cotton",
+        "pin": [
+            {"box": [[-0.51, 0.99, -0.01], [-0.49, 1.01, 0.01]]},
+            {"box": [[0.49, 0.99, -0.01], [0.51, 1.01, 0.01]]},
+        ],
+    },
+    "avatar": {"shape": {"kind": "sphere", "radius": 0.2, "centre": [0.05, 0.5, 0.1]}, "friction": 0.0},
+    "collision": {"pixel_mm": 5.0},
+    "solver": {"tolerance_mm": 0.2},
+}
+
+
+@pytest.fixture(scope="module")
+def first() -> Fit:
+    return fitted()
+
+
+def fitted(*changes: str, start: Fit | Path | None = None) -> Fit:
+    worn = warp_cloth.fit(warp_cloth.load_scene(CURTAIN, changes), device="cpu", start=start)
+    assert worn.status is Status.AT_REST
+    return worn
+
+
+def apart(one: Fit, other: Fit) -> float:
+    """Rms distance of two fits' vertices [m]."""
+    return float(np.sqrt(((one.garments[0].points - other.garments[0].points) ** 2).sum(axis=1).mean()))
+
+
+@pytest.mark.parametrize(
+    "change", ["garment.fabric=denim", "avatar.shape.centre=[0.0,0.45,0.15]", "collision.offset_mm=8"]
+)
+def test_a_warm_start_comes_to_the_same_rest_as_a_cold_one(first: Fit, change: str) -> None:
+    cold, warm = fitted(change), fitted(change, start=first)
+    assert apart(warm, cold) <= APART
+
+
+def test_a_saved_result_starts_a_fit_as_the_fit_itself_does(first: Fit, tmp_path: Path) -> None:
+    write_meshes(first, tmp_path, formats=("usdc", "obj"))
+    name = first.scene.name
+    change = "garment.fabric=denim"
+    for file in (f"{name}.usdc", f"{name}.obj"):
+        assert apart(fitted(change, start=tmp_path / file), fitted(change, start=first)) <= APART
+
+
+def test_a_start_that_corresponds_to_nothing_is_refused(first: Fit, tmp_path: Path) -> None:
+    stranger = tmp_path / "stranger.obj"
+    stranger.write_text("v -0.5 1 0\nv 0.5 1 0\nv 0 0 0\nf 1 2 3\n")
+    with pytest.raises(InputError, match="neither the mesh nor the panels"):
+        warp_cloth.fit({"garment": {"mesh": str(stranger), "units": "m"}}, device="cpu", start=first)
+    with pytest.raises(InputError, match=r"gone\.usdc"):
+        fitted(start=tmp_path / "gone.usdc")
+    (tmp_path / "bad.usdc").write_bytes(b"nothing of the kind")
+    with pytest.raises(InputError, match=r"bad\.usdc"):
+        fitted(start=tmp_path / "bad.usdc")
