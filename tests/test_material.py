@@ -11,6 +11,7 @@ import warp as wp
 from cloths import model_of
 from swatches import MESHINGS, swatch
 
+from warp_cloth import material_bending
 from warp_cloth.bench.specimen import Specimen
 from warp_cloth.bench.trials import bend, drape, pull, released, shear
 from warp_cloth.fabric import Fabric, fabric_named, resolve_fabric
@@ -26,6 +27,7 @@ from warp_cloth.solver.forces import ForcePass
 THREAD_TOLERANCE = 0.02
 SHEAR_TOLERANCE = 0.10  # free sides carry less than the middle, by the gap over the width
 BENDING_TOLERANCE = 0.10
+SETTLED_APART = 2e-3  # what rounds that hardly change the energy would still change
 EDGE_TOLERANCE = 0.05  # of a fabric without threads, on regular grids; others are a stated limit
 WOVEN = ("cotton", "jersey")  # nearly inextensible, and softest: shear is 0.2 % and 6 % of the stretch
 STRAINS = (0.01, 0.03, 0.06)
@@ -189,3 +191,14 @@ def test_a_curved_mesh_without_panels_is_told_to_be_even() -> None:
     known = build_rest_shape(replace(flat, texcoords=None), fabric_named("cotton"), rest="mesh")
     assert known.weave is not None
     assert not known.notes
+
+
+@pytest.mark.parametrize("name", ["denim", "default"])
+@pytest.mark.parametrize("meshing", MESHINGS)
+def test_large_sheets_stop_when_they_have_settled_and_bend_like_others(
+    meshing: str, name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    mesh, fabric = swatch(0.1, 0.1, 0.0025, meshing), fabric_named(name)
+    whole = build_rest_shape(mesh, fabric, rest="mesh").hinge_stiffness
+    monkeypatch.setattr(material_bending, "MANY", 0)
+    assert build_rest_shape(mesh, fabric, rest="mesh").hinge_stiffness == pytest.approx(whole, rel=SETTLED_APART)

@@ -78,3 +78,15 @@ def test_nothing_is_known_at_the_start() -> None:
 
 def test_standing_still_is_rest() -> None:
     assert looked_at(lambda now: 0.0, 1000)[-1][0] == 0.0
+
+
+@pytest.mark.parametrize("step", [100, 300, 700])
+def test_no_more_shapes_are_kept_than_memory_is_planned_for(step: int) -> None:
+    kept = RestError()
+    most = 0
+    for iteration in range(0, 60_000, step):
+        if kept.due(iteration):
+            kept.keep(Mark(iteration, None))
+            most = max(most, len(kept.shapes))
+        kept.dropped(iteration)
+    assert most <= RestError.most_kept()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -86,7 +87,7 @@ def _narrow(keys: NDArray[np.integer], bits: int) -> NDArray[np.integer]:
     return keys.astype(np.uint16) if bits <= SHARED_BITS else keys
 
 
-def sorted_keys(keys: NDArray[np.int64]) -> NDArray[np.int64]:
+def sorted_keys(keys: NDArray[Any]) -> NDArray[Any]:
     """The different keys, in order (numpy.unique hashes them, which takes ten times as long where most differ)."""
     ordered = np.sort(keys)
     return ordered[np.append(True, ordered[1:] != ordered[:-1])[: len(ordered)]]

@@ -1,13 +1,17 @@
-"""Iterations per second of the relax loop: by size of the garment, device and terms.
+"""Iterations per second of the relax loop: by size of the garment, device, terms and batch.
 
     pytest tests/benchmarks --benchmark-only
 
-Each round is a chunk of CHUNK iterations. What --benchmark-json saves has microseconds per iteration and
-vertex-iterations per second as ``extra_info``.
+Each round is a chunk of CHUNK iterations. Beside pytest-benchmark's table there are lines ``name value``:
+microseconds per iteration, vertex-iterations per second, and the bytes that an iteration must move per second as a
+share of what the device copies per second (above 1 where a processor's caches hold the garment). They are what
+--benchmark-json saves as ``extra_info``, too.
 """
 
 from __future__ import annotations
 
+import functools
+import time
 from dataclasses import replace
 from typing import Any
 
@@ -16,15 +20,18 @@ import pytest
 import warp as wp
 
 from warp_cloth.fabric import Fabric
-from warp_cloth.fitting import set_up
 from warp_cloth.model import GarmentPart, build_model
 from warp_cloth.rest import build_rest_shape
 from warp_cloth.scene import load_scene
+from warp_cloth.set_up import set_up_one
 from warp_cloth.shapes import square
 from warp_cloth.solver.relax import Collider, Relaxation, StepOptions
+from warp_cloth.study.footprint import moved_bytes
+from warp_cloth.study.launches import launches_of
 
 CHUNK = 20  # iterations in a graph, as in a fit
 ROUNDS = 20
+COPIED = 1 << 26  # bytes of the copy that tells the memory's speed: more than caches hold
 FABRICS = {
     "edges": Fabric(bending_warp=0.0, bending_weft=0.0),
     "edges, bending": Fabric(),
@@ -39,6 +46,19 @@ DEVICES = [
 ]
 
 
+@functools.cache
+def bytes_per_second(device: str) -> float:
+    """What a device's memory reads and writes while it copies."""
+    source, target = (wp.zeros(COPIED, dtype=wp.uint8, device=device) for _ in range(2))
+    best = np.inf
+    for _ in range(5):
+        began = time.perf_counter()
+        wp.copy(target, source)
+        wp.synchronize_device(device)
+        best = min(best, time.perf_counter() - began)
+    return 2.0 * COPIED / best
+
+
 def timed(benchmark: Any, relaxation: Relaxation) -> None:
     """Chunks of iterations, the device's work included, after one that compiles and captures."""
     model = relaxation.model
@@ -50,27 +70,41 @@ def timed(benchmark: Any, relaxation: Relaxation) -> None:
 
     benchmark.pedantic(chunk, rounds=ROUNDS, warmup_rounds=1)
     seconds = benchmark.stats.stats.median / CHUNK
+    moved = moved_bytes(launches_of(lambda: relaxation.iterate(2))) / 2
     benchmark.extra_info["vertices"] = model.vertex_count
     benchmark.extra_info["microseconds_per_iteration"] = 1e6 * seconds
     benchmark.extra_info["vertex_iterations_per_second"] = model.vertex_count / seconds
+    benchmark.extra_info["share_of_memory_limit"] = moved / seconds / bytes_per_second(model.device)
     assert np.isfinite(model.points()).all()
+
+
+def hanging(side: int, terms: str) -> GarmentPart:
+    mesh = square(side=1.0, vertices_per_side=side, plane="vertical")
+    rest = build_rest_shape(mesh, FABRICS[terms], rest="mesh")
+    return GarmentPart(mesh.points, mesh.triangles, rest, np.array([0, side - 1], dtype=np.int32))
 
 
 @pytest.mark.parametrize("terms", FABRICS)
 @pytest.mark.parametrize("side", [33, 65, 129])
 @pytest.mark.parametrize("device", DEVICES)
 def test_hanging_square(benchmark: Any, device: str, side: int, terms: str) -> None:
-    mesh = square(side=1.0, vertices_per_side=side, plane="vertical")
-    rest = build_rest_shape(mesh, FABRICS[terms], rest="mesh")
-    pins = np.array([0, side - 1], dtype=np.int32)
-    model = build_model([GarmentPart(mesh.points, mesh.triangles, rest, pins)], device=device, precision="mixed")
+    model = build_model([hanging(side, terms)], device=device, precision="mixed")
     benchmark.group = f"hanging square, {side * side} vertices, {device}"
+    timed(benchmark, Relaxation(model, Collider(), StepOptions()))
+
+
+@pytest.mark.parametrize("items", [1, 8, 64])
+@pytest.mark.parametrize("device", DEVICES)
+def test_batch_of_hanging_squares(benchmark: Any, device: str, items: int) -> None:
+    parts = [hanging(33, "threads, bending")] * items
+    model = build_model(parts, device=device, precision="mixed", garments=[1] * items)
+    benchmark.group = f"batch of hanging squares of 1089 vertices, {device}"
     timed(benchmark, Relaxation(model, Collider(), StepOptions()))
 
 
 @pytest.mark.parametrize("fabric", ["default", "jersey"])
 @pytest.mark.parametrize("device", DEVICES)
 def test_worn_tshirt(benchmark: Any, device: str, fabric: str) -> None:
-    worn = set_up(load_scene("tshirt", [f"garment.fabric={fabric}"]), device)
+    worn = set_up_one(load_scene("tshirt", [f"garment.fabric={fabric}"]), device)
     benchmark.group = f"T-shirt on the mannequin, {device}"
     timed(benchmark, worn.relaxation)

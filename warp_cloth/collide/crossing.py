@@ -12,6 +12,7 @@ from warp_cloth.kernels import crossing as kernels
 from warp_cloth.mesh import Indices, Points
 
 FIRST_CAPACITY = 1024  # crossings; more are counted first, then kept
+TREE_BYTES = 72  # of a tree for each of its boxes
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,6 +91,14 @@ def find_crossings(
         pierced = crossing.numpy().reshape(-1, 2)[:found]
     pierced = pierced[np.lexsort((pierced[:, 1], pierced[:, 0]))]
     return Crossings(pierced, _triangle_pairs(pierced, sheets))
+
+
+def search_bytes(vertex_count: int, edge_count: int, triangle_count: int) -> int:
+    """Memory that ``find_crossings`` takes on its device, but for the few pairs that it finds."""
+    vertex, edge, triangle, box = (wp.types.type_size_in_bytes(k) for k in (wp.vec3d, wp.vec2i, wp.vec3i, wp.vec3f))
+    item = wp.types.type_size_in_bytes(wp.int32)
+    own = (vertex + item) * vertex_count + edge * edge_count
+    return own + (triangle + 2 * box + item + TREE_BYTES) * triangle_count
 
 
 def _triangle_pairs(pierced: Indices, sheets: Sheets) -> Indices:

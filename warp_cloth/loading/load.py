@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from warp_cloth.errors import InputError
+from warp_cloth.loading.distinct import used_ids
 from warp_cloth.loading.generic import read_gltf, read_stl
 from warp_cloth.loading.obj import read_obj
 from warp_cloth.loading.ply import read_ply
@@ -48,7 +49,7 @@ def load_mesh(
     try:
         raw = read_raw(Path(path), role=role, key=key, prim=prim)
         check(raw)
-        used = raw.points[np.unique(raw.corners)] if len(raw.corners) else raw.points
+        used = raw.points[used_ids(raw.corners, len(raw.points))] if len(raw.corners) else raw.points
         declared = raw.metres_per_unit
         unit = choose_unit(used, file=raw.file, role=role, key=key, stated=units, declared=declared)
         sound = repaired(raw, raw.points * unit.metres, role=role, rest=rest)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, field
 from itertools import pairwise
 
@@ -16,6 +17,8 @@ _IGNORED = frozenset(
     b"c_interp d_interp lod shadow_obj trace_obj ctech stech usemap maplib call csh bsp bzp cdc cdp "
     b"res".split()
 )
+_FLOAT = rb"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d{1,3})?"
+_INDEX = rb"\d{1,9}"
 _GROUPINGS = (b"g", b"o", b"usemtl")  # what may stand for panels, best first
 
 
@@ -99,6 +102,9 @@ def _sorted_lines(file: str, data: bytes) -> _Statements:
 
 def _numbers(file: str, rows: list[bytes], lines: list[int], *, need: int, keep: int, what: str) -> Floats:
     """First ``keep`` numbers of each row, zero where it has ``need`` but not as many; shape [rows, keep]."""
+    plain = _plain_table(rows, _FLOAT, len(rows[0].split()) if rows else 0)
+    if plain is not None and plain.shape[1] >= keep:
+        return np.ascontiguousarray(plain[:, :keep])
     split = [row.split() for row in rows]
     try:
         if min(map(len, split), default=keep) >= keep:
@@ -122,8 +128,36 @@ def _numbers(file: str, rows: list[bytes], lines: list[int], *, need: int, keep:
     return table
 
 
+def _plain_table(rows: list[bytes], number: bytes, count: int) -> Floats | None:
+    """Rows of so many numbers, all written plainly, shape [rows, count]; None where any is not."""
+    row = re.compile(rb"\s*" + rb"\s+".join([number] * count) + rb"\s*")
+    if not count or not all(map(row.fullmatch, rows)):
+        return None
+    return np.fromstring(b" ".join(rows).replace(b"/", b" "), sep=" ").reshape(len(rows), -1)
+
+
+def _plain_corners(statements: _Statements) -> tuple[Ints, Ints, Ints] | None:
+    """What ``_corners`` returns, of faces of one size, all written alike, with indices in range; None of others."""
+    first = statements.faces[0].split() if statements.faces else []
+    parts = first[0].count(b"/") + 1 if first else 0
+    if len(first) < 3 or parts > 3:
+        return None
+    plain = _plain_table(statements.faces, b"/".join([_INDEX] * parts), len(first))
+    if plain is None:
+        return None
+    table = plain.astype(np.int64).reshape(-1, parts) - 1
+    known = (len(statements.vertices), len(statements.texcoords))
+    if any(bool(((column < 0) | (column >= limit)).any()) for column, limit in zip(table.T, known, strict=False)):
+        return None
+    texcoords = table[:, 1] if parts > 1 else np.full(len(table), -1, dtype=np.int64)
+    return np.full(len(plain), len(first), dtype=np.int64), table[:, 0], texcoords
+
+
 def _corners(file: str, statements: _Statements) -> tuple[Ints, Ints, Ints]:
     """Corner counts of the faces, then vertex and texture coordinate (-1: none) of every corner."""
+    plain = _plain_corners(statements)
+    if plain is not None:
+        return plain
     counts: list[int] = []
     vertices: list[int] = []
     texcoords: list[int] = []

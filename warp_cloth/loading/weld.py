@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warp_cloth.connected import lowest_connected
-from warp_cloth.loading.distinct import distinct, edges_of
+from warp_cloth.loading.distinct import distinct, edges_of, used_ids
 from warp_cloth.loading.raw import Floats, Ints
 
 
@@ -28,7 +28,7 @@ def weld(points: Floats, triangles: Ints) -> Weld:
     on each other, and they stay apart too; only where no faces share a vertex at all (an STL) do positions
     alone say what is joined, and a third face at an edge is then the file's own.
     """
-    used = np.unique(triangles)
+    used = used_ids(triangles, len(points))
     places = distinct(points[used] + 0.0)  # -0 and 0 are one place
     if len(places.first) == len(used):
         return Weld(np.arange(len(points)))
@@ -46,7 +46,7 @@ def weld(points: Floats, triangles: Ints) -> Weld:
         a, b = a[keep], b[keep]
     if soup and len(faces) < len(triangles):  # a duplicate facet goes where its twin goes, and is dropped there
         vertex = _twins_joined(vertex, place, triangles)
-    left = len(np.unique(vertex[used]))
+    left = len(used_ids(vertex[used], len(points)))
     return Weld(vertex, joined=len(used) - left, apart=left - len(places.first))
 
 
@@ -82,7 +82,7 @@ def _spoilt(vertex: Ints, triangles: Ints) -> NDArray[np.bool_]:
     closed = edges[:, 0] == edges[:, 1]
     bad = np.zeros(len(vertex), dtype=bool)
     bad[edges[bad_edge | closed]] = True
-    merged = np.bincount(vertex[np.unique(triangles)], minlength=len(vertex)) > 1
+    merged = np.bincount(vertex[used_ids(triangles, len(vertex))], minlength=len(vertex)) > 1
     return bad & merged
 
 

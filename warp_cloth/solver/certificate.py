@@ -179,6 +179,13 @@ class Certifier:
             self._rest_error.keep(Mark(iteration, shape))
         self._spare += self._rest_error.dropped(iteration)
 
+    @property
+    def kept_bytes(self) -> tuple[int, int]:
+        """Memory of the shapes that are kept on the way: now, and at most."""
+        size = wp.types.type_size_in_bytes(wp.vec3f) * self._model.vertex_count
+        now = len(self._rest_error.shapes) + len(self._spare)
+        return now * size, self._rest_error.most_kept() * size
+
     def last_points(self, item: int) -> Points:
         """An item's last finite points at a check of all items [m], shape [V, 3]."""
         part = self._model.of_item(item)
@@ -262,6 +269,12 @@ def thread_summaries(strain: NDArray[np.float64]) -> dict[str, Strain]:
         return {}
     ways = {"warp": strain[:, 1], "weft": strain[:, 0], "bias": strain[:, 2:].ravel()}
     return {way: strain_summary(along) for way, along in ways.items()}
+
+
+def strain_bytes(model: ClothModel) -> int:
+    """Memory that strains take while they are measured."""
+    real, vec4 = (wp.types.type_size_in_bytes(kind) for kind in (wp.float64, wp.vec4d))
+    return max(2 * real * model.edge_count, (real + vec4) * model.weave_count)
 
 
 def element_energies(model: ClothModel) -> tuple[NDArray[np.float64], ...]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -38,6 +39,11 @@ class RestError:
     def __init__(self) -> None:
         self._kept: list[Mark] = []
 
+    @property
+    def shapes(self) -> list[Any]:
+        """Those that are kept."""
+        return [mark.shape for mark in self._kept]
+
     def marks(self, iteration: int) -> list[Mark]:
         """The three kept shapes that are nearest to one, two and three spans ago; none while these are not known."""
         span = _span(iteration)
@@ -54,6 +60,11 @@ class RestError:
     def due(self, iteration: int) -> bool:
         """Whether the shape after this iteration is to be kept."""
         return not self._kept or iteration >= GROWTH * self._kept[-1].iteration
+
+    @staticmethod
+    def most_kept() -> int:
+        """How many shapes are kept at a time, at most, where a hundred iterations or more lie between two looks."""
+        return math.ceil(-math.log(1.0 - 3.0 * SPAN) / math.log(GROWTH)) + 2
 
     def keep(self, mark: Mark) -> None:
         self._kept.append(mark)

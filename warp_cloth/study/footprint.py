@@ -10,13 +10,16 @@ from typing import Any
 
 import warp as wp
 
+from warp_cloth.collide.crossing import search_bytes
 from warp_cloth.fitting import SetUp
+from warp_cloth.solver.certificate import strain_bytes
 from warp_cloth.study.launches import Launch, arrays_in, bytes_of, launches_of
 from warp_cloth.study.traffic import Uses, array_uses
+from warp_cloth.wardrobe import Wardrobe
 
 # Iterations that are watched: an even number, as every second one goes back to the first one's arrays where forces are
-# gathered; more than a pair, as not every iteration searches for cloth that is near.
-WATCHED = 20
+# gathered. Where cloth meets cloth enough of them to hold searches for what is near, which few iterations do.
+WATCHED, WATCHED_TOUCHING = 20, 100
 WARM_UP = 100  # iterations before the clock runs: cloth that has met the avatar costs more
 WAKING = 12  # times as many where cloth meets cloth: that begins when the seams have closed
 SHORTEST_RUN = 0.5  # [s] of timing
@@ -57,8 +60,9 @@ def footprint_of(made: SetUp) -> Footprint:
     """Watches some iterations, then times them. The cloth moves on by some hundreds of iterations."""
     relaxation, model = made.relaxation, made.model
     chunk = _seconds_of_iteration(made)
-    launches = launches_of(lambda: relaxation.iterate(WATCHED))
-    seconds = _seconds_of_launches(launches, model.device, chunk * WATCHED)
+    watched = WATCHED if made.course is None else WATCHED_TOUCHING
+    launches = launches_of(lambda: relaxation.iterate(watched))
+    seconds = _seconds_of_launches(launches, model.device, chunk * watched)
     uses = {launch.kernel.key: array_uses(launch.kernel) for launch in launches}
     kernels = []
     for key in uses:
@@ -67,21 +71,26 @@ def footprint_of(made: SetUp) -> Footprint:
             KernelCost(
                 name=key.rpartition("__")[2],
                 purpose=(inspect.getdoc(own[0][0].kernel.func) or "").partition("\n")[0],
-                launches=len(own) / WATCHED,
+                launches=len(own) / watched,
                 threads=own[0][0].threads,
-                bytes=sum(_moved(launch, uses[key]) for launch, _ in own) / WATCHED,
-                seconds=sum(spent for _, spent in own) / WATCHED,
+                bytes=sum(_moved(launch, uses[key]) for launch, _ in own) / watched,
+                seconds=sum(spent for _, spent in own) / watched,
             )
         )
     return Footprint(
         device=model.device,
         vertices=model.vertex_count,
         kernels=tuple(kernels),
-        launches=len(launches) / WATCHED,
+        launches=len(launches) / watched,
         bytes=sum(kernel.bytes for kernel in kernels),
         seconds=chunk,
         memory=_memory(made),
     )
+
+
+def moved_bytes(launches: Sequence[Launch]) -> int:
+    """Bytes that launches must move, each of them by itself."""
+    return sum(_moved(launch, array_uses(launch.kernel)) for launch in launches)
 
 
 def _moved(launch: Launch, uses: Uses) -> int:
@@ -99,15 +108,26 @@ def _moved(launch: Launch, uses: Uses) -> int:
 
 
 def _memory(made: SetUp) -> dict[str, int]:
-    """Bytes of the arrays that a scene holds on its device: of the avatar, of the cloth, more for the checks."""
+    """Bytes of the arrays that a scene holds on its device: of the avatar, of the cloth, more for the checks.
+
+    The report's are taken at the end, besides the others; shapes on the way are as many as can be.
+    """
     avatar = arrays_in(made.contacts)
     cloth = arrays_in([getattr(made, part.name) for part in fields(made) if part.name != "certifier"])
     whole = bytes_of(arrays_in(made))
+    now, most = made.certifier.kept_bytes
     return {
         "cloth": bytes_of(cloth) - bytes_of(avatar),
         "avatar": bytes_of(avatar),
-        "checks": whole - bytes_of(cloth),
+        "checks": whole - bytes_of(cloth) - now + most,
+        "report": max(strain_bytes(made.model), *(_crossing_bytes(wardrobe) for wardrobe in made.wardrobes)),
     }
+
+
+def _crossing_bytes(wardrobe: Wardrobe) -> int:
+    parts = wardrobe.parts
+    sizes = [(len(part.points), len(part.rest.topology.edges), len(part.triangles)) for part in parts]
+    return search_bytes(*(sum(column) for column in zip(*sizes, strict=True)))
 
 
 def _seconds_of_iteration(made: SetUp) -> float:
@@ -137,7 +157,7 @@ def _seconds_of_launches(launches: Sequence[Launch], device: str, whole: float) 
         return [max(spent - added, 0.0) for spent in timed]
     totals = [0.0] * len(launches)
     rounds, began = 0, time.perf_counter()
-    while rounds < MOST_ROUNDS and (rounds < 10 or time.perf_counter() - began < SHORTEST_RUN):
+    while rounds < MOST_ROUNDS and (rounds < 2 or time.perf_counter() - began < SHORTEST_RUN):
         for index, launch in enumerate(launches):
             start = time.perf_counter()
             launch.command.launch()
