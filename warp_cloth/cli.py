@@ -12,7 +12,7 @@ import typer
 from warp_cloth.cli_look import compare, view
 from warp_cloth.errors import InputError
 from warp_cloth.quiet import start_warp
-from warp_cloth.study.commands import extremes, plan, tradeoff
+from warp_cloth.study.commands import extremes, methods, plan, tradeoff
 from warp_cloth.terminal import BAD_INPUT, INTERRUPTED, keep_interrupts, one_line_errors, output_folder, tell_error
 
 if TYPE_CHECKING:
@@ -29,6 +29,7 @@ app = typer.Typer(
 app.command()(plan)
 app.command()(tradeoff)
 app.command()(extremes)
+app.command()(methods)
 
 
 def main() -> None:

@@ -74,6 +74,7 @@ def set_up_one(
     device: str,
     *,
     rack: Rack | None = None,
+    options: StepOptions | None = None,
     tell: Callable[[str], None] = lambda _: None,
     lap: Callable[[str], None] = lambda _: None,
 ) -> SetUp:
@@ -81,7 +82,7 @@ def set_up_one(
     tell("load")
     wardrobe = open_wardrobe(scene, rack)
     lap("load")
-    return set_up([scene], [wardrobe], device, tell=tell, lap=lap)
+    return set_up([scene], [wardrobe], device, options=options, tell=tell, lap=lap)
 
 
 def set_up(
@@ -89,6 +90,7 @@ def set_up(
     wardrobes: Sequence[Wardrobe],
     device: str,
     *,
+    options: StepOptions | None = None,
     tell: Callable[[str], None] = lambda _: None,
     lap: Callable[[str], None] = lambda _: None,
 ) -> SetUp:
@@ -98,6 +100,7 @@ def set_up(
         scenes: loaded scenes of one ``kind_of``.
         wardrobes: theirs.
         device: Warp's name of it.
+        options: how an iteration moves the cloth; None: the method's defaults.
         tell: told at every stage.
         lap: told the name of every stage at its end.
     """
@@ -115,7 +118,7 @@ def set_up(
         precision=first.solver.precision,
         garments=[len(each.parts) for each in wardrobes],
     )
-    options = StepOptions(method=first.solver.method)
+    options = options or StepOptions(method=first.solver.method)
     touch = cloth_touch(first, wardrobes[0], model) if first.collision.cloth else None
     parts = [part for each in wardrobes for part in each.parts]
     relaxation = relaxation_by(options, model, colliders, parts, touch, [scene.solver.cap for scene in scenes])

@@ -1,4 +1,4 @@
-"""The commands of the studies: ``warp-cloth plan``, ``warp-cloth tradeoff``, ``warp-cloth extremes``."""
+"""The commands of the studies: ``warp-cloth plan``, ``tradeoff``, ``extremes``, ``methods``."""
 
 from __future__ import annotations
 
@@ -116,6 +116,36 @@ def extremes(
     _show([*extremes_lines(found), *(f"  wrote {path}" for path in paths)], typer.echo)
     if not all(outcome.kept for outcome in found):
         raise typer.Exit(1)
+
+
+def methods(
+    out: Annotated[Path, typer.Option(help="Folder for methods.json, .csv, .png and rest_error.png.")] = Path("out"),
+    device: Device = None,
+    only: Annotated[list[str] | None, typer.Option(help='"methods", "sizes" or "truth"; all by default.')] = None,
+    plots: Annotated[bool, typer.Option(help="Draw the plots, with matplotlib.")] = True,
+) -> None:
+    """Run every method on the same cloth: how fast is each at rest, at every stiffness and size, and is it true?
+
+    Results are kept as they come: interrupted, the same command goes on where it was.
+    """
+    with one_line_errors():
+        from warp_cloth.study.methods import GROUPS, MethodStudy
+        from warp_cloth.study.methods_files import methods_lines, save_methods
+
+        unknown = set(only or ()) - set(GROUPS)
+        if unknown:
+            raise InputError("--only", f'"{min(unknown)}" is no part of the study', f"use {', '.join(GROUPS)}")
+        with output_folder(out, "methods"):
+            start_warp(False)
+            from warp_cloth.bench.save import figure_class
+            from warp_cloth.fitting import device_named
+
+            if plots:
+                figure_class()
+            study = MethodStudy(out / "methods.jsonl", device_named(device), lambda line: print(line, file=sys.stderr))
+            runs = study.run(only or GROUPS)
+            paths = save_methods(runs, out, plots=plots)
+    _show([*methods_lines(runs), *(f"  wrote {path}" for path in paths)], typer.echo)
 
 
 def _show(lines: Sequence[str], say: Callable[[str], None]) -> None:

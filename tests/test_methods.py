@@ -1,0 +1,98 @@
+"""The study of the methods: its scenes, what it tells of a run, its files."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from warp_cloth.cli import app
+from warp_cloth.scene import load_scene
+from warp_cloth.study import methods
+from warp_cloth.study.methods import KINDS, Case, Look, Run, all_cases, case_tree, run_case
+from warp_cloth.study.methods_files import honest_share, methods_lines, save_methods
+from warp_cloth.wardrobe import open_wardrobe
+
+SMALL = Case("strip", 120, 2e4)
+FEW = 200  # iterations; the strip does not rest in so few
+
+
+def look(iteration: int, relative: float, error: float = math.nan, true: float = math.nan) -> Look:
+    return Look(iteration, 0.01 * iteration, 1.0, relative, relative, error, true)
+
+
+RUN = Run(
+    Case("ball", 1000, 2e4), "multilevel", "cpu", 1089, 50.0, 1.0, 400, 0.01,
+    (look(100, 0.5), look(200, 0.008, 4.0, 3.0), look(300, 0.02, 2.0, 1.0), look(400, 0.0005, 1.0, 2.0)),
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("friction", [0.5, 0.0])
+def test_scenes_have_the_size_and_pins_that_they_should(tmp_path: Path, kind: str, friction: float) -> None:
+    wardrobe = open_wardrobe(load_scene(case_tree(Case(kind, 1000, 2e4, friction), tmp_path)))
+    (part,) = wardrobe.parts
+    assert len(part.points) == pytest.approx(1000, rel=0.15)
+    assert part.rest.area == pytest.approx(0.03 if kind == "strip" else 1.0, rel=1e-9)
+    assert (wardrobe.avatar is not None) == (kind == "ball")
+    columns = round(math.sqrt(len(part.points) / 3.0))
+    wanted = {"hanging": 2, "strip": columns * 3, "ball": 0 if friction else 1}[kind]
+    assert len(part.pins) == pytest.approx(wanted, rel=0.4 if kind == "strip" else 0.0)
+
+
+def test_every_group_has_scenes_and_there_are_forty() -> None:
+    assert {group for group, _, _ in all_cases()} == set(methods.GROUPS)
+    assert len({case.name for _, case, _ in all_cases()}) >= 40
+
+
+def test_a_level_counts_from_where_the_residual_stays_below_it() -> None:
+    found = [RUN.first(level) for level in (0.1, 0.01, 0.0001)]
+    assert [None if one is None else one.iteration for one in found] == [200, 400, None]
+    assert RUN.work == 450.0
+    assert replace(RUN, rest=0).work == math.inf
+
+
+def test_only_known_distances_at_balanced_forces_tell_of_the_truth() -> None:
+    assert [one.iteration for one in RUN.estimates()] == [200, 400]
+    assert honest_share([RUN]) == (0.5, 2, 1)
+    assert replace(RUN, end_mm=1.0).estimates() == []
+
+
+def test_a_run_goes_on_and_knows_how_far_it_was() -> None:
+    found = run_case(SMALL, "accelerated", "cpu", FEW)
+    assert [one.iteration for one in found.looks] == [100, 200]
+    assert found.rest == 0
+    assert found.looks[-1].true_mm == pytest.approx(0.0, abs=1e-9)
+    assert found.looks[0].true_mm > 1.0
+
+
+def test_the_command_writes_tables_and_goes_on_where_it_was(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    case = Case("hanging", 120, 2e4)
+    every = ("direct", "momentum", "accelerated", "multilevel")
+    monkeypatch.setattr(methods, "all_cases", lambda: [("methods", case, every)])
+    monkeypatch.setattr("warp_cloth.study.methods_files.all_cases", methods.all_cases)
+    monkeypatch.setattr(methods.MethodStudy.run, "__defaults__", (dict.fromkeys(every, FEW),))
+    told = CliRunner().invoke(app, ["methods", "--device", "cpu", "--out", str(tmp_path)])
+    assert told.exit_code == 0, told.output
+    assert {path.name for path in tmp_path.iterdir()} >= {
+        "methods.json",
+        "methods.csv",
+        "methods.png",
+        "rest_error.png",
+    }
+    kept = (tmp_path / "methods.jsonl").read_text()
+    assert kept.count("\n") == len(every)
+    again = CliRunner().invoke(app, ["methods", "--device", "cpu", "--out", str(tmp_path), "--no-plots"])
+    assert again.exit_code == 0
+    assert (tmp_path / "methods.jsonl").read_text() == kept
+    assert CliRunner().invoke(app, ["methods", "--only", "all", "--out", str(tmp_path)]).exit_code == 2
+
+
+def test_tables_tell_of_what_is_not_at_rest(tmp_path: Path) -> None:
+    lost = replace(RUN, rest=0, looks=(look(100, np.inf),))
+    assert any("not at rest" in line for line in methods_lines([lost]))
+    assert [path.name for path in save_methods([lost, RUN], tmp_path, plots=False)] == ["methods.json", "methods.csv"]

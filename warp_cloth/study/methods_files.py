@@ -1,0 +1,175 @@
+"""What the methods came to: tables, CSV, JSON, and plots of their way to rest and of the certificate's truth."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from warp_cloth.bench.save import figure_class
+from warp_cloth.export.files import whole_file
+from warp_cloth.export.report import write_report
+from warp_cloth.study.methods import KINDS, LEVELS, STIFFNESS, Look, Run, all_cases
+
+COLOURS = {"direct": "tab:red", "momentum": "tab:orange", "accelerated": "tab:blue", "multilevel": "tab:green"}
+MARKS = {"hanging": "o", "strip": "s", "ball": "^", "tshirt": "D"}
+LEAST_MM = 1e-4  # on the plot of the truth
+DPI = 110
+
+
+def side_by_side(runs: Sequence[Run]) -> list[list[Run]]:
+    """Runs of the scenes on which all methods stand side by side, scene by scene."""
+    names = [case.name for group, case, _ in all_cases() if group == "methods"]
+    rows = [[run for run in runs if run.case.name == name] for name in names]
+    return [row for row in rows if row]
+
+
+def honest_share(runs: Sequence[Run]) -> tuple[float, int, int]:
+    """Share of the checks at which the rest error was no less than the true distance, checks, and scenes."""
+    held = [look.rest_error_mm >= look.true_mm for run in runs for look in run.estimates()]
+    scenes = {run.case.name for run in runs if run.estimates()}
+    return (float(np.mean(held)) if held else math.nan), len(held), len(scenes)
+
+
+def methods_lines(runs: Sequence[Run]) -> list[str]:
+    """Tables for people: side by side, work by size, the certificate's truth."""
+    lines = []
+    heads = "".join(f"{f'{100 * level:g} %':>18}" for level in LEVELS)
+    for row in side_by_side(runs):
+        lines.append(f"{row[0].case.name}: {row[0].vertices:,} vertices{heads:>60}{'rest':>18}")
+        for run in row:
+            cells = "".join(f"{_told(run, run.first(level)):>18}" for level in LEVELS)
+            lines.append(f"  {run.method:<28}{cells}{_told(run, _rest(run)):>18}")
+    for run in runs:
+        if run.case.kind in KINDS and run.method == "multilevel" and run.case.friction:
+            told = f"{run.work:,.0f} iterations, {run.rest:,} of them on the finest" if run.rest else "not at rest"
+            lines.append(f"  {run.case.name}: {told}")
+    for method in dict.fromkeys(run.method for run in runs):
+        share, checks, scenes = honest_share([run for run in runs if run.method == method])
+        if checks:
+            lines.append(f"{method}: the rest error held at {100 * share:.1f} % of {checks} checks in {scenes} scenes.")
+    return lines
+
+
+def _rest(run: Run) -> Look | None:
+    return next((look for look in run.looks if look.iteration == run.rest), None)
+
+
+def _told(run: Run, look: Look | None) -> str:
+    return "-" if look is None else f"{run.coarse + look.iteration:,.0f} {look.seconds:.3g} s"
+
+
+def save_methods(runs: Sequence[Run], folder: Path, *, plots: bool = True) -> list[Path]:
+    """Writes methods.json, methods.csv and, where matplotlib is there, methods.png and rest_error.png."""
+    paths = [folder / "methods.json", folder / "methods.csv"]
+    share, checks, scenes = honest_share(runs)
+    truth = {"share": share, "checks": checks, "scenes": scenes}
+    write_report(paths[0], {"truth": truth, "runs": [_summary(run) for run in runs]})
+    with whole_file(paths[1]) as place:
+        place.write_text(_csv(runs), encoding="utf-8")
+    if plots:
+        paths += [folder / "methods.png", folder / "rest_error.png"]
+        _plot_methods(paths[2], runs)
+        _plot_truth(paths[3], runs)
+    return paths
+
+
+def _summary(run: Run) -> dict[str, Any]:
+    told: dict[str, Any] = {"scene": run.case.name, "method": run.method, "device": run.device}
+    told |= {"vertices": run.vertices, "coarse": run.coarse, "rest": run.rest, "work": run.work, "end_mm": run.end_mm}
+    for level in LEVELS:
+        look = run.first(level)
+        told[f"{100 * level:g} %"] = None if look is None else asdict(look)
+    return told
+
+
+def _csv(runs: Sequence[Run]) -> str:
+    text = io.StringIO()
+    rows = csv.writer(text, lineterminator="\n")
+    rows.writerow(["scene", "method", "vertices", "coarse", "rest", *Look.__dataclass_fields__])
+    for run in runs:
+        for look in run.looks:
+            own = [f"{value:.6g}" if isinstance(value, float) else value for value in asdict(look).values()]
+            rows.writerow([run.case.name, run.method, run.vertices, f"{run.coarse:.6g}", run.rest, *own])
+    return text.getvalue()
+
+
+def _plot_methods(path: Path, runs: Sequence[Run]) -> None:
+    """Residual over seconds, scene by scene; under it the iterations to rest over the vertices."""
+    rows = side_by_side(runs)
+    figure = figure_class()(figsize=(13, 7), layout="constrained")
+    upper, lower = figure.subfigures(2, 1, height_ratios=(1.1, 1.0))
+    for axes, row in zip(upper.subplots(1, max(len(rows), 1), sharey=True, squeeze=False)[0], rows, strict=False):
+        for run in row:
+            looks = [look for look in run.looks if look.relative > 0.0]
+            axes.plot(
+                [look.seconds for look in looks], [look.relative for look in looks],
+                color=COLOURS[run.method], label=run.method, linewidth=1.2,
+            )  # fmt: skip
+            rest = _rest(run)
+            if rest is not None:
+                axes.plot([rest.seconds], [rest.relative], "*", color=COLOURS[run.method], markersize=13)
+        for level in LEVELS:
+            axes.axhline(level, color="0.8", linewidth=0.8, zorder=0)
+        axes.set(xscale="log", yscale="log", xlabel="seconds", ylim=(1e-5, 1.0))
+        stretch = f", {row[0].case.stretch / 1e3:g} kN/m" if row[0].case.stretch else ""
+        axes.set_title(f"{row[0].case.kind}, {row[0].vertices:,} vertices{stretch}", fontsize=9)
+    first = upper.get_axes()[0]
+    first.set_ylabel("relative residual (star: at rest)")
+    first.legend(fontsize=8, loc="lower left")
+    for axes, kind in zip(lower.subplots(1, len(KINDS), sharey=True), KINDS, strict=True):
+        _plot_sizes(axes, [run for run in runs if run.case.kind == kind and run.case.friction])
+        axes.set_title(kind, fontsize=9)
+    lower.get_axes()[0].set_ylabel("iterations to rest, all levels")
+    if lower.get_axes()[0].lines:
+        lower.get_axes()[0].legend(fontsize=8)
+    with whole_file(path) as place:
+        figure.savefig(place, dpi=DPI)
+
+
+def _plot_sizes(axes: Any, runs: Sequence[Run]) -> None:
+    """Iterations to rest over the vertices, a line for each method and stiffness."""
+    for method, dash in (("accelerated", ":"), ("multilevel", "-")):
+        for stretch, mark in zip(STIFFNESS, "ovs", strict=True):
+            own = [run for run in runs if run.method == method and run.case.stretch == stretch]
+            own.sort(key=lambda run: run.vertices)
+            if any(run.rest for run in own):
+                axes.plot(
+                    [run.vertices for run in own], [run.work if run.rest else math.nan for run in own],
+                    dash + mark, color=COLOURS[method], markersize=5, label=f"{method}, {stretch / 1e3:g} kN/m",
+                )  # fmt: skip
+    axes.set(xscale="log", yscale="log", xlabel="vertices")
+    axes.grid(True, which="both", linewidth=0.3, alpha=0.5)
+
+
+def _plot_truth(path: Path, runs: Sequence[Run]) -> None:
+    """The rest error over the true distance at every check where the forces are balanced."""
+    figure = figure_class()(figsize=(7.5, 5.5), layout="constrained")
+    axes = figure.subplots()
+    for method in ("accelerated", "multilevel"):
+        for kind, mark in MARKS.items():
+            looks = [look for run in runs if (run.method, run.case.kind) == (method, kind) for look in run.estimates()]
+            if not looks:
+                continue
+            axes.plot(
+                [max(look.true_mm, LEAST_MM) for look in looks], [max(look.rest_error_mm, LEAST_MM) for look in looks],
+                mark, color=COLOURS[method], markersize=3.5, alpha=0.5, label=f"{kind}, {method}", markeredgewidth=0,
+            )  # fmt: skip
+    ends = [1e-2, 1e2]
+    axes.plot(ends, ends, color="black", linewidth=1)
+    axes.axhline(1.0, color="0.7", linewidth=0.8, linestyle="--")
+    axes.set(xscale="log", yscale="log", xlabel="true distance from rest [mm, rms]", ylabel="rest_error_mm")
+    axes.set(xlim=(1e-3, 1e2), ylim=(1e-3, 1e3))
+    share, checks, scenes = honest_share(runs)
+    axes.set_title(f"at or above the line at {100 * share:.1f} % of {checks:,} checks in {scenes} scenes", fontsize=10)
+    if checks:
+        axes.legend(fontsize=8, loc="upper left", markerscale=1.8)
+    axes.grid(True, linewidth=0.3, alpha=0.5)
+    with whole_file(path) as place:
+        figure.savefig(place, dpi=DPI)
