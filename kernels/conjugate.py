@@ -36,6 +36,7 @@ def conjugate_types(precision: str) -> SimpleNamespace:
         divisor: wp.array(dtype=own.vec6)  # inverse of each vertex's own block [m/N], shape [V]
         hold: wp.array(dtype=wp.int32)  # FREE, SLIDES or STAYS, shape [V]
         normal: wp.array(dtype=vec3)  # of the avatar where it is met, else zero, shape [V]
+        drag: wp.array(dtype=real)  # with which friction resists its displacement there [N/m], shape [V]
         gap: wp.array(dtype=real)  # to the contact offset there [m], shape [V]
         pressed: wp.array(dtype=wp.uint8)  # whether contact bore on the vertex's last displacement, shape [V]
         displacement: wp.array(dtype=vec3)  # x [m], shape [V]
@@ -69,13 +70,10 @@ def allowed_function(precision: str) -> wp.Function:
 
 
 @functools.cache
-def conjugate_kernels(precision: str) -> SimpleNamespace:
-    """Kernels of the solution, in the order of a round; ``begin_solution`` comes before the first."""
-    real, vec3 = cloth_types(precision).real, cloth_types(precision).vec3
-    System, Rows = conjugate_types(precision).System, level_types(precision).Rows
-    times = symmetric_functions(precision).times
+def product_kernels(precision: str) -> SimpleNamespace:
+    """Kernels ``begin_solution`` and ``multiply_direction``: products with A."""
+    vec3, System = cloth_types(precision).vec3, conjugate_types(precision).System
     allowed = allowed_function(precision)
-    add_row = row_function(precision)
 
     @wp.func
     def coupled(system: System, x: wp.array(dtype=vec3), vertex: int):
@@ -93,8 +91,58 @@ def conjugate_kernels(precision: str) -> SimpleNamespace:
         hold = system.hold[vertex]
         system.direction[vertex] = vec3()
         if hold != STAYS:
-            changed = allowed(coupled(system, system.displacement, vertex), system.normal[vertex], hold)
-            system.residual[vertex] = system.residual[vertex] - changed
+            changed = coupled(system, system.displacement, vertex) + system.displacement[vertex] * system.drag[vertex]
+            system.residual[vertex] = system.residual[vertex] - allowed(changed, system.normal[vertex], hold)
+
+    @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
+    def multiply_direction(system: System):
+        """product = A direction."""
+        vertex = wp.tid()
+        hold = system.hold[vertex]
+        sum = vec3()
+        if hold != STAYS:
+            against = system.inertia[vertex] + system.drag[vertex]
+            sum = coupled(system, system.direction, vertex) + system.direction[vertex] * against
+        system.product[vertex] = allowed(sum, system.normal[vertex], hold)
+
+    return SimpleNamespace(begin_solution=begin_solution, multiply_direction=multiply_direction)
+
+
+@functools.cache
+def step_kernels(precision: str) -> SimpleNamespace:
+    """Kernels ``turn_direction`` and ``advance_solution``: by each garment's own lengths."""
+    real, System = cloth_types(precision).real, conjugate_types(precision).System
+
+    @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
+    def turn_direction(system: System):
+        """The next direction: correction + along / before direction."""
+        vertex = wp.tid()
+        garment = system.garment[vertex]
+        share = real(0.0)
+        if system.before[garment] > wp.float64(0.0):
+            share = real(system.along[garment] / system.before[garment])
+        system.direction[vertex] = system.correction[vertex] + system.direction[vertex] * share
+
+    @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
+    def advance_solution(system: System):
+        """displacement += step direction, residual -= step product, step = along / across."""
+        vertex = wp.tid()
+        garment = system.garment[vertex]
+        step = real(0.0)
+        if system.across[garment] > wp.float64(0.0):
+            step = real(system.along[garment] / system.across[garment])
+        system.displacement[vertex] = system.displacement[vertex] + system.direction[vertex] * step
+        system.residual[vertex] = system.residual[vertex] - system.product[vertex] * step
+
+    return SimpleNamespace(turn_direction=turn_direction, advance_solution=advance_solution)
+
+
+@functools.cache
+def precondition_kernel(precision: str) -> wp.Kernel:
+    """Kernel ``precondition_residual``."""
+    vec3, System, Rows = cloth_types(precision).vec3, conjugate_types(precision).System, level_types(precision).Rows
+    times = symmetric_functions(precision).times
+    allowed, add_row = allowed_function(precision), row_function(precision)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def precondition_residual(
@@ -112,43 +160,19 @@ def conjugate_kernels(precision: str) -> SimpleNamespace:
                 sum = add_row(sum, up, vertex, coarser)
         system.correction[vertex] = allowed(sum, system.normal[vertex], hold)
 
-    @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
-    def turn_direction(system: System):
-        """The next direction: correction + along / before direction."""
-        vertex = wp.tid()
-        garment = system.garment[vertex]
-        share = real(0.0)
-        if system.before[garment] > wp.float64(0.0):
-            share = real(system.along[garment] / system.before[garment])
-        system.direction[vertex] = system.correction[vertex] + system.direction[vertex] * share
+    return precondition_residual
 
-    @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
-    def multiply_direction(system: System):
-        """product = A direction."""
-        vertex = wp.tid()
-        hold = system.hold[vertex]
-        sum = vec3()
-        if hold != STAYS:
-            sum = coupled(system, system.direction, vertex) + system.direction[vertex] * system.inertia[vertex]
-        system.product[vertex] = allowed(sum, system.normal[vertex], hold)
 
-    @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
-    def advance_solution(system: System):
-        """displacement += step direction, residual -= step product, step = along / across."""
-        vertex = wp.tid()
-        garment = system.garment[vertex]
-        step = real(0.0)
-        if system.across[garment] > wp.float64(0.0):
-            step = real(system.along[garment] / system.across[garment])
-        system.displacement[vertex] = system.displacement[vertex] + system.direction[vertex] * step
-        system.residual[vertex] = system.residual[vertex] - system.product[vertex] * step
-
+@functools.cache
+def conjugate_kernels(precision: str) -> SimpleNamespace:
+    """Kernels of the solution, in the order of a round; ``begin_solution`` comes before the first."""
+    products, steps = product_kernels(precision), step_kernels(precision)
     return SimpleNamespace(
-        begin_solution=begin_solution,
-        precondition_residual=precondition_residual,
-        turn_direction=turn_direction,
-        multiply_direction=multiply_direction,
-        advance_solution=advance_solution,
+        begin_solution=products.begin_solution,
+        precondition_residual=precondition_kernel(precision),
+        turn_direction=steps.turn_direction,
+        multiply_direction=products.multiply_direction,
+        advance_solution=steps.advance_solution,
     )
 
 

@@ -16,6 +16,9 @@ from warp_cloth.kernels.stiffness import stiffness_types, symmetric_functions
 NEAR = wp.constant(2.0e-5)  # [m]
 WIDE = wp.constant(1.0e-3)  # [m]
 
+# A vertex that moved by less in the last step stands [m].
+STANDS = wp.constant(1.0e-7)
+
 # A vertex whose force has turned against its last displacement went too far: it gets heavier, up to a share of the
 # stiffness that it meets, and else lighter again. Without this wrinkles of stiff cloth tremble for ever.
 HEAVIER, LIGHTER = wp.constant(1.05), wp.constant(0.97)
@@ -23,31 +26,49 @@ HEAVIEST = wp.constant(0.02)
 
 
 @functools.cache
-def implicit_kernels(precision: str, contact: wp.Function | None, collider_type: type, pins: bool) -> SimpleNamespace:
-    """Kernels ``face_forces`` and ``take_step``, with the contact of ``kernels.displace.displacement``."""
-    types = cloth_types(precision)
-    real, point, vec3, vec4, Cloth, Step = types.real, types.point, types.vec3, types.vec4, types.Cloth, types.Step
-    vec6, System = stiffness_types(precision).vec6, conjugate_types(precision).System
-    symmetric = symmetric_functions(precision)
-    along, even, times, inverse = symmetric.along, symmetric.even, symmetric.times, symmetric.inverse
-    allowed, free = allowed_function(precision), free_function(precision, pins)
+def hold_function(precision: str) -> wp.Function:
+    """The function ``hold_of``: what the avatar leaves of a vertex's freedom and of the force on it."""
+    real, vec3 = cloth_types(precision).real, cloth_types(precision).vec3
 
     @wp.func
-    def hold_of(force: vec3, normal: vec3, friction: real):
-        """What friction leaves free of a vertex on the avatar, and the force that it leaves [N]."""
+    def hold_of(force: vec3, normal: vec3, friction: real, move: vec3):
+        """What friction leaves free of a vertex on the avatar, the force that it leaves [N], and its drag [N/m].
+
+        Where the force is beyond the cone, friction resists it with all it has. Within, what stands stays, and what
+        slid by d in the last step is slowed down by friction * push / d times how far it slides now.
+        """
         hold = int(FREE)
         left = force
+        drag = real(0.0)
         push = -wp.dot(force, normal)
         if push > real(0.0):
             tangent = force + normal * push
             size = wp.length(tangent)
             over = size - friction * push
+            last = wp.length(move - normal * wp.dot(move, normal))
             hold = int(STAYS)
             left = vec3()
             if over > real(0.0):
                 hold = int(SLIDES)
                 left = tangent * (over / size)
-        return hold, left
+            elif last > real(STANDS):
+                hold = int(SLIDES)
+                left = tangent
+                drag = friction * push / last
+        return hold, left, drag
+
+    return hold_of
+
+
+@functools.cache
+def face_forces_kernel(precision: str, contact: wp.Function | None, collider_type: type, pins: bool) -> wp.Kernel:
+    """Kernel ``face_forces``, with the contact of ``kernels.displace.displacement``."""
+    types = cloth_types(precision)
+    real, vec3, vec4, Cloth, Step = types.real, types.vec3, types.vec4, types.Cloth, types.Step
+    vec6, System = stiffness_types(precision).vec6, conjugate_types(precision).System
+    symmetric = symmetric_functions(precision)
+    along, even, times, inverse = symmetric.along, symmetric.even, symmetric.times, symmetric.inverse
+    allowed, hold_of, free = allowed_function(precision), hold_function(precision), free_function(precision, pins)
 
     @wp.func
     def own_block(system: System, vertex: int):
@@ -75,6 +96,7 @@ def implicit_kernels(precision: str, contact: wp.Function | None, collider_type:
         hold = int(FREE)
         left = vec3(sum[0], sum[1], sum[2]) + step.gravity * weight
         normal = vec3()
+        drag = real(0.0)
         if wp.static(contact is not None):
             item = cloth.items[cloth.item[vertex]]
             at = contact(colliders[cloth.item[vertex]], wp.vec3d(cloth.position[vertex]))
@@ -82,7 +104,7 @@ def implicit_kernels(precision: str, contact: wp.Function | None, collider_type:
             system.gap[vertex] = gap
             if gap < real(NEAR) or (gap < real(WIDE) and system.pressed[vertex] != wp.uint8(0)):
                 normal = vec3(real(at[0]), real(at[1]), real(at[2]))
-                hold, left = hold_of(left, normal, real(item.friction))
+                hold, left, drag = hold_of(left, normal, real(item.friction), cloth.move[vertex])
         if not free(cloth, vertex):
             hold = int(STAYS)
             left = vec3()
@@ -91,7 +113,7 @@ def implicit_kernels(precision: str, contact: wp.Function | None, collider_type:
         inertia = system.inertia[vertex] * wp.where(turned, real(HEAVIER), real(LIGHTER))
         most = real(HEAVIEST) * (block[0] + block[1] + block[2])
         inertia = wp.max(wp.min(inertia, most), weight / system.fall[system.garment[vertex]])
-        anchor = even(inertia)
+        anchor = even(inertia + drag)
         if hold == SLIDES:
             anchor += along(wp.dot(normal, times(block, normal)), normal)
         if hold == STAYS:
@@ -99,11 +121,22 @@ def implicit_kernels(precision: str, contact: wp.Function | None, collider_type:
         anchor_out[vertex] = anchor
         last = allowed(cloth.move[vertex], normal, hold)
         system.hold[vertex] = hold
+        system.drag[vertex] = drag
         system.normal[vertex] = normal
         system.inertia[vertex] = inertia
         system.divisor[vertex] = inverse(block + anchor)
         system.residual[vertex] = left
         system.displacement[vertex] = last * step.momentum
+
+    return face_forces
+
+
+@functools.cache
+def take_step_kernel(precision: str, contact: wp.Function | None, collider_type: type, pins: bool) -> wp.Kernel:
+    """Kernel ``take_step``, with the contact of ``kernels.displace.displacement``."""
+    types = cloth_types(precision)
+    real, point, vec3, Cloth = types.real, types.point, types.vec3, types.Cloth
+    System, free = conjugate_types(precision).System, free_function(precision, pins)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def take_step(
@@ -138,6 +171,14 @@ def implicit_kernels(precision: str, contact: wp.Function | None, collider_type:
             cloth.move[vertex] = move
             cloth.position[vertex] = cloth.position[vertex] + point(move)
 
+    return take_step
+
+
+@functools.cache
+def ease_inertia_kernel(precision: str) -> wp.Kernel:
+    """Kernel ``ease_inertia``."""
+    real, System = cloth_types(precision).real, conjugate_types(precision).System
+
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def ease_inertia(
         growth: real,
@@ -148,4 +189,14 @@ def implicit_kernels(precision: str, contact: wp.Function | None, collider_type:
         garment = wp.tid()
         system.fall[garment] = wp.min(system.fall[garment] * growth, most)
 
-    return SimpleNamespace(face_forces=face_forces, take_step=take_step, ease_inertia=ease_inertia)
+    return ease_inertia
+
+
+@functools.cache
+def implicit_kernels(precision: str, contact: wp.Function | None, collider_type: type, pins: bool) -> SimpleNamespace:
+    """The three kernels, in the order of their launches."""
+    return SimpleNamespace(
+        face_forces=face_forces_kernel(precision, contact, collider_type, pins),
+        take_step=take_step_kernel(precision, contact, collider_type, pins),
+        ease_inertia=ease_inertia_kernel(precision),
+    )

@@ -94,16 +94,11 @@ def symmetric_functions(precision: str) -> SimpleNamespace:
 
 
 @functools.cache
-def stiffness_kernels(precision: str, angles: bool) -> SimpleNamespace:
-    """Kernels ``linearise_hinges`` (with rest angles or flat), ``linearise_weave``, ``couple_pairs``."""
-    types, own = cloth_types(precision), stiffness_types(precision)
-    real, vec3, Cloth = types.real, types.vec3, types.Cloth
-    Edges, Hinges, Weave = types.Edges, types.Hinges, types.Weave
-    mat3, vec6, Pairs = own.mat3, own.vec6, own.Pairs
+def spring_function(precision: str) -> wp.Function:
+    """The function ``spring``: how a thread or an edge resists its ends' moving apart, along and across it."""
+    real, vec3 = cloth_types(precision).real, cloth_types(precision).vec3
     symmetric = symmetric_functions(precision)
     along, even = symmetric.along, symmetric.even
-    difference = difference_function(precision)
-    half = wp.constant(real(0.5**0.5))
 
     @wp.func
     def spring(d: vec3, change: vec3, rest: real, pull: real, push: real, share: real):
@@ -114,6 +109,16 @@ def stiffness_kernels(precision: str, angles: bool) -> SimpleNamespace:
         stiff = tension_stiffness(length, rest, pull, push, reach)
         across = wp.min(across, stiff)
         return along(stiff - across, d / length) + even(across)
+
+    return spring
+
+
+@functools.cache
+def linearise_hinges_kernel(precision: str, angles: bool) -> wp.Kernel:
+    """Kernel ``linearise_hinges``, of hinges with rest angles or flat ones."""
+    types = cloth_types(precision)
+    real, vec3, Cloth, Hinges = types.real, types.vec3, types.Cloth, types.Hinges
+    difference = difference_function(precision)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def linearise_hinges(
@@ -146,6 +151,19 @@ def stiffness_kernels(precision: str, angles: bool) -> SimpleNamespace:
         gradient_out[1, hinge] = g1
         gradient_out[2, hinge] = g2
         gradient_out[3, hinge] = g3
+
+    return linearise_hinges
+
+
+@functools.cache
+def linearise_weave_kernel(precision: str) -> wp.Kernel:
+    """Kernel ``linearise_weave``."""
+    types = cloth_types(precision)
+    real, Cloth, Weave = types.real, types.Cloth, types.Weave
+    vec6 = stiffness_types(precision).vec6
+    spring = spring_function(precision)
+    difference = difference_function(precision)
+    half = wp.constant(real(0.5**0.5))
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def linearise_weave(
@@ -203,6 +221,18 @@ def stiffness_kernels(precision: str, angles: bool) -> SimpleNamespace:
         side_out[1, triangle] = second
         side_out[2, triangle] = third
 
+    return linearise_weave
+
+
+@functools.cache
+def couple_pairs_kernel(precision: str) -> wp.Kernel:
+    """Kernel ``couple_pairs``."""
+    types, own = cloth_types(precision), stiffness_types(precision)
+    real, vec3, Cloth, Edges = types.real, types.vec3, types.Cloth, types.Edges
+    mat3, vec6, Pairs = own.mat3, own.vec6, own.Pairs
+    spring = spring_function(precision)
+    difference = difference_function(precision)
+
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def couple_pairs(
         cloth: Cloth,
@@ -241,6 +271,14 @@ def stiffness_kernels(precision: str, angles: bool) -> SimpleNamespace:
             (full[0, 1] + full[1, 0]) * mean, (full[0, 2] + full[2, 0]) * mean, (full[1, 2] + full[2, 1]) * mean,
         )  # fmt: skip
 
+    return couple_pairs
+
+
+@functools.cache
+def stiffness_kernels(precision: str, angles: bool) -> SimpleNamespace:
+    """The three kernels, in the order of their launches; ``angles``: whether hinges have rest angles."""
     return SimpleNamespace(
-        linearise_hinges=linearise_hinges, linearise_weave=linearise_weave, couple_pairs=couple_pairs
+        linearise_hinges=linearise_hinges_kernel(precision, angles),
+        linearise_weave=linearise_weave_kernel(precision),
+        couple_pairs=couple_pairs_kernel(precision),
     )

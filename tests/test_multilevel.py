@@ -11,6 +11,8 @@ from warp_cloth.fabric import Fabric
 from warp_cloth.model import ClothModel, GarmentPart, build_model
 from warp_cloth.rest import build_rest_shape
 from warp_cloth.result import Status
+from warp_cloth.scene import load_scene
+from warp_cloth.set_up import following, set_up_one
 from warp_cloth.solver.certificate import Certifier, Tolerance
 from warp_cloth.solver.loop import Outcome, relax_to_rest
 from warp_cloth.solver.multilevel import MultilevelRelaxation
@@ -99,3 +101,14 @@ def test_any_number_of_iterations_can_be_asked_for(iterations: int) -> None:
     outcome = relax_to_rest(relaxation, certifier, Tolerance(), iterations)
     assert outcome.status is Status.ITERATION_LIMIT
     assert np.isfinite(outcome.points).all()
+
+
+def test_cloth_on_a_ball_does_not_creep_on_after_its_certificate() -> None:
+    overrides = ["garment.shape.vertices_per_side=21", "solver.method=multilevel", "garment.fabric={stretch = 20000}"]
+    made = set_up_one(load_scene("sphere", overrides), "cpu")
+    outcome = relax_to_rest(made.relaxation, made.certifier, Tolerance(), LIMIT, follow=following(made))
+    assert outcome.status is Status.AT_REST
+    for _ in range(outcome.iterations // 100):
+        made.relaxation.run(100)
+    way = np.linalg.norm(made.model.points() - outcome.points, axis=1)
+    assert np.sqrt(np.mean(way**2)) < outcome.check.rest_error

@@ -7,7 +7,7 @@ folds, and takes many times as many iterations.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -28,6 +28,8 @@ if TYPE_CHECKING:
 FEWEST = 250  # vertices of all garments together; fewer come to rest in no time at all as they are
 # Where there is an avatar, mean edge of the coarsest garment [m]: triangles that an arm fits through hold nothing.
 LONGEST_EDGE = 0.04
+# Times the rest error that is allowed: rest shapes of simplified garments are further than that from the finer ones'.
+LOOSER = 4.0
 
 
 @dataclass(frozen=True)
@@ -52,14 +54,15 @@ def start_from_coarse(
     Args:
         relaxation: of the garments as they are; its collider covers where they start.
         contact: builds colliders where garments leave the region of the last; None without avatar.
-        tolerance: what counts as rest, of the simplified garments, too.
+        tolerance: what counts as rest; of the simplified garments the rest error may be larger.
         limit: most iterations of each.
         load: compiles kernels for the device.
     """
     levels = _levels(relaxation.ladders, contact is not None)
     if not levels:
         return ()
-    runs = []
+    looser = replace(tolerance, rest_error=LOOSER * tolerance.rest_error)
+    runs: list[LevelRun] = []
     meeting = _Meeting(contact, relaxation.collider) if contact is not None else None
     points = np.concatenate([ladder.part.points for ladder in levels[-1]])
     for number in range(len(levels) - 1, -1, -1):
@@ -75,7 +78,9 @@ def start_from_coarse(
         certifier = Certifier(level)
         load(level.kernels() + certifier.kernels())
         follow = None if meeting is None else meeting.following(model)
-        outcome = relax_to_rest(level, certifier, tolerance, limit, follow=follow)
+        if runs and runs[-1].status is not Status.DIVERGED:
+            level.start_near_rest()
+        outcome = relax_to_rest(level, certifier, looser, limit, follow=follow)
         runs.append(LevelRun(model.vertex_count, outcome.iterations, outcome.status))
         finer = levels[number - 1] if number else relaxation.ladders
         if outcome.status is not Status.DIVERGED:
@@ -83,6 +88,8 @@ def start_from_coarse(
         else:
             points = np.concatenate([ladder.part.points for ladder in finer])
     relaxation.model.set_points(points)
+    if runs[-1].status is not Status.DIVERGED:
+        relaxation.start_near_rest()
     if meeting is not None and meeting.collider is not relaxation.collider:
         relaxation.meet(0, meeting.collider)
     return tuple(runs)

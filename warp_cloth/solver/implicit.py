@@ -101,7 +101,8 @@ class ImplicitStep:
         system.fall = self._zeros(self._groups, types.real)
         system.fall.fill_(self._options.fall)
         system.coupling = self._zeros(2 * self._pair_count, own.mat3)
-        system.inertia, system.gap = self._zeros(count, types.real), self._zeros(count, types.real)
+        for name in ("inertia", "drag", "gap"):
+            setattr(system, name, self._zeros(count, types.real))
         system.divisor = self._zeros(count, own.vec6)
         system.hold, system.pressed = self._zeros(count, wp.int32), self._zeros(count, wp.uint8)
         for name in ("normal", "displacement", "residual", "correction", "direction", "product"):
@@ -144,6 +145,10 @@ class ImplicitStep:
         self._launch(self._ends.take_step, model.vertex_count, [collider_data, model.cloth, system])
         own = self._options
         self._launch(self._ends.ease_inertia, self._groups, [own.easing, own.most_fall, self._system])
+
+    def lengthen(self) -> None:
+        """Steps are as long from now on as they get in the end."""
+        self._system.fall.fill_(self._options.most_fall)
 
     def _linearise(self, renew: bool) -> None:
         model, kernels, reach = self._model, self._stiffness, self._options.reach

@@ -76,6 +76,11 @@ class MultilevelRelaxation(Relaxation):
         self._since += iterations
         super().run(iterations)
 
+    def start_near_rest(self) -> None:
+        """The cloth is where it hardly falls any more: steps are long from the first."""
+        if self._implicit is not None:
+            self._implicit.lengthen()
+
     def _look(self) -> None:
         if self._looks and self._since < LOOK:
             return
