@@ -8,6 +8,7 @@ import warp as wp
 from cloths import grid
 
 from warp_cloth.fabric import Fabric
+from warp_cloth.kernels.implicit import hold_function
 from warp_cloth.model import ClothModel, GarmentPart, build_model
 from warp_cloth.rest import build_rest_shape
 from warp_cloth.result import Status
@@ -21,6 +22,7 @@ from warp_cloth.solver.simplified import build_ladder
 
 MOST_GROWTH = 2.0  # of the iterations where the vertices become 10 times as many; one level needs 3 times as many
 LIMIT = 10_000
+STAYS, SLIDES = 2, 1  # as in kernels.conjugate
 FABRIC = Fabric(stretch_warp=2e5, stretch_weft=2e5)
 
 
@@ -103,8 +105,33 @@ def test_any_number_of_iterations_can_be_asked_for(iterations: int) -> None:
     assert np.isfinite(outcome.points).all()
 
 
-def test_cloth_on_a_ball_does_not_creep_on_after_its_certificate() -> None:
-    overrides = ["garment.shape.vertices_per_side=21", "solver.method=multilevel", "garment.fabric={stretch = 20000}"]
+@pytest.mark.parametrize(
+    ("tangent", "slid", "wanted_hold", "wanted_left", "wanted_drag"),
+    [
+        (0.3, 0.0, STAYS, 0.0, 0.0),  # within the cone of 0.5 x 1 N, and standing
+        (0.3, 2e-3, SLIDES, 0.3, 250.0),  # sliding: friction resists another 2 mm with all of its 0.5 N
+        (0.8, 2e-3, SLIDES, 0.3, 0.0),  # beyond it: what friction leaves
+    ],
+)
+def test_friction_holds_what_stands_and_slows_what_slides(
+    tangent: float, slid: float, wanted_hold: int, wanted_left: float, wanted_drag: float
+) -> None:
+    hold_of = hold_function("float64")
+
+    @wp.kernel
+    def ask(force: wp.vec3d, move: wp.vec3d, out: wp.array(dtype=wp.float64)):
+        hold, left, drag = hold_of(force, wp.vec3d(0.0, 1.0, 0.0), wp.float64(0.5), move)
+        out[0] = wp.float64(hold)
+        out[1] = left[0]
+        out[2] = drag
+
+    out = wp.zeros(3, dtype=wp.float64, device="cpu")
+    wp.launch(ask, dim=1, inputs=[wp.vec3d(tangent, -1.0, 0.0), wp.vec3d(slid, 1e-5, 0.0), out], device="cpu")
+    assert out.numpy() == pytest.approx([wanted_hold, wanted_left, wanted_drag], abs=1e-12)
+
+
+def test_cloth_at_rest_on_a_ball_stays_there() -> None:
+    overrides = ["garment.shape.vertices_per_side=17", "solver.method=multilevel", "garment.fabric={stretch = 20000}"]
     made = set_up_one(load_scene("sphere", overrides), "cpu")
     outcome = relax_to_rest(made.relaxation, made.certifier, Tolerance(), LIMIT, follow=following(made))
     assert outcome.status is Status.AT_REST
