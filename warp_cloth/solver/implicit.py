@@ -46,7 +46,7 @@ class ImplicitOptions:
     most_fall: float = 15e-3
     easing: float = 1.02
     reach: float = 1.0
-    momentum: float = 0.9
+    momentum: float = 0.97
     rounds: int = 10
     renewal: int = 2
 

@@ -21,7 +21,7 @@ SPAN = 0.15  # share of the iterations so far in each of the three spans that ar
 LEAST_SPAN = 300  # iterations; momentum needs hundreds to set soft folds moving, and till then all seems still
 SLOWEST = 0.98  # largest share of a span's way that the next one is taken to cover: more is creep, not shrinking
 FASTEST = 0.6  # smallest such share: a span that happens to be quiet promises too much
-SAFETY = 2.0  # what is left of soft modes shrinks more slowly than what has been seen
+SAFETY = 3.0  # what is left of soft modes shrinks more slowly than what has been seen
 GROWTH = 1.03  # shapes are kept when the iterations have grown by this factor
 
 
