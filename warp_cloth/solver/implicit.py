@@ -37,7 +37,8 @@ class ImplicitOptions:
     most_fall: the same in the end [m]; beyond, a draped cloth no longer settles.
     easing: growth of the fall from step to step. With 1.05 stiff cloth on a ball was still moving when it was eased.
     reach: the stiffness allows for an edge changing its length by this many times its last change.
-    momentum: share of the last displacement that the solution starts from.
+    momentum: share of the last displacement that the solution starts from; with more, strips swing on and on.
+    momentum_met: the same where an avatar is met: folds slide over it slowly, and what slides does not swing.
     rounds: of conjugate gradients in a step; with 5 stiff cloth on a ball no longer settled, 20 gained nothing.
     renewal: the coarser levels' stiffness is summed anew every so many steps.
     """
@@ -46,7 +47,8 @@ class ImplicitOptions:
     most_fall: float = 15e-3
     easing: float = 1.02
     reach: float = 1.0
-    momentum: float = 0.97
+    momentum: float = 0.9
+    momentum_met: float = 0.97
     rounds: int = 10
     renewal: int = 2
 

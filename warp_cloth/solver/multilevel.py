@@ -88,7 +88,8 @@ class MultilevelRelaxation(Relaxation):
         stays = strain > (1.0 - LEAST_GAIN) * self._strain
         if strain <= DRAWN or stays or self._looks == MOST_LOOKS:
             self._drawing = False
-            self.step.momentum = self.implicit_options.momentum
+            own = self.implicit_options
+            self.step.momentum = own.momentum if self.contact is None else own.momentum_met
             self._items["cap"] = self.options.largest_move
             self.tell_items()
             self.forget_graphs()
