@@ -14,7 +14,6 @@ BISECTIONS = wp.constant(8)  # halvings of one spacing: 5 mm become 0.02 mm
 NEAR = wp.constant(wp.float32(2.5))  # spacings within which distances are measured along the normal
 
 
-@functools.cache
 def bake_kernels(level: wp.Function, solid_type: type) -> SimpleNamespace:
     """Kernels ``mark_inside``, ``measure_crossings``, ``project_distance`` for a solid.
 
@@ -22,6 +21,16 @@ def bake_kernels(level: wp.Function, solid_type: type) -> SimpleNamespace:
         level: (solid, local position [m]) -> positive inside, negative outside, zero on the surface.
         solid_type: the struct that it reads.
     """
+    return SimpleNamespace(
+        mark_inside=mark_inside_kernel(level, solid_type),
+        measure_crossings=measure_crossings_kernel(level, solid_type),
+        project_distance=project_distance_kernel(level, solid_type),
+    )
+
+
+@functools.cache
+def surface_fraction_function(level: wp.Function, solid_type: type) -> wp.Function:
+    """Where between two points a solid's surface is; arguments as of ``bake_kernels``."""
 
     @wp.func
     def surface_fraction(solid: solid_type, a: wp.vec3f, b: wp.vec3f, inside: bool) -> float:
@@ -36,6 +45,13 @@ def bake_kernels(level: wp.Function, solid_type: type) -> SimpleNamespace:
                 high = middle
         return 0.5 * (low + high)
 
+    return surface_fraction
+
+
+@functools.cache
+def mark_inside_kernel(level: wp.Function, solid_type: type) -> wp.Kernel:
+    """Kernel ``mark_inside``; arguments as of ``bake_kernels``."""
+
     @wp.kernel(module="unique", module_options=BAKE_OPTIONS)
     def mark_inside(
         solid: solid_type,
@@ -47,6 +63,14 @@ def bake_kernels(level: wp.Function, solid_type: type) -> SimpleNamespace:
         i, j, k = wp.tid()
         inside = level(solid, node_position(spacing, offset, i, j, k)) > 0.0
         distance_out[i, j, k] = wp.where(inside, -UNKNOWN, UNKNOWN)
+
+    return mark_inside
+
+
+@functools.cache
+def measure_crossings_kernel(level: wp.Function, solid_type: type) -> wp.Kernel:
+    """Kernel ``measure_crossings``; arguments as of ``bake_kernels``."""
+    surface_fraction = surface_fraction_function(level, solid_type)
 
     @wp.func
     def crossing_distance(
@@ -96,6 +120,14 @@ def bake_kernels(level: wp.Function, solid_type: type) -> SimpleNamespace:
         if i < side.shape[0] and j < side.shape[1]:
             for k in range(corner[block][2], wp.min(corner[block][2] + BLOCK, side.shape[2])):
                 distance_out[i, j, k] = crossing_distance(solid, spacing, offset, side, i, j, k)
+
+    return measure_crossings
+
+
+@functools.cache
+def project_distance_kernel(level: wp.Function, solid_type: type) -> wp.Kernel:
+    """Kernel ``project_distance``; arguments as of ``bake_kernels``."""
+    surface_fraction = surface_fraction_function(level, solid_type)
 
     @wp.func
     def projected_distance(
@@ -156,6 +188,4 @@ def bake_kernels(level: wp.Function, solid_type: type) -> SimpleNamespace:
             else:
                 distance_out[i, j, k] = here
 
-    return SimpleNamespace(
-        mark_inside=mark_inside, measure_crossings=measure_crossings, project_distance=project_distance
-    )
+    return project_distance

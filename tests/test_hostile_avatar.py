@@ -27,6 +27,7 @@ CUT = 0.06  # height of the open neck [m]
 NEAR = 4.0e-4  # [m]: mesh sag, the pixels' stairs at the silhouette, spline rounding
 WORN = 0.5  # [mm] under the sound body, at an offset of 3 mm
 LIMB = np.array([0.0, 0.0, RADIUS])  # middle of one that is inside out [m]
+ZIGZAG = 0.2  # of a lid's area: its rim goes up and down along triangles
 GAP = 0.02  # [m] from a hole, where its flat lid cannot be felt any more
 
 
@@ -82,10 +83,42 @@ def crossing_parts() -> trimesh.Trimesh:
     return trimesh.util.concatenate([ball(), other.apply_transform(turn).apply_scale(1.0005)])
 
 
+def loose_hair() -> trimesh.Trimesh:
+    """Cards that hang round it, near and far."""
+    turns = [trimesh.transformations.rotation_matrix(angle, (0, 1, 0)) for angle in np.linspace(0.0, 6.0, 30)]
+    card = trimesh.Trimesh([(0, 0, 0), (0.01, 0, 0), (0.01, 0.05, 0), (0, 0.05, 0)], [(0, 1, 2), (0, 2, 3)])
+    cards = [card.copy().apply_translation((0, 0, RADIUS + 0.002 * k)).apply_transform(t) for k, t in enumerate(turns)]
+    return trimesh.util.concatenate([ball(), *cards])
+
+
+def cape() -> trimesh.Trimesh:
+    """An open sheet, curved round its back."""
+    sheet = ball(0.12)
+    return trimesh.util.concatenate([ball(), without(sheet, sheet.triangles_center[:, 2] > -0.09)])
+
+
+def thick_skin() -> trimesh.Trimesh:
+    """A second wall inside, wound the other way: a shell, as artists make it."""
+    inner = ball(RADIUS - 0.004)
+    inner.invert()
+    return trimesh.util.concatenate([ball(), inner])
+
+
+def open_parts() -> trimesh.Trimesh:
+    """Cut into pieces that only touch."""
+    above, below = ball(), ball()
+    above = without(above, above.triangles_center[:, 1] < 0.02)
+    below = without(below, below.triangles_center[:, 1] >= 0.02)
+    return trimesh.util.concatenate([above, below.apply_translation((0.0, -1e-5, 0.0))])
+
+
 AVATARS: dict[str, Callable[[], trimesh.Trimesh]] = {
     made.__name__: made
-    for made in (open_neck, small_holes, scattered_flips, inside_out_limb, inner_parts, crossing_parts)
-}
+    for made in (
+        open_neck, small_holes, scattered_flips, inside_out_limb, inner_parts, crossing_parts, loose_hair, cape,
+        thick_skin, open_parts,
+    )
+}  # fmt: skip
 
 
 def loaded(folder: Path, shape: trimesh.Trimesh) -> Mesh:
@@ -111,7 +144,7 @@ def test_contact_is_that_of_the_sound_body(tmp_path: Path, case: str) -> None:
     lower, upper = solid.bounds()
     region = (solid.points, solid.triangles, lower - 0.02, upper + 0.02, 0.002, "cpu")
     colliders = [build_contact_field(build(*region)) for build in (build_depth_buffers, build_layered_buffers)]
-    if case in ("open_neck", "small_holes", "scattered_flips"):  # the exact one knows inner surfaces, too
+    if case in ("open_neck", "small_holes", "scattered_flips", "loose_hair", "cape"):  # it knows inner surfaces, too
         colliders.append(build_exact_collider(solid, "cpu"))
     for collider in colliders:
         error = np.abs(collider.sample(points)[:, 3] - truth)
@@ -122,9 +155,9 @@ def test_contact_is_that_of_the_sound_body(tmp_path: Path, case: str) -> None:
 def test_closed_mesh_is_left_as_it_is() -> None:
     mesh = Mesh("ball", np.asarray(ball().vertices, dtype=np.float64), np.asarray(ball().faces, dtype=np.int32))
     closing = closing_of(mesh)
-    assert closing.rims == ()
+    assert (closing.holes, closing.sheets, closing.lid_area) == (0, 0, 0.0)
     assert (closing.triangles == mesh.triangles).all()
-    assert closing.thickness == pytest.approx(RADIUS / 3.0, rel=1e-2)
+    assert closing.encloses
 
 
 @pytest.mark.parametrize("case", ["open_neck", "small_holes", "scattered_flips"])
@@ -137,6 +170,19 @@ def test_rays_through_a_closed_avatar_balance_whatever_was_wrong_with_it(case: s
     assert (
         build_layered_buffers(solid.points, solid.triangles, lower - 0.01, upper + 0.01, 0.002, "cpu").unbalanced == 0
     )
+
+
+def test_loose_sheets_are_left_out_and_counted(tmp_path: Path) -> None:
+    hair, cloak = (closing_of(loaded(tmp_path, made())) for made in (loose_hair, cape))
+    assert (hair.sheets, hair.holes) == (30, 0)
+    assert (cloak.sheets, cloak.holes) == (1, 0)
+    assert len(hair.triangles) == len(cloak.triangles) == len(ball().faces)
+
+
+def test_a_hole_is_told_by_the_area_of_its_lid(tmp_path: Path) -> None:
+    closing = closing_of(loaded(tmp_path, open_neck()))
+    assert (closing.holes, closing.sheets) == (1, 0)
+    assert closing.lid_area == pytest.approx(np.pi * (RADIUS**2 - CUT**2), rel=ZIGZAG)
 
 
 @pytest.mark.parametrize("kind", ["depth", "auto", "plain"])

@@ -12,9 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warp_cloth.bench.save import figure_class
-from warp_cloth.collide.audit import NearSurface, contact_error, near_surface
+from warp_cloth.collide.audit import NearSurface, Sampled, contact_error, near_surface
 from warp_cloth.collide.avatar import AvatarContact
 from warp_cloth.collide.exact import ExactCollider, build_exact_collider
+from warp_cloth.collide.solid import closing_of
 from warp_cloth.errors import InputError
 from warp_cloth.export.files import whole_file
 from warp_cloth.export.report import check_writable, write_report
@@ -24,10 +25,13 @@ if TYPE_CHECKING:
     from warp_cloth.scene import Scene
     from warp_cloth.wardrobe import Wardrobe
 
+Contacts = NDArray[np.float32]  # unit normals and distances [m], shape [N, 4]
 KINDS = ("depth", "auto", "plain", "mesh")
 LINES = 400  # walked through the surface that the garment can reach
 HALF = 0.02  # [m] to either side of it: the line leaves the contact's reach at both ends
 STEP = 5e-5  # [m] between samples: a continuous distance changes by as much, one that jumps by more
+STEEP = 2000  # steps with the largest changes that are looked at closer
+HALVINGS = 6  # of those steps, down to 0.8 um: what still changes there jumps
 DEEPEST = 0.005  # [m] under the surface, down to which a walk is judged: cloth gets no deeper
 PLOTTED = 0.06  # [m] to either side of the named places
 WHERE = ("silhouette", "shoulder", "armpit", "crotch")
@@ -45,8 +49,9 @@ class Findings:
     p99: float
     p999: float
     max: float
-    jump_mm: float  # largest change of distance between two samples of a walk, beyond the step between them
-    turn_degrees: float  # largest change of the normal between two samples of a walk
+    turn_degrees: float  # largest change of the normal in one step of a walk
+    jump_mm: float  # largest change of distance within one step that no halving takes away
+    jump_degrees: float  # likewise of the normal
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,6 +85,8 @@ def run_avatar_bench(
     if wardrobe.avatar is None:
         raise InputError(scene.name, "the scene has no avatar to look at", "add an [avatar]")
     avatar = wardrobe.starting_avatar or wardrobe.avatar
+    closing = closing_of(avatar)
+    avatar = closing.closed(avatar) if closing.encloses else avatar
     garment = np.concatenate([mesh.points for mesh in wardrobe.garments])
     offset = scene.collision.offset_mm * 1e-3
     exact = build_exact_collider(avatar, device)
@@ -145,34 +152,69 @@ def _findings(
 ) -> Findings:
     report = contact.report or {}
     error = contact_error(contact.kept, exact, surface.worn(exact, offset))
-    jump, turn = walked(contact, surface)
+    turn, jump, jump_angle = walked(contact.kept, surface)
     return Findings(
         kind,
         report["buffers"],
         report.get("megabytes"),
         seconds,
         **asdict(error),
-        jump_mm=1e3 * jump,
         turn_degrees=float(np.degrees(turn)),
+        jump_mm=1e3 * jump,
+        jump_degrees=float(np.degrees(jump_angle)),
     )
 
 
-def walked(contact: AvatarContact, surface: NearSurface) -> tuple[float, float]:
-    """Largest jump of distance [m] and of the normal [rad] between samples of lines through a surface."""
+def walked(collider: Sampled, surface: NearSurface) -> tuple[float, float, float]:
+    """On lines through a surface: largest turn of the normal in one step [rad]; jumps of distance [m], normal [rad]."""
     pick = np.linspace(0, len(surface.points) - 1, min(LINES, len(surface.points))).astype(int)
     ways = np.random.default_rng(0).normal(size=(len(pick), 3))
     ways /= np.linalg.norm(ways, axis=1)[:, None]
     steps = np.arange(-HALF, HALF, STEP)
     lines = surface.points[pick][:, None] + ways[:, None] * steps[None, :, None]
-    found = contact.kept.sample(lines.reshape(-1, 3)).reshape(len(pick), len(steps), 4).astype(np.float64)
-    reach = contact.kept.reach
-    near = (found[:, :, 3] > -DEEPEST) & (found[:, :, 3] < 0.99 * reach)
-    both = near[:, 1:] | near[:, :-1]
-    jump = np.abs(np.diff(np.minimum(found[:, :, 3], reach), axis=1))[both]
-    told = np.linalg.norm(found[:, :, :3], axis=2) > 0.5
-    both &= told[:, 1:] & told[:, :-1]
-    turn = np.linalg.norm(np.diff(found[:, :, :3], axis=1), axis=2)[both]
-    return max(float(jump.max(initial=0.0)) - STEP, 0.0), 2.0 * float(np.arcsin(min(turn.max(initial=0.0) / 2.0, 1.0)))
+    found = collider.sample(lines.reshape(-1, 3)).reshape(len(pick), len(steps), 4)
+    near = (found[:, :, 3] > -DEEPEST) & (found[:, :, 3] < 0.99 * collider.reach)
+    line, step = np.nonzero(near[:, 1:] | near[:, :-1])
+    starts, ends, before, after = lines[line, step], lines[line, step + 1], found[line, step], found[line, step + 1]
+    turns, changes = _turn(before, after), _change(before, after, collider.reach)
+    jumps = []
+    for size, measure in ((changes, lambda a, b: _change(a, b, collider.reach)), (turns, _turn)):
+        worst = np.argsort(-size, kind="stable")[:STEEP]
+        jumps.append(_jump(collider, measure, starts[worst], ends[worst], before[worst], after[worst]))
+    finest = STEP * 0.5**HALVINGS
+    return float(turns.max(initial=0.0)), max(jumps[0] - finest, 0.0), jumps[1]
+
+
+def _change(before: Contacts, after: Contacts, reach: float) -> NDArray[np.float64]:
+    """Change of distance [m], as far as it matters."""
+    return np.abs(np.minimum(after[:, 3], reach) - np.minimum(before[:, 3], reach)).astype(np.float64)
+
+
+def _turn(before: Contacts, after: Contacts) -> NDArray[np.float64]:
+    """Angle between normals [rad]; 0 where one is not told."""
+    told = (np.linalg.norm(before[:, :3], axis=1) > 0.5) & (np.linalg.norm(after[:, :3], axis=1) > 0.5)
+    chord = np.linalg.norm(after[:, :3].astype(np.float64) - before[:, :3], axis=1)
+    return np.where(told, 2.0 * np.arcsin(np.minimum(chord / 2.0, 1.0)), 0.0)
+
+
+def _jump(
+    collider: Sampled,
+    measure: Callable[[Contacts, Contacts], NDArray[np.float64]],
+    starts: Points,
+    ends: Points,
+    before: Contacts,
+    after: Contacts,
+) -> float:
+    """Largest change that is left after halving these steps again and again, on the side where it is greater."""
+    if not len(starts):
+        return 0.0
+    for _ in range(HALVINGS):
+        middles = 0.5 * (starts + ends)
+        between = collider.sample(middles)
+        first = (measure(before, between) >= measure(between, after))[:, None]
+        starts, before = np.where(first, starts, middles), np.where(first, before, between)
+        ends, after = np.where(first, middles, ends), np.where(first, between, after)
+    return float(measure(before, after).max())
 
 
 def _walk(name: str, place: Points, way: Points, contacts: dict[str, AvatarContact]) -> Walk:
@@ -186,13 +228,14 @@ def table(bench: AvatarBench) -> list[str]:
     lines = [
         f"{bench.name}: {bench.area:.2f} m2 of the avatar within the garment's reach; "
         f"{100 * bench.unseen:.1f} % of it is seen by none of the front, back and top views",
-        "  collider   error mm: median    p99  p99.9    max   jump mm  turn deg    MB  build s  buffers",
+        "  collider   error mm: median    p99  p99.9    max  turn deg   jump mm  jump deg    MB  build s  buffers",
     ]
     for f in bench.findings:
         size = f"{f.megabytes:.1f}" if f.megabytes is not None else "-"
+        buffers = ", ".join(f.buffers) or "all triangles"
         lines.append(
-            f"  {f.kind:<10} {f.p50:16.3f} {f.p99:6.2f} {f.p999:6.2f} {f.max:6.2f} {f.jump_mm:9.3f} "
-            f"{f.turn_degrees:9.1f} {size:>5} {f.build_seconds:8.2f}  {', '.join(f.buffers) or 'all triangles'}"
+            f"  {f.kind:<10} {f.p50:16.3f} {f.p99:6.2f} {f.p999:6.2f} {f.max:6.2f} {f.turn_degrees:9.1f} "
+            f"{f.jump_mm:9.4f} {f.jump_degrees:9.2f} {size:>5} {f.build_seconds:8.2f}  {buffers}"
         )
     return lines
 

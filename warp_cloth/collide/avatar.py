@@ -64,7 +64,7 @@ class AvatarContact:
 
     ``kind`` is "depth", "plain", "auto", "mesh" or "none"; lengths in metres. ``error`` is the distance error that
     "auto" stays within at 99.9 % of the surface that the garment can reach. ``reach``: how far from the avatar
-    contact answers at least.
+    contact answers at least; what it exceeds the default by, cloth may be lifted beyond the offset.
     """
 
     def __init__(
@@ -84,6 +84,7 @@ class AvatarContact:
         self._kind = kind
         self._offset = offset
         self._reach = max(reach, offset + ROOM_TO_MOVE)
+        self._lift = max(reach - DEFAULT_REACH, 0.0)
         self._friction = friction
         self._error = error
         self._device = device
@@ -117,8 +118,7 @@ class AvatarContact:
         if self._kind == "mesh":
             exact = build_exact_collider(self._avatar, self._device, reach=self._reach)
             self._kept = exact
-            holes = len(self._closing.rims) if self._closing is not None else 0
-            self.report = {"buffers": [], "triangles": self._avatar.triangle_count, "holes_closed": holes}
+            self.report = {"buffers": [], "triangles": self._avatar.triangle_count, **self._mended()}
             return self._collider(mesh_contact, exact.collider, MeshCollider)
         margin = MARGIN * 2.0 ** max(self.builds - 1, 0)  # a garment that fell out of it once is still falling
         lower, upper = contact_bounds(points, self._avatar.points, margin)
@@ -192,10 +192,17 @@ class AvatarContact:
         field = build_contact_field(buffers, reach=self._reach)
         self._kept = (buffers, field)
         log.info("contact field of %s nodes", " x ".join(str(count) for count in field.values.shape))
-        return self._collider(field_contact, field.touching(self._offset), ContactField)
+        return self._collider(field_contact, field.touching(self._offset, self._lift), ContactField)
 
     def _collider(self, contact: wp.Function, data: Any, data_type: Any) -> Collider:
         return Collider(contact, data, data_type, self._offset, self._friction)
+
+    def _mended(self) -> dict[str, Any]:
+        """What was done to the avatar's surface, for the report."""
+        closing = self._closing
+        if closing is None:
+            return {"holes_closed": 0, "lids_m2": 0.0, "sheets_left_out": 0}
+        return {"holes_closed": closing.holes, "lids_m2": closing.lid_area, "sheets_left_out": closing.sheets}
 
     def _audit(self, exact: ExactCollider, surface: NearSurface) -> dict[str, Any]:
         """How good what is kept is, for the report."""
@@ -206,7 +213,7 @@ class AvatarContact:
             "pixel_mm": 1e3 * buffers.pixel,
             "spacing_mm": 1e3 * sampled.spacing if isinstance(sampled, FieldBuild) else None,
             "megabytes": 1e-6 * sampled.bytes,
-            "holes_closed": len(self._closing.rims) if self._closing is not None else 0,
+            **self._mended(),
             "near_area_m2": surface.area,
             "unseen_by_three_views": unseen_share(surface, exact),
             "unbalanced_pixels": getattr(buffers, "unbalanced", None),

@@ -15,8 +15,6 @@ from warp_cloth.kernels.raster import View, draw_depth
 from warp_cloth.mesh import Indices, Points
 
 DEFAULT_PIXEL = 0.002  # [m]; fine enough for 0.2 mm on rounded limbs, 0.2 million pixels for a T-shirt
-
-
 MOST_PIXELS = 2**27  # 512 MiB of float32 in each of five images
 TOO_FINE = "set a larger pixel, or check the units of garment and avatar"
 DEFAULT_REACH = 0.01  # [m]; contact happens at the offset, 3 mm: the rest is room to move in one step
@@ -111,6 +109,16 @@ def image_shape(width: float, height: float, pixel: float) -> tuple[int, int]:
     return columns, rows
 
 
+def local_avatar(
+    points: Points, triangles: Indices, lower: Points, upper: Points, pixel: float, device: wp.DeviceLike
+) -> tuple[NDArray[np.float64], NDArray[np.float64], wp.array, wp.array]:
+    """What views over a box draw: its origin and size [m], the avatar's vertices relative to it [m], its triangles."""
+    origin = np.asarray(lower, dtype=np.float64)
+    size = np.maximum(np.asarray(upper, dtype=np.float64) - origin, pixel)
+    local = wp.array((points - origin).astype(np.float32), dtype=wp.vec3f, device=device)
+    return origin, size, local, wp.array(triangles, dtype=wp.int32, device=device)
+
+
 def build_depth_buffers(
     points: Points,
     triangles: Indices,
@@ -123,12 +131,9 @@ def build_depth_buffers(
 
     Along its own direction each view sees the whole avatar, also what lies outside the box.
     """
-    origin = np.asarray(lower, dtype=np.float64)
-    size = np.maximum(np.asarray(upper, dtype=np.float64) - origin, pixel)
+    origin, size, local, faces = local_avatar(points, triangles, lower, upper, pixel, device)
     columns, rows = image_shape(size[0], size[1], pixel)
     _, layers = image_shape(size[0], size[2], pixel)
-    local = wp.array((points - origin).astype(np.float32), dtype=wp.vec3f, device=device)
-    faces = wp.array(triangles, dtype=wp.int32, device=device)
     x, y, z = wp.vec3f(1.0, 0.0, 0.0), wp.vec3f(0.0, 1.0, 0.0), wp.vec3f(0.0, 0.0, 1.0)
 
     def draw(up: wp.vec3f, toward: wp.vec3f, row_count: int) -> wp.array:

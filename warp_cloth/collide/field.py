@@ -46,11 +46,12 @@ class FieldBuild:
         """Memory that it reads."""
         return int(self.values.capacity)
 
-    def touching(self, offset: float) -> ContactField:
-        """The field for cloth that is met at this offset [m]: no normals where nothing asks for them."""
+    def touching(self, offset: float, lift: float = 0.0) -> ContactField:
+        """The field for cloth that is met at this offset [m], some of it lifted farther: no normals beyond that."""
         field = ContactField()
         field.values, field.origin = self.values, wp.vec3d(*self.origin)
-        field.spacing, field.reach, field.near = self.spacing, self.reach, offset + TOUCH
+        field.spacing, field.reach = self.spacing, self.reach
+        field.near = offset + lift + TOUCH
         return field
 
     def sample(self, points: Points) -> NDArray[np.float32]:
@@ -148,5 +149,6 @@ def build_contact_field(
     )
     field = ContactField()
     field.values, field.origin = values, wp.vec3d(*buffers.origin)
-    field.spacing, field.reach, field.near = h, reach, math.inf
+    field.spacing, field.reach = h, reach
+    field.near = math.inf
     return FieldBuild(field, values, buffers.origin, h, reach)

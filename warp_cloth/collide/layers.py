@@ -8,7 +8,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from warp_cloth.collide.depth import DEFAULT_PIXEL, image_shape
+from warp_cloth.collide.depth import DEFAULT_PIXEL, image_shape, local_avatar
 from warp_cloth.kernels import layers as kernels
 from warp_cloth.mesh import Indices, Points
 
@@ -56,10 +56,7 @@ def build_layered_buffers(
 
     Along its own direction each view sees the whole avatar, also what lies outside the box.
     """
-    origin = np.asarray(lower, dtype=np.float64)
-    size = np.maximum(np.asarray(upper, dtype=np.float64) - origin, pixel)
-    local = wp.array((points - origin).astype(np.float32), dtype=wp.vec3f, device=device)
-    faces = wp.array(triangles, dtype=wp.int32, device=device)
+    origin, size, local, faces = local_avatar(points, triangles, lower, upper, pixel, device)
     views, layers, unbalanced = [], [], 0
     for axis in range(3):
         columns, rows = image_shape(size[(axis + 1) % 3], size[(axis + 2) % 3], pixel)

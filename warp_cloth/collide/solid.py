@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,29 +11,27 @@ from numpy.typing import NDArray
 from warp_cloth.connected import lowest_connected
 from warp_cloth.mesh import Indices, Mesh, Points
 
-THINNEST = 1e-3  # [m]; a solid of less volume over area is a sheet: thinner than the offset that cloth keeps
+THINNEST = 1e-3  # [m]; a part of less volume over area is a sheet: thinner than the offset that cloth keeps
+MOSTLY_OPEN = 0.75  # a part whose lids are larger than this share of it is a sheet: a lock of hair, a cape
 
 
 @dataclass(frozen=True, eq=False)
 class Closing:
-    """What makes a surface a solid: a cone over each of its holes, and parts turned outwards.
+    """What makes a surface a solid: a cone over each of its holes, parts turned outwards, loose sheets left out.
 
     The tip of each cone is one more vertex, the middle of the hole's rim, wherever the vertices move.
     """
 
     triangles: Indices  # of the closed surface, shape [F, 3]
-    rims: tuple[NDArray[np.int64], ...]  # vertices round each hole
-    thickness: float  # volume over area of the whole [m]
+    rims: tuple[NDArray[np.int64], ...]  # vertices round each hole, those of sheets too
+    holes: int  # closed, without those of sheets
+    lid_area: float  # of the cones over them [m2]
+    sheets: int  # parts left out
+    encloses: bool  # whether there is a solid at all
 
     def points(self, vertices: Points) -> Points:
         """The avatar's vertices [m], shape [V, 3], and the tips."""
-        tips = [vertices[rim].mean(axis=0) for rim in self.rims]
-        return np.concatenate([vertices, np.reshape(tips, (-1, 3))])
-
-    @property
-    def encloses(self) -> bool:
-        """Whether there is a solid at all, and not only a sheet."""
-        return self.thickness > THINNEST
+        return _with_tips(vertices, self.rims)
 
     def closed(self, mesh: Mesh) -> Mesh:
         """The mesh as a solid; without what belongs to single triangles."""
@@ -44,10 +43,49 @@ class Closing:
 def closing_of(mesh: Mesh) -> Closing:
     """How a mesh becomes a solid.
 
+    Cones over its holes close it; what then encloses hardly anything, or is mostly lid, is a sheet and left out, as
+    long as there is something else.
+    """
+    cones, rims = _cones(mesh.triangles.astype(np.int64), mesh.vertex_count)
+    triangles = np.concatenate([mesh.triangles.astype(np.int64), cones])
+    points = _with_tips(mesh.points, rims)
+    part = _parts(triangles, len(points))
+    corners = points[triangles] - points[part][:, None]  # about the part's own vertex: it may be far from the origin
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    face_area = 0.5 * np.linalg.norm(normal, axis=1)
+
+    def of_parts(values: NDArray[np.float64], first: int = 0) -> NDArray[np.float64]:
+        sums = np.bincount(part[first:], weights=values[first:], minlength=len(points))
+        return np.asarray(sums[part], dtype=np.float64)
+
+    volume = of_parts(np.einsum("ij,ij->i", corners[:, 0], normal) / 6.0)
+    area, lids = of_parts(face_area), of_parts(face_area, mesh.triangle_count)
+    sheet = (np.abs(volume) <= THINNEST * area) | (lids > MOSTLY_OPEN * (area - lids))
+    encloses = not sheet.all()
+    kept = ~sheet if encloses else np.ones(len(triangles), dtype=bool)
+    lid = kept & (np.arange(len(triangles)) >= mesh.triangle_count)
+    turned = np.where((volume < 0.0)[:, None], triangles[:, ::-1], triangles)[kept]
+    return Closing(
+        np.ascontiguousarray(turned, dtype=np.int32),
+        rims,
+        holes=len(np.unique(triangles[lid, 2])),
+        lid_area=float(face_area[lid].sum()),
+        sheets=len(np.unique(part[~kept])),
+        encloses=encloses,
+    )
+
+
+def _with_tips(vertices: Points, rims: Sequence[NDArray[np.int64]]) -> Points:
+    tips = [vertices[rim].mean(axis=0) for rim in rims]
+    return np.concatenate([vertices, np.reshape(tips, (-1, 3))])
+
+
+def _cones(triangles: NDArray[np.int64], count: int) -> tuple[NDArray[np.int64], tuple[NDArray[np.int64], ...]]:
+    """Triangles that close a surface of ``count`` vertices, with tips numbered from there on, and their rims.
+
     An edge that its triangles run along more often one way than the other gets that many triangles of a cone the
     other way. Where the triangles are wound alike these are the rims of holes, and the cones close them.
     """
-    triangles, count = mesh.triangles.astype(np.int64), mesh.vertex_count
     start, end = triangles.ravel(), np.roll(triangles, -1, axis=1).ravel()
     edges, edge = np.unique(np.minimum(start, end) * count + np.maximum(start, end), return_inverse=True)
     excess = np.zeros(len(edges), dtype=np.int64)
@@ -60,21 +98,10 @@ def closing_of(mesh: Mesh) -> Closing:
     cones = np.stack([np.where(forward, high, low), np.where(forward, low, high), count + tip.ravel()], axis=1)
     order = np.argsort(tip.ravel(), kind="stable")
     parts = np.split(order, np.flatnonzero(np.diff(tip.ravel()[order])) + 1) if len(order) else []
-    rims = tuple(np.unique(np.concatenate([low[part], high[part]])) for part in parts)
-    closing = Closing(np.concatenate([triangles, cones]).astype(np.int32), rims, 0.0)
-    return _turned_outwards(closing, closing.points(mesh.points))
+    return cones, tuple(np.unique(np.concatenate([low[part], high[part]])) for part in parts)
 
 
-def _turned_outwards(closing: Closing, points: Points) -> Closing:
-    """With every part that encloses a negative volume turned round."""
-    triangles = closing.triangles
-    a, b, c = (triangles[:, corner].astype(np.int64) for corner in range(3))
-    part = lowest_connected(len(points), np.concatenate([a, b]), np.concatenate([b, c]))[a]
-    # about the part's own vertex: a part far from the origin keeps its sign
-    x, y, z = points[a] - points[part], points[b] - points[part], points[c] - points[part]
-    volume = np.bincount(part, weights=np.einsum("ij,ij->i", x, np.cross(y, z)) / 6.0, minlength=len(points))
-    inside_out = volume[part] < 0.0
-    turned = np.where(inside_out[:, None], triangles[:, ::-1], triangles)
-    area = 0.5 * np.linalg.norm(np.cross(y - x, z - x), axis=1).sum()
-    thickness = float(np.abs(volume).sum() / area) if area > 0.0 else 0.0
-    return replace(closing, triangles=np.ascontiguousarray(turned, dtype=np.int32), thickness=thickness)
+def _parts(triangles: NDArray[np.int64], count: int) -> NDArray[np.int64]:
+    """Lowest vertex of the connected part that each triangle belongs to."""
+    a, b, c = triangles.T
+    return lowest_connected(count, np.concatenate([a, b]), np.concatenate([b, c]))[a]
