@@ -47,11 +47,18 @@ class ClothContact:
     friction: wp.array(dtype=wp.float32)  # shape [V]
     reach: wp.float64  # pairs nearer than this when they were looked for are known [m]
     leeway: wp.float64  # how far a vertex moves before it is time for another search [m]
+    far: wp.float64  # pairs farther apart are left alone till they may have come as near; above the thickness [m]
     # pairs
     count: wp.array(dtype=wp.int32)  # pairs found, more than P where they did not fit, shape [1]
     corners: wp.array(dtype=wp.vec4i)  # vertex and triangle, or the ends of two edges, shape [P]
     kind: wp.array(dtype=wp.int32)  # ON_TRIANGLE or ON_EDGE, and NEIGHBOURS or not, shape [P]
     lean: wp.array(dtype=wp.vec3f)  # how far the first has been dragged along the second [m], shape [P]
+    due: wp.array(dtype=wp.int64)  # how far any vertex has gone when a pair may be near again [ROOM_UNIT], shape [P]
+    # how far vertices have gone, the farthest in each iteration [ROOM_UNIT]: what a move reads of the ways and writes
+    # for the next one lie apart, so that no thread of a launch reads what another one writes
+    way: wp.array(dtype=wp.int64)  # before the last press, and after it, shape [2]
+    stride: wp.array(dtype=wp.int32)  # of the last iteration and of this one, in turn, shape [2]
+    turn: wp.array(dtype=wp.int32)  # iterations before the last press, and after it, shape [2]
     # what a move reads, and leaves as it was at the start
     sum: wp.array2d(dtype=wp.int64)  # force [FORCE_UNIT] and fourth part [STIFFNESS_UNIT], shape [V, 4]; zero
     room: wp.array(dtype=wp.int32)  # largest displacement [ROOM_UNIT], shape [V]; NO_LIMIT
@@ -94,17 +101,36 @@ def contact_room(contact: ClothContact, vertex: int, position: wp.vec3d):
 
     Whatever was farther than the reach at the last search cannot be met within half of it from there.
     """
-    known = wp.float64(contact.room[vertex]) * ROOM_UNIT
+    known = wp.min(wp.float64(contact.room[vertex]) * ROOM_UNIT, ROOM_SHARE * contact.far)
     contact.room[vertex] = NO_LIMIT
     unknown = wp.float64(0.49) * contact.reach - wp.length(position - contact.searched[vertex])
     return wp.max(wp.min(known, unknown), NOTHING)
 
 
 @wp.func
-def contact_watch(contact: ClothContact, vertex: int, position: wp.vec3d):
-    """Asks for another search where a vertex has moved so far that what it touches may not be known any more."""
+def contact_watch(contact: ClothContact, vertex: int, position: wp.vec3d, move: wp.vec3d):
+    """Notes how far a vertex went, and asks for another search where what it touches may not be known any more."""
     if wp.length(position - contact.searched[vertex]) > contact.leeway:
         contact.moved[0] = 1
+    turn = contact.turn[1]
+    gone = wp.int32(wp.length(move) / ROOM_UNIT) + 1
+    if gone > contact.stride[turn & 1]:  # few vertices are the farthest so far
+        wp.atomic_max(contact.stride, turn & 1, gone)
+    if vertex == 0:
+        contact.turn[0] = turn
+        contact.way[0] = contact.way[1]
+
+
+@wp.func
+def contact_way(contact: ClothContact, thread: int):
+    """How far any vertex may have gone up to now [ROOM_UNIT]; the first thread turns to the next iteration."""
+    turn = contact.turn[0]
+    way = contact.way[0] + wp.int64(contact.stride[turn & 1])
+    if thread == 0:
+        contact.way[1] = way
+        contact.turn[1] = turn + 1
+        contact.stride[(turn + 1) & 1] = 0
+    return way
 
 
 @wp.func
@@ -137,8 +163,14 @@ def press_kernel(precision: str, fourth: str) -> wp.Kernel:
     def press_pairs(step: Step, cloth: Cloth, contact: ClothContact):
         """Adds what each pair does to its four vertices, and narrows their room."""
         pair = wp.tid()
+        way_gone = wp.int64(0)
+        if wp.static(fourth != "size"):
+            way_gone = contact_way(contact, pair)
         if pair >= contact.count[0]:
             return
+        if wp.static(fourth != "size"):
+            if contact.due[pair] > way_gone:
+                return
         corners = contact.corners[pair]
         kind = contact.kind[pair]
         x0 = wp.vec3d(cloth.position[corners[0]])
@@ -149,10 +181,12 @@ def press_kernel(precision: str, fourth: str) -> wp.Kernel:
         way = pair_way(weights, x0, x1, x2, x3)
         distance = wp.length(way)
         if wp.static(fourth != "size"):
-            room = ROOM_SHARE * distance
-            if room < wp.float64(0.5) * contact.reach:  # no move is longer
+            if distance > contact.far:  # no move is longer than that leaves room for
+                contact.due[pair] = way_gone + wp.int64(wp.float64(0.5) * (distance - contact.far) / ROOM_UNIT)
+            else:
+                room = wp.int32(ROOM_SHARE * distance / ROOM_UNIT)
                 for corner in range(4):
-                    wp.atomic_min(contact.room, corners[corner], wp.int32(room / ROOM_UNIT))
+                    wp.atomic_min(contact.room, corners[corner], room)
         thickness = wp.float64(0.5) * wp.float64(contact.thickness[corners[0]] + contact.thickness[corners[3]])
         if kind >= NEIGHBOURS or distance >= thickness or distance <= NOTHING:
             if wp.static(fourth != "size"):

@@ -57,6 +57,7 @@ def keep_pair(contact: ClothContact, corners: wp.vec4i, kind: int):
         contact.corners[slot] = corners
         contact.kind[slot] = kind
         contact.lean[slot] = wp.vec3f()
+        contact.due[slot] = wp.int64(0)
 
 
 @functools.cache

@@ -125,7 +125,7 @@ def displace_kernel(
     ``pins``: whether any vertex is pinned.
     """
     types = cloth_types(precision)
-    point, vec4, Cloth, Step = types.point, types.vec4, types.Cloth, types.Step
+    point, vec3, vec4, Cloth, Step = types.point, types.vec3, types.vec4, types.Cloth, types.Step
     vertex_displacement = displacement(precision, accelerated, contact, collider_type, touches)
     Touch = touch_type(touches)
     free = free_function(precision, pins)
@@ -146,12 +146,13 @@ def displace_kernel(
         item = cloth.items[number]
         if item.active == 0:
             return
+        move = vec3()
         if free(cloth, vertex):
             move, kept = vertex_displacement(cloth, step, colliders, touch, sum, vertex, number, item)
             cloth.move[vertex] = kept
             cloth.position[vertex] = cloth.position[vertex] + point(move)
-            if wp.static(touches):
-                contact_watch(touch, vertex, wp.vec3d(cloth.position[vertex]))
+        if wp.static(touches):
+            contact_watch(touch, vertex, wp.vec3d(cloth.position[vertex]), wp.vec3d(move))
 
     return displace_vertices
 
@@ -210,7 +211,7 @@ def advance_kernel(
             position = element(cloth.position, vertex) + point(move)
             position_out[vertex] = position
             if wp.static(touches):
-                contact_watch(touch, vertex, wp.vec3d(position))
+                contact_watch(touch, vertex, wp.vec3d(position), wp.vec3d(move))
             local += block_threads()
 
     return advance_vertices

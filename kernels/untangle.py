@@ -36,7 +36,7 @@ class Untangling:
     layer_reach: float  # how far on the wrong side of another layer a vertex is still found [m]
     stride: wp.float64  # longest shift in an iteration [m]
     sum: wp.array2d(dtype=wp.int64)  # shifts [SHIFT_UNIT] and how many there are, shape [V, 4]
-    count: wp.array(dtype=wp.int32)  # edges that cross, and vertices on the wrong side of a layer, shape [2]
+    count: wp.array(dtype=wp.int32)  # edges that cross, vertices on the wrong side of a layer or tangled, shape [3]
 
 
 @wp.func
@@ -82,7 +82,7 @@ def untangle_kernels(precision: str) -> SimpleNamespace:
         untangling.crosses[vertex] = 0
         for column in range(4):
             untangling.sum[vertex, column] = wp.int64(0)
-        if vertex < 2:
+        if vertex < 3:
             untangling.count[vertex] = 0
 
     @wp.func
@@ -207,6 +207,9 @@ def untangle_kernels(precision: str) -> SimpleNamespace:
         if untangling.crosses[vertex] == ITSELF:
             level = wp.max(level, wp.clamp(untangling.level[vertex] + 1, RING, WIDEST))
         search.tangled[vertex] = wp.max(level, untangling.crosses[vertex])
+        if search.tangled[vertex] > 0:
+            wp.atomic_add(untangling.count, 2, 1)
+            contact.moved[0] = 1
         count = untangling.sum[vertex, 3]
         shift = wp.vec3d()
         if count > wp.int64(0):
@@ -217,8 +220,6 @@ def untangle_kernels(precision: str) -> SimpleNamespace:
         if level > 0:
             shift += mean * (SMOOTHING / wp.float64(last - first))
         contact.shift[vertex] = wp.vec3f(shift)
-        if vertex == 0 and untangling.count[0] + untangling.count[1] > 0:
-            contact.moved[0] = 1
 
     return SimpleNamespace(
         forget_tangles=forget_tangles, part_crossings=part_crossings, part_layers=part_layers,

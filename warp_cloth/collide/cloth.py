@@ -35,6 +35,8 @@ OPEN_STRETCH = 2.0  # length over rest length beyond which an edge is a seam tha
 # Share of the skin that a vertex moves before the next search: two that near each other by twice that were looked for
 # before they touch, with some room for the moves until the search.
 LEEWAY_SHARE = 0.4
+# Of the skin: pairs within it are looked at in every iteration, and no move is longer than about half of it.
+FAR_SHARE = 0.25
 PAIRS_PER_VERTEX = 3  # to begin with; a T-shirt on a body needs less once it is sewn
 LAYER_REACH = 0.01  # [m]; how deep one garment may be inside another once both are sewn
 STRIDE_SHARE = 0.1  # of the reach: longest untangling shift in an iteration
@@ -79,7 +81,9 @@ class ClothTouch:
         skin = max(SKIN_OF_EDGE * float(np.median(lengths)), SKIN_OF_THICKNESS * thickest)
         self.reach = thickest + skin  # [m]; pairs nearer than this are looked for
         self.leeway = LEEWAY_SHARE * skin  # [m]
+        self.far = thickest + FAR_SHARE * skin  # [m]
         self.awake = False
+        self.untangles = True  # whether searches look for what crosses, too
         self._search_kernels = search_kernels(model.precision)
         self._untangle_kernels = untangle_kernels(model.precision)
         self._press = press_kernel(model.precision, "stiffness")
@@ -101,7 +105,7 @@ class ClothTouch:
         data.thickness = self._per_vertex(self._thickness, wp.float32)
         data.modulus = self._per_vertex(HALVING_PRESSURE * area / (FORCE_AT_HALF * self._thickness), wp.float32)
         data.friction = self._per_vertex([kind.friction for kind in kinds], wp.float32)
-        data.reach = data.leeway = np.inf  # asleep
+        data.reach = data.leeway = data.far = np.inf  # asleep
         data.count = wp.zeros(1, dtype=wp.int32)
         data.sum = wp.zeros((count, 4), dtype=wp.int64)
         data.room = wp.full(count, int(NO_LIMIT), dtype=wp.int32)
@@ -109,6 +113,7 @@ class ClothTouch:
         data.shift = wp.zeros(count, dtype=wp.vec3f)
         data.searched = wp.zeros(count, dtype=wp.vec3d)
         data.moved = wp.ones(1, dtype=wp.int32)
+        data.way, data.stride, data.turn = wp.zeros(2, wp.int64), wp.zeros(2, wp.int32), wp.zeros(2, wp.int32)
         self._hold_pairs(data, PAIRS_PER_VERTEX * count)
         return data
 
@@ -116,6 +121,7 @@ class ClothTouch:
         data.corners = wp.zeros(capacity, dtype=wp.vec4i, device=self._model.device)
         data.kind = wp.zeros(capacity, dtype=wp.int32, device=self._model.device)
         data.lean = wp.zeros(capacity, dtype=wp.vec3f, device=self._model.device)
+        data.due = wp.zeros(capacity, dtype=wp.int64, device=self._model.device)
 
     def _sheet_search(self, parts: Sequence[GarmentPart], kinds: Sequence[SheetKind]) -> Any:
         sheets, start = self.sheets, self.sheets.vertex_start
@@ -170,7 +176,7 @@ class ClothTouch:
         untangling.layer_reach = LAYER_REACH
         untangling.stride = STRIDE_SHARE * self.reach
         untangling.sum = wp.zeros((count, 4), dtype=wp.int64)
-        untangling.count = wp.zeros(2, dtype=wp.int32)
+        untangling.count = wp.zeros(3, dtype=wp.int32)
         return untangling
 
     def kernels(self) -> list[wp.Kernel]:
@@ -181,7 +187,7 @@ class ClothTouch:
     def awaken(self) -> None:
         """From now on garments meet. Builds the trees for where they are now, which only changes their speed."""
         self.awake = True
-        self.data.reach, self.data.leeway = self.reach, self.leeway
+        self.data.reach, self.data.leeway, self.data.far = self.reach, self.leeway, self.far
         search, cloth = self._search, self._model.cloth
         most = max(len(self.sheets.triangles), len(self.sheets.edges))
         with wp.ScopedDevice(self._model.device):
@@ -219,7 +225,15 @@ class ClothTouch:
         return True
 
     def crossing_count(self) -> int:
-        """Crossings and vertices on the wrong side of a layer at the last search. Waits for the device."""
+        """Crossings, and vertices tangled or on the wrong side of a layer. Waits for the device.
+
+        At the last search; where searches no longer look for that, now.
+        """
+        if not self.untangles:
+            cloth, given, part = self._model.cloth, [self._search, self._untangling], self._untangle_kernels
+            self._box(cloth)
+            self._launch(part.forget_tangles, self.sheets.vertex_count, given)
+            self._launch(part.part_crossings, len(self.sheets.edges), [cloth, *given])
         return int(self._untangling.count.numpy().sum())
 
     def search_where_due(self, cloth: Any) -> None:
@@ -227,22 +241,32 @@ class ClothTouch:
         wp.capture_if(self.data.moved, on_true=self.search, cloth=cloth)
 
     def search(self, cloth: Any) -> None:
-        """Looks for pairs, and for what crosses."""
-        given, found, untangling = self._search, self.data, self._untangling
-        sheets = self.sheets
-        edges, triangles, vertices = len(sheets.edges), len(sheets.triangles), sheets.vertex_count
-        look, part = self._search_kernels, self._untangle_kernels
+        """Looks for pairs, and for what crosses while that is to be undone."""
+        given, found, vertices = self._search, self.data, self.sheets.vertex_count
+        look = self._search_kernels
         self._launch(look.start_search, vertices, [cloth, found])
-        self._launch(look.box_sheets, max(edges, triangles), [cloth, given])
+        self._box(cloth)
+        if self.untangles:
+            self._untangle(cloth)
+        self._launch(look.find_on_triangles, vertices, [cloth, given, found])
+        self._launch(look.find_on_edges, len(self.sheets.edges), [cloth, given, found])
+
+    def _box(self, cloth: Any) -> None:
+        """Brings the trees up to where garments are."""
+        most = max(len(self.sheets.edges), len(self.sheets.triangles))
+        self._launch(self._search_kernels.box_sheets, most, [cloth, self._search])
         for tree in self._trees:
             tree.refit()
+
+    def _untangle(self, cloth: Any) -> None:
+        """Looks for what crosses, and which way undoes that."""
+        given, found, untangling = self._search, self.data, self._untangling
+        vertices, part = self.sheets.vertex_count, self._untangle_kernels
         self._launch(part.forget_tangles, vertices, [given, untangling])
-        self._launch(part.part_crossings, edges, [cloth, given, untangling])
+        self._launch(part.part_crossings, len(self.sheets.edges), [cloth, given, untangling])
         if self.layered:
             self._launch(part.part_layers, vertices, [cloth, given, found, untangling])
         self._launch(part.settle_shifts, vertices, [cloth, given, found, untangling])
-        self._launch(look.find_on_triangles, vertices, [cloth, given, found])
-        self._launch(look.find_on_edges, edges, [cloth, given, found])
 
     def press(self, step: Any, cloth: Any) -> None:
         """Sums what the known pairs do to their vertices, for the next move."""

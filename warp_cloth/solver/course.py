@@ -16,6 +16,7 @@ from warp_cloth.solver.relax import Relaxation
 CALM_MOMENTUM = 0.9
 MOST_SEWING = 1000  # iterations after which a seam that will not close is taken as it is
 LAYER_LIFT = 8e-3  # [m]; while it is sewn, each layer keeps clear of the folds of the one inside it
+LOOK_AGAIN = 500  # iterations after which it is looked whether nothing crosses still: a pose may have pushed through
 MOST_UNTANGLING = 2000  # iterations after which swinging may help where calm did not
 
 
@@ -65,10 +66,14 @@ class Course:
             return False
         if self.calm:
             touch.regrow_trees()
-        crossings = touch.crossing_count()
+        crossings = touch.crossing_count() if touch.untangles or iteration % LOOK_AGAIN == 0 else 0
         if self.calm and iteration > self._woken and (not crossings or iteration - self._woken >= MOST_UNTANGLING):
             self._set_momentum(self._momentum)
             touch.lift(0.0)
-            touch.layered = touch.layered and crossings > 0  # what does not cross now never will
+            touch.layered = touch.layered and crossings > 0
+            touch.untangles = crossings > 0  # what does not cross now never will
             return False
+        if not self.calm and touch.untangles != (crossings > 0):
+            touch.untangles = crossings > 0
+            self._relaxation.forget_graphs()
         return not crossings and not self.calm
