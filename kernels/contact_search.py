@@ -1,13 +1,13 @@
 """Finds which cloth is near which: boxes in trees, grouped so that only garments of one item meet."""
 
 import functools
-from types import SimpleNamespace
 
 import warp as wp
 
 from warp_cloth.kernels.cloth import MODULE_OPTIONS, cloth_types, place_function
 from warp_cloth.kernels.cloth_contact import NEIGHBOURS, ON_EDGE, ON_TRIANGLE, ClothContact, pair_way, pair_weights
 from warp_cloth.kernels.crossing import has_vertex
+from warp_cloth.kernels.lean_memory import LeanMemory, remembered_lean
 
 SLACK = wp.constant(wp.float32(1.0e-6))  # [m]; more than rounding a box to float32 moves it
 
@@ -50,19 +50,39 @@ def spans_gap(search: ContactSearch, triangle: int):
 
 
 @wp.func
-def keep_pair(contact: ClothContact, corners: wp.vec4i, kind: int):
-    """Counts a pair and, while there is room, keeps it."""
+def keep_pair(contact: ClothContact, memory: LeanMemory, corners: wp.vec4i, kind: int, near: bool):
+    """Counts a pair and, while there is room, keeps it, with the lean that it had before the search."""
     slot = wp.atomic_add(contact.count, 0, 1)
     if slot < contact.corners.shape[0]:
         contact.corners[slot] = corners
         contact.kind[slot] = kind
-        contact.lean[slot] = wp.vec3f()
+        contact.lean[slot] = remembered_lean(memory, corners, kind)
         contact.due[slot] = wp.int64(0)
+        if near:
+            contact.kind[slot] = kind + NEIGHBOURS
 
 
 @functools.cache
-def search_kernels(precision: str) -> SimpleNamespace:
-    """Kernels ``start_search``, ``box_sheets``, ``find_on_triangles`` and ``find_on_edges``, in this order."""
+def near_function(precision: str) -> wp.Function:
+    """The function that tells whether a pair is nearer than some reach."""
+    Cloth, at = cloth_types(precision).Cloth, place_function(precision)
+
+    @wp.func
+    def nearer(cloth: Cloth, corners: wp.vec4i, kind: int, reach: wp.float64):
+        """Whether a pair is nearer than the reach [m]."""
+        x0 = at(cloth.position, corners[0])
+        x1 = at(cloth.position, corners[1])
+        x2 = at(cloth.position, corners[2])
+        x3 = at(cloth.position, corners[3])
+        weights = pair_weights(kind, x0, x1, x2, x3)
+        return wp.length(pair_way(weights, x0, x1, x2, x3)) < reach
+
+    return nearer
+
+
+@functools.cache
+def start_kernel(precision: str) -> wp.Kernel:
+    """Kernel ``start_search``."""
     Cloth, at = cloth_types(precision).Cloth, place_function(precision)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
@@ -73,6 +93,14 @@ def search_kernels(precision: str) -> SimpleNamespace:
         if vertex == 0:
             contact.count[0] = 0
             contact.moved[0] = 0
+
+    return start_search
+
+
+@functools.cache
+def box_kernel(precision: str) -> wp.Kernel:
+    """Kernel ``box_sheets``."""
+    Cloth, at = cloth_types(precision).Cloth, place_function(precision)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def box_sheets(cloth: Cloth, search: ContactSearch):
@@ -93,18 +121,17 @@ def search_kernels(precision: str) -> SimpleNamespace:
             search.edge_upper[thread] = wp.max(p, q)
             search.open_edge[thread] = wp.where(wp.length(q - p) > search.longest[thread], 1, 0)
 
-    @wp.func
-    def nearer(cloth: Cloth, corners: wp.vec4i, kind: int, reach: wp.float64):
-        """Whether a pair is nearer than the reach."""
-        x0 = at(cloth.position, corners[0])
-        x1 = at(cloth.position, corners[1])
-        x2 = at(cloth.position, corners[2])
-        x3 = at(cloth.position, corners[3])
-        weights = pair_weights(kind, x0, x1, x2, x3)
-        return wp.length(pair_way(weights, x0, x1, x2, x3)) < reach
+    return box_sheets
+
+
+@functools.cache
+def on_triangles_kernel(precision: str) -> wp.Kernel:
+    """Kernel ``find_on_triangles``."""
+    Cloth, at = cloth_types(precision).Cloth, place_function(precision)
+    nearer = near_function(precision)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
-    def find_on_triangles(cloth: Cloth, search: ContactSearch, contact: ClothContact):
+    def find_on_triangles(cloth: Cloth, search: ContactSearch, contact: ClothContact, memory: LeanMemory):
         """Keeps the triangles near each vertex, but those that it is a corner of, and where both are tangled."""
         vertex = wp.tid()
         centre = wp.vec3f(at(cloth.position, vertex))
@@ -119,17 +146,20 @@ def search_kernels(precision: str) -> SimpleNamespace:
             out = tangled + search.tangled[vertex] > 0 or has_vertex(t, vertex) or spans_gap(search, triangle)
             corners = wp.vec4i(vertex, t[0], t[1], t[2])
             if not out and nearer(cloth, corners, ON_TRIANGLE, contact.reach):
-                kind = ON_TRIANGLE
-                if (
-                    rest_near(search, vertex, t[0])
-                    or rest_near(search, vertex, t[1])
-                    or rest_near(search, vertex, t[2])
-                ):
-                    kind = ON_TRIANGLE + NEIGHBOURS
-                keep_pair(contact, corners, kind)
+                near = rest_near(search, vertex, t[0]) or rest_near(search, vertex, t[1])
+                near = near or rest_near(search, vertex, t[2])
+                keep_pair(contact, memory, corners, ON_TRIANGLE, near)
+
+    return find_on_triangles
+
+
+@functools.cache
+def on_edges_kernel(precision: str) -> wp.Kernel:
+    """Kernel ``find_on_edges``."""
+    Cloth, nearer = cloth_types(precision).Cloth, near_function(precision)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
-    def find_on_edges(cloth: Cloth, search: ContactSearch, contact: ClothContact):
+    def find_on_edges(cloth: Cloth, search: ContactSearch, contact: ClothContact, memory: LeanMemory):
         """Keeps the later edges near each edge, but those that share an end, and where both are tangled."""
         edge = wp.tid()
         room = float(contact.reach) + SLACK
@@ -137,9 +167,8 @@ def search_kernels(precision: str) -> SimpleNamespace:
         e = search.edges[edge]
         tangled = search.tangled[e[0]] + search.tangled[e[1]]
         root = wp.bvh_get_group_root(search.edge_tree, search.item[e[0]])
-        query = wp.bvh_query_aabb(
-            search.edge_tree, search.edge_lower[edge] - wide, search.edge_upper[edge] + wide, root
-        )
+        low = search.edge_lower[edge] - wide
+        query = wp.bvh_query_aabb(search.edge_tree, low, search.edge_upper[edge] + wide, root)
         other = int(0)
         while wp.bvh_query_next(query, other):
             if other > edge:
@@ -149,13 +178,8 @@ def search_kernels(precision: str) -> SimpleNamespace:
                 out = out or search.open_edge[edge] + search.open_edge[other] > 0
                 corners = wp.vec4i(e[0], e[1], o[0], o[1])
                 if not out and nearer(cloth, corners, ON_EDGE, contact.reach):
-                    kind = ON_EDGE
                     near = rest_near(search, e[0], o[0]) or rest_near(search, e[0], o[1])
-                    if near or rest_near(search, e[1], o[0]) or rest_near(search, e[1], o[1]):
-                        kind = ON_EDGE + NEIGHBOURS
-                    keep_pair(contact, corners, kind)
+                    near = near or rest_near(search, e[1], o[0]) or rest_near(search, e[1], o[1])
+                    keep_pair(contact, memory, corners, ON_EDGE, near)
 
-    return SimpleNamespace(
-        start_search=start_search, box_sheets=box_sheets, find_on_triangles=find_on_triangles,
-        find_on_edges=find_on_edges,
-    )  # fmt: skip
+    return find_on_edges

@@ -14,7 +14,14 @@ from numpy.typing import NDArray
 from warp_cloth.collide.crossing import Sheets
 from warp_cloth.collide.rest_near import rest_near_rows
 from warp_cloth.kernels.cloth_contact import NO_LIMIT, ClothContact, add_kernel, press_kernel
-from warp_cloth.kernels.contact_search import ContactSearch, search_kernels
+from warp_cloth.kernels.contact_search import (
+    ContactSearch,
+    box_kernel,
+    on_edges_kernel,
+    on_triangles_kernel,
+    start_kernel,
+)
+from warp_cloth.kernels.lean_memory import LeanMemory, forget_leans, remember_leans
 from warp_cloth.kernels.untangle import Untangling, untangle_kernels
 from warp_cloth.model import ClothModel, GarmentPart
 from warp_cloth.topology import ragged_rows
@@ -84,7 +91,8 @@ class ClothTouch:
         self.far = thickest + FAR_SHARE * skin  # [m]
         self.awake = False
         self.untangles = True  # whether searches look for what crosses, too
-        self._search_kernels = search_kernels(model.precision)
+        self._start, self._boxes = start_kernel(model.precision), box_kernel(model.precision)
+        self._on_triangles, self._on_edges = on_triangles_kernel(model.precision), on_edges_kernel(model.precision)
         self._untangle_kernels = untangle_kernels(model.precision)
         self._press = press_kernel(model.precision, "stiffness")
         self._measure = press_kernel(model.precision, "size")
@@ -122,6 +130,10 @@ class ClothTouch:
         data.kind = wp.zeros(capacity, dtype=wp.int32, device=self._model.device)
         data.lean = wp.zeros(capacity, dtype=wp.vec3f, device=self._model.device)
         data.due = wp.zeros(capacity, dtype=wp.int64, device=self._model.device)
+        memory = self._memory = LeanMemory()
+        places = 2 << capacity.bit_length()  # at most half full, mostly far less
+        memory.place = wp.zeros(places, dtype=wp.int32, device=self._model.device)
+        memory.corners, memory.kind, memory.lean = (wp.zeros_like(of) for of in (data.corners, data.kind, data.lean))
 
     def _sheet_search(self, parts: Sequence[GarmentPart], kinds: Sequence[SheetKind]) -> Any:
         sheets, start = self.sheets, self.sheets.vertex_start
@@ -181,8 +193,8 @@ class ClothTouch:
 
     def kernels(self) -> list[wp.Kernel]:
         """Every kernel that contact launches."""
-        found = [*vars(self._search_kernels).values(), *vars(self._untangle_kernels).values()]
-        return [*found, self._press, self._measure, self._add]
+        found = [self._start, self._boxes, self._on_triangles, self._on_edges, forget_leans, remember_leans]
+        return [*found, *vars(self._untangle_kernels).values(), self._press, self._measure, self._add]
 
     def awaken(self) -> None:
         """From now on garments meet. Builds the trees for where they are now, which only changes their speed."""
@@ -191,7 +203,7 @@ class ClothTouch:
         search, cloth = self._search, self._model.cloth
         most = max(len(self.sheets.triangles), len(self.sheets.edges))
         with wp.ScopedDevice(self._model.device):
-            wp.launch(self._search_kernels.box_sheets, dim=most, inputs=[cloth, search])
+            wp.launch(self._boxes, dim=most, inputs=[cloth, search])
             groups = wp.array(self._triangle_item, dtype=wp.int32), wp.array(self._edge_item, dtype=wp.int32)
             self._trees = (
                 wp.Bvh(search.triangle_lower, search.triangle_upper, groups=groups[0]),
@@ -242,19 +254,20 @@ class ClothTouch:
 
     def search(self, cloth: Any) -> None:
         """Looks for pairs, and for what crosses while that is to be undone."""
-        given, found, vertices = self._search, self.data, self.sheets.vertex_count
-        look = self._search_kernels
-        self._launch(look.start_search, vertices, [cloth, found])
+        given, found, memory, vertices = self._search, self.data, self._memory, self.sheets.vertex_count
+        self._launch(forget_leans, len(memory.place), [memory])
+        self._launch(remember_leans, len(found.corners), [found, memory])
+        self._launch(self._start, vertices, [cloth, found])
         self._box(cloth)
         if self.untangles:
             self._untangle(cloth)
-        self._launch(look.find_on_triangles, vertices, [cloth, given, found])
-        self._launch(look.find_on_edges, len(self.sheets.edges), [cloth, given, found])
+        self._launch(self._on_triangles, vertices, [cloth, given, found, memory])
+        self._launch(self._on_edges, len(self.sheets.edges), [cloth, given, found, memory])
 
     def _box(self, cloth: Any) -> None:
         """Brings the trees up to where garments are."""
         most = max(len(self.sheets.edges), len(self.sheets.triangles))
-        self._launch(self._search_kernels.box_sheets, most, [cloth, self._search])
+        self._launch(self._boxes, most, [cloth, self._search])
         for tree in self._trees:
             tree.refit()
 
