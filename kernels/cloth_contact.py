@@ -4,7 +4,7 @@ import functools
 
 import warp as wp
 
-from warp_cloth.kernels.cloth import MODULE_OPTIONS, cloth_types
+from warp_cloth.kernels.cloth import MODULE_OPTIONS, cloth_types, place_function
 from warp_cloth.kernels.friction import friction_slide
 from warp_cloth.kernels.touch import (
     NOTHING,
@@ -145,11 +145,47 @@ def contact_sum(contact: ClothContact, vertex: int):
     return wp.vec4d(x, y, z, part)
 
 
+@wp.func
+def pair_cloth(contact: ClothContact, corners: wp.vec4i):
+    """Thickness [m], modulus [N/m] and friction where two bits of cloth meet: the means of both."""
+    first, second = corners[0], corners[3]
+    thickness = wp.float64(contact.thickness[first] + contact.thickness[second])
+    modulus = wp.float64(contact.modulus[first] + contact.modulus[second])
+    friction = wp.float64(contact.friction[first] + contact.friction[second])
+    return wp.float64(0.5) * wp.vec3d(thickness, modulus, friction)
+
+
+@wp.func
+def leave_room(contact: ClothContact, pair: int, corners: wp.vec4i, distance: wp.float64, way: wp.int64):
+    """Narrows the room of a pair's vertices, or where it is far apart says when to look at it again."""
+    if distance > contact.far:  # no move is longer than that leaves room for
+        contact.due[pair] = way + wp.int64(wp.float64(0.5) * (distance - contact.far) / ROOM_UNIT)
+    else:
+        room = wp.int32(ROOM_SHARE * distance / ROOM_UNIT)
+        for corner in range(4):
+            wp.atomic_min(contact.room, corners[corner], room)
+
+
+@wp.func
+def add_pair(contact: ClothContact, corners: wp.vec4i, weights: wp.vec4d, force: wp.vec3d, part: wp.float64):
+    """Adds the force on a pair's first [N], shared out by its weights, and as much of a fourth part."""
+    for corner in range(4):
+        add_share(contact.sum, corners[corner], weights[corner] * force, wp.abs(weights[corner]) * part)
+
+
+@wp.func
+def add_turns(contact: ClothContact, corners: wp.vec4i, turn_0: wp.vec3d, turn_1: wp.vec3d, part: wp.float64):
+    """Adds what turns two edges away from each other [N], and a fourth part."""
+    add_share(contact.sum, corners[0], turn_0, part)
+    add_share(contact.sum, corners[1], -turn_0, part)
+    add_share(contact.sum, corners[2], turn_1, part)
+    add_share(contact.sum, corners[3], -turn_1, part)
+
+
 @functools.cache
-def press_kernel(precision: str, fourth: str) -> wp.Kernel:
-    """Kernel ``press_pairs``; ``fourth`` is one of cloth.FOURTH_PARTS. "size", the certificate's, changes no lean."""
-    types = cloth_types(precision)
-    Cloth, Step = types.Cloth, types.Step
+def relative_move_function(precision: str) -> wp.Function:
+    """The function that tells how far a pair's nearest points moved against each other."""
+    Cloth = cloth_types(precision).Cloth
 
     @wp.func
     def relative_move(cloth: Cloth, corners: wp.vec4i, weights: wp.vec4d):
@@ -159,53 +195,55 @@ def press_kernel(precision: str, fourth: str) -> wp.Kernel:
         move += weights[2] * wp.vec3d(cloth.move[corners[2]])
         return move + weights[3] * wp.vec3d(cloth.move[corners[3]])
 
+    return relative_move
+
+
+@functools.cache
+def press_kernel(precision: str, fourth: str) -> wp.Kernel:
+    """Kernel ``press_pairs``; ``fourth`` is one of cloth.FOURTH_PARTS. "size", the certificate's, changes no lean."""
+    types = cloth_types(precision)
+    Cloth, Step = types.Cloth, types.Step
+    relative_move, at = relative_move_function(precision), place_function(precision)
+
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def press_pairs(step: Step, cloth: Cloth, contact: ClothContact):
         """Adds what each pair does to its four vertices, and narrows their room."""
         pair = wp.tid()
-        way_gone = wp.int64(0)
+        gone = wp.int64(0)
         if wp.static(fourth != "size"):
-            way_gone = contact_way(contact, pair)
+            gone = contact_way(contact, pair)
         if pair >= contact.count[0]:
             return
         if wp.static(fourth != "size"):
-            if contact.due[pair] > way_gone:
+            if contact.due[pair] > gone:
                 return
         corners = contact.corners[pair]
         kind = contact.kind[pair]
-        x0 = wp.vec3d(cloth.position[corners[0]])
-        x1 = wp.vec3d(cloth.position[corners[1]])
-        x2 = wp.vec3d(cloth.position[corners[2]])
-        x3 = wp.vec3d(cloth.position[corners[3]])
+        x0, x1 = at(cloth.position, corners[0]), at(cloth.position, corners[1])
+        x2, x3 = at(cloth.position, corners[2]), at(cloth.position, corners[3])
         weights = pair_weights(kind & 1, x0, x1, x2, x3)
         way = pair_way(weights, x0, x1, x2, x3)
         distance = wp.length(way)
         if wp.static(fourth != "size"):
-            if distance > contact.far:  # no move is longer than that leaves room for
-                contact.due[pair] = way_gone + wp.int64(wp.float64(0.5) * (distance - contact.far) / ROOM_UNIT)
-            else:
-                room = wp.int32(ROOM_SHARE * distance / ROOM_UNIT)
-                for corner in range(4):
-                    wp.atomic_min(contact.room, corners[corner], room)
-        thickness = wp.float64(0.5) * wp.float64(contact.thickness[corners[0]] + contact.thickness[corners[3]])
+            leave_room(contact, pair, corners, distance, gone)
+        cloth_there = pair_cloth(contact, corners)
+        thickness, modulus = cloth_there[0], cloth_there[1]
         if kind >= NEIGHBOURS or distance >= thickness or distance <= NOTHING:
             if wp.static(fourth != "size"):
                 contact.lean[pair] = wp.vec3f()
             return
         normal = way / distance
-        modulus = wp.float64(0.5) * wp.float64(contact.modulus[corners[0]] + contact.modulus[corners[3]])
         held = wp.max(distance, LEAST_SHARE * thickness)
         share = wp.vec2d(WHOLE, NOTHING)
         if kind == ON_EDGE:
             share = slant_share(x1 - x0, x3 - x2)
         push = share[0] * squeeze_force(held, thickness, modulus)
-        friction = wp.float64(0.5) * wp.float64(contact.friction[corners[0]] + contact.friction[corners[3]])
         change = wp.vec3d()
         if wp.static(fourth != "size"):
             change = relative_move(cloth, corners, weights)
         lean = wp.vec3d(contact.lean[pair]) + change
         lean -= normal * wp.dot(normal, lean)
-        lean -= friction_slide(lean, normal, LEAN * thickness, friction)
+        lean -= friction_slide(lean, normal, LEAN * thickness, cloth_there[2])
         grip = push / (LEAN * thickness)
         force = normal * push - lean * grip
         part = NOTHING
@@ -219,22 +257,18 @@ def press_kernel(precision: str, fourth: str) -> wp.Kernel:
             part = push + grip * wp.length(lean)
         if wp.static(fourth != "size"):
             contact.lean[pair] = wp.vec3f(lean)
-        turn_0 = wp.vec3d()
-        turn_1 = wp.vec3d()
-        turn = NOTHING
+        add_pair(contact, corners, weights, force, part)
         if share[1] > NOTHING:  # nearly parallel edges also turn
             energy = share[1] * squeeze_energy(held, thickness, modulus)
             turn_0 = slant_slope(x1 - x0, x3 - x2) * energy
             turn_1 = slant_slope(x3 - x2, x1 - x0) * energy
+            turn = NOTHING
             if wp.static(fourth == "stiffness"):
                 shorter = wp.min(wp.length_sq(x1 - x0), wp.length_sq(x3 - x2))
                 turn = wp.float64(4.0) * energy / wp.max(shorter, wp.float64(1.0e-12))
             if wp.static(fourth == "size"):
                 turn = wp.max(wp.length(turn_0), wp.length(turn_1))
-        add_share(contact.sum, corners[0], weights[0] * force + turn_0, wp.abs(weights[0]) * part + turn)
-        add_share(contact.sum, corners[1], weights[1] * force - turn_0, wp.abs(weights[1]) * part + turn)
-        add_share(contact.sum, corners[2], weights[2] * force + turn_1, wp.abs(weights[2]) * part + turn)
-        add_share(contact.sum, corners[3], weights[3] * force - turn_1, wp.abs(weights[3]) * part + turn)
+            add_turns(contact, corners, turn_0, turn_1, turn)
 
     return press_pairs
 

@@ -1,7 +1,6 @@
 """Takes cloth that passes through cloth back out, without knowing how it came there."""
 
 import functools
-from types import SimpleNamespace
 
 import warp as wp
 
@@ -10,6 +9,8 @@ from warp_cloth.kernels.cloth_contact import ClothContact
 from warp_cloth.kernels.contact_search import SLACK, ContactSearch, spans_gap
 from warp_cloth.kernels.crossing import has_vertex, segment_pierces, volume
 from warp_cloth.kernels.touch import NOTHING, WHOLE, nearest_on_triangle
+
+wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
 SHIFT_UNIT = wp.constant(wp.float64(2.0**-40))  # whole numbers of it are summed, the same in every order
 LEAST_SLOPE = wp.constant(wp.float64(0.05))  # of an edge to a triangle; one nearly in its plane says little
@@ -69,21 +70,22 @@ def add_shift(sum: wp.array2d(dtype=wp.int64), vertex: int, shift: wp.vec3d):
     wp.atomic_add(sum, vertex, 3, wp.int64(1))
 
 
-@functools.cache
-def untangle_kernels(precision: str) -> SimpleNamespace:
-    """Kernels ``forget_tangles``, ``part_crossings``, ``part_layers`` and ``settle_shifts``, in this order."""
-    Cloth, at = cloth_types(precision).Cloth, place_function(precision)
+@wp.kernel
+def forget_tangles(search: ContactSearch, untangling: Untangling):
+    """Forgets what crossed at the last search."""
+    vertex = wp.tid()
+    untangling.level[vertex] = search.tangled[vertex]
+    untangling.crosses[vertex] = 0
+    for column in range(4):
+        untangling.sum[vertex, column] = wp.int64(0)
+    if vertex < 3:
+        untangling.count[vertex] = 0
 
-    @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
-    def forget_tangles(search: ContactSearch, untangling: Untangling):
-        """Forgets what crossed at the last search."""
-        vertex = wp.tid()
-        untangling.level[vertex] = search.tangled[vertex]
-        untangling.crosses[vertex] = 0
-        for column in range(4):
-            untangling.sum[vertex, column] = wp.int64(0)
-        if vertex < 3:
-            untangling.count[vertex] = 0
+
+@functools.cache
+def edge_slope_function(precision: str) -> wp.Function:
+    """The function that sums contour_slope over the triangles at an edge."""
+    Cloth, at = cloth_types(precision).Cloth, place_function(precision)
 
     @wp.func
     def edge_slope(cloth: Cloth, ends: wp.vec2i, wings: wp.vec2i, normal: wp.vec3d):
@@ -95,6 +97,15 @@ def untangle_kernels(precision: str) -> SimpleNamespace:
             if wings[side] >= 0:
                 slope += contour_slope(along, normal, at(cloth.position, wings[side]) - start)
         return slope / wp.sqrt(wp.dot(slope, slope) + WHOLE)
+
+    return edge_slope
+
+
+@functools.cache
+def crossings_kernel(precision: str) -> wp.Kernel:
+    """Kernel ``part_crossings``."""
+    Cloth, at = cloth_types(precision).Cloth, place_function(precision)
+    edge_slope = edge_slope_function(precision)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def part_crossings(cloth: Cloth, search: ContactSearch, untangling: Untangling):
@@ -136,6 +147,14 @@ def untangle_kernels(precision: str) -> SimpleNamespace:
                         wp.atomic_max(untangling.crosses, corners[corner], what)
                     wp.atomic_max(untangling.crosses, ends[0], what)
                     wp.atomic_max(untangling.crosses, ends[1], what)
+
+    return part_crossings
+
+
+@functools.cache
+def layers_kernel(precision: str) -> wp.Kernel:
+    """Kernel ``part_layers``."""
+    Cloth, at = cloth_types(precision).Cloth, place_function(precision)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def part_layers(cloth: Cloth, search: ContactSearch, contact: ClothContact, untangling: Untangling):
@@ -188,6 +207,14 @@ def untangle_kernels(precision: str) -> SimpleNamespace:
                     add_shift(untangling.sum, t[corner], -shift * on[corner])
                     wp.atomic_max(untangling.crosses, t[corner], LAYERS)
 
+    return part_layers
+
+
+@functools.cache
+def settle_kernel(precision: str) -> wp.Kernel:
+    """Kernel ``settle_shifts``."""
+    Cloth, at = cloth_types(precision).Cloth, place_function(precision)
+
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def settle_shifts(cloth: Cloth, search: ContactSearch, contact: ClothContact, untangling: Untangling):
         """A vertex's untangling shift: the mean of what its crossings ask for, and smoothing round tangles that last.
@@ -221,7 +248,4 @@ def untangle_kernels(precision: str) -> SimpleNamespace:
             shift += mean * (SMOOTHING / wp.float64(last - first))
         contact.shift[vertex] = wp.vec3f(shift)
 
-    return SimpleNamespace(
-        forget_tangles=forget_tangles, part_crossings=part_crossings, part_layers=part_layers,
-        settle_shifts=settle_shifts,
-    )  # fmt: skip
+    return settle_shifts

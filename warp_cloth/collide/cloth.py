@@ -22,7 +22,13 @@ from warp_cloth.kernels.contact_search import (
     start_kernel,
 )
 from warp_cloth.kernels.lean_memory import LeanMemory, forget_leans, remember_leans
-from warp_cloth.kernels.untangle import Untangling, untangle_kernels
+from warp_cloth.kernels.untangle import (
+    Untangling,
+    crossings_kernel,
+    forget_tangles,
+    layers_kernel,
+    settle_kernel,
+)
 from warp_cloth.model import ClothModel, GarmentPart
 from warp_cloth.topology import ragged_rows
 
@@ -93,7 +99,8 @@ class ClothTouch:
         self.untangles = True  # whether searches look for what crosses, too
         self._start, self._boxes = start_kernel(model.precision), box_kernel(model.precision)
         self._on_triangles, self._on_edges = on_triangles_kernel(model.precision), on_edges_kernel(model.precision)
-        self._untangle_kernels = untangle_kernels(model.precision)
+        self._part_crossings, self._part_layers = crossings_kernel(model.precision), layers_kernel(model.precision)
+        self._settle = settle_kernel(model.precision)
         self._press = press_kernel(model.precision, "stiffness")
         self._measure = press_kernel(model.precision, "size")
         self._add = add_kernel(model.precision)
@@ -194,7 +201,8 @@ class ClothTouch:
     def kernels(self) -> list[wp.Kernel]:
         """Every kernel that contact launches."""
         found = [self._start, self._boxes, self._on_triangles, self._on_edges, forget_leans, remember_leans]
-        return [*found, *vars(self._untangle_kernels).values(), self._press, self._measure, self._add]
+        parting = [forget_tangles, self._part_crossings, self._part_layers, self._settle]
+        return [*found, *parting, self._press, self._measure, self._add]
 
     def awaken(self) -> None:
         """From now on garments meet. Builds the trees for where they are now, which only changes their speed."""
@@ -242,10 +250,10 @@ class ClothTouch:
         At the last search; where searches no longer look for that, now.
         """
         if not self.untangles:
-            cloth, given, part = self._model.cloth, [self._search, self._untangling], self._untangle_kernels
+            cloth, given = self._model.cloth, [self._search, self._untangling]
             self._box(cloth)
-            self._launch(part.forget_tangles, self.sheets.vertex_count, given)
-            self._launch(part.part_crossings, len(self.sheets.edges), [cloth, *given])
+            self._launch(forget_tangles, self.sheets.vertex_count, given)
+            self._launch(self._part_crossings, len(self.sheets.edges), [cloth, *given])
         return int(self._untangling.count.numpy().sum())
 
     def search_where_due(self, cloth: Any) -> None:
@@ -274,12 +282,12 @@ class ClothTouch:
     def _untangle(self, cloth: Any) -> None:
         """Looks for what crosses, and which way undoes that."""
         given, found, untangling = self._search, self.data, self._untangling
-        vertices, part = self.sheets.vertex_count, self._untangle_kernels
-        self._launch(part.forget_tangles, vertices, [given, untangling])
-        self._launch(part.part_crossings, len(self.sheets.edges), [cloth, given, untangling])
+        vertices = self.sheets.vertex_count
+        self._launch(forget_tangles, vertices, [given, untangling])
+        self._launch(self._part_crossings, len(self.sheets.edges), [cloth, given, untangling])
         if self.layered:
-            self._launch(part.part_layers, vertices, [cloth, given, found, untangling])
-        self._launch(part.settle_shifts, vertices, [cloth, given, found, untangling])
+            self._launch(self._part_layers, vertices, [cloth, given, found, untangling])
+        self._launch(self._settle, vertices, [cloth, given, found, untangling])
 
     def press(self, step: Any, cloth: Any) -> None:
         """Sums what the known pairs do to their vertices, for the next move."""
