@@ -14,7 +14,7 @@ SLACK = wp.constant(wp.float32(1.0e-6))  # [m]; more than rounding a box to floa
 
 @wp.struct
 class ContactSearch:
-    """What is searched: E edges and F triangles over V vertices, and a tree of the boxes of each."""
+    """What is searched: E edges and F triangles over V vertices, and a tree of their boxes."""
 
     triangles: wp.array(dtype=wp.vec3i)  # shape [F]
     edges: wp.array(dtype=wp.vec2i)  # shape [E]
@@ -23,14 +23,23 @@ class ContactSearch:
     sides: wp.array(dtype=wp.vec3i)  # edges of each triangle, shape [F]
     near_start: wp.array(dtype=wp.int32)  # rows of the vertices near each one in the rest shape, shape [V + 1]
     near: wp.array(dtype=wp.int32)  # those vertices, each one itself among them
-    triangle_tree: wp.uint64
-    edge_tree: wp.uint64
-    triangle_lower: wp.array(dtype=wp.vec3f)  # [m], shape [F]
-    triangle_upper: wp.array(dtype=wp.vec3f)  # [m], shape [F]
-    edge_lower: wp.array(dtype=wp.vec3f)  # [m], shape [E]
-    edge_upper: wp.array(dtype=wp.vec3f)  # [m], shape [E]
+    tree: wp.uint64  # of all boxes; in groups by item, the triangles' and the edges' apart
+    lower: wp.array(dtype=wp.vec3f)  # of the triangles' boxes, then of the edges' [m], shape [F + E]
+    upper: wp.array(dtype=wp.vec3f)  # [m], shape [F + E]
     open_edge: wp.array(dtype=wp.int32)  # whether an edge is longer than its longest, shape [E]
     tangled: wp.array(dtype=wp.int32)  # whether a vertex belongs to what crosses, shape [V]
+
+
+@wp.func
+def triangles_root(search: ContactSearch, vertex: int):
+    """Where in the tree the triangles of a vertex's item begin."""
+    return wp.bvh_get_group_root(search.tree, 2 * search.item[vertex])
+
+
+@wp.func
+def edges_root(search: ContactSearch, vertex: int):
+    """Where in the tree the edges of a vertex's item begin."""
+    return wp.bvh_get_group_root(search.tree, 2 * search.item[vertex] + 1)
 
 
 @wp.func
@@ -106,39 +115,38 @@ def box_kernel(precision: str) -> wp.Kernel:
     def box_sheets(cloth: Cloth, search: ContactSearch):
         """The box of each triangle and of each edge: one thread for as many as there are of the more."""
         thread = wp.tid()
-        if thread < search.triangles.shape[0]:
+        triangles = search.triangles.shape[0]
+        if thread < triangles:
             corners = search.triangles[thread]
             a = wp.vec3f(at(cloth.position, corners[0]))
             b = wp.vec3f(at(cloth.position, corners[1]))
             c = wp.vec3f(at(cloth.position, corners[2]))
-            search.triangle_lower[thread] = wp.min(wp.min(a, b), c)
-            search.triangle_upper[thread] = wp.max(wp.max(a, b), c)
+            search.lower[thread] = wp.min(wp.min(a, b), c)
+            search.upper[thread] = wp.max(wp.max(a, b), c)
         if thread < search.edges.shape[0]:
             ends = search.edges[thread]
             p = wp.vec3f(at(cloth.position, ends[0]))
             q = wp.vec3f(at(cloth.position, ends[1]))
-            search.edge_lower[thread] = wp.min(p, q)
-            search.edge_upper[thread] = wp.max(p, q)
+            search.lower[triangles + thread] = wp.min(p, q)
+            search.upper[triangles + thread] = wp.max(p, q)
             search.open_edge[thread] = wp.where(wp.length(q - p) > search.longest[thread], 1, 0)
 
     return box_sheets
 
 
 @functools.cache
-def on_triangles_kernel(precision: str) -> wp.Kernel:
-    """Kernel ``find_on_triangles``."""
+def on_triangles_function(precision: str) -> wp.Function:
+    """The function that keeps what is near a vertex."""
     Cloth, at = cloth_types(precision).Cloth, place_function(precision)
     nearer = near_function(precision)
 
-    @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
-    def find_on_triangles(cloth: Cloth, search: ContactSearch, contact: ClothContact, memory: LeanMemory):
-        """Keeps the triangles near each vertex, but those that it is a corner of, and where both are tangled."""
-        vertex = wp.tid()
+    @wp.func
+    def find_on_triangles(cloth: Cloth, search: ContactSearch, contact: ClothContact, memory: LeanMemory, vertex: int):
+        """Keeps the triangles near a vertex, but those that it is a corner of, and where both are tangled."""
         centre = wp.vec3f(at(cloth.position, vertex))
         room = float(contact.reach) + SLACK
         wide = wp.vec3f(room, room, room)
-        root = wp.bvh_get_group_root(search.triangle_tree, search.item[vertex])
-        query = wp.bvh_query_aabb(search.triangle_tree, centre - wide, centre + wide, root)
+        query = wp.bvh_query_aabb(search.tree, centre - wide, centre + wide, triangles_root(search, vertex))
         triangle = int(0)
         while wp.bvh_query_next(query, triangle):
             t = search.triangles[triangle]
@@ -154,24 +162,25 @@ def on_triangles_kernel(precision: str) -> wp.Kernel:
 
 
 @functools.cache
-def on_edges_kernel(precision: str) -> wp.Kernel:
-    """Kernel ``find_on_edges``."""
+def on_edges_function(precision: str) -> wp.Function:
+    """The function that keeps what is near an edge."""
     Cloth, nearer = cloth_types(precision).Cloth, near_function(precision)
 
-    @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
-    def find_on_edges(cloth: Cloth, search: ContactSearch, contact: ClothContact, memory: LeanMemory):
-        """Keeps the later edges near each edge, but those that share an end, and where both are tangled."""
-        edge = wp.tid()
+    @wp.func
+    def find_on_edges(cloth: Cloth, search: ContactSearch, contact: ClothContact, memory: LeanMemory, edge: int):
+        """Keeps the later edges near an edge, but those that share an end, and where both are tangled."""
         room = float(contact.reach) + SLACK
         wide = wp.vec3f(room, room, room)
         e = search.edges[edge]
         tangled = search.tangled[e[0]] + search.tangled[e[1]]
-        root = wp.bvh_get_group_root(search.edge_tree, search.item[e[0]])
-        low = search.edge_lower[edge] - wide
-        query = wp.bvh_query_aabb(search.edge_tree, low, search.edge_upper[edge] + wide, root)
-        other = int(0)
-        while wp.bvh_query_next(query, other):
-            if other > edge:
+        box = search.triangles.shape[0] + edge
+        query = wp.bvh_query_aabb(
+            search.tree, search.lower[box] - wide, search.upper[box] + wide, edges_root(search, e[0])
+        )
+        found = int(0)
+        while wp.bvh_query_next(query, found):
+            if found > box:
+                other = found - search.triangles.shape[0]
                 o = search.edges[other]
                 out = e[0] == o[0] or e[0] == o[1] or e[1] == o[0] or e[1] == o[1]
                 out = out or tangled + search.tangled[o[0]] + search.tangled[o[1]] > 0
@@ -183,3 +192,22 @@ def on_edges_kernel(precision: str) -> wp.Kernel:
                     keep_pair(contact, memory, corners, ON_EDGE, near)
 
     return find_on_edges
+
+
+@functools.cache
+def pairs_kernel(precision: str) -> wp.Kernel:
+    """Kernel ``find_pairs``."""
+    Cloth = cloth_types(precision).Cloth
+    find_on_triangles, find_on_edges = on_triangles_function(precision), on_edges_function(precision)
+
+    @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
+    def find_pairs(cloth: Cloth, search: ContactSearch, contact: ClothContact, memory: LeanMemory):
+        """Keeps what is near each vertex, and each edge: in one launch, since each thread mostly waits for memory."""
+        thread = wp.tid()
+        vertices = search.item.shape[0]
+        if thread < vertices:
+            find_on_triangles(cloth, search, contact, memory, thread)
+        else:
+            find_on_edges(cloth, search, contact, memory, thread - vertices)
+
+    return find_pairs

@@ -15,10 +15,15 @@ def volume(a: wp.vec3d, b: wp.vec3d, c: wp.vec3d, d: wp.vec3d):
 def segment_pierces(p: wp.vec3d, q: wp.vec3d, a: wp.vec3d, b: wp.vec3d, c: wp.vec3d):
     """Whether the segment p q passes through the triangle a b c.
 
+    Where their boxes do not meet it does not, whatever rounding makes of a segment in line with a side far away.
     Its ends lie on different sides of the plane, and the line turns the same way round all three sides. A segment in
     the plane passes nothing; one through a side, seen from that side's other triangle, has the same volume there: it
     passes through one of the two at least.
     """
+    low = wp.min(wp.min(a, b), c) - wp.max(p, q)
+    high = wp.min(p, q) - wp.max(wp.max(a, b), c)
+    if wp.max(wp.max(low), wp.max(high)) > wp.float64(0.0):
+        return False
     zero = wp.float64(0.0)
     before = volume(a, b, c, p)
     behind = volume(a, b, c, q)

@@ -6,7 +6,7 @@ import warp as wp
 
 from warp_cloth.kernels.cloth import MODULE_OPTIONS, cloth_types, place_function
 from warp_cloth.kernels.cloth_contact import ClothContact
-from warp_cloth.kernels.contact_search import SLACK, ContactSearch, spans_gap
+from warp_cloth.kernels.contact_search import SLACK, ContactSearch, spans_gap, triangles_root
 from warp_cloth.kernels.crossing import has_vertex, segment_pierces, volume
 from warp_cloth.kernels.touch import NOTHING, WHOLE, nearest_on_triangle
 
@@ -19,6 +19,7 @@ ITSELF = wp.constant(wp.int32(2))  # crosses its own garment, or one of the same
 RING = wp.constant(wp.int32(16))  # searches that a tangle must last before one more ring of vertices is smoothed
 WIDEST = wp.constant(wp.int32(8 * 16))  # of those rings
 SMOOTHING = wp.constant(wp.float64(0.2))  # share of the way to the mean of its neighbours that a vertex is shifted
+NEAR_BY = wp.constant(wp.float32(0.25))  # share of a layer's reach that is searched first
 ASTRIDE = wp.constant(wp.float64(0.5))  # cosine to the normal below which a nearest point tells no side
 
 
@@ -114,9 +115,8 @@ def crossings_kernel(precision: str) -> wp.Kernel:
         ends = search.edges[edge]
         p = at(cloth.position, ends[0])
         q = at(cloth.position, ends[1])
-        low = search.edge_lower[edge]
-        root = wp.bvh_get_group_root(search.triangle_tree, search.item[ends[0]])
-        query = wp.bvh_query_aabb(search.triangle_tree, low, search.edge_upper[edge], root)
+        box = search.triangles.shape[0] + edge
+        query = wp.bvh_query_aabb(search.tree, search.lower[box], search.upper[box], triangles_root(search, ends[0]))
         triangle = int(0)
         while wp.bvh_query_next(query, triangle):
             corners = search.triangles[triangle]
@@ -162,26 +162,29 @@ def layers_kernel(precision: str) -> wp.Kernel:
         vertex = wp.tid()
         layer = untangling.layer[vertex]
         x = at(cloth.position, vertex)
-        room = untangling.layer_reach + SLACK
         centre = wp.vec3f(x)
-        wide = wp.vec3f(room, room, room)
-        root = wp.bvh_get_group_root(search.triangle_tree, search.item[vertex])
-        query = wp.bvh_query_aabb(search.triangle_tree, centre - wide, centre + wide, root)
-        least = wp.float64(untangling.layer_reach)
         nearest = int(-1)
-        triangle = int(0)
-        while wp.bvh_query_next(query, triangle):
-            t = search.triangles[triangle]
-            if untangling.layer[t[0]] != layer and not spans_gap(search, triangle):
-                a = at(cloth.position, t[0])
-                ab = at(cloth.position, t[1]) - a
-                ac = at(cloth.position, t[2]) - a
-                on = nearest_on_triangle(x - a, ab, ac)
-                distance = wp.length(x - a - ab * on[1] - ac * on[2])
-                # the tree names triangles in an order of its own: of two as near, the first of the mesh
-                if distance < least or (distance == least and triangle < nearest):
-                    least = distance
-                    nearest = triangle
+        least = NOTHING
+        for attempt in range(2):  # most have it near, and a small box is soon searched
+            if nearest < 0:
+                reach = untangling.layer_reach * wp.where(attempt == 0, NEAR_BY, 1.0)
+                room = reach + SLACK
+                wide = wp.vec3f(room, room, room)
+                query = wp.bvh_query_aabb(search.tree, centre - wide, centre + wide, triangles_root(search, vertex))
+                least = wp.float64(reach)
+                triangle = int(0)
+                while wp.bvh_query_next(query, triangle):
+                    t = search.triangles[triangle]
+                    if untangling.layer[t[0]] != layer and not spans_gap(search, triangle):
+                        a = at(cloth.position, t[0])
+                        ab = at(cloth.position, t[1]) - a
+                        ac = at(cloth.position, t[2]) - a
+                        on = nearest_on_triangle(x - a, ab, ac)
+                        distance = wp.length(x - a - ab * on[1] - ac * on[2])
+                        # the tree names triangles in an order of its own: of two as near, the first of the mesh
+                        if distance < least or (distance == least and triangle < nearest):
+                            least = distance
+                            nearest = triangle
         if nearest >= 0:
             t = search.triangles[nearest]
             a = at(cloth.position, t[0])

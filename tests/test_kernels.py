@@ -19,7 +19,7 @@ from warp_cloth.kernels.certify import bending_energy_kernel, energy_kernels, re
 from warp_cloth.kernels.closest import MeshCollider, mesh_contact
 from warp_cloth.kernels.cloth import FOURTH_PARTS, PRECISIONS, Terms
 from warp_cloth.kernels.cloth_contact import add_kernel, press_kernel
-from warp_cloth.kernels.contact_search import box_kernel, on_edges_kernel, on_triangles_kernel, start_kernel
+from warp_cloth.kernels.contact_search import box_kernel, pairs_kernel, start_kernel
 from warp_cloth.kernels.depth import DepthSolid, plain_contact, solid_level
 from warp_cloth.kernels.displace import NoCollider, advance_kernel, displace_kernel
 from warp_cloth.kernels.field import ContactField, field_contact
@@ -124,6 +124,6 @@ def test_displacement_and_certificate_kernels_compile(precision: str) -> None:
 
 @pytest.mark.parametrize("precision", PRECISIONS)
 def test_kernels_of_cloth_on_cloth_compile(precision: str) -> None:
-    searching = start_kernel, box_kernel, on_triangles_kernel, on_edges_kernel
+    searching = start_kernel, box_kernel, pairs_kernel
     loaded(*(made(precision) for made in (*searching, crossings_kernel, layers_kernel, settle_kernel, add_kernel)))
     loaded(*(press_kernel(precision, fourth) for fourth in FOURTH_PARTS))

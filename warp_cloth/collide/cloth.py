@@ -17,8 +17,7 @@ from warp_cloth.kernels.cloth_contact import NO_LIMIT, ClothContact, add_kernel,
 from warp_cloth.kernels.contact_search import (
     ContactSearch,
     box_kernel,
-    on_edges_kernel,
-    on_triangles_kernel,
+    pairs_kernel,
     start_kernel,
 )
 from warp_cloth.kernels.lean_memory import LeanMemory, forget_leans, remember_leans
@@ -52,6 +51,7 @@ LEEWAY_SHARE = 0.4
 FAR_SHARE = 0.25
 PAIRS_PER_VERTEX = 3  # to begin with; a T-shirt on a body needs less once it is sewn
 LAYER_REACH = 0.01  # [m]; how deep one garment may be inside another once both are sewn
+LOOKING = 64  # threads in a block that walks the tree: some take far longer than others
 STRIDE_SHARE = 0.1  # of the reach: longest untangling shift in an iteration
 
 
@@ -98,7 +98,7 @@ class ClothTouch:
         self.awake = False
         self.untangles = True  # whether searches look for what crosses, too
         self._start, self._boxes = start_kernel(model.precision), box_kernel(model.precision)
-        self._on_triangles, self._on_edges = on_triangles_kernel(model.precision), on_edges_kernel(model.precision)
+        self._pairs = pairs_kernel(model.precision)
         self._part_crossings, self._part_layers = crossings_kernel(model.precision), layers_kernel(model.precision)
         self._settle = settle_kernel(model.precision)
         self._press = press_kernel(model.precision, "stiffness")
@@ -162,11 +162,10 @@ class ClothTouch:
         search.sides = wp.array(sheets.triangle_edges, dtype=wp.vec3i)
         search.open_edge = wp.zeros(len(sheets.edges), dtype=wp.int32)
         search.tangled = wp.zeros(sheets.vertex_count, dtype=wp.int32)
-        for name, count in (("triangle", len(sheets.triangles)), ("edge", len(sheets.edges))):
-            setattr(search, f"{name}_lower", wp.zeros(count, dtype=wp.vec3f))
-            setattr(search, f"{name}_upper", wp.zeros(count, dtype=wp.vec3f))
-        self._edge_item = items[np.repeat(np.arange(len(parts)), [len(part.rest.topology.edges) for part in parts])]
-        self._triangle_item = items[sheets.garment]
+        boxes = len(sheets.triangles) + len(sheets.edges)
+        search.lower, search.upper = (wp.zeros(boxes, dtype=wp.vec3f) for _ in range(2))
+        edge_item = items[np.repeat(np.arange(len(parts)), [len(part.rest.topology.edges) for part in parts])]
+        self._group = np.concatenate([2 * items[sheets.garment], 2 * edge_item + 1]).astype(np.int32)
         return search
 
     def _sheet_untangling(self, parts: Sequence[GarmentPart], kinds: Sequence[SheetKind]) -> Any:
@@ -200,24 +199,20 @@ class ClothTouch:
 
     def kernels(self) -> list[wp.Kernel]:
         """Every kernel that contact launches."""
-        found = [self._start, self._boxes, self._on_triangles, self._on_edges, forget_leans, remember_leans]
+        found = [self._start, self._boxes, self._pairs, forget_leans, remember_leans]
         parting = [forget_tangles, self._part_crossings, self._part_layers, self._settle]
         return [*found, *parting, self._press, self._measure, self._add]
 
     def awaken(self) -> None:
-        """From now on garments meet. Builds the trees for where they are now, which only changes their speed."""
+        """From now on garments meet. Builds the tree for where they are now, which only changes its speed."""
         self.awake = True
         self.data.reach, self.data.leeway, self.data.far = self.reach, self.leeway, self.far
         search, cloth = self._search, self._model.cloth
         most = max(len(self.sheets.triangles), len(self.sheets.edges))
         with wp.ScopedDevice(self._model.device):
             wp.launch(self._boxes, dim=most, inputs=[cloth, search])
-            groups = wp.array(self._triangle_item, dtype=wp.int32), wp.array(self._edge_item, dtype=wp.int32)
-            self._trees = (
-                wp.Bvh(search.triangle_lower, search.triangle_upper, groups=groups[0]),
-                wp.Bvh(search.edge_lower, search.edge_upper, groups=groups[1]),
-            )
-        search.triangle_tree, search.edge_tree = (tree.id for tree in self._trees)
+            self._tree = wp.Bvh(search.lower, search.upper, groups=wp.array(self._group, dtype=wp.int32))
+        search.tree = self._tree.id
         self.data.moved.fill_(1)
 
     def face(self, outward: Sequence[float]) -> None:
@@ -230,9 +225,8 @@ class ClothTouch:
         self.data.lift.assign((layers * height).astype(np.float32))
 
     def regrow_trees(self) -> None:
-        """Sorts the trees anew for where garments were at the last search, which only changes their speed."""
-        for tree in self._trees:
-            tree.rebuild()
+        """Sorts the tree anew for where garments were at the last search, which only changes its speed."""
+        self._tree.rebuild()
 
     def grow(self) -> bool:
         """Makes room for every pair that the last search found; whether it had to. Waits for the device."""
@@ -253,7 +247,7 @@ class ClothTouch:
             cloth, given = self._model.cloth, [self._search, self._untangling]
             self._box(cloth)
             self._launch(forget_tangles, self.sheets.vertex_count, given)
-            self._launch(self._part_crossings, len(self.sheets.edges), [cloth, *given])
+            self._launch(self._part_crossings, len(self.sheets.edges), [cloth, *given], LOOKING)
         return int(self._untangling.count.numpy().sum())
 
     def search_where_due(self, cloth: Any) -> None:
@@ -269,24 +263,22 @@ class ClothTouch:
         self._box(cloth)
         if self.untangles:
             self._untangle(cloth)
-        self._launch(self._on_triangles, vertices, [cloth, given, found, memory])
-        self._launch(self._on_edges, len(self.sheets.edges), [cloth, given, found, memory])
+        self._launch(self._pairs, vertices + len(self.sheets.edges), [cloth, given, found, memory], LOOKING)
 
     def _box(self, cloth: Any) -> None:
-        """Brings the trees up to where garments are."""
+        """Brings the tree up to where garments are."""
         most = max(len(self.sheets.edges), len(self.sheets.triangles))
         self._launch(self._boxes, most, [cloth, self._search])
-        for tree in self._trees:
-            tree.refit()
+        self._tree.refit()
 
     def _untangle(self, cloth: Any) -> None:
         """Looks for what crosses, and which way undoes that."""
         given, found, untangling = self._search, self.data, self._untangling
         vertices = self.sheets.vertex_count
         self._launch(forget_tangles, vertices, [given, untangling])
-        self._launch(self._part_crossings, len(self.sheets.edges), [cloth, given, untangling])
+        self._launch(self._part_crossings, len(self.sheets.edges), [cloth, given, untangling], LOOKING)
         if self.layered:
-            self._launch(self._part_layers, vertices, [cloth, given, found, untangling])
+            self._launch(self._part_layers, vertices, [cloth, given, found, untangling], LOOKING)
         self._launch(self._settle, vertices, [cloth, given, found, untangling])
 
     def press(self, step: Any, cloth: Any) -> None:
@@ -299,5 +291,5 @@ class ClothTouch:
             self._launch(self._measure, len(self.data.corners), [step, self._model.cloth, self.data])
             self._launch(self._add, self.sheets.vertex_count, [self.data, load])
 
-    def _launch(self, kernel: wp.Kernel, size: int, inputs: list[Any]) -> None:
-        wp.launch(kernel, dim=size, inputs=inputs, device=self._model.device)
+    def _launch(self, kernel: wp.Kernel, size: int, inputs: list[Any], block: int = 256) -> None:
+        wp.launch(kernel, dim=size, inputs=inputs, device=self._model.device, block_dim=block)

@@ -16,7 +16,7 @@ from warp_cloth.solver.forces import ForcePass, launch_patches
 if TYPE_CHECKING:
     from warp_cloth.collide.cloth import ClothTouch
 
-LOOK_EVERY = 2  # iterations between two looks at whether cloth has moved so far that what is near changed
+LOOK_EVERY = 4  # iterations between two looks at whether cloth has moved so far that what is near changed
 
 Method = Literal["multilevel", "accelerated", "direct"]
 
