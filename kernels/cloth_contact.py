@@ -99,10 +99,13 @@ def add_share(sum: wp.array2d(dtype=wp.int64), vertex: int, force: wp.vec3d, par
 def contact_room(contact: ClothContact, vertex: int, position: wp.vec3d):
     """How far a vertex may move [m] before it could meet something, known or not; leaves the room open.
 
-    Whatever was farther than the reach at the last search cannot be met within half of it from there.
+    Whatever was farther than the reach at the last search cannot be met within half of it from there. While there is no
+    room for all pairs nothing moves.
     """
     known = wp.min(wp.float64(contact.room[vertex]) * ROOM_UNIT, ROOM_SHARE * contact.far)
     contact.room[vertex] = NO_LIMIT
+    if contact.count[0] > contact.corners.shape[0]:  # some pairs did not fit
+        known = NOTHING
     unknown = wp.float64(0.49) * contact.reach - wp.length(position - contact.searched[vertex])
     return wp.max(wp.min(known, unknown), NOTHING)
 

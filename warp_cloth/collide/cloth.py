@@ -204,7 +204,7 @@ class ClothTouch:
         return [*found, *parting, self._press, self._measure, self._add]
 
     def awaken(self) -> None:
-        """From now on garments meet. Builds the tree for where they are now, which only changes its speed."""
+        """From now on garments meet. The tree is built for where they are now, which only changes its speed."""
         self.awake = True
         self.data.reach, self.data.leeway, self.data.far = self.reach, self.leeway, self.far
         search, cloth = self._search, self._model.cloth
@@ -213,7 +213,9 @@ class ClothTouch:
             wp.launch(self._boxes, dim=most, inputs=[cloth, search])
             self._tree = wp.Bvh(search.lower, search.upper, groups=wp.array(self._group, dtype=wp.int32))
         search.tree = self._tree.id
-        self.data.moved.fill_(1)
+        self.search(cloth)
+        if self.grow():
+            self.search(cloth)
 
     def face(self, outward: Sequence[float]) -> None:
         """Says of each garment whether its triangles face away from the body, 1, or to it, -1."""
