@@ -4,6 +4,10 @@ import warp as wp
 
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})  # the same answer on CPU and CUDA
 
+# Of the product of three sides: what rounding makes of the volume of four points in one plane, centimetres apart at a
+# metre from the origin, is up to some 1e-14 of it.
+ROUNDING = wp.constant(wp.float64(1.0e-13))
+
 
 @wp.func
 def volume(a: wp.vec3d, b: wp.vec3d, c: wp.vec3d, d: wp.vec3d):
@@ -15,10 +19,10 @@ def volume(a: wp.vec3d, b: wp.vec3d, c: wp.vec3d, d: wp.vec3d):
 def segment_pierces(p: wp.vec3d, q: wp.vec3d, a: wp.vec3d, b: wp.vec3d, c: wp.vec3d):
     """Whether the segment p q passes through the triangle a b c.
 
-    Where their boxes do not meet it does not, whatever rounding makes of a segment in line with a side far away.
-    Its ends lie on different sides of the plane, and the line turns the same way round all three sides. A segment in
-    the plane passes nothing; one through a side, seen from that side's other triangle, has the same volume there: it
-    passes through one of the two at least.
+    Its ends lie on different sides of the plane, and the line turns the same way round all three sides. What has an end
+    in the plane, as far as float64 tells, passes nothing; nor do those whose boxes do not meet, whatever rounding makes
+    of a segment in line with a side far away. A segment through a side, seen from that side's other triangle, has the
+    same volume there: it passes through one of the two at least.
     """
     low = wp.min(wp.min(a, b), c) - wp.max(p, q)
     high = wp.min(p, q) - wp.max(wp.max(a, b), c)
@@ -27,7 +31,8 @@ def segment_pierces(p: wp.vec3d, q: wp.vec3d, a: wp.vec3d, b: wp.vec3d, c: wp.ve
     zero = wp.float64(0.0)
     before = volume(a, b, c, p)
     behind = volume(a, b, c, q)
-    if before * behind >= zero:
+    rounding = ROUNDING * wp.length(b - a) * wp.length(c - a) * wp.max(wp.length(p - a), wp.length(q - a))
+    if before * behind >= zero or wp.min(wp.abs(before), wp.abs(behind)) <= rounding:
         return False
     u = volume(p, q, a, b)
     v = volume(p, q, b, c)

@@ -1,0 +1,84 @@
+"""Cloth that lies on itself comes to rest: by the certificate, with nothing that crosses, and by the forces of every
+pair."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import warp as wp
+from folds import Folded, folded_sheet, pleated_skirt, turned_sleeve
+from touching import brute_forces, touching_pairs
+
+from warp_cloth.collide.crossing import find_crossings
+from warp_cloth.kernels.cloth import cloth_types
+from warp_cloth.result import Status
+from warp_cloth.scene import load_scene
+from warp_cloth.set_up import SetUp, following, set_up_one
+from warp_cloth.solver.certificate import Tolerance
+from warp_cloth.solver.loop import relax_to_rest
+
+LIMIT = 8000  # iterations; they take 1,800 to 3,800
+# The sums are kept in units of 2^-36 N; a vertex here adds up at most 200 pairs. Thickness and modulus are float32.
+FORCE_ROUNDING = 200 * 2.0**-36  # [N]
+RELATIVE_ROUNDING = 1e-6
+CREEP = 1e-4  # [m], the most that a vertex held by the avatar may go in 1,000 iterations after rest
+
+BALL = {"shape": {"kind": "sphere", "radius": 0.1, "centre": [0.0, 0.1, 0.0]}}
+HANGING = {"pin": {"loop": "top"}}
+FOLDED: dict[str, tuple[Callable[[], Folded], dict[str, Any], dict[str, Any]]] = {
+    "a sheet dropped folded onto itself": (lambda: folded_sheet(21, 0.4, 0.206), {}, {"avatar": BALL}),
+    "a sleeve pushed through": (lambda: turned_sleeve(24, 24, 0.05, 0.3, 0.12), HANGING, {}),
+    "a skirt with deep folds": (lambda: pleated_skirt(6, 4, 8, 0.1, 0.3, 0.03), HANGING, {}),
+}
+
+
+def write_folded(path: Path, folded: Folded) -> None:
+    """The mesh as OBJ, with texture coordinates for each corner."""
+    lines = [f"v {x!r} {y!r} {z!r}" for x, y, z in folded.points.tolist()]
+    lines += [f"vt {u!r} {v!r}" for u, v in folded.texcoords.reshape(-1, 2).tolist()]
+    lines += [
+        "f " + " ".join(f"{corner + 1}/{3 * face + k + 1}" for k, corner in enumerate(corners))
+        for face, corners in enumerate(folded.triangles.tolist())
+    ]
+    path.write_text("\n".join(lines) + "\n")
+
+
+def at_rest(folder: Path, name: str) -> SetUp:
+    """The scene, relaxed until the default certificate holds."""
+    build, of_garment, of_scene = FOLDED[name]
+    write_folded(folder / "cloth.obj", build())
+    garment = {"mesh": str(folder / "cloth.obj"), "rest": "uv", "units": "m", "fabric": "jersey", **of_garment}
+    made = set_up_one(load_scene({"garment": garment, "collision": {"cloth": True}, **of_scene}), "cpu")
+    follow = following(made)
+    outcome = relax_to_rest(made.relaxation, made.certifier, Tolerance(), LIMIT, follow=follow, course=made.course)
+    assert outcome.status is Status.AT_REST
+    return made
+
+
+@pytest.mark.parametrize("name", FOLDED)
+def test_folded_cloth_rests_without_crossing_and_by_the_forces_of_every_pair(tmp_path: Path, name: str) -> None:
+    made = at_rest(tmp_path, name)
+    touch = made.relaxation.touch
+    assert touch is not None
+    points = made.model.points()
+    assert not len(find_crossings(points, touch.sheets, "cpu", every_pair=True).pairs)
+    pairs = touching_pairs(points, touch)
+    assert len(pairs) > 20  # it does lie on itself
+    types = cloth_types(made.model.precision)
+    load = wp.zeros(made.model.vertex_count, dtype=types.vec4, device="cpu")
+    leans = touch.data.lean.numpy().copy()
+    touch.data.lean.zero_()  # what pushes; friction has a test of its own
+    touch.measure(types.Step(), load)
+    touch.data.lean.assign(leans)
+    expected = brute_forces(points, pairs, touch)
+    bound = FORCE_ROUNDING + RELATIVE_ROUNDING * np.abs(expected).max()
+    assert np.abs(load.numpy()[:, :3] - expected).max() <= bound
+    held = made.certifier.pushes()
+    if held is not None:
+        made.relaxation.run(1000)
+        moved = np.linalg.norm(made.model.points() - points, axis=1)
+        assert moved[held > 0.0].max() < CREEP
