@@ -52,6 +52,12 @@ def rest_near(search: ContactSearch, a: int, b: int):
 
 
 @wp.func
+def opened(search: ContactSearch, edge: int, along: wp.vec3f):
+    """Whether an edge that goes along this [m] is a seam that has yet to close."""
+    return wp.length(along) > search.longest[edge]
+
+
+@wp.func
 def spans_gap(search: ContactSearch, triangle: int):
     """Whether a triangle spans a seam that has yet to close, where there is no cloth to meet."""
     sides = search.sides[triangle]
@@ -113,23 +119,33 @@ def box_kernel(precision: str) -> wp.Kernel:
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def box_sheets(cloth: Cloth, search: ContactSearch):
-        """The box of each triangle and of each edge: one thread for as many as there are of the more."""
+        """The box of each triangle and of each edge: one thread for as many as there are of the more.
+
+        What spans a seam that has yet to close meets nothing: its box would meet half the garment.
+        """
         thread = wp.tid()
         triangles = search.triangles.shape[0]
         if thread < triangles:
             corners = search.triangles[thread]
+            sides = search.sides[thread]
             a = wp.vec3f(at(cloth.position, corners[0]))
             b = wp.vec3f(at(cloth.position, corners[1]))
             c = wp.vec3f(at(cloth.position, corners[2]))
+            open = opened(search, sides[0], b - a) or opened(search, sides[1], c - b) or opened(search, sides[2], a - c)
+            if open:
+                b = a
+                c = a
             search.lower[thread] = wp.min(wp.min(a, b), c)
             search.upper[thread] = wp.max(wp.max(a, b), c)
         if thread < search.edges.shape[0]:
             ends = search.edges[thread]
             p = wp.vec3f(at(cloth.position, ends[0]))
             q = wp.vec3f(at(cloth.position, ends[1]))
+            search.open_edge[thread] = wp.where(opened(search, thread, q - p), 1, 0)
+            if search.open_edge[thread] > 0:
+                q = p
             search.lower[triangles + thread] = wp.min(p, q)
             search.upper[triangles + thread] = wp.max(p, q)
-            search.open_edge[thread] = wp.where(wp.length(q - p) > search.longest[thread], 1, 0)
 
     return box_sheets
 
@@ -169,6 +185,8 @@ def on_edges_function(precision: str) -> wp.Function:
     @wp.func
     def find_on_edges(cloth: Cloth, search: ContactSearch, contact: ClothContact, memory: LeanMemory, edge: int):
         """Keeps the later edges near an edge, but those that share an end, and where both are tangled."""
+        if search.open_edge[edge] > 0:
+            return
         room = float(contact.reach) + SLACK
         wide = wp.vec3f(room, room, room)
         e = search.edges[edge]
@@ -184,7 +202,7 @@ def on_edges_function(precision: str) -> wp.Function:
                 o = search.edges[other]
                 out = e[0] == o[0] or e[0] == o[1] or e[1] == o[0] or e[1] == o[1]
                 out = out or tangled + search.tangled[o[0]] + search.tangled[o[1]] > 0
-                out = out or search.open_edge[edge] + search.open_edge[other] > 0
+                out = out or search.open_edge[other] > 0
                 corners = wp.vec4i(e[0], e[1], o[0], o[1])
                 if not out and nearer(cloth, corners, ON_EDGE, contact.reach):
                     near = rest_near(search, e[0], o[0]) or rest_near(search, e[0], o[1])

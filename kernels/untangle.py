@@ -112,6 +112,8 @@ def crossings_kernel(precision: str) -> wp.Kernel:
     def part_crossings(cloth: Cloth, search: ContactSearch, untangling: Untangling):
         """Shifts each edge that passes through a triangle, and that triangle, so that they cross less."""
         edge = wp.tid()
+        if search.open_edge[edge] > 0:
+            return
         ends = search.edges[edge]
         p = at(cloth.position, ends[0])
         q = at(cloth.position, ends[1])
@@ -120,8 +122,11 @@ def crossings_kernel(precision: str) -> wp.Kernel:
         triangle = int(0)
         while wp.bvh_query_next(query, triangle):
             corners = search.triangles[triangle]
-            out = search.open_edge[edge] > 0 or spans_gap(search, triangle)
-            if not out and not has_vertex(corners, ends[0]) and not has_vertex(corners, ends[1]):
+            if (
+                not spans_gap(search, triangle)
+                and not has_vertex(corners, ends[0])
+                and not has_vertex(corners, ends[1])
+            ):
                 a = at(cloth.position, corners[0])
                 b = at(cloth.position, corners[1])
                 c = at(cloth.position, corners[2])

@@ -51,6 +51,10 @@ LEEWAY_SHARE = 0.4
 FAR_SHARE = 0.25
 PAIRS_PER_VERTEX = 3  # to begin with; a T-shirt on a body needs less once it is sewn
 LAYER_REACH = 0.01  # [m]; how deep one garment may be inside another once both are sewn
+# Iterations between two looks at whether cloth has moved so far that what is near changed. What is being untangled
+# changes with every step.
+LOOK_EVERY = 4
+LOOK_UNTANGLING = 2
 LOOKING = 64  # threads in a block that walks the tree: some take far longer than others
 STRIDE_SHARE = 0.1  # of the reach: longest untangling shift in an iteration
 
@@ -109,6 +113,11 @@ class ClothTouch:
             self._search = self._sheet_search(parts, kinds)
             self._untangling = self._sheet_untangling(parts, kinds)
         self.layered = len({(kind.item, kind.layer) for kind in kinds}) > len({kind.item for kind in kinds})
+
+    @property
+    def look_every(self) -> int:
+        """Iterations between two looks at whether it is time for a search."""
+        return LOOK_UNTANGLING if self.untangles else LOOK_EVERY
 
     def _per_vertex(self, values: Sequence[float] | NDArray[Any], dtype: Any) -> wp.array:
         return wp.array(np.repeat(np.asarray(values), np.diff(self.sheets.vertex_start)), dtype=dtype)

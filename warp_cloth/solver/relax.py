@@ -16,8 +16,6 @@ from warp_cloth.solver.forces import ForcePass, launch_patches
 if TYPE_CHECKING:
     from warp_cloth.collide.cloth import ClothTouch
 
-LOOK_EVERY = 4  # iterations between two looks at whether cloth has moved so far that what is near changed
-
 Method = Literal["multilevel", "accelerated", "direct"]
 
 # Largest displacement in an iteration [m]. Accelerated: under the thinnest limb's radius, so that nothing passes
@@ -174,7 +172,7 @@ class Relaxation:
     def _meet_cloth(self, iteration: int, cloth: Any) -> None:
         """Contact of cloth with cloth, where there is any."""
         if self.touch is not None and self.touch.awake:
-            if iteration % LOOK_EVERY == 0:
+            if iteration % self.touch.look_every == 0:
                 self.touch.search_where_due(cloth)
             self.touch.press(self.step, cloth)
 
