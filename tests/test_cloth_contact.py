@@ -192,6 +192,19 @@ def test_falling_cloth_is_caught_and_never_passes() -> None:
     assert (points[36:][middle, 1] > 0.2 * THICKNESS).all()
 
 
+def test_cloth_stands_still_while_there_is_no_room_for_all_that_is_near_it() -> None:
+    relaxation, touch = dropped(0.9995)
+    touch._hold_pairs(touch.data, 5)
+    touch.data.moved.fill_(1)
+    relaxation.run(20)
+    first = relaxation.model.points()
+    relaxation.run(20)
+    assert np.array_equal(relaxation.model.points(), first)
+    assert touch.grow()
+    relaxation.forget_graphs()
+    assert not np.array_equal(iterate(relaxation, 20), first)
+
+
 def test_scattered_and_gathered_forces_meet_cloth_with_the_same_bits() -> None:
     shapes = [iterate(dropped(0.99, gathers)[0], 100) for gathers in (False, True)]
     assert np.array_equal(shapes[0], shapes[1])

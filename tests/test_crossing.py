@@ -47,6 +47,17 @@ def test_the_tree_finds_what_every_pair_finds() -> None:
     assert np.array_equal(found.pairs, every.pairs)
 
 
+def test_what_lies_in_one_plane_crosses_nothing_however_it_is_turned() -> None:
+    random = np.random.default_rng(2)
+    flat = random.random((SOUP_SIZE, 1, 3)) * 0.15 + random.random((SOUP_SIZE, 3, 3)) * 0.1
+    flat[:, :, 2] = 0.0
+    soup = sheets(np.arange(3 * SOUP_SIZE, dtype=np.int32).reshape(-1, 3), 3 * SOUP_SIZE)
+    for _ in range(10):
+        turn = np.linalg.qr(random.normal(size=(3, 3)))[0]
+        points = flat.reshape(-1, 3) @ turn + random.normal(size=3)  # rounding is not in the plane
+        assert not len(find_crossings(points, soup, "cpu", every_pair=True).pairs)
+
+
 def test_a_sheet_through_another_crosses_along_its_whole_width() -> None:
     points, both = two_grids([0.003, 0.007, 0.002], turned=True)
     found = find_crossings(points, both, "cpu")
