@@ -112,7 +112,7 @@ def test_worn_tshirt(benchmark: Any, device: str, fabric: str) -> None:
 
 @pytest.mark.parametrize("device", DEVICES)
 def test_tshirt_in_contact_with_itself(benchmark: Any, device: str) -> None:
-    worn = set_up(load_scene("tshirt", ["collision.cloth=true"]), device)
+    worn = set_up_one(load_scene("tshirt", ["collision.cloth=true"]), device)
     benchmark.group = f"T-shirt on the mannequin, {device}"
     worn.relaxation.touch.awaken()
     timed(benchmark, worn.relaxation)
