@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from warp_cloth.errors import InputError
+from warp_cloth.loading.decimals import float32_doubt
 from warp_cloth.loading.raw import EXPORT_AGAIN, RawMesh, joined
 
 _CUT_OFF = "the file is cut off or damaged: export it again"
@@ -177,8 +178,10 @@ def _part(file: str, mesh: Any, transform: Any, metres_per_unit: float | None) -
     faces = np.asarray(mesh.faces, dtype=np.int64)
     if points.ndim != 2 or points.shape[1] != 3 or faces.ndim != 2 or faces.shape[1] != 3:
         raise ValueError(f"positions of shape {points.shape} and triangles of shape {faces.shape}")
+    doubt = float32_doubt(points)
     if not np.array_equal(matrix, np.eye(4)):
         with np.errstate(all="ignore"):  # what is not finite is refused later
+            doubt = doubt @ np.abs(matrix[:3, :3]).T
             points = points @ matrix[:3, :3].T + matrix[:3, 3]
     if np.linalg.det(matrix[:3, :3]) < 0:
         faces = faces[:, ::-1]
@@ -192,6 +195,7 @@ def _part(file: str, mesh: Any, transform: Any, metres_per_unit: float | None) -
         corners=faces.reshape(-1).copy(),
         texcoords=None if texcoords is None else texcoords.astype(np.float64)[faces.reshape(-1)],
         metres_per_unit=metres_per_unit,
+        doubt=doubt,
     )
 
 

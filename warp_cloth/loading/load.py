@@ -9,11 +9,12 @@ from pathlib import Path
 import numpy as np
 
 from warp_cloth.errors import InputError
+from warp_cloth.loading.decimals import half_step, shortest_decimals
 from warp_cloth.loading.distinct import used_ids
 from warp_cloth.loading.generic import read_gltf, read_stl
 from warp_cloth.loading.obj import read_obj
 from warp_cloth.loading.ply import read_ply
-from warp_cloth.loading.raw import RawMesh, Role, check
+from warp_cloth.loading.raw import Floats, RawMesh, Role, check
 from warp_cloth.loading.repair import RestKind, repaired
 from warp_cloth.loading.sizes import choose_unit
 from warp_cloth.loading.usd import read_usd
@@ -52,7 +53,7 @@ def load_mesh(
         used = raw.points[used_ids(raw.corners, len(raw.points))] if len(raw.corners) else raw.points
         declared = raw.metres_per_unit
         unit = choose_unit(used, file=raw.file, role=role, key=key, stated=units, declared=declared)
-        sound = repaired(raw, raw.points * unit.metres, role=role, rest=rest)
+        sound = repaired(raw, in_metres(raw, unit.metres), role=role, rest=rest)
     except (MemoryError, OverflowError) as error:
         problem = f"is too large to load ({type(error).__name__})"
         raise InputError(path, problem, "check the file, or reduce the mesh") from error
@@ -72,8 +73,19 @@ def load_mesh(
         unit=unit.name,
         vertex_map=None if same_vertices else sound.vertex_map,
         triangle_source=None if same_faces else sound.faces,
-        rest_corners=None if sound.rest is None else sound.rest * unit.metres,
+        rest_corners=None if sound.rest is None else _rest_in_metres(sound.rest, unit.metres),
     )
+
+
+def in_metres(raw: RawMesh, metres: float) -> Floats:
+    """The vertices in metres, shape [V, 3]: as text says them, or what the stored numbers stand for."""
+    if raw.doubt is None and metres == 1.0:
+        return raw.points
+    return shortest_decimals(raw.points * metres, 0.0 if raw.doubt is None else raw.doubt * metres)
+
+
+def _rest_in_metres(rest: Floats, metres: float) -> Floats:
+    return shortest_decimals(rest * metres, half_step(rest) * metres)
 
 
 def read_raw(path: Path, *, role: Role, key: str, prim: str | None) -> RawMesh:

@@ -11,6 +11,7 @@ from itertools import pairwise
 import numpy as np
 
 from warp_cloth.errors import InputError
+from warp_cloth.loading.decimals import float32_doubt
 from warp_cloth.loading.raw import EXPORT_AGAIN, Floats, Ints, RawMesh
 
 _TYPES = {
@@ -67,6 +68,8 @@ def read_ply(file: str, data: bytes) -> RawMesh:
     vertices = tables["vertex"].singles
     points = np.stack([vertices["x"], vertices["y"], vertices["z"]], axis=1)
     counts, corners = _faces(tables.get("face"))
+    (declared,) = (element for element in elements if element.name == "vertex")
+    single = bool(order) and all(p.type == "f4" for p in declared.properties if p.name in ("x", "y", "z"))
     return RawMesh(
         file=file,
         points=points,
@@ -75,6 +78,7 @@ def read_ply(file: str, data: bytes) -> RawMesh:
         texcoords=_texcoords(tables, counts, corners),
         vertex_lines=None if order else starts["vertex"] + np.arange(len(points)),
         face_lines=None if order else starts.get("face", 0) + np.arange(len(counts)),
+        doubt=float32_doubt(points) if single else None,
     )
 
 

@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 
 from warp_cloth.errors import InputError
-from warp_cloth.loading.load import USD_KINDS, read_raw
+from warp_cloth.loading.load import USD_KINDS, in_metres, read_raw
 from warp_cloth.loading.raw import RawMesh, check
 from warp_cloth.loading.usd import read_usd_samples
 from warp_cloth.mesh import Mesh, Points
@@ -56,5 +56,5 @@ def _posed(avatar: Mesh, first: RawMesh, other: RawMesh, metres: float | None) -
     points = np.empty_like(avatar.points)
     number = np.arange(len(first.points)) if avatar.vertex_map is None else avatar.vertex_map
     kept = number >= 0
-    points[number[kept]] = other.points[kept] * scale
+    points[number[kept]] = in_metres(other, scale)[kept]
     return points

@@ -39,6 +39,7 @@ class RawMesh:
     first_index: int = 0  # what the file calls its first vertex
     notes: tuple[str, ...] = ()
     rest: Floats | None = None  # where each corner is at rest, as a stage states it, shape [sum of counts, 3]
+    doubt: Floats | None = None  # by how much each coordinate may be off, as stored [file unit], shape [V, 3]
 
     def vertex_name(self, vertex: int) -> str:
         """How the file itself calls a vertex."""
@@ -91,6 +92,7 @@ def joined(parts: Sequence[RawMesh], file: str, names: Sequence[str]) -> RawMesh
         panel_names=tuple(names),
         metres_per_unit=parts[0].metres_per_unit,
         notes=(*(note for part in parts for note in part.notes), f"{len(parts)} meshes of the file joined"),
+        doubt=np.concatenate([np.zeros_like(p.points) if p.doubt is None else p.doubt for p in parts]),
     )
 
 

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from warp_cloth.errors import InputError
+from warp_cloth.loading.decimals import float32_doubt
 from warp_cloth.loading.raw import EXPORT_AGAIN, Floats, Ints, RawMesh, Role, joined
 from warp_cloth.loading.usd_physics import rest_corners
 
@@ -183,9 +184,10 @@ def _part(
     matrix = np.array(UsdGeom.XformCache(time).GetLocalToWorldTransform(mesh.GetPrim()), dtype=np.float64)
     points = _array(attribute.Get(time), np.float64).reshape(-1, 3)
     with np.errstate(all="ignore"):  # what is not finite is refused later
+        doubt = float32_doubt(points) @ np.abs(matrix[:3, :3])
         points = points @ matrix[:3, :3] + matrix[3, :3]
         if z_up:
-            points = points[:, [0, 2, 1]] * [1.0, 1.0, -1.0]
+            points, doubt = points[:, [0, 2, 1]] * [1.0, 1.0, -1.0], doubt[:, [0, 2, 1]]
     counts = _array(mesh.GetFaceVertexCountsAttr().Get(time), np.int64)
     corners = _array(mesh.GetFaceVertexIndicesAttr().Get(time), np.int64)
     if (counts < 0).any() or counts.sum() != len(corners):
@@ -208,6 +210,7 @@ def _part(
         metres_per_unit=scale,
         notes=order[2],
         rest=None if rest is None else rest[order[1]],
+        doubt=doubt,
     )
 
 

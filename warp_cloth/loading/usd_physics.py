@@ -12,6 +12,7 @@ from warp_cloth.errors import InputError
 from warp_cloth.fabric import BOUNDS, Fabric
 from warp_cloth.laboratory import EDGES
 from warp_cloth.linearised import fabric_table
+from warp_cloth.loading.decimals import half_step
 from warp_cloth.loading.raw import EXPORT_AGAIN, Floats, Ints
 
 if TYPE_CHECKING:
@@ -120,12 +121,20 @@ def fabric_of(stage: Usd.Stage, prim: Usd.Prim) -> dict[str, Any]:
     for name in CONSTANTS if material is not None else ():
         value = value_of(material, f"physics:{name}")
         if value is not None and np.isfinite(value) and value > 0.0:
-            constants[name] = float(value) * units[name]
+            constants[name] = _stands_for(float(value), units[name])
     thickness = None
     listed = value_of(prim, "physics:thicknesses")
     if listed is not None and len(listed):
-        thickness = float(np.mean(np.array(listed, dtype=np.float64))) * metres
+        thickness = _stands_for(float(np.mean(np.array(listed, dtype=np.float64))), metres)
     return fabric_table(constants, thickness, None)
+
+
+def _stands_for(stored: float, unit: float) -> float:
+    """A float32 of a stage in SI, by the shortest number of significant digits that it may stand for."""
+    value = stored * unit
+    doubt = float(half_step(np.array(stored))) * unit
+    digits = next((d for d in range(1, 17) if abs(float(f"{value:.{d}g}") - value) <= doubt), 17)
+    return float(f"{value:.{digits}g}")
 
 
 def _own_fabric(material: Usd.Prim) -> dict[str, Any]:
