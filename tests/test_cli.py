@@ -232,7 +232,7 @@ def test_summary_leaves_out_what_is_not_known() -> None:
     assert summary("x", report, [Path("out/x.usdc")]) == [
         "x: at_rest. Fine.",
         "  residual     0.00912 relative rms, ? p99",
-        "  iterations   12345, 812 a second",
+        "  iterations   12,345, 812 a second",
         "  relaxed in   15.2 s on cpu",
         "  wrote        out/x.usdc",
     ]
@@ -277,3 +277,20 @@ def test_an_interrupt_while_an_object_is_freed_is_not_lost(monkeypatch: pytest.M
     keep_interrupts()
     with pytest.raises(KeyboardInterrupt):
         frees()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("fit", "shirt.obj"), "shirt.obj: is a mesh, not a scene"),
+        (("view", "tshirt", "--port", "70000"), "--port"),
+        (("view", "tshirt", "--host", "192.0.2.1"), "192.0.2.1"),
+        (("sizes", "tshirt", "--ease", "nan"), "--ease: must be a length in cm"),
+    ],
+)
+def test_what_cannot_be_meant_is_told_in_a_line(arguments: tuple[str, ...], said: str, tmp_path: Path) -> None:
+    (tmp_path / "shirt.obj").write_text("v 0 0 0\n")
+    done = command(*arguments, folder=tmp_path)
+    assert done.returncode == 2
+    assert said in done.stderr
+    assert "Traceback" not in done.stderr

@@ -204,3 +204,18 @@ def test_a_package_holds_everything(metres: tuple[Path, Fit]) -> None:
     assert unresolved == []
     assert all(str(out / "user.usdz") in layer.identifier for layer in layers)
     assert assets == []
+
+
+def test_a_subdivided_mesh_is_fitted_as_its_cage_and_shown_so(tmp_path: Path, capfd: pytest.CaptureFixture) -> None:
+    path = write_users_stage(tmp_path)
+    stage = Usd.Stage.Open(str(path))
+    UsdGeom.Mesh(stage.GetPrimAtPath("/World/wardrobe/cloth")).GetSubdivisionSchemeAttr().Set("catmullClark")
+    stage.Save()
+    worn = fit(path, device="cpu", overrides=("solver.iterations=0", "collision.pixel_mm=4"))
+    assert any("subdivision (catmullClark) is not applied" in note for note in worn.garments[0].mesh.notes)
+    capfd.readouterr()
+    write_meshes(worn, tmp_path / "out")
+    assert "Warning" not in capfd.readouterr().err
+    over = Usd.Stage.Open(str(tmp_path / "out" / "user_over.usda"))
+    cloth = UsdGeom.Mesh(over.GetPrimAtPath("/World/wardrobe/cloth"))
+    assert cloth.GetSubdivisionSchemeAttr().Get() == "none"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -137,7 +138,12 @@ def fabric(
     ),
     plots: Annotated[bool, typer.Option(help="Draw the curves, with matplotlib.")] = True,
 ) -> None:
-    """Test a fabric as a textile laboratory does, and compare with the values that it states."""
+    """Test a fabric as a textile laboratory does, and compare with the values that it states.
+
+    \b
+    warp-cloth fabric denim
+    warp-cloth fabric my_fabric.toml --out tested
+    """
     with one_line_errors():
         from warp_cloth.fabric import resolve_fabric
 
@@ -175,7 +181,12 @@ def batch(
     ),
     shard: Annotated[int | None, typer.Option(help="Items to a task and its file.", show_default="by device")] = None,
 ) -> None:
-    """Fit many scenes; started again after whatever stopped it, it goes on where it stood."""
+    """Fit many scenes; started again after whatever stopped it, it goes on where it stood.
+
+    \b
+    warp-cloth batch jobs.csv --out out
+    warp-cloth batch jobs.toml --out out --keep stages --workers 4
+    """
     with one_line_errors():
         from rich.console import Console
 
@@ -214,14 +225,21 @@ def sizes(
         list[str] | None,
         typer.Option("--set", metavar="KEY=VALUE", help="As of fit; {size} stands for the size."),
     ] = None,
-    ease: Annotated[float, typer.Option(help="Wanted at chest, waist and hip [cm].")] = 4.0,
+    ease: Annotated[float, typer.Option(help="Wanted at chest, waist and hip, in cm.")] = 4.0,
     device: Annotated[
         str | None, typer.Option(help="cpu, cuda or cuda:N.", show_default="a GPU if there is one")
     ] = None,
     out: Annotated[Path, typer.Option(help="Folder for sizes.json and a stage of each size.")] = Path("out"),
 ) -> None:
-    """Fit all sizes of a garment on one body, and say which to take and why."""
+    """Fit all sizes of a garment on one body, and say which to take and why.
+
+    \b
+    warp-cloth sizes tshirt --set avatar.shape.chest=1.02 --ease 4
+    warp-cloth sizes scene.toml --size S --size M --set 'garment.mesh=shirt_{size}.obj'
+    """
     with one_line_errors(), output_folder(out, "sizes"):
+        if not math.isfinite(ease):
+            raise InputError("--ease", f"must be a length in cm, not {ease}", "give a number")
         from warp_cloth.batch.sizes import fit_sizes
 
         start_warp()
@@ -240,6 +258,8 @@ def sizes(
         typer.echo(f"{each.size:<4} {each.status:<16} {', '.join([*levels, strain])}")
     typer.echo(f"take {run.recommended}: {run.reason}" if run.recommended else run.reason)
     typer.echo(f"  wrote        {', '.join(str(path) for path in paths)}")
+    if all(each.status == "invalid" for each in run.sizes):
+        raise typer.Exit(1)
 
 
 app.command()(compare)
@@ -258,7 +278,12 @@ def avatar(
     ] = None,
     plots: Annotated[bool, typer.Option(help="Draw the fields along lines, with matplotlib.")] = True,
 ) -> None:
-    """Compare every collider of a scene's avatar with its exact mesh, near the garment."""
+    """Compare every collider of a scene's avatar with its exact mesh, near the garment.
+
+    \b
+    warp-cloth avatar scene.toml --out out
+    warp-cloth avatar tshirt --set collision.pixel_mm=1 --no-plots
+    """
     with one_line_errors():
         from warp_cloth.scene import load_scene
 
@@ -324,9 +349,12 @@ def summary(name: str, report: Mapping[str, Any], paths: list[Path]) -> list[str
 def _figures(text: str, values: Mapping[str, Any], *keys: str) -> str:
     """The text with the figures filled in; nothing if none is known."""
     found = [values.get(key) for key in keys]
+    found = [None if isinstance(value, float) and not math.isfinite(value) else value for value in found]
     if all(value is None for value in found):
         return ""
-    return text.format(*("?" if v is None else str(v) if isinstance(v, int) else f"{v:.3g}" for v in found))
+    from warp_cloth.verdict import figure
+
+    return text.format(*("?" if v is None else f"{v:,}" if isinstance(v, int) else figure(v) for v in found))
 
 
 def _fit(scene: Scene, device: str | None, frames: int, maps: Sequence[str], start: Path | None) -> Fit:

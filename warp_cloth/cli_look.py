@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import socket
 from pathlib import Path
 from typing import Annotated
 
@@ -47,7 +48,7 @@ def view(
         str | None, typer.Option(help="cpu, cuda or cuda:N.", show_default="a GPU if there is one")
     ] = None,
     host: Annotated[str, typer.Option(help="Address to serve at; 0.0.0.0 lets other machines in.")] = "127.0.0.1",
-    port: Annotated[int, typer.Option(help="Port; the next free one if it is taken.")] = 8080,
+    port: Annotated[int, typer.Option(help="Port; the next free one if it is taken.", min=1, max=65535)] = 8080,
 ) -> None:
     """Show a garment draping live on a page, with sliders for size, fabric, body and offset.
 
@@ -61,6 +62,7 @@ def view(
         for text in changes or ():
             if "=" not in text:
                 raise InputError(f"--set {text}", "has no value", "write KEY=VALUE")
+        _check_host(host)
         start_warp(False)
         from warp_cloth.view.live import LiveFit
         from warp_cloth.view.page import serve
@@ -68,3 +70,12 @@ def view(
         pairs = dict(text.split("=", 1) for text in changes or ())
         live = LiveFit(scene, pairs, device)
         serve(live, host=host, port=port, tell=typer.echo)
+
+
+def _check_host(host: str) -> None:
+    """Refuse an address at which this machine cannot serve."""
+    try:
+        with socket.socket() as probe:
+            probe.bind((host, 0))
+    except OSError as error:
+        raise InputError("--host", f'"{host}" is no address of this machine', "use 127.0.0.1 or 0.0.0.0") from error

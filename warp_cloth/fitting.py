@@ -248,7 +248,7 @@ def finished(
             for index, worn in enumerate(_worn(scene, wardrobe, outcome, frames))
         )
         advice = unheld(scene, wardrobe, [worn.points for worn in garments])
-        message = verdict(outcome, tolerance_of(scene), advice or more_iterations(scene.solver.method))
+        message = verdict(outcome, tolerance_of(scene), advice or more_iterations(scene, outcome))
         report = report_of(
             scene,
             wardrobe,

@@ -20,9 +20,29 @@ if TYPE_CHECKING:
     from warp_cloth.wardrobe import Wardrobe
 
 
-def more_iterations(method: str) -> str:
+FAR_FROM_REST = 0.02  # [m]; what is farther than that from rest still falls or slides as a whole
+
+
+def figure(value: float | None, digits: int = 3) -> str:
+    """A number for people: no more digits than matter, and none as a power of ten where it is large."""
+    if value is None or not math.isfinite(value):
+        return "unknown"
+    return f"{value:,.0f}" if abs(value) >= 10 ** (digits - 1) else f"{value:.{digits}g}"
+
+
+def falls_as_a_whole(method: str, cloth_contact: bool, rest_error: float | None) -> bool:
+    """Whether a fit that ran out of iterations would come down sooner by the multilevel method; rest error [m]."""
+    known = rest_error is not None and math.isfinite(rest_error)
+    return method == "accelerated" and not cloth_contact and known and float(rest_error or 0.0) > FAR_FROM_REST
+
+
+def more_iterations(scene: Scene, outcome: Outcome) -> str:
     """What to change where a fit only needs longer."""
-    return 'use solver.method = "accelerated"' if method == "direct" else "raise solver.iterations"
+    if scene.solver.method == "direct":
+        return 'use solver.method = "accelerated"'
+    if falls_as_a_whole(scene.solver.method, scene.collision.cloth, outcome.check.rest_error):
+        return 'use solver.method = "multilevel", by which loose garments fall as a whole, or raise solver.iterations'
+    return "raise solver.iterations"
 
 
 def unheld(scene: Scene, wardrobe: Wardrobe, worn: Sequence[Points]) -> str:
@@ -55,12 +75,12 @@ def verdict(outcome: Outcome, tolerance: Tolerance, advice: str) -> str:
         )
     misses = []
     if not residual.relative_rms <= tolerance.relative_rms:
-        misses.append(f"relative residual {residual.relative_rms:.2g} (wanted {tolerance.relative_rms:g})")
+        misses.append(f"relative residual {figure(residual.relative_rms, 2)} (wanted {tolerance.relative_rms:g})")
     if not residual.relative_p99 <= tolerance.relative_p99:
-        misses.append(f"its 99th percentile {residual.relative_p99:.2g} (wanted {tolerance.relative_p99:g})")
+        misses.append(f"its 99th percentile {figure(residual.relative_p99, 2)} (wanted {tolerance.relative_p99:g})")
     if not outcome.check.rest_error <= tolerance.rest_error:
-        far = f"{1e3 * outcome.check.rest_error:.2g} mm" if math.isfinite(outcome.check.rest_error) else "unknown"
-        misses.append(f"rest error {far} (wanted {1e3 * tolerance.rest_error:g} mm)")
+        far = figure(1e3 * outcome.check.rest_error, 2)
+        misses.append(f"rest error {far}{' mm' * (far != 'unknown')} (wanted {1e3 * tolerance.rest_error:g} mm)")
     return f"Not at rest after {outcome.iterations:,} iterations: {', '.join(misses)}; {advice}."
 
 

@@ -55,9 +55,11 @@ def write_override(
     for garment in garments:
         _open_instances(stage, garment.prim)
         _author_garment(stage, garment, ranges, colour)
-    layer.subLayerPaths[0] = relative_asset(file, path.parent)
+    written = Sdf.Layer.CreateAnonymous(".usda")  # one that no stage composes, which would look for the relative path
+    written.TransferContent(layer)
+    written.subLayerPaths[0] = relative_asset(file, path.parent)
     with whole_file(path) as target:
-        if not layer.Export(str(target)):
+        if not written.Export(str(target)):
             raise OSError("USD could not write it")
 
 
@@ -116,6 +118,8 @@ def _author_garment(stage: Usd.Stage, garment: StagedGarment, ranges: Ranges, co
     for index, frame in enumerate(() if worn.frames is None else worn.frames):
         author(local(frame), Usd.TimeCode(stage.GetStartTimeCode() + index))
     surface.SetNormalsInterpolation(UsdGeom.Tokens.vertex)
+    if surface.GetSubdivisionSchemeAttr().Get() != UsdGeom.Tokens.none:
+        surface.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)  # the cage was fitted; smoothed, it would cut the body
     fields = {name: _at_file_vertices(values, vertex) for name, values in worn.fields.items()}
     author_fields(surface, fields, ranges)
     if colour in fields:

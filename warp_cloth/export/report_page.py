@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import base64
 import json
-import math
 from collections.abc import Mapping
 from importlib.metadata import version
 from importlib.resources import files
@@ -15,6 +14,7 @@ from warp_cloth.export.files import whole_file
 from warp_cloth.export.report import plain
 from warp_cloth.maps.colour import shown_value
 from warp_cloth.maps.kinds import MAPS
+from warp_cloth.verdict import falls_as_a_whole, figure
 
 DEEP = 2.0  # [mm]; deeper than half the usual offset, a garment is in the body
 STRETCHED = 0.5  # strain beyond which a seam is not closed, or a unit is wrong
@@ -76,7 +76,7 @@ def certificate_rows(report: Mapping[str, Any]) -> list[dict[str, Any]]:
         ("rest error [mm]", rest, solver["tolerance_mm"], "how far the shape may still be from its rest shape"),
     )
     rows = [
-        {"name": name, "value": _figure(value), "wanted": f"{limit:g}", "met": value <= limit, "meaning": meaning}
+        {"name": name, "value": figure(value), "wanted": f"{limit:g}", "met": value <= limit, "meaning": meaning}
         for name, value, limit, meaning in wanted
     ]
     strain, depth = report["strain"], report.get("penetration_mm")
@@ -89,13 +89,9 @@ def certificate_rows(report: Mapping[str, Any]) -> list[dict[str, Any]]:
     if depth is not None:
         told.append(("penetration, deepest [mm]", depth["max"], "under the exact body mesh"))
     return rows + [
-        {"name": name, "value": _figure(value), "wanted": "", "met": True, "meaning": meaning}
+        {"name": name, "value": figure(value), "wanted": "", "met": True, "meaning": meaning}
         for name, value, meaning in told
     ]
-
-
-def _figure(value: float | None) -> str:
-    return f"{value:.3g}" if value is not None and math.isfinite(value) else "unknown"
 
 
 def advice(report: Mapping[str, Any]) -> list[str]:
@@ -112,6 +108,10 @@ def advice(report: Mapping[str, Any]) -> list[str]:
     if depth is not None and not depth["max"] <= DEEP:
         lines.append('The garment lies in the body: start it further out, or set collision.avatar = "mesh".')
     if report["status"] == "iteration_limit":
+        error = report["rest_error_mm"]
+        cloth = report["settings"]["collision"]["cloth"]
+        if falls_as_a_whole(solver["method"], cloth, None if error is None else 1e-3 * error):
+            lines.append('Use solver.method = "multilevel": the garment is far from rest, and falls as a whole by it.')
         lines.append(f"Raise solver.iterations (now {solver['iterations']:,}): forces may only need longer.")
         if solver["method"] == "direct":
             lines.append('Use solver.method = "accelerated": the direct rule chatters where cloth is stiff.')

@@ -199,6 +199,7 @@ def _part(
     turn = mirrored != (mesh.GetOrientationAttr().Get(time) == UsdGeom.Tokens.leftHanded)
     rest = rest_corners(mesh, counts, corners, matrix, place) if panels else None
     order = _order(counts, turn, _array(mesh.GetHoleIndicesAttr().Get(time), np.int64))
+    notes = (*order[2], *_subdivision(mesh))
     return RawMesh(
         file=place,
         points=points,
@@ -208,7 +209,7 @@ def _part(
         panels=None if panel is None else panel[order[0]],
         panel_names=names,
         metres_per_unit=scale,
-        notes=order[2],
+        notes=notes,
         rest=None if rest is None else rest[order[1]],
         doubt=doubt,
     )
@@ -229,6 +230,14 @@ def _order(counts: Ints, turn: bool, holes: Ints) -> tuple[Ints, Ints, tuple[str
     solid = ~np.isin(np.arange(len(counts)), holes)
     notes = () if solid.all() else (f"{(~solid).sum():,} faces that the stage marks as holes left out",)
     return np.flatnonzero(solid), corner[solid[owner]], notes
+
+
+def _subdivision(mesh: UsdGeom.Mesh) -> tuple[str, ...]:
+    """A note where the stage would show a smoother surface; the fallback, which many exporters leave, says nothing."""
+    scheme = mesh.GetSubdivisionSchemeAttr()
+    if not scheme.HasAuthoredValue() or scheme.Get() == "none":
+        return ()
+    return (f"subdivision ({scheme.Get()}) is not applied: the mesh is taken as it is stored",)
 
 
 def _texcoords(mesh: UsdGeom.Mesh, time: Usd.TimeCode, corners: Ints, vertex_count: int) -> Floats | None:

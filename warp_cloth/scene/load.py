@@ -19,6 +19,8 @@ from warp_cloth.scene.schema import Scene
 from warp_cloth.scene.stage import USD_SUFFIXES, check_prims, stage_values
 from warp_cloth.toml_file import exists, read_toml
 
+MESH_SUFFIXES = (".obj", ".ply", ".stl", ".glb", ".gltf")
+
 
 def load_scene(source: str | Path | Mapping[str, Any], overrides: Sequence[str] = ()) -> Scene:
     """The scene of a TOML file, of a USD stage, of a shipped scene's name, or of a dictionary of the same keys.
@@ -33,6 +35,9 @@ def load_scene(source: str | Path | Mapping[str, Any], overrides: Sequence[str] 
         path = _scene_file(source)
         place, name, directory = str(path), path.stem, path.parent
         staged = path.suffix.lower() in USD_SUFFIXES
+        if path.suffix.lower() in MESH_SUFFIXES:
+            remedy = f'name a scene.toml that says garment.mesh = "{path.name}" and avatar.mesh = "BODY.obj"'
+            raise InputError(path, "is a mesh, not a scene", remedy)
         values = stage_values(path) if staged else read_toml(path, "scene file")
     stated: dict[str, str] = {}  # dotted key -> the --set that stated it
     for text in overrides:

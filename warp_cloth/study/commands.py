@@ -26,7 +26,12 @@ def plan(
     changes: Changes = None,
     out: Annotated[Path | None, typer.Option(help="File for the same as JSON.", dir_okay=False)] = None,
 ) -> None:
-    """Say which terms a scene needs and why, which kernels and arrays that means, and what each costs."""
+    """Say which terms a scene needs and why, which kernels and arrays that means, and what each costs.
+
+    \b
+    warp-cloth plan tshirt
+    warp-cloth plan scene.toml --set collision.cloth=true
+    """
     with one_line_errors():
         from warp_cloth.scene import load_scene
 
@@ -58,6 +63,9 @@ def tradeoff(
     """Run a scene over its knobs against a tight reference of it: what does accuracy cost, what is cheap enough?
 
     Results are kept as they come: interrupted, the same command goes on where it was.
+
+    \b
+    warp-cloth tradeoff scene.toml --within 2mm --out study
     """
     with one_line_errors():
         from warp_cloth.scene import load_scene
@@ -95,7 +103,11 @@ def extremes(
     only: Annotated[list[str] | None, typer.Option(help='"cases", "map" or "precision"; all by default.')] = None,
     plots: Annotated[bool, typer.Option(help="Draw the map, with matplotlib.")] = True,
 ) -> None:
-    """Fit what no tailor would cut: where does the solver come to rest, where does it say that it does not?"""
+    """Fit what no tailor would cut: where does the solver come to rest, where does it say that it does not?
+
+    \b
+    warp-cloth extremes --only precision --out study
+    """
     with one_line_errors():
         from warp_cloth.study.extremes import GROUPS, run_extremes
         from warp_cloth.study.extremes_files import extremes_lines, save_extremes
