@@ -152,23 +152,19 @@ def box_kernel(precision: str) -> wp.Kernel:
 
 @functools.cache
 def on_triangles_function(precision: str) -> wp.Function:
-    """The function that keeps what is near a vertex; ``lane`` is which share, and of how many."""
+    """The function that keeps what is near a vertex."""
     Cloth, at = cloth_types(precision).Cloth, place_function(precision)
     nearer = near_function(precision)
 
     @wp.func
-    def find_on_triangles(
-        cloth: Cloth, search: ContactSearch, contact: ClothContact, memory: LeanMemory, vertex: int, lane: wp.vec2i
-    ):
-        """Keeps a lane's share of the triangles near a vertex, but those at it, and where both are tangled."""
+    def find_on_triangles(cloth: Cloth, search: ContactSearch, contact: ClothContact, memory: LeanMemory, vertex: int):
+        """Keeps the triangles near a vertex, but those that it is a corner of, and where both are tangled."""
         centre = wp.vec3f(at(cloth.position, vertex))
         room = float(contact.reach) + SLACK
         wide = wp.vec3f(room, room, room)
         query = wp.bvh_query_aabb(search.tree, centre - wide, centre + wide, triangles_root(search, vertex))
         triangle = int(0)
         while wp.bvh_query_next(query, triangle):
-            if triangle % lane[1] != lane[0]:
-                continue
             t = search.triangles[triangle]
             tangled = search.tangled[t[0]] + search.tangled[t[1]] + search.tangled[t[2]]
             out = tangled + search.tangled[vertex] > 0 or has_vertex(t, vertex) or spans_gap(search, triangle)
@@ -183,14 +179,12 @@ def on_triangles_function(precision: str) -> wp.Function:
 
 @functools.cache
 def on_edges_function(precision: str) -> wp.Function:
-    """The function that keeps what is near an edge; ``lane`` is which share, and of how many."""
+    """The function that keeps what is near an edge."""
     Cloth, nearer = cloth_types(precision).Cloth, near_function(precision)
 
     @wp.func
-    def find_on_edges(
-        cloth: Cloth, search: ContactSearch, contact: ClothContact, memory: LeanMemory, edge: int, lane: wp.vec2i
-    ):
-        """Keeps a lane's share of the later edges near an edge, but those at its ends, and where both are tangled."""
+    def find_on_edges(cloth: Cloth, search: ContactSearch, contact: ClothContact, memory: LeanMemory, edge: int):
+        """Keeps the later edges near an edge, but those that share an end, and where both are tangled."""
         if search.open_edge[edge] > 0:
             return
         room = float(contact.reach) + SLACK
@@ -203,7 +197,7 @@ def on_edges_function(precision: str) -> wp.Function:
         )
         found = int(0)
         while wp.bvh_query_next(query, found):
-            if found > box and found % lane[1] == lane[0]:
+            if found > box:
                 other = found - search.triangles.shape[0]
                 o = search.edges[other]
                 out = e[0] == o[0] or e[0] == o[1] or e[1] == o[0] or e[1] == o[1]
@@ -225,19 +219,13 @@ def pairs_kernel(precision: str) -> wp.Kernel:
     find_on_triangles, find_on_edges = on_triangles_function(precision), on_edges_function(precision)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
-    def find_pairs(cloth: Cloth, search: ContactSearch, contact: ClothContact, memory: LeanMemory, lanes: int):
-        """Keeps what is near each vertex, and each edge; each by so many threads, which share out what they meet.
-
-        In one launch, and many threads of it, since each mostly waits for memory.
-        """
+    def find_pairs(cloth: Cloth, search: ContactSearch, contact: ClothContact, memory: LeanMemory):
+        """Keeps what is near each vertex, and each edge: in one launch, since each thread mostly waits for memory."""
         thread = wp.tid()
         vertices = search.item.shape[0]
-        count = vertices + search.edges.shape[0]
-        lane = wp.vec2i(thread / count, lanes)
-        place = thread - lane[0] * count
-        if place < vertices:
-            find_on_triangles(cloth, search, contact, memory, place, lane)
+        if thread < vertices:
+            find_on_triangles(cloth, search, contact, memory, thread)
         else:
-            find_on_edges(cloth, search, contact, memory, place - vertices, lane)
+            find_on_edges(cloth, search, contact, memory, thread - vertices)
 
     return find_pairs

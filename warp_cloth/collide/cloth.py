@@ -55,7 +55,6 @@ LAYER_REACH = 0.01  # [m]; how deep one garment may be inside another once both 
 # changes with every step.
 LOOK_EVERY = 4
 LOOK_UNTANGLING = 2
-LANES = 4  # threads of a GPU that share out what one query meets
 LOOKING = 64  # threads in a block that walks the tree: some take far longer than others
 STRIDE_SHARE = 0.1  # of the reach: longest untangling shift in an iteration
 
@@ -275,9 +274,7 @@ class ClothTouch:
         self._box(cloth)
         if self.untangles:
             self._untangle(cloth)
-        lanes = LANES if wp.get_device(self._model.device).is_cuda else 1
-        size = lanes * (vertices + len(self.sheets.edges))
-        self._launch(self._pairs, size, [cloth, given, found, memory, lanes], LOOKING)
+        self._launch(self._pairs, vertices + len(self.sheets.edges), [cloth, given, found, memory], LOOKING)
 
     def _box(self, cloth: Any) -> None:
         """Brings the tree up to where garments are."""
