@@ -6,7 +6,13 @@ from types import SimpleNamespace
 import warp as wp
 
 from warp_cloth.kernels.bending import fold_energy, hinge_fold, turned_back
-from warp_cloth.kernels.cloth import MODULE_OPTIONS, cloth_types, difference_function, free_function
+from warp_cloth.kernels.cloth import (
+    MODULE_OPTIONS,
+    cloth_types,
+    difference_function,
+    free_function,
+    hinge_sides_function,
+)
 from warp_cloth.kernels.displace import colliders_type
 from warp_cloth.kernels.friction import friction_residual
 from warp_cloth.kernels.tension import tension_energy
@@ -108,7 +114,7 @@ def bending_energy_kernel(precision: str, angles: bool) -> wp.Kernel:
     """Kernel ``measure_bending``, of hinges with rest angles or flat ones."""
     types = cloth_types(precision)
     real, Cloth, Hinges = types.real, types.Cloth, types.Hinges
-    difference = difference_function(precision)
+    hinge_sides = hinge_sides_function(precision)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def measure_bending(
@@ -119,10 +125,7 @@ def bending_energy_kernel(precision: str, angles: bool) -> wp.Kernel:
         """Energy of each hinge; none where a triangle has no area."""
         hinge = wp.tid()
         corners = hinges.corners[hinge]
-        start = cloth.position[corners[0]]
-        axis = difference(cloth.position[corners[1]], start)
-        wing_0 = difference(cloth.position[corners[2]], start)
-        wing_1 = difference(cloth.position[corners[3]], start)
+        axis, wing_0, wing_1 = hinge_sides(cloth.position, corners)
         normal_0, normal_1, area_0, area_1 = hinge_fold(axis, wing_0, wing_1)
         if wp.static(angles):
             normal_1 = turned_back(normal_1, axis, hinges.rest[hinge])

@@ -229,3 +229,19 @@ def difference_function(precision: str) -> wp.Function:
         return vec3(real(d[0]), real(d[1]), real(d[2]))
 
     return difference
+
+
+@functools.cache
+def hinge_sides_function(precision: str) -> wp.Function:
+    """The function that reads a hinge where its cloth is."""
+    types, difference = cloth_types(precision), difference_function(precision)
+    point = types.point
+
+    @wp.func
+    def hinge_sides(position: wp.array(dtype=point), corners: wp.vec4i):
+        """Axis and both wings of a hinge: from its first corner to the others [m]."""
+        start = position[corners[0]]
+        axis = difference(position[corners[1]], start)
+        return axis, difference(position[corners[2]], start), difference(position[corners[3]], start)
+
+    return hinge_sides

@@ -11,7 +11,7 @@ from types import SimpleNamespace
 import warp as wp
 
 from warp_cloth.kernels.bending import THINNEST, hinge_fold, turned_back
-from warp_cloth.kernels.cloth import MODULE_OPTIONS, cloth_types, difference_function
+from warp_cloth.kernels.cloth import MODULE_OPTIONS, cloth_types, difference_function, hinge_sides_function
 from warp_cloth.kernels.tension import tension_force, tension_stiffness
 from warp_cloth.kernels.weave import warp_vector, weft_vector
 
@@ -118,7 +118,7 @@ def linearise_hinges_kernel(precision: str, angles: bool) -> wp.Kernel:
     """Kernel ``linearise_hinges``, of hinges with rest angles or flat ones."""
     types = cloth_types(precision)
     real, vec3, Cloth, Hinges = types.real, types.vec3, types.Cloth, types.Hinges
-    difference = difference_function(precision)
+    hinge_sides = hinge_sides_function(precision)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def linearise_hinges(
@@ -129,10 +129,7 @@ def linearise_hinges_kernel(precision: str, angles: bool) -> wp.Kernel:
         """C sin(theta) grad(theta) grad(theta)^T is a hinge's stiffness; stores a root of it for each corner."""
         hinge = wp.tid()
         corners = hinges.corners[hinge]
-        origin = cloth.position[corners[0]]
-        axis = difference(cloth.position[corners[1]], origin)
-        wing_0 = difference(cloth.position[corners[2]], origin)
-        wing_1 = difference(cloth.position[corners[3]], origin)
+        axis, wing_0, wing_1 = hinge_sides(cloth.position, corners)
         normal_0, normal_1, area_0, area_1 = hinge_fold(axis, wing_0, wing_1)
         length = wp.length(axis)
         least = real(THINNEST) * length * length + real(1.0e-30)

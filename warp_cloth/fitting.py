@@ -20,7 +20,6 @@ from warp_cloth.errors import InputError
 from warp_cloth.maps import FitMaps, chosen_maps, measure_maps
 from warp_cloth.maps.measure import check_maps
 from warp_cloth.mesh import Mesh, Points
-from warp_cloth.plan import make_plan
 from warp_cloth.result import Penetration, Status, WornGarment
 from warp_cloth.scene import Scene, load_scene
 from warp_cloth.set_up import SetUp, following, set_up_one, start_coarse, tolerance_of
@@ -262,7 +261,6 @@ def finished(
             crossing=crossing,
             contact=made.touched(item),
             levels=levels,
-            plan=make_plan(scene, wardrobe),
         )
         fits.append(Fit(scene, outcome.status, message, garments, wardrobe.avatar, report, model.device))
     return fits

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
+from warp_cloth.plan import make_plan
 from warp_cloth.result import Penetration, Status, Strain
 from warp_cloth.solver.certificate import Tolerance
 from warp_cloth.solver.loop import Outcome
@@ -15,7 +16,6 @@ if TYPE_CHECKING:
     from warp_cloth.cascade import LevelRun
     from warp_cloth.collide.garments import GarmentCrossings
     from warp_cloth.mesh import Points
-    from warp_cloth.plan import Term
     from warp_cloth.scene import Scene
     from warp_cloth.wardrobe import Wardrobe
 
@@ -98,7 +98,6 @@ def report_of(
     crossing: GarmentCrossings,
     contact: dict[str, Any] | None,
     levels: Sequence[LevelRun],
-    plan: tuple[Term, ...],
 ) -> dict[str, Any]:
     """The report under its stable keys; lengths as their names say.
 
@@ -139,6 +138,6 @@ def report_of(
             )
         ],
         "avatar": {"unit": wardrobe.avatar.unit, "notes": list(wardrobe.avatar.notes)} if wardrobe.avatar else None,
-        "plan": [asdict(term) for term in plan],
+        "plan": [asdict(term) for term in make_plan(scene, wardrobe)],
         "settings": scene.settings(),
     }

@@ -112,9 +112,7 @@ def extremes(
         from warp_cloth.study.extremes import GROUPS, run_extremes
         from warp_cloth.study.extremes_files import extremes_lines, save_extremes
 
-        unknown = set(only or ()) - set(GROUPS)
-        if unknown:
-            raise InputError("--only", f'"{min(unknown)}" is no part of the study', f"use {', '.join(GROUPS)}")
+        parts = _parts(only, GROUPS)
         with output_folder(out, "extremes"):
             start_warp(False)
             from warp_cloth.bench.save import figure_class
@@ -123,7 +121,7 @@ def extremes(
             if plots:
                 figure_class()
             where = device_named(device)
-            found = run_extremes(where, lambda line: print(line, file=sys.stderr), only or GROUPS)
+            found = run_extremes(where, lambda line: print(line, file=sys.stderr), parts)
             paths = save_extremes(found, out, plots=plots)
     _show([*extremes_lines(found), *(f"  wrote {path}" for path in paths)], typer.echo)
     if not all(outcome.kept for outcome in found):
@@ -144,9 +142,7 @@ def methods(
         from warp_cloth.study.methods import GROUPS, MethodStudy
         from warp_cloth.study.methods_files import methods_lines, save_methods
 
-        unknown = set(only or ()) - set(GROUPS)
-        if unknown:
-            raise InputError("--only", f'"{min(unknown)}" is no part of the study', f"use {', '.join(GROUPS)}")
+        parts = _parts(only, GROUPS)
         with output_folder(out, "methods"):
             start_warp(False)
             from warp_cloth.bench.save import figure_class
@@ -155,9 +151,17 @@ def methods(
             if plots:
                 figure_class()
             study = MethodStudy(out / "methods.jsonl", device_named(device), lambda line: print(line, file=sys.stderr))
-            runs = study.run(only or GROUPS)
+            runs = study.run(parts)
             paths = save_methods(runs, out, plots=plots)
     _show([*methods_lines(runs), *(f"  wrote {path}" for path in paths)], typer.echo)
+
+
+def _parts(only: Sequence[str] | None, groups: Sequence[str]) -> Sequence[str]:
+    """The parts of a study that were asked for; all of them where none was named."""
+    unknown = set(only or ()) - set(groups)
+    if unknown:
+        raise InputError("--only", f'"{min(unknown)}" is no part of the study', f"use {', '.join(groups)}")
+    return only or groups
 
 
 def _show(lines: Sequence[str], say: Callable[[str], None]) -> None:
