@@ -9,6 +9,7 @@ from typing import Any
 
 import pyarrow.parquet
 import pytest
+import warp as wp
 
 from warp_cloth.batch import Item, run_batch
 from warp_cloth.batch.cluster import task_resources
@@ -63,6 +64,17 @@ def test_a_cluster_that_loses_a_node_midway_gives_the_same_results(cluster: Any,
 def test_a_cluster_without_gpus_is_not_asked_for_one(cluster: Any, tmp_path: Path) -> None:
     with pytest.raises(InputError, match="the cluster has no GPU"):
         run_batch(items(1), tmp_path, device="cuda", ray=cluster.address)
+
+
+@pytest.mark.skipif(wp.is_cuda_available(), reason="the GPU that the node claims is there")
+def test_what_needs_a_gpu_goes_to_the_node_that_claims_one_and_says_that_it_does_not_answer(
+    cluster: Any, tmp_path: Path
+) -> None:
+    cluster.add_node(num_cpus=1, num_gpus=1)
+    cluster.wait_for_nodes()
+    report = run_batch(items(1), tmp_path, ray=cluster.address)
+    assert report.statuses == {"failed": 1}
+    assert [row["message"] for row in rows(tmp_path)] == ["cuda:0 does not answer"]
 
 
 @pytest.mark.parametrize(

@@ -60,6 +60,8 @@ class RayPool:
                 task = self._running.pop(reference)
                 try:
                     yield self._ray.get(reference)
+                except self._ray.exceptions.RayTaskError as error:
+                    yield Lost(task, str(error.cause))
                 except self._ray.exceptions.RayError as error:
                     yield Lost(task, " ".join(str(error).split())[:300])
 

@@ -17,7 +17,8 @@ from warp_cloth.rest import build_rest_shape
 from warp_cloth.solver.certificate import Certifier, Check, Tolerance
 from warp_cloth.solver.forces import ForcePass
 from warp_cloth.solver.loop import relax_to_rest
-from warp_cloth.solver.relax import Collider, Relaxation, StepOptions
+from warp_cloth.solver.multilevel import MultilevelRelaxation, relaxation_by
+from warp_cloth.solver.relax import Collider, StepOptions
 
 if TYPE_CHECKING:
     from warp_cloth.fabric import Fabric
@@ -52,7 +53,7 @@ class Specimen:
         self.rest = rest
         self.clamped = clamped
         self.model = build_model([part], device=device, precision="mixed")
-        self._relaxation = Relaxation(self.model, Collider(), options or StepOptions())
+        self._relaxation = relaxation_by(options or StepOptions(), self.model, [Collider()], [part])
         if weightless:
             self._relaxation.step.gravity = cloth_types("mixed").vec3(0.0, 0.0, 0.0)
         self._certifier: Certifier | None = None
@@ -62,9 +63,11 @@ class Specimen:
         certifier = Certifier(self._relaxation)
         wp.force_load(device, modules=[kernel.module for kernel in kernels + certifier.kernels()])
 
-    def settle(self, start: Points, tolerance: Tolerance, limit: int) -> Settled:
-        """Relaxes from these positions, in which the clamps stand where they stay."""
+    def settle(self, start: Points, tolerance: Tolerance, limit: int, *, near_rest: bool = False) -> Settled:
+        """Relaxes from these positions, in which the clamps stand where they stay; ``near_rest``: and hardly falls."""
         self.model.set_points(start)
+        if near_rest and isinstance(self._relaxation, MultilevelRelaxation):
+            self._relaxation.start_near_rest()
         if self.model.cloth.stiffness:
             self.model.cloth.stiffness.zero_()
         certifier = Certifier(self._relaxation)
