@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +18,9 @@ from warp_cloth.fitting import fit
 from warp_cloth.scene import load_scene
 from warp_cloth.shapes import square
 from warp_cloth.study import knobs, tradeoff
+from warp_cloth.study.extreme_meshes import sheet, write_garment
 from warp_cloth.study.knobs import reference_of, single_trials
+from warp_cloth.study.passing import run_through
 from warp_cloth.study.surface import distances
 from warp_cloth.study.tradeoff import Measured, Trade, TradeStudy, millimetres
 from warp_cloth.study.tradeoff_files import snippet, trade_lines
@@ -41,7 +44,7 @@ def found(tmp_path_factory: pytest.TempPathFactory) -> tuple[Trade, Path]:
     """A whole study of a small scene, with few settings."""
     folder = tmp_path_factory.mktemp("trade")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(knobs, "BUDGETS", (250, 500))
+        patch.setattr(knobs, "BUDGETS", (200, 400))
         patch.setattr(knobs, "PIXELS_MM", (4.0, 8.0))
         study = TradeStudy(load_scene(TREE), device="cpu", within_mm=WITHIN_MM, folder=folder, tell=lambda _: None)
         return study.run(), folder
@@ -77,13 +80,52 @@ def test_a_study_that_was_cut_off_goes_on_with_what_it_knows(
 ) -> None:
     trade, folder = found
     kept = next(folder.glob("*.jsonl"))
-    kept.write_text(kept.read_text() + '{"knob": "cut o')
+    kept.write_text(kept.read_text() + '\n{"knob": "cut o')
     study = TradeStudy(load_scene(TREE), device="cpu", within_mm=WITHIN_MM, folder=folder, tell=lambda _: None)
     monkeypatch.setattr(tradeoff, "fit", lambda *_, **__: pytest.fail("it was known already"))
+    monkeypatch.setattr(tradeoff, "run_through", lambda *_, **__: pytest.fail("it was known already"))
     study._load()
     study._refer()
     assert len(study.trade().measured) == len(trade.measured)
     assert study._measure(single_trials(load_scene(TREE))[0]).knob == "scene"
+
+
+def test_what_a_run_passes_through_is_what_stopping_there_gives() -> None:
+    scene = load_scene(TREE)
+    passed, _ = run_through(scene, "cpu", (200,))
+    stopped = fit(TREE, device="cpu", overrides=["solver.iterations=200"])
+    assert (passed.status, passed.iterations) == (stopped.status, 200)
+    assert np.array_equal(passed.worn[0], stopped.garments[0].points)
+    assert passed.strain == stopped.report["strain"]["p99"]
+    assert passed.depth is not None
+    assert passed.depth.max == stopped.report["penetration_mm"]["max"]
+
+
+def test_other_work_on_the_machine_while_a_setting_loads_does_not_count(tmp_path: Path) -> None:
+    study = TradeStudy(load_scene(TREE), device="cpu", within_mm=WITHIN_MM, folder=tmp_path, tell=lambda _: None)
+    slow = replace(measured({"solver.iterations": "100"}), seconds=9.2, loading=9.0)
+    finer = replace(measured({"collision.pixel_mm": "1"}), seconds=3.0, loading=2.5)
+    study._measured = [measured({}), slow, finer]
+    assert [trial.seconds for trial in study.trade().measured] == pytest.approx([1.0, 0.3, 3.0])
+
+
+def test_another_mesh_in_the_same_file_is_another_study(tmp_path: Path) -> None:
+    mesh = tmp_path / "sheet.obj"
+    kept = set()
+    for size in (0.3, 0.4):
+        write_garment(mesh, sheet(np.linspace(0.0, size, 5), np.linspace(1.0, 1.0 + size, 5)))
+        scene = load_scene({"garment": {"mesh": str(mesh), "units": "m", "pin": {"loop": "top"}}})
+        study = TradeStudy(scene, device="cpu", within_mm=WITHIN_MM, folder=tmp_path, tell=lambda _: None)
+        kept.add(study._kept)
+    assert len(kept) == 2
+
+
+@pytest.mark.parametrize("avatar", [{}, {"avatar": TREE["avatar"], "collision": {"avatar": "none"}}])
+def test_a_garment_that_falls_for_ever_is_refused_before_any_work(tmp_path: Path, avatar: dict[str, object]) -> None:
+    shape = {"garment": {"shape": {"kind": "square", "vertices_per_side": 5}}, **avatar}
+    study = TradeStudy(load_scene(shape), device="cpu", within_mm=WITHIN_MM, folder=tmp_path, tell=lambda _: None)
+    with pytest.raises(InputError, match="pin some of its vertices"):
+        study.run()
 
 
 def test_the_command_writes_table_settings_and_plot(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -114,12 +156,12 @@ def test_the_command_writes_table_settings_and_plot(tmp_path: Path, monkeypatch:
 
 
 def measured(settings: dict[str, str]) -> Measured:
-    return Measured("together", "", settings, "at_rest", 1.0, 100, 0.5, 1.0, None, 0.0)
+    return Measured("together", "", settings, "at_rest", 1.0, 0.1, 100, 0.5, 1.0, None, 0.0)
 
 
 def test_the_snippet_can_be_pasted_into_a_scene_file() -> None:
     best = measured({"solver.method": "direct", "solver.iterations": "500", "collision.pixel_mm": "4"})
-    text = snippet(Trade("scene", "cpu", 2.0, "", 0.1, (best,), (best,), best))
+    text = snippet(Trade("scene", "cpu", 2.0, "", True, 0.1, (best,), (best,), best))
     from warp_cloth.toml_file import tomllib
 
     assert tomllib.loads(text) == {"solver": {"method": "direct", "iterations": 500}, "collision": {"pixel_mm": 4}}
@@ -127,9 +169,12 @@ def test_the_snippet_can_be_pasted_into_a_scene_file() -> None:
 
 def test_an_error_below_what_the_scene_itself_scatters_is_told() -> None:
     best = measured({})
-    told = " ".join(trade_lines(Trade("scene", "cpu", 2.0, "", 5.0, (best,), (best,), best)))
+    told = " ".join(trade_lines(Trade("scene", "cpu", 2.0, "", True, 5.0, (best,), (best,), best)))
     assert "5 mm apart by themselves" in told
-    assert "Nothing tried" in " ".join(trade_lines(Trade("scene", "cpu", 0.1, "", 5.0, (best,), (best,), None)))
+    told = " ".join(trade_lines(Trade("scene", "cpu", 0.1, "", False, 5.0, (best,), (best,), None)))
+    assert "Nothing tried" in told
+    assert "5 mm apart by themselves" in told
+    assert "The reference is not at rest" in told
 
 
 @pytest.mark.parametrize(("text", "value"), [("2mm", 2.0), ("0.2 cm", 2.0), ("3", 3.0), ("0.001m", 1.0)])

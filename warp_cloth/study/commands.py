@@ -90,8 +90,11 @@ def tradeoff(
             try:
                 trade = study.run()
             except KeyboardInterrupt:
-                print("interrupted: the same command goes on from here", file=sys.stderr)
-                save_trade(study.trade(), out, plots=plots)
+                known = study.trade()
+                if known.measured:
+                    save_trade(known, out, plots=plots)
+                told = "interrupted: the same command goes on from here" if known.measured else "interrupted"
+                print(told, file=sys.stderr)
                 raise typer.Exit(INTERRUPTED) from None
             paths = save_trade(trade, out, plots=plots)
     _show([*trade_lines(trade), *(f"  wrote {path}" for path in paths)], typer.echo)

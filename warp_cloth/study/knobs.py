@@ -8,7 +8,7 @@ from types import MappingProxyType
 
 from warp_cloth.errors import InputError
 from warp_cloth.scene import Scene, SquareShape, TshirtShape
-from warp_cloth.solver.relax import DEFAULT_CAP
+from warp_cloth.solver.relax import DEFAULT_CAP, Method
 
 Settings = Mapping[str, str]  # scene keys and their values, as --set takes them
 
@@ -20,9 +20,10 @@ REFERENCE_PIXEL_MM = 1.0
 COARSENING = (1.4, 2.0)  # factors on the edge length
 PIXELS_MM = (1.0, 2.0, 4.0, 8.0)
 TOLERANCES = ((0.3, 0.003), (1.0, 0.01), (3.0, 0.03), (10.0, 0.1))  # [mm] of rest error, relative residual rms
-BUDGETS = (125, 250, 500, 1000, 2000, 4000)  # iterations
+BUDGETS = (100, 200, 500, 1000, 2000, 4000)  # iterations, at each of which a chunk of the loop ends
 DIRECT_BUDGET = 2000  # iterations of the direct method, which may never rest
 EXACT_BUDGET = 1000  # iterations against the exact avatar, each of which takes as long as five others
+LEVELS_BUDGET = 2000  # of the multilevel method, which needs few or none of use
 
 
 @dataclass(frozen=True)
@@ -52,7 +53,7 @@ def reference_of(scene: Scene) -> Trial:
     The avatar is met as in the scene: the exact one would take minutes, and penetration is told against it anyway.
     """
     settings = {
-        "solver.method": "accelerated",
+        "solver.method": _tight_method(scene),
         "solver.precision": "float64",
         **_tolerance(REFERENCE_MM, REFERENCE_RESIDUAL),
         "solver.iterations": str(min(max(REFERENCE_ITERATIONS * scene.solver.iterations, 20_000), 10**7)),
@@ -62,9 +63,14 @@ def reference_of(scene: Scene) -> Trial:
     return Trial("reference", MappingProxyType(settings))
 
 
+def _tight_method(scene: Scene) -> Method:
+    """The scene's own method, which suits it; the accelerated one where it is the direct rule, which hardly rests."""
+    return "accelerated" if scene.solver.method == "direct" else scene.solver.method
+
+
 def twin_of(scene: Scene) -> Trial:
     """As tight as the reference on another way: its steps are half as long."""
-    cap = scene.solver.cap if scene.solver.cap is not None else DEFAULT_CAP["accelerated"]
+    cap = scene.solver.cap if scene.solver.cap is not None else DEFAULT_CAP[_tight_method(scene)]
     return Trial("twin", MappingProxyType({**reference_of(scene).settings, "solver.cap": f"{0.5 * cap:g}"}))
 
 
@@ -84,7 +90,7 @@ def single_trials(scene: Scene) -> list[Trial]:
             add("precision", solver__precision=precision)
     if collision.avatar != "none":
         held = all(garment.pin for garment in scene.garments)  # without pins and avatar a garment falls for ever
-        for kind in ("depth", "mesh", *(("none",) if held else ())):
+        for kind in ("depth", "auto", "mesh", *(("none",) if held else ())):
             if kind == "mesh" != collision.avatar:
                 add("collider", collision__avatar=kind, solver__iterations=str(min(solver.iterations, EXACT_BUDGET)))
             elif kind != collision.avatar:
@@ -98,19 +104,28 @@ def single_trials(scene: Scene) -> list[Trial]:
         coarse = _coarser(scene, factor)
         if coarse:
             trials.append(Trial("mesh", MappingProxyType(coarse)))
-    method = "direct" if solver.method == "accelerated" else "accelerated"
-    limit = min(solver.iterations, DIRECT_BUDGET) if method == "direct" else solver.iterations
-    add("method", solver__method=method, solver__iterations=str(limit))
+    for method, most in (("accelerated", solver.iterations), ("multilevel", LEVELS_BUDGET), ("direct", DIRECT_BUDGET)):
+        if method != solver.method:
+            add("method", solver__method=method, solver__iterations=str(min(solver.iterations, most)))
     return [trial for trial in trials if _allowed(scene, trial)]
 
 
-def budget_trials(scene: Scene, settings: Settings, most: int) -> list[Trial]:
-    """Settings stopped after fewer iterations than they took."""
-    return [
-        Trial("iterations", MappingProxyType({**settings, "solver.iterations": str(count)}))
+def budget_trials(scene: Scene, settings: Settings) -> dict[int, Trial]:
+    """Settings stopped after so many iterations."""
+    return {
+        count: Trial("iterations", MappingProxyType({**settings, "solver.iterations": str(count)}))
         for count in BUDGETS
-        if count < min(most, scene.solver.iterations)
-    ]
+        if count < scene.solver.iterations
+    }
+
+
+def nothing_holds(scene: Scene) -> str:
+    """The key of a garment that falls for ever; empty where there is none, as far as that is sure."""
+    if scene.avatar is not None and scene.collision.avatar != "none":
+        return ""
+    free = [key for key, garment in zip(scene.garment_keys, scene.garments, strict=True) if not garment.pin]
+    met = scene.collision.cloth and len(free) < len(scene.garments)  # a pinned garment may hold the others
+    return free[0] if free and not met else ""
 
 
 def _tolerance(millimetres: float, residual: float) -> dict[str, str]:

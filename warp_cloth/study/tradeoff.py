@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import asdict, dataclass
+import zipfile
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
 from types import MappingProxyType
@@ -13,16 +14,21 @@ from types import MappingProxyType
 import numpy as np
 
 from warp_cloth.errors import InputError
+from warp_cloth.export.files import unwritable, whole_file
 from warp_cloth.fitting import Fit, fit
 from warp_cloth.mesh import Mesh, Points
+from warp_cloth.result import Status
 from warp_cloth.scene import Scene, load_scene
-from warp_cloth.study.knobs import Settings, Trial, budget_trials, reference_of, single_trials, twin_of
+from warp_cloth.study.knobs import Settings, Trial, budget_trials, nothing_holds, reference_of, single_trials, twin_of
+from warp_cloth.study.passing import Passed, run_through
 from warp_cloth.study.surface import distances
+from warp_cloth.wardrobe import mesh_recipes, open_wardrobe
 
 COMBINED = ("mesh", "precision", "pixel", "collider", "cloth contact")  # knobs whose cheapest settings are put together
 
 ALIKE = 1.15  # times that differ by less are the same: of such settings the closest is recommended
 MOST_CHECKS = 4  # fresh runs of what is recommended: their times, too, are new
+LATER = ("solver.iterations", "solver.tolerance_mm", "solver.residual", "solver.residual_p99")  # not asked at loading
 
 
 @dataclass(frozen=True)
@@ -34,6 +40,7 @@ class Measured:
     settings: dict[str, str]
     status: str
     seconds: float  # of loading, building and relaxing; not of compiling, which is done once
+    loading: float  # of these, until the first iteration
     iterations: int
     rms_mm: float  # distance of the vertices from the reference
     max_mm: float
@@ -45,6 +52,11 @@ class Measured:
         """Whether its distance could be told."""
         return bool(np.isfinite(self.rms_mm)) and self.status in ("at_rest", "iteration_limit")
 
+    @property
+    def loads_like(self) -> tuple[tuple[str, str], ...]:
+        """What is the same for all settings that load and build the same."""
+        return tuple(sorted((key, value) for key, value in self.settings.items() if key not in LATER))
+
 
 @dataclass(frozen=True)
 class Trade:
@@ -54,6 +66,7 @@ class Trade:
     device: str
     within_mm: float
     reference: str  # how the reference ended
+    reference_rests: bool
     scatter_mm: float  # between two references as tight as each other, rms
     measured: tuple[Measured, ...]
     front: tuple[Measured, ...]  # of those that nothing beats in both, fastest first
@@ -70,7 +83,8 @@ class TradeStudy:
         self._device = device
         self._within = within_mm
         self._tell = tell
-        key = json.dumps([scene.settings(), device, version("warp-cloth")], sort_keys=True, default=str)
+        made_of = [recipe.key for recipe in mesh_recipes(scene)]  # files that changed are other files
+        key = json.dumps([scene.settings(), made_of, device, version("warp-cloth")], sort_keys=True, default=str)
         name = f"{scene.name}_tradeoff_{hashlib.sha256(key.encode()).hexdigest()[:8]}"
         self._kept = folder / f"{name}.jsonl"
         self._shape = folder / f"{name}.npz"
@@ -78,20 +92,26 @@ class TradeStudy:
         self._worn: list[Points] = []
         self._strain = 0.0
         self._measured: list[Measured] = []
-        self.reference = ""
+        self.reference, self.reference_rests = "", False
         self.scatter_mm = float("nan")
 
     def run(self) -> Trade:
-        """All trials: alone, stopped early, and the cheapest good ones together; the cheapest is run afresh."""
+        """All trials: alone, stopped early, and the cheapest good ones together; the cheapest is run afresh.
+
+        Raises:
+            InputError: nothing can be compared, or what is known cannot be kept.
+        """
+        falls = nothing_holds(self._scene)
+        if falls:
+            problem = "nothing holds it, so it falls for ever and no shape of it is right"
+            raise InputError(falls, problem, "pin some of its vertices, or let it meet an avatar")
         self._load()
         self._refer()
-        alone = [self._measure(trial) for trial in single_trials(self._scene)]
-        own = alone[0]
-        self._all(budget_trials(self._scene, {}, own.iterations))
+        first, *others = single_trials(self._scene)
+        own = self._with_stops(first)
+        alone = [own, *(self._measure(trial) for trial in others)]
         for settings in self._combinations(own, alone):
-            whole = self._measure(Trial("together", MappingProxyType(settings)))
-            if whole.known:
-                self._all(budget_trials(self._scene, settings, whole.iterations))
+            self._with_stops(Trial("together", MappingProxyType(settings)))
         checked: list[dict[str, str]] = []
         while len(checked) < MOST_CHECKS:
             cheapest = self.trade().cheapest
@@ -103,7 +123,13 @@ class TradeStudy:
 
     def trade(self) -> Trade:
         """What is known so far."""
-        known = [trial for trial in self._measured if trial.known]
+        least: dict[object, float] = {}  # other work on this machine can only add to what loading takes
+        for trial in self._measured:
+            least[trial.loads_like] = min(trial.loading, least.get(trial.loads_like, trial.loading))
+        measured = [
+            replace(trial, seconds=trial.seconds - trial.loading + least[trial.loads_like]) for trial in self._measured
+        ]
+        known = [trial for trial in measured if trial.known]
         front: list[Measured] = []
         for trial in sorted(known, key=lambda one: (one.seconds, one.rms_mm)):
             if not front or trial.rms_mm < front[-1].rms_mm:
@@ -115,8 +141,9 @@ class TradeStudy:
             device=self._device,
             within_mm=self._within,
             reference=self.reference,
+            reference_rests=self.reference_rests,
             scatter_mm=self.scatter_mm,
-            measured=tuple(self._measured),
+            measured=tuple(measured),
             front=tuple(front),
             cheapest=alike[-1] if alike else None,
         )
@@ -125,16 +152,25 @@ class TradeStudy:
         """The reference shape, and how far a second one as tight comes to rest from it."""
         if not self._worn:
             fitted = self._fit(reference_of(self._scene))
+            if fitted.status not in (Status.AT_REST, Status.ITERATION_LIMIT):
+                raise InputError(self._scene.name, f"has no reference: {fitted.message}", "change that first")
             self._meshes = tuple(worn.mesh for worn in fitted.garments)
             self._worn = [worn.points for worn in fitted.garments]
             self._strain = fitted.report["strain"]["p99"]
-            self.reference = fitted.message
+            self.reference, self.reference_rests = fitted.message, fitted.status is Status.AT_REST
             twin = self._fit(twin_of(self._scene))
-            self.scatter_mm = float(np.sqrt(np.mean(self._distance(twin) ** 2)))
-            with self._kept.open("w", encoding="utf-8") as lines:
-                known = {"reference": self.reference, "scatter_mm": self.scatter_mm, "strain": self._strain}
-                lines.write(json.dumps(known) + "\n")
-            np.savez(self._shape, *self._worn)
+            away = self._distance([worn.mesh for worn in twin.garments], [worn.points for worn in twin.garments])
+            self.scatter_mm = float(np.sqrt(np.mean(away**2)))
+            with whole_file(self._shape) as place:
+                np.savez(place, *self._worn)
+            known = {
+                "reference": self.reference,
+                "reference_rests": self.reference_rests,
+                "scatter_mm": self.scatter_mm,
+                "strain": self._strain,
+            }
+            with whole_file(self._kept) as place:
+                place.write_text(json.dumps(known), encoding="utf-8")
         self._tell(f"reference: {self.reference} A second one differs by {self.scatter_mm:.2g} mm rms.")
 
     def _load(self) -> None:
@@ -144,56 +180,69 @@ class TradeStudy:
             with np.load(self._shape) as shapes:
                 worn = [shapes[name] for name in shapes.files]
             known = json.loads(first)
-        except (OSError, ValueError):
+            self.reference, self.reference_rests = known["reference"], known["reference_rests"]
+            self.scatter_mm, self._strain = known["scatter_mm"], known["strain"]
+        except (OSError, ValueError, KeyError, TypeError, zipfile.BadZipFile):
             return
-        from warp_cloth.wardrobe import open_wardrobe
-
         self._worn, self._meshes = worn, open_wardrobe(load_scene(self._scene.settings())).garments
-        self.reference, self.scatter_mm, self._strain = known["reference"], known["scatter_mm"], known["strain"]
         for line in rest:
             try:
                 self._measured.append(Measured(**json.loads(line)))
             except (ValueError, TypeError):  # cut off by whatever ended the run
                 continue
 
-    def _all(self, trials: Iterable[Trial]) -> list[Measured]:
-        return [self._measure(trial) for trial in trials]
+    def _with_stops(self, trial: Trial) -> Measured:
+        """A trial, and what it would have come to had it been stopped earlier; both are known after one run."""
+        stops = budget_trials(self._scene, trial.settings)
+        whole = self._measure(trial, stops)
+        for count, stopped in stops.items():
+            if whole.known and count < whole.iterations:
+                self._measure(stopped)  # again only where an earlier run was cut off between the two
+        return whole
 
-    def _measure(self, trial: Trial) -> Measured:
+    def _measure(self, trial: Trial, stops: Mapping[int, Trial] = MappingProxyType({})) -> Measured:
         for known in self._measured:
             if known.settings == dict(trial.settings):
                 return known
-        found = self._measured_of(trial, self._fit(trial))
-        self._measured.append(found)
-        with self._kept.open("a", encoding="utf-8") as lines:
-            lines.write(json.dumps(asdict(found)) + "\n")
-        self._tell(f"{trial.label}: {found.rms_mm:.3g} mm rms in {found.seconds:.3g} s")
-        return found
+        *way, end = run_through(self._scene_of(trial), self._device, stops)
+        found = [self._measured_of(trial, end), *(self._measured_of(stops[stop.iterations], stop) for stop in way)]
+        self._measured += found
+        try:
+            with self._kept.open("a", encoding="utf-8") as lines:
+                lines.write("".join("\n" + json.dumps(asdict(one)) for one in found))
+        except OSError as error:
+            raise unwritable(self._kept, error) from error
+        for one in found:
+            self._tell(f"{one.label}: {one.rms_mm:.3g} mm rms in {one.seconds:.3g} s")
+        return found[0]
 
-    def _measured_of(self, trial: Trial, fitted: Fit) -> Measured:
-        away = self._distance(fitted)
-        seconds, depth = fitted.report["seconds"], fitted.report["penetration_mm"]
+    def _measured_of(self, trial: Trial, passed: Passed) -> Measured:
+        away = self._distance(passed.meshes, passed.worn)
         return Measured(
             knob=trial.knob,
             label=trial.label,
             settings=dict(trial.settings),
-            status=fitted.status.value,
-            seconds=seconds["load"] + seconds["build"] + seconds["relax"],
-            iterations=fitted.report["iterations"],
+            status=passed.status.value,
+            seconds=passed.loading + passed.relaxing,
+            loading=passed.loading,
+            iterations=passed.iterations,
             rms_mm=float(np.sqrt(np.mean(away**2))),
             max_mm=float(away.max()),
-            penetration_mm=None if depth is None else float(depth["max"]),
-            strain_off=float(fitted.report["strain"]["p99"] - self._strain),
+            penetration_mm=None if passed.depth is None else float(passed.depth.max),
+            strain_off=float(passed.strain - self._strain),
         )
 
-    def _fit(self, trial: Trial) -> Fit:
-        return fit(load_scene(self._scene.settings(), trial.overrides()), device=self._device)
+    def _scene_of(self, trial: Trial) -> Scene:
+        return load_scene(self._scene.settings(), trial.overrides())
 
-    def _distance(self, fitted: Fit) -> np.ndarray:
-        """Distance of every vertex of the reference from the fit [mm]; NaN where it cannot be told."""
+    def _fit(self, trial: Trial) -> Fit:
+        return fit(self._scene_of(trial), device=self._device)
+
+    def _distance(self, meshes: Sequence[Mesh], worn: Sequence[Points]) -> np.ndarray:
+        """Distance of every vertex of the reference from other garments [mm]; NaN where it cannot be told."""
         parts = []
-        for mesh, points, worn in zip(self._meshes, self._worn, fitted.garments, strict=True):
-            away = distances(mesh, points, worn.mesh, worn.points)
+        for mesh, points, other, others in zip(self._meshes, self._worn, meshes, worn, strict=True):
+            away = distances(mesh, points, other, others)
             parts.append(np.full(len(points), np.nan) if away is None else 1e3 * away)
         return np.concatenate(parts)
 
@@ -215,9 +264,11 @@ class TradeStudy:
     def _check(self, cheapest: Measured) -> None:
         """Runs the recommended settings afresh; one that does not keep its word is struck off."""
         trial = Trial(cheapest.knob, MappingProxyType(cheapest.settings))
-        again = self._measured_of(trial, self._fit(trial))
+        (passed,) = run_through(self._scene_of(trial), self._device, ())
+        again = self._measured_of(trial, passed)
         self._tell(f"run afresh: {again.rms_mm:.3g} mm rms in {again.seconds:.3g} s")
-        self._measured[self._measured.index(cheapest)] = again
+        at = [one.settings for one in self._measured].index(cheapest.settings)
+        self._measured[at] = again
 
 
 def millimetres(text: str) -> float:

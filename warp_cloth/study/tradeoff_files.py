@@ -44,17 +44,20 @@ def advice(trade: Trade) -> list[str]:
     found = trade.cheapest
     if found is None:
         closest = min((trial.rms_mm for trial in trade.measured if trial.known), default=float("nan"))
-        return [f"  Nothing tried comes within {trade.within_mm:g} mm; the closest is {closest:.3g} mm."]
-    lines = [
-        f"  Within {trade.within_mm:g} mm: {found.label}, {found.rms_mm:.3g} mm rms in {found.seconds:.3g} s "
-        "(run afresh).",
-        f"  {set_line(found)}".rstrip(),
-    ]
+        lines = [f"  Nothing tried comes within {trade.within_mm:g} mm; the closest is {closest:.3g} mm."]
+    else:
+        lines = [
+            f"  Within {trade.within_mm:g} mm: {found.label}, {found.rms_mm:.3g} mm rms in {found.seconds:.3g} s "
+            "(run afresh).",
+            f"  {set_line(found)}".rstrip(),
+        ]
     if trade.scatter_mm > trade.within_mm:
         lines.append(
             f"  Rest shapes of this scene lie {trade.scatter_mm:.2g} mm apart by themselves (friction lets a garment "
             "rest in many): the error tells how the settings change its folds, not which of them is right."
         )
+    if not trade.reference_rests:
+        lines.append("  The reference is not at rest: errors tell how settings change the way there, not the end.")
     return lines
 
 
@@ -170,8 +173,9 @@ def _name_points(axes: Any, trade: Trade) -> None:
             continue
         taken.append(place)
         right = trial.seconds > first_x**0.4 * last_x**0.6  # the name goes to the left of its point
-        axes.annotate(
+        name = axes.annotate(
             trial.label, (trial.seconds, max(trial.rms_mm, LEAST_MM)), xytext=(-6 if right else 6, 4),
             textcoords="offset points", ha="right" if right else "left", fontsize=7,
             weight="bold" if trial is best else "normal",
         )  # fmt: skip
+        name.set_in_layout(False)  # a long one must not squeeze the plot

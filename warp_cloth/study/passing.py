@@ -1,0 +1,99 @@
+"""A scene run once, and what it would have come to had it been stopped on the way: the loop passes through that."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Collection
+from dataclasses import dataclass
+
+import numpy as np
+import warp as wp
+
+from warp_cloth.collide.exact import penetrations
+from warp_cloth.mesh import Mesh, Points
+from warp_cloth.result import Penetration, Status
+from warp_cloth.scene import Scene
+from warp_cloth.set_up import SetUp, following, set_up_one, start_coarse, tolerance_of
+from warp_cloth.solver.certificate import edge_strains, strain_summary
+from warp_cloth.solver.loop import Goal, relax_items
+from warp_cloth.solver.relax import Relaxation
+
+
+@dataclass(frozen=True, eq=False)
+class Passed:
+    """A run after some iterations, as if it had been stopped there."""
+
+    status: Status
+    iterations: int
+    loading: float  # [s] until the first iteration, without compiling
+    relaxing: float  # [s]
+    meshes: tuple[Mesh, ...]
+    worn: tuple[Points, ...]  # of each garment [m], shape [V, 3]
+    depth: Penetration | None  # under the exact avatar
+    strain: float  # of edges, the 99th percentile of its size
+
+
+def run_through(scene: Scene, device: str, stops: Collection[int]) -> list[Passed]:
+    """Runs a scene to its end; tells of those iterations on the way, which end chunks of the loop, and of the end."""
+    loading = _Laps()
+    made = set_up_one(scene, device, lap=loading.lap)
+    watch = _Watch(stops)
+    start_coarse(made)
+    goal = Goal(tolerance_of(scene), scene.solver.iterations)
+    (outcome,) = relax_items(
+        made.relaxation, made.certifier, [goal], follow=following(made), course=made.course, on_chunk=watch.offer
+    )
+    spent = watch.elapsed()
+    way = [(count, *seen) for count, seen in watch.seen.items() if count < outcome.iterations]
+    found = [
+        (Status.ITERATION_LIMIT if np.isfinite(points).all() else Status.DIVERGED, count, seconds, points)
+        for count, seconds, points in way
+    ]
+    return _measured(made, [*found, (outcome.status, outcome.iterations, spent, outcome.points)], loading.seconds)
+
+
+def _measured(made: SetUp, ends: list[tuple[Status, int, float, Points]], loading: float) -> list[Passed]:
+    model, wardrobe = made.model, made.wardrobe
+    depths = penetrations([end[3] for end in ends], [wardrobe.avatar] * len(ends), model.device)
+    starts = np.cumsum([mesh.vertex_count for mesh in wardrobe.garments])[:-1]
+    passed = []
+    for (status, count, seconds, points), depth in zip(ends, depths, strict=True):
+        model.set_points(points)
+        strain = strain_summary(edge_strains(model)).p99
+        worn = tuple(np.split(points, starts))
+        passed.append(Passed(status, count, loading, seconds, wardrobe.garments, worn, depth, strain))
+    return passed
+
+
+class _Laps:
+    """Seconds of everything before the first iteration but compiling, which is done once for all scenes."""
+
+    def __init__(self) -> None:
+        self.seconds = 0.0
+        self._last = time.perf_counter()
+
+    def lap(self, stage: str) -> None:
+        now = time.perf_counter()
+        self.seconds += now - self._last if stage != "compile" else 0.0
+        self._last = now
+
+
+class _Watch:
+    """Keeps shapes and seconds on the way; the time that this takes does not count."""
+
+    def __init__(self, stops: Collection[int]) -> None:
+        self._stops = frozenset(stops)
+        self._idle = 0.0
+        self._began = time.perf_counter()
+        self.seen: dict[int, tuple[float, Points]] = {}
+
+    def elapsed(self) -> float:
+        return time.perf_counter() - self._began - self._idle
+
+    def offer(self, iteration: int, relaxation: Relaxation) -> None:
+        """Keeps the shape after this iteration if it is asked for."""
+        if iteration in self._stops:
+            wp.synchronize_device(relaxation.model.device)
+            seconds, entered = self.elapsed(), time.perf_counter()
+            self.seen[iteration] = seconds, relaxation.model.points()
+            self._idle += time.perf_counter() - entered
