@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import math
+import os
+import signal
+import time
 from pathlib import Path
 
 import numpy as np
@@ -10,12 +13,13 @@ import pytest
 from typer.testing import CliRunner
 
 from warp_cloth.cli import app
-from warp_cloth.study import extremes
+from warp_cloth.study import extreme_runs, extremes
 from warp_cloth.study.extreme_meshes import caps, needles, square, torn, tube
 from warp_cloth.study.extremes import Case, Outcome, hanging, run_case, single_cases, theory_cap
 from warp_cloth.study.extremes_files import extremes_lines, save_extremes
 
 FEW = 150  # iterations
+LONG_ENOUGH = 10.0  # [s] for a process to answer once it has started
 ONE_OF = 6  # of the single cases, that many apart
 
 
@@ -83,6 +87,30 @@ def test_the_command_runs_the_parts_that_are_named(tmp_path: Path, monkeypatch: 
     assert "3 runs: 0 broke" in result.stdout
     assert (tmp_path / "extremes.csv").read_text().count("\n") == 4
     assert CliRunner().invoke(app, ["extremes", "--only", "everything", "--out", str(tmp_path)]).exit_code == 2
+
+
+class _Ends(extremes.Job):
+    """A run that takes its process along, or never ends, or is soon over."""
+
+    def run(self, device: str) -> Outcome:
+        if self.method == "crash":
+            os.kill(os.getpid(), signal.SIGSEGV)
+        while self.method == "hang":
+            time.sleep(0.1)
+        return self.lost("refused", device)
+
+
+def test_a_run_that_crashes_or_hangs_is_told_and_takes_no_other_along(monkeypatch: pytest.MonkeyPatch) -> None:
+    ways = ("crash", "end", "hang", "end")
+    jobs = [_Ends(single_cases()[0], way, "mixed", 20, {"cap": 1.0}) for way in ways]
+    monkeypatch.setattr(extreme_runs, "jobs_of", lambda groups: jobs)
+    lines: list[str] = []
+    found = extreme_runs.run_extremes("cpu", lines.append, deadline=LONG_ENOUGH)
+    assert [outcome.verdict for outcome in found] == ["crashed", "refused", "hung", "refused"]
+    assert "SIGSEGV" in found[0].message
+    assert [outcome.kept for outcome in found] == [False, True, False, True]
+    assert all(outcome.values == {"cap": 1.0} for outcome in found)
+    assert len(lines) == len(jobs)
 
 
 def test_the_map_is_drawn(tmp_path: Path) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -49,7 +49,7 @@ class Outcome:
     name: str
     method: str
     precision: str
-    verdict: str  # "at rest", "not at rest", "diverged", "refused", or what must not happen: "not finite", "crashed"
+    verdict: str  # "at rest", "not at rest", "diverged", "refused"; never "not finite", "crashed", "hung"
     message: str
     iterations: int = 0
     seconds: float = 0.0
@@ -61,6 +61,27 @@ class Outcome:
     def kept(self) -> bool:
         """Whether it ended as every case must: at rest, honestly not, or refused."""
         return self.verdict in ("at rest", "not at rest", "diverged", "refused") and bool(self.message)
+
+
+@dataclass(frozen=True, eq=False)
+class Job:
+    """One run of a case."""
+
+    case: Case
+    method: str
+    precision: str
+    limit: int  # iterations
+    values: Mapping[str, float]
+
+    def run(self, device: str) -> Outcome:
+        """What becomes of it."""
+        return replace(run_case(self.case, self.method, self.precision, device, self.limit), values=self.values)
+
+    def lost(self, verdict: str, message: str) -> Outcome:
+        """What to tell where it took its process along."""
+        return Outcome(
+            self.case.group, self.case.name, self.method, self.precision, verdict, message, values=self.values
+        )
 
 
 def theory_cap(stiffness: float) -> float:
@@ -222,26 +243,15 @@ def _places(body: dict[str, Any], seen: dict[str, Any], over: dict[str, Any]) ->
     return cases
 
 
-def run_extremes(device: str, tell: Callable[[str], None], groups: Sequence[str] = GROUPS) -> list[Outcome]:
-    """Runs every case of the groups."""
-    found: list[Outcome] = []
-
-    def run(case: Case, method: str, precision: str, limit: int, values: dict[str, float]) -> None:
-        found.append(replace(run_case(case, method, precision, device, limit), values=values))
-
+def jobs_of(groups: Sequence[str]) -> list[Job]:
+    """Every run of the groups."""
+    jobs: list[Job] = []
     if "cases" in groups:
-        for case in single_cases():
-            for method, precision in (("accelerated", "mixed"), ("direct", "mixed"), ("accelerated", "float32")):
-                run(case, method, precision, CASE_LIMIT, {})
-            tell(f"{case.name}: {', '.join(outcome.verdict for outcome in found[-3:])}")
+        ways = (("accelerated", "mixed"), ("direct", "mixed"), ("accelerated", "float32"))
+        jobs += [Job(case, *way, CASE_LIMIT, {}) for case in single_cases() for way in ways]
     if "map" in groups:
-        for case, values in map_cases():
-            for method in METHODS:
-                run(case, method, "mixed", LIMIT, values)
-            tell(f"{case.name}: {', '.join(outcome.verdict for outcome in found[-2:])}")
+        jobs += [Job(case, method, "mixed", LIMIT, values) for case, values in map_cases() for method in METHODS]
     if "precision" in groups:
-        for case, values in precision_cases():
-            for precision in ("float32", "mixed"):
-                run(case, "accelerated", precision, LIMIT, values)
-            tell(f"{case.name}: {', '.join(outcome.verdict for outcome in found[-2:])}")
-    return found
+        both = ("float32", "mixed")
+        jobs += [Job(case, "accelerated", kind, LIMIT, values) for case, values in precision_cases() for kind in both]
+    return jobs

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import json
+import math
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -56,6 +57,8 @@ def advice(trade: Trade) -> list[str]:
             f"  Rest shapes of this scene lie {trade.scatter_mm:.2g} mm apart by themselves (friction lets a garment "
             "rest in many): the error tells how the settings change its folds, not which of them is right."
         )
+        if found is None:
+            lines.append(f"  Ask for no less than that: --within {math.ceil(trade.scatter_mm):d}mm.")
     if not trade.reference_rests:
         lines.append("  The reference is not at rest: errors tell how settings change the way there, not the end.")
     return lines
@@ -157,8 +160,6 @@ def _plot(path: Path, trade: Trade) -> None:
 
 def _name_points(axes: Any, trade: Trade) -> None:
     """A star on the recommended setting; names on it and on points that have room for one."""
-    import math
-
     best = trade.cheapest
     if best is not None:
         axes.scatter(
