@@ -76,8 +76,9 @@ def test_bending_off_launches_less_and_its_memory_is_free(more: dict[str, object
 def test_no_avatar_no_collider() -> None:
     _, names = seen(ready())
     assert not {name for name in names if name.startswith("collider")}
-    _, names = seen(ready(avatar={"shape": SPHERE}))
+    launches, names = seen(ready(avatar={"shape": SPHERE}))
     assert {name for name in names if name.startswith("collider")}
+    assert "colliders.values" in array_uses(launches[-1].kernel).read & names  # the field, in a struct in an array
 
 
 @pytest.mark.parametrize("method", ["accelerated", "direct"])

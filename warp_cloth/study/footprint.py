@@ -24,6 +24,7 @@ WARM_UP = 100  # iterations before the clock runs: cloth that has met the avatar
 WAKING = 12  # times as many where cloth meets cloth: that begins when the seams have closed
 SHORTEST_RUN = 0.5  # [s] of timing
 MOST_ROUNDS = 1000
+LEAST = 0.02  # of what a launch was timed at, that it takes itself: less cannot be told apart from none
 TABLE_CORNERS = 8  # of a three-dimensional table, that a thread reads round its place
 
 
@@ -149,12 +150,15 @@ def _seconds_of_iteration(made: SetUp) -> float:
 def _seconds_of_launches(launches: Sequence[Launch], device: str, whole: float) -> list[float]:
     """Seconds of each launch, in the order and with the data of the loop: the mean of many rounds.
 
-    CUDA's clock adds the same to every launch, which is what all of them take beyond ``whole``, their time captured.
+    A clock round every launch, and launching from here, add the same to each: what all of them take beyond ``whole``,
+    their time captured.
     """
-    if wp.get_device(device).is_cuda:
-        timed = _cuda_seconds(launches, device)
-        added = max(sum(timed) - whole, 0.0) / len(timed)
-        return [max(spent - added, 0.0) for spent in timed]
+    timed = _cuda_seconds(launches, device) if wp.get_device(device).is_cuda else _host_seconds(launches)
+    added = max(sum(timed) - whole, 0.0) / len(timed)
+    return [max(spent - added, LEAST * spent) for spent in timed]
+
+
+def _host_seconds(launches: Sequence[Launch]) -> list[float]:
     totals = [0.0] * len(launches)
     rounds, began = 0, time.perf_counter()
     while rounds < MOST_ROUNDS and (rounds < 2 or time.perf_counter() - began < SHORTEST_RUN):

@@ -22,7 +22,10 @@ class Launch:
     command: Any  # Warp's Launch, which repeats it without looking at the arguments again
 
     def arrays(self) -> dict[str, wp.array]:
-        """The arrays that it is given, by name; those in structs as "struct.member"; unused ones left out."""
+        """The arrays that it is given, by name; those in structs as "struct.member"; unused ones left out.
+
+        Of structs that lie in an array, that in which a batch's items keep theirs, the first one's.
+        """
         return dict(chain.from_iterable(_arrays(name, value) for name, value in self.arguments.items()))
 
 
@@ -30,9 +33,27 @@ def _arrays(name: str, value: Any) -> Iterator[tuple[str, wp.array]]:
     if isinstance(value, wp.array):
         if value.size:
             yield name, value
+            yield from _within(name, value)
         return
     for member in getattr(getattr(value, "_cls", None), "vars", {}):
         yield from _arrays(f"{name}.{member}", getattr(value, member))
+
+
+def _within(name: str, structs: wp.array) -> Iterator[tuple[str, wp.array]]:
+    """Arrays that the first struct of an array holds."""
+    members = getattr(structs.dtype, "vars", {})
+    inner = {member: var.type for member, var in members.items() if isinstance(var.type, wp.array)}
+    if not inner:
+        return
+    first = structs[:1].numpy()[0]
+    for member, kind in inner.items():
+        told = first[member]
+        shape = tuple(int(count) for count in told["shape"][: kind.ndim])
+        if int(told["data"]) and all(shape):
+            yield (
+                f"{name}.{member}",
+                wp.array(ptr=int(told["data"]), shape=shape, dtype=kind.dtype, device=structs.device),
+            )
 
 
 def launches_of(action: Callable[[], Any]) -> list[Launch]:

@@ -83,7 +83,9 @@ class _Reader(ast.NodeVisitor):
                 _Reader(called.func, given, self._uses).read(called.adj.tree)
 
     def _path(self, node: ast.AST) -> str:
-        """What a name, or a member of one, stands for; empty where that is no argument of the kernel."""
+        """What a name, a member or an element of one stands for; empty where that is no argument of the kernel."""
+        if isinstance(node, ast.Subscript):
+            return self._path(node.value)
         if isinstance(node, ast.Attribute):
             owner = self._path(node.value)
             return f"{owner}.{node.attr}" if owner else ""
