@@ -13,8 +13,9 @@ from typer.testing import CliRunner
 from warp_cloth.cli import app
 from warp_cloth.scene import load_scene
 from warp_cloth.study import methods
-from warp_cloth.study.methods import KINDS, Case, Look, Run, all_cases, case_tree, run_case
-from warp_cloth.study.methods_files import honest_share, methods_lines, save_methods
+from warp_cloth.study.methods import Look, Run, run_case
+from warp_cloth.study.methods_files import methods_lines, save_methods, truth_of
+from warp_cloth.study.methods_scenes import GROUPS, KINDS, TRUE_FABRICS, Case, all_cases, case_tree, true_cases
 from warp_cloth.wardrobe import open_wardrobe
 
 SMALL = Case("strip", 120, 2e4)
@@ -26,7 +27,7 @@ def look(iteration: int, relative: float, error: float = math.nan, true: float =
 
 
 RUN = Run(
-    Case("ball", 1000, 2e4), "multilevel", "cpu", 1089, 50.0, 1.0, 400, 0.01,
+    Case("ball", 2000, 2e4), "multilevel", "cpu", 2025, 50.0, 1.0, 400, 0.01,
     (look(100, 0.5), look(200, 0.008, 4.0, 3.0), look(300, 0.02, 2.0, 1.0), look(400, 0.0005, 1.0, 2.0)),
 )  # fmt: skip
 
@@ -44,9 +45,20 @@ def test_scenes_have_the_size_and_pins_that_they_should(tmp_path: Path, kind: st
     assert len(part.pins) == pytest.approx(wanted, rel=0.4 if kind == "strip" else 0.0)
 
 
-def test_every_group_has_scenes_and_there_are_forty() -> None:
-    assert {group for group, _, _ in all_cases()} == set(methods.GROUPS)
-    assert len({case.name for _, case, _ in all_cases()}) >= 40
+def test_a_disc_is_held_by_its_support_and_hangs_over_it(tmp_path: Path) -> None:
+    (part,) = open_wardrobe(load_scene(case_tree(Case("disc", 2000, fabric=TRUE_FABRICS[0]), tmp_path))).parts
+    assert len(part.points) == pytest.approx(2000, rel=0.15)
+    radius = np.hypot(part.points[:, 0], part.points[:, 2])
+    assert radius[part.pins].max() == pytest.approx(0.09)
+    assert np.delete(radius, part.pins).min() > 0.09
+
+
+def test_every_group_has_scenes_and_forty_tell_of_the_truth() -> None:
+    cases = all_cases()
+    assert {group for group, _, _ in cases} == set(GROUPS)
+    assert len({case.name for case in true_cases()}) == len(true_cases()) >= 40
+    others = {case.name for group, case, _ in cases if group != "truth"}
+    assert not others & {case.name for case in true_cases()}
 
 
 def test_a_level_counts_from_where_the_residual_stays_below_it() -> None:
@@ -58,8 +70,28 @@ def test_a_level_counts_from_where_the_residual_stays_below_it() -> None:
 
 def test_only_known_distances_at_balanced_forces_tell_of_the_truth() -> None:
     assert [one.iteration for one in RUN.estimates()] == [200, 400]
-    assert honest_share([RUN]) == (0.5, 2, 1)
+    truth = truth_of([RUN])
+    assert (truth.scenes, truth.certificates, truth.held, truth.checks, truth.checks_held) == (1, 1, 0, 2, 1)
     assert replace(RUN, end_mm=1.0).estimates() == []
+
+
+def test_what_the_end_may_still_be_from_rest_counts_as_distance() -> None:
+    near = replace(RUN, rest=200)
+    assert truth_of([near]).held == 1
+    assert truth_of([replace(near, end_mm=0.75)]).held == 1
+    far = replace(RUN, looks=(*RUN.looks[:3], look(400, 0.0005, 1.0, 0.95)), end_mm=0.1)
+    assert (truth_of([far]).held, truth_of([far]).certificates) == (0, 1)
+
+
+def test_a_run_without_certificate_or_whose_end_still_moved_is_named_not_judged() -> None:
+    for run in (replace(RUN, rest=0), replace(RUN, end_mm=0.5)):
+        truth = truth_of([run])
+        assert truth.certificates == 0
+        assert truth.unknown == ("ball 2000 20000 0.5, multilevel",)
+
+
+def test_scenes_that_chose_the_constants_do_not_count() -> None:
+    assert truth_of([replace(RUN, case=Case("ball", 1000, 2e4))]).certificates == 0
 
 
 def test_a_run_goes_on_and_knows_how_far_it_was() -> None:
@@ -73,7 +105,7 @@ def test_a_run_goes_on_and_knows_how_far_it_was() -> None:
 def test_the_command_writes_tables_and_goes_on_where_it_was(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     case = Case("hanging", 120, 2e4)
     every = ("direct", "momentum", "accelerated", "multilevel")
-    monkeypatch.setattr(methods, "all_cases", lambda: [("methods", case, every)])
+    monkeypatch.setattr(methods, "all_cases", lambda: [("methods", case, every), ("truth", case, every[2:])])
     monkeypatch.setattr("warp_cloth.study.methods_files.all_cases", methods.all_cases)
     monkeypatch.setattr(methods.MethodStudy.run, "__defaults__", (dict.fromkeys(every, FEW),))
     told = CliRunner().invoke(app, ["methods", "--device", "cpu", "--out", str(tmp_path)])

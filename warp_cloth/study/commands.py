@@ -137,14 +137,16 @@ def methods(
     device: Device = None,
     only: Annotated[list[str] | None, typer.Option(help='"methods", "sizes" or "truth"; all by default.')] = None,
     plots: Annotated[bool, typer.Option(help="Draw the plots, with matplotlib.")] = True,
+    processes: Annotated[int, typer.Option(min=1, max=256, help="Runs at a time of what is not timed.")] = 1,
 ) -> None:
     """Run every method on the same cloth: how fast is each at rest, at every stiffness and size, and is it true?
 
     Results are kept as they come: interrupted, the same command goes on where it was.
     """
     with one_line_errors():
-        from warp_cloth.study.methods import GROUPS, MethodStudy
+        from warp_cloth.study.methods import MethodStudy
         from warp_cloth.study.methods_files import methods_lines, save_methods
+        from warp_cloth.study.methods_scenes import GROUPS
 
         parts = _parts(only, GROUPS)
         with output_folder(out, "methods"):
@@ -154,7 +156,8 @@ def methods(
 
             if plots:
                 figure_class()
-            study = MethodStudy(out / "methods.jsonl", device_named(device), lambda line: print(line, file=sys.stderr))
+            where, kept = device_named(device), out / "methods.jsonl"
+            study = MethodStudy(kept, where, lambda line: print(line, file=sys.stderr), processes)
             runs = study.run(parts)
             paths = save_methods(runs, out, plots=plots)
     _show([*methods_lines(runs), *(f"  wrote {path}" for path in paths)], typer.echo)
