@@ -20,6 +20,7 @@ import warp_cloth
 from warp_cloth.batch import Item, run_batch
 from warp_cloth.batch.drive import Standing, _Drive
 from warp_cloth.batch.pool import Lost
+from warp_cloth.batch.progress import summary
 from warp_cloth.batch.rows import FAILED, ItemResult, empty_row
 from warp_cloth.batch.store import Store, cut
 from warp_cloth.batch.work import Done, Task, do_task
@@ -248,6 +249,28 @@ def test_two_batches_do_not_share_a_folder(tmp_path: Path) -> None:
     store.open()
     with store.held(), pytest.raises(InputError, match="another batch writes there"), store.held():
         pass
+
+
+def test_a_folder_with_another_batchs_results_is_left_as_it_is(tmp_path: Path) -> None:
+    run_batch(tiny_items(2), tmp_path, device="cpu", workers=1)
+    first = results(tmp_path)
+    with pytest.raises(InputError, match='holds the results of another batch \\("item-0" and 1 more\\)'):
+        run_batch([tiny("else")], tmp_path, device="cpu", workers=1)
+    assert results(tmp_path) == first
+    report = run_batch([*tiny_items(2), tiny("more")], tmp_path, device="cpu", workers=1)
+    assert report.standing.before == 2, "a batch may grow"
+
+
+def test_the_last_lines_say_why_items_have_no_result(tmp_path: Path) -> None:
+    report = drive(
+        tmp_path / "out", [tiny("good"), *poisoned(tmp_path), Item("also", "hanging", ("solver.iterations=-1",))], 4
+    )
+    lines = summary(report)
+    assert lines[0].startswith("12 items in ")
+    assert (
+        lines[1] == "  2 without result: --set solver.iterations=-1: must be a whole number from 0 to 10000000, not -1"
+    )
+    assert lines[4] == "  and 7 more reasons, in the column message"
 
 
 def test_one_stage_per_item_where_stages_are_kept(tmp_path: Path) -> None:

@@ -66,6 +66,11 @@ def test_a_cluster_without_gpus_is_not_asked_for_one(cluster: Any, tmp_path: Pat
         run_batch(items(1), tmp_path, device="cuda", ray=cluster.address)
 
 
+def test_no_cluster_at_an_address_is_told_at_once(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="no cluster answers at"):
+        run_batch(items(1), tmp_path, ray="127.0.0.1:1")
+
+
 @pytest.mark.skipif(wp.is_cuda_available(), reason="the GPU that the node claims is there")
 def test_what_needs_a_gpu_goes_to_the_node_that_claims_one_and_says_that_it_does_not_answer(
     cluster: Any, tmp_path: Path

@@ -191,7 +191,7 @@ def batch(
         from rich.console import Console
 
         from warp_cloth.batch import run_batch
-        from warp_cloth.batch.progress import BatchDisplay
+        from warp_cloth.batch.progress import BatchDisplay, summary
 
         start_warp(False)
         with BatchDisplay(Console(stderr=True)) as display:
@@ -205,11 +205,8 @@ def batch(
                 shard=shard,
                 progress=display,
             )
-    counts = ", ".join(f"{count} {status}" for status, count in sorted(report.statuses.items()))
-    typer.echo(f"{report.standing.items} items in {report.standing.seconds:.3g} s: {counts}")
-    typer.echo(f"  wrote        {report.folder / 'results.parquet'}, results.csv")
-    for reason, count in report.unwritten.items():
-        typer.echo(f"  {count} items not done: {reason}; start the same command again to do them")
+    for line in summary(report):
+        typer.echo(line)
     if not report.whole:
         raise typer.Exit(1)
 

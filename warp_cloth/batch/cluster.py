@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import socket
 from collections.abc import Iterator, Sequence
 from typing import Any
 
@@ -11,6 +12,7 @@ from warp_cloth.errors import InputError
 
 RETRIES = 3  # of a task whose worker or node is lost
 MOST_WAITING = 4096  # tasks handed to Ray at a time
+ANSWER = 10.0  # [s] in which the head of a cluster takes a call
 
 
 class RayPool:
@@ -25,12 +27,11 @@ class RayPool:
         self._ray = _ray()
         self._started = not self._ray.is_initialized()
         if self._started:
+            _check_answers(address)
             try:
                 self._ray.init(address=address, log_to_driver=False, configure_logging=False)
             except (ConnectionError, ValueError, RuntimeError) as error:
-                raise InputError(
-                    "--ray", f"no cluster answers at {address} ({error})", "start one with `ray start --head`"
-                ) from None
+                raise _no_answer(address, error) from None
         resources = self._ray.cluster_resources()
         self._resources = task_resources(device, resources)
         kind = next(iter(self._resources))
@@ -81,6 +82,21 @@ def task_resources(device: str | None, cluster: dict[str, float]) -> dict[str, f
     if device == "cuda":
         return {"num_gpus": 1, "num_cpus": 1}
     raise InputError("--device", f'"{device}" names one device of one machine', "on a cluster use cpu or cuda")
+
+
+def _check_answers(address: str) -> None:
+    """Whether something listens at HOST:PORT, at once: Ray itself tries for minutes."""
+    host, colon, port = address.rpartition(":")
+    if not colon or not port.isdigit() or "/" in host:  # "auto", or a form that Ray reads
+        return
+    try:
+        socket.create_connection((host.strip("[]"), int(port)), ANSWER).close()
+    except (OSError, OverflowError, UnicodeError) as error:
+        raise _no_answer(address, error) from None
+
+
+def _no_answer(address: str, error: Exception) -> InputError:
+    return InputError("--ray", f"no cluster answers at {address} ({error})", "start one with `ray start --head`")
 
 
 def _ray() -> Any:

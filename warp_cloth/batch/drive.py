@@ -8,7 +8,10 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, get_args
+from typing import get_args
+
+import pyarrow
+import pyarrow.compute
 
 from warp_cloth.batch.jobs import Item, read_jobs
 from warp_cloth.batch.pool import LocalPool, Lost, Pool
@@ -16,9 +19,6 @@ from warp_cloth.batch.rows import FAILED, ItemResult, empty_row
 from warp_cloth.batch.store import Keep, Shard, Store, cut
 from warp_cloth.batch.work import Done, Task
 from warp_cloth.errors import InputError
-
-if TYPE_CHECKING:
-    import pyarrow
 
 CPU_SHARD = 8  # items to a shard at most: what a killed run does again on each core
 GPU_SHARD = 512  # so many garments fill the largest GPU, and one reading of their avatars serves them all
@@ -51,6 +51,7 @@ class BatchReport:
     statuses: dict[str, int]  # items by status
     unwritten: dict[str, int]  # items whose results could not be written, by reason; started again, they are done
     standing: Standing
+    reasons: dict[str, int]  # why items have no worn garment, and how many each, the commonest first
 
     @property
     def whole(self) -> bool:
@@ -81,11 +82,11 @@ def run_batch(
         progress: told how far the batch has come.
 
     Raises:
-        InputError: the job file, the folder or the device cannot be used.
+        InputError: the job file, the folder or the device cannot be used, or the folder holds another batch.
     """
     items = read_jobs(jobs) if isinstance(jobs, (str, Path)) else list(jobs)
     if keep not in get_args(Keep):
-        raise InputError("keep", f'"{keep}" is not known', f"use one of {', '.join(get_args(Keep))}")
+        raise InputError("--keep", f'"{keep}" is not known', f"use one of {', '.join(get_args(Keep))}")
     if workers is not None and workers < 1:
         raise InputError("--workers", f"{workers} processes cannot do anything", "give 1 or more")
     if shard is not None and shard < 1:
@@ -93,6 +94,7 @@ def run_batch(
     store = Store(Path(out).absolute(), keep)
     store.open()
     with store.held():
+        store.check_batch(items)
         began = time.perf_counter()
         pool = _pool(device, workers, ray)
         try:
@@ -223,4 +225,8 @@ class _Drive:
         unwritten: collections.Counter[str] = collections.Counter()
         for number, reason in self._problems.items():
             unwritten[reason] += len(self._shards[number].items)
-        return BatchReport(self._store.folder, dict(statuses), dict(unwritten), self._standing)
+        bare = table.filter(pyarrow.compute.is_null(table["digest"]))["message"].to_pylist()
+        reasons = collections.Counter(str(reason) for reason in bare if reason not in unwritten)
+        return BatchReport(
+            self._store.folder, dict(statuses), dict(unwritten), self._standing, dict(reasons.most_common())
+        )

@@ -5,8 +5,10 @@ from __future__ import annotations
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-from warp_cloth.batch.drive import Standing
+from warp_cloth.batch.drive import BatchReport, Standing
 from warp_cloth.progress import LineDisplay
+
+MOST_REASONS = 3  # told of the items without result, the commonest
 
 
 class BatchDisplay(LineDisplay):
@@ -53,3 +55,17 @@ def time_left(standing: Standing) -> str:
         return ""
     seconds = round((standing.items - standing.done) / standing.items_per_second)
     return f"{seconds // 3600}:{seconds // 60 % 60:02d}:{seconds % 60:02d}"
+
+
+def summary(report: BatchReport) -> list[str]:
+    """How a batch ended, in lines."""
+    counts = ", ".join(f"{count} {status}" for status, count in sorted(report.statuses.items()))
+    items = report.standing.items
+    lines = [f"{items} item{'s' * (items != 1)} in {report.standing.seconds:.3g} s: {counts}"]
+    lines += [f"  {count} without result: {reason}" for reason, count in list(report.reasons.items())[:MOST_REASONS]]
+    if len(report.reasons) > MOST_REASONS:
+        lines.append(f"  and {len(report.reasons) - MOST_REASONS} more reasons, in the column message")
+    lines.append(f"  wrote        {report.folder / 'results.parquet'}, results.csv")
+    for reason, count in report.unwritten.items():
+        lines.append(f"  {count} items not done: {reason}; start the same command again to do them")
+    return lines

@@ -123,6 +123,26 @@ class Store:
                 self.folder, "another batch writes there", "wait for it, or choose another folder"
             ) from None
 
+    def check_batch(self, items: Sequence[Item]) -> None:
+        """Looks whether the folder is free, or holds some of these items, as they are or as they were.
+
+        Raises:
+            InputError: it holds results of other items, which would be lost.
+        """
+        asked = {item.name for item in items}
+        others: list[str] = []
+        for path in sorted(self.shards.glob("*.parquet")):
+            try:
+                names = pyarrow.parquet.read_table(path, columns=["name"])["name"].to_pylist()
+            except (OSError, ValueError, KeyError, pyarrow.ArrowException):  # damaged, or of another layout
+                continue
+            if asked.intersection(names):
+                return
+            others += names
+        if others:
+            problem = f'holds the results of another batch ("{others[0]}" and {len(others) - 1:,} more)'
+            raise InputError(self.folder, problem, "choose another folder, or remove that one")
+
     def shard_size(self, wanted: int, asked: bool) -> int:
         """Items to a shard: as the folder's plan says, so that a batch goes on where it stood; else as wanted.
 
