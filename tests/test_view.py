@@ -164,3 +164,34 @@ def test_the_page_is_served_on_this_machine_only_and_shows_pictures(page: object
             break
         time.sleep(0.05)
     assert page.pictures > 3
+
+
+def test_a_map_is_shown_once_it_has_been_read_and_taken_away_with_its_colours() -> None:
+    pytest.importorskip("viser")
+    import viser
+
+    from warp_cloth.view import surfaces as shown
+
+    server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
+    try:
+        surfaces, mesh = shown.Surfaces(server), grid(4, 1.0)
+        colours = np.zeros((len(mesh.points), 3))
+        surfaces.plain("cloth", mesh.points, mesh.triangles, (0.2, 0.4, 0.6))
+        node = surfaces._surfaces["cloth"]
+        surfaces.coloured("cloth", mesh.points, mesh.triangles, colours)
+        assert [node.plain.visible, node.files[0].visible] == [True, False]
+        surfaces.coloured("cloth", mesh.points, mesh.triangles, colours)
+        assert [node.plain.visible, *(file.visible for file in node.files)] == [False, True, False]
+        node.written -= 2 * shown.READING_SECONDS
+        assert surfaces.settle()
+        assert [file.visible for file in node.files] == [False, True]
+        lifted = mesh.points + 1.0
+        surfaces.plain("cloth", lifted, mesh.triangles, (0.2, 0.4, 0.6))
+        assert [node.plain.visible, *(file.visible for file in node.files)] == [True, False, False]
+        assert np.array_equal(node.plain.vertices, lifted.astype(np.float32))
+        # another size has other triangles
+        larger = grid(5, 1.0)
+        surfaces.plain("cloth", larger.points, larger.triangles, (0.2, 0.4, 0.6))
+        assert len(node.plain.vertices) == 25
+    finally:
+        server.stop()

@@ -12,16 +12,19 @@ from typing import Any
 import numpy as np
 
 from warp_cloth.errors import InputError
-from warp_cloth.export.surface import AVATAR_COLOUR, cloth_colour, linear
+from warp_cloth.export.surface import AVATAR_COLOUR, cloth_colour
 from warp_cloth.fabric import shipped_fabrics
 from warp_cloth.maps import MAPS
 from warp_cloth.view.live import BODY_MEASURES, LiveFit
-from warp_cloth.view.picture import glb_bytes, legend_html, map_colours
+from warp_cloth.view.picture import legend_html, map_colours
+from warp_cloth.view.surfaces import Surfaces
 
 PLAIN = "none"
 IDLE_SECONDS = 0.03  # between two looks at the controls while nothing moves
 MOST_PICTURES = 30.0  # a second
-COLOUR_SECONDS = 0.5  # between two measurements of a map while the garment moves
+COLOUR_SECONDS = 0.5  # least time between two measurements of a map while the garment moves
+COLOUR_SHARE = 0.2  # of the time goes to measuring maps, at most
+LEAST_RESIDUAL = 1e-9  # that the plot tells from nothing
 SIZES = ("S", "M", "L")
 BODY_RANGES = {"stature": (1.5, 2.0), "chest": (0.8, 1.3), "waist": (0.6, 1.2), "hip": (0.8, 1.3)}  # [m]
 
@@ -40,9 +43,9 @@ class Page:
         self._work = threading.Lock()  # held while the live fit is read or moved: controls call from other threads
         self._reset_asked = False
         self._stale = False  # a picture is wanted although nothing moves
-        self._shown: dict[str, Any] = {}  # scene nodes by garment
+        self._surfaces = Surfaces(self._server)
         self._map: tuple[list[Any], tuple[float, float]] | None = None
-        self._map_time = 0.0
+        self._map_time = 0.0  # from when a map may be measured again
         self.pictures = 0
         self._build()
 
@@ -76,17 +79,20 @@ class Page:
                 self._live.advance()
             if changed or moving:
                 self.show()
+            else:
+                self._surfaces.settle()
             return changed or moving
 
     def _build(self) -> None:
         """All controls, the avatar and the garments."""
         server, live = self._server, self._live
         server.scene.set_up_direction("+y")
+        server.scene.configure_default_lights(cast_shadow=False)  # would draw everything five times more
         server.gui.configure_theme(control_width="medium", dark_mode=False)
         low = np.min([live.points.min(axis=0), self._body_bounds()[0]], axis=0)
         high = np.max([live.points.max(axis=0), self._body_bounds()[1]], axis=0)
         middle, size = 0.5 * (low + high), float((high - low).max())
-        server.initial_camera.position = tuple(middle + np.array([0.35, 0.1, 1.35]) * size)
+        server.initial_camera.position = tuple(middle + np.array([0.22, 0.06, 0.85]) * size)
         server.initial_camera.look_at = tuple(middle)
         gui = server.gui
         self._status = gui.add_markdown(live.status())
@@ -122,13 +128,13 @@ class Page:
         self.show()
 
     def _build_plots(self) -> None:
-        data = (np.zeros(1), np.ones(1))
+        data = (np.zeros(1), np.zeros(1))
         with self._server.gui.add_folder("Progress"):
             self._residual = self._server.gui.add_uplot(
                 data,
-                series=({"label": "iteration"}, {"label": "relative residual", "stroke": "#4a7da8", "width": 2}),
-                scales={"x": {"time": False}, "y": {"distr": 3}},
-                title="relative residual",
+                series=({"label": "iteration"}, {"label": "log10", "stroke": "#4a7da8", "width": 2}),
+                scales={"x": {"time": False}},  # the logarithm is taken here: a logarithmic axis says 0 for 0.0001
+                title="relative residual, powers of ten",
                 aspect=2.2,
             )
             self._speed = self._server.gui.add_uplot(
@@ -211,14 +217,7 @@ class Page:
     def _show_avatar(self) -> None:
         avatar = self._live.made.wardrobe.avatar
         if avatar is not None:
-            colour = np.tile(linear(AVATAR_COLOUR), (avatar.vertex_count, 1))
-            self._put("avatar", glb_bytes(avatar.points, avatar.triangles, colour))
-
-    def _put(self, name: str, data: bytes) -> None:
-        if name in self._shown:
-            self._shown[name].glb_data = data
-        else:
-            self._shown[name] = self._server.scene.add_glb(f"/{name}", data)
+            self._surfaces.plain("avatar", avatar.points, avatar.triangles, AVATAR_COLOUR)
 
     def show(self) -> None:
         """One picture: garments in their colours, status, plots."""
@@ -228,21 +227,25 @@ class Page:
         if name == PLAIN:
             self._map = None
             self._legend.content = ""
-        elif now - self._map_time > COLOUR_SECONDS or live.ended:
-            self._map, self._map_time = live.values(name), now
+        elif now > self._map_time or live.ended:
+            self._map = live.values(name)
+            spent = time.perf_counter() - now
+            self._map_time = now + max(COLOUR_SECONDS, spent / COLOUR_SHARE)
             known = self._map is not None
             self._legend.content = legend_html(MAPS[name], self._map[1]) if self._map and known else "not known here"
         for index, worn in enumerate(live.garments()):
-            colour = np.tile(linear(cloth_colour(index)), (len(worn.points), 1))
+            node, triangles = f"garment_{index}", worn.mesh.triangles
             if self._map is not None and name in MAPS and len(self._map[0][index]) == len(worn.points):
-                colour = map_colours(MAPS[name], self._map[0][index], self._map[1])
-            self._put(f"garment_{index}", glb_bytes(worn.points, worn.mesh.triangles, colour))
+                colours = map_colours(MAPS[name], self._map[0][index], self._map[1])
+                self._surfaces.coloured(node, worn.points, triangles, colours)
+            else:
+                self._surfaces.plain(node, worn.points, triangles, cloth_colour(index))
         self.pictures += 1
         self._status.content = live.status()
         history = live.history
         if history.iteration and len(history.iteration) != len(self._residual.data[0]):
             x = np.array(history.iteration)
-            self._residual.data = (x, np.maximum(np.array(history.residual), 1e-9))
+            self._residual.data = (x, np.log10(np.maximum(np.array(history.residual), LEAST_RESIDUAL)))
             self._speed.data = (x, np.array(history.speed))
 
     def _save(self, event: Any) -> None:

@@ -9,27 +9,31 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from warp_cloth.export.surface import linear, vertex_normals
+from warp_cloth.export.surface import linear
 from warp_cloth.maps.colour import colours, shown_value
 from warp_cloth.maps.kinds import MapKind
 from warp_cloth.mesh import Indices, Points
 
-FLOAT, UNSIGNED = 5126, 5125  # glTF's names of number types
+FLOAT, BYTE, SHORT, UNSIGNED = 5126, 5121, 5123, 5125  # glTF's names of number types
 VERTICES, ELEMENTS = 34962, 34963  # and of buffers
 LEGEND_STEPS = 24
+SHORT_COUNT = 65535  # vertices that two bytes can name, less the one that glTF keeps
 
 
 def glb_bytes(points: Points, triangles: Indices, shown: NDArray[np.float64]) -> bytes:
     """A glTF file of one mesh with vertex colours (linear light, shape [V, 3]), both its sides seen.
 
-    Written by hand: ten times a second, a general exporter is too slow.
+    Written by hand: ten times a second, a general exporter is too slow. Normals are announced and left at zero: the
+    page works them out itself, and would shade every triangle flat if there were none.
     """
     written = np.ascontiguousarray(points, dtype="<f4")
+    colours = np.full((len(written), 4), 255, dtype=np.uint8)
+    colours[:, :3] = np.rint(255.0 * np.clip(shown, 0.0, 1.0))
+    small = len(written) <= SHORT_COUNT
     arrays = [
         (written, "VEC3", FLOAT, VERTICES),
-        (vertex_normals(written, triangles).astype("<f4"), "VEC3", FLOAT, VERTICES),
-        (np.ascontiguousarray(shown, dtype="<f4"), "VEC3", FLOAT, VERTICES),
-        (np.ascontiguousarray(triangles.ravel(), dtype="<u4"), "SCALAR", UNSIGNED, ELEMENTS),
+        (colours, "VEC4", BYTE, VERTICES),
+        (triangles.ravel().astype("<u2" if small else "<u4"), "SCALAR", SHORT if small else UNSIGNED, ELEMENTS),
     ]
     views: list[dict[str, Any]] = []
     accessors: list[dict[str, Any]] = []
@@ -40,14 +44,16 @@ def glb_bytes(points: Points, triangles: Indices, shown: NDArray[np.float64]) ->
         accessors.append(entry)
         start += array.nbytes
     accessors[0] |= {"min": written.min(axis=0).tolist(), "max": written.max(axis=0).tolist()}
-    attributes = {"POSITION": 0, "NORMAL": 1, "COLOR_0": 2}
+    accessors[1]["normalized"] = True
+    accessors.append({"componentType": FLOAT, "count": len(written), "type": "VEC3"})
+    attributes = {"POSITION": 0, "COLOR_0": 1, "NORMAL": 3}
     look = {"pbrMetallicRoughness": {"metallicFactor": 0.0, "roughnessFactor": 0.9}, "doubleSided": True}
     document = {
         "asset": {"version": "2.0"},
         "scene": 0,
         "scenes": [{"nodes": [0]}],
         "nodes": [{"mesh": 0}],
-        "meshes": [{"primitives": [{"attributes": attributes, "indices": 3, "material": 0}]}],
+        "meshes": [{"primitives": [{"attributes": attributes, "indices": 2, "material": 0}]}],
         "materials": [look],
         "buffers": [{"byteLength": start}],
         "bufferViews": views,
@@ -56,6 +62,7 @@ def glb_bytes(points: Points, triangles: Indices, shown: NDArray[np.float64]) ->
     text = json.dumps(document, separators=(",", ":")).encode()
     text += b" " * (-len(text) % 4)
     data = b"".join(array.tobytes() for array, *_ in arrays)
+    data += b"\0" * (-len(data) % 4)
     head = struct.pack("<4sII", b"glTF", 2, 12 + 8 + len(text) + 8 + len(data))
     return head + struct.pack("<I4s", len(text), b"JSON") + text + struct.pack("<I4s", len(data), b"BIN\0") + data
 
