@@ -7,12 +7,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 from meshfiles import sheet, write_obj
-from pxr import Gf, Usd, UsdGeom
+from pxr import Gf, Sdf, Usd, UsdGeom, Vt
 from stages import add_mesh, local
 
+from warp_cloth.fabric import fabric_named
 from warp_cloth.loading import load_mesh
 from warp_cloth.loading.decimals import float32_doubt, half_step, shortest_decimals
 from warp_cloth.mesh import Mesh
+from warp_cloth.rest import build_rest_shape
 
 DECIMALS = 6  # as exporters write metres; float32 near 2 m holds them, a step being 0.2 um
 WRITTEN = np.round(np.random.default_rng(7).uniform(-2.0, 2.0, (500, 3)), DECIMALS)
@@ -77,3 +79,34 @@ def test_text_in_other_units_holds_the_same_mesh(tmp_path: Path) -> None:
         write_obj(tmp_path / f"{unit}.obj", np.round(points / metres, 6), faces)
         mesh = load_mesh(tmp_path / f"{unit}.obj", role="garment", key="garment", units=unit)
         assert np.array_equal(mesh.points, points)
+
+
+SEWN = 2e-7  # [m]; float32 in metres and in centimetres, near 1.5 m, and the shortest decimals of both
+
+
+def sewn_stage(path: Path, mesh: Mesh, *, metres: float, z_up: bool) -> Mesh:
+    """A garment with panels, written as a stage of that unit and axis and read again."""
+    stage = Usd.Stage.CreateNew(str(path))
+    UsdGeom.SetStageMetersPerUnit(stage, metres)
+    UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.z if z_up else UsdGeom.Tokens.y)
+    surface = add_mesh(stage, "/shirt", local(mesh.points, metres, z_up), mesh.triangles)
+    st = UsdGeom.PrimvarsAPI(surface).CreatePrimvar(
+        "st", Sdf.ValueTypeNames.TexCoord2fArray, UsdGeom.Tokens.faceVarying
+    )
+    st.Set(Vt.Vec2fArray.FromNumpy(mesh.texcoords.reshape(-1, 2).astype(np.float32)))
+    stage.Save()
+    return load_mesh(path, role="garment", key="garment", rest="uv")
+
+
+def test_a_sewn_shirt_of_nine_digits_is_the_same_cloth_in_any_unit(shared_data: Path, tmp_path: Path) -> None:
+    shirt = load_mesh(shared_data / "garmentcode" / "tshirt.obj", role="garment", key="garment", rest="uv")
+    metres = sewn_stage(tmp_path / "m.usdc", shirt, metres=1.0, z_up=False)
+    centimetres = sewn_stage(tmp_path / "cm.usdc", shirt, metres=0.01, z_up=True)
+    assert np.abs(metres.points - centimetres.points).max() < SEWN
+    assert np.abs(metres.points - shirt.points).max() < SEWN
+    assert np.array_equal(metres.triangles, centimetres.triangles)
+    first, second = (build_rest_shape(mesh, fabric_named("jersey"), rest="uv") for mesh in (metres, centimetres))
+    for name in ("edge_length", "edge_pull", "edge_push", "hinge_stiffness", "vertex_weight"):
+        assert np.array_equal(getattr(first, name), getattr(second, name))
+    for name in ("triangles", "corners", "slope", "law"):
+        assert np.array_equal(getattr(first.weave, name), getattr(second.weave, name))

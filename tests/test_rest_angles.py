@@ -11,10 +11,11 @@ import warp as wp
 from cloths import cloth_forces, grid, model_of
 
 from warp_cloth.fabric import Fabric, fabric_named
+from warp_cloth.folds import fold_angles
 from warp_cloth.kernels.cloth import cloth_types
 from warp_cloth.mesh import Mesh, Points
 from warp_cloth.model import ClothModel
-from warp_cloth.rest import build_rest_shape, fold_angles
+from warp_cloth.rest import build_rest_shape
 from warp_cloth.result import Status
 from warp_cloth.scene import load_scene
 from warp_cloth.solver.certificate import Certifier, Tolerance, element_energies

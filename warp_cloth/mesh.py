@@ -14,6 +14,23 @@ Indices = NDArray[np.int32]
 
 
 @dataclass(frozen=True, eq=False)
+class Folds:
+    """Rest angles as a stage states them: by pairs of the file's faces, the others flat or as the rest shape is."""
+
+    faces: NDArray[np.int64]  # pairs of faces of the file, shape [N, 2]
+    angles: Points  # between their normals [rad], shape [N]
+    by_shape: bool = False  # whether all others are as in the rest shape
+
+    def among(self, kept: NDArray[np.int64], face_count: int) -> Folds:
+        """Those between faces that are kept, which are numbered anew in their order."""
+        number = np.full(face_count, -1, dtype=np.int64)
+        number[kept] = np.arange(len(kept))
+        faces = number[self.faces]
+        there = (faces >= 0).all(axis=1)
+        return Folds(faces[there], self.angles[there], self.by_shape)
+
+
+@dataclass(frozen=True, eq=False)
 class Mesh:
     """Triangles over welded vertices, in metres, y up.
 
@@ -32,6 +49,7 @@ class Mesh:
     vertex_map: NDArray[np.int64] | None = None  # shape [vertices of the file]
     triangle_source: NDArray[np.int64] | None = None  # shape [F]
     rest_corners: Points | None = None  # corners at rest, as a stage states them [m], shape [F, 3, 3]
+    folds: Folds | None = None  # rest angles, as a stage states them
 
     @property
     def vertex_count(self) -> int:

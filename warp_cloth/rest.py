@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from warp_cloth.errors import InputError
+from warp_cloth.folds import RestAngles, hinge_angles
 from warp_cloth.grain import Grain
 from warp_cloth.loading.repair import RestKind
 from warp_cloth.material import Sheet, WeaveShape, edge_constants, even_shear, lay_flat, thread_constants
 from warp_cloth.material_bending import hinge_constants
-from warp_cloth.mesh import Indices, Mesh, Points
+from warp_cloth.mesh import Indices, Mesh
 from warp_cloth.topology import Topology, build_topology
 from warp_cloth.units import LENGTH_UNITS, METRES_PER
 
@@ -176,7 +177,7 @@ def build_rest_shape(
     rest: RestKind,
     metres_per_uv: float = 1.0,
     grain: Grain | None = None,
-    rest_angles: Literal["flat", "mesh"] = "flat",
+    rest_angles: RestAngles = "flat",
     place: str = "garment",
     key: str = "garment",
 ) -> RestShape:
@@ -190,7 +191,7 @@ def build_rest_shape(
         rest: where the rest shape comes from.
         metres_per_uv: length of one unit of texture space [m].
         grain: direction of the warp in the panels; None: their +v.
-        rest_angles: whether folds are flat at rest, or as they are in the mesh (pressed pleats, shaped garments).
+        rest_angles: whether folds are flat at rest, as in the mesh (pressed pleats), or as a stage states them.
         place: the mesh's file or name, for messages.
         key: its scene table, for messages.
 
@@ -218,7 +219,7 @@ def build_rest_shape(
     return replace(
         made,
         notes=notes + _check_directions(fabric, like is not None),
-        hinge_angle=fold_angles(mesh.points, topology) if rest_angles == "mesh" else None,
+        hinge_angle=hinge_angles(mesh, topology, rest_angles, place, key),
         corners=_places(mesh, metres_per_uv if rest == "uv" else None),
     )
 
@@ -256,19 +257,6 @@ def constants_of(triangles: Indices, sides: Floats, weight: Floats, fabric: Fabr
         sheet=sheet,
         fabric=fabric,
     )
-
-
-def fold_angles(points: Points, topology: Topology) -> Floats:
-    """Angle of every hinge between its triangles' normals [rad], shape [H]; 0 where a triangle has no area.
-
-    Positive where (n0 x n1) . axis is, as in kernels.bending.
-    """
-    start, end, wing_0, wing_1 = (points[topology.hinges[:, column]] for column in range(4))
-    axis = end - start
-    normal_0, normal_1 = np.cross(axis, wing_0 - start), np.cross(wing_1 - start, axis)
-    length = np.maximum(np.linalg.norm(axis, axis=1), np.finfo(float).tiny)
-    sine = np.einsum("ij,ij->i", np.cross(normal_0, normal_1), axis) / length
-    return np.asarray(np.arctan2(sine, np.einsum("ij,ij->i", normal_0, normal_1)))
 
 
 def _check_directions(fabric: Fabric, directed: bool) -> tuple[str, ...]:

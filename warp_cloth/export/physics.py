@@ -33,6 +33,7 @@ def author_physics(surface: UsdGeom.Mesh, garment: WornGarment, material: UsdSha
     indices = Vt.Vec3iArray.FromNumpy(triangles)
     _set(prim, "physics:restTriVertexIndices", Sdf.ValueTypeNames.Int3Array, indices)
     _set(prim, "physics:restBendAnglesDefault", Sdf.ValueTypeNames.Token, "flat")
+    _author_folds(prim, garment.rest)
     thickness = Vt.FloatArray([garment.fabric.thickness])
     _set(prim, "physics:thicknesses", Sdf.ValueTypeNames.FloatArray, thickness)
     _set(prim, "physics:thicknesses:elementType", Sdf.ValueTypeNames.Token, "constant")
@@ -57,6 +58,17 @@ def rest_arrays(garment: WornGarment, rest: RestShape) -> tuple[Any, Any]:
     points = np.zeros((3 * len(flat), 3), dtype=np.float32)
     points[:, :2] = flat.reshape(-1, 2)
     return points, np.arange(len(points), dtype=np.int32).reshape(-1, 3)
+
+
+def _author_folds(prim: Usd.Prim, rest: RestShape) -> None:
+    """Rest angles [degrees] by pairs of faces, where cloth is not flat at rest."""
+    if rest.hinge_angle is None:
+        return
+    bent = np.flatnonzero(rest.hinge_angle)
+    pairs = np.ascontiguousarray(rest.topology.hinge_triangles[bent], dtype=np.int32)
+    angles = np.degrees(rest.hinge_angle[bent]).astype(np.float32)
+    _set(prim, "physics:restAdjTriPairs", Sdf.ValueTypeNames.Int2Array, Vt.Vec2iArray.FromNumpy(pairs))
+    _set(prim, "physics:restBendAngles", Sdf.ValueTypeNames.FloatArray, Vt.FloatArray.FromNumpy(angles))
 
 
 def author_cloth_material(material: UsdShade.Material, fabric: Fabric) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,10 +16,10 @@ from warp_cloth.loading.generic import read_gltf, read_stl
 from warp_cloth.loading.obj import read_obj
 from warp_cloth.loading.ply import read_ply
 from warp_cloth.loading.raw import Floats, RawMesh, Role, check
-from warp_cloth.loading.repair import RestKind, repaired
+from warp_cloth.loading.repair import Repaired, RestKind, repaired
 from warp_cloth.loading.sizes import choose_unit
 from warp_cloth.loading.usd import read_usd
-from warp_cloth.mesh import Mesh
+from warp_cloth.mesh import Folds, Mesh
 from warp_cloth.units import LengthUnit
 
 _READERS: dict[str, Callable[[str, bytes], RawMesh]] = {
@@ -74,7 +75,16 @@ def load_mesh(
         vertex_map=None if same_vertices else sound.vertex_map,
         triangle_source=None if same_faces else sound.faces,
         rest_corners=None if sound.rest is None else _rest_in_metres(sound.rest, unit.metres),
+        folds=None if raw.folds is None else _folds_of(raw.folds, sound, len(raw.counts)),
     )
+
+
+def _folds_of(folds: Folds, sound: Repaired, face_count: int) -> Folds:
+    """Rest angles by the normals as they are after the repair: a face that was turned over has them the other way."""
+    turned = np.zeros(face_count, dtype=bool)
+    if sound.turned is not None:
+        turned[sound.faces] = sound.turned
+    return replace(folds, angles=np.where(turned[folds.faces].all(axis=1), -folds.angles, folds.angles))
 
 
 def in_metres(raw: RawMesh, metres: float) -> Floats:

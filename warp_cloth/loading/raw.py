@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warp_cloth.errors import InputError
+from warp_cloth.mesh import Folds
 
 Role = Literal["garment", "avatar"]
 Ints = NDArray[np.int64]
@@ -39,6 +40,7 @@ class RawMesh:
     first_index: int = 0  # what the file calls its first vertex
     notes: tuple[str, ...] = ()
     rest: Floats | None = None  # where each corner is at rest, as a stage states it, shape [sum of counts, 3]
+    folds: Folds | None = None  # rest angles between faces, as a stage states them
     doubt: Floats | None = None  # by how much each coordinate may be off, as stored [file unit], shape [V, 3]
 
     def vertex_name(self, vertex: int) -> str:

@@ -33,6 +33,7 @@ class Repaired:
     vertex_map: Ints  # new vertex of each raw vertex, -1: dropped
     notes: tuple[str, ...]
     rest: Floats | None = None  # corners at rest, in the file's unit, shape [F, 3, 3]
+    turned: NDArray[np.bool_] | None = None  # whether a triangle winds the other way than in the file, shape [F]
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,7 +71,9 @@ def repaired(raw: RawMesh, points: Floats, *, role: Role, rest: RestKind) -> Rep
     _refuse_empty(raw, work)
     if role == "garment":
         _refuse_non_manifold(raw, work)
+    before = work.triangles
     work = _wound(work, points, role)
+    turned = (work.triangles != before).any(axis=1)
     used = np.zeros(len(points), dtype=bool)
     used[work.triangles] = True
     number = np.where(used, np.cumsum(used) - 1, -1)
@@ -86,6 +89,7 @@ def repaired(raw: RawMesh, points: Floats, *, role: Role, rest: RestKind) -> Rep
         vertex_map=number[welded.vertex],
         notes=notes,
         rest=None if raw.rest is None else raw.rest[work.corners],
+        turned=turned,
     )
 
 

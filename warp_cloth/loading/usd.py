@@ -16,7 +16,8 @@ import numpy as np
 from warp_cloth.errors import InputError
 from warp_cloth.loading.decimals import float32_doubt
 from warp_cloth.loading.raw import EXPORT_AGAIN, Floats, Ints, RawMesh, Role, joined
-from warp_cloth.loading.usd_physics import rest_corners
+from warp_cloth.loading.usd_folds import stated_folds
+from warp_cloth.loading.usd_physics import mass_notes, rest_corners
 
 if TYPE_CHECKING:
     from pxr import Usd, UsdGeom
@@ -198,8 +199,10 @@ def _part(
     mirrored = bool(np.linalg.det(matrix[:3, :3]) < 0)
     turn = mirrored != (mesh.GetOrientationAttr().Get(time) == UsdGeom.Tokens.leftHanded)
     rest = rest_corners(mesh, counts, corners, matrix, place) if panels else None
+    folds = stated_folds(mesh.GetPrim(), len(counts), place) if panels else None
     order = _order(counts, turn, _array(mesh.GetHoleIndicesAttr().Get(time), np.int64))
-    notes = (*order[2], *_subdivision(mesh))
+    masses = mass_notes(mesh.GetPrim(), len(points), place) if panels else ()
+    notes = (*order[2], *_subdivision(mesh), *masses)
     return RawMesh(
         file=place,
         points=points,
@@ -211,6 +214,7 @@ def _part(
         metres_per_unit=scale,
         notes=notes,
         rest=None if rest is None else rest[order[1]],
+        folds=None if folds is None else folds.among(order[0], len(counts)),
         doubt=doubt,
     )
 

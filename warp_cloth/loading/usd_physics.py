@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 SURFACE = "PhysicsSurfaceDeformableSimAPI"
 COLLISION = "PhysicsCollisionAPI"
 OWN = "warpCloth:"  # namespace of what the schema cannot hold: warp and weft, the paper's quadratic law
+SAME_MASS = 1e-5  # relative: more than float32 masses and lengths of a stage are apart from what they stand for
 CONSTANTS = (
     "density",
     "youngsModulus",
@@ -38,6 +39,7 @@ class StagedCloth:
     path: str
     name: str
     has_rest: bool
+    has_folds: bool
     fabric: dict[str, Any]  # a scene's fabric table
 
 
@@ -93,8 +95,15 @@ def staged_cloths(stage: Usd.Stage) -> list[StagedCloth]:
             rest = value_of(prim, "physics:restShapePoints")
             name = prim.GetName().removesuffix("_mesh")
             has_rest = rest is not None and len(rest) > 0
-            found.append(StagedCloth(str(prim.GetPath()), name, has_rest, fabric_of(stage, prim)))
+            folds = states_folds(prim)
+            found.append(StagedCloth(str(prim.GetPath()), name, has_rest, folds, fabric_of(stage, prim)))
     return found
+
+
+def states_folds(prim: Usd.Prim) -> bool:
+    """Whether a cloth prim says that it is not flat at rest."""
+    listed = value_of(prim, "physics:restBendAngles")
+    return value_of(prim, "physics:restBendAnglesDefault") == "restShape" or (listed is not None and len(listed) > 0)
 
 
 def fabric_of(stage: Usd.Stage, prim: Usd.Prim) -> dict[str, Any]:
@@ -103,12 +112,14 @@ def fabric_of(stage: Usd.Stage, prim: Usd.Prim) -> dict[str, Any]:
 
     metres = UsdGeom.GetStageMetersPerUnit(stage)
     kilograms = UsdPhysics.GetStageKilogramsPerUnit(stage)
+    weight = _stated_weight(prim, kilograms, metres)
     bound, _ = UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial("physics")
     material = bound.GetPrim() if bound else None
     if material is not None:
         own = _own_fabric(material)
         if own:
-            return own
+            same = weight is None or abs(weight - own["weight"]) <= SAME_MASS * own["weight"]
+            return own if same else {**own, "weight": weight}
     units = {
         "density": kilograms / metres**3,
         "youngsModulus": kilograms / metres,
@@ -126,7 +137,56 @@ def fabric_of(stage: Usd.Stage, prim: Usd.Prim) -> dict[str, Any]:
     listed = value_of(prim, "physics:thicknesses")
     if listed is not None and len(listed):
         thickness = _stands_for(float(np.mean(np.array(listed, dtype=np.float64))), metres)
-    return fabric_table(constants, thickness, None)
+    return fabric_table(constants, thickness, weight)
+
+
+def stated_masses(prim: Usd.Prim, vertex_count: int, place: str) -> Floats | None:
+    """Mass of every vertex of a cloth prim, in the stage's unit; None where it states none.
+
+    Raises:
+        InputError: they are not one positive number for each vertex.
+    """
+    listed = value_of(prim, "physics:masses") if SURFACE in applied(prim) else None
+    if listed is None or not len(listed):
+        return None
+    masses = np.array(listed, dtype=np.float64)
+    if masses.shape != (vertex_count,) or not (np.isfinite(masses) & (masses > 0.0)).all():
+        raise InputError(place, "physics:masses are not one positive number for each vertex", EXPORT_AGAIN)
+    return masses
+
+
+def mass_notes(prim: Usd.Prim, vertex_count: int, place: str) -> tuple[str, ...]:
+    """A note where a stage's masses differ more than a mesh's own unevenness: all vertices weigh the same here."""
+    masses = stated_masses(prim, vertex_count, place)
+    if masses is None or np.ptp(masses) <= SAME_MASS * masses.max():
+        return ()
+    return ("physics:masses differ from vertex to vertex: their sum is spread evenly, as every vertex weighs the same",)
+
+
+def _stated_weight(prim: Usd.Prim, kilograms: float, metres: float) -> float | None:
+    """Mass per rest area [kg/m2] by the prim's own masses; None where it states none."""
+    from pxr import Usd, UsdGeom
+
+    mesh = UsdGeom.Mesh(prim)
+    time = Usd.TimeCode.EarliestTime()
+    points = np.array(mesh.GetPointsAttr().Get(time) or [], dtype=np.float64).reshape(-1, 3)
+    place = str(prim.GetPath())
+    masses = stated_masses(prim, len(points), place)
+    if masses is None:
+        return None
+    counts = np.array(mesh.GetFaceVertexCountsAttr().Get(time) or [], dtype=np.int64)
+    corners = np.array(mesh.GetFaceVertexIndicesAttr().Get(time) or [], dtype=np.int64)
+    if counts.sum() != len(corners) or (counts < 0).any() or ((corners < 0) | (corners >= len(points))).any():
+        return None  # the mesh is refused when it is read
+    matrix = np.array(UsdGeom.XformCache(time).GetLocalToWorldTransform(prim), dtype=np.float64)
+    rest = rest_corners(mesh, counts, corners, matrix, place)
+    placed = points[corners] @ matrix[:3, :3] if rest is None else rest
+    starts = np.repeat(np.cumsum(counts) - counts, counts)
+    own = np.arange(len(corners))
+    inner = (own - starts >= 1) & (own - starts < np.repeat(counts, counts) - 1)
+    a, b, c = placed[starts[inner]], placed[own[inner]], placed[own[inner] + 1]
+    area = 0.5 * float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum()) * metres**2
+    return float(masses.sum()) * kilograms / area if area > 0.0 else None
 
 
 def _stands_for(stored: float, unit: float) -> float:

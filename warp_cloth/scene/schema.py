@@ -20,12 +20,12 @@ from pydantic import (
 
 from warp_cloth.errors import InputError
 from warp_cloth.fabric import Fabric, resolve_fabric
+from warp_cloth.folds import RestAngles
 from warp_cloth.scene.messages import listed, refusal, show
 from warp_cloth.scene.shapes import AvatarShape, GarmentShape, Point, Real, Table, VertexId, Whole
 from warp_cloth.units import LENGTH_UNITS, METRES_PER, LengthUnit
 
 RestShape = Literal["mesh", "uv", "physics"]
-RestAngles = Literal["flat", "mesh"]
 AvatarCollision = Literal["depth", "auto", "mesh", "plain", "none"]
 Method = Literal["multilevel", "accelerated", "direct"]
 Precision = Literal["float32", "float64", "mixed"]
@@ -126,7 +126,8 @@ class GarmentSpec(Wearable):
         description="natural lengths: of the 3-D mesh as loaded, its 2-D panels, or the rest shape that a stage states",
     )
     rest_angles: RestAngles = Field(
-        default="flat", description="cloth is flat at rest, or folded as in the mesh: pressed pleats, shaped garments"
+        default="flat",
+        description="cloth is flat at rest, or folded as in the mesh (pressed pleats) or as a stage states",
     )
     uv_units: LengthUnit | Real = Field(default="m", description="unit of the texture coordinates, or metres per unit")
     fabric: Fabric = Field(default="default", description="a shipped fabric, a .toml file, or a table of overrides")  # type: ignore[assignment]

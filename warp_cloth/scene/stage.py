@@ -28,6 +28,7 @@ def stage_values(path: Path) -> dict[str, Any]:
                 "mesh": path.name,
                 "prim": cloth.path,
                 "rest": "physics" if cloth.has_rest else "mesh",
+                "rest_angles": "physics" if cloth.has_folds else "flat",
                 "fabric": cloth.fabric or "default",
             }
             for cloth in cloths

@@ -7,10 +7,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from warp_cloth.folds import fold_angles
 from warp_cloth.material import Sheet
 from warp_cloth.mesh import Points
 from warp_cloth.model import GarmentPart
-from warp_cloth.rest import constants_of, fold_angles
+from warp_cloth.rest import constants_of
 from warp_cloth.solver.coarsen import Coarse, Pattern, coarsen, rest_pattern
 
 Floats = NDArray[np.float64]

@@ -43,7 +43,7 @@ class Surfaces:
         surface = self._surfaces.setdefault(name, _Surface())
         vertices = np.ascontiguousarray(points, dtype=np.float32)
         with self._server.atomic():
-            if surface.plain is None or not np.array_equal(surface.triangles, triangles):
+            if surface.triangles is None or not np.array_equal(surface.triangles, triangles):
                 red, green, blue = (round(255 * part) for part in colour)
                 surface.plain = self._server.scene.add_mesh_simple(
                     f"/{name}/plain", vertices, triangles.astype(np.uint32), color=(red, green, blue), side="double"
