@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import warp as wp
 
 from warp_cloth.kernels.bending import fold_energy, hinge_fold, turned_back
+from warp_cloth.kernels.carried import carried_function
 from warp_cloth.kernels.cloth import (
     MODULE_OPTIONS,
     cloth_types,
@@ -14,7 +15,6 @@ from warp_cloth.kernels.cloth import (
     hinge_sides_function,
 )
 from warp_cloth.kernels.displace import colliders_type
-from warp_cloth.kernels.friction import friction_residual
 from warp_cloth.kernels.tension import tension_energy
 from warp_cloth.kernels.weave import thread_energy, warp_vector, weft_vector
 
@@ -23,8 +23,10 @@ from warp_cloth.kernels.weave import thread_energy, warp_vector, weft_vector
 def residual_kernel(precision: str, contact: wp.Function | None, collider_type: type, pins: bool) -> wp.Kernel:
     """Kernel ``measure_residual`` in one precision, with the contact that the iteration uses, with or without pins."""
     types = cloth_types(precision)
-    real, vec3, vec4, Cloth, Step = types.real, types.vec3, types.vec4, types.Cloth, types.Step
+    vec3, vec4, Cloth, Step = types.vec3, types.vec4, types.Cloth, types.Step
     free = free_function(precision, pins)
+    if contact is not None:
+        carried_force = carried_function(precision, contact, collider_type)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def measure_residual(
@@ -48,10 +50,7 @@ def residual_kernel(precision: str, contact: wp.Function | None, collider_type: 
             force = vec3(sum[0], sum[1], sum[2]) + step.gravity * weight
             left = wp.length(force)
             if wp.static(contact is not None):
-                at = contact(colliders[cloth.item[vertex]], wp.vec3d(cloth.position[vertex]))
-                if at[3] < item.offset + slack:
-                    normal = vec3(real(at[0]), real(at[1]), real(at[2]))
-                    left = friction_residual(force, normal, real(item.friction))
+                left, _push = carried_force(cloth, vertex, force, colliders[cloth.item[vertex]], slack)
             residual_out[vertex] = wp.vec2f(float(left / weight), float(left / (weight + sum[3])))
 
     return measure_residual

@@ -4,6 +4,7 @@ import functools
 
 import warp as wp
 
+from warp_cloth.kernels.carried import carried_function
 from warp_cloth.kernels.cloth import MODULE_OPTIONS, cloth_types, free_function
 
 
@@ -11,8 +12,9 @@ from warp_cloth.kernels.cloth import MODULE_OPTIONS, cloth_types, free_function
 def push_kernel(precision: str, contact: wp.Function, collider_type: type, pins: bool) -> wp.Kernel:
     """Kernel ``measure_push`` in one precision, with the contact that the iteration uses, with or without pins."""
     types = cloth_types(precision)
-    real, vec3, vec4, Cloth, Step = types.real, types.vec3, types.vec4, types.Cloth, types.Step
+    vec3, vec4, Cloth, Step = types.vec3, types.vec4, types.Cloth, types.Step
     free = free_function(precision, pins)
+    carried_force = carried_function(precision, contact, collider_type)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def measure_push(
@@ -23,17 +25,14 @@ def push_kernel(precision: str, contact: wp.Function, collider_type: type, pins:
         load: wp.array(dtype=vec4),  # forces of the cloth [N], shape [V]; left at zero
         push_out: wp.array(dtype=wp.float64),  # [N], shape [V]; 0 away from the avatar and where pinned
     ):
-        """Normal part of the force that a vertex in contact hands on to the avatar: max(-F . n, 0)."""
+        """Normal part of the force that a vertex in contact hands on to the avatar: max(-F . n, 0) where it is held."""
         vertex = wp.tid()
         sum = load[vertex]
         load[vertex] = vec4()
         push_out[vertex] = wp.float64(0.0)
         if free(cloth, vertex):
-            item = cloth.item[vertex]
-            at = contact(colliders[item], wp.vec3d(cloth.position[vertex]))
-            if at[3] < cloth.items[item].offset + slack:
-                normal = vec3(real(at[0]), real(at[1]), real(at[2]))
-                force = vec3(sum[0], sum[1], sum[2]) + step.gravity * cloth.weight[vertex]
-                push_out[vertex] = wp.float64(wp.max(-wp.dot(force, normal), real(0.0)))
+            force = vec3(sum[0], sum[1], sum[2]) + step.gravity * cloth.weight[vertex]
+            _left, push = carried_force(cloth, vertex, force, colliders[cloth.item[vertex]], slack)
+            push_out[vertex] = wp.float64(push)
 
     return measure_push
