@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from warp_cloth.cascade import LevelRun
 from warp_cloth.collide.exact import penetrations
 from warp_cloth.collide.garments import worn_crossings
+from warp_cloth.collide.piercing import piercing
 from warp_cloth.errors import InputError
 from warp_cloth.maps import FitMaps, chosen_maps, measure_maps
 from warp_cloth.maps.measure import check_maps
@@ -31,7 +32,7 @@ from warp_cloth.solver.certificate import (
     thread_summaries,
 )
 from warp_cloth.solver.loop import Outcome, relax_to_rest
-from warp_cloth.verdict import more_iterations, report_of, unheld, verdict
+from warp_cloth.verdict import misplaced, more_iterations, report_of, unheld, verdict
 from warp_cloth.wardrobe import Wardrobe
 from warp_cloth.warm import Worn, saved_result, start_from
 
@@ -246,8 +247,11 @@ def finished(
             replace(worn, fields=crossing.marked(index, worn.mesh))
             for index, worn in enumerate(_worn(scene, wardrobe, outcome, frames))
         )
-        advice = unheld(scene, wardrobe, [worn.points for worn in garments])
-        message = verdict(outcome, tolerance_of(scene), advice or more_iterations(scene, outcome))
+        strain = strains[model.of_item(item, model.edge_start)]
+        depth = _drawn_through(depths[item], wardrobe, outcome.points, strain, model.device)
+        flaw = misplaced(depth) if scene.collision.avatar != "none" else ""
+        advice = unheld(scene, wardrobe, [worn.points for worn in garments]) or flaw
+        message = verdict(outcome, tolerance_of(scene), advice or more_iterations(scene, outcome), flaw)
         report = report_of(
             scene,
             wardrobe,
@@ -255,15 +259,29 @@ def finished(
             message=message,
             seconds=seconds if len(outcomes) == 1 else {**seconds, "relax": outcome.seconds},
             device=model.device,
-            strain=strain_summary(strains[model.of_item(item, model.edge_start)]),
+            strain=strain_summary(strain),
             threads=thread_summaries(threads[model.of_item(item, model.weave_start)]),
-            depth=depths[item],
+            depth=depth,
             crossing=crossing,
             contact=made.touched(item),
             levels=levels,
         )
         fits.append(Fit(scene, outcome.status, message, garments, wardrobe.avatar, report, model.device))
     return fits
+
+
+def _drawn_through(
+    depth: Penetration | None, wardrobe: Wardrobe, points: Points, strains: NDArray[np.float64], device: str
+) -> Penetration | None:
+    """The depth with what is told of edges: ``strains`` are theirs, of all garments."""
+    if depth is None or wardrobe.avatar is None:
+        return depth
+    edges, first = [], 0
+    for part in wardrobe.parts:
+        edges.append(part.rest.topology.edges + first)
+        first += len(part.points)
+    count, deepest = piercing(points, np.concatenate(edges), strains, wardrobe.avatar, device)
+    return replace(depth, edges=count, edge_max=deepest)
 
 
 def _worn(scene: Scene, wardrobe: Wardrobe, outcome: Outcome, frames: int) -> tuple[WornGarment, ...]:

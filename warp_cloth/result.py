@@ -52,11 +52,16 @@ class Strain:
 
 @dataclass(frozen=True)
 class Penetration:
-    """Depth of garment vertices under the exact avatar mesh [mm]: deepest, 99.9th percentile, share of vertices."""
+    """Depth of garment vertices under the exact avatar mesh [mm]: deepest, 99.9th percentile, share of vertices.
+
+    ``edges`` are drawn through the avatar, as deep as ``edge_max`` [mm].
+    """
 
     max: float
     p999: float
     fraction: float
+    edges: int = 0
+    edge_max: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)

@@ -60,13 +60,25 @@ def unheld(scene: Scene, wardrobe: Wardrobe, worn: Sequence[Points]) -> str:
     return ""
 
 
-def verdict(outcome: Outcome, tolerance: Tolerance, advice: str) -> str:
-    """One sentence: how a fit ended and, where it ran out of iterations, what to change."""
+def misplaced(depth: Penetration | None) -> str:
+    """What to change where a garment is drawn through the avatar; empty where it is not."""
+    if depth is None or not depth.edges:
+        return ""
+    return (
+        f"{depth.edges:,} edges are drawn through the avatar, {figure(depth.edge_max, 2)} mm deep, because part of the "
+        "garment began on the wrong side of a limb: let avatar.mesh be in the pose that the garment is placed round, "
+        "and avatar.poses be this one"
+    )
+
+
+def verdict(outcome: Outcome, tolerance: Tolerance, advice: str, flaw: str = "") -> str:
+    """How a fit ended and, where it ran out of iterations, what to change; ``flaw``: what is wrong though at rest."""
     residual = outcome.check.residual
     if outcome.status is Status.AT_REST:
         return (
             f"At rest after {outcome.iterations:,} iterations: forces balanced to "
             f"{100 * residual.relative_rms:.2g} %, {1e3 * outcome.check.rest_error:.2g} mm or less from the rest shape."
+            + (f" But {flaw}." if flaw else "")
         )
     if outcome.status is Status.DIVERGED:
         return (

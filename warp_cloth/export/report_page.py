@@ -100,6 +100,11 @@ def advice(report: Mapping[str, Any]) -> list[str]:
     strain, depth, solver = report["strain"], report.get("penetration_mm"), report["settings"]["solver"]
     if report["status"] == "diverged":
         lines.append('Use a smaller solver.cap, solver.precision = "float64", or a softer fabric.')
+    if depth is not None and depth["edges"]:
+        lines.append(
+            f"{depth['edges']:,} edges are drawn through the body: begin with it in the pose that the garment is "
+            "placed round, and give the wanted pose as avatar.poses."
+        )
     if strain["p99"] is not None and not strain["p99"] <= STRETCHED:
         lines.append(
             "Parts of the garment are stretched by more than half: check garment.rest and garment.uv_units, "

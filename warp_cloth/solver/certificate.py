@@ -111,6 +111,8 @@ class Certifier:
         self._before = wp.clone(model.cloth.position)  # at the one before
         self._rest_error = RestError()
         self._spare: list[wp.array] = []  # shapes that are kept no longer
+        judged = relaxation.contact is not None and model.cloth.stiffness  # by which contact's share of a force is
+        self._bounds: wp.array | None = wp.clone(model.cloth.stiffness) if judged else None  # at the last check
         self._beside: wp.Stream | None = None
         if wp.get_device(model.device).is_cuda:
             self._beside = wp.Stream(model.device)
@@ -172,6 +174,8 @@ class Certifier:
         """Goes on from a glance at all items: the shapes of now are what the next one compares with."""
         self._last, self._before = self._before, self._last
         wp.copy(self._last, self._model.cloth.position)
+        if self._bounds is not None:
+            wp.copy(self._bounds, self._model.cloth.stiffness)
         if self._rest_error.due(iteration):
             model = self._model
             shape = self._spare.pop() if self._spare else wp.zeros(model.vertex_count, wp.vec3f, device=model.device)
@@ -196,6 +200,8 @@ class Certifier:
         """Puts an item back where the last glance at all items saw it, from iterations that came too late to stop."""
         part = self._model.of_item(item)
         wp.copy(self._model.cloth.position[part], self._last[part])
+        if self._bounds is not None:
+            wp.copy(self._model.cloth.stiffness[part], self._bounds[part])
 
     def _asked(self, marks: Sequence[Mark]) -> Answer:
         looks = self._summary.looks_type()

@@ -1,0 +1,51 @@
+"""Cloth that is drawn through the avatar is told of, with what to change; cloth that lies on it is not."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from cloths import grid
+from meshfiles import write_obj
+
+import warp_cloth
+from warp_cloth.collide.piercing import piercing
+from warp_cloth.shapes import sphere
+
+BALL = sphere(radius=0.05, centre=(0.0, 0.0, 0.0), edge=0.01)
+
+
+def through(first: tuple[float, float, float], last: tuple[float, float, float], strain: float) -> tuple[int, float]:
+    return piercing(np.array([first, last]), np.array([[0, 1]], dtype=np.int32), np.array([strain]), BALL, "cpu")
+
+
+def test_an_edge_through_the_middle_is_as_deep_as_the_ball() -> None:
+    count, deep = through((-0.053, 0.0, 0.0), (0.053, 0.0, 0.0), 3.0)
+    assert count == 1
+    assert deep == pytest.approx(50.0, abs=1.0)
+
+
+def test_a_long_edge_round_the_skin_and_a_short_one_inside_are_not_drawn_through() -> None:
+    half = 0.02  # its middle dips 1 mm under the skin
+    assert through((-half, 0.049, 0.0), (half, 0.049, 0.0), 1.0) == (0, 0.0)
+    assert through((-0.053, 0.0, 0.0), (0.053, 0.0, 0.0), 0.0) == (0, 0.0)
+    assert through((-np.inf, 0.0, 0.0), (0.053, 0.0, 0.0), np.inf) == (0, 0.0)
+
+
+@pytest.mark.parametrize(("off_side", "told"), [(0.002, True), (0.0, False)])
+def test_a_fit_on_both_sides_of_the_body_says_so(tmp_path: Path, off_side: float, told: bool) -> None:
+    """A sheet before a ball, or whose rows begin before and behind its middle in turn."""
+    mesh = grid(9, 0.2)
+    points = mesh.points - [0.1, 0.1, 0.0]
+    points[:, 2] = 0.06 if not off_side else off_side * np.where(np.arange(81) // 9 % 2, 1.0, -1.0)
+    write_obj(tmp_path / "sheet.obj", points, mesh.triangles)
+    write_obj(tmp_path / "ball.obj", BALL.points, BALL.triangles)
+    scene = {
+        "garment": {"mesh": str(tmp_path / "sheet.obj"), "units": "m", "pin": {"loop": 0}},
+        "avatar": {"mesh": str(tmp_path / "ball.obj"), "units": "m"},
+        "solver": {"iterations": 300},
+    }
+    worn = warp_cloth.fit(scene, device="cpu")
+    assert (worn.report["penetration_mm"]["edges"] > 0) == told
+    assert ("avatar.poses" in worn.message) == told
