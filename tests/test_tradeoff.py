@@ -23,7 +23,7 @@ from warp_cloth.study.knobs import reference_of, single_trials
 from warp_cloth.study.passing import run_through
 from warp_cloth.study.surface import distances
 from warp_cloth.study.tradeoff import Measured, Trade, TradeStudy, millimetres
-from warp_cloth.study.tradeoff_files import snippet, trade_lines
+from warp_cloth.study.tradeoff_files import save_trade, snippet, trade_lines
 
 WITHIN_MM = 2.0
 TREE = {
@@ -175,6 +175,16 @@ def test_an_error_below_what_the_scene_itself_scatters_is_told() -> None:
     assert "Nothing tried" in told
     assert "5 mm apart by themselves" in told
     assert "The reference is not at rest" in told
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("within", [1e-4, 2.0, 1e7])
+def test_the_plot_shows_the_error_wanted_however_far_it_is_from_what_was_tried(tmp_path: Path, within: float) -> None:
+    pytest.importorskip("matplotlib")
+    wordy = measured({f"garment.shape.setting_{number}": "0.123456789" for number in range(20)})
+    far = [replace(measured({}), rms_mm=1e5, seconds=seconds) for seconds in (0.9, 1.0)]
+    trade = Trade("scene", "cpu", within, "", True, 5.0, (wordy, *far), (wordy,), None)
+    assert save_trade(trade, tmp_path)[-1].stat().st_size > 10_000
 
 
 @pytest.mark.parametrize(("text", "value"), [("2mm", 2.0), ("0.2 cm", 2.0), ("3", 3.0), ("0.001m", 1.0)])

@@ -137,6 +137,8 @@ def _plot(path: Path, trade: Trade) -> None:
     for axis in (axes.xaxis, axes.yaxis):
         axis.set_major_formatter("{x:g}")
     axes.xaxis.set_minor_formatter(lambda value, _: f"{value:g}" if f"{value:e}"[0] in "235" else "")
+    low, high = axes.get_ylim()
+    axes.set_ylim(min(low, 0.6 * trade.within_mm), max(high, 1.7 * trade.within_mm))
     if trade.scatter_mm > LEAST_MM:
         axes.set_ylim(bottom=min(axes.get_ylim()[0], 0.5 * trade.scatter_mm))
         axes.axhspan(axes.get_ylim()[0], trade.scatter_mm, color="0.92", zorder=0)
