@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -12,7 +12,9 @@ import warp as wp
 
 from warp_cloth.collide.crossing import search_bytes
 from warp_cloth.fitting import SetUp
+from warp_cloth.kernels.cloth import Patch
 from warp_cloth.solver.certificate import strain_bytes
+from warp_cloth.study.caches import cache_bytes
 from warp_cloth.study.launches import Launch, arrays_in, bytes_of, launches_of
 from warp_cloth.study.traffic import Uses, array_uses
 from warp_cloth.wardrobe import Wardrobe
@@ -25,7 +27,8 @@ WAKING = 12  # times as many where cloth meets cloth: that begins when the seams
 SHORTEST_RUN = 0.5  # [s] of timing
 MOST_ROUNDS = 1000
 LEAST = 0.02  # of what a launch was timed at, that it takes itself: less cannot be told apart from none
-TABLE_CORNERS = 8  # of a three-dimensional table, that a thread reads round its place
+TABLE_NODES = 3  # along each axis of a table, that a thread reads round its place
+PATCHES, PATCH_WIDTH = "patches.patch", 16  # kernels.cloth's Patch, one after another, and the numbers of each
 
 
 @dataclass(frozen=True)
@@ -36,7 +39,8 @@ class KernelCost:
     purpose: str
     launches: float  # per iteration
     threads: int
-    bytes: float  # that it must read and write at least once, per iteration
+    bytes: float  # to and from memory, per iteration, if no cache holds anything from one launch to the next
+    asked: float  # bytes between the last cache and the cores, per iteration
     seconds: float  # per iteration, each launch timed by itself
 
 
@@ -48,9 +52,24 @@ class Footprint:
     vertices: int
     kernels: tuple[KernelCost, ...]
     launches: float  # per iteration
-    bytes: float  # per iteration
+    touched: int  # bytes of all that an iteration reads or writes
+    cache: int  # bytes that the device's last cache holds; 0 where that is not known
     seconds: float  # of an iteration as a fit runs it, captured
     memory: dict[str, int]  # [bytes] by what it is for
+
+    @property
+    def from_memory(self) -> bool:
+        """Whether an iteration touches more than the cache holds, so that it comes from memory again and again."""
+        return self.touched > self.cache
+
+    @property
+    def bytes(self) -> float:
+        """Of an iteration, at the level that matters: to and from memory, or between the cache and the cores."""
+        return sum(self.moved(kernel) for kernel in self.kernels)
+
+    def moved(self, kernel: KernelCost) -> float:
+        """A kernel's part of these bytes."""
+        return kernel.bytes if self.from_memory else kernel.asked
 
     def share(self, kernel: KernelCost) -> float:
         """A kernel's share of the kernels' time."""
@@ -65,6 +84,7 @@ def footprint_of(made: SetUp) -> Footprint:
     launches = launches_of(lambda: relaxation.iterate(watched))
     seconds = _seconds_of_launches(launches, model.device, chunk * watched)
     uses = {launch.kernel.key: array_uses(launch.kernel) for launch in launches}
+    touched = [array for launch in launches for array in _used(launch, uses[launch.kernel.key])]
     kernels = []
     for key in uses:
         own = [(launch, spent) for launch, spent in zip(launches, seconds, strict=True) if launch.kernel.key == key]
@@ -74,7 +94,8 @@ def footprint_of(made: SetUp) -> Footprint:
                 purpose=(inspect.getdoc(own[0][0].kernel.func) or "").partition("\n")[0],
                 launches=len(own) / watched,
                 threads=own[0][0].threads,
-                bytes=sum(_moved(launch, uses[key]) for launch, _ in own) / watched,
+                bytes=sum(_moved(launch, uses[key])[0] for launch, _ in own) / watched,
+                asked=sum(_moved(launch, uses[key])[1] for launch, _ in own) / watched,
                 seconds=sum(spent for _, spent in own) / watched,
             )
         )
@@ -83,29 +104,51 @@ def footprint_of(made: SetUp) -> Footprint:
         vertices=model.vertex_count,
         kernels=tuple(kernels),
         launches=len(launches) / watched,
-        bytes=sum(kernel.bytes for kernel in kernels),
+        touched=bytes_of(touched),
+        cache=cache_bytes(model.device),
         seconds=chunk,
         memory=_memory(made),
     )
 
 
 def moved_bytes(launches: Sequence[Launch]) -> int:
-    """Bytes that launches must move, each of them by itself."""
-    return sum(_moved(launch, array_uses(launch.kernel)) for launch in launches)
+    """Bytes that launches must read and write at least once, each launch by itself."""
+    return sum(_moved(launch, array_uses(launch.kernel))[0] for launch in launches)
 
 
-def _moved(launch: Launch, uses: Uses) -> int:
-    """Bytes that a launch moves if it reads and writes each element once, and finds it in the cache after that."""
+def _used(launch: Launch, uses: Uses) -> list[wp.array]:
+    """The arrays that a launch reads or writes; tables that are looked up by place left out."""
+    return [array for name, array in launch.arrays().items() if name in uses.read | uses.written and array.ndim == 1]
+
+
+def _moved(launch: Launch, uses: Uses) -> tuple[int, int]:
+    """Bytes that a launch moves to and from memory, and between the cache and the cores.
+
+    In memory each element counts once: whoever asks for it again finds it in the cache. Of the cache every block of
+    threads asks by itself, so that what lies between two patches is asked for twice.
+    """
     arrays = launch.arrays()
-    total = 0
+    counts = _loop_counts(arrays)
+    memory = cache = 0
     for names in (uses.read, uses.written):
         for name in names & arrays.keys():
             array = arrays[name]
-            size = array.size * wp.types.type_size_in_bytes(array.dtype)
-            if array.ndim == 3:  # a table that is looked up by place
-                size = min(size, TABLE_CORNERS * launch.threads * wp.types.type_size_in_bytes(array.dtype))
-            total += size
-    return total
+            size = wp.types.type_size_in_bytes(array.dtype)
+            loops = uses.loops[name]
+            asked = max(counts[loop] for loop in loops) if loops <= counts.keys() else array.size
+            if array.ndim > 1:  # a table that is looked up by place
+                asked = TABLE_NODES**array.ndim * (asked if loops <= counts.keys() else launch.threads)
+            memory += min(asked, array.size) * size
+            cache += asked * size
+    return memory, cache
+
+
+def _loop_counts(arrays: Mapping[str, wp.array]) -> dict[str, int]:
+    """Of each count in patches, the sum over all patches; nothing where a launch has no patches."""
+    if PATCHES not in arrays:
+        return {}
+    rows = arrays[PATCHES].numpy().reshape(-1, PATCH_WIDTH)
+    return {name: int(rows[:, at].sum()) for at, name in enumerate(Patch.vars) if name.endswith("_count")}
 
 
 def _memory(made: SetUp) -> dict[str, int]:

@@ -21,17 +21,28 @@ def plan_lines(name: str, terms: Sequence[Term], cost: Footprint) -> list[str]:
     lines.append(f"  {'kernel':<24} {'launches':>8} {'threads':>10} {'MB':>9} {'us':>9} {'time':>6}")
     for kernel in cost.kernels:
         lines.append(
-            f"  {kernel.name:<24} {kernel.launches:>8g} {kernel.threads:>10,} {1e-6 * kernel.bytes:>9.3f} "
+            f"  {kernel.name:<24} {kernel.launches:>8g} {kernel.threads:>10,} {1e-6 * cost.moved(kernel):>9.3f} "
             f"{1e6 * kernel.seconds:>9.1f} {cost.share(kernel):>6.0%}"
         )
     lines.append(
         f"  {'as a fit runs it':<24} {cost.launches:>8g} {'':>10} {1e-6 * cost.bytes:>9.3f} "
         f"{1e6 * cost.seconds:>9.1f}        {1e-9 * cost.bytes / cost.seconds:.3g} GB/s"
     )
+    lines.append(f"  MB: {level(cost)}")
     total = sum(cost.memory.values())
     parts = ", ".join(f"{what} {1e-6 * size:,.3g}" for what, size in cost.memory.items())
     lines.append(f"Memory: {1e-6 * total:,.3g} MB ({parts}), {total / cost.vertices:,.0f} bytes a vertex")
     return lines
+
+
+def level(cost: Footprint) -> str:
+    """Between which parts of the device the bytes of an iteration move."""
+    touched = f"an iteration touches {1e-6 * cost.touched:,.3g} MB"
+    if not cost.cache:
+        return f"{touched}; these move to and from memory"
+    if cost.from_memory:
+        return f"{touched}, more than the cache of {1e-6 * cost.cache:,.3g} MB holds; these move to and from memory"
+    return f"{touched}, which the cache of {1e-6 * cost.cache:,.3g} MB holds; these move between it and the cores"
 
 
 def plan_values(terms: Sequence[Term], cost: Footprint) -> dict[str, Any]:
@@ -39,7 +50,8 @@ def plan_values(terms: Sequence[Term], cost: Footprint) -> dict[str, Any]:
     values = asdict(cost)
     for row, kernel in zip(values["kernels"], cost.kernels, strict=True):
         row["share"] = cost.share(kernel)
-    return {"terms": [asdict(term) for term in terms], **values}
+    told = {"bytes": cost.bytes, "from_memory": cost.from_memory}
+    return {"terms": [asdict(term) for term in terms], **told, **values}
 
 
 def write_plan(path: Path, terms: Sequence[Term], cost: Footprint) -> None:
