@@ -1,4 +1,4 @@
-"""Starts Warp without its messages on the screen."""
+"""Warp and USD without their messages on the screen."""
 
 from __future__ import annotations
 
@@ -19,6 +19,18 @@ def start_warp(verbose: bool = False) -> None:
     warp.config.log_level = warp.LOG_WARNING
     with _silenced_stderr():
         warp.init()
+
+
+@contextmanager
+def quiet_usd() -> Iterator[None]:
+    """Keeps USD's warnings off the screen: what counts of them is told as bad input, or noted."""
+    from pxr import UsdUtils
+
+    delegate = UsdUtils.CoalescingDiagnosticDelegate()
+    try:
+        yield
+    finally:
+        delegate.TakeUncoalescedDiagnostics()
 
 
 @contextmanager

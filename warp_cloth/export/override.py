@@ -17,6 +17,7 @@ from warp_cloth.export.files import whole_file
 from warp_cloth.export.reference import relative_asset, to_metres
 from warp_cloth.export.surface import require_sound, vertex_normals
 from warp_cloth.mesh import Points
+from warp_cloth.quiet import quiet_usd
 from warp_cloth.result import WornGarment
 from warp_cloth.units import LengthUnit
 
@@ -50,11 +51,12 @@ def write_override(
     require_sound([garment.worn for garment in garments], None)
     layer = Sdf.Layer.CreateAnonymous(".usda")
     layer.subLayerPaths.append(str(file.resolve()))  # to compose it here; the written one is relative
-    stage = Usd.Stage.Open(layer)
-    _take_over_metadata(Usd.Stage.Open(str(file)), stage)
-    for garment in garments:
-        _open_instances(stage, garment.prim)
-        _author_garment(stage, garment, ranges, colour)
+    with quiet_usd():
+        stage = Usd.Stage.Open(layer)
+        _take_over_metadata(Usd.Stage.Open(str(file)), stage)
+        for garment in garments:
+            _open_instances(stage, garment.prim)
+            _author_garment(stage, garment, ranges, colour)
     written = Sdf.Layer.CreateAnonymous(".usda")  # one that no stage composes, which would look for the relative path
     written.TransferContent(layer)
     written.subLayerPaths[0] = relative_asset(file, path.parent)

@@ -8,9 +8,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from pxr import Gf, Kind, Sdf, Usd, UsdGeom, UsdUtils
+from pxr import Gf, Kind, Sdf, Usd, UsdGeom
 
 from warp_cloth.mesh import Points
+from warp_cloth.quiet import quiet_usd
 from warp_cloth.units import METRES_PER, LengthUnit
 
 
@@ -36,7 +37,8 @@ def author_reference(part: Usd.Prim, asset: AvatarAsset, path_of_stage: Path) ->
     A package takes the referenced file into itself, so it is told where that file lies; a stage refers to it by the
     way from one to the other.
     """
-    source = Usd.Stage.Open(str(asset.file))
+    with quiet_usd():
+        source = Usd.Stage.Open(str(asset.file))
     target = own_prim(source, asset.meshes, asset.garments)
     if target is None:
         return False
@@ -47,9 +49,8 @@ def author_reference(part: Usd.Prim, asset: AvatarAsset, path_of_stage: Path) ->
     inner = part.GetStage().DefinePrim(path.AppendChild(Sdf.Path(target).name))
     packed = path_of_stage.suffix == ".usdz"
     named = str(asset.file.resolve()) if packed else relative_asset(asset.file, path_of_stage.parent)
-    quiet = UsdUtils.CoalescingDiagnosticDelegate()  # a stage in memory has no folder to find the file from
-    inner.GetReferences().AddReference(named, target)
-    quiet.TakeUncoalescedDiagnostics()
+    with quiet_usd():  # a stage in memory has no folder to find the file from
+        inner.GetReferences().AddReference(named, target)
     if any(Usd.ModelAPI(prim).GetKind() for prim in Usd.PrimRange(source.GetPrimAtPath(target))):
         Usd.ModelAPI(part).SetKind(Kind.Tokens.group)  # a component would hide the models inside
     return True

@@ -8,6 +8,7 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,6 +19,8 @@ from warp_cloth.loading.decimals import float32_doubt
 from warp_cloth.loading.raw import EXPORT_AGAIN, Floats, Ints, RawMesh, Role, joined
 from warp_cloth.loading.usd_folds import stated_folds
 from warp_cloth.loading.usd_physics import mass_notes, rest_corners
+from warp_cloth.loading.usd_units import lost_references, metres_per_unit, to_stage
+from warp_cloth.quiet import quiet_usd
 
 if TYPE_CHECKING:
     from pxr import Usd, UsdGeom
@@ -57,23 +60,21 @@ def mesh_paths_of(file: str, prim: str | None = None, key: str = "") -> list[str
 @contextmanager
 def opened_stage(file: str, *, known: bool = False) -> Iterator[Usd.Stage]:
     """The stage of a file; whatever USD has against it is told as bad input. ``known``: it was read before."""
-    from pxr import Usd, UsdUtils
+    from pxr import Usd
 
     if not known:
         _refuse_unreadable(file)
-    quiet = UsdUtils.CoalescingDiagnosticDelegate()  # USD's warnings come here, not to stderr
     try:
-        stage = Usd.Stage.Open(file)
-        if stage is None:
-            raise ValueError("USD opens no stage")
-        yield stage
+        with quiet_usd():
+            stage = Usd.Stage.Open(file)
+            if stage is None:
+                raise ValueError("USD opens no stage")
+            yield stage
     except InputError:
         raise
     except Exception as error:  # USD raises its own kinds for whatever is wrong with a file
         problem = f"cannot be read as USD: {_reason(error)}"
         raise InputError(file, problem, DAMAGED) from error
-    finally:
-        quiet.TakeUncoalescedDiagnostics()
 
 
 def _read(stage: Usd.Stage, file: str, role: Role, key: str, prim: str | None, time: float | None) -> RawMesh:
@@ -83,12 +84,11 @@ def _read(stage: Usd.Stage, file: str, role: Role, key: str, prim: str | None, t
     paths = _mesh_paths(stage, prim, file, key)
     if len(paths) > 1 and role == "garment":
         raise InputError(file, f"holds {len(paths)} meshes: {_listed(paths)}", f'choose one: {key}.prim = "PATH"')
-    scale = float(UsdGeom.GetStageMetersPerUnit(stage)) if UsdGeom.StageHasAuthoredMetersPerUnit(stage) else None
-    if scale is not None and not (np.isfinite(scale) and scale > 0):
-        raise InputError(file, f"metersPerUnit is {scale:g}", "give the stage a positive one")
+    scale = metres_per_unit(stage, file)
     z_up = UsdGeom.GetStageUpAxis(stage) == UsdGeom.Tokens.z
     parts = [_part(file, stage, path, scale, z_up, panels=role == "garment", at=time) for path in paths]
-    return joined(parts, file, paths)
+    found, lost = joined(parts, file, paths), lost_references(stage)
+    return replace(found, notes=(*found.notes, lost)) if lost else found
 
 
 def _sample_times(stage: Usd.Stage, paths: list[str]) -> list[float]:
@@ -156,8 +156,13 @@ def _mesh_paths(stage: Usd.Stage, prim: str | None, file: str, key: str) -> list
         if not found:
             problem = f"there is no mesh at {prim}" if root else f"there is no prim {prim}"
             known = _listed([str(p.GetPath()) for p in everything])
+            lost = lost_references(stage)
+            problem += f" ({lost})" if lost else ""
             raise InputError(file, problem, f"{key}.prim may be {known}" if known else "the stage holds no mesh")
     if not found:
+        lost = lost_references(stage)
+        if lost:
+            raise InputError(file, f"the stage holds no mesh: {lost}", "mend the path")
         raise InputError(file, "the stage holds no mesh", "export the surface as a polygon mesh")
     shown = [p for p in found if _is_shown(UsdGeom.Imageable(p))]
     return [str(p.GetPath()) for p in (shown or found)]
@@ -177,12 +182,12 @@ def _part(
     from pxr import Usd, UsdGeom
 
     mesh = UsdGeom.Mesh(stage.GetPrimAtPath(path))
-    place = f"{file} {path}"
+    place = f"{file} {path}" + ("" if at is None else f" at time {at:g}")
     attribute = mesh.GetPointsAttr()
     sampled = attribute.Get(Usd.TimeCode.Default()) is None and attribute.GetNumTimeSamples() > 0
     first = Usd.TimeCode(attribute.GetTimeSamples()[0]) if sampled else Usd.TimeCode.Default()
     time = first if at is None else Usd.TimeCode(at)
-    matrix = np.array(UsdGeom.XformCache(time).GetLocalToWorldTransform(mesh.GetPrim()), dtype=np.float64)
+    matrix = to_stage(mesh, time, place)
     points = _array(attribute.Get(time), np.float64).reshape(-1, 3)
     with np.errstate(all="ignore"):  # what is not finite is refused later
         doubt = float32_doubt(points) @ np.abs(matrix[:3, :3])

@@ -14,6 +14,7 @@ from warp_cloth.laboratory import EDGES
 from warp_cloth.linearised import fabric_table
 from warp_cloth.loading.decimals import half_step
 from warp_cloth.loading.raw import EXPORT_AGAIN, Floats, Ints
+from warp_cloth.loading.usd_units import kilograms_per_unit, metres_per_unit
 
 if TYPE_CHECKING:
     from pxr import Usd, UsdGeom
@@ -66,6 +67,8 @@ def rest_corners(mesh: UsdGeom.Mesh, counts: Ints, corners: Ints, matrix: Floats
 
     Only lengths count, and x and y of a flat rest shape are weft and warp: what merely turns it is left out.
     """
+    from pxr import Usd
+
     prim = mesh.GetPrim()
     if SURFACE not in applied(prim):
         return None
@@ -75,9 +78,17 @@ def rest_corners(mesh: UsdGeom.Mesh, counts: Ints, corners: Ints, matrix: Floats
     linear = matrix[:3, :3]
     scale = float(np.cbrt(abs(np.linalg.det(linear))))
     even = np.allclose(linear @ linear.T, scale**2 * np.eye(3), rtol=0.0, atol=1e-6 * scale**2)
-    points = np.array(stated, dtype=np.float64).reshape(-1, 3) @ (scale * np.eye(3) if even else linear)
+    stored = np.array(stated, dtype=np.float64).reshape(-1, 3)
+    if not np.isfinite(stored).all():
+        raise InputError(place, "physics:restShapePoints are not finite", "repair the rest shape where it was made")
+    points = stored @ (scale * np.eye(3) if even else linear)
     listed = value_of(prim, "physics:restTriVertexIndices")
     indices = corners if listed is None or not len(listed) else np.array(listed, dtype=np.int64).ravel()
+    if indices is corners and len(points) != len(mesh.GetPointsAttr().Get(Usd.TimeCode.EarliestTime()) or []):
+        problem = "physics:restShapePoints are not one for each vertex, and there are no physics:restTriVertexIndices"
+        raise InputError(place, problem, EXPORT_AGAIN)
+    if indices is corners and ((corners < 0) | (corners >= len(points))).any():
+        return None  # the mesh itself is refused
     whole = len(indices) == len(corners) and ((indices >= 0) & (indices < len(points))).all()
     if not whole or (listed is not None and len(listed) and (counts != 3).any()):
         problem = "physics:restTriVertexIndices do not fit the mesh: one rest triangle for each of its triangles"
@@ -108,11 +119,12 @@ def states_folds(prim: Usd.Prim) -> bool:
 
 def fabric_of(stage: Usd.Stage, prim: Usd.Prim) -> dict[str, Any]:
     """The fabric table of a cloth prim and the material bound to it for physics, in SI."""
-    from pxr import UsdGeom, UsdPhysics, UsdShade
+    from pxr import UsdGeom, UsdShade
 
-    metres = UsdGeom.GetStageMetersPerUnit(stage)
-    kilograms = UsdPhysics.GetStageKilogramsPerUnit(stage)
-    weight = _stated_weight(prim, kilograms, metres)
+    place = stage.GetRootLayer().realPath
+    metres = metres_per_unit(stage, place) or UsdGeom.GetStageMetersPerUnit(stage)
+    kilograms = kilograms_per_unit(stage, place)
+    weight = _stated_weight(prim, kilograms, metres, f"{place} {prim.GetPath()}")
     bound, _ = UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial("physics")
     material = bound.GetPrim() if bound else None
     if material is not None:
@@ -131,12 +143,19 @@ def fabric_of(stage: Usd.Stage, prim: Usd.Prim) -> dict[str, Any]:
     constants = {}
     for name in CONSTANTS if material is not None else ():
         value = value_of(material, f"physics:{name}")
-        if value is not None and np.isfinite(value) and value > 0.0:
+        if value is not None and not (np.isfinite(value) and value >= 0.0):
+            raise InputError(f"{place} {bound.GetPath()}", f"physics:{name} is {value:g}", "give it a positive value")
+        if value:  # 0 stands for not stated
             constants[name] = _stands_for(float(value), units[name])
     thickness = None
     listed = value_of(prim, "physics:thicknesses")
     if listed is not None and len(listed):
-        thickness = _stands_for(float(np.mean(np.array(listed, dtype=np.float64))), metres)
+        values = np.array(listed, dtype=np.float64)
+        if not (np.isfinite(values) & (values >= 0.0)).all():
+            raise InputError(
+                f"{place} {prim.GetPath()}", "physics:thicknesses are not all 0 or more", "give it a thickness"
+            )
+        thickness = _stands_for(float(values.mean()), metres)
     return fabric_table(constants, thickness, weight)
 
 
@@ -163,14 +182,13 @@ def mass_notes(prim: Usd.Prim, vertex_count: int, place: str) -> tuple[str, ...]
     return ("physics:masses differ from vertex to vertex: their sum is spread evenly, as every vertex weighs the same",)
 
 
-def _stated_weight(prim: Usd.Prim, kilograms: float, metres: float) -> float | None:
+def _stated_weight(prim: Usd.Prim, kilograms: float, metres: float, place: str) -> float | None:
     """Mass per rest area [kg/m2] by the prim's own masses; None where it states none."""
     from pxr import Usd, UsdGeom
 
     mesh = UsdGeom.Mesh(prim)
     time = Usd.TimeCode.EarliestTime()
     points = np.array(mesh.GetPointsAttr().Get(time) or [], dtype=np.float64).reshape(-1, 3)
-    place = str(prim.GetPath())
     masses = stated_masses(prim, len(points), place)
     if masses is None:
         return None

@@ -17,6 +17,7 @@ def stage_values(path: Path) -> dict[str, Any]:
     """
     from warp_cloth.loading.usd import opened_stage
     from warp_cloth.loading.usd_physics import collision_meshes, common_ancestor, staged_cloths
+    from warp_cloth.loading.usd_units import lost_references
 
     with opened_stage(str(path)) as stage:
         cloths = staged_cloths(stage)
@@ -38,6 +39,9 @@ def stage_values(path: Path) -> dict[str, Any]:
                 garment.pop("name")
         values: dict[str, Any] = {"garment": garments}
         others = collision_meshes(stage, cloths)
+        lost = lost_references(stage)
+        if lost and not others:
+            raise InputError(path, f"there is no avatar: {lost}", "mend the path")
         if others:
             prim = common_ancestor(others, [cloth.path for cloth in cloths], path)
             values["avatar"] = {"mesh": path.name, "prim": prim}
