@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -57,13 +58,13 @@ def cut_patches(
         InputError: more meets at one vertex than a patch can count.
     """
     size = int(np.clip(-(-sum(len(part) for part in points) // BLOCKS), SMALLEST, LARGEST))
-    made: dict[int, PatchTables] = {}  # of each garment once, however often it is there
-    for elements, part in zip(garments, points, strict=True):
-        if id(elements) not in made:
-            made[id(elements)] = _garment_tables(elements, part, size, terms, precision)
+    shapes = {id(elements): _shape(elements, part) for elements, part in zip(garments, points, strict=True)}
+    distinct = {shapes[id(elements)]: (elements, part) for elements, part in zip(garments, points, strict=True)}
+    cut = map_in_threads(lambda one: _garment_tables(*one, size, terms, precision), distinct.values())
+    made = dict(zip(distinct, cut, strict=True))
     first = {"vertex": points, "edge": [part.ends for part in garments], "triangle": [g.corners for g in garments]}
     tables = _end_to_end(
-        [made[id(elements)] for elements in garments], {name: _starts(of) for name, of in first.items()}
+        [made[shapes[id(elements)]] for elements in garments], {name: _starts(of) for name, of in first.items()}
     )
     memory = _memory(tables.patch, terms, precision)
     if not own_memory:
@@ -73,6 +74,14 @@ def cut_patches(
     place = np.cumsum(np.where(over, memory, 0)) - np.where(over, memory, 0)
     tables.patch["overflow"] = np.where(over, place, -1)
     return replace(tables, overflow=int(memory[over].sum()))
+
+
+def _shape(elements: Elements, points: Points) -> bytes:
+    """What a garment's patches depend on: the same in every fabric."""
+    told = hashlib.sha256()
+    for array in (points, elements.ends, elements.beside, elements.fold != 0.0, elements.corners, elements.edges):
+        told.update(str((array.shape, array.dtype)).encode() + np.ascontiguousarray(array).tobytes())
+    return told.digest()
 
 
 def _garment_tables(elements: Elements, points: Points, size: int, terms: Terms, precision: str) -> PatchTables:
