@@ -14,7 +14,7 @@ from worn import box_avatar, worn
 
 from warp_cloth.errors import InputError
 from warp_cloth.export.comparison import save_comparison
-from warp_cloth.export.map_picture import write_map_picture
+from warp_cloth.export.map_picture import ticks, write_map_picture
 from warp_cloth.export.stage import write_stage
 from warp_cloth.export.surface import linear
 from warp_cloth.loading.result import WrittenFit, read_fit
@@ -74,6 +74,12 @@ def test_a_stage_reads_back_as_the_fit_that_wrote_it(tmp_path: Path) -> None:
         assert np.array_equal(fit.garments[0].mesh.triangles, garment.mesh.triangles)
         assert fit.avatar is not None
         assert fit.report == {"status": "at_rest"}
+
+
+def test_a_legend_names_round_values() -> None:
+    assert ticks(MAPS["strain"], (0.0, 0.025)) == pytest.approx([0.025, 0.02, 0.015, 0.01, 0.005, 0.0])
+    assert ticks(MAPS["ease"], (0.0, 40.0)) == pytest.approx([40.0, 30.0, 20.0, 10.0, 0.0])
+    assert ticks(MAPS["strain_warp"], (-0.025, 0.025))[2] == 0.0
 
 
 def test_colours_run_from_end_to_end_and_stay_there_beyond() -> None:

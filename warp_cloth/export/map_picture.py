@@ -19,7 +19,7 @@ from warp_cloth.result import WornGarment
 
 LEGEND_SHARE = 0.13  # of the picture's width
 BAR_WIDTH = 0.2  # of the legend's width
-TICKS = 5
+INTERVALS = (4, 5)  # between the legend's values; a range about zero keeps its middle
 AROUND = 0.06  # of the garments' largest extent, shown round them
 
 
@@ -48,7 +48,8 @@ def write_map_picture(
     low, high = worn.min(axis=0), worn.max(axis=0)
     margin = AROUND * float((high - low).max())  # the body is there for orientation only
     subject = replace(gathered(garments, avatar, device, painted), low=low - margin, high=high + margin)
-    views = drawn(subject, (size[0] - legend_width, size[1]), title or kind.label, sentence)
+    gap = text_height(size)  # a limb that the views cut off does not touch the legend
+    views = drawn(subject, (size[0] - legend_width - gap, size[1]), title or kind.label, sentence)
     ground = tuple(round(255 * channel) for channel in BACKGROUND)
     image = Image.new("RGB", size, ground)
     image.paste(views, (0, 0))
@@ -67,15 +68,19 @@ def _draw_legend(image: Image.Image, kind: MapKind, bounds: tuple[float, float],
     bar = np.round(255.0 * colours(kind, values, bounds)).astype(np.uint8)
     bar_width = max(round(BAR_WIDTH * width), 4)
     image.paste(Image.fromarray(np.repeat(bar[:, None, :], bar_width, axis=1), "RGB"), (left, top))
-    for tick in range(TICKS):
-        share = tick / (TICKS - 1)
-        row = top + share * (bottom - top - 1)
-        value = bounds[1] + share * (bounds[0] - bounds[1])
+    for value in ticks(kind, bounds):
+        row = top + (bounds[1] - value) / (bounds[1] - bounds[0]) * (bottom - top - 1)
         draw.line([(left + bar_width, row), (left + bar_width + text // 3, row)], fill=FAINT_INK)
         draw.text((left + bar_width + text // 2, row), shown_value(kind, value), fill=INK, font=font, anchor="lm")
     small = ImageFont.load_default(max(round(0.85 * text), 9))
     for line, words in enumerate(_wrapped(kind.label, small, width)):
         draw.text((left, top - 3 * text + 1.2 * text * line), words, fill=INK, font=small, anchor="lm")
+
+
+def ticks(kind: MapKind, bounds: tuple[float, float]) -> list[float]:
+    """The values that a legend names, highest first: of two divisions the one with the shorter numbers."""
+    ways = [np.linspace(bounds[1], bounds[0], count + 1).tolist() for count in INTERVALS[: 1 if kind.signed else 2]]
+    return min(ways, key=lambda values: max(len(shown_value(kind, value)) for value in values))
 
 
 def _wrapped(label: str, font: ImageFont.FreeTypeFont | ImageFont.ImageFont, room: float) -> list[str]:

@@ -101,14 +101,15 @@ def arranged(
     needs = [float(shown @ np.abs(right)) for right, _ in frames]
     tallest = max(float(shown @ np.abs(up)) for _, up in frames)
     room = max(width - 2 * round(MARGIN * width) * len(sides), 1)
-    pixel = max(sum(needs) / room, tallest / max(height - top - 4 * text, 1))
+    below = 5 * text // 2  # where the labels stand
+    pixel = max(sum(needs) / room, tallest / max(height - top - below - 3 * text, 1))
     spare = (width - sum(needs) / pixel) / len(sides)
     edges = np.round(np.cumsum([0.0, *(need / pixel + spare for need in needs)])).astype(int).tolist()
     windows = tuple(
         Window(label, np.array(toward), left, right - left)
         for (label, toward), left, right in zip(sides.items(), edges[:-1], edges[1:], strict=True)
     )
-    return Layout(windows, top, height - top - text, pixel)
+    return Layout(windows, top, height - top - below, pixel)
 
 
 def text_height(size: tuple[int, int]) -> int:
