@@ -76,16 +76,17 @@ def hinge_constants(sheet: Sheet, fabric: Fabric, length: Floats) -> Floats:
     stays = _near_border(sheet)
     within = ~stays[sheet.topology.hinges].any(axis=1)
     moved = np.zeros((len(bends), len(stays)))
+    evens = [folds.evenly(bend) for bend in bends]
+    cubes = [np.abs(even) ** 3 for even in evens]
     for rounds in ROUNDS:
         rows = []
-        for bend, move in zip(bends, moved, strict=True):
-            even = folds.evenly(bend)
+        for bend, even, cube, move in zip(bends, evens, cubes, moved, strict=True):
             stiffness = parts @ factors
             shared = _shared_out(sheet, folds, stiffness, even, move, rounds, stays)
-            inner, outer = (float(np.abs(even[part]) ** 3 @ stiffness[part]) for part in (within, ~within))
+            inner, outer = (float(cube[part] @ stiffness[part]) for part in (within, ~within))
             if not inner > 0.0:  # too small a garment to have hinges that share
                 shared, within, inner, outer = even, ~within, outer, 0.0
-            share = (1.0 + outer / max(inner, tiny)) * _with_border(folds, border, even, bend)
+            share = (1.0 + outer / max(inner, tiny)) * _with_border(folds, border, cube, bend)
             rows.append(np.abs(shared[within]) ** 3 @ parts[within] / sheet.area * share)
         if sheet.directed:
             factors = solved_within(np.array(rows), wanted, 1.0)
@@ -94,9 +95,12 @@ def hinge_constants(sheet: Sheet, fabric: Fabric, length: Floats) -> Floats:
     return parts @ factors
 
 
-def _with_border(folds: _Folds, border: _Folds, even: Floats, bend: Floats) -> float:
-    """By how much the border's halves raise the energy: as if the cloth went on there, half a hinge on every edge."""
-    inner = float((folds.size * np.abs(even) ** 3).sum())
+def _with_border(folds: _Folds, border: _Folds, cube: Floats, bend: Floats) -> float:
+    """By how much the border's halves raise the energy: as if the cloth went on there, half a hinge on every edge.
+
+    ``cube`` is that of each hinge's even fold per curvature [m3].
+    """
+    inner = float((folds.size * cube).sum())
     direction = float(bend[0]) if np.ptp(bend) == 0.0 else border.angle + float((bend - folds.angle)[0])
     outer = float((border.size * np.abs(border.evenly(direction)) ** 3).sum())
     return 1.0 + 0.5 * outer / max(inner, np.finfo(float).tiny)
@@ -124,7 +128,9 @@ def _shared_out(
     corners, count = np.ascontiguousarray(sheet.topology.hinges.T), len(move)
     slopes = np.ascontiguousarray(folds.slopes.T)
     pull, curve = np.empty_like(slopes), np.empty_like(slopes)
-    folded = np.empty_like(even)
+    folded, size = np.empty_like(even), np.abs(slopes)
+    sizes, least, half = size.sum(axis=0), 0.02 * folds.across, 0.5 * stiffness
+    counted = len(even) > MANY
     parts = [slice(first, first + AT_ONCE) for first in range(0, len(even), AT_ONCE)]
 
     def fold(part: slice) -> None:
@@ -133,15 +139,16 @@ def _shared_out(
 
     def force(part: slice) -> float:
         fold(part)
-        turn, size = np.abs(folded[part]), np.abs(slopes[:, part])
-        pull[:, part] = 0.5 * stiffness[part] * folded[part] * turn * slopes[:, part]
-        curve[:, part] = stiffness[part] * (turn + 0.02 * folds.across[part]) * size * size.sum(axis=0)
-        return float(stiffness[part] @ turn**3)
+        turn = np.abs(folded[part])
+        np.multiply(half[part] * folded[part] * turn, slopes[:, part], out=pull[:, part])
+        np.multiply(stiffness[part] * (turn + least[part]), size[:, part], out=curve[:, part])
+        curve[:, part] *= sizes[part]
+        return float(stiffness[part] @ turn**3) if counted else 0.0
 
     last, before = np.zeros(count), np.inf
     for _ in range(rounds):
         energy = sum(map_in_threads(force, parts))
-        if len(even) > MANY and abs(before - energy) <= SETTLED * energy:
+        if counted and abs(before - energy) <= SETTLED * energy:
             break
         before = energy
         slope, bound = (np.bincount(corners.ravel(), table.ravel(), count) for table in (pull, curve))
