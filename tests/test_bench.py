@@ -64,6 +64,14 @@ def test_an_unknown_fabric_is_refused_in_one_line(tmp_path: Path) -> None:
     ]
 
 
+@pytest.mark.parametrize("rings", ["0", "-5", "42", "100000"])
+def test_a_disc_that_cannot_be_draped_is_refused_in_one_line(tmp_path: Path, rings: str) -> None:
+    result = CliRunner().invoke(app, ["fabric", "cotton", "--rings", rings, "--out", str(tmp_path / "out")])
+    assert result.exit_code == 2
+    assert result.stderr.splitlines()[-1].startswith(f"error: --rings: a disc of {rings} rings cannot be draped; ")
+    assert not (tmp_path / "out").exists()
+
+
 def test_pieces_have_the_size_that_they_were_cut_to() -> None:
     for mesh, area in ((strip(0.05, 0.2, 0.01), 0.01), (disc(0.15, 0.0, 60), 0.15**2 * 3.14159265)):
         corners = mesh.texcoords

@@ -137,12 +137,16 @@ def fabric(
         "out"
     ),
     plots: Annotated[bool, typer.Option(help="Draw the curves, with matplotlib.")] = True,
+    rings: Annotated[
+        int | None,
+        typer.Option(help="Of the draped disc: a multiple of 5; 140 are 38,802 vertices.", show_default="40"),
+    ] = None,
 ) -> None:
     """Test a fabric as a textile laboratory does, and compare with the values that it states.
 
     \b
     warp-cloth fabric denim
-    warp-cloth fabric my_fabric.toml --out tested
+    warp-cloth fabric my_fabric.toml --out tested --device cuda --rings 140
     """
     with one_line_errors():
         from warp_cloth.fabric import resolve_fabric
@@ -154,13 +158,19 @@ def fabric(
         with output_folder(out, chosen.name):
             start_warp(False)
             from warp_cloth.bench import run_bench
+            from warp_cloth.bench.bench import DISC_RINGS
             from warp_cloth.bench.save import figure_class, save_bench, table
             from warp_cloth.fitting import device_named
 
             if plots:
                 figure_class()
             where = device_named(device)
-            bench = run_bench(chosen, device=where, tell=lambda name: print(f"testing {name}", file=sys.stderr))
+            bench = run_bench(
+                chosen,
+                device=where,
+                rings=DISC_RINGS if rings is None else rings,
+                tell=lambda name: print(f"testing {name}", file=sys.stderr),
+            )
             lines = table(bench)
             paths = save_bench(bench, out, where, plots=plots)
     for line in [*lines, *(f"  wrote {path}" for path in paths)]:
