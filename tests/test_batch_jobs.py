@@ -120,6 +120,8 @@ def test_a_bad_row_is_an_item_that_says_why(tmp_path: Path, row: str, problem: s
         ("jobs.csv", "name,scene\na,hanging\na,sphere\n", 'two items have the name "a"'),
         ("jobs.csv", "name,fabric\na,silk\n", 'has no column "scene"'),
         ("jobs.csv", "name,scene,scene\na,b,c\n", 'has the column "scene" twice'),
+        ("jobs.csv", "name;scene\na;hanging\n", "has its cells between semicolons"),
+        ("jobs.csv", "name\tscene\na\thanging\n", "has its cells between tabs"),
         ("jobs.csv", "name,scene\n", "has no items"),
         ("jobs.csv", "", "is empty"),
         ("jobs.parquet", "garbage", "not Parquet"),

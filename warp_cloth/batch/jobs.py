@@ -73,6 +73,9 @@ def _csv_rows(path: Path) -> list[dict[str, Any]]:
     if not table:
         raise InputError(path, "is empty", REMEDY)
     header = [name.strip() for name in table[0]]
+    for mark, told in ((";", "semicolons"), ("\t", "tabs")):
+        if len(header) == 1 and mark in header[0]:
+            raise InputError(path, f"has its cells between {told}, not commas", "save it with commas, and 0.5 not 0,5")
     _check_columns(header, path)
     rows: list[dict[str, Any]] = []
     for cells in table[1:]:
