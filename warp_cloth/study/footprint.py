@@ -14,6 +14,7 @@ from warp_cloth.collide.crossing import search_bytes
 from warp_cloth.fitting import SetUp
 from warp_cloth.kernels.cloth import Patch
 from warp_cloth.solver.certificate import strain_bytes
+from warp_cloth.solver.loop import CHUNK
 from warp_cloth.study.caches import cache_bytes
 from warp_cloth.study.launches import Launch, arrays_in, bytes_of, launches_of
 from warp_cloth.study.traffic import Uses, array_uses
@@ -25,6 +26,7 @@ WATCHED, WATCHED_TOUCHING = 20, 100
 WARM_UP = 100  # iterations before the clock runs: cloth that has met the avatar costs more
 WAKING = 12  # times as many where cloth meets cloth: that begins when the seams have closed
 SHORTEST_RUN = 0.5  # [s] of timing
+LONG = 5.0  # [s] that iterations take before the next chunk is left out
 MOST_ROUNDS = 1000
 LEAST = 0.02  # of what a launch was timed at, that it takes itself: less cannot be told apart from none
 TABLE_NODES = 3  # along each axis of a table, that a thread reads round its place
@@ -177,17 +179,23 @@ def _crossing_bytes(wardrobe: Wardrobe) -> int:
 def _seconds_of_iteration(made: SetUp) -> float:
     """Seconds of an iteration, run in the chunks in which a fit runs them."""
     for count in range(WAKING if made.course is not None else 1):
-        made.relaxation.run(WARM_UP)
+        _iterate(made)
         if made.course is not None:
             made.course.advance((count + 1) * WARM_UP, made.model.points())
-    device = made.model.device
-    wp.synchronize_device(device)
     done, began = 0, time.perf_counter()
     while time.perf_counter() - began < SHORTEST_RUN and done < MOST_ROUNDS * WARM_UP:
-        made.relaxation.run(WARM_UP)
-        done += WARM_UP
-        wp.synchronize_device(device)
+        done += _iterate(made)
     return (time.perf_counter() - began) / done
+
+
+def _iterate(made: SetUp) -> int:
+    """Runs as many iterations as lie between two checks of a fit, or fewer where they take long; tells how many."""
+    done, began = 0, time.perf_counter()
+    while done < WARM_UP and time.perf_counter() - began <= LONG:
+        made.relaxation.run(CHUNK)
+        done += CHUNK
+    wp.synchronize_device(made.model.device)
+    return done
 
 
 def _seconds_of_launches(launches: Sequence[Launch], device: str, whole: float) -> list[float]:
@@ -204,7 +212,7 @@ def _seconds_of_launches(launches: Sequence[Launch], device: str, whole: float) 
 def _host_seconds(launches: Sequence[Launch]) -> list[float]:
     totals = [0.0] * len(launches)
     rounds, began = 0, time.perf_counter()
-    while rounds < MOST_ROUNDS and (rounds < 2 or time.perf_counter() - began < SHORTEST_RUN):
+    while rounds < MOST_ROUNDS and (rounds == 0 or time.perf_counter() - began < SHORTEST_RUN):
         for index, launch in enumerate(launches):
             start = time.perf_counter()
             launch.command.launch()
