@@ -13,7 +13,7 @@ import pytest
 from typer.testing import CliRunner
 
 from warp_cloth.cli import app
-from warp_cloth.study import extreme_runs, extremes
+from warp_cloth.study import extremes
 from warp_cloth.study.extreme_meshes import caps, needles, square, torn, tube
 from warp_cloth.study.extremes import Case, Outcome, hanging, run_case, single_cases, theory_cap
 from warp_cloth.study.extremes_files import extremes_lines, save_extremes
@@ -103,9 +103,9 @@ class _Ends(extremes.Job):
 def test_a_run_that_crashes_or_hangs_is_told_and_takes_no_other_along(monkeypatch: pytest.MonkeyPatch) -> None:
     ways = ("crash", "end", "hang", "end")
     jobs = [_Ends(single_cases()[0], way, "mixed", 20, {"cap": 1.0}) for way in ways]
-    monkeypatch.setattr(extreme_runs, "jobs_of", lambda groups: jobs)
+    monkeypatch.setattr(extremes, "jobs_of", lambda groups: jobs)
     lines: list[str] = []
-    found = extreme_runs.run_extremes("cpu", lines.append, deadline=LONG_ENOUGH)
+    found = extremes.run_extremes("cpu", lines.append, deadline=LONG_ENOUGH)
     assert [outcome.verdict for outcome in found] == ["crashed", "refused", "hung", "refused"]
     assert "SIGSEGV" in found[0].message
     assert [outcome.kept for outcome in found] == [False, True, False, True]

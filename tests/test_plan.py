@@ -12,6 +12,7 @@ from typer.testing import CliRunner
 
 from warp_cloth.cli import app
 from warp_cloth.fitting import fit
+from warp_cloth.kernels.cloth import Patch
 from warp_cloth.model import build_model
 from warp_cloth.plan import contact_kind, make_plan
 from warp_cloth.reach import reach_box
@@ -132,8 +133,14 @@ def test_what_patches_share_is_asked_of_the_cache_by_each_and_comes_from_memory_
     memory, cache = footprint._moved(launch, uses)
     around = arrays["patches.vertex"].size - model.vertex_count
     assert around > 0
-    assert cache - memory == around * (24 + 12)  # a position in float64 and a displacement in float32
+    words = 8 * _sum_of(arrays, "triangle_count")  # of triangles' corners, for normals and for threads
+    again = 4 * model.vertex_count  # numbers of vertices
+    assert cache - memory == (around + model.vertex_count) * (24 + 12) + words + again
     assert memory <= sum(a.size * wp.types.type_size_in_bytes(a.dtype) for a in arrays.values())
+
+
+def _sum_of(arrays: dict[str, wp.array], count: str) -> int:
+    return int(arrays["patches.patch"].numpy().reshape(-1, 16)[:, list(Patch.vars).index(count)].sum())
 
 
 def test_memory_that_two_arrays_share_counts_once() -> None:

@@ -19,7 +19,7 @@ from warp_cloth.scene import load_scene
 from warp_cloth.shapes import square
 from warp_cloth.study import knobs, tradeoff
 from warp_cloth.study.extreme_meshes import sheet, write_garment
-from warp_cloth.study.knobs import reference_of, single_trials
+from warp_cloth.study.knobs import Trial, reference_of, single_trials
 from warp_cloth.study.passing import run_through
 from warp_cloth.study.surface import distances
 from warp_cloth.study.tradeoff import Measured, Trade, TradeStudy, millimetres
@@ -82,12 +82,11 @@ def test_a_study_that_was_cut_off_goes_on_with_what_it_knows(
     kept = next(folder.glob("*.jsonl"))
     kept.write_text(kept.read_text() + '\n{"knob": "cut o')
     study = TradeStudy(load_scene(TREE), device="cpu", within_mm=WITHIN_MM, folder=folder, tell=lambda _: None)
-    monkeypatch.setattr(tradeoff, "fit", lambda *_, **__: pytest.fail("it was known already"))
-    monkeypatch.setattr(tradeoff, "run_through", lambda *_, **__: pytest.fail("it was known already"))
+    monkeypatch.setattr(study, "_passages", lambda wanted: pytest.fail("it was known already") if wanted else ())
     study._load()
     study._refer()
     assert len(study.trade().measured) == len(trade.measured)
-    assert study._measure(single_trials(load_scene(TREE))[0]).knob == "scene"
+    study._measure(single_trials(load_scene(TREE))[:1])
 
 
 def test_what_a_run_passes_through_is_what_stopping_there_gives() -> None:
@@ -99,6 +98,24 @@ def test_what_a_run_passes_through_is_what_stopping_there_gives() -> None:
     assert passed.strain == stopped.report["strain"]["p99"]
     assert passed.depth is not None
     assert passed.depth.max == stopped.report["penetration_mm"]["max"]
+
+
+def test_trials_run_beside_each_other_come_to_the_same(
+    found: tuple[Trade, Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    trade, folder = found
+    study = TradeStudy(load_scene(TREE), device="cpu", within_mm=WITHIN_MM, folder=folder, tell=lambda _: None)
+    study._load()
+    alone = next(one for one in trade.measured if one.knob == "tolerance")
+    study._measured = []
+    trials = [trial for trial in single_trials(load_scene(TREE)) if trial.knob == "tolerance"]
+    refused = Trial("pixel", {"garment.mesh": "none.obj"})
+    monkeypatch.setattr(tradeoff, "core_count", lambda: 4)
+    study._measure([trials[0], refused])
+    again, nothing = sorted(study._measured, key=lambda one: one.knob, reverse=True)
+    assert (again.rms_mm, again.iterations, again.strain_off) == (alone.rms_mm, alone.iterations, alone.strain_off)
+    assert nothing.status == "refused"
+    assert not nothing.known
 
 
 def test_other_work_on_the_machine_while_a_setting_loads_does_not_count(tmp_path: Path) -> None:

@@ -112,8 +112,7 @@ def extremes(
     warp-cloth extremes --only precision --out study
     """
     with one_line_errors():
-        from warp_cloth.study.extreme_runs import run_extremes
-        from warp_cloth.study.extremes import GROUPS
+        from warp_cloth.study.extremes import GROUPS, run_extremes
         from warp_cloth.study.extremes_files import extremes_lines, save_extremes
 
         parts = _parts(only, GROUPS)

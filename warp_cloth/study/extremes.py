@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -17,6 +17,7 @@ from warp_cloth.errors import InputError
 from warp_cloth.fitting import Fit, fit
 from warp_cloth.study import extreme_meshes as meshes
 from warp_cloth.study.extreme_meshes import Drawn, write_garment
+from warp_cloth.study.workers import core_count, run_jobs
 
 STIFFNESS = tuple(10.0**power for power in range(9))  # [N/m]
 CAPS = tuple(10.0**power for power in range(-7, 1))  # [m]
@@ -24,6 +25,8 @@ SIZES = (5, 9, 17)  # vertices a side of the precision map
 GROUPS = ("cases", "map", "precision")
 METHODS = ("direct", "accelerated")
 LIMIT = 20_000  # iterations of the maps
+DEADLINE = 300.0  # [s] of a run, compiling included; the slowest known takes 3 s
+MOST_ON_GPU = 4  # processes that share one
 CASE_LIMIT = 3000  # of the single cases
 
 # The hanging sheet of the maps: ROWS rows of edges under a pinned one.
@@ -255,3 +258,17 @@ def jobs_of(groups: Sequence[str]) -> list[Job]:
         both = ("float32", "mixed")
         jobs += [Job(case, "accelerated", kind, LIMIT, values) for case, values in precision_cases() for kind in both]
     return jobs
+
+
+def run_extremes(
+    device: str, tell: Callable[[str], None], groups: Sequence[str] = GROUPS, *, deadline: float = DEADLINE
+) -> list[Outcome]:
+    """Runs every case of the groups in processes of their own, on all cores, or a few at a time on a GPU."""
+    jobs = jobs_of(groups)
+    found: dict[int, Outcome] = {}
+    workers = core_count() if device == "cpu" else MOST_ON_GPU
+    for number, outcome in run_jobs(jobs, device, workers=workers, deadline=deadline):
+        found[number] = outcome
+        told = f"{outcome.name}, {outcome.method}, {outcome.precision}: {outcome.verdict}"
+        tell(f"{len(found)}/{len(jobs)} {told}")
+    return [found[number] for number in range(len(jobs))]

@@ -127,7 +127,8 @@ def _moved(launch: Launch, uses: Uses) -> tuple[int, int]:
     """Bytes that a launch moves to and from memory, and between the cache and the cores.
 
     In memory each element counts once: whoever asks for it again finds it in the cache. Of the cache every block of
-    threads asks by itself, so that what lies between two patches is asked for twice.
+    threads asks by itself, so that what lies between two patches is asked for twice, and in every loop over its patch
+    again: its own memory leaves no room for what it has read.
     """
     arrays = launch.arrays()
     counts = _loop_counts(arrays)
@@ -137,11 +138,12 @@ def _moved(launch: Launch, uses: Uses) -> tuple[int, int]:
             array = arrays[name]
             size = wp.types.type_size_in_bytes(array.dtype)
             loops = uses.loops[name]
-            asked = max(counts[loop] for loop in loops) if loops <= counts.keys() else array.size
+            spans = [counts[loop] for loop in loops] if loops <= counts.keys() else [array.size]
             if array.ndim > 1:  # a table that is looked up by place
-                asked = TABLE_NODES**array.ndim * (asked if loops <= counts.keys() else launch.threads)
-            memory += min(asked, array.size) * size
-            cache += asked * size
+                lookups = spans if loops <= counts.keys() else [launch.threads]
+                spans = [TABLE_NODES**array.ndim * count for count in lookups]
+            memory += min(max(spans), array.size) * size
+            cache += sum(spans) * size
     return memory, cache
 
 

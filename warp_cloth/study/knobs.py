@@ -111,7 +111,9 @@ def single_trials(scene: Scene) -> list[Trial]:
 
 
 def budget_trials(scene: Scene, settings: Settings) -> dict[int, Trial]:
-    """Settings stopped after so many iterations."""
+    """Settings stopped after so many iterations; none where they limit the iterations themselves."""
+    if "solver.iterations" in settings:
+        return {}
     return {
         count: Trial("iterations", MappingProxyType({**settings, "solver.iterations": str(count)}))
         for count in BUDGETS

@@ -5,18 +5,21 @@ from __future__ import annotations
 import time
 from collections.abc import Collection
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import warp as wp
 
 from warp_cloth.collide.exact import penetrations
+from warp_cloth.errors import InputError
 from warp_cloth.mesh import Mesh, Points
 from warp_cloth.result import Penetration, Status
-from warp_cloth.scene import Scene
+from warp_cloth.scene import Scene, load_scene
 from warp_cloth.set_up import SetUp, following, set_up_one, start_coarse, tolerance_of
 from warp_cloth.solver.certificate import edge_strains, strain_summary
 from warp_cloth.solver.loop import Goal, relax_items
 from warp_cloth.solver.relax import Relaxation
+from warp_cloth.verdict import more_iterations, verdict
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,6 +34,26 @@ class Passed:
     worn: tuple[Points, ...]  # of each garment [m], shape [V, 3]
     depth: Penetration | None  # under the exact avatar
     strain: float  # of edges, the 99th percentile of its size
+    message: str  # how the whole run ended
+
+
+@dataclass(frozen=True)
+class Passage:
+    """Settings of a scene to run through, in any process; empty where they are refused or take the process along."""
+
+    settings: dict[str, Any]
+    overrides: tuple[str, ...]
+    stops: tuple[int, ...]
+
+    def run(self, device: str) -> list[Passed]:
+        """What ``run_through`` tells."""
+        try:
+            return run_through(load_scene(self.settings, self.overrides), device, self.stops)
+        except InputError:
+            return []
+
+    def lost(self, verdict: str, message: str) -> list[Passed]:
+        return []
 
 
 def run_through(scene: Scene, device: str, stops: Collection[int]) -> list[Passed]:
@@ -49,10 +72,12 @@ def run_through(scene: Scene, device: str, stops: Collection[int]) -> list[Passe
         (Status.ITERATION_LIMIT if np.isfinite(points).all() else Status.DIVERGED, count, seconds, points)
         for count, seconds, points in way
     ]
-    return _measured(made, [*found, (outcome.status, outcome.iterations, spent, outcome.points)], loading.seconds)
+    message = verdict(outcome, goal.tolerance, more_iterations(scene, outcome))
+    ends = [*found, (outcome.status, outcome.iterations, spent, outcome.points)]
+    return _measured(made, ends, loading.seconds, message)
 
 
-def _measured(made: SetUp, ends: list[tuple[Status, int, float, Points]], loading: float) -> list[Passed]:
+def _measured(made: SetUp, ends: list[tuple[Status, int, float, Points]], loading: float, message: str) -> list[Passed]:
     model, wardrobe = made.model, made.wardrobe
     depths = penetrations([end[3] for end in ends], [wardrobe.avatar] * len(ends), model.device)
     starts = np.cumsum([mesh.vertex_count for mesh in wardrobe.garments])[:-1]
@@ -61,7 +86,7 @@ def _measured(made: SetUp, ends: list[tuple[Status, int, float, Points]], loadin
         model.set_points(points)
         strain = strain_summary(edge_strains(model)).p99
         worn = tuple(np.split(points, starts))
-        passed.append(Passed(status, count, loading, seconds, wardrobe.garments, worn, depth, strain))
+        passed.append(Passed(status, count, loading, seconds, wardrobe.garments, worn, depth, strain, message))
     return passed
 
 

@@ -4,30 +4,39 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 import zipfile
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 
 from warp_cloth.errors import InputError
 from warp_cloth.export.files import unwritable, whole_file
-from warp_cloth.fitting import Fit, fit
 from warp_cloth.mesh import Mesh, Points
 from warp_cloth.result import Status
 from warp_cloth.scene import Scene, load_scene
 from warp_cloth.study.knobs import Settings, Trial, budget_trials, nothing_holds, reference_of, single_trials, twin_of
-from warp_cloth.study.passing import Passed, run_through
+from warp_cloth.study.passing import Passage, Passed, run_through
 from warp_cloth.study.surface import distances
+from warp_cloth.study.workers import core_count, run_jobs
 from warp_cloth.wardrobe import mesh_recipes, open_wardrobe
 
 COMBINED = ("mesh", "precision", "pixel", "collider", "cloth contact")  # knobs whose cheapest settings are put together
+STOPPED = ("scene", "together", *COMBINED)  # knobs whose trials tell of shorter runs; of COMBINED only good ones
 
 ALIKE = 1.15  # times that differ by less are the same: of such settings the closest is recommended
+MOST_WORKERS = 4  # trials at a time, on no more than half of the cores, so that they hardly disturb each other's times
+DEADLINE = 3600.0  # [s] of a trial in a process of its own
 MOST_CHECKS = 4  # fresh runs of what is recommended: their times, too, are new
+NOTHING: dict[str, Any] = {  # of a trial that was refused, or took its process along
+    "status": "refused", "seconds": math.nan, "loading": math.nan, "iterations": 0, "rms_mm": math.nan,
+    "max_mm": math.nan, "penetration_mm": None, "strain_off": math.nan,
+}  # fmt: skip
 LATER = ("solver.iterations", "solver.tolerance_mm", "solver.residual", "solver.residual_p99")  # not asked at loading
 
 
@@ -107,11 +116,9 @@ class TradeStudy:
             raise InputError(falls, problem, "pin some of its vertices, or let it meet an avatar")
         self._load()
         self._refer()
-        first, *others = single_trials(self._scene)
-        own = self._with_stops(first)
-        alone = [own, *(self._measure(trial) for trial in others)]
-        for settings in self._combinations(own, alone):
-            self._with_stops(Trial("together", MappingProxyType(settings)))
+        trials = single_trials(self._scene)
+        self._measure(trials)
+        self._measure([Trial("together", MappingProxyType(settings)) for settings in self._combinations(trials)])
         checked: list[dict[str, str]] = []
         while len(checked) < MOST_CHECKS:
             cheapest = self.trade().cheapest
@@ -123,12 +130,7 @@ class TradeStudy:
 
     def trade(self) -> Trade:
         """What is known so far."""
-        least: dict[object, float] = {}  # other work on this machine can only add to what loading takes
-        for trial in self._measured:
-            least[trial.loads_like] = min(trial.loading, least.get(trial.loads_like, trial.loading))
-        measured = [
-            replace(trial, seconds=trial.seconds - trial.loading + least[trial.loads_like]) for trial in self._measured
-        ]
+        measured = self._fair()
         known = [trial for trial in measured if trial.known]
         front: list[Measured] = []
         for trial in sorted(known, key=lambda one: (one.seconds, one.rms_mm)):
@@ -148,19 +150,30 @@ class TradeStudy:
             cheapest=alike[-1] if alike else None,
         )
 
+    def _fair(self) -> list[Measured]:
+        """What was measured, with the least time of loading: other work on the machine can only add to that."""
+        least: dict[object, float] = {}
+        for trial in self._measured:
+            if trial.known:
+                least[trial.loads_like] = min(trial.loading, least.get(trial.loads_like, trial.loading))
+        return [
+            replace(trial, seconds=trial.seconds - trial.loading + least[trial.loads_like]) if trial.known else trial
+            for trial in self._measured
+        ]
+
     def _refer(self) -> None:
         """The reference shape, and how far a second one as tight comes to rest from it."""
         if not self._worn:
-            fitted = self._fit(reference_of(self._scene))
-            if fitted.status not in (Status.AT_REST, Status.ITERATION_LIMIT):
-                raise InputError(self._scene.name, f"has no reference: {fitted.message}", "change that first")
-            self._meshes = tuple(worn.mesh for worn in fitted.garments)
-            self._worn = [worn.points for worn in fitted.garments]
-            self._strain = fitted.report["strain"]["p99"]
-            self.reference, self.reference_rests = fitted.message, fitted.status is Status.AT_REST
-            twin = self._fit(twin_of(self._scene))
-            away = self._distance([worn.mesh for worn in twin.garments], [worn.points for worn in twin.garments])
-            self.scatter_mm = float(np.sqrt(np.mean(away**2)))
+            open_wardrobe(self._scene)  # which says what is wrong with a file
+            both = [reference_of(self._scene), twin_of(self._scene)]
+            ends = dict(self._passages([(trial, {}) for trial in both]))
+            # again in this process where it came to nothing, which says why
+            tight, twin = ((ends[number] or self._alone(trial))[-1] for number, trial in enumerate(both))
+            if tight.status not in (Status.AT_REST, Status.ITERATION_LIMIT):
+                raise InputError(self._scene.name, f"has no reference: {tight.message}", "change that first")
+            self._meshes, self._worn, self._strain = tight.meshes, list(tight.worn), tight.strain
+            self.reference, self.reference_rests = tight.message, tight.status is Status.AT_REST
+            self.scatter_mm = float(np.sqrt(np.mean(self._distance(twin.meshes, twin.worn) ** 2)))
             with whole_file(self._shape) as place:
                 np.savez(place, *self._worn)
             known = {
@@ -191,21 +204,35 @@ class TradeStudy:
             except (ValueError, TypeError):  # cut off by whatever ended the run
                 continue
 
-    def _with_stops(self, trial: Trial) -> Measured:
-        """A trial, and what it would have come to had it been stopped earlier; both are known after one run."""
-        stops = budget_trials(self._scene, trial.settings)
-        whole = self._measure(trial, stops)
-        for count, stopped in stops.items():
-            if whole.known and count < whole.iterations:
-                self._measure(stopped)  # again only where an earlier run was cut off between the two
-        return whole
+    def _measure(self, trials: Sequence[Trial]) -> None:
+        """Runs trials that are not known yet; those that go on to the end tell of shorter runs, too."""
+        known = [one.settings for one in self._measured]
+        wanted = [
+            (trial, budget_trials(self._scene, trial.settings) if trial.knob in STOPPED else {})
+            for trial in trials
+            if dict(trial.settings) not in known
+        ]
+        for number, passed in self._passages(wanted):
+            self._keep(passed, *wanted[number])
 
-    def _measure(self, trial: Trial, stops: Mapping[int, Trial] = MappingProxyType({})) -> Measured:
-        for known in self._measured:
-            if known.settings == dict(trial.settings):
-                return known
-        *way, end = run_through(self._scene_of(trial), self._device, stops)
-        found = [self._measured_of(trial, end), *(self._measured_of(stops[stop.iterations], stop) for stop in way)]
+    def _passages(self, wanted: Sequence[tuple[Trial, Mapping[int, Trial]]]) -> Iterator[tuple[int, list[Passed]]]:
+        """What comes of trials, as it comes: several at a time on the CPU where there are cores to spare."""
+        jobs = [Passage(self._scene.settings(), tuple(trial.overrides()), tuple(stops)) for trial, stops in wanted]
+        workers = min(MOST_WORKERS, core_count() // 2) if self._device == "cpu" else 1
+        if workers > 1 and len(jobs) > 1:
+            yield from run_jobs(jobs, self._device, workers=workers, deadline=DEADLINE)
+        else:
+            yield from ((number, job.run(self._device)) for number, job in enumerate(jobs))
+
+    def _alone(self, trial: Trial) -> list[Passed]:
+        """A trial in this process, which raises what is wrong with it."""
+        return run_through(load_scene(self._scene.settings(), trial.overrides()), self._device, ())
+
+    def _keep(self, passed: Sequence[Passed], trial: Trial, stops: Mapping[int, Trial]) -> None:
+        """Notes what came of a trial, in memory and in the file."""
+        found = [self._measured_of(trial, passed[-1] if passed else None)]
+        if trial.knob in STOPPED[:2] or found[0].rms_mm <= self._within:
+            found += [self._measured_of(stops[one.iterations], one) for one in passed[:-1]]
         self._measured += found
         try:
             with self._kept.open("a", encoding="utf-8") as lines:
@@ -213,15 +240,17 @@ class TradeStudy:
         except OSError as error:
             raise unwritable(self._kept, error) from error
         for one in found:
-            self._tell(f"{one.label}: {one.rms_mm:.3g} mm rms in {one.seconds:.3g} s")
-        return found[0]
+            how = f"{one.rms_mm:.3g} mm rms in {one.seconds:.3g} s" if passed else "came to nothing"
+            self._tell(f"{one.label}: {how}")
 
-    def _measured_of(self, trial: Trial, passed: Passed) -> Measured:
+    def _measured_of(self, trial: Trial, passed: Passed | None) -> Measured:
+        """A trial's figures; none where it came to nothing."""
+        nothing = Measured(trial.knob, trial.label, dict(trial.settings), **NOTHING)
+        if passed is None:
+            return nothing
         away = self._distance(passed.meshes, passed.worn)
-        return Measured(
-            knob=trial.knob,
-            label=trial.label,
-            settings=dict(trial.settings),
+        return replace(
+            nothing,
             status=passed.status.value,
             seconds=passed.loading + passed.relaxing,
             loading=passed.loading,
@@ -232,12 +261,6 @@ class TradeStudy:
             strain_off=float(passed.strain - self._strain),
         )
 
-    def _scene_of(self, trial: Trial) -> Scene:
-        return load_scene(self._scene.settings(), trial.overrides())
-
-    def _fit(self, trial: Trial) -> Fit:
-        return fit(self._scene_of(trial), device=self._device)
-
     def _distance(self, meshes: Sequence[Mesh], worn: Sequence[Points]) -> np.ndarray:
         """Distance of every vertex of the reference from other garments [mm]; NaN where it cannot be told."""
         parts = []
@@ -246,10 +269,12 @@ class TradeStudy:
             parts.append(np.full(len(points), np.nan) if away is None else 1e3 * away)
         return np.concatenate(parts)
 
-    def _combinations(self, own: Measured, alone: Sequence[Measured]) -> list[Settings]:
+    def _combinations(self, alone: Sequence[Trial]) -> list[Settings]:
         """Of each knob the settings that are faster than the scene's and good enough alone, put together."""
+        found = {json.dumps(one.settings): one for one in self._fair()}
+        own, *others = (found[json.dumps(dict(trial.settings))] for trial in alone)
         best: dict[str, Measured] = {}
-        for trial in alone:
+        for trial in others:
             good = trial.known and trial.rms_mm <= self._within and trial.seconds < own.seconds
             if trial.knob in COMBINED and good and trial.seconds < best.get(trial.knob, own).seconds:
                 best[trial.knob] = trial
@@ -264,8 +289,7 @@ class TradeStudy:
     def _check(self, cheapest: Measured) -> None:
         """Runs the recommended settings afresh; one that does not keep its word is struck off."""
         trial = Trial(cheapest.knob, MappingProxyType(cheapest.settings))
-        (passed,) = run_through(self._scene_of(trial), self._device, ())
-        again = self._measured_of(trial, passed)
+        again = self._measured_of(trial, self._alone(trial)[-1])
         self._tell(f"run afresh: {again.rms_mm:.3g} mm rms in {again.seconds:.3g} s")
         at = [one.settings for one in self._measured].index(cheapest.settings)
         self._measured[at] = again

@@ -1,4 +1,4 @@
-"""Runs extremes in processes of their own: one that crashes or hangs takes nothing along, and is told as what it is."""
+"""Does independent runs in processes of their own: one that crashes or hangs takes no other along, and is told."""
 
 from __future__ import annotations
 
@@ -7,35 +7,47 @@ import multiprocessing
 import os
 import signal
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Iterator, Sequence
 from multiprocessing.connection import Connection, wait
+from typing import Any, Generic, Protocol, TypeVar
 
 from warp_cloth.batch.lifeline import end_with_parent
 from warp_cloth.batch.pool import ended
 from warp_cloth.quiet import start_warp
-from warp_cloth.study.extremes import GROUPS, Job, Outcome, jobs_of
 
-DEADLINE = 300.0  # [s] of a run, compiling included; the slowest known takes 3 s
-MOST_ON_GPU = 4  # processes that share one
 STARTED = "started"  # what a worker says first
 GRACE = 4.0  # [s] that a worker gets to end
 
+R = TypeVar("R")
+R_co = TypeVar("R_co", covariant=True)
 
-def run_extremes(
-    device: str, tell: Callable[[str], None], groups: Sequence[str] = GROUPS, *, deadline: float = DEADLINE
-) -> list[Outcome]:
-    """Runs every case of the groups, on all cores, or a few at a time on a GPU."""
-    jobs = jobs_of(groups)
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    workers = [_Worker(device) for _ in range(min(cores if device == "cpu" else MOST_ON_GPU, len(jobs)))]
-    found: dict[int, Outcome] = {}
+
+class Job(Protocol[R_co]):
+    """Something to run in another process."""
+
+    def run(self, device: str) -> R_co: ...
+
+    def lost(self, verdict: str, message: str) -> R_co:
+        """What to tell where it took its process along: it "crashed" or "hung"."""
+
+
+def core_count() -> int:
+    """Cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def run_jobs(jobs: Sequence[Job[R]], device: str, *, workers: int, deadline: float) -> Iterator[tuple[int, R]]:
+    """Runs jobs, ``workers`` at a time; tells each one's number and result as it ends. ``deadline``: of a job [s]."""
+    pool: list[_Worker[R]] = [_Worker(device) for _ in range(min(workers, len(jobs)))]
     waiting = list(range(len(jobs)))[::-1]
     try:
-        while len(found) < len(jobs):
-            for worker in workers:
+        while True:
+            for worker in pool:
                 if worker.number is None and waiting:
                     worker.give(waiting.pop(), jobs)
-            busy = [worker for worker in workers if worker.number is not None]
+            busy = [worker for worker in pool if worker.number is not None]
+            if not busy:
+                return
             first = min(worker.since for worker in busy) + deadline
             ready = wait([worker.connection for worker in busy], timeout=max(first - time.monotonic(), 0.0))
             for worker in busy:
@@ -43,32 +55,28 @@ def run_extremes(
                 if worker.connection in ready and worker.started():
                     continue
                 if worker.connection in ready or overdue:
-                    number, outcome = worker.receive(jobs, overdue=worker.connection not in ready)
-                    found[number] = outcome
-                    told = f"{outcome.name}, {outcome.method}, {outcome.precision}: {outcome.verdict}"
-                    tell(f"{len(found)}/{len(jobs)} {told}")
+                    yield worker.receive(jobs, overdue=worker.connection not in ready)
     finally:
-        for worker in workers:
+        for worker in pool:
             worker.end()
-    return [found[number] for number in range(len(jobs))]
 
 
 def _serve(connection: Connection, device: str) -> None:
-    """A worker's life: a run in, its outcome out, until nobody asks any more."""
+    """A worker's life: a job in, its result out, until nobody asks any more."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the asker ends its workers
     end_with_parent()
     start_warp()
     connection.send(STARTED)
     while True:
         try:
-            job: Job = connection.recv()
+            job: Job[Any] = connection.recv()
         except EOFError:
             return
         connection.send(job.run(device))
 
 
-class _Worker:
-    """A process, and which run it has had since when."""
+class _Worker(Generic[R]):
+    """A process, and which job it has had since when."""
 
     def __init__(self, device: str) -> None:
         self._device = device
@@ -84,13 +92,13 @@ class _Worker:
         self._process.start()
         theirs.close()
 
-    def give(self, number: int, jobs: Sequence[Job]) -> None:
+    def give(self, number: int, jobs: Sequence[Job[R]]) -> None:
         self.number, self.since = number, time.monotonic()
         with contextlib.suppress(OSError):  # it died meanwhile, which receive finds
             self.connection.send(jobs[number])
 
     def started(self) -> bool:
-        """Whether what it says is only that it has started: the time of its first run begins now."""
+        """Whether what it says is only that it has started: the time of its first job begins now."""
         if self._told:
             return False
         self._told = True
@@ -100,15 +108,15 @@ class _Worker:
             return True
         return False
 
-    def receive(self, jobs: Sequence[Job], *, overdue: bool) -> tuple[int, Outcome]:
-        """What came of its run; a worker that died or does not end is replaced."""
+    def receive(self, jobs: Sequence[Job[R]], *, overdue: bool) -> tuple[int, R]:
+        """What came of its job; a worker that died or does not end is replaced."""
         number, self.number = self.number, None
         if number is None:
             raise RuntimeError("an idle worker was asked")
         try:
             if not overdue:
-                outcome: Outcome = self.connection.recv()
-                return number, outcome
+                result: R = self.connection.recv()
+                return number, result
             lost = jobs[number].lost("hung", f"no end after {time.monotonic() - self.since:.0f} s")
         except (EOFError, OSError):
             self._process.join(GRACE)
