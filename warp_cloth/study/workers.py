@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import math
 import multiprocessing
 import os
 import signal
@@ -15,7 +16,7 @@ from warp_cloth.batch.lifeline import end_with_parent
 from warp_cloth.batch.pool import ended
 from warp_cloth.quiet import start_warp
 
-STARTED = "started"  # what a worker says first
+STARTED = "started"  # what a worker says before it runs a job
 GRACE = 4.0  # [s] that a worker gets to end
 
 R = TypeVar("R")
@@ -48,8 +49,8 @@ def run_jobs(jobs: Sequence[Job[R]], device: str, *, workers: int, deadline: flo
             busy = [worker for worker in pool if worker.number is not None]
             if not busy:
                 return
-            first = min(worker.since for worker in busy) + deadline
-            ready = wait([worker.connection for worker in busy], timeout=max(first - time.monotonic(), 0.0))
+            left = min(worker.since for worker in busy) + deadline - time.monotonic()
+            ready = wait([worker.connection for worker in busy], None if left == math.inf else max(left, 0.0))
             for worker in busy:
                 overdue = time.monotonic() - worker.since > deadline
                 if worker.connection in ready and worker.started():
@@ -66,12 +67,12 @@ def _serve(connection: Connection, device: str) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the asker ends its workers
     end_with_parent()
     start_warp()
-    connection.send(STARTED)
     while True:
         try:
             job: Job[Any] = connection.recv()
         except EOFError:
             return
+        connection.send(STARTED)
         connection.send(job.run(device))
 
 
@@ -81,11 +82,10 @@ class _Worker(Generic[R]):
     def __init__(self, device: str) -> None:
         self._device = device
         self.number: int | None = None
-        self.since = 0.0
+        self.since = math.inf
         self._start()
 
     def _start(self) -> None:
-        self._told = False
         context = multiprocessing.get_context("spawn")
         self.connection, theirs = context.Pipe()
         self._process = context.Process(target=_serve, args=(theirs, self._device), daemon=True)
@@ -93,18 +93,17 @@ class _Worker(Generic[R]):
         theirs.close()
 
     def give(self, number: int, jobs: Sequence[Job[R]]) -> None:
-        self.number, self.since = number, time.monotonic()
+        self.number, self.since = number, math.inf
         with contextlib.suppress(OSError):  # it died meanwhile, which receive finds
             self.connection.send(jobs[number])
 
     def started(self) -> bool:
-        """Whether what it says is only that it has started: the time of its first job begins now."""
-        if self._told:
+        """Whether what it says is only that it has begun its job, whose time runs from now on."""
+        if self.since < math.inf:
             return False
-        self._told = True
+        self.since = time.monotonic()
         with contextlib.suppress(EOFError, OSError):
             self.connection.recv()
-            self.since = time.monotonic()
             return True
         return False
 
