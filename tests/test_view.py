@@ -178,17 +178,41 @@ def test_a_map_is_shown_once_it_has_been_read_and_taken_away_with_its_colours() 
         colours = np.zeros((len(mesh.points), 3))
         surfaces.plain("cloth", mesh.points, mesh.triangles, (0.2, 0.4, 0.6))
         node = surfaces._surfaces["cloth"]
+
+        def visible() -> list[bool]:
+            return [node.plain.visible, *(file.visible for file in node.files)]
+
+        def later(seconds: float) -> None:
+            node.written -= seconds
+
         surfaces.coloured("cloth", mesh.points, mesh.triangles, colours)
-        assert [node.plain.visible, node.files[0].visible] == [True, False]
+        surfaces.coloured("cloth", mesh.points, mesh.triangles, colours)  # too soon: it waits
+        assert visible() == [True, False]
+        later(shown.FILE_SECONDS)
         surfaces.coloured("cloth", mesh.points, mesh.triangles, colours)
-        assert [node.plain.visible, *(file.visible for file in node.files)] == [False, True, False]
-        node.written -= 2 * shown.READING_SECONDS
+        assert visible() == [False, True, False]
+        later(shown.FILE_SECONDS)
+        surfaces.coloured("cloth", mesh.points, mesh.triangles, colours)
+        assert visible() == [False, True, True, False]  # the older one stays until the younger has been read
+        later(shown.FILE_SECONDS)
+        surfaces.coloured("cloth", mesh.points, mesh.triangles, colours)
+        assert visible() == [False, False, True, True]
+        surfaces.coloured("cloth", mesh.points + 1.0, mesh.triangles, colours)
+        assert not surfaces.settle()
+        later(shown.FILE_SECONDS)
+        assert not surfaces.settle()  # what waited is written now
+        assert node.waiting is None
+        later(2 * shown.READING_SECONDS)
         assert surfaces.settle()
-        assert [file.visible for file in node.files] == [False, True]
+        assert visible() == [False, False, True, False]
         lifted = mesh.points + 1.0
         surfaces.plain("cloth", lifted, mesh.triangles, (0.2, 0.4, 0.6))
-        assert [node.plain.visible, *(file.visible for file in node.files)] == [True, False, False]
+        assert visible() == [True, False, False, False]
         assert np.array_equal(node.plain.vertices, lifted.astype(np.float32))
+        surfaces.coloured("cloth", mesh.points, mesh.triangles, colours)
+        later(shown.FILE_SECONDS)
+        surfaces.coloured("cloth", mesh.points, mesh.triangles, colours)
+        assert visible() == [False, False, False, True]  # and no file from before
         # another size has other triangles
         larger = grid(5, 1.0)
         surfaces.plain("cloth", larger.points, larger.triangles, (0.2, 0.4, 0.6))

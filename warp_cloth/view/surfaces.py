@@ -13,25 +13,29 @@ from warp_cloth.export.surface import Colour
 from warp_cloth.mesh import Indices, Points
 from warp_cloth.view.picture import glb_bytes
 
-READING_SECONDS = 0.15  # that a browser may take to read a glTF file before it is shown
+FILES = 3  # in turn: one is being read, the one before it is shown, and the one before that until it is
+FILE_SECONDS = 0.1  # between two files
+READING_SECONDS = 0.3  # that a browser may take to read the last one
 
 
 @dataclass
 class _Surface:
-    """The nodes of one surface: vertices in one colour, and two files in turn."""
+    """The nodes of one surface: vertices in one colour, and files in turn."""
 
     plain: Any = None
+    triangles: Indices | None = None  # of the plain one
     files: list[Any] = field(default_factory=list)
-    back: int = 0  # which file is written next
-    written: float | None = None  # when the file behind was; None: it is shown already
-    triangles: Indices | None = None
+    newest: int = -1  # the file that was written last
+    count: int = 0  # of files since the plain one was seen
+    written: float | None = None  # when; None: it is all there is to see
+    waiting: tuple[Points, Indices, NDArray[np.float64]] | None = None  # what came too soon after it
 
 
 class Surfaces:
     """Keeps the scene's surfaces as they were last given; draws as little anew as it can.
 
     A browser takes new vertices where it draws them. A glTF file it must read first, and shows nothing meanwhile: so
-    there are two, and the one just read is shown while the next is written.
+    a file is shown when the next one is written, and taken away when the one after that is.
     """
 
     def __init__(self, server: Any) -> None:
@@ -54,37 +58,46 @@ class Surfaces:
             surface.plain.visible = True
             for file in surface.files:
                 file.visible = False
-        surface.written = None
+        surface.written = surface.waiting = None
+        surface.count = 0
 
     def coloured(self, name: str, points: Points, triangles: Indices, shown: NDArray[np.float64]) -> None:
-        """Shows a surface in a colour for each vertex (linear light, shape [V, 3]) once the browser has read it."""
+        """Shows a surface in a colour for each vertex (linear light, shape [V, 3]), as soon as a browser can."""
         surface = self._surfaces.setdefault(name, _Surface())
-        self._swap(surface)
-        data = glb_bytes(points, triangles, shown)
-        if len(surface.files) < 2:
-            path = f"/{name}/file_{len(surface.files)}"
-            surface.back = len(surface.files)
-            surface.files.append(self._server.scene.add_glb(path, data, visible=False))
-        else:
-            surface.files[surface.back].glb_data = data
-        surface.written = time.perf_counter()
+        surface.waiting = points, triangles, shown
+        self._write(name, surface)
 
     def settle(self) -> bool:
-        """Shows what was written last, once a browser has had the time to read it; whether all is shown."""
-        waiting = [s for s in self._surfaces.values() if s.written is not None]
-        for surface in waiting:
+        """Writes and shows what came last, once a browser has had the time to read it; whether all is shown."""
+        for name, surface in self._surfaces.items():
+            self._write(name, surface)
             if surface.written is not None and time.perf_counter() - surface.written > READING_SECONDS:
-                self._swap(surface)
-        return not any(surface.written is not None for surface in waiting)
+                self._show(surface, (surface.newest,))
+                surface.written = None
+        return all(surface.written is None for surface in self._surfaces.values())
 
-    def _swap(self, surface: _Surface) -> None:
-        """Shows the file behind in place of whatever is shown."""
-        if surface.written is None:
+    def _write(self, name: str, surface: _Surface) -> None:
+        """Writes what waits into the oldest file, unless that would be too soon."""
+        now = time.perf_counter()
+        if surface.waiting is None or (surface.written is not None and now - surface.written < FILE_SECONDS):
             return
+        before, surface.newest = surface.newest, (surface.newest + 1) % FILES
+        if surface.written is not None:
+            self._show(surface, (before, (before - 1) % FILES)[: surface.count])
+        data, surface.waiting, surface.written = glb_bytes(*surface.waiting), None, now
+        surface.count += 1
+        if len(surface.files) <= surface.newest:
+            path = f"/{name}/file_{surface.newest}"
+            surface.files.append(self._server.scene.add_glb(path, data, visible=False))
+        else:
+            with self._server.atomic():
+                surface.files[surface.newest].visible = False
+                surface.files[surface.newest].glb_data = data
+
+    def _show(self, surface: _Surface, which: tuple[int, ...]) -> None:
+        """Shows these files and hides all else."""
         with self._server.atomic():
             for index, file in enumerate(surface.files):
-                file.visible = index == surface.back
+                file.visible = index in which
             if surface.plain is not None:
                 surface.plain.visible = False
-        surface.back = 1 - surface.back
-        surface.written = None
