@@ -14,6 +14,7 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
+import warp as wp
 
 from warp_cloth.errors import InputError
 from warp_cloth.export.files import unwritable, whole_file
@@ -140,7 +141,7 @@ class TradeStudy:
         alike = [trial for trial in good if trial.seconds <= ALIKE * good[0].seconds]
         return Trade(
             scene=self._scene.name,
-            device=self._device,
+            device=self._device if self._device == "cpu" else wp.get_device(self._device).name,
             within_mm=self._within,
             reference=self.reference,
             reference_rests=self.reference_rests,

@@ -122,6 +122,8 @@ def _csv(measured: Sequence[Measured]) -> str:
 
 def _plot(path: Path, trade: Trade) -> None:
     """Error against seconds, a point for each setting, a line along those that nothing beats."""
+    from matplotlib.ticker import LogLocator
+
     figure = figure_class()(figsize=(9, 5.5), layout="constrained")
     axes = figure.subplots()
     known = [trial for trial in trade.measured if trial.known]
@@ -136,7 +138,9 @@ def _plot(path: Path, trade: Trade) -> None:
     axes.set(xscale="log", yscale="log", xlabel="seconds", ylabel="distance from the reference [mm, rms]")
     for axis in (axes.xaxis, axes.yaxis):
         axis.set_major_formatter("{x:g}")
-    axes.xaxis.set_minor_formatter(lambda value, _: f"{value:g}" if f"{value:e}"[0] in "235" else "")
+    first, last = axes.get_xlim()
+    axes.xaxis.set_minor_locator(LogLocator(subs=(2, 3, 5) if last > 10.0 * first else (1.2, 1.5, 2, 2.5, 3, 4, 5, 7)))
+    axes.xaxis.set_minor_formatter("{x:g}")
     low, high = axes.get_ylim()
     axes.set_ylim(min(low, 0.6 * trade.within_mm), max(high, 1.7 * trade.within_mm))
     if trade.scatter_mm > LEAST_MM:
