@@ -271,12 +271,12 @@ class TradeStudy:
         return np.concatenate(parts)
 
     def _combinations(self, alone: Sequence[Trial]) -> list[Settings]:
-        """Of each knob the settings that are faster than the scene's and good enough alone, put together."""
+        """Of each knob the settings that are surely faster than the scene's and good enough alone, put together."""
         found = {json.dumps(one.settings): one for one in self._fair()}
         own, *others = (found[json.dumps(dict(trial.settings))] for trial in alone)
         best: dict[str, Measured] = {}
         for trial in others:
-            good = trial.known and trial.rms_mm <= self._within and trial.seconds < own.seconds
+            good = trial.known and trial.rms_mm <= self._within and ALIKE * trial.seconds < own.seconds
             if trial.knob in COMBINED and good and trial.seconds < best.get(trial.knob, own).seconds:
                 best[trial.knob] = trial
         ranked = sorted(best.values(), key=lambda trial: trial.seconds)
