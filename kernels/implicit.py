@@ -11,8 +11,8 @@ from warp_cloth.kernels.displace import capped, colliders_type
 from warp_cloth.kernels.friction import friction_slide
 from warp_cloth.kernels.stiffness import stiffness_types, symmetric_functions
 
-# Up to this far above the contact offset a vertex that the force presses on counts as held by the avatar; one that
-# contact has just borne on, up to WIDE: a field's distance and its slope agree no better.
+# Up to this far above the contact offset a vertex that the force presses on to it counts as held by the avatar; one
+# that contact has just borne on, up to WIDE: a field's distance and its slope agree no better.
 NEAR = wp.constant(2.0e-5)  # [m]
 WIDE = wp.constant(1.0e-3)  # [m]
 
@@ -93,6 +93,7 @@ def face_forces_kernel(precision: str, contact: wp.Function | None, collider_typ
         sum = load[vertex]
         load[vertex] = vec4()
         weight = cloth.weight[vertex]
+        block = own_block(system, vertex)
         hold = int(FREE)
         left = vec3(sum[0], sum[1], sum[2]) + step.gravity * weight
         normal = vec3()
@@ -104,11 +105,14 @@ def face_forces_kernel(precision: str, contact: wp.Function | None, collider_typ
             system.gap[vertex] = gap
             if gap < real(NEAR) or (gap < real(WIDE) and system.pressed[vertex] != wp.uint8(0)):
                 normal = vec3(real(at[0]), real(at[1]), real(at[2]))
-                hold, left, drag = hold_of(left, normal, real(item.friction), cloth.move[vertex])
+                # where it is balanced a little above the surface nothing holds it: that would draw it down, and then
+                # let it go, for ever
+                reached = wp.max(gap, real(0.0)) * wp.dot(normal, times(block, normal))
+                if -wp.dot(left, normal) > reached:
+                    hold, left, drag = hold_of(left, normal, real(item.friction), cloth.move[vertex])
         if not free(cloth, vertex):
             hold = int(STAYS)
             left = vec3()
-        block = own_block(system, vertex)
         turned = wp.dot(cloth.move[vertex], left) < real(0.0)
         inertia = system.inertia[vertex] * wp.where(turned, real(HEAVIER), real(LIGHTER))
         most = real(HEAVIEST) * (block[0] + block[1] + block[2])
