@@ -61,6 +61,23 @@ def hold_function(precision: str) -> wp.Function:
 
 
 @functools.cache
+def meets_function(precision: str) -> wp.Function:
+    """The function ``meets``: whether the force on a vertex takes it to the avatar's surface."""
+    real, vec3 = cloth_types(precision).real, cloth_types(precision).vec3
+    vec6, times = stiffness_types(precision).vec6, symmetric_functions(precision).times
+
+    @wp.func
+    def meets(force: vec3, normal: vec3, gap: real, block: vec6):
+        """Whether the push closes the gap against the vertex's own stiffness: push > gap n . block n.
+
+        What is balanced a little above the surface is not held: that would draw it down and let it go, for ever.
+        """
+        return -wp.dot(force, normal) > wp.max(gap, real(0.0)) * wp.dot(normal, times(block, normal))
+
+    return meets
+
+
+@functools.cache
 def face_forces_kernel(precision: str, contact: wp.Function | None, collider_type: type, pins: bool) -> wp.Kernel:
     """Kernel ``face_forces``, with the contact of ``kernels.displace.displacement``."""
     types = cloth_types(precision)
@@ -69,6 +86,7 @@ def face_forces_kernel(precision: str, contact: wp.Function | None, collider_typ
     symmetric = symmetric_functions(precision)
     along, even, times, inverse = symmetric.along, symmetric.even, symmetric.times, symmetric.inverse
     allowed, hold_of, free = allowed_function(precision), hold_function(precision), free_function(precision, pins)
+    meets = meets_function(precision)
 
     @wp.func
     def own_block(system: System, vertex: int):
@@ -105,10 +123,7 @@ def face_forces_kernel(precision: str, contact: wp.Function | None, collider_typ
             system.gap[vertex] = gap
             if gap < real(NEAR) or (gap < real(WIDE) and system.pressed[vertex] != wp.uint8(0)):
                 normal = vec3(real(at[0]), real(at[1]), real(at[2]))
-                # where it is balanced a little above the surface nothing holds it: that would draw it down, and then
-                # let it go, for ever
-                reached = wp.max(gap, real(0.0)) * wp.dot(normal, times(block, normal))
-                if -wp.dot(left, normal) > reached:
+                if meets(left, normal, gap, block):
                     hold, left, drag = hold_of(left, normal, real(item.friction), cloth.move[vertex])
         if not free(cloth, vertex):
             hold = int(STAYS)

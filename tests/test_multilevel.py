@@ -8,7 +8,8 @@ import warp as wp
 from cloths import grid
 
 from warp_cloth.fabric import Fabric
-from warp_cloth.kernels.implicit import hold_function
+from warp_cloth.kernels.implicit import hold_function, meets_function
+from warp_cloth.kernels.stiffness import stiffness_types
 from warp_cloth.model import ClothModel, GarmentPart, build_model
 from warp_cloth.rest import build_rest_shape
 from warp_cloth.result import Status
@@ -128,6 +129,25 @@ def test_friction_holds_what_stands_and_slows_what_slides(
     out = wp.zeros(3, dtype=wp.float64, device="cpu")
     wp.launch(ask, dim=1, inputs=[wp.vec3d(tangent, -1.0, 0.0), wp.vec3d(slid, 1e-5, 0.0), out], device="cpu")
     assert out.numpy() == pytest.approx([wanted_hold, wanted_left, wanted_drag], abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("push", "gap", "wanted"), [(1e-3, 2e-5, False), (1e-3, 5e-6, True), (1e-3, -1e-6, True), (-1e-3, -1e-6, False)]
+)
+def test_what_is_balanced_above_the_avatar_is_not_held_by_it(push: float, gap: float, wanted: bool) -> None:
+    meets, vec6 = meets_function("float64"), stiffness_types("float64").vec6
+
+    @wp.kernel
+    def ask(push: wp.float64, gap: wp.float64, stiffness: wp.float64, out: wp.array(dtype=wp.int32)):
+        normal = wp.vec3d(0.0, 1.0, 0.0)
+        block = vec6()
+        block[1] = stiffness
+        out[0] = int(meets(normal * -push, normal, gap, block))
+
+    out = wp.zeros(1, dtype=wp.int32, device="cpu")
+    # 100 N/m: a thousandth of a newton moves it by a hundredth of a millimetre
+    wp.launch(ask, dim=1, inputs=[push, gap, 100.0, out], device="cpu")
+    assert bool(out.numpy()[0]) is wanted
 
 
 def test_cloth_at_rest_on_a_ball_stays_there() -> None:
