@@ -15,8 +15,8 @@ from warp_cloth.errors import InputError
 from warp_cloth.export.fields import Ranges, author_colours, author_fields
 from warp_cloth.export.files import whole_file
 from warp_cloth.export.reference import relative_asset, to_metres
-from warp_cloth.export.surface import require_sound, vertex_normals
-from warp_cloth.mesh import Points
+from warp_cloth.export.surface import require_sound
+from warp_cloth.mesh import Points, vertex_normals
 from warp_cloth.quiet import quiet_usd
 from warp_cloth.result import WornGarment
 from warp_cloth.units import LengthUnit

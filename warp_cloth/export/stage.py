@@ -22,9 +22,8 @@ from warp_cloth.export.surface import (
     cloth_colour,
     linear,
     require_sound,
-    vertex_normals,
 )
-from warp_cloth.mesh import Mesh, Points
+from warp_cloth.mesh import Mesh, Points, vertex_normals
 from warp_cloth.result import WornGarment
 
 FIRST_FRAME = 1  # where Blender, Maya and most film tools start counting

@@ -41,20 +41,6 @@ def srgb(light: ArrayLike) -> NDArray[np.float64]:
     return np.where(value <= 0.0031308, value * 12.92, 1.055 * value ** (1 / 2.4) - 0.055)
 
 
-def vertex_normals(points: ArrayLike, triangles: Indices) -> NDArray[np.float32]:
-    """Unit vertex normals, triangles weighted by area, shape [V, 3]; up (0, 1, 0) where no area meets."""
-    corners = np.asarray(points, dtype=np.float64)[triangles]
-    doubled = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    count = len(np.asarray(points))
-    # bincount sums in a fixed order and is ten times faster than np.add.at
-    spread = np.repeat(doubled, 3, axis=0)
-    total = np.stack([np.bincount(triangles.ravel(), spread[:, axis], count) for axis in range(3)], axis=1)
-    length = np.linalg.norm(total, axis=1, keepdims=True)
-    smallest = np.finfo(np.float64).tiny ** 0.5  # below it the squares under the root are lost
-    unit = np.where(length > smallest, total / np.maximum(length, smallest), (0.0, 1.0, 0.0))
-    return unit.astype(np.float32)
-
-
 def winds_outward(points: ArrayLike, triangles: Indices) -> bool:
     """Whether the triangles face away from the surface's middle: the sign of its volume seen from there."""
     corners = np.asarray(points, dtype=np.float64)[triangles]
