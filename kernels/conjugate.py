@@ -72,8 +72,8 @@ def allowed_function(precision: str) -> wp.Function:
 @functools.cache
 def product_kernels(precision: str) -> SimpleNamespace:
     """Kernels ``begin_solution`` and ``multiply_direction``: products with A."""
-    vec3, System = cloth_types(precision).vec3, conjugate_types(precision).System
-    allowed = allowed_function(precision)
+    real, vec3 = cloth_types(precision).real, cloth_types(precision).vec3
+    System, allowed = conjugate_types(precision).System, allowed_function(precision)
 
     @wp.func
     def coupled(system: System, x: wp.array(dtype=vec3), vertex: int):
@@ -85,13 +85,17 @@ def product_kernels(precision: str) -> SimpleNamespace:
         return sum
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
-    def begin_solution(system: System):
-        """Takes off the residual what the displacement that is kept changes of the forces."""
+    def begin_solution(
+        share: real,  # the rest of it swings on, whatever the solution
+        system: System,
+    ):
+        """Takes off the residual what a share of the displacement that is kept changes of the forces."""
         vertex = wp.tid()
         hold = system.hold[vertex]
         system.direction[vertex] = vec3()
         if hold != STAYS:
-            changed = coupled(system, system.displacement, vertex) + system.displacement[vertex] * system.drag[vertex]
+            kept = system.displacement[vertex]
+            changed = coupled(system, system.displacement, vertex) * share + kept * system.drag[vertex]
             system.residual[vertex] = system.residual[vertex] - allowed(changed, system.normal[vertex], hold)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)

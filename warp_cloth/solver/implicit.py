@@ -34,21 +34,26 @@ class ImplicitOptions:
 
     fall: how far its own weight moves a vertex in the first step [m]: inertia is what resists where the cloth does
         not, and while it falls or unfolds too long a step overstretches it.
-    most_fall: the same in the end [m]; beyond, a draped cloth no longer settles.
+    most_fall: the same in the end [m]; beyond, hanging cloth no longer settles.
+    most_fall_met: the same where an avatar is met, and folds are soft.
     easing: growth of the fall from step to step. With 1.05 stiff cloth on a ball was still moving when it was eased.
     reach: the stiffness allows for an edge changing its length by this many times its last change.
     momentum: share of the last displacement that the solution starts from; with more, strips swing on and on.
     momentum_met: the same where an avatar is met: folds slide over it slowly, and what slides does not swing.
+    swing_met: share of that displacement that comes on top of the solution, where an avatar is met: the solution
+        resists what the cloth hardly does (buckling), and would stop the folds again that have begun to form.
     rounds: of conjugate gradients in a step; with 5 stiff cloth on a ball no longer settled, 20 gained nothing.
     renewal: the coarser levels' stiffness is summed anew every so many steps.
     """
 
     fall: float = 1e-3
     most_fall: float = 15e-3
+    most_fall_met: float = 0.1
     easing: float = 1.02
     reach: float = 1.0
     momentum: float = 0.9
-    momentum_met: float = 0.97
+    momentum_met: float = 0.95
+    swing_met: float = 0.5
     rounds: int = 10
     renewal: int = 2
 
@@ -68,6 +73,8 @@ class ImplicitStep:
         precision = model.precision
         types, own = cloth_types(precision), stiffness_types(precision)
         self._model, self._levels, self._options = model, levels, options
+        self._most_fall = options.most_fall if contact is None else options.most_fall_met
+        self._swing = 0.0 if contact is None else options.swing_met
         self._pairs = table.pairs
         self._pair_count = len(table.ends)
         self._load = self._zeros(model.vertex_count, types.vec4)
@@ -146,11 +153,11 @@ class ImplicitStep:
         self._solve()
         self._launch(self._ends.take_step, model.vertex_count, [collider_data, model.cloth, system])
         own = self._options
-        self._launch(self._ends.ease_inertia, self._groups, [own.easing, own.most_fall, self._system])
+        self._launch(self._ends.ease_inertia, self._groups, [own.easing, self._most_fall, self._system])
 
     def lengthen(self) -> None:
         """Steps are as long from now on as they get in the end."""
-        self._system.fall.fill_(self._options.most_fall)
+        self._system.fall.fill_(self._most_fall)
 
     def _linearise(self, renew: bool) -> None:
         model, kernels, reach = self._model, self._stiffness, self._options.reach
@@ -167,7 +174,7 @@ class ImplicitStep:
 
     def _solve(self) -> None:
         system, kernels, count = self._system, self._conjugate, self._model.vertex_count
-        self._launch(kernels.begin_solution, count, [system])
+        self._launch(kernels.begin_solution, count, [1.0 - self._swing, system])
         system.along.zero_()
         for _ in range(self._options.rounds):
             self._precondition()
