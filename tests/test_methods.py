@@ -27,7 +27,7 @@ def look(iteration: int, relative: float, error: float = math.nan, true: float =
 
 
 RUN = Run(
-    Case("ball", 2000, 2e4), "multilevel", "cpu", 2025, 50.0, 1.0, 400, 0.01,
+    Case("ball", 3000, 2e4), "multilevel", "cpu", 3025, 50.0, 1.0, 400, 0.01,
     (look(100, 0.5), look(200, 0.008, 4.0, 3.0), look(300, 0.02, 2.0, 1.0), look(400, 0.0005, 1.0, 2.0)),
 )  # fmt: skip
 
@@ -87,7 +87,7 @@ def test_a_run_without_certificate_or_whose_end_still_moved_is_named_not_judged(
     for run in (replace(RUN, rest=0), replace(RUN, end_mm=0.5)):
         truth = truth_of([run])
         assert truth.certificates == 0
-        assert truth.unknown == ("ball 2000 20000 0.5, multilevel",)
+        assert truth.unknown == ("ball 3000 20000 0.5, multilevel",)
 
 
 def test_scenes_that_chose_the_constants_do_not_count() -> None:

@@ -28,7 +28,7 @@ from warp_cloth.solver.loop import CHUNK, relax_to_rest
 from warp_cloth.solver.relax import StepOptions
 from warp_cloth.study.methods_scenes import Case, all_cases, case_tree
 
-LIMITS = MappingProxyType({"direct": 20_000, "momentum": 20_000, "accelerated": 60_000, "multilevel": 20_000})
+LIMITS = MappingProxyType({"direct": 20_000, "momentum": 20_000, "accelerated": 40_000, "multilevel": 20_000})
 
 # Rest for the study: a hundredth of what a certificate asks for.
 BEYOND = Tolerance(relative_rms=1e-4, relative_p99=5e-4, rest_error=1e-5)
