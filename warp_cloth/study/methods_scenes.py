@@ -65,7 +65,7 @@ def all_cases() -> list[tuple[str, Case, tuple[str, ...]]]:
         for kind in KINDS:
             for stretch in STIFFNESS:
                 found.append(("sizes", Case(kind, size, stretch), both if size < SIZES[2] else both[1:]))
-    return found + [("truth", case, both[:1] if case.kind == "tshirt" else both) for case in true_cases()]
+    return found + [("truth", case, both) for case in true_cases()]
 
 
 def true_cases() -> list[Case]:
