@@ -15,6 +15,7 @@ from warp_cloth.errors import InputError
 from warp_cloth.export.surface import AVATAR_COLOUR, cloth_colour
 from warp_cloth.fabric import shipped_fabrics
 from warp_cloth.maps import MAPS
+from warp_cloth.topology import build_topology
 from warp_cloth.view.live import BODY_MEASURES, LiveFit
 from warp_cloth.view.picture import legend_html, map_colours
 from warp_cloth.view.surfaces import Surfaces
@@ -25,6 +26,8 @@ MOST_PICTURES = 30.0  # a second
 COLOUR_SECONDS = 0.5  # least time between two measurements of a map while the garment moves
 COLOUR_SHARE = 0.2  # of the time goes to measuring maps, at most
 LEAST_RESIDUAL = 1e-9  # that the plot tells from nothing
+GROUND_LIGHT, SKY = (150, 150, 155), 1.6  # beside the light that comes with the viewer; looked at, not measured
+WORDS_SECONDS = 0.5  # between two changes of status and plots while the garment moves
 SIZES = ("S", "M", "L")
 BODY_RANGES = {"stature": (1.5, 2.0), "chest": (0.8, 1.3), "waist": (0.6, 1.2), "hip": (0.8, 1.3)}  # [m]
 
@@ -46,6 +49,7 @@ class Page:
         self._surfaces = Surfaces(self._server)
         self._map: tuple[list[Any], tuple[float, float]] | None = None
         self._map_time = 0.0  # from when a map may be measured again
+        self._words_time = 0.0  # from when status and plots may be told again
         self.pictures = 0
         self._build()
 
@@ -74,7 +78,7 @@ class Page:
         """Applies changes, relaxes a chunk and shows it; False where there was nothing to do."""
         with self._work:
             changed, self._stale = self._apply() or self._stale, False
-            moving = not (self._pause.value or self._live.ended)
+            moving = self._live_moves()
             if moving and not changed:
                 self._live.advance()
             if changed or moving:
@@ -87,7 +91,10 @@ class Page:
         """All controls, the avatar and the garments."""
         server, live = self._server, self._live
         server.scene.set_up_direction("+y")
-        server.scene.configure_default_lights(cast_shadow=False)  # would draw everything five times more
+        # a page may have to do without a graphics card: shadows would draw everything five times more
+        server.scene.configure_default_lights(cast_shadow=False)
+        server.scene.configure_environment_map(None)
+        server.scene.add_light_hemisphere("/sky", ground_color=GROUND_LIGHT, intensity=SKY)
         server.gui.configure_theme(control_width="medium", dark_mode=False)
         low = np.min([live.points.min(axis=0), self._body_bounds()[0]], axis=0)
         high = np.max([live.points.max(axis=0), self._body_bounds()[1]], axis=0)
@@ -217,7 +224,9 @@ class Page:
     def _show_avatar(self) -> None:
         avatar = self._live.made.wardrobe.avatar
         if avatar is not None:
-            self._surfaces.plain("avatar", avatar.points, avatar.triangles, AVATAR_COLOUR)
+            topology = build_topology(avatar.triangles, avatar.vertex_count)
+            closed = len(topology.hinges) == len(topology.edges)
+            self._surfaces.plain("avatar", avatar.points, avatar.triangles, AVATAR_COLOUR, closed=closed)
 
     def show(self) -> None:
         """One picture: garments in their colours, status, plots."""
@@ -241,8 +250,17 @@ class Page:
             else:
                 self._surfaces.plain(node, worn.points, triangles, cloth_colour(index))
         self.pictures += 1
-        self._status.content = live.status()
-        history = live.history
+        if now > self._words_time or not self._live_moves():
+            self._words_time = now + WORDS_SECONDS
+            self._tell()
+
+    def _live_moves(self) -> bool:
+        return not (self._pause.value or self._live.ended)
+
+    def _tell(self) -> None:
+        """Status and plots: a browser takes longer to draw them than a garment."""
+        self._status.content = self._live.status()
+        history = self._live.history
         if history.iteration and len(history.iteration) != len(self._residual.data[0]):
             x = np.array(history.iteration)
             self._residual.data = (x, np.log10(np.maximum(np.array(history.residual), LEAST_RESIDUAL)))

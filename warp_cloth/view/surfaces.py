@@ -42,15 +42,19 @@ class Surfaces:
         self._server = server
         self._surfaces: dict[str, _Surface] = {}
 
-    def plain(self, name: str, points: Points, triangles: Indices, colour: Colour) -> None:
-        """Shows a surface in one colour (sRGB, 0..1)."""
+    def plain(self, name: str, points: Points, triangles: Indices, colour: Colour, *, closed: bool = False) -> None:
+        """Shows a surface in one colour (sRGB, 0..1); of a closed one the inside is never seen."""
         surface = self._surfaces.setdefault(name, _Surface())
         vertices = np.ascontiguousarray(points, dtype=np.float32)
         with self._server.atomic():
             if surface.triangles is None or not np.array_equal(surface.triangles, triangles):
                 red, green, blue = (round(255 * part) for part in colour)
                 surface.plain = self._server.scene.add_mesh_simple(
-                    f"/{name}/plain", vertices, triangles.astype(np.uint32), color=(red, green, blue), side="double"
+                    f"/{name}/plain",
+                    vertices,
+                    triangles.astype(np.uint32),
+                    color=(red, green, blue),
+                    side="front" if closed else "double",
                 )
                 surface.triangles = triangles.copy()
             else:
