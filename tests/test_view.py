@@ -64,6 +64,26 @@ def test_a_change_keeps_the_worn_shape_and_a_refused_one_changes_nothing(live: L
     assert live.iteration == CHUNK
 
 
+def test_a_change_of_fabric_or_offset_draws_no_avatar_anew(live: LiveFit) -> None:
+    drawn = live.made.contact.kept
+    live.change({"garment.fabric": "denim"})
+    assert live.made.contact.kept is drawn
+    live.change({"collision.offset_mm": "2"})
+    assert live.made.contact.kept is drawn
+    fresh = LiveFit(DRAPED, {"garment.fabric": "denim", "collision.offset_mm": "2"}, "cpu")
+    for each in (live, fresh):
+        for _ in range(3):
+            each.advance()
+    assert np.array_equal(live.points, fresh.points)
+    live.change({"collision.offset_mm": "6"})  # farther than the field reaches
+    assert live.made.contact.kept is not drawn
+    drawn = live.made.contact.kept
+    live.change({"collision.offset_mm": "7"})
+    assert live.made.contact.kept is drawn
+    live.change({"collision.pixel_mm": "4"})
+    assert live.made.contact.kept is not drawn
+
+
 def test_reset_goes_back_to_the_start(live: LiveFit) -> None:
     start = live.points.copy()
     live.advance()

@@ -74,15 +74,19 @@ def set_up_one(
     device: str,
     *,
     rack: Rack | None = None,
+    earlier: AvatarContact | None = None,
     options: StepOptions | None = None,
     tell: Callable[[str], None] = lambda _: None,
     lap: Callable[[str], None] = lambda _: None,
 ) -> SetUp:
-    """Loads a scene and sets it up alone; ``rack`` has what earlier scenes share with it, the rest as of ``set_up``."""
+    """Loads a scene and sets it up alone; ``rack`` has what earlier scenes share with it, the rest as of ``set_up``.
+
+    ``earlier``: a contact that may serve again, so that a change of fabric or offset need not draw the avatar anew.
+    """
     tell("load")
     wardrobe = open_wardrobe(scene, rack)
     lap("load")
-    return set_up([scene], [wardrobe], device, options=options, tell=tell, lap=lap)
+    return set_up([scene], [wardrobe], device, earlier=earlier, options=options, tell=tell, lap=lap)
 
 
 def set_up(
@@ -90,6 +94,7 @@ def set_up(
     wardrobes: Sequence[Wardrobe],
     device: str,
     *,
+    earlier: AvatarContact | None = None,
     options: StepOptions | None = None,
     tell: Callable[[str], None] = lambda _: None,
     lap: Callable[[str], None] = lambda _: None,
@@ -100,6 +105,7 @@ def set_up(
         scenes: loaded scenes of one ``kind_of``.
         wardrobes: theirs.
         device: Warp's name of it.
+        earlier: a contact that may serve again.
         options: how an iteration moves the cloth; None: the method's defaults.
         tell: told at every stage.
         lap: told the name of every stage at its end.
@@ -111,7 +117,7 @@ def set_up(
         lap("compile")
     tell("build")
     wardrobes = placed(scenes, wardrobes, device)
-    contacts, colliders = _avatar_contacts(scenes, wardrobes, device)
+    contacts, colliders = _avatar_contacts(scenes, wardrobes, device, earlier)
     model = build_model(
         [part for each in wardrobes for part in each.parts],
         device=device,
@@ -179,7 +185,7 @@ def contact_key(scene: Scene, wardrobe: Wardrobe) -> Hashable:
 
 
 def _avatar_contacts(
-    scenes: Sequence[Scene], wardrobes: Sequence[Wardrobe], device: str
+    scenes: Sequence[Scene], wardrobes: Sequence[Wardrobe], device: str, earlier: AvatarContact | None
 ) -> tuple[list[AvatarContact], list[Collider]]:
     """Every scene's contact and first collider; built once for scenes whose garments start alike on one avatar."""
     built: dict[Hashable, tuple[AvatarContact, Collider]] = {}
@@ -189,7 +195,9 @@ def _avatar_contacts(
         key = contact_key(scene, wardrobe)
         if key not in built:
             contact = _avatar_contact(scene, wardrobe, device)
-            built[key] = contact, contact.collider(np.concatenate([part.points for part in wardrobe.parts]))
+            points = np.concatenate([part.points for part in wardrobe.parts])
+            taken = contact.taken_over(earlier, points) if earlier is not None else None
+            built[key] = contact, taken or contact.collider(points)
         contact, collider = built[key]
         contacts.append(contact.alike(friction))
         colliders.append(replace(collider, friction=friction))

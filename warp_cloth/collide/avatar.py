@@ -30,6 +30,7 @@ log = logging.getLogger(__name__)
 # iterations at the default cap of 5 mm). One that comes near the edge has the buffers drawn anew.
 MARGIN = 0.15
 NEAR_EDGE = 0.04  # of that room, what must be left: more than the field's own reach and support
+FARTHER = 1.5  # times the reach of a contact that another one outgrew
 ROOM_TO_MOVE = 0.007  # [m] beyond the offset that contact must know: what cloth moves by in one iteration, and more
 HELD, FREE = 0.02, 0.06  # [m] from a skin that moves: nearer than this cloth goes with it, farther off not at all
 FINER = 0.5  # factor on the pixel where all layers at the scene's own are not enough
@@ -79,6 +80,7 @@ class AvatarContact:
         device: str,
         reach: float = DEFAULT_REACH,
     ) -> None:
+        self._given = avatar
         self._closing: Closing | None = None
         self._avatar = self._solid(avatar, kind) if avatar is not None and kind != "none" else None
         self._kind = kind
@@ -134,6 +136,25 @@ class AvatarContact:
             if len(self._drawings) == 1 or self.report["error_mm"]["p999"] <= 1e3 * self._error:
                 return found
             self._drawings = self._drawings[1:]
+
+    def taken_over(self, earlier: AvatarContact, points: Points) -> Collider | None:
+        """The collider that another scene's contact has built, where it serves garments at these positions [m], too.
+
+        That is a field of the same avatar, drawn the same way, that reaches as far; offset and friction are this one's.
+        """
+        field = earlier._kept[1] if isinstance(earlier._kept, tuple) else None
+        same = (
+            earlier._given is self._given
+            and (earlier._kind, earlier._error, earlier._device) == (self._kind, self._error, self._device)
+            and (earlier._drawings[-1], earlier._lift) == (self._drawings[-1], self._lift)
+        )
+        if same and earlier._reach < self._reach:  # offsets that grow once may grow on
+            self._reach, same = max(self._reach, FARTHER * earlier._reach), False
+        if not same or not isinstance(field, FieldBuild) or not earlier.covers(points):
+            return None
+        self._kept, self._drawings, self.builds = earlier._kept, earlier._drawings, earlier.builds
+        self._lower, self._upper, self.report = earlier._lower, earlier._upper, earlier.report
+        return self._collider(field_contact, field.touching(self._offset, self._lift), ContactField)
 
     def move(self, avatar: Points, cloth: Points) -> Points:
         """Goes on with the avatar's vertices at these positions [m]; the next collider is of them.

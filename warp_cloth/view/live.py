@@ -139,7 +139,7 @@ class LiveFit:
         together = {**self._changes, **changes}
         scene = self._load(together)
         old, worn = self.made, self.points
-        made = set_up_one(scene, self.device, rack=self._rack)
+        made = set_up_one(scene, self.device, rack=self._rack, earlier=old.contact)
         if not self.diverged:
             worn_parts = [worn[first:last] for first, last in itertools.pairwise(old.model.vertex_start)]
             start_from(made, list(zip(old.wardrobe.garments, worn_parts, strict=True)))
@@ -148,7 +148,7 @@ class LiveFit:
 
     def reset(self) -> None:
         """Back to where the garments are loaded."""
-        self.made = set_up_one(self.scene, self.device, rack=self._rack)
+        self.made = set_up_one(self.scene, self.device, rack=self._rack, earlier=self.made.contact)
         self._start()
 
     def values(self, name: str) -> tuple[list[NDArray[np.float32]], tuple[float, float]] | None:
