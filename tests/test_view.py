@@ -8,6 +8,7 @@ import struct
 import threading
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -185,7 +186,7 @@ def test_the_page_is_served_on_this_machine_only_and_shows_pictures(page: object
     assert page.pictures > 3
 
 
-def test_a_map_is_shown_once_it_has_been_read_and_taken_away_with_its_colours() -> None:
+def test_a_map_is_shown_once_it_has_been_read_and_taken_away_with_its_colours(monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("viser")
     import viser
 
@@ -201,8 +202,11 @@ def test_a_map_is_shown_once_it_has_been_read_and_taken_away_with_its_colours() 
         def visible() -> list[bool]:
             return [node.plain.visible, *(file.visible for file in node.files)]
 
+        clock = [1000.0]  # that stands still but for what is said below
+        monkeypatch.setattr(shown, "time", SimpleNamespace(perf_counter=lambda: clock[0]))
+
         def later(seconds: float) -> None:
-            node.written -= seconds
+            clock[0] += 1.01 * seconds
 
         surfaces.coloured("cloth", mesh.points, mesh.triangles, colours)
         surfaces.coloured("cloth", mesh.points, mesh.triangles, colours)  # too soon: it waits
