@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 BALANCED = Tolerance(relative_rms=2e-4, relative_p99=2e-3, rest_error=1e-5)  # clamps must read to a part in 1,000
 ITERATIONS = 20_000
-DRAPE_ITERATIONS = 60_000  # of the multilevel method: silk takes over 30,000 at 39,000 vertices, most take 900 to 20,000
+DRAPE_ITERATIONS = 60_000  # of the multilevel method: most take 900 to 20,000, silk over 30,000 at 39,000 vertices
 COARSEST_RINGS = 10  # of a disc from whose shape finer ones start
 TIP_ANGLE = math.radians(41.5)  # of the cantilever (ISO 9073-7)
 SUPPORT_RADIUS = 0.09  # [m], of Cusick's support; his disc has DISC_RADIUS
