@@ -3,6 +3,8 @@
 CUDA rounds both correctly by an approximation and two corrections, and turns aside to a slow function where an operand
 is so small that these would lose digits. What is smaller than any cloth has is zero here, on every device: no turning
 aside, so that many vertices' square roots are under way at a time.
+
+Products that are added are fused, rounded once, where that is written out here: both devices have instructions for it.
 """
 
 import warp as wp
@@ -75,5 +77,130 @@ def signed_sum(sum: wp.vec4f, load: wp.vec4f, back: int) -> wp.vec4f:
 
 @wp.func_native(_SIGNED_SUM % {"real": "wp::float64"})
 def signed_sum(sum: wp.vec4d, load: wp.vec4d, back: int) -> wp.vec4d:  # noqa: F811
+    """The same in float64."""
+    ...
+
+
+_FUSED = """
+#if defined(__CUDA_ARCH__)
+    return %(cuda)s(a, b, c);
+#else
+    return %(host)s(a, b, c);
+#endif
+"""
+_INNER = """
+#if defined(__CUDA_ARCH__)
+    return %(cuda)s(a[2], b[2], %(cuda)s(a[1], b[1], a[0] * b[0]));
+#else
+    return %(host)s(a[2], b[2], %(host)s(a[1], b[1], a[0] * b[0]));
+#endif
+"""
+_SCALED_SUM = """
+#if defined(__CUDA_ARCH__)
+    return {%(cuda)s(a[0], b, c[0]), %(cuda)s(a[1], b, c[1]), %(cuda)s(a[2], b, c[2])};
+#else
+    return {%(host)s(a[0], b, c[0]), %(host)s(a[1], b, c[1]), %(host)s(a[2], b, c[2])};
+#endif
+"""
+_SINGLE = {"cuda": "__fmaf_rn", "host": "__builtin_fmaf"}
+_DOUBLE = {"cuda": "__fma_rn", "host": "__builtin_fma"}
+
+
+@wp.func_native(_FUSED % _SINGLE)
+def fused(a: wp.float32, b: wp.float32, c: wp.float32) -> wp.float32:
+    """a b + c, rounded once."""
+    ...
+
+
+@wp.func_native(_FUSED % _DOUBLE)
+def fused(a: wp.float64, b: wp.float64, c: wp.float64) -> wp.float64:  # noqa: F811
+    """a b + c in float64, rounded once."""
+    ...
+
+
+@wp.func_native(_INNER % _SINGLE)
+def inner(a: wp.vec3f, b: wp.vec3f) -> wp.float32:
+    """Dot product; what is multiplied and added is rounded once."""
+    ...
+
+
+@wp.func_native(_INNER % _DOUBLE)
+def inner(a: wp.vec3d, b: wp.vec3d) -> wp.float64:  # noqa: F811
+    """Dot product in float64."""
+    ...
+
+
+@wp.func_native(_SCALED_SUM % _SINGLE)
+def scaled_sum(a: wp.vec3f, b: wp.float32, c: wp.vec3f) -> wp.vec3f:
+    """a b + c, each component rounded once."""
+    ...
+
+
+@wp.func_native(_SCALED_SUM % _DOUBLE)
+def scaled_sum(a: wp.vec3d, b: wp.float64, c: wp.vec3d) -> wp.vec3d:  # noqa: F811
+    """a b + c in float64."""
+    ...
+
+
+# four at a time: the CPU has instructions for that
+_FOUR = """
+#if defined(__CUDA_ARCH__)
+    auto one = [](float x) -> float { %(cuda)s };
+    return {one(x[0]), one(x[1]), one(x[2]), one(x[3])};
+#else
+    typedef float Four __attribute__((ext_vector_type(4)));
+    const Four v = {x[0], x[1], x[2], x[3]};
+    %(host)s
+    return {r[0], r[1], r[2], r[3]};
+#endif
+"""
+_CHOSEN = """
+#if defined(__CUDA_ARCH__)
+    return {which[0] > 0 ? above[0] : below[0], which[1] > 0 ? above[1] : below[1],
+            which[2] > 0 ? above[2] : below[2], which[3] > 0 ? above[3] : below[3]};
+#else
+    typedef %(real)s Four __attribute__((ext_vector_type(4)));
+    const Four w = {which[0], which[1], which[2], which[3]};
+    const Four a = {above[0], above[1], above[2], above[3]};
+    const Four b = {below[0], below[1], below[2], below[3]};
+    const Four r = w > (Four)0 ? a : b;
+    return {r[0], r[1], r[2], r[3]};
+#endif
+"""
+_ROOTS = "const Four s = __builtin_elementwise_sqrt(v); const Four r = v < 4.0e-31f ? (Four)0.0f : s;"
+
+
+@wp.func_native(_FOUR % {"cuda": _ROOT, "host": _ROOTS})
+def roots(x: wp.vec4f) -> wp.vec4f:
+    """``root`` of four."""
+    ...
+
+
+@wp.func_native("return {sqrt(x[0]), sqrt(x[1]), sqrt(x[2]), sqrt(x[3])};")
+def roots(x: wp.vec4d) -> wp.vec4d:  # noqa: F811
+    """``root`` of four in float64."""
+    ...
+
+
+@wp.func_native(_FOUR % {"cuda": "const float a = 1.0f, b = x;" + _QUOTIENT, "host": "const Four r = 1.0f / v;"})
+def inverses(x: wp.vec4f) -> wp.vec4f:
+    """``quotient`` of 1 and each of four."""
+    ...
+
+
+@wp.func_native("return {1.0 / x[0], 1.0 / x[1], 1.0 / x[2], 1.0 / x[3]};")
+def inverses(x: wp.vec4d) -> wp.vec4d:  # noqa: F811
+    """``quotient`` of 1 and each of four in float64."""
+    ...
+
+
+@wp.func_native(_CHOSEN % {"real": "float"})
+def chosen(which: wp.vec4f, above: wp.vec4f, below: wp.vec4f) -> wp.vec4f:
+    """Of four numbers those ``above`` where ``which`` is above 0, else those ``below``."""
+    ...
+
+
+@wp.func_native(_CHOSEN % {"real": "double"})
+def chosen(which: wp.vec4d, above: wp.vec4d, below: wp.vec4d) -> wp.vec4d:  # noqa: F811
     """The same in float64."""
     ...

@@ -8,7 +8,7 @@ from typing import Any
 
 import warp as wp
 
-from warp_cloth.kernels.arithmetic import quotient, root
+from warp_cloth.kernels.arithmetic import fused, inner, quotient, root, scaled_sum
 
 
 @wp.func
@@ -20,17 +20,6 @@ def hinge_fold(axis: Any, wing_0: Any, wing_1: Any):
     normal_0 = wp.cross(axis, wing_0)
     normal_1 = wp.cross(wing_1, axis)
     return wp.normalize(normal_0), wp.normalize(normal_1), wp.length(normal_0), wp.length(normal_1)
-
-
-@wp.func
-def hinge_torque(normal_0: Any, normal_1: Any, axis: Any, stiffness: Any):
-    """Signed torque [N m] that unfolds the hinge: C (1 - cos theta), sign from (n0 x n1) . axis.
-
-    1 - cos theta is taken as |n0 - n1|^2 / 2, which keeps its digits where the hinge is nearly flat.
-    """
-    difference = normal_0 - normal_1
-    torque = stiffness * type(stiffness)(0.5) * wp.dot(difference, difference)
-    return wp.where(wp.dot(wp.cross(normal_0, normal_1), axis) < type(stiffness)(0.0), -torque, torque)
 
 
 # A triangle thinner than this share of its axis has no usable direction, and 1 / d no bound: as it collapses the
@@ -47,15 +36,13 @@ def unit_normal(side_1: Any, side_2: Any):
     Both are zero where it has no area.
     """
     normal = wp.cross(side_1, side_2)
-    area = root(wp.dot(normal, normal))
-    none = type(area)(0.0)
-    some = area > type(area)(SMALLEST)
-    bounded = wp.max(area, type(area)(SMALLEST))
-    # not times the inverse: flat cloth has equal normals to the last bit
-    x = wp.where(some, quotient(normal[0], bounded), none)
-    y = wp.where(some, quotient(normal[1], bounded), none)
-    z = wp.where(some, quotient(normal[2], bounded), none)
-    return type(normal)(x, y, z), wp.where(some, quotient(type(area)(1.0), bounded), none)
+    area = root(inner(normal, normal))
+    inverse = type(area)(0.0)
+    if area > type(area)(SMALLEST):
+        inverse = quotient(type(area)(1.0), area)
+    # corrected as a quotient is: flat cloth has equal normals to the last bit
+    unit = normal * inverse
+    return scaled_sum(scaled_sum(unit, -area, normal), inverse, unit), inverse
 
 
 @wp.func
@@ -69,33 +56,41 @@ def turned_back(normal: Any, axis: Any, rest: Any):
 
 
 @wp.func
-def hinge_turn(normal_0: Any, inverse_0: Any, normal_1: Any, inverse_1: Any, axis: Any, stiffness: Any, reach: Any):
+def hinge_turn(
+    normal_0: Any, inverse_0: Any, normal_1: Any, inverse_1: Any, axis: Any, length: Any, stiffness: Any, reach: Any
+):
     """Torque of a hinge over the length L of its axis [N], and a bound of its stiffness [N/m].
 
-    The force on a wing is the torque over its distance from the axis, along its triangle's normal (equation 3): turn
-    times L^2 over twice the triangle's area. The bound holds for any of the hinge's vertices while these move by no
-    more than ``reach`` [m]: C (|sin theta| + angle that ``reach`` can add) (1 / h0 + 1 / h1)^2, with |sin theta| <=
-    |n0 - n1|. Normals and inverse areas as of ``unit_normal``; the axis as it runs in the first triangle.
+    The torque unfolds the hinge: C (1 - cos theta), sign from (n0 x n1) . axis. 1 - cos theta is taken as
+    |n0 - n1|^2 / 2, which keeps its digits where the hinge is nearly flat. The force on a wing is the torque over its
+    distance from the axis, along its triangle's normal (equation 3): turn times L^2 over twice the triangle's area.
+
+    The bound holds for any of the hinge's vertices while these move by no more than ``reach`` [m]: |C| (|sin theta| +
+    angle that ``reach`` can add) (1 / h0 + 1 / h1)^2, with |sin theta| <= |n0 - n1|. Normals and inverse areas as of
+    ``unit_normal``; the axis as it runs in the first triangle, and how long it is, at least SHORTEST; C is negative
+    where the second triangle is wound likewise.
     """
     none = type(stiffness)(0.0)
-    difference = normal_0 - normal_1
-    square = wp.dot(axis, axis)
-    length = wp.max(root(square), type(stiffness)(SHORTEST))
-    torque = hinge_torque(normal_0, normal_1, axis, stiffness)
+    one = type(stiffness)(1.0)
+    difference = scaled_sum(normal_1, -wp.sign(stiffness), normal_0)
+    bend = inner(difference, difference)
+    size = wp.abs(stiffness)
+    torque = size * type(stiffness)(0.5) * bend
     bounded_0 = inverse_0
     bounded_1 = inverse_1
-    least = type(stiffness)(THINNEST) * square
-    if wp.max(inverse_0, inverse_1) * least > type(stiffness)(1.0):
-        most = quotient(type(stiffness)(1.0), least)
+    least = type(stiffness)(THINNEST) * (length * length)
+    if wp.max(inverse_0, inverse_1) * least > one:
+        most = quotient(one, least)
         bounded_0 = wp.min(inverse_0, most)
         bounded_1 = wp.min(inverse_1, most)
         if inverse_0 > none and inverse_1 > none:
             torque = torque * quotient(bounded_0, inverse_0) * quotient(bounded_1, inverse_1)
     per_height = length * (bounded_0 + bounded_1)
-    fold = wp.min(root(wp.dot(difference, difference)) + reach * per_height, type(stiffness)(2.0))
+    fold = wp.min(fused(reach, per_height, root(bend)), type(stiffness)(2.0))
+    # n0 x n1 = (n0 - n1) x n0
+    turn = wp.where(inner(wp.cross(difference, normal_0), axis) < none, -torque, torque)
     both = inverse_0 > none and inverse_1 > none
-    turn = wp.where(both, quotient(torque, length), none)
-    return turn, wp.where(both, stiffness * fold * per_height * per_height, none)
+    return wp.where(both, turn, none), wp.where(both, size * fold * per_height * per_height, none)
 
 
 @wp.func

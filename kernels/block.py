@@ -12,7 +12,10 @@ import warp as wp
 
 from warp_cloth.kernels.cloth import cloth_types
 
-BLOCK_MEMORY = 47 * 1024  # [bytes]; CUDA gives a block 48 KiB without being asked, and Warp takes some of that
+BLOCK_MEMORY = 36 * 1024  # [bytes]; a core of a large GPU has room for six such blocks
+BLOCK_THREADS = 192  # that work on a patch
+WARPS = BLOCK_THREADS // 32  # of threads that go together
+BLOCKS_PER_CORE = 5  # that its registers are to suffice for: each fetches while others work
 BESIDE = wp.constant(-2147483648)  # the sign bit
 
 _OWN_MEMORY = f"""
@@ -93,6 +96,24 @@ def lane_of(thread: int) -> int:
 def block_threads() -> int:
     """How many threads a block has."""
     ...
+
+
+_FETCH = """
+#if defined(__CUDA_ARCH__)
+    const char* start = (const char*)(array.data + first);
+    if (threadIdx.x >> 5 == turn)
+#pragma unroll 1
+        for (int at = 128 * (threadIdx.x & 31); at < count * (int)sizeof(*array.data); at += 128 * 32)
+            asm volatile("prefetch.global.L2 [%0];" :: "l"(start + at));
+#endif
+"""
+
+for _dtype in (wp.uint64, wp.float32, wp.float64, wp.vec4f, wp.vec4d, wp.vec4i):
+
+    @wp.func_native(_FETCH)
+    def fetch_ahead(array: wp.array(dtype=_dtype), first: int, count: int, turn: int):
+        """Has one of the block's WARPS bring so many elements nearer: who reads them later waits less long."""
+        ...
 
 
 @functools.cache

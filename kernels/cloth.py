@@ -8,7 +8,8 @@ import warp as wp
 
 PRECISIONS = ("float32", "mixed", "float64")
 
-# Without fused multiply-adds the CPU and CUDA round alike, operation by operation: a fit gives the same bits on both.
+# Compilers fuse no multiplication and addition of their own choice: so the CPU and CUDA round alike, operation by
+# operation, and a fit gives the same bits on both. Where fusing pays, ``arithmetic`` has it written out for both.
 MODULE_OPTIONS = {"enable_backward": False, "fuse_fp": False}
 
 # What the force kernels sum beside the force: nothing, a bound of the stiffness [N/m] for the accelerated step, or
@@ -28,7 +29,7 @@ class Terms(NamedTuple):
 
 @wp.struct
 class Patch:
-    """Where a patch has its parts, and how many. Arrays have four vec4i of it, the last two numbers unused."""
+    """Where a patch has its parts, and how many. Arrays have four vec4i of it, the last number unused."""
 
     vertex_start: int
     vertex_count: int
@@ -44,6 +45,7 @@ class Patch:
     slot_start: int
     words: int  # that the triangles at a vertex take, at most
     overflow: int  # where its memory is if a block's own is too small; else -1
+    place: int  # of its first own vertex where vertices are in the patches' order
 
 
 @functools.cache
@@ -92,6 +94,15 @@ def cloth_types(precision: str) -> SimpleNamespace:
         items: wp.array(dtype=Item)
 
     @wp.struct
+    class Vertex:
+        """A vertex as an iteration finds it; units as of Cloth."""
+
+        position: point
+        move: vec3
+        weight: real
+        stiffness: real
+
+    @wp.struct
     class Edges:
         """E edges; ``beside`` and ``fold`` only where cloth bends, ``rest`` only where it is not flat at rest."""
 
@@ -131,6 +142,8 @@ def cloth_types(precision: str) -> SimpleNamespace:
         """An edge as it lies."""
 
         side: vec3  # from its first end to its second [m]
+        length: real  # [m], and never 0
+        inverse: real  # of that
         change: vec3  # what the last displacements changed that by [m]
         move: real  # the first end's last displacement [m]
 
@@ -147,8 +160,8 @@ def cloth_types(precision: str) -> SimpleNamespace:
     class Patches:
         """The cloth cut into patches, for a kernel per patch. A patch counts its own vertices, edges, triangles.
 
-        Words pack four numbers below 65536. What a vertex sums lies word by word: its first four edges and all its
-        neighbours' first ones, then the next ones; where it has no more, what counts nothing.
+        Words pack four numbers below 65536, or eight. What a vertex sums lies word by word: its first eight edges and
+        all its neighbours' first ones, then the next ones; where it has no more, what counts nothing.
         """
 
         patch: wp.array(dtype=wp.vec4i)  # as Patch
@@ -161,13 +174,13 @@ def cloth_types(precision: str) -> SimpleNamespace:
         sides: wp.array(dtype=wp.uint64)  # its edges, opposite to the corners; bits: whose turn counts the other way
         slope: wp.array(dtype=vec4)  # as Triangles.slope
         threads: wp.array(dtype=vec4)
-        edge_slot: wp.array(dtype=wp.uint64)  # twice the edge, and 1 where the vertex is its second end
-        slot: wp.array(dtype=wp.uint64)  # the triangle, after all first corners come the second ones, then the third
+        edge_slot: wp.array(dtype=wp.vec4i)  # twice the edge, and 1 where the vertex is its second end
+        slot: wp.array(dtype=wp.vec4i)  # the triangle, after all first corners come the second ones, then the third
 
     return SimpleNamespace(
         name=precision, real=real, point=point, vec2=vec2, vec3=vec3, vec4=vec4, Step=Step, Item=Item,
-        Cloth=Cloth, Edges=Edges, Triangles=Triangles, Hinges=Hinges, Weave=Weave, Span=Span, Sides=Sides,
-        Patches=Patches,
+        Cloth=Cloth, Vertex=Vertex, Edges=Edges, Triangles=Triangles, Hinges=Hinges, Weave=Weave, Span=Span,
+        Sides=Sides, Patches=Patches,
         real_size=8 if precision == "float64" else 4, point_size=12 if precision == "float32" else 24,
     )  # fmt: skip
 

@@ -6,18 +6,30 @@ from typing import Any
 import warp as wp
 
 from warp_cloth.kernels.access import element
-from warp_cloth.kernels.arithmetic import quotient, root
-from warp_cloth.kernels.block import block_of, block_threads, lane_of
+from warp_cloth.kernels.arithmetic import inner, quotient, root, scaled_sum
+from warp_cloth.kernels.block import (
+    BLOCK_THREADS,
+    BLOCKS_PER_CORE,
+    block_of,
+    block_threads,
+    lane_of,
+    wait_for_block,
+)
 from warp_cloth.kernels.cloth import MODULE_OPTIONS, Terms, cloth_types, free_function
 from warp_cloth.kernels.cloth_contact import ClothContact, contact_room, contact_sum, contact_watch
+from warp_cloth.kernels.field import fetch_field, field_contact
 from warp_cloth.kernels.friction import friction_slide
-from warp_cloth.kernels.gather import patch_functions, patch_of
+from warp_cloth.kernels.gather import patch_functions
+from warp_cloth.kernels.patch_steps import patch_of
+
+AHEAD = wp.constant(8)  # vertices for which the CPU's memory is asked before it is needed
+LAUNCH_BOUNDS = (BLOCK_THREADS, BLOCKS_PER_CORE)
 
 
 @wp.func
 def capped(force: Any, limit: Any):
     """The force, or where it passes the limit one of that size in its direction (the paper, section 4)."""
-    size = root(wp.dot(force, force))
+    size = root(inner(force, force))
     return force * wp.where(size > limit, quotient(limit, size), type(limit)(1.0))
 
 
@@ -34,8 +46,8 @@ def direct_move(force: Any, weight: Any, cap: Any):
 @wp.func
 def accelerated_move(force: Any, stiffness: Any, last: Any, momentum: Any, damping: Any, cap: Any):
     """Displacement [m]: force over the vertex's own stiffness, plus momentum, damped where it fights the force."""
-    kept = wp.where(wp.dot(last, force) < type(cap)(0.0), momentum * damping, momentum)
-    return capped(last * kept + force * quotient(type(cap)(1.0), stiffness), cap)
+    kept = wp.where(inner(last, force) < type(cap)(0.0), momentum * damping, momentum)
+    return capped(scaled_sum(last, kept, force * quotient(type(cap)(1.0), stiffness)), cap)
 
 
 @wp.struct
@@ -59,6 +71,26 @@ def touch_type(touches: bool) -> type:
 
 
 @functools.cache
+def held_function(precision: str, accelerated: bool) -> wp.Function:
+    """The function that reads a vertex."""
+    types = cloth_types(precision)
+    Cloth, Vertex = types.Cloth, types.Vertex
+
+    @wp.func
+    def held_vertex(cloth: Cloth, vertex: int):
+        """A vertex as it lies, what last moved it, its weight and the stiffness that it went by."""
+        held = Vertex()
+        held.position = element(cloth.position, vertex)
+        held.weight = element(cloth.weight, vertex)
+        if wp.static(accelerated):
+            held.move = element(cloth.move, vertex)
+            held.stiffness = element(cloth.stiffness, vertex)
+        return held
+
+    return held_vertex
+
+
+@functools.cache
 def displacement(
     precision: str, accelerated: bool, contact: wp.Function | None, collider_type: type, touches: bool
 ) -> wp.Function:
@@ -72,28 +104,28 @@ def displacement(
         touches: whether cloth meets cloth.
     """
     types = cloth_types(precision)
-    real, vec3, vec4, Cloth, Step, Item = types.real, types.vec3, types.vec4, types.Cloth, types.Step, types.Item
+    real, vec3, vec4, Vertex, Step, Item = types.real, types.vec3, types.vec4, types.Vertex, types.Step, types.Item
     Colliders, Touch = colliders_type(contact, collider_type), touch_type(touches)
 
     @wp.func
     def vertex_displacement(
-        cloth: Cloth, step: Step, colliders: Colliders, touch: Touch, load: vec4, vertex: int, number: int, item: Item
+        step: Step, colliders: Colliders, touch: Touch, load: vec4, held: Vertex, vertex: int, number: int, item: Item
     ):
-        """Displacement of a vertex and the part of it that has momentum; remembers the stiffness that it went by.
+        """Displacement of a vertex, the part of it that has momentum, and the stiffness that it went by.
 
         ``number`` is of the item that the vertex belongs to.
         """
         if wp.static(touches):
             load += vec4(contact_sum(touch, vertex))
-        weight = element(cloth.weight, vertex)
-        force = vec3(load[0], load[1], load[2]) + step.gravity * weight
+        weight = held.weight
+        force = scaled_sum(step.gravity, weight, vec3(load[0], load[1], load[2]))
         move = vec3()
+        stiffness = real(0.0)
         if wp.static(accelerated):
-            last = element(cloth.stiffness, vertex)
+            last = held.stiffness
             stiffness = wp.max(load[3] + quotient(weight, item.cap), last * step.memory)
             momentum = step.momentum * wp.min(quotient(last, stiffness), real(1.0))
-            cloth.stiffness[vertex] = stiffness
-            move = accelerated_move(force, stiffness, element(cloth.move, vertex), momentum, step.damping, item.cap)
+            move = accelerated_move(force, stiffness, held.move, momentum, step.damping, item.cap)
         else:
             move = direct_move(force, weight, item.cap)
         shift = vec3()
@@ -101,17 +133,17 @@ def displacement(
             shift = vec3(touch.shift[vertex])
             move += shift
         if wp.static(contact is not None):
-            at = contact(colliders[number], wp.vec3d(element(cloth.position, vertex)) + wp.vec3d(move))
+            at = contact(colliders[number], wp.vec3d(held.position) + wp.vec3d(move))
             push = item.offset - at[3]
             if wp.static(touches):
                 push += touch.lift[vertex]
             if push > 0.0:
                 normal = vec3(real(at[0]), real(at[1]), real(at[2]))
-                pushed = move + normal * wp.min(real(push), item.cap)
+                pushed = scaled_sum(normal, wp.min(real(push), item.cap), move)
                 move = friction_slide(pushed, normal, real(push), real(item.friction))
         if wp.static(touches):
-            move = capped(move, real(contact_room(touch, vertex, wp.vec3d(cloth.position[vertex]))))
-        return move, move - shift
+            move = capped(move, real(contact_room(touch, vertex, wp.vec3d(held.position))))
+        return move, move - shift, stiffness
 
     return vertex_displacement
 
@@ -128,6 +160,7 @@ def displace_kernel(
     point, vec3, vec4, Cloth, Step = types.point, types.vec3, types.vec4, types.Cloth, types.Step
     vertex_displacement = displacement(precision, accelerated, contact, collider_type, touches)
     Touch = touch_type(touches)
+    held_vertex = held_function(precision, accelerated)
     free = free_function(precision, pins)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
@@ -143,14 +176,20 @@ def displace_kernel(
         sum = element(load, vertex)
         load[vertex] = vec4()
         number = element(cloth.item, vertex)
+        if wp.static(contact is field_contact):
+            if vertex + AHEAD < cloth.weight.shape[0]:
+                fetch_field(colliders[number], wp.vec3d(element(cloth.position, vertex + AHEAD)))
         item = cloth.items[number]
         if item.active == 0:
             return
         move = vec3()
         if free(cloth, vertex):
-            move, kept = vertex_displacement(cloth, step, colliders, touch, sum, vertex, number, item)
+            held = held_vertex(cloth, vertex)
+            move, kept, stiffness = vertex_displacement(step, colliders, touch, sum, held, vertex, number, item)
             cloth.move[vertex] = kept
-            cloth.position[vertex] = cloth.position[vertex] + point(move)
+            cloth.position[vertex] = held.position + point(move)
+            if wp.static(accelerated):
+                cloth.stiffness[vertex] = stiffness
         if wp.static(touches):
             contact_watch(touch, vertex, wp.vec3d(cloth.position[vertex]), wp.vec3d(move))
 
@@ -173,19 +212,21 @@ def advance_kernel(
     ``displacement``.
     """
     types = cloth_types(precision)
-    point, vec3, Cloth, Step, Patches = types.point, types.vec3, types.Cloth, types.Step, types.Patches
+    point, vec3, Cloth, Vertex, Step = types.point, types.vec3, types.Cloth, types.Vertex, types.Step
     vertex_displacement = displacement(precision, accelerated, contact, collider_type, touches)
     Touch = touch_type(touches)
-    functions = patch_functions(precision, "stiffness" if accelerated else "none", terms, fits)
-    work_patch, vertex_load = functions.work_patch, functions.vertex_load
+    functions = patch_functions(precision, "stiffness" if accelerated else "none", terms, fits, in_order=not touches)
+    fetch_tables, own_vertex, work_patch = functions.fetch_tables, functions.own_vertex, functions.work_patch
+    vertex_slots, vertex_load = functions.vertex_slots, functions.vertex_load
+    held_vertex = held_function(precision, accelerated)
     free = free_function(precision, terms.pins)
 
-    @wp.kernel(module="unique", module_options=MODULE_OPTIONS, grid_stride=False, launch_bounds=(256, 3))
+    @wp.kernel(module="unique", module_options=MODULE_OPTIONS, grid_stride=False, launch_bounds=LAUNCH_BOUNDS)
     def advance_vertices(
         step: Step,
         colliders: colliders_type(contact, collider_type),
         touch: Touch,
-        patches: Patches,
+        patches: types.Patches,
         beside: wp.array(dtype=wp.uint8),  # memory of patches that are too large for a block's own
         cloth: Cloth,
         position_out: wp.array(dtype=point),  # [m], shape [V]
@@ -196,22 +237,34 @@ def advance_kernel(
         lane = lane_of(thread)
         patch = patch_of(patches.patch, block_of(thread))
         item = cloth.items[patch.item]
+        fetch_tables(patches, patch)
         if item.active == 0:
             return
         memory = work_patch(cloth, patches, patch, beside, step, lane)
-        local = int(lane)
+        local, vertex, held = int(lane), int(0), Vertex()
+        edges, triangles = vertex_slots(patches, patch, local)
+        if local < patch.owned_count:
+            vertex = own_vertex(patches, patch, local)
+            held = held_vertex(cloth, vertex)
+        wait_for_block()
         while local < patch.owned_count:
-            vertex = element(patches.vertex, patch.vertex_start + local)
-            move = vec3()
-            kept = vec3()
+            move, kept = vec3(), vec3()
             if free(cloth, vertex):
-                load = vertex_load(patches, patch, beside, memory, local)
-                move, kept = vertex_displacement(cloth, step, colliders, touch, load, vertex, patch.item, item)
+                load = vertex_load(patches, patch, beside, memory, local, edges, triangles)
+                move, kept, stiffness = vertex_displacement(
+                    step, colliders, touch, load, held, vertex, patch.item, item
+                )
+                if wp.static(accelerated):
+                    cloth.stiffness[vertex] = stiffness
             move_out[vertex] = kept
-            position = element(cloth.position, vertex) + point(move)
+            position = held.position + point(move)
             position_out[vertex] = position
             if wp.static(touches):
                 contact_watch(touch, vertex, wp.vec3d(position), wp.vec3d(move))
             local += block_threads()
+            edges, triangles = vertex_slots(patches, patch, local)
+            if local < patch.owned_count:
+                vertex = own_vertex(patches, patch, local)
+                held = held_vertex(cloth, vertex)
 
     return advance_vertices

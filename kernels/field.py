@@ -2,7 +2,7 @@
 
 import warp as wp
 
-from warp_cloth.kernels.arithmetic import quotient, root
+from warp_cloth.kernels.arithmetic import inner, quotient, root, scaled_sum
 
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})  # the same bits on CPU and CUDA
 
@@ -39,15 +39,52 @@ def spline_slopes(t: float) -> wp.vec3f:
 
 
 _ROW = """
-    const float* row = values.data + ((size_t)i * values.shape[1] + j) * values.shape[2] + k;
+    const float* row = values.data + node;
+#if defined(__CUDA_ARCH__)
+    return wp::vec_t<3, wp::float32>(__ldg(row - 1), __ldg(row), __ldg(row + 1));
+#else
     return wp::vec_t<3, wp::float32>(row[-1], row[0], row[1]);
+#endif
 """
 
 
 @wp.func_native(_ROW)
-def row_about(values: wp.array3d(dtype=wp.float32), i: int, j: int, k: int) -> wp.vec3f:
-    """Nodes (i, j, k - 1) to (i, j, k + 1) of a grid that lies in memory as it is counted."""
-    return wp.vec3f(values[i, j, k - 1], values[i, j, k], values[i, j, k + 1])
+def row_about(values: wp.array3d(dtype=wp.float32), node: int) -> wp.vec3f:
+    """A node of a grid that lies in memory as it is counted, between the one before and the one after."""
+    return wp.vec3f(values[0, 0, node - 1], values[0, 0, node], values[0, 0, node + 1])
+
+
+_FETCH = """
+#if !defined(__CUDA_ARCH__)
+    __builtin_prefetch(values.data + node - 1);
+#endif
+"""
+
+
+@wp.func_native(_FETCH)
+def fetch_row(values: wp.array3d(dtype=wp.float32), node: int):
+    """Has what ``row_about`` reads brought nearer."""
+    ...
+
+
+@wp.func
+def fetch_field(field: ContactField, p: wp.vec3d):
+    """Has what ``field_contact`` reads at a point brought nearer: the memory answers while other points are asked for.
+
+    For the CPU; a GPU works on others meanwhile as it is.
+    """
+    q = p - field.origin
+    inverse = quotient(1.0, field.spacing)
+    i = int(wp.floor(float(q[0]) * inverse + 0.5))
+    j = int(wp.floor(float(q[1]) * inverse + 0.5))
+    k = int(wp.floor(float(q[2]) * inverse + 0.5))
+    ny = field.values.shape[1]
+    nz = field.values.shape[2]
+    if i < 1 or j < 1 or k < 1 or i > field.values.shape[0] - 2 or j > ny - 2 or k > nz - 2:
+        return
+    for a in range(3):
+        for b in range(3):
+            fetch_row(field.values, ((i + a - 1) * ny + j + b - 1) * nz + k)
 
 
 @wp.func
@@ -76,9 +113,10 @@ def field_contact(field: ContactField, p: wp.vec3d) -> wp.vec4f:
     most.
     """
     q = p - field.origin
-    x = quotient(float(q[0]), field.spacing)
-    y = quotient(float(q[1]), field.spacing)
-    z = quotient(float(q[2]), field.spacing)
+    inverse = quotient(1.0, field.spacing)
+    x = float(q[0]) * inverse
+    y = float(q[1]) * inverse
+    z = float(q[2]) * inverse
     i = int(wp.floor(x + 0.5))
     j = int(wp.floor(y + 0.5))
     k = int(wp.floor(z + 0.5))
@@ -87,44 +125,40 @@ def field_contact(field: ContactField, p: wp.vec3d) -> wp.vec4f:
     nz = field.values.shape[2]
     if i < 1 or j < 1 or k < 1 or i > nx - 2 or j > ny - 2 or k > nz - 2:
         return far_contact(field.reach)
-    middle = row_about(field.values, i, j, k)
+    plane_nodes = ny * nz
+    first = i * plane_nodes + j * nz + k
+    middle = row_about(field.values, first)
     if middle[1] > field.reach + field.spacing:
         return far_contact(field.reach)
+    first -= plane_nodes + nz
     u = x - float(i)
     v = y - float(j)
     w = z - float(k)
     wx = spline_weights(u)
     wy = spline_weights(v)
     wz = spline_weights(w)
-    distance = float(0.0)
+    sx = spline_slopes(u)
+    across = wp.vec3f()  # of the three nodes along z, summed across x and y; then by the slopes along x, along y
+    across_x = wp.vec3f()
     for a in range(3):
-        plane = float(0.0)
+        plane = wp.vec3f()
         for b in range(3):
-            plane += wy[b] * wp.dot(wz, row_about(field.values, i + a - 1, j + b - 1, k))
-        distance += wx[a] * plane
+            plane = scaled_sum(row_about(field.values, first + a * plane_nodes + b * nz), wy[b], plane)
+        across = scaled_sum(plane, wx[a], across)
+        across_x = scaled_sum(plane, sx[a], across_x)
+    distance = inner(wz, across)
     if distance > field.near:
         return far_contact(distance)
-    sx = spline_slopes(u)
     sy = spline_slopes(v)
-    sz = spline_slopes(w)
-    gx = float(0.0)
-    gy = float(0.0)
-    gz = float(0.0)
+    across_y = wp.vec3f()
     for a in range(3):
-        plane_x = float(0.0)
-        plane_y = float(0.0)
-        plane_z = float(0.0)
+        plane = wp.vec3f()
         for b in range(3):
-            row = row_about(field.values, i + a - 1, j + b - 1, k)
-            line = wp.dot(wz, row)
-            plane_x += wy[b] * line
-            plane_y += sy[b] * line
-            plane_z += wy[b] * wp.dot(sz, row)
-        gx += sx[a] * plane_x
-        gy += wx[a] * plane_y
-        gz += wx[a] * plane_z
+            plane = scaled_sum(row_about(field.values, first + a * plane_nodes + b * nz), sy[b], plane)
+        across_y = scaled_sum(plane, wx[a], across_y)
+    gx, gy, gz = inner(wz, across_x), inner(wz, across_y), inner(spline_slopes(w), across)
     gradient = wp.vec3f(gx, gy, gz)  # per spacing
-    length = root(wp.dot(gradient, gradient))
+    length = root(inner(gradient, gradient))
     if length > FLAT * field.spacing:
         normal = gradient * quotient(1.0, length)
     else:

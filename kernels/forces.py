@@ -9,11 +9,11 @@ from types import SimpleNamespace
 
 import warp as wp
 
-from warp_cloth.kernels.arithmetic import quotient, root
+from warp_cloth.kernels.arithmetic import fused, inner, quotient, root, roots, scaled_sum
 from warp_cloth.kernels.bending import SHORTEST, hinge_turn, turned_back, unit_normal
 from warp_cloth.kernels.cloth import Terms, cloth_types, difference_function
-from warp_cloth.kernels.tension import edge_drag, tension_force, tension_stiffness
-from warp_cloth.kernels.weave import slope_shares, thread_pull, warp_vector, weft_vector
+from warp_cloth.kernels.tension import tension_force, tension_stiffness
+from warp_cloth.kernels.weave import slope_shares, thread_pulls, warp_vector, weft_vector
 
 
 @functools.cache
@@ -25,26 +25,28 @@ def edge_functions(precision: str, fourth: str, angles: bool) -> SimpleNamespace
     difference = difference_function(precision)
 
     @wp.func
-    def edge_span(first: point, second: point, first_move: vec3, second_move: vec3):
-        """An edge as it lies, and what last moved it."""
+    def edge_span(first: point, second: point, first_move: vec3, second_move: vec3, size: real):
+        """An edge as it lies, and what last moved it; ``size`` of the first end's last displacement [m]."""
         span = Span()
         span.side = difference(second, first)
+        span.length = wp.max(root(inner(span.side, span.side)), real(SHORTEST))
+        span.inverse = quotient(real(1.0), span.length)
         if wp.static(fourth == "stiffness"):
             span.change = second_move - first_move
-            span.move = root(wp.dot(first_move, first_move))
+            span.move = size
         return span
 
     @wp.func
     def edge_load(span: Span, law: vec3, step: Step):
         """Load of an edge's tension on its first end; on the second the force is the opposite."""
-        length = root(wp.dot(span.side, span.side))
-        tension = tension_force(length, law[0], law[1], law[2])
-        force = span.side * quotient(tension, wp.max(length, real(SHORTEST)))
+        tension = tension_force(span.length, law[0], law[1], law[2])
+        force = span.side * (tension * span.inverse)
         part = real(0.0)
         if wp.static(fourth == "stiffness"):
-            reach = step.reach * root(wp.dot(span.change, span.change))
-            part = tension_stiffness(length, law[0], law[1], law[2], reach)
-            force = force + edge_drag(span.change, part, step.viscosity)
+            reach = step.reach * root(inner(span.change, span.change))
+            part = tension_stiffness(span.length, law[0], law[1], law[2], reach)
+            # calms neighbours that swing against each other, leaves what moves together its momentum, nothing at rest
+            force = scaled_sum(span.change, part * step.viscosity, force)
         if wp.static(fourth == "size"):
             part = wp.length(force)
         return vec4(force[0], force[1], force[2], part)
@@ -53,12 +55,12 @@ def edge_functions(precision: str, fourth: str, angles: bool) -> SimpleNamespace
     def edge_fold(span: Span, first: vec4, second: vec4, stiffness: real, rest: vec2, step: Step):
         """Turn of an edge's hinge [N], bound of its stiffness [N/m] and L^2 [m2], from its triangles' normals."""
         normal_0 = vec3(first[0], first[1], first[2])
-        normal_1 = vec3(second[0], second[1], second[2]) * wp.sign(stiffness)
+        normal_1 = vec3(second[0], second[1], second[2])
         if wp.static(angles):
             normal_1 = turned_back(normal_1, span.side, rest)
         reach = step.reach * span.move
-        turn, bound = hinge_turn(normal_0, first[3], normal_1, second[3], span.side, wp.abs(stiffness), reach)
-        return vec3(turn, bound, wp.dot(span.side, span.side))
+        turn, bound = hinge_turn(normal_0, first[3], normal_1, second[3], span.side, span.length, stiffness, reach)
+        return vec3(turn * span.inverse, bound, inner(span.side, span.side))
 
     return SimpleNamespace(edge_span=edge_span, edge_load=edge_load, edge_fold=edge_fold)
 
@@ -98,28 +100,30 @@ def corner_function(precision: str, fourth: str, terms: Terms) -> wp.Function:
     corner_folds, thread_loads = _fold_function(precision, fourth), _thread_function(precision, fourth)
 
     @wp.func
-    def fold_load(normal: vec4, along: types.real, part: types.real):
-        """Load of a corner from what ``corner_folds`` says."""
-        return vec4(normal[0] * along, normal[1] * along, normal[2] * along, part)
+    def with_fold(load: vec4, normal: vec4, along: types.real, part: types.real):
+        """Load of a corner and what ``corner_folds`` says of it."""
+        return vec4(
+            fused(normal[0], along, load[0]),
+            fused(normal[1], along, load[1]),
+            fused(normal[2], along, load[2]),
+            load[3] + part,
+        )
 
     @wp.func
     def corner_loads(
         normal: vec4, fold_0: vec3, fold_1: vec3, fold_2: vec3, sides: Sides, slope: vec4, law: vec4, step: Step
     ):
-        """Loads of the corners: of the hinges of the triangle's sides, then of its threads."""
+        """Loads of the corners: of the triangle's threads, then of the hinges of its sides."""
         first = vec4()
         second = vec4()
         third = vec4()
+        if wp.static(terms.threads):
+            first, second, third = thread_loads(sides, slope, law, step)
         if wp.static(terms.folds):
             along, part = corner_folds(normal[3], fold_0, fold_1, fold_2)
-            first = fold_load(normal, along[0], part[0])
-            second = fold_load(normal, along[1], part[1])
-            third = fold_load(normal, along[2], part[2])
-        if wp.static(terms.threads):
-            load_0, load_1, load_2 = thread_loads(sides, slope, law, step)
-            first += load_0
-            second += load_1
-            third += load_2
+            first = with_fold(first, normal, along[0], part[0])
+            second = with_fold(second, normal, along[1], part[1])
+            third = with_fold(third, normal, along[2], part[2])
         return first, second, third
 
     return corner_loads
@@ -149,14 +153,13 @@ def _fold_function(precision: str, fourth: str) -> wp.Function:
             square[1] + square[2] - square[0], square[2] + square[0] - square[1], square[0] + square[1] - square[2]
         )
         push = vec3(fold_0[0], fold_1[0], fold_2[0]) * inverse
-        along_1 = push[1] * square[1] - push[0] * dots[2] - push[2] * dots[0]
-        along_2 = push[2] * square[2] - push[0] * dots[1] - push[1] * dots[0]
+        along_1 = fused(push[1], square[1], -fused(push[0], dots[2], push[2] * dots[0]))
+        along_2 = fused(push[2], square[2], -fused(push[0], dots[1], push[1] * dots[0]))
         part = vec3()
         if wp.static(fourth == "stiffness"):
             # a wing's bound is in its own triangle, an axis' in both of the hinge's
-            bound = vec3(fold_0[1], fold_1[1], fold_2[1])
-            both = half * (bound[0] + bound[1] + bound[2])
-            part = vec3(both, both, both) + bound * half
+            both = half * (fold_0[1] + fold_1[1] + fold_2[1])
+            part = vec3(fused(fold_0[1], half, both), fused(fold_1[1], half, both), fused(fold_2[1], half, both))
         if wp.static(fourth == "size"):
             part = vec3(
                 wp.abs(push[0]) * square[0] + wp.abs(push[1] * dots[2]) + wp.abs(push[2] * dots[1]),
@@ -171,7 +174,9 @@ def _fold_function(precision: str, fourth: str) -> wp.Function:
 def _thread_parts_function(precision: str, fourth: str) -> wp.Function:
     types = cloth_types(precision)
     real, vec3, vec4 = types.real, types.vec3, types.vec4
-    half = wp.constant(real(0.5**0.5))
+    # of the warp and weft threads' figures, and of those of both biases, whose slopes are taken sqrt(2) times too large
+    straight = wp.constant(real(0.5 if fourth == "stiffness" else 1.0))
+    bias = wp.constant(real(0.25 if fourth == "stiffness" else 0.5**0.5))
 
     @wp.func
     def corner_share(slope_1: real, slope_2: real):
@@ -185,10 +190,10 @@ def _thread_parts_function(precision: str, fourth: str) -> wp.Function:
     @wp.func
     def corner_parts(slope: vec4, figure: vec4):
         """Fourth parts of the corners from the figures of the weft, warp and both bias threads."""
-        part = corner_share(slope[0], slope[1]) * figure[0] + corner_share(slope[2], slope[3]) * figure[1]
-        part += corner_share(half * (slope[0] + slope[2]), half * (slope[1] + slope[3])) * figure[2]
-        part += corner_share(half * (slope[0] - slope[2]), half * (slope[1] - slope[3])) * figure[3]
-        return part
+        part = corner_share(slope[0], slope[1]) * (straight * figure[0])
+        part = scaled_sum(corner_share(slope[2], slope[3]), straight * figure[1], part)
+        part = scaled_sum(corner_share(slope[0] + slope[2], slope[1] + slope[3]), bias * figure[2], part)
+        return scaled_sum(corner_share(slope[0] - slope[2], slope[1] - slope[3]), bias * figure[3], part)
 
     return corner_parts
 
@@ -197,39 +202,50 @@ def _thread_function(precision: str, fourth: str) -> wp.Function:
     types = cloth_types(precision)
     real, vec3, vec4, Sides, Step = types.real, types.vec3, types.vec4, types.Sides, types.Step
     corner_parts = _thread_parts_function(precision, fourth)
-    half = wp.constant(real(0.5**0.5))
+    half = wp.constant(real(0.5))
+
+    @wp.func
+    def squares(weft: vec3, warp: vec3):
+        """Squares of the lengths of what a unit of cloth along the weft, the warp and both biases has become.
+
+        A bias is half the square root of 2 times the sum or the difference of the others.
+        """
+        weft_2, warp_2, both = inner(weft, weft), inner(warp, warp), inner(weft, warp)
+        mean = half * (weft_2 + warp_2)
+        none = real(0.0)
+        return vec4(weft_2, warp_2, wp.max(mean + both, none), wp.max(mean - both, none))
 
     @wp.func
     def thread_loads(sides: Sides, slope: vec4, law: vec4, step: Step):
         """Loads of the four threads on the corners."""
-        push = law * law[3]
         along_u = weft_vector(slope, sides.side_1, sides.side_2)
         along_v = warp_vector(slope, sides.side_1, sides.side_2)
         change_u = vec3()
         change_v = vec3()
-        viscosity = real(0.0)
+        square = squares(along_u, along_v)
+        change = vec4()
         if wp.static(fourth == "stiffness"):
             change_u = weft_vector(slope, sides.change_1, sides.change_2)
             change_v = warp_vector(slope, sides.change_1, sides.change_2)
-            viscosity = step.viscosity
-        plus = half * (along_u + along_v)
-        minus = half * (along_u - along_v)
-        change_p = half * (change_u + change_v)
-        change_m = half * (change_u - change_v)
-        pull_u, stiff_u = thread_pull(along_u, change_u, law[0], push[0], step.reach, viscosity)
-        pull_v, stiff_v = thread_pull(along_v, change_v, law[1], push[1], step.reach, viscosity)
-        pull_p, stiff_p = thread_pull(plus, change_p, law[2], push[2], step.reach, viscosity)
-        pull_m, stiff_m = thread_pull(minus, change_m, law[2], push[2], step.reach, viscosity)
+            change = squares(change_u, change_v)
+        pull = vec4(law[0], law[1], law[2], law[2])
+        along, stiff = thread_pulls(square, change, pull, pull * law[3], step.reach)
+        # what the biases pull along weft and warp, each along itself and along the other
+        mean, across = half * (along[2] + along[3]), half * (along[2] - along[3])
+        weft = scaled_sum(along_v, across, along_u * (along[0] + mean))
+        warp = scaled_sum(along_u, across, along_v * (along[1] + mean))
         part = vec3()
         if wp.static(fourth == "stiffness"):
-            part = corner_parts(slope, vec4(stiff_u, stiff_v, stiff_p, stiff_m))
+            # resists the threads' changing, as an edge's load does
+            drag = stiff * step.viscosity
+            mean, across = half * (drag[2] + drag[3]), half * (drag[2] - drag[3])
+            weft = scaled_sum(change_u, drag[0] + mean, scaled_sum(change_v, across, weft))
+            warp = scaled_sum(change_v, drag[1] + mean, scaled_sum(change_u, across, warp))
+            part = corner_parts(slope, stiff)
         if wp.static(fourth == "size"):
-            sizes = vec4(wp.length(pull_u), wp.length(pull_v), wp.length(pull_p), wp.length(pull_m))
-            part = corner_parts(slope, sizes)
-        weft = pull_u + half * (pull_p + pull_m)
-        warp = pull_v + half * (pull_p - pull_m)
-        force_1 = -(weft * slope[0] + warp * slope[2])
-        force_2 = -(weft * slope[1] + warp * slope[3])
+            part = corner_parts(slope, wp.cw_mul(wp.abs(along), roots(square)))
+        force_1 = -scaled_sum(weft, slope[0], warp * slope[2])
+        force_2 = -scaled_sum(weft, slope[1], warp * slope[3])
         force_0 = -(force_1 + force_2)
         return (
             vec4(force_0[0], force_0[1], force_0[2], part[0]),

@@ -4,7 +4,7 @@ from typing import Any
 
 import warp as wp
 
-from warp_cloth.kernels.arithmetic import quotient, root
+from warp_cloth.kernels.arithmetic import inner, quotient, root, scaled_sum
 
 
 @wp.func
@@ -13,11 +13,11 @@ def friction_slide(displacement: Any, normal: Any, push: Any, friction: Any):
 
     ``push`` is how far contact moved the point along ``normal`` in this step [m] (the paper, section 5).
     """
-    along = normal * wp.dot(displacement, normal)
+    along = normal * inner(displacement, normal)
     tangent = displacement - along
-    slide = root(wp.dot(tangent, tangent))
+    slide = root(inner(tangent, tangent))
     kept = wp.max(slide - friction * push, type(push)(0.0))
-    return along + tangent * wp.where(slide > type(push)(0.0), quotient(kept, slide), type(push)(0.0))
+    return scaled_sum(tangent, wp.where(slide > type(push)(0.0), quotient(kept, slide), type(push)(0.0)), along)
 
 
 @wp.func

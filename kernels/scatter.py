@@ -9,6 +9,7 @@ import functools
 import warp as wp
 
 from warp_cloth.kernels.access import add_to, element
+from warp_cloth.kernels.arithmetic import inner, root
 from warp_cloth.kernels.cloth import MODULE_OPTIONS, Terms, cloth_types, rest_function
 from warp_cloth.kernels.forces import corner_function, edge_functions, triangle_functions
 
@@ -67,7 +68,8 @@ def edges_kernel(precision: str, fourth: str, terms: Terms) -> wp.Kernel:
         move_1 = vec3()
         if wp.static(fourth == "stiffness"):
             move_0, move_1 = element(cloth.move, ends[0]), element(cloth.move, ends[1])
-        span = edge_span(element(cloth.position, ends[0]), element(cloth.position, ends[1]), move_0, move_1)
+        size = root(inner(move_0, move_0))
+        span = edge_span(element(cloth.position, ends[0]), element(cloth.position, ends[1]), move_0, move_1, size)
         if wp.static(terms.edges):
             load = edge_load(span, element(edges.law, edge), step)
             add_to(load_out, ends[0], load)

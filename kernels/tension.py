@@ -33,13 +33,3 @@ def tension_stiffness(length: Any, rest: Any, pull: Any, push: Any, reach: Any):
     stretch = length - rest
     stiffness = wp.where(stretch + reach > type(length)(0.0), pull, push)
     return type(length)(2.0) * stiffness * (wp.abs(stretch) + reach)
-
-
-@wp.func
-def edge_drag(change: Any, stiffness: Any, viscosity: Any):
-    """Force [N] that an edge's other end exerts because the two ends' last displacements differ by ``change`` [m].
-
-    Part of the accelerated step, not of the cloth: it calms neighbours that swing against each other, leaves what
-    moves together its momentum, and is nothing at rest.
-    """
-    return change * (stiffness * viscosity)

@@ -11,8 +11,8 @@ from typing import Any
 
 import warp as wp
 
-from warp_cloth.kernels.arithmetic import quotient, root
-from warp_cloth.kernels.tension import tension_energy, tension_force, tension_stiffness
+from warp_cloth.kernels.arithmetic import chosen, inverses, roots, scaled_sum
+from warp_cloth.kernels.tension import tension_energy
 
 SHORTEST = wp.constant(1.0e-20)  # of a thread that has collapsed; what divides by it stays finite
 
@@ -20,27 +20,38 @@ SHORTEST = wp.constant(1.0e-20)  # of a thread that has collapsed; what divides 
 @wp.func
 def weft_vector(slope: Any, side_1: Any, side_2: Any):
     """What a unit of cloth along the weft has become; sides are those from the triangle's first corner."""
-    return side_1 * slope[0] + side_2 * slope[1]
+    return scaled_sum(side_2, slope[1], side_1 * slope[0])
 
 
 @wp.func
 def warp_vector(slope: Any, side_1: Any, side_2: Any):
     """What a unit of cloth along the warp has become."""
-    return side_1 * slope[2] + side_2 * slope[3]
+    return scaled_sum(side_2, slope[3], side_1 * slope[2])
 
 
 @wp.func
-def thread_pull(thread: Any, change: Any, pull: Any, push: Any, reach: Any, viscosity: Any):
-    """Pull of a thread on the corners, per unit of their slopes [J], and the bound of its stiffness [J].
+def thread_pulls(square: Any, change: Any, pull: Any, push: Any, reach: Any):
+    """Pulls of four threads over their lengths, per unit of their corners' slopes [J], and bounds of stiffness [J].
 
-    ``change`` is what the corners' last displacements changed the thread by. ``viscosity``, part of the accelerated
-    step, resists it as ``tension.edge_drag`` does; with 0 the pull is minus the gradient of ``thread_energy``.
+    The law is that of ``tension``, for all four at a time: processors that can do so in one go, do.
+
+    Args:
+        square: of their lengths.
+        change: square of what the corners' last displacements changed the threads by.
+        pull: K A [J].
+        push: that where they are shorter than 1.
+        reach: how many such changes the bound allows for.
     """
-    one = type(pull)(1.0)
-    length = root(wp.dot(thread, thread))
-    stiffness = tension_stiffness(length, one, pull, push, reach * root(wp.dot(change, change)))
-    along = quotient(tension_force(length, one, pull, push), wp.max(length, type(pull)(SHORTEST)))
-    return change * (stiffness * viscosity) + thread * along, stiffness
+    one = type(reach)(1.0)
+    length = roots(square)
+    stretch = length - type(square)(one, one, one, one)
+    far = roots(change) * reach
+    size = wp.abs(stretch)
+    short = type(reach)(SHORTEST)
+    inverse = inverses(wp.max(length, type(square)(short, short, short, short)))
+    along = wp.cw_mul(wp.cw_mul(chosen(stretch, pull, push), wp.cw_mul(stretch, size)), inverse)
+    bound = wp.cw_mul(chosen(stretch + far, pull, push), size + far)
+    return along, bound + bound
 
 
 @wp.func
@@ -51,7 +62,7 @@ def thread_energy(thread: Any, pull: Any, push: Any):
 
 @wp.func
 def slope_shares(slope_1: Any, slope_2: Any):
-    """Share of a thread's stiffness that each corner bears [1/m2]: |b_i| (|b_0| + |b_1| + |b_2|) / 2.
+    """Twice the share of a thread's stiffness that each corner bears [1/m2]: |b_i| (|b_0| + |b_1| + |b_2|).
 
     b are the corners' slopes, with b_0 = -b_1 - b_2. A thread that runs along an edge of length L gives 1 / L^2 to
     both its ends, as the edge itself would.
@@ -59,5 +70,5 @@ def slope_shares(slope_1: Any, slope_2: Any):
     size_0 = wp.abs(slope_1 + slope_2)
     size_1 = wp.abs(slope_1)
     size_2 = wp.abs(slope_2)
-    half = (size_0 + size_1 + size_2) * type(slope_1)(0.5)
-    return half * size_0, half * size_1, half * size_2
+    sum = size_0 + size_1 + size_2
+    return sum * size_0, sum * size_1, sum * size_2

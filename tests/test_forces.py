@@ -20,6 +20,8 @@ from warp_cloth.solver.certificate import element_energies
 GRADIENT_TOLERANCE = 1e-6
 # Sums over a hundred terms in float64.
 BALANCE_TOLERANCE = 1e-12
+# Lengths as rounded by NumPy and by the kernels' fused sums are 1e-17 m apart, and a pull goes by the square of that.
+STILL = 1e-25  # [N]
 
 FABRIC = resolve_fabric({"stretch": 20e3, "shear": "edges", "compression": 0.1, "bending": 1e-5})
 WOVEN = replace(FABRIC, stretch_weft=9e3, shear=800.0)
@@ -123,7 +125,7 @@ def test_it_does_not_matter_which_way_each_triangle_is_wound(terms: str) -> None
 
 
 def test_flat_cloth_at_rest_has_no_forces() -> None:
-    assert np.abs(cloth_forces(model_with("both", MESH.points))).max() == 0.0
+    assert np.abs(cloth_forces(model_with("both", MESH.points))).max() < STILL
 
 
 @pytest.mark.parametrize("precision", ["float32", "mixed"])

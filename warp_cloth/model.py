@@ -32,10 +32,20 @@ class GarmentPart:
 class Patches:
     """The cloth cut into patches, each of which a thread block works out. The first ``count`` are worked on."""
 
-    def __init__(self, rows: NDArray[np.int32], item: NDArray[np.int32], tables: Any, overflow: wp.array) -> None:
-        """``rows`` are kernels.cloth Patch, each of an ``item``, shape [P, 16]; ``tables`` kernels.cloth Patches."""
+    def __init__(
+        self,
+        rows: NDArray[np.int32],
+        item: NDArray[np.int32],
+        tables: Any,
+        packed_tables: Any,
+        order: wp.array,
+        overflow: wp.array,
+    ) -> None:
+        """``rows`` are kernels.cloth Patch, each of an ``item``, shape [P, 16]; the rest as of the attributes."""
         self._rows, self._item = rows, item
-        self.tables = tables
+        self.tables = tables  # kernels.cloth Patches
+        self.packed_tables = packed_tables  # the same for vertices in the patches' order
+        self.order = order  # that order: of each patch the vertices that it owns
         self.overflow = overflow  # memory of patches that are too large for a block's own
         self.fits = wp.get_device(overflow.device).is_cuda and not len(overflow)  # whether none is
         self.count = len(rows)
@@ -302,6 +312,8 @@ def _patches(
         rows[name] = numbers
     first = cut.vertex[rows["vertex_start"]]
     rows["item"] = np.searchsorted(item_start, first, side="right") - 1
+    place, order = _packed_order(cut.vertex, rows)
+    rows["place"] = place
     tables = types.Patches()
     wide = np.zeros((len(rows), 16), dtype=np.int32)
     wide[:, : rows.dtype.itemsize // 4] = rows.view(np.int32).reshape(len(rows), -1)
@@ -312,7 +324,7 @@ def _patches(
     if terms.edges:
         law = np.column_stack([joined.law[cut.edge], joined.fold[cut.edge]])
         tables.law = upload(law, types.vec4)
-        tables.edge_slot = upload(cut.edge_slot, wp.uint64)
+        tables.edge_slot = upload(cut.edge_slot, wp.vec4i)
     if terms.folds:
         tables.sides = upload(cut.sides, wp.uint64)
     if terms.folds and not terms.edges:
@@ -321,8 +333,24 @@ def _patches(
         tables.rest = upload(joined.rest[cut.edge], types.vec2)
     if terms.folds or terms.threads:
         tables.corners = upload(cut.corners, wp.uint64)
-        tables.slot = upload(cut.slot, wp.uint64)
+        tables.slot = upload(cut.slot, wp.vec4i)
     if terms.threads:
         tables.slope = upload(joined.slope[cut.triangle], types.vec4)
         tables.threads = upload(joined.threads[cut.triangle], types.vec4)
-    return Patches(wide, rows["item"], tables, wp.empty(cut.overflow, dtype=wp.uint8, device=device))
+    rank = np.empty_like(order)
+    rank[order] = np.arange(len(order), dtype=order.dtype)
+    packed = types.Patches()
+    for name in types.Patches.vars:
+        if getattr(tables, name) is not None:
+            setattr(packed, name, getattr(tables, name))
+    packed.vertex = upload(rank[cut.vertex], wp.int32)
+    overflow = wp.empty(cut.overflow, dtype=wp.uint8, device=device)
+    return Patches(wide, rows["item"], tables, packed, upload(order, wp.int32), overflow)
+
+
+def _packed_order(vertex: NDArray[Any], rows: NDArray[Any]) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+    """Where each patch's own vertices start in the patches' order, and that order; ``vertex`` of all patches."""
+    owned = rows["owned_count"]
+    place = np.cumsum(owned, dtype=np.int32) - owned
+    lane = np.arange(owned.sum(), dtype=np.int64) - np.repeat(place, owned)
+    return place, vertex[np.repeat(rows["vertex_start"], owned) + lane].astype(np.int32)

@@ -16,10 +16,12 @@ from warp_cloth.kernels.block import BLOCK_MEMORY
 from warp_cloth.kernels.cloth import Terms, cloth_types
 from warp_cloth.kernels.gather import RANKS
 from warp_cloth.mesh import Indices, Points
+from warp_cloth.rest import Floats
+from warp_cloth.spread import spread_places
 from warp_cloth.threads import map_in_threads
 from warp_cloth.topology import ragged_rows, sorted_keys
 
-LARGEST = 128  # vertices that a patch owns: with what is around them as much as a block's memory holds
+LARGEST = 120  # vertices that a patch owns: with what is around them they nearly always fit a block's memory
 SMALLEST = 16  # below, far more is worked out around a patch than in it
 BLOCKS = 264  # patches that a large GPU works on at a time, so that small garments are cut smaller
 
@@ -42,8 +44,8 @@ class PatchTables:
     corners: NDArray[np.uint64]
     sides: NDArray[np.uint64]
     triangle: Keys  # of the elements' triangles, in the patches' order
-    edge_slot: NDArray[np.uint64]
-    slot: NDArray[np.uint64]
+    edge_slot: NDArray[np.int32]
+    slot: NDArray[np.int32]
     overflow: int  # bytes that patches need which are too large for a block's own memory
 
 
@@ -86,7 +88,14 @@ def _shape(elements: Elements, points: Points) -> bytes:
 
 def _garment_tables(elements: Elements, points: Points, size: int, terms: Terms, precision: str) -> PatchTables:
     """A garment's patches of ``size`` vertices, halved where they would not fit."""
-    groups = _near_groups(points, size)
+    places = spread_places(elements.ends, points) if len(points) > size else points
+    groups = _near_groups(places, size)
+    order = _in_rows(groups, places)
+    rank = np.empty(len(points), dtype=np.int32)
+    rank[order] = np.arange(len(points), dtype=np.int32)
+    # from here on vertices are counted in that order
+    elements = replace(elements, ends=rank[elements.ends], corners=rank[elements.corners])
+    groups, places = [np.sort(rank[group]) for group in groups], places[order]
     chunks = [groups[first : first + CHUNK] for first in range(0, len(groups), CHUNK)]
     owner = np.empty(len(points), dtype=np.int64)
     for index, chunk in enumerate(chunks):
@@ -106,14 +115,28 @@ def _garment_tables(elements: Elements, points: Points, size: int, terms: Terms,
             own = [
                 half
                 for group, halved in zip(own, large, strict=True)
-                for half in (_near_groups(points, -(-len(group) // 2), group) if halved else [group])
+                for half in (_near_groups(places, -(-len(group) // 2), group) if halved else [group])
             ]
 
     tables = _end_to_end(map_in_threads(cut, range(len(chunks))))
     counts = ("vertex_count", "normal_count", "triangle_count", "edge_count")
     if max(int(tables.patch[count].max(initial=0)) for count in counts) * 4 >= MOST:
         raise InputError("garment", "more than 10,000 triangles meet at a vertex", "divide the mesh differently")
-    return tables
+    return replace(tables, vertex=order[tables.vertex].astype(np.int64))
+
+
+def _in_rows(groups: Sequence[Indices], places: Floats) -> Indices:
+    """The vertices of one group after another, each group's row by row, so that neighbours are counted together."""
+    count = np.array([len(group) for group in groups])
+    of, first, vertices = np.repeat(np.arange(len(groups)), count), np.cumsum(count) - count, np.concatenate(groups)
+    place = places[vertices]
+    low = np.minimum.reduceat(place, first, axis=0)
+    extent = np.maximum.reduceat(place, first, axis=0) - low
+    longest = np.argsort(-extent, axis=1, kind="stable")[of]
+    lane = np.arange(len(vertices))
+    share = (place - low[of]) / np.maximum(extent[of], 1e-30)
+    row = np.floor(share[lane, longest[:, 0]] * np.sqrt(count[of]))
+    return np.asarray(vertices[np.lexsort((share[lane, longest[:, 1]], row, of))])
 
 
 def _by_chunk(vertices: Indices, chunk: Keys, chunk_count: int) -> list[Keys]:
@@ -148,13 +171,13 @@ def _end_to_end(parts: Sequence[PatchTables], first: Mapping[str, Sequence[int]]
     return PatchTables(patch=patch, overflow=0, **tables)
 
 
-Cluster = tuple[Indices, Points, int]  # vertices, where they are, and into how many groups they go
+Cluster = tuple[Indices, Floats, int]  # vertices, where they are, and into how many groups they go
 
 
-def _near_groups(points: Points, size: int, vertices: Indices | None = None) -> list[Indices]:
-    """Vertices in groups of at most ``size`` that lie together, halved across the longer way again and again."""
-    chosen = np.arange(len(points), dtype=np.int32) if vertices is None else vertices
-    clusters = _halved((chosen, points[chosen], -(-len(chosen) // size)), CHUNK)
+def _near_groups(places: Floats, size: int, vertices: Indices | None = None) -> list[Indices]:
+    """Vertices in groups of at most ``size`` that lie together, halved across the longest way again and again."""
+    chosen = np.arange(len(places), dtype=np.int32) if vertices is None else vertices
+    clusters = _halved((chosen, places[chosen], -(-len(chosen) // size)), CHUNK)
     return [np.sort(group) for found in map_in_threads(lambda each: _halved(each, 1), clusters) for group, *_ in found]
 
 
@@ -176,7 +199,7 @@ def _halved(cluster: Cluster, parts: int) -> list[Cluster]:
 
 
 class _Members:
-    """Which of some elements each patch has, and as which it counts them: those that are not ``last`` come first."""
+    """Which of some elements each patch has, and as which it counts them."""
 
     def __init__(self, patch: Keys, element: Numbers, total: int, patch_count: int) -> None:
         self._total = total
@@ -187,14 +210,12 @@ class _Members:
         self.listed, self.listed_patch = self.element, self.patch
         self._number = np.arange(len(self._keys)) - self.start[self.patch]
 
-    def put_last(self, last: NDArray[np.bool_]) -> None:
-        """Counts these after the others, which keep their order."""
-        before: Keys = np.cumsum(~last) - ~last  # that are not last, before each
-        first = np.append(before, np.count_nonzero(~last))[np.append(self.start, len(last))]
-        others, own = before - first[self.patch], np.diff(first)[self.patch]
-        self._number = np.where(last, own + self._number - others, others)
-        self.listed = np.empty_like(self.element)
-        self.listed[self.start[self.patch] + self._number] = self.element
+    def arrange(self, key: Numbers, last: NDArray[np.bool_] | None = None) -> None:
+        """Counts them in the order of ``key`` within their patches, these after the others."""
+        order = np.lexsort((key, np.zeros(len(key), dtype=bool) if last is None else last, self.patch))
+        self._number = np.empty_like(order)
+        self._number[order] = np.arange(len(order)) - self.start[self.patch]
+        self.listed = self.element[order]
 
     def _at(self, patch: Keys, element: Numbers) -> tuple[Keys, NDArray[np.bool_]]:
         wanted = patch * self._total + element
@@ -233,7 +254,7 @@ class _Part:
         """The patch of this part that owns each vertex; no patch's number where another part has it."""
         return self._owner[vertices] - self._base
 
-    def ranked(self, vertices: Numbers, entries: Keys, nothing: Keys) -> tuple[NDArray[np.uint64], Keys, Keys]:
+    def ranked(self, vertices: Numbers, entries: Keys, nothing: Keys) -> tuple[NDArray[np.int32], Keys, Keys]:
         """Entries of each vertex, RANKS to a word, within its patch; where each patch's start, and words of a vertex.
 
         ``nothing`` is what each patch enters where a vertex has no more.
@@ -246,7 +267,7 @@ class _Part:
         begin = np.cumsum(words * self.owned) - words * self.owned
         ranked = np.repeat(nothing, words * self.owned)[:, None].repeat(RANKS, axis=1)
         ranked[begin[patch] + rank // RANKS * self.owned[patch] + lane, rank % RANKS] = entries[order]
-        return _words(ranked), begin, words
+        return ranked.astype(np.uint16).view(np.int32), begin, words
 
 
 def _tables(elements: Elements, terms: Terms, part: _Part) -> PatchTables:
@@ -262,19 +283,20 @@ def _tables(elements: Elements, terms: Terms, part: _Part) -> PatchTables:
         patches.append(np.repeat(own.patch, 3))
         found.append(_edge_numbers(elements.edges[own.element]).ravel())
     mine = _Members(np.concatenate(patches), np.concatenate(found), len(ends), count)
+    mine.arrange(ends[mine.element].min(axis=1))
     folded = elements.fold[mine.listed] != 0.0
     beyond = np.repeat(mine.listed_patch[folded], 2), elements.beside[mine.listed[folded]].ravel()
     normal = _Members(
         np.concatenate([own.patch, beyond[0]]), np.concatenate([own.element, beyond[1]]), max(len(corners), 1), count
     )
-    normal.put_last(~own.has(normal.patch, normal.element))
+    normal.arrange(corners[normal.element].min(axis=1), ~own.has(normal.patch, normal.element))
     vertex = _Members(
         np.concatenate([part.patch, np.repeat(normal.patch, 3), np.repeat(mine.patch, 2)]),
         np.concatenate([part.vertices, corners[normal.element].ravel(), ends[mine.element].ravel()]),
         part.garment_vertices,
         count,
     )
-    vertex.put_last(part.owner(vertex.element) != vertex.patch)
+    vertex.arrange(vertex.element, part.owner(vertex.element) != vertex.patch)
 
     at = mine.listed_patch[:, None]
     word = np.concatenate([vertex.find(at, ends[mine.listed]), normal.find(at, elements.beside[mine.listed])], axis=1)
@@ -323,7 +345,7 @@ def _memory(patch: dict[str, Keys], terms: Terms, precision: str) -> Keys:
     real, point = types.real_size, types.point_size
     triangles, edges, vertices = patch["triangle_count"], patch["edge_count"], patch["vertex_count"]
     needed = 4 * real * (terms.folds * patch["normal_count"] + terms.edges * (edges + 1))
-    corners, around = 4 * real * (3 * triangles + 1), -(-point * vertices // 8) * 8 + -(-3 * real * vertices // 8) * 8
+    corners, around = 4 * real * (3 * triangles + 1), 4 * real * vertices + -(-point * vertices // 8) * 8
     if terms.threads:
         needed = needed + corners + around
     else:

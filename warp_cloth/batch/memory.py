@@ -18,7 +18,7 @@ from warp_cloth.wardrobe import Wardrobe
 
 # Bytes for each vertex, edge, triangle and hinge of model, iterations, certificate and the shapes that it keeps, in
 # the "mixed" precision; measured by adding up the arrays, and rounded up.
-PER_VERTEX, PER_EDGE, PER_TRIANGLE, PER_HINGE = 640, 96, 192, 64
+PER_VERTEX, PER_EDGE, PER_TRIANGLE, PER_HINGE = 704, 96, 192, 64
 SCATTERED = 0.5  # factor where forces are scattered: nothing is stored, and there is one set of positions
 DOUBLE = 2.0  # factor where everything is float64
 FIELD_NODE = 8  # of the field's four bytes and the depth buffers'

@@ -6,12 +6,11 @@ from typing import Any
 
 import warp as wp
 
+from warp_cloth.kernels.block import BLOCK_THREADS
 from warp_cloth.kernels.cloth import cloth_types
 from warp_cloth.kernels.gather import gather_kernel
 from warp_cloth.kernels.scatter import edges_kernel, normals_kernel, triangles_kernel
 from warp_cloth.model import ClothModel
-
-BLOCK_THREADS = 256  # that work on a patch; two passes over the triangles of a full one
 
 
 class ForcePass:

@@ -12,6 +12,7 @@ from warp_cloth.kernels.cloth import cloth_types
 from warp_cloth.kernels.displace import NoClothContact, NoCollider, advance_kernel, displace_kernel
 from warp_cloth.model import ClothModel
 from warp_cloth.solver.forces import ForcePass, launch_patches
+from warp_cloth.solver.packed import PackedCloth
 
 if TYPE_CHECKING:
     from warp_cloth.collide.cloth import ClothTouch
@@ -93,11 +94,16 @@ class Relaxation:
         self.touch = touch
         asked = self.contact, self.collider_type, touch is not None
         self._scatter: ForcePass | None = None
+        self._packed: PackedCloth | None = None
+        self._there: Any = None  # positions beside the model's, where cloth meets cloth in the garments' order
         if accelerated and not model.cloth.stiffness:
             model.cloth.stiffness = wp.zeros(model.vertex_count, dtype=types.real, device=model.device)
         if model.patches is not None:  # no sum of forces in memory, but a second set of positions to write to
             self._move = advance_kernel(model.precision, accelerated, model.terms, model.patches.fits, *asked)
-            self._there = model.cloth_beside()
+            if touch is None:
+                self._packed = PackedCloth(model, model.patches, accelerated)
+            else:
+                self._there = model.cloth_beside()
         else:
             self._load = wp.zeros(model.vertex_count, dtype=types.vec4, device=model.device)
             self._scatter = ForcePass(model, "stiffness" if accelerated else "none", self._load)
@@ -139,7 +145,7 @@ class Relaxation:
             return
         self._items["active"][list(items)] = 0
         self.tell_items()
-        if self.model.gathers:  # iterations go to and fro between two sets of positions
+        if self._there is not None:  # iterations go to and fro between two sets of positions
             wp.copy(self._there.position, self.model.cloth.position)
             wp.copy(self._there.move, self.model.cloth.move)
         self._choose_patches()
@@ -162,7 +168,8 @@ class Relaxation:
         """The kernels that an iteration launches, in order."""
         touching = [] if self.touch is None else self.touch.kernels()
         scattering = [] if self._scatter is None else self._scatter.kernels()
-        return [*scattering, *touching, self._move]
+        moving = [self._move] if self._packed is None else self._packed.kernels(self._move)
+        return [*scattering, *touching, *moving]
 
     @property
     def touch_data(self) -> Any:
@@ -186,7 +193,9 @@ class Relaxation:
                 self._meet_cloth(iteration, here)
                 inputs = [*asked, self._load, here]
                 wp.launch(self._move, dim=model.vertex_count, inputs=inputs, device=model.device)
-        if model.patches is None:
+        if self._packed is not None:
+            self._packed.iterate(self._move, asked, count)
+        if model.patches is None or self._there is None:
             return
         there, patches = self._there, [model.patches.tables, model.patches.overflow]
         for iteration in range(count):

@@ -18,8 +18,8 @@ class Uses:
 
     read: set[str] = field(default_factory=set)
     written: set[str] = field(default_factory=set)
-    # of each array the counts up to which loops go over it, "vertex_count" of ``while local < patch.vertex_count``;
-    # "" where it is used outside such a loop
+    # of each array the counts up to which loops go over it, "vertex_count" of ``while local < patch.vertex_count``, or
+    # of ``if`` for a loop's first turn; "" where it is used outside such a loop
     loops: dict[str, set[str]] = field(default_factory=dict)
 
 
@@ -53,7 +53,7 @@ class _Reader(ast.NodeVisitor):
     def visit_If(self, node: ast.If) -> None:
         chosen = self._static(node.test)
         if chosen is None:
-            self.generic_visit(node)
+            self._visit_below(node)
             return
         for statement in node.body if chosen else node.orelse:
             self.visit(statement)
@@ -65,6 +65,10 @@ class _Reader(ast.NodeVisitor):
         self.generic_visit(node)
 
     def visit_While(self, node: ast.While) -> None:
+        self._visit_below(node)
+
+    def _visit_below(self, node: ast.While | ast.If) -> None:
+        """Goes into what is done below a count, or into anything else."""
         outer = self._loop
         if isinstance(node.test, ast.Compare) and isinstance(node.test.ops[0], ast.Lt):
             self._loop = self._count(node.test.comparators[0]) or outer
