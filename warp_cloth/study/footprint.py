@@ -138,10 +138,10 @@ def _moved(launch: Launch, uses: Uses) -> tuple[int, int]:
             array = arrays[name]
             size = wp.types.type_size_in_bytes(array.dtype)
             loops = uses.loops[name]
-            spans = [counts[loop] for loop in loops] if loops <= counts.keys() else [array.size]
+            known = [counts[loop] for loop in loops if loop in counts]
+            spans = known if len(known) == len(loops) else [array.size]
             if array.ndim > 1:  # a table that is looked up by place
-                lookups = spans if loops <= counts.keys() else [launch.threads]
-                spans = [TABLE_NODES**array.ndim * count for count in lookups]
+                spans = [TABLE_NODES**array.ndim * max(known, default=launch.threads)]
             memory += min(max(spans), array.size) * size
             cache += sum(spans) * size
     return memory, cache
