@@ -1,20 +1,24 @@
-"""Finds which cloth is near which: boxes in trees, grouped so that only garments of one item meet."""
+"""Finds which cloth is near which: boxes in two trees, in which the garments of an item lie together."""
 
 import functools
 
 import warp as wp
 
+from warp_cloth.kernels.block import block_of, block_threads, lane_of
+from warp_cloth.kernels.box_tree import FAR_OFF, LEAVES, BoxTree, box_top, box_up, put_box, step_on, walk_from
 from warp_cloth.kernels.cloth import MODULE_OPTIONS, cloth_types, place_function
 from warp_cloth.kernels.cloth_contact import NEIGHBOURS, ON_EDGE, ON_TRIANGLE, ClothContact, pair_way, pair_weights
 from warp_cloth.kernels.crossing import has_vertex
-from warp_cloth.kernels.lean_memory import LeanMemory, remembered_lean
+from warp_cloth.kernels.lean_memory import LeanMemory, forget_leans, remember_lean, remembered_lean
+
+wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
 SLACK = wp.constant(wp.float32(1.0e-6))  # [m]; more than rounding a box to float32 moves it
 
 
 @wp.struct
 class ContactSearch:
-    """What is searched: E edges and F triangles over V vertices, and a tree of their boxes."""
+    """What is searched: E edges and F triangles over V vertices, and trees of their boxes."""
 
     triangles: wp.array(dtype=wp.vec3i)  # shape [F]
     edges: wp.array(dtype=wp.vec2i)  # shape [E]
@@ -23,23 +27,19 @@ class ContactSearch:
     sides: wp.array(dtype=wp.vec3i)  # edges of each triangle, shape [F]
     near_start: wp.array(dtype=wp.int32)  # rows of the vertices near each one in the rest shape, shape [V + 1]
     near: wp.array(dtype=wp.int32)  # those vertices, each one itself among them
-    tree: wp.uint64  # of all boxes; in groups by item, the triangles' and the edges' apart
-    lower: wp.array(dtype=wp.vec3f)  # of the triangles' boxes, then of the edges' [m], shape [F + E]
-    upper: wp.array(dtype=wp.vec3f)  # [m], shape [F + E]
+    triangle_tree: BoxTree
+    edge_tree: BoxTree
+    leaves: wp.array(dtype=wp.vec4i)  # of each item: its first triangle in the tree, and its last's next; its edges'
+    vertex: wp.array(dtype=wp.int32)  # vertices in an order that keeps near what is near, shape [V]
     open_edge: wp.array(dtype=wp.int32)  # whether an edge is longer than its longest, shape [E]
     tangled: wp.array(dtype=wp.int32)  # whether a vertex belongs to what crosses, shape [V]
 
 
 @wp.func
-def triangles_root(search: ContactSearch, vertex: int):
-    """Where in the tree the triangles of a vertex's item begin."""
-    return wp.bvh_get_group_root(search.tree, 2 * search.item[vertex])
-
-
-@wp.func
-def edges_root(search: ContactSearch, vertex: int):
-    """Where in the tree the edges of a vertex's item begin."""
-    return wp.bvh_get_group_root(search.tree, 2 * search.item[vertex] + 1)
+def walk_triangles(search: ContactSearch, vertex: int, lower: wp.vec3f, upper: wp.vec3f):
+    """A walk over the triangles of a vertex's item that meet a box; it stands before the first."""
+    leaves = search.leaves[search.item[vertex]]
+    return walk_from(search.triangle_tree, lower, upper, leaves[0], leaves[1])
 
 
 @wp.func
@@ -101,33 +101,32 @@ def start_kernel(precision: str) -> wp.Kernel:
     Cloth, at = cloth_types(precision).Cloth, place_function(precision)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
-    def start_search(cloth: Cloth, contact: ClothContact):
-        """Remembers where each vertex is, and forgets the pairs and what they asked for."""
-        vertex = wp.tid()
-        contact.searched[vertex] = at(cloth.position, vertex)
-        if vertex == 0:
-            contact.count[0] = 0
-            contact.moved[0] = 0
+    def start_search(cloth: Cloth, contact: ClothContact, memory: LeanMemory):
+        """Remembers where each vertex is, and what each pair leans."""
+        thread = wp.tid()
+        if thread < contact.searched.shape[0]:
+            contact.searched[thread] = at(cloth.position, thread)
+        if thread < wp.min(contact.count[0], contact.corners.shape[0]):
+            remember_lean(contact, memory, thread)
 
     return start_search
 
 
 @functools.cache
-def box_kernel(precision: str) -> wp.Kernel:
-    """Kernel ``box_sheets``."""
+def box_functions(precision: str) -> tuple[wp.Function, wp.Function]:
+    """The functions that box a triangle, and an edge, with a place in its tree."""
     Cloth, at = cloth_types(precision).Cloth, place_function(precision)
 
-    @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
-    def box_sheets(cloth: Cloth, search: ContactSearch):
-        """The box of each triangle and of each edge: one thread for as many as there are of the more.
-
-        What spans a seam that has yet to close meets nothing: its box would meet half the garment.
-        """
-        thread = wp.tid()
-        triangles = search.triangles.shape[0]
-        if thread < triangles:
-            corners = search.triangles[thread]
-            sides = search.sides[thread]
+    @wp.func
+    def box_triangle(cloth: Cloth, search: ContactSearch, place: int):
+        """What spans a seam that has yet to close meets nothing: its box would meet half the garment."""
+        triangle = search.triangle_tree.leaf[place]
+        a = wp.vec3f(FAR_OFF, FAR_OFF, FAR_OFF)
+        b = -a
+        c = -a
+        if triangle >= 0:
+            corners = search.triangles[triangle]
+            sides = search.sides[triangle]
             a = wp.vec3f(at(cloth.position, corners[0]))
             b = wp.vec3f(at(cloth.position, corners[1]))
             c = wp.vec3f(at(cloth.position, corners[2]))
@@ -135,19 +134,71 @@ def box_kernel(precision: str) -> wp.Kernel:
             if open:
                 b = a
                 c = a
-            search.lower[thread] = wp.min(wp.min(a, b), c)
-            search.upper[thread] = wp.max(wp.max(a, b), c)
-        if thread < search.edges.shape[0]:
-            ends = search.edges[thread]
+            put_box(search.triangle_tree, 0, place, wp.min(wp.min(a, b), c), wp.max(wp.max(a, b), c))
+        else:
+            put_box(search.triangle_tree, 0, place, a, b)
+
+    @wp.func
+    def box_edge(cloth: Cloth, search: ContactSearch, place: int):
+        """The same of an edge; notes whether it is such a seam."""
+        edge = search.edge_tree.leaf[place]
+        if edge >= 0:
+            ends = search.edges[edge]
             p = wp.vec3f(at(cloth.position, ends[0]))
             q = wp.vec3f(at(cloth.position, ends[1]))
-            search.open_edge[thread] = wp.where(opened(search, thread, q - p), 1, 0)
-            if search.open_edge[thread] > 0:
+            search.open_edge[edge] = wp.where(opened(search, edge, q - p), 1, 0)
+            if search.open_edge[edge] > 0:
                 q = p
-            search.lower[triangles + thread] = wp.min(p, q)
-            search.upper[triangles + thread] = wp.max(p, q)
+            put_box(search.edge_tree, 0, place, wp.min(p, q), wp.max(p, q))
+        else:
+            nowhere = wp.vec3f(FAR_OFF, FAR_OFF, FAR_OFF)
+            put_box(search.edge_tree, 0, place, nowhere, -nowhere)
+
+    return box_triangle, box_edge
+
+
+@functools.cache
+def box_kernel(precision: str) -> wp.Kernel:
+    """Kernel ``box_sheets``."""
+    Cloth = cloth_types(precision).Cloth
+    box_triangle, box_edge = box_functions(precision)
+
+    @wp.kernel(module="unique", module_options=MODULE_OPTIONS, grid_stride=False)
+    def box_sheets(cloth: Cloth, search: ContactSearch):
+        """Boxes LEAVES edges, or triangles, for each block, and the three levels above them."""
+        thread = wp.tid()
+        lane = lane_of(thread)
+        block = block_of(thread)
+        edge_blocks = search.edge_tree.leaf.shape[0] // LEAVES
+        local = int(lane)
+        if block < edge_blocks:
+            while local < LEAVES:
+                box_edge(cloth, search, block * LEAVES + local)
+                local += block_threads()
+            box_up(search.edge_tree, block, lane)
+        else:
+            block -= edge_blocks
+            while local < LEAVES:
+                box_triangle(cloth, search, block * LEAVES + local)
+                local += block_threads()
+            box_up(search.triangle_tree, block, lane)
 
     return box_sheets
+
+
+@wp.kernel(grid_stride=False)
+def box_rest(search: ContactSearch, contact: ClothContact, memory: LeanMemory, anew: int):
+    """Boxes the rest of the trees, one block each; ``anew``: forgets the pairs and what they asked for."""
+    thread = wp.tid()
+    lane = lane_of(thread)
+    if block_of(thread) == 0:
+        if lane == 0 and anew > 0:
+            contact.count[0] = 0
+            contact.moved[0] = 0
+            forget_leans(memory)
+        box_top(search.edge_tree, lane)
+    else:
+        box_top(search.triangle_tree, lane)
 
 
 @functools.cache
@@ -162,9 +213,9 @@ def on_triangles_function(precision: str) -> wp.Function:
         centre = wp.vec3f(at(cloth.position, vertex))
         room = float(contact.reach) + SLACK
         wide = wp.vec3f(room, room, room)
-        query = wp.bvh_query_aabb(search.tree, centre - wide, centre + wide, triangles_root(search, vertex))
-        triangle = int(0)
-        while wp.bvh_query_next(query, triangle):
+        walk = step_on(search.triangle_tree, walk_triangles(search, vertex, centre - wide, centre + wide))
+        while walk.leaf >= 0:
+            triangle = search.triangle_tree.leaf[walk.leaf]
             t = search.triangles[triangle]
             tangled = search.tangled[t[0]] + search.tangled[t[1]] + search.tangled[t[2]]
             out = tangled + search.tangled[vertex] > 0 or has_vertex(t, vertex) or spans_gap(search, triangle)
@@ -173,6 +224,7 @@ def on_triangles_function(precision: str) -> wp.Function:
                 near = rest_near(search, vertex, t[0]) or rest_near(search, vertex, t[1])
                 near = near or rest_near(search, vertex, t[2])
                 keep_pair(contact, memory, corners, ON_TRIANGLE, near)
+            walk = step_on(search.triangle_tree, walk)
 
     return find_on_triangles
 
@@ -180,34 +232,38 @@ def on_triangles_function(precision: str) -> wp.Function:
 @functools.cache
 def on_edges_function(precision: str) -> wp.Function:
     """The function that keeps what is near an edge."""
-    Cloth, nearer = cloth_types(precision).Cloth, near_function(precision)
+    Cloth, at, nearer = cloth_types(precision).Cloth, place_function(precision), near_function(precision)
 
     @wp.func
-    def find_on_edges(cloth: Cloth, search: ContactSearch, contact: ClothContact, memory: LeanMemory, edge: int):
-        """Keeps the later edges near an edge, but those that share an end, and where both are tangled."""
-        if search.open_edge[edge] > 0:
+    def find_on_edges(cloth: Cloth, search: ContactSearch, contact: ClothContact, memory: LeanMemory, place: int):
+        """Keeps the edges near an edge and behind it in the tree, but those that share an end, and where both are tangled.
+
+        Of a pair the lower comes first, wherever they are in the tree.
+        """
+        edge = search.edge_tree.leaf[place]
+        if edge < 0 or search.open_edge[edge] > 0:
             return
         room = float(contact.reach) + SLACK
         wide = wp.vec3f(room, room, room)
         e = search.edges[edge]
         tangled = search.tangled[e[0]] + search.tangled[e[1]]
-        box = search.triangles.shape[0] + edge
-        query = wp.bvh_query_aabb(
-            search.tree, search.lower[box] - wide, search.upper[box] + wide, edges_root(search, e[0])
-        )
-        found = int(0)
-        while wp.bvh_query_next(query, found):
-            if found > box:
-                other = found - search.triangles.shape[0]
-                o = search.edges[other]
-                out = e[0] == o[0] or e[0] == o[1] or e[1] == o[0] or e[1] == o[1]
-                out = out or tangled + search.tangled[o[0]] + search.tangled[o[1]] > 0
-                out = out or search.open_edge[other] > 0
-                corners = wp.vec4i(e[0], e[1], o[0], o[1])
-                if not out and nearer(cloth, corners, ON_EDGE, contact.reach):
-                    near = rest_near(search, e[0], o[0]) or rest_near(search, e[0], o[1])
-                    near = near or rest_near(search, e[1], o[0]) or rest_near(search, e[1], o[1])
-                    keep_pair(contact, memory, corners, ON_EDGE, near)
+        p = wp.vec3f(at(cloth.position, e[0]))
+        q = wp.vec3f(at(cloth.position, e[1]))
+        last = search.leaves[search.item[e[0]]][3]
+        walk = walk_from(search.edge_tree, wp.min(p, q) - wide, wp.max(p, q) + wide, place + 1, last)
+        walk = step_on(search.edge_tree, walk)
+        while walk.leaf >= 0:
+            other = search.edge_tree.leaf[walk.leaf]
+            o = search.edges[other]
+            out = e[0] == o[0] or e[0] == o[1] or e[1] == o[0] or e[1] == o[1]
+            out = out or tangled + search.tangled[o[0]] + search.tangled[o[1]] > 0
+            out = out or search.open_edge[other] > 0
+            corners = wp.where(edge < other, wp.vec4i(e[0], e[1], o[0], o[1]), wp.vec4i(o[0], o[1], e[0], e[1]))
+            if not out and nearer(cloth, corners, ON_EDGE, contact.reach):
+                near = rest_near(search, e[0], o[0]) or rest_near(search, e[0], o[1])
+                near = near or rest_near(search, e[1], o[0]) or rest_near(search, e[1], o[1])
+                keep_pair(contact, memory, corners, ON_EDGE, near)
+            walk = step_on(search.edge_tree, walk)
 
     return find_on_edges
 
@@ -220,12 +276,12 @@ def pairs_kernel(precision: str) -> wp.Kernel:
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def find_pairs(cloth: Cloth, search: ContactSearch, contact: ClothContact, memory: LeanMemory):
-        """Keeps what is near each vertex, and each edge: in one launch, since each thread mostly waits for memory."""
+        """Keeps what is near each edge, and each vertex: in one launch, since each thread mostly waits for memory."""
         thread = wp.tid()
-        vertices = search.item.shape[0]
-        if thread < vertices:
-            find_on_triangles(cloth, search, contact, memory, thread)
+        edges = search.edge_tree.leaf.shape[0]
+        if thread < edges:
+            find_on_edges(cloth, search, contact, memory, thread)
         else:
-            find_on_edges(cloth, search, contact, memory, thread - vertices)
+            find_on_triangles(cloth, search, contact, memory, search.vertex[thread - edges])
 
     return find_pairs

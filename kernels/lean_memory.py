@@ -6,14 +6,16 @@ from warp_cloth.kernels.cloth_contact import ClothContact
 
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
-EMPTY = wp.constant(wp.int32(-1))
+SEARCH = wp.constant(wp.int64(32))  # bits of a place that hold a pair; above them stands the search that put it there
+PAIR = wp.constant(wp.int64(2**32 - 1))
 
 
 @wp.struct
 class LeanMemory:
     """The pairs that leaned, P at most, in a table of H places, a power of two and more than P."""
 
-    place: wp.array(dtype=wp.int32)  # a pair, or EMPTY, shape [H]
+    search: wp.array(dtype=wp.int64)  # number of the search to come; what others put into the table is gone, shape [1]
+    place: wp.array(dtype=wp.int64)  # shape [H]
     corners: wp.array(dtype=wp.vec4i)  # shape [P]
     kind: wp.array(dtype=wp.int32)  # shape [P]
     lean: wp.array(dtype=wp.vec3f)  # [m], shape [P]
@@ -32,30 +34,29 @@ def pair_hash(corners: wp.vec4i, kind: int):
 
 @wp.func
 def remembered_lean(memory: LeanMemory, corners: wp.vec4i, kind: int):
-    """The lean of a pair at the last search [m]; ``kind`` ON_TRIANGLE or ON_EDGE."""
+    """The lean of a pair at the last search [m], once its memory is of the past; ``kind`` ON_TRIANGLE or ON_EDGE."""
     last = memory.place.shape[0] - 1
+    search = memory.search[0] - wp.int64(1)
     place = pair_hash(corners, kind) & last
-    pair = memory.place[place]
-    while pair != EMPTY:
+    held = memory.place[place]
+    while held >> SEARCH == search:
+        pair = wp.int32(held & PAIR)
         if memory.corners[pair] == corners and memory.kind[pair] == kind:
             return memory.lean[pair]
         place = (place + 1) & last
-        pair = memory.place[place]
+        held = memory.place[place]
     return wp.vec3f()
 
 
-@wp.kernel
+@wp.func
 def forget_leans(memory: LeanMemory):
-    """Empties the table."""
-    memory.place[wp.tid()] = EMPTY
+    """Makes what is in the table that of the last search."""
+    memory.search[0] = memory.search[0] + wp.int64(1)
 
 
-@wp.kernel
-def remember_leans(contact: ClothContact, memory: LeanMemory):
-    """Puts each pair that leans into the table, wherever a place is free: what is found there is the same."""
-    pair = wp.tid()
-    if pair >= contact.count[0]:
-        return
+@wp.func
+def remember_lean(contact: ClothContact, memory: LeanMemory, pair: int):
+    """Puts a pair, if it leans, into the table, wherever a place is free: what is found there is the same."""
     lean = contact.lean[pair]
     if lean == wp.vec3f():
         return
@@ -65,6 +66,15 @@ def remember_leans(contact: ClothContact, memory: LeanMemory):
     memory.kind[pair] = kind
     memory.lean[pair] = lean
     last = memory.place.shape[0] - 1
+    search = memory.search[0]
     place = pair_hash(corners, kind) & last
-    while wp.atomic_cas(memory.place, place, EMPTY, pair) != EMPTY:
-        place = (place + 1) & last
+    held = memory.place[place]
+    kept = bool(False)
+    while not kept:
+        if held >> SEARCH == search:
+            place = (place + 1) & last
+            held = memory.place[place]
+        else:
+            found = wp.atomic_cas(memory.place, place, held, (search << SEARCH) | wp.int64(pair))
+            kept = found == held
+            held = found

@@ -4,9 +4,10 @@ import functools
 
 import warp as wp
 
+from warp_cloth.kernels.box_tree import step_on
 from warp_cloth.kernels.cloth import MODULE_OPTIONS, cloth_types, place_function
 from warp_cloth.kernels.cloth_contact import ClothContact
-from warp_cloth.kernels.contact_search import SLACK, ContactSearch, spans_gap, triangles_root
+from warp_cloth.kernels.contact_search import SLACK, ContactSearch, spans_gap, walk_triangles
 from warp_cloth.kernels.crossing import has_vertex, segment_pierces, volume
 from warp_cloth.kernels.touch import NOTHING, WHOLE, nearest_on_triangle
 
@@ -111,16 +112,18 @@ def crossings_kernel(precision: str) -> wp.Kernel:
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def part_crossings(cloth: Cloth, search: ContactSearch, untangling: Untangling):
         """Shifts each edge that passes through a triangle, and that triangle, so that they cross less."""
-        edge = wp.tid()
-        if search.open_edge[edge] > 0:
+        edge = search.edge_tree.leaf[wp.tid()]
+        if edge < 0 or search.open_edge[edge] > 0:
             return
         ends = search.edges[edge]
         p = at(cloth.position, ends[0])
         q = at(cloth.position, ends[1])
-        box = search.triangles.shape[0] + edge
-        query = wp.bvh_query_aabb(search.tree, search.lower[box], search.upper[box], triangles_root(search, ends[0]))
-        triangle = int(0)
-        while wp.bvh_query_next(query, triangle):
+        low = wp.vec3f(p)
+        high = wp.vec3f(q)
+        walk = walk_triangles(search, ends[0], wp.min(low, high), wp.max(low, high))
+        walk = step_on(search.triangle_tree, walk)
+        while walk.leaf >= 0:
+            triangle = search.triangle_tree.leaf[walk.leaf]
             corners = search.triangles[triangle]
             if (
                 not spans_gap(search, triangle)
@@ -152,6 +155,7 @@ def crossings_kernel(precision: str) -> wp.Kernel:
                         wp.atomic_max(untangling.crosses, corners[corner], what)
                     wp.atomic_max(untangling.crosses, ends[0], what)
                     wp.atomic_max(untangling.crosses, ends[1], what)
+            walk = step_on(search.triangle_tree, walk)
 
     return part_crossings
 
@@ -164,7 +168,7 @@ def layers_kernel(precision: str) -> wp.Kernel:
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def part_layers(cloth: Cloth, search: ContactSearch, contact: ClothContact, untangling: Untangling):
         """Shifts each vertex on the wrong side of another garment, and the triangle of that which is nearest."""
-        vertex = wp.tid()
+        vertex = search.vertex[wp.tid()]
         layer = untangling.layer[vertex]
         x = at(cloth.position, vertex)
         centre = wp.vec3f(x)
@@ -175,10 +179,10 @@ def layers_kernel(precision: str) -> wp.Kernel:
                 reach = untangling.layer_reach * wp.where(attempt == 0, NEAR_BY, 1.0)
                 room = reach + SLACK
                 wide = wp.vec3f(room, room, room)
-                query = wp.bvh_query_aabb(search.tree, centre - wide, centre + wide, triangles_root(search, vertex))
+                walk = step_on(search.triangle_tree, walk_triangles(search, vertex, centre - wide, centre + wide))
                 least = wp.float64(reach)
-                triangle = int(0)
-                while wp.bvh_query_next(query, triangle):
+                while walk.leaf >= 0:
+                    triangle = search.triangle_tree.leaf[walk.leaf]
                     t = search.triangles[triangle]
                     if untangling.layer[t[0]] != layer and not spans_gap(search, triangle):
                         a = at(cloth.position, t[0])
@@ -186,10 +190,15 @@ def layers_kernel(precision: str) -> wp.Kernel:
                         ac = at(cloth.position, t[2]) - a
                         on = nearest_on_triangle(x - a, ab, ac)
                         distance = wp.length(x - a - ab * on[1] - ac * on[2])
-                        # the tree names triangles in an order of its own: of two as near, the first of the mesh
+                        # the tree has an order of its own: of two as near, the first of the mesh
                         if distance < least or (distance == least and triangle < nearest):
                             least = distance
                             nearest = triangle
+                            room = float(least) + SLACK
+                            wide = wp.vec3f(room, room, room)
+                            walk.lower = centre - wide
+                            walk.upper = centre + wide
+                    walk = step_on(search.triangle_tree, walk)
         if nearest >= 0:
             t = search.triangles[nearest]
             a = at(cloth.position, t[0])

@@ -11,16 +11,18 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
+from warp_cloth.collide.box_tree import block_count, box_tree, near_order
 from warp_cloth.collide.crossing import Sheets
 from warp_cloth.collide.rest_near import rest_near_rows
 from warp_cloth.kernels.cloth_contact import NO_LIMIT, ClothContact, add_kernel, press_kernel
 from warp_cloth.kernels.contact_search import (
     ContactSearch,
     box_kernel,
+    box_rest,
     pairs_kernel,
     start_kernel,
 )
-from warp_cloth.kernels.lean_memory import LeanMemory, forget_leans, remember_leans
+from warp_cloth.kernels.lean_memory import LeanMemory
 from warp_cloth.kernels.untangle import (
     Untangling,
     crossings_kernel,
@@ -28,6 +30,7 @@ from warp_cloth.kernels.untangle import (
     layers_kernel,
     settle_kernel,
 )
+from warp_cloth.mesh import Points
 from warp_cloth.model import ClothModel, GarmentPart
 from warp_cloth.topology import ragged_rows
 
@@ -55,7 +58,8 @@ LAYER_REACH = 0.01  # [m]; how deep one garment may be inside another once both 
 # changes with every step.
 LOOK_EVERY = 4
 LOOK_UNTANGLING = 2
-LOOKING = 64  # threads in a block that walks the tree: some take far longer than others
+LOOKING = 64  # threads in a block that walks a tree: some take far longer than others
+BOXING = 256  # threads in a block that boxes what is in a tree
 STRIDE_SHARE = 0.1  # of the reach: longest untangling shift in an iteration
 
 
@@ -148,7 +152,8 @@ class ClothTouch:
         data.due = wp.zeros(capacity, dtype=wp.int64, device=self._model.device)
         memory = self._memory = LeanMemory()
         places = 2 << capacity.bit_length()  # at most half full, mostly far less
-        memory.place = wp.zeros(places, dtype=wp.int32, device=self._model.device)
+        memory.search = wp.ones(1, dtype=wp.int64, device=self._model.device)
+        memory.place = wp.zeros(places, dtype=wp.int64, device=self._model.device)
         memory.corners, memory.kind, memory.lean = (wp.zeros_like(of) for of in (data.corners, data.kind, data.lean))
 
     def _sheet_search(self, parts: Sequence[GarmentPart], kinds: Sequence[SheetKind]) -> Any:
@@ -171,11 +176,20 @@ class ClothTouch:
         search.sides = wp.array(sheets.triangle_edges, dtype=wp.vec3i)
         search.open_edge = wp.zeros(len(sheets.edges), dtype=wp.int32)
         search.tangled = wp.zeros(sheets.vertex_count, dtype=wp.int32)
-        boxes = len(sheets.triangles) + len(sheets.edges)
-        search.lower, search.upper = (wp.zeros(boxes, dtype=wp.vec3f) for _ in range(2))
-        edge_item = items[np.repeat(np.arange(len(parts)), [len(part.rest.topology.edges) for part in parts])]
-        self._group = np.concatenate([2 * items[sheets.garment], 2 * edge_item + 1]).astype(np.int32)
         return search
+
+    def _plant_trees(self, points: Points) -> None:
+        """Puts what is searched in an order for garments at these points [m], which only changes the search's speed."""
+        search, sheets = self._search, self.sheets
+        item = search.item.numpy()
+        orders = [
+            near_order(points[corners].mean(axis=1), item[corners[:, 0]]) for corners in (sheets.triangles, sheets.edges)
+        ]
+        search.triangle_tree, search.edge_tree = (box_tree(order) for order in orders)
+        search.vertex = wp.array(near_order(points, item), dtype=wp.int32)
+        ends = [np.bincount(item[corners[:, 0]]).cumsum() for corners in (sheets.triangles, sheets.edges)]
+        first = [np.concatenate([[0], end[:-1]]) for end in ends]
+        search.leaves = wp.array(np.stack([first[0], ends[0], first[1], ends[1]], axis=1), dtype=wp.vec4i)
 
     def _sheet_untangling(self, parts: Sequence[GarmentPart], kinds: Sequence[SheetKind]) -> Any:
         count = self.sheets.vertex_count
@@ -208,20 +222,17 @@ class ClothTouch:
 
     def kernels(self) -> list[wp.Kernel]:
         """Every kernel that contact launches."""
-        found = [self._start, self._boxes, self._pairs, forget_leans, remember_leans]
+        found = [self._start, self._boxes, box_rest, self._pairs]
         parting = [forget_tangles, self._part_crossings, self._part_layers, self._settle]
         return [*found, *parting, self._press, self._measure, self._add]
 
     def awaken(self) -> None:
-        """From now on garments meet. The tree is built for where they are now, which only changes its speed."""
+        """From now on garments meet."""
         self.awake = True
         self.data.reach, self.data.leeway, self.data.far = self.reach, self.leeway, self.far
-        search, cloth = self._search, self._model.cloth
-        most = max(len(self.sheets.triangles), len(self.sheets.edges))
+        cloth = self._model.cloth
         with wp.ScopedDevice(self._model.device):
-            wp.launch(self._boxes, dim=most, inputs=[cloth, search])
-            self._tree = wp.Bvh(search.lower, search.upper, groups=wp.array(self._group, dtype=wp.int32))
-        search.tree = self._tree.id
+            self._plant_trees(self._model.points())
         self.search(cloth)
         if self.grow():
             self.search(cloth)
@@ -234,10 +245,6 @@ class ClothTouch:
         """Keeps each layer this much farther from the avatar [m] than the one inside it."""
         layers = self._untangling.layer.numpy()
         self.data.lift.assign((layers * height).astype(np.float32))
-
-    def regrow_trees(self) -> None:
-        """Sorts the tree anew for where garments were at the last search, which only changes its speed."""
-        self._tree.rebuild()
 
     def grow(self) -> bool:
         """Makes room for every pair that the last search found; whether it had to. Waits for the device."""
@@ -256,9 +263,9 @@ class ClothTouch:
         """
         if not self.untangles:
             cloth, given = self._model.cloth, [self._search, self._untangling]
-            self._box(cloth)
+            self._box(cloth, anew=False)
             self._launch(forget_tangles, self.sheets.vertex_count, given)
-            self._launch(self._part_crossings, len(self.sheets.edges), [cloth, *given], LOOKING)
+            self._launch(self._part_crossings, self._search.edge_tree.leaf.size, [cloth, *given], LOOKING)
         return int(self._untangling.count.numpy().sum())
 
     def search_where_due(self, cloth: Any) -> None:
@@ -268,26 +275,27 @@ class ClothTouch:
     def search(self, cloth: Any) -> None:
         """Looks for pairs, and for what crosses while that is to be undone."""
         given, found, memory, vertices = self._search, self.data, self._memory, self.sheets.vertex_count
-        self._launch(forget_leans, len(memory.place), [memory])
-        self._launch(remember_leans, len(found.corners), [found, memory])
-        self._launch(self._start, vertices, [cloth, found])
+        self._launch(self._start, max(vertices, len(found.corners)), [cloth, found, memory])
         self._box(cloth)
         if self.untangles:
             self._untangle(cloth)
-        self._launch(self._pairs, vertices + len(self.sheets.edges), [cloth, given, found, memory], LOOKING)
+        size = vertices + given.edge_tree.leaf.size
+        self._launch(self._pairs, size, [cloth, given, found, memory], LOOKING)
 
-    def _box(self, cloth: Any) -> None:
-        """Brings the tree up to where garments are."""
-        most = max(len(self.sheets.edges), len(self.sheets.triangles))
-        self._launch(self._boxes, most, [cloth, self._search])
-        self._tree.refit()
+    def _box(self, cloth: Any, *, anew: bool = True) -> None:
+        """Brings the trees up to where garments are; ``anew``: for a search that lists all pairs anew."""
+        search = self._search
+        threads = BOXING if wp.get_device(self._model.device).is_cuda else 1
+        blocks = block_count(search.edge_tree) + block_count(search.triangle_tree)
+        self._launch(self._boxes, threads * blocks, [cloth, search], threads)
+        self._launch(box_rest, threads * 2, [search, self.data, self._memory, int(anew)], threads)
 
     def _untangle(self, cloth: Any) -> None:
         """Looks for what crosses, and which way undoes that."""
         given, found, untangling = self._search, self.data, self._untangling
         vertices = self.sheets.vertex_count
         self._launch(forget_tangles, vertices, [given, untangling])
-        self._launch(self._part_crossings, len(self.sheets.edges), [cloth, given, untangling], LOOKING)
+        self._launch(self._part_crossings, given.edge_tree.leaf.size, [cloth, given, untangling], LOOKING)
         if self.layered:
             self._launch(self._part_layers, vertices, [cloth, given, found, untangling], LOOKING)
         self._launch(self._settle, vertices, [cloth, given, found, untangling])

@@ -64,8 +64,6 @@ class Course:
         if touch.grow():
             self._relaxation.forget_graphs()
             return False
-        if self.calm:
-            touch.regrow_trees()
         crossings = touch.crossing_count() if touch.untangles or iteration % LOOK_AGAIN == 0 else 0
         if self.calm and iteration > self._woken and (not crossings or iteration - self._woken >= MOST_UNTANGLING):
             self._set_momentum(self._momentum)
