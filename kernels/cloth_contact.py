@@ -46,7 +46,8 @@ class ClothContact:
     modulus: wp.array(dtype=wp.float32)  # of squeeze_energy [N/m], shape [V]
     friction: wp.array(dtype=wp.float32)  # shape [V]
     reach: wp.float64  # pairs nearer than this when they were looked for are known [m]
-    leeway: wp.float64  # how far a vertex moves before it is time for another search [m]
+    leeway: wp.float64  # how far a vertex may have moved at the next look, before which another search is due [m]
+    ahead: wp.float64  # iterations to that look
     far: wp.float64  # pairs farther apart are left alone till they may have come as near; above the thickness [m]
     # pairs
     count: wp.array(dtype=wp.int32)  # pairs found, more than P where they did not fit, shape [1]
@@ -113,10 +114,11 @@ def contact_room(contact: ClothContact, vertex: int, position: wp.vec3d):
 @wp.func
 def contact_watch(contact: ClothContact, vertex: int, position: wp.vec3d, move: wp.vec3d):
     """Notes how far a vertex went, and asks for another search where what it touches may not be known any more."""
-    if wp.length(position - contact.searched[vertex]) > contact.leeway:
+    length = wp.length(move)
+    if wp.length(position - contact.searched[vertex]) + contact.ahead * length > contact.leeway:
         contact.moved[0] = 1
     turn = contact.turn[1]
-    gone = wp.int32(wp.length(move) / ROOM_UNIT) + 1
+    gone = wp.int32(length / ROOM_UNIT) + 1
     if gone > contact.stride[turn & 1]:  # few vertices are the farthest so far
         wp.atomic_max(contact.stride, turn & 1, gone)
     if vertex == 0:
@@ -202,11 +204,34 @@ def relative_move_function(precision: str) -> wp.Function:
 
 
 @functools.cache
+def turn_function(fourth: str) -> wp.Function:
+    """The function that turns nearly parallel edges, with a fourth part as of ``press_kernel``."""
+
+    @wp.func
+    def turn_apart(
+        contact: ClothContact, corners: wp.vec4i, along_0: wp.vec3d, along_1: wp.vec3d, energy: wp.float64
+    ):
+        """Adds what turns two edges away from each other; ``energy`` by the squared sine between them [J]."""
+        turn_0 = slant_slope(along_0, along_1) * energy
+        turn_1 = slant_slope(along_1, along_0) * energy
+        part = NOTHING
+        if wp.static(fourth == "stiffness"):
+            shorter = wp.min(wp.length_sq(along_0), wp.length_sq(along_1))
+            part = wp.float64(4.0) * energy / wp.max(shorter, wp.float64(1.0e-12))
+        if wp.static(fourth == "size"):
+            part = wp.max(wp.length(turn_0), wp.length(turn_1))
+        add_turns(contact, corners, turn_0, turn_1, part)
+
+    return turn_apart
+
+
+@functools.cache
 def press_kernel(precision: str, fourth: str) -> wp.Kernel:
     """Kernel ``press_pairs``; ``fourth`` is one of cloth.FOURTH_PARTS. "size", the certificate's, changes no lean."""
     types = cloth_types(precision)
     Cloth, Step = types.Cloth, types.Step
     relative_move, at = relative_move_function(precision), place_function(precision)
+    turn_apart = turn_function(fourth)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def press_pairs(step: Step, cloth: Cloth, contact: ClothContact):
@@ -262,16 +287,7 @@ def press_kernel(precision: str, fourth: str) -> wp.Kernel:
             contact.lean[pair] = wp.vec3f(lean)
         add_pair(contact, corners, weights, force, part)
         if share[1] > NOTHING:  # nearly parallel edges also turn
-            energy = share[1] * squeeze_energy(held, thickness, modulus)
-            turn_0 = slant_slope(x1 - x0, x3 - x2) * energy
-            turn_1 = slant_slope(x3 - x2, x1 - x0) * energy
-            turn = NOTHING
-            if wp.static(fourth == "stiffness"):
-                shorter = wp.min(wp.length_sq(x1 - x0), wp.length_sq(x3 - x2))
-                turn = wp.float64(4.0) * energy / wp.max(shorter, wp.float64(1.0e-12))
-            if wp.static(fourth == "size"):
-                turn = wp.max(wp.length(turn_0), wp.length(turn_1))
-            add_turns(contact, corners, turn_0, turn_1, turn)
+            turn_apart(contact, corners, x1 - x0, x3 - x2, share[1] * squeeze_energy(held, thickness, modulus))
 
     return press_pairs
 
