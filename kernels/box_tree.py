@@ -15,8 +15,8 @@ FAR_OFF = wp.constant(wp.float32(3.0e38))  # lowest of nothing
 class BoxTree:
     """N leaves, in an order that keeps near what is near; level by level each group of eight is one box of the next.
 
-    Of a group's boxes the memory holds the lowest x of all eight, then y and z, then the highest: boxes of one group are
-    read together, and compared without waiting for each other.
+    Of a group's boxes the memory holds the lowest x of all eight, then y and z, then the highest: a group is read
+    together, and compared without waiting box after box.
     """
 
     leaf: wp.array(dtype=wp.int32)  # what a leaf holds; -1: nothing, shape [N], a multiple of LEAVES

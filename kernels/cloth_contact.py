@@ -208,9 +208,7 @@ def turn_function(fourth: str) -> wp.Function:
     """The function that turns nearly parallel edges, with a fourth part as of ``press_kernel``."""
 
     @wp.func
-    def turn_apart(
-        contact: ClothContact, corners: wp.vec4i, along_0: wp.vec3d, along_1: wp.vec3d, energy: wp.float64
-    ):
+    def turn_apart(contact: ClothContact, corners: wp.vec4i, along_0: wp.vec3d, along_1: wp.vec3d, energy: wp.float64):
         """Adds what turns two edges away from each other; ``energy`` by the squared sine between them [J]."""
         turn_0 = slant_slope(along_0, along_1) * energy
         turn_1 = slant_slope(along_1, along_0) * energy

@@ -236,7 +236,7 @@ def on_edges_function(precision: str) -> wp.Function:
 
     @wp.func
     def find_on_edges(cloth: Cloth, search: ContactSearch, contact: ClothContact, memory: LeanMemory, place: int):
-        """Keeps the edges near an edge and behind it in the tree, but those that share an end, and where both are tangled.
+        """Keeps the edges near an edge, behind it in the tree, but those that share an end, and where both are tangled.
 
         Of a pair the lower comes first, wherever they are in the tree.
         """

@@ -183,12 +183,11 @@ class ClothTouch:
         """Puts what is searched in an order for garments at these points [m], which only changes the search's speed."""
         search, sheets = self._search, self.sheets
         item = search.item.numpy()
-        orders = [
-            near_order(points[corners].mean(axis=1), item[corners[:, 0]]) for corners in (sheets.triangles, sheets.edges)
-        ]
+        kinds = (sheets.triangles, sheets.edges)
+        orders = [near_order(points[corners].mean(axis=1), item[corners[:, 0]]) for corners in kinds]
         search.triangle_tree, search.edge_tree = (box_tree(order) for order in orders)
         search.vertex = wp.array(near_order(points, item), dtype=wp.int32)
-        ends = [np.bincount(item[corners[:, 0]]).cumsum() for corners in (sheets.triangles, sheets.edges)]
+        ends = [np.bincount(item[corners[:, 0]]).cumsum() for corners in kinds]
         first = [np.concatenate([[0], end[:-1]]) for end in ends]
         search.leaves = wp.array(np.stack([first[0], ends[0], first[1], ends[1]], axis=1), dtype=wp.vec4i)
 
