@@ -4,7 +4,7 @@ import functools
 
 import warp as wp
 
-from warp_cloth.kernels.box_tree import step_on
+from warp_cloth.kernels.box_tree import step_on, walk_from
 from warp_cloth.kernels.cloth import MODULE_OPTIONS, cloth_types, place_function
 from warp_cloth.kernels.cloth_contact import ClothContact
 from warp_cloth.kernels.contact_search import SLACK, ContactSearch, spans_gap, walk_triangles
@@ -20,7 +20,6 @@ ITSELF = wp.constant(wp.int32(2))  # crosses its own garment, or one of the same
 RING = wp.constant(wp.int32(16))  # searches that a tangle must last before one more ring of vertices is smoothed
 WIDEST = wp.constant(wp.int32(8 * 16))  # of those rings
 SMOOTHING = wp.constant(wp.float64(0.2))  # share of the way to the mean of its neighbours that a vertex is shifted
-NEAR_BY = wp.constant(wp.float32(0.25))  # share of a layer's reach that is searched first
 ASTRIDE = wp.constant(wp.float64(0.5))  # cosine to the normal below which a nearest point tells no side
 
 
@@ -35,6 +34,7 @@ class Untangling:
     crosses: wp.array(dtype=wp.int32)  # whether a vertex belongs to what crosses, LAYERS or ITSELF, shape [V]
     level: wp.array(dtype=wp.int32)  # how far round it the tangle is smoothed [1 / RING rings], shape [V]
     layer: wp.array(dtype=wp.int32)  # garments of one item from the inside out, shape [V]
+    own: wp.array(dtype=wp.vec2i)  # of a vertex's layer, its first triangle in the tree and its last's next, shape [V]
     outward: wp.array(dtype=wp.float32)  # whether triangles face away from the body, 1, or to it, -1, shape [V]
     layer_reach: float  # how far on the wrong side of another layer a vertex is still found [m]
     stride: wp.float64  # longest shift in an iteration [m]
@@ -161,9 +161,55 @@ def crossings_kernel(precision: str) -> wp.Kernel:
 
 
 @functools.cache
+def nearest_beyond_function(precision: str) -> wp.Function:
+    """The function that finds the nearest triangle of another layer."""
+    Cloth, at = cloth_types(precision).Cloth, place_function(precision)
+
+    @wp.func
+    def nearest_beyond(cloth: Cloth, search: ContactSearch, untangling: Untangling, vertex: int, reach: float):
+        """The triangle of other layers nearest to a vertex and nearer than a reach [m], and how near; -1: none is."""
+        x = at(cloth.position, vertex)
+        centre = wp.vec3f(x)
+        leaves = search.leaves[search.item[vertex]]
+        own = untangling.own[vertex]
+        nearest = int(-1)
+        least = wp.float64(reach)
+        for side in range(2):  # of its own layer in the tree
+            begin = wp.where(side == 0, leaves[0], own[1])
+            end = wp.where(side == 0, own[0], leaves[1])
+            room = float(least) + SLACK
+            wide = wp.vec3f(room, room, room)
+            walk = step_on(
+                search.triangle_tree, walk_from(search.triangle_tree, centre - wide, centre + wide, begin, end)
+            )
+            while walk.leaf >= 0:
+                triangle = search.triangle_tree.leaf[walk.leaf]
+                if not spans_gap(search, triangle):
+                    t = search.triangles[triangle]
+                    a = at(cloth.position, t[0])
+                    ab = at(cloth.position, t[1]) - a
+                    ac = at(cloth.position, t[2]) - a
+                    on = nearest_on_triangle(x - a, ab, ac)
+                    distance = wp.length(x - a - ab * on[1] - ac * on[2])
+                    # the tree has an order of its own: of two as near, the first of the mesh
+                    if distance < least or (distance == least and triangle < nearest):
+                        least = distance
+                        nearest = triangle
+                        room = float(least) + SLACK
+                        wide = wp.vec3f(room, room, room)
+                        walk.lower = centre - wide
+                        walk.upper = centre + wide
+                walk = step_on(search.triangle_tree, walk)
+        return nearest, least
+
+    return nearest_beyond
+
+
+@functools.cache
 def layers_kernel(precision: str) -> wp.Kernel:
     """Kernel ``part_layers``."""
     Cloth, at = cloth_types(precision).Cloth, place_function(precision)
+    nearest_beyond = nearest_beyond_function(precision)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def part_layers(cloth: Cloth, search: ContactSearch, contact: ClothContact, untangling: Untangling):
@@ -171,34 +217,7 @@ def layers_kernel(precision: str) -> wp.Kernel:
         vertex = search.vertex[wp.tid()]
         layer = untangling.layer[vertex]
         x = at(cloth.position, vertex)
-        centre = wp.vec3f(x)
-        nearest = int(-1)
-        least = NOTHING
-        for attempt in range(2):  # most have it near, and a small box is soon searched
-            if nearest < 0:
-                reach = untangling.layer_reach * wp.where(attempt == 0, NEAR_BY, 1.0)
-                room = reach + SLACK
-                wide = wp.vec3f(room, room, room)
-                walk = step_on(search.triangle_tree, walk_triangles(search, vertex, centre - wide, centre + wide))
-                least = wp.float64(reach)
-                while walk.leaf >= 0:
-                    triangle = search.triangle_tree.leaf[walk.leaf]
-                    t = search.triangles[triangle]
-                    if untangling.layer[t[0]] != layer and not spans_gap(search, triangle):
-                        a = at(cloth.position, t[0])
-                        ab = at(cloth.position, t[1]) - a
-                        ac = at(cloth.position, t[2]) - a
-                        on = nearest_on_triangle(x - a, ab, ac)
-                        distance = wp.length(x - a - ab * on[1] - ac * on[2])
-                        # the tree has an order of its own: of two as near, the first of the mesh
-                        if distance < least or (distance == least and triangle < nearest):
-                            least = distance
-                            nearest = triangle
-                            room = float(least) + SLACK
-                            wide = wp.vec3f(room, room, room)
-                            walk.lower = centre - wide
-                            walk.upper = centre + wide
-                    walk = step_on(search.triangle_tree, walk)
+        nearest, least = nearest_beyond(cloth, search, untangling, vertex, untangling.layer_reach)
         if nearest >= 0:
             t = search.triangles[nearest]
             a = at(cloth.position, t[0])

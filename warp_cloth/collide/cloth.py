@@ -181,15 +181,19 @@ class ClothTouch:
 
     def _plant_trees(self, points: Points) -> None:
         """Puts what is searched in an order for garments at these points [m], which only changes the search's speed."""
-        search, sheets = self._search, self.sheets
-        item = search.item.numpy()
-        kinds = (sheets.triangles, sheets.edges)
-        orders = [near_order(points[corners].mean(axis=1), item[corners[:, 0]]) for corners in kinds]
+        search, sheets, untangling = self._search, self.sheets, self._untangling
+        item, layer = search.item.numpy(), untangling.layer.numpy()
+        sheet = np.unique(np.stack([item, layer], axis=1), axis=0, return_inverse=True)[1].reshape(-1).astype(np.int32)
+        first = []  # of the elements of each item, and of each layer
+        orders = []
+        for corners in (sheets.triangles, sheets.edges):
+            orders.append(near_order(points[corners].mean(axis=1), sheet[corners[:, 0]]))
+            first += [np.concatenate([[0], np.bincount(of[corners[:, 0]]).cumsum()]) for of in (item, sheet)]
         search.triangle_tree, search.edge_tree = (box_tree(order) for order in orders)
-        search.vertex = wp.array(near_order(points, item), dtype=wp.int32)
-        ends = [np.bincount(item[corners[:, 0]]).cumsum() for corners in kinds]
-        first = [np.concatenate([[0], end[:-1]]) for end in ends]
-        search.leaves = wp.array(np.stack([first[0], ends[0], first[1], ends[1]], axis=1), dtype=wp.vec4i)
+        search.vertex = wp.array(near_order(points, sheet), dtype=wp.int32)
+        leaves = [first[0][:-1], first[0][1:], first[2][:-1], first[2][1:]]
+        search.leaves = wp.array(np.stack(leaves, axis=1), dtype=wp.vec4i)
+        untangling.own = wp.array(np.stack([first[1][sheet], first[1][sheet + 1]], axis=1), dtype=wp.vec2i)
 
     def _sheet_untangling(self, parts: Sequence[GarmentPart], kinds: Sequence[SheetKind]) -> Any:
         count = self.sheets.vertex_count
