@@ -21,40 +21,106 @@ class BoxTree:
 
     leaf: wp.array(dtype=wp.int32)  # what a leaf holds; -1: nothing, shape [N], a multiple of LEAVES
     first: wp.array(dtype=wp.int32)  # group with which each level begins, and how many there are, shape [levels + 1]
-    levels: int  # at most eight
+    levels: int  # two to eight
     bound: wp.array(dtype=wp.float32)  # [m], shape [48 groups]
     four: wp.array(dtype=wp.vec4f)  # the same, in fours
 
 
 @wp.struct
 class BoxWalk:
-    """How far a walk over the leaves that meet a box has come."""
+    """How far a walk over the groups of leaves that meet a box has come. The eight threads of a team walk together."""
 
-    lower: wp.vec3f  # of the box [m]
+    lower: wp.vec3f  # of the team's box [m]
     upper: wp.vec3f
     begin: int  # only leaves from here
     end: int  # to before here are looked at
     level: int
-    group: int  # in that level
+    group: int  # in that level; where the walk stands, a group of leaves; -1: at its end
     masks: wp.uint64  # boxes of that group, and of those above it, that are still to be looked at; a byte a level
-    leaf: int  # where the walk is; -1: at its end
 
 
-@wp.func_native("""
+_LEAST = """
+#if defined(__CUDA_ARCH__)
+    const unsigned int team = 255u << (threadIdx.x & 24);
+    for (int k = 1; k < 8; k <<= 1)
+        for (int axis = 0; axis < 3; ++axis)
+            value[axis] = fminf(value[axis], __shfl_xor_sync(team, value[axis], k));
+#endif
+    return value;
+"""
+
+_LAST = """
+#if defined(__CUDA_ARCH__)
+    const unsigned int team = 255u << (threadIdx.x & 24);
+    for (int k = 1; k < 8; k <<= 1)
+        value = max(value, __shfl_xor_sync(team, value, k));
+#endif
+    return value;
+"""
+
+_TEAM_MEETING = """
+#if defined(__CUDA_ARCH__)
+    const float* box = bound.data + 48 * group + (threadIdx.x & 7);
+    const bool meets = (box[0] <= upper[0]) & (box[8] <= upper[1]) & (box[16] <= upper[2]) & (box[24] >= lower[0])
+        & (box[32] >= lower[1]) & (box[40] >= lower[2]);
+    const int lane = threadIdx.x & 24;
+    return (int)((__ballot_sync(255u << lane, meets) >> lane) & 255u);
+#else
+    int mask = 0;
+    for (int k = 0; k < 8; ++k) {
+        const float* box = bound.data + 48 * group + k;
+        const bool meets = (box[0] <= upper[0]) & (box[8] <= upper[1]) & (box[16] <= upper[2]) & (box[24] >= lower[0])
+            & (box[32] >= lower[1]) & (box[40] >= lower[2]);
+        mask |= (int)meets << k;
+    }
+    return mask;
+#endif
+"""
+
+_LOWEST_BIT = """
 #if defined(__CUDA_ARCH__)
     return __ffs(mask) - 1;
 #else
     return __builtin_ctz((unsigned int)mask);
 #endif
-""")
+"""
+
+
+@wp.func_native(_LEAST)
+def team_least(value: wp.vec3f) -> wp.vec3f:
+    """The least that any thread of a team has of each component; on the CPU a thread is a team by itself."""
+    ...
+
+
+@wp.func_native(_LAST)
+def team_last(value: int) -> int:
+    """The highest number that any thread of a team has."""
+    ...
+
+
+@wp.func_native(_TEAM_MEETING)
+def team_meeting(bound: wp.array(dtype=wp.float32), group: int, lower: wp.vec3f, upper: wp.vec3f) -> int:
+    """Which boxes of a group meet a team's box: a bit for each, and each looked at by one thread."""
+    ...
+
+
+@wp.func_native(_LOWEST_BIT)
 def lowest_bit(mask: int) -> int:
     """Number of the lowest bit that is set."""
     ...
 
 
 @wp.func
-def meeting(tree: BoxTree, group: int, lower: wp.vec3f, upper: wp.vec3f):
-    """Which boxes of a group meet a box: a bit for each."""
+def within(begin: int, end: int, level: int, group: int):
+    """Which boxes of a group hold any of some leaves: a bit for each."""
+    first = wp.clamp((begin >> (3 * level)) - 8 * group, 0, 8)
+    last = wp.clamp(((end - 1) >> (3 * level)) - 8 * group + 1, 0, 8)
+    return ((1 << last) - 1) & ~((1 << first) - 1)
+
+
+@wp.func
+def meeting(tree: BoxTree, group: int, lower: wp.vec3f, upper: wp.vec3f, begin: int, end: int):
+    """Which of some leaves in a group meet a thread's own box: a bit for each."""
     mask = int(0)
     for half in range(2):
         at = 12 * group + half
@@ -69,70 +135,62 @@ def meeting(tree: BoxTree, group: int, lower: wp.vec3f, upper: wp.vec3f):
             gap = wp.max(gap, wp.max(low_y[k] - upper[1], lower[1] - high_y[k]))
             gap = wp.max(gap, wp.max(low_z[k] - upper[2], lower[2] - high_z[k]))
             mask = mask | wp.where(gap <= 0.0, 1 << (4 * half + k), 0)
-    return mask
-
-
-@wp.func
-def within(begin: int, end: int, level: int, group: int):
-    """Which boxes of a group hold any of some leaves: a bit for each."""
-    first = wp.clamp((begin >> (3 * level)) - 8 * group, 0, 8)
-    last = wp.clamp(((end - 1) >> (3 * level)) - 8 * group + 1, 0, 8)
-    return ((1 << last) - 1) & ~((1 << first) - 1)
+    return mask & within(begin, end, 0, group)
 
 
 @wp.func
 def walk_from(tree: BoxTree, lower: wp.vec3f, upper: wp.vec3f, begin: int, end: int):
-    """A walk over those of some leaves that meet a box; it stands before the first."""
+    """A team's walk over the groups of leaves that meet any of its threads' boxes; it stands before the first."""
     walk = BoxWalk()
-    walk.lower = lower
-    walk.upper = upper
-    walk.begin = begin
-    walk.end = end
+    walk.lower = team_least(lower)
+    walk.upper = -team_least(-upper)
+    walk.begin = -team_last(-begin)
+    walk.end = team_last(end)
     walk.level = tree.levels - 1
-    walk.group = (begin >> (3 * tree.levels)) - 1
+    walk.group = (walk.begin >> (3 * tree.levels)) - 1
     walk.masks = wp.uint64(0)
-    walk.leaf = -1
     return walk
 
 
 @wp.func
 def step_on(tree: BoxTree, walk: BoxWalk):
-    """The walk at its next leaf."""
+    """The walk at its next group of leaves."""
     level = int(walk.level)
     group = int(walk.group)
     masks = wp.uint64(walk.masks)
-    leaf = int(-1)
     going = bool(True)
     while going:
-        mask = int((masks >> wp.uint64(8 * level)) & wp.uint64(255))
-        if mask == 0 and level < tree.levels - 1:
-            level += 1
+        if level == 0 and tree.levels > 1:  # on from a group of leaves
+            level = 1
             group = group >> 3
-        else:
-            opened = bool(True)
-            if mask == 0:  # the highest level may have several groups
+        mask = int((masks >> wp.uint64(8 * level)) & wp.uint64(255))
+        opened = bool(True)
+        if mask == 0:
+            if level < tree.levels - 1:
+                level += 1
+                group = group >> 3
+                opened = False
+            else:  # the highest level may have several groups
                 group += 1
-                opened = group < tree.first[level + 1] - tree.first[level] and (group << (3 * level + 3)) < walk.end
-                going = opened
-            else:
-                bit = lowest_bit(mask)
-                masks = masks ^ (wp.uint64(1) << wp.uint64(8 * level + bit))
-                child = 8 * group + bit
-                if level == 0:
-                    leaf = child
+                if group >= tree.first[level + 1] - tree.first[level] or (group << (3 * level + 3)) >= walk.end:
+                    group = -1
                     going = False
                     opened = False
-                else:
-                    level -= 1
-                    group = child
-            if opened:
-                mask = meeting(tree, tree.first[level] + group, walk.lower, walk.upper)
+        else:
+            bit = lowest_bit(mask)
+            masks = masks ^ (wp.uint64(1) << wp.uint64(8 * level + bit))
+            level -= 1
+            group = 8 * group + bit
+        if opened:
+            if level == 0:
+                going = False
+            else:
+                mask = team_meeting(tree.bound, tree.first[level] + group, walk.lower, walk.upper)
                 mask = mask & within(walk.begin, walk.end, level, group)
                 masks = masks | (wp.uint64(mask) << wp.uint64(8 * level))
     walk.level = level
     walk.group = group
     walk.masks = masks
-    walk.leaf = leaf
     return walk
 
 

@@ -5,7 +5,18 @@ import functools
 import warp as wp
 
 from warp_cloth.kernels.block import block_of, block_threads, lane_of
-from warp_cloth.kernels.box_tree import FAR_OFF, LEAVES, BoxTree, box_top, box_up, put_box, step_on, walk_from
+from warp_cloth.kernels.box_tree import (
+    FAR_OFF,
+    LEAVES,
+    BoxTree,
+    box_top,
+    box_up,
+    lowest_bit,
+    meeting,
+    put_box,
+    step_on,
+    walk_from,
+)
 from warp_cloth.kernels.cloth import MODULE_OPTIONS, cloth_types, place_function
 from warp_cloth.kernels.cloth_contact import NEIGHBOURS, ON_EDGE, ON_TRIANGLE, ClothContact, pair_way, pair_weights
 from warp_cloth.kernels.crossing import has_vertex
@@ -30,16 +41,9 @@ class ContactSearch:
     triangle_tree: BoxTree
     edge_tree: BoxTree
     leaves: wp.array(dtype=wp.vec4i)  # of each item: its first triangle in the tree, and its last's next; its edges'
-    vertex: wp.array(dtype=wp.int32)  # vertices in an order that keeps near what is near, shape [V]
+    vertex: wp.array(dtype=wp.int32)  # vertices in an order that keeps near what is near; -1: none, whole teams of them
     open_edge: wp.array(dtype=wp.int32)  # whether an edge is longer than its longest, shape [E]
     tangled: wp.array(dtype=wp.int32)  # whether a vertex belongs to what crosses, shape [V]
-
-
-@wp.func
-def walk_triangles(search: ContactSearch, vertex: int, lower: wp.vec3f, upper: wp.vec3f):
-    """A walk over the triangles of a vertex's item that meet a box; it stands before the first."""
-    leaves = search.leaves[search.item[vertex]]
-    return walk_from(search.triangle_tree, lower, upper, leaves[0], leaves[1])
 
 
 @wp.func
@@ -209,21 +213,30 @@ def on_triangles_function(precision: str) -> wp.Function:
 
     @wp.func
     def find_on_triangles(cloth: Cloth, search: ContactSearch, contact: ClothContact, memory: LeanMemory, vertex: int):
-        """Keeps the triangles near a vertex, but those that it is a corner of, and where both are tangled."""
-        centre = wp.vec3f(at(cloth.position, vertex))
-        room = float(contact.reach) + SLACK
-        wide = wp.vec3f(room, room, room)
-        walk = step_on(search.triangle_tree, walk_triangles(search, vertex, centre - wide, centre + wide))
-        while walk.leaf >= 0:
-            triangle = search.triangle_tree.leaf[walk.leaf]
-            t = search.triangles[triangle]
-            tangled = search.tangled[t[0]] + search.tangled[t[1]] + search.tangled[t[2]]
-            out = tangled + search.tangled[vertex] > 0 or has_vertex(t, vertex) or spans_gap(search, triangle)
-            corners = wp.vec4i(vertex, t[0], t[1], t[2])
-            if not out and nearer(cloth, corners, ON_TRIANGLE, contact.reach):
-                near = rest_near(search, vertex, t[0]) or rest_near(search, vertex, t[1])
-                near = near or rest_near(search, vertex, t[2])
-                keep_pair(contact, memory, corners, ON_TRIANGLE, near)
+        """Keeps the triangles near a vertex, if it is one, but those that it is a corner of, and what is tangled."""
+        low = wp.vec3f(FAR_OFF, FAR_OFF, FAR_OFF)
+        high = -low
+        leaves = wp.vec4i()
+        if vertex >= 0:
+            room = float(contact.reach) + SLACK
+            wide = wp.vec3f(room, room, room)
+            low = wp.vec3f(at(cloth.position, vertex)) - wide
+            high = low + wide + wide
+            leaves = search.leaves[search.item[vertex]]
+        walk = step_on(search.triangle_tree, walk_from(search.triangle_tree, low, high, leaves[0], leaves[1]))
+        while walk.group >= 0:
+            mask = meeting(search.triangle_tree, walk.group, low, high, leaves[0], leaves[1])
+            while mask != 0:
+                triangle = search.triangle_tree.leaf[8 * walk.group + lowest_bit(mask)]
+                mask = mask & (mask - 1)
+                t = search.triangles[triangle]
+                tangled = search.tangled[t[0]] + search.tangled[t[1]] + search.tangled[t[2]]
+                out = tangled + search.tangled[vertex] > 0 or has_vertex(t, vertex) or spans_gap(search, triangle)
+                corners = wp.vec4i(vertex, t[0], t[1], t[2])
+                if not out and nearer(cloth, corners, ON_TRIANGLE, contact.reach):
+                    near = rest_near(search, vertex, t[0]) or rest_near(search, vertex, t[1])
+                    near = near or rest_near(search, vertex, t[2])
+                    keep_pair(contact, memory, corners, ON_TRIANGLE, near)
             walk = step_on(search.triangle_tree, walk)
 
     return find_on_triangles
@@ -236,33 +249,41 @@ def on_edges_function(precision: str) -> wp.Function:
 
     @wp.func
     def find_on_edges(cloth: Cloth, search: ContactSearch, contact: ClothContact, memory: LeanMemory, place: int):
-        """Keeps the edges near an edge, behind it in the tree, but those that share an end, and where both are tangled.
+        """Keeps the edges near an edge, behind it in the tree, but those that share an end, and what is tangled.
 
         Of a pair the lower comes first, wherever they are in the tree.
         """
         edge = search.edge_tree.leaf[place]
-        if edge < 0 or search.open_edge[edge] > 0:
-            return
-        room = float(contact.reach) + SLACK
-        wide = wp.vec3f(room, room, room)
-        e = search.edges[edge]
-        tangled = search.tangled[e[0]] + search.tangled[e[1]]
-        p = wp.vec3f(at(cloth.position, e[0]))
-        q = wp.vec3f(at(cloth.position, e[1]))
-        last = search.leaves[search.item[e[0]]][3]
-        walk = walk_from(search.edge_tree, wp.min(p, q) - wide, wp.max(p, q) + wide, place + 1, last)
-        walk = step_on(search.edge_tree, walk)
-        while walk.leaf >= 0:
-            other = search.edge_tree.leaf[walk.leaf]
-            o = search.edges[other]
-            out = e[0] == o[0] or e[0] == o[1] or e[1] == o[0] or e[1] == o[1]
-            out = out or tangled + search.tangled[o[0]] + search.tangled[o[1]] > 0
-            out = out or search.open_edge[other] > 0
-            corners = wp.where(edge < other, wp.vec4i(e[0], e[1], o[0], o[1]), wp.vec4i(o[0], o[1], e[0], e[1]))
-            if not out and nearer(cloth, corners, ON_EDGE, contact.reach):
-                near = rest_near(search, e[0], o[0]) or rest_near(search, e[0], o[1])
-                near = near or rest_near(search, e[1], o[0]) or rest_near(search, e[1], o[1])
-                keep_pair(contact, memory, corners, ON_EDGE, near)
+        low = wp.vec3f(FAR_OFF, FAR_OFF, FAR_OFF)
+        high = -low
+        e = wp.vec2i()
+        last = int(place)
+        tangled = int(0)
+        if edge >= 0 and search.open_edge[edge] == 0:
+            room = float(contact.reach) + SLACK
+            wide = wp.vec3f(room, room, room)
+            e = search.edges[edge]
+            p = wp.vec3f(at(cloth.position, e[0]))
+            q = wp.vec3f(at(cloth.position, e[1]))
+            low = wp.min(p, q) - wide
+            high = wp.max(p, q) + wide
+            last = search.leaves[search.item[e[0]]][3]
+            tangled = search.tangled[e[0]] + search.tangled[e[1]]
+        walk = step_on(search.edge_tree, walk_from(search.edge_tree, low, high, place, last))
+        while walk.group >= 0:
+            mask = meeting(search.edge_tree, walk.group, low, high, place + 1, last)
+            while mask != 0:
+                other = search.edge_tree.leaf[8 * walk.group + lowest_bit(mask)]
+                mask = mask & (mask - 1)
+                o = search.edges[other]
+                out = e[0] == o[0] or e[0] == o[1] or e[1] == o[0] or e[1] == o[1]
+                out = out or tangled + search.tangled[o[0]] + search.tangled[o[1]] > 0
+                out = out or search.open_edge[other] > 0
+                corners = wp.where(edge < other, wp.vec4i(e[0], e[1], o[0], o[1]), wp.vec4i(o[0], o[1], e[0], e[1]))
+                if not out and nearer(cloth, corners, ON_EDGE, contact.reach):
+                    near = rest_near(search, e[0], o[0]) or rest_near(search, e[0], o[1])
+                    near = near or rest_near(search, e[1], o[0]) or rest_near(search, e[1], o[1])
+                    keep_pair(contact, memory, corners, ON_EDGE, near)
             walk = step_on(search.edge_tree, walk)
 
     return find_on_edges
@@ -274,7 +295,7 @@ def pairs_kernel(precision: str) -> wp.Kernel:
     Cloth = cloth_types(precision).Cloth
     find_on_triangles, find_on_edges = on_triangles_function(precision), on_edges_function(precision)
 
-    @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
+    @wp.kernel(module="unique", module_options=MODULE_OPTIONS, grid_stride=False)
     def find_pairs(cloth: Cloth, search: ContactSearch, contact: ClothContact, memory: LeanMemory):
         """Keeps what is near each edge, and each vertex: in one launch, since each thread mostly waits for memory."""
         thread = wp.tid()

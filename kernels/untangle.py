@@ -4,10 +4,10 @@ import functools
 
 import warp as wp
 
-from warp_cloth.kernels.box_tree import step_on, walk_from
+from warp_cloth.kernels.box_tree import FAR_OFF, lowest_bit, meeting, step_on, team_least, walk_from
 from warp_cloth.kernels.cloth import MODULE_OPTIONS, cloth_types, place_function
 from warp_cloth.kernels.cloth_contact import ClothContact
-from warp_cloth.kernels.contact_search import SLACK, ContactSearch, spans_gap, walk_triangles
+from warp_cloth.kernels.contact_search import SLACK, ContactSearch, spans_gap
 from warp_cloth.kernels.crossing import has_vertex, segment_pierces, volume
 from warp_cloth.kernels.touch import NOTHING, WHOLE, nearest_on_triangle
 
@@ -104,57 +104,78 @@ def edge_slope_function(precision: str) -> wp.Function:
 
 
 @functools.cache
-def crossings_kernel(precision: str) -> wp.Kernel:
-    """Kernel ``part_crossings``."""
+def part_crossing_function(precision: str) -> wp.Function:
+    """The function that parts an edge from a triangle that it passes through."""
     Cloth, at = cloth_types(precision).Cloth, place_function(precision)
     edge_slope = edge_slope_function(precision)
 
-    @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
+    @wp.func
+    def part_crossing(cloth: Cloth, search: ContactSearch, untangling: Untangling, edge: int, triangle: int):
+        """Shifts an edge, if it passes through a triangle, and that triangle, so that they cross less."""
+        ends = search.edges[edge]
+        corners = search.triangles[triangle]
+        p = at(cloth.position, ends[0])
+        q = at(cloth.position, ends[1])
+        a = at(cloth.position, corners[0])
+        b = at(cloth.position, corners[1])
+        c = at(cloth.position, corners[2])
+        if not segment_pierces(p, q, a, b, c):
+            return
+        wp.atomic_add(untangling.count, 0, 1)
+        before = volume(a, b, c, p)
+        share = before / (before - volume(a, b, c, q))
+        on = nearest_on_triangle(p + (q - p) * share - a, b - a, c - a)
+        normal = wp.normalize(wp.cross(b - a, c - a))
+        what = ITSELF
+        slope = wp.vec3d()
+        if untangling.layer[ends[0]] == untangling.layer[corners[0]]:
+            slope = edge_slope(cloth, ends, untangling.wings[edge], normal) * untangling.stride
+        else:  # the outer one goes outwards
+            what = LAYERS
+            slope = normal * (wp.float64(untangling.outward[corners[0]]) * untangling.stride)
+            if untangling.layer[ends[0]] < untangling.layer[corners[0]]:
+                slope = -slope
+        add_shift(untangling.sum, ends[0], slope * (WHOLE - share))
+        add_shift(untangling.sum, ends[1], slope * share)
+        for corner in range(3):
+            add_shift(untangling.sum, corners[corner], -slope * on[corner])
+            wp.atomic_max(untangling.crosses, corners[corner], what)
+        wp.atomic_max(untangling.crosses, ends[0], what)
+        wp.atomic_max(untangling.crosses, ends[1], what)
+
+    return part_crossing
+
+
+@functools.cache
+def crossings_kernel(precision: str) -> wp.Kernel:
+    """Kernel ``part_crossings``."""
+    Cloth, at = cloth_types(precision).Cloth, place_function(precision)
+    part_crossing = part_crossing_function(precision)
+
+    @wp.kernel(module="unique", module_options=MODULE_OPTIONS, grid_stride=False)
     def part_crossings(cloth: Cloth, search: ContactSearch, untangling: Untangling):
         """Shifts each edge that passes through a triangle, and that triangle, so that they cross less."""
         edge = search.edge_tree.leaf[wp.tid()]
-        if edge < 0 or search.open_edge[edge] > 0:
-            return
-        ends = search.edges[edge]
-        p = at(cloth.position, ends[0])
-        q = at(cloth.position, ends[1])
-        low = wp.vec3f(p)
-        high = wp.vec3f(q)
-        walk = walk_triangles(search, ends[0], wp.min(low, high), wp.max(low, high))
-        walk = step_on(search.triangle_tree, walk)
-        while walk.leaf >= 0:
-            triangle = search.triangle_tree.leaf[walk.leaf]
-            corners = search.triangles[triangle]
-            if (
-                not spans_gap(search, triangle)
-                and not has_vertex(corners, ends[0])
-                and not has_vertex(corners, ends[1])
-            ):
-                a = at(cloth.position, corners[0])
-                b = at(cloth.position, corners[1])
-                c = at(cloth.position, corners[2])
-                if segment_pierces(p, q, a, b, c):
-                    wp.atomic_add(untangling.count, 0, 1)
-                    before = volume(a, b, c, p)
-                    share = before / (before - volume(a, b, c, q))
-                    on = nearest_on_triangle(p + (q - p) * share - a, b - a, c - a)
-                    normal = wp.normalize(wp.cross(b - a, c - a))
-                    what = ITSELF
-                    slope = wp.vec3d()
-                    if untangling.layer[ends[0]] == untangling.layer[corners[0]]:
-                        slope = edge_slope(cloth, ends, untangling.wings[edge], normal) * untangling.stride
-                    else:  # the outer one goes outwards
-                        what = LAYERS
-                        slope = normal * (wp.float64(untangling.outward[corners[0]]) * untangling.stride)
-                        if untangling.layer[ends[0]] < untangling.layer[corners[0]]:
-                            slope = -slope
-                    add_shift(untangling.sum, ends[0], slope * (WHOLE - share))
-                    add_shift(untangling.sum, ends[1], slope * share)
-                    for corner in range(3):
-                        add_shift(untangling.sum, corners[corner], -slope * on[corner])
-                        wp.atomic_max(untangling.crosses, corners[corner], what)
-                    wp.atomic_max(untangling.crosses, ends[0], what)
-                    wp.atomic_max(untangling.crosses, ends[1], what)
+        low = wp.vec3f(FAR_OFF, FAR_OFF, FAR_OFF)
+        high = -low
+        ends = wp.vec2i()
+        leaves = wp.vec4i()
+        if edge >= 0 and search.open_edge[edge] == 0:
+            ends = search.edges[edge]
+            p = wp.vec3f(at(cloth.position, ends[0]))
+            q = wp.vec3f(at(cloth.position, ends[1]))
+            low = wp.min(p, q)
+            high = wp.max(p, q)
+            leaves = search.leaves[search.item[ends[0]]]
+        walk = step_on(search.triangle_tree, walk_from(search.triangle_tree, low, high, leaves[0], leaves[1]))
+        while walk.group >= 0:
+            mask = meeting(search.triangle_tree, walk.group, low, high, leaves[0], leaves[1])
+            while mask != 0:
+                triangle = search.triangle_tree.leaf[8 * walk.group + lowest_bit(mask)]
+                mask = mask & (mask - 1)
+                t = search.triangles[triangle]
+                if not (spans_gap(search, triangle) or has_vertex(t, ends[0]) or has_vertex(t, ends[1])):
+                    part_crossing(cloth, search, untangling, edge, triangle)
             walk = step_on(search.triangle_tree, walk)
 
     return part_crossings
@@ -166,39 +187,46 @@ def nearest_beyond_function(precision: str) -> wp.Function:
     Cloth, at = cloth_types(precision).Cloth, place_function(precision)
 
     @wp.func
-    def nearest_beyond(cloth: Cloth, search: ContactSearch, untangling: Untangling, vertex: int, reach: float):
-        """The triangle of other layers nearest to a vertex and nearer than a reach [m], and how near; -1: none is."""
-        x = at(cloth.position, vertex)
+    def nearest_beyond(cloth: Cloth, search: ContactSearch, untangling: Untangling, vertex: int):
+        """The triangle of other layers nearest to a vertex, if it is one, and how near [m]; -1: none within reach."""
+        x = wp.vec3d()
+        least = wp.float64(-FAR_OFF)
+        leaves = wp.vec4i()
+        own = wp.vec2i()
+        if vertex >= 0:
+            x = at(cloth.position, vertex)
+            least = wp.float64(untangling.layer_reach)
+            leaves = search.leaves[search.item[vertex]]
+            own = untangling.own[vertex]
         centre = wp.vec3f(x)
-        leaves = search.leaves[search.item[vertex]]
-        own = untangling.own[vertex]
         nearest = int(-1)
-        least = wp.float64(reach)
         for side in range(2):  # of its own layer in the tree
             begin = wp.where(side == 0, leaves[0], own[1])
             end = wp.where(side == 0, own[0], leaves[1])
             room = float(least) + SLACK
             wide = wp.vec3f(room, room, room)
-            walk = step_on(
-                search.triangle_tree, walk_from(search.triangle_tree, centre - wide, centre + wide, begin, end)
-            )
-            while walk.leaf >= 0:
-                triangle = search.triangle_tree.leaf[walk.leaf]
-                if not spans_gap(search, triangle):
-                    t = search.triangles[triangle]
-                    a = at(cloth.position, t[0])
-                    ab = at(cloth.position, t[1]) - a
-                    ac = at(cloth.position, t[2]) - a
-                    on = nearest_on_triangle(x - a, ab, ac)
-                    distance = wp.length(x - a - ab * on[1] - ac * on[2])
-                    # the tree has an order of its own: of two as near, the first of the mesh
-                    if distance < least or (distance == least and triangle < nearest):
-                        least = distance
-                        nearest = triangle
-                        room = float(least) + SLACK
-                        wide = wp.vec3f(room, room, room)
-                        walk.lower = centre - wide
-                        walk.upper = centre + wide
+            walk = walk_from(search.triangle_tree, centre - wide, centre + wide, begin, end)
+            walk = step_on(search.triangle_tree, walk)
+            while walk.group >= 0:
+                mask = meeting(search.triangle_tree, walk.group, centre - wide, centre + wide, begin, end)
+                while mask != 0:
+                    triangle = search.triangle_tree.leaf[8 * walk.group + lowest_bit(mask)]
+                    mask = mask & (mask - 1)
+                    if not spans_gap(search, triangle):
+                        t = search.triangles[triangle]
+                        a = at(cloth.position, t[0])
+                        ab = at(cloth.position, t[1]) - a
+                        ac = at(cloth.position, t[2]) - a
+                        on = nearest_on_triangle(x - a, ab, ac)
+                        distance = wp.length(x - a - ab * on[1] - ac * on[2])
+                        # the tree has an order of its own: of two as near, the first of the mesh
+                        if distance < least or (distance == least and triangle < nearest):
+                            least = distance
+                            nearest = triangle
+                room = float(least) + SLACK
+                wide = wp.vec3f(room, room, room)
+                walk.lower = team_least(centre - wide)
+                walk.upper = -team_least(-centre - wide)
                 walk = step_on(search.triangle_tree, walk)
         return nearest, least
 
@@ -211,14 +239,14 @@ def layers_kernel(precision: str) -> wp.Kernel:
     Cloth, at = cloth_types(precision).Cloth, place_function(precision)
     nearest_beyond = nearest_beyond_function(precision)
 
-    @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
+    @wp.kernel(module="unique", module_options=MODULE_OPTIONS, grid_stride=False)
     def part_layers(cloth: Cloth, search: ContactSearch, contact: ClothContact, untangling: Untangling):
         """Shifts each vertex on the wrong side of another garment, and the triangle of that which is nearest."""
         vertex = search.vertex[wp.tid()]
-        layer = untangling.layer[vertex]
-        x = at(cloth.position, vertex)
-        nearest, least = nearest_beyond(cloth, search, untangling, vertex, untangling.layer_reach)
+        nearest, least = nearest_beyond(cloth, search, untangling, vertex)
         if nearest >= 0:
+            layer = untangling.layer[vertex]
+            x = at(cloth.position, vertex)
             t = search.triangles[nearest]
             a = at(cloth.position, t[0])
             ab = at(cloth.position, t[1]) - a

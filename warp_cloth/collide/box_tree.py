@@ -54,6 +54,11 @@ def box_tree(order: Indices) -> Any:
     return tree
 
 
+def in_teams(order: Indices) -> Indices:
+    """The same with -1 behind it, for teams of as many threads as a group has boxes."""
+    return np.pad(order, (0, -len(order) % WIDTH), constant_values=-1)
+
+
 def block_count(tree: Any) -> int:
     """Thread blocks that box a tree's leaves."""
     return int(tree.leaf.size) // int(LEAVES)

@@ -11,7 +11,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from warp_cloth.collide.box_tree import block_count, box_tree, near_order
+from warp_cloth.collide.box_tree import block_count, box_tree, in_teams, near_order
 from warp_cloth.collide.crossing import Sheets
 from warp_cloth.collide.rest_near import rest_near_rows
 from warp_cloth.kernels.cloth_contact import NO_LIMIT, ClothContact, add_kernel, press_kernel
@@ -190,7 +190,7 @@ class ClothTouch:
             orders.append(near_order(points[corners].mean(axis=1), sheet[corners[:, 0]]))
             first += [np.concatenate([[0], np.bincount(of[corners[:, 0]]).cumsum()]) for of in (item, sheet)]
         search.triangle_tree, search.edge_tree = (box_tree(order) for order in orders)
-        search.vertex = wp.array(near_order(points, sheet), dtype=wp.int32)
+        search.vertex = wp.array(in_teams(near_order(points, sheet)), dtype=wp.int32)
         leaves = [first[0][:-1], first[0][1:], first[2][:-1], first[2][1:]]
         search.leaves = wp.array(np.stack(leaves, axis=1), dtype=wp.vec4i)
         untangling.own = wp.array(np.stack([first[1][sheet], first[1][sheet + 1]], axis=1), dtype=wp.vec2i)
@@ -283,7 +283,7 @@ class ClothTouch:
         self._box(cloth)
         if self.untangles:
             self._untangle(cloth)
-        size = vertices + given.edge_tree.leaf.size
+        size = given.edge_tree.leaf.size + given.vertex.size
         self._launch(self._pairs, size, [cloth, given, found, memory], LOOKING)
 
     def _box(self, cloth: Any, *, anew: bool = True) -> None:
@@ -301,7 +301,7 @@ class ClothTouch:
         self._launch(forget_tangles, vertices, [given, untangling])
         self._launch(self._part_crossings, given.edge_tree.leaf.size, [cloth, given, untangling], LOOKING)
         if self.layered:
-            self._launch(self._part_layers, vertices, [cloth, given, found, untangling], LOOKING)
+            self._launch(self._part_layers, given.vertex.size, [cloth, given, found, untangling], LOOKING)
         self._launch(self._settle, vertices, [cloth, given, found, untangling])
 
     def press(self, step: Any, cloth: Any) -> None:
