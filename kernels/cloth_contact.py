@@ -103,10 +103,12 @@ def contact_room(contact: ClothContact, vertex: int, position: wp.vec3d):
     Whatever was farther than the reach at the last search cannot be met within half of it from there. While there is no
     room for all pairs nothing moves.
     """
-    known = wp.min(wp.float64(contact.room[vertex]) * ROOM_UNIT, ROOM_SHARE * contact.far)
-    contact.room[vertex] = NO_LIMIT
-    if contact.count[0] > contact.corners.shape[0]:  # some pairs did not fit
-        known = NOTHING
+    known = ROOM_SHARE * contact.far
+    if contact.count[0] > 0:
+        known = wp.min(wp.float64(contact.room[vertex]) * ROOM_UNIT, known)
+        contact.room[vertex] = NO_LIMIT
+        if contact.count[0] > contact.corners.shape[0]:  # some pairs did not fit
+            known = NOTHING
     unknown = wp.float64(0.49) * contact.reach - wp.length(position - contact.searched[vertex])
     return wp.max(wp.min(known, unknown), NOTHING)
 
@@ -130,7 +132,8 @@ def contact_watch(contact: ClothContact, vertex: int, position: wp.vec3d, move: 
 def contact_way(contact: ClothContact, thread: int):
     """How far any vertex may have gone up to now [ROOM_UNIT]; the first thread turns to the next iteration."""
     turn = contact.turn[0]
-    way = contact.way[0] + wp.int64(contact.stride[turn & 1])
+    even, odd = contact.stride[0], contact.stride[1]  # neither waits for the turn
+    way = contact.way[0] + wp.int64(wp.where((turn & 1) == 0, even, odd))
     if thread == 0:
         contact.way[1] = way
         contact.turn[1] = turn + 1
@@ -141,6 +144,8 @@ def contact_way(contact: ClothContact, thread: int):
 @wp.func
 def contact_sum(contact: ClothContact, vertex: int):
     """Force [N] and fourth part that contact adds at a vertex; leaves the sum at zero."""
+    if contact.count[0] == 0:
+        return wp.vec4d()
     x = wp.float64(contact.sum[vertex, 0]) * FORCE_UNIT
     y = wp.float64(contact.sum[vertex, 1]) * FORCE_UNIT
     z = wp.float64(contact.sum[vertex, 2]) * FORCE_UNIT
@@ -168,7 +173,8 @@ def leave_room(contact: ClothContact, pair: int, corners: wp.vec4i, distance: wp
     else:
         room = wp.int32(ROOM_SHARE * distance / ROOM_UNIT)
         for corner in range(4):
-            wp.atomic_min(contact.room, corners[corner], room)
+            if room < contact.room[corners[corner]]:  # few pairs are the nearest so far
+                wp.atomic_min(contact.room, corners[corner], room)
 
 
 @wp.func

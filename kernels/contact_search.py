@@ -68,10 +68,30 @@ def spans_gap(search: ContactSearch, triangle: int):
     return search.open_edge[sides[0]] + search.open_edge[sides[1]] + search.open_edge[sides[2]] > 0
 
 
+_NEXT_SLOT = """
+#if defined(__CUDA_ARCH__)
+    const unsigned int asking = __activemask();
+    const int first = __ffs(asking) - 1, lane = threadIdx.x & 31;
+    int slot = 0;
+    if (lane == first)
+        slot = atomicAdd(count.data, __popc(asking));
+    return __shfl_sync(asking, slot, first) + __popc(asking & ((1u << lane) - 1u));
+#else
+    return wp::atomic_add(count, 0, 1);
+#endif
+"""
+
+
+@wp.func_native(_NEXT_SLOT)
+def next_slot(count: wp.array(dtype=wp.int32)) -> int:
+    """A number of its own for each that asks, counted; the threads that ask at once go to the counter together."""
+    ...
+
+
 @wp.func
 def keep_pair(contact: ClothContact, memory: LeanMemory, corners: wp.vec4i, kind: int, near: bool):
     """Counts a pair and, while there is room, keeps it, with the lean that it had before the search."""
-    slot = wp.atomic_add(contact.count, 0, 1)
+    slot = next_slot(contact.count)
     if slot < contact.corners.shape[0]:
         contact.corners[slot] = corners
         contact.kind[slot] = kind

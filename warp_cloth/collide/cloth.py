@@ -56,7 +56,7 @@ PAIRS_PER_VERTEX = 3  # to begin with; a T-shirt on a body needs less once it is
 LAYER_REACH = 0.01  # [m]; how deep one garment may be inside another once both are sewn
 # Iterations between two looks at whether cloth has moved so far that what is near changed. What is being untangled
 # changes with every step.
-LOOK_EVERY = 4
+LOOK_EVERY = 5
 LOOK_UNTANGLING = 2
 LOOKING = 64  # threads in a block that walks a tree: some take far longer than others
 BOXING = 256  # threads in a block that boxes what is in a tree
