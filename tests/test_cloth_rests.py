@@ -21,7 +21,10 @@ from warp_cloth.set_up import SetUp, following, set_up_one
 from warp_cloth.solver.certificate import Tolerance
 from warp_cloth.solver.loop import relax_to_rest
 
-LIMIT = 8000  # iterations; they take 1,800 to 3,800
+LIMIT = 8000  # iterations; they take 1,800 to 5,700
+# The rim of what the avatar holds still rolls with the free folds as long as these settle: creep is told from that once
+# the rest error is as small. A worn T-shirt's shoulders stay from the default certificate on (see the tests of friction).
+SETTLED = Tolerance(rest_error=1e-4)
 # The sums are kept in units of 2^-36 N; a vertex here adds up at most 200 pairs. Thickness and modulus are float32.
 FORCE_ROUNDING = 200 * 2.0**-36  # [N]
 RELATIVE_ROUNDING = 1e-6
@@ -48,13 +51,13 @@ def write_folded(path: Path, folded: Folded) -> None:
 
 
 def at_rest(folder: Path, name: str) -> SetUp:
-    """The scene, relaxed until the default certificate holds."""
+    """The scene, relaxed until its certificate holds."""
     build, of_garment, of_scene = FOLDED[name]
     write_folded(folder / "cloth.obj", build())
     garment = {"mesh": str(folder / "cloth.obj"), "rest": "uv", "units": "m", "fabric": "jersey", **of_garment}
     made = set_up_one(load_scene({"garment": garment, "collision": {"cloth": True}, **of_scene}), "cpu")
     follow = following(made)
-    outcome = relax_to_rest(made.relaxation, made.certifier, Tolerance(), LIMIT, follow=follow, course=made.course)
+    outcome = relax_to_rest(made.relaxation, made.certifier, SETTLED, LIMIT, follow=follow, course=made.course)
     assert outcome.status is Status.AT_REST
     return made
 
