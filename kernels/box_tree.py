@@ -1,34 +1,35 @@
-"""A tree of boxes, eight to a node: its shape stays, and its boxes are brought up to where their cloth is."""
+"""A tree of boxes, 32 to a node: its shape stays, and its boxes are brought up to where their cloth is.
+
+On a GPU a warp is a team: its threads look at a node's boxes together, one each. On the CPU a thread is a team.
+"""
 
 import warp as wp
 
-from warp_cloth.kernels.access import element
 from warp_cloth.kernels.block import block_threads, wait_for_block
 
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
-LEAVES = wp.constant(wp.int32(512))  # that a thread block boxes, with the three levels above them
+WIDTH = wp.constant(wp.int32(32))  # boxes to a group, and threads to a team
+LEAVES = wp.constant(wp.int32(1024))  # that a thread block boxes, with both levels above them
 FAR_OFF = wp.constant(wp.float32(3.0e38))  # lowest of nothing
 
 
 @wp.struct
 class BoxTree:
-    """N leaves, in an order that keeps near what is near; level by level each group of eight is one box of the next.
+    """N leaves, in an order that keeps near what is near; level by level each group of 32 is one box of the next.
 
-    Of a group's boxes the memory holds the lowest x of all eight, then y and z, then the highest: a group is read
-    together, and compared without waiting box after box.
+    Of a group's boxes the memory holds the lowest x of all, then y and z, then the highest.
     """
 
     leaf: wp.array(dtype=wp.int32)  # what a leaf holds; -1: nothing, shape [N], a multiple of LEAVES
     first: wp.array(dtype=wp.int32)  # group with which each level begins, and how many there are, shape [levels + 1]
-    levels: int  # two to eight
-    bound: wp.array(dtype=wp.float32)  # [m], shape [48 groups]
-    four: wp.array(dtype=wp.vec4f)  # the same, in fours
+    levels: int  # three or four; the highest may have several groups
+    bound: wp.array(dtype=wp.float32)  # [m], shape [6 * 32 groups]
 
 
 @wp.struct
 class BoxWalk:
-    """How far a walk over the groups of leaves that meet a box has come. The eight threads of a team walk together."""
+    """How far a team's walk over the groups of leaves that meet a box has come."""
 
     lower: wp.vec3f  # of the team's box [m]
     upper: wp.vec3f
@@ -36,106 +37,166 @@ class BoxWalk:
     end: int  # to before here are looked at
     level: int
     group: int  # in that level; where the walk stands, a group of leaves; -1: at its end
-    masks: wp.uint64  # boxes of that group, and of those above it, that are still to be looked at; a byte a level
+    # boxes of that group, and of those above it, that are still to be looked at
+    mask_1: wp.uint32
+    mask_2: wp.uint32
+    mask_3: wp.uint32
 
 
-_LEAST = """
+_TEAM_THREADS = """
 #if defined(__CUDA_ARCH__)
-    const unsigned int team = 255u << (threadIdx.x & 24);
-    for (int k = 1; k < 8; k <<= 1)
-        for (int axis = 0; axis < 3; ++axis)
-            value[axis] = fminf(value[axis], __shfl_xor_sync(team, value[axis], k));
-#endif
-    return value;
-"""
-
-_LAST = """
-#if defined(__CUDA_ARCH__)
-    const unsigned int team = 255u << (threadIdx.x & 24);
-    for (int k = 1; k < 8; k <<= 1)
-        value = max(value, __shfl_xor_sync(team, value, k));
-#endif
-    return value;
-"""
-
-_TEAM_MEETING = """
-#if defined(__CUDA_ARCH__)
-    const float* box = bound.data + 48 * group + (threadIdx.x & 7);
-    const bool meets = (box[0] <= upper[0]) & (box[8] <= upper[1]) & (box[16] <= upper[2]) & (box[24] >= lower[0])
-        & (box[32] >= lower[1]) & (box[40] >= lower[2]);
-    const int lane = threadIdx.x & 24;
-    return (int)((__ballot_sync(255u << lane, meets) >> lane) & 255u);
+    return 32;
 #else
-    int mask = 0;
-    for (int k = 0; k < 8; ++k) {
-        const float* box = bound.data + 48 * group + k;
-        const bool meets = (box[0] <= upper[0]) & (box[8] <= upper[1]) & (box[16] <= upper[2]) & (box[24] >= lower[0])
-            & (box[32] >= lower[1]) & (box[40] >= lower[2]);
-        mask |= (int)meets << k;
-    }
+    return 1;
+#endif
+"""
+
+_TEAM_LEAST = """
+#if defined(__CUDA_ARCH__)
+    for (int k = 1; k < 32; k <<= 1)
+        for (int axis = 0; axis < 3; ++axis)
+            value[axis] = fminf(value[axis], __shfl_xor_sync(0xffffffffu, value[axis], k));
+#endif
+    return value;
+"""
+
+_TEAM_LAST = """
+#if defined(__CUDA_ARCH__)
+    return __reduce_max_sync(0xffffffffu, value);
+#else
+    return value;
+#endif
+"""
+
+_MEETS = """
+    auto meets = [&](int k) {
+        const float* box = bound.data + 192 * group + k;
+        return (box[0] <= upper[0]) & (box[32] <= upper[1]) & (box[64] <= upper[2]) & (box[96] >= lower[0])
+            & (box[128] >= lower[1]) & (box[160] >= lower[2]);
+    };
+"""
+
+_TEAM_MEETING = (
+    _MEETS
+    + """
+#if defined(__CUDA_ARCH__)
+    return __ballot_sync(0xffffffffu, meets(threadIdx.x & 31));
+#else
+    unsigned int mask = 0;
+    for (int k = 0; k < 32; ++k)
+        mask |= (unsigned int)meets(k) << k;
     return mask;
 #endif
 """
+)
+
+_MEETING = (
+    _MEETS
+    + """
+#if defined(__CUDA_ARCH__)
+    unsigned int mask = 0;
+    for (unsigned int left = asked; left != 0; left &= left - 1) {
+        const int k = __ffs(left) - 1;
+        mask |= (unsigned int)meets(k) << k;
+    }
+    return mask;
+#else
+    return asked;
+#endif
+"""
+)
 
 _LOWEST_BIT = """
 #if defined(__CUDA_ARCH__)
     return __ffs(mask) - 1;
 #else
-    return __builtin_ctz((unsigned int)mask);
+    return __builtin_ctz(mask);
 #endif
 """
 
+_GROUP_LEAST = """
+    const float* box = bound.data + 192 * group + 96 * upper;
+    wp::vec3 least;
+    for (int axis = 0; axis < 3; ++axis) {
+#if defined(__CUDA_ARCH__)
+        float value = sign * box[32 * axis + (threadIdx.x & 31)];
+        for (int k = 1; k < 32; k <<= 1)
+            value = fminf(value, __shfl_xor_sync(0xffffffffu, value, k));
+#else
+        float value = sign * box[32 * axis];
+        for (int k = 1; k < 32; ++k)
+            value = sign * box[32 * axis + k] < value ? sign * box[32 * axis + k] : value;
+#endif
+        least[axis] = sign * value;
+    }
+    return least;
+"""
 
-@wp.func_native(_LEAST)
-def team_least(value: wp.vec3f) -> wp.vec3f:
-    """The least that any thread of a team has of each component; on the CPU a thread is a team by itself."""
+
+@wp.func_native(_TEAM_THREADS)
+def team_threads() -> int:
+    """How many threads a team has."""
     ...
 
 
-@wp.func_native(_LAST)
+@wp.func_native(_TEAM_LEAST)
+def team_least(value: wp.vec3f) -> wp.vec3f:
+    """The least that any thread of a team has of each component."""
+    ...
+
+
+@wp.func_native(_TEAM_LAST)
 def team_last(value: int) -> int:
     """The highest number that any thread of a team has."""
     ...
 
 
 @wp.func_native(_TEAM_MEETING)
-def team_meeting(bound: wp.array(dtype=wp.float32), group: int, lower: wp.vec3f, upper: wp.vec3f) -> int:
-    """Which boxes of a group meet a team's box: a bit for each, and each looked at by one thread."""
+def team_meeting(bound: wp.array(dtype=wp.float32), group: int, lower: wp.vec3f, upper: wp.vec3f) -> wp.uint32:
+    """Which boxes of a group meet a team's box: a bit for each."""
+    ...
+
+
+@wp.func_native(_MEETING)
+def own_meeting(
+    bound: wp.array(dtype=wp.float32), group: int, lower: wp.vec3f, upper: wp.vec3f, asked: wp.uint32
+) -> wp.uint32:
+    """Which of those boxes meet a thread's own box."""
     ...
 
 
 @wp.func_native(_LOWEST_BIT)
-def lowest_bit(mask: int) -> int:
+def lowest_bit(mask: wp.uint32) -> int:
     """Number of the lowest bit that is set."""
     ...
+
+
+@wp.func_native(_GROUP_LEAST)
+def group_bound(bound: wp.array(dtype=wp.float32), group: int, upper: int, sign: float) -> wp.vec3f:
+    """The least, or for a sign of -1 the most, of the lower bounds of a group's boxes, or where that is 1 the upper."""
+    ...
+
+
+@wp.func
+def below(count: int):
+    """As many of the lowest bits as counted, none to 32."""
+    some = (wp.uint32(1) << wp.uint32(count & 31)) - wp.uint32(1)
+    return wp.where(count <= 0, wp.uint32(0), wp.where(count >= WIDTH, ~wp.uint32(0), some))
 
 
 @wp.func
 def within(begin: int, end: int, level: int, group: int):
     """Which boxes of a group hold any of some leaves: a bit for each."""
-    first = wp.clamp((begin >> (3 * level)) - 8 * group, 0, 8)
-    last = wp.clamp(((end - 1) >> (3 * level)) - 8 * group + 1, 0, 8)
-    return ((1 << last) - 1) & ~((1 << first) - 1)
+    first = (begin >> (5 * level)) - WIDTH * group
+    last = ((end - 1) >> (5 * level)) - WIDTH * group + 1
+    return below(last) & ~below(first)
 
 
 @wp.func
-def meeting(tree: BoxTree, group: int, lower: wp.vec3f, upper: wp.vec3f, begin: int, end: int):
-    """Which of some leaves in a group meet a thread's own box: a bit for each."""
-    mask = int(0)
-    for half in range(2):
-        at = 12 * group + half
-        low_x = element(tree.four, at)
-        low_y = element(tree.four, at + 2)
-        low_z = element(tree.four, at + 4)
-        high_x = element(tree.four, at + 6)
-        high_y = element(tree.four, at + 8)
-        high_z = element(tree.four, at + 10)
-        for k in range(4):
-            gap = wp.max(low_x[k] - upper[0], lower[0] - high_x[k])
-            gap = wp.max(gap, wp.max(low_y[k] - upper[1], lower[1] - high_y[k]))
-            gap = wp.max(gap, wp.max(low_z[k] - upper[2], lower[2] - high_z[k]))
-            mask = mask | wp.where(gap <= 0.0, 1 << (4 * half + k), 0)
-    return mask & within(begin, end, 0, group)
+def meeting(tree: BoxTree, walk: BoxWalk, lower: wp.vec3f, upper: wp.vec3f, begin: int, end: int):
+    """Which of some leaves in the group where a walk stands meet a thread's own box: a bit for each."""
+    asked = team_meeting(tree.bound, walk.group, walk.lower, walk.upper)
+    return own_meeting(tree.bound, walk.group, lower, upper, asked) & within(begin, end, 0, walk.group)
 
 
 @wp.func
@@ -147,8 +208,7 @@ def walk_from(tree: BoxTree, lower: wp.vec3f, upper: wp.vec3f, begin: int, end: 
     walk.begin = -team_last(-begin)
     walk.end = team_last(end)
     walk.level = tree.levels - 1
-    walk.group = (walk.begin >> (3 * tree.levels)) - 1
-    walk.masks = wp.uint64(0)
+    walk.group = (walk.begin >> (5 * tree.levels)) - 1
     return walk
 
 
@@ -157,86 +217,70 @@ def step_on(tree: BoxTree, walk: BoxWalk):
     """The walk at its next group of leaves."""
     level = int(walk.level)
     group = int(walk.group)
-    masks = wp.uint64(walk.masks)
+    mask_1 = wp.uint32(walk.mask_1)
+    mask_2 = wp.uint32(walk.mask_2)
+    mask_3 = wp.uint32(walk.mask_3)
+    if level == 0:  # on from a group of leaves
+        level = 1
+        group = group >> 5
     going = bool(True)
     while going:
-        if level == 0 and tree.levels > 1:  # on from a group of leaves
-            level = 1
-            group = group >> 3
-        mask = int((masks >> wp.uint64(8 * level)) & wp.uint64(255))
-        opened = bool(True)
-        if mask == 0:
-            if level < tree.levels - 1:
-                level += 1
-                group = group >> 3
-                opened = False
-            else:  # the highest level may have several groups
-                group += 1
-                if group >= tree.first[level + 1] - tree.first[level] or (group << (3 * level + 3)) >= walk.end:
-                    group = -1
-                    going = False
-                    opened = False
+        mask = wp.where(level == 1, mask_1, wp.where(level == 2, mask_2, mask_3))
+        if mask == wp.uint32(0) and level < tree.levels - 1:
+            level += 1
+            group = group >> 5
         else:
-            bit = lowest_bit(mask)
-            masks = masks ^ (wp.uint64(1) << wp.uint64(8 * level + bit))
-            level -= 1
-            group = 8 * group + bit
-        if opened:
-            if level == 0:
-                going = False
+            if mask == wp.uint32(0):  # the highest level may have several groups
+                group += 1
+                going = group < tree.first[level + 1] - tree.first[level] and (group << (5 * level + 5)) < walk.end
+                group = wp.where(going, group, -1)
             else:
+                mask_1 = wp.where(level == 1, mask & (mask - wp.uint32(1)), mask_1)
+                mask_2 = wp.where(level == 2, mask & (mask - wp.uint32(1)), mask_2)
+                mask_3 = wp.where(level == 3, mask & (mask - wp.uint32(1)), mask_3)
+                group = WIDTH * group + lowest_bit(mask)
+                level -= 1
+                going = level > 0
+            if going:
                 mask = team_meeting(tree.bound, tree.first[level] + group, walk.lower, walk.upper)
                 mask = mask & within(walk.begin, walk.end, level, group)
-                masks = masks | (wp.uint64(mask) << wp.uint64(8 * level))
+                mask_1 = wp.where(level == 1, mask, mask_1)
+                mask_2 = wp.where(level == 2, mask, mask_2)
+                mask_3 = wp.where(level == 3, mask, mask_3)
     walk.level = level
     walk.group = group
-    walk.masks = masks
+    walk.mask_1 = mask_1
+    walk.mask_2 = mask_2
+    walk.mask_3 = mask_3
     return walk
 
 
 @wp.func
 def put_box(tree: BoxTree, level: int, box: int, lower: wp.vec3f, upper: wp.vec3f):
     """Puts a box where its level has it."""
-    at = 48 * (tree.first[level] + (box >> 3)) + (box & 7)
+    at = 192 * (tree.first[level] + (box >> 5)) + (box & 31)
     for axis in range(3):
-        tree.bound[at + 8 * axis] = lower[axis]
-        tree.bound[at + 24 + 8 * axis] = upper[axis]
+        tree.bound[at + 32 * axis] = lower[axis]
+        tree.bound[at + 96 + 32 * axis] = upper[axis]
 
 
 @wp.func
-def put_group(tree: BoxTree, level: int, group: int):
-    """Boxes all of a group as one of the next level."""
-    at = 12 * (tree.first[level] + group)
-    lower = wp.vec3f()
-    upper = wp.vec3f()
-    for axis in range(3):
-        low = wp.min(element(tree.four, at + 2 * axis), element(tree.four, at + 2 * axis + 1))
-        high = wp.max(element(tree.four, at + 6 + 2 * axis), element(tree.four, at + 7 + 2 * axis))
-        lower[axis] = wp.min(low)
-        upper[axis] = wp.max(high)
-    put_box(tree, level + 1, group, lower, upper)
+def box_groups(tree: BoxTree, level: int, begin: int, count: int, lane: int):
+    """Boxes some groups of a level, each as one of the next, by a block's teams."""
+    local = lane // team_threads()
+    while local < count:
+        group = begin + local
+        lower = group_bound(tree.bound, tree.first[level] + group, 0, 1.0)
+        upper = group_bound(tree.bound, tree.first[level] + group, 1, -1.0)
+        if lane % team_threads() == 0:
+            put_box(tree, level + 1, group, lower, upper)
+        local += wp.max(block_threads() // team_threads(), 1)
 
 
 @wp.func
 def box_up(tree: BoxTree, block: int, lane: int):
-    """Boxes the three levels above a block's leaves, once these are boxed."""
-    count = int(LEAVES)
-    for level in range(3):
-        count = count // 8
-        wait_for_block()
-        if level + 1 < tree.levels:
-            local = int(lane)
-            while local < count:
-                put_group(tree, level, block * count + local)
-                local += block_threads()
-
-
-@wp.func
-def box_top(tree: BoxTree, lane: int):
-    """Boxes all levels above those, by one block."""
-    for level in range(3, tree.levels - 1):
-        group = int(lane)
-        while group < tree.first[level + 1] - tree.first[level]:
-            put_group(tree, level, group)
-            group += block_threads()
-        wait_for_block()
+    """Boxes both levels above a block's leaves, once these are boxed."""
+    wait_for_block()
+    box_groups(tree, 0, block * (LEAVES // WIDTH), LEAVES // WIDTH, lane)
+    wait_for_block()
+    box_groups(tree, 1, block, 1, lane)

@@ -8,8 +8,9 @@ from warp_cloth.kernels.block import block_of, block_threads, lane_of
 from warp_cloth.kernels.box_tree import (
     FAR_OFF,
     LEAVES,
+    WIDTH,
     BoxTree,
-    box_top,
+    box_groups,
     box_up,
     lowest_bit,
     meeting,
@@ -188,9 +189,13 @@ def box_kernel(precision: str) -> wp.Kernel:
     box_triangle, box_edge = box_functions(precision)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS, grid_stride=False)
-    def box_sheets(cloth: Cloth, search: ContactSearch):
-        """Boxes LEAVES edges, or triangles, for each block, and the three levels above them."""
+    def box_sheets(cloth: Cloth, search: ContactSearch, contact: ClothContact, memory: LeanMemory, anew: int):
+        """Boxes LEAVES edges, or triangles, by each block; ``anew``: forgets the pairs and what they asked for."""
         thread = wp.tid()
+        if thread == 0 and anew > 0:
+            contact.count[0] = 0
+            contact.moved[0] = 0
+            forget_leans(memory)
         lane = lane_of(thread)
         block = block_of(thread)
         edge_blocks = search.edge_tree.leaf.shape[0] // LEAVES
@@ -211,18 +216,14 @@ def box_kernel(precision: str) -> wp.Kernel:
 
 
 @wp.kernel(grid_stride=False)
-def box_rest(search: ContactSearch, contact: ClothContact, memory: LeanMemory, anew: int):
-    """Boxes the rest of the trees, one block each; ``anew``: forgets the pairs and what they asked for."""
+def box_rest(search: ContactSearch):
+    """Boxes the highest level of the trees that have four, one block each."""
     thread = wp.tid()
-    lane = lane_of(thread)
-    if block_of(thread) == 0:
-        if lane == 0 and anew > 0:
-            contact.count[0] = 0
-            contact.moved[0] = 0
-            forget_leans(memory)
-        box_top(search.edge_tree, lane)
-    else:
-        box_top(search.triangle_tree, lane)
+    tree = search.edge_tree
+    if block_of(thread) == 1:
+        tree = search.triangle_tree
+    if tree.levels > 3:
+        box_groups(tree, 2, 0, tree.first[3] - tree.first[2], lane_of(thread))
 
 
 @functools.cache
@@ -232,32 +233,50 @@ def on_triangles_function(precision: str) -> wp.Function:
     nearer = near_function(precision)
 
     @wp.func
+    def keep_on_triangle(
+        cloth: Cloth, search: ContactSearch, contact: ClothContact, memory: LeanMemory, vertex: int, triangle: int
+    ):
+        """Keeps a vertex and a triangle if they are near each other."""
+        t = search.triangles[triangle]
+        corners = wp.vec4i(vertex, t[0], t[1], t[2])
+        if nearer(cloth, corners, ON_TRIANGLE, contact.reach):
+            near = rest_near(search, vertex, t[0]) or rest_near(search, vertex, t[1])
+            near = near or rest_near(search, vertex, t[2])
+            keep_pair(contact, memory, corners, ON_TRIANGLE, near)
+
+    @wp.func
     def find_on_triangles(cloth: Cloth, search: ContactSearch, contact: ClothContact, memory: LeanMemory, vertex: int):
-        """Keeps the triangles near a vertex, if it is one, but those that it is a corner of, and what is tangled."""
+        """Keeps the triangles near a vertex, if it is one, but those that it is a corner of, and what is tangled.
+
+        The last that may be near waits, so that mostly all threads of a team look closely at once.
+        """
         low = wp.vec3f(FAR_OFF, FAR_OFF, FAR_OFF)
         high = -low
         leaves = wp.vec4i()
+        tangled = int(0)
         if vertex >= 0:
             room = float(contact.reach) + SLACK
             wide = wp.vec3f(room, room, room)
             low = wp.vec3f(at(cloth.position, vertex)) - wide
             high = low + wide + wide
             leaves = search.leaves[search.item[vertex]]
+            tangled = search.tangled[vertex]
+        waits = int(-1)
         walk = step_on(search.triangle_tree, walk_from(search.triangle_tree, low, high, leaves[0], leaves[1]))
         while walk.group >= 0:
-            mask = meeting(search.triangle_tree, walk.group, low, high, leaves[0], leaves[1])
-            while mask != 0:
-                triangle = search.triangle_tree.leaf[8 * walk.group + lowest_bit(mask)]
-                mask = mask & (mask - 1)
+            mask = meeting(search.triangle_tree, walk, low, high, leaves[0], leaves[1])
+            while mask != wp.uint32(0):
+                triangle = search.triangle_tree.leaf[WIDTH * walk.group + lowest_bit(mask)]
+                mask = mask & (mask - wp.uint32(1))
                 t = search.triangles[triangle]
-                tangled = search.tangled[t[0]] + search.tangled[t[1]] + search.tangled[t[2]]
-                out = tangled + search.tangled[vertex] > 0 or has_vertex(t, vertex) or spans_gap(search, triangle)
-                corners = wp.vec4i(vertex, t[0], t[1], t[2])
-                if not out and nearer(cloth, corners, ON_TRIANGLE, contact.reach):
-                    near = rest_near(search, vertex, t[0]) or rest_near(search, vertex, t[1])
-                    near = near or rest_near(search, vertex, t[2])
-                    keep_pair(contact, memory, corners, ON_TRIANGLE, near)
+                others = search.tangled[t[0]] + search.tangled[t[1]] + search.tangled[t[2]]
+                if not (tangled + others > 0 or has_vertex(t, vertex) or spans_gap(search, triangle)):
+                    if waits >= 0:
+                        keep_on_triangle(cloth, search, contact, memory, vertex, waits)
+                    waits = triangle
             walk = step_on(search.triangle_tree, walk)
+        if waits >= 0:
+            keep_on_triangle(cloth, search, contact, memory, vertex, waits)
 
     return find_on_triangles
 
@@ -268,11 +287,21 @@ def on_edges_function(precision: str) -> wp.Function:
     Cloth, at, nearer = cloth_types(precision).Cloth, place_function(precision), near_function(precision)
 
     @wp.func
-    def find_on_edges(cloth: Cloth, search: ContactSearch, contact: ClothContact, memory: LeanMemory, place: int):
-        """Keeps the edges near an edge, behind it in the tree, but those that share an end, and what is tangled.
+    def keep_on_edge(
+        cloth: Cloth, search: ContactSearch, contact: ClothContact, memory: LeanMemory, edge: int, other: int
+    ):
+        """Keeps two edges if they are near each other; the lower comes first, wherever they are in the tree."""
+        e = search.edges[wp.min(edge, other)]
+        o = search.edges[wp.max(edge, other)]
+        corners = wp.vec4i(e[0], e[1], o[0], o[1])
+        if nearer(cloth, corners, ON_EDGE, contact.reach):
+            near = rest_near(search, e[0], o[0]) or rest_near(search, e[0], o[1])
+            near = near or rest_near(search, e[1], o[0]) or rest_near(search, e[1], o[1])
+            keep_pair(contact, memory, corners, ON_EDGE, near)
 
-        Of a pair the lower comes first, wherever they are in the tree.
-        """
+    @wp.func
+    def find_on_edges(cloth: Cloth, search: ContactSearch, contact: ClothContact, memory: LeanMemory, place: int):
+        """Keeps the edges near an edge, behind it in the tree, but those that share an end, and what is tangled."""
         edge = search.edge_tree.leaf[place]
         low = wp.vec3f(FAR_OFF, FAR_OFF, FAR_OFF)
         high = -low
@@ -289,22 +318,23 @@ def on_edges_function(precision: str) -> wp.Function:
             high = wp.max(p, q) + wide
             last = search.leaves[search.item[e[0]]][3]
             tangled = search.tangled[e[0]] + search.tangled[e[1]]
+        waits = int(-1)
         walk = step_on(search.edge_tree, walk_from(search.edge_tree, low, high, place, last))
         while walk.group >= 0:
-            mask = meeting(search.edge_tree, walk.group, low, high, place + 1, last)
-            while mask != 0:
-                other = search.edge_tree.leaf[8 * walk.group + lowest_bit(mask)]
-                mask = mask & (mask - 1)
+            mask = meeting(search.edge_tree, walk, low, high, place + 1, last)
+            while mask != wp.uint32(0):
+                other = search.edge_tree.leaf[WIDTH * walk.group + lowest_bit(mask)]
+                mask = mask & (mask - wp.uint32(1))
                 o = search.edges[other]
                 out = e[0] == o[0] or e[0] == o[1] or e[1] == o[0] or e[1] == o[1]
                 out = out or tangled + search.tangled[o[0]] + search.tangled[o[1]] > 0
-                out = out or search.open_edge[other] > 0
-                corners = wp.where(edge < other, wp.vec4i(e[0], e[1], o[0], o[1]), wp.vec4i(o[0], o[1], e[0], e[1]))
-                if not out and nearer(cloth, corners, ON_EDGE, contact.reach):
-                    near = rest_near(search, e[0], o[0]) or rest_near(search, e[0], o[1])
-                    near = near or rest_near(search, e[1], o[0]) or rest_near(search, e[1], o[1])
-                    keep_pair(contact, memory, corners, ON_EDGE, near)
+                if not (out or search.open_edge[other] > 0):
+                    if waits >= 0:
+                        keep_on_edge(cloth, search, contact, memory, edge, waits)
+                    waits = other
             walk = step_on(search.edge_tree, walk)
+        if waits >= 0:
+            keep_on_edge(cloth, search, contact, memory, edge, waits)
 
     return find_on_edges
 

@@ -4,7 +4,7 @@ import functools
 
 import warp as wp
 
-from warp_cloth.kernels.box_tree import FAR_OFF, lowest_bit, meeting, step_on, team_least, walk_from
+from warp_cloth.kernels.box_tree import FAR_OFF, WIDTH, lowest_bit, meeting, step_on, team_least, walk_from
 from warp_cloth.kernels.cloth import MODULE_OPTIONS, cloth_types, place_function
 from warp_cloth.kernels.cloth_contact import ClothContact
 from warp_cloth.kernels.contact_search import SLACK, ContactSearch, spans_gap
@@ -169,10 +169,10 @@ def crossings_kernel(precision: str) -> wp.Kernel:
             leaves = search.leaves[search.item[ends[0]]]
         walk = step_on(search.triangle_tree, walk_from(search.triangle_tree, low, high, leaves[0], leaves[1]))
         while walk.group >= 0:
-            mask = meeting(search.triangle_tree, walk.group, low, high, leaves[0], leaves[1])
-            while mask != 0:
-                triangle = search.triangle_tree.leaf[8 * walk.group + lowest_bit(mask)]
-                mask = mask & (mask - 1)
+            mask = meeting(search.triangle_tree, walk, low, high, leaves[0], leaves[1])
+            while mask != wp.uint32(0):
+                triangle = search.triangle_tree.leaf[WIDTH * walk.group + lowest_bit(mask)]
+                mask = mask & (mask - wp.uint32(1))
                 t = search.triangles[triangle]
                 if not (spans_gap(search, triangle) or has_vertex(t, ends[0]) or has_vertex(t, ends[1])):
                     part_crossing(cloth, search, untangling, edge, triangle)
@@ -208,10 +208,10 @@ def nearest_beyond_function(precision: str) -> wp.Function:
             walk = walk_from(search.triangle_tree, centre - wide, centre + wide, begin, end)
             walk = step_on(search.triangle_tree, walk)
             while walk.group >= 0:
-                mask = meeting(search.triangle_tree, walk.group, centre - wide, centre + wide, begin, end)
-                while mask != 0:
-                    triangle = search.triangle_tree.leaf[8 * walk.group + lowest_bit(mask)]
-                    mask = mask & (mask - 1)
+                mask = meeting(search.triangle_tree, walk, centre - wide, centre + wide, begin, end)
+                while mask != wp.uint32(0):
+                    triangle = search.triangle_tree.leaf[WIDTH * walk.group + lowest_bit(mask)]
+                    mask = mask & (mask - wp.uint32(1))
                     if not spans_gap(search, triangle):
                         t = search.triangles[triangle]
                         a = at(cloth.position, t[0])

@@ -23,7 +23,7 @@ from warp_cloth.solver.loop import relax_to_rest
 
 LIMIT = 8000  # iterations; they take 1,800 to 5,700
 # The rim of what the avatar holds still rolls with the free folds as long as these settle: creep is told from that once
-# the rest error is as small. A worn T-shirt's shoulders stay from the default certificate on (see the tests of friction).
+# the rest error is as small. A worn T-shirt's shoulders stay from the default certificate on: see test_friction.py.
 SETTLED = Tolerance(rest_error=1e-4)
 # The sums are kept in units of 2^-36 N; a vertex here adds up at most 200 pairs. Thickness and modulus are float32.
 FORCE_ROUNDING = 200 * 2.0**-36  # [N]

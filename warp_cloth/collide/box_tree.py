@@ -8,11 +8,10 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from warp_cloth.kernels.box_tree import LEAVES, BoxTree
+from warp_cloth.kernels.box_tree import LEAVES, WIDTH, BoxTree
 from warp_cloth.mesh import Indices, Points
 
-WIDTH = 8  # boxes to a group
-MOST_LEVELS = 8  # a byte each in a walk's memory
+MOST_TOP = 8  # groups of the third level that a walk goes through one after another; of more there is a fourth level
 CELLS = 16  # bits of a place along each axis
 
 
@@ -37,26 +36,25 @@ def _spread(cells: NDArray[np.uint64]) -> NDArray[np.uint64]:
 
 def box_tree(order: Indices) -> Any:
     """A tree (kernels.box_tree BoxTree) whose leaves hold what is numbered thus; its boxes are of nothing yet."""
-    block = int(LEAVES)
+    block, width = int(LEAVES), int(WIDTH)
     count = -(-max(len(order), 1) // block) * block
-    groups = [count // WIDTH]
-    while groups[-1] > 1 and len(groups) < MOST_LEVELS:
-        groups.append(-(-groups[-1] // WIDTH))
+    groups = [count // width, count // block, -(-count // (block * width))]
+    if groups[-1] > MOST_TOP:
+        groups.append(-(-groups[-1] // width))
     tree = BoxTree()
     leaf = np.full(count, -1, dtype=np.int32)
     leaf[: len(order)] = order
     tree.leaf = wp.array(leaf, dtype=wp.int32)
     tree.first = wp.array(np.concatenate([[0], np.cumsum(groups)]), dtype=wp.int32)
     tree.levels = len(groups)
-    nothing = np.repeat(np.array([np.finfo(np.float32).max, -np.finfo(np.float32).max], dtype=np.float32), 3 * WIDTH)
+    nothing = np.repeat(np.array([np.finfo(np.float32).max, -np.finfo(np.float32).max], dtype=np.float32), 3 * width)
     tree.bound = wp.array(np.tile(nothing, sum(groups)), dtype=wp.float32)
-    tree.four = wp.array(ptr=tree.bound.ptr, dtype=wp.vec4f, shape=tree.bound.size // 4, device=tree.bound.device)
     return tree
 
 
 def in_teams(order: Indices) -> Indices:
-    """The same with -1 behind it, for teams of as many threads as a group has boxes."""
-    return np.pad(order, (0, -len(order) % WIDTH), constant_values=-1)
+    """The same with -1 behind it, so that every team has all its threads."""
+    return np.pad(order, (0, -len(order) % int(WIDTH)), constant_values=-1)
 
 
 def block_count(tree: Any) -> int:

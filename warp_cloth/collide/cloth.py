@@ -226,7 +226,7 @@ class ClothTouch:
 
     def kernels(self) -> list[wp.Kernel]:
         """Every kernel that contact launches."""
-        found = [self._start, self._boxes, box_rest, self._pairs]
+        found = [self._start, self._boxes, box_rest, self._pairs]  # the third where trees are high
         parting = [forget_tangles, self._part_crossings, self._part_layers, self._settle]
         return [*found, *parting, self._press, self._measure, self._add]
 
@@ -291,8 +291,9 @@ class ClothTouch:
         search = self._search
         threads = BOXING if wp.get_device(self._model.device).is_cuda else 1
         blocks = block_count(search.edge_tree) + block_count(search.triangle_tree)
-        self._launch(self._boxes, threads * blocks, [cloth, search], threads)
-        self._launch(box_rest, threads * 2, [search, self.data, self._memory, int(anew)], threads)
+        self._launch(self._boxes, threads * blocks, [cloth, search, self.data, self._memory, int(anew)], threads)
+        if max(search.edge_tree.levels, search.triangle_tree.levels) > 3:
+            self._launch(box_rest, threads * 2, [search], threads)
 
     def _untangle(self, cloth: Any) -> None:
         """Looks for what crosses, and which way undoes that."""
