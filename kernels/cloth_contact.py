@@ -230,22 +230,16 @@ def turn_function(fourth: str) -> wp.Function:
 
 
 @functools.cache
-def press_kernel(precision: str, fourth: str) -> wp.Kernel:
-    """Kernel ``press_pairs``; ``fourth`` is one of cloth.FOURTH_PARTS. "size", the certificate's, changes no lean."""
+def press_function(precision: str, fourth: str) -> wp.Function:
+    """The function that presses a pair apart; arguments as of ``press_kernel``."""
     types = cloth_types(precision)
     Cloth, Step = types.Cloth, types.Step
     relative_move, at = relative_move_function(precision), place_function(precision)
     turn_apart = turn_function(fourth)
 
-    @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
-    def press_pairs(step: Step, cloth: Cloth, contact: ClothContact):
-        """Adds what each pair does to its four vertices, and narrows their room."""
-        pair = wp.tid()
-        gone = wp.int64(0)
-        if wp.static(fourth != "size"):
-            gone = contact_way(contact, pair)
-        if pair >= contact.count[0]:
-            return
+    @wp.func
+    def press_pair(step: Step, cloth: Cloth, contact: ClothContact, pair: int, gone: wp.int64):
+        """Adds what a pair does to its four vertices, and narrows their room; ``gone`` as of ``contact_way``."""
         if wp.static(fourth != "size"):
             if contact.due[pair] > gone:
                 return
@@ -292,6 +286,28 @@ def press_kernel(precision: str, fourth: str) -> wp.Kernel:
         add_pair(contact, corners, weights, force, part)
         if share[1] > NOTHING:  # nearly parallel edges also turn
             turn_apart(contact, corners, x1 - x0, x3 - x2, share[1] * squeeze_energy(held, thickness, modulus))
+
+    return press_pair
+
+
+@functools.cache
+def press_kernel(precision: str, fourth: str) -> wp.Kernel:
+    """Kernel ``press_pairs``; ``fourth`` is one of cloth.FOURTH_PARTS. "size", the certificate's, changes no lean."""
+    types = cloth_types(precision)
+    Cloth, Step = types.Cloth, types.Step
+    press_pair = press_function(precision, fourth)
+
+    @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
+    def press_pairs(step: Step, cloth: Cloth, contact: ClothContact, threads: int):
+        """Presses all pairs, each thread every so many."""
+        pair = int(wp.tid())
+        gone = wp.int64(0)
+        if wp.static(fourth != "size"):
+            gone = contact_way(contact, pair)
+        count = wp.min(contact.count[0], contact.corners.shape[0])
+        while pair < count:
+            press_pair(step, cloth, contact, pair, gone)
+            pair += threads
 
     return press_pairs
 

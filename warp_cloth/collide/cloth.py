@@ -59,6 +59,7 @@ LAYER_REACH = 0.01  # [m]; how deep one garment may be inside another once both 
 LOOK_EVERY = 5
 LOOK_UNTANGLING = 2
 LOOKING = 64  # threads in a block that walks a tree: some take far longer than others
+PRESSING = 2**16  # threads that press pairs, at most: as many as a large GPU works on at a time
 BOXING = 256  # threads in a block that boxes what is in a tree
 STRIDE_SHARE = 0.1  # of the reach: longest untangling shift in an iteration
 
@@ -307,12 +308,14 @@ class ClothTouch:
 
     def press(self, step: Any, cloth: Any) -> None:
         """Sums what the known pairs do to their vertices, for the next move."""
-        self._launch(self._press, len(self.data.corners), [step, cloth, self.data])
+        threads = min(len(self.data.corners), PRESSING)
+        self._launch(self._press, threads, [step, cloth, self.data, threads])
 
     def measure(self, step: Any, load: wp.array) -> None:
         """Adds the same to a certificate's load: forces as they stand, and their sizes."""
         if self.awake:
-            self._launch(self._measure, len(self.data.corners), [step, self._model.cloth, self.data])
+            threads = min(len(self.data.corners), PRESSING)
+            self._launch(self._measure, threads, [step, self._model.cloth, self.data, threads])
             self._launch(self._add, self.sheets.vertex_count, [self.data, load])
 
     def _launch(self, kernel: wp.Kernel, size: int, inputs: list[Any], block: int = 256) -> None:

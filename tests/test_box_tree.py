@@ -1,0 +1,119 @@
+"""The tree of boxes: walks find what meets a box, all of it and nothing else, whatever the tree's height."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+import warp as wp
+
+from warp_cloth.collide import box_tree as trees
+from warp_cloth.kernels.block import block_of, block_threads, lane_of
+from warp_cloth.kernels.box_tree import (
+    LEAVES,
+    WIDTH,
+    BoxTree,
+    box_groups,
+    box_up,
+    lowest_bit,
+    meeting,
+    put_box,
+    step_on,
+    walk_from,
+)
+
+DEVICES = [
+    "cpu",
+    pytest.param("cuda:0", marks=pytest.mark.skipif(not wp.is_cuda_available(), reason="no CUDA device here")),
+]
+COUNT = 5000  # boxes: five blocks of leaves, the last not full
+THREADS = 256
+SIZE = 0.02  # of a box, in a cube of side 1
+
+
+@wp.kernel(grid_stride=False)
+def box_all(tree: BoxTree, lower: wp.array(dtype=wp.vec3f), upper: wp.array(dtype=wp.vec3f)):
+    """Boxes the leaves, and two levels above."""
+    thread = wp.tid()
+    block = block_of(thread)
+    local = lane_of(thread)
+    while local < LEAVES:
+        place = block * LEAVES + local
+        box = tree.leaf[place]
+        if box >= 0:
+            put_box(tree, 0, place, lower[box], upper[box])
+        local += block_threads()
+    box_up(tree, block, lane_of(thread))
+
+
+@wp.kernel(grid_stride=False)
+def box_highest(tree: BoxTree):
+    """Boxes the fourth level."""
+    box_groups(tree, 2, 0, tree.first[3] - tree.first[2], lane_of(wp.tid()))
+
+
+@wp.kernel(grid_stride=False)
+def find_all(
+    tree: BoxTree,
+    lower: wp.array(dtype=wp.vec3f),
+    upper: wp.array(dtype=wp.vec3f),
+    begin: int,
+    end: int,
+    found_out: wp.array2d(dtype=wp.int32),
+):
+    """How many boxes meet each one, of some leaves, and the sum of their numbers."""
+    own = wp.tid()
+    walk = step_on(tree, walk_from(tree, lower[own], upper[own], begin, end))
+    while walk.group >= 0:
+        mask = meeting(tree, walk, lower[own], upper[own], begin, end)
+        while mask != wp.uint32(0):
+            found_out[own, 0] = found_out[own, 0] + 1
+            found_out[own, 1] = found_out[own, 1] + tree.leaf[WIDTH * walk.group + lowest_bit(mask)]
+            mask = mask & (mask - wp.uint32(1))
+        walk = step_on(tree, walk)
+
+
+def boxed(lower: np.ndarray, upper: np.ndarray, order: np.ndarray, device: str) -> tuple[Any, list[wp.array]]:
+    """A tree of boxes on a device, and the boxes there."""
+    with wp.ScopedDevice(device):
+        tree = trees.box_tree(order)
+        given = [wp.array(corner.astype(np.float32), dtype=wp.vec3f) for corner in (lower, upper)]
+        threads = THREADS if wp.get_device(device).is_cuda else 1
+        wp.launch(box_all, dim=trees.block_count(tree) * threads, inputs=[tree, *given], block_dim=threads)
+        if tree.levels > 3:
+            wp.launch(box_highest, dim=threads, inputs=[tree], block_dim=threads)
+    return tree, given
+
+
+@pytest.mark.parametrize("device", DEVICES)
+@pytest.mark.parametrize("most_top", [0, 8])
+@pytest.mark.parametrize("some", [(0, COUNT), (1234, 3000)])
+def test_walks_find_what_every_pair_finds(
+    monkeypatch: pytest.MonkeyPatch, device: str, most_top: int, some: tuple[int, int]
+) -> None:
+    monkeypatch.setattr(trees, "MOST_TOP", most_top)  # none: even a small tree has a fourth level
+    random = np.random.default_rng(7)
+    lower = random.uniform(size=(COUNT, 3)).astype(np.float32)
+    upper = lower + random.uniform(high=2.0 * SIZE, size=(COUNT, 3)).astype(np.float32)
+    order = trees.near_order(lower, np.zeros(COUNT, dtype=np.int32))
+    tree, given = boxed(lower, upper, order, device)
+    assert tree.levels == (4 if most_top == 0 else 3)
+    count = COUNT // int(WIDTH) * int(WIDTH)  # whole teams
+    found = wp.zeros((count, 2), dtype=wp.int32, device=device)
+    wp.launch(find_all, dim=count, inputs=[tree, *given, *some, found], device=device, block_dim=64)
+    asked = order[slice(*some)]
+    expected = np.zeros((count, 2), dtype=np.int32)
+    for own in range(count):
+        meets = ((lower[asked] <= upper[own]) & (upper[asked] >= lower[own])).all(axis=1)
+        expected[own] = meets.sum(), asked[meets].sum()
+    assert expected[:, 0].max() > 1
+    assert np.array_equal(found.numpy(), expected)
+
+
+def test_an_order_keeps_items_together_and_is_an_order() -> None:
+    random = np.random.default_rng(3)
+    item = random.integers(0, 3, size=1000).astype(np.int32)
+    order = trees.near_order(random.normal(size=(1000, 3)), item)
+    assert np.array_equal(np.sort(order), np.arange(1000))
+    assert (np.diff(item[order]) >= 0).all()
