@@ -96,13 +96,14 @@ def test_walks_find_what_every_pair_finds(
     random = np.random.default_rng(7)
     lower = random.uniform(size=(COUNT, 3)).astype(np.float32)
     upper = lower + random.uniform(high=2.0 * SIZE, size=(COUNT, 3)).astype(np.float32)
-    order = trees.near_order(lower, np.zeros(COUNT, dtype=np.int32))
+    order, _ = trees.near_order(lower, np.zeros(COUNT, dtype=np.int32))
     tree, given = boxed(lower, upper, order, device)
     assert tree.levels == (4 if most_top == 0 else 3)
     count = COUNT // int(WIDTH) * int(WIDTH)  # whole teams
     found = wp.zeros((count, 2), dtype=wp.int32, device=device)
     wp.launch(find_all, dim=count, inputs=[tree, *given, *some, found], device=device, block_dim=64)
     asked = order[slice(*some)]
+    asked = asked[asked >= 0]
     expected = np.zeros((count, 2), dtype=np.int32)
     for own in range(count):
         meets = ((lower[asked] <= upper[own]) & (upper[asked] >= lower[own])).all(axis=1)
@@ -111,9 +112,17 @@ def test_walks_find_what_every_pair_finds(
     assert np.array_equal(found.numpy(), expected)
 
 
-def test_an_order_keeps_items_together_and_is_an_order() -> None:
+def test_an_order_keeps_sheets_apart_and_near_what_is_near() -> None:
     random = np.random.default_rng(3)
-    item = random.integers(0, 3, size=1000).astype(np.int32)
-    order = trees.near_order(random.normal(size=(1000, 3)), item)
-    assert np.array_equal(np.sort(order), np.arange(1000))
-    assert (np.diff(item[order]) >= 0).all()
+    places = random.uniform(size=(9000, 3))
+    places[:, 2] = 0.0
+    sheet = random.integers(0, 3, size=len(places)).astype(np.int32)
+    order, starts = trees.near_order(places, sheet)
+    assert np.array_equal(np.sort(order[order >= 0]), np.arange(len(places)))
+    for number in range(3):
+        own = order[starts[number] : starts[number + 1]]
+        assert (sheet[own[own >= 0]] == number).all()
+        groups = own[: (own >= 0).sum() // int(WIDTH) * int(WIDTH)].reshape(-1, int(WIDTH))
+        sides = np.ptp(places[groups], axis=1)[:, :2]
+        # a group has 32 of some 3,000 places in a square of side 1: halved, it is at most twice as long as wide
+        assert sides.max() < 2.5 * np.sqrt(int(WIDTH) / (sheet == number).sum()) * np.sqrt(2.0)

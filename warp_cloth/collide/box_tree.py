@@ -12,49 +12,68 @@ from warp_cloth.kernels.box_tree import LEAVES, WIDTH, BoxTree
 from warp_cloth.mesh import Indices, Points
 
 MOST_TOP = 8  # groups of the third level that a walk goes through one after another; of more there is a fourth level
-CELLS = 16  # bits of a place along each axis
 
 
-def near_order(places: Points, item: Indices) -> Indices:
-    """An order by item, then along a Z curve (Morton 1966), which keeps near what is near; ``places`` [m], [N, 3]."""
-    low = places.min(axis=0)
-    size = max(float((places - low).max()), np.finfo(np.float64).tiny)
-    with np.errstate(invalid="ignore"):  # what is lost may come anywhere
-        cells = np.nan_to_num((places - low) * ((2**CELLS - 1) / size)).astype(np.uint64)
-    code = np.asarray(item).astype(np.uint64) << np.uint64(3 * CELLS)
-    for axis in range(3):
-        code |= _spread(cells[:, axis]) << np.uint64(axis)
-    return np.argsort(code, kind="stable").astype(np.int32)
+def near_order(places: Points, sheet: Indices) -> tuple[Indices, Indices]:
+    """An order by sheet in which what is near stays together, and where in it each sheet begins; then its length.
+
+    ``places`` [m], shape [N, 3]. Every sheet fills whole blocks of leaves: where it has no more, -1 stands.
+    """
+    block = int(LEAVES)
+    counts = np.bincount(sheet)
+    starts = np.concatenate([[0], np.cumsum(-(-counts // block) * block)])
+    order = np.full(starts[-1], -1, dtype=np.int32)
+    by_sheet = np.split(np.argsort(sheet, kind="stable"), np.cumsum(counts)[:-1])
+    for start, part in zip(starts, by_sheet, strict=False):
+        order[start : start + len(part)] = part[_halved(places[part].astype(np.float32))]
+    return order, starts.astype(np.int32)
 
 
-def _spread(cells: NDArray[np.uint64]) -> NDArray[np.uint64]:
-    """Two empty bits between every two of the lowest sixteen."""
-    for shift, mask in ((16, 0xFF0000FF), (8, 0xF00F00F00F), (4, 0xC30C30C30C3), (2, 0x249249249249)):
-        cells = (cells | (cells << np.uint64(shift))) & np.uint64(mask)
-    return cells
+def _halved(places: NDArray[np.float32]) -> NDArray[np.int64]:
+    """An order of places: halved across their longest side, each half so again (Bentley 1975), down to groups.
+
+    Larger halves are of whole blocks of leaves.
+    """
+    block, count = int(LEAVES), len(places)
+    order = np.arange(count)
+    halves = [(0, count)]
+    while halves:
+        first, last = halves.pop()
+        blocks = -(-(last - first) // block)
+        if blocks > 1:
+            here = places[order[first:last]]
+            along = here[:, (here.max(axis=0) - here.min(axis=0)).argmax()]
+            half = (blocks + 1) // 2 * block
+            order[first:last] = order[first:last][np.argpartition(along, half)]
+            halves += [(first, first + half), (first + half, last)]
+    # what fills the last block comes last in every half
+    number = np.arange(-(-count // block) * block)
+    here = places[order[np.minimum(number, count - 1)]]
+    size = block
+    while size > int(WIDTH):
+        apart = here.reshape(-1, size, 3)
+        longest = (apart.max(axis=1) - apart.min(axis=1)).argmax(axis=1)
+        along = np.take_along_axis(apart, longest[:, None, None], axis=2)[:, :, 0]
+        along[number.reshape(-1, size) >= count] = np.inf
+        halved = (np.argpartition(along, size // 2, axis=1) + size * np.arange(len(apart))[:, None]).ravel()
+        here, number = here[halved], number[halved]
+        size //= 2
+    return np.asarray(order[number[number < count]])
 
 
 def box_tree(order: Indices) -> Any:
-    """A tree (kernels.box_tree BoxTree) whose leaves hold what is numbered thus; its boxes are of nothing yet."""
-    block, width = int(LEAVES), int(WIDTH)
-    count = -(-max(len(order), 1) // block) * block
+    """A tree (kernels.box_tree BoxTree) of ``near_order``'s leaves; its boxes are of nothing yet."""
+    block, width, count = int(LEAVES), int(WIDTH), len(order)
     groups = [count // width, count // block, -(-count // (block * width))]
     if groups[-1] > MOST_TOP:
         groups.append(-(-groups[-1] // width))
     tree = BoxTree()
-    leaf = np.full(count, -1, dtype=np.int32)
-    leaf[: len(order)] = order
-    tree.leaf = wp.array(leaf, dtype=wp.int32)
+    tree.leaf = wp.array(order, dtype=wp.int32)
     tree.first = wp.array(np.concatenate([[0], np.cumsum(groups)]), dtype=wp.int32)
     tree.levels = len(groups)
     nothing = np.repeat(np.array([np.finfo(np.float32).max, -np.finfo(np.float32).max], dtype=np.float32), 3 * width)
     tree.bound = wp.array(np.tile(nothing, sum(groups)), dtype=wp.float32)
     return tree
-
-
-def in_teams(order: Indices) -> Indices:
-    """The same with -1 behind it, so that every team has all its threads."""
-    return np.pad(order, (0, -len(order) % int(WIDTH)), constant_values=-1)
 
 
 def block_count(tree: Any) -> int:

@@ -11,7 +11,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from warp_cloth.collide.box_tree import block_count, box_tree, in_teams, near_order
+from warp_cloth.collide.box_tree import block_count, box_tree, near_order
 from warp_cloth.collide.crossing import Sheets
 from warp_cloth.collide.rest_near import rest_near_rows
 from warp_cloth.kernels.cloth_contact import NO_LIMIT, ClothContact, add_kernel, press_kernel
@@ -184,17 +184,16 @@ class ClothTouch:
         """Puts what is searched in an order for garments at these points [m], which only changes the search's speed."""
         search, sheets, untangling = self._search, self.sheets, self._untangling
         item, layer = search.item.numpy(), untangling.layer.numpy()
-        sheet = np.unique(np.stack([item, layer], axis=1), axis=0, return_inverse=True)[1].reshape(-1).astype(np.int32)
-        first = []  # of the elements of each item, and of each layer
-        orders = []
-        for corners in (sheets.triangles, sheets.edges):
-            orders.append(near_order(points[corners].mean(axis=1), sheet[corners[:, 0]]))
-            first += [np.concatenate([[0], np.bincount(of[corners[:, 0]]).cumsum()]) for of in (item, sheet)]
-        search.triangle_tree, search.edge_tree = (box_tree(order) for order in orders)
-        search.vertex = wp.array(in_teams(near_order(points, sheet)), dtype=wp.int32)
-        leaves = [first[0][:-1], first[0][1:], first[2][:-1], first[2][1:]]
+        both, inverse = np.unique(np.stack([item, layer], axis=1), axis=0, return_inverse=True)
+        sheet = inverse.reshape(-1).astype(np.int32)
+        trees = [near_order(points[of].mean(axis=1), sheet[of[:, 0]]) for of in (sheets.triangles, sheets.edges)]
+        search.triangle_tree, search.edge_tree = (box_tree(order) for order, _ in trees)
+        search.vertex = wp.array(near_order(points, sheet)[0], dtype=wp.int32)
+        of_item = np.searchsorted(both[:, 0], np.arange(both[-1, 0] + 2))  # first sheet of each item
+        leaves = [starts[of_item[at : len(of_item) - 1 + at]] for _, starts in trees for at in (0, 1)]
         search.leaves = wp.array(np.stack(leaves, axis=1), dtype=wp.vec4i)
-        untangling.own = wp.array(np.stack([first[1][sheet], first[1][sheet + 1]], axis=1), dtype=wp.vec2i)
+        own = trees[0][1]
+        untangling.own = wp.array(np.stack([own[sheet], own[sheet + 1]], axis=1), dtype=wp.vec2i)
 
     def _sheet_untangling(self, parts: Sequence[GarmentPart], kinds: Sequence[SheetKind]) -> Any:
         count = self.sheets.vertex_count
