@@ -12,9 +12,11 @@ PRECISIONS = ("float32", "mixed", "float64")
 # operation, and a fit gives the same bits on both. Where fusing pays, ``arithmetic`` has it written out for both.
 MODULE_OPTIONS = {"enable_backward": False, "fuse_fp": False}
 
-# What the force kernels sum beside the force: nothing, a bound of the stiffness [N/m] for the accelerated step, or
-# the magnitudes of the forces that meet at the vertex [N] for the certificate.
-FOURTH_PARTS = ("none", "stiffness", "size")
+# What the force kernels sum beside the force: nothing, a bound of the stiffness [N/m] for the accelerated step, the
+# same for a step that may go further across threads (kernels.leeway), or the magnitudes of the forces that meet at
+# the vertex [N] for the certificate.
+FOURTH_PARTS = ("none", "stiffness", "leeway", "size")
+BOUNDS = ("stiffness", "leeway")
 
 
 class Terms(NamedTuple):
@@ -52,6 +54,8 @@ class Patch:
 def cloth_types(precision: str) -> SimpleNamespace:
     """Types and structs of one precision: ``real``, ``point`` (of positions), ``vec3``, ``vec4``, ``Cloth`` and others.
 
+    ``vec6`` is xx, yy, zz, xy, xz, yz of a symmetric matrix.
+
     "mixed" keeps positions in float64, takes their differences there and computes everything else in float32: near
     1 m float32 positions are 6e-8 m apart, which on fine stiff cloth is more force noise than a vertex weighs.
     """
@@ -60,6 +64,7 @@ def cloth_types(precision: str) -> SimpleNamespace:
     vec2 = wp.vec2d if precision == "float64" else wp.vec2f
     vec3 = wp.vec3d if precision == "float64" else wp.vec3f
     vec4 = wp.vec4d if precision == "float64" else wp.vec4f
+    vec6 = wp.types.vector(length=6, dtype=real)
 
     @wp.struct
     class Step:
@@ -71,6 +76,8 @@ def cloth_types(precision: str) -> SimpleNamespace:
         damping: real  # that share's factor where the displacement points against the force
         viscosity: real  # share of an edge's stiffness that resists its ends' moving apart
         memory: real  # share of a vertex's stiffness bound that is kept from one iteration to the next
+        memory_falling: real  # the same for worn cloth that is not loose yet
+        horizon: real  # how many last displacements ahead a leeway is good for
 
     @wp.struct
     class Item:
@@ -79,6 +86,7 @@ def cloth_types(precision: str) -> SimpleNamespace:
         cap: real  # largest displacement in an iteration [m]
         offset: float  # contact offset [m]
         friction: float  # of the avatar
+        leeway: real  # how many times the bound's step a step may be at most where cloth is soft; 0: no more than once
         active: int  # 0: at rest, or given up; its vertices stay and cost nothing
 
     @wp.struct
@@ -90,6 +98,8 @@ def cloth_types(precision: str) -> SimpleNamespace:
         weight: wp.array(dtype=real)  # [N]
         pinned: wp.array(dtype=wp.uint8)  # where any is
         stiffness: wp.array(dtype=real)  # that the last step went by [N/m]; accelerated method only
+        leeway: wp.array(dtype=vec6)  # of kernels.leeway; worn cloth only
+        held: wp.array(dtype=wp.uint8)  # whether the avatar pushed it in the last iteration; likewise
         item: wp.array(dtype=wp.int32)  # which fit each vertex belongs to
         items: wp.array(dtype=Item)
 
@@ -120,6 +130,15 @@ def cloth_types(precision: str) -> SimpleNamespace:
         edges: wp.array(dtype=wp.vec3i)  # opposite to each corner; -1 - edge where its turn counts the other way round
         slope: wp.array(dtype=vec4)  # as Weave.slope; zero where there are no threads
         threads: wp.array(dtype=vec4)  # as Weave.law
+
+    @wp.struct
+    class Rows:
+        """What meets at each vertex: row v of ``edge`` and of ``triangle`` goes from start[v] to start[v + 1]."""
+
+        edge_start: wp.array(dtype=wp.int32)
+        edge: wp.array(dtype=wp.int32)
+        triangle_start: wp.array(dtype=wp.int32)
+        triangle: wp.array(dtype=wp.int32)  # three times the triangle, and which of its corners the vertex is
 
     @wp.struct
     class Hinges:
@@ -178,9 +197,9 @@ def cloth_types(precision: str) -> SimpleNamespace:
         slot: wp.array(dtype=wp.vec4i)  # the triangle, after all first corners come the second ones, then the third
 
     return SimpleNamespace(
-        name=precision, real=real, point=point, vec2=vec2, vec3=vec3, vec4=vec4, Step=Step, Item=Item,
-        Cloth=Cloth, Vertex=Vertex, Edges=Edges, Triangles=Triangles, Hinges=Hinges, Weave=Weave, Span=Span,
-        Sides=Sides, Patches=Patches,
+        name=precision, real=real, point=point, vec2=vec2, vec3=vec3, vec4=vec4, vec6=vec6, Step=Step, Item=Item,
+        Cloth=Cloth, Vertex=Vertex, Edges=Edges, Triangles=Triangles, Rows=Rows, Hinges=Hinges, Weave=Weave,
+        Span=Span, Sides=Sides, Patches=Patches,
         real_size=8 if precision == "float64" else 4, point_size=12 if precision == "float32" else 24,
     )  # fmt: skip
 

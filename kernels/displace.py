@@ -21,6 +21,7 @@ from warp_cloth.kernels.field import fetch_field, field_contact
 from warp_cloth.kernels.friction import friction_slide
 from warp_cloth.kernels.gather import patch_functions
 from warp_cloth.kernels.patch_steps import patch_of
+from warp_cloth.kernels.stiffness import symmetric_functions
 
 AHEAD = wp.constant(8)  # vertices for which the CPU's memory is asked before it is needed
 LAUNCH_BOUNDS = (BLOCK_THREADS, BLOCKS_PER_CORE)
@@ -44,10 +45,10 @@ def direct_move(force: Any, weight: Any, cap: Any):
 
 
 @wp.func
-def accelerated_move(force: Any, stiffness: Any, last: Any, momentum: Any, damping: Any, cap: Any):
-    """Displacement [m]: force over the vertex's own stiffness, plus momentum, damped where it fights the force."""
+def accelerated_move(force: Any, way: Any, last: Any, momentum: Any, damping: Any, cap: Any):
+    """Displacement [m]: the way of force over stiffness, plus momentum, damped where it fights the force."""
     kept = wp.where(inner(last, force) < type(cap)(0.0), momentum * damping, momentum)
-    return capped(scaled_sum(last, kept, force * quotient(type(cap)(1.0), stiffness)), cap)
+    return capped(scaled_sum(last, kept, way), cap)
 
 
 @wp.struct
@@ -68,6 +69,15 @@ class NoClothContact:
 def touch_type(touches: bool) -> type:
     """The struct that tells of cloth on cloth, where it is told at all."""
     return ClothContact if touches else NoClothContact
+
+
+def wears(accelerated: bool, contact: wp.Function | None, touches: bool) -> bool:
+    """Whether a scene's cloth may be loose (kernels.leeway): it is worn by an avatar, and does not meet itself.
+
+    What hangs is taut, and loses nothing by steps alike in all directions; of what meets itself the pushes would have
+    to be told from what resists.
+    """
+    return accelerated and contact is not None and not touches
 
 
 @functools.cache
@@ -105,11 +115,22 @@ def displacement(
     """
     types = cloth_types(precision)
     real, vec3, vec4, Vertex, Step, Item = types.real, types.vec3, types.vec4, types.Vertex, types.Step, types.Item
+    Cloth = types.Cloth
     Colliders, Touch = colliders_type(contact, collider_type), touch_type(touches)
+    worn = wears(accelerated, contact, touches)
+    times = symmetric_functions(precision).times
 
     @wp.func
     def vertex_displacement(
-        step: Step, colliders: Colliders, touch: Touch, load: vec4, held: Vertex, vertex: int, number: int, item: Item
+        cloth: Cloth,
+        step: Step,
+        colliders: Colliders,
+        touch: Touch,
+        load: vec4,
+        held: Vertex,
+        vertex: int,
+        number: int,
+        item: Item,
     ):
         """Displacement of a vertex, the part of it that has momentum, and the stiffness that it went by.
 
@@ -123,9 +144,19 @@ def displacement(
         stiffness = real(0.0)
         if wp.static(accelerated):
             last = held.stiffness
-            stiffness = wp.max(load[3] + quotient(weight, item.cap), last * step.memory)
-            momentum = step.momentum * wp.min(quotient(last, stiffness), real(1.0))
-            move = accelerated_move(force, stiffness, held.move, momentum, step.damping, item.cap)
+            memory = step.memory
+            if wp.static(worn):
+                memory = wp.where(item.leeway > real(0.0), memory, step.memory_falling)
+            stiffness = wp.max(load[3] + quotient(weight, item.cap), last * memory)
+            kept = wp.min(quotient(last, stiffness), real(1.0))
+            if wp.static(worn):
+                kept = root(kept)
+            way = force * quotient(real(1.0), stiffness)
+            if wp.static(worn):
+                # what is held by contact and friction is held alike in all directions
+                if item.leeway > real(0.0) and cloth.held[vertex] == wp.uint8(0):
+                    way = times(cloth.leeway[vertex], way)
+            move = accelerated_move(force, way, held.move, step.momentum * kept, step.damping, item.cap)
         else:
             move = direct_move(force, weight, item.cap)
         shift = vec3()
@@ -137,6 +168,8 @@ def displacement(
             push = item.offset - at[3]
             if wp.static(touches):
                 push += touch.lift[vertex]
+            if wp.static(worn):
+                cloth.held[vertex] = wp.where(push > 0.0, wp.uint8(1), wp.uint8(0))
             if push > 0.0:
                 normal = vec3(real(at[0]), real(at[1]), real(at[2]))
                 pushed = scaled_sum(normal, wp.min(real(push), item.cap), move)
@@ -146,6 +179,13 @@ def displacement(
         return move, move - shift, stiffness
 
     return vertex_displacement
+
+
+def step_bound(accelerated: bool, contact: wp.Function | None, touches: bool) -> str:
+    """Which of cloth.FOURTH_PARTS an iteration needs; arguments as of ``displacement``."""
+    if not accelerated:
+        return "none"
+    return "leeway" if wears(accelerated, contact, touches) else "stiffness"
 
 
 @functools.cache
@@ -185,7 +225,7 @@ def displace_kernel(
         move = vec3()
         if free(cloth, vertex):
             held = held_vertex(cloth, vertex)
-            move, kept, stiffness = vertex_displacement(step, colliders, touch, sum, held, vertex, number, item)
+            move, kept, stiffness = vertex_displacement(cloth, step, colliders, touch, sum, held, vertex, number, item)
             cloth.move[vertex] = kept
             cloth.position[vertex] = held.position + point(move)
             if wp.static(accelerated):
@@ -215,7 +255,7 @@ def advance_kernel(
     point, vec3, Cloth, Vertex, Step = types.point, types.vec3, types.Cloth, types.Vertex, types.Step
     vertex_displacement = displacement(precision, accelerated, contact, collider_type, touches)
     Touch = touch_type(touches)
-    functions = patch_functions(precision, "stiffness" if accelerated else "none", terms, fits, in_order=not touches)
+    functions = patch_functions(precision, step_bound(accelerated, contact, touches), terms, fits, in_order=not touches)
     fetch_tables, own_vertex, work_patch = functions.fetch_tables, functions.own_vertex, functions.work_patch
     vertex_slots, vertex_load = functions.vertex_slots, functions.vertex_load
     held_vertex = held_function(precision, accelerated)
@@ -252,7 +292,7 @@ def advance_kernel(
             if free(cloth, vertex):
                 load = vertex_load(patches, patch, beside, memory, local, edges, triangles)
                 move, kept, stiffness = vertex_displacement(
-                    step, colliders, touch, load, held, vertex, patch.item, item
+                    cloth, step, colliders, touch, load, held, vertex, patch.item, item
                 )
                 if wp.static(accelerated):
                     cloth.stiffness[vertex] = stiffness

@@ -11,8 +11,8 @@ import warp as wp
 
 from warp_cloth.kernels.arithmetic import fused, inner, quotient, root, roots, scaled_sum
 from warp_cloth.kernels.bending import SHORTEST, hinge_turn, turned_back, unit_normal
-from warp_cloth.kernels.cloth import Terms, cloth_types, difference_function
-from warp_cloth.kernels.tension import tension_force, tension_stiffness
+from warp_cloth.kernels.cloth import BOUNDS, Terms, cloth_types, difference_function
+from warp_cloth.kernels.tension import drag_across, share_across, tension_force, tension_stiffness
 from warp_cloth.kernels.weave import slope_shares, thread_pulls, warp_vector, weft_vector
 
 
@@ -31,7 +31,7 @@ def edge_functions(precision: str, fourth: str, angles: bool) -> SimpleNamespace
         span.side = difference(second, first)
         span.length = wp.max(root(inner(span.side, span.side)), real(SHORTEST))
         span.inverse = quotient(real(1.0), span.length)
-        if wp.static(fourth == "stiffness"):
+        if wp.static(fourth in BOUNDS):
             span.change = second_move - first_move
             span.move = size
         return span
@@ -42,11 +42,15 @@ def edge_functions(precision: str, fourth: str, angles: bool) -> SimpleNamespace
         tension = tension_force(span.length, law[0], law[1], law[2])
         force = span.side * (tension * span.inverse)
         part = real(0.0)
-        if wp.static(fourth == "stiffness"):
-            reach = step.reach * root(inner(span.change, span.change))
-            part = tension_stiffness(span.length, law[0], law[1], law[2], reach)
+        if wp.static(fourth in BOUNDS):
+            size = root(inner(span.change, span.change))
+            part = tension_stiffness(span.length, law[0], law[1], law[2], step.reach * size)
+            change = span.change
+            if wp.static(fourth == "leeway"):
+                share = share_across(span.length, law[0], law[1], law[2], part, size, step.horizon)
+                change = drag_across(span.side, law[0], span.change, share)
             # calms neighbours that swing against each other, leaves what moves together its momentum, nothing at rest
-            force = scaled_sum(span.change, part * step.viscosity, force)
+            force = scaled_sum(change, part * step.viscosity, force)
         if wp.static(fourth == "size"):
             part = wp.length(force)
         return vec4(force[0], force[1], force[2], part)
@@ -78,7 +82,7 @@ def triangle_functions(precision: str, fourth: str) -> SimpleNamespace:
         sides = Sides()
         sides.side_1 = difference(second, origin)
         sides.side_2 = difference(third, origin)
-        if wp.static(fourth == "stiffness"):
+        if wp.static(fourth in BOUNDS):
             sides.change_1 = second_move - move
             sides.change_2 = third_move - move
         return sides
@@ -156,7 +160,7 @@ def _fold_function(precision: str, fourth: str) -> wp.Function:
         along_1 = fused(push[1], square[1], -fused(push[0], dots[2], push[2] * dots[0]))
         along_2 = fused(push[2], square[2], -fused(push[0], dots[1], push[1] * dots[0]))
         part = vec3()
-        if wp.static(fourth == "stiffness"):
+        if wp.static(fourth in BOUNDS):
             # a wing's bound is in its own triangle, an axis' in both of the hinge's
             both = half * (fold_0[1] + fold_1[1] + fold_2[1])
             part = vec3(fused(fold_0[1], half, both), fused(fold_1[1], half, both), fused(fold_2[1], half, both))
@@ -175,14 +179,14 @@ def _thread_parts_function(precision: str, fourth: str) -> wp.Function:
     types = cloth_types(precision)
     real, vec3, vec4 = types.real, types.vec3, types.vec4
     # of the warp and weft threads' figures, and of those of both biases, whose slopes are taken sqrt(2) times too large
-    straight = wp.constant(real(0.5 if fourth == "stiffness" else 1.0))
-    bias = wp.constant(real(0.25 if fourth == "stiffness" else 0.5**0.5))
+    straight = wp.constant(real(0.5 if fourth in BOUNDS else 1.0))
+    bias = wp.constant(real(0.25 if fourth in BOUNDS else 0.5**0.5))
 
     @wp.func
     def corner_share(slope_1: real, slope_2: real):
         """What a thread's figure counts for at each corner: stiffness by ``slope_shares``, size by the slopes."""
         part = vec3(wp.abs(slope_1 + slope_2), wp.abs(slope_1), wp.abs(slope_2))
-        if wp.static(fourth == "stiffness"):
+        if wp.static(fourth in BOUNDS):
             share_0, share_1, share_2 = slope_shares(slope_1, slope_2)
             part = vec3(share_0, share_1, share_2)
         return part
@@ -202,7 +206,7 @@ def _thread_function(precision: str, fourth: str) -> wp.Function:
     types = cloth_types(precision)
     real, vec3, vec4, Sides, Step = types.real, types.vec3, types.vec4, types.Sides, types.Step
     corner_parts = _thread_parts_function(precision, fourth)
-    half = wp.constant(real(0.5))
+    half, one, bias = wp.constant(real(0.5)), wp.constant(real(1.0)), wp.constant(real(2.0**0.5))
 
     @wp.func
     def squares(weft: vec3, warp: vec3):
@@ -216,6 +220,17 @@ def _thread_function(precision: str, fourth: str) -> wp.Function:
         return vec4(weft_2, warp_2, wp.max(mean + both, none), wp.max(mean - both, none))
 
     @wp.func
+    def shares_across(square: vec4, change: vec4, pull: vec4, push: vec4, stiff: vec4, horizon: real):
+        """``tension.share_across`` of the four threads; squares of their lengths and of what last changed them."""
+        length, size = roots(square), roots(change)
+        return vec4(
+            share_across(length[0], one, pull[0], push[0], stiff[0], size[0], horizon),
+            share_across(length[1], one, pull[1], push[1], stiff[1], size[1], horizon),
+            share_across(length[2], one, pull[2], push[2], stiff[2], size[2], horizon),
+            share_across(length[3], one, pull[3], push[3], stiff[3], size[3], horizon),
+        )
+
+    @wp.func
     def thread_loads(sides: Sides, slope: vec4, law: vec4, step: Step):
         """Loads of the four threads on the corners."""
         along_u = weft_vector(slope, sides.side_1, sides.side_2)
@@ -224,7 +239,7 @@ def _thread_function(precision: str, fourth: str) -> wp.Function:
         change_v = vec3()
         square = squares(along_u, along_v)
         change = vec4()
-        if wp.static(fourth == "stiffness"):
+        if wp.static(fourth in BOUNDS):
             change_u = weft_vector(slope, sides.change_1, sides.change_2)
             change_v = warp_vector(slope, sides.change_1, sides.change_2)
             change = squares(change_u, change_v)
@@ -235,12 +250,19 @@ def _thread_function(precision: str, fourth: str) -> wp.Function:
         weft = scaled_sum(along_v, across, along_u * (along[0] + mean))
         warp = scaled_sum(along_u, across, along_v * (along[1] + mean))
         part = vec3()
-        if wp.static(fourth == "stiffness"):
+        if wp.static(fourth in BOUNDS):
             # resists the threads' changing, as an edge's load does
             drag = stiff * step.viscosity
-            mean, across = half * (drag[2] + drag[3]), half * (drag[2] - drag[3])
-            weft = scaled_sum(change_u, drag[0] + mean, scaled_sum(change_v, across, weft))
-            warp = scaled_sum(change_v, drag[1] + mean, scaled_sum(change_u, across, warp))
+            if wp.static(fourth == "leeway"):
+                shares = shares_across(square, change, pull, pull * law[3], stiff, step.horizon)
+                drag_p = drag_across(along_u + along_v, bias, change_u + change_v, shares[2]) * (half * drag[2])
+                drag_m = drag_across(along_u - along_v, bias, change_u - change_v, shares[3]) * (half * drag[3])
+                weft += drag_across(along_u, one, change_u, shares[0]) * drag[0] + drag_p + drag_m
+                warp += drag_across(along_v, one, change_v, shares[1]) * drag[1] + drag_p - drag_m
+            else:
+                mean, across = half * (drag[2] + drag[3]), half * (drag[2] - drag[3])
+                weft = scaled_sum(change_u, drag[0] + mean, scaled_sum(change_v, across, weft))
+                warp = scaled_sum(change_v, drag[1] + mean, scaled_sum(change_u, across, warp))
             part = corner_parts(slope, stiff)
         if wp.static(fourth == "size"):
             part = corner_parts(slope, wp.cw_mul(wp.abs(along), roots(square)))

@@ -11,7 +11,7 @@ from warp_cloth.kernels.cloth import MODULE_OPTIONS, cloth_types
 
 @functools.cache
 def packing_kernels(precision: str, accelerated: bool) -> SimpleNamespace:
-    """Kernels ``pack_vertices`` and ``unpack_vertices``; ``accelerated``: whether vertices have a stiffness."""
+    """Kernels ``pack_vertices``, ``pack_leeway``, ``unpack_vertices``; ``accelerated``: vertices have a stiffness."""
     types = cloth_types(precision)
     point, real, vec3, Cloth = types.point, types.real, types.vec3, types.Cloth
 
@@ -37,6 +37,16 @@ def packing_kernels(precision: str, accelerated: bool) -> SimpleNamespace:
             stiffness_out[place] = element(cloth.stiffness, vertex)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
+    def pack_leeway(
+        order: wp.array(dtype=wp.int32),  # vertices as patches own them, shape [V]
+        cloth: Cloth,
+        leeway_out: wp.array(dtype=types.vec6),  # shape [V]
+    ):
+        """Puts the vertices' leeway, which iterations only read, in the patches' order."""
+        place = wp.tid()
+        leeway_out[place] = cloth.leeway[element(order, place)]
+
+    @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def unpack_vertices(
         order: wp.array(dtype=wp.int32),  # vertices as patches own them, shape [V]
         packed: Cloth,
@@ -52,4 +62,4 @@ def packing_kernels(precision: str, accelerated: bool) -> SimpleNamespace:
         if wp.static(accelerated):
             stiffness_out[vertex] = element(packed.stiffness, place)
 
-    return SimpleNamespace(pack_vertices=pack_vertices, unpack_vertices=unpack_vertices)
+    return SimpleNamespace(pack_vertices=pack_vertices, pack_leeway=pack_leeway, unpack_vertices=unpack_vertices)

@@ -11,7 +11,7 @@ import warp as wp
 from warp_cloth.kernels.access import element
 from warp_cloth.kernels.arithmetic import inner, root
 from warp_cloth.kernels.block import block_threads, fetch_ahead, memory_functions, wait_for_block
-from warp_cloth.kernels.cloth import Patch, Terms, cloth_types
+from warp_cloth.kernels.cloth import BOUNDS, Patch, Terms, cloth_types
 from warp_cloth.kernels.forces import corner_function, edge_functions, triangle_functions
 
 
@@ -133,7 +133,7 @@ def vertices_step(precision: str, fourth: str, fits: bool, own_vertex: wp.Functi
     def keep(beside: wp.array(dtype=wp.uint8), memory: PatchMemory, local: int, position: types.point, move: vec3):
         """Keeps a vertex in the block's memory."""
         write_point(beside, memory.position + wp.static(types.point_size) * local, position)
-        if wp.static(fourth == "stiffness"):
+        if wp.static(fourth in BOUNDS):
             sized = vec4(move[0], move[1], move[2], root(inner(move, move)))
             write_4(beside, memory.move + wp.static(4 * types.real_size) * local, sized)
 
@@ -162,7 +162,7 @@ def vertices_step(precision: str, fourth: str, fits: bool, own_vertex: wp.Functi
             position, other_position = element(cloth.position, first), element(cloth.position, second)
             move = vec3()
             other_move = vec3()
-            if wp.static(fourth == "stiffness"):
+            if wp.static(fourth in BOUNDS):
                 move, other_move = element(cloth.move, first), element(cloth.move, second)
             keep(beside, memory, local, position, move)
             if other < patch.vertex_count:
@@ -252,7 +252,7 @@ def edges_step(precision: str, fourth: str, terms: Terms, fits: bool) -> wp.Func
             end = read_point(beside, memory.position + wp.static(types.point_size) * second)
             move_0 = vec4()
             move_1 = vec4()
-            if wp.static(fourth == "stiffness"):
+            if wp.static(fourth in BOUNDS):
                 move_0 = read_4(beside, memory.move + wp.static(4 * types.real_size) * first)
                 move_1 = read_4(beside, memory.move + wp.static(4 * types.real_size) * second)
             span = edge_span(start, end, first_three(move_0), first_three(move_1), move_0[3])
@@ -298,7 +298,7 @@ def sides_functions(precision: str, fourth: str, fits: bool) -> SimpleNamespace:
         """A triangle as it lies."""
         a, b, c = packed(word, 0), packed(word, 1), packed(word, 2)
         move_0, move_1, move_2 = vec3(), vec3(), vec3()
-        if wp.static(fourth == "stiffness"):
+        if wp.static(fourth in BOUNDS):
             move_0 = first_three(read_4(beside, memory.move + wp.static(size_4) * a))
             move_1 = first_three(read_4(beside, memory.move + wp.static(size_4) * b))
             move_2 = first_three(read_4(beside, memory.move + wp.static(size_4) * c))

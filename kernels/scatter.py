@@ -10,7 +10,7 @@ import warp as wp
 
 from warp_cloth.kernels.access import add_to, element
 from warp_cloth.kernels.arithmetic import inner, root
-from warp_cloth.kernels.cloth import MODULE_OPTIONS, Terms, cloth_types, rest_function
+from warp_cloth.kernels.cloth import BOUNDS, MODULE_OPTIONS, Terms, cloth_types, rest_function
 from warp_cloth.kernels.forces import corner_function, edge_functions, triangle_functions
 
 
@@ -66,7 +66,7 @@ def edges_kernel(precision: str, fourth: str, terms: Terms) -> wp.Kernel:
             return
         move_0 = vec3()
         move_1 = vec3()
-        if wp.static(fourth == "stiffness"):
+        if wp.static(fourth in BOUNDS):
             move_0, move_1 = element(cloth.move, ends[0]), element(cloth.move, ends[1])
         size = root(inner(move_0, move_0))
         span = edge_span(element(cloth.position, ends[0]), element(cloth.position, ends[1]), move_0, move_1, size)
@@ -126,7 +126,7 @@ def triangles_kernel(precision: str, fourth: str, terms: Terms) -> wp.Kernel:
         if wp.static(terms.threads):
             slope, law = element(triangles.slope, triangle), element(triangles.threads, triangle)
             move_0, move_1, move_2 = vec3(), vec3(), vec3()
-            if wp.static(fourth == "stiffness"):
+            if wp.static(fourth in BOUNDS):
                 move_0, move_1 = element(cloth.move, corners[0]), element(cloth.move, corners[1])
                 move_2 = element(cloth.move, corners[2])
             origin, second = element(cloth.position, corners[0]), element(cloth.position, corners[1])

@@ -19,9 +19,9 @@ from warp_cloth.kernels.weave import warp_vector, weft_vector
 @functools.cache
 def stiffness_types(precision: str) -> SimpleNamespace:
     """Struct ``Pairs`` and the types ``mat3`` and ``vec6`` (xx, yy, zz, xy, xz, yz of a symmetric matrix)."""
-    real = cloth_types(precision).real
+    types = cloth_types(precision)
+    real, vec6 = types.real, types.vec6
     mat3 = wp.types.matrix(shape=(3, 3), dtype=real)
-    vec6 = wp.types.vector(length=6, dtype=real)
 
     @wp.struct
     class Pairs:

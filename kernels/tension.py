@@ -4,6 +4,10 @@ from typing import Any
 
 import warp as wp
 
+from warp_cloth.kernels.arithmetic import quotient
+
+SHORTEST = wp.constant(1.0e-20)  # of what collapsed cloth would divide by
+
 
 @wp.func
 def tension_force(length: Any, rest: Any, pull: Any, push: Any):
@@ -33,3 +37,30 @@ def tension_stiffness(length: Any, rest: Any, pull: Any, push: Any, reach: Any):
     stretch = length - rest
     stiffness = wp.where(stretch + reach > type(length)(0.0), pull, push)
     return type(length)(2.0) * stiffness * (wp.abs(stretch) + reach)
+
+
+@wp.func
+def share_across(length: Any, rest: Any, pull: Any, push: Any, stiffness: Any, change: Any, horizon: Any):
+    """Share of an edge's bound of stiffness [N/m] that acts across it.
+
+    That is its force, by |f| / r (pushed together it does not resist there, but buckles no faster than by that), and
+    what of its stiffness comes to lie there as it turns, by the square of the angle: ``horizon`` times as far as the
+    last displacements turned it, which changed it by ``change`` [m].
+    """
+    across = type(length)(1.0)
+    if length > type(length)(0.0) and stiffness > type(length)(0.0):
+        turn = quotient(horizon * change, length)
+        force = wp.abs(tension_force(length, rest, pull, push))
+        across = wp.min(quotient(force, wp.max(length * stiffness, type(length)(SHORTEST))) + turn * turn, across)
+    return across
+
+
+@wp.func
+def drag_across(way: Any, rest: Any, change: Any, share: Any):
+    """The part of a change that a pulled edge along ``way`` drags: across itself this share only.
+
+    Where a step goes further across, as much drag there as along would hold it back. Buckling it is to hold back.
+    """
+    square = wp.max(wp.dot(way, way), type(share)(SHORTEST))
+    along = way * quotient(wp.dot(way, change), square)
+    return along + (change - along) * wp.where(square > rest * rest, share, type(share)(1.0))

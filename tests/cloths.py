@@ -15,6 +15,7 @@ from warp_cloth.rest import RestShape, build_rest_shape
 from warp_cloth.solver.forces import ForcePass
 from warp_cloth.topology import Topology
 
+STEP = 1e-7  # [m]; central differences of a smooth force: relative error near 1e-8
 NO_PINS = np.zeros(0, dtype=np.int32)
 
 
@@ -58,6 +59,22 @@ def cloth_forces(model: ClothModel, fourth: str = "none") -> np.ndarray:
     load = wp.zeros(model.vertex_count, dtype=types.vec4, device=model.device)
     ForcePass(model, fourth, load).launch(types.Step())
     return np.array(load.numpy(), dtype=np.float64)
+
+
+def slopes(model: ClothModel) -> np.ndarray:
+    """Minus the change of all forces with every coordinate, by central differences, shape [3 V, 3 V]."""
+    points = model.points()
+    columns = []
+    for coordinate in range(points.size):
+        sides = []
+        for way in (STEP, -STEP):
+            moved = points.ravel().copy()
+            moved[coordinate] += way
+            model.set_points(moved.reshape(-1, 3))
+            sides.append(cloth_forces(model)[:, :3].ravel())
+        columns.append((sides[1] - sides[0]) / (2.0 * STEP))
+    model.set_points(points)
+    return np.stack(columns, axis=1)
 
 
 def bare_rest(

@@ -18,7 +18,8 @@ from warp_cloth.solver.relax import Collider, Relaxation, StepOptions
 
 OFFSET = 0.003  # [m]
 ROUNDING = 1e-5  # of forces and distances in float32, which contact answers
-STILL = StepOptions(momentum=0.0, memory=1.0, viscosity=0.0)  # steps of the force of now, by a stiffness that stays
+# steps of the force of now, by a stiffness that stays
+STILL = StepOptions(momentum=0.0, memory=1.0, memory_falling=1.0, viscosity=0.0)
 MANY = 20  # vertices
 STEEP = 1.05  # slope of a distance that grows too fast, as a smoothed field's does beside an arm
 

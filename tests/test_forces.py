@@ -150,7 +150,7 @@ def test_single_precision_agrees_with_double(precision: str) -> None:
     ],
 )
 @pytest.mark.parametrize("precision", ["float32", "mixed", "float64"])
-@pytest.mark.parametrize("fourth", ["stiffness", "size"])
+@pytest.mark.parametrize("fourth", ["stiffness", "leeway", "size"])
 @pytest.mark.parametrize("terms", ["both", "woven"])
 def test_gathered_forces_have_the_bits_of_scattered_ones(terms: str, fourth: str, precision: str, device: str) -> None:
     points, _ = shaped("random")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import warp as wp
-from cloths import cloth_forces, deformed_model, grid, model_of, without
+from cloths import cloth_forces, deformed_model, grid, model_of, slopes, without
 
 from warp_cloth.fabric import Fabric
 from warp_cloth.kernels.displace import NoCollider
@@ -17,7 +17,6 @@ from warp_cloth.solver.implicit import ImplicitOptions, ImplicitStep
 from warp_cloth.solver.pairs import build_pairs
 from warp_cloth.solver.simplified import build_ladder
 
-STEP = 1e-7  # [m]; central differences of a smooth force: relative error near 1e-8
 DIFFERENCE = 1e-6
 ROUNDING = 1e-12
 MESH = grid(6, 0.2)
@@ -53,22 +52,6 @@ def matrix_of(model: ClothModel) -> np.ndarray:
             matrix[vertex, :, other[row]] -= blocks[row]
             matrix[vertex, :, vertex] += blocks[row]
     return matrix.reshape(3 * model.vertex_count, -1)
-
-
-def slopes(model: ClothModel) -> np.ndarray:
-    """Minus the change of all forces with every coordinate, by central differences, shape [3 V, 3 V]."""
-    points = model.points()
-    columns = []
-    for coordinate in range(points.size):
-        sides = []
-        for way in (STEP, -STEP):
-            moved = points.ravel().copy()
-            moved[coordinate] += way
-            model.set_points(moved.reshape(-1, 3))
-            sides.append(cloth_forces(model)[:, :3].ravel())
-        columns.append((sides[1] - sides[0]) / (2.0 * STEP))
-    model.set_points(points)
-    return np.stack(columns, axis=1)
 
 
 @pytest.mark.parametrize("fabric", [FABRIC, WOVEN], ids=["edges", "woven"])

@@ -135,6 +135,7 @@ class ClothModel:
         beside = cloth_types(self.precision).Cloth()
         beside.position, beside.move = wp.empty_like(self.cloth.position), wp.empty_like(self.cloth.move)
         beside.weight, beside.stiffness = self.cloth.weight, self.cloth.stiffness
+        beside.leeway, beside.held = self.cloth.leeway, self.cloth.held
         if self.terms.pins:
             beside.pinned = self.cloth.pinned
         beside.item, beside.items = self.cloth.item, self.cloth.items

@@ -133,7 +133,9 @@ def set_up(
     wp.synchronize_device(device)
     lap("build")
     tell("compile")
-    _compile([kernel.module for kernel in relaxation.kernels() + certifier.kernels()], device)
+    _compile(
+        [kernel.module for kernel in relaxation.kernels() + relaxation.seldom_kernels() + certifier.kernels()], device
+    )
     lap("compile")
     made = SetUp(tuple(scenes), tuple(wardrobes), tuple(contacts), model, relaxation, certifier, course)
     if not wardrobes[0].poses:

@@ -160,6 +160,7 @@ class _BoxesSeen:
     iteration: int
     boxes: Boxes
     moved: Floats | None
+    relative_rms: Floats | None = None  # of the residual, as of a check
 
 
 class _Loop:
@@ -249,7 +250,7 @@ class _Loop:
                     ended.append(item)
         self._active = [item for item in self._active if item not in self._outcomes]
         if seen.whole:
-            self._boxes_seen = _BoxesSeen(look.iteration, look.boxes, look.moved)
+            self._boxes_seen = _BoxesSeen(look.iteration, look.boxes, look.moved, look.relative_rms)
         self._relaxation.retire(ended)
         if self._on_check is not None and look.iteration > 0:
             self._on_check(look, time.perf_counter() - self._began)
@@ -279,6 +280,8 @@ class _Loop:
         seen, self._boxes_seen = self._boxes_seen, None
         if seen is None:
             return
+        if seen.relative_rms is not None and seen.iteration > 0:
+            self._relaxation.loosen(seen.relative_rms)
         if seen.moved is not None and seen.iteration > 0:
             self._falling = [item for item in self._active if seen.moved[item] > FALL]
         going = self._active if seen.moved is not None else [item for item in self._falling if item in self._active]

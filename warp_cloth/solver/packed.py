@@ -21,6 +21,7 @@ class PackedCloth:
         self._here, self._there = (cloth_types(model.precision).Cloth() for _ in range(2))
         cloth, order = model.cloth, patches.order
         self._stiffness = wp.empty_like(cloth.stiffness) if accelerated else None
+        self._leeway = wp.empty_like(cloth.leeway) if cloth.leeway else None
         weight = cloth.weight[order].contiguous()
         pinned = cloth.pinned[order].contiguous() if model.terms.pins else None
         for packed in (self._here, self._there):
@@ -30,10 +31,15 @@ class PackedCloth:
                 packed.stiffness = self._stiffness
             if pinned is not None:
                 packed.pinned = pinned
+            if cloth.held:  # which only iterations ask
+                packed.held = cloth.held
+            if cloth.leeway:
+                packed.leeway = self._leeway
 
     def kernels(self, move: wp.Kernel) -> list[wp.Kernel]:
         """The kernels of an iteration by ``move`` alone, in order."""
-        return [self._kernels.pack_vertices, move, self._kernels.unpack_vertices]
+        leeway = [] if self._leeway is None else [self._kernels.pack_leeway]
+        return [self._kernels.pack_vertices, *leeway, move, self._kernels.unpack_vertices]
 
     def iterate(self, move: wp.Kernel, asked: list[Any], count: int) -> None:
         """Launches iterations by ``move``, of kernels.displace.advance_kernel; ``asked`` comes first there."""
@@ -42,6 +48,8 @@ class PackedCloth:
         written = [here.position, here.move, there.position, there.move, self._stiffness]
         size, device = model.vertex_count, model.device
         wp.launch(self._kernels.pack_vertices, dim=size, inputs=[order, cloth, *written], device=device)
+        if self._leeway is not None:
+            wp.launch(self._kernels.pack_leeway, dim=size, inputs=[order, cloth, self._leeway], device=device)
         read = [self._patches.packed_tables, self._patches.overflow]
         for _ in range(count):
             launch_patches(move, model, [*asked, *read, here, there.position, there.move])

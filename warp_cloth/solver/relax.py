@@ -6,12 +6,22 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
+import numpy as np
 import warp as wp
+from numpy.typing import NDArray
 
 from warp_cloth.kernels.cloth import cloth_types
-from warp_cloth.kernels.displace import NoClothContact, NoCollider, advance_kernel, displace_kernel
+from warp_cloth.kernels.displace import (
+    NoClothContact,
+    NoCollider,
+    advance_kernel,
+    displace_kernel,
+    step_bound,
+    wears,
+)
 from warp_cloth.model import ClothModel
 from warp_cloth.solver.forces import ForcePass, launch_patches
+from warp_cloth.solver.leeway import Leeway
 from warp_cloth.solver.packed import PackedCloth
 
 if TYPE_CHECKING:
@@ -23,6 +33,9 @@ Method = Literal["multilevel", "accelerated", "direct"]
 # through a body in one step. Direct: what a force slightly larger than gravity moves a vertex by; the paper's rule
 # chatters at this size where the cloth is stiff. Multilevel: ten steps' fall.
 DEFAULT_CAP: dict[Method, float] = {"multilevel": 2e-2, "accelerated": 5e-3, "direct": 1e-4}
+
+
+TIGHTER = 4.0
 
 
 @dataclass(frozen=True)
@@ -37,6 +50,13 @@ class StepOptions:
     reach: the stiffness bound allows for an edge changing its length by this many times its last change.
     memory: share of a vertex's stiffness bound kept from one iteration to the next; where the bound grows, momentum
         (stiffness times displacement) is what is kept. Without it the changing steps feed the cloth's swinging.
+    memory_falling: the same for worn cloth until its forces first balance: it falls more than twice as fast.
+    leeway: how many times the bound's step a vertex of worn cloth may go at most in directions that hardly resist,
+        once forces have balanced; 0: no more than once. With 100 folds tremble. In cloth that still falls buckling
+        would outrun what takes the crumples out.
+    loose: forces have balanced where the relative residual's rms is below this; they have not where it is above
+        TIGHTER times that.
+    renewal: iterations after which those directions are looked up anew. A look costs as much as two iterations.
     """
 
     method: Method = "accelerated"
@@ -46,6 +66,10 @@ class StepOptions:
     viscosity: float = 0.02
     reach: float = 1.0
     memory: float = 0.99
+    memory_falling: float = 0.9
+    leeway: float = 30.0
+    loose: float = 0.05
+    renewal: int = 20
 
     @property
     def largest_move(self) -> float:
@@ -88,11 +112,17 @@ class Relaxation:
         self.step.momentum = options.momentum
         self.step.damping = options.damping
         self.step.viscosity = options.viscosity
-        self.step.memory = options.memory
+        self.step.memory, self.step.memory_falling = options.memory, options.memory_falling
+        self.step.horizon = options.renewal
         met = [colliders] * model.item_count if isinstance(colliders, Collider) else list(colliders)
         self.contact, self.collider_type = met[0].contact, met[0].data_type or NoCollider
         self.touch = touch
         asked = self.contact, self.collider_type, touch is not None
+        worn = wears(accelerated, self.contact, touch is not None)
+        if worn and not model.cloth.held:
+            model.cloth.held = wp.zeros(model.vertex_count, dtype=wp.uint8, device=model.device)
+        self._leeway = Leeway(model) if worn and options.leeway > 0.0 else None
+        self._strength, self._loose, self._renewal = options.leeway, options.loose, options.renewal
         self._scatter: ForcePass | None = None
         self._packed: PackedCloth | None = None
         self._there: Any = None  # positions beside the model's, where cloth meets cloth in the garments' order
@@ -106,7 +136,7 @@ class Relaxation:
                 self._there = model.cloth_beside()
         else:
             self._load = wp.zeros(model.vertex_count, dtype=types.vec4, device=model.device)
-            self._scatter = ForcePass(model, "stiffness" if accelerated else "none", self._load)
+            self._scatter = ForcePass(model, step_bound(accelerated, self.contact, touch is not None), self._load)
             self._move = displace_kernel(model.precision, accelerated, *asked, model.terms.pins)
         self._items = model.cloth.items.numpy().copy()
         self._items["active"] = 1
@@ -116,6 +146,7 @@ class Relaxation:
         if self.contact is not None:
             data = [collider.data for collider in met]
             self.collider_data = wp.array(data, dtype=self.collider_type, device=model.device)
+        self._done = 0  # iterations since the start
         self.forget_graphs()
         for item, collider in enumerate(met):
             self._stand_off(item, collider)
@@ -133,8 +164,31 @@ class Relaxation:
         self._items["offset"][item] = collider.offset
         self._items["friction"][item] = collider.friction
 
+    def loosen(self, relative_rms: NDArray[np.float64]) -> None:
+        """Lets worn items whose forces have balanced go on with leeway, and others without.
+
+        To be told after a look at all items, that many iterations later on every device.
+
+        Args:
+            relative_rms: of the items' residuals, shape [items].
+        """
+        if self._leeway is None:
+            return
+        before = self._items["leeway"].copy()
+        limit = np.where(before > 0.0, TIGHTER * self._loose, self._loose)
+        now = np.where(relative_rms <= limit, self._strength, 0.0).astype(before.dtype)
+        if (now == before).all():
+            return
+        self._leeway.forget(np.flatnonzero(now != before).tolist())
+        if (now > 0.0).any() != (before > 0.0).any():
+            self.forget_graphs()
+        self._items["leeway"] = now
+        self.tell_items()
+
     def start_anew(self) -> None:
-        """Lets every item iterate."""
+        """Lets every item iterate, from the first iteration on."""
+        self._done = 0
+        self.loosen(np.full(self.model.item_count, np.inf))
         self._items["active"] = 1
         self.tell_items()
         self._choose_patches()
@@ -158,7 +212,7 @@ class Relaxation:
 
     def forget_graphs(self) -> None:
         """Captures iterations anew: what they read or launch has changed."""
-        self._graphs: dict[int, Any] = {}
+        self._graphs: dict[tuple[int, int], Any] = {}
 
     def tell_items(self) -> None:
         """Puts what the items have of their own on the device."""
@@ -170,6 +224,10 @@ class Relaxation:
         scattering = [] if self._scatter is None else self._scatter.kernels()
         moving = [self._move] if self._packed is None else self._packed.kernels(self._move)
         return [*scattering, *touching, *moving]
+
+    def seldom_kernels(self) -> list[wp.Kernel]:
+        """The kernels that some iterations of loose cloth launch besides; they must be loaded, too."""
+        return [] if self._leeway is None else self._leeway.kernels()
 
     @property
     def touch_data(self) -> Any:
@@ -183,22 +241,35 @@ class Relaxation:
                 self.touch.search_where_due(cloth)
             self.touch.press(self.step, cloth)
 
+    def _look_up_leeway(self, cloth: Any) -> None:
+        """Where it is due by the iterations since the start, whatever chunks they are run in."""
+        if self._leeway is not None and self._items["leeway"].any() and self._done % self._renewal == 0:
+            self._leeway.look_up(self.step, cloth)
+        self._done += 1
+
     def iterate(self, count: int = 1) -> None:
         """Launches iterations."""
         model, here = self.model, self.model.cloth
         asked = [self.step, self.collider_data, self.touch_data]
         if self._scatter is not None:
             for iteration in range(count):
+                self._look_up_leeway(here)
                 self._scatter.launch(self.step)
                 self._meet_cloth(iteration, here)
                 inputs = [*asked, self._load, here]
                 wp.launch(self._move, dim=model.vertex_count, inputs=inputs, device=model.device)
         if self._packed is not None:
-            self._packed.iterate(self._move, asked, count)
+            while count > 0:
+                self._look_up_leeway(here)
+                part = min(count, self._renewal - (self._done - 1) % self._renewal)
+                self._packed.iterate(self._move, asked, part)
+                self._done += part - 1
+                count -= part
         if model.patches is None or self._there is None:
             return
         there, patches = self._there, [model.patches.tables, model.patches.overflow]
         for iteration in range(count):
+            self._look_up_leeway(here)
             self._meet_cloth(iteration, here)
             launch_patches(self._move, model, [*asked, *patches, here, there.position, there.move])
             here, there = there, here
@@ -211,8 +282,11 @@ class Relaxation:
 
         The kernels must be loaded: capture records launches only.
         """
-        if iterations not in self._graphs:
+        done = self._done
+        which = iterations, done % self._renewal
+        if which not in self._graphs:
             with wp.ScopedCapture(device=self.model.device) as capture:
                 self.iterate(iterations)
-            self._graphs[iterations] = capture.graph
-        wp.capture_launch(self._graphs[iterations])
+            self._graphs[which] = capture.graph
+        wp.capture_launch(self._graphs[which])
+        self._done = done + iterations

@@ -125,6 +125,7 @@ class LiveFit:
             made.certifier.turn_page(self.iteration)
             speed = self._unchecked / max(self._seconds, 1e-9)
             self.history.add(self.iteration, self.check.residual.relative_rms, speed)
+            made.relaxation.loosen(np.array([self.check.residual.relative_rms]))
             self._seconds, self._unchecked = 0.0, 0
             self.diverged = not self.check.finite
             settled = made.course is None or made.course.advance(self.iteration, points)

@@ -1,0 +1,201 @@
+"""Leeway: how much further than its stiffness bound lets it a vertex may go in directions that hardly resist.
+
+A thread resists along itself; across it do only its pull and the bending of cloth, a hundred times less. A step that is
+bounded alike in all directions therefore moves folds little by little. So what the bound k sums is summed as a matrix,
+too: for each thread or edge B = b (a I + (1 - a) t t^T), with b its bound, t its direction and a what resists across it
+(tension.share_across); for bending b I. The leeway is (B / k + I / most)^-1, with ``most`` its own limit: a step of
+force over stiffness, times the leeway, still goes downhill wherever one of B would.
+"""
+
+import functools
+from types import SimpleNamespace
+
+import warp as wp
+
+from warp_cloth.kernels.bending import SHORTEST, hinge_turn, turned_back
+from warp_cloth.kernels.cloth import MODULE_OPTIONS, Terms, cloth_types, difference_function, rest_function
+from warp_cloth.kernels.stiffness import symmetric_functions
+from warp_cloth.kernels.tension import share_across, tension_stiffness
+from warp_cloth.kernels.weave import slope_shares, warp_vector, weft_vector
+
+
+def _bound_functions(precision: str) -> SimpleNamespace:
+    """Functions ``spring_matrix`` and ``threads_matrix``: bounds as matrices [N/m], and how large they are."""
+    types = cloth_types(precision)
+    real, point, vec3, vec4, Step = types.real, types.point, types.vec3, types.vec4, types.Step
+    symmetric = symmetric_functions(precision)
+    along, even = symmetric.along, symmetric.even
+    difference = difference_function(precision)
+    half = wp.constant(real(0.5**0.5))
+
+    @wp.func
+    def spring_matrix(way: vec3, change: vec3, law: vec3, share: real, step: Step):
+        """Bound of an edge or thread, of which a vertex bears a share; law is its length at rest, pull and push."""
+        length, size = wp.length(way), wp.length(change)
+        stiffness = tension_stiffness(length, law[0], law[1], law[2], step.reach * size)
+        across = share_across(length, law[0], law[1], law[2], stiffness, size, step.horizon)
+        stiffness *= share
+        return even(stiffness * across) + along(stiffness * (real(1.0) - across), wp.normalize(way)), stiffness
+
+    @wp.func
+    def borne(slope_1: real, slope_2: real, corner: int):
+        """Share of a thread's stiffness that a corner bears [1/m2]."""
+        share_0, share_1, share_2 = slope_shares(slope_1, slope_2)
+        return real(0.5) * wp.where(corner == 0, share_0, wp.where(corner == 1, share_1, share_2))
+
+    @wp.func
+    def threads_matrix(
+        position: wp.array(dtype=point),
+        moved: wp.array(dtype=vec3),
+        corners: wp.vec3i,
+        slope: vec4,
+        law: vec4,
+        corner: int,
+        step: Step,
+    ):
+        """Bound of a woven triangle's four threads at one of its corners."""
+        origin, move = position[corners[0]], moved[corners[0]]
+        side_1, side_2 = difference(position[corners[1]], origin), difference(position[corners[2]], origin)
+        change_1, change_2 = moved[corners[1]] - move, moved[corners[2]] - move
+        weft, warp = weft_vector(slope, side_1, side_2), warp_vector(slope, side_1, side_2)
+        weft_change, warp_change = weft_vector(slope, change_1, change_2), warp_vector(slope, change_1, change_2)
+        push = law * law[3]
+        one = real(1.0)
+        matrix, total = spring_matrix(
+            weft, weft_change, vec3(one, law[0], push[0]), borne(slope[0], slope[1], corner), step
+        )
+        more, size = spring_matrix(
+            warp, warp_change, vec3(one, law[1], push[1]), borne(slope[2], slope[3], corner), step
+        )
+        matrix += more
+        total += size
+        bias = vec3(one, law[2], push[2])
+        for side in range(2):
+            way = wp.where(side == 0, half, -half)
+            share = borne(half * slope[0] + way * slope[2], half * slope[1] + way * slope[3], corner)
+            more, size = spring_matrix(
+                half * weft + way * warp, half * weft_change + way * warp_change, bias, share, step
+            )
+            matrix += more
+            total += size
+        return matrix, total
+
+    return SimpleNamespace(spring_matrix=spring_matrix, threads_matrix=threads_matrix)
+
+
+@functools.cache
+def leeway_kernels(precision: str, terms: Terms) -> SimpleNamespace:
+    """Kernels ``bound_folds``, where cloth bends, and ``find_leeway``."""
+    types = cloth_types(precision)
+    real, vec3, vec4, vec6, Cloth, Step = types.real, types.vec3, types.vec4, types.vec6, types.Cloth, types.Step
+    Edges, Triangles, Rows = types.Edges, types.Triangles, types.Rows
+    symmetric = symmetric_functions(precision)
+    even, inverse, times = symmetric.even, symmetric.inverse, symmetric.times
+    functions = _bound_functions(precision)
+    spring_matrix, threads_matrix = functions.spring_matrix, functions.threads_matrix
+    difference = difference_function(precision)
+    rests = rest_function(precision)
+    half = wp.constant(real(0.5))
+
+    @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
+    def bound_folds(
+        cloth: Cloth,
+        edges: Edges,
+        normal: wp.array(dtype=vec4),  # of measure_normals, shape [F]
+        step: Step,
+        bound_out: wp.array(dtype=real),  # [N/m], shape [E]
+    ):
+        """Bounds the stiffness of each edge's hinge."""
+        edge = wp.tid()
+        ends = edges.ends[edge]
+        if rests(cloth, ends[0]):
+            return
+        first, second = normal[edges.beside[edge][0]], normal[edges.beside[edge][1]]
+        stiffness = edges.fold[edge]
+        side = difference(cloth.position[ends[1]], cloth.position[ends[0]])
+        normal_0 = vec3(first[0], first[1], first[2])
+        normal_1 = vec3(second[0], second[1], second[2])
+        if wp.static(terms.angles):
+            normal_1 = turned_back(normal_1, side, edges.rest[edge])
+        reach = step.reach * wp.length(cloth.move[ends[0]])
+        length = wp.max(wp.length(side), real(SHORTEST))
+        _, bound = hinge_turn(normal_0, first[3], normal_1, second[3], side, length, stiffness, reach)
+        bound_out[edge] = bound
+
+    @wp.func
+    def folds_bound(sides: wp.vec3i, bound: wp.array(dtype=real), corner: int):
+        """What a triangle's hinges bound at one of its corners, as forces.corner_folds says."""
+        total = real(0.0)
+        for k in range(3):
+            edge = wp.where(sides[k] < 0, -1 - sides[k], sides[k])
+            total += bound[edge] * wp.where(k == corner, real(1.0), half)
+        return total
+
+    @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
+    def find_leeway(
+        cloth: Cloth,
+        edges: Edges,
+        triangles: Triangles,
+        rows: Rows,
+        bound: wp.array(dtype=real),  # of bound_folds, shape [E]
+        step: Step,
+        leeway_out: wp.array(dtype=vec6),  # shape [V]
+    ):
+        """Sums at each vertex what bounds its step, as a matrix, and turns it into the vertex' leeway."""
+        vertex = wp.tid()
+        if rests(cloth, vertex):
+            return
+        most = cloth.items[cloth.item[vertex]].leeway
+        if most == real(0.0):
+            return
+        total = cloth.weight[vertex] / cloth.items[cloth.item[vertex]].cap
+        matrix = even(total)
+        if wp.static(terms.edges):
+            for row in range(rows.edge_start[vertex], rows.edge_start[vertex + 1]):
+                edge = rows.edge[row]
+                ends = edges.ends[edge]
+                way = difference(cloth.position[ends[1]], cloth.position[ends[0]])
+                change = cloth.move[ends[1]] - cloth.move[ends[0]]
+                more, size = spring_matrix(way, change, edges.law[edge], real(1.0), step)
+                matrix += more
+                total += size
+        if wp.static(terms.folds or terms.threads):
+            for row in range(rows.triangle_start[vertex], rows.triangle_start[vertex + 1]):
+                triangle = rows.triangle[row] // 3
+                corner = rows.triangle[row] - 3 * triangle
+                if wp.static(terms.folds):
+                    size = folds_bound(triangles.edges[triangle], bound, corner)
+                    matrix += even(size)
+                    total += size
+                if wp.static(terms.threads):
+                    corners, slope = triangles.corners[triangle], triangles.slope[triangle]
+                    more, size = threads_matrix(
+                        cloth.position, cloth.move, corners, slope, triangles.threads[triangle], corner, step
+                    )
+                    matrix += more
+                    total += size
+        one = real(1.0)
+        leeway_out[vertex] = even(one)
+        if total > real(0.0):
+            leeway_out[vertex] = inverse(matrix / total + even(one / most))
+
+    @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
+    def take_leeway(
+        cloth: Cloth,
+        found: wp.array(dtype=vec6),  # of find_leeway, shape [V]
+    ):
+        """Goes on with the leeway found, and with as much of the last displacement as adds no energy to the swing.
+
+        A step of leeway L swings with the inertia k / L. Where that grows from L0 to L1, d becomes 2 L1 (L0 + L1)^-1 d,
+        which keeps its momentum's harmonic mean: d' k/L1 d' is never more than d k/L0 d.
+        """
+        vertex = wp.tid()
+        if rests(cloth, vertex):
+            return
+        if cloth.items[cloth.item[vertex]].leeway == real(0.0):
+            return
+        old, new = cloth.leeway[vertex], found[vertex]
+        cloth.leeway[vertex] = new
+        cloth.move[vertex] = times(new, times(inverse((old + new) * half), cloth.move[vertex]))
+
+    return SimpleNamespace(bound_folds=bound_folds, find_leeway=find_leeway, take_leeway=take_leeway)

@@ -1,0 +1,125 @@
+"""Leeway: how much further a vertex may go where hardly anything resists, against the slopes of the forces."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import warp as wp
+from cloths import cloth_forces, deformed_model, grid, model_of, slopes
+from test_carried import floor
+
+from warp_cloth.fabric import Fabric
+from warp_cloth.kernels.cloth import cloth_types
+from warp_cloth.mesh import Mesh
+from warp_cloth.model import ClothModel
+from warp_cloth.rest import build_rest_shape
+from warp_cloth.solver.leeway import Leeway
+from warp_cloth.solver.relax import Collider, Relaxation, StepOptions
+
+MOST = 100.0
+CAP = 1e6  # [m]; falling then bounds nothing
+LARGEST = 2.0 * (1.0 + 1e-6)  # of a step that still goes downhill
+MESH = grid(5, 0.2)
+STEEP = Fabric(stretch_warp=2e5, stretch_weft=1e5, bending_warp=1e-7, bending_weft=1e-7)
+WOVEN = Fabric(stretch_warp=2e5, stretch_weft=1e5, shear=100.0, bending_warp=1e-7, bending_weft=1e-7)
+
+
+def leeway_of(model: ClothModel, *, most: float = MOST, horizon: float = 20.0) -> np.ndarray:
+    """The leeway of each vertex as a matrix, shape [V, 3, 3]."""
+    step = cloth_types(model.precision).Step()
+    step.reach, step.horizon = 1.0, horizon
+    rows = model.cloth.items.numpy().copy()
+    rows["cap"], rows["leeway"] = CAP, most
+    model.cloth.items.assign(rows)
+    Leeway(model).look_up(step, model.cloth)
+    xx, yy, zz, xy, xz, yz = model.cloth.leeway.numpy().astype(np.float64).T
+    return np.moveaxis(np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]), 2, 0)
+
+
+def shaken(share: float, size: float) -> np.ndarray:
+    return MESH.points * share + np.random.default_rng(5).normal(scale=size, size=MESH.points.shape)
+
+
+@pytest.mark.parametrize("fabric", [STEEP, WOVEN], ids=["edges", "woven"])
+@pytest.mark.parametrize(("share", "size"), [(1.02, 1e-3), (1.0, 1e-4), (0.97, 5e-3)], ids=["taut", "slack", "folded"])
+def test_the_longer_step_still_goes_downhill(fabric: Fabric, share: float, size: float) -> None:
+    model = deformed_model(MESH, shaken(share, size), fabric)
+    leeway = leeway_of(model)
+    bound = cloth_forces(model, "stiffness")[:, 3]  # nothing has moved yet: it allows for no reach
+    roots = np.zeros((3 * MESH.vertex_count, 3 * MESH.vertex_count))
+    for vertex, (matrix, stiffness) in enumerate(zip(leeway, bound, strict=True)):
+        roots[3 * vertex : 3 * vertex + 3, 3 * vertex : 3 * vertex + 3] = np.linalg.cholesky(matrix / stiffness)
+    hessian = slopes(model)
+    assert np.linalg.eigvalsh(roots.T @ (0.5 * (hessian + hessian.T)) @ roots).max() <= LARGEST
+
+
+def test_taut_cloth_has_leeway_across_itself_only() -> None:
+    leeway = leeway_of(deformed_model(MESH, MESH.points * 1.01, WOVEN))[MESH.vertex_count // 2]
+    assert leeway[2, 2] > 0.5 * MOST
+    assert np.linalg.eigvalsh(leeway[:2, :2]).max() < 4.0
+
+
+def test_it_turns_with_the_cloth() -> None:
+    turn, _ = np.linalg.qr(np.random.default_rng(3).normal(size=(3, 3)))
+    here = leeway_of(deformed_model(MESH, shaken(1.0, 1e-3), WOVEN))
+    there = leeway_of(deformed_model(MESH, shaken(1.0, 1e-3) @ turn.T, WOVEN))
+    assert there == pytest.approx(turn @ here @ turn.T, rel=1e-6, abs=1e-6 * MOST)
+
+
+def test_cloth_that_turns_fast_has_none() -> None:
+    model = deformed_model(MESH, MESH.points * 1.01, WOVEN)
+    moves = np.zeros((MESH.vertex_count, 3))
+    moves[::2, 2] = 5e-3  # [m], a tenth of an edge
+    model.cloth.move.assign(moves)
+    assert np.linalg.eigvalsh(leeway_of(model)).max() < 2.0
+
+
+def lying(gathers: bool = False, contact: bool = True) -> Relaxation:
+    """A sheet some millimetres above a floor that wears it."""
+    flat = Mesh("sheet", MESH.points[:, [0, 2, 1]] + np.array([0.0, 5e-3, 0.0]), MESH.triangles)
+    model = model_of(flat, build_rest_shape(flat, WOVEN, rest="mesh"), precision="mixed", gathers=gathers)
+    relaxation = Relaxation(model, floor() if contact else Collider(), StepOptions())
+    wp.force_load("cpu", modules=[kernel.module for kernel in relaxation.kernels() + relaxation.seldom_kernels()])
+    return relaxation
+
+
+@pytest.mark.parametrize("gathers", [False, True])
+def test_it_is_looked_up_after_the_same_iterations_in_whatever_chunks(gathers: bool) -> None:
+    def ended(chunks: list[int]) -> np.ndarray:
+        relaxation = lying(gathers)
+        relaxation.loosen(np.zeros(1))
+        for count in chunks:
+            relaxation.run(count)
+        assert not (relaxation.model.cloth.leeway.numpy() == [1.0, 1.0, 1.0, 0.0, 0.0, 0.0]).all()
+        return relaxation.model.points()
+
+    assert (ended([60]) == ended([7, 13, 25, 15])).all()
+    assert (ended([60]) == ended([20, 20, 20])).all()
+
+
+def test_only_cloth_that_is_worn_has_any() -> None:
+    relaxation = lying(contact=False)
+    relaxation.loosen(np.zeros(1))
+    assert not relaxation.model.cloth.leeway
+    assert (relaxation.model.cloth.items.numpy()["leeway"] == 0.0).all()
+
+
+@pytest.mark.parametrize(
+    ("residuals", "loose"), [([0.06], False), ([0.05], True), ([0.05, 0.19], True), ([0.05, 0.21], False)]
+)
+def test_cloth_is_loose_from_when_its_forces_balance_till_they_are_far_from_it(
+    residuals: list[float], loose: bool
+) -> None:
+    relaxation = lying()
+    for residual in residuals:
+        relaxation.loosen(np.array([residual]))
+    assert (relaxation.model.cloth.items.numpy()["leeway"][0] > 0.0) == loose
+
+
+def test_it_ends_with_the_relaxation() -> None:
+    relaxation = lying()
+    relaxation.loosen(np.zeros(1))
+    relaxation.run(20)
+    relaxation.start_anew()
+    assert relaxation.model.cloth.items.numpy()["leeway"][0] == 0.0
+    assert (relaxation.model.cloth.leeway.numpy() == [1.0, 1.0, 1.0, 0.0, 0.0, 0.0]).all()
