@@ -13,7 +13,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 import pytest
 from fuzzing import altered, damaged, kept
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from meshfiles import WRITERS, sheet, write_obj
 from PIL import Image
@@ -156,6 +156,10 @@ def soups(draw: st.DrawFn) -> bytes:
     return "\n".join(lines).encode()
 
 
+# texture coordinates whose squares are beyond all numbers
+BEYOND = b"v 0 0 0\nv 0 0 0\nv 0 0 1\nvt 0 0\nvt 0 0\nvt 0 1e300\nf 1/1 2/2 3/3"
+
+
 @pytest.mark.filterwarnings("error")
 @given(
     content=soups(),
@@ -163,6 +167,7 @@ def soups(draw: st.DrawFn) -> bytes:
     rest=st.sampled_from(("mesh", "uv")),
     units=st.sampled_from((None, "m", "cm", "mm", "in")),
 )
+@example(content=BEYOND, role="garment", rest="uv", units=None)
 def test_any_polygons_are_a_sound_mesh_or_one_line(
     folder: Path, content: bytes, role: str, rest: str, units: str | None
 ) -> None:

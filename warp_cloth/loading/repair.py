@@ -130,6 +130,9 @@ def _without_area(raw: RawMesh, work: _Work, points: Floats, rest: RestKind) -> 
 def _is_line(corners: Floats) -> NDArray[np.bool_]:
     """Whether triangles have no height worth the name; shape [F, 3, 2 or 3]."""
     a, b = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    size = np.maximum(np.abs(a).max(axis=1), np.abs(b).max(axis=1))[:, None]
+    size = np.where(size > 0.0, size, 1.0)  # whose square may be beyond all numbers
+    a, b = a / size, b / size
     longest_squared = np.maximum.reduce([(edge * edge).sum(axis=1) for edge in (a, b, b - a)])
     normal = np.cross(a, b) if a.shape[1] == 3 else (a[:, :1] * b[:, 1:] - a[:, 1:] * b[:, :1])
     line: NDArray[np.bool_] = np.linalg.norm(normal, axis=1) <= THINNEST * longest_squared

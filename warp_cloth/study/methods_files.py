@@ -14,7 +14,7 @@ from warp_cloth.bench.save import figure_class
 from warp_cloth.export.files import whole_file
 from warp_cloth.export.report import write_report
 from warp_cloth.study.methods import LEVELS, Look, Run
-from warp_cloth.study.methods_scenes import KINDS, STIFFNESS, all_cases
+from warp_cloth.study.methods_scenes import KINDS, SIZES, STIFFNESS, all_cases
 
 COLOURS = {"direct": "tab:red", "momentum": "tab:orange", "accelerated": "tab:blue", "multilevel": "tab:green"}
 MARKS = {"hanging": "o", "strip": "s", "ball": "^", "disc": "h", "tshirt": "D"}
@@ -180,6 +180,8 @@ def _plot_sizes(axes: Any, runs: Sequence[Run]) -> None:
                     dash + mark, color=COLOURS[method], markersize=5, label=f"{method}, {stretch / 1e3:g} kN/m",
                 )  # fmt: skip
     axes.set(xscale="log", yscale="log", xlabel="vertices")
+    axes.set_xticks(SIZES, [f"{size:,}" for size in SIZES])
+    axes.tick_params(axis="x", which="minor", labelbottom=False)
     axes.grid(True, which="both", linewidth=0.3, alpha=0.5)
 
 
