@@ -34,8 +34,7 @@ Method = Literal["multilevel", "accelerated", "direct"]
 # chatters at this size where the cloth is stiff. Multilevel: ten steps' fall.
 DEFAULT_CAP: dict[Method, float] = {"multilevel": 2e-2, "accelerated": 5e-3, "direct": 1e-4}
 
-
-TIGHTER = 4.0
+TIGHTER = 4.0  # times ``loose``: what is loose stays so till then, and does not change to and fro
 
 
 @dataclass(frozen=True)
