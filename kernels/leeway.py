@@ -83,19 +83,11 @@ def _bound_functions(precision: str) -> SimpleNamespace:
     return SimpleNamespace(spring_matrix=spring_matrix, threads_matrix=threads_matrix)
 
 
-@functools.cache
-def leeway_kernels(precision: str, terms: Terms) -> SimpleNamespace:
-    """Kernels ``bound_folds``, where cloth bends, and ``find_leeway``."""
+def _bound_folds_kernel(precision: str, terms: Terms) -> wp.Kernel:
     types = cloth_types(precision)
-    real, vec3, vec4, vec6, Cloth, Step = types.real, types.vec3, types.vec4, types.vec6, types.Cloth, types.Step
-    Edges, Triangles, Rows = types.Edges, types.Triangles, types.Rows
-    symmetric = symmetric_functions(precision)
-    even, inverse, times = symmetric.even, symmetric.inverse, symmetric.times
-    functions = _bound_functions(precision)
-    spring_matrix, threads_matrix = functions.spring_matrix, functions.threads_matrix
+    real, vec3, vec4, Cloth, Edges, Step = types.real, types.vec3, types.vec4, types.Cloth, types.Edges, types.Step
     difference = difference_function(precision)
     rests = rest_function(precision)
-    half = wp.constant(real(0.5))
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def bound_folds(
@@ -121,6 +113,21 @@ def leeway_kernels(precision: str, terms: Terms) -> SimpleNamespace:
         length = wp.max(wp.length(side), real(SHORTEST))
         _, bound = hinge_turn(normal_0, first[3], normal_1, second[3], side, length, stiffness, reach)
         bound_out[edge] = bound
+
+    return bound_folds
+
+
+def _find_leeway_kernel(precision: str, terms: Terms) -> wp.Kernel:
+    types = cloth_types(precision)
+    real, vec6, Cloth, Step = types.real, types.vec6, types.Cloth, types.Step
+    Edges, Triangles, Rows = types.Edges, types.Triangles, types.Rows
+    symmetric = symmetric_functions(precision)
+    even, inverse = symmetric.even, symmetric.inverse
+    functions = _bound_functions(precision)
+    spring_matrix, threads_matrix = functions.spring_matrix, functions.threads_matrix
+    difference = difference_function(precision)
+    rests = rest_function(precision)
+    half = wp.constant(real(0.5))
 
     @wp.func
     def folds_bound(sides: wp.vec3i, bound: wp.array(dtype=real), corner: int):
@@ -179,6 +186,17 @@ def leeway_kernels(precision: str, terms: Terms) -> SimpleNamespace:
         if total > real(0.0):
             leeway_out[vertex] = inverse(matrix / total + even(one / most))
 
+    return find_leeway
+
+
+def _take_leeway_kernel(precision: str) -> wp.Kernel:
+    types = cloth_types(precision)
+    real, vec6, Cloth = types.real, types.vec6, types.Cloth
+    symmetric = symmetric_functions(precision)
+    inverse, times = symmetric.inverse, symmetric.times
+    rests = rest_function(precision)
+    half = wp.constant(real(0.5))
+
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def take_leeway(
         cloth: Cloth,
@@ -198,4 +216,14 @@ def leeway_kernels(precision: str, terms: Terms) -> SimpleNamespace:
         cloth.leeway[vertex] = new
         cloth.move[vertex] = times(new, times(inverse((old + new) * half), cloth.move[vertex]))
 
-    return SimpleNamespace(bound_folds=bound_folds, find_leeway=find_leeway, take_leeway=take_leeway)
+    return take_leeway
+
+
+@functools.cache
+def leeway_kernels(precision: str, terms: Terms) -> SimpleNamespace:
+    """Kernels ``bound_folds``, where cloth bends, ``find_leeway`` and ``take_leeway``."""
+    return SimpleNamespace(
+        bound_folds=_bound_folds_kernel(precision, terms),
+        find_leeway=_find_leeway_kernel(precision, terms),
+        take_leeway=_take_leeway_kernel(precision),
+    )
