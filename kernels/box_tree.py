@@ -200,6 +200,12 @@ def meeting(tree: BoxTree, walk: BoxWalk, lower: wp.vec3f, upper: wp.vec3f, begi
 
 
 @wp.func
+def first_leaf(tree: BoxTree, walk: BoxWalk, mask: wp.uint32):
+    """What the lowest bit of a mask of ``meeting`` stands for."""
+    return tree.leaf[WIDTH * walk.group + lowest_bit(mask)]
+
+
+@wp.func
 def walk_from(tree: BoxTree, lower: wp.vec3f, upper: wp.vec3f, begin: int, end: int):
     """A team's walk over the groups of leaves that meet any of its threads' boxes; it stands before the first."""
     walk = BoxWalk()

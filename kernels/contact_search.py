@@ -8,11 +8,10 @@ from warp_cloth.kernels.block import block_of, block_threads, lane_of
 from warp_cloth.kernels.box_tree import (
     FAR_OFF,
     LEAVES,
-    WIDTH,
     BoxTree,
     box_groups,
     box_up,
-    lowest_bit,
+    first_leaf,
     meeting,
     put_box,
     step_on,
@@ -266,7 +265,7 @@ def on_triangles_function(precision: str) -> wp.Function:
         while walk.group >= 0:
             mask = meeting(search.triangle_tree, walk, low, high, leaves[0], leaves[1])
             while mask != wp.uint32(0):
-                triangle = search.triangle_tree.leaf[WIDTH * walk.group + lowest_bit(mask)]
+                triangle = first_leaf(search.triangle_tree, walk, mask)
                 mask = mask & (mask - wp.uint32(1))
                 t = search.triangles[triangle]
                 others = search.tangled[t[0]] + search.tangled[t[1]] + search.tangled[t[2]]
@@ -323,7 +322,7 @@ def on_edges_function(precision: str) -> wp.Function:
         while walk.group >= 0:
             mask = meeting(search.edge_tree, walk, low, high, place + 1, last)
             while mask != wp.uint32(0):
-                other = search.edge_tree.leaf[WIDTH * walk.group + lowest_bit(mask)]
+                other = first_leaf(search.edge_tree, walk, mask)
                 mask = mask & (mask - wp.uint32(1))
                 o = search.edges[other]
                 out = e[0] == o[0] or e[0] == o[1] or e[1] == o[0] or e[1] == o[1]

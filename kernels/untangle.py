@@ -4,7 +4,7 @@ import functools
 
 import warp as wp
 
-from warp_cloth.kernels.box_tree import FAR_OFF, WIDTH, lowest_bit, meeting, step_on, team_least, walk_from
+from warp_cloth.kernels.box_tree import FAR_OFF, first_leaf, meeting, step_on, team_least, walk_from
 from warp_cloth.kernels.cloth import MODULE_OPTIONS, cloth_types, place_function
 from warp_cloth.kernels.cloth_contact import ClothContact
 from warp_cloth.kernels.contact_search import SLACK, ContactSearch, spans_gap
@@ -171,7 +171,7 @@ def crossings_kernel(precision: str) -> wp.Kernel:
         while walk.group >= 0:
             mask = meeting(search.triangle_tree, walk, low, high, leaves[0], leaves[1])
             while mask != wp.uint32(0):
-                triangle = search.triangle_tree.leaf[WIDTH * walk.group + lowest_bit(mask)]
+                triangle = first_leaf(search.triangle_tree, walk, mask)
                 mask = mask & (mask - wp.uint32(1))
                 t = search.triangles[triangle]
                 if not (spans_gap(search, triangle) or has_vertex(t, ends[0]) or has_vertex(t, ends[1])):
@@ -210,7 +210,7 @@ def nearest_beyond_function(precision: str) -> wp.Function:
             while walk.group >= 0:
                 mask = meeting(search.triangle_tree, walk, centre - wide, centre + wide, begin, end)
                 while mask != wp.uint32(0):
-                    triangle = search.triangle_tree.leaf[WIDTH * walk.group + lowest_bit(mask)]
+                    triangle = first_leaf(search.triangle_tree, walk, mask)
                     mask = mask & (mask - wp.uint32(1))
                     if not spans_gap(search, triangle):
                         t = search.triangles[triangle]
