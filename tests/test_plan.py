@@ -12,13 +12,10 @@ from typer.testing import CliRunner
 
 from warp_cloth.cli import app
 from warp_cloth.fitting import fit
-from warp_cloth.kernels.cloth import Patch
-from warp_cloth.model import build_model
 from warp_cloth.plan import contact_kind, make_plan
 from warp_cloth.reach import reach_box
 from warp_cloth.scene import load_scene
 from warp_cloth.set_up import SetUp, set_up_one
-from warp_cloth.solver.relax import Collider, Relaxation, StepOptions
 from warp_cloth.study import footprint
 from warp_cloth.study.launches import Launch, bytes_of, launches_of
 from warp_cloth.study.traffic import array_uses
@@ -119,27 +116,6 @@ def written_by(launch: Launch, given: dict[str, wp.array], poison: bool) -> dict
             array.fill_(1)
     launch.command.launch()
     return {name: arrays[name].numpy().copy() for name in uses.written & arrays.keys()}
-
-
-def test_what_patches_share_is_asked_of_the_cache_by_each_and_comes_from_memory_once() -> None:
-    part = ready(WOVEN).wardrobe.parts[0]
-    model = build_model([part], device="cpu", precision="mixed", gathers=True)
-    relaxation = Relaxation(model, Collider(), StepOptions())
-    _pack, launch, _unpack = launches_of(relaxation.iterate)
-    uses, arrays = array_uses(launch.kernel), launch.arrays()
-    assert uses.loops["cloth.position"] == {"owned_count", "vertex_count"}  # those around a patch, too
-    assert uses.loops["cloth.weight"] == {"owned_count"}
-    assert "" in uses.loops["patches.slot"]  # several words for each vertex
-    memory, cache = footprint._moved(launch, uses)
-    around = arrays["patches.vertex"].size - model.vertex_count
-    assert around > 0
-    words = 8 * _sum_of(arrays, "triangle_count")  # of triangles' corners, for normals and for threads
-    assert cache - memory == (around + model.vertex_count) * (24 + 12) + words
-    assert memory <= sum(a.size * wp.types.type_size_in_bytes(a.dtype) for a in arrays.values())
-
-
-def _sum_of(arrays: dict[str, wp.array], count: str) -> int:
-    return int(arrays["patches.patch"].numpy().reshape(-1, 16)[:, list(Patch.vars).index(count)].sum())
 
 
 def test_memory_that_two_arrays_share_counts_once() -> None:

@@ -26,7 +26,7 @@ from warp_cloth.scene import load_scene
 from warp_cloth.set_up import set_up_one
 from warp_cloth.shapes import square
 from warp_cloth.solver.relax import Collider, Relaxation, StepOptions
-from warp_cloth.study.footprint import moved_bytes
+from warp_cloth.study.footprint import iteration_bytes
 from warp_cloth.study.launches import launches_of
 
 CHUNK = 20  # iterations in a graph, as in a fit
@@ -70,7 +70,7 @@ def timed(benchmark: Any, relaxation: Relaxation) -> None:
 
     benchmark.pedantic(chunk, rounds=ROUNDS, warmup_rounds=1)
     seconds = benchmark.stats.stats.median / CHUNK
-    moved = moved_bytes(launches_of(lambda: relaxation.iterate(2))) / 2
+    moved = iteration_bytes(launches_of(lambda: relaxation.iterate(2))) / 2
     benchmark.extra_info["vertices"] = model.vertex_count
     benchmark.extra_info["microseconds_per_iteration"] = 1e6 * seconds
     benchmark.extra_info["vertex_iterations_per_second"] = model.vertex_count / seconds

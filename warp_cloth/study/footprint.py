@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -12,11 +12,11 @@ import warp as wp
 
 from warp_cloth.collide.crossing import search_bytes
 from warp_cloth.fitting import SetUp
-from warp_cloth.kernels.cloth import Patch
 from warp_cloth.solver.certificate import strain_bytes
 from warp_cloth.solver.loop import CHUNK
 from warp_cloth.study.caches import cache_bytes
 from warp_cloth.study.launches import Launch, arrays_in, bytes_of, launches_of
+from warp_cloth.study.sectors import moved_bytes
 from warp_cloth.study.traffic import Uses, array_uses
 from warp_cloth.wardrobe import Wardrobe
 
@@ -29,8 +29,6 @@ SHORTEST_RUN = 0.5  # [s] of timing
 LONG = 5.0  # [s] that iterations take before the next chunk is left out
 MOST_ROUNDS = 1000
 LEAST = 0.02  # of what a launch was timed at, that it takes itself: less cannot be told apart from none
-TABLE_NODES = 3  # along each axis of a table, that a thread reads round its place
-PATCHES, PATCH_WIDTH = "patches.patch", 16  # kernels.cloth's Patch, one after another, and the numbers of each
 
 
 @dataclass(frozen=True)
@@ -90,14 +88,15 @@ def footprint_of(made: SetUp) -> Footprint:
     kernels = []
     for key in uses:
         own = [(launch, spent) for launch, spent in zip(launches, seconds, strict=True) if launch.kernel.key == key]
+        memory, cache = moved_bytes(own[0][0], uses[key])
         kernels.append(
             KernelCost(
                 name=key.rpartition("__")[2],
                 purpose=(inspect.getdoc(own[0][0].kernel.func) or "").partition("\n")[0],
                 launches=len(own) / watched,
                 threads=own[0][0].threads,
-                bytes=sum(_moved(launch, uses[key])[0] for launch, _ in own) / watched,
-                asked=sum(_moved(launch, uses[key])[1] for launch, _ in own) / watched,
+                bytes=memory * len(own) / watched,
+                asked=cache * len(own) / watched,
                 seconds=sum(spent for _, spent in own) / watched,
             )
         )
@@ -113,46 +112,16 @@ def footprint_of(made: SetUp) -> Footprint:
     )
 
 
-def moved_bytes(launches: Sequence[Launch]) -> int:
+def iteration_bytes(launches: Sequence[Launch]) -> int:
     """Bytes that launches must read and write at least once, each launch by itself."""
-    return sum(_moved(launch, array_uses(launch.kernel))[0] for launch in launches)
+    kernels = {launch.kernel: launch for launch in launches}
+    once = {kernel: moved_bytes(launch, array_uses(kernel))[0] for kernel, launch in kernels.items()}
+    return sum(once[launch.kernel] for launch in launches)
 
 
 def _used(launch: Launch, uses: Uses) -> list[wp.array]:
     """The arrays that a launch reads or writes; tables that are looked up by place left out."""
     return [array for name, array in launch.arrays().items() if name in uses.read | uses.written and array.ndim == 1]
-
-
-def _moved(launch: Launch, uses: Uses) -> tuple[int, int]:
-    """Bytes that a launch moves to and from memory, and between the cache and the cores.
-
-    In memory each element counts once: whoever asks for it again finds it in the cache. Of the cache every block of
-    threads asks by itself, so that what lies between two patches is asked for twice, and in every loop over its patch
-    again: its own memory leaves no room for what it has read.
-    """
-    arrays = launch.arrays()
-    counts = _loop_counts(arrays)
-    memory = cache = 0
-    for names in (uses.read, uses.written):
-        for name in names & arrays.keys():
-            array = arrays[name]
-            size = wp.types.type_size_in_bytes(array.dtype)
-            loops = uses.loops[name]
-            known = [counts[loop] for loop in loops if loop in counts]
-            spans = known if len(known) == len(loops) else [array.size]
-            if array.ndim > 1:  # a table that is looked up by place
-                spans = [TABLE_NODES**array.ndim * max(known, default=launch.threads)]
-            memory += min(max(spans), array.size) * size
-            cache += sum(spans) * size
-    return memory, cache
-
-
-def _loop_counts(arrays: Mapping[str, wp.array]) -> dict[str, int]:
-    """Of each count in patches, the sum over all patches; nothing where a launch has no patches."""
-    if PATCHES not in arrays:
-        return {}
-    rows = arrays[PATCHES].numpy().reshape(-1, PATCH_WIDTH)
-    return {name: int(rows[:, at].sum()) for at, name in enumerate(Patch.vars) if name.endswith("_count")}
 
 
 def _memory(made: SetUp) -> dict[str, int]:

@@ -1,4 +1,4 @@
-"""Which of its arrays a kernel reads and writes, from the kernel's own source."""
+"""Which of its arrays a kernel reads and writes, and within which loops, from the kernel's own source."""
 
 from __future__ import annotations
 
@@ -12,15 +12,24 @@ import warp as wp
 ATOMICS = frozenset({"atomic_add", "atomic_sub", "atomic_min", "atomic_max", "atomic_cas", "atomic_exch"})
 
 
+SEVERAL = "*"  # in a chain: several for each that the loop round it goes over
+
+FROM = "from "  # before a count: what is not below it
+
+# What bounds a use, from outside to inside: counts of a patch, "vertex_count" of ``while local < patch.vertex_count``,
+# or of ``if`` for a loop's first turn; counters on the device, "contact.count" of ``while pair < contact.count[0]`` or
+# of ``if contact.count[0] > 0``; arrays that say who goes on, "contact.due" of ``if contact.due[pair] > gone: return``.
+Chain = tuple[str, ...]
+
+
 @dataclass
 class Uses:
     """Names of arrays as ``Launch.arrays`` gives them."""
 
     read: set[str] = field(default_factory=set)
     written: set[str] = field(default_factory=set)
-    # of each array the counts up to which loops go over it, "vertex_count" of ``while local < patch.vertex_count``, or
-    # of ``if`` for a loop's first turn; "" where it is used outside such a loop
-    loops: dict[str, set[str]] = field(default_factory=dict)
+    chains: dict[str, set[Chain]] = field(default_factory=dict)
+    starts: dict[str, str] = field(default_factory=dict)  # where a patch's part of an array begins: "edge_start"
 
 
 def array_uses(kernel: wp.Kernel) -> Uses:
@@ -37,13 +46,21 @@ def array_uses(kernel: wp.Kernel) -> Uses:
 class _Reader(ast.NodeVisitor):
     """Walks one function; ``paths`` says what each of its names stands for in the kernel's arguments."""
 
-    def __init__(self, function: Any, paths: dict[str, str], uses: Uses, loop: str = "") -> None:
+    def __init__(
+        self,
+        function: Any,
+        paths: dict[str, str],
+        uses: Uses,
+        chain: Chain = (),
+        starts: dict[str, str] | None = None,
+    ) -> None:
         closure = inspect.getclosurevars(function)
         self._known = {**closure.globals, **closure.nonlocals}
         self._paths = dict(paths)
         self._uses = uses
-        self._loop = loop
+        self._chain = chain
         self._counts: dict[str, str] = {}  # names that stand for a count
+        self._starts = starts or {}  # names of places that are counted from a patch's start
 
     def read(self, tree: ast.AST) -> None:
         found = tree.body[0] if isinstance(tree, ast.Module) else tree
@@ -52,38 +69,54 @@ class _Reader(ast.NodeVisitor):
 
     def visit_If(self, node: ast.If) -> None:
         chosen = self._static(node.test)
-        if chosen is None:
-            self._visit_below(node)
+        if chosen is not None:
+            for statement in node.body if chosen else node.orelse:
+                self.visit(statement)
             return
-        for statement in node.body if chosen else node.orelse:
-            self.visit(statement)
+        guard = self._guard(node)
+        self._visit_below(node)
+        if guard:  # what comes after is for those that go on
+            self._chain = (*self._chain, guard)
 
     def visit_Assign(self, node: ast.Assign) -> None:
-        count = self._count(node.value)
-        if count and isinstance(node.targets[0], ast.Name):
-            self._counts[node.targets[0].id] = count
+        if isinstance(node.targets[0], ast.Name):
+            for names, found in ((self._counts, self._count(node.value)), (self._starts, self._start(node.value))):
+                if found:
+                    names[node.targets[0].id] = found
         self.generic_visit(node)
 
     def visit_While(self, node: ast.While) -> None:
         self._visit_below(node)
 
     def _visit_below(self, node: ast.While | ast.If) -> None:
-        """Goes into what is done below a count, or into anything else."""
-        outer = self._loop
-        if isinstance(node.test, ast.Compare) and isinstance(node.test.ops[0], ast.Lt):
-            self._loop = self._count(node.test.comparators[0]) or outer
+        """Goes into what is done below a count, from one on, or into anything else."""
+        outer = self._chain
+        for test in node.test.values if isinstance(node.test, ast.BoolOp) else [node.test]:
+            if isinstance(test, ast.Compare):
+                below, above = self._count(test.comparators[0]), self._count(test.left)
+                operator = type(test.ops[0])
+                if below and operator in (ast.Lt, ast.GtE):
+                    self._chain = (*self._chain, below if operator is ast.Lt else FROM + below)
+                elif above and operator is ast.Gt:  # zero
+                    self._chain = (*self._chain, above)
         self.generic_visit(node)
-        self._loop = outer
+        self._chain = outer
+
+    def _guard(self, node: ast.If) -> str:
+        """The array of ``if array[i] > limit: return``; of its uses and of others, those after it are fewer."""
+        leaves = isinstance(node.body[-1], ast.Return) and isinstance(node.test, ast.Compare)
+        left = node.test.left if leaves and isinstance(node.test, ast.Compare) else None
+        return self._path(left) if isinstance(left, ast.Subscript) else ""
 
     def visit_For(self, node: ast.For) -> None:
-        outer, self._loop = self._loop, ""  # several for each that the loop round it goes over
+        outer, self._chain = self._chain, (*self._chain, SEVERAL)
         self.generic_visit(node)
-        self._loop = outer
+        self._chain = outer
 
     def visit_Subscript(self, node: ast.Subscript) -> None:
         path = self._path(node.value)
         if path:
-            self._note(path, self._uses.read if isinstance(node.ctx, ast.Load) else self._uses.written)
+            self._note(path, self._uses.read if isinstance(node.ctx, ast.Load) else self._uses.written, node.slice)
         else:
             self.visit(node.value)
         self.visit(node.slice)
@@ -91,7 +124,7 @@ class _Reader(ast.NodeVisitor):
     def visit_AugAssign(self, node: ast.AugAssign) -> None:
         self.generic_visit(node)
         if isinstance(node.target, ast.Subscript):
-            self._note(self._path(node.target.value), self._uses.read)
+            self._note(self._path(node.target.value), self._uses.read, node.target.slice)
 
     def visit_Call(self, node: ast.Call) -> None:
         name = node.func.attr if isinstance(node.func, ast.Attribute) else getattr(node.func, "id", "")
@@ -102,22 +135,39 @@ class _Reader(ast.NodeVisitor):
         self.generic_visit(node)
         called = self._known.get(name)
         if isinstance(called, wp.Function) and called.func is not None and getattr(called, "adj", None) is not None:
-            labels = [argument.label for argument in called.adj.args]
-            paths = {label: self._path(value) for label, value in zip(labels, node.args, strict=False)}
-            given = {label: path for label, path in paths.items() if path}
-            if given:
-                _Reader(called.func, given, self._uses, self._loop).read(called.adj.tree)
+            given = list(zip((argument.label for argument in called.adj.args), node.args, strict=False))
+            paths = {label: path for label, value in given if (path := self._path(value))}
+            starts = {label: start for label, value in given if (start := self._start(value))}
+            if paths:
+                _Reader(called.func, paths, self._uses, self._chain, starts).read(called.adj.tree)
 
-    def _note(self, path: str, use: set[str]) -> None:
-        if path:
-            use.add(path)
-            self._uses.loops.setdefault(path, set()).add(self._loop)
+    def _note(self, path: str, use: set[str], index: ast.AST | None = None) -> None:
+        if not path:
+            return
+        use.add(path)
+        self._uses.chains.setdefault(path, set()).add(self._chain)
+        start = self._start(index) if index is not None else ""
+        if start:
+            self._uses.starts[path] = start
 
     def _count(self, node: ast.AST) -> str:
-        """The name of a count, as a member or by the name that it was given; empty for anything else."""
+        """A patch's count or a counter on the device, by itself, by a name of it, or the least of it and others."""
         if isinstance(node, ast.Attribute) and node.attr.endswith("_count"):
             return node.attr
+        if isinstance(node, ast.Subscript) and self._path(node).endswith(".count"):
+            return self._path(node)
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and node.func.attr == "min":
+            return next((count for count in map(self._count, node.args) if count), "")
         return self._counts.get(node.id, "") if isinstance(node, ast.Name) else ""
+
+    def _start(self, node: ast.AST) -> str:
+        """The start of a patch's part from which a place is counted; empty where it is counted from none."""
+        for inner in ast.walk(node):
+            if isinstance(inner, ast.Attribute) and inner.attr.endswith("_start") and not self._path(inner):
+                return inner.attr
+            if isinstance(inner, ast.Name) and inner.id in self._starts:
+                return self._starts[inner.id]
+        return ""
 
     def _path(self, node: ast.AST) -> str:
         """What a name, a member or an element of one stands for; empty where that is no argument of the kernel."""

@@ -1,0 +1,182 @@
+"""The bytes of a plan are the sectors that the arrays' own numbers lead to."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import warp as wp
+
+from warp_cloth.kernels.cloth import Patch
+from warp_cloth.kernels.field import ContactField, sample_field
+from warp_cloth.model import build_model
+from warp_cloth.scene import load_scene
+from warp_cloth.set_up import set_up_one
+from warp_cloth.solver.relax import Collider, Relaxation, StepOptions
+from warp_cloth.study import sectors
+from warp_cloth.study.launches import Launch, launches_of
+from warp_cloth.study.sectors import SECTOR, field_nodes, moved_bytes
+from warp_cloth.study.traffic import Uses, array_uses
+
+SQUARE = {"kind": "square", "side": 0.5, "vertices_per_side": 19, "plane": "vertical", "height": 1.5}
+WOVEN = {"stretch": 2e4, "shear": 50.0, "bending": 1e-6}
+
+
+@pytest.fixture(scope="module")
+def advance() -> tuple[Launch, Uses]:
+    """A launch whose blocks work on patches, and what it uses."""
+    scene = load_scene({"garment": {"shape": SQUARE, "fabric": WOVEN}})
+    part = set_up_one(scene, "cpu").wardrobe.parts[0]
+    model = build_model([part], device="cpu", precision="mixed", gathers=True)
+    relaxation = Relaxation(model, Collider(), StepOptions())
+    _pack, launch, _unpack = launches_of(relaxation.iterate)
+    return launch, array_uses(launch.kernel)
+
+
+def rows_of(launch: Launch) -> np.ndarray:
+    wide = launch.arrays()["patches.patch"].numpy().reshape(-1, 16)[:, : len(Patch.vars)]
+    return np.ascontiguousarray(wide).view(Patch.numpy_dtype()).ravel()
+
+
+def sectors_of(elements: object, size: int) -> set[int]:
+    """Sectors in which elements of so many bytes lie, byte by byte."""
+    return {(element * size + byte) // SECTOR for element in elements for byte in range(size)}
+
+
+def asked(launch: Launch, uses: Uses, name: str) -> dict[str, set[tuple[int, int]]]:
+    """Blocks and sectors by loop."""
+    loops = sectors._Moved(launch, uses)._loops(name)
+    return {loop: {divmod(int(key), sectors.BLOCK) for key in keys} for loop, keys in loops.items()}
+
+
+@pytest.mark.parametrize(("name", "size"), [("cloth.position", 24), ("cloth.move", 12)])
+def test_each_patch_asks_for_its_vertices_and_for_its_own_once_more(
+    advance: tuple[Launch, Uses], name: str, size: int
+) -> None:
+    launch, uses = advance
+    vertex = launch.arrays()["patches.vertex"].numpy()
+    rows = rows_of(launch)
+    assert len(rows) > 3
+    for loop in ("vertex_count", "owned_count"):
+        expected = {
+            (block, sector)
+            for block, row in enumerate(rows)
+            for sector in sectors_of(vertex[row["vertex_start"] :][: row[loop]], size)
+        }
+        assert asked(launch, uses, name)[loop] == expected
+
+
+@pytest.mark.parametrize(
+    ("name", "loops", "size"),
+    [
+        ("patches.corners", ("normal_count", "triangle_count"), 8),
+        ("patches.threads", ("triangle_count",), 16),
+        ("patches.ends", ("edge_count",), 8),
+    ],
+)
+def test_each_patch_asks_for_its_part_of_a_table(
+    advance: tuple[Launch, Uses], name: str, loops: tuple[str, ...], size: int
+) -> None:
+    launch, uses = advance
+    start = "edge_start" if "edge_count" in loops else "triangle_start"
+    found = asked(launch, uses, name)
+    assert set(found) == set(loops)
+    for loop in loops:
+        parts = ((block, range(row[start], row[start] + row[loop])) for block, row in enumerate(rows_of(launch)))
+        assert found[loop] == {(block, sector) for block, part in parts for sector in sectors_of(part, size)}
+
+
+def test_what_lies_about_a_patch_is_listed_and_what_it_owns_is_not(advance: tuple[Launch, Uses]) -> None:
+    launch, uses = advance
+    expected = set()
+    for block, row in enumerate(rows_of(launch)):
+        first, count = row["vertex_start"], row["vertex_count"]
+        expected |= {(block, sector) for sector in sectors_of(range(first + row["owned_count"], first + count), 4)}
+    assert asked(launch, uses, "patches.vertex") == {"vertex_count": expected}
+
+
+def test_all_that_meets_at_a_vertex_is_asked_for_once_however_many_words_it_takes(advance: tuple[Launch, Uses]) -> None:
+    launch, uses = advance
+    slots = launch.arrays()["patches.slot"]
+    (found,) = asked(launch, uses, "patches.slot").values()
+    assert {sector for _, sector in found} == sectors_of(range(len(slots)), 16)
+
+
+def test_memory_counts_each_sector_once_and_the_cache_once_for_each_block(advance: tuple[Launch, Uses]) -> None:
+    launch, uses = advance
+    arrays = launch.arrays()
+    memory, cache = moved_bytes(launch, uses)
+    whole = sum(SECTOR * -(-a.size * wp.types.type_size_in_bytes(a.dtype) // SECTOR) for a in arrays.values())
+    assert memory < whole + SECTOR * len(arrays)  # stiffness is read and written, much else not used
+    blocks = len(rows_of(launch))
+    assert memory < cache < blocks * memory
+
+
+def test_a_point_reads_those_nodes_of_a_field_that_its_answer_depends_on() -> None:
+    rng = np.random.default_rng(3)
+    field = ContactField()
+    values = rng.uniform(-0.01, 0.01, (7, 8, 9)).astype(np.float32)
+    field.values = wp.array(values, dtype=wp.float32, ndim=3, device="cpu")
+    field.origin, field.spacing, field.reach, field.near = wp.vec3d(0.1, 0.2, 0.3), 0.01, 0.02, 1.0
+    inside = np.array([0.1, 0.2, 0.3]) + 0.01 * np.array([3.2, 4.4, 5.1])
+    points = np.stack([inside, inside + 1.0])  # the second one beyond the field
+    answer = wp.zeros(2, dtype=wp.vec4f, device="cpu")
+
+    def answers(to: np.ndarray) -> np.ndarray:
+        field.values.assign(to)
+        given = [field, wp.array(points, dtype=wp.vec3d, device="cpu")]
+        wp.launch(sample_field, dim=2, inputs=given, outputs=[answer], device="cpu")
+        return answer.numpy().copy()
+
+    before = answers(values)
+    changed = set()
+    for node in range(values.size):
+        other = values.ravel().copy()
+        other[node] += 1e-3
+        if (answers(other.reshape(values.shape)) != before).any():
+            changed.add(node)
+    told = {"origin": np.array([0.1, 0.2, 0.3]), "spacing": 0.01, "reach": 0.02}
+    blocks, nodes = field_nodes(told, values, np.array([4, 5]), points)
+    assert set(blocks.tolist()) == {4}
+    whole = set(nodes.tolist()) | {node for row in nodes.reshape(-1, 2) for node in range(row[0], row[1] + 1)}
+    assert whole == changed
+    assert len(changed) == 27
+
+
+def pressed(*heights: float) -> tuple[Launch, Uses]:
+    """The launch that presses pairs of sheets that are held at these heights [m], after some iterations."""
+    shape = {**SQUARE, "vertices_per_side": 9, "plane": "horizontal"}
+    held = {"vertices": list(range(80))}  # all but one
+    sheets = [{"shape": {**shape, "height": 1.0 + height}, "pin": held} for height in heights]
+    made = set_up_one(load_scene({"garment": sheets, "collision": {"cloth": True}}), "cpu")
+    assert made.relaxation.touch is not None
+    made.relaxation.touch.untangles = False
+    made.relaxation.touch.awaken()
+    made.relaxation.iterate(4)
+    launches = launches_of(lambda: made.relaxation.iterate(2))
+    launch = next(each for each in launches if each.kernel.key.endswith("press_pairs"))
+    return launch, array_uses(launch.kernel)
+
+
+def test_no_pairs_are_not_asked_for() -> None:
+    launch, uses = pressed(0.0, 0.3)
+    assert launch.arrays()["contact.count"].numpy()[0] == 0
+    for name in ("contact.corners", "contact.due", "contact.sum", "cloth.position"):
+        assert asked(launch, uses, name) == {"": set()}
+
+
+def test_of_pairs_those_are_asked_for_whose_time_has_come_and_their_vertices() -> None:
+    launch, uses = pressed(0.0, 0.003, 0.011)
+    arrays = {name: array.numpy() for name, array in launch.arrays().items() if name.startswith("contact.")}
+    pairs = range(arrays["contact.count"][0])
+    gone = arrays["contact.way"][0] + arrays["contact.stride"][arrays["contact.turn"][0] % 2]
+    come = [pair for pair in pairs if arrays["contact.due"][pair] <= gone]
+    assert 0 < len(come) < len(pairs)
+    corners = {corner for pair in come for corner in arrays["contact.corners"][pair]}
+    for name, elements, size in (
+        ("contact.due", pairs, 8),
+        ("contact.kind", come, 4),
+        ("cloth.position", corners, 24),
+        ("contact.sum", corners, 32),
+    ):
+        (found,) = asked(launch, uses, name).values()
+        assert {sector for _, sector in found} == sectors_of(elements, size)

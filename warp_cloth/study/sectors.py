@@ -1,0 +1,202 @@
+"""Bytes that a launch moves, in the sectors that memory and caches hand out: from its arrays and what is in them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import warp as wp
+from numpy.typing import NDArray
+
+from warp_cloth.kernels.block import BLOCK_MEMORY, BLOCKS_PER_CORE
+from warp_cloth.kernels.cloth import Patch
+from warp_cloth.kernels.field import ContactField
+from warp_cloth.study.caches import core_bytes
+from warp_cloth.study.launches import Launch
+from warp_cloth.study.traffic import FROM, SEVERAL, Chain, Uses
+
+SECTOR = 32  # bytes that are moved together
+PATCHES, PATCH_WIDTH = "patches.patch", 16  # kernels.cloth's Patch, one after another, and the numbers of each
+THREADS = 256  # of a block, where Warp chooses
+TABLE_NODES = 3  # along each axis of a table, that a thread reads round its place
+AT_A_TIME = 1 << 16  # vertices whose places in a table are looked up together
+
+Keys = NDArray[np.int64]
+Part = tuple[Keys, Keys]  # blocks of threads, and what each of them uses
+BLOCK = 1 << 36  # in a key that stands for a sector of an array and the block that asks for it
+
+
+def moved_bytes(launch: Launch, uses: Uses) -> tuple[int, int]:
+    """Bytes that a launch moves to and from memory, and between the last cache and the cores.
+
+    In memory each sector counts once: whoever asks for it again finds it in the cache. Of the cache every block of
+    threads asks by itself, so that what lies between two patches is asked for twice; and where a core's own cache does
+    not hold what its blocks have read, in every loop over a patch again.
+    """
+    return _Moved(launch, uses).total()
+
+
+class _Moved:
+    """What one launch moves."""
+
+    def __init__(self, launch: Launch, uses: Uses) -> None:
+        self._launch, self._uses, self._arrays = launch, uses, launch.arrays()
+        self._device = next(iter(self._arrays.values())).device
+        self._patch: dict[str, Keys] = {}
+        self._vertex = np.zeros(0, dtype=np.int64)  # the patches' vertices
+        self._vertices = max((len(of) for name, of in self._arrays.items() if name.endswith(".position")), default=0)
+        if PATCHES in self._arrays:
+            rows = self._arrays[PATCHES].numpy().reshape(-1, PATCH_WIDTH).astype(np.int64)
+            self._patch = {name: rows[:, at] for at, name in enumerate(Patch.vars)}
+            self._vertex = self._arrays["patches.vertex"].numpy().astype(np.int64)
+        self._known: dict[Any, dict[str, Keys]] = {}  # sectors by loop, of arrays that are used alike
+
+    def total(self) -> tuple[int, int]:
+        """Bytes to and from memory, and between the last cache and the cores."""
+        memory = once = again = written = 0
+        for used in (self._uses.read, self._uses.written):
+            for name in sorted(used & self._arrays.keys()):
+                loops = self._loops(name)
+                asked = _distinct(np.concatenate(list(loops.values())))
+                memory += _distinct_sectors(asked)
+                if used is self._uses.written:
+                    written += len(asked)
+                else:
+                    once += len(asked)
+                    again += sum(len(keys) for keys in loops.values())
+        read = once if self._holds(once) else again
+        return SECTOR * memory, SECTOR * (read + written)
+
+    def _holds(self, sectors: int) -> bool:
+        """Whether the cores' own caches hold what blocks have read until they ask for it again."""
+        if not self._patch or not self._device.is_cuda:
+            return True
+        blocks = len(self._patch["place"])
+        together = min(-(-blocks // self._device.sm_count), BLOCKS_PER_CORE)
+        return together * (SECTOR * sectors / blocks + BLOCK_MEMORY) <= core_bytes(self._device.alias)
+
+    def _loops(self, name: str) -> dict[str, Keys]:
+        """The sectors of an array that each block asks for, by the loop that asks."""
+        array, chains = self._arrays[name], self._uses.chains[name]
+        alike = frozenset(chains), self._uses.starts.get(name), array.dtype, array.shape
+        if array.ndim > 2 or alike not in self._known:
+            found: dict[str, list[Keys]] = {}
+            for chain in chains:
+                loop = next((each for each in reversed(chain) if each in self._patch), "")
+                if loop or len(chains) == 1 or not alike[1]:  # else what a loop's first turn uses, asked for early
+                    found.setdefault(loop, []).append(self._sectors(name, chain, loop))
+            self._known[alike] = {loop: _distinct(np.concatenate(keys)) for loop, keys in found.items()}
+        return self._known[alike]
+
+    def _sectors(self, name: str, chain: Chain, loop: str) -> Keys:
+        """The sectors of an array that each block asks for in a chain."""
+        array = self._arrays[name]
+        size = wp.types.type_size_in_bytes(array.dtype)
+        if array.ndim > 1 and len(array) == self._vertices:
+            size *= array.size // len(array)  # a row for each vertex
+        elif array.ndim > 1:
+            return self._looked_up(name, size)
+        counters = [each for each in chain if each.endswith(".count") and each in self._arrays]
+        known = min((int(self._arrays[each].numpy()[0]) for each in counters), default=1)
+        start = self._uses.starts.get(name, "")
+        if not known:
+            return np.zeros(0, dtype=np.int64)
+        if loop and start:
+            return _keys(*self._ranges(chain, loop, start, len(array)), size)
+        if loop and len(array) == self._vertices:
+            return _keys(*self._vertices_by_block(loop), size)
+        if counters and not loop:
+            return _keys(*self._of_pairs(array, counters[0].rpartition(".")[0], chain, known), size)
+        if len(array) * size <= SECTOR:  # which every block asks for
+            return np.arange(max(len(self._patch.get("place", ())), -(-self._launch.threads // THREADS))) * BLOCK
+        return _keys(np.arange(len(array)) // THREADS, np.arange(len(array)), size)
+
+    def _ranges(self, chain: Chain, loop: str, start: str, end: int) -> Part:
+        """Patches, and the part of a table that ends at ``end`` that each goes over."""
+        first = self._patch[start]
+        if SEVERAL in chain:  # several for each: the whole part, which ends where the next one begins
+            return _ranges(first, np.diff(first, append=end))
+        beyond = sum(self._patch[each] for each in self._patch if FROM + each in chain)
+        return _ranges(first + beyond, self._patch[loop] - beyond)
+
+    def _vertices_by_block(self, loop: str = "owned_count") -> Part:
+        """Blocks, and the vertices that each goes over."""
+        if not self._patch:
+            return np.arange(self._vertices) // THREADS, np.arange(self._vertices)
+        block, place = _ranges(self._patch["vertex_start"], self._patch[loop])
+        return block, self._vertex[place]
+
+    def _of_pairs(self, array: wp.array, contact: str, chain: Chain, found: int) -> Part:
+        """Blocks, and the pairs, or their vertices, that each goes over; only those whose time has come if it asks."""
+        corners, due, way, stride, turn = (
+            self._arrays[f"{contact}.{each}"].numpy() for each in ("corners", "due", "way", "stride", "turn")
+        )
+        pair = np.arange(min(found, len(corners)))
+        if f"{contact}.due" in chain:
+            pair = pair[due[pair] <= way[0] + stride[turn[0] & 1]]  # as kernels.cloth_contact's contact_way
+        block = pair % self._launch.threads // THREADS
+        if len(array) == len(corners):
+            return block, pair
+        return np.repeat(block, 4), corners[pair].ravel().astype(np.int64)
+
+    def _looked_up(self, name: str, size: int) -> Keys:
+        """The sectors of a table that vertices look up by place."""
+        array = self._arrays[name]
+        block, vertex = self._vertices_by_block()
+        fields = self._launch.arguments.get(name.partition(".")[0])
+        if not isinstance(fields, wp.array) or fields.dtype is not ContactField:
+            nodes = np.arange(min(TABLE_NODES**array.ndim * len(vertex), array.size))
+            return _keys(nodes // THREADS, nodes, size)
+        field = np.frombuffer(fields[:1].numpy().tobytes(), dtype=ContactField.numpy_dtype())[0]
+        place = next(array for name, array in self._arrays.items() if name.endswith(".position")).numpy()
+        found = [
+            _keys(*field_nodes(field, array.numpy(), block[some], place[vertex[some]]), size)
+            for some in np.array_split(np.arange(len(vertex)), -(-len(vertex) // AT_A_TIME))
+        ]
+        return _distinct(np.concatenate(found))
+
+
+def field_nodes(field: Any, values: NDArray[np.float32], block: Keys, points: NDArray[Any]) -> Part:
+    """Blocks, and the nodes of a field's ``values`` that kernels.field's ``field_contact`` reads at each point."""
+    shape = np.array(values.shape)
+    node = np.floor((points - field["origin"]) / field["spacing"] + 0.5).astype(np.int64)
+    inside = ((node >= 1) & (node <= shape - 2)).all(axis=1)
+    block, node = block[inside], node[inside]
+    middle = np.ravel_multi_index(tuple(node.T), values.shape)
+    near = values.ravel()[middle] <= field["reach"] + field["spacing"]
+    step = np.arange(-1, 2)
+    rows = (step[:, None] * shape[1] + step).ravel() * shape[2]
+    ends = np.array([-1, 1])  # of the three nodes of a row, that the middle one lies between
+    read = middle[near, None] + np.add.outer(rows, ends).ravel()
+    first = middle[:, None] + ends
+    blocks = np.concatenate([np.repeat(block, len(ends)), np.repeat(block[near], read.shape[1])])
+    return blocks, np.concatenate([first.ravel(), read.ravel()])
+
+
+def _ranges(first: Keys, count: Keys) -> Part:
+    """Blocks, and the numbers that each goes over from its first one on."""
+    block = np.repeat(np.arange(len(count)), count)
+    return block, np.arange(len(block)) + (first - np.cumsum(count) + count)[block]
+
+
+def _keys(block: Keys, element: Keys, size: int) -> Keys:
+    """Sectors in which elements of so many bytes lie, each once for every block."""
+    first, last = element * size // SECTOR, (element * size + size - 1) // SECTOR
+    if (last > first).any():
+        first, block = np.stack([first, last], axis=1).ravel(), np.repeat(block, 2)
+    return _distinct(block * BLOCK + first)
+
+
+def _distinct(keys: Keys) -> Keys:
+    """Keys without doubles, in order."""
+    if (keys[1:] < keys[:-1]).any():
+        keys = np.sort(keys)
+    return keys[np.diff(keys, prepend=-1) != 0]
+
+
+def _distinct_sectors(keys: Keys) -> int:
+    """How many sectors of an array the keys stand for, whoever asks."""
+    sectors = keys % BLOCK
+    found = np.zeros(int(sectors.max(initial=-1)) + 1, dtype=bool)
+    found[sectors] = True
+    return int(found.sum())
