@@ -14,7 +14,7 @@ from warp_cloth.collide.crossing import search_bytes
 from warp_cloth.fitting import SetUp
 from warp_cloth.solver.certificate import strain_bytes
 from warp_cloth.solver.loop import CHUNK
-from warp_cloth.study.caches import cache_bytes
+from warp_cloth.study.caches import cache_bytes, spilled_bytes
 from warp_cloth.study.launches import Launch, arrays_in, bytes_of, launches_of
 from warp_cloth.study.sectors import moved_bytes
 from warp_cloth.study.traffic import Uses, array_uses
@@ -41,6 +41,7 @@ class KernelCost:
     threads: int
     bytes: float  # to and from memory, per iteration, if no cache holds anything from one launch to the next
     asked: float  # bytes between the last cache and the cores, per iteration
+    spilled: int  # bytes of a thread that registers do not hold
     seconds: float  # per iteration, each launch timed by itself
 
 
@@ -97,6 +98,7 @@ def footprint_of(made: SetUp) -> Footprint:
                 threads=own[0][0].threads,
                 bytes=memory * len(own) / watched,
                 asked=cache * len(own) / watched,
+                spilled=spilled_bytes(own[0][0].command, model.device),
                 seconds=sum(spent for _, spent in own) / watched,
             )
         )

@@ -29,6 +29,11 @@ def plan_lines(name: str, terms: Sequence[Term], cost: Footprint) -> list[str]:
         f"{1e6 * cost.seconds:>9.1f}        {1e-9 * cost.bytes / cost.seconds:.3g} GB/s"
     )
     lines.append(f"  MB: {level(cost)}")
+    lines += [
+        f"  {kernel.name}: {kernel.spilled} bytes of each thread are not in registers"
+        for kernel in cost.kernels
+        if kernel.spilled
+    ]
     total = sum(cost.memory.values())
     parts = ", ".join(f"{what} {1e-6 * size:,.3g}" for what, size in cost.memory.items())
     lines.append(f"Memory: {1e-6 * total:,.3g} MB ({parts}), {total / cost.vertices:,.0f} bytes a vertex")

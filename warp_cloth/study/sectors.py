@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from warp_cloth.kernels.block import BLOCK_MEMORY, BLOCKS_PER_CORE
 from warp_cloth.kernels.cloth import Patch
 from warp_cloth.kernels.field import ContactField
-from warp_cloth.study.caches import core_bytes
+from warp_cloth.study.caches import core_bytes, spilled_bytes
 from warp_cloth.study.launches import Launch
 from warp_cloth.study.traffic import FROM, SEVERAL, Chain, Uses
 
@@ -31,7 +31,8 @@ def moved_bytes(launch: Launch, uses: Uses) -> tuple[int, int]:
 
     In memory each sector counts once: whoever asks for it again finds it in the cache. Of the cache every block of
     threads asks by itself, so that what lies between two patches is asked for twice; and where a core's own cache does
-    not hold what its blocks have read, in every loop over a patch again.
+    not hold what its blocks have read, in every loop over a patch again. What registers do not hold goes there, too:
+    counted once for each vertex, as a thread keeps most while it moves one.
     """
     return _Moved(launch, uses).total()
 
@@ -65,7 +66,8 @@ class _Moved:
                     once += len(asked)
                     again += sum(len(keys) for keys in loops.values())
         read = once if self._holds(once) else again
-        return SECTOR * memory, SECTOR * (read + written)
+        spilled = spilled_bytes(self._launch.command, self._device.alias)
+        return SECTOR * memory, SECTOR * (read + written) + spilled * min(self._vertices, self._launch.threads)
 
     def _holds(self, sectors: int) -> bool:
         """Whether the cores' own caches hold what blocks have read until they ask for it again."""
