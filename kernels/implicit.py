@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import warp as wp
 
-from warp_cloth.kernels.cloth import MODULE_OPTIONS, cloth_types, free_function
+from warp_cloth.kernels.cloth import MODULE_OPTIONS, cloth_types, free_function, rest_function
 from warp_cloth.kernels.conjugate import FREE, SLIDES, STAYS, allowed_function, conjugate_types
 from warp_cloth.kernels.displace import capped, colliders_type
 from warp_cloth.kernels.friction import friction_slide
@@ -86,7 +86,7 @@ def face_forces_kernel(precision: str, contact: wp.Function | None, collider_typ
     symmetric = symmetric_functions(precision)
     along, even, times, inverse = symmetric.along, symmetric.even, symmetric.times, symmetric.inverse
     allowed, hold_of, free = allowed_function(precision), hold_function(precision), free_function(precision, pins)
-    meets = meets_function(precision)
+    meets, rests = meets_function(precision), rest_function(precision)
 
     @wp.func
     def own_block(system: System, vertex: int):
@@ -125,7 +125,7 @@ def face_forces_kernel(precision: str, contact: wp.Function | None, collider_typ
                 normal = vec3(real(at[0]), real(at[1]), real(at[2]))
                 if meets(left, normal, gap, block):
                     hold, left, drag = hold_of(left, normal, real(item.friction), cloth.move[vertex])
-        if not free(cloth, vertex):
+        if not free(cloth, vertex) or rests(cloth, vertex):
             hold = int(STAYS)
             left = vec3()
         turned = wp.dot(cloth.move[vertex], left) < real(0.0)

@@ -21,6 +21,7 @@ from warp_cloth.laboratory import MATCHED_SHEAR_ANGLE
 from warp_cloth.rest import build_rest_shape
 from warp_cloth.solver.certificate import Tolerance, element_energies, thread_strains, thread_summaries
 from warp_cloth.solver.forces import ForcePass
+from warp_cloth.solver.relax import StepOptions
 
 # 5 % is asked for on regular grids and 10 % on others. Threads are exact on all of them; the clamps, between
 # which the cloth cannot narrow, leave 1 % of the softest cloth's force.
@@ -138,7 +139,7 @@ def test_a_released_strip_keeps_a_slight_stretch_whatever_it_was_pulled_to() -> 
 
 def test_stiffer_fabrics_drape_less() -> None:
     order = ("silk", "cotton", "denim", "felt")
-    coefficients = [drape(10, fabric_named(name)).coefficient for name in order]
+    coefficients = [drape(10, fabric_named(name), discs=1)[0].coefficient for name in order]
     assert coefficients == sorted(coefficients)
     assert coefficients[1] - coefficients[0] > 10.0
 
@@ -148,20 +149,21 @@ def corner_drop(fabric: Fabric) -> tuple[float, float]:
     mesh = swatch(0.3, 0.3, 0.02, "alternating")
     far = np.abs(mesh.points[:, [0, 2]])
     held = np.flatnonzero((far < 0.031).all(axis=1)).astype(np.int32)
-    specimen = Specimen(mesh, fabric, held, weightless=False)
+    folding = StepOptions(method="multilevel")  # vertex by vertex it would take far longer to fold
+    specimen = Specimen(mesh, fabric, held, weightless=False, options=folding)
     noise = np.random.default_rng(0).normal(scale=1e-4, size=mesh.points.shape) * (0.0, 1.0, 0.0)
-    points = specimen.settle(mesh.points + noise, Tolerance(rest_error=2e-3), 6000).points
+    points = specimen.settle(mesh.points + noise, Tolerance(), 6000).points
     ends = [(far[:, axis] > 0.149) & (far[:, 1 - axis] < 0.05) for axis in (0, 1)]
     return tuple(-float(points[end, 1].mean()) for end in ends)
 
 
 def test_stiffly_warped_cloth_hangs_from_its_middle_over_the_weft_and_the_other_way_round() -> None:
     fabric = fabric_named("wool")
-    stiff, limp = 12.0 * fabric.bending, 0.2 * fabric.bending
+    stiff, limp = 30.0 * fabric.bending, 0.2 * fabric.bending
     weft_drop, warp_drop = corner_drop(replace(fabric, bending_warp=stiff, bending_weft=limp))
-    assert weft_drop > 1.5 * warp_drop
+    assert weft_drop > 2.5 * warp_drop
     weft_drop, warp_drop = corner_drop(replace(fabric, bending_warp=limp, bending_weft=stiff))
-    assert warp_drop > 1.5 * weft_drop
+    assert warp_drop > 2.5 * weft_drop
 
 
 def test_fabrics_without_threads_have_none_and_woven_edges_do_not_pull() -> None:

@@ -139,8 +139,9 @@ def fabric(
     plots: Annotated[bool, typer.Option(help="Draw the curves, with matplotlib.")] = True,
     rings: Annotated[
         int | None,
-        typer.Option(help="Of the draped disc: a multiple of 5; 140 are 38,802 vertices.", show_default="40"),
+        typer.Option(help="Of a draped disc, from its middle: 140 are 38,802 vertices.", show_default="40"),
     ] = None,
+    discs: Annotated[int | None, typer.Option(help="How many discs are draped.", show_default="6")] = None,
 ) -> None:
     """Test a fabric as a textile laboratory does, and compare with the values that it states.
 
@@ -158,7 +159,7 @@ def fabric(
         with output_folder(out, chosen.name):
             start_warp(False)
             from warp_cloth.bench import run_bench
-            from warp_cloth.bench.bench import DISC_RINGS
+            from warp_cloth.bench.bench import DISC_RINGS, DISCS
             from warp_cloth.bench.save import figure_class, save_bench, table
             from warp_cloth.fitting import device_named
 
@@ -169,6 +170,7 @@ def fabric(
                 chosen,
                 device=where,
                 rings=DISC_RINGS if rings is None else rings,
+                discs=DISCS if discs is None else discs,
                 tell=lambda name: print(f"testing {name}", file=sys.stderr),
             )
             lines = table(bench)

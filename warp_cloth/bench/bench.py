@@ -11,6 +11,7 @@ import numpy as np
 
 from warp_cloth.bench.swatch import strip
 from warp_cloth.bench.trials import (
+    DISCS,
     TIP_ANGLE,
     Drape,
     Reading,
@@ -44,7 +45,8 @@ STRIP = (0.05, 0.20)  # width and length pulled [m]
 SHEARED = (0.20, 0.05)  # width and gap of KES-FB1's shear test
 CANTILEVER_EDGES = 8  # across; its sides are free, so that its width does not matter
 DISC_RINGS = 40  # 3,402 vertices; the coefficient is within 3 points of 40,000's
-MOST_RINGS = 500  # 500,000 vertices
+FEWEST_RINGS, MOST_RINGS = 5, 500  # 500,000 vertices
+MOST_DISCS = 100
 PULLED_TO = np.arange(1, 9) / 8.0  # of the elongation at 500 gf/cm; evenly, so that Simpson's rule takes the work
 SHEARED_TO = (1.0, 2.0, 3.0, 4.0, 6.0, 8.0)  # [degrees]
 BENT_TO = (0.6, 1.0, 1.5, 2.0)  # of the matched curvature
@@ -88,26 +90,34 @@ class Bench:
     fabric: Fabric
     findings: tuple[Finding, ...]
     curves: tuple[Curve, ...]
-    disc: WornGarment  # as it drapes
+    disc: WornGarment  # as it drapes; of several the one whose coefficient is nearest to the mean
 
 
 def run_bench(
-    fabric: Fabric, *, device: str = "cpu", rings: int = DISC_RINGS, tell: Callable[[str], None] | None = None
+    fabric: Fabric,
+    *,
+    device: str = "cpu",
+    rings: int = DISC_RINGS,
+    discs: int = DISCS,
+    tell: Callable[[str], None] | None = None,
 ) -> Bench:
     """Runs every test on a fabric.
 
     Args:
         fabric: what to test.
         device: where to run; strips are small, so that the CPU is as fast as any.
-        rings: of the drape test's disc, from its middle; a multiple of 5 puts a ring on the support's edge.
+        rings: of the drape test's discs, from their middle.
+        discs: how many are draped.
         tell: told of every test that begins.
 
     Raises:
-        InputError: a disc that cannot be cut.
+        InputError: discs that cannot be cut.
     """
-    if rings % 5 or not 5 <= rings <= MOST_RINGS:
-        remedy = f"give a multiple of 5, up to {MOST_RINGS}: then a ring lies on the support's edge"
+    if not FEWEST_RINGS <= rings <= MOST_RINGS:
+        remedy = f"give from {FEWEST_RINGS} to {MOST_RINGS}"
         raise InputError("--rings", f"a disc of {rings} rings cannot be draped", remedy)
+    if not 1 <= discs <= MOST_DISCS:
+        raise InputError("--discs", f"{discs} discs cannot be draped", f"give from 1 to {MOST_DISCS}")
     tell = tell or (lambda _: None)
     findings: list[Finding] = []
     curves: list[Curve] = []
@@ -118,9 +128,11 @@ def run_bench(
         findings += found
         curves += drawn
     tell("drape")
-    draped = drape(rings, fabric, device=device)
-    findings += _draped(draped)
-    shown = WornGarment("disc", draped.mesh, draped.settled.points, fabric.thickness, None)
+    draped = drape(rings, fabric, discs=discs, device=device)
+    coefficients = [disc.coefficient for disc in draped]
+    findings += _draped(coefficients, draped)
+    middle = draped[int(np.argmin(np.abs(np.array(coefficients) - np.mean(coefficients))))]
+    shown = WornGarment("disc", middle.mesh, middle.settled.points, fabric.thickness, None)
     return Bench(fabric, tuple(findings), tuple(curves), shown)
 
 
@@ -218,11 +230,16 @@ def _release(fabric: Fabric, device: str) -> Part:
     return [Finding(f"strain left after {100 * r.given:g} %", "%", 100.0 * r.taken) for r in readings], []
 
 
-def _draped(draped: Drape) -> list[Finding]:
-    check = draped.settled.check
+def _draped(coefficients: Sequence[float], draped: Sequence[Drape]) -> list[Finding]:
+    """The mean of all discs, what each gave, and how far they spread."""
+    singles = [Finding(f"of disc {number}", "%", one) for number, one in enumerate(coefficients, start=1)]
+    if len(singles) > 1:
+        singles.append(Finding("their standard deviation", "%", float(np.std(coefficients, ddof=1))))
+    worst = max(disc.settled.check.rest_error for disc in draped)
     return [
-        Finding("drape coefficient", "%", draped.coefficient),
-        Finding("drape's rest error", "mm", 1e3 * check.rest_error),
+        Finding("drape coefficient", "%", float(np.mean(coefficients))),
+        *singles,
+        Finding("drape's rest error", "mm", 1e3 * worst),
     ]
 
 

@@ -50,7 +50,8 @@ def save_bench(bench: Bench, folder: Path, device: str = "cpu", *, plots: bool =
     with whole_file(paths[1]) as place:
         place.write_text(_csv(bench.curves), encoding="utf-8")
     draped = next(found for found in bench.findings if found.name == "drape coefficient")
-    sentence = f"30 cm disc on an 18 cm support, drape coefficient {draped.measured:.0f} %"
+    count = sum(found.name.startswith("of disc") for found in bench.findings)
+    sentence = f"30 cm disc on an 18 cm support, drape coefficient of {count} discs {draped.measured:.0f} %"
     picture = drawn(gathered([bench.disc], None, device), (1500, 600), name, sentence, DRAPE_SIDES)
     save_picture(picture, paths[2])
     if plots:

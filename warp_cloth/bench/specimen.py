@@ -1,8 +1,9 @@
-"""A specimen in the machine: clamped where its vertices are given, relaxed by the ordinary solver."""
+"""Specimens in the machine: clamped where their vertices are given, relaxed by the ordinary solver."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,10 +14,10 @@ from warp_cloth.grain import Grain
 from warp_cloth.kernels.cloth import cloth_types
 from warp_cloth.mesh import Indices, Mesh, Points
 from warp_cloth.model import GarmentPart, build_model
-from warp_cloth.rest import build_rest_shape
+from warp_cloth.rest import GRAVITY, Floats, build_rest_shape
 from warp_cloth.solver.certificate import Certifier, Check, Tolerance
 from warp_cloth.solver.forces import ForcePass
-from warp_cloth.solver.loop import relax_to_rest
+from warp_cloth.solver.loop import Goal, relax_items
 from warp_cloth.solver.multilevel import MultilevelRelaxation, relaxation_by
 from warp_cloth.solver.relax import Collider, StepOptions
 
@@ -34,7 +35,10 @@ class Settled:
 
 
 class Specimen:
-    """A flat piece of a fabric whose clamped vertices are put where a test wants them, again and again."""
+    """A flat piece of a fabric whose clamped vertices are put where a test wants them, again and again.
+
+    ``count`` of them, all alike, lie side by side; none knows of the others.
+    """
 
     def __init__(
         self,
@@ -46,14 +50,17 @@ class Specimen:
         weightless: bool = True,
         device: str = "cpu",
         options: StepOptions | None = None,
+        count: int = 1,
     ) -> None:
         rest = build_rest_shape(mesh, fabric, rest="uv", grain=Grain(grain_degrees))
+        rest = replace(rest, vertex_weight=weights_by_area(mesh, fabric.weight))
         part = GarmentPart(mesh.points, mesh.triangles, rest, clamped)
         self.mesh = mesh
         self.rest = rest
         self.clamped = clamped
-        self.model = build_model([part], device=device, precision="mixed")
-        self._relaxation = relaxation_by(options or StepOptions(), self.model, [Collider()], [part])
+        self.count = count
+        self.model = build_model([part] * count, device=device, precision="mixed", garments=[1] * count)
+        self._relaxation = relaxation_by(options or StepOptions(), self.model, [Collider()] * count, [part] * count)
         if weightless:
             self._relaxation.step.gravity = cloth_types("mixed").vec3(0.0, 0.0, 0.0)
         self._certifier: Certifier | None = None
@@ -65,15 +72,40 @@ class Specimen:
 
     def settle(self, start: Points, tolerance: Tolerance, limit: int, *, near_rest: bool = False) -> Settled:
         """Relaxes from these positions, in which the clamps stand where they stay; ``near_rest``: and hardly falls."""
-        self.model.set_points(start)
+        (settled,) = self.settle_all([start], tolerance, limit, near_rest=near_rest)
+        return settled
+
+    def settle_all(
+        self, starts: Sequence[Points], tolerance: Tolerance, limit: int, *, near_rest: bool = False
+    ) -> list[Settled]:
+        """Relaxes every specimen from its own positions; otherwise as ``settle``.
+
+        Each ends in the bits that it would have alone, as long as none starts with overstretched edges.
+        """
+        for item, start in enumerate(starts):
+            self.model.set_points(start, item)
         if near_rest and isinstance(self._relaxation, MultilevelRelaxation):
             self._relaxation.start_near_rest()
         if self.model.cloth.stiffness:
             self.model.cloth.stiffness.zero_()
         certifier = Certifier(self._relaxation)
-        outcome = relax_to_rest(self._relaxation, certifier, tolerance, limit)
-        self.model.set_points(outcome.points)
+        outcomes = relax_items(self._relaxation, certifier, [Goal(tolerance, limit)] * self.count)
+        for item, outcome in enumerate(outcomes):
+            self.model.set_points(outcome.points, item)
         self._load.zero_()
         self._forces.launch(self._relaxation.step)
-        forces: Any = self._load.numpy()
-        return Settled(outcome.points, np.array(forces, dtype=np.float64)[:, :3], outcome.check)
+        load: Any = self._load.numpy()
+        forces = np.array(load, dtype=np.float64)[:, :3].reshape(self.count, -1, 3)
+        return [Settled(one.points, force, one.check) for one, force in zip(outcomes, forces, strict=True)]
+
+
+def weights_by_area(mesh: Mesh, weight: float) -> Floats:
+    """Weight of the cloth that each vertex of a specimen stands for [N], shape [V]; the fabric's in kg/m2.
+
+    Garments weigh the same at every vertex (the paper, section 2.3). There a border's vertex weighs twice what it
+    stands for, so that a strip hangs as if it were half an edge longer, more on coarse meshes than on fine ones.
+    """
+    first, second, third = np.swapaxes(mesh.points[mesh.triangles], 0, 1)
+    areas = 0.5 * np.linalg.norm(np.cross(second - first, third - first), axis=1)
+    share = np.bincount(mesh.triangles.ravel(), np.repeat(areas / 3.0, 3), mesh.vertex_count)
+    return np.asarray(share * (weight * GRAVITY))

@@ -27,14 +27,18 @@ def strip(width: float, length: float, edge: float) -> Mesh:
     return Mesh("strip", points, triangles.astype(np.int32), texcoords=flat)
 
 
-def disc(radius: float, hole: float, rings: int) -> Mesh:
-    """A disc of rings around a hexagon, without those inside ``hole`` [m]; one ring lies on the hole's edge or near."""
+def disc(radius: float, hole: float, rings: int, spacing: float | None = None) -> Mesh:
+    """A disc of rings around a hexagon, without those inside ``hole`` [m]; one ring lies on the hole's edge or near.
+
+    ``spacing`` [m] is how far the rings are apart, counted from the rim; None: evenly, from the disc's middle.
+    """
+    step = radius / rings if spacing is None else spacing
     first = max(round(rings * hole / radius), 1)
     starts = {ring: RING_SIDES * (ring * (ring - 1) - first * (first - 1)) // 2 for ring in range(first, rings + 1)}
     circles = []
     for ring in range(first, rings + 1):
         turn = np.arange(RING_SIDES * ring) * 2.0 * np.pi / (RING_SIDES * ring)
-        circles.append(radius * ring / rings * np.column_stack([np.cos(turn), np.sin(turn)]))
+        circles.append((radius - step * (rings - ring)) * np.column_stack([np.cos(turn), np.sin(turn)]))
     flat = np.concatenate(circles)
     triangles = np.concatenate([_between(ring, starts[ring], starts[ring + 1]) for ring in range(first, rings)])
     points = np.column_stack([flat[:, 0], np.zeros(len(flat)), -flat[:, 1]])

@@ -22,7 +22,8 @@ if TYPE_CHECKING:
 BALANCED = Tolerance(relative_rms=2e-4, relative_p99=2e-3, rest_error=1e-5)  # clamps must read to a part in 1,000
 ITERATIONS = 20_000
 DRAPE_ITERATIONS = 60_000  # of the multilevel method: most take 900 to 20,000, silk over 30,000 at 39,000 vertices
-COARSEST_RINGS = 10  # of a disc from whose shape finer ones start
+COARSEST_RINGS = 30  # of a disc from whose shape finer ones start; on coarser ones silk finds other folds
+DISCS = 6  # three specimens, both ways up
 TIP_ANGLE = math.radians(41.5)  # of the cantilever (ISO 9073-7)
 SUPPORT_RADIUS = 0.09  # [m], of Cusick's support; his disc has DISC_RADIUS
 DISC_RADIUS = 0.15
@@ -159,33 +160,50 @@ class Drape:
     """A disc that hangs over a round support."""
 
     mesh: Mesh  # as it was cut
-    coefficient: float  # share of the free ring's area that its shadow covers [%]
     settled: Settled
+
+    @property
+    def coefficient(self) -> float:
+        """Share of the free ring's area that its shadow covers [%]."""
+        return drape_coefficient(self.settled.points, self.mesh.triangles)
 
 
 def drape(
-    rings: int, fabric: Fabric, *, device: str = "cpu", iterations: int = DRAPE_ITERATIONS, seed: int = 0
-) -> Drape:
-    """Cusick's test (ISO 9073-9): a disc of 30 cm between two of 18 cm, in so many rings from its middle.
+    rings: int, fabric: Fabric, *, discs: int = DISCS, device: str = "cpu", iterations: int = DRAPE_ITERATIONS
+) -> list[Drape]:
+    """Cusick's test (BS 5058, ISO 9073-9): discs of 30 cm between two of 18 cm, in so many rings from the middle.
 
-    A multiple of 5 puts a ring on the support's edge. Fine discs start from where coarser ones came to rest: they
-    would creep for long from fold to fold.
+    How many folds a disc falls into hangs on how it was laid, and the shadow on the folds, so that laboratories test
+    several specimens, both ways up, and state the mean. These discs differ in how they are laid, slightly waved; cloth
+    here has no sides. Fine ones start from where coarser ones came to rest: they would creep long from fold to fold.
     """
     levels = [rings]
-    while levels[0] % 2 == 0 and levels[0] > COARSEST_RINGS:
+    while levels[0] % 2 == 0 and levels[0] >= 2 * COARSEST_RINGS:
         levels.insert(0, levels[0] // 2)
     mesh = drape_disc(levels[0])
-    settled = _hung(mesh, fabric, _waved(mesh, seed), device, iterations)
+    settled = _hung(mesh, fabric, [_waved(mesh, seed) for seed in range(discs)], device, iterations)
     for level in levels[1:]:
         coarse, mesh = mesh, drape_disc(level)
-        start = on_finer_disc(coarse, settled.points, mesh)
-        settled = _hung(mesh, fabric, start, device, iterations, near_rest=True)
-    return Drape(mesh, drape_coefficient(settled.points, mesh.triangles), settled)
+        starts = [on_finer_disc(coarse, one.points, mesh) for one in settled]
+        settled = _hung(mesh, fabric, starts, device, iterations, near_rest=True)
+    return [Drape(mesh, one) for one in settled]
 
 
 def drape_disc(rings: int) -> Mesh:
-    """Cusick's disc without its middle: of what the support holds two rings are enough."""
-    return disc(DISC_RADIUS, SUPPORT_RADIUS * (1.0 - 2.0 / rings), rings)
+    """Cusick's disc without its middle: of what the support holds two rings are enough.
+
+    A hinge stands for the bend from half an edge before it to half an edge behind. The last ring that is held lies
+    half an edge outside the support, then: the cloth bends from the support's edge on, whatever the mesh.
+    """
+    held = round(rings * SUPPORT_RADIUS / DISC_RADIUS)
+    spacing = (DISC_RADIUS - SUPPORT_RADIUS) / (rings - held + 0.5)
+    return disc(DISC_RADIUS, SUPPORT_RADIUS * (1.0 - 2.0 / rings), rings, spacing)
+
+
+def held_by_support(mesh: Mesh) -> Indices:
+    """The vertices of ``drape_disc`` that are held: its two inmost rings."""
+    radius = np.hypot(mesh.points[:, 0], mesh.points[:, 2]).round(9)
+    return _ids(radius <= np.unique(radius)[1])
 
 
 def _waved(mesh: Mesh, seed: int) -> Points:
@@ -200,12 +218,14 @@ def _waved(mesh: Mesh, seed: int) -> Points:
 
 
 def _hung(
-    mesh: Mesh, fabric: Fabric, start: Points, device: str, iterations: int, *, near_rest: bool = False
-) -> Settled:
-    held = np.hypot(mesh.points[:, 0], mesh.points[:, 2]) < SUPPORT_RADIUS * (1.0 + 1e-6)
+    mesh: Mesh, fabric: Fabric, starts: Sequence[Points], device: str, iterations: int, *, near_rest: bool = False
+) -> list[Settled]:
+    held = held_by_support(mesh)
     whole = StepOptions(method="multilevel")  # folds are turned as wholes
-    specimen = Specimen(mesh, fabric, _ids(held), weightless=False, device=device, options=whole)
-    return specimen.settle(np.where(held[:, None], mesh.points, start), DRAPED, iterations, near_rest=near_rest)
+    specimen = Specimen(mesh, fabric, held, weightless=False, device=device, options=whole, count=len(starts))
+    for start in starts:
+        start[held] = mesh.points[held]
+    return specimen.settle_all(starts, DRAPED, iterations, near_rest=near_rest)
 
 
 def drape_coefficient(points: Points, triangles: Indices) -> float:

@@ -108,7 +108,7 @@ def relaxation_by(
 
     Args:
         options: the method and its step.
-        model: the garments' model; of the multilevel method, of one item.
+        model: the garments' model; of the multilevel method, of one item, or of several without an avatar.
         colliders: the items' contact with their avatars.
         parts: the model's garments.
         touch: contact of cloth with cloth; None: it passes through itself.
@@ -120,7 +120,8 @@ def relaxation_by(
         options = replace(options, cap=caps[0])
     if touch is not None:
         return Relaxation(model, colliders, vertex_by_vertex(options), touch)
-    return MultilevelRelaxation(model, colliders[0], options, [build_ladder(part) for part in parts])
+    ladders = {id(part): build_ladder(part) for part in {id(part): part for part in parts}.values()}
+    return MultilevelRelaxation(model, colliders[0], options, [ladders[id(part)] for part in parts])
 
 
 def vertex_by_vertex(options: StepOptions) -> StepOptions:

@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from warp_cloth.bench.trials import SUPPORT_RADIUS, drape_disc
+from warp_cloth.bench.swatch import disc
+from warp_cloth.bench.trials import DISC_RADIUS, SUPPORT_RADIUS
 from warp_cloth.study.extreme_meshes import Drawn, sheet, write_garment
 
 STIFFNESS = (2e3, 2e4, 2e5)  # [N/m]
@@ -131,7 +132,8 @@ def _sheet(case: Case, garment: dict[str, Any]) -> Drawn:
 
 def _disc(case: Case) -> tuple[Drawn, list[int]]:
     """Cusick's disc, its free ring slightly waved, and what its support holds."""
-    mesh = drape_disc(5 * round(math.sqrt(case.vertices / 1.92) / 5))
+    rings = 5 * round(math.sqrt(case.vertices / 1.92) / 5)  # one of them lies on the support's edge
+    mesh = disc(DISC_RADIUS, SUPPORT_RADIUS * (1.0 - 2.0 / rings), rings)
     points, flat = mesh.points.copy(), mesh.points[:, [0, 2]] * [1.0, -1.0]
     out, turn = np.hypot(flat[:, 0], flat[:, 1]) / SUPPORT_RADIUS, np.arctan2(flat[:, 1], flat[:, 0])
     held = out < 1.0 + 1e-6
