@@ -9,11 +9,11 @@ from types import SimpleNamespace
 
 import warp as wp
 
-from warp_cloth.kernels.arithmetic import fused, inner, quotient, root, roots, scaled_sum
+from warp_cloth.kernels.arithmetic import chosen, fused, inner, quotient, root, roots, scaled_sum
 from warp_cloth.kernels.bending import SHORTEST, hinge_turn, turned_back, unit_normal
 from warp_cloth.kernels.cloth import BOUNDS, Terms, cloth_types, difference_function
 from warp_cloth.kernels.tension import drag_across, share_across, tension_force, tension_stiffness
-from warp_cloth.kernels.weave import slope_shares, thread_pulls, warp_vector, weft_vector
+from warp_cloth.kernels.weave import slope_shares, thread_pulls, thread_shares, warp_vector, weft_vector
 
 
 @functools.cache
@@ -202,11 +202,12 @@ def _thread_parts_function(precision: str, fourth: str) -> wp.Function:
     return corner_parts
 
 
-def _thread_function(precision: str, fourth: str) -> wp.Function:
+@functools.cache
+def square_functions(precision: str) -> SimpleNamespace:
+    """Functions ``squares`` and ``products`` of a woven triangle's four threads."""
     types = cloth_types(precision)
-    real, vec3, vec4, Sides, Step = types.real, types.vec3, types.vec4, types.Sides, types.Step
-    corner_parts = _thread_parts_function(precision, fourth)
-    half, one, bias = wp.constant(real(0.5)), wp.constant(real(1.0)), wp.constant(real(2.0**0.5))
+    real, vec3, vec4 = types.real, types.vec3, types.vec4
+    half = wp.constant(real(0.5))
 
     @wp.func
     def squares(weft: vec3, warp: vec3):
@@ -220,15 +221,34 @@ def _thread_function(precision: str, fourth: str) -> wp.Function:
         return vec4(weft_2, warp_2, wp.max(mean + both, none), wp.max(mean - both, none))
 
     @wp.func
-    def shares_across(square: vec4, change: vec4, pull: vec4, push: vec4, stiff: vec4, horizon: real):
-        """``tension.share_across`` of the four threads; squares of their lengths and of what last changed them."""
-        length, size = roots(square), roots(change)
-        return vec4(
-            share_across(length[0], one, pull[0], push[0], stiff[0], size[0], horizon),
-            share_across(length[1], one, pull[1], push[1], stiff[1], size[1], horizon),
-            share_across(length[2], one, pull[2], push[2], stiff[2], size[2], horizon),
-            share_across(length[3], one, pull[3], push[3], stiff[3], size[3], horizon),
-        )
+    def products(weft: vec3, warp: vec3, weft_change: vec3, warp_change: vec3):
+        """Dot products of those four with what changed them."""
+        weft_2, warp_2 = inner(weft, weft_change), inner(warp, warp_change)
+        both = half * (inner(weft, warp_change) + inner(warp, weft_change))
+        mean = half * (weft_2 + warp_2)
+        return vec4(weft_2, warp_2, mean + both, mean - both)
+
+    return SimpleNamespace(squares=squares, products=products)
+
+
+def _thread_function(precision: str, fourth: str) -> wp.Function:
+    types = cloth_types(precision)
+    real, vec3, vec4, Sides, Step = types.real, types.vec3, types.vec4, types.Sides, types.Step
+    corner_parts = _thread_parts_function(precision, fourth)
+    functions = square_functions(precision)
+    squares, products = functions.squares, functions.products
+    half, one = wp.constant(real(0.5)), wp.constant(real(1.0))
+
+    @wp.func
+    def split_drag(drag: vec4, square: vec4, change: vec4, product: vec4, along: vec4, stiff: vec4, step: Step):
+        """What of the threads' drag acts in all directions, and what along them only, over their lengths' squares.
+
+        ``tension.drag_across`` of the four: pulled threads drag across themselves the share only that acts there.
+        """
+        share, inverse = thread_shares(square, change, along, stiff, step.horizon)
+        ones = vec4(one, one, one, one)
+        even = wp.cw_mul(drag, chosen(square - ones, share, ones))
+        return even, wp.cw_mul(wp.cw_mul(wp.cw_mul(drag - even, product), inverse), inverse)
 
     @wp.func
     def thread_loads(sides: Sides, slope: vec4, law: vec4, step: Step):
@@ -245,27 +265,26 @@ def _thread_function(precision: str, fourth: str) -> wp.Function:
             change = squares(change_u, change_v)
         pull = vec4(law[0], law[1], law[2], law[2])
         along, stiff = thread_pulls(square, change, pull, pull * law[3], step.reach)
-        # what the biases pull along weft and warp, each along itself and along the other
-        mean, across = half * (along[2] + along[3]), half * (along[2] - along[3])
-        weft = scaled_sum(along_v, across, along_u * (along[0] + mean))
-        warp = scaled_sum(along_u, across, along_v * (along[1] + mean))
+        weft = vec3()
+        warp = vec3()
         part = vec3()
         if wp.static(fourth in BOUNDS):
             # resists the threads' changing, as an edge's load does
             drag = stiff * step.viscosity
             if wp.static(fourth == "leeway"):
-                shares = shares_across(square, change, pull, pull * law[3], stiff, step.horizon)
-                drag_p = drag_across(along_u + along_v, bias, change_u + change_v, shares[2]) * (half * drag[2])
-                drag_m = drag_across(along_u - along_v, bias, change_u - change_v, shares[3]) * (half * drag[3])
-                weft += drag_across(along_u, one, change_u, shares[0]) * drag[0] + drag_p + drag_m
-                warp += drag_across(along_v, one, change_v, shares[1]) * drag[1] + drag_p - drag_m
-            else:
-                mean, across = half * (drag[2] + drag[3]), half * (drag[2] - drag[3])
-                weft = scaled_sum(change_u, drag[0] + mean, scaled_sum(change_v, across, weft))
-                warp = scaled_sum(change_v, drag[1] + mean, scaled_sum(change_u, across, warp))
+                product = products(along_u, along_v, change_u, change_v)
+                drag, more = split_drag(drag, square, change, product, along, stiff, step)
+                along += more
+            mean, across = half * (drag[2] + drag[3]), half * (drag[2] - drag[3])
+            weft = scaled_sum(change_u, drag[0] + mean, change_v * across)
+            warp = scaled_sum(change_v, drag[1] + mean, change_u * across)
             part = corner_parts(slope, stiff)
         if wp.static(fourth == "size"):
             part = corner_parts(slope, wp.cw_mul(wp.abs(along), roots(square)))
+        # what the biases pull along weft and warp, each along itself and along the other
+        mean, across = half * (along[2] + along[3]), half * (along[2] - along[3])
+        weft = scaled_sum(along_v, across, scaled_sum(along_u, along[0] + mean, weft))
+        warp = scaled_sum(along_u, across, scaled_sum(along_v, along[1] + mean, warp))
         force_1 = -scaled_sum(weft, slope[0], warp * slope[2])
         force_2 = -scaled_sum(weft, slope[1], warp * slope[3])
         force_0 = -(force_1 + force_2)

@@ -12,36 +12,50 @@ from types import SimpleNamespace
 
 import warp as wp
 
-from warp_cloth.kernels.bending import SHORTEST, hinge_turn, turned_back
+from warp_cloth.kernels.arithmetic import inner, root
 from warp_cloth.kernels.cloth import MODULE_OPTIONS, Terms, cloth_types, difference_function, rest_function
+from warp_cloth.kernels.forces import edge_functions, square_functions
 from warp_cloth.kernels.stiffness import symmetric_functions
 from warp_cloth.kernels.tension import share_across, tension_stiffness
-from warp_cloth.kernels.weave import slope_shares, warp_vector, weft_vector
+from warp_cloth.kernels.weave import thread_pulls, thread_shares, warp_vector, weft_vector
 
 
 def _bound_functions(precision: str) -> SimpleNamespace:
     """Functions ``spring_matrix`` and ``threads_matrix``: bounds as matrices [N/m], and how large they are."""
     types = cloth_types(precision)
-    real, point, vec3, vec4, Step = types.real, types.point, types.vec3, types.vec4, types.Step
+    real, point, vec3, vec4, vec6, Step = types.real, types.point, types.vec3, types.vec4, types.vec6, types.Step
     symmetric = symmetric_functions(precision)
     along, even = symmetric.along, symmetric.even
     difference = difference_function(precision)
-    half = wp.constant(real(0.5**0.5))
+    squares = square_functions(precision).squares
+    half = wp.constant(real(0.5))
+    counted = wp.constant(vec4(0.5, 0.5, 0.25, 0.25))
 
     @wp.func
-    def spring_matrix(way: vec3, change: vec3, law: vec3, share: real, step: Step):
-        """Bound of an edge or thread, of which a vertex bears a share; law is its length at rest, pull and push."""
+    def mixed(size: real, u: vec3, v: vec3):
+        """size (u v^T + v u^T)."""
+        two = real(2.0) * size
+        return vec6(
+            two * u[0] * v[0], two * u[1] * v[1], two * u[2] * v[2],
+            size * (u[0] * v[1] + u[1] * v[0]), size * (u[0] * v[2] + u[2] * v[0]), size * (u[1] * v[2] + u[2] * v[1]),
+        )  # fmt: skip
+
+    @wp.func
+    def spring_matrix(way: vec3, change: vec3, law: vec3, step: Step):
+        """Bound of an edge; law is its length at rest, pull and push."""
         length, size = wp.length(way), wp.length(change)
         stiffness = tension_stiffness(length, law[0], law[1], law[2], step.reach * size)
         across = share_across(length, law[0], law[1], law[2], stiffness, size, step.horizon)
-        stiffness *= share
         return even(stiffness * across) + along(stiffness * (real(1.0) - across), wp.normalize(way)), stiffness
 
     @wp.func
-    def borne(slope_1: real, slope_2: real, corner: int):
-        """Share of a thread's stiffness that a corner bears [1/m2]."""
-        share_0, share_1, share_2 = slope_shares(slope_1, slope_2)
-        return real(0.5) * wp.where(corner == 0, share_0, wp.where(corner == 1, share_1, share_2))
+    def borne(slope: vec4, corner: int):
+        """Share of each of four threads' stiffness that a corner bears [1/m2], as forces.corner_parts has it."""
+        first = vec4(slope[0], slope[2], slope[0] + slope[2], slope[0] - slope[2])
+        second = vec4(slope[1], slope[3], slope[1] + slope[3], slope[1] - slope[3])
+        size_0, size_1, size_2 = wp.abs(first + second), wp.abs(first), wp.abs(second)
+        own = wp.where(corner == 0, size_0, wp.where(corner == 1, size_1, size_2))
+        return wp.cw_mul(wp.cw_mul(size_0 + size_1 + size_2, own), counted)
 
     @wp.func
     def threads_matrix(
@@ -58,35 +72,28 @@ def _bound_functions(precision: str) -> SimpleNamespace:
         side_1, side_2 = difference(position[corners[1]], origin), difference(position[corners[2]], origin)
         change_1, change_2 = moved[corners[1]] - move, moved[corners[2]] - move
         weft, warp = weft_vector(slope, side_1, side_2), warp_vector(slope, side_1, side_2)
-        weft_change, warp_change = weft_vector(slope, change_1, change_2), warp_vector(slope, change_1, change_2)
-        push = law * law[3]
-        one = real(1.0)
-        matrix, total = spring_matrix(
-            weft, weft_change, vec3(one, law[0], push[0]), borne(slope[0], slope[1], corner), step
-        )
-        more, size = spring_matrix(
-            warp, warp_change, vec3(one, law[1], push[1]), borne(slope[2], slope[3], corner), step
-        )
-        matrix += more
-        total += size
-        bias = vec3(one, law[2], push[2])
-        for side in range(2):
-            way = wp.where(side == 0, half, -half)
-            share = borne(half * slope[0] + way * slope[2], half * slope[1] + way * slope[3], corner)
-            more, size = spring_matrix(
-                half * weft + way * warp, half * weft_change + way * warp_change, bias, share, step
-            )
-            matrix += more
-            total += size
-        return matrix, total
+        square = squares(weft, warp)
+        change = squares(weft_vector(slope, change_1, change_2), warp_vector(slope, change_1, change_2))
+        pull = vec4(law[0], law[1], law[2], law[2])
+        pulls, bound = thread_pulls(square, change, pull, pull * law[3], step.reach)
+        share, inverse = thread_shares(square, change, pulls, bound, step.horizon)
+        bound = wp.cw_mul(bound, borne(slope, corner))
+        across = wp.cw_mul(bound, share)
+        # of each thread's t t^T; those of the biases are half (u + v) (u + v)^T and half (u - v) (u - v)^T
+        rest = wp.cw_mul(wp.cw_mul(bound - across, inverse), inverse)
+        mean, cross = half * (rest[2] + rest[3]), half * (rest[2] - rest[3])
+        matrix = even(across[0] + across[1] + across[2] + across[3])
+        matrix += along(rest[0] + mean, weft) + along(rest[1] + mean, warp) + mixed(cross, weft, warp)
+        return matrix, bound[0] + bound[1] + bound[2] + bound[3]
 
     return SimpleNamespace(spring_matrix=spring_matrix, threads_matrix=threads_matrix)
 
 
 def _bound_folds_kernel(precision: str, terms: Terms) -> wp.Kernel:
     types = cloth_types(precision)
-    real, vec3, vec4, Cloth, Edges, Step = types.real, types.vec3, types.vec4, types.Cloth, types.Edges, types.Step
-    difference = difference_function(precision)
+    real, vec2, vec4, Cloth, Edges, Step = types.real, types.vec2, types.vec4, types.Cloth, types.Edges, types.Step
+    functions = edge_functions(precision, "leeway", terms.angles)
+    edge_span, edge_fold = functions.edge_span, functions.edge_fold
     rests = rest_function(precision)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
@@ -102,17 +109,16 @@ def _bound_folds_kernel(precision: str, terms: Terms) -> wp.Kernel:
         ends = edges.ends[edge]
         if rests(cloth, ends[0]):
             return
-        first, second = normal[edges.beside[edge][0]], normal[edges.beside[edge][1]]
-        stiffness = edges.fold[edge]
-        side = difference(cloth.position[ends[1]], cloth.position[ends[0]])
-        normal_0 = vec3(first[0], first[1], first[2])
-        normal_1 = vec3(second[0], second[1], second[2])
+        beside = edges.beside[edge]
+        rest = vec2()
         if wp.static(terms.angles):
-            normal_1 = turned_back(normal_1, side, edges.rest[edge])
-        reach = step.reach * wp.length(cloth.move[ends[0]])
-        length = wp.max(wp.length(side), real(SHORTEST))
-        _, bound = hinge_turn(normal_0, first[3], normal_1, second[3], side, length, stiffness, reach)
-        bound_out[edge] = bound
+            rest = edges.rest[edge]
+        move = cloth.move[ends[0]]
+        span = edge_span(
+            cloth.position[ends[0]], cloth.position[ends[1]], move, cloth.move[ends[1]], root(inner(move, move))
+        )
+        fold = edge_fold(span, normal[beside[0]], normal[beside[1]], edges.fold[edge], rest, step)
+        bound_out[edge] = fold[1]
 
     return bound_folds
 
@@ -163,7 +169,7 @@ def _find_leeway_kernel(precision: str, terms: Terms) -> wp.Kernel:
                 ends = edges.ends[edge]
                 way = difference(cloth.position[ends[1]], cloth.position[ends[0]])
                 change = cloth.move[ends[1]] - cloth.move[ends[0]]
-                more, size = spring_matrix(way, change, edges.law[edge], real(1.0), step)
+                more, size = spring_matrix(way, change, edges.law[edge], step)
                 matrix += more
                 total += size
         if wp.static(terms.folds or terms.threads):

@@ -15,6 +15,7 @@ from warp_cloth.kernels.arithmetic import chosen, inverses, roots, scaled_sum
 from warp_cloth.kernels.tension import tension_energy
 
 SHORTEST = wp.constant(1.0e-20)  # of a thread that has collapsed; what divides by it stays finite
+FAINTEST = wp.constant(1.0e-30)  # bound of stiffness [J]; likewise
 
 
 @wp.func
@@ -52,6 +53,25 @@ def thread_pulls(square: Any, change: Any, pull: Any, push: Any, reach: Any):
     along = wp.cw_mul(wp.cw_mul(chosen(stretch, pull, push), wp.cw_mul(stretch, size)), inverse)
     bound = wp.cw_mul(chosen(stretch + far, pull, push), size + far)
     return along, bound + bound
+
+
+@wp.func
+def thread_shares(square: Any, change: Any, along: Any, bound: Any, horizon: Any):
+    """``tension.share_across`` of four threads, and the inverses of their lengths.
+
+    Args:
+        square: of their lengths.
+        change: square of what the corners' last displacements changed the threads by.
+        along: their pulls over their lengths, and
+        bound: the bounds of their stiffness, both of ``thread_pulls``.
+        horizon: how many such changes ahead they may turn.
+    """
+    one, short, faint = type(horizon)(1.0), type(horizon)(SHORTEST), type(horizon)(FAINTEST)
+    inverse = inverses(wp.max(roots(square), type(square)(short, short, short, short)))
+    turn = wp.cw_mul(roots(change) * horizon, inverse)
+    least = wp.max(bound, type(square)(faint, faint, faint, faint))
+    share = wp.cw_mul(wp.abs(along), inverses(least)) + wp.cw_mul(turn, turn)
+    return wp.min(share, type(square)(one, one, one, one)), inverse
 
 
 @wp.func

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import warp as wp
@@ -53,11 +54,11 @@ def deformed_model(mesh: Mesh, points: Points, fabric: Fabric, **options: str) -
     return model
 
 
-def cloth_forces(model: ClothModel, fourth: str = "none") -> np.ndarray:
-    """Forces of tension and bending [N] and the fourth part, shape [V, 4]."""
+def cloth_forces(model: ClothModel, fourth: str = "none", step: Any = None) -> np.ndarray:
+    """Forces of tension and bending [N] and the fourth part, shape [V, 4]; ``step``: by default nothing."""
     types = cloth_types(model.precision)
     load = wp.zeros(model.vertex_count, dtype=types.vec4, device=model.device)
-    ForcePass(model, fourth, load).launch(types.Step())
+    ForcePass(model, fourth, load).launch(types.Step() if step is None else step)
     return np.array(load.numpy(), dtype=np.float64)
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import warp as wp
@@ -72,6 +74,31 @@ def test_cloth_that_turns_fast_has_none() -> None:
     moves[::2, 2] = 5e-3  # [m], a tenth of an edge
     model.cloth.move.assign(moves)
     assert np.linalg.eigvalsh(leeway_of(model)).max() < 2.0
+
+
+def test_pulled_threads_drag_across_themselves_by_what_acts_there() -> None:
+    viscosity, horizon = 0.02, 20.0
+    model = deformed_model(MESH, shaken(1.0, 2e-3), replace(WOVEN, bending_warp=0.0, bending_weft=0.0))
+    moves = np.random.default_rng(6).normal(scale=1e-4, size=MESH.points.shape)
+    model.cloth.move.assign(moves)
+    step = cloth_types(model.precision).Step()
+    step.reach, step.horizon, step.viscosity = 1.0, horizon, viscosity
+    wanted = np.zeros_like(moves)
+    weave, points = model.weave, model.points()
+    for corners, slope, law in zip(weave.corners.numpy(), weave.slope.numpy(), weave.law.numpy(), strict=True):
+        for part, pull in (((1, 0), law[0]), ((0, 1), law[1]), ((1, 1), law[2]), ((1, -1), law[2])):
+            along = (part[0] * slope[:2] + part[1] * slope[2:]) / np.hypot(*part)
+            slopes_of = np.array([-along.sum(), *along])
+            thread, change = slopes_of @ points[corners], slopes_of @ moves[corners]
+            length, size = np.linalg.norm(thread), np.linalg.norm(change)
+            stretch = length - 1.0
+            bound = 2.0 * pull * (1.0 if stretch + size > 0.0 else law[3]) * (abs(stretch) + size)
+            share = pull * stretch**2 / (length * bound) + (horizon * size / length) ** 2 if stretch > 0.0 else 1.0
+            held = thread * (thread @ change) / length**2
+            drag = viscosity * bound * (held + min(share, 1.0) * (change - held))
+            wanted[corners] -= slopes_of[:, None] * drag
+    forces = [cloth_forces(model, fourth, step)[:, :3] for fourth in ("leeway", "none")]
+    assert forces[0] - forces[1] == pytest.approx(wanted, rel=1e-9, abs=1e-9 * np.abs(wanted).max())
 
 
 def lying(gathers: bool = False, contact: bool = True) -> Relaxation:
