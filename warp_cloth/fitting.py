@@ -14,7 +14,7 @@ import warp as wp
 from numpy.typing import NDArray
 
 from warp_cloth.cascade import LevelRun
-from warp_cloth.collide.exact import penetrations
+from warp_cloth.collide.exact import ExactCollider, exact_colliders, penetrations
 from warp_cloth.collide.garments import worn_crossings
 from warp_cloth.collide.piercing import piercing
 from warp_cloth.errors import InputError
@@ -237,7 +237,9 @@ def finished(
             model.set_points(outcome.points, item)
     strains, threads = edge_strains(model), thread_strains(model)
     worn_points = [outcome.points for outcome in outcomes]
-    depths = penetrations(worn_points, [wardrobe.avatar for wardrobe in made.wardrobes], model.device)
+    avatars = [wardrobe.avatar for wardrobe in made.wardrobes]
+    exact_of = exact_colliders(avatars, model.device)
+    depths = penetrations(worn_points, avatars, model.device, exact_of)
     crossings = worn_crossings(made.wardrobes, worn_points, model.device)
     lap("measure")
     fits = []
@@ -248,7 +250,7 @@ def finished(
             for index, worn in enumerate(_worn(scene, wardrobe, outcome, frames))
         )
         strain = strains[model.of_item(item, model.edge_start)]
-        depth = _drawn_through(depths[item], wardrobe, outcome.points, strain, model.device)
+        depth = _drawn_through(depths[item], wardrobe, outcome.points, strain, exact_of[item])
         flaw = misplaced(depth) if scene.collision.avatar != "none" else ""
         advice = unheld(scene, wardrobe, [worn.points for worn in garments]) or flaw
         message = verdict(outcome, tolerance_of(scene), advice or more_iterations(scene, outcome), flaw)
@@ -271,16 +273,20 @@ def finished(
 
 
 def _drawn_through(
-    depth: Penetration | None, wardrobe: Wardrobe, points: Points, strains: NDArray[np.float64], device: str
+    depth: Penetration | None,
+    wardrobe: Wardrobe,
+    points: Points,
+    strains: NDArray[np.float64],
+    exact: ExactCollider | None,
 ) -> Penetration | None:
     """The depth with what is told of edges: ``strains`` are theirs, of all garments."""
-    if depth is None or wardrobe.avatar is None:
+    if depth is None or wardrobe.avatar is None or exact is None:
         return depth
     edges, first = [], 0
     for part in wardrobe.parts:
         edges.append(part.rest.topology.edges + first)
         first += len(part.points)
-    count, deepest = piercing(points, np.concatenate(edges), strains, wardrobe.avatar, device)
+    count, deepest = piercing(points, np.concatenate(edges), strains, wardrobe.avatar, exact.device, exact)
     return replace(depth, edges=count, edge_max=deepest)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ import warp as wp
 from numpy.typing import NDArray
 
 from warp_cloth.elements import Elements, garment_elements, joined_elements
+from warp_cloth.kept import Kept
 from warp_cloth.kernels.cloth import Patch, Terms, cloth_types
 from warp_cloth.mesh import Indices, Points
 from warp_cloth.patches import cut_patches
@@ -161,21 +163,22 @@ def build_model(
     precision: str,
     gathers: bool | None = None,
     garments: Sequence[int] | None = None,
+    kept: Kept | None = None,
 ) -> ClothModel:
     """Concatenates garments and puts them on a device.
 
     ``garments`` is how many of the parts belong to each item; None: all to one. ``gathers`` says how forces are
-    summed; None: gathered on CUDA, scattered on the CPU, which is fastest on each.
+    summed; None: gathered on CUDA, scattered on the CPU, which is fastest on each. ``kept`` has what earlier models of
+    the same garments left.
     """
     types = cloth_types(precision)
     vertex_start = _starts([len(part.points) for part in parts])
     rests = [part.rest for part in parts]
-    made: dict[int, Elements] = {}  # of each part once, however often it is there
-    garments_elements = []
-    for part in parts:
-        if id(part) not in made:
-            made[id(part)] = garment_elements(part.triangles, part.rest)
-        garments_elements.append(made[id(part)])
+    kept = kept or Kept()
+    garments_elements = [
+        kept.once("elements", (part.triangles, part.rest), partial(garment_elements, part.triangles, part.rest))
+        for part in parts
+    ]
     elements = joined_elements(garments_elements, vertex_start)
     terms = terms_of(parts)
 
@@ -185,7 +188,9 @@ def build_model(
     item_start = tuple(vertex_start[first] for first in _starts(list(garments or [len(parts)])))
     hinges, hinge_count = _hinges(types, upload, rests, vertex_start, terms.angles)
     weave = _weave(types, upload, rests, vertex_start)
-    gathered = wp.get_device(device).is_cuda if gathers is None else gathers
+    patches = None
+    if wp.get_device(device).is_cuda if gathers is None else gathers:
+        patches = _patches(types, upload, garments_elements, elements, parts, item_start, device, kept)
     return ClothModel(
         device=device,
         precision=precision,
@@ -201,7 +206,7 @@ def build_model(
         triangles=_triangles(types, upload, elements, terms),
         hinges=hinges,
         weave=weave,
-        patches=_patches(types, upload, garments_elements, elements, parts, item_start, device) if gathered else None,
+        patches=patches,
     )
 
 
@@ -302,12 +307,13 @@ def _patches(
     parts: Sequence[GarmentPart],
     item_start: tuple[int, ...],
     device: str,
+    kept: Kept,
 ) -> Patches:
     """The cloth cut into patches of vertices that lie together as loaded."""
     terms = terms_of(parts)
     own_memory = wp.get_device(device).is_cuda
     points = [part.points for part in parts]
-    cut = cut_patches(garments, points, terms, precision=types.name, own_memory=own_memory)
+    cut = cut_patches(garments, points, terms, precision=types.name, own_memory=own_memory, kept=kept)
     rows = np.zeros(len(cut.patch["vertex_start"]), dtype=Patch.numpy_dtype())
     for name, numbers in cut.patch.items():
         rows[name] = numbers

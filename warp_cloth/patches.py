@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 
 from warp_cloth.elements import Elements
 from warp_cloth.errors import InputError
+from warp_cloth.kept import Kept
 from warp_cloth.kernels.block import BLOCK_MEMORY
 from warp_cloth.kernels.cloth import Terms, cloth_types
 from warp_cloth.kernels.gather import RANKS
@@ -50,24 +52,38 @@ class PatchTables:
 
 
 def cut_patches(
-    garments: Sequence[Elements], points: Sequence[Points], terms: Terms, *, precision: str, own_memory: bool
+    garments: Sequence[Elements],
+    points: Sequence[Points],
+    terms: Terms,
+    *,
+    precision: str,
+    own_memory: bool,
+    kept: Kept | None = None,
 ) -> PatchTables:
     """Patches of neighbouring vertices, none larger than a block's memory holds, if it need not be.
 
-    ``own_memory``: whether blocks have any; on the CPU they take turns at the same.
+    ``own_memory``: whether blocks have any; on the CPU they take turns at the same. ``kept`` has what was cut before.
 
     Raises:
         InputError: more meets at one vertex than a patch can count.
     """
     size = int(np.clip(-(-sum(len(part) for part in points) // BLOCKS), SMALLEST, LARGEST))
-    shapes = {id(elements): _shape(elements, part) for elements, part in zip(garments, points, strict=True)}
-    distinct = {shapes[id(elements)]: (elements, part) for elements, part in zip(garments, points, strict=True)}
-    cut = map_in_threads(lambda one: _garment_tables(*one, size, terms, precision), distinct.values())
-    made = dict(zip(distinct, cut, strict=True))
+    kept = kept or Kept()
+    shapes = [
+        kept.once("shape", (elements, part), partial(_shape, elements, part))
+        for elements, part in zip(garments, points, strict=True)
+    ]
+    distinct = dict(zip(shapes, zip(garments, points, strict=True), strict=True))
+    how = size, terms, precision
+
+    def tables_of(shape: bytes) -> PatchTables:
+        return _garment_tables(*distinct[shape], size, terms, precision)
+
+    missing = [shape for shape in distinct if kept.key("patches", (), shape, *how) not in kept]
+    cut = dict(zip(missing, map_in_threads(tables_of, missing), strict=True))
+    made = {shape: kept.once("patches", (), partial(cut.__getitem__, shape), shape, *how) for shape in distinct}
     first = {"vertex": points, "edge": [part.ends for part in garments], "triangle": [g.corners for g in garments]}
-    tables = _end_to_end(
-        [made[shapes[id(elements)]] for elements in garments], {name: _starts(of) for name, of in first.items()}
-    )
+    tables = _end_to_end([made[shape] for shape in shapes], {name: _starts(of) for name, of in first.items()})
     memory = _memory(tables.patch, terms, precision)
     if not own_memory:
         tables.patch["overflow"] = np.zeros_like(memory)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Sequence
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,7 @@ from warp_cloth.cascade import LevelRun, start_from_coarse
 from warp_cloth.collide.avatar import AvatarContact, avatar_modules
 from warp_cloth.collide.depth import DEFAULT_REACH
 from warp_cloth.collide.garments import cloth_course, cloth_touch, highest_lift, placed
+from warp_cloth.kept import Kept
 from warp_cloth.model import ClothModel, build_model, terms_of
 from warp_cloth.plan import contact_kind
 from warp_cloth.scene import Scene
@@ -95,6 +97,7 @@ def set_up(
     device: str,
     *,
     earlier: AvatarContact | None = None,
+    kept: Kept | None = None,
     options: StepOptions | None = None,
     tell: Callable[[str], None] = lambda _: None,
     lap: Callable[[str], None] = lambda _: None,
@@ -106,6 +109,7 @@ def set_up(
         wardrobes: theirs.
         device: Warp's name of it.
         earlier: a contact that may serve again.
+        kept: what earlier set-ups left of the same garments and avatars.
         options: how an iteration moves the cloth; None: the method's defaults.
         tell: told at every stage.
         lap: told the name of every stage at its end.
@@ -116,13 +120,15 @@ def set_up(
         _compile(avatar_modules(contact_kind(first, wardrobes[0])), device)
         lap("compile")
     tell("build")
-    wardrobes = placed(scenes, wardrobes, device)
-    contacts, colliders = _avatar_contacts(scenes, wardrobes, device, earlier)
+    kept = kept or Kept()
+    wardrobes = placed(scenes, wardrobes, device, kept)
+    contacts, colliders = _avatar_contacts(scenes, wardrobes, device, earlier, kept)
     model = build_model(
         [part for each in wardrobes for part in each.parts],
         device=device,
         precision=first.solver.precision,
         garments=[len(each.parts) for each in wardrobes],
+        kept=kept,
     )
     options = options or StepOptions(method=first.solver.method)
     touch = cloth_touch(first, wardrobes[0], model) if first.collision.cloth else None
@@ -187,20 +193,24 @@ def contact_key(scene: Scene, wardrobe: Wardrobe) -> Hashable:
 
 
 def _avatar_contacts(
-    scenes: Sequence[Scene], wardrobes: Sequence[Wardrobe], device: str, earlier: AvatarContact | None
+    scenes: Sequence[Scene], wardrobes: Sequence[Wardrobe], device: str, earlier: AvatarContact | None, kept: Kept
 ) -> tuple[list[AvatarContact], list[Collider]]:
     """Every scene's contact and first collider; built once for scenes whose garments start alike on one avatar."""
-    built: dict[Hashable, tuple[AvatarContact, Collider]] = {}
+
+    def built(scene: Scene, wardrobe: Wardrobe) -> tuple[AvatarContact, Collider]:
+        contact = _avatar_contact(scene, wardrobe, device)
+        points = np.concatenate([part.points for part in wardrobe.parts])
+        taken = contact.taken_over(earlier, points) if earlier is not None else None
+        return contact, taken or contact.collider(points)
+
+    of = [(wardrobe.avatar, earlier, *(part.points for part in wardrobe.parts)) for wardrobe in wardrobes]
+    keys = {kept.key("contact", met, scene.collision, device) for met, scene in zip(of, scenes, strict=True)}
+    kept.make_room(keys)
     contacts, colliders = [], []
-    for scene, wardrobe in zip(scenes, wardrobes, strict=True):
+    for met, scene, wardrobe in zip(of, scenes, wardrobes, strict=True):
         friction = scene.avatar.friction if scene.avatar is not None else 0.0
-        key = contact_key(scene, wardrobe)
-        if key not in built:
-            contact = _avatar_contact(scene, wardrobe, device)
-            points = np.concatenate([part.points for part in wardrobe.parts])
-            taken = contact.taken_over(earlier, points) if earlier is not None else None
-            built[key] = contact, taken or contact.collider(points)
-        contact, collider = built[key]
+        make = partial(built, scene, wardrobe)
+        contact, collider = kept.once("contact", met, make, scene.collision, device, size=lambda made: made[0].bytes)
         contacts.append(contact.alike(friction))
         colliders.append(replace(collider, friction=friction))
     return contacts, colliders

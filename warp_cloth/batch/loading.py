@@ -11,6 +11,7 @@ from concurrent.futures.process import BrokenProcessPool
 from typing import Any
 
 from warp_cloth.batch.lifeline import end_with_parent
+from warp_cloth.kept import Kept
 from warp_cloth.scene import Scene
 from warp_cloth.wardrobe import Rack, Recipe, mesh_recipes, rest_recipes
 
@@ -26,12 +27,12 @@ class Shelf:
 
     def __init__(self, helpers: int) -> None:
         self.loaders = Loaders(helpers)
-        self.rack = Rack()
+        self.rack, self.kept = Rack(), Kept()
 
     def tidied(self) -> Shelf:
         """The shelf, emptied where it holds too much."""
         if self.rack.vertex_count > MOST_KEPT:
-            self.rack = Rack()
+            self.rack, self.kept = Rack(), Kept()
         return self
 
 

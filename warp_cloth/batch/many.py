@@ -12,10 +12,13 @@ import warp as wp
 from warp_cloth.batch.loading import Shelf
 from warp_cloth.batch.memory import available_bytes, cut_to_fit, need_of
 from warp_cloth.fitting import Fit, finished, tolerance_of
+from warp_cloth.kept import Kept
 from warp_cloth.scene import Scene
 from warp_cloth.set_up import following, kind_of, set_up, start_coarse
 from warp_cloth.solver.loop import Goal, relax_items
 from warp_cloth.wardrobe import Rack, Wardrobe, open_wardrobe
+
+KEPT_SHARE = 0.05  # of the memory, for avatars' fields that the next scenes may meet, too
 
 
 def fit_many(
@@ -41,7 +44,9 @@ def fit_many(
     gpu = wp.get_device(device).is_cuda
     most = together or (len(scenes) if gpu else 1)
     limit = available_bytes(device) if budget is None else budget
-    rack = Rack() if shelf is None else shelf.rack
+    rack, kept = (Rack(), Kept()) if shelf is None else (shelf.rack, shelf.kept)
+    kept.limit = int(KEPT_SHARE * limit)
+    limit -= kept.limit
     if shelf is not None:
         shelf.loaders.fill(rack, scenes)
     results: dict[int, Fit | Exception] = {}
@@ -55,7 +60,7 @@ def fit_many(
             results[number] = error
 
     def run(numbers: Sequence[int]) -> list[Fit]:
-        return _together([scenes[n] for n in numbers], [loaded[n] for n in numbers], device)
+        return _together([scenes[n] for n in numbers], [loaded[n] for n in numbers], device, kept)
 
     for numbers in groups.values():
         needs = [need_of(scenes[n], loaded[n], gathers=gpu) for n in numbers]
@@ -81,7 +86,7 @@ def _halving(
     _halving(numbers[middle:], run, results)
 
 
-def _together(scenes: Sequence[Scene], wardrobes: Sequence[Wardrobe], device: str) -> list[Fit]:
+def _together(scenes: Sequence[Scene], wardrobes: Sequence[Wardrobe], device: str, kept: Kept) -> list[Fit]:
     """Relaxes scenes of one kind together."""
     seconds = dict.fromkeys(("load", "compile", "build", "carry", "relax", "measure", "export"), 0.0)
     last = time.perf_counter()
@@ -92,7 +97,7 @@ def _together(scenes: Sequence[Scene], wardrobes: Sequence[Wardrobe], device: st
         seconds[stage] += now - last
         last = now
 
-    made = set_up(scenes, wardrobes, device, lap=lap)
+    made = set_up(scenes, wardrobes, device, kept=kept, lap=lap)
     levels = start_coarse(made)
     goals = [Goal(tolerance_of(scene), scene.solver.iterations) for scene in scenes]
     outcomes = relax_items(made.relaxation, made.certifier, goals, follow=following(made), course=made.course)

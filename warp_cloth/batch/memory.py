@@ -10,6 +10,7 @@ import numpy as np
 import warp as wp
 
 from warp_cloth.collide.avatar import MARGIN
+from warp_cloth.collide.exact import tree_bytes
 from warp_cloth.collide.field import LEAST_SPACING, PIXELS_PER_SPACING
 from warp_cloth.plan import contact_kind
 from warp_cloth.scene import Scene
@@ -22,7 +23,6 @@ PER_VERTEX, PER_EDGE, PER_TRIANGLE, PER_HINGE = 704, 96, 192, 64
 SCATTERED = 0.5  # factor where forces are scattered: nothing is stored, and there is one set of positions
 DOUBLE = 2.0  # factor where everything is float64
 FIELD_NODE = 8  # of the field's four bytes and the depth buffers'
-TREE_TRIANGLE = 200  # of an avatar's mesh and its search tree
 SHARE = 0.8  # of the free memory that a batch takes: the allocator and the kernels want some
 CPU_SHARE = 0.4  # likewise: other workers are there, too
 
@@ -56,7 +56,7 @@ def collider_bytes(scene: Scene, wardrobe: Wardrobe) -> int:
     kind = contact_kind(scene, wardrobe)
     if avatar is None or kind == "none":
         return 0
-    mesh = TREE_TRIANGLE * avatar.triangle_count
+    mesh = tree_bytes(avatar)
     if kind == "mesh":
         return mesh
     points = np.concatenate([part.points for part in wardrobe.parts])

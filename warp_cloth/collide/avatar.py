@@ -12,7 +12,7 @@ import warp as wp
 
 from warp_cloth.collide.audit import NearSurface, Sampled, contact_error, near_surface, unseen_share
 from warp_cloth.collide.depth import DEFAULT_REACH, DepthBuffers, build_depth_buffers, contact_bounds
-from warp_cloth.collide.exact import ExactCollider, build_exact_collider
+from warp_cloth.collide.exact import ExactCollider, build_exact_collider, tree_bytes
 from warp_cloth.collide.field import FieldBuild, bake_modules, build_contact_field
 from warp_cloth.collide.layers import LayeredBuffers, build_layered_buffers
 from warp_cloth.collide.solid import Closing, closing_of
@@ -179,6 +179,16 @@ class AvatarContact:
     def kept(self) -> Sampled:
         """What the last collider built answers on the host."""
         return self._kept if isinstance(self._kept, ExactCollider) else self._kept[1]
+
+    @property
+    def bytes(self) -> int:
+        """What is built holds of the device's memory, about."""
+        if self._kept is None or self._avatar is None:
+            return 0
+        if isinstance(self._kept, ExactCollider):
+            return tree_bytes(self._avatar)
+        held = [array for owner in self._kept for array in vars(owner).values() if isinstance(array, wp.array)]
+        return sum(array.capacity for array in held)
 
     def alike(self, friction: float) -> AvatarContact:
         """The same contact for another scene: what is built so far is shared, what is built later is its own."""

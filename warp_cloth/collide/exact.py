@@ -15,6 +15,7 @@ from warp_cloth.mesh import Mesh, Points
 from warp_cloth.result import Penetration
 
 DEFAULT_DEPTH = 0.3  # [m]; deeper than the middle of any trunk
+TREE_TRIANGLE = 200  # bytes of a mesh and its search tree for each triangle
 POINTS_AT_ONCE = 1 << 20  # of several garments: as many as fill a GPU
 
 
@@ -105,6 +106,20 @@ def build_exact_collider(
     return ExactCollider(collider, mesh, turn)
 
 
+def tree_bytes(avatar: Mesh) -> int:
+    """Bound of the device memory of an avatar's mesh and its search tree."""
+    return TREE_TRIANGLE * avatar.triangle_count
+
+
+def exact_colliders(avatars: Sequence[Mesh | None], device: wp.DeviceLike = None) -> list[ExactCollider | None]:
+    """The exact collider of each avatar, None without one; the same of those that are the same."""
+    built: dict[int, ExactCollider] = {}
+    for avatar in avatars:
+        if avatar is not None and id(avatar) not in built:
+            built[id(avatar)] = build_exact_collider(avatar, device)
+    return [built[id(avatar)] if avatar is not None else None for avatar in avatars]
+
+
 def signed_distances(
     points: Points, avatar: Mesh, device: wp.DeviceLike = None, exact: ExactCollider | None = None
 ) -> NDArray[np.float32]:
@@ -131,19 +146,25 @@ def penetration(
 
 
 def penetrations(
-    worn: Sequence[Points], avatars: Sequence[Mesh | None], device: wp.DeviceLike = None
+    worn: Sequence[Points],
+    avatars: Sequence[Mesh | None],
+    device: wp.DeviceLike = None,
+    exact_of: Sequence[ExactCollider | None] | None = None,
 ) -> list[Penetration | None]:
-    """``penetration`` of garments in their own avatars, None without one; asked together where avatars are the same."""
+    """``penetration`` of garments in their own avatars, None without one; asked together where avatars are the same.
+
+    ``exact_of`` are these avatars' ``exact_colliders``, where there are some already.
+    """
     found: dict[int, Penetration] = {}
-    of_avatar: dict[int, tuple[Mesh, list[int]]] = {}
-    for number, avatar in enumerate(avatars):
-        if avatar is not None:
-            of_avatar.setdefault(id(avatar), (avatar, []))[1].append(number)
-    for avatar, numbers in of_avatar.values():
-        exact = build_exact_collider(avatar, device)
+    of_avatar: dict[int, tuple[Mesh, ExactCollider, list[int]]] = {}
+    for number, (avatar, exact) in enumerate(zip(avatars, exact_of or exact_colliders(avatars, device), strict=True)):
+        if avatar is not None and exact is not None:
+            of_avatar.setdefault(id(avatar), (avatar, exact, []))[2].append(number)
+    for avatar, exact, numbers in of_avatar.values():
         for piece in pieces([len(worn[number]) for number in numbers], POINTS_AT_ONCE):
             chosen = [numbers[at] for at in piece]
-            distances = signed_distances(np.concatenate([worn[number] for number in chosen]), avatar, device, exact)
+            points = np.concatenate([worn[number] for number in chosen])
+            distances = signed_distances(points, avatar, exact.device, exact)
             ends = np.cumsum([len(worn[number]) for number in chosen])
             for number, own in zip(chosen, np.split(distances, ends[:-1]), strict=True):
                 found[number] = _depths(own)

@@ -14,6 +14,7 @@ from warp_cloth.collide.cloth import ClothTouch, SheetKind, sheets_of
 from warp_cloth.collide.crossing import find_crossings
 from warp_cloth.collide.exact import POINTS_AT_ONCE, pieces, signed_distances
 from warp_cloth.collide.placing import clear_shift
+from warp_cloth.kept import Kept
 from warp_cloth.mesh import Indices, Mesh, Points
 from warp_cloth.model import ClothModel
 from warp_cloth.scene import Scene
@@ -25,29 +26,25 @@ CROSSING_FIELD = "crossing"  # of a garment where some of it crosses: 1 at the c
 FEELER = 5e-3  # [m]; how far before and behind the cloth its distance from the body is compared
 
 
-def placed(scenes: Sequence[Scene], wardrobes: Sequence[Wardrobe], device: str) -> list[Wardrobe]:
+def placed(scenes: Sequence[Scene], wardrobes: Sequence[Wardrobe], device: str, kept: Kept) -> list[Wardrobe]:
     """The wardrobes with every garment to be sewn clear of its avatar, as far as moving it up or forward does that.
 
     The panels say what the garment is; where they start does not matter, unless they start on both sides of a limb.
     """
-    known: dict[tuple[int, int], Points | None] = {}  # of garments that scenes share, on one avatar
 
     def shift_of(scene: Scene, wardrobe: Wardrobe, index: int) -> Points | None:
         part, avatar = wardrobe.parts[index], wardrobe.starting_avatar
         if avatar is None or scene.collision.avatar == "none" or scene.garments[index].rest != "uv" or len(part.pins):
             return None
-        key = id(part.points), id(avatar)
-        if key not in known:
-            known[key] = clear_shift(part.points, avatar, device)
-        return known[key]
+        return kept.once("shift", (part.points, avatar), partial(clear_shift, part.points, avatar, device))
 
     return [
-        _shifted(wardrobe, [shift_of(scene, wardrobe, index) for index in range(len(wardrobe.parts))])
+        _shifted(wardrobe, [shift_of(scene, wardrobe, index) for index in range(len(wardrobe.parts))], kept)
         for scene, wardrobe in zip(scenes, wardrobes, strict=True)
     ]
 
 
-def _shifted(wardrobe: Wardrobe, shifts: Sequence[Points | None]) -> Wardrobe:
+def _shifted(wardrobe: Wardrobe, shifts: Sequence[Points | None], kept: Kept) -> Wardrobe:
     if all(shift is None for shift in shifts):
         return wardrobe
     parts, meshes = list(wardrobe.parts), list(wardrobe.garments)
@@ -57,7 +54,9 @@ def _shifted(wardrobe: Wardrobe, shifts: Sequence[Points | None]) -> Wardrobe:
                 f"some of it started inside the avatar: moved {1e3 * shift[1]:.0f} mm up and "
                 f"{1e3 * shift[2]:.0f} mm forward before it was sewn"
             )
-            parts[index] = replace(parts[index], points=parts[index].points + shift)
+            loaded = parts[index].points
+            points = kept.once("shifted", (loaded, shift), partial(np.add, loaded, shift))
+            parts[index] = replace(parts[index], points=points)
             meshes[index] = replace(meshes[index], notes=(*meshes[index].notes, note))
     return replace(wardrobe, parts=tuple(parts), garments=tuple(meshes))
 

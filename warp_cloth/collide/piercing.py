@@ -6,7 +6,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from warp_cloth.collide.exact import signed_distances
+from warp_cloth.collide.exact import ExactCollider, signed_distances
 from warp_cloth.mesh import Mesh, Points
 
 STRETCHED = 0.2  # strain of an edge from which on it is asked for: one through a limb is longer than the limb is thick
@@ -15,17 +15,23 @@ PLACES = np.linspace(0.0, 1.0, 9)[1:-1]  # along an edge
 
 
 def piercing(
-    points: Points, edges: NDArray[np.int32], strains: NDArray[np.float64], avatar: Mesh, device: wp.DeviceLike = None
+    points: Points,
+    edges: NDArray[np.int32],
+    strains: NDArray[np.float64],
+    avatar: Mesh,
+    device: wp.DeviceLike = None,
+    exact: ExactCollider | None = None,
 ) -> tuple[int, float]:
     """How many of the edges are drawn through the avatar, and how deep [mm].
 
     ``points`` [m], shape [V, 3]; ``edges`` are pairs of them, shape [E, 2]; ``strains`` are theirs, shape [E].
+    ``exact`` is of that avatar, where there is one already.
     """
     asked = edges[strains > STRETCHED]
     if not len(asked) or not np.isfinite(points).all():
         return 0, 0.0
     first, last = points[asked[:, 0], None], points[asked[:, 1], None]
     along = (first + (last - first) * PLACES[:, None]).reshape(-1, 3)
-    depth = np.nan_to_num(-signed_distances(along, avatar, device)).reshape(len(asked), -1).max(axis=1)
+    depth = np.nan_to_num(-signed_distances(along, avatar, device, exact)).reshape(len(asked), -1).max(axis=1)
     through = depth > DEEP * np.linalg.norm(last - first, axis=2)[:, 0]
     return int(through.sum()), 1e3 * float(depth[through].max(initial=0.0))
