@@ -15,6 +15,7 @@ import pyarrow.compute
 
 from warp_cloth.batch.jobs import Item, read_jobs
 from warp_cloth.batch.pool import LocalPool, Lost, Pool
+from warp_cloth.batch.processes import get_ready
 from warp_cloth.batch.rows import FAILED, ItemResult, empty_row
 from warp_cloth.batch.store import Keep, Shard, Store, cut
 from warp_cloth.batch.work import Done, Task
@@ -84,6 +85,8 @@ def run_batch(
     Raises:
         InputError: the job file, the folder or the device cannot be used, or the folder holds another batch.
     """
+    if ray is None:
+        get_ready()
     items = read_jobs(jobs) if isinstance(jobs, (str, Path)) else list(jobs)
     if keep not in get_args(Keep):
         raise InputError("--keep", f'"{keep}" is not known', f"use one of {', '.join(get_args(Keep))}")
@@ -115,6 +118,8 @@ def _pool(device: str | None, workers: int | None, ray: str | None) -> Pool:
 
 def _devices(device: str | None, workers: int | None) -> list[str]:
     """The device of each worker."""
+    if device == "cpu":
+        return [device] * (workers or len(os.sched_getaffinity(0)))
     import warp as wp
 
     from warp_cloth.fitting import device_named

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import multiprocessing
 import os
 from collections.abc import Iterable, Sequence
 from concurrent.futures import ProcessPoolExecutor
@@ -11,6 +10,7 @@ from concurrent.futures.process import BrokenProcessPool
 from typing import Any
 
 from warp_cloth.batch.lifeline import end_with_parent
+from warp_cloth.batch.processes import context, get_ready
 from warp_cloth.kept import Kept
 from warp_cloth.scene import Scene
 from warp_cloth.wardrobe import Rack, Recipe, mesh_recipes, rest_recipes
@@ -42,6 +42,9 @@ class Loaders:
     def __init__(self, count: int) -> None:
         self._count = count
         self._pool: ProcessPoolExecutor | None = None
+        if count:
+            os.environ.update(dict.fromkeys(ONE_THREAD, "1"))  # in helpers; here the libraries are loaded already
+            get_ready()
 
     def fill(self, rack: Rack, scenes: Sequence[Scene]) -> None:
         """Makes what the scenes' wardrobes are opened from and the rack has not; what fails is left to who opens."""
@@ -68,9 +71,7 @@ class Loaders:
 
     def _started(self) -> ProcessPoolExecutor:
         if self._pool is None:
-            context = multiprocessing.get_context("spawn")
-            os.environ.update(dict.fromkeys(ONE_THREAD, "1"))  # in helpers; here the libraries are loaded already
-            self._pool = ProcessPoolExecutor(self._count, context, initializer=end_with_parent)
+            self._pool = ProcessPoolExecutor(self._count, context(), initializer=end_with_parent)
         return self._pool
 
 

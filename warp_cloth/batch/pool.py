@@ -16,6 +16,7 @@ from types import TracebackType
 from typing import Protocol
 
 from warp_cloth.batch.lifeline import end_with_parent
+from warp_cloth.batch.processes import context
 from warp_cloth.batch.work import DeviceLostError, Done, Task, do_task
 from warp_cloth.quiet import start_warp
 
@@ -58,10 +59,10 @@ def _serve(connection: Connection, helpers: int) -> None:
     """A worker's life: a task in, what came of it out, until nobody asks any more."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the asker ends its workers
     end_with_parent()
-    start_warp()
     from warp_cloth.batch.loading import Shelf
 
-    shelf = Shelf(helpers)
+    shelf = Shelf(helpers)  # whose helpers start meanwhile
+    start_warp()
     while True:
         try:
             task: Task = connection.recv()
@@ -87,10 +88,10 @@ class _Slot:
         self.start()
 
     def start(self) -> None:
-        context = multiprocessing.get_context("spawn")
-        self.connection, theirs = context.Pipe()
+        starting = context()
+        self.connection, theirs = starting.Pipe()
         # no daemon, as these may have no helpers; it ends with this process all the same
-        self.process: BaseProcess = context.Process(target=_serve, args=(theirs, self._helpers))
+        self.process: BaseProcess = starting.Process(target=_serve, args=(theirs, self._helpers))
         self.process.start()
         theirs.close()
 
