@@ -19,7 +19,7 @@ import pytest
 import warp_cloth
 from warp_cloth.batch import Item, run_batch
 from warp_cloth.batch.drive import Standing, _Drive
-from warp_cloth.batch.pool import Lost
+from warp_cloth.batch.pool import Lost, best_shared
 from warp_cloth.batch.progress import summary
 from warp_cloth.batch.rows import FAILED, ItemResult, empty_row
 from warp_cloth.batch.store import Store, cut
@@ -285,3 +285,15 @@ def test_wrong_options_are_refused(tmp_path: Path) -> None:
         run_batch(tiny_items(1), tmp_path, keep="all")  # type: ignore[arg-type]
     with pytest.raises(InputError, match="there is no device"):
         run_batch(tiny_items(1), tmp_path, device="cuda:99")
+
+
+def test_a_worker_goes_on_with_what_shares_its_meshes_and_leaves_to_others_what_shares_theirs() -> None:
+    dress, shirt = ("garment.mesh=dress.obj", "garment.mesh=shirt.obj")
+    shards = cut(
+        [Item(str(i), "scene.toml", (mesh, f"garment.fabric={i}")) for i, mesh in enumerate([dress] * 2 + [shirt] * 2)],
+        1,
+    )
+    waiting = [shard.asks for shard in shards]
+    assert best_shared(waiting, frozenset(), []) == 0
+    assert best_shared(waiting[1:], frozenset(), [waiting[0]]) == 1, "another worker has the dress"
+    assert best_shared(waiting[1:], waiting[0], [waiting[2]]) == 0, "this one has it"

@@ -13,8 +13,10 @@ import warp as wp
 import warp_cloth
 from warp_cloth import set_up
 from warp_cloth.batch import many
+from warp_cloth.batch.loading import Shelf
 from warp_cloth.batch.many import fit_many
 from warp_cloth.batch.memory import Need, cut_to_fit, need_of
+from warp_cloth.collide.avatar import AvatarContact
 from warp_cloth.collide.exact import penetration, penetrations
 from warp_cloth.collide.garments import worn_crossings
 from warp_cloth.errors import InputError
@@ -78,6 +80,23 @@ def test_an_item_has_the_same_bits_alone_in_company_and_in_any_order(
     shuffled = fit_many([scenes[at] for at in order], device, together=5)
     for fit, at in zip(shuffled, order, strict=True):
         assert_same(fit, alone[at])
+
+
+@pytest.mark.parametrize("gathers", [False, True])
+def test_what_a_batch_takes_over_of_earlier_ones_changes_no_bit(gathers: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(set_up, "build_model", partial(build_model, gathers=gathers))
+    built = []
+    monkeypatch.setattr(
+        set_up, "AvatarContact", lambda *given, **named: built.append(1) or AvatarContact(*given, **named)
+    )
+    shelf = Shelf(0)
+    scenes = mixture()[:7]
+    alone = [warp_cloth.fit(scene, device="cpu") for scene in scenes]
+    built.clear()
+    for together in (1, len(scenes)):
+        for fit, own in zip(fit_many(scenes, "cpu", together=together, shelf=shelf), alone, strict=True):
+            assert_same(fit, own)
+        assert len(built) == 6, "two scenes differ by friction only"
 
 
 @pytest.mark.cuda

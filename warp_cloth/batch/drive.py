@@ -24,7 +24,9 @@ from warp_cloth.errors import InputError
 CPU_SHARD = 8  # items to a shard at most: what a killed run does again on each core
 GPU_SHARD = 512  # so many garments fill the largest GPU, and one reading of their avatars serves them all
 WORKERS_PER_GPU = 2  # one loads, or measures what it has fitted, while the other's garments relax
-SHARDS_PER_WORKER = 4  # at least, where there are items enough: the last worker to end is not waited for long
+# At least so many, where there are items enough, as the last worker to end is waited for: half a shard in the mean.
+SHARDS_PER_CORE = 16
+SHARDS_PER_GPU_WORKER = 4  # a GPU that one worker leaves is the others'
 TRIES = 2  # of a task whose worker dies
 
 
@@ -135,8 +137,8 @@ def _devices(device: str | None, workers: int | None) -> list[str]:
 
 
 def _shard_size(items: int, devices: Sequence[str]) -> int:
-    most = CPU_SHARD if devices[0] == "cpu" else GPU_SHARD
-    return min(max(items // (SHARDS_PER_WORKER * len(devices)), 1), most)
+    most, each = (CPU_SHARD, SHARDS_PER_CORE) if devices[0] == "cpu" else (GPU_SHARD, SHARDS_PER_GPU_WORKER)
+    return min(max(items // (each * len(devices)), 1), most)
 
 
 class _Drive:

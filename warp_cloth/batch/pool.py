@@ -24,6 +24,7 @@ log = logging.getLogger(__name__)
 
 MOST_LOSSES = 2  # of its device in a row, after which a worker's place is given up
 MOST_HELPERS = 8  # of a worker, which takes in no more than so many make
+LOOKED_AT = 64  # tasks that wait, for one that shares meshes with what the worker had
 GRACE = 4.0  # [s] between asking a worker to end and ending it
 
 
@@ -84,6 +85,7 @@ class _Slot:
         self.device, self.share = device, share
         self._helpers = helpers
         self.task: Task | None = None
+        self.had: Task | None = None  # the last one, whose meshes the worker has
         self.losses = 0  # of the device, one after another
         self.start()
 
@@ -93,6 +95,7 @@ class _Slot:
         # no daemon, as these may have no helpers; it ends with this process all the same
         self.process: BaseProcess = starting.Process(target=_serve, args=(theirs, self._helpers))
         self.process.start()
+        self.had = None
         theirs.close()
 
     @property
@@ -100,7 +103,7 @@ class _Slot:
         return self.losses < MOST_LOSSES
 
     def give(self, task: Task) -> None:
-        self.task = task
+        self.task = self.had = task
         with contextlib.suppress(OSError):  # it died meanwhile, which receive finds
             self.connection.send(task)
 
@@ -158,6 +161,15 @@ def helpers(device: str, workers: int) -> int:
     return count if device != "cpu" and count > 1 else 0
 
 
+def best_shared(waiting: Sequence[frozenset[str]], own: frozenset[str], others: Sequence[frozenset[str]]) -> int:
+    """Which task has most in common with a worker's last, and least with another one's; of equal ones the first.
+
+    Each is told by what its items ask for.
+    """
+    gains = [len(asks & own) - max((len(asks & theirs) for theirs in others), default=0) for asks in waiting]
+    return gains.index(max(gains))
+
+
 class LocalPool:
     """Worker processes, one for each device named."""
 
@@ -195,7 +207,10 @@ class LocalPool:
                 yield busy[connection].receive()  # type: ignore[index]
 
     def _task_for(self, slot: _Slot) -> Task:
-        return replace(self._waiting.pop(0), device=slot.device, share=slot.share)
+        own = slot.had.shard.asks if slot.had is not None else frozenset()
+        others = [each.had.shard.asks for each in self._slots if each is not slot and each.had is not None]
+        at = best_shared([task.shard.asks for task in self._waiting[:LOOKED_AT]], own, others)
+        return replace(self._waiting.pop(at), device=slot.device, share=slot.share)
 
     def close(self) -> None:
         for slot in self._slots:

@@ -51,6 +51,11 @@ class Shard:
         return f"{self.number:05d}"
 
     @cached_property
+    def asks(self) -> frozenset[str]:
+        """Scenes and changes of the items: what shards have in common of these, they may share meshes by."""
+        return frozenset(told for item in self.items for told in (item.scene, *item.changes))
+
+    @cached_property
     def digest(self) -> str:
         """A fingerprint of what is asked: the items, and the scene files as they stand."""
         asked = [[item.name, item.scene, list(item.changes), item.problem] for item in self.items]
