@@ -170,6 +170,18 @@ def _drawn_flat(mesh: Mesh, grain: Grain, key: str, rest: RestKind) -> Floats | 
     return np.stack([turned.real, turned.imag], axis=2)
 
 
+@dataclass(frozen=True, eq=False)
+class RestGeometry:
+    """What a garment's rest shape is in every fabric."""
+
+    length: Floats  # of every edge [m], shape [E]
+    sheet: Sheet
+    area: float  # of the cloth [m2]
+    hinge_angle: Floats | None = None  # at rest [rad], shape [H]; None: flat
+    corners: Floats | None = None  # as of RestShape
+    notes: tuple[str, ...] = ()
+
+
 def build_rest_shape(
     mesh: Mesh,
     fabric: Fabric,
@@ -181,13 +193,38 @@ def build_rest_shape(
     place: str = "garment",
     key: str = "garment",
 ) -> RestShape:
-    """Rest lengths and constants of a garment of this fabric (see warp_cloth.material).
+    """Rest lengths and constants of a garment of this fabric; the rest as of ``build_rest_geometry``."""
+    geometry = build_rest_geometry(
+        mesh, rest=rest, metres_per_uv=metres_per_uv, grain=grain, rest_angles=rest_angles, place=place, key=key
+    )
+    return rest_in_fabric(geometry, mesh.vertex_count, fabric)
+
+
+def rest_in_fabric(geometry: RestGeometry, vertex_count: int, fabric: Fabric) -> RestShape:
+    """The rest shape of a garment of this fabric (see warp_cloth.material).
 
     Gravity: total weight / V on every vertex (the paper, section 2.3).
+    """
+    weight = fabric.weight * geometry.area * GRAVITY / vertex_count
+    made = _constants(geometry, np.full(vertex_count, weight), fabric)
+    notes = geometry.notes + _check_directions(fabric, geometry.sheet.directed)
+    return replace(made, notes=notes, hinge_angle=geometry.hinge_angle, corners=geometry.corners)
+
+
+def build_rest_geometry(
+    mesh: Mesh,
+    *,
+    rest: RestKind,
+    metres_per_uv: float = 1.0,
+    grain: Grain | None = None,
+    rest_angles: RestAngles = "flat",
+    place: str = "garment",
+    key: str = "garment",
+) -> RestGeometry:
+    """Rest lengths of a garment, and its triangles laid flat.
 
     Args:
         mesh: the garment.
-        fabric: its material.
         rest: where the rest shape comes from.
         metres_per_uv: length of one unit of texture space [m].
         grain: direction of the warp in the panels; None: their +v.
@@ -208,17 +245,16 @@ def build_rest_shape(
     areas = triangle_areas(sides)
     if not areas.sum() > 0.0:
         raise InputError(place, "the garment has no area", "check the mesh")
-    weight = fabric.weight * float(areas.sum()) * GRAVITY / mesh.vertex_count
     like = _drawn_flat(mesh, grain or Grain(), key, rest)
-    made = constants_of(mesh.triangles, sides, np.full(mesh.vertex_count, weight), fabric, like)
-    topology, length = made.topology, made.edge_length
+    made = _laid_out(mesh.triangles, sides, mesh.vertex_count, like)
+    topology, length = made.sheet.topology, made.length
     if rest == "uv":
         side_edge = topology.triangle_edges.ravel()
         initial = np.bincount(side_edge, drawn.ravel(), len(length)) / np.bincount(side_edge, minlength=len(length))
         notes += _check_scale(length, initial, metres_per_uv, place, key)
     return replace(
         made,
-        notes=notes + _check_directions(fabric, like is not None),
+        notes=notes,
         hinge_angle=hinge_angles(mesh, topology, rest_angles, place, key),
         corners=_places(mesh, metres_per_uv if rest == "uv" else None),
     )
@@ -234,7 +270,12 @@ def constants_of(triangles: Indices, sides: Floats, weight: Floats, fabric: Fabr
         fabric: its material.
         like: corners of every triangle, x along weft and y along warp, shape [F, 3, 2]; None: it has no directions.
     """
-    topology = build_topology(triangles, len(weight))
+    return _constants(_laid_out(triangles, sides, len(weight), like), weight, fabric)
+
+
+def _laid_out(triangles: Indices, sides: Floats, vertex_count: int, like: Floats | None) -> RestGeometry:
+    """Lengths of edges and triangles in the plane, from what ``constants_of`` takes."""
+    topology = build_topology(triangles, vertex_count)
     edge_count = len(topology.edges)
     side_edge = topology.triangle_edges.ravel()
     # an edge between two panels takes the mean of the panels' lengths (model: cloth)
@@ -243,16 +284,22 @@ def constants_of(triangles: Indices, sides: Floats, weight: Floats, fabric: Fabr
     averaged = length[topology.triangle_edges]
     even = triangle_areas(averaged)
     sheet = Sheet(topology, triangles, lay_flat(averaged, even, like), even, like is not None)
+    return RestGeometry(length, sheet, float(triangle_areas(sides).sum()))
+
+
+def _constants(geometry: RestGeometry, weight: Floats, fabric: Fabric) -> RestShape:
+    """The constants of a garment of this fabric; ``weight`` of every vertex [N], shape [V]."""
+    sheet, length = geometry.sheet, geometry.length
     woven = fabric.woven and sheet.directed
-    pull = np.zeros(edge_count) if woven else edge_constants(sheet, fabric, length)
+    pull = np.zeros(len(length)) if woven else edge_constants(sheet, fabric, length)
     return RestShape(
-        topology=topology,
+        topology=sheet.topology,
         edge_length=length,
         edge_pull=pull,
         edge_push=fabric.compression * pull,
         hinge_stiffness=hinge_constants(sheet, fabric, length),
         vertex_weight=weight,
-        area=float(triangle_areas(sides).sum()),
+        area=geometry.area,
         weave=thread_constants(sheet, fabric) if woven else None,
         sheet=sheet,
         fabric=fabric,

@@ -15,6 +15,7 @@ from warp_cloth.cascade import LevelRun, start_from_coarse
 from warp_cloth.collide.avatar import AvatarContact, avatar_modules
 from warp_cloth.collide.depth import DEFAULT_REACH
 from warp_cloth.collide.garments import cloth_course, cloth_touch, highest_lift, placed
+from warp_cloth.collide.solid import solid_of
 from warp_cloth.kept import Kept
 from warp_cloth.model import ClothModel, build_model, terms_of
 from warp_cloth.plan import contact_kind
@@ -198,7 +199,7 @@ def _avatar_contacts(
     """Every scene's contact and first collider; built once for scenes whose garments start alike on one avatar."""
 
     def built(scene: Scene, wardrobe: Wardrobe) -> tuple[AvatarContact, Collider]:
-        contact = _avatar_contact(scene, wardrobe, device)
+        contact = _avatar_contact(scene, wardrobe, device, kept)
         points = np.concatenate([part.points for part in wardrobe.parts])
         taken = contact.taken_over(earlier, points) if earlier is not None else None
         return contact, taken or contact.collider(points)
@@ -224,16 +225,21 @@ def _compile(modules: list[wp.Module], device: str) -> None:
     wp.force_load(device, modules=modules, max_workers=0 if wp.get_device(device).is_cpu else None)
 
 
-def _avatar_contact(scene: Scene, wardrobe: Wardrobe, device: str) -> AvatarContact:
+def _avatar_contact(scene: Scene, wardrobe: Wardrobe, device: str, kept: Kept) -> AvatarContact:
+    avatar, kind = wardrobe.starting_avatar, contact_kind(scene, wardrobe)
+    solid = None
+    if avatar is not None and kind != "none":
+        solid = kept.once("solid", (avatar,), partial(solid_of, avatar))
     return AvatarContact(
-        wardrobe.starting_avatar,
-        contact_kind(scene, wardrobe),
+        avatar,
+        kind,
         pixel=scene.collision.pixel_mm * 1e-3,
         offset=scene.collision.offset_mm * 1e-3,
         error=scene.collision.error_mm * 1e-3,
         friction=scene.avatar.friction if scene.avatar is not None else 0.0,
         device=device,
         reach=DEFAULT_REACH + highest_lift(scene),
+        solid=solid,
     )
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, TypeVar
@@ -15,14 +15,16 @@ from warp_cloth.loading import check_sizes, load_mesh, load_poses
 from warp_cloth.mesh import Indices, Mesh, Points
 from warp_cloth.model import GarmentPart
 from warp_cloth.pins import select_pins
-from warp_cloth.rest import RestShape, build_rest_shape
+from warp_cloth.rest import RestGeometry, RestShape, build_rest_geometry, rest_in_fabric
 from warp_cloth.scene import AvatarSpec, GarmentSpec, MannequinShape, Scene, TshirtShape
 from warp_cloth.shapes import MannequinMeasures, build_avatar, build_garment, mannequin_measures
 
 DEFAULT_SIZE = "M"
+FABRIC_KEYS = {"fabric", "pin", "name"}  # of a garment, that its rest lengths do not depend on
 MESH_KEYS = {"mesh", "shape", "prim", "units", "rest"}  # of a garment or an avatar, that its mesh depends on
 
 T = TypeVar("T")
+Key = tuple[str, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +46,7 @@ class Wardrobe:
 class Recipe:
     """How something that scenes share is made, and the key under which a rack keeps it."""
 
-    key: tuple[str, ...]
+    key: Key
     make: Callable[[], Any]  # in any process
 
 
@@ -52,14 +54,18 @@ class Rack:
     """Keeps what scenes share: meshes, and garments of the same fabric and pins."""
 
     def __init__(self) -> None:
-        self._kept: dict[tuple[str, ...], Any] = {}
+        self._kept: dict[Key, Any] = {}
 
-    def __contains__(self, key: tuple[str, ...]) -> bool:
+    def __contains__(self, key: Key) -> bool:
         return key in self._kept
 
-    def put(self, key: tuple[str, ...], made: Any) -> None:
-        """Keeps what was made elsewhere."""
-        self._kept[key] = made
+    def put(self, made: Mapping[Key, Any]) -> None:
+        """Keeps what was made elsewhere, and is not here."""
+        self._kept = {**made, **self._kept}
+
+    def some(self, keys: Iterable[Key]) -> dict[Key, Any]:
+        """What is here of that."""
+        return {key: self._kept[key] for key in keys if key in self._kept}
 
     def made(self, recipe: Recipe) -> Any:
         """What was made by this recipe before, or is made now."""
@@ -71,6 +77,10 @@ class Rack:
             self._kept[key] = make()
         found: T = self._kept[key]
         return found
+
+    def without(self, known: Iterable[Key]) -> dict[Key, Any]:
+        """What is here but for that."""
+        return {key: made for key, made in self._kept.items() if key not in set(known)}
 
     @property
     def vertex_count(self) -> int:
@@ -89,9 +99,10 @@ def open_wardrobe(scene: Scene, rack: Rack | None = None) -> Wardrobe:
     garments, avatar = tuple(meshes[: len(scene.garments)]), meshes[-1] if scene.avatar is not None else None
     check_sizes(list(zip(scene.garment_keys, garments, strict=True)), avatar)
     parts = []
-    for mesh, recipe in zip(garments, rest_recipes(scene, garments), strict=True):
-        rest, pins = kept.made(recipe)
-        parts.append(kept.once(partial(GarmentPart, mesh.points, mesh.triangles, rest, pins), "part", *recipe.key))
+    for index, mesh in enumerate(garments):
+        rest, pins = rest_of(scene, index, kept)
+        part_key = "part", *garment_keys(scene, index)[2]
+        parts.append(kept.once(partial(GarmentPart, mesh.points, mesh.triangles, rest, pins), *part_key))
     poses = _poses(scene.avatar, avatar)
     if avatar is not None and poses:
         avatar = replace(avatar, points=poses[-1])
@@ -100,27 +111,46 @@ def open_wardrobe(scene: Scene, rack: Rack | None = None) -> Wardrobe:
 
 def mesh_recipes(scene: Scene) -> list[Recipe]:
     """How to load or generate the meshes of a scene's garments, inner to outer, then of its avatar."""
-    size, body, where = worn_size(scene), _body(scene), _where(scene)
+    body = _body(scene)
     recipes = [
-        Recipe(
-            ("mesh", where, key, str(body), _worked(spec, MESH_KEYS), _file_mark(spec)),
-            partial(_garment_mesh, spec, key, body),
-        )
-        for spec, key in zip(scene.garments, scene.garment_keys, strict=True)
+        Recipe(garment_keys(scene, index)[0], partial(_garment_mesh, spec, key, body))
+        for index, (spec, key) in enumerate(zip(scene.garments, scene.garment_keys, strict=True))
     ]
-    if scene.avatar is not None:
-        key = "avatar", where, size, _worked(scene.avatar, MESH_KEYS), _file_mark(scene.avatar)
-        recipes.append(Recipe(key, partial(_avatar_mesh, scene.avatar, size)))
-    return recipes
+    return [*recipes, *avatar_recipe(scene)]
 
 
-def rest_recipes(scene: Scene, meshes: Sequence[Mesh]) -> list[Recipe]:
-    """How to work out rest shape and pins of a scene's garments, which have these meshes."""
-    body, where = str(_body(scene)), _where(scene)
-    return [
-        Recipe(("rest", where, key, body, _worked(spec, None), _file_mark(spec)), partial(_rest, mesh, spec, key))
-        for mesh, spec, key in zip(meshes, scene.garments, scene.garment_keys, strict=True)
-    ]
+def avatar_recipe(scene: Scene) -> list[Recipe]:
+    """How to load or generate a scene's avatar; empty where it has none."""
+    if scene.avatar is None:
+        return []
+    size = worn_size(scene)
+    key = "avatar", _where(scene), size, _worked(scene.avatar, MESH_KEYS), _file_mark(scene.avatar)
+    return [Recipe(key, partial(_avatar_mesh, scene.avatar, size))]
+
+
+def garment_keys(scene: Scene, index: int) -> tuple[Key, Key, Key]:
+    """Under which a rack keeps a garment's mesh, its rest shape in every fabric, and that in its own, with pins."""
+    spec, key = scene.garments[index], scene.garment_keys[index]
+    told = _where(scene), key, str(_body(scene))
+    mark = _file_mark(spec)
+    return (
+        ("mesh", *told, _worked(spec, MESH_KEYS), mark),
+        ("geometry", *told, _worked(spec, set(GarmentSpec.model_fields) - FABRIC_KEYS), mark),
+        ("rest", *told, _worked(spec, None), mark),
+    )
+
+
+def rest_of(scene: Scene, index: int, rack: Rack) -> tuple[RestShape, Indices]:
+    """Rest shape and pins of a scene's garment, inner to outer; what the rack lacks is made and put there.
+
+    Raises:
+        InputError: its file, rest shape or pins cannot be used.
+    """
+    spec, key = scene.garments[index], scene.garment_keys[index]
+    mesh_key, geometry_key, rest_key = garment_keys(scene, index)
+    mesh = rack.once(partial(_garment_mesh, spec, key, _body(scene)), *mesh_key)
+    geometry = rack.once(partial(_geometry, mesh, spec, key), *geometry_key)
+    return rack.once(partial(_rest, mesh, geometry, spec, key), *rest_key)
 
 
 def _where(scene: Scene) -> str:
@@ -155,12 +185,11 @@ def _worked(spec: GarmentSpec | AvatarSpec, keys: set[str] | None) -> str:
     return spec.model_dump_json(include=keys, exclude={"name"})
 
 
-def _rest(mesh: Mesh, spec: GarmentSpec, key: str) -> tuple[RestShape, Indices]:
+def _geometry(mesh: Mesh, spec: GarmentSpec, key: str) -> RestGeometry:
     place = key if spec.mesh is None else str(spec.mesh)
     grain = Grain(spec.grain_degrees, spec.grain_panels, spec.grain_texture)
-    rest = build_rest_shape(
+    return build_rest_geometry(
         mesh,
-        spec.fabric,
         rest=spec.rest,
         metres_per_uv=spec.uv_metres,
         grain=grain,
@@ -168,6 +197,10 @@ def _rest(mesh: Mesh, spec: GarmentSpec, key: str) -> tuple[RestShape, Indices]:
         place=place,
         key=key,
     )
+
+
+def _rest(mesh: Mesh, geometry: RestGeometry, spec: GarmentSpec, key: str) -> tuple[RestShape, Indices]:
+    rest = rest_in_fabric(geometry, mesh.vertex_count, spec.fabric)
     pins = select_pins(mesh, spec.pin, f"{key}.pin")
     if len(pins) == mesh.vertex_count:
         raise InputError(f"{key}.pin", "every vertex is pinned, so nothing can move", "pin fewer vertices")

@@ -2,24 +2,40 @@
 
 from __future__ import annotations
 
+import contextlib
 import logging
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
+from dataclasses import dataclass, field
 from typing import Any
 
 from warp_cloth.batch.lifeline import end_with_parent
 from warp_cloth.batch.processes import context, get_ready
 from warp_cloth.kept import Kept
 from warp_cloth.scene import Scene
-from warp_cloth.wardrobe import Rack, Recipe, mesh_recipes, rest_recipes
+from warp_cloth.wardrobe import Key, Rack, Recipe, avatar_recipe, garment_keys, rest_of
 
 log = logging.getLogger(__name__)
 
 WORTH = 8  # things to make that helpers are started for: that takes as long as making a few
 MOST_KEPT = 4_000_000  # vertices of the meshes that a shelf keeps from task to task; with rest shapes about 4 GB
 ONE_THREAD = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS")
+
+
+@dataclass(frozen=True, eq=False)
+class Order:
+    """What one helper makes: an avatar, or a garment's mesh and its rest shapes in several fabrics."""
+
+    avatar: Recipe | None = None
+    garments: dict[Key, tuple[Scene, int]] = field(default_factory=dict)  # scene and number in it, by the rest shape
+    known: dict[Key, Any] = field(default_factory=dict)  # of the mesh and what is made of it
+
+    @property
+    def count(self) -> int:
+        """Things to make."""
+        return 1 if self.avatar is not None else len(self.garments) + 1
 
 
 class Shelf:
@@ -48,23 +64,29 @@ class Loaders:
 
     def fill(self, rack: Rack, scenes: Sequence[Scene]) -> None:
         """Makes what the scenes' wardrobes are opened from and the rack has not; what fails is left to who opens."""
-        self._make(rack, (recipe for scene in scenes for recipe in mesh_recipes(scene)))
-        ready = [scene for scene in scenes if all(recipe.key in rack for recipe in mesh_recipes(scene))]
-        self._make(rack, (recipe for scene in ready for recipe in _rests(rack, scene)))
+        orders: dict[Key, Order] = {}
+        for scene in scenes:
+            for recipe in avatar_recipe(scene):
+                if recipe.key not in rack:
+                    orders[recipe.key] = Order(recipe)
+            for index in range(len(scene.garments)):
+                mesh, geometry, rest = garment_keys(scene, index)
+                if rest not in rack:
+                    known = rack.some((mesh, geometry))
+                    orders.setdefault(mesh, Order(known=known)).garments[rest] = scene, index
+        self._make(rack, list(orders.values()))
 
     def close(self) -> None:
         if self._pool is not None:
             self._pool.shutdown(cancel_futures=True)
             self._pool = None
 
-    def _make(self, rack: Rack, recipes: Iterable[Recipe]) -> None:
-        wanted = {recipe.key: recipe for recipe in recipes if recipe.key not in rack}
-        if self._count < 1 or (self._pool is None and len(wanted) < WORTH):
+    def _make(self, rack: Rack, orders: Sequence[Order]) -> None:
+        if self._count < 1 or (self._pool is None and sum(order.count for order in orders) < WORTH):
             return
         try:
-            for key, made in zip(wanted, self._started().map(_made, wanted.values()), strict=True):
-                if made is not None:
-                    rack.put(key, made)
+            for made in self._started().map(_made, orders):
+                rack.put(made)
         except BrokenProcessPool as error:
             log.warning("helpers that load are gone: %s", error)
             self._count, self._pool = 0, None
@@ -75,13 +97,14 @@ class Loaders:
         return self._pool
 
 
-def _rests(rack: Rack, scene: Scene) -> list[Recipe]:
-    meshes = [rack.made(recipe) for recipe in mesh_recipes(scene)]
-    return rest_recipes(scene, meshes[: len(scene.garments)])
-
-
-def _made(recipe: Recipe) -> Any:
-    try:
-        return recipe.make()
-    except Exception:
-        return None  # who opens the wardrobe comes upon it, and tells
+def _made(order: Order) -> dict[Key, Any]:
+    """What was ordered, as a rack keeps it; what fails is missing: who opens the wardrobe comes upon it, and tells."""
+    rack = Rack()
+    rack.put(order.known)
+    if order.avatar is not None:
+        with contextlib.suppress(Exception):
+            rack.made(order.avatar)
+    for scene, index in order.garments.values():
+        with contextlib.suppress(Exception):
+            rest_of(scene, index, rack)
+    return rack.without(order.known)

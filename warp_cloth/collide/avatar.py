@@ -15,7 +15,7 @@ from warp_cloth.collide.depth import DEFAULT_REACH, DepthBuffers, build_depth_bu
 from warp_cloth.collide.exact import ExactCollider, build_exact_collider, tree_bytes
 from warp_cloth.collide.field import FieldBuild, bake_modules, build_contact_field
 from warp_cloth.collide.layers import LayeredBuffers, build_layered_buffers
-from warp_cloth.collide.solid import Closing, closing_of
+from warp_cloth.collide.solid import Closing, Solid, solid_of
 from warp_cloth.errors import InputError
 from warp_cloth.kernels import audit, closest, depth, layers, raster
 from warp_cloth.kernels.closest import MeshCollider, mesh_contact
@@ -65,7 +65,8 @@ class AvatarContact:
 
     ``kind`` is "depth", "plain", "auto", "mesh" or "none"; lengths in metres. ``error`` is the distance error that
     "auto" stays within at 99.9 % of the surface that the garment can reach. ``reach``: how far from the avatar
-    contact answers at least; what it exceeds the default by, cloth may be lifted beyond the offset.
+    contact answers at least; what it exceeds the default by, cloth may be lifted beyond the offset. ``solid`` is the
+    avatar's, where that is known already.
     """
 
     def __init__(
@@ -79,10 +80,13 @@ class AvatarContact:
         error: float,
         device: str,
         reach: float = DEFAULT_REACH,
+        solid: Solid | None = None,
     ) -> None:
         self._given = avatar
         self._closing: Closing | None = None
-        self._avatar = self._solid(avatar, kind) if avatar is not None and kind != "none" else None
+        self._avatar = (
+            self._enclosed(solid or solid_of(avatar), kind) if avatar is not None and kind != "none" else None
+        )
         self._kind = kind
         self._offset = offset
         self._reach = max(reach, offset + ROOM_TO_MOVE)
@@ -98,16 +102,13 @@ class AvatarContact:
         self.builds = 0
         self.report: dict[str, Any] | None = None  # what the last build was, and how good
 
-    def _solid(self, avatar: Mesh, kind: str) -> Mesh:
-        """The avatar with its holes closed; a sheet stays as it is, for the collider that can deal with one."""
-        closing = closing_of(avatar)
-        if closing.encloses:
-            self._closing = closing
-            return closing.closed(avatar)
-        if kind in DRAWN:
+    def _enclosed(self, solid: Solid, kind: str) -> Mesh:
+        if solid.closing.encloses:
+            self._closing = solid.closing
+        elif kind in DRAWN:
             problem = "its surface encloses nothing, or only a sheet"
             raise InputError("avatar", problem, 'close it, or use collision.avatar = "mesh"')
-        return avatar
+        return solid.mesh
 
     def collider(self, points: Points, *, audited: bool = True) -> Collider:
         """The collider for garments at these positions [m], shape [V, 3].

@@ -75,6 +75,20 @@ def closing_of(mesh: Mesh) -> Closing:
     )
 
 
+@dataclass(frozen=True, eq=False)
+class Solid:
+    """An avatar as what it encloses, or as it is where that is nothing."""
+
+    closing: Closing
+    mesh: Mesh
+
+
+def solid_of(avatar: Mesh) -> Solid:
+    """The avatar with its holes closed; a sheet stays as it is, for the collider that can deal with one."""
+    closing = closing_of(avatar)
+    return Solid(closing, closing.closed(avatar) if closing.encloses else avatar)
+
+
 def _with_tips(vertices: Points, rims: Sequence[NDArray[np.int64]]) -> Points:
     tips = [vertices[rim].mean(axis=0) for rim in rims]
     return np.concatenate([vertices, np.reshape(tips, (-1, 3))])
