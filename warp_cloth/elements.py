@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from warp_cloth.mesh import Indices
 from warp_cloth.rest import Floats, RestShape
+from warp_cloth.threads import end_to_end
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,21 +57,23 @@ def garment_elements(triangles: Indices, rest: RestShape) -> Elements:
     return Elements(ends, law, beside, fold, angles, triangles, counted, slope, threads)
 
 
+def elements_of(elements: Elements, real: type[np.floating[Any]]) -> Elements:
+    """The elements with numbers as a device takes them."""
+    floats = {name: getattr(elements, name).astype(real) for name in ("law", "fold", "rest", "slope", "threads")}
+    return replace(elements, **floats)
+
+
 def joined_elements(garments: list[Elements], vertex_start: tuple[int, ...]) -> Elements:
     """Elements of all garments as one's."""
     edge_start = np.cumsum([0, *(len(elements.ends) for elements in garments)])
     triangle_start = np.cumsum([0, *(len(elements.corners) for elements in garments)])
     starts: dict[str, Any] = {"ends": vertex_start, "corners": vertex_start, "beside": triangle_start}
 
-    def shifted(name: str, index: int) -> Any:
-        array = getattr(garments[index], name)
+    def joined(name: str) -> Any:
+        arrays = [getattr(elements, name) for elements in garments]
         if name == "edges":
-            return np.where(array < 0, array - edge_start[index], array + edge_start[index])
-        return array + starts[name][index] if name in starts else array
+            there = zip(arrays, edge_start.astype(np.int32), strict=False)
+            arrays = [np.where(array < 0, array - start, array + start) for array, start in there]
+        return end_to_end(arrays, starts.get(name))
 
-    return Elements(
-        **{
-            name: np.concatenate([shifted(name, index) for index in range(len(garments))])
-            for name in Elements.__dataclass_fields__
-        }
-    )
+    return Elements(**{name: joined(name) for name in Elements.__dataclass_fields__})

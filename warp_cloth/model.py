@@ -11,12 +11,13 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from warp_cloth.elements import Elements, garment_elements, joined_elements
+from warp_cloth.elements import Elements, elements_of, garment_elements, joined_elements
 from warp_cloth.kept import Kept
 from warp_cloth.kernels.cloth import Patch, Terms, cloth_types
 from warp_cloth.mesh import Indices, Points
-from warp_cloth.patches import cut_patches
+from warp_cloth.patches import PatchTables, garment_patches, joined_patches
 from warp_cloth.rest import RestShape
+from warp_cloth.threads import end_to_end
 
 SHARE_AT_REST = 0.125  # of the patches at work, those of items that have ended: their blocks start, and end at once
 
@@ -179,18 +180,20 @@ def build_model(
         kept.once("elements", (part.triangles, part.rest), partial(garment_elements, part.triangles, part.rest))
         for part in parts
     ]
-    elements = joined_elements(garments_elements, vertex_start)
+    real = wp.dtype_to_numpy(types.real)
+    given = [kept.once("given", (each,), partial(elements_of, each, real), precision) for each in garments_elements]
+    elements = joined_elements(given, vertex_start)
     terms = terms_of(parts)
 
     def upload(array: NDArray[Any], dtype: Any) -> wp.array:
         return wp.array(np.ascontiguousarray(array), dtype=dtype, device=device)
 
     item_start = tuple(vertex_start[first] for first in _starts(list(garments or [len(parts)])))
-    hinges, hinge_count = _hinges(types, upload, rests, vertex_start, terms.angles)
-    weave = _weave(types, upload, rests, vertex_start)
+    hinges, hinge_count = _hinges(types, upload, rests, vertex_start, terms.angles, kept)
+    weave = _weave(types, upload, rests, vertex_start, kept)
     patches = None
     if wp.get_device(device).is_cuda if gathers is None else gathers:
-        patches = _patches(types, upload, garments_elements, elements, parts, item_start, device, kept)
+        patches = _patches(types, upload, garments_elements, given, parts, item_start, device, kept)
     return ClothModel(
         device=device,
         precision=precision,
@@ -201,7 +204,7 @@ def build_model(
         hinge_count=hinge_count,
         weave_start=_starts([0 if rest.weave is None else len(rest.weave.corners) for rest in rests]),
         terms=terms,
-        cloth=_cloth(types, upload, parts, vertex_start, item_start, terms.pins),
+        cloth=_cloth(types, upload, parts, vertex_start, item_start, terms.pins, device),
         edges=_edges(types, upload, elements, terms),
         triangles=_triangles(types, upload, elements, terms),
         hinges=hinges,
@@ -236,31 +239,44 @@ def _triangles(types: Any, upload: Any, elements: Elements, terms: Terms) -> Any
 
 
 def _hinges(
-    types: Any, upload: Any, rests: Sequence[RestShape], vertex_start: tuple[int, ...], angles: bool
+    types: Any, upload: Any, rests: Sequence[RestShape], vertex_start: tuple[int, ...], angles: bool, kept: Kept
 ) -> tuple[Any | None, int]:
     """Hinges of all garments that are stiff, and their number."""
-    stiffness = np.concatenate([rest.hinge_stiffness for rest in rests])
-    used = stiffness > 0.0
-    if not used.any():
+    each = [kept.once("hinges", (rest,), partial(_stiff_hinges, rest, types), types.name) for rest in rests]
+    count = sum(len(stiffness) for _, stiffness, _ in each)
+    if not count:
         return None, 0
+    corners, stiffness, turns = zip(*each, strict=True)
     hinges = types.Hinges()
-    hinges.corners = upload(_shifted([rest.topology.hinges for rest in rests], vertex_start)[used], wp.vec4i)
-    hinges.stiffness = upload(stiffness[used], types.real)
+    hinges.corners = upload(end_to_end(corners, vertex_start), wp.vec4i)
+    hinges.stiffness = upload(end_to_end(stiffness), types.real)
     if angles:
-        angle = np.concatenate([rest.fold_angle for rest in rests])
-        hinges.rest = upload(np.stack([np.cos(angle), np.sin(angle)], axis=1)[used], types.vec2)
-    return hinges, int(used.sum())
+        hinges.rest = upload(end_to_end(turns), types.vec2)
+    return hinges, count
 
 
-def _weave(types: Any, upload: Any, rests: Sequence[RestShape], vertex_start: tuple[int, ...]) -> Any | None:
+def _stiff_hinges(rest: RestShape, types: Any) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
+    """Corners, stiffness, and cosine and sine of the rest angle of a garment's hinges that are stiff."""
+    real = wp.dtype_to_numpy(types.real)
+    used = rest.hinge_stiffness > 0.0
+    angle = rest.fold_angle[used]
+    turns = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    return rest.topology.hinges[used], rest.hinge_stiffness[used].astype(real), turns.astype(real)
+
+
+def _weave(
+    types: Any, upload: Any, rests: Sequence[RestShape], vertex_start: tuple[int, ...], kept: Kept
+) -> Any | None:
     """Woven triangles of all garments."""
     woven = [(rest.weave, first) for rest, first in zip(rests, vertex_start, strict=False) if rest.weave is not None]
     if not woven:
         return None
+    real = wp.dtype_to_numpy(types.real)
     weave = types.Weave()
-    weave.corners = upload(np.concatenate([shape.corners + first for shape, first in woven]), wp.vec3i)
-    weave.slope = upload(np.concatenate([shape.slope for shape, _ in woven]), types.vec4)
-    weave.law = upload(np.concatenate([shape.law for shape, _ in woven]), types.vec4)
+    weave.corners = upload(end_to_end([shape.corners for shape, _ in woven], [first for _, first in woven]), wp.vec3i)
+    for name in ("slope", "law"):
+        each = [kept.once(name, (shape,), partial(getattr(shape, name).astype, real), types.name) for shape, _ in woven]
+        setattr(weave, name, upload(end_to_end(each), types.vec4))
     return weave
 
 
@@ -271,13 +287,14 @@ def _cloth(
     vertex_start: tuple[int, ...],
     item_start: tuple[int, ...],
     pins: bool,
+    device: str,
 ) -> Any:
     """Vertices of all garments at rest where they are loaded."""
     count = vertex_start[-1]
     cloth = types.Cloth()
-    cloth.position = upload(np.concatenate([part.points for part in parts]), types.point)
-    cloth.move = upload(np.zeros((count, 3)), types.vec3)
-    cloth.weight = upload(np.concatenate([part.rest.vertex_weight for part in parts]), types.real)
+    cloth.position = upload(end_to_end([part.points for part in parts]), types.point)
+    cloth.move = wp.zeros(count, dtype=types.vec3, device=device)
+    cloth.weight = upload(end_to_end([part.rest.vertex_weight for part in parts]), types.real)
     if pins:
         pinned = np.zeros(count, dtype=np.uint8)
         for part, first in zip(parts, vertex_start, strict=False):
@@ -290,11 +307,6 @@ def _cloth(
     return cloth
 
 
-def _shifted(arrays: Sequence[Indices], starts: tuple[int, ...]) -> Indices:
-    """Vertices of each garment as those of all."""
-    return np.concatenate([array + first for array, first in zip(arrays, starts, strict=False)])
-
-
 def _starts(counts: list[int]) -> tuple[int, ...]:
     return (0, *(int(end) for end in np.cumsum(counts)))
 
@@ -303,7 +315,7 @@ def _patches(
     types: Any,
     upload: Any,
     garments: Sequence[Elements],
-    joined: Elements,
+    given: Sequence[Elements],
     parts: Sequence[GarmentPart],
     item_start: tuple[int, ...],
     device: str,
@@ -313,7 +325,13 @@ def _patches(
     terms = terms_of(parts)
     own_memory = wp.get_device(device).is_cuda
     points = [part.points for part in parts]
-    cut = cut_patches(garments, points, terms, precision=types.name, own_memory=own_memory, kept=kept)
+    each = garment_patches(garments, points, terms, precision=types.name, kept=kept)
+    cut = joined_patches(each, garments, points, terms, precision=types.name, own_memory=own_memory)
+    laws = [
+        kept.once("laws", (elements, own), partial(_patch_laws, elements, own, terms), terms)
+        for elements, own in zip(given, each, strict=True)
+    ]
+    law = {name: end_to_end([own[name] for own in laws]) for name in laws[0]}
     rows = np.zeros(len(cut.patch["vertex_start"]), dtype=Patch.numpy_dtype())
     for name, numbers in cut.patch.items():
         rows[name] = numbers
@@ -329,21 +347,20 @@ def _patches(
     if terms.edges or terms.folds:
         tables.ends = upload(cut.ends, wp.uint64)
     if terms.edges:
-        law = np.column_stack([joined.law[cut.edge], joined.fold[cut.edge]])
-        tables.law = upload(law, types.vec4)
+        tables.law = upload(law["law"], types.vec4)
         tables.edge_slot = upload(cut.edge_slot, wp.vec4i)
     if terms.folds:
         tables.sides = upload(cut.sides, wp.uint64)
     if terms.folds and not terms.edges:
-        tables.fold = upload(joined.fold[cut.edge], types.real)
+        tables.fold = upload(law["fold"], types.real)
     if terms.angles:
-        tables.rest = upload(joined.rest[cut.edge], types.vec2)
+        tables.rest = upload(law["rest"], types.vec2)
     if terms.folds or terms.threads:
         tables.corners = upload(cut.corners, wp.uint64)
         tables.slot = upload(cut.slot, wp.vec4i)
     if terms.threads:
-        tables.slope = upload(joined.slope[cut.triangle], types.vec4)
-        tables.threads = upload(joined.threads[cut.triangle], types.vec4)
+        tables.slope = upload(law["slope"], types.vec4)
+        tables.threads = upload(law["threads"], types.vec4)
     rank = np.empty_like(order)
     rank[order] = np.arange(len(order), dtype=order.dtype)
     packed = types.Patches()
@@ -353,6 +370,20 @@ def _patches(
     packed.vertex = upload(rank[cut.vertex], wp.int32)
     overflow = wp.empty(cut.overflow, dtype=wp.uint8, device=device)
     return Patches(wide, rows["item"], tables, packed, upload(order, wp.int32), overflow)
+
+
+def _patch_laws(elements: Elements, tables: PatchTables, terms: Terms) -> dict[str, NDArray[Any]]:
+    """What acts in a garment's patches, in their order; nothing of terms that there are not."""
+    laws = {}
+    if terms.edges:
+        laws["law"] = np.column_stack([elements.law[tables.edge], elements.fold[tables.edge]])
+    if terms.folds and not terms.edges:
+        laws["fold"] = elements.fold[tables.edge]
+    if terms.angles:
+        laws["rest"] = elements.rest[tables.edge]
+    if terms.threads:
+        laws["slope"], laws["threads"] = elements.slope[tables.triangle], elements.threads[tables.triangle]
+    return laws
 
 
 def _packed_order(vertex: NDArray[Any], rows: NDArray[Any]) -> tuple[NDArray[np.int32], NDArray[np.int32]]:

@@ -20,7 +20,7 @@ from warp_cloth.kernels.gather import RANKS
 from warp_cloth.mesh import Indices, Points
 from warp_cloth.rest import Floats
 from warp_cloth.spread import spread_places
-from warp_cloth.threads import map_in_threads
+from warp_cloth.threads import end_to_end, map_in_threads
 from warp_cloth.topology import ragged_rows, sorted_keys
 
 LARGEST = 120  # vertices that a patch owns: with what is around them they nearly always fit a block's memory
@@ -58,17 +58,23 @@ def cut_patches(
     *,
     precision: str,
     own_memory: bool,
-    kept: Kept | None = None,
 ) -> PatchTables:
-    """Patches of neighbouring vertices, none larger than a block's memory holds, if it need not be.
+    """The patches of several garments; ``own_memory`` as of ``joined_patches``, the rest as of ``garment_patches``."""
+    each = garment_patches(garments, points, terms, precision=precision, kept=Kept())
+    return joined_patches(each, garments, points, terms, precision=precision, own_memory=own_memory)
 
-    ``own_memory``: whether blocks have any; on the CPU they take turns at the same. ``kept`` has what was cut before.
+
+def garment_patches(
+    garments: Sequence[Elements], points: Sequence[Points], terms: Terms, *, precision: str, kept: Kept
+) -> list[PatchTables]:
+    """Each garment's patches of neighbouring vertices, none larger than a block's memory holds, if it need not be.
+
+    ``kept`` has what was cut before.
 
     Raises:
         InputError: more meets at one vertex than a patch can count.
     """
     size = int(np.clip(-(-sum(len(part) for part in points) // BLOCKS), SMALLEST, LARGEST))
-    kept = kept or Kept()
     shapes = [
         kept.once("shape", (elements, part), partial(_shape, elements, part))
         for elements, part in zip(garments, points, strict=True)
@@ -82,16 +88,32 @@ def cut_patches(
     missing = [shape for shape in distinct if kept.key("patches", (), shape, *how) not in kept]
     cut = dict(zip(missing, map_in_threads(tables_of, missing), strict=True))
     made = {shape: kept.once("patches", (), partial(cut.__getitem__, shape), shape, *how) for shape in distinct}
+    return [made[shape] for shape in shapes]
+
+
+def joined_patches(
+    each: Sequence[PatchTables],
+    garments: Sequence[Elements],
+    points: Sequence[Points],
+    terms: Terms,
+    *,
+    precision: str,
+    own_memory: bool,
+) -> PatchTables:
+    """The garments' patches as of one.
+
+    ``own_memory``: whether blocks have any; on the CPU they take turns at the same.
+    """
     first = {"vertex": points, "edge": [part.ends for part in garments], "triangle": [g.corners for g in garments]}
-    tables = _end_to_end([made[shape] for shape in shapes], {name: _starts(of) for name, of in first.items()})
+    tables = _end_to_end(each, {name: _starts(of) for name, of in first.items()})
     memory = _memory(tables.patch, terms, precision)
     if not own_memory:
-        tables.patch["overflow"] = np.zeros_like(memory)
-        return replace(tables, overflow=int(memory.max(initial=0)))
+        patch = {**tables.patch, "overflow": np.zeros_like(memory)}
+        return replace(tables, patch=patch, overflow=int(memory.max(initial=0)))
     over = memory > BLOCK_MEMORY
     place = np.cumsum(np.where(over, memory, 0)) - np.where(over, memory, 0)
-    tables.patch["overflow"] = np.where(over, place, -1)
-    return replace(tables, overflow=int(memory[over].sum()))
+    patch = {**tables.patch, "overflow": np.where(over, place, -1)}
+    return replace(tables, patch=patch, overflow=int(memory[over].sum()))
 
 
 def _shape(elements: Elements, points: Points) -> bytes:
@@ -173,17 +195,12 @@ def _end_to_end(parts: Sequence[PatchTables], first: Mapping[str, Sequence[int]]
     starts = {"vertex_start": "vertex", "edge_start": "ends", "triangle_start": "corners",
               "edge_slot_start": "edge_slot", "slot_start": "slot"}  # fmt: skip
 
-    def joined(arrays: Sequence[Any], offsets: Sequence[int] | None) -> Any:
-        if offsets is not None:
-            arrays = [array + start for array, start in zip(arrays, offsets, strict=True)]
-        return np.concatenate(arrays)
-
     patch = {}
     for name in parts[0].patch:
         begin = _starts([getattr(part, starts[name]) for part in parts]) if name in starts else None
-        patch[name] = joined([part.patch[name] for part in parts], begin)
+        patch[name] = end_to_end([part.patch[name] for part in parts], begin)
     names = [name for name in PatchTables.__dataclass_fields__ if name not in ("patch", "overflow")]
-    tables = {name: joined([getattr(part, name) for part in parts], (first or {}).get(name)) for name in names}
+    tables = {name: end_to_end([getattr(part, name) for part in parts], (first or {}).get(name)) for name in names}
     return PatchTables(patch=patch, overflow=0, **tables)
 
 

@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from typing import TypeVar
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
 
 T = TypeVar("T")
 R = TypeVar("R")
 
 MOST_THREADS = 16  # memory gives no more
+WORTH_THREADS = 1 << 23  # [bytes] that take longer to copy than threads to start
 
 
 def map_in_threads(work: Callable[[T], R], parts: Iterable[T]) -> list[R]:
@@ -22,3 +26,24 @@ def map_in_threads(work: Callable[[T], R], parts: Iterable[T]) -> list[R]:
         return [work(part) for part in parts]
     with ThreadPoolExecutor(count) as pool:
         return list(pool.map(work, parts))
+
+
+def end_to_end(arrays: Sequence[NDArray[Any]], starts: Sequence[int] | None = None) -> NDArray[Any]:
+    """Arrays of one kind one after another, as numpy.concatenate; ``starts`` are added to each one's numbers."""
+    ends = np.cumsum([len(array) for array in arrays])
+    joined = np.empty((int(ends[-1]), *arrays[0].shape[1:]), dtype=arrays[0].dtype)
+
+    def put(index: int) -> None:
+        array = arrays[index]
+        place = joined[ends[index] - len(array) : ends[index]]
+        if starts is None:
+            place[...] = array
+        else:
+            np.add(array, starts[index], out=place, casting="unsafe")
+
+    if joined.nbytes < WORTH_THREADS:
+        for index in range(len(arrays)):
+            put(index)
+    else:
+        map_in_threads(put, range(len(arrays)))
+    return joined
