@@ -33,17 +33,15 @@ def end_to_end(arrays: Sequence[NDArray[Any]], starts: Sequence[int] | None = No
     ends = np.cumsum([len(array) for array in arrays])
     joined = np.empty((int(ends[-1]), *arrays[0].shape[1:]), dtype=arrays[0].dtype)
 
-    def put(index: int) -> None:
-        array = arrays[index]
-        place = joined[ends[index] - len(array) : ends[index]]
-        if starts is None:
-            place[...] = array
-        else:
-            np.add(array, starts[index], out=place, casting="unsafe")
+    def put(indices: range) -> None:
+        for index in indices:
+            array = arrays[index]
+            place = joined[ends[index] - len(array) : ends[index]]
+            if starts is None:
+                place[...] = array
+            else:
+                np.add(array, starts[index], out=place, casting="unsafe")
 
-    if joined.nbytes < WORTH_THREADS:
-        for index in range(len(arrays)):
-            put(index)
-    else:
-        map_in_threads(put, range(len(arrays)))
+    count = MOST_THREADS if joined.nbytes >= WORTH_THREADS else 1
+    map_in_threads(put, [range(first, len(arrays), count) for first in range(min(count, len(arrays)))])
     return joined
