@@ -139,7 +139,7 @@ def fabric(
     plots: Annotated[bool, typer.Option(help="Draw the curves, with matplotlib.")] = True,
     rings: Annotated[
         int | None,
-        typer.Option(help="Of a draped disc, from its middle: 140 are 38,802 vertices.", show_default="40"),
+        typer.Option(help="Of a draped disc, from its middle: 140 are 38,802 vertices.", show_default="30"),
     ] = None,
     discs: Annotated[int | None, typer.Option(help="How many discs are draped.", show_default="6")] = None,
 ) -> None:
