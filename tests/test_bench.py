@@ -83,6 +83,12 @@ def test_a_disc_that_cannot_be_draped_is_refused_in_one_line(tmp_path: Path, rin
     assert not (tmp_path / "out").exists()
 
 
+def test_no_disc_is_refused_in_one_line(tmp_path: Path) -> None:
+    result = CliRunner().invoke(app, ["fabric", "cotton", "--discs", "0", "--out", str(tmp_path / "out")])
+    assert result.exit_code == 2
+    assert result.stderr.splitlines()[-1] == "error: --discs: 0 discs cannot be draped; give from 1 to 100"
+
+
 def test_pieces_have_the_size_that_they_were_cut_to() -> None:
     for mesh, area in ((strip(0.05, 0.2, 0.01), 0.01), (disc(0.15, 0.0, 60), 0.15**2 * 3.14159265)):
         corners = mesh.texcoords
