@@ -158,6 +158,7 @@ def soups(draw: st.DrawFn) -> bytes:
 
 # texture coordinates whose squares are beyond all numbers
 BEYOND = b"v 0 0 0\nv 0 0 0\nv 0 0 1\nvt 0 0\nvt 0 0\nvt 0 1e300\nf 1/1 2/2 3/3"
+BEYOND_SUMS = b"v 0 0 0\nv 0 1 0\nv 0 0 1\nvt 1e308 1e308\nvt -1e308 1\nvt 1e308 -1e308\nf 1/1 2/2 3/3"
 
 
 @pytest.mark.filterwarnings("error")
@@ -168,6 +169,8 @@ BEYOND = b"v 0 0 0\nv 0 0 0\nv 0 0 1\nvt 0 0\nvt 0 0\nvt 0 1e300\nf 1/1 2/2 3/3"
     units=st.sampled_from((None, "m", "cm", "mm", "in")),
 )
 @example(content=BEYOND, role="garment", rest="uv", units=None)
+@example(content=BEYOND_SUMS, role="garment", rest="mesh", units=None)
+@example(content=BEYOND_SUMS, role="garment", rest="uv", units=None)
 def test_any_polygons_are_a_sound_mesh_or_one_line(
     folder: Path, content: bytes, role: str, rest: str, units: str | None
 ) -> None:

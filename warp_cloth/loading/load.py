@@ -60,7 +60,7 @@ def load_mesh(
         raise InputError(path, problem, "check the file, or reduce the mesh") from error
     notes = [*raw.notes, *unit.notes, *sound.notes]
     if raw.texcoords is not None and sound.texcoords is None:
-        notes.append("texture coordinates left out, as some corners have none")
+        notes.append("texture coordinates left out, as some corners have none, or none that can be meant")
     same_vertices = np.array_equal(sound.vertex_map, np.arange(len(sound.points)))
     same_faces = np.array_equal(sound.faces, np.arange(len(raw.counts)))
     return Mesh(

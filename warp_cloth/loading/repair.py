@@ -21,6 +21,8 @@ RestKind = Literal["mesh", "uv", "physics"]
 # which no cloth has and which float32 positions one metre from the origin cannot hold.
 THINNEST = 1e-6
 
+FARTHEST = 1e12  # texture coordinates beyond this count as none: no panel lies there, in whatever unit
+
 
 @dataclass(frozen=True, eq=False)
 class Repaired:
@@ -60,6 +62,7 @@ def repaired(raw: RawMesh, points: Floats, *, role: Role, rest: RestKind) -> Rep
     A triangle without area is dropped, unless the cloth's rest shape lies in texture space and has an area
     there: a garment may start with seams or panels drawn together.
     """
+    raw = replace(raw, texcoords=_within_reason(raw.texcoords))
     cut = triangulated(raw)
     work = _Work(raw.corners[cut.corners], cut.corners, cut.faces, cut.notes)
     work = work.kept(~_repeats(work.triangles), "triangle", "that repeat a vertex")
@@ -97,6 +100,14 @@ def _refuse_empty(raw: RawMesh, work: _Work) -> None:
     if not len(work.triangles):
         problem = f"no face is left of {len(raw.counts):,}: {', '.join(work.notes)}"
         raise InputError(raw.file, problem, "export the mesh again; its surface has no area")
+
+
+def _within_reason(texcoords: Floats | None) -> Floats | None:
+    """Texture coordinates, none where they are so large that arithmetic overflows."""
+    if texcoords is None:
+        return None
+    there = np.isfinite(texcoords)
+    return np.where(there & (np.abs(np.where(there, texcoords, 0.0)) <= FARTHEST), texcoords, np.nan)
 
 
 def _usable(texcoords: Floats) -> Floats | None:
