@@ -9,10 +9,10 @@ from types import SimpleNamespace
 
 import warp as wp
 
-from warp_cloth.kernels.arithmetic import chosen, fused, inner, quotient, root, roots, scaled_sum
+from warp_cloth.kernels.arithmetic import chosen, fused, inner, inverses, quotient, root, roots, scaled_sum
 from warp_cloth.kernels.bending import SHORTEST, hinge_turn, turned_back, unit_normal
-from warp_cloth.kernels.cloth import BOUNDS, Terms, cloth_types, difference_function
-from warp_cloth.kernels.tension import drag_across, share_across, tension_force, tension_stiffness
+from warp_cloth.kernels.cloth import BOUNDS, Terms, cloth_types, difference_function, takes_exact_stretch
+from warp_cloth.kernels.tension import drag_across, share_across, stretch_force, tension_force, tension_stiffness
 from warp_cloth.kernels.weave import slope_shares, thread_pulls, thread_shares, warp_vector, weft_vector
 
 
@@ -21,8 +21,8 @@ def edge_functions(precision: str, fourth: str, angles: bool) -> SimpleNamespace
     """Functions ``edge_span``, ``edge_load`` (its tension) and ``edge_fold`` (its hinge, with rest angles or flat)."""
     types = cloth_types(precision)
     real, vec2, vec3, vec4 = types.real, types.vec2, types.vec3, types.vec4
-    point, Step, Span = types.point, types.Step, types.Span
-    difference = difference_function(precision)
+    point, wide, Step, Span = types.point, types.wide, types.Step, types.Span
+    difference, exact = difference_function(precision), takes_exact_stretch(precision, fourth)
 
     @wp.func
     def edge_span(first: point, second: point, first_move: vec3, second_move: vec3, size: real):
@@ -34,12 +34,18 @@ def edge_functions(precision: str, fourth: str, angles: bool) -> SimpleNamespace
         if wp.static(fourth in BOUNDS):
             span.change = second_move - first_move
             span.move = size
+        if wp.static(exact):
+            span.exact = second - first
         return span
 
     @wp.func
     def edge_load(span: Span, law: vec3, step: Step):
         """Load of an edge's tension on its first end; on the second the force is the opposite."""
         tension = tension_force(span.length, law[0], law[1], law[2])
+        if wp.static(exact):
+            # r - L = (r^2 - L^2) / (r + L)
+            excess = real(inner(span.exact, span.exact) - wide(law[0]) * wide(law[0]))
+            tension = stretch_force(quotient(excess, span.length + law[0]), law[1], law[2])
         force = span.side * (tension * span.inverse)
         part = real(0.0)
         if wp.static(fourth in BOUNDS):
@@ -74,7 +80,7 @@ def triangle_functions(precision: str, fourth: str) -> SimpleNamespace:
     """Functions ``triangle_sides`` and ``triangle_normal``."""
     types = cloth_types(precision)
     point, vec3, vec4, Sides = types.point, types.vec3, types.vec4, types.Sides
-    difference = difference_function(precision)
+    difference, exact = difference_function(precision), takes_exact_stretch(precision, fourth)
 
     @wp.func
     def triangle_sides(origin: point, second: point, third: point, move: vec3, second_move: vec3, third_move: vec3):
@@ -82,6 +88,9 @@ def triangle_functions(precision: str, fourth: str) -> SimpleNamespace:
         sides = Sides()
         sides.side_1 = difference(second, origin)
         sides.side_2 = difference(third, origin)
+        if wp.static(exact):
+            sides.exact_1 = second - origin
+            sides.exact_2 = third - origin
         if wp.static(fourth in BOUNDS):
             sides.change_1 = second_move - move
             sides.change_2 = third_move - move
@@ -231,10 +240,28 @@ def square_functions(precision: str) -> SimpleNamespace:
     return SimpleNamespace(squares=squares, products=products)
 
 
+def _stretches_function(precision: str) -> wp.Function:
+    types = cloth_types(precision)
+    real, wide, vec4, Sides = types.real, types.wide, types.vec4, types.Sides
+    half, one, unit = wp.constant(wide(0.5)), wp.constant(wide(1.0)), wp.constant(real(1.0))
+
+    @wp.func
+    def exact_stretches(sides: Sides, slope: vec4, length: vec4):
+        """How much longer than 1 the four threads are: (|t|^2 - 1) / (|t| + 1)."""
+        weft = sides.exact_1 * wide(slope[0]) + sides.exact_2 * wide(slope[1])
+        warp = sides.exact_1 * wide(slope[2]) + sides.exact_2 * wide(slope[3])
+        weft_2, warp_2, both = inner(weft, weft) - one, inner(warp, warp) - one, inner(weft, warp)
+        mean = half * (weft_2 + warp_2)
+        excess = vec4(real(weft_2), real(warp_2), real(mean + both), real(mean - both))
+        return wp.cw_mul(excess, inverses(length + vec4(unit, unit, unit, unit)))
+
+    return exact_stretches
+
+
 def _thread_function(precision: str, fourth: str) -> wp.Function:
     types = cloth_types(precision)
     real, vec3, vec4, Sides, Step = types.real, types.vec3, types.vec4, types.Sides, types.Step
-    corner_parts = _thread_parts_function(precision, fourth)
+    corner_parts, exact_stretches = _thread_parts_function(precision, fourth), _stretches_function(precision)
     functions = square_functions(precision)
     squares, products = functions.squares, functions.products
     half, one = wp.constant(real(0.5)), wp.constant(real(1.0))
@@ -264,7 +291,11 @@ def _thread_function(precision: str, fourth: str) -> wp.Function:
             change_v = warp_vector(slope, sides.change_1, sides.change_2)
             change = squares(change_u, change_v)
         pull = vec4(law[0], law[1], law[2], law[2])
-        along, stiff = thread_pulls(square, change, pull, pull * law[3], step.reach)
+        length = roots(square)
+        stretch = length - vec4(one, one, one, one)
+        if wp.static(takes_exact_stretch(precision, fourth)):
+            stretch = exact_stretches(sides, slope, length)
+        along, stiff = thread_pulls(length, stretch, change, pull, pull * law[3], step.reach)
         weft = vec3()
         warp = vec3()
         part = vec3()
@@ -280,7 +311,7 @@ def _thread_function(precision: str, fourth: str) -> wp.Function:
             warp = scaled_sum(change_v, drag[1] + mean, change_u * across)
             part = corner_parts(slope, stiff)
         if wp.static(fourth == "size"):
-            part = corner_parts(slope, wp.cw_mul(wp.abs(along), roots(square)))
+            part = corner_parts(slope, wp.cw_mul(wp.abs(along), length))
         # what the biases pull along weft and warp, each along itself and along the other
         mean, across = half * (along[2] + along[3]), half * (along[2] - along[3])
         weft = scaled_sum(along_v, across, scaled_sum(along_u, along[0] + mean, weft))

@@ -15,8 +15,13 @@ def tension_force(length: Any, rest: Any, pull: Any, push: Any):
 
     f = pull (r - L)^2 for r > L, f = -push (L - r)^2 for r < L, with push = c pull.
     """
-    stretch = length - rest
-    stiffness = wp.where(stretch > type(length)(0.0), pull, push)
+    return stretch_force(length - rest, pull, push)
+
+
+@wp.func
+def stretch_force(stretch: Any, pull: Any, push: Any):
+    """``tension_force`` by r - L [m]."""
+    stiffness = wp.where(stretch > type(stretch)(0.0), pull, push)
     return stiffness * stretch * wp.abs(stretch)
 
 

@@ -31,25 +31,23 @@ def warp_vector(slope: Any, side_1: Any, side_2: Any):
 
 
 @wp.func
-def thread_pulls(square: Any, change: Any, pull: Any, push: Any, reach: Any):
+def thread_pulls(length: Any, stretch: Any, change: Any, pull: Any, push: Any, reach: Any):
     """Pulls of four threads over their lengths, per unit of their corners' slopes [J], and bounds of stiffness [J].
 
     The law is that of ``tension``, for all four at a time: processors that can do so in one go, do.
 
     Args:
-        square: of their lengths.
+        length: of the threads.
+        stretch: how much longer than 1 they are.
         change: square of what the corners' last displacements changed the threads by.
         pull: K A [J].
         push: that where they are shorter than 1.
         reach: how many such changes the bound allows for.
     """
-    one = type(reach)(1.0)
-    length = roots(square)
-    stretch = length - type(square)(one, one, one, one)
     far = roots(change) * reach
     size = wp.abs(stretch)
     short = type(reach)(SHORTEST)
-    inverse = inverses(wp.max(length, type(square)(short, short, short, short)))
+    inverse = inverses(wp.max(length, type(length)(short, short, short, short)))
     along = wp.cw_mul(wp.cw_mul(chosen(stretch, pull, push), wp.cw_mul(stretch, size)), inverse)
     bound = wp.cw_mul(chosen(stretch + far, pull, push), size + far)
     return along, bound + bound

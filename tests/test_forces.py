@@ -22,6 +22,9 @@ GRADIENT_TOLERANCE = 1e-6
 BALANCE_TOLERANCE = 1e-12
 # Lengths as rounded by NumPy and by the kernels' fused sums are 1e-17 m apart, and a pull goes by the square of that.
 STILL = 1e-25  # [N]
+# By a thousandth; the stretch of a float32 length is 1e-4 off then, a force by its square twice that.
+DRAWN = 1.001
+LAST_DIGITS = 3e-6
 
 FABRIC = resolve_fabric({"stretch": 20e3, "shear": "edges", "compression": 0.1, "bending": 1e-5})
 WOVEN = replace(FABRIC, stretch_weft=9e3, shear=800.0)
@@ -134,6 +137,20 @@ def test_single_precision_agrees_with_double(precision: str) -> None:
     exact = cloth_forces(model_with("both", points), "stiffness")
     single = cloth_forces(model_with("both", points, precision), "stiffness")
     assert np.abs(single - exact).max(axis=0) == pytest.approx(0.0, abs=1e-4 * np.abs(exact).max())
+
+
+@pytest.mark.parametrize("fourth", ["none", "size"])
+@pytest.mark.parametrize("terms", ["tension", "woven"])
+def test_evenly_drawn_cloth_is_balanced_inside_to_the_last_digits(terms: str, fourth: str) -> None:
+    turn, _ = np.linalg.qr(np.random.default_rng(5).normal(size=(3, 3)))
+    even = grid(9, 0.25)  # edges of 2^-5 m, whose figures float32 holds exactly
+    rest = build_rest_shape(even, WOVEN if terms == "woven" else FABRIC, rest="mesh")
+    model = model_of(even, without(rest, bending=True), precision="mixed")
+    model.set_points(even.points * DRAWN @ turn.T + 1.0)
+    forces = np.linalg.norm(cloth_forces(model, fourth)[:, :3], axis=1)
+    inside = (np.abs(even.points[:, :2] - 0.125) < 0.124).all(axis=1)
+    assert inside.sum() == 49
+    assert forces[inside].max() < LAST_DIGITS * forces.max()
 
 
 @pytest.mark.parametrize(
