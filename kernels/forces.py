@@ -13,7 +13,7 @@ from warp_cloth.kernels.arithmetic import chosen, fused, inner, inverses, quotie
 from warp_cloth.kernels.bending import SHORTEST, hinge_turn, turned_back, unit_normal
 from warp_cloth.kernels.cloth import BOUNDS, Terms, cloth_types, difference_function, takes_exact_stretch
 from warp_cloth.kernels.tension import drag_across, share_across, stretch_force, tension_force, tension_stiffness
-from warp_cloth.kernels.weave import slope_shares, thread_pulls, thread_shares, warp_vector, weft_vector
+from warp_cloth.kernels.weave import slope_shares, stretched_pulls, thread_shares, warp_vector, weft_vector
 
 
 @functools.cache
@@ -295,7 +295,7 @@ def _thread_function(precision: str, fourth: str) -> wp.Function:
         stretch = length - vec4(one, one, one, one)
         if wp.static(takes_exact_stretch(precision, fourth)):
             stretch = exact_stretches(sides, slope, length)
-        along, stiff = thread_pulls(length, stretch, change, pull, pull * law[3], step.reach)
+        along, stiff = stretched_pulls(length, stretch, change, pull, pull * law[3], step.reach)
         weft = vec3()
         warp = vec3()
         part = vec3()

@@ -31,7 +31,7 @@ def warp_vector(slope: Any, side_1: Any, side_2: Any):
 
 
 @wp.func
-def thread_pulls(length: Any, stretch: Any, change: Any, pull: Any, push: Any, reach: Any):
+def stretched_pulls(length: Any, stretch: Any, change: Any, pull: Any, push: Any, reach: Any):
     """Pulls of four threads over their lengths, per unit of their corners' slopes [J], and bounds of stiffness [J].
 
     The law is that of ``tension``, for all four at a time: processors that can do so in one go, do.
@@ -51,6 +51,14 @@ def thread_pulls(length: Any, stretch: Any, change: Any, pull: Any, push: Any, r
     along = wp.cw_mul(wp.cw_mul(chosen(stretch, pull, push), wp.cw_mul(stretch, size)), inverse)
     bound = wp.cw_mul(chosen(stretch + far, pull, push), size + far)
     return along, bound + bound
+
+
+@wp.func
+def thread_pulls(square: Any, change: Any, pull: Any, push: Any, reach: Any):
+    """``stretched_pulls`` by the squares of the threads' lengths."""
+    one = type(reach)(1.0)
+    length = roots(square)
+    return stretched_pulls(length, length - type(square)(one, one, one, one), change, pull, push, reach)
 
 
 @wp.func
