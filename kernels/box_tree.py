@@ -200,9 +200,9 @@ def meeting(tree: BoxTree, walk: BoxWalk, lower: wp.vec3f, upper: wp.vec3f, begi
 
 
 @wp.func
-def first_leaf(tree: BoxTree, walk: BoxWalk, mask: wp.uint32):
-    """What the lowest bit of a mask of ``meeting`` stands for."""
-    return tree.leaf[WIDTH * walk.group + lowest_bit(mask)]
+def first_place(walk: BoxWalk, mask: wp.uint32):
+    """The leaf's place in the tree that the lowest bit of a mask of ``meeting`` stands for."""
+    return WIDTH * walk.group + lowest_bit(mask)
 
 
 @wp.func

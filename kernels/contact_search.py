@@ -11,7 +11,7 @@ from warp_cloth.kernels.box_tree import (
     BoxTree,
     box_groups,
     box_up,
-    first_leaf,
+    first_place,
     meeting,
     put_box,
     step_on,
@@ -42,7 +42,9 @@ class ContactSearch:
     edge_tree: BoxTree
     leaves: wp.array(dtype=wp.vec4i)  # of each item: its first triangle in the tree, and its last's next; its edges'
     vertex: wp.array(dtype=wp.int32)  # vertices in an order that keeps near what is near; -1: none, whole teams of them
-    open_edge: wp.array(dtype=wp.int32)  # whether an edge is longer than its longest, shape [E]
+    corners: wp.array(dtype=wp.vec3i)  # of the triangles as they are in their tree
+    ends: wp.array(dtype=wp.vec2i)  # of the edges as they are in theirs
+    tangles: wp.array(dtype=wp.int32)  # whether anything is tangled, shape [1]
     tangled: wp.array(dtype=wp.int32)  # whether a vertex belongs to what crosses, shape [V]
 
 
@@ -59,13 +61,6 @@ def rest_near(search: ContactSearch, a: int, b: int):
 def opened(search: ContactSearch, edge: int, along: wp.vec3f):
     """Whether an edge that goes along this [m] is a seam that has yet to close."""
     return wp.length(along) > search.longest[edge]
-
-
-@wp.func
-def spans_gap(search: ContactSearch, triangle: int):
-    """Whether a triangle spans a seam that has yet to close, where there is no cloth to meet."""
-    sides = search.sides[triangle]
-    return search.open_edge[sides[0]] + search.open_edge[sides[1]] + search.open_edge[sides[2]] > 0
 
 
 _NEXT_SLOT = """
@@ -145,38 +140,34 @@ def box_functions(precision: str) -> tuple[wp.Function, wp.Function]:
     def box_triangle(cloth: Cloth, search: ContactSearch, place: int):
         """What spans a seam that has yet to close meets nothing: its box would meet half the garment."""
         triangle = search.triangle_tree.leaf[place]
-        a = wp.vec3f(FAR_OFF, FAR_OFF, FAR_OFF)
-        b = -a
-        c = -a
+        lower = wp.vec3f(FAR_OFF, FAR_OFF, FAR_OFF)
+        upper = -lower
         if triangle >= 0:
-            corners = search.triangles[triangle]
+            corners = search.corners[place]
             sides = search.sides[triangle]
             a = wp.vec3f(at(cloth.position, corners[0]))
             b = wp.vec3f(at(cloth.position, corners[1]))
             c = wp.vec3f(at(cloth.position, corners[2]))
             open = opened(search, sides[0], b - a) or opened(search, sides[1], c - b) or opened(search, sides[2], a - c)
-            if open:
-                b = a
-                c = a
-            put_box(search.triangle_tree, 0, place, wp.min(wp.min(a, b), c), wp.max(wp.max(a, b), c))
-        else:
-            put_box(search.triangle_tree, 0, place, a, b)
+            if not open:
+                lower = wp.min(wp.min(a, b), c)
+                upper = wp.max(wp.max(a, b), c)
+        put_box(search.triangle_tree, 0, place, lower, upper)
 
     @wp.func
     def box_edge(cloth: Cloth, search: ContactSearch, place: int):
-        """The same of an edge; notes whether it is such a seam."""
+        """The same of an edge."""
         edge = search.edge_tree.leaf[place]
+        lower = wp.vec3f(FAR_OFF, FAR_OFF, FAR_OFF)
+        upper = -lower
         if edge >= 0:
-            ends = search.edges[edge]
+            ends = search.ends[place]
             p = wp.vec3f(at(cloth.position, ends[0]))
             q = wp.vec3f(at(cloth.position, ends[1]))
-            search.open_edge[edge] = wp.where(opened(search, edge, q - p), 1, 0)
-            if search.open_edge[edge] > 0:
-                q = p
-            put_box(search.edge_tree, 0, place, wp.min(p, q), wp.max(p, q))
-        else:
-            nowhere = wp.vec3f(FAR_OFF, FAR_OFF, FAR_OFF)
-            put_box(search.edge_tree, 0, place, nowhere, -nowhere)
+            if not opened(search, edge, q - p):
+                lower = wp.min(p, q)
+                upper = wp.max(p, q)
+        put_box(search.edge_tree, 0, place, lower, upper)
 
     return box_triangle, box_edge
 
@@ -235,8 +226,8 @@ def on_triangles_function(precision: str) -> wp.Function:
     def keep_on_triangle(
         cloth: Cloth, search: ContactSearch, contact: ClothContact, memory: LeanMemory, vertex: int, triangle: int
     ):
-        """Keeps a vertex and a triangle if they are near each other."""
-        t = search.triangles[triangle]
+        """Keeps a vertex and a triangle, by its place in the tree, if they are near each other."""
+        t = search.corners[triangle]
         corners = wp.vec4i(vertex, t[0], t[1], t[2])
         if nearer(cloth, corners, ON_TRIANGLE, contact.reach):
             near = rest_near(search, vertex, t[0]) or rest_near(search, vertex, t[1])
@@ -253,6 +244,7 @@ def on_triangles_function(precision: str) -> wp.Function:
         high = -low
         leaves = wp.vec4i()
         tangled = int(0)
+        tangles = search.tangles[0] > 0
         if vertex >= 0:
             room = float(contact.reach) + SLACK
             wide = wp.vec3f(room, room, room)
@@ -265,14 +257,16 @@ def on_triangles_function(precision: str) -> wp.Function:
         while walk.group >= 0:
             mask = meeting(search.triangle_tree, walk, low, high, leaves[0], leaves[1])
             while mask != wp.uint32(0):
-                triangle = first_leaf(search.triangle_tree, walk, mask)
+                place = first_place(walk, mask)
                 mask = mask & (mask - wp.uint32(1))
-                t = search.triangles[triangle]
-                others = search.tangled[t[0]] + search.tangled[t[1]] + search.tangled[t[2]]
-                if not (tangled + others > 0 or has_vertex(t, vertex) or spans_gap(search, triangle)):
+                t = search.corners[place]
+                out = has_vertex(t, vertex)
+                if tangles:
+                    out = out or tangled + search.tangled[t[0]] + search.tangled[t[1]] + search.tangled[t[2]] > 0
+                if not out:
                     if waits >= 0:
                         keep_on_triangle(cloth, search, contact, memory, vertex, waits)
-                    waits = triangle
+                    waits = place
             walk = step_on(search.triangle_tree, walk)
         if waits >= 0:
             keep_on_triangle(cloth, search, contact, memory, vertex, waits)
@@ -307,14 +301,16 @@ def on_edges_function(precision: str) -> wp.Function:
         e = wp.vec2i()
         last = int(place)
         tangled = int(0)
-        if edge >= 0 and search.open_edge[edge] == 0:
+        tangles = search.tangles[0] > 0
+        if edge >= 0:
             room = float(contact.reach) + SLACK
             wide = wp.vec3f(room, room, room)
-            e = search.edges[edge]
+            e = search.ends[place]
             p = wp.vec3f(at(cloth.position, e[0]))
             q = wp.vec3f(at(cloth.position, e[1]))
-            low = wp.min(p, q) - wide
-            high = wp.max(p, q) + wide
+            if not opened(search, edge, q - p):
+                low = wp.min(p, q) - wide
+                high = wp.max(p, q) + wide
             last = search.leaves[search.item[e[0]]][3]
             tangled = search.tangled[e[0]] + search.tangled[e[1]]
         waits = int(-1)
@@ -322,18 +318,19 @@ def on_edges_function(precision: str) -> wp.Function:
         while walk.group >= 0:
             mask = meeting(search.edge_tree, walk, low, high, place + 1, last)
             while mask != wp.uint32(0):
-                other = first_leaf(search.edge_tree, walk, mask)
+                other = first_place(walk, mask)
                 mask = mask & (mask - wp.uint32(1))
-                o = search.edges[other]
+                o = search.ends[other]
                 out = e[0] == o[0] or e[0] == o[1] or e[1] == o[0] or e[1] == o[1]
-                out = out or tangled + search.tangled[o[0]] + search.tangled[o[1]] > 0
-                if not (out or search.open_edge[other] > 0):
+                if tangles:
+                    out = out or tangled + search.tangled[o[0]] + search.tangled[o[1]] > 0
+                if not out:
                     if waits >= 0:
-                        keep_on_edge(cloth, search, contact, memory, edge, waits)
+                        keep_on_edge(cloth, search, contact, memory, edge, search.edge_tree.leaf[waits])
                     waits = other
             walk = step_on(search.edge_tree, walk)
         if waits >= 0:
-            keep_on_edge(cloth, search, contact, memory, edge, waits)
+            keep_on_edge(cloth, search, contact, memory, edge, search.edge_tree.leaf[waits])
 
     return find_on_edges
 

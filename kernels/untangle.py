@@ -4,10 +4,10 @@ import functools
 
 import warp as wp
 
-from warp_cloth.kernels.box_tree import FAR_OFF, first_leaf, meeting, step_on, team_least, walk_from
+from warp_cloth.kernels.box_tree import FAR_OFF, first_place, meeting, step_on, team_least, walk_from
 from warp_cloth.kernels.cloth import MODULE_OPTIONS, cloth_types, place_function
 from warp_cloth.kernels.cloth_contact import ClothContact
-from warp_cloth.kernels.contact_search import SLACK, ContactSearch, spans_gap
+from warp_cloth.kernels.contact_search import SLACK, ContactSearch, opened
 from warp_cloth.kernels.crossing import has_vertex, segment_pierces, volume
 from warp_cloth.kernels.touch import NOTHING, WHOLE, nearest_on_triangle
 
@@ -82,6 +82,8 @@ def forget_tangles(search: ContactSearch, untangling: Untangling):
         untangling.sum[vertex, column] = wp.int64(0)
     if vertex < 3:
         untangling.count[vertex] = 0
+    if vertex == 0:
+        search.tangles[0] = 0
 
 
 @functools.cache
@@ -160,22 +162,23 @@ def crossings_kernel(precision: str) -> wp.Kernel:
         high = -low
         ends = wp.vec2i()
         leaves = wp.vec4i()
-        if edge >= 0 and search.open_edge[edge] == 0:
+        if edge >= 0:
             ends = search.edges[edge]
             p = wp.vec3f(at(cloth.position, ends[0]))
             q = wp.vec3f(at(cloth.position, ends[1]))
-            low = wp.min(p, q)
-            high = wp.max(p, q)
+            if not opened(search, edge, q - p):
+                low = wp.min(p, q)
+                high = wp.max(p, q)
             leaves = search.leaves[search.item[ends[0]]]
         walk = step_on(search.triangle_tree, walk_from(search.triangle_tree, low, high, leaves[0], leaves[1]))
         while walk.group >= 0:
             mask = meeting(search.triangle_tree, walk, low, high, leaves[0], leaves[1])
             while mask != wp.uint32(0):
-                triangle = first_leaf(search.triangle_tree, walk, mask)
+                place = first_place(walk, mask)
                 mask = mask & (mask - wp.uint32(1))
-                t = search.triangles[triangle]
-                if not (spans_gap(search, triangle) or has_vertex(t, ends[0]) or has_vertex(t, ends[1])):
-                    part_crossing(cloth, search, untangling, edge, triangle)
+                t = search.corners[place]
+                if not (has_vertex(t, ends[0]) or has_vertex(t, ends[1])):
+                    part_crossing(cloth, search, untangling, edge, search.triangle_tree.leaf[place])
             walk = step_on(search.triangle_tree, walk)
 
     return part_crossings
@@ -210,19 +213,19 @@ def nearest_beyond_function(precision: str) -> wp.Function:
             while walk.group >= 0:
                 mask = meeting(search.triangle_tree, walk, centre - wide, centre + wide, begin, end)
                 while mask != wp.uint32(0):
-                    triangle = first_leaf(search.triangle_tree, walk, mask)
+                    place = first_place(walk, mask)
                     mask = mask & (mask - wp.uint32(1))
-                    if not spans_gap(search, triangle):
-                        t = search.triangles[triangle]
-                        a = at(cloth.position, t[0])
-                        ab = at(cloth.position, t[1]) - a
-                        ac = at(cloth.position, t[2]) - a
-                        on = nearest_on_triangle(x - a, ab, ac)
-                        distance = wp.length(x - a - ab * on[1] - ac * on[2])
-                        # the tree has an order of its own: of two as near, the first of the mesh
-                        if distance < least or (distance == least and triangle < nearest):
-                            least = distance
-                            nearest = triangle
+                    t = search.corners[place]
+                    a = at(cloth.position, t[0])
+                    ab = at(cloth.position, t[1]) - a
+                    ac = at(cloth.position, t[2]) - a
+                    on = nearest_on_triangle(x - a, ab, ac)
+                    distance = wp.length(x - a - ab * on[1] - ac * on[2])
+                    triangle = search.triangle_tree.leaf[place]
+                    # the tree has an order of its own: of two as near, the first of the mesh
+                    if distance < least or (distance == least and triangle < nearest):
+                        least = distance
+                        nearest = triangle
                 room = float(least) + SLACK
                 wide = wp.vec3f(room, room, room)
                 walk.lower = team_least(centre - wide)
@@ -300,6 +303,7 @@ def settle_kernel(precision: str) -> wp.Kernel:
         search.tangled[vertex] = wp.max(level, untangling.crosses[vertex])
         if search.tangled[vertex] > 0:
             wp.atomic_add(untangling.count, 2, 1)
+            search.tangles[0] = 1
             contact.moved[0] = 1
         count = untangling.sum[vertex, 3]
         shift = wp.vec3d()

@@ -16,7 +16,7 @@ from warp_cloth.kernels.box_tree import (
     BoxTree,
     box_groups,
     box_up,
-    first_leaf,
+    first_place,
     meeting,
     put_box,
     step_on,
@@ -69,7 +69,7 @@ def find_all(
         mask = meeting(tree, walk, lower[own], upper[own], begin, end)
         while mask != wp.uint32(0):
             found_out[own, 0] = found_out[own, 0] + 1
-            found_out[own, 1] = found_out[own, 1] + first_leaf(tree, walk, mask)
+            found_out[own, 1] = found_out[own, 1] + tree.leaf[first_place(walk, mask)]
             mask = mask & (mask - wp.uint32(1))
         walk = step_on(tree, walk)
 

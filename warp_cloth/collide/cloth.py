@@ -55,9 +55,9 @@ FAR_SHARE = 0.25
 PAIRS_PER_VERTEX = 3  # to begin with; a T-shirt on a body needs less once it is sewn
 LAYER_REACH = 0.01  # [m]; how deep one garment may be inside another once both are sewn
 # Iterations between two looks at whether cloth has moved so far that what is near changed. What is being untangled
-# changes with every step.
+# changes with every step, but not by much in four.
 LOOK_EVERY = 5
-LOOK_UNTANGLING = 2
+LOOK_UNTANGLING = 4
 LOOKING = 64  # threads in a block that walks a tree: some take far longer than others
 PRESSING = 2**16  # threads that press pairs, at most: as many as a large GPU works on at a time
 BOXING = 256  # threads in a block that boxes what is in a tree
@@ -176,7 +176,7 @@ class ClothTouch:
         lengths = np.concatenate([part.rest.edge_length for part in parts])
         search.longest = wp.array(OPEN_STRETCH * lengths, dtype=wp.float32)
         search.sides = wp.array(sheets.triangle_edges, dtype=wp.vec3i)
-        search.open_edge = wp.zeros(len(sheets.edges), dtype=wp.int32)
+        search.tangles = wp.zeros(1, dtype=wp.int32)
         search.tangled = wp.zeros(sheets.vertex_count, dtype=wp.int32)
         return search
 
@@ -188,6 +188,8 @@ class ClothTouch:
         sheet = inverse.reshape(-1).astype(np.int32)
         trees = [near_order(points[of].mean(axis=1), sheet[of[:, 0]]) for of in (sheets.triangles, sheets.edges)]
         search.triangle_tree, search.edge_tree = (box_tree(order) for order, _ in trees)
+        search.corners = wp.array(sheets.triangles[trees[0][0]], dtype=wp.vec3i)  # where nothing is, any
+        search.ends = wp.array(sheets.edges[trees[1][0]], dtype=wp.vec2i)
         search.vertex = wp.array(near_order(points, sheet)[0], dtype=wp.int32)
         of_item = np.searchsorted(both[:, 0], np.arange(both[-1, 0] + 2))  # first sheet of each item
         leaves = [starts[of_item[at : len(of_item) - 1 + at]] for _, starts in trees for at in (0, 1)]
