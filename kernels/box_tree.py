@@ -68,43 +68,44 @@ _TEAM_LAST = """
 #endif
 """
 
-_MEETS = """
-    auto meets = [&](int k) {
-        const float* box = bound.data + 192 * group + k;
-        return (box[0] <= upper[0]) & (box[32] <= upper[1]) & (box[64] <= upper[2]) & (box[96] >= lower[0])
-            & (box[128] >= lower[1]) & (box[160] >= lower[2]);
-    };
+_TEAM_LANE = """
+#if defined(__CUDA_ARCH__)
+    return threadIdx.x & 31;
+#else
+    return 0;
+#endif
+"""
+
+_BOXES_MEETING = """
+    const float* box = bound.data + 192 * group;
+    unsigned int mask = 0;
+    for (int k = 0; k < 32; ++k) {
+        const bool meets = (box[k] <= upper[0]) & (box[32 + k] <= upper[1]) & (box[64 + k] <= upper[2])
+            & (box[96 + k] >= lower[0]) & (box[128 + k] >= lower[1]) & (box[160 + k] >= lower[2]);
+        mask |= (unsigned int)meets << k;
+    }
+    return mask;
 """
 
 _TEAM_MEETING = (
-    _MEETS
-    + """
+    """
 #if defined(__CUDA_ARCH__)
-    return __ballot_sync(0xffffffffu, meets(threadIdx.x & 31));
+    const float* box = bound.data + 192 * group + (threadIdx.x & 31);
+    return __ballot_sync(0xffffffffu, (box[0] <= upper[0]) & (box[32] <= upper[1]) & (box[64] <= upper[2])
+        & (box[96] >= lower[0]) & (box[128] >= lower[1]) & (box[160] >= lower[2]));
 #else
-    unsigned int mask = 0;
-    for (int k = 0; k < 32; ++k)
-        mask |= (unsigned int)meets(k) << k;
-    return mask;
-#endif
 """
+    + _BOXES_MEETING
+    + "#endif\n"
 )
 
-_MEETING = (
-    _MEETS
-    + """
+_BIT_COUNT = """
 #if defined(__CUDA_ARCH__)
-    unsigned int mask = 0;
-    for (unsigned int left = asked; left != 0; left &= left - 1) {
-        const int k = __ffs(left) - 1;
-        mask |= (unsigned int)meets(k) << k;
-    }
-    return mask;
+    return __popc(mask);
 #else
-    return asked;
+    return __builtin_popcount(mask);
 #endif
 """
-)
 
 _LOWEST_BIT = """
 #if defined(__CUDA_ARCH__)
@@ -157,11 +158,21 @@ def team_meeting(bound: wp.array(dtype=wp.float32), group: int, lower: wp.vec3f,
     ...
 
 
-@wp.func_native(_MEETING)
-def own_meeting(
-    bound: wp.array(dtype=wp.float32), group: int, lower: wp.vec3f, upper: wp.vec3f, asked: wp.uint32
-) -> wp.uint32:
-    """Which of those boxes meet a thread's own box."""
+@wp.func_native(_TEAM_LANE)
+def team_lane() -> int:
+    """A thread's number in its team."""
+    ...
+
+
+@wp.func_native(_BIT_COUNT)
+def bit_count(mask: wp.uint32) -> int:
+    """How many bits are set."""
+    ...
+
+
+@wp.func_native(_BOXES_MEETING)
+def boxes_meeting(bound: wp.array(dtype=wp.float32), group: int, lower: wp.vec3f, upper: wp.vec3f) -> wp.uint32:
+    """Which boxes of a group meet a thread's own box: a bit for each."""
     ...
 
 
@@ -190,19 +201,6 @@ def within(begin: int, end: int, level: int, group: int):
     first = (begin >> (5 * level)) - WIDTH * group
     last = ((end - 1) >> (5 * level)) - WIDTH * group + 1
     return below(last) & ~below(first)
-
-
-@wp.func
-def meeting(tree: BoxTree, walk: BoxWalk, lower: wp.vec3f, upper: wp.vec3f, begin: int, end: int):
-    """Which of some leaves in the group where a walk stands meet a thread's own box: a bit for each."""
-    asked = team_meeting(tree.bound, walk.group, walk.lower, walk.upper)
-    return own_meeting(tree.bound, walk.group, lower, upper, asked) & within(begin, end, 0, walk.group)
-
-
-@wp.func
-def first_place(walk: BoxWalk, mask: wp.uint32):
-    """The leaf's place in the tree that the lowest bit of a mask of ``meeting`` stands for."""
-    return WIDTH * walk.group + lowest_bit(mask)
 
 
 @wp.func
@@ -290,3 +288,20 @@ def box_up(tree: BoxTree, block: int, lane: int):
     box_groups(tree, 0, block * (LEAVES // WIDTH), LEAVES // WIDTH, lane)
     wait_for_block()
     box_groups(tree, 1, block, 1, lane)
+
+
+@wp.func
+def box_of(tree: BoxTree, level: int, box: int):
+    """A box of a level [m]."""
+    at = 192 * (tree.first[level] + (box >> 5)) + (box & 31)
+    lower = wp.vec3f(tree.bound[at], tree.bound[at + 32], tree.bound[at + 64])
+    return lower, wp.vec3f(tree.bound[at + 96], tree.bound[at + 128], tree.bound[at + 160])
+
+
+@wp.func
+def leaves_meeting(tree: BoxTree, group: int, lower: wp.vec3f, upper: wp.vec3f):
+    """Which leaves of a group meet a thread's own box: a bit for each."""
+    low, high = box_of(tree, 1, group)
+    if wp.max(low - upper) > 0.0 or wp.max(lower - high) > 0.0:
+        return wp.uint32(0)
+    return boxes_meeting(tree.bound, group, lower, upper)

@@ -4,6 +4,7 @@ import functools
 
 import warp as wp
 
+from warp_cloth.kernels.box_tree import bit_count, team_lane, team_threads
 from warp_cloth.kernels.cloth import MODULE_OPTIONS, cloth_types, place_function
 from warp_cloth.kernels.friction import friction_slide
 from warp_cloth.kernels.touch import (
@@ -24,6 +25,8 @@ FORCE_UNIT = wp.constant(wp.float64(2.0**-36))  # [N]; a vertex weighs 1e7 of th
 STIFFNESS_UNIT = wp.constant(wp.float64(2.0**-16))  # [N/m]
 ROOM_UNIT = wp.constant(wp.float64(2.0**-33))  # [m]
 NO_LIMIT = wp.constant(wp.int32(2**31 - 1))  # room of a vertex with nothing near
+PAIRS = wp.constant(wp.int32(64))  # that a team goes over at a time: about a third are near enough to be looked at
+EVER = wp.constant(wp.int64(2**62))  # farther than any vertex goes
 
 # Of the distance between two bits of cloth, what each may move in an iteration: less than half, so they never pass.
 ROOM_SHARE = wp.constant(wp.float64(0.45))
@@ -103,13 +106,16 @@ def contact_room(contact: ClothContact, vertex: int, position: wp.vec3d):
     Whatever was farther than the reach at the last search cannot be met within half of it from there. While there is no
     room for all pairs nothing moves.
     """
+    count = contact.count[0]
+    nearest = contact.room[vertex]
+    searched = contact.searched[vertex]
     known = ROOM_SHARE * contact.far
-    if contact.count[0] > 0:
-        known = wp.min(wp.float64(contact.room[vertex]) * ROOM_UNIT, known)
+    if nearest != NO_LIMIT:
+        known = wp.min(wp.float64(nearest) * ROOM_UNIT, known)
         contact.room[vertex] = NO_LIMIT
-        if contact.count[0] > contact.corners.shape[0]:  # some pairs did not fit
-            known = NOTHING
-    unknown = wp.float64(0.49) * contact.reach - wp.length(position - contact.searched[vertex])
+    if count > contact.corners.shape[0]:  # some pairs did not fit
+        known = NOTHING
+    unknown = wp.float64(0.49) * contact.reach - wp.length(position - searched)
     return wp.max(wp.min(known, unknown), NOTHING)
 
 
@@ -120,8 +126,9 @@ def contact_watch(contact: ClothContact, vertex: int, position: wp.vec3d, move: 
     if wp.length(position - contact.searched[vertex]) + contact.ahead * length > contact.leeway:
         contact.moved[0] = 1
     turn = contact.turn[1]
+    even, odd = contact.stride[0], contact.stride[1]  # neither waits for the turn
     gone = wp.int32(length / ROOM_UNIT) + 1
-    if gone > contact.stride[turn & 1]:  # few vertices are the farthest so far
+    if gone > wp.where((turn & 1) == 0, even, odd):  # few vertices are the farthest so far
         wp.atomic_max(contact.stride, turn & 1, gone)
     if vertex == 0:
         contact.turn[0] = turn
@@ -144,15 +151,15 @@ def contact_way(contact: ClothContact, thread: int):
 @wp.func
 def contact_sum(contact: ClothContact, vertex: int):
     """Force [N] and fourth part that contact adds at a vertex; leaves the sum at zero."""
-    if contact.count[0] == 0:
-        return wp.vec4d()
-    x = wp.float64(contact.sum[vertex, 0]) * FORCE_UNIT
-    y = wp.float64(contact.sum[vertex, 1]) * FORCE_UNIT
-    z = wp.float64(contact.sum[vertex, 2]) * FORCE_UNIT
-    part = wp.float64(contact.sum[vertex, 3]) * STIFFNESS_UNIT
-    for column in range(4):
-        contact.sum[vertex, column] = wp.int64(0)
-    return wp.vec4d(x, y, z, part)
+    x = contact.sum[vertex, 0]
+    y = contact.sum[vertex, 1]
+    z = contact.sum[vertex, 2]
+    part = contact.sum[vertex, 3]
+    if (x | y | z | part) != wp.int64(0):
+        for column in range(4):
+            contact.sum[vertex, column] = wp.int64(0)
+    force = wp.vec3d(wp.float64(x), wp.float64(y), wp.float64(z)) * FORCE_UNIT
+    return wp.vec4d(force[0], force[1], force[2], wp.float64(part) * STIFFNESS_UNIT)
 
 
 @wp.func
@@ -194,22 +201,6 @@ def add_turns(contact: ClothContact, corners: wp.vec4i, turn_0: wp.vec3d, turn_1
 
 
 @functools.cache
-def relative_move_function(precision: str) -> wp.Function:
-    """The function that tells how far a pair's nearest points moved against each other."""
-    Cloth = cloth_types(precision).Cloth
-
-    @wp.func
-    def relative_move(cloth: Cloth, corners: wp.vec4i, weights: wp.vec4d):
-        """How far the first's nearest point moved in the last iteration against the second's [m]."""
-        move = weights[0] * wp.vec3d(cloth.move[corners[0]])
-        move += weights[1] * wp.vec3d(cloth.move[corners[1]])
-        move += weights[2] * wp.vec3d(cloth.move[corners[2]])
-        return move + weights[3] * wp.vec3d(cloth.move[corners[3]])
-
-    return relative_move
-
-
-@functools.cache
 def turn_function(fourth: str) -> wp.Function:
     """The function that turns nearly parallel edges, with a fourth part as of ``press_kernel``."""
 
@@ -234,25 +225,32 @@ def press_function(precision: str, fourth: str) -> wp.Function:
     """The function that presses a pair apart; arguments as of ``press_kernel``."""
     types = cloth_types(precision)
     Cloth, Step = types.Cloth, types.Step
-    relative_move, at = relative_move_function(precision), place_function(precision)
-    turn_apart = turn_function(fourth)
+    at, turn_apart = place_function(precision), turn_function(fourth)
 
     @wp.func
     def press_pair(step: Step, cloth: Cloth, contact: ClothContact, pair: int, gone: wp.int64):
-        """Adds what a pair does to its four vertices, and narrows their room; ``gone`` as of ``contact_way``."""
+        """Adds what a pair does to its four vertices, and narrows their room; ``gone`` as of ``contact_way``.
+
+        All that is read of a pair is asked for at once: a GPU waits for memory far longer than it works.
+        """
         if wp.static(fourth != "size"):
             if contact.due[pair] > gone:
                 return
         corners = contact.corners[pair]
         kind = contact.kind[pair]
+        lean = wp.vec3d(contact.lean[pair])
         x0, x1 = at(cloth.position, corners[0]), at(cloth.position, corners[1])
         x2, x3 = at(cloth.position, corners[2]), at(cloth.position, corners[3])
+        cloth_there = pair_cloth(contact, corners)
+        move0, move1, move2, move3 = wp.vec3d(), wp.vec3d(), wp.vec3d(), wp.vec3d()
+        if wp.static(fourth != "size"):
+            move0, move1 = wp.vec3d(cloth.move[corners[0]]), wp.vec3d(cloth.move[corners[1]])
+            move2, move3 = wp.vec3d(cloth.move[corners[2]]), wp.vec3d(cloth.move[corners[3]])
         weights = pair_weights(kind & 1, x0, x1, x2, x3)
         way = pair_way(weights, x0, x1, x2, x3)
         distance = wp.length(way)
         if wp.static(fourth != "size"):
             leave_room(contact, pair, corners, distance, gone)
-        cloth_there = pair_cloth(contact, corners)
         thickness, modulus = cloth_there[0], cloth_there[1]
         if kind >= NEIGHBOURS or distance >= thickness or distance <= NOTHING:
             if wp.static(fourth != "size"):
@@ -264,10 +262,9 @@ def press_function(precision: str, fourth: str) -> wp.Function:
         if kind == ON_EDGE:
             share = slant_share(x1 - x0, x3 - x2)
         push = share[0] * squeeze_force(held, thickness, modulus)
-        change = wp.vec3d()
-        if wp.static(fourth != "size"):
-            change = relative_move(cloth, corners, weights)
-        lean = wp.vec3d(contact.lean[pair]) + change
+        # how far the first's nearest point moved in the last iteration against the second's
+        change = weights[0] * move0 + weights[1] * move1 + weights[2] * move2 + weights[3] * move3
+        lean += change
         lean -= normal * wp.dot(normal, lean)
         lean -= friction_slide(lean, normal, LEAN * thickness, cloth_there[2])
         grip = push / (LEAN * thickness)
@@ -290,6 +287,38 @@ def press_function(precision: str, fourth: str) -> wp.Function:
     return press_pair
 
 
+_DUE_PAIRS = """
+#if defined(__CUDA_ARCH__)
+    const int pair = first + (threadIdx.x & 31);
+    return __ballot_sync(0xffffffffu, pair < count && due.data[pair] <= gone);
+#else
+    unsigned int mask = 0;
+    for (int k = 0; k < 32 && first + k < count; ++k)
+        mask |= (unsigned int)(due.data[first + k] <= gone) << k;
+    return mask;
+#endif
+"""
+
+
+@wp.func_native(_DUE_PAIRS)
+def due_pairs(due: wp.array(dtype=wp.int64), first: int, count: int, gone: wp.int64) -> wp.uint32:
+    """Which of the 32 pairs from a first one, of so many in all, may be near: a bit for each; for a team."""
+    ...
+
+
+@wp.func
+def set_bit(mask: wp.uint64, number: int):
+    """Where a mask's bit stands that is set with so many below it."""
+    place = int(0)
+    step = int(32)
+    while step > 0:
+        below = mask & ((wp.uint64(1) << wp.uint64(place + step)) - wp.uint64(1))
+        if bit_count(wp.uint32(below)) + bit_count(wp.uint32(below >> wp.uint64(32))) <= number:
+            place += step
+        step = step // 2
+    return place
+
+
 @functools.cache
 def press_kernel(precision: str, fourth: str) -> wp.Kernel:
     """Kernel ``press_pairs``; ``fourth`` is one of cloth.FOURTH_PARTS. "size", the certificate's, changes no lean."""
@@ -297,17 +326,24 @@ def press_kernel(precision: str, fourth: str) -> wp.Kernel:
     Cloth, Step = types.Cloth, types.Step
     press_pair = press_function(precision, fourth)
 
-    @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
+    @wp.kernel(module="unique", module_options=MODULE_OPTIONS, grid_stride=False)
     def press_pairs(step: Step, cloth: Cloth, contact: ClothContact, threads: int):
-        """Presses all pairs, each thread every so many."""
-        pair = int(wp.tid())
-        gone = wp.int64(0)
+        """Presses all pairs: a team those of PAIRS that may be near, one each."""
+        thread = wp.tid()
+        gone = EVER
         if wp.static(fourth != "size"):
-            gone = contact_way(contact, pair)
+            gone = contact_way(contact, thread)
         count = wp.min(contact.count[0], contact.corners.shape[0])
-        while pair < count:
-            press_pair(step, cloth, contact, pair, gone)
-            pair += threads
+        first = PAIRS * (thread // team_threads())
+        while first < count:
+            near = wp.uint64(due_pairs(contact.due, first, count, gone))
+            near = near | wp.uint64(due_pairs(contact.due, first + 32, count, gone)) << wp.uint64(32)
+            total = bit_count(wp.uint32(near)) + bit_count(wp.uint32(near >> wp.uint64(32)))
+            number = team_lane()
+            while number < total:
+                press_pair(step, cloth, contact, first + set_bit(near, number), gone)
+                number += team_threads()
+            first += PAIRS * (threads // team_threads())
 
     return press_pairs
 

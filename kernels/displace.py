@@ -136,8 +136,14 @@ def displacement(
 
         ``number`` is of the item that the vertex belongs to.
         """
-        if wp.static(touches):
+        shift = vec3()
+        lift = float(0.0)
+        room = real(0.0)
+        if wp.static(touches):  # asked for at once: a GPU waits for memory far longer than it works
             load += vec4(contact_sum(touch, vertex))
+            room = real(contact_room(touch, vertex, wp.vec3d(held.position)))
+            shift = vec3(touch.shift[vertex])
+            lift = touch.lift[vertex]
         weight = held.weight
         force = scaled_sum(step.gravity, weight, vec3(load[0], load[1], load[2]))
         move = vec3()
@@ -159,15 +165,13 @@ def displacement(
             move = accelerated_move(force, way, held.move, step.momentum * kept, step.damping, item.cap)
         else:
             move = direct_move(force, weight, item.cap)
-        shift = vec3()
         if wp.static(touches):
-            shift = vec3(touch.shift[vertex])
             move += shift
         if wp.static(contact is not None):
             at = contact(colliders[number], wp.vec3d(held.position) + wp.vec3d(move))
             push = item.offset - at[3]
             if wp.static(touches):
-                push += touch.lift[vertex]
+                push += lift
             if wp.static(worn):
                 cloth.held[vertex] = wp.where(push > 0.0, wp.uint8(1), wp.uint8(0))
             if push > 0.0:
@@ -175,7 +179,7 @@ def displacement(
                 pushed = scaled_sum(normal, wp.min(real(push), item.cap), move)
                 move = friction_slide(pushed, normal, real(push), real(item.friction))
         if wp.static(touches):
-            move = capped(move, real(contact_room(touch, vertex, wp.vec3d(held.position))))
+            move = capped(move, room)
         return move, move - shift, stiffness
 
     return vertex_displacement

@@ -4,11 +4,11 @@ import functools
 
 import warp as wp
 
-from warp_cloth.kernels.box_tree import FAR_OFF, first_place, meeting, step_on, team_least, walk_from
 from warp_cloth.kernels.cloth import MODULE_OPTIONS, cloth_types, place_function
 from warp_cloth.kernels.cloth_contact import ClothContact
-from warp_cloth.kernels.contact_search import SLACK, ContactSearch, opened
-from warp_cloth.kernels.crossing import has_vertex, segment_pierces, volume
+from warp_cloth.kernels.contact_search import ContactSearch
+from warp_cloth.kernels.crossing import segment_pierces, volume
+from warp_cloth.kernels.meeting import Meetings
 from warp_cloth.kernels.touch import NOTHING, WHOLE, nearest_on_triangle
 
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
@@ -20,6 +20,7 @@ ITSELF = wp.constant(wp.int32(2))  # crosses its own garment, or one of the same
 RING = wp.constant(wp.int32(16))  # searches that a tangle must last before one more ring of vertices is smoothed
 WIDEST = wp.constant(wp.int32(8 * 16))  # of those rings
 SMOOTHING = wp.constant(wp.float64(0.2))  # share of the way to the mean of its neighbours that a vertex is shifted
+TRIANGLE = wp.constant(wp.int64(2**32 - 1))  # the part of ``Untangling.beyond`` that names one
 ASTRIDE = wp.constant(wp.float64(0.5))  # cosine to the normal below which a nearest point tells no side
 
 
@@ -40,6 +41,7 @@ class Untangling:
     stride: wp.float64  # longest shift in an iteration [m]
     sum: wp.array2d(dtype=wp.int64)  # shifts [SHIFT_UNIT] and how many there are, shape [V, 4]
     count: wp.array(dtype=wp.int32)  # edges that cross, vertices on the wrong side of a layer or tangled, shape [3]
+    beyond: wp.array(dtype=wp.int64)  # the other layers' triangle nearest to a vertex, below how near [m], shape [V]
 
 
 @wp.func
@@ -72,18 +74,33 @@ def add_shift(sum: wp.array2d(dtype=wp.int64), vertex: int, shift: wp.vec3d):
     wp.atomic_add(sum, vertex, 3, wp.int64(1))
 
 
+_BITS = """
+    float given = value;
+    int bits;
+    memcpy(&bits, &given, sizeof(bits));
+    return (int64_t)bits << 32;
+"""
+
+
+@wp.func_native(_BITS)
+def ranked(value: wp.float32) -> wp.int64:
+    """A number that grows with a positive one, and whose lower half is free."""
+    ...
+
+
 @wp.kernel
-def forget_tangles(search: ContactSearch, untangling: Untangling):
+def forget_tangles(search: ContactSearch, untangling: Untangling, meetings: Meetings):
     """Forgets what crossed at the last search."""
     vertex = wp.tid()
     untangling.level[vertex] = search.tangled[vertex]
     untangling.crosses[vertex] = 0
+    untangling.beyond[vertex] = ranked(untangling.layer_reach)
+    if vertex < 2:
+        meetings.count[vertex] = 0
     for column in range(4):
         untangling.sum[vertex, column] = wp.int64(0)
     if vertex < 3:
         untangling.count[vertex] = 0
-    if vertex == 0:
-        search.tangles[0] = 0
 
 
 @functools.cache
@@ -149,108 +166,19 @@ def part_crossing_function(precision: str) -> wp.Function:
 
 
 @functools.cache
-def crossings_kernel(precision: str) -> wp.Kernel:
-    """Kernel ``part_crossings``."""
-    Cloth, at = cloth_types(precision).Cloth, place_function(precision)
-    part_crossing = part_crossing_function(precision)
-
-    @wp.kernel(module="unique", module_options=MODULE_OPTIONS, grid_stride=False)
-    def part_crossings(cloth: Cloth, search: ContactSearch, untangling: Untangling):
-        """Shifts each edge that passes through a triangle, and that triangle, so that they cross less."""
-        edge = search.edge_tree.leaf[wp.tid()]
-        low = wp.vec3f(FAR_OFF, FAR_OFF, FAR_OFF)
-        high = -low
-        ends = wp.vec2i()
-        leaves = wp.vec4i()
-        if edge >= 0:
-            ends = search.edges[edge]
-            p = wp.vec3f(at(cloth.position, ends[0]))
-            q = wp.vec3f(at(cloth.position, ends[1]))
-            if not opened(search, edge, q - p):
-                low = wp.min(p, q)
-                high = wp.max(p, q)
-            leaves = search.leaves[search.item[ends[0]]]
-        walk = step_on(search.triangle_tree, walk_from(search.triangle_tree, low, high, leaves[0], leaves[1]))
-        while walk.group >= 0:
-            mask = meeting(search.triangle_tree, walk, low, high, leaves[0], leaves[1])
-            while mask != wp.uint32(0):
-                place = first_place(walk, mask)
-                mask = mask & (mask - wp.uint32(1))
-                t = search.corners[place]
-                if not (has_vertex(t, ends[0]) or has_vertex(t, ends[1])):
-                    part_crossing(cloth, search, untangling, edge, search.triangle_tree.leaf[place])
-            walk = step_on(search.triangle_tree, walk)
-
-    return part_crossings
-
-
-@functools.cache
-def nearest_beyond_function(precision: str) -> wp.Function:
-    """The function that finds the nearest triangle of another layer."""
-    Cloth, at = cloth_types(precision).Cloth, place_function(precision)
-
-    @wp.func
-    def nearest_beyond(cloth: Cloth, search: ContactSearch, untangling: Untangling, vertex: int):
-        """The triangle of other layers nearest to a vertex, if it is one, and how near [m]; -1: none within reach."""
-        x = wp.vec3d()
-        least = wp.float64(-FAR_OFF)
-        leaves = wp.vec4i()
-        own = wp.vec2i()
-        if vertex >= 0:
-            x = at(cloth.position, vertex)
-            least = wp.float64(untangling.layer_reach)
-            leaves = search.leaves[search.item[vertex]]
-            own = untangling.own[vertex]
-        centre = wp.vec3f(x)
-        nearest = int(-1)
-        for side in range(2):  # of its own layer in the tree
-            begin = wp.where(side == 0, leaves[0], own[1])
-            end = wp.where(side == 0, own[0], leaves[1])
-            room = float(least) + SLACK
-            wide = wp.vec3f(room, room, room)
-            walk = walk_from(search.triangle_tree, centre - wide, centre + wide, begin, end)
-            walk = step_on(search.triangle_tree, walk)
-            while walk.group >= 0:
-                mask = meeting(search.triangle_tree, walk, centre - wide, centre + wide, begin, end)
-                while mask != wp.uint32(0):
-                    place = first_place(walk, mask)
-                    mask = mask & (mask - wp.uint32(1))
-                    t = search.corners[place]
-                    a = at(cloth.position, t[0])
-                    ab = at(cloth.position, t[1]) - a
-                    ac = at(cloth.position, t[2]) - a
-                    on = nearest_on_triangle(x - a, ab, ac)
-                    distance = wp.length(x - a - ab * on[1] - ac * on[2])
-                    triangle = search.triangle_tree.leaf[place]
-                    # the tree has an order of its own: of two as near, the first of the mesh
-                    if distance < least or (distance == least and triangle < nearest):
-                        least = distance
-                        nearest = triangle
-                room = float(least) + SLACK
-                wide = wp.vec3f(room, room, room)
-                walk.lower = team_least(centre - wide)
-                walk.upper = -team_least(-centre - wide)
-                walk = step_on(search.triangle_tree, walk)
-        return nearest, least
-
-    return nearest_beyond
-
-
-@functools.cache
 def layers_kernel(precision: str) -> wp.Kernel:
     """Kernel ``part_layers``."""
     Cloth, at = cloth_types(precision).Cloth, place_function(precision)
-    nearest_beyond = nearest_beyond_function(precision)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS, grid_stride=False)
     def part_layers(cloth: Cloth, search: ContactSearch, contact: ClothContact, untangling: Untangling):
         """Shifts each vertex on the wrong side of another garment, and the triangle of that which is nearest."""
-        vertex = search.vertex[wp.tid()]
-        nearest, least = nearest_beyond(cloth, search, untangling, vertex)
-        if nearest >= 0:
+        vertex = wp.tid()
+        found = untangling.beyond[vertex]
+        if found < ranked(untangling.layer_reach):
             layer = untangling.layer[vertex]
             x = at(cloth.position, vertex)
-            t = search.triangles[nearest]
+            t = search.triangles[wp.int32(found & TRIANGLE)]
             a = at(cloth.position, t[0])
             ab = at(cloth.position, t[1]) - a
             ac = at(cloth.position, t[2]) - a
@@ -263,8 +191,9 @@ def layers_kernel(precision: str) -> wp.Kernel:
             if untangling.layer[t[0]] > layer:
                 facing = -facing
             normal = wp.normalize(wp.cross(ab, ac)) * facing
-            side = wp.dot(x - a - ab * on[1] - ac * on[2], normal)
-            if inner > NOTHING and side < -ASTRIDE * least:
+            way = x - a - ab * on[1] - ac * on[2]
+            side = wp.dot(way, normal)
+            if inner > NOTHING and side < -ASTRIDE * wp.length(way):
                 wp.atomic_add(untangling.count, 1, 1)
                 thickness = wp.float64(contact.thickness[vertex])
                 shift = normal * wp.min(untangling.stride, wp.float64(0.5) * (thickness - side))
@@ -283,12 +212,16 @@ def settle_kernel(precision: str) -> wp.Kernel:
     Cloth, at = cloth_types(precision).Cloth, place_function(precision)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
-    def settle_shifts(cloth: Cloth, search: ContactSearch, contact: ClothContact, untangling: Untangling):
+    def settle_shifts(
+        cloth: Cloth, search: ContactSearch, contact: ClothContact, untangling: Untangling, meetings: Meetings
+    ):
         """A vertex's untangling shift: the mean of what its crossings ask for, and smoothing round tangles that last.
 
         A fold that passes through itself is a loop; smoothed, it becomes shorter and comes undone, as a curve's does.
         """
         vertex = wp.tid()
+        if vertex < 2:
+            meetings.count[vertex] = 0
         level = int(0)
         mean = wp.vec3d()
         x = at(cloth.position, vertex)
@@ -303,7 +236,6 @@ def settle_kernel(precision: str) -> wp.Kernel:
         search.tangled[vertex] = wp.max(level, untangling.crosses[vertex])
         if search.tangled[vertex] > 0:
             wp.atomic_add(untangling.count, 2, 1)
-            search.tangles[0] = 1
             contact.moved[0] = 1
         count = untangling.sum[vertex, 3]
         shift = wp.vec3d()

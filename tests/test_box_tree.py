@@ -16,11 +16,12 @@ from warp_cloth.kernels.box_tree import (
     BoxTree,
     box_groups,
     box_up,
-    first_place,
-    meeting,
+    leaves_meeting,
+    lowest_bit,
     put_box,
     step_on,
     walk_from,
+    within,
 )
 
 DEVICES = [
@@ -66,10 +67,10 @@ def find_all(
     own = wp.tid()
     walk = step_on(tree, walk_from(tree, lower[own], upper[own], begin, end))
     while walk.group >= 0:
-        mask = meeting(tree, walk, lower[own], upper[own], begin, end)
+        mask = leaves_meeting(tree, walk.group, lower[own], upper[own]) & within(begin, end, 0, walk.group)
         while mask != wp.uint32(0):
             found_out[own, 0] = found_out[own, 0] + 1
-            found_out[own, 1] = found_out[own, 1] + tree.leaf[first_place(walk, mask)]
+            found_out[own, 1] = found_out[own, 1] + tree.leaf[WIDTH * walk.group + lowest_bit(mask)]
             mask = mask & (mask - wp.uint32(1))
         walk = step_on(tree, walk)
 

@@ -19,7 +19,9 @@ from warp_cloth.kernels.certify import bending_energy_kernel, energy_kernels, re
 from warp_cloth.kernels.closest import MeshCollider, mesh_contact
 from warp_cloth.kernels.cloth import FOURTH_PARTS, PRECISIONS, Terms
 from warp_cloth.kernels.cloth_contact import add_kernel, press_kernel
-from warp_cloth.kernels.contact_search import box_kernel, pairs_kernel, start_kernel
+from warp_cloth.kernels.contact_pairs import groups_kernel, leaves_kernel, pairs_kernel
+from warp_cloth.kernels.contact_search import box_kernel, start_kernel
+from warp_cloth.kernels.crossing_search import crossing_groups_kernel, crossing_leaves_kernel, crossings_kernel
 from warp_cloth.kernels.depth import DepthSolid, plain_contact, solid_level
 from warp_cloth.kernels.displace import NoCollider, advance_kernel, displace_kernel
 from warp_cloth.kernels.field import ContactField, field_contact
@@ -27,7 +29,7 @@ from warp_cloth.kernels.gather import gather_kernel
 from warp_cloth.kernels.layers import LayeredSolid, layered_level
 from warp_cloth.kernels.pressure import push_kernel
 from warp_cloth.kernels.scatter import edges_kernel, normals_kernel, triangles_kernel
-from warp_cloth.kernels.untangle import crossings_kernel, layers_kernel, settle_kernel
+from warp_cloth.kernels.untangle import layers_kernel, settle_kernel
 
 FOLDER = Path(warp_cloth.kernels.__path__[0])
 FILES = sorted(path for path in FOLDER.glob("*.py") if path.name != "__init__.py")
@@ -124,6 +126,7 @@ def test_displacement_and_certificate_kernels_compile(precision: str) -> None:
 
 @pytest.mark.parametrize("precision", PRECISIONS)
 def test_kernels_of_cloth_on_cloth_compile(precision: str) -> None:
-    searching = start_kernel, box_kernel, pairs_kernel
-    loaded(*(made(precision) for made in (*searching, crossings_kernel, layers_kernel, settle_kernel, add_kernel)))
+    searching = start_kernel, box_kernel, groups_kernel, leaves_kernel, pairs_kernel
+    parting = crossing_groups_kernel, crossing_leaves_kernel, crossings_kernel, layers_kernel, settle_kernel
+    loaded(*(made(precision) for made in (*searching, *parting, add_kernel)))
     loaded(*(press_kernel(precision, fourth) for fourth in FOURTH_PARTS))

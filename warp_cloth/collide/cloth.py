@@ -14,18 +14,15 @@ from numpy.typing import NDArray
 from warp_cloth.collide.box_tree import block_count, box_tree, near_order
 from warp_cloth.collide.crossing import Sheets
 from warp_cloth.collide.rest_near import rest_near_rows
-from warp_cloth.kernels.cloth_contact import NO_LIMIT, ClothContact, add_kernel, press_kernel
-from warp_cloth.kernels.contact_search import (
-    ContactSearch,
-    box_kernel,
-    box_rest,
-    pairs_kernel,
-    start_kernel,
-)
+from warp_cloth.kernels.box_tree import WIDTH
+from warp_cloth.kernels.cloth_contact import NO_LIMIT, PAIRS, ClothContact, add_kernel, press_kernel
+from warp_cloth.kernels.contact_pairs import groups_kernel, leaves_kernel, pairs_kernel
+from warp_cloth.kernels.contact_search import ContactSearch, box_kernel, box_rest, start_kernel
+from warp_cloth.kernels.crossing_search import crossing_groups_kernel, crossing_leaves_kernel, crossings_kernel
 from warp_cloth.kernels.lean_memory import LeanMemory
+from warp_cloth.kernels.meeting import Meetings
 from warp_cloth.kernels.untangle import (
     Untangling,
-    crossings_kernel,
     forget_tangles,
     layers_kernel,
     settle_kernel,
@@ -59,8 +56,13 @@ LAYER_REACH = 0.01  # [m]; how deep one garment may be inside another once both 
 LOOK_EVERY = 5
 LOOK_UNTANGLING = 4
 LOOKING = 64  # threads in a block that walks a tree: some take far longer than others
+# Room in a GPU's lists of what meets, for each group of leaves and for each leaf: several times what sewn cloth needs,
+# whose crumples may meet more
+GROUPS_MET = 32
+LEAVES_MET = 8
+FINDING = 2**18  # threads that go through the first of these lists, at most
 PRESSING = 2**16  # threads that press pairs, at most: as many as a large GPU works on at a time
-BOXING = 256  # threads in a block that boxes what is in a tree
+BOXING = 512  # threads in a block that boxes what is in a tree
 STRIDE_SHARE = 0.1  # of the reach: longest untangling shift in an iteration
 
 
@@ -107,7 +109,10 @@ class ClothTouch:
         self.awake = False
         self.untangles = True  # whether searches look for what crosses, too
         self._start, self._boxes = start_kernel(model.precision), box_kernel(model.precision)
+        self._groups, self._leaves = groups_kernel(model.precision), leaves_kernel(model.precision)
         self._pairs = pairs_kernel(model.precision)
+        self._crossing_groups = crossing_groups_kernel(model.precision)
+        self._crossing_leaves = crossing_leaves_kernel(model.precision)
         self._part_crossings, self._part_layers = crossings_kernel(model.precision), layers_kernel(model.precision)
         self._settle = settle_kernel(model.precision)
         self._press = press_kernel(model.precision, "stiffness")
@@ -117,6 +122,7 @@ class ClothTouch:
             self.data = self._contact(parts, kinds)
             self._search = self._sheet_search(parts, kinds)
             self._untangling = self._sheet_untangling(parts, kinds)
+            self._meetings = self._lists()
         self.layered = len({(kind.item, kind.layer) for kind in kinds}) > len({kind.item for kind in kinds})
 
     @property
@@ -176,9 +182,19 @@ class ClothTouch:
         lengths = np.concatenate([part.rest.edge_length for part in parts])
         search.longest = wp.array(OPEN_STRETCH * lengths, dtype=wp.float32)
         search.sides = wp.array(sheets.triangle_edges, dtype=wp.vec3i)
-        search.tangles = wp.zeros(1, dtype=wp.int32)
         search.tangled = wp.zeros(sheets.vertex_count, dtype=wp.int32)
         return search
+
+    def _lists(self) -> Any:
+        """Of what meets; of no room on the CPU, where one thread does everything in turn."""
+        meetings = Meetings()
+        leaves = len(self.sheets.edges) + self.sheets.vertex_count
+        if not wp.get_device(self._model.device).is_cuda:
+            leaves = 0
+        meetings.count = wp.zeros(2, dtype=wp.int32)
+        meetings.group = wp.empty(GROUPS_MET * -(-leaves // int(WIDTH)), dtype=wp.vec3i)
+        meetings.leaf = wp.empty(LEAVES_MET * leaves, dtype=wp.vec2i)
+        return meetings
 
     def _plant_trees(self, points: Points) -> None:
         """Puts what is searched in an order for garments at these points [m], which only changes the search's speed."""
@@ -224,13 +240,15 @@ class ClothTouch:
         untangling.stride = STRIDE_SHARE * self.reach
         untangling.sum = wp.zeros((count, 4), dtype=wp.int64)
         untangling.count = wp.zeros(3, dtype=wp.int32)
+        untangling.beyond = wp.zeros(count, dtype=wp.int64)
         return untangling
 
     def kernels(self) -> list[wp.Kernel]:
         """Every kernel that contact launches."""
-        found = [self._start, self._boxes, box_rest, self._pairs]  # the third where trees are high
-        parting = [forget_tangles, self._part_crossings, self._part_layers, self._settle]
-        return [*found, *parting, self._press, self._measure, self._add]
+        found = [self._start, self._boxes, box_rest, self._groups, self._crossing_groups]  # the third for high trees
+        if self._meetings.group.size:
+            found += [self._leaves, self._pairs, self._crossing_leaves, self._part_crossings]
+        return [*found, forget_tangles, self._part_layers, self._settle, self._press, self._measure, self._add]
 
     def awaken(self) -> None:
         """From now on garments meet."""
@@ -268,10 +286,8 @@ class ClothTouch:
         At the last search; where searches no longer look for that, now.
         """
         if not self.untangles:
-            cloth, given = self._model.cloth, [self._search, self._untangling]
-            self._box(cloth, anew=False)
-            self._launch(forget_tangles, self.sheets.vertex_count, given)
-            self._launch(self._part_crossings, self._search.edge_tree.leaf.size, [cloth, *given], LOOKING)
+            self._box(self._model.cloth, anew=False)
+            self._look_for_crossings(self._model.cloth, layered=False)
         return int(self._untangling.count.numpy().sum())
 
     def search_where_due(self, cloth: Any) -> None:
@@ -281,12 +297,28 @@ class ClothTouch:
     def search(self, cloth: Any) -> None:
         """Looks for pairs, and for what crosses while that is to be undone."""
         given, found, memory, vertices = self._search, self.data, self._memory, self.sheets.vertex_count
-        self._launch(self._start, max(vertices, len(found.corners)), [cloth, found, memory])
+        met = self._meetings
+        self._launch(self._start, max(vertices, len(found.corners)), [cloth, found, memory, met])
         self._box(cloth)
         if self.untangles:
             self._untangle(cloth)
-        size = given.edge_tree.leaf.size + given.vertex.size
-        self._launch(self._pairs, size, [cloth, given, found, memory], LOOKING)
+        inputs = [cloth, given, found, memory, met]
+        self._launch_teams(self._groups, given.edge_tree.leaf.size + given.vertex.size, inputs)
+        self._launch_lists(self._leaves, self._pairs, inputs, inputs)
+
+    def _launch_teams(self, kernel: wp.Kernel, leaves: int, inputs: list[Any]) -> None:
+        """Launches a team for each group of leaves."""
+        threads = leaves if wp.get_device(self._model.device).is_cuda else leaves // int(WIDTH)
+        self._launch(kernel, threads, inputs, LOOKING)
+
+    def _launch_lists(self, by_group: wp.Kernel, by_leaf: wp.Kernel, asked: list[Any], looked: list[Any]) -> None:
+        """Launches what goes through the lists of what meets, where there are any."""
+        groups, leaves = self._meetings.group.size, self._meetings.leaf.size
+        if groups:
+            threads = min(int(WIDTH) * groups, FINDING)
+            self._launch(by_group, threads, [*asked, threads])
+            threads = min(leaves, PRESSING)
+            self._launch(by_leaf, threads, [*looked, threads])
 
     def _box(self, cloth: Any, *, anew: bool = True) -> None:
         """Brings the trees up to where garments are; ``anew``: for a search that lists all pairs anew."""
@@ -301,21 +333,34 @@ class ClothTouch:
         """Looks for what crosses, and which way undoes that."""
         given, found, untangling = self._search, self.data, self._untangling
         vertices = self.sheets.vertex_count
-        self._launch(forget_tangles, vertices, [given, untangling])
-        self._launch(self._part_crossings, given.edge_tree.leaf.size, [cloth, given, untangling], LOOKING)
+        self._look_for_crossings(cloth, layered=self.layered)
         if self.layered:
-            self._launch(self._part_layers, given.vertex.size, [cloth, given, found, untangling], LOOKING)
-        self._launch(self._settle, vertices, [cloth, given, found, untangling])
+            self._launch(self._part_layers, vertices, [cloth, given, found, untangling])
+        self._launch(self._settle, vertices, [cloth, given, found, untangling, self._meetings])
+
+    def _look_for_crossings(self, cloth: Any, *, layered: bool) -> None:
+        """Looks for what crosses, and where garments are ``layered``, for what of others is nearest to each vertex."""
+        given, found, untangling, met = self._search, self.data, self._untangling, self._meetings
+        self._launch(forget_tangles, self.sheets.vertex_count, [given, untangling, met])
+        leaves = given.edge_tree.leaf.size + (given.vertex.size if layered else 0)
+        asked = [cloth, given, found, untangling, met]
+        self._launch_teams(self._crossing_groups, leaves, asked)
+        self._launch_lists(self._crossing_leaves, self._part_crossings, asked, [cloth, given, untangling, met])
 
     def press(self, step: Any, cloth: Any) -> None:
         """Sums what the known pairs do to their vertices, for the next move."""
-        threads = min(len(self.data.corners), PRESSING)
+        threads = self._pressing()
         self._launch(self._press, threads, [step, cloth, self.data, threads])
+
+    def _pressing(self) -> int:
+        """Threads that press pairs."""
+        teams = -(-len(self.data.corners) // int(PAIRS))
+        return min(int(WIDTH) * teams, PRESSING) if wp.get_device(self._model.device).is_cuda else teams
 
     def measure(self, step: Any, load: wp.array) -> None:
         """Adds the same to a certificate's load: forces as they stand, and their sizes."""
         if self.awake:
-            threads = min(len(self.data.corners), PRESSING)
+            threads = self._pressing()
             self._launch(self._measure, threads, [step, self._model.cloth, self.data, threads])
             self._launch(self._add, self.sheets.vertex_count, [self.data, load])
 

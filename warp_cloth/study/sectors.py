@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from warp_cloth.kernels.block import BLOCK_MEMORY, BLOCKS_PER_CORE
 from warp_cloth.kernels.cloth import Patch
+from warp_cloth.kernels.cloth_contact import PAIRS
 from warp_cloth.kernels.field import ContactField
 from warp_cloth.study.caches import core_bytes, spilled_bytes
 from warp_cloth.study.launches import Launch
@@ -136,7 +137,8 @@ class _Moved:
         pair = np.arange(min(found, len(corners)))
         if f"{contact}.due" in chain:
             pair = pair[due[pair] <= way[0] + stride[turn[0] & 1]]  # as kernels.cloth_contact's contact_way
-        block = pair % self._launch.threads // THREADS
+        team = 32 if self._device.is_cuda else 1  # that goes over PAIRS at a time
+        block = pair // int(PAIRS) * team % self._launch.threads // THREADS
         if len(array) == len(corners):
             return block, pair
         return np.repeat(block, 4), corners[pair].ravel().astype(np.int64)

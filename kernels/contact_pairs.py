@@ -1,0 +1,282 @@
+"""Finds which cloth is near which: the pairs that contact presses."""
+
+import functools
+
+import warp as wp
+
+from warp_cloth.kernels.box_tree import (
+    WIDTH,
+    below,
+    bit_count,
+    box_of,
+    leaves_meeting,
+    lowest_bit,
+    team_lane,
+    team_threads,
+    walk_from,
+)
+from warp_cloth.kernels.cloth import MODULE_OPTIONS, cloth_types, place_function
+from warp_cloth.kernels.cloth_contact import NEIGHBOURS, ON_EDGE, ON_TRIANGLE, ClothContact, pair_way, pair_weights
+from warp_cloth.kernels.contact_search import SLACK, ContactSearch, group_box_function, without_corner
+from warp_cloth.kernels.lean_memory import LeanMemory, remembered_lean
+from warp_cloth.kernels.meeting import GROUPS, LEAVES_MET, Meetings, meet_function, team_slot
+
+wp.set_module_options({"enable_backward": False, "fuse_fp": False})
+
+
+@wp.func
+def rest_near(search: ContactSearch, a: int, b: int):
+    """Whether two vertices are near in the rest shape."""
+    for row in range(search.near_start[a], search.near_start[a + 1]):
+        if search.near[row] == b:
+            return True
+    return False
+
+
+_NEXT_SLOT = """
+#if defined(__CUDA_ARCH__)
+    const unsigned int asking = __activemask();
+    const int first = __ffs(asking) - 1, lane = threadIdx.x & 31;
+    int slot = 0;
+    if (lane == first)
+        slot = atomicAdd(count.data, __popc(asking));
+    return __shfl_sync(asking, slot, first) + __popc(asking & ((1u << lane) - 1u));
+#else
+    return wp::atomic_add(count, 0, 1);
+#endif
+"""
+
+
+@wp.func_native(_NEXT_SLOT)
+def next_slot(count: wp.array(dtype=wp.int32)) -> int:
+    """A number of its own for each that asks, counted; the threads that ask at once go to the counter together."""
+    ...
+
+
+@wp.func
+def keep_pair(contact: ClothContact, memory: LeanMemory, corners: wp.vec4i, kind: int, near: bool):
+    """Counts a pair and, while there is room, keeps it, with the lean that it had before the search."""
+    slot = next_slot(contact.count)
+    if slot < contact.corners.shape[0]:
+        contact.corners[slot] = corners
+        contact.kind[slot] = kind
+        contact.lean[slot] = remembered_lean(memory, corners, kind)
+        contact.due[slot] = wp.int64(0)
+        if near:
+            contact.kind[slot] = kind + NEIGHBOURS
+
+
+@functools.cache
+def near_function(precision: str) -> wp.Function:
+    """The function that tells whether a pair is nearer than some reach."""
+    Cloth, at = cloth_types(precision).Cloth, place_function(precision)
+
+    @wp.func
+    def nearer(cloth: Cloth, corners: wp.vec4i, kind: int, reach: wp.float64):
+        """Whether a pair is nearer than the reach [m]."""
+        x0 = at(cloth.position, corners[0])
+        x1 = at(cloth.position, corners[1])
+        x2 = at(cloth.position, corners[2])
+        x3 = at(cloth.position, corners[3])
+        weights = pair_weights(kind, x0, x1, x2, x3)
+        return wp.length(pair_way(weights, x0, x1, x2, x3)) < reach
+
+    return nearer
+
+
+@functools.cache
+def keep_function(precision: str) -> wp.Function:
+    """The function that looks closely at what may be near."""
+    Cloth, nearer = cloth_types(precision).Cloth, near_function(precision)
+
+    @wp.func
+    def keep_on_triangle(
+        cloth: Cloth, search: ContactSearch, contact: ClothContact, memory: LeanMemory, vertex: int, t: wp.vec3i
+    ):
+        """Keeps a vertex and a triangle if they are near each other."""
+        corners = wp.vec4i(vertex, t[0], t[1], t[2])
+        if nearer(cloth, corners, ON_TRIANGLE, contact.reach):
+            near = rest_near(search, vertex, t[0]) or rest_near(search, vertex, t[1])
+            near = near or rest_near(search, vertex, t[2])
+            keep_pair(contact, memory, corners, ON_TRIANGLE, near)
+
+    @wp.func
+    def keep_on_edge(
+        cloth: Cloth, search: ContactSearch, contact: ClothContact, memory: LeanMemory, e: wp.vec2i, o: wp.vec2i
+    ):
+        """Keeps two edges if they are near each other."""
+        corners = wp.vec4i(e[0], e[1], o[0], o[1])
+        if nearer(cloth, corners, ON_EDGE, contact.reach):
+            near = rest_near(search, e[0], o[0]) or rest_near(search, e[0], o[1])
+            near = near or rest_near(search, e[1], o[0]) or rest_near(search, e[1], o[1])
+            keep_pair(contact, memory, corners, ON_EDGE, near)
+
+    @wp.func
+    def keep_near(
+        cloth: Cloth, search: ContactSearch, contact: ClothContact, memory: LeanMemory, asking: int, met: int
+    ):
+        """Keeps two leaves (Meetings.leaf) if they are near each other, and neither is tangled."""
+        if asking < 0:
+            vertex = -1 - asking
+            t = search.corners[met]
+            tangled = search.tangled[vertex] + search.tangled[t[0]] + search.tangled[t[1]] + search.tangled[t[2]]
+            if tangled == 0:
+                keep_on_triangle(cloth, search, contact, memory, vertex, t)
+        else:
+            # the lower comes first, wherever they are in the tree
+            edge, other = search.edge_tree.leaf[asking], search.edge_tree.leaf[met]
+            e, o = search.edges[wp.min(edge, other)], search.edges[wp.max(edge, other)]
+            if search.tangled[e[0]] + search.tangled[e[1]] + search.tangled[o[0]] + search.tangled[o[1]] == 0:
+                keep_on_edge(cloth, search, contact, memory, e, o)
+
+    return keep_near
+
+
+@wp.func
+def without_end(search: ContactSearch, mask: wp.uint32, group: int, ends: wp.vec2i):
+    """Those of a group's edges that share no end with an edge: a bit for each."""
+    left = wp.uint32(mask)
+    kept = wp.uint32(mask)
+    while left != wp.uint32(0):
+        place = lowest_bit(left)
+        left = left & (left - wp.uint32(1))
+        o = search.ends[WIDTH * group + place]
+        if ends[0] == o[0] or ends[0] == o[1] or ends[1] == o[0] or ends[1] == o[1]:
+            kept = kept & ~(wp.uint32(1) << wp.uint32(place))
+    return kept
+
+
+@functools.cache
+def near_leaves_function(precision: str) -> wp.Function:
+    """The function that lists which leaves of two groups may be near each other."""
+    Cloth, at = cloth_types(precision).Cloth, place_function(precision)
+    keep_near = keep_function(precision)
+
+    @wp.func
+    def find_near(
+        cloth: Cloth,
+        search: ContactSearch,
+        contact: ClothContact,
+        memory: LeanMemory,
+        meetings: Meetings,
+        kind: int,
+        group: int,
+        met: int,
+    ):
+        """Lists the leaves of a group, met by another, that may be near; ``kind`` ON_TRIANGLE or ON_EDGE."""
+        room = float(contact.reach) + SLACK
+        wide = wp.vec3f(room, room, room)
+        local = team_lane()
+        while local < WIDTH:
+            mask = wp.uint32(0)
+            asking = WIDTH * group + local
+            if kind == ON_EDGE:
+                low, high = box_of(search.edge_tree, 0, asking)
+                mask = leaves_meeting(search.edge_tree, met, low - wide, high + wide)
+                if met == group:
+                    mask = mask & ~below(local + 1)
+                mask = without_end(search, mask, met, search.ends[asking])
+            else:
+                vertex = search.vertex[asking]
+                if vertex >= 0:
+                    low = wp.vec3f(at(cloth.position, vertex)) - wide
+                    mask = leaves_meeting(search.triangle_tree, met, low, low + wide + wide)
+                    mask = without_corner(search, mask, met, vertex, vertex)
+                asking = -1 - vertex
+            slot = team_slot(meetings.count, LEAVES_MET, bit_count(mask))
+            while mask != wp.uint32(0):
+                place = WIDTH * met + lowest_bit(mask)
+                mask = mask & (mask - wp.uint32(1))
+                if slot < meetings.leaf.shape[0]:
+                    meetings.leaf[slot] = wp.vec2i(asking, place)
+                else:
+                    keep_near(cloth, search, contact, memory, asking, place)
+                slot += 1
+            local += team_threads()
+
+    return find_near
+
+
+@functools.cache
+def groups_kernel(precision: str) -> wp.Kernel:
+    """Kernel ``meet_near``."""
+    Cloth, group_of_vertices = cloth_types(precision).Cloth, group_box_function(precision)
+    find_near = near_leaves_function(precision)
+    meet_groups = meet_function(find_near, Cloth, ContactSearch, ClothContact, LeanMemory)
+
+    @wp.kernel(module="unique", module_options=MODULE_OPTIONS, grid_stride=False)
+    def meet_near(cloth: Cloth, search: ContactSearch, contact: ClothContact, memory: LeanMemory, meetings: Meetings):
+        """Lists what each group of edges, and of vertices, may be near: a team for each."""
+        group = wp.tid() // team_threads()
+        edge_groups = search.edge_tree.leaf.shape[0] // WIDTH
+        room = float(contact.reach) + SLACK
+        wide = wp.vec3f(room, room, room)
+        if group < edge_groups:
+            edge = search.edge_tree.leaf[WIDTH * group]
+            if edge >= 0:
+                last = search.leaves[search.item[search.edges[edge][0]]][3]
+                low, high = box_of(search.edge_tree, 1, group)
+                walk = walk_from(search.edge_tree, low - wide, high + wide, WIDTH * group, last)
+                meet_groups(cloth, search, contact, memory, meetings, search.edge_tree, walk, ON_EDGE, group)
+        else:
+            group -= edge_groups
+            vertex = search.vertex[WIDTH * group]
+            if vertex >= 0:
+                leaves = search.leaves[search.item[vertex]]
+                low, high = group_of_vertices(cloth, search, group)
+                walk = walk_from(search.triangle_tree, low - wide, high + wide, leaves[0], leaves[1])
+                meet_groups(cloth, search, contact, memory, meetings, search.triangle_tree, walk, ON_TRIANGLE, group)
+
+    return meet_near
+
+
+@functools.cache
+def leaves_kernel(precision: str) -> wp.Kernel:
+    """Kernel ``find_near_leaves``."""
+    Cloth = cloth_types(precision).Cloth
+    find_near = near_leaves_function(precision)
+
+    @wp.kernel(module="unique", module_options=MODULE_OPTIONS, grid_stride=False)
+    def find_near_leaves(
+        cloth: Cloth,
+        search: ContactSearch,
+        contact: ClothContact,
+        memory: LeanMemory,
+        meetings: Meetings,
+        threads: int,
+    ):
+        """Lists which leaves of the groups listed may be near each other."""
+        row = wp.tid() // team_threads()
+        count = wp.min(meetings.count[GROUPS], meetings.group.shape[0])
+        while row < count:
+            pair = meetings.group[row]
+            find_near(cloth, search, contact, memory, meetings, pair[0], pair[1], pair[2])
+            row += threads // team_threads()
+
+    return find_near_leaves
+
+
+@functools.cache
+def pairs_kernel(precision: str) -> wp.Kernel:
+    """Kernel ``find_pairs``."""
+    Cloth = cloth_types(precision).Cloth
+    keep_near = keep_function(precision)
+
+    @wp.kernel(module="unique", module_options=MODULE_OPTIONS, grid_stride=False)
+    def find_pairs(
+        cloth: Cloth,
+        search: ContactSearch,
+        contact: ClothContact,
+        memory: LeanMemory,
+        meetings: Meetings,
+        threads: int,
+    ):
+        """Keeps what is near of the leaves listed."""
+        row = int(wp.tid())
+        count = wp.min(meetings.count[LEAVES_MET], meetings.leaf.shape[0])
+        while row < count:
+            pair = meetings.leaf[row]
+            keep_near(cloth, search, contact, memory, pair[0], pair[1])
+            row += threads
+
+    return find_pairs

@@ -1,0 +1,190 @@
+"""Finds which cloth crosses which, and what of other layers each vertex is nearest to."""
+
+import functools
+
+import warp as wp
+
+from warp_cloth.kernels.box_tree import (
+    WIDTH,
+    bit_count,
+    box_of,
+    leaves_meeting,
+    lowest_bit,
+    team_lane,
+    team_threads,
+    walk_from,
+)
+from warp_cloth.kernels.cloth import MODULE_OPTIONS, cloth_types, place_function
+from warp_cloth.kernels.cloth_contact import ON_EDGE, ON_TRIANGLE, ClothContact
+from warp_cloth.kernels.contact_search import SLACK, ContactSearch, group_box_function, without_corner
+from warp_cloth.kernels.meeting import GROUPS, LEAVES_MET, Meetings, meet_function, team_slot
+from warp_cloth.kernels.touch import nearest_on_triangle
+from warp_cloth.kernels.untangle import Untangling, part_crossing_function, ranked
+
+wp.set_module_options({"enable_backward": False, "fuse_fp": False})
+
+
+@functools.cache
+def part_leaves_function(precision: str) -> wp.Function:
+    """The function that looks closely at what may cross, or lie beyond another layer."""
+    Cloth, at = cloth_types(precision).Cloth, place_function(precision)
+    part_crossing = part_crossing_function(precision)
+
+    @wp.func
+    def part_met(cloth: Cloth, search: ContactSearch, untangling: Untangling, asking: int, met: int):
+        """Parts an edge and a triangle (Meetings.leaf); of a vertex and a triangle notes how near they are."""
+        triangle = search.triangle_tree.leaf[met]
+        if asking >= 0:
+            part_crossing(cloth, search, untangling, search.edge_tree.leaf[asking], triangle)
+        else:
+            vertex = -1 - asking
+            t = search.corners[met]
+            x = at(cloth.position, vertex)
+            a = at(cloth.position, t[0])
+            ab = at(cloth.position, t[1]) - a
+            ac = at(cloth.position, t[2]) - a
+            on = nearest_on_triangle(x - a, ab, ac)
+            distance = wp.length(x - a - ab * on[1] - ac * on[2])
+            wp.atomic_min(untangling.beyond, vertex, ranked(float(distance)) + wp.int64(triangle))
+
+    return part_met
+
+
+@functools.cache
+def crossing_leaves_function(precision: str) -> wp.Function:
+    """The function that lists which leaves of two groups may cross, or lie beyond another layer."""
+    Cloth, at = cloth_types(precision).Cloth, place_function(precision)
+    part_met = part_leaves_function(precision)
+
+    @wp.func
+    def find_crossing(
+        cloth: Cloth,
+        search: ContactSearch,
+        untangling: Untangling,
+        contact: ClothContact,
+        meetings: Meetings,
+        kind: int,
+        group: int,
+        met: int,
+    ):
+        """Lists the triangles of a group, met by another, that edges may cross (ON_EDGE) or vertices be beyond."""
+        room = float(untangling.layer_reach) + SLACK
+        wide = wp.vec3f(room, room, room)
+        local = team_lane()
+        while local < WIDTH:
+            mask = wp.uint32(0)
+            asking = WIDTH * group + local
+            if kind == ON_EDGE:
+                low, high = box_of(search.edge_tree, 0, asking)
+                ends = search.ends[asking]
+                mask = leaves_meeting(search.triangle_tree, met, low, high)
+                mask = without_corner(search, mask, met, ends[0], ends[1])
+            else:
+                vertex = search.vertex[asking]
+                if vertex >= 0:
+                    low = wp.vec3f(at(cloth.position, vertex)) - wide
+                    mask = leaves_meeting(search.triangle_tree, met, low, low + wide + wide)
+                asking = -1 - vertex
+            slot = team_slot(meetings.count, LEAVES_MET, bit_count(mask))
+            while mask != wp.uint32(0):
+                place = WIDTH * met + lowest_bit(mask)
+                mask = mask & (mask - wp.uint32(1))
+                if slot < meetings.leaf.shape[0]:
+                    meetings.leaf[slot] = wp.vec2i(asking, place)
+                else:
+                    part_met(cloth, search, untangling, asking, place)
+                slot += 1
+            local += team_threads()
+
+    return find_crossing
+
+
+@functools.cache
+def crossing_groups_kernel(precision: str) -> wp.Kernel:
+    """Kernel ``meet_crossing``."""
+    Cloth, group_of_vertices = cloth_types(precision).Cloth, group_box_function(precision)
+    find_crossing = crossing_leaves_function(precision)
+    meet_groups = meet_function(find_crossing, Cloth, ContactSearch, Untangling, ClothContact)
+
+    @wp.kernel(module="unique", module_options=MODULE_OPTIONS, grid_stride=False)
+    def meet_crossing(
+        cloth: Cloth, search: ContactSearch, contact: ClothContact, untangling: Untangling, meetings: Meetings
+    ):
+        """Lists the triangles that each group of edges, then of vertices, meets: a team for each."""
+        group = wp.tid() // team_threads()
+        edge_groups = search.edge_tree.leaf.shape[0] // WIDTH
+        tree = search.triangle_tree
+        if group < edge_groups:
+            edge = search.edge_tree.leaf[WIDTH * group]
+            if edge >= 0:
+                leaves = search.leaves[search.item[search.edges[edge][0]]]
+                low, high = box_of(search.edge_tree, 1, group)
+                walk = walk_from(tree, low, high, leaves[0], leaves[1])
+                meet_groups(cloth, search, untangling, contact, meetings, tree, walk, ON_EDGE, group)
+        else:
+            group -= edge_groups
+            vertex = search.vertex[WIDTH * group]
+            if vertex >= 0:
+                room = float(untangling.layer_reach) + SLACK
+                wide = wp.vec3f(room, room, room)
+                # not named as above: Warp would read both, whichever branch was taken
+                whole, own = search.leaves[search.item[vertex]], untangling.own[vertex]
+                low, high = group_of_vertices(cloth, search, group)
+                for side in range(2):  # of its own layer in the tree
+                    begin = wp.where(side == 0, whole[0], own[1])
+                    end = wp.where(side == 0, own[0], whole[1])
+                    walk = walk_from(tree, low - wide, high + wide, begin, end)
+                    meet_groups(cloth, search, untangling, contact, meetings, tree, walk, ON_TRIANGLE, group)
+
+    return meet_crossing
+
+
+@functools.cache
+def crossing_leaves_kernel(precision: str) -> wp.Kernel:
+    """Kernel ``find_crossing_leaves``."""
+    Cloth = cloth_types(precision).Cloth
+    find_crossing = crossing_leaves_function(precision)
+
+    @wp.kernel(module="unique", module_options=MODULE_OPTIONS, grid_stride=False)
+    def find_crossing_leaves(
+        cloth: Cloth,
+        search: ContactSearch,
+        contact: ClothContact,
+        untangling: Untangling,
+        meetings: Meetings,
+        threads: int,
+    ):
+        """Lists which leaves of the groups listed may cross."""
+        row = wp.tid() // team_threads()
+        count = wp.min(meetings.count[GROUPS], meetings.group.shape[0])
+        while row < count:
+            pair = meetings.group[row]
+            find_crossing(cloth, search, untangling, contact, meetings, pair[0], pair[1], pair[2])
+            row += threads // team_threads()
+
+    return find_crossing_leaves
+
+
+@functools.cache
+def crossings_kernel(precision: str) -> wp.Kernel:
+    """Kernel ``part_crossings``."""
+    Cloth = cloth_types(precision).Cloth
+    part_met = part_leaves_function(precision)
+
+    @wp.kernel(module="unique", module_options=MODULE_OPTIONS, grid_stride=False)
+    def part_crossings(
+        cloth: Cloth,
+        search: ContactSearch,
+        untangling: Untangling,
+        meetings: Meetings,
+        threads: int,
+    ):
+        """Shifts each edge that passes through a triangle, and that triangle, so that they cross less."""
+        row = int(wp.tid())
+        count = wp.min(meetings.count[LEAVES_MET], meetings.leaf.shape[0])
+        while row < count:
+            pair = meetings.leaf[row]
+            part_met(cloth, search, untangling, pair[0], pair[1])
+            row += threads
+
+    return part_crossings

@@ -1,0 +1,143 @@
+"""Which cloth may meet, found in steps that share the work out evenly: groups of leaves, leaves, then what they hold.
+
+How much is near a group differs tenfold, and a GPU waits for the slowest. So a team walks the tree for a whole group
+and lists the groups that it meets; then a team for each such pair lists the leaves whose boxes meet; then a thread for
+each of these looks closely. What a list has no room for is worked on at once: with lists of no room at all, as on the
+CPU, the first step does everything.
+"""
+
+import functools
+from typing import Any
+
+import warp as wp
+
+from warp_cloth.kernels.box_tree import BoxTree, BoxWalk, step_on, team_lane, team_threads
+
+wp.set_module_options({"enable_backward": False, "fuse_fp": False})
+
+GROUPS = wp.constant(wp.int32(0))  # where ``Meetings.count`` counts pairs of groups,
+LEAVES_MET = wp.constant(wp.int32(1))  # and where pairs of leaves
+
+
+@wp.struct
+class Meetings:
+    """Lists of what meets, each counted also beyond its room."""
+
+    count: wp.array(dtype=wp.int32)  # of each list, shape [2]
+    group: wp.array(dtype=wp.vec3i)  # what is asked for, the group that asks, the group of leaves that it meets
+    leaf: wp.array(dtype=wp.vec2i)  # an edge's place in its tree, or -1 - a vertex, and what it meets in the tree
+
+
+_TEAM_BASE = """
+#if defined(__CUDA_ARCH__)
+    int base = 0;
+    if ((threadIdx.x & 31) == 0)
+        base = atomicAdd(count.data + which, more);
+    return __shfl_sync(0xffffffffu, base, 0);
+#else
+    return wp::atomic_add(count, which, more);
+#endif
+"""
+
+_TEAM_SLOT = """
+#if defined(__CUDA_ARCH__)
+    const int lane = threadIdx.x & 31;
+    int through = more;
+    for (int k = 1; k < 32; k <<= 1) {
+        const int below = __shfl_up_sync(0xffffffffu, through, k);
+        if (lane >= k)
+            through += below;
+    }
+    int base = 0;
+    if (lane == 31 && through > 0)
+        base = atomicAdd(count.data + which, through);
+    return __shfl_sync(0xffffffffu, base, 31) + through - more;
+#else
+    return wp::atomic_add(count, which, more);
+#endif
+"""
+
+_TEAM_VALUE = """
+#if defined(__CUDA_ARCH__)
+    return __shfl_sync(0xffffffffu, value, lane);
+#else
+    return value;
+#endif
+"""
+
+
+@wp.func_native(_TEAM_BASE)
+def team_base(count: wp.array(dtype=wp.int32), which: int, more: int) -> int:
+    """Adds a team's number of things to a list's, and returns how many there were."""
+    ...
+
+
+@wp.func_native(_TEAM_SLOT)
+def team_slot(count: wp.array(dtype=wp.int32), which: int, more: int) -> int:
+    """The same where each thread has a number of things of its own: where its first goes."""
+    ...
+
+
+@wp.func_native(_TEAM_VALUE)
+def team_value(value: int, lane: int) -> int:
+    """What a thread of the team has."""
+    ...
+
+
+@functools.cache
+def meet_function(work: wp.Function, Cloth: Any, Search: Any, First: Any, Second: Any) -> wp.Function:
+    """The function that lists which groups a group meets.
+
+    ``work`` works on such a pair: (cloth, search, first, second, meetings, kind, group, met), a whole team at once.
+    """
+
+    @wp.func
+    def list_groups(
+        cloth: Cloth,
+        search: Search,
+        first: First,
+        second: Second,
+        meetings: Meetings,
+        kind: int,
+        group: int,
+        mine: int,
+        count: int,
+    ):
+        """Lists the groups that a team's threads hold, the first of them one each, or works on them."""
+        room = meetings.group.shape[0]
+        base = team_base(meetings.count, GROUPS, count)
+        if team_lane() < count and base + team_lane() < room:
+            meetings.group[base + team_lane()] = wp.vec3i(kind, group, mine)
+        left = int(wp.max(room - base, 0))
+        while left < count:
+            work(cloth, search, first, second, meetings, kind, group, team_value(mine, left))
+            left += 1
+
+    @wp.func
+    def meet_groups(
+        cloth: Cloth,
+        search: Search,
+        first: First,
+        second: Second,
+        meetings: Meetings,
+        tree: BoxTree,
+        start: BoxWalk,
+        kind: int,
+        group: int,
+    ):
+        """Lists the groups of leaves that a walk finds for a group, or works on them where the list is full."""
+        walk = step_on(tree, start)
+        mine = int(0)
+        count = int(0)
+        while walk.group >= 0:
+            if count == team_lane():
+                mine = int(walk.group)
+            count += 1
+            if count == team_threads():
+                list_groups(cloth, search, first, second, meetings, kind, group, mine, count)
+                count = 0
+            walk = step_on(tree, walk)
+        if count > 0:
+            list_groups(cloth, search, first, second, meetings, kind, group, mine, count)
+
+    return meet_groups
