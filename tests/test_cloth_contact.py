@@ -13,7 +13,7 @@ from cloths import NO_PINS, grid
 from touching import brute_energy, brute_forces, touching_pairs
 
 import warp_cloth
-from warp_cloth.collide.cloth import LEAST_THICKNESS, ClothTouch, SheetKind
+from warp_cloth.collide.cloth import LEAST_THICKNESS, ClothTouch, SheetKind, lists_of
 from warp_cloth.collide.crossing import find_crossings
 from warp_cloth.collide.exact import signed_distances
 from warp_cloth.collide.placing import DEEP, clear_shift
@@ -92,6 +92,30 @@ def contact_forces(model: ClothModel, touch: ClothTouch) -> np.ndarray:
     load = wp.zeros(model.vertex_count, dtype=types.vec4, device="cpu")
     touch.measure(types.Step(), load)
     return np.array(load.numpy(), dtype=np.float64)
+
+
+@pytest.mark.parametrize("room", [(1000, 100000), (1000, 50), (3, 100000), (3, 50)])
+def test_lists_of_any_room_find_the_same(room: tuple[int, int]) -> None:
+    upper = moved(crumpled(3), 0.0, 0.0, 0.3 * THICKNESS)  # crosses the other, whose vertices are beyond it
+    model, touch, _ = sheets_at([crumpled(1), upper])
+    touch.awaken()
+
+    def found() -> tuple[list[list[int]], list[np.ndarray]]:
+        touch.grow()
+        touch.search(model.cloth)
+        count = int(touch.data.count.numpy()[0])
+        rows = np.column_stack([touch.data.corners.numpy(), touch.data.kind.numpy()])[:count]
+        parting = touch._untangling
+        return sorted(rows.tolist()), [each.numpy() for each in (parting.count, parting.beyond, touch.data.shift)]
+
+    pairs, parted = found()  # with no lists at all
+    assert len(pairs) > 100
+    assert parted[0].min() > 0
+    touch._meetings = lists_of(*room)
+    again, parted_again = found()
+    assert again == pairs
+    assert touch._meetings.count.numpy().min() > 50  # more than the smaller lists have room for
+    assert all(np.array_equal(one, other) for one, other in zip(parted, parted_again, strict=True))
 
 
 @pytest.mark.parametrize("seed", [1, 2])

@@ -90,6 +90,15 @@ def sheets_of(parts: Sequence[GarmentPart]) -> Sheets:
     )
 
 
+def lists_of(groups: int, leaves: int) -> Any:
+    """Lists (kernels.meeting Meetings) of so much room."""
+    meetings = Meetings()
+    meetings.count = wp.zeros(2, dtype=wp.int32)
+    meetings.group = wp.empty(groups, dtype=wp.vec3i)
+    meetings.leaf = wp.empty(leaves, dtype=wp.vec2i)
+    return meetings
+
+
 class ClothTouch:
     """Contact of a model's garments with themselves and each other.
 
@@ -187,14 +196,10 @@ class ClothTouch:
 
     def _lists(self) -> Any:
         """Of what meets; of no room on the CPU, where one thread does everything in turn."""
-        meetings = Meetings()
         leaves = len(self.sheets.edges) + self.sheets.vertex_count
         if not wp.get_device(self._model.device).is_cuda:
             leaves = 0
-        meetings.count = wp.zeros(2, dtype=wp.int32)
-        meetings.group = wp.empty(GROUPS_MET * -(-leaves // int(WIDTH)), dtype=wp.vec3i)
-        meetings.leaf = wp.empty(LEAVES_MET * leaves, dtype=wp.vec2i)
-        return meetings
+        return lists_of(GROUPS_MET * -(-leaves // int(WIDTH)), LEAVES_MET * leaves)
 
     def _plant_trees(self, points: Points) -> None:
         """Puts what is searched in an order for garments at these points [m], which only changes the search's speed."""
