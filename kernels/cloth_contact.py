@@ -51,7 +51,8 @@ class ClothContact:
     reach: wp.float64  # pairs nearer than this when they were looked for are known [m]
     leeway: wp.float64  # how far a vertex may have moved at the next look, before which another search is due [m]
     ahead: wp.float64  # iterations to that look
-    far: wp.float64  # pairs farther apart are left alone till they may have come as near; above the thickness [m]
+    margin: wp.float64  # pairs this much farther apart than thick are left alone till they may be as near again [m]
+    far: wp.float64  # the same with the thinnest garment: whatever is left alone is farther apart [m]
     # pairs
     count: wp.array(dtype=wp.int32)  # pairs found, more than P where they did not fit, shape [1]
     corners: wp.array(dtype=wp.vec4i)  # vertex and triangle, or the ends of two edges, shape [P]
@@ -173,10 +174,13 @@ def pair_cloth(contact: ClothContact, corners: wp.vec4i):
 
 
 @wp.func
-def leave_room(contact: ClothContact, pair: int, corners: wp.vec4i, distance: wp.float64, way: wp.int64):
+def leave_room(
+    contact: ClothContact, pair: int, corners: wp.vec4i, distance: wp.float64, thickness: wp.float64, way: wp.int64
+):
     """Narrows the room of a pair's vertices, or where it is far apart says when to look at it again."""
-    if distance > contact.far:  # no move is longer than that leaves room for
-        contact.due[pair] = way + wp.int64(wp.float64(0.5) * (distance - contact.far) / ROOM_UNIT)
+    far = thickness + contact.margin
+    if distance > far:  # no move is longer than that leaves room for
+        contact.due[pair] = way + wp.int64(wp.float64(0.5) * (distance - far) / ROOM_UNIT)
     else:
         room = wp.int32(ROOM_SHARE * distance / ROOM_UNIT)
         for corner in range(4):
@@ -249,9 +253,9 @@ def press_function(precision: str, fourth: str) -> wp.Function:
         weights = pair_weights(kind & 1, x0, x1, x2, x3)
         way = pair_way(weights, x0, x1, x2, x3)
         distance = wp.length(way)
-        if wp.static(fourth != "size"):
-            leave_room(contact, pair, corners, distance, gone)
         thickness, modulus = cloth_there[0], cloth_there[1]
+        if wp.static(fourth != "size"):
+            leave_room(contact, pair, corners, distance, thickness, gone)
         if kind >= NEIGHBOURS or distance >= thickness or distance <= NOTHING:
             if wp.static(fourth != "size"):
                 contact.lean[pair] = wp.vec3f()

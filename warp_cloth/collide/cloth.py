@@ -47,8 +47,10 @@ OPEN_STRETCH = 2.0  # length over rest length beyond which an edge is a seam tha
 # Share of the skin that a vertex moves before the next search, as far as its last move tells: two that near each other
 # by twice that were looked for before they touch.
 LEEWAY_SHARE = 0.48
-# Of the skin: pairs within it are looked at in every iteration, and no move is longer than about half of it.
+# Of the skin: pairs within it are looked at in every iteration, and no move is longer than about half of it and the
+# thickness; less once forces have balanced, when moves are short.
 FAR_SHARE = 0.25
+NEARER_SHARE = 0.02
 PAIRS_PER_VERTEX = 3  # to begin with; a T-shirt on a body needs less once it is sewn
 LAYER_REACH = 0.01  # [m]; how deep one garment may be inside another once both are sewn
 # Iterations between two looks at whether cloth has moved so far that what is near changed. What is being untangled
@@ -114,8 +116,9 @@ class ClothTouch:
         skin = max(SKIN_OF_EDGE * float(np.median(lengths)), SKIN_OF_THICKNESS * thickest)
         self.reach = thickest + skin  # [m]; pairs nearer than this are looked for
         self.leeway = LEEWAY_SHARE * skin  # [m]
-        self.far = thickest + FAR_SHARE * skin  # [m]
+        self._skin = skin  # [m]
         self.awake = False
+        self.settled = False  # whether forces have balanced
         self.untangles = True  # whether searches look for what crosses, too
         self._start, self._boxes = start_kernel(model.precision), box_kernel(model.precision)
         self._groups, self._leaves = groups_kernel(model.precision), leaves_kernel(model.precision)
@@ -149,7 +152,7 @@ class ClothTouch:
         data.thickness = self._per_vertex(self._thickness, wp.float32)
         data.modulus = self._per_vertex(HALVING_PRESSURE * area / (FORCE_AT_HALF * self._thickness), wp.float32)
         data.friction = self._per_vertex([kind.friction for kind in kinds], wp.float32)
-        data.reach = data.leeway = data.far = np.inf  # asleep
+        data.reach = data.leeway = data.margin = data.far = np.inf  # asleep
         data.ahead = LOOK_EVERY
         data.count = wp.zeros(1, dtype=wp.int32)
         data.sum = wp.zeros((count, 4), dtype=wp.int64)
@@ -258,13 +261,28 @@ class ClothTouch:
     def awaken(self) -> None:
         """From now on garments meet."""
         self.awake = True
-        self.data.reach, self.data.leeway, self.data.far = self.reach, self.leeway, self.far
+        self.data.reach, self.data.leeway = self.reach, self.leeway
+        self.settled = False
+        self._look_within(FAR_SHARE)
         cloth = self._model.cloth
         with wp.ScopedDevice(self._model.device):
             self._plant_trees(self._model.points())
         self.search(cloth)
         if self.grow():
             self.search(cloth)
+
+    def _look_within(self, share: float) -> None:
+        self.data.margin = share * self._skin
+        self.data.far = self.data.margin + float(self._thickness.min())
+
+    def settle(self, *, balanced: bool) -> bool:
+        """Looks at fewer pairs in every iteration once forces have ``balanced``; whether that changes anything."""
+        if not self.awake or self.settled == balanced:
+            return False
+        self.settled = balanced
+        self._look_within(NEARER_SHARE if balanced else FAR_SHARE)
+        self.data.moved.fill_(1)  # what was left alone may be nearer than is now left alone
+        return True
 
     def face(self, outward: Sequence[float]) -> None:
         """Says of each garment whether its triangles face away from the body, 1, or to it, -1."""

@@ -164,13 +164,17 @@ class Relaxation:
         self._items["friction"][item] = collider.friction
 
     def loosen(self, relative_rms: NDArray[np.float64]) -> None:
-        """Lets worn items whose forces have balanced go on with leeway, and others without.
+        """Lets worn items whose forces have balanced go on with leeway, and others without; tells cloth on cloth, too.
 
         To be told after a look at all items, that many iterations later on every device.
 
         Args:
             relative_rms: of the items' residuals, shape [items].
         """
+        if self.touch is not None:
+            limit = TIGHTER * self._loose if self.touch.settled else self._loose
+            if self.touch.settle(balanced=bool(relative_rms.max() <= limit)):
+                self.forget_graphs()
         if self._leeway is None:
             return
         before = self._items["leeway"].copy()
