@@ -200,12 +200,17 @@ def batch(
     warp-cloth batch jobs.toml --out out --keep stages --workers 4
     """
     with one_line_errors():
+        from warp_cloth.batch.processes import get_ready
+
+        if ray is None:
+            get_ready()  # while this process imports
         from rich.console import Console
 
         from warp_cloth.batch import run_batch
         from warp_cloth.batch.progress import BatchDisplay, summary
 
-        start_warp(False)
+        if device != "cpu":
+            start_warp(False)
         with BatchDisplay(Console(stderr=True)) as display:
             report = run_batch(
                 jobs,

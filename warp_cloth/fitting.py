@@ -21,7 +21,7 @@ from warp_cloth.errors import InputError
 from warp_cloth.maps import FitMaps, chosen_maps, measure_maps
 from warp_cloth.maps.measure import check_maps
 from warp_cloth.mesh import Mesh, Points
-from warp_cloth.result import Penetration, Status, WornGarment
+from warp_cloth.result import Penetration, Status, Strain, WornGarment
 from warp_cloth.scene import Scene, load_scene
 from warp_cloth.set_up import SetUp, following, set_up_one, start_coarse, tolerance_of
 from warp_cloth.solver.certificate import (
@@ -32,6 +32,7 @@ from warp_cloth.solver.certificate import (
     thread_summaries,
 )
 from warp_cloth.solver.loop import Outcome, relax_to_rest
+from warp_cloth.threads import map_in_threads
 from warp_cloth.verdict import misplaced, more_iterations, report_of, unheld, verdict
 from warp_cloth.wardrobe import Wardrobe
 from warp_cloth.warm import Worn, saved_result, start_from
@@ -241,6 +242,12 @@ def finished(
     exact_of = exact_colliders(avatars, model.device)
     depths = penetrations(worn_points, avatars, model.device, exact_of)
     crossings = worn_crossings(made.wardrobes, worn_points, model.device)
+
+    def strains_of(item: int) -> tuple[Strain, dict[str, Strain]]:
+        along = threads[model.of_item(item, model.weave_start)]
+        return strain_summary(strains[model.of_item(item, model.edge_start)]), thread_summaries(along)
+
+    summaries = map_in_threads(strains_of, range(len(outcomes)))
     lap("measure")
     fits = []
     for item, (scene, wardrobe, outcome) in enumerate(zip(made.scenes, made.wardrobes, outcomes, strict=True)):
@@ -261,8 +268,8 @@ def finished(
             message=message,
             seconds=seconds if len(outcomes) == 1 else {**seconds, "relax": outcome.seconds},
             device=model.device,
-            strain=strain_summary(strain),
-            threads=thread_summaries(threads[model.of_item(item, model.weave_start)]),
+            strain=summaries[item][0],
+            threads=summaries[item][1],
             depth=depth,
             crossing=crossing,
             contact=made.touched(item),

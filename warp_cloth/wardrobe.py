@@ -163,6 +163,11 @@ def _body(scene: Scene) -> MannequinMeasures | None:
     return mannequin_measures(worn_by, size=worn_size(scene)) if isinstance(worn_by, MannequinShape) else None
 
 
+def generated_body(scene: Scene) -> str:
+    """The mannequin that a scene's generated meshes are made for, told apart from others; empty where there is none."""
+    return str(_body(scene) or "")
+
+
 def _file_mark(spec: GarmentSpec | AvatarSpec) -> str:
     """Size and time of the files that a mesh or garment is made from, which may change while a rack is kept."""
     marks = []

@@ -15,7 +15,7 @@ from warp_cloth.batch.lifeline import end_with_parent
 from warp_cloth.batch.processes import context, get_ready
 from warp_cloth.kept import Kept
 from warp_cloth.scene import Scene
-from warp_cloth.wardrobe import Key, Rack, Recipe, avatar_recipe, garment_keys, rest_of
+from warp_cloth.wardrobe import Key, Rack, Recipe, avatar_recipe, garment_keys, generated_body, rest_of
 
 log = logging.getLogger(__name__)
 
@@ -31,6 +31,7 @@ class Order:
     avatar: Recipe | None = None
     garments: dict[Key, tuple[Scene, int]] = field(default_factory=dict)  # scene and number in it, by the rest shape
     known: dict[Key, Any] = field(default_factory=dict)  # of the mesh and what is made of it
+    body: str = ""  # that is generated for it
 
     @property
     def count(self) -> int:
@@ -68,12 +69,15 @@ class Loaders:
         for scene in scenes:
             for recipe in avatar_recipe(scene):
                 if recipe.key not in rack:
-                    orders[recipe.key] = Order(recipe)
+                    orders[recipe.key] = Order(recipe, body=generated_body(scene))
             for index in range(len(scene.garments)):
                 mesh, geometry, rest = garment_keys(scene, index)
                 if rest not in rack:
                     known = rack.some((mesh, geometry))
-                    orders.setdefault(mesh, Order(known=known)).garments[rest] = scene, index
+                    orders.setdefault(mesh, Order(known=known, body=generated_body(scene))).garments[rest] = (
+                        scene,
+                        index,
+                    )
         self._make(rack, list(orders.values()))
 
     def close(self) -> None:
@@ -85,7 +89,7 @@ class Loaders:
         if self._count < 1 or (self._pool is None and sum(order.count for order in orders) < WORTH):
             return
         try:
-            for made in self._started().map(_made, orders):
+            for made in self._started().map(_made, bundles(orders, self._count)):
                 rack.put(made)
         except BrokenProcessPool as error:
             log.warning("helpers that load are gone: %s", error)
@@ -97,14 +101,26 @@ class Loaders:
         return self._pool
 
 
-def _made(order: Order) -> dict[Key, Any]:
+def bundles(orders: Sequence[Order], count: int) -> list[list[Order]]:
+    """Orders as each of ``count`` helpers takes them: those with a generated body, which takes time, together."""
+    each: dict[str, list[Order]] = {}
+    for number, order in enumerate(orders):
+        each.setdefault(order.body or f"{number}", []).append(order)
+    most = -(-len(orders) // count)
+    return [some[first : first + most] for some in each.values() for first in range(0, len(some), most)]
+
+
+def _made(orders: Sequence[Order]) -> dict[Key, Any]:
     """What was ordered, as a rack keeps it; what fails is missing: who opens the wardrobe comes upon it, and tells."""
     rack = Rack()
-    rack.put(order.known)
-    if order.avatar is not None:
-        with contextlib.suppress(Exception):
-            rack.made(order.avatar)
-    for scene, index in order.garments.values():
-        with contextlib.suppress(Exception):
-            rest_of(scene, index, rack)
-    return rack.without(order.known)
+    known: dict[Key, Any] = {}
+    for order in orders:
+        known.update(order.known)
+        rack.put(order.known)
+        if order.avatar is not None:
+            with contextlib.suppress(Exception):
+                rack.made(order.avatar)
+        for scene, index in order.garments.values():
+            with contextlib.suppress(Exception):
+                rest_of(scene, index, rack)
+    return rack.without(known)

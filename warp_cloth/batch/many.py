@@ -5,12 +5,14 @@ from __future__ import annotations
 import collections
 import time
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Any
 
 import warp as wp
 
 from warp_cloth.batch.loading import Shelf
 from warp_cloth.batch.memory import available_bytes, cut_to_fit, need_of
+from warp_cloth.batch.turns import Turn
 from warp_cloth.fitting import Fit, finished, tolerance_of
 from warp_cloth.kept import Kept
 from warp_cloth.scene import Scene
@@ -28,6 +30,7 @@ def fit_many(
     budget: int | None = None,
     together: int | None = None,
     shelf: Shelf | None = None,
+    turn: Path | None = None,
 ) -> list[Fit | Exception]:
     """Fits scenes on one device; where one cannot be fitted, the reason stands in its place.
 
@@ -40,6 +43,7 @@ def fit_many(
         together: scenes that relax together at most; None: on a GPU as many as fit, on the CPU one at a time, as a
             launch there is a loop and a garment alone stays in the cache.
         shelf: what earlier batches have loaded, and who loads for this one.
+        turn: a file by which processes on one device take turns to relax; None: there are no others.
     """
     gpu = wp.get_device(device).is_cuda
     most = together or (len(scenes) if gpu else 1)
@@ -60,7 +64,7 @@ def fit_many(
             results[number] = error
 
     def run(numbers: Sequence[int]) -> list[Fit]:
-        return _together([scenes[n] for n in numbers], [loaded[n] for n in numbers], device, kept)
+        return _together([scenes[n] for n in numbers], [loaded[n] for n in numbers], device, kept, Turn(turn))
 
     for numbers in groups.values():
         needs = [need_of(scenes[n], loaded[n], gathers=gpu) for n in numbers]
@@ -86,7 +90,7 @@ def _halving(
     _halving(numbers[middle:], run, results)
 
 
-def _together(scenes: Sequence[Scene], wardrobes: Sequence[Wardrobe], device: str, kept: Kept) -> list[Fit]:
+def _together(scenes: Sequence[Scene], wardrobes: Sequence[Wardrobe], device: str, kept: Kept, turn: Turn) -> list[Fit]:
     """Relaxes scenes of one kind together."""
     seconds = dict.fromkeys(("load", "compile", "build", "carry", "relax", "measure", "export"), 0.0)
     last = time.perf_counter()
@@ -98,8 +102,16 @@ def _together(scenes: Sequence[Scene], wardrobes: Sequence[Wardrobe], device: st
         last = now
 
     made = set_up(scenes, wardrobes, device, kept=kept, lap=lap)
-    levels = start_coarse(made)
     goals = [Goal(tolerance_of(scene), scene.solver.iterations) for scene in scenes]
-    outcomes = relax_items(made.relaxation, made.certifier, goals, follow=following(made), course=made.course)
+    with turn:
+        levels = start_coarse(made)
+        outcomes = relax_items(
+            made.relaxation,
+            made.certifier,
+            goals,
+            follow=following(made),
+            course=made.course,
+            on_chunk=turn.offer,
+        )
     lap("relax")
     return finished(made, outcomes, levels=levels, lap=lap, seconds=seconds)

@@ -11,7 +11,7 @@ import warp as wp
 
 from warp_cloth.collide.avatar import MARGIN
 from warp_cloth.collide.exact import tree_bytes
-from warp_cloth.collide.field import LEAST_SPACING, PIXELS_PER_SPACING
+from warp_cloth.collide.field import GRIDS_AT_ONCE, LEAST_SPACING, PIXELS_PER_SPACING
 from warp_cloth.plan import contact_kind
 from warp_cloth.scene import Scene
 from warp_cloth.set_up import contact_key
@@ -22,6 +22,7 @@ from warp_cloth.wardrobe import Wardrobe
 PER_VERTEX, PER_EDGE, PER_TRIANGLE, PER_HINGE = 704, 96, 192, 64
 SCATTERED = 0.5  # factor where forces are scattered: nothing is stored, and there is one set of positions
 DOUBLE = 2.0  # factor where everything is float64
+GRID_NODE = 4  # bytes of one of a field's grids, while it is built
 FIELD_NODE = 8  # of the field's four bytes and the depth buffers'
 SHARE = 0.8  # of the free memory that a batch takes: the allocator and the kernels want some
 CPU_SHARE = 0.4  # likewise: other workers are there, too
@@ -34,6 +35,7 @@ class Need:
     own: int  # of its garments
     shared: int  # of its avatar, held once for all scenes of the same ``key``
     key: Hashable
+    passing: int = 0  # of building that, for a while, one avatar after another
 
 
 def need_of(scene: Scene, wardrobe: Wardrobe, *, gathers: bool) -> Need:
@@ -47,24 +49,25 @@ def need_of(scene: Scene, wardrobe: Wardrobe, *, gathers: bool) -> Need:
         total *= SCATTERED
     if scene.solver.precision == "float64":
         total *= DOUBLE
-    return Need(int(total), collider_bytes(scene, wardrobe), contact_key(scene, wardrobe))
+    held, passing = collider_bytes(scene, wardrobe)
+    return Need(int(total), held, contact_key(scene, wardrobe), passing)
 
 
-def collider_bytes(scene: Scene, wardrobe: Wardrobe) -> int:
-    """Bound of the memory of an avatar as a scene meets it [bytes]."""
+def collider_bytes(scene: Scene, wardrobe: Wardrobe) -> tuple[int, int]:
+    """Bound of the memory of an avatar as a scene meets it, and of what building it takes for a while [bytes]."""
     avatar = wardrobe.avatar
     kind = contact_kind(scene, wardrobe)
     if avatar is None or kind == "none":
-        return 0
+        return 0, 0
     mesh = tree_bytes(avatar)
     if kind == "mesh":
-        return mesh
+        return mesh, 0
     points = np.concatenate([part.points for part in wardrobe.parts])
     lower, upper = avatar.bounds()
     low, high = np.maximum(points.min(axis=0), lower) - MARGIN, np.minimum(points.max(axis=0), upper) + MARGIN
     spacing = max(PIXELS_PER_SPACING * scene.collision.pixel_mm * 1e-3, LEAST_SPACING)
     nodes = float(np.prod(np.maximum(high - low, 0.0) / spacing + 4.0))
-    return mesh + int(FIELD_NODE * nodes)
+    return mesh + int(FIELD_NODE * nodes), int(GRIDS_AT_ONCE * GRID_NODE * nodes)
 
 
 def available_bytes(device: str, share: float = 1.0) -> int:
@@ -80,14 +83,15 @@ def cut_to_fit(needs: Sequence[Need], budget: int, most: int) -> list[range]:
 
     An item that alone needs more makes a piece of its own: it may fit all the same.
     """
-    pieces, first, total = [], 0, 0
+    pieces, first, total, passing = [], 0, 0, 0
     held: set[Hashable] = set()
     for at, need in enumerate(needs):
         more = need.own + (0 if need.key in held else need.shared)
-        if at > first and (total + more > budget or at - first >= most):
+        if at > first and (total + more + max(passing, need.passing) > budget or at - first >= most):
             pieces.append(range(first, at))
-            first, total, more = at, 0, need.own + need.shared
+            first, total, passing, more = at, 0, 0, need.own + need.shared
             held.clear()
         total += more
+        passing = max(passing, need.passing)
         held.add(need.key)
     return [*pieces, range(first, len(needs))] if needs else []

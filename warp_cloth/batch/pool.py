@@ -210,7 +210,9 @@ class LocalPool:
         own = slot.had.shard.asks if slot.had is not None else frozenset()
         others = [each.had.shard.asks for each in self._slots if each is not slot and each.had is not None]
         at = best_shared([task.shard.asks for task in self._waiting[:LOOKED_AT]], own, others)
-        return replace(self._waiting.pop(at), device=slot.device, share=slot.share)
+        task = self._waiting.pop(at)
+        turn = task.store.turn_file(slot.device) if slot.share < 1.0 and slot.device != "cpu" else None
+        return replace(task, device=slot.device, share=slot.share, turn=turn)
 
     def close(self) -> None:
         for slot in self._slots:

@@ -102,6 +102,10 @@ class Store:
     def stages(self) -> Path:
         return self.folder / "stages"
 
+    def turn_file(self, device: str) -> Path:
+        """The file by which this batch's workers take turns on a device."""
+        return self.folder / f".turn_{device.replace(':', '')}"
+
     def open(self) -> None:
         """Makes the folders, and clears what a killed run left half-written.
 

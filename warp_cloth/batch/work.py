@@ -35,6 +35,7 @@ class Task:
     device: str
     write: bool = True  # whether the worker writes the shard's file; otherwise its results go back to the asker
     share: float = 1.0  # of a GPU's memory, where other workers use it, too
+    turn: Path | None = None  # by which they take turns there, as of fit_many
 
 
 @dataclass(frozen=True)
@@ -115,7 +116,7 @@ class _Worker:
 
         device = self._task.device
         budget = available_bytes(device, self._task.share)
-        fits = fit_many([scene for _, scene in scenes], device, budget=budget, shelf=self._shelf)
+        fits = fit_many([scene for _, scene in scenes], device, budget=budget, shelf=self._shelf, turn=self._task.turn)
         return [self._result(item, fit) for (item, _), fit in zip(scenes, fits, strict=True)]
 
     def _result(self, item: Item, fit: Fit | Exception) -> ItemResult:

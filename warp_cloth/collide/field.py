@@ -22,6 +22,7 @@ MOST_NODES = 2**28  # 1 GiB of float32, of which building takes five
 PIXELS_PER_SPACING = 2.5  # 5 mm grid from 2 mm pixels: the spline then evens out the pixels' stairs
 MARGIN = 3  # spacings kept beyond reach, so that the spline's support is all real distance
 ROUGH_SWEEPS = 5  # the projection wants 2.5 spacings and the neighbours around, at most 4.3
+GRIDS_AT_ONCE = 4  # of its size that building a field holds at most
 SWEEPS_PER_LOOK = 8  # sweeps between two looks at whether the inside still changes
 TOUCH = 1e-3  # [m] beyond the contact offset: more than the certificate allows for
 SWEEPS_AT_MOST = 512  # a body 2.5 m thick at 5 mm
@@ -120,8 +121,8 @@ def build_contact_field(
     surface = wp.empty_like(inside)
     wp.launch(kernels.mark_blocks, dim=block_shape, inputs=[side], outputs=[inside, surface], device=device)
 
-    def measure(kernel: wp.Kernel, corner: wp.array, given: wp.array) -> wp.array:
-        measured = wp.clone(side)
+    def measure(kernel: wp.Kernel, corner: wp.array, elsewhere: wp.array, given: wp.array) -> wp.array:
+        measured = wp.clone(elsewhere)
         dim = (len(corner), kernels.BLOCK, kernels.BLOCK)
         inputs = [solid, h, offset, corner, given]
         wp.launch(kernel, dim=dim, inputs=inputs, outputs=[measured], device=device)
@@ -129,12 +130,15 @@ def build_contact_field(
 
     near = _active_blocks(surface, 1, surface)
     limit = reach + MARGIN * h
-    crossed = measure(bake.measure_crossings, near, side)
+    crossed = measure(bake.measure_crossings, near, side, side)
     rough = _sweep(h, (ROUGH_SWEEPS * h, ROUGH_SWEEPS * h), near, crossed, least=ROUGH_SWEEPS, most=ROUGH_SWEEPS)
-    projected = measure(bake.project_distance, near, rough)
+    del crossed  # grids are large: four at a time are what building a field takes (GRIDS_AT_ONCE)
+    projected = measure(bake.project_distance, near, side, rough)
+    del side, rough
     fixed = wp.clone(projected)
     dim = (len(near), kernels.BLOCK, kernels.BLOCK)
     wp.launch(kernels.limit_slopes, dim=dim, inputs=[h, near, projected], outputs=[fixed], device=device)
+    del projected
     layers = math.ceil(limit / h)
     far = _active_blocks(surface, math.ceil(layers / kernels.BLOCK), inside)
     distance = _sweep(h, (math.inf, limit), far, fixed, least=layers, most=SWEEPS_AT_MOST)

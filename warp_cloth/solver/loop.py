@@ -214,7 +214,10 @@ class _Loop:
             if not self._active:
                 break
         relaxation.start_anew()  # what is measured next is measured of all
-        wp.synchronize_device(relaxation.model.device)
+        points = relaxation.model.points()  # which have stayed where their items ended
+        for item, outcome in self._outcomes.items():
+            if outcome.status is not Status.DIVERGED:
+                outcome.points = points[relaxation.model.of_item(item)].copy()
         return [self._outcomes[item] for item in range(len(self._goals))]
 
     def _see(self, iteration: int) -> _Seen:
@@ -271,8 +274,8 @@ class _Loop:
         return Status.ITERATION_LIMIT if ending else None
 
     def _end(self, item: int, status: Status, check: Check) -> None:
-        lost = status is Status.DIVERGED
-        points = self._certifier.last_points(item) if lost else self._relaxation.model.points(item)
+        """Notes how an item has ended; where it lies is read at last, once for all."""
+        points = self._certifier.last_points(item) if status is Status.DIVERGED else np.zeros((0, 3))
         self._outcomes[item] = Outcome(status, check, points, check.iteration, time.perf_counter() - self._began)
 
     def _go_on(self) -> None:

@@ -196,6 +196,12 @@ class Relaxation:
         self.tell_items()
         self._choose_patches()
 
+    @property
+    def active_share(self) -> float:
+        """Share of the vertices whose items iterate."""
+        sizes = np.diff(self.model.item_start)
+        return float(sizes[self._items["active"] == 1].sum() / sizes.sum())
+
     def retire(self, items: Sequence[int]) -> None:
         """Leaves these items as they are from now on."""
         if not len(items):
