@@ -9,10 +9,13 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
+from warp_cloth import patches
 from warp_cloth.batch.loading import WORTH, Loaders, Shelf
 from warp_cloth.batch.many import fit_many
 from warp_cloth.errors import InputError
 from warp_cloth.fitting import Fit
+from warp_cloth.kept import Kept
+from warp_cloth.model import build_model
 from warp_cloth.scene import Scene, load_scene
 from warp_cloth.wardrobe import Rack, Recipe, mesh_recipes, open_wardrobe
 
@@ -37,7 +40,7 @@ def loaders() -> Iterator[Loaders]:
     made.close()
 
 
-def forbidden() -> None:
+def forbidden(*_: object) -> None:
     raise AssertionError("it is on the rack")
 
 
@@ -57,6 +60,16 @@ def test_helpers_make_what_the_worker_would_have_made_and_share_it_alike(loaders
     assert len({id(wardrobe.avatar) for wardrobe in opened}) == 1
     jersey, denim = opened[:2]
     assert jersey.parts[0].points is denim.parts[0].points, "one mesh in two fabrics meets its avatar alike"
+
+
+def test_helpers_cut_the_patches_that_a_large_model_asks_for(loaders: Loaders, monkeypatch: pytest.MonkeyPatch) -> None:
+    several, rack, kept = scenes(), Rack(), Kept()
+    loaders.fill(rack, several, kept)
+    parts = [open_wardrobe(scene, rack).parts[0] for scene in several]
+    monkeypatch.setattr(patches, "SMALLEST", patches.LARGEST)  # as if there were thousands of garments
+    monkeypatch.setattr(patches, "_garment_tables", forbidden)
+    model = build_model(parts, device="cpu", precision="mixed", gathers=True, garments=[1] * len(parts), kept=kept)
+    assert model.patches is not None
 
 
 def test_what_helpers_cannot_load_is_told_in_its_place(loaders: Loaders) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
@@ -49,6 +49,14 @@ class Kept:
         self._entries[key] = entry  # last, as the latest used
         found: T = entry.made
         return found
+
+    def of_values(self) -> dict[Hashable, Any]:
+        """What was made of no object, but of values: what another process may keep, too."""
+        return {key: entry.made for key, entry in self._entries.items() if not entry.of}
+
+    def put(self, made: Mapping[Hashable, Any]) -> None:
+        """Keeps what was made elsewhere, of values alone, and is not here."""
+        self._entries = {**{key: _Entry(each, (), 0) for key, each in made.items()}, **self._entries}
 
     def __contains__(self, key: Hashable) -> bool:
         return key in self._entries

@@ -65,16 +65,22 @@ def cut_patches(
 
 
 def garment_patches(
-    garments: Sequence[Elements], points: Sequence[Points], terms: Terms, *, precision: str, kept: Kept
+    garments: Sequence[Elements],
+    points: Sequence[Points],
+    terms: Terms,
+    *,
+    precision: str,
+    kept: Kept,
+    size: int | None = None,
 ) -> list[PatchTables]:
     """Each garment's patches of neighbouring vertices, none larger than a block's memory holds, if it need not be.
 
-    ``kept`` has what was cut before.
+    ``kept`` has what was cut before. ``size``: vertices that a patch owns; None: as keeps a large GPU busy.
 
     Raises:
         InputError: more meets at one vertex than a patch can count.
     """
-    size = int(np.clip(-(-sum(len(part) for part in points) // BLOCKS), SMALLEST, LARGEST))
+    size = size or int(np.clip(-(-sum(len(part) for part in points) // BLOCKS), SMALLEST, LARGEST))
     shapes = [
         kept.once("shape", (elements, part), partial(_shape, elements, part))
         for elements, part in zip(garments, points, strict=True)

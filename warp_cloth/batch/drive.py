@@ -26,7 +26,7 @@ GPU_SHARD = 512  # so many garments fill the largest GPU, and one reading of the
 WORKERS_PER_GPU = 2  # one loads, or measures what it has fitted, while the other's garments relax
 # At least so many, where there are items enough, as the last worker to end is waited for: half a shard in the mean.
 SHARDS_PER_CORE = 16
-SHARDS_PER_GPU_WORKER = 4  # a GPU that one worker leaves is the others'
+SHARDS_PER_GPU_WORKER = 2  # a GPU that one worker leaves is the others'
 TRIES = 2  # of a task whose worker dies
 
 

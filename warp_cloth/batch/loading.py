@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import logging
 import os
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, field
@@ -13,9 +13,12 @@ from typing import Any
 
 from warp_cloth.batch.lifeline import end_with_parent
 from warp_cloth.batch.processes import context, get_ready
+from warp_cloth.elements import garment_elements
 from warp_cloth.kept import Kept
+from warp_cloth.model import GarmentPart, terms_of
+from warp_cloth.patches import LARGEST, garment_patches
 from warp_cloth.scene import Scene
-from warp_cloth.wardrobe import Key, Rack, Recipe, avatar_recipe, garment_keys, generated_body, rest_of
+from warp_cloth.wardrobe import Key, Rack, Recipe, avatar_recipe, garment_keys, generated_body, mesh_recipes, rest_of
 
 log = logging.getLogger(__name__)
 
@@ -32,6 +35,7 @@ class Order:
     garments: dict[Key, tuple[Scene, int]] = field(default_factory=dict)  # scene and number in it, by the rest shape
     known: dict[Key, Any] = field(default_factory=dict)  # of the mesh and what is made of it
     body: str = ""  # that is generated for it
+    patches: bool = False  # whether to cut them, too
 
     @property
     def count(self) -> int:
@@ -63,8 +67,11 @@ class Loaders:
             os.environ.update(dict.fromkeys(ONE_THREAD, "1"))  # in helpers; here the libraries are loaded already
             get_ready()
 
-    def fill(self, rack: Rack, scenes: Sequence[Scene]) -> None:
-        """Makes what the scenes' wardrobes are opened from and the rack has not; what fails is left to who opens."""
+    def fill(self, rack: Rack, scenes: Sequence[Scene], kept: Kept | None = None) -> None:
+        """Makes what the scenes' wardrobes are opened from and the rack has not; what fails is left to who opens.
+
+        ``kept``, where there is one, gets the garments' patches, too.
+        """
         orders: dict[Key, Order] = {}
         for scene in scenes:
             for recipe in avatar_recipe(scene):
@@ -74,23 +81,23 @@ class Loaders:
                 mesh, geometry, rest = garment_keys(scene, index)
                 if rest not in rack:
                     known = rack.some((mesh, geometry))
-                    orders.setdefault(mesh, Order(known=known, body=generated_body(scene))).garments[rest] = (
-                        scene,
-                        index,
-                    )
-        self._make(rack, list(orders.values()))
+                    order = Order(known=known, body=generated_body(scene), patches=kept is not None)
+                    orders.setdefault(mesh, order).garments[rest] = scene, index
+        self._make(rack, kept, list(orders.values()))
 
     def close(self) -> None:
         if self._pool is not None:
             self._pool.shutdown(cancel_futures=True)
             self._pool = None
 
-    def _make(self, rack: Rack, orders: Sequence[Order]) -> None:
+    def _make(self, rack: Rack, kept: Kept | None, orders: Sequence[Order]) -> None:
         if self._count < 1 or (self._pool is None and sum(order.count for order in orders) < WORTH):
             return
         try:
-            for made in self._started().map(_made, bundles(orders, self._count)):
+            for made, patches in self._started().map(_made, bundles(orders, self._count)):
                 rack.put(made)
+                if kept is not None:
+                    kept.put(patches)
         except BrokenProcessPool as error:
             log.warning("helpers that load are gone: %s", error)
             self._count, self._pool = 0, None
@@ -110,9 +117,9 @@ def bundles(orders: Sequence[Order], count: int) -> list[list[Order]]:
     return [some[first : first + most] for some in each.values() for first in range(0, len(some), most)]
 
 
-def _made(orders: Sequence[Order]) -> dict[Key, Any]:
-    """What was ordered, as a rack keeps it; what fails is missing: who opens the wardrobe comes upon it, and tells."""
-    rack = Rack()
+def _made(orders: Sequence[Order]) -> tuple[dict[Key, Any], dict[Hashable, Any]]:
+    """What was ordered, as a rack keeps it, and patches; what fails is missing: who opens the wardrobe tells why."""
+    rack, kept = Rack(), Kept()
     known: dict[Key, Any] = {}
     for order in orders:
         known.update(order.known)
@@ -122,5 +129,14 @@ def _made(orders: Sequence[Order]) -> dict[Key, Any]:
                 rack.made(order.avatar)
         for scene, index in order.garments.values():
             with contextlib.suppress(Exception):
-                rest_of(scene, index, rack)
-    return rack.without(known)
+                rest, pins = rest_of(scene, index, rack)
+                if order.patches:
+                    mesh = rack.made(mesh_recipes(scene)[index])
+                    _cut(GarmentPart(mesh.points, mesh.triangles, rest, pins), scene.solver.precision, kept)
+    return rack.without(known), kept.of_values()
+
+
+def _cut(part: GarmentPart, precision: str, kept: Kept) -> None:
+    """Cuts a garment's patches as a model of many garments asks for them."""
+    elements = garment_elements(part.triangles, part.rest)
+    garment_patches([elements], [part.points], terms_of([part]), precision=precision, kept=kept, size=LARGEST)

@@ -52,7 +52,7 @@ def fit_many(
     kept.limit = int(KEPT_SHARE * limit)
     limit -= kept.limit
     if shelf is not None:
-        shelf.loaders.fill(rack, scenes)
+        shelf.loaders.fill(rack, scenes, kept if gpu else None)
     results: dict[int, Fit | Exception] = {}
     loaded: dict[int, Wardrobe] = {}
     groups: collections.defaultdict[tuple[Any, ...], list[int]] = collections.defaultdict(list)

@@ -157,7 +157,7 @@ def ended(code: int | None) -> str:
 
 def helpers(device: str, workers: int) -> int:
     """Processes that load for each of so many workers: cores that only wait for a GPU; on the CPU all have work."""
-    count = min(len(os.sched_getaffinity(0)) // workers - 1, MOST_HELPERS)
+    count = min(len(os.sched_getaffinity(0)) // workers, MOST_HELPERS)
     return count if device != "cpu" and count > 1 else 0
 
 
