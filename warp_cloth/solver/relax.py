@@ -172,8 +172,8 @@ class Relaxation:
             relative_rms: of the items' residuals, shape [items].
         """
         if self.touch is not None:
-            limit = TIGHTER * self._loose if self.touch.settled else self._loose
-            if self.touch.settle(balanced=bool(relative_rms.max() <= limit)):
+            most = TIGHTER * self._loose if self.touch.settled else self._loose
+            if self.touch.settle(balanced=bool(relative_rms.max() <= most)):
                 self.forget_graphs()
         if self._leeway is None:
             return
