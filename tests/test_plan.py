@@ -78,7 +78,9 @@ def test_no_avatar_no_collider() -> None:
     assert not {name for name in names if name.startswith("collider")}
     launches, names = seen(ready(avatar={"shape": SPHERE}))
     assert {name for name in names if name.startswith("collider")}
-    assert "colliders.values" in array_uses(launches[-1].kernel).read & names  # the field, in a struct in an array
+    assert (
+        "colliders.values" in array_uses(launches[-1].kernel).read.keys() & names
+    )  # the field, in a struct in an array
 
 
 @pytest.mark.parametrize("method", ["accelerated", "direct"])
@@ -94,8 +96,8 @@ def test_the_arrays_that_change_are_those_that_a_kernel_is_said_to_write(
         before = {name: array.numpy().copy() for name, array in arrays.items()}
         launch.command.launch()
         changed = {name for name, array in arrays.items() if not np.array_equal(before[name], array.numpy())}
-        assert changed <= uses.written
-        assert uses.written & arrays.keys()
+        assert changed <= uses.written.keys()
+        assert uses.written.keys() & arrays.keys()
 
 
 def test_what_a_kernel_does_not_read_cannot_change_what_it_writes() -> None:
@@ -115,7 +117,7 @@ def written_by(launch: Launch, given: dict[str, wp.array], poison: bool) -> dict
         if poison and name not in uses.read | uses.written:
             array.fill_(1)
     launch.command.launch()
-    return {name: arrays[name].numpy().copy() for name in uses.written & arrays.keys()}
+    return {name: arrays[name].numpy().copy() for name in uses.written.keys() & arrays.keys()}
 
 
 def test_memory_that_two_arrays_share_counts_once() -> None:

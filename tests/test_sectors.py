@@ -44,7 +44,8 @@ def sectors_of(elements: object, size: int) -> set[int]:
 
 def asked(launch: Launch, uses: Uses, name: str) -> dict[str, set[tuple[int, int]]]:
     """Blocks and sectors by loop."""
-    loops = sectors._Moved(launch, uses)._loops(name)
+    used = uses.read if name in uses.read else uses.written
+    loops = sectors._Moved(launch, uses)._loops(name, used[name])
     return {loop: {divmod(int(key), sectors.BLOCK) for key in keys} for loop, keys in loops.items()}
 
 
@@ -164,19 +165,23 @@ def test_no_pairs_are_not_asked_for() -> None:
         assert asked(launch, uses, name) == {"": set()}
 
 
-def test_of_pairs_those_are_asked_for_whose_time_has_come_and_their_vertices() -> None:
-    launch, uses = pressed(0.0, 0.003, 0.011)
+def test_of_pairs_those_are_asked_for_whose_time_has_come_and_of_sums_those_of_pairs_that_press() -> None:
+    launch, uses = pressed(0.0, 0.0005, 0.0015, 0.011)
     arrays = {name: array.numpy() for name, array in launch.arrays().items() if name.startswith("contact.")}
     pairs = range(arrays["contact.count"][0])
     gone = arrays["contact.way"][0] + arrays["contact.stride"][arrays["contact.turn"][0] % 2]
     come = [pair for pair in pairs if arrays["contact.due"][pair] <= gone]
-    assert 0 < len(come) < len(pairs)
-    corners = {corner for pair in come for corner in arrays["contact.corners"][pair]}
+    press = [pair for pair in come if arrays["contact.lean"][pair].any()]
+    assert 0 < len(press) < len(come) < len(pairs)
+    corners, pressed_corners = (
+        {corner for pair in some for corner in arrays["contact.corners"][pair]} for some in (come, press)
+    )
     for name, elements, size in (
         ("contact.due", pairs, 8),
         ("contact.kind", come, 4),
         ("cloth.position", corners, 24),
-        ("contact.sum", corners, 32),
+        ("cloth.move", corners, 12),
+        ("contact.sum", pressed_corners, 32),
     ):
         (found,) = asked(launch, uses, name).values()
         assert {sector for _, sector in found} == sectors_of(elements, size)

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from typing import Any
 
+import numpy as np
 import warp as wp
 
 from warp_cloth.collide.crossing import search_bytes
@@ -56,6 +57,7 @@ class Footprint:
     touched: int  # bytes of all that an iteration reads or writes
     cache: int  # bytes that the device's last cache holds; 0 where that is not known
     seconds: float  # of an iteration as a fit runs it, captured
+    between: float  # of these, what is no kernel's: looks whether a search is due
     memory: dict[str, int]  # [bytes] by what it is for
 
     @property
@@ -73,8 +75,8 @@ class Footprint:
         return kernel.bytes if self.from_memory else kernel.asked
 
     def share(self, kernel: KernelCost) -> float:
-        """A kernel's share of the kernels' time."""
-        return kernel.seconds / max(sum(other.seconds for other in self.kernels), 1e-30)
+        """A kernel's share of the time, from its start to the next one's."""
+        return kernel.seconds / max(self.between + sum(other.seconds for other in self.kernels), 1e-30)
 
 
 def footprint_of(made: SetUp) -> Footprint:
@@ -83,7 +85,10 @@ def footprint_of(made: SetUp) -> Footprint:
     chunk = _seconds_of_iteration(made)
     watched = WATCHED if made.course is None else WATCHED_TOUCHING
     launches = launches_of(lambda: relaxation.iterate(watched))
-    seconds = _seconds_of_launches(launches, model.device, chunk * watched)
+    whole = chunk * watched
+    if wp.get_device(model.device).is_cuda:
+        whole = min(_seconds_captured(launches, model.device, watched), whole)
+    seconds = _seconds_of_launches(launches, model.device, whole)
     uses = {launch.kernel.key: array_uses(launch.kernel) for launch in launches}
     touched = [array for launch in launches for array in _used(launch, uses[launch.kernel.key])]
     kernels = []
@@ -110,6 +115,7 @@ def footprint_of(made: SetUp) -> Footprint:
         touched=bytes_of(touched),
         cache=cache_bytes(model.device),
         seconds=chunk,
+        between=chunk - whole / watched,
         memory=_memory(made),
     )
 
@@ -180,6 +186,22 @@ def _seconds_of_launches(launches: Sequence[Launch], device: str, whole: float) 
     timed = _cuda_seconds(launches, device) if wp.get_device(device).is_cuda else _host_seconds(launches)
     added = max(sum(timed) - whole, 0.0) / len(timed)
     return [max(spent - added, LEAST * spent) for spent in timed]
+
+
+def _seconds_captured(launches: Sequence[Launch], device: str, watched: int) -> float:
+    """Seconds of the launches of so many iterations, captured, waited for as seldom as ``_iterate`` waits."""
+    with wp.ScopedCapture(device=device) as capture:
+        for launch in launches:
+            launch.command.launch()
+    spent: list[float] = []
+    while len(spent) < 2 or (sum(spent) < SHORTEST_RUN / 5 and len(spent) < MOST_ROUNDS):
+        wp.synchronize_device(device)
+        began = time.perf_counter()
+        for _ in range(WARM_UP // watched):
+            wp.capture_launch(capture.graph)
+        wp.synchronize_device(device)
+        spent.append(time.perf_counter() - began)
+    return float(np.median(spent)) * watched / WARM_UP
 
 
 def _host_seconds(launches: Sequence[Launch]) -> list[float]:

@@ -57,8 +57,8 @@ class _Moved:
         """Bytes to and from memory, and between the last cache and the cores."""
         memory = once = again = written = 0
         for used in (self._uses.read, self._uses.written):
-            for name in sorted(used & self._arrays.keys()):
-                loops = self._loops(name)
+            for name in sorted(used.keys() & self._arrays.keys()):
+                loops = self._loops(name, used[name])
                 asked = _distinct(np.concatenate(list(loops.values())))
                 memory += _distinct_sectors(asked)
                 if used is self._uses.written:
@@ -78,9 +78,9 @@ class _Moved:
         together = min(-(-blocks // self._device.sm_count), BLOCKS_PER_CORE)
         return together * (SECTOR * sectors / blocks + BLOCK_MEMORY) <= core_bytes(self._device.alias)
 
-    def _loops(self, name: str) -> dict[str, Keys]:
-        """The sectors of an array that each block asks for, by the loop that asks."""
-        array, chains = self._arrays[name], self._uses.chains[name]
+    def _loops(self, name: str, chains: set[Chain]) -> dict[str, Keys]:
+        """The sectors of an array that each block asks for in some chains, by the loop that asks."""
+        array = self._arrays[name]
         alike = frozenset(chains), self._uses.starts.get(name), array.dtype, array.shape
         if array.ndim > 2 or alike not in self._known:
             found: dict[str, list[Keys]] = {}
@@ -130,13 +130,15 @@ class _Moved:
         return block, self._vertex[place]
 
     def _of_pairs(self, array: wp.array, contact: str, chain: Chain, found: int) -> Part:
-        """Blocks, and the pairs, or their vertices, that each goes over; only those whose time has come if it asks."""
-        corners, due, way, stride, turn = (
-            self._arrays[f"{contact}.{each}"].numpy() for each in ("corners", "due", "way", "stride", "turn")
+        """Blocks, and the pairs, or their vertices, that each goes over: all, those looked at, or those that press."""
+        corners, lean, due, way, stride, turn = (
+            self._arrays[f"{contact}.{each}"].numpy() for each in ("corners", "lean", "due", "way", "stride", "turn")
         )
         pair = np.arange(min(found, len(corners)))
         if f"{contact}.due" in chain:
             pair = pair[due[pair] <= way[0] + stride[turn[0] & 1]]  # as kernels.cloth_contact's contact_way
+        if f"{contact}.lean" in chain:
+            pair = pair[lean[pair].any(axis=1)]
         team = 32 if self._device.is_cuda else 1  # that goes over PAIRS at a time
         block = pair // int(PAIRS) * team % self._launch.threads // THREADS
         if len(array) == len(corners):

@@ -18,17 +18,17 @@ FROM = "from "  # before a count: what is not below it
 
 # What bounds a use, from outside to inside: counts of a patch, "vertex_count" of ``while local < patch.vertex_count``,
 # or of ``if`` for a loop's first turn; counters on the device, "contact.count" of ``while pair < contact.count[0]`` or
-# of ``if contact.count[0] > 0``; arrays that say who goes on, "contact.due" of ``if contact.due[pair] > gone: return``.
+# of ``if contact.count[0] > 0``; arrays that say who goes on, "contact.due" of ``if contact.due[pair] > gone: return``,
+# "contact.lean" where those that do not go on have theirs put to nothing.
 Chain = tuple[str, ...]
 
 
 @dataclass
 class Uses:
-    """Names of arrays as ``Launch.arrays`` gives them."""
+    """Of arrays, by the names that ``Launch.arrays`` gives them, the chains of their uses."""
 
-    read: set[str] = field(default_factory=set)
-    written: set[str] = field(default_factory=set)
-    chains: dict[str, set[Chain]] = field(default_factory=dict)
+    read: dict[str, set[Chain]] = field(default_factory=dict)
+    written: dict[str, set[Chain]] = field(default_factory=dict)
     starts: dict[str, str] = field(default_factory=dict)  # where a patch's part of an array begins: "edge_start"
 
 
@@ -103,10 +103,19 @@ class _Reader(ast.NodeVisitor):
         self._chain = outer
 
     def _guard(self, node: ast.If) -> str:
-        """The array of ``if array[i] > limit: return``; of its uses and of others, those after it are fewer."""
-        leaves = isinstance(node.body[-1], ast.Return) and isinstance(node.test, ast.Compare)
-        left = node.test.left if leaves and isinstance(node.test, ast.Compare) else None
-        return self._path(left) if isinstance(left, ast.Subscript) else ""
+        """The array of ``if array[i] > limit: return``, or of ``if ...: array[i] = nothing; return``.
+
+        What comes after is for fewer elements: those within the limit, or those that are not nothing.
+        """
+        if not isinstance(node.body[-1], ast.Return):
+            return ""
+        left = node.test.left if isinstance(node.test, ast.Compare) else None
+        if isinstance(left, ast.Subscript):
+            return self._path(left)
+        put = (
+            inner for inner in ast.walk(node) if isinstance(inner, ast.Subscript) and isinstance(inner.ctx, ast.Store)
+        )
+        return next(filter(None, map(self._path, put)), "")
 
     def visit_For(self, node: ast.For) -> None:
         outer, self._chain = self._chain, (*self._chain, SEVERAL)
@@ -129,9 +138,7 @@ class _Reader(ast.NodeVisitor):
     def visit_Call(self, node: ast.Call) -> None:
         name = node.func.attr if isinstance(node.func, ast.Attribute) else getattr(node.func, "id", "")
         if name in ATOMICS and node.args:
-            path = self._path(node.args[0])
-            self._note(path, self._uses.read)
-            self._note(path, self._uses.written)
+            self._note(self._path(node.args[0]), self._uses.written)  # the cache adds by itself
         self.generic_visit(node)
         called = self._known.get(name)
         if isinstance(called, wp.Function) and called.func is not None and getattr(called, "adj", None) is not None:
@@ -141,11 +148,10 @@ class _Reader(ast.NodeVisitor):
             if paths:
                 _Reader(called.func, paths, self._uses, self._chain, starts).read(called.adj.tree)
 
-    def _note(self, path: str, use: set[str], index: ast.AST | None = None) -> None:
+    def _note(self, path: str, use: dict[str, set[Chain]], index: ast.AST | None = None) -> None:
         if not path:
             return
-        use.add(path)
-        self._uses.chains.setdefault(path, set()).add(self._chain)
+        use.setdefault(path, set()).add(self._chain)
         start = self._start(index) if index is not None else ""
         if start:
             self._uses.starts[path] = start
