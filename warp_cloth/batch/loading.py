@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import logging
+import multiprocessing
 import os
 from collections.abc import Hashable, Sequence
 from concurrent.futures import ProcessPoolExecutor
@@ -24,7 +25,6 @@ log = logging.getLogger(__name__)
 
 WORTH = 8  # things to make that helpers are started for: that takes as long as making a few
 MOST_KEPT = 4_000_000  # vertices of the meshes that a shelf keeps from task to task; with rest shapes about 4 GB
-ONE_THREAD = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS")
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,8 +46,9 @@ class Order:
 class Shelf:
     """What a worker keeps from one task to the next: what scenes share, and who loads it."""
 
-    def __init__(self, helpers: int) -> None:
-        self.loaders = Loaders(helpers)
+    def __init__(self, helpers: int, *, fork: bool = False) -> None:
+        """``fork`` as of Loaders."""
+        self.loaders = Loaders(helpers, fork=fork)
         self.rack, self.kept = Rack(), Kept()
 
     def tidied(self) -> Shelf:
@@ -58,13 +59,18 @@ class Shelf:
 
 
 class Loaders:
-    """Fills racks with what scenes need, each thing once; ``count`` helpers are started when first needed."""
+    """Fills racks with what scenes need, each thing once; ``count`` helpers are started when first needed.
 
-    def __init__(self, count: int) -> None:
+    ``fork``: at once, as copies of this process. That must have neither threads nor a device yet.
+    """
+
+    def __init__(self, count: int, *, fork: bool = False) -> None:
         self._count = count
         self._pool: ProcessPoolExecutor | None = None
-        if count:
-            os.environ.update(dict.fromkeys(ONE_THREAD, "1"))  # in helpers; here the libraries are loaded already
+        if count and fork:
+            self._pool = ProcessPoolExecutor(count, multiprocessing.get_context("fork"), initializer=end_with_parent)
+            self._pool.submit(os.getpid)  # forks all of them
+        elif count:
             get_ready()
 
     def fill(self, rack: Rack, scenes: Sequence[Scene], kept: Kept | None = None) -> None:

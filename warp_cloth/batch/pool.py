@@ -59,10 +59,10 @@ class Pool(Protocol):
 def _serve(connection: Connection, helpers: int) -> None:
     """A worker's life: a task in, what came of it out, until nobody asks any more."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the asker ends its workers
-    end_with_parent()
     from warp_cloth.batch.loading import Shelf
 
-    shelf = Shelf(helpers)  # whose helpers start meanwhile
+    shelf = Shelf(helpers, fork=True)  # before this process has threads and a device
+    end_with_parent()
     start_warp()
     while True:
         try:
