@@ -6,14 +6,18 @@ from types import SimpleNamespace
 import warp as wp
 
 from warp_cloth.kernels.access import element
-from warp_cloth.kernels.cloth import MODULE_OPTIONS, cloth_types
+from warp_cloth.kernels.cloth import MODULE_OPTIONS, cloth_types, rest_function
 
 
 @functools.cache
 def packing_kernels(precision: str, accelerated: bool) -> SimpleNamespace:
-    """Kernels ``pack_vertices``, ``pack_leeway``, ``unpack_vertices``; ``accelerated``: vertices have a stiffness."""
+    """Kernels ``pack_vertices``, ``pack_leeway``, ``unpack_vertices``; ``accelerated``: vertices have a stiffness.
+
+    Items that no longer iterate are left out. An item's vertices lie at the same places in both orders.
+    """
     types = cloth_types(precision)
     point, real, vec3, Cloth = types.point, types.real, types.vec3, types.Cloth
+    rests = rest_function(precision)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def pack_vertices(
@@ -27,6 +31,8 @@ def packing_kernels(precision: str, accelerated: bool) -> SimpleNamespace:
     ):
         """Puts what iterations change in the patches' order."""
         place = wp.tid()
+        if rests(cloth, place):
+            return
         vertex = element(order, place)
         position, move = element(cloth.position, vertex), element(cloth.move, vertex)
         position_out[place] = position
@@ -44,6 +50,8 @@ def packing_kernels(precision: str, accelerated: bool) -> SimpleNamespace:
     ):
         """Puts the vertices' leeway, which iterations only read, in the patches' order."""
         place = wp.tid()
+        if rests(cloth, place):
+            return
         leeway_out[place] = cloth.leeway[element(order, place)]
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
@@ -56,6 +64,8 @@ def packing_kernels(precision: str, accelerated: bool) -> SimpleNamespace:
     ):
         """Puts it back in the garments' order."""
         place = wp.tid()
+        if rests(packed, place):
+            return
         vertex = element(order, place)
         position_out[vertex] = element(packed.position, place)
         move_out[vertex] = element(packed.move, place)
