@@ -1,4 +1,4 @@
-"""Elements of arrays, read and added to without what Warp's own indexing allows for: negative indices, other strides.
+"""Elements of arrays, without what Warp's own indexing allows for: negative indices, other strides.
 
 That allowance takes more instructions than the arithmetic of what is read. On a GPU vectors of four are read in one go.
 """
@@ -7,6 +7,8 @@ import warp as wp
 
 _ELEMENT = "return array.data[index];"
 _ALIGNED = "return *reinterpret_cast<decltype(array.data)>(__builtin_assume_aligned(array.data + index, 16));"
+_PUT = "array.data[index] = value;"
+_PUT_ALIGNED = "*reinterpret_cast<decltype(array.data)>(__builtin_assume_aligned(array.data + index, 16)) = value;"
 _ADD = """
     auto& sum = array.data[index];
 #if defined(__CUDA_ARCH__)
@@ -27,6 +29,14 @@ for _dtype in _SINGLE + _FOURS:
     def element(array: wp.array(dtype=_dtype), index: int) -> _dtype:
         """What an array holds."""
         return array[index]
+
+
+for _dtype in (wp.float32, wp.float64, wp.vec3f, wp.vec3d, wp.vec4f, wp.vec4d):
+
+    @wp.func_native(_PUT_ALIGNED if _dtype in _FOURS else _PUT)
+    def put(array: wp.array(dtype=_dtype), index: int, value: _dtype):
+        """Writes what an array is to hold."""
+        array[index] = value
 
 
 for _dtype in (wp.vec4f, wp.vec4d):

@@ -33,6 +33,12 @@ _WAIT = """
 #endif
 """
 
+_NO_EARLIER = """
+#if defined(__CUDA_ARCH__)
+    asm volatile("" ::: "memory");
+#endif
+"""
+
 _BLOCK = """
 #if defined(__CUDA_ARCH__)
     return (int)blockIdx.x;
@@ -52,6 +58,14 @@ _LANE = """
 _BLOCK_THREADS = """
 #if defined(__CUDA_ARCH__)
     return (int)blockDim.x;
+#else
+    return 1;
+#endif
+"""
+
+_PATCH_THREADS = f"""
+#if defined(__CUDA_ARCH__)
+    return {BLOCK_THREADS};
 #else
     return 1;
 #endif
@@ -80,6 +94,12 @@ def wait_for_block():
     ...
 
 
+@wp.func_native(_NO_EARLIER)
+def ask_no_earlier():
+    """What is read after this a compiler does not ask for before: what comes before needs the registers."""
+    ...
+
+
 @wp.func_native(_BLOCK)
 def block_of(thread: int) -> int:
     """Number of a thread's block."""
@@ -98,15 +118,29 @@ def block_threads() -> int:
     ...
 
 
+@wp.func_native(_PATCH_THREADS)
+def patch_threads() -> int:
+    """How many threads a block has that works on a patch: more than the patch owns vertices, on a GPU."""
+    ...
+
+
 _FETCH = """
 #if defined(__CUDA_ARCH__)
     const char* start = (const char*)(array.data + first);
+    const int size = count * (int)sizeof(*array.data);
+#if __CUDA_ARCH__ >= 900
+    if (threadIdx.x == LEADER && size > 0) {
+        const int skew = (int)((unsigned long long)start & 15);
+        asm volatile("cp.async.bulk.prefetch.L2.global [%0], %1;" :: "l"(start - skew), "r"(size + skew + 15 & -16));
+    }
+#else
     if (threadIdx.x >> 5 == turn)
 #pragma unroll 1
-        for (int at = 128 * (threadIdx.x & 31); at < count * (int)sizeof(*array.data); at += 128 * 32)
+        for (int at = 128 * (threadIdx.x & 31); at < size; at += 128 * 32)
             asm volatile("prefetch.global.L2 [%0];" :: "l"(start + at));
 #endif
-"""
+#endif
+""".replace("LEADER", str(BLOCK_THREADS - 32))
 
 for _dtype in (wp.uint64, wp.float32, wp.float64, wp.vec4f, wp.vec4d, wp.vec4i):
 

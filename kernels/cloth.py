@@ -49,12 +49,12 @@ class Patch:
     edge_start: int
     edge_count: int
     edge_slot_start: int
-    edge_words: int  # that the edges at a vertex take, at most
+    edge_ranks: int  # edges at a vertex, at most
     triangle_start: int
     triangle_count: int  # those at its vertices, which come first
     normal_count: int  # and those beyond its edges
     slot_start: int
-    words: int  # that the triangles at a vertex take, at most
+    ranks: int  # triangles at a vertex, at most
     overflow: int  # where its memory is if a block's own is too small; else -1
     place: int  # of its first own vertex where vertices are in the patches' order
 
@@ -106,6 +106,7 @@ def cloth_types(precision: str) -> SimpleNamespace:
 
         position: wp.array(dtype=point)  # [m]
         move: wp.array(dtype=vec3)  # last displacement [m]
+        moved: wp.array(dtype=vec4)  # the same and how long it is, where vertices are packed (kernels.packing)
         weight: wp.array(dtype=real)  # [N]
         pinned: wp.array(dtype=wp.uint8)  # where any is
         stiffness: wp.array(dtype=real)  # that the last step went by [N/m]; accelerated method only
@@ -208,7 +209,7 @@ def cloth_types(precision: str) -> SimpleNamespace:
         slope: wp.array(dtype=vec4)  # as Triangles.slope
         threads: wp.array(dtype=vec4)
         edge_slot: wp.array(dtype=wp.vec4i)  # twice the edge, and 1 where the vertex is its second end
-        slot: wp.array(dtype=wp.vec4i)  # the triangle, after all first corners come the second ones, then the third
+        slot: wp.array(dtype=wp.vec4i)  # the triangle; after all normals come second corners, then third ones
 
     return SimpleNamespace(
         name=precision, real=real, wide=wide, point=point, vec2=vec2, vec3=vec3, vec4=vec4, vec6=vec6,

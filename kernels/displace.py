@@ -5,14 +5,15 @@ from typing import Any
 
 import warp as wp
 
-from warp_cloth.kernels.access import element
+from warp_cloth.kernels.access import element, put
 from warp_cloth.kernels.arithmetic import inner, quotient, root, scaled_sum
 from warp_cloth.kernels.block import (
     BLOCK_THREADS,
     BLOCKS_PER_CORE,
+    ask_no_earlier,
     block_of,
-    block_threads,
     lane_of,
+    patch_threads,
     wait_for_block,
 )
 from warp_cloth.kernels.cloth import MODULE_OPTIONS, Terms, cloth_types, free_function
@@ -20,7 +21,8 @@ from warp_cloth.kernels.cloth_contact import ClothContact, contact_room, contact
 from warp_cloth.kernels.field import fetch_field, field_contact
 from warp_cloth.kernels.friction import friction_slide
 from warp_cloth.kernels.gather import patch_functions
-from warp_cloth.kernels.patch_steps import patch_of
+from warp_cloth.kernels.packing import order_functions
+from warp_cloth.kernels.patch_memory import leaves, patch_of
 from warp_cloth.kernels.stiffness import symmetric_functions
 
 AHEAD = wp.constant(8)  # vertices for which the CPU's memory is asked before it is needed
@@ -81,19 +83,21 @@ def wears(accelerated: bool, contact: wp.Function | None, touches: bool) -> bool
 
 
 @functools.cache
-def held_function(precision: str, accelerated: bool) -> wp.Function:
-    """The function that reads a vertex."""
+def held_function(precision: str, accelerated: bool, in_order: bool) -> wp.Function:
+    """The function that reads a vertex; ``in_order``: vertices are packed."""
     types = cloth_types(precision)
     Cloth, Vertex = types.Cloth, types.Vertex
+    order = order_functions(precision, in_order)
+    position_at, move_at = order.position_at, order.move_at
 
     @wp.func
     def held_vertex(cloth: Cloth, vertex: int):
         """A vertex as it lies, what last moved it, its weight and the stiffness that it went by."""
         held = Vertex()
-        held.position = element(cloth.position, vertex)
+        held.position = position_at(cloth, vertex)
         held.weight = element(cloth.weight, vertex)
         if wp.static(accelerated):
-            held.move = element(cloth.move, vertex)
+            held.move = move_at(cloth, vertex)
             held.stiffness = element(cloth.stiffness, vertex)
         return held
 
@@ -204,7 +208,7 @@ def displace_kernel(
     point, vec3, vec4, Cloth, Step = types.point, types.vec3, types.vec4, types.Cloth, types.Step
     vertex_displacement = displacement(precision, accelerated, contact, collider_type, touches)
     Touch = touch_type(touches)
-    held_vertex = held_function(precision, accelerated)
+    held_vertex = held_function(precision, accelerated, in_order=False)
     free = free_function(precision, pins)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
@@ -241,6 +245,50 @@ def displace_kernel(
 
 
 @functools.cache
+def end_function(
+    precision: str, accelerated: bool, contact: wp.Function | None, collider_type: type, touches: bool
+) -> wp.Function:
+    """The function that ends a vertex' iteration, from one set of arrays to another; arguments of ``displacement``."""
+    types = cloth_types(precision)
+    point, vec3, Cloth, Vertex, Step, Item = (
+        types.point, types.vec3, types.Cloth, types.Vertex, types.Step, types.Item,
+    )  # fmt: skip
+    vertex_displacement = displacement(precision, accelerated, contact, collider_type, touches)
+    Colliders, Touch = colliders_type(contact, collider_type), touch_type(touches)
+    order = order_functions(precision, in_order=not touches)
+    put_position, put_move = order.put_position, order.put_move
+
+    @wp.func
+    def end_vertex(
+        step: Step,
+        colliders: Colliders,
+        touch: Touch,
+        cloth: Cloth,
+        load: types.vec4,
+        held: Vertex,
+        vertex: int,
+        moves: bool,
+        number: int,
+        item: Item,
+        position_out: wp.array(dtype=point),
+        move_out: wp.array(dtype=order.move),
+    ):
+        """Moves a vertex, if it ``moves``; ``number`` is of its item."""
+        move, kept = vec3(), vec3()
+        if moves:
+            move, kept, stiffness = vertex_displacement(cloth, step, colliders, touch, load, held, vertex, number, item)
+            if wp.static(accelerated):
+                put(cloth.stiffness, vertex, stiffness)
+        put_move(move_out, vertex, kept)
+        position = held.position + point(move)
+        put_position(position_out, vertex, position)
+        if wp.static(touches):
+            contact_watch(touch, vertex, wp.vec3d(position), wp.vec3d(move))
+
+    return end_vertex
+
+
+@functools.cache
 def advance_kernel(
     precision: str,
     accelerated: bool,
@@ -256,13 +304,13 @@ def advance_kernel(
     ``displacement``.
     """
     types = cloth_types(precision)
-    point, vec3, Cloth, Vertex, Step = types.point, types.vec3, types.Cloth, types.Vertex, types.Step
-    vertex_displacement = displacement(precision, accelerated, contact, collider_type, touches)
+    point, Cloth, Step = types.point, types.Cloth, types.Step
+    end_vertex = end_function(precision, accelerated, contact, collider_type, touches)
     Touch = touch_type(touches)
     functions = patch_functions(precision, step_bound(accelerated, contact, touches), terms, fits, in_order=not touches)
-    fetch_tables, own_vertex, work_patch = functions.fetch_tables, functions.own_vertex, functions.work_patch
-    vertex_slots, vertex_load = functions.vertex_slots, functions.vertex_load
-    held_vertex = held_function(precision, accelerated)
+    own_vertex, two_vertices = functions.own_vertex, functions.two_vertices
+    work_patch, vertex_slots, vertex_load = functions.work_patch, functions.vertex_slots, functions.vertex_load
+    held_vertex = held_function(precision, accelerated, in_order=not touches)
     free = free_function(precision, terms.pins)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS, grid_stride=False, launch_bounds=LAUNCH_BOUNDS)
@@ -274,41 +322,38 @@ def advance_kernel(
         beside: wp.array(dtype=wp.uint8),  # memory of patches that are too large for a block's own
         cloth: Cloth,
         position_out: wp.array(dtype=point),  # [m], shape [V]
-        move_out: wp.array(dtype=vec3),  # [m], shape [V]
+        move_out: wp.array(dtype=order_functions(precision, not touches).move),  # [m], shape [V]
     ):
         """Moves each free vertex of an item that is not at rest by the forces that meet there; pinned ones stay."""
         thread = wp.tid()
         lane = lane_of(thread)
         patch = patch_of(patches.patch, block_of(thread))
         item = cloth.items[patch.item]
-        fetch_tables(patches, patch)
-        if item.active == 0:
+        first, second = two_vertices(patches, patch, lane)
+        if leaves(item.active, patch, first, second):
             return
-        memory = work_patch(cloth, patches, patch, beside, step, lane)
-        local, vertex, held = int(lane), int(0), Vertex()
-        edges, triangles = vertex_slots(patches, patch, local)
-        if local < patch.owned_count:
-            vertex = own_vertex(patches, patch, local)
-            held = held_vertex(cloth, vertex)
+        memory, edges, triangles = work_patch(cloth, patches, patch, beside, step, lane, first, second)
+        ask_no_earlier()
+        local = int(lane)
+        if wp.static(fits):  # a thread for each vertex, and no one waits for what is asked for before the block
+            vertex = own_vertex(patches, patch, wp.min(local, patch.owned_count - 1))
+            held, moves = held_vertex(cloth, vertex), free(cloth, vertex)
         wait_for_block()
-        while local < patch.owned_count:
-            move, kept = vec3(), vec3()
-            if free(cloth, vertex):
-                load = vertex_load(patches, patch, beside, memory, local, edges, triangles)
-                move, kept, stiffness = vertex_displacement(
-                    cloth, step, colliders, touch, load, held, vertex, patch.item, item
-                )
-                if wp.static(accelerated):
-                    cloth.stiffness[vertex] = stiffness
-            move_out[vertex] = kept
-            position = held.position + point(move)
-            position_out[vertex] = position
-            if wp.static(touches):
-                contact_watch(touch, vertex, wp.vec3d(position), wp.vec3d(move))
-            local += block_threads()
-            edges, triangles = vertex_slots(patches, patch, local)
+        if wp.static(fits):
             if local < patch.owned_count:
+                load = vertex_load(patches, patch, beside, memory, local, edges, triangles)
+                end_vertex(
+                    step, colliders, touch, cloth, load, held, vertex, moves, patch.item, item, position_out, move_out
+                )
+        else:
+            while local < patch.owned_count:
                 vertex = own_vertex(patches, patch, local)
-                held = held_vertex(cloth, vertex)
+                held, moves = held_vertex(cloth, vertex), free(cloth, vertex)
+                load = vertex_load(patches, patch, beside, memory, local, edges, triangles)
+                end_vertex(
+                    step, colliders, touch, cloth, load, held, vertex, moves, patch.item, item, position_out, move_out
+                )
+                local += patch_threads()
+                edges, triangles = vertex_slots(patches, patch, local)
 
     return advance_vertices

@@ -13,28 +13,27 @@ import warp as wp
 
 from warp_cloth.kernels.access import element
 from warp_cloth.kernels.arithmetic import signed_sum
-from warp_cloth.kernels.block import (
-    BESIDE,
-    block_of,
-    block_threads,
-    lane_of,
-    memory_functions,
-    own_memory,
-    wait_for_block,
-)
+from warp_cloth.kernels.block import block_of, lane_of, memory_functions, patch_threads, wait_for_block
 from warp_cloth.kernels.cloth import MODULE_OPTIONS, Patch, Terms, cloth_types
-from warp_cloth.kernels.patch_steps import (
+from warp_cloth.kernels.patch_memory import (
+    RANKS,
     PatchMemory,
-    edges_step,
     fetch_function,
-    normals_step,
-    own_function,
+    layout_function,
+    leaves,
     patch_of,
+    words_of,
+)
+from warp_cloth.kernels.patch_steps import (
+    edge_table_function,
+    edges_step,
+    normals_step,
+    triangle_table_function,
     triangles_step,
     vertices_step,
 )
 
-RANKS = 8  # of what meets at a vertex that share a word
+USUAL = 6  # of what meets at a vertex; only patches where more does look further
 
 
 _RANKED = """
@@ -50,37 +49,30 @@ def ranked(word: wp.vec4i, rank: int) -> int:
 
 
 @functools.cache
-def layout_function(precision: str, terms: Terms) -> wp.Function:
-    """The function that lays out the block's memory; the host counts the same bytes."""
-    real = 8 if precision == "float64" else 4
-    point = 12 if precision == "float32" else 24
+def sum_functions(precision: str, fits: bool, first: int, last: int) -> SimpleNamespace:
+    """Functions ``edges_sum`` and ``triangles_sum``, of the ranks from ``first`` to before ``last`` of a word."""
+    types = cloth_types(precision)
+    read_4 = memory_functions(precision, fits).read_4
 
     @wp.func
-    def patch_memory(patch: Patch):
-        """Places in the block's memory; without threads, corners' loads come to lie where the vertices lay."""
-        memory = PatchMemory()
-        at = own_memory()
-        if patch.overflow >= 0:
-            at = patch.overflow | BESIDE
-        if wp.static(terms.edges):
-            memory.edge_load = at
-            at += wp.static(4 * real) * (patch.edge_count + 1)
-        if wp.static(terms.folds):
-            memory.normal = at
-            at += wp.static(4 * real) * patch.normal_count
-        memory.corner_load = at
-        if wp.static(terms.threads):
-            at += wp.static(4 * real) * (3 * patch.triangle_count + 1)
-        memory.move = at
-        at += wp.static(4 * real) * patch.vertex_count
-        memory.position = at
-        at += (wp.static(point) * patch.vertex_count + 7) & -8
-        if wp.static(terms.folds and not terms.threads):
-            at = wp.max(at, memory.corner_load + wp.static(4 * real) * (3 * patch.triangle_count + 1))
-        memory.fold = at
-        return memory
+    def edges_sum(beside: wp.array(dtype=wp.uint8), memory: PatchMemory, word: wp.vec4i, load: types.vec4):
+        """A load and those of edges."""
+        sum = load
+        for rank in range(wp.static(first), wp.static(last)):
+            entry = ranked(word, rank)
+            pull = read_4(beside, memory.edge_load + wp.static(4 * types.real_size) * (entry >> 1))
+            sum = signed_sum(sum, pull, entry & 1)  # from the edge's first end, or its second
+        return sum
 
-    return patch_memory
+    @wp.func
+    def triangles_sum(beside: wp.array(dtype=wp.uint8), memory: PatchMemory, word: wp.vec4i, load: types.vec4):
+        """A load and those of triangles' corners."""
+        sum = load
+        for rank in range(wp.static(first), wp.static(last)):
+            sum += read_4(beside, memory.corner_load + wp.static(4 * types.real_size) * ranked(word, rank))
+        return sum
+
+    return SimpleNamespace(edges_sum=edges_sum, triangles_sum=triangles_sum)
 
 
 @functools.cache
@@ -88,19 +80,20 @@ def load_functions(precision: str, terms: Terms, fits: bool) -> SimpleNamespace:
     """Functions ``vertex_slots`` and ``vertex_load``; arguments as of ``patch_functions``."""
     types = cloth_types(precision)
     vec4, Patches = types.vec4, types.Patches
-    read_4 = memory_functions(precision, fits).read_4
+    usual, further = sum_functions(precision, fits, 0, USUAL), sum_functions(precision, fits, USUAL, RANKS)
+    whole = sum_functions(precision, fits, 0, RANKS)
+    usual_edges, further_edges, more_edges = usual.edges_sum, further.edges_sum, whole.edges_sum
+    usual_triangles, further_triangles, more_triangles = usual.triangles_sum, further.triangles_sum, whole.triangles_sum
 
     @wp.func
     def vertex_slots(patches: Patches, patch: Patch, local: int):
-        """Where a vertex' first edges and triangles have their loads."""
+        """Where a vertex' first edges and triangles have their loads; beyond the last own vertex, those of any."""
         edges, triangles = wp.vec4i(), wp.vec4i()
-        if local < patch.owned_count:
-            if wp.static(terms.edges):
-                if patch.edge_words > 0:
-                    edges = element(patches.edge_slot, patch.edge_slot_start + local)
-            if wp.static(terms.folds or terms.threads):
-                if patch.words > 0:
-                    triangles = element(patches.slot, patch.slot_start + local)
+        own = wp.min(local, patch.owned_count - 1)
+        if wp.static(terms.edges):
+            edges = element(patches.edge_slot, patch.edge_slot_start + own)
+        if wp.static(terms.folds or terms.threads):
+            triangles = element(patches.slot, patch.slot_start + own)
         return edges, triangles
 
     @wp.func
@@ -119,22 +112,19 @@ def load_functions(precision: str, terms: Terms, fits: bool) -> SimpleNamespace:
         """
         load = vec4()
         if wp.static(terms.edges):
-            word = edges
-            for eight in range(patch.edge_words):
-                if eight > 0:
-                    word = element(patches.edge_slot, patch.edge_slot_start + eight * patch.owned_count + local)
-                for rank in range(wp.static(RANKS)):
-                    entry = ranked(word, rank)
-                    pull = read_4(beside, memory.edge_load + wp.static(4 * types.real_size) * (entry >> 1))
-                    load = signed_sum(load, pull, entry & 1)  # from the edge's first end, or its second
+            load = usual_edges(beside, memory, edges, load)
+            if patch.edge_ranks > wp.static(USUAL):
+                load = further_edges(beside, memory, edges, load)
+            for eight in range(1, words_of(patch.edge_ranks)):
+                word = element(patches.edge_slot, patch.edge_slot_start + eight * patch.owned_count + local)
+                load = more_edges(beside, memory, word, load)
         if wp.static(terms.folds or terms.threads):
-            word = triangles
-            for eight in range(patch.words):
-                if eight > 0:
-                    word = element(patches.slot, patch.slot_start + eight * patch.owned_count + local)
-                for rank in range(wp.static(RANKS)):
-                    entry = ranked(word, rank)
-                    load += read_4(beside, memory.corner_load + wp.static(4 * types.real_size) * entry)
+            load = usual_triangles(beside, memory, triangles, load)
+            if patch.ranks > wp.static(USUAL):
+                load = further_triangles(beside, memory, triangles, load)
+            for eight in range(1, words_of(patch.ranks)):
+                word = element(patches.slot, patch.slot_start + eight * patch.owned_count + local)
+                load = more_triangles(beside, memory, word, load)
         return load
 
     return SimpleNamespace(vertex_slots=vertex_slots, vertex_load=vertex_load)
@@ -142,7 +132,7 @@ def load_functions(precision: str, terms: Terms, fits: bool) -> SimpleNamespace:
 
 @functools.cache
 def patch_functions(precision: str, fourth: str, terms: Terms, fits: bool, in_order: bool) -> SimpleNamespace:
-    """Functions ``fetch_tables``, ``own_vertex``, ``work_patch``, ``vertex_slots`` and ``vertex_load``.
+    """Functions ``own_vertex``, ``two_vertices``, ``work_patch``, ``vertex_slots`` and ``vertex_load``.
 
     The last sums a vertex' load once the whole block is through ``work_patch``.
 
@@ -154,33 +144,61 @@ def patch_functions(precision: str, fourth: str, terms: Terms, fits: bool, in_or
         in_order: whether vertices lie in the patches' order.
     """
     types = cloth_types(precision)
-    Cloth, Step, Patches = types.Cloth, types.Step, types.Patches
-    patch_memory = layout_function(precision, terms)
-    own_vertex = own_function(precision, in_order)
-    read_vertices = vertices_step(precision, fourth, fits, own_vertex)
+    vec4, Cloth, Step, Patches = types.vec4, types.Cloth, types.Step, types.Patches
+    patch_memory = layout_function(precision, terms, fits)
+    fetch_tables = fetch_function(precision, terms)
+    vertices = vertices_step(precision, fourth, fits, in_order)
+    read_vertices = vertices.read_vertices
     work_normals = normals_step(precision, fits)
     work_edges = edges_step(precision, fourth, terms, fits)
     work_triangles = triangles_step(precision, fourth, terms, fits)
+    edge_table, triangle_table = edge_table_function(precision, terms), triangle_table_function(precision, terms)
+    own = load_functions(precision, terms, fits)
+    vertex_slots = own.vertex_slots
 
     @wp.func
     def work_patch(
-        cloth: Cloth, patches: Patches, patch: Patch, beside: wp.array(dtype=wp.uint8), step: Step, lane: int
+        cloth: Cloth,
+        patches: Patches,
+        patch: Patch,
+        beside: wp.array(dtype=wp.uint8),
+        step: Step,
+        lane: int,
+        first: int,
+        second: int,
     ):
-        """All that meets at the patch's vertices, in the block's memory; every thread of the block calls it."""
-        memory = patch_memory(patch)
-        read_vertices(cloth, patches, patch, beside, memory, lane)
-        if wp.static(terms.folds):
-            work_normals(patches, patch, beside, memory, lane)
-        if wp.static(terms.folds or terms.edges):
-            work_edges(patches, patch, beside, memory, step, lane)
-        if wp.static(terms.folds or terms.threads):
-            work_triangles(patches, patch, beside, memory, step, lane)
-        return memory
+        """All that meets at the patch's vertices, in the block's memory; every thread of the block calls it.
 
-    own = load_functions(precision, terms, fits)
+        The last two are of ``two_vertices``. What a step begins with is asked for a step ahead. Returns the memory's
+        places, and ``vertex_slots`` of the thread's first vertex.
+        """
+        fetch_tables(patches, patch)
+        memory = patch_memory(patch)
+        corner_word, end_word, law = wp.uint64(0), wp.uint64(0), vec4()
+        side_word, side_corners = wp.uint64(0), wp.uint64(0)
+        if wp.static(terms.folds):
+            corner_word = element(patches.corners, patch.triangle_start + wp.min(lane, patch.normal_count))
+        read_vertices(cloth, patches, patch, beside, memory, lane, first, second)
+        if wp.static(terms.folds or terms.edges):
+            end_word, law = edge_table(patches, patch.edge_start + wp.min(lane, patch.edge_count))
+        wait_for_block()
+        if wp.static(terms.folds):
+            work_normals(patches, patch, beside, memory, lane, corner_word)
+        if wp.static(terms.folds or terms.threads):
+            side_word, side_corners = triangle_table(patches, patch.triangle_start + wp.min(lane, patch.normal_count))
+        if wp.static(terms.folds):
+            wait_for_block()
+        if wp.static(terms.folds or terms.edges):
+            work_edges(patches, patch, beside, memory, step, lane, end_word, law)
+        edges, triangles = vertex_slots(patches, patch, lane)
+        if wp.static(terms.folds or terms.threads):
+            wait_for_block()
+            work_triangles(patches, patch, beside, memory, step, lane, side_word, side_corners)
+        return memory, edges, triangles
+
     return SimpleNamespace(
-        fetch_tables=fetch_function(precision, terms), own_vertex=own_vertex, work_patch=work_patch,
-        vertex_slots=own.vertex_slots, vertex_load=own.vertex_load,
+        own_vertex=vertices.own_vertex, two_vertices=vertices.two_vertices, work_patch=work_patch,
+        vertex_slots=vertex_slots, vertex_load=own.vertex_load,
     )  # fmt: skip
 
 
@@ -190,8 +208,8 @@ def gather_kernel(precision: str, fourth: str, terms: Terms, fits: bool) -> wp.K
     types = cloth_types(precision)
     vec4, Cloth, Step, Patches = types.vec4, types.Cloth, types.Step, types.Patches
     functions = patch_functions(precision, fourth, terms, fits, in_order=False)
-    fetch_tables, own_vertex, work_patch = functions.fetch_tables, functions.own_vertex, functions.work_patch
-    vertex_slots, vertex_load = functions.vertex_slots, functions.vertex_load
+    own_vertex, two_vertices = functions.own_vertex, functions.two_vertices
+    work_patch, vertex_slots, vertex_load = functions.work_patch, functions.vertex_slots, functions.vertex_load
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS, grid_stride=False)
     def gather_forces(
@@ -204,18 +222,17 @@ def gather_kernel(precision: str, fourth: str, terms: Terms, fits: bool) -> wp.K
         """Sums the forces that meet at each vertex."""
         thread = wp.tid()
         patch = patch_of(patches.patch, block_of(thread))
-        if cloth.items[patch.item].active == 0:
-            return
         lane = lane_of(thread)
-        fetch_tables(patches, patch)
-        memory = work_patch(cloth, patches, patch, beside, step, lane)
+        first, second = two_vertices(patches, patch, lane)
+        if leaves(cloth.items[patch.item].active, patch, first, second):
+            return
+        memory, edges, triangles = work_patch(cloth, patches, patch, beside, step, lane, first, second)
         local = int(lane)
-        edges, triangles = vertex_slots(patches, patch, local)
         wait_for_block()
         while local < patch.owned_count:
             vertex = own_vertex(patches, patch, local)
             load_out[vertex] = vertex_load(patches, patch, beside, memory, local, edges, triangles)
-            local += block_threads()
+            local += patch_threads()
             edges, triangles = vertex_slots(patches, patch, local)
 
     return gather_forces

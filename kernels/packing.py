@@ -1,12 +1,131 @@
-"""Vertices in the order in which patches own them, so that what a patch reads and writes lies together."""
+"""Vertices in the order in which patches own them, so that what a patch reads and writes lies together.
+
+A GPU reads and writes 16 bytes in one go, of neighbours side by side. So packed positions are first two coordinates of
+each vertex, then the third ones of all; and displacements have four numbers.
+"""
 
 import functools
 from types import SimpleNamespace
 
 import warp as wp
 
-from warp_cloth.kernels.access import element
+from warp_cloth.kernels.access import element, put
+from warp_cloth.kernels.arithmetic import inner, root
 from warp_cloth.kernels.cloth import MODULE_OPTIONS, cloth_types, rest_function
+
+_POINT = """
+    typedef wp::vec_t<2, %(real)s> Pair;
+    auto* data = reinterpret_cast<%(real)s*>(array.data);
+    auto* pair = static_cast<Pair*>(__builtin_assume_aligned(data + 2 * index, 2 * sizeof(%(real)s)));
+    auto* third = data + 2 * array.shape[0] + index;
+"""
+_READ_POINT = _POINT + "    const Pair first = *pair;\n    return {first[0], first[1], *third};"
+_PUT_POINT = _POINT + "    *pair = Pair(value[0], value[1]);\n    *third = value[2];"
+
+for _dtype, _real in ((wp.vec3f, "wp::float32"), (wp.vec3d, "wp::float64")):
+
+    @wp.func_native(_READ_POINT % {"real": _real})
+    def packed_point(array: wp.array(dtype=_dtype), index: int) -> _dtype:
+        """One of the packed positions."""
+        return array[index]
+
+    @wp.func_native(_PUT_POINT % {"real": _real})
+    def put_packed_point(array: wp.array(dtype=_dtype), index: int, value: _dtype):
+        """Writes one of the packed positions."""
+        array[index] = value
+
+
+@functools.cache
+def sized_function(precision: str) -> wp.Function:
+    """The function that adds to a displacement how long it is."""
+    types = cloth_types(precision)
+    vec3, vec4 = types.vec3, types.vec4
+
+    @wp.func
+    def sized(move: vec3):
+        """A displacement and how long it is [m]."""
+        return vec4(move[0], move[1], move[2], root(inner(move, move)))
+
+    return sized
+
+
+@functools.cache
+def three_function(precision: str) -> wp.Function:
+    """The function that takes the first three of four."""
+    types = cloth_types(precision)
+
+    @wp.func
+    def first_three(four: types.vec4):
+        """The first three of four."""
+        return types.vec3(four[0], four[1], four[2])
+
+    return first_three
+
+
+@functools.cache
+def order_functions(precision: str, in_order: bool) -> SimpleNamespace:
+    """Functions ``position_at``, ``sized_move``, ``move_at``, ``put_position``, ``put_move``, and the type ``move``.
+
+    ``in_order``: vertices are packed.
+    """
+    types = cloth_types(precision)
+    point, vec3, vec4, Cloth = types.point, types.vec3, types.vec4, types.Cloth
+    sized, first_three = sized_function(precision), three_function(precision)
+
+    @wp.func
+    def position_at(cloth: Cloth, vertex: int):
+        """Where a vertex is [m]."""
+        return element(cloth.position, vertex)
+
+    @wp.func
+    def packed_position_at(cloth: Cloth, vertex: int):
+        """Where a vertex is [m]."""
+        return packed_point(cloth.position, vertex)
+
+    @wp.func
+    def sized_move(cloth: Cloth, vertex: int):
+        """What last moved a vertex, and how long it is [m]."""
+        return sized(element(cloth.move, vertex))
+
+    @wp.func
+    def packed_sized_move(cloth: Cloth, vertex: int):
+        """What last moved a vertex, and how long it is [m]."""
+        return element(cloth.moved, vertex)
+
+    @wp.func
+    def move_at(cloth: Cloth, vertex: int):
+        """What last moved a vertex [m]."""
+        return element(cloth.move, vertex)
+
+    @wp.func
+    def packed_move_at(cloth: Cloth, vertex: int):
+        """What last moved a vertex [m]."""
+        return first_three(element(cloth.moved, vertex))
+
+    @wp.func
+    def put_move(move_out: wp.array(dtype=vec3), vertex: int, move: vec3):
+        """Writes what moves a vertex."""
+        put(move_out, vertex, move)
+
+    @wp.func
+    def put_packed_move(move_out: wp.array(dtype=vec4), vertex: int, move: vec3):
+        """Writes what moves a vertex."""
+        put(move_out, vertex, sized(move))
+
+    @wp.func
+    def put_position(position_out: wp.array(dtype=point), vertex: int, position: point):
+        """Writes where a vertex is."""
+        put(position_out, vertex, position)
+
+    if in_order:
+        return SimpleNamespace(
+            position_at=packed_position_at, sized_move=packed_sized_move, move_at=packed_move_at,
+            put_position=put_packed_point, put_move=put_packed_move, move=vec4,
+        )  # fmt: skip
+    return SimpleNamespace(
+        position_at=position_at, sized_move=sized_move, move_at=move_at, put_position=put_position, put_move=put_move,
+        move=vec3,
+    )  # fmt: skip
 
 
 @functools.cache
@@ -16,7 +135,8 @@ def packing_kernels(precision: str, accelerated: bool) -> SimpleNamespace:
     Items that no longer iterate are left out. An item's vertices lie at the same places in both orders.
     """
     types = cloth_types(precision)
-    point, real, vec3, Cloth = types.point, types.real, types.vec3, types.Cloth
+    point, real, vec3, vec4, Cloth = types.point, types.real, types.vec3, types.vec4, types.Cloth
+    sized, first_three = sized_function(precision), three_function(precision)
     rests = rest_function(precision)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
@@ -24,9 +144,9 @@ def packing_kernels(precision: str, accelerated: bool) -> SimpleNamespace:
         order: wp.array(dtype=wp.int32),  # vertices as patches own them, shape [V]
         cloth: Cloth,
         position_out: wp.array(dtype=point),  # [m], shape [V]
-        move_out: wp.array(dtype=vec3),  # [m], shape [V]
+        moved_out: wp.array(dtype=vec4),  # [m], shape [V]
         beside_position_out: wp.array(dtype=point),  # the same, for iterations that write beside what they read
-        beside_move_out: wp.array(dtype=vec3),
+        beside_moved_out: wp.array(dtype=vec4),
         stiffness_out: wp.array(dtype=real),  # [N/m], shape [V]
     ):
         """Puts what iterations change in the patches' order."""
@@ -34,11 +154,11 @@ def packing_kernels(precision: str, accelerated: bool) -> SimpleNamespace:
         if rests(cloth, place):
             return
         vertex = element(order, place)
-        position, move = element(cloth.position, vertex), element(cloth.move, vertex)
-        position_out[place] = position
-        move_out[place] = move
-        beside_position_out[place] = position
-        beside_move_out[place] = move
+        position, moved = element(cloth.position, vertex), sized(element(cloth.move, vertex))
+        put_packed_point(position_out, place, position)
+        put(moved_out, place, moved)
+        put_packed_point(beside_position_out, place, position)
+        put(beside_moved_out, place, moved)
         if wp.static(accelerated):
             stiffness_out[place] = element(cloth.stiffness, vertex)
 
@@ -67,8 +187,8 @@ def packing_kernels(precision: str, accelerated: bool) -> SimpleNamespace:
         if rests(packed, place):
             return
         vertex = element(order, place)
-        position_out[vertex] = element(packed.position, place)
-        move_out[vertex] = element(packed.move, place)
+        position_out[vertex] = packed_point(packed.position, place)
+        move_out[vertex] = first_three(element(packed.moved, place))
         if wp.static(accelerated):
             stiffness_out[vertex] = element(packed.stiffness, place)
 

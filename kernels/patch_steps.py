@@ -9,23 +9,11 @@ from types import SimpleNamespace
 import warp as wp
 
 from warp_cloth.kernels.access import element
-from warp_cloth.kernels.arithmetic import inner, root
-from warp_cloth.kernels.block import block_threads, fetch_ahead, memory_functions, wait_for_block
+from warp_cloth.kernels.block import memory_functions, patch_threads
 from warp_cloth.kernels.cloth import BOUNDS, Patch, Terms, cloth_types
 from warp_cloth.kernels.forces import corner_function, edge_functions, triangle_functions
-
-
-@wp.struct
-class PatchMemory:
-    """Places in the block's memory; vectors of four reals unless said otherwise."""
-
-    edge_load: int  # on each edge's first end, and nothing after the last
-    corner_load: int  # on the triangles' first corners, the second, the third, and nothing after the last
-    normal: int  # unit normal and inverse of twice the area [1/m2] of each triangle
-    fold: int  # of three: turn [N], bound [N/m] and L^2 [m2] of each edge's hinge
-    position: int  # of three, in the positions' own precision
-    move: int  # and how long it is
-
+from warp_cloth.kernels.packing import order_functions, three_function
+from warp_cloth.kernels.patch_memory import PatchMemory, stride_function
 
 _PACKED = """
     const unsigned int part = (unsigned int)(place < 2 ? word : word >> 32);
@@ -37,30 +25,6 @@ _PACKED = """
 def packed(word: wp.uint64, place: int) -> int:
     """One of the four numbers below 65536 in a word."""
     ...
-
-
-@wp.func
-def patch_of(patches: wp.array(dtype=wp.vec4i), number: int):
-    """A patch, which is read in four pieces."""
-    one, two = element(patches, 4 * number), element(patches, 4 * number + 1)
-    three, four = element(patches, 4 * number + 2), element(patches, 4 * number + 3)
-    patch = Patch()
-    patch.vertex_start = one[0]
-    patch.vertex_count = one[1]
-    patch.owned_count = one[2]
-    patch.item = one[3]
-    patch.edge_start = two[0]
-    patch.edge_count = two[1]
-    patch.edge_slot_start = two[2]
-    patch.edge_words = two[3]
-    patch.triangle_start = three[0]
-    patch.triangle_count = three[1]
-    patch.normal_count = three[2]
-    patch.slot_start = three[3]
-    patch.words = four[0]
-    patch.overflow = four[1]
-    patch.place = four[2]
-    return patch
 
 
 @functools.cache
@@ -80,62 +44,23 @@ def own_function(precision: str, in_order: bool) -> wp.Function:
 
 
 @functools.cache
-def fetch_function(precision: str, terms: Terms) -> wp.Function:
-    """The function that asks for the tables of all steps."""
-    Patches = cloth_types(precision).Patches
-
-    @wp.func
-    def fetch_tables(patches: Patches, patch: Patch):
-        """Asks for what later steps read, while the vertices are on their way."""
-        if wp.static(terms.folds or terms.threads):
-            fetch_ahead(patches.corners, patch.triangle_start, patch.normal_count, 4)
-        if wp.static(terms.folds or terms.edges):
-            fetch_ahead(patches.ends, patch.edge_start, patch.edge_count, 1)
-        if wp.static(terms.edges):
-            fetch_ahead(patches.law, patch.edge_start, patch.edge_count, 0)
-        if wp.static(terms.folds and not terms.edges):
-            fetch_ahead(patches.fold, patch.edge_start, patch.edge_count, 5)
-        if wp.static(terms.folds):
-            fetch_ahead(patches.sides, patch.triangle_start, patch.triangle_count, 5)
-        if wp.static(terms.threads):
-            fetch_ahead(patches.slope, patch.triangle_start, patch.triangle_count, 0)
-            fetch_ahead(patches.threads, patch.triangle_start, patch.triangle_count, 2)
-        if wp.static(terms.edges):
-            fetch_ahead(patches.edge_slot, patch.edge_slot_start, patch.edge_words * patch.owned_count, 3)
-        if wp.static(terms.folds or terms.threads):
-            fetch_ahead(patches.slot, patch.slot_start, patch.words * patch.owned_count, 3)
-
-    return fetch_tables
-
-
-@functools.cache
-def three_function(precision: str) -> wp.Function:
-    """The function that takes the first three of four."""
+def vertices_step(precision: str, fourth: str, fits: bool, in_order: bool) -> SimpleNamespace:
+    """Functions ``own_vertex``, ``two_vertices`` and ``read_vertices``."""
     types = cloth_types(precision)
-
-    @wp.func
-    def first_three(four: types.vec4):
-        """The first three of four."""
-        return types.vec3(four[0], four[1], four[2])
-
-    return first_three
-
-
-@functools.cache
-def vertices_step(precision: str, fourth: str, fits: bool, own_vertex: wp.Function) -> wp.Function:
-    """The function that reads the vertices; ``own_vertex`` is that of ``own_function``."""
-    types = cloth_types(precision)
-    vec3, vec4, Cloth, Patches = types.vec3, types.vec4, types.Cloth, types.Patches
+    Cloth, Patches = types.Cloth, types.Patches
+    own_vertex = own_function(precision, in_order)
+    order = order_functions(precision, in_order)
+    position_at, sized_move = order.position_at, order.sized_move
     functions = memory_functions(precision, fits)
     write_point, write_4 = functions.write_point, functions.write_4
 
     @wp.func
-    def keep(beside: wp.array(dtype=wp.uint8), memory: PatchMemory, local: int, position: types.point, move: vec3):
+    def keep(cloth: Cloth, beside: wp.array(dtype=wp.uint8), memory: PatchMemory, local: int, vertex: int):
         """Keeps a vertex in the block's memory."""
-        write_point(beside, memory.position + wp.static(types.point_size) * local, position)
+        position = position_at(cloth, vertex)
         if wp.static(fourth in BOUNDS):
-            sized = vec4(move[0], move[1], move[2], root(inner(move, move)))
-            write_4(beside, memory.move + wp.static(4 * types.real_size) * local, sized)
+            write_4(beside, memory.move + wp.static(4 * types.real_size) * local, sized_move(cloth, vertex))
+        write_point(beside, memory.position + wp.static(types.point_size) * local, position)
 
     @wp.func
     def vertex_at(patches: Patches, patch: Patch, local: int):
@@ -146,6 +71,11 @@ def vertices_step(precision: str, fourth: str, fits: bool, own_vertex: wp.Functi
         return vertex
 
     @wp.func
+    def two_vertices(patches: Patches, patch: Patch, local: int):
+        """The vertices that a thread brings in a turn."""
+        return vertex_at(patches, patch, local), vertex_at(patches, patch, local + patch_threads())
+
+    @wp.func
     def read_vertices(
         cloth: Cloth,
         patches: Patches,
@@ -153,24 +83,23 @@ def vertices_step(precision: str, fourth: str, fits: bool, own_vertex: wp.Functi
         beside: wp.array(dtype=wp.uint8),
         memory: PatchMemory,
         lane: int,
+        first: int,
+        second: int,
     ):
-        """Brings the vertices that the patch needs into the block's memory, two of each thread at a time."""
-        local = int(lane)
-        first, second = vertex_at(patches, patch, local), vertex_at(patches, patch, local + block_threads())
-        while local < patch.vertex_count:
-            other = local + block_threads()
-            position, other_position = element(cloth.position, first), element(cloth.position, second)
-            move = vec3()
-            other_move = vec3()
-            if wp.static(fourth in BOUNDS):
-                move, other_move = element(cloth.move, first), element(cloth.move, second)
-            keep(beside, memory, local, position, move)
-            if other < patch.vertex_count:
-                keep(beside, memory, other, other_position, other_move)
-            local = other + block_threads()
-            first, second = vertex_at(patches, patch, local), vertex_at(patches, patch, local + block_threads())
+        """Brings the vertices that the patch needs into the block's memory, two of each thread at a time.
 
-    return read_vertices
+        The last two are of ``two_vertices``, which is called as early as may be.
+        """
+        local = int(lane)
+        while local < patch.vertex_count:
+            other = local + patch_threads()
+            keep(cloth, beside, memory, local, first)
+            if other < patch.vertex_count:
+                keep(cloth, beside, memory, other, second)
+            local = other + patch_threads()
+            first, second = two_vertices(patches, patch, local)
+
+    return SimpleNamespace(own_vertex=own_vertex, two_vertices=two_vertices, read_vertices=read_vertices)
 
 
 @functools.cache
@@ -183,26 +112,46 @@ def normals_step(precision: str, fits: bool) -> wp.Function:
 
     @wp.func
     def work_normals(
-        patches: types.Patches, patch: Patch, beside: wp.array(dtype=wp.uint8), memory: PatchMemory, lane: int
+        patches: types.Patches,
+        patch: Patch,
+        beside: wp.array(dtype=wp.uint8),
+        memory: PatchMemory,
+        lane: int,
+        first: wp.uint64,
     ):
-        """Normals of the patch's triangles and of those beyond its edges."""
+        """Normals of the patch's triangles and of those beyond its edges; ``first``: corners of a thread's first."""
         local = int(lane)
-        following = wp.uint64(0)
-        if local < patch.normal_count:
-            following = element(patches.corners, patch.triangle_start + local)
-        wait_for_block()
+        following = first
         while local < patch.normal_count:
             word = following
-            if local + block_threads() < patch.normal_count:
-                following = element(patches.corners, patch.triangle_start + local + block_threads())
+            if local + patch_threads() < patch.normal_count:
+                following = element(patches.corners, patch.triangle_start + local + patch_threads())
             origin = read_point(beside, memory.position + wp.static(types.point_size) * packed(word, 0))
             second = read_point(beside, memory.position + wp.static(types.point_size) * packed(word, 1))
             third = read_point(beside, memory.position + wp.static(types.point_size) * packed(word, 2))
             normal = triangle_normal(origin, second, third)
             write_4(beside, memory.normal + wp.static(4 * types.real_size) * local, normal)
-            local += block_threads()
+            local += patch_threads()
 
     return work_normals
+
+
+@functools.cache
+def edge_table_function(precision: str, terms: Terms) -> wp.Function:
+    """The function that reads what a patch's tables tell of an edge."""
+    types = cloth_types(precision)
+
+    @wp.func
+    def edge_table(patches: types.Patches, at: int):
+        """An edge's word, its law and C of its hinge."""
+        law = types.vec4()
+        if wp.static(terms.edges):
+            law = element(patches.law, at)
+        if wp.static(terms.folds and not terms.edges):
+            law[3] = element(patches.fold, at)
+        return element(patches.ends, at), law
+
+    return edge_table
 
 
 @functools.cache
@@ -215,17 +164,7 @@ def edges_step(precision: str, fourth: str, terms: Terms, fits: bool) -> wp.Func
     write_3, write_4 = functions.write_3, functions.write_4
     edge = edge_functions(precision, fourth, terms.angles)
     edge_span, edge_load, edge_fold = edge.edge_span, edge.edge_load, edge.edge_fold
-    first_three = three_function(precision)
-
-    @wp.func
-    def edge_table(patches: Patches, at: int):
-        """An edge's word, its law and C of its hinge."""
-        law = vec4()
-        if wp.static(terms.edges):
-            law = element(patches.law, at)
-        if wp.static(terms.folds and not terms.edges):
-            law[3] = element(patches.fold, at)
-        return element(patches.ends, at), law
+    first_three, edge_table = three_function(precision), edge_table_function(precision, terms)
 
     @wp.func
     def work_edges(
@@ -235,18 +174,17 @@ def edges_step(precision: str, fourth: str, terms: Terms, fits: bool) -> wp.Func
         memory: PatchMemory,
         step: Step,
         lane: int,
+        first_word: wp.uint64,
+        first_law: vec4,
     ):
-        """Tensions and hinges of the patch's edges."""
+        """Tensions and hinges of the patch's edges; the last two are of the thread's first edge."""
         local = int(lane)
-        next_word, next_law = wp.uint64(0), vec4()
-        if local < patch.edge_count:
-            next_word, next_law = edge_table(patches, patch.edge_start + local)
-        wait_for_block()
+        next_word, next_law = first_word, first_law
         while local < patch.edge_count:
             at = patch.edge_start + local
             word, law = next_word, next_law
-            if local + block_threads() < patch.edge_count:
-                next_word, next_law = edge_table(patches, at + block_threads())
+            if local + patch_threads() < patch.edge_count:
+                next_word, next_law = edge_table(patches, at + patch_threads())
             first, second = packed(word, 0), packed(word, 1)
             start = read_point(beside, memory.position + wp.static(types.point_size) * first)
             end = read_point(beside, memory.position + wp.static(types.point_size) * second)
@@ -267,7 +205,7 @@ def edges_step(precision: str, fourth: str, terms: Terms, fits: bool) -> wp.Func
                     rest = element(patches.rest, at)
                 fold = edge_fold(span, normal_0, normal_1, law[3], rest, step)
                 write_3(beside, memory.fold + wp.static(3 * types.real_size) * local, fold)
-            local += block_threads()
+            local += patch_threads()
         if wp.static(terms.edges):
             if lane == 0:
                 write_4(beside, memory.edge_load + wp.static(4 * types.real_size) * patch.edge_count, vec4())
@@ -311,6 +249,23 @@ def sides_functions(precision: str, fourth: str, fits: bool) -> SimpleNamespace:
 
 
 @functools.cache
+def triangle_table_function(precision: str, terms: Terms) -> wp.Function:
+    """The function that reads what a patch's tables tell of a triangle."""
+
+    @wp.func
+    def triangle_table(patches: cloth_types(precision).Patches, at: int):
+        """The words of a triangle's sides and corners, as far as they are asked for."""
+        sides, corners = wp.uint64(0), wp.uint64(0)
+        if wp.static(terms.folds):
+            sides = element(patches.sides, at)
+        if wp.static(terms.threads):
+            corners = element(patches.corners, at)
+        return sides, corners
+
+    return triangle_table
+
+
+@functools.cache
 def triangles_step(precision: str, fourth: str, terms: Terms, fits: bool) -> wp.Function:
     """The function that works out triangles."""
     types = cloth_types(precision)
@@ -319,17 +274,8 @@ def triangles_step(precision: str, fourth: str, terms: Terms, fits: bool) -> wp.
     read_4, write_4 = functions.read_4, functions.write_4
     sides_reading = sides_functions(precision, fourth, fits)
     side_fold, sides_of = sides_reading.side_fold, sides_reading.sides_of
-    corner_loads = corner_function(precision, fourth, terms)
-
-    @wp.func
-    def triangle_table(patches: Patches, at: int):
-        """The words of a triangle's sides and corners, as far as they are asked for."""
-        sides, corners = wp.uint64(0), wp.uint64(0)
-        if wp.static(terms.folds):
-            sides = element(patches.sides, at)
-        if wp.static(terms.threads):
-            corners = element(patches.corners, at)
-        return sides, corners
+    corner_loads, corner_stride = corner_function(precision, fourth, terms), stride_function(terms)
+    triangle_table = triangle_table_function(precision, terms)
 
     @wp.func
     def work_triangles(
@@ -339,19 +285,19 @@ def triangles_step(precision: str, fourth: str, terms: Terms, fits: bool) -> wp.
         memory: PatchMemory,
         step: Step,
         lane: int,
+        first_sides: wp.uint64,
+        first_corners: wp.uint64,
     ):
-        """What the hinges and threads of the patch's triangles do to their corners."""
+        """What hinges and threads of the patch's triangles do to their corners; the last two are of the first one."""
         count = patch.triangle_count
+        others = memory.corner_load + wp.static(4 * types.real_size) * corner_stride(patch)
         local = int(lane)
-        next_sides, next_corners = wp.uint64(0), wp.uint64(0)
-        if local < count:
-            next_sides, next_corners = triangle_table(patches, patch.triangle_start + local)
-        wait_for_block()
+        next_sides, next_corners = first_sides, first_corners
         while local < count:
             at = patch.triangle_start + local
             word, corners = next_sides, next_corners
-            if local + block_threads() < count:
-                next_sides, next_corners = triangle_table(patches, at + block_threads())
+            if local + patch_threads() < count:
+                next_sides, next_corners = triangle_table(patches, at + patch_threads())
             normal, slope, law = vec4(), vec4(), vec4()
             fold_0, fold_1, fold_2 = vec3(), vec3(), vec3()
             sides = Sides()
@@ -364,12 +310,11 @@ def triangles_step(precision: str, fourth: str, terms: Terms, fits: bool) -> wp.
                 slope, law = element(patches.slope, at), element(patches.threads, at)
                 sides = sides_of(beside, memory, corners)
             first, second, third = corner_loads(normal, fold_0, fold_1, fold_2, sides, slope, law, step)
-            place = memory.corner_load + wp.static(4 * types.real_size) * local
-            write_4(beside, place, first)
-            write_4(beside, place + wp.static(4 * types.real_size) * count, second)
-            write_4(beside, place + wp.static(8 * types.real_size) * count, third)
-            local += block_threads()
+            write_4(beside, memory.corner_load + wp.static(4 * types.real_size) * local, first)
+            write_4(beside, others + wp.static(4 * types.real_size) * local, second)
+            write_4(beside, others + wp.static(4 * types.real_size) * (count + local), third)
+            local += patch_threads()
         if lane == 0:
-            write_4(beside, memory.corner_load + wp.static(12 * types.real_size) * count, vec4())
+            write_4(beside, others + wp.static(8 * types.real_size) * count, vec4())
 
     return work_triangles

@@ -49,7 +49,7 @@ def asked(launch: Launch, uses: Uses, name: str) -> dict[str, set[tuple[int, int
     return {loop: {divmod(int(key), sectors.BLOCK) for key in keys} for loop, keys in loops.items()}
 
 
-@pytest.mark.parametrize(("name", "size"), [("cloth.position", 24), ("cloth.move", 12)])
+@pytest.mark.parametrize(("name", "size"), [("cloth.position", 24), ("cloth.moved", 16)])
 def test_each_patch_asks_for_its_vertices_and_for_its_own_once_more(
     advance: tuple[Launch, Uses], name: str, size: int
 ) -> None:

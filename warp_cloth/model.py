@@ -345,18 +345,18 @@ def _patches(
     tables.patch = upload(wide.reshape(-1, 4), wp.vec4i)
     tables.vertex = upload(cut.vertex.astype(np.int32), wp.int32)
     if terms.edges or terms.folds:
-        tables.ends = upload(cut.ends, wp.uint64)
+        tables.ends = upload(_and_one(cut.ends), wp.uint64)
     if terms.edges:
-        tables.law = upload(law["law"], types.vec4)
+        tables.law = upload(_and_one(law["law"]), types.vec4)
         tables.edge_slot = upload(cut.edge_slot, wp.vec4i)
     if terms.folds:
-        tables.sides = upload(cut.sides, wp.uint64)
+        tables.sides = upload(_and_one(cut.sides), wp.uint64)
     if terms.folds and not terms.edges:
-        tables.fold = upload(law["fold"], types.real)
+        tables.fold = upload(_and_one(law["fold"]), types.real)
     if terms.angles:
         tables.rest = upload(law["rest"], types.vec2)
     if terms.folds or terms.threads:
-        tables.corners = upload(cut.corners, wp.uint64)
+        tables.corners = upload(_and_one(cut.corners), wp.uint64)
         tables.slot = upload(cut.slot, wp.vec4i)
     if terms.threads:
         tables.slope = upload(law["slope"], types.vec4)
@@ -384,6 +384,11 @@ def _patch_laws(elements: Elements, tables: PatchTables, terms: Terms) -> dict[s
     if terms.threads:
         laws["slope"], laws["threads"] = elements.slope[tables.triangle], elements.threads[tables.triangle]
     return laws
+
+
+def _and_one(table: NDArray[Any]) -> NDArray[Any]:
+    """A table and one more entry: threads that find nothing left ask for what follows, and do not use it."""
+    return np.concatenate([table, np.zeros_like(table, shape=(1, *table.shape[1:]))])
 
 
 def _packed_order(vertex: NDArray[Any], rows: NDArray[Any]) -> tuple[NDArray[np.int32], NDArray[np.int32]]:

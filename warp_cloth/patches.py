@@ -16,14 +16,14 @@ from warp_cloth.errors import InputError
 from warp_cloth.kept import Kept
 from warp_cloth.kernels.block import BLOCK_MEMORY
 from warp_cloth.kernels.cloth import Terms, cloth_types
-from warp_cloth.kernels.gather import RANKS
+from warp_cloth.kernels.patch_memory import RANKS
 from warp_cloth.mesh import Indices, Points
 from warp_cloth.rest import Floats
 from warp_cloth.spread import spread_places
 from warp_cloth.threads import end_to_end, map_in_threads
 from warp_cloth.topology import ragged_rows, sorted_keys
 
-LARGEST = 120  # vertices that a patch owns: with what is around them they nearly always fit a block's memory
+LARGEST = 152  # vertices that a patch owns: with what is around them they nearly always fit a block's memory
 SMALLEST = 16  # below, far more is worked out around a patch than in it
 BLOCKS = 264  # patches that a large GPU works on at a time, so that small garments are cut smaller
 
@@ -294,7 +294,7 @@ class _Part:
         return self._owner[vertices] - self._base
 
     def ranked(self, vertices: Numbers, entries: Keys, nothing: Keys) -> tuple[NDArray[np.int32], Keys, Keys]:
-        """Entries of each vertex, RANKS to a word, within its patch; where each patch's start, and words of a vertex.
+        """Entries of each vertex, RANKS to a word, within its patch; where each patch's start, and entries of a vertex.
 
         ``nothing`` is what each patch enters where a vertex has no more.
         """
@@ -302,11 +302,12 @@ class _Part:
         start, order = ragged_rows(self.first[patch] + lane, len(self.vertices))
         patch, lane = patch[order], lane[order]
         rank = np.arange(len(order)) - start[self.first[patch] + lane]
-        words = -(-np.maximum.reduceat(np.diff(start), self.first).astype(np.int64) // RANKS)
+        ranks = np.maximum(np.maximum.reduceat(np.diff(start), self.first).astype(np.int64), 1)
+        words = -(-ranks // RANKS)
         begin = np.cumsum(words * self.owned) - words * self.owned
         ranked = np.repeat(nothing, words * self.owned)[:, None].repeat(RANKS, axis=1)
         ranked[begin[patch] + rank // RANKS * self.owned[patch] + lane, rank % RANKS] = entries[order]
-        return ranked.astype(np.uint16).view(np.int32), begin, words
+        return ranked.astype(np.uint16).view(np.int32), begin, ranks
 
 
 def _tables(elements: Elements, terms: Terms, part: _Part) -> PatchTables:
@@ -343,15 +344,17 @@ def _tables(elements: Elements, terms: Terms, part: _Part) -> PatchTables:
     sides = elements.edges[normal.listed]
     turned = ((sides < 0) * np.array([1, 2, 4])).sum(axis=1, keepdims=True)
     edge_entry = 2 * mine.find(part.owner(edge_end), edge) + part.ends % 2
-    edge_slot, edge_slot_start, edge_words = part.ranked(edge_end, edge_entry, 2 * mine.count)
+    edge_slot, edge_slot_start, edge_ranks = part.ranked(edge_end, edge_entry, 2 * mine.count)
     owner = part.owner(corner)
-    entry = normal.find(owner, triangle) + part.corners % 3 * own.count[owner]
-    slot, slot_start, words = part.ranked(corner, entry, 3 * own.count)
+    first = normal.count if terms.folds else own.count
+    other = np.where(part.corners % 3, first[owner] + (part.corners % 3 - 1) * own.count[owner], 0)
+    entry = normal.find(owner, triangle) + other
+    slot, slot_start, ranks = part.ranked(corner, entry, first + 2 * own.count)
     patch = {
         "vertex_start": vertex.start, "vertex_count": vertex.count, "owned_count": part.owned,
         "edge_start": mine.start, "edge_count": mine.count,
         "triangle_start": normal.start, "triangle_count": own.count, "normal_count": normal.count,
-        "edge_slot_start": edge_slot_start, "edge_words": edge_words, "slot_start": slot_start, "words": words,
+        "edge_slot_start": edge_slot_start, "edge_ranks": edge_ranks, "slot_start": slot_start, "ranks": ranks,
     }  # fmt: skip
     return PatchTables(
         patch=patch,
@@ -379,12 +382,13 @@ def _words(numbers: Keys) -> NDArray[np.uint64]:
 
 
 def _memory(patch: dict[str, Keys], terms: Terms, precision: str) -> Keys:
-    """Bytes that each patch's block needs, as kernels.gather lays them out, shape [P]."""
+    """Bytes that each patch's block needs, as kernels.patch_memory lays them out, shape [P]."""
     types = cloth_types(precision)
     real, point = types.real_size, types.point_size
     triangles, edges, vertices = patch["triangle_count"], patch["edge_count"], patch["vertex_count"]
-    needed = 4 * real * (terms.folds * patch["normal_count"] + terms.edges * (edges + 1))
-    corners, around = 4 * real * (3 * triangles + 1), 4 * real * vertices + -(-point * vertices // 8) * 8
+    first = patch["normal_count"] if terms.folds else terms.threads * triangles
+    needed = 4 * real * (first + terms.edges * (edges + 1))
+    corners, around = 4 * real * (2 * triangles + 1), 4 * real * vertices + -(-point * vertices // 8) * 8
     if terms.threads:
         needed = needed + corners + around
     else:

@@ -25,7 +25,8 @@ class PackedCloth:
         weight = cloth.weight[order].contiguous()
         pinned = cloth.pinned[order].contiguous() if model.terms.pins else None
         for packed in (self._here, self._there):
-            packed.position, packed.move = wp.empty_like(cloth.position), wp.empty_like(cloth.move)
+            packed.position = wp.empty_like(cloth.position)
+            packed.moved = wp.empty(model.vertex_count, dtype=cloth_types(model.precision).vec4, device=model.device)
             packed.weight, packed.item, packed.items = weight, cloth.item, cloth.items
             if self._stiffness is not None:
                 packed.stiffness = self._stiffness
@@ -45,14 +46,14 @@ class PackedCloth:
         """Launches iterations by ``move``, of kernels.displace.advance_kernel; ``asked`` comes first there."""
         model, order, cloth = self._model, self._patches.order, self._model.cloth
         here, there = self._here, self._there
-        written = [here.position, here.move, there.position, there.move, self._stiffness]
+        written = [here.position, here.moved, there.position, there.moved, self._stiffness]
         size, device = model.vertex_count, model.device
         wp.launch(self._kernels.pack_vertices, dim=size, inputs=[order, cloth, *written], device=device)
         if self._leeway is not None:
             wp.launch(self._kernels.pack_leeway, dim=size, inputs=[order, cloth, self._leeway], device=device)
         read = [self._patches.packed_tables, self._patches.overflow]
         for _ in range(count):
-            launch_patches(move, model, [*asked, *read, here, there.position, there.move])
+            launch_patches(move, model, [*asked, *read, here, there.position, there.moved])
             here, there = there, here
         stiffness = cloth.stiffness if self._stiffness is not None else None
         inputs = [order, here, cloth.position, cloth.move, stiffness]

@@ -1,0 +1,144 @@
+"""A patch of cloth: what it has, where its block's memory holds it, and what it asks for ahead."""
+
+import functools
+
+import warp as wp
+
+from warp_cloth.kernels.access import element
+from warp_cloth.kernels.block import BESIDE, fetch_ahead, own_memory
+from warp_cloth.kernels.cloth import Patch, Terms, cloth_types
+
+RANKS = 8  # of what meets at a vertex that share a word
+
+
+@wp.struct
+class PatchMemory:
+    """Places in the block's memory; vectors of four reals unless said otherwise."""
+
+    edge_load: int  # on each edge's first end, and nothing after the last
+    corner_load: int  # on the triangles' first corners, the second, the third, and nothing after the last
+    normal: int  # unit normal and inverse of twice the area [1/m2] of each triangle
+    fold: int  # of three: turn [N], bound [N/m] and L^2 [m2] of each edge's hinge
+    position: int  # of three, in the positions' own precision
+    move: int  # and how long it is
+
+
+@wp.func
+def words_of(ranks: int):
+    """Words of RANKS numbers that so many take."""
+    return (ranks + wp.static(RANKS - 1)) >> wp.static(RANKS.bit_length() - 1)
+
+
+@wp.func
+def patch_of(patches: wp.array(dtype=wp.vec4i), number: int):
+    """A patch, which is read in four pieces."""
+    one, two = element(patches, 4 * number), element(patches, 4 * number + 1)
+    three, four = element(patches, 4 * number + 2), element(patches, 4 * number + 3)
+    patch = Patch()
+    patch.vertex_start = one[0]
+    patch.vertex_count = one[1]
+    patch.owned_count = one[2]
+    patch.item = one[3]
+    patch.edge_start = two[0]
+    patch.edge_count = two[1]
+    patch.edge_slot_start = two[2]
+    patch.edge_ranks = two[3]
+    patch.triangle_start = three[0]
+    patch.triangle_count = three[1]
+    patch.normal_count = three[2]
+    patch.slot_start = three[3]
+    patch.ranks = four[0]
+    patch.overflow = four[1]
+    patch.place = four[2]
+    return patch
+
+
+@wp.func
+def leaves(active: int, patch: Patch, first: int, second: int):
+    """Whether a patch's item is at rest; the last two are vertices.
+
+    The answer hangs on all that is asked for at first, none of it ever negative: else a compiler would put off the
+    rest, for which threads would wait once more.
+    """
+    return wp.min(active - 1, first | second | patch.edge_start | patch.triangle_start) < 0
+
+
+@functools.cache
+def stride_function(terms: Terms) -> wp.Function:
+    """The function that tells after how many loads of first corners the second ones come."""
+
+    @wp.func
+    def corner_stride(patch: Patch):
+        """As many as there are normals, each of which a first corner's load replaces."""
+        count = patch.triangle_count
+        if wp.static(terms.folds):
+            count = patch.normal_count
+        return count
+
+    return corner_stride
+
+
+@functools.cache
+def layout_function(precision: str, terms: Terms, fits: bool) -> wp.Function:
+    """The function that lays out the block's memory; the host counts the same bytes."""
+    types = cloth_types(precision)
+    size_4, point = 4 * types.real_size, types.point_size
+    corner_stride = stride_function(terms)
+
+    @wp.func
+    def patch_memory(patch: Patch):
+        """Places in the block's memory. Corners' loads come to lie where normals lay, without threads vertices, too."""
+        memory = PatchMemory()
+        at = own_memory()
+        if wp.static(not fits):
+            if patch.overflow >= 0:
+                at = patch.overflow | BESIDE
+        if wp.static(terms.edges):
+            memory.edge_load = at
+            at += wp.static(size_4) * (patch.edge_count + 1)
+        memory.normal = at
+        memory.corner_load = at
+        if wp.static(terms.folds or terms.threads):
+            at += wp.static(size_4) * corner_stride(patch)
+        others = at + wp.static(size_4) * (2 * patch.triangle_count + 1)
+        if wp.static(terms.threads):
+            at = others
+        memory.move = at
+        at += wp.static(size_4) * patch.vertex_count
+        memory.position = at
+        at += (wp.static(point) * patch.vertex_count + 7) & -8
+        if wp.static(terms.folds and not terms.threads):
+            at = wp.max(at, others)
+        memory.fold = at
+        return memory
+
+    return patch_memory
+
+
+@functools.cache
+def fetch_function(precision: str, terms: Terms) -> wp.Function:
+    """The function that asks for the tables of all steps."""
+    Patches = cloth_types(precision).Patches
+
+    @wp.func
+    def fetch_tables(patches: Patches, patch: Patch):
+        """Asks for what later steps read, while the vertices are on their way."""
+        if wp.static(terms.folds or terms.threads):
+            fetch_ahead(patches.corners, patch.triangle_start, patch.normal_count, 4)
+        if wp.static(terms.folds or terms.edges):
+            fetch_ahead(patches.ends, patch.edge_start, patch.edge_count, 1)
+        if wp.static(terms.edges):
+            fetch_ahead(patches.law, patch.edge_start, patch.edge_count, 0)
+        if wp.static(terms.folds and not terms.edges):
+            fetch_ahead(patches.fold, patch.edge_start, patch.edge_count, 5)
+        if wp.static(terms.folds):
+            fetch_ahead(patches.sides, patch.triangle_start, patch.triangle_count, 5)
+        if wp.static(terms.threads):
+            fetch_ahead(patches.slope, patch.triangle_start, patch.triangle_count, 0)
+            fetch_ahead(patches.threads, patch.triangle_start, patch.triangle_count, 2)
+        if wp.static(terms.edges):
+            fetch_ahead(patches.edge_slot, patch.edge_slot_start, words_of(patch.edge_ranks) * patch.owned_count, 3)
+        if wp.static(terms.folds or terms.threads):
+            fetch_ahead(patches.slot, patch.slot_start, words_of(patch.ranks) * patch.owned_count, 3)
+
+    return fetch_tables
