@@ -81,11 +81,14 @@ class _Moved:
     def _loops(self, name: str, chains: set[Chain]) -> dict[str, Keys]:
         """The sectors of an array that each block asks for in some chains, by the loop that asks."""
         array = self._arrays[name]
-        alike = frozenset(chains), self._uses.starts.get(name), array.dtype, array.shape
+        packed = name in self._uses.packed
+        alike = frozenset(chains), self._uses.starts.get(name), array.dtype, array.shape, packed
         if array.ndim > 2 or alike not in self._known:
             found: dict[str, list[Keys]] = {}
             for chain in chains:
                 loop = next((each for each in reversed(chain) if each in self._patch), "")
+                if not loop and self._patch and len(array) == self._vertices:
+                    loop = "owned_count"  # each thread its own
                 if loop or len(chains) == 1 or not alike[1]:  # else what a loop's first turn uses, asked for early
                     found.setdefault(loop, []).append(self._sectors(name, chain, loop))
             self._known[alike] = {loop: _distinct(np.concatenate(keys)) for loop, keys in found.items()}
@@ -107,7 +110,12 @@ class _Moved:
         if loop and start:
             return _keys(*self._ranges(chain, loop, start, len(array)), size)
         if loop and len(array) == self._vertices:
-            return _keys(*self._vertices_by_block(loop), size)
+            block, vertex = self._vertices_by_block(loop)
+            pairs = size * self._vertices * 2 // 3 if name in self._uses.packed else 0
+            if pairs:  # two coordinates of each vertex, and behind them the third ones
+                apart = _keys(block, vertex, size * 2 // 3), _keys(block, vertex, size // 3) + -(-pairs // SECTOR)
+                return _distinct(np.concatenate(apart))
+            return _keys(block, vertex, size)
         if counters and not loop:
             return _keys(*self._of_pairs(array, counters[0].rpartition(".")[0], chain, known), size)
         if len(array) * size <= SECTOR:  # which every block asks for
@@ -154,7 +162,11 @@ class _Moved:
             nodes = np.arange(min(TABLE_NODES**array.ndim * len(vertex), array.size))
             return _keys(nodes // THREADS, nodes, size)
         field = np.frombuffer(fields[:1].numpy().tobytes(), dtype=ContactField.numpy_dtype())[0]
-        place = next(array for name, array in self._arrays.items() if name.endswith(".position")).numpy()
+        which, positions = next(each for each in self._arrays.items() if each[0].endswith(".position"))
+        place = positions.numpy()
+        if which in self._uses.packed:
+            pairs, thirds = np.split(place.ravel(), [2 * len(place)])
+            place = np.column_stack([pairs.reshape(-1, 2), thirds])
         found = [
             _keys(*field_nodes(field, array.numpy(), block[some], place[vertex[some]]), size)
             for some in np.array_split(np.arange(len(vertex)), -(-len(vertex) // AT_A_TIME))

@@ -12,6 +12,7 @@ import warp as wp
 ATOMICS = frozenset({"atomic_add", "atomic_sub", "atomic_min", "atomic_max", "atomic_cas", "atomic_exch"})
 
 
+PACKED = frozenset({"packed_point", "put_packed_point"})
 SEVERAL = "*"  # in a chain: several for each that the loop round it goes over
 
 FROM = "from "  # before a count: what is not below it
@@ -30,6 +31,7 @@ class Uses:
     read: dict[str, set[Chain]] = field(default_factory=dict)
     written: dict[str, set[Chain]] = field(default_factory=dict)
     starts: dict[str, str] = field(default_factory=dict)  # where a patch's part of an array begins: "edge_start"
+    packed: set[str] = field(default_factory=set)  # whose elements lie as kernels.packing packs positions
 
 
 def array_uses(kernel: wp.Kernel) -> Uses:
@@ -139,6 +141,8 @@ class _Reader(ast.NodeVisitor):
         name = node.func.attr if isinstance(node.func, ast.Attribute) else getattr(node.func, "id", "")
         if name in ATOMICS and node.args:
             self._note(self._path(node.args[0]), self._uses.written)  # the cache adds by itself
+        if getattr(self._known.get(name), "key", "") in PACKED and node.args:
+            self._uses.packed.add(self._path(node.args[0]))
         self.generic_visit(node)
         called = self._known.get(name)
         if isinstance(called, wp.Function) and called.func is not None and getattr(called, "adj", None) is not None:
