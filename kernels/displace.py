@@ -10,6 +10,7 @@ from warp_cloth.kernels.arithmetic import inner, quotient, root, scaled_sum
 from warp_cloth.kernels.block import (
     BLOCK_THREADS,
     BLOCKS_PER_CORE,
+    FEW_PER_CORE,
     ask_no_earlier,
     block_of,
     lane_of,
@@ -26,7 +27,6 @@ from warp_cloth.kernels.patch_memory import leaves, patch_of
 from warp_cloth.kernels.stiffness import symmetric_functions
 
 AHEAD = wp.constant(8)  # vertices for which the CPU's memory is asked before it is needed
-LAUNCH_BOUNDS = (BLOCK_THREADS, BLOCKS_PER_CORE)
 
 
 @wp.func
@@ -297,12 +297,14 @@ def advance_kernel(
     contact: wp.Function | None,
     collider_type: type,
     touches: bool,
+    few: bool,
 ) -> wp.Kernel:
     """Kernel ``advance_vertices``, which gathers a vertex's forces and moves it, from one set of arrays to another.
 
     ``terms``: what there is to gather, and pins; ``fits`` as of ``gather.patch_functions``, the rest as of
-    ``displacement``.
+    ``displacement``, and ``few``: whether there are no more than block.FEW patches.
     """
+    bounds = BLOCK_THREADS, FEW_PER_CORE if few else BLOCKS_PER_CORE
     types = cloth_types(precision)
     point, Cloth, Step = types.point, types.Cloth, types.Step
     end_vertex = end_function(precision, accelerated, contact, collider_type, touches)
@@ -313,7 +315,7 @@ def advance_kernel(
     held_vertex = held_function(precision, accelerated, in_order=not touches)
     free = free_function(precision, terms.pins)
 
-    @wp.kernel(module="unique", module_options=MODULE_OPTIONS, grid_stride=False, launch_bounds=LAUNCH_BOUNDS)
+    @wp.kernel(module="unique", module_options=MODULE_OPTIONS, grid_stride=False, launch_bounds=bounds)
     def advance_vertices(
         step: Step,
         colliders: colliders_type(contact, collider_type),

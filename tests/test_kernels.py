@@ -121,7 +121,7 @@ def test_displacement_and_certificate_kernels_compile(precision: str) -> None:
         for accelerated in (False, True):
             for touches in (False, True):
                 loaded(displace_kernel(precision, accelerated, *asked, touches, touches))
-                loaded(advance_kernel(precision, accelerated, Terms(True, True, True), False, *asked, touches))
+                loaded(advance_kernel(precision, accelerated, Terms(True, True, True), False, *asked, touches, True))
 
 
 @pytest.mark.parametrize("precision", PRECISIONS)

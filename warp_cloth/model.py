@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from warp_cloth.elements import Elements, elements_of, garment_elements, joined_elements
 from warp_cloth.kept import Kept
+from warp_cloth.kernels.block import FEW
 from warp_cloth.kernels.cloth import Patch, Terms, cloth_types
 from warp_cloth.mesh import Indices, Points
 from warp_cloth.patches import PatchTables, garment_patches, joined_patches
@@ -51,6 +52,7 @@ class Patches:
         self.order = order  # that order: of each patch the vertices that it owns
         self.overflow = overflow  # memory of patches that are too large for a block's own
         self.fits = wp.get_device(overflow.device).is_cuda and not len(overflow)  # whether none is
+        self.few = len(rows) <= FEW  # so that cores have few of them at a time
         self.count = len(rows)
 
     def work_on(self, active: NDArray[np.bool_]) -> bool:

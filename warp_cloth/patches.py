@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from warp_cloth.elements import Elements
 from warp_cloth.errors import InputError
 from warp_cloth.kept import Kept
-from warp_cloth.kernels.block import BLOCK_MEMORY
+from warp_cloth.kernels.block import BLOCK_MEMORY, FEW
 from warp_cloth.kernels.cloth import Terms, cloth_types
 from warp_cloth.kernels.patch_memory import RANKS
 from warp_cloth.mesh import Indices, Points
@@ -25,7 +25,6 @@ from warp_cloth.topology import ragged_rows, sorted_keys
 
 LARGEST = 152  # vertices that a patch owns: with what is around them they nearly always fit a block's memory
 SMALLEST = 16  # below, far more is worked out around a patch than in it
-BLOCKS = 264  # patches that a large GPU works on at a time, so that small garments are cut smaller
 
 CHUNK = 512  # patches that are cut at a time: their tables fit a processor's caches
 MOST_PATCHES = 1 << 24  # of a chunk, whose patches are numbered from a multiple of this
@@ -80,7 +79,7 @@ def garment_patches(
     Raises:
         InputError: more meets at one vertex than a patch can count.
     """
-    size = size or int(np.clip(-(-sum(len(part) for part in points) // BLOCKS), SMALLEST, LARGEST))
+    size = size or int(np.clip(-(-sum(len(part) for part in points) // FEW), SMALLEST, LARGEST))
     shapes = [
         kept.once("shape", (elements, part), partial(_shape, elements, part))
         for elements, part in zip(garments, points, strict=True)

@@ -128,7 +128,8 @@ class Relaxation:
         if accelerated and not model.cloth.stiffness:
             model.cloth.stiffness = wp.zeros(model.vertex_count, dtype=types.real, device=model.device)
         if model.patches is not None:  # no sum of forces in memory, but a second set of positions to write to
-            self._move = advance_kernel(model.precision, accelerated, model.terms, model.patches.fits, *asked)
+            patches = model.patches
+            self._move = advance_kernel(model.precision, accelerated, model.terms, patches.fits, *asked, patches.few)
             if touch is None:
                 self._packed = PackedCloth(model, model.patches, accelerated)
             else:
