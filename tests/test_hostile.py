@@ -139,7 +139,7 @@ UV_REFUSED: dict[str, tuple[np.ndarray | None, str]] = {
     "on one line": (UV * [1.0, 0.0], "without area"),
     "half left out": (np.where(UV[:, 1:] > 1.25, UV, 0.0), "of 32 triangles have no area"),
     "nan": (np.where(np.arange(25)[:, None] == 3, np.nan, UV), "needs texture coordinates"),
-    "beyond all numbers": (1e200 * UV, "too large"),
+    "beyond all numbers": (1e200 * UV, "needs texture coordinates"),
     "in cm": (100.0 * UV, 'set garment.uv_units = "cm"'),
     "in mm": (1000.0 * UV, 'set garment.uv_units = "mm"'),
     "in inches": (UV / 0.0254, 'set garment.uv_units = "in"'),
