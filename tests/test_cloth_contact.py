@@ -109,9 +109,9 @@ def test_lists_of_any_room_find_the_same(room: tuple[int, int]) -> None:
         return sorted(rows.tolist()), [each.numpy() for each in (parting.count, parting.beyond, touch.data.shift)]
 
     pairs, parted = found()  # with no lists at all
-    assert len(pairs) > 100
     assert parted[0].min() > 0
-    touch._meetings = lists_of(*room)
+    with wp.ScopedDevice("cpu"):
+        touch._meetings = lists_of(*room)
     again, parted_again = found()
     assert again == pairs
     assert touch._meetings.count.numpy().min() > 50  # more than the smaller lists have room for
