@@ -103,7 +103,7 @@ class _Moved:
         elif array.ndim > 1:
             return self._looked_up(name, size)
         counters = [each for each in chain if each.endswith(".count") and each in self._arrays]
-        known = min((int(self._arrays[each].numpy()[0]) for each in counters), default=1)
+        known = min((int(self._arrays[each].numpy().max()) for each in counters), default=1)
         start = self._uses.starts.get(name, "")
         if not known:
             return np.zeros(0, dtype=np.int64)
@@ -117,7 +117,10 @@ class _Moved:
                 return _distinct(np.concatenate(apart))
             return _keys(block, vertex, size)
         if counters and not loop:
-            return _keys(*self._of_pairs(array, counters[0].rpartition(".")[0], chain, known), size)
+            owner = counters[0].rpartition(".")[0]
+            if f"{owner}.due" in self._arrays:
+                return _keys(*self._of_pairs(array, owner, chain, known), size)
+            return _keys(np.arange(min(known, len(array))) // THREADS, np.arange(min(known, len(array))), size)
         if len(array) * size <= SECTOR:  # which every block asks for
             return np.arange(max(len(self._patch.get("place", ())), -(-self._launch.threads // THREADS))) * BLOCK
         return _keys(np.arange(len(array)) // THREADS, np.arange(len(array)), size)
