@@ -5,7 +5,7 @@ import functools
 import warp as wp
 
 from warp_cloth.kernels.cloth import cloth_types
-from warp_cloth.kernels.displace import capped
+from warp_cloth.kernels.displacement import capped
 from warp_cloth.kernels.friction import friction_residual, friction_slide
 
 

@@ -14,7 +14,7 @@ from warp_cloth.kernels.cloth import (
     free_function,
     hinge_sides_function,
 )
-from warp_cloth.kernels.displace import colliders_type
+from warp_cloth.kernels.displacement import colliders_type
 from warp_cloth.kernels.tension import tension_energy
 from warp_cloth.kernels.weave import thread_energy, warp_vector, weft_vector
 

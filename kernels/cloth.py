@@ -6,6 +6,8 @@ from typing import NamedTuple
 
 import warp as wp
 
+from warp_cloth.kernels.access import element
+
 PRECISIONS = ("float32", "mixed", "float64")
 
 # Compilers fuse no multiplication and addition of their own choice: so the CPU and CUDA round alike, operation by
@@ -112,6 +114,7 @@ def cloth_types(precision: str) -> SimpleNamespace:
         stiffness: wp.array(dtype=real)  # that the last step went by [N/m]; accelerated method only
         leeway: wp.array(dtype=vec6)  # of kernels.leeway; worn cloth only
         held: wp.array(dtype=wp.uint8)  # whether the avatar pushed it in the last iteration; likewise
+        clear: wp.array(dtype=wp.float32)  # [m] that it may go and surely not meet the avatar; where looks are spared
         item: wp.array(dtype=wp.int32)  # which fit each vertex belongs to
         items: wp.array(dtype=Item)
 
@@ -227,7 +230,7 @@ def rest_function(precision: str) -> wp.Function:
     @wp.func
     def rests(cloth: Cloth, vertex: int):
         """Whether the item of a vertex is at rest, or given up."""
-        return cloth.items[cloth.item[vertex]].active == 0
+        return cloth.items[element(cloth.item, vertex)].active == 0
 
     return rests
 

@@ -1,12 +1,10 @@
-"""Force, cap, displacement: one iteration's end for a vertex (the paper, section 4), then contact (section 5)."""
+"""Kernels that move the cloth by ``displacement``: where it lies, or from one set of arrays to another."""
 
 import functools
-from typing import Any
 
 import warp as wp
 
 from warp_cloth.kernels.access import element, put
-from warp_cloth.kernels.arithmetic import inner, quotient, root, scaled_sum
 from warp_cloth.kernels.block import (
     BLOCK_THREADS,
     BLOCKS_PER_CORE,
@@ -18,68 +16,14 @@ from warp_cloth.kernels.block import (
     wait_for_block,
 )
 from warp_cloth.kernels.cloth import MODULE_OPTIONS, Terms, cloth_types, free_function
-from warp_cloth.kernels.cloth_contact import ClothContact, contact_room, contact_sum, contact_watch
+from warp_cloth.kernels.cloth_contact import contact_watch
+from warp_cloth.kernels.displacement import colliders_type, displacement, spares_looks, step_bound, touch_type
 from warp_cloth.kernels.field import fetch_field, field_contact
-from warp_cloth.kernels.friction import friction_slide
 from warp_cloth.kernels.gather import patch_functions
 from warp_cloth.kernels.packing import order_functions
 from warp_cloth.kernels.patch_memory import leaves, patch_of
-from warp_cloth.kernels.stiffness import symmetric_functions
 
-AHEAD = wp.constant(8)  # vertices for which the CPU's memory is asked before it is needed
-
-
-@wp.func
-def capped(force: Any, limit: Any):
-    """The force, or where it passes the limit one of that size in its direction (the paper, section 4)."""
-    size = root(inner(force, force))
-    return force * wp.where(size > limit, quotient(limit, size), type(limit)(1.0))
-
-
-@wp.func
-def direct_move(force: Any, weight: Any, cap: Any):
-    """Displacement [m] by the paper's rule: total force, capped slightly above gravity, added to the position.
-
-    A force of 1.1 weights is "slightly larger than gravity" and moves the vertex by ``cap``.
-    """
-    limit = type(weight)(1.1) * weight
-    return capped(force, limit) * (cap / limit)
-
-
-@wp.func
-def accelerated_move(force: Any, way: Any, last: Any, momentum: Any, damping: Any, cap: Any):
-    """Displacement [m]: the way of force over stiffness, plus momentum, damped where it fights the force."""
-    kept = wp.where(inner(last, force) < type(cap)(0.0), momentum * damping, momentum)
-    return capped(scaled_sum(last, kept, way), cap)
-
-
-@wp.struct
-class NoCollider:
-    """A scene without avatar asks nothing."""
-
-
-def colliders_type(contact: wp.Function | None, collider_type: type) -> Any:
-    """What kernels take for the items' avatars: an array of their structs, or nothing where there are none."""
-    return NoCollider if contact is None else wp.array(dtype=collider_type)
-
-
-@wp.struct
-class NoClothContact:
-    """Cloth that passes through cloth asks nothing."""
-
-
-def touch_type(touches: bool) -> type:
-    """The struct that tells of cloth on cloth, where it is told at all."""
-    return ClothContact if touches else NoClothContact
-
-
-def wears(accelerated: bool, contact: wp.Function | None, touches: bool) -> bool:
-    """Whether a scene's cloth may be loose (kernels.leeway): it is worn by an avatar, and does not meet itself.
-
-    What hangs is taut, and loses nothing by steps alike in all directions; of what meets itself the pushes would have
-    to be told from what resists.
-    """
-    return accelerated and contact is not None and not touches
+AHEAD = wp.constant(16)  # vertices for which the CPU's memory is asked before it is needed
 
 
 @functools.cache
@@ -105,98 +49,6 @@ def held_function(precision: str, accelerated: bool, in_order: bool) -> wp.Funct
 
 
 @functools.cache
-def displacement(
-    precision: str, accelerated: bool, contact: wp.Function | None, collider_type: type, touches: bool
-) -> wp.Function:
-    """The function that turns a free vertex's load into its displacement [m], contact and friction included.
-
-    Args:
-        precision: of positions and forces.
-        accelerated: each vertex by its own step and with momentum; otherwise by the paper's rule.
-        contact: (collider, world position) -> (normal, distance [m]); None where the scene has no avatar.
-        collider_type: the struct that it asks, one for each item; NoCollider without avatar.
-        touches: whether cloth meets cloth.
-    """
-    types = cloth_types(precision)
-    real, vec3, vec4, Vertex, Step, Item = types.real, types.vec3, types.vec4, types.Vertex, types.Step, types.Item
-    Cloth = types.Cloth
-    Colliders, Touch = colliders_type(contact, collider_type), touch_type(touches)
-    worn = wears(accelerated, contact, touches)
-    times = symmetric_functions(precision).times
-
-    @wp.func
-    def vertex_displacement(
-        cloth: Cloth,
-        step: Step,
-        colliders: Colliders,
-        touch: Touch,
-        load: vec4,
-        held: Vertex,
-        vertex: int,
-        number: int,
-        item: Item,
-    ):
-        """Displacement of a vertex, the part of it that has momentum, and the stiffness that it went by.
-
-        ``number`` is of the item that the vertex belongs to.
-        """
-        shift = vec3()
-        lift = float(0.0)
-        room = real(0.0)
-        if wp.static(touches):  # asked for at once: a GPU waits for memory far longer than it works
-            load += vec4(contact_sum(touch, vertex))
-            room = real(contact_room(touch, vertex, wp.vec3d(held.position)))
-            shift = vec3(touch.shift[vertex])
-            lift = touch.lift[vertex]
-        weight = held.weight
-        force = scaled_sum(step.gravity, weight, vec3(load[0], load[1], load[2]))
-        move = vec3()
-        stiffness = real(0.0)
-        if wp.static(accelerated):
-            last = held.stiffness
-            memory = step.memory
-            if wp.static(worn):
-                memory = wp.where(item.leeway > real(0.0), memory, step.memory_falling)
-            stiffness = wp.max(load[3] + quotient(weight, item.cap), last * memory)
-            kept = wp.min(quotient(last, stiffness), real(1.0))
-            if wp.static(worn):
-                kept = root(kept)
-            way = force * quotient(real(1.0), stiffness)
-            if wp.static(worn):
-                # what is held by contact and friction is held alike in all directions
-                if item.leeway > real(0.0) and cloth.held[vertex] == wp.uint8(0):
-                    way = times(cloth.leeway[vertex], way)
-            move = accelerated_move(force, way, held.move, step.momentum * kept, step.damping, item.cap)
-        else:
-            move = direct_move(force, weight, item.cap)
-        if wp.static(touches):
-            move += shift
-        if wp.static(contact is not None):
-            at = contact(colliders[number], wp.vec3d(held.position) + wp.vec3d(move))
-            push = item.offset - at[3]
-            if wp.static(touches):
-                push += lift
-            if wp.static(worn):
-                cloth.held[vertex] = wp.where(push > 0.0, wp.uint8(1), wp.uint8(0))
-            if push > 0.0:
-                normal = vec3(real(at[0]), real(at[1]), real(at[2]))
-                pushed = scaled_sum(normal, wp.min(real(push), item.cap), move)
-                move = friction_slide(pushed, normal, real(push), real(item.friction))
-        if wp.static(touches):
-            move = capped(move, room)
-        return move, move - shift, stiffness
-
-    return vertex_displacement
-
-
-def step_bound(accelerated: bool, contact: wp.Function | None, touches: bool) -> str:
-    """Which of cloth.FOURTH_PARTS an iteration needs; arguments as of ``displacement``."""
-    if not accelerated:
-        return "none"
-    return "leeway" if wears(accelerated, contact, touches) else "stiffness"
-
-
-@functools.cache
 def displace_kernel(
     precision: str, accelerated: bool, contact: wp.Function | None, collider_type: type, touches: bool, pins: bool
 ) -> wp.Kernel:
@@ -206,7 +58,8 @@ def displace_kernel(
     """
     types = cloth_types(precision)
     point, vec3, vec4, Cloth, Step = types.point, types.vec3, types.vec4, types.Cloth, types.Step
-    vertex_displacement = displacement(precision, accelerated, contact, collider_type, touches)
+    spares = spares_looks(contact, touches)
+    vertex_displacement = displacement(precision, accelerated, contact, collider_type, touches, spares)
     Touch = touch_type(touches)
     held_vertex = held_function(precision, accelerated, in_order=False)
     free = free_function(precision, pins)
@@ -226,7 +79,11 @@ def displace_kernel(
         number = element(cloth.item, vertex)
         if wp.static(contact is field_contact):
             if vertex + AHEAD < cloth.weight.shape[0]:
-                fetch_field(colliders[number], wp.vec3d(element(cloth.position, vertex + AHEAD)))
+                looks = True
+                if wp.static(spares):
+                    looks = element(cloth.clear, vertex + AHEAD) == 0.0
+                if looks:
+                    fetch_field(colliders[number], wp.vec3d(element(cloth.position, vertex + AHEAD)))
         item = cloth.items[number]
         if item.active == 0:
             return

@@ -7,6 +7,7 @@ from warp_cloth.kernels.arithmetic import inner, quotient, root, scaled_sum
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})  # the same bits on CPU and CUDA
 
 FLAT = wp.constant(wp.float32(1.0e-3))  # gradient below which no normal is told
+ROUNDING = wp.constant(wp.float32(1.0e-6))  # [m], more than a distance in float32 is off
 
 
 @wp.struct
@@ -18,6 +19,8 @@ class ContactField:
     spacing: float  # [m]
     reach: float  # distance from the surface up to which answers are exact; farther is simply far [m]
     near: float  # distance up to which a normal is told: who meets cloth at an offset asks for none beyond it [m]
+    steepest: float  # slope that the distance has nowhere more of; 0 where that is not known
+    beyond: float  # distance that what is said to be at ``reach`` has at least, inside the grid [m]
 
 
 @wp.func
@@ -85,6 +88,44 @@ def fetch_field(field: ContactField, p: wp.vec3d):
     for a in range(3):
         for b in range(3):
             fetch_row(field.values, ((i + a - 1) * ny + j + b - 1) * nz + k)
+
+
+@wp.func
+def field_clearance(field: ContactField, p: wp.vec3d, distance: float, offset: float) -> float:
+    """How far a point at p may go, whatever its way, and surely stay farther off than ``offset`` [m].
+
+    (d - offset) / max |grad d|; ``distance`` is what ``field_contact`` answers at p. 0 outside the grid, where its
+    edge may be near.
+    """
+    q = p - field.origin
+    least = wp.float64(field.spacing)
+    for axis in range(3):
+        far = least * wp.float64(field.values.shape[axis] - 2)
+        if q[axis] < least or q[axis] > far:
+            return 0.0
+    sure = wp.where(distance < field.reach, distance, field.beyond) - offset - ROUNDING
+    if sure <= 0.0 or field.steepest == 0.0:
+        return 0.0
+    return sure / field.steepest
+
+
+@wp.kernel
+def measure_slopes(
+    values: wp.array3d(dtype=wp.float32),  # shape [nx, ny, nz]
+    slope_out: wp.array(dtype=wp.float32),  # largest difference of neighbours along x, y and z, shape [3]
+):
+    """Bounds a spline's slopes, whose weights are those of differences of neighbouring coefficients; lines along z."""
+    i, j = wp.tid()
+    before_i, before_j = wp.max(i - 1, 0), wp.max(j - 1, 0)
+    last = values[i, j, 0]
+    slope = wp.vec3f()
+    for k in range(values.shape[2]):
+        here = values[i, j, k]
+        beside = wp.vec3f(values[before_i, j, k], values[i, before_j, k], last)
+        slope = wp.max(slope, wp.abs(wp.vec3f(here, here, here) - beside))
+        last = here
+    for axis in range(3):
+        wp.atomic_max(slope_out, axis, slope[axis])
 
 
 @wp.func

@@ -9,7 +9,28 @@ from types import SimpleNamespace
 
 import warp as wp
 
-from warp_cloth.kernels.arithmetic import chosen, fused, inner, inverses, quotient, root, roots, scaled_sum
+from warp_cloth.kernels.arithmetic import (
+    alike,
+    chosen,
+    differences,
+    four,
+    fused,
+    inner,
+    inverses,
+    most,
+    part,
+    products,
+    quotient,
+    root,
+    roots,
+    scaled,
+    scaled_sum,
+    shaped,
+    sizes,
+    sums,
+    three,
+    times,
+)
 from warp_cloth.kernels.bending import SHORTEST, hinge_turn, turned_back, unit_normal
 from warp_cloth.kernels.cloth import BOUNDS, Terms, cloth_types, difference_function, takes_exact_stretch
 from warp_cloth.kernels.tension import drag_across, share_across, stretch_force, tension_force, tension_stiffness
@@ -106,11 +127,10 @@ def triangle_functions(precision: str, fourth: str) -> SimpleNamespace:
 
 
 @functools.cache
-def corner_function(precision: str, fourth: str, terms: Terms) -> wp.Function:
-    """The function that says what a triangle does to its corners, by all terms that there are."""
+def corner_fold_function(precision: str, fourth: str) -> wp.Function:
+    """The function that adds what a triangle's hinges do to its corners to their loads."""
     types = cloth_types(precision)
-    vec3, vec4, Sides, Step = types.vec3, types.vec4, types.Sides, types.Step
-    corner_folds, thread_loads = _fold_function(precision, fourth), _thread_function(precision, fourth)
+    vec3, vec4, corner_folds = types.vec3, types.vec4, _fold_function(precision, fourth)
 
     @wp.func
     def with_fold(load: vec4, normal: vec4, along: types.real, part: types.real):
@@ -123,6 +143,27 @@ def corner_function(precision: str, fourth: str, terms: Terms) -> wp.Function:
         )
 
     @wp.func
+    def with_folds(normal: vec4, fold_0: vec3, fold_1: vec3, fold_2: vec3, first: vec4, second: vec4, third: vec4):
+        """Loads of the corners and of the hinges of the triangle's sides."""
+        along, part = corner_folds(normal[3], fold_0, fold_1, fold_2)
+        return (
+            with_fold(first, normal, along[0], part[0]),
+            with_fold(second, normal, along[1], part[1]),
+            with_fold(third, normal, along[2], part[2]),
+        )
+
+    return with_folds
+
+
+@functools.cache
+def corner_function(precision: str, fourth: str, terms: Terms) -> wp.Function:
+    """The function that says what a triangle does to its corners, by all terms that there are."""
+    types = cloth_types(precision)
+    vec3, vec4, Sides, Step = types.vec3, types.vec4, types.Sides, types.Step
+    with_folds, thread_loads = corner_fold_function(precision, fourth), thread_function(precision, fourth)
+    exact_excess = _excess_function(precision)
+
+    @wp.func
     def corner_loads(
         normal: vec4, fold_0: vec3, fold_1: vec3, fold_2: vec3, sides: Sides, slope: vec4, law: vec4, step: Step
     ):
@@ -131,12 +172,17 @@ def corner_function(precision: str, fourth: str, terms: Terms) -> wp.Function:
         second = vec4()
         third = vec4()
         if wp.static(terms.threads):
-            first, second, third = thread_loads(sides, slope, law, step)
+            excess = vec4()
+            if wp.static(takes_exact_stretch(precision, fourth)):
+                excess = exact_excess(sides, slope)
+            force_0, force_1, force_2, parts = thread_loads(
+                sides.side_1, sides.side_2, excess, sides.change_1, sides.change_2, slope, law, step
+            )
+            first = vec4(force_0[0], force_0[1], force_0[2], parts[0])
+            second = vec4(force_1[0], force_1[1], force_1[2], parts[1])
+            third = vec4(force_2[0], force_2[1], force_2[2], parts[2])
         if wp.static(terms.folds):
-            along, part = corner_folds(normal[3], fold_0, fold_1, fold_2)
-            first = with_fold(first, normal, along[0], part[0])
-            second = with_fold(second, normal, along[1], part[1])
-            third = with_fold(third, normal, along[2], part[2])
+            first, second, third = with_folds(normal, fold_0, fold_1, fold_2, first, second, third)
         return first, second, third
 
     return corner_loads
@@ -184,38 +230,39 @@ def _fold_function(precision: str, fourth: str) -> wp.Function:
     return corner_folds
 
 
-def _thread_parts_function(precision: str, fourth: str) -> wp.Function:
-    types = cloth_types(precision)
-    real, vec3, vec4 = types.real, types.vec3, types.vec4
+def _thread_parts_function(precision: str, fourth: str, eight: bool) -> wp.Function:
+    real, types = cloth_types(precision).real, shaped(cloth_types(precision).real, eight)
+    one, vec4 = types.real, types.vec4
     # of the warp and weft threads' figures, and of those of both biases, whose slopes are taken sqrt(2) times too large
     straight = wp.constant(real(0.5 if fourth in BOUNDS else 1.0))
     bias = wp.constant(real(0.25 if fourth in BOUNDS else 0.5**0.5))
 
     @wp.func
-    def corner_share(slope_1: real, slope_2: real):
+    def corner_share(slope_1: one, slope_2: one):
         """What a thread's figure counts for at each corner: stiffness by ``slope_shares``, size by the slopes."""
-        part = vec3(wp.abs(slope_1 + slope_2), wp.abs(slope_1), wp.abs(slope_2))
+        share_0, share_1, share_2 = sizes(sums(slope_1, slope_2)), sizes(slope_1), sizes(slope_2)
         if wp.static(fourth in BOUNDS):
             share_0, share_1, share_2 = slope_shares(slope_1, slope_2)
-            part = vec3(share_0, share_1, share_2)
-        return part
+        return three(share_0, share_1, share_2)
 
     @wp.func
     def corner_parts(slope: vec4, figure: vec4):
         """Fourth parts of the corners from the figures of the weft, warp and both bias threads."""
-        part = corner_share(slope[0], slope[1]) * (straight * figure[0])
-        part = scaled_sum(corner_share(slope[2], slope[3]), straight * figure[1], part)
-        part = scaled_sum(corner_share(slope[0] + slope[2], slope[1] + slope[3]), bias * figure[2], part)
-        return scaled_sum(corner_share(slope[0] - slope[2], slope[1] - slope[3]), bias * figure[3], part)
+        weft_1, weft_2, warp_1, warp_2 = part(slope, 0), part(slope, 1), part(slope, 2), part(slope, 3)
+        parts = scaled(corner_share(weft_1, weft_2), times(part(figure, 0), straight))
+        parts = scaled_sum(corner_share(warp_1, warp_2), times(part(figure, 1), straight), parts)
+        plus = corner_share(sums(weft_1, warp_1), sums(weft_2, warp_2))
+        minus = corner_share(differences(weft_1, warp_1), differences(weft_2, warp_2))
+        return scaled_sum(minus, times(part(figure, 3), bias), scaled_sum(plus, times(part(figure, 2), bias), parts))
 
     return corner_parts
 
 
 @functools.cache
-def square_functions(precision: str) -> SimpleNamespace:
-    """Functions ``squares`` and ``products`` of a woven triangle's four threads."""
-    types = cloth_types(precision)
-    real, vec3, vec4 = types.real, types.vec3, types.vec4
+def square_functions(precision: str, eight: bool = False) -> SimpleNamespace:
+    """Functions ``squares``, ``changes_along`` and ``along_and_across`` of a triangle's four threads, or of eight's."""
+    real, types = cloth_types(precision).real, shaped(cloth_types(precision).real, eight)
+    vec3 = types.vec3
     half = wp.constant(real(0.5))
 
     @wp.func
@@ -225,46 +272,47 @@ def square_functions(precision: str) -> SimpleNamespace:
         A bias is half the square root of 2 times the sum or the difference of the others.
         """
         weft_2, warp_2, both = inner(weft, weft), inner(warp, warp), inner(weft, warp)
-        mean = half * (weft_2 + warp_2)
-        none = real(0.0)
-        return vec4(weft_2, warp_2, wp.max(mean + both, none), wp.max(mean - both, none))
+        mean, none = times(sums(weft_2, warp_2), half), alike(both, real(0.0))
+        return four(weft_2, warp_2, most(sums(mean, both), none), most(differences(mean, both), none))
 
     @wp.func
-    def products(weft: vec3, warp: vec3, weft_change: vec3, warp_change: vec3):
+    def changes_along(weft: vec3, warp: vec3, weft_change: vec3, warp_change: vec3):
         """Dot products of those four with what changed them."""
         weft_2, warp_2 = inner(weft, weft_change), inner(warp, warp_change)
-        both = half * (inner(weft, warp_change) + inner(warp, weft_change))
-        mean = half * (weft_2 + warp_2)
-        return vec4(weft_2, warp_2, mean + both, mean - both)
-
-    return SimpleNamespace(squares=squares, products=products)
-
-
-def _stretches_function(precision: str) -> wp.Function:
-    types = cloth_types(precision)
-    real, wide, vec4, Sides = types.real, types.wide, types.vec4, types.Sides
-    half, one, unit = wp.constant(wide(0.5)), wp.constant(wide(1.0)), wp.constant(real(1.0))
+        both = times(sums(inner(weft, warp_change), inner(warp, weft_change)), half)
+        mean = times(sums(weft_2, warp_2), half)
+        return four(weft_2, warp_2, sums(mean, both), differences(mean, both))
 
     @wp.func
-    def exact_stretches(sides: Sides, slope: vec4, length: vec4):
-        """How much longer than 1 the four threads are: (|t|^2 - 1) / (|t| + 1)."""
+    def along_and_across(figure: types.vec4):
+        """What the four threads' figures are along weft, along warp and from each to the other."""
+        plus, minus = part(figure, 2), part(figure, 3)
+        mean, across = times(sums(plus, minus), half), times(differences(plus, minus), half)
+        return sums(part(figure, 0), mean), sums(part(figure, 1), mean), across
+
+    return SimpleNamespace(squares=squares, changes_along=changes_along, along_and_across=along_and_across)
+
+
+def _excess_function(precision: str) -> wp.Function:
+    types = cloth_types(precision)
+    real, wide, vec4, Sides = types.real, types.wide, types.vec4, types.Sides
+    half, one = wp.constant(wide(0.5)), wp.constant(wide(1.0))
+
+    @wp.func
+    def exact_excess(sides: Sides, slope: vec4):
+        """|t|^2 - 1 of the four threads, in the positions' own precision."""
         weft = sides.exact_1 * wide(slope[0]) + sides.exact_2 * wide(slope[1])
         warp = sides.exact_1 * wide(slope[2]) + sides.exact_2 * wide(slope[3])
         weft_2, warp_2, both = inner(weft, weft) - one, inner(warp, warp) - one, inner(weft, warp)
         mean = half * (weft_2 + warp_2)
-        excess = vec4(real(weft_2), real(warp_2), real(mean + both), real(mean - both))
-        return wp.cw_mul(excess, inverses(length + vec4(unit, unit, unit, unit)))
+        return vec4(real(weft_2), real(warp_2), real(mean + both), real(mean - both))
 
-    return exact_stretches
+    return exact_excess
 
 
-def _thread_function(precision: str, fourth: str) -> wp.Function:
-    types = cloth_types(precision)
-    real, vec3, vec4, Sides, Step = types.real, types.vec3, types.vec4, types.Sides, types.Step
-    corner_parts, exact_stretches = _thread_parts_function(precision, fourth), _stretches_function(precision)
-    functions = square_functions(precision)
-    squares, products = functions.squares, functions.products
-    half, one = wp.constant(real(0.5)), wp.constant(real(1.0))
+def _drag_function(precision: str, eight: bool) -> wp.Function:
+    real, types = cloth_types(precision).real, shaped(cloth_types(precision).real, eight)
+    vec4, Step = types.vec4, cloth_types(precision).Step
 
     @wp.func
     def split_drag(drag: vec4, square: vec4, change: vec4, product: vec4, along: vec4, stiff: vec4, step: Step):
@@ -273,56 +321,72 @@ def _thread_function(precision: str, fourth: str) -> wp.Function:
         ``tension.drag_across`` of the four: pulled threads drag across themselves the share only that acts there.
         """
         share, inverse = thread_shares(square, change, along, stiff, step.horizon)
-        ones = vec4(one, one, one, one)
-        even = wp.cw_mul(drag, chosen(square - ones, share, ones))
-        return even, wp.cw_mul(wp.cw_mul(wp.cw_mul(drag - even, product), inverse), inverse)
+        ones = alike(square, real(1.0))
+        even = products(drag, chosen(differences(square, ones), share, ones))
+        return even, products(products(products(differences(drag, even), product), inverse), inverse)
+
+    return split_drag
+
+
+@functools.cache
+def thread_function(precision: str, fourth: str, eight: bool = False) -> wp.Function:
+    """The function ``thread_loads`` of a woven triangle, or of eight."""
+    real, types = cloth_types(precision).real, shaped(cloth_types(precision).real, eight)
+    vec3, vec4, Step = types.vec3, types.vec4, cloth_types(precision).Step
+    corner_parts, split_drag = _thread_parts_function(precision, fourth, eight), _drag_function(precision, eight)
+    functions = square_functions(precision, eight)
+    squares, changes_along, along_and_across = functions.squares, functions.changes_along, functions.along_and_across
 
     @wp.func
-    def thread_loads(sides: Sides, slope: vec4, law: vec4, step: Step):
-        """Loads of the four threads on the corners."""
-        along_u = weft_vector(slope, sides.side_1, sides.side_2)
-        along_v = warp_vector(slope, sides.side_1, sides.side_2)
+    def thread_loads(
+        side_1: vec3, side_2: vec3, excess: vec4, change_1: vec3, change_2: vec3, slope: vec4, law: vec4, step: Step
+    ):
+        """Forces of the four threads on the corners, and the corners' fourth parts.
+
+        ``excess`` is |t|^2 - 1 of the threads where that is taken exactly, from which |t| - 1 = excess / (|t| + 1).
+        """
+        along_u = weft_vector(slope, side_1, side_2)
+        along_v = warp_vector(slope, side_1, side_2)
         change_u = vec3()
         change_v = vec3()
         square = squares(along_u, along_v)
         change = vec4()
         if wp.static(fourth in BOUNDS):
-            change_u = weft_vector(slope, sides.change_1, sides.change_2)
-            change_v = warp_vector(slope, sides.change_1, sides.change_2)
+            change_u = weft_vector(slope, change_1, change_2)
+            change_v = warp_vector(slope, change_1, change_2)
             change = squares(change_u, change_v)
-        pull = vec4(law[0], law[1], law[2], law[2])
-        length = roots(square)
-        stretch = length - vec4(one, one, one, one)
+        bias = part(law, 2)
+        pull = four(part(law, 0), part(law, 1), bias, bias)
+        compression = part(law, 3)
+        push = products(pull, four(compression, compression, compression, compression))
+        length, ones = roots(square), alike(square, real(1.0))
+        stretch = differences(length, ones)
         if wp.static(takes_exact_stretch(precision, fourth)):
-            stretch = exact_stretches(sides, slope, length)
-        along, stiff = stretched_pulls(length, stretch, change, pull, pull * law[3], step.reach)
+            stretch = products(excess, inverses(sums(length, ones)))
+        along, stiff = stretched_pulls(length, stretch, change, pull, push, step.reach)
         weft = vec3()
         warp = vec3()
-        part = vec3()
+        parts = vec3()
         if wp.static(fourth in BOUNDS):
             # resists the threads' changing, as an edge's load does
-            drag = stiff * step.viscosity
+            drag = times(stiff, step.viscosity)
             if wp.static(fourth == "leeway"):
-                product = products(along_u, along_v, change_u, change_v)
+                product = changes_along(along_u, along_v, change_u, change_v)
                 drag, more = split_drag(drag, square, change, product, along, stiff, step)
-                along += more
-            mean, across = half * (drag[2] + drag[3]), half * (drag[2] - drag[3])
-            weft = scaled_sum(change_u, drag[0] + mean, change_v * across)
-            warp = scaled_sum(change_v, drag[1] + mean, change_u * across)
-            part = corner_parts(slope, stiff)
+                along = sums(along, more)
+            on_weft, on_warp, across = along_and_across(drag)
+            weft = scaled_sum(change_u, on_weft, scaled(change_v, across))
+            warp = scaled_sum(change_v, on_warp, scaled(change_u, across))
+            parts = corner_parts(slope, stiff)
         if wp.static(fourth == "size"):
-            part = corner_parts(slope, wp.cw_mul(wp.abs(along), length))
+            parts = corner_parts(slope, products(sizes(along), length))
         # what the biases pull along weft and warp, each along itself and along the other
-        mean, across = half * (along[2] + along[3]), half * (along[2] - along[3])
-        weft = scaled_sum(along_v, across, scaled_sum(along_u, along[0] + mean, weft))
-        warp = scaled_sum(along_u, across, scaled_sum(along_v, along[1] + mean, warp))
-        force_1 = -scaled_sum(weft, slope[0], warp * slope[2])
-        force_2 = -scaled_sum(weft, slope[1], warp * slope[3])
-        force_0 = -(force_1 + force_2)
-        return (
-            vec4(force_0[0], force_0[1], force_0[2], part[0]),
-            vec4(force_1[0], force_1[1], force_1[2], part[1]),
-            vec4(force_2[0], force_2[1], force_2[2], part[2]),
-        )
+        on_weft, on_warp, across = along_and_across(along)
+        weft = scaled_sum(along_v, across, scaled_sum(along_u, on_weft, weft))
+        warp = scaled_sum(along_u, across, scaled_sum(along_v, on_warp, warp))
+        back = real(-1.0)
+        force_1 = times(scaled_sum(weft, part(slope, 0), scaled(warp, part(slope, 2))), back)
+        force_2 = times(scaled_sum(weft, part(slope, 1), scaled(warp, part(slope, 3))), back)
+        return times(sums(force_1, force_2), back), force_1, force_2, parts
 
     return thread_loads

@@ -7,7 +7,7 @@ import warp as wp
 
 from warp_cloth.kernels.cloth import MODULE_OPTIONS, cloth_types, free_function, rest_function
 from warp_cloth.kernels.conjugate import FREE, SLIDES, STAYS, allowed_function, conjugate_types
-from warp_cloth.kernels.displace import capped, colliders_type
+from warp_cloth.kernels.displacement import capped, colliders_type
 from warp_cloth.kernels.friction import friction_slide
 from warp_cloth.kernels.stiffness import stiffness_types, symmetric_functions
 

@@ -5,13 +5,23 @@ same bits. On CUDA the order would be left to chance; there ``gather`` serves.
 """
 
 import functools
+from types import SimpleNamespace
 
 import warp as wp
 
-from warp_cloth.kernels.access import add_to, element
-from warp_cloth.kernels.arithmetic import inner, root
+from warp_cloth.kernels.access import add_to, eight_elements, element
+from warp_cloth.kernels.arithmetic import WIDTH as EIGHT
+from warp_cloth.kernels.arithmetic import inner, root, shaped
 from warp_cloth.kernels.cloth import BOUNDS, MODULE_OPTIONS, Terms, cloth_types, rest_function
-from warp_cloth.kernels.forces import corner_function, edge_functions, triangle_functions
+from warp_cloth.kernels.forces import (
+    corner_fold_function,
+    corner_function,
+    edge_functions,
+    thread_function,
+    triangle_functions,
+)
+
+WIDTH = wp.constant(EIGHT)
 
 
 @functools.cache
@@ -86,21 +96,94 @@ def edges_kernel(precision: str, fourth: str, terms: Terms) -> wp.Kernel:
 
 
 @functools.cache
-def triangles_kernel(precision: str, fourth: str, terms: Terms) -> wp.Kernel:
-    """Kernel ``add_triangles``; ``fourth`` is one of cloth.FOURTH_PARTS."""
+def sides_function(precision: str, fourth: str) -> wp.Function:
+    """The function that reads a triangle as it lies."""
     types = cloth_types(precision)
-    vec3, vec4, Cloth, Step, Triangles, Sides = (
-        types.vec3, types.vec4, types.Cloth, types.Step, types.Triangles, types.Sides,
-    )  # fmt: skip
+    vec3, Cloth = types.vec3, types.Cloth
     triangle_sides = triangle_functions(precision, fourth).triangle_sides
-    corner_loads = corner_function(precision, fourth, terms)
+
+    @wp.func
+    def sides_of(cloth: Cloth, corners: wp.vec3i):
+        """A triangle as it lies, and what last moved it."""
+        move_0, move_1, move_2 = vec3(), vec3(), vec3()
+        if wp.static(fourth in BOUNDS):
+            move_0, move_1 = element(cloth.move, corners[0]), element(cloth.move, corners[1])
+            move_2 = element(cloth.move, corners[2])
+        origin, second = element(cloth.position, corners[0]), element(cloth.position, corners[1])
+        return triangle_sides(origin, second, element(cloth.position, corners[2]), move_0, move_1, move_2)
+
+    return sides_of
+
+
+@functools.cache
+def eight_functions(precision: str, fourth: str) -> SimpleNamespace:
+    """Functions ``threads_of_eight``, of eight triangles, and ``lane_load``, of one of them."""
+    types = cloth_types(precision)
+    vec4, Cloth, Triangles, eights = types.vec4, types.Cloth, types.Triangles, shaped(types.real, True)
+    sides_of, thread_loads = sides_function(precision, fourth), thread_function(precision, fourth, eight=True)
     rests = rest_function(precision)
+
+    @wp.func
+    def threads_of_eight(cloth: Cloth, triangles: Triangles, first: int, count: int, step: types.Step):
+        """Forces of the threads of ``count`` triangles on their corners, and the corners' fourth parts.
+
+        What is at rest does nothing, nor what is beyond the last.
+        """
+        side_1, side_2 = eights.vec3(), eights.vec3()
+        change_1, change_2 = eights.vec3(), eights.vec3()
+        for lane in range(count):
+            corners = element(triangles.corners, first + lane)
+            if not rests(cloth, corners[0]):
+                sides = sides_of(cloth, corners)
+                for axis in range(3):
+                    side_1[WIDTH * axis + lane] = sides.side_1[axis]
+                    side_2[WIDTH * axis + lane] = sides.side_2[axis]
+                    change_1[WIDTH * axis + lane] = sides.change_1[axis]
+                    change_2[WIDTH * axis + lane] = sides.change_2[axis]
+        slope, law = eight_elements(triangles.slope, first), eight_elements(triangles.threads, first)
+        return thread_loads(side_1, side_2, eights.vec4(), change_1, change_2, slope, law, step)
+
+    @wp.func
+    def lane_load(force: eights.vec3, parts: eights.vec3, corner: int, lane: int):
+        """A corner's load in one of the eight."""
+        return vec4(force[lane], force[WIDTH + lane], force[2 * WIDTH + lane], parts[WIDTH * corner + lane])
+
+    return SimpleNamespace(threads_of_eight=threads_of_eight, lane_load=lane_load)
+
+
+@functools.cache
+def fold_reader(precision: str) -> wp.Function:
+    """The function that reads the hinges of a triangle's sides."""
+    vec3 = cloth_types(precision).vec3
 
     @wp.func
     def side_fold(fold: wp.array(dtype=vec3), edge: int):
         """Hinge of a triangle's side, its turn as the triangle is wound."""
         found = element(fold, wp.where(edge < 0, -1 - edge, edge))
         return vec3(wp.where(edge < 0, -found[0], found[0]), found[1], found[2])
+
+    @wp.func
+    def side_folds(fold: wp.array(dtype=vec3), edges: wp.vec3i):
+        """Those of all three sides."""
+        return side_fold(fold, edges[0]), side_fold(fold, edges[1]), side_fold(fold, edges[2])
+
+    return side_folds
+
+
+@functools.cache
+def triangles_kernel(precision: str, fourth: str, terms: Terms) -> wp.Kernel:
+    """Kernel ``add_triangles``; ``fourth`` is one of cloth.FOURTH_PARTS.
+
+    Threads are worked out eight triangles at a time in iterations, where their stretch needs no more than ``real``.
+    """
+    types = cloth_types(precision)
+    vec3, vec4, Cloth, Step, Triangles = types.vec3, types.vec4, types.Cloth, types.Step, types.Triangles
+    at_once = terms.threads and fourth in BOUNDS
+    eights, eight = shaped(types.real, True), eight_functions(precision, fourth)
+    threads_of_eight, lane_load = eight.threads_of_eight, eight.lane_load
+    with_folds, corner_loads = corner_fold_function(precision, fourth), corner_function(precision, fourth, terms)
+    sides_of, side_folds = sides_function(precision, fourth), fold_reader(precision)
+    rests = rest_function(precision)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def add_triangles(
@@ -111,29 +194,34 @@ def triangles_kernel(precision: str, fourth: str, terms: Terms) -> wp.Kernel:
         step: Step,
         load_out: wp.array(dtype=vec4),  # force [N] and the fourth part, shape [V]
     ):
-        """Adds each triangle's hinges and threads to its corners."""
-        triangle = wp.tid()
-        corners = element(triangles.corners, triangle)
-        if rests(cloth, corners[0]):
-            return
-        own, slope, law = vec4(), vec4(), vec4()
-        fold_0, fold_1, fold_2 = vec3(), vec3(), vec3()
-        sides = Sides()
-        if wp.static(terms.folds):
-            own = element(normal, triangle)
-            edges = element(triangles.edges, triangle)
-            fold_0, fold_1, fold_2 = side_fold(fold, edges[0]), side_fold(fold, edges[1]), side_fold(fold, edges[2])
-        if wp.static(terms.threads):
-            slope, law = element(triangles.slope, triangle), element(triangles.threads, triangle)
-            move_0, move_1, move_2 = vec3(), vec3(), vec3()
-            if wp.static(fourth in BOUNDS):
-                move_0, move_1 = element(cloth.move, corners[0]), element(cloth.move, corners[1])
-                move_2 = element(cloth.move, corners[2])
-            origin, second = element(cloth.position, corners[0]), element(cloth.position, corners[1])
-            sides = triangle_sides(origin, second, element(cloth.position, corners[2]), move_0, move_1, move_2)
-        first, second_load, third = corner_loads(own, fold_0, fold_1, fold_2, sides, slope, law, step)
-        add_to(load_out, corners[0], first)
-        add_to(load_out, corners[1], second_load)
-        add_to(load_out, corners[2], third)
+        """Adds the hinges and threads of eight triangles to their corners, one triangle after another."""
+        start = WIDTH * wp.tid()
+        count = wp.min(triangles.corners.shape[0] - start, WIDTH)
+        force_0, force_1, force_2, parts = eights.vec3(), eights.vec3(), eights.vec3(), eights.vec3()
+        if wp.static(at_once):
+            force_0, force_1, force_2, parts = threads_of_eight(cloth, triangles, start, count, step)
+        for lane in range(count):
+            triangle = start + lane
+            corners = element(triangles.corners, triangle)
+            if not rests(cloth, corners[0]):
+                own, fold_0, fold_1, fold_2 = vec4(), vec3(), vec3(), vec3()
+                if wp.static(terms.folds):
+                    own = element(normal, triangle)
+                    fold_0, fold_1, fold_2 = side_folds(fold, element(triangles.edges, triangle))
+                first, second, third = vec4(), vec4(), vec4()
+                if wp.static(at_once):
+                    first, second = lane_load(force_0, parts, 0, lane), lane_load(force_1, parts, 1, lane)
+                    third = lane_load(force_2, parts, 2, lane)
+                    if wp.static(terms.folds):
+                        first, second, third = with_folds(own, fold_0, fold_1, fold_2, first, second, third)
+                else:
+                    slope, law, sides = vec4(), vec4(), types.Sides()
+                    if wp.static(terms.threads):
+                        slope, law = element(triangles.slope, triangle), element(triangles.threads, triangle)
+                        sides = sides_of(cloth, corners)
+                    first, second, third = corner_loads(own, fold_0, fold_1, fold_2, sides, slope, law, step)
+                add_to(load_out, corners[0], first)
+                add_to(load_out, corners[1], second)
+                add_to(load_out, corners[2], third)
 
     return add_triangles

@@ -11,7 +11,22 @@ from typing import Any
 
 import warp as wp
 
-from warp_cloth.kernels.arithmetic import chosen, inverses, roots, scaled_sum
+from warp_cloth.kernels.arithmetic import (
+    alike,
+    chosen,
+    differences,
+    inverses,
+    least,
+    most,
+    part,
+    products,
+    roots,
+    scaled,
+    scaled_sum,
+    sizes,
+    sums,
+    times,
+)
 from warp_cloth.kernels.tension import tension_energy
 
 SHORTEST = wp.constant(1.0e-20)  # of a thread that has collapsed; what divides by it stays finite
@@ -21,13 +36,13 @@ FAINTEST = wp.constant(1.0e-30)  # bound of stiffness [J]; likewise
 @wp.func
 def weft_vector(slope: Any, side_1: Any, side_2: Any):
     """What a unit of cloth along the weft has become; sides are those from the triangle's first corner."""
-    return scaled_sum(side_2, slope[1], side_1 * slope[0])
+    return scaled_sum(side_2, part(slope, 1), scaled(side_1, part(slope, 0)))
 
 
 @wp.func
 def warp_vector(slope: Any, side_1: Any, side_2: Any):
     """What a unit of cloth along the warp has become."""
-    return scaled_sum(side_2, slope[3], side_1 * slope[2])
+    return scaled_sum(side_2, part(slope, 3), scaled(side_1, part(slope, 2)))
 
 
 @wp.func
@@ -44,21 +59,19 @@ def stretched_pulls(length: Any, stretch: Any, change: Any, pull: Any, push: Any
         push: that where they are shorter than 1.
         reach: how many such changes the bound allows for.
     """
-    far = roots(change) * reach
-    size = wp.abs(stretch)
-    short = type(reach)(SHORTEST)
-    inverse = inverses(wp.max(length, type(length)(short, short, short, short)))
-    along = wp.cw_mul(wp.cw_mul(chosen(stretch, pull, push), wp.cw_mul(stretch, size)), inverse)
-    bound = wp.cw_mul(chosen(stretch + far, pull, push), size + far)
-    return along, bound + bound
+    far = times(roots(change), reach)
+    size = sizes(stretch)
+    inverse = inverses(most(length, alike(length, type(reach)(SHORTEST))))
+    along = products(products(chosen(stretch, pull, push), products(stretch, size)), inverse)
+    bound = products(chosen(sums(stretch, far), pull, push), sums(size, far))
+    return along, sums(bound, bound)
 
 
 @wp.func
 def thread_pulls(square: Any, change: Any, pull: Any, push: Any, reach: Any):
     """``stretched_pulls`` by the squares of the threads' lengths."""
-    one = type(reach)(1.0)
     length = roots(square)
-    return stretched_pulls(length, length - type(square)(one, one, one, one), change, pull, push, reach)
+    return stretched_pulls(length, differences(length, alike(length, type(reach)(1.0))), change, pull, push, reach)
 
 
 @wp.func
@@ -72,12 +85,11 @@ def thread_shares(square: Any, change: Any, along: Any, bound: Any, horizon: Any
         bound: the bounds of their stiffness, both of ``thread_pulls``.
         horizon: how many such changes ahead they may turn.
     """
-    one, short, faint = type(horizon)(1.0), type(horizon)(SHORTEST), type(horizon)(FAINTEST)
-    inverse = inverses(wp.max(roots(square), type(square)(short, short, short, short)))
-    turn = wp.cw_mul(roots(change) * horizon, inverse)
-    least = wp.max(bound, type(square)(faint, faint, faint, faint))
-    share = wp.cw_mul(wp.abs(along), inverses(least)) + wp.cw_mul(turn, turn)
-    return wp.min(share, type(square)(one, one, one, one)), inverse
+    inverse = inverses(most(roots(square), alike(square, type(horizon)(SHORTEST))))
+    turn = products(times(roots(change), horizon), inverse)
+    stiffness = most(bound, alike(bound, type(horizon)(FAINTEST)))
+    share = sums(products(sizes(along), inverses(stiffness)), products(turn, turn))
+    return least(share, alike(share, type(horizon)(1.0))), inverse
 
 
 @wp.func
@@ -93,8 +105,6 @@ def slope_shares(slope_1: Any, slope_2: Any):
     b are the corners' slopes, with b_0 = -b_1 - b_2. A thread that runs along an edge of length L gives 1 / L^2 to
     both its ends, as the edge itself would.
     """
-    size_0 = wp.abs(slope_1 + slope_2)
-    size_1 = wp.abs(slope_1)
-    size_2 = wp.abs(slope_2)
-    sum = size_0 + size_1 + size_2
-    return sum * size_0, sum * size_1, sum * size_2
+    size_0, size_1, size_2 = sizes(sums(slope_1, slope_2)), sizes(slope_1), sizes(slope_2)
+    sum = sums(sums(size_0, size_1), size_2)
+    return products(sum, size_0), products(sum, size_1), products(sum, size_2)

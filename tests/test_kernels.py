@@ -23,7 +23,8 @@ from warp_cloth.kernels.contact_pairs import groups_kernel, leaves_kernel, pairs
 from warp_cloth.kernels.contact_search import box_kernel, start_kernel
 from warp_cloth.kernels.crossing_search import crossing_groups_kernel, crossing_leaves_kernel, crossings_kernel
 from warp_cloth.kernels.depth import DepthSolid, plain_contact, solid_level
-from warp_cloth.kernels.displace import NoCollider, advance_kernel, displace_kernel
+from warp_cloth.kernels.displace import advance_kernel, displace_kernel
+from warp_cloth.kernels.displacement import NoCollider
 from warp_cloth.kernels.field import ContactField, field_contact
 from warp_cloth.kernels.gather import gather_kernel
 from warp_cloth.kernels.layers import LayeredSolid, layered_level

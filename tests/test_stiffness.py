@@ -8,7 +8,7 @@ import warp as wp
 from cloths import cloth_forces, deformed_model, grid, model_of, slopes, without
 
 from warp_cloth.fabric import Fabric
-from warp_cloth.kernels.displace import NoCollider
+from warp_cloth.kernels.displacement import NoCollider
 from warp_cloth.kernels.stiffness import stiffness_kernels, stiffness_types
 from warp_cloth.model import ClothModel, GarmentPart
 from warp_cloth.rest import build_rest_shape

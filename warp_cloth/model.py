@@ -134,6 +134,12 @@ class ClothModel:
         part = self.of_item(item)
         self.cloth.position[part].assign(wp.array(points, dtype=types.point, device=self.device))
         self.cloth.move[part].zero_()
+        self.look_again(item)
+
+    def look_again(self, item: int) -> None:
+        """Has iterations look where an item's vertices meet the avatar, whatever they knew: it or they were moved."""
+        if self.cloth.clear:
+            self.cloth.clear[self.of_item(item)].zero_()
 
     def cloth_beside(self) -> Any:
         """The cloth with positions and moves of its own, for iterations that write beside what they read."""

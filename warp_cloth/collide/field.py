@@ -14,7 +14,7 @@ from warp_cloth.collide.layers import LayeredBuffers
 from warp_cloth.errors import InputError
 from warp_cloth.kernels import sweep as kernels
 from warp_cloth.kernels.bake import bake_kernels
-from warp_cloth.kernels.field import ContactField, sample_field
+from warp_cloth.kernels.field import ContactField, measure_slopes, sample_field
 from warp_cloth.mesh import Points
 
 LEAST_SPACING = 0.0025  # [m]; a finer grid costs by the cube and more, and limbs are smooth at this size
@@ -25,6 +25,7 @@ ROUGH_SWEEPS = 5  # the projection wants 2.5 spacings and the neighbours around,
 GRIDS_AT_ONCE = 4  # of its size that building a field holds at most
 SWEEPS_PER_LOOK = 8  # sweeps between two looks at whether the inside still changes
 TOUCH = 1e-3  # [m] beyond the contact offset: more than the certificate allows for
+ROUNDED = 1.0 + 1e-5  # of slopes in float32
 SWEEPS_AT_MOST = 512  # a body 2.5 m thick at 5 mm
 
 
@@ -37,6 +38,8 @@ class FieldBuild:
     origin: NDArray[np.float64]  # node (0, 0, 0) [m], shape [3]
     spacing: float  # [m]
     reach: float  # [m]
+    steepest: float  # slope that the distance has nowhere more of; 0: not measured
+    beyond: float  # distance that far nodes' surroundings have at least [m]
 
     @property
     def device(self) -> wp.Device:
@@ -53,6 +56,7 @@ class FieldBuild:
         field.values, field.origin = self.values, wp.vec3d(*self.origin)
         field.spacing, field.reach = self.spacing, self.reach
         field.near = offset + lift + TOUCH
+        field.steepest, field.beyond = self.steepest, self.beyond
         return field
 
     def sample(self, points: Points) -> NDArray[np.float32]:
@@ -155,4 +159,18 @@ def build_contact_field(
     field.values, field.origin = values, wp.vec3d(*buffers.origin)
     field.spacing, field.reach = h, reach
     field.near = math.inf
-    return FieldBuild(field, values, buffers.origin, h, reach)
+    return FieldBuild(field, values, buffers.origin, h, reach, *_slope_bounds(values, h, reach))
+
+
+def _slope_bounds(values: wp.array, spacing: float, reach: float) -> tuple[float, float]:
+    """The steepest slope, and the least distance where a node tells that all is beyond ``reach`` [m].
+
+    Only where it saves looks to know them: on the CPU.
+    """
+    if wp.get_device(values.device).is_cuda:
+        return 0.0, reach
+    slope = wp.zeros(3, dtype=wp.float32, device=values.device)
+    wp.launch(measure_slopes, dim=values.shape[:2], inputs=[values], outputs=[slope], device=values.device)
+    most = slope.numpy().astype(np.float64)
+    # a point is at most half a spacing's weight away from its node along each axis, and that is told far by one spacing
+    return float(np.linalg.norm(most)) / spacing * ROUNDED, min(reach, reach + spacing - 0.5 * float(most.sum()))

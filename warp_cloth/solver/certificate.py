@@ -200,6 +200,7 @@ class Certifier:
         """Puts an item back where the last glance at all items saw it, from iterations that came too late to stop."""
         part = self._model.of_item(item)
         wp.copy(self._model.cloth.position[part], self._last[part])
+        self._model.look_again(item)
         if self._bounds is not None:
             wp.copy(self._model.cloth.stiffness[part], self._bounds[part])
 

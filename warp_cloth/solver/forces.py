@@ -6,6 +6,7 @@ from typing import Any
 
 import warp as wp
 
+from warp_cloth.kernels.arithmetic import WIDTH
 from warp_cloth.kernels.block import BLOCK_THREADS
 from warp_cloth.kernels.cloth import cloth_types
 from warp_cloth.kernels.gather import gather_kernel
@@ -36,7 +37,8 @@ class ForcePass:
         if terms.edges or terms.folds:
             self._passes.append((edges_kernel(*asked), edges, [model.edges, normal], [fold, load]))
         if terms.folds or terms.threads:
-            self._passes.append((triangles_kernel(*asked), triangles, [model.triangles, normal, fold], [load]))
+            read = [model.triangles, normal, fold]
+            self._passes.append((triangles_kernel(*asked), -(-triangles // WIDTH), read, [load]))
 
     def kernels(self) -> list[wp.Kernel]:
         """The kernels that a pass launches, in order."""

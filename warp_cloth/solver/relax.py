@@ -11,14 +11,8 @@ import warp as wp
 from numpy.typing import NDArray
 
 from warp_cloth.kernels.cloth import cloth_types
-from warp_cloth.kernels.displace import (
-    NoClothContact,
-    NoCollider,
-    advance_kernel,
-    displace_kernel,
-    step_bound,
-    wears,
-)
+from warp_cloth.kernels.displace import advance_kernel, displace_kernel
+from warp_cloth.kernels.displacement import NoClothContact, NoCollider, spares_looks, step_bound, wears
 from warp_cloth.model import ClothModel
 from warp_cloth.solver.forces import ForcePass, launch_patches
 from warp_cloth.solver.leeway import Leeway
@@ -138,6 +132,8 @@ class Relaxation:
             self._load = wp.zeros(model.vertex_count, dtype=types.vec4, device=model.device)
             self._scatter = ForcePass(model, step_bound(accelerated, self.contact, touch is not None), self._load)
             self._move = displace_kernel(model.precision, accelerated, *asked, model.terms.pins)
+            if spares_looks(self.contact, touch is not None):
+                model.cloth.clear = wp.zeros(model.vertex_count, dtype=wp.float32, device=model.device)
         self._items = model.cloth.items.numpy().copy()
         self._items["active"] = 1
         largest = [options.largest_move if cap is None else cap for cap in caps or [None] * model.item_count]
@@ -155,6 +151,7 @@ class Relaxation:
     def meet(self, item: int, collider: Collider) -> None:
         """Goes on with this collider of an item; it must be of the kind that the relaxation was made with."""
         self._stand_off(item, collider)
+        self.model.look_again(item)
         self.tell_items()
         if self.contact is not None:
             data = wp.array([collider.data], dtype=self.collider_type, device=self.model.device)
@@ -195,6 +192,8 @@ class Relaxation:
         self.loosen(np.full(self.model.item_count, np.inf))
         self._items["active"] = 1
         self.tell_items()
+        for item in range(self.model.item_count):
+            self.model.look_again(item)
         self._choose_patches()
 
     @property

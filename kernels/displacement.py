@@ -1,0 +1,225 @@
+"""Force, cap, displacement: what one iteration makes of a vertex (the paper, section 4), then contact (section 5)."""
+
+import functools
+from typing import Any
+
+import warp as wp
+
+from warp_cloth.kernels.arithmetic import inner, quotient, root, scaled_sum
+from warp_cloth.kernels.cloth import cloth_types
+from warp_cloth.kernels.cloth_contact import ClothContact, contact_room, contact_sum
+from warp_cloth.kernels.field import field_clearance, field_contact
+from warp_cloth.kernels.friction import friction_slide
+from warp_cloth.kernels.stiffness import symmetric_functions
+
+LONGER, STEP = wp.constant(1.0001), wp.constant(1.0e-9)  # more than rounding adds to a way, as a share and [m]
+
+
+@wp.func
+def capped(force: Any, limit: Any):
+    """The force, or where it passes the limit one of that size in its direction (the paper, section 4)."""
+    size = root(inner(force, force))
+    return force * wp.where(size > limit, quotient(limit, size), type(limit)(1.0))
+
+
+@wp.func
+def direct_move(force: Any, weight: Any, cap: Any):
+    """Displacement [m] by the paper's rule: total force, capped slightly above gravity, added to the position.
+
+    A force of 1.1 weights is "slightly larger than gravity" and moves the vertex by ``cap``.
+    """
+    limit = type(weight)(1.1) * weight
+    return capped(force, limit) * (cap / limit)
+
+
+@wp.func
+def accelerated_move(force: Any, way: Any, last: Any, momentum: Any, damping: Any, cap: Any):
+    """Displacement [m]: the way of force over stiffness, plus momentum, damped where it fights the force."""
+    kept = wp.where(inner(last, force) < type(cap)(0.0), momentum * damping, momentum)
+    return capped(scaled_sum(last, kept, way), cap)
+
+
+@wp.struct
+class NoCollider:
+    """A scene without avatar asks nothing."""
+
+
+def colliders_type(contact: wp.Function | None, collider_type: type) -> Any:
+    """What kernels take for the items' avatars: an array of their structs, or nothing where there are none."""
+    return NoCollider if contact is None else wp.array(dtype=collider_type)
+
+
+@wp.struct
+class NoClothContact:
+    """Cloth that passes through cloth asks nothing."""
+
+
+def touch_type(touches: bool) -> type:
+    """The struct that tells of cloth on cloth, where it is told at all."""
+    return ClothContact if touches else NoClothContact
+
+
+def wears(accelerated: bool, contact: wp.Function | None, touches: bool) -> bool:
+    """Whether a scene's cloth may be loose (kernels.leeway): it is worn by an avatar, and does not meet itself.
+
+    What hangs is taut, and loses nothing by steps alike in all directions; of what meets itself the pushes would have
+    to be told from what resists.
+    """
+    return accelerated and contact is not None and not touches
+
+
+def spares_looks(contact: wp.Function | None, touches: bool) -> bool:
+    """Whether ``displace_vertices`` looks up only what may have come near the avatar: where that may be told.
+
+    Where cloth meets cloth it is lifted off the avatar here and there.
+    """
+    return contact is field_contact and not touches
+
+
+@functools.cache
+def free_move(precision: str, accelerated: bool, worn: bool) -> wp.Function:
+    """The function that turns a load into a displacement where nothing is met; ``worn`` is of ``wears``."""
+    types = cloth_types(precision)
+    real, vec3, vec4, Cloth, Vertex = types.real, types.vec3, types.vec4, types.Cloth, types.Vertex
+    Step, Item = types.Step, types.Item
+    times = symmetric_functions(precision).times
+
+    @wp.func
+    def own_move(cloth: Cloth, step: Step, load: vec4, held: Vertex, vertex: int, item: Item):
+        """Displacement of a vertex by its forces, and the stiffness that it goes by."""
+        weight = held.weight
+        force = scaled_sum(step.gravity, weight, vec3(load[0], load[1], load[2]))
+        move = vec3()
+        stiffness = real(0.0)
+        if wp.static(accelerated):
+            last = held.stiffness
+            memory = step.memory
+            if wp.static(worn):
+                memory = wp.where(item.leeway > real(0.0), memory, step.memory_falling)
+            stiffness = wp.max(load[3] + quotient(weight, item.cap), last * memory)
+            kept = wp.min(quotient(last, stiffness), real(1.0))
+            if wp.static(worn):
+                kept = root(kept)
+            way = force * quotient(real(1.0), stiffness)
+            if wp.static(worn):
+                # what is held by contact and friction is held alike in all directions
+                if item.leeway > real(0.0) and cloth.held[vertex] == wp.uint8(0):
+                    way = times(cloth.leeway[vertex], way)
+            move = accelerated_move(force, way, held.move, step.momentum * kept, step.damping, item.cap)
+        else:
+            move = direct_move(force, weight, item.cap)
+        return move, stiffness
+
+    return own_move
+
+
+@functools.cache
+def meeting(
+    precision: str, accelerated: bool, contact: wp.Function | None, collider_type: type, touches: bool, spares: bool
+) -> wp.Function:
+    """The function that has a displaced vertex meet its item's avatar; arguments as of ``displacement``."""
+    types = cloth_types(precision)
+    real, point, vec3, Cloth, Item = types.real, types.point, types.vec3, types.Cloth, types.Item
+    worn = wears(accelerated, contact, touches)
+
+    @wp.func
+    def pushed_move(at: wp.vec4f, push: float, move: vec3, item: Item):
+        """A displacement [m] that contact pushes out along the normal, at most by the cap, and friction shortens."""
+        normal = vec3(real(at[0]), real(at[1]), real(at[2]))
+        pushed = scaled_sum(normal, wp.min(real(push), item.cap), move)
+        return friction_slide(pushed, normal, real(push), real(item.friction))
+
+    @wp.func
+    def met_move(
+        cloth: Cloth, collider: collider_type, lift: float, vertex: int, position: point, move: vec3, item: Item
+    ):
+        """A vertex' displacement after contact and friction; ``lift`` is how much farther off it is met [m]."""
+        if wp.static(spares):
+            left = cloth.clear[vertex] - (LONGER * float(root(inner(move, move))) + STEP)
+            if left > 0.0:
+                cloth.clear[vertex] = left
+                if wp.static(worn):
+                    cloth.held[vertex] = wp.uint8(0)
+                return move
+        place = wp.vec3d(position) + wp.vec3d(move)
+        at = contact(collider, place)
+        push = item.offset - at[3] + lift
+        if wp.static(spares):
+            cloth.clear[vertex] = field_clearance(collider, place, at[3], item.offset)
+        if wp.static(worn):
+            cloth.held[vertex] = wp.where(push > 0.0, wp.uint8(1), wp.uint8(0))
+        if push > 0.0:
+            return pushed_move(at, push, move, item)
+        return move
+
+    return met_move
+
+
+@functools.cache
+def displacement(
+    precision: str,
+    accelerated: bool,
+    contact: wp.Function | None,
+    collider_type: type,
+    touches: bool,
+    spares: bool = False,
+) -> wp.Function:
+    """The function that turns a free vertex's load into its displacement [m], contact and friction included.
+
+    Args:
+        precision: of positions and forces.
+        accelerated: each vertex by its own step and with momentum; otherwise by the paper's rule.
+        contact: (collider, world position) -> (normal, distance [m]); None where the scene has no avatar.
+        collider_type: the struct that it asks, one for each item; NoCollider without avatar.
+        touches: whether cloth meets cloth.
+        spares: whether a vertex that surely cannot have come near the avatar is not looked up; the same bits.
+    """
+    types = cloth_types(precision)
+    real, vec3, vec4, Vertex, Step, Item = types.real, types.vec3, types.vec4, types.Vertex, types.Step, types.Item
+    Cloth = types.Cloth
+    Colliders, Touch = colliders_type(contact, collider_type), touch_type(touches)
+    own_move = free_move(precision, accelerated, wears(accelerated, contact, touches))
+    meets = precision, accelerated, contact, collider_type, touches, spares
+    met_move = None if contact is None else meeting(*meets)
+
+    @wp.func
+    def vertex_displacement(
+        cloth: Cloth,
+        step: Step,
+        colliders: Colliders,
+        touch: Touch,
+        load: vec4,
+        held: Vertex,
+        vertex: int,
+        number: int,
+        item: Item,
+    ):
+        """Displacement of a vertex, the part of it that has momentum, and the stiffness that it went by.
+
+        ``number`` is of the item that the vertex belongs to.
+        """
+        shift = vec3()
+        lift = float(0.0)
+        room = real(0.0)
+        if wp.static(touches):  # asked for at once: a GPU waits for memory far longer than it works
+            load += vec4(contact_sum(touch, vertex))
+            room = real(contact_room(touch, vertex, wp.vec3d(held.position)))
+            shift = vec3(touch.shift[vertex])
+            lift = touch.lift[vertex]
+        move, stiffness = own_move(cloth, step, load, held, vertex, item)
+        if wp.static(touches):
+            move += shift
+        if wp.static(contact is not None):
+            move = met_move(cloth, colliders[number], lift, vertex, held.position, move, item)
+        if wp.static(touches):
+            move = capped(move, room)
+        return move, move - shift, stiffness
+
+    return vertex_displacement
+
+
+def step_bound(accelerated: bool, contact: wp.Function | None, touches: bool) -> str:
+    """Which of cloth.FOURTH_PARTS an iteration needs; arguments as of ``displacement``."""
+    if not accelerated:
+        return "none"
+    return "leeway" if wears(accelerated, contact, touches) else "stiffness"

@@ -1,0 +1,105 @@
+"""What cannot have come near the avatar is not looked up on the CPU: the bits of looking everywhere, at less cost."""
+
+from __future__ import annotations
+
+import numpy as np
+import trimesh
+import warp as wp
+from cloths import grid, model_of
+
+from warp_cloth.collide.depth import build_depth_buffers
+from warp_cloth.collide.field import FieldBuild, build_contact_field
+from warp_cloth.fabric import Fabric
+from warp_cloth.kernels.field import ContactField, field_clearance, field_contact
+from warp_cloth.mesh import Mesh
+from warp_cloth.rest import build_rest_shape
+from warp_cloth.solver.relax import Collider, Relaxation, StepOptions
+
+RADIUS = 0.1  # of the avatar, a ball [m]
+PIXEL = 0.002  # [m]
+OFFSET = 0.003  # [m]
+WOVEN = Fabric(stretch_warp=2e4, stretch_weft=1e4, shear=100.0, bending_warp=1e-6, bending_weft=1e-6)
+
+
+def ball(height: float = 0.0) -> FieldBuild:
+    mesh = trimesh.creation.icosphere(subdivisions=4, radius=RADIUS)
+    points = np.asarray(mesh.vertices, dtype=np.float64) + np.array([0.0, height, 0.0])
+    low, high = points.min(axis=0) - 0.05, points.max(axis=0) + 0.05
+    return build_contact_field(build_depth_buffers(points, np.asarray(mesh.faces), low, high, PIXEL, "cpu"))
+
+
+def collider(field: FieldBuild) -> Collider:
+    return Collider(field_contact, field.touching(OFFSET), ContactField, OFFSET, 0.5)
+
+
+@wp.kernel
+def clear(
+    field: ContactField,
+    points: wp.array(dtype=wp.vec3d),  # [m], shape [N]
+    clearance_out: wp.array(dtype=float),  # [m], shape [N]
+):
+    """Clearances by what a look answers."""
+    point = wp.tid()
+    answer = field_contact(field, points[point])
+    clearance_out[point] = field_clearance(field, points[point], answer[3], OFFSET)
+
+
+def clearances(field: FieldBuild, points: np.ndarray) -> np.ndarray:
+    found = wp.zeros(len(points), dtype=float, device="cpu")
+    asked = [field.touching(OFFSET), wp.array(points, dtype=wp.vec3d, device="cpu"), found]
+    wp.launch(clear, dim=len(points), inputs=asked, device="cpu")
+    return np.array(found.numpy(), dtype=np.float64)
+
+
+def test_within_its_clearance_nothing_comes_as_near_as_the_offset() -> None:
+    field, random = ball(), np.random.default_rng(1)
+    ways = random.normal(size=(2, 20_000, 3))
+    ways /= np.linalg.norm(ways, axis=2)[:, :, None]
+    gap = random.uniform(-0.01, 0.04, 20_000)
+    points = ways[0] * (RADIUS + gap)[:, None]
+    clearance = clearances(field, points)
+    assert (clearance[gap < OFFSET - 1e-3] == 0.0).all()
+    outside = (gap > 0.006) & (gap < 0.009)
+    assert np.median(clearance[outside] / (gap[outside] - OFFSET)) > 0.4
+    toward = 0.8 * -ways[0] + 0.2 * ways[1]  # most of them to where contact is
+    toward /= np.linalg.norm(toward, axis=1)[:, None]
+    for way in (toward, ways[1]):
+        reached = field.sample(points + clearance[:, None] * way)[:, 3]
+        assert reached[clearance > 0.0].min() >= OFFSET
+
+
+def test_outside_the_grid_nothing_is_sure() -> None:
+    assert (clearances(ball(), np.array([[0.0, 1.0, 0.0], [0.0, RADIUS + 0.06, 0.0]])) == 0.0).all()
+
+
+def falling(field: FieldBuild, gathers: bool) -> tuple[Relaxation, np.ndarray]:
+    """A sheet some millimetres above the ball, scattered, which spares looks, or gathered, which looks everywhere."""
+    square = grid(12, 0.3)
+    points = square.points[:, [0, 2, 1]]
+    points = points - points.mean(axis=0) + np.array([0.0, RADIUS + 0.01, 0.0])
+    flat = Mesh("sheet", points, square.triangles)
+    model = model_of(flat, build_rest_shape(flat, WOVEN, rest="mesh"), precision="mixed", gathers=gathers)
+    relaxation = Relaxation(model, collider(field), StepOptions())
+    wp.force_load("cpu", modules=[kernel.module for kernel in relaxation.kernels() + relaxation.seldom_kernels()])
+    relaxation.start_anew()
+    return relaxation, points
+
+
+def test_looks_are_spared_without_a_change_of_bits() -> None:
+    field, higher = ball(), ball(0.004)  # whose arrays they keep
+    spared, points = falling(field, gathers=False)
+    everywhere, _ = falling(field, gathers=True)
+    for relaxation in (spared, everywhere):
+        relaxation.run(100)
+    clear = spared.model.cloth.clear.numpy()
+    assert (clear > 0.0).any()
+    assert (clear == 0.0).any()
+    assert (spared.model.points() == everywhere.model.points()).all()
+    for relaxation in (spared, everywhere):
+        relaxation.meet(0, collider(higher))  # comes nearer to what was sure to be clear
+        relaxation.run(60)
+    assert (spared.model.points() == everywhere.model.points()).all()
+    for relaxation in (spared, everywhere):
+        relaxation.model.set_points(points - np.array([0.0, 0.006, 0.0]))
+        relaxation.run(60)
+    assert (spared.model.points() == everywhere.model.points()).all()
