@@ -337,7 +337,9 @@ def press_kernel(precision: str, fourth: str) -> wp.Kernel:
         gone = EVER
         if wp.static(fourth != "size"):
             gone = contact_way(contact, thread)
-        count = wp.min(contact.count[0], contact.corners.shape[0])
+        count = contact.count[0]
+        if count > contact.corners.shape[0]:  # nothing moves: which pairs found room is chance
+            count = 0
         first = PAIRS * (thread // team_threads())
         while first < count:
             near = wp.uint64(due_pairs(contact.due, first, count, gone))
