@@ -1,0 +1,156 @@
+"""The cloth cut into patches, as it lies on a device."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import partial
+from typing import Any
+
+import numpy as np
+import warp as wp
+from numpy.typing import NDArray
+
+from warp_cloth.elements import Elements
+from warp_cloth.kept import Kept
+from warp_cloth.kernels.block import FEW
+from warp_cloth.kernels.cloth import Patch, Terms
+from warp_cloth.mesh import Points
+from warp_cloth.patches import PatchTables, garment_patches, joined_patches
+from warp_cloth.threads import end_to_end
+
+SHARE_AT_REST = 0.125  # of the patches at work, those of items that have ended: their blocks start, and end at once
+
+
+class Patches:
+    """The cloth cut into patches, each of which a thread block works out. The first ``count`` are worked on."""
+
+    def __init__(
+        self,
+        rows: NDArray[np.int32],
+        item: NDArray[np.int32],
+        tables: Any,
+        packed_tables: Any,
+        order: wp.array,
+        overflow: wp.array,
+    ) -> None:
+        """``rows`` are kernels.cloth Patch, each of an ``item``, shape [P, 16]; the rest as of the attributes."""
+        self._rows, self._item = rows, item
+        self.tables = tables  # kernels.cloth Patches
+        self.packed_tables = packed_tables  # the same for vertices in the patches' order
+        self.order = order  # that order: of each patch the vertices that it owns
+        self.overflow = overflow  # memory of patches that are too large for a block's own
+        self.fits = wp.get_device(overflow.device).is_cuda and not len(overflow)  # whether none is
+        self.few = len(rows) <= FEW  # so that cores have few of them at a time
+        self.count = len(rows)
+
+    def work_on(self, active: NDArray[np.bool_]) -> bool:
+        """Puts the patches of active items first and the others out of work; whether their number has changed.
+
+        Where few of those at work are of other items that is not worth it, as a patch at rest takes little time.
+        """
+        chosen = active[self._item]
+        wanted = int(chosen.sum())
+        if not wanted or wanted <= self.count <= wanted + SHARE_AT_REST * wanted:
+            return False
+        self.tables.patch.assign(self._rows[np.argsort(~chosen, kind="stable")].reshape(-1, 4))
+        self.count = wanted
+        return True
+
+
+def device_patches(
+    types: Any,
+    upload: Any,
+    garments: Sequence[Elements],
+    given: Sequence[Elements],
+    points: Sequence[Points],
+    terms: Terms,
+    item_start: tuple[int, ...],
+    device: str,
+    kept: Kept,
+) -> Patches:
+    """The cloth cut into patches of vertices that lie together as loaded.
+
+    Args:
+        types: kernels.cloth types of a precision.
+        upload: puts an array on the device, given its dtype there.
+        garments: the elements of each garment.
+        given: the same in the device's precision.
+        points: where each garment's vertices lie as loaded [m].
+        terms: what there is to work out.
+        item_start: first vertex of each item, and the number of all.
+        device: Warp's name of it.
+        kept: what garments share with earlier models.
+    """
+    own_memory = wp.get_device(device).is_cuda
+    each = garment_patches(garments, points, terms, precision=types.name, kept=kept)
+    cut = joined_patches(each, garments, points, terms, precision=types.name, own_memory=own_memory)
+    laws = [
+        kept.once("laws", (elements, own), partial(_patch_laws, elements, own, terms), terms)
+        for elements, own in zip(given, each, strict=True)
+    ]
+    law = {name: end_to_end([own[name] for own in laws]) for name in laws[0]}
+    rows = np.zeros(len(cut.patch["vertex_start"]), dtype=Patch.numpy_dtype())
+    for name, numbers in cut.patch.items():
+        rows[name] = numbers
+    first = cut.vertex[rows["vertex_start"]]
+    rows["item"] = np.searchsorted(item_start, first, side="right") - 1
+    place, order = _packed_order(cut.vertex, rows)
+    rows["place"] = place
+    tables = types.Patches()
+    wide = np.zeros((len(rows), 16), dtype=np.int32)
+    wide[:, : rows.dtype.itemsize // 4] = rows.view(np.int32).reshape(len(rows), -1)
+    tables.patch = upload(wide.reshape(-1, 4), wp.vec4i)
+    tables.vertex = upload(cut.vertex.astype(np.int32), wp.int32)
+    if terms.edges or terms.folds:
+        tables.ends = upload(_and_one(cut.ends), wp.uint64)
+    if terms.edges:
+        tables.law = upload(_and_one(law["law"]), types.vec4)
+        tables.edge_slot = upload(cut.edge_slot, wp.vec4i)
+    if terms.folds:
+        tables.sides = upload(_and_one(cut.sides), wp.uint64)
+    if terms.folds and not terms.edges:
+        tables.fold = upload(_and_one(law["fold"]), types.real)
+    if terms.angles:
+        tables.rest = upload(law["rest"], types.vec2)
+    if terms.folds or terms.threads:
+        tables.corners = upload(_and_one(cut.corners), wp.uint64)
+        tables.slot = upload(cut.slot, wp.vec4i)
+    if terms.threads:
+        tables.slope = upload(law["slope"], types.vec4)
+        tables.threads = upload(law["threads"], types.vec4)
+    rank = np.empty_like(order)
+    rank[order] = np.arange(len(order), dtype=order.dtype)
+    packed = types.Patches()
+    for name in types.Patches.vars:
+        if getattr(tables, name) is not None:
+            setattr(packed, name, getattr(tables, name))
+    packed.vertex = upload(rank[cut.vertex], wp.int32)
+    overflow = wp.empty(cut.overflow, dtype=wp.uint8, device=device)
+    return Patches(wide, rows["item"], tables, packed, upload(order, wp.int32), overflow)
+
+
+def _patch_laws(elements: Elements, tables: PatchTables, terms: Terms) -> dict[str, NDArray[Any]]:
+    """What acts in a garment's patches, in their order; nothing of terms that there are not."""
+    laws = {}
+    if terms.edges:
+        laws["law"] = np.column_stack([elements.law[tables.edge], elements.fold[tables.edge]])
+    if terms.folds and not terms.edges:
+        laws["fold"] = elements.fold[tables.edge]
+    if terms.angles:
+        laws["rest"] = elements.rest[tables.edge]
+    if terms.threads:
+        laws["slope"], laws["threads"] = elements.slope[tables.triangle], elements.threads[tables.triangle]
+    return laws
+
+
+def _and_one(table: NDArray[Any]) -> NDArray[Any]:
+    """A table and one more entry: threads that find nothing left ask for what follows, and do not use it."""
+    return np.concatenate([table, np.zeros_like(table, shape=(1, *table.shape[1:]))])
+
+
+def _packed_order(vertex: NDArray[Any], rows: NDArray[Any]) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+    """Where each patch's own vertices start in the patches' order, and that order; ``vertex`` of all patches."""
+    owned = rows["owned_count"]
+    place = np.cumsum(owned, dtype=np.int32) - owned
+    lane = np.arange(owned.sum(), dtype=np.int64) - np.repeat(place, owned)
+    return place, vertex[np.repeat(rows["vertex_start"], owned) + lane].astype(np.int32)
