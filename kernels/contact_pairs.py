@@ -7,7 +7,6 @@ import warp as wp
 from warp_cloth.kernels.box_tree import (
     WIDTH,
     below,
-    bit_count,
     box_of,
     leaves_meeting,
     lowest_bit,
@@ -19,7 +18,13 @@ from warp_cloth.kernels.cloth import MODULE_OPTIONS, cloth_types, place_function
 from warp_cloth.kernels.cloth_contact import NEIGHBOURS, ON_EDGE, ON_TRIANGLE, ClothContact, pair_way, pair_weights
 from warp_cloth.kernels.contact_search import SLACK, ContactSearch, group_box_function, without_corner
 from warp_cloth.kernels.lean_memory import LeanMemory, remembered_lean
-from warp_cloth.kernels.meeting import GROUPS, LEAVES_MET, Meetings, meet_function, team_slot
+from warp_cloth.kernels.meeting import (
+    Meetings,
+    list_leaves_function,
+    listed_groups_function,
+    listed_leaves_function,
+    meet_function,
+)
 
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
@@ -150,7 +155,7 @@ def without_end(search: ContactSearch, mask: wp.uint32, group: int, ends: wp.vec
 def near_leaves_function(precision: str) -> wp.Function:
     """The function that lists which leaves of two groups may be near each other."""
     Cloth, at = cloth_types(precision).Cloth, place_function(precision)
-    keep_near = keep_function(precision)
+    list_leaves = list_leaves_function(keep_function(precision), Cloth, ContactSearch, ClothContact, LeanMemory)
 
     @wp.func
     def find_near(
@@ -183,15 +188,7 @@ def near_leaves_function(precision: str) -> wp.Function:
                     mask = leaves_meeting(search.triangle_tree, met, low, low + wide + wide)
                     mask = without_corner(search, mask, met, vertex, vertex)
                 asking = -1 - vertex
-            slot = team_slot(meetings.count, LEAVES_MET, bit_count(mask))
-            while mask != wp.uint32(0):
-                place = WIDTH * met + lowest_bit(mask)
-                mask = mask & (mask - wp.uint32(1))
-                if slot < meetings.leaf.shape[0]:
-                    meetings.leaf[slot] = wp.vec2i(asking, place)
-                else:
-                    keep_near(cloth, search, contact, memory, asking, place)
-                slot += 1
+            list_leaves(cloth, search, contact, memory, meetings, asking, met, mask)
             local += team_threads()
 
     return find_near
@@ -234,7 +231,7 @@ def groups_kernel(precision: str) -> wp.Kernel:
 def leaves_kernel(precision: str) -> wp.Kernel:
     """Kernel ``find_near_leaves``."""
     Cloth = cloth_types(precision).Cloth
-    find_near = near_leaves_function(precision)
+    work = listed_groups_function(near_leaves_function(precision), Cloth, ContactSearch, ClothContact, LeanMemory)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS, grid_stride=False)
     def find_near_leaves(
@@ -246,12 +243,7 @@ def leaves_kernel(precision: str) -> wp.Kernel:
         threads: int,
     ):
         """Lists which leaves of the groups listed may be near each other."""
-        row = wp.tid() // team_threads()
-        count = wp.min(meetings.count[GROUPS], meetings.group.shape[0])
-        while row < count:
-            pair = meetings.group[row]
-            find_near(cloth, search, contact, memory, meetings, pair[0], pair[1], pair[2])
-            row += threads // team_threads()
+        work(cloth, search, contact, memory, meetings, wp.tid(), threads)
 
     return find_near_leaves
 
@@ -260,7 +252,7 @@ def leaves_kernel(precision: str) -> wp.Kernel:
 def pairs_kernel(precision: str) -> wp.Kernel:
     """Kernel ``find_pairs``."""
     Cloth = cloth_types(precision).Cloth
-    keep_near = keep_function(precision)
+    work = listed_leaves_function(keep_function(precision), Cloth, ContactSearch, ClothContact, LeanMemory)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS, grid_stride=False)
     def find_pairs(
@@ -272,11 +264,6 @@ def pairs_kernel(precision: str) -> wp.Kernel:
         threads: int,
     ):
         """Keeps what is near of the leaves listed."""
-        row = int(wp.tid())
-        count = wp.min(meetings.count[LEAVES_MET], meetings.leaf.shape[0])
-        while row < count:
-            pair = meetings.leaf[row]
-            keep_near(cloth, search, contact, memory, pair[0], pair[1])
-            row += threads
+        work(cloth, search, contact, memory, meetings, wp.tid(), threads)
 
     return find_pairs

@@ -6,10 +6,8 @@ import warp as wp
 
 from warp_cloth.kernels.box_tree import (
     WIDTH,
-    bit_count,
     box_of,
     leaves_meeting,
-    lowest_bit,
     team_lane,
     team_threads,
     walk_from,
@@ -17,7 +15,13 @@ from warp_cloth.kernels.box_tree import (
 from warp_cloth.kernels.cloth import MODULE_OPTIONS, cloth_types, place_function
 from warp_cloth.kernels.cloth_contact import ON_EDGE, ON_TRIANGLE, ClothContact
 from warp_cloth.kernels.contact_search import SLACK, ContactSearch, group_box_function, without_corner
-from warp_cloth.kernels.meeting import GROUPS, LEAVES_MET, Meetings, meet_function, team_slot
+from warp_cloth.kernels.meeting import (
+    Meetings,
+    list_leaves_function,
+    listed_groups_function,
+    listed_leaves_function,
+    meet_function,
+)
 from warp_cloth.kernels.touch import nearest_on_triangle
 from warp_cloth.kernels.untangle import Untangling, part_crossing_function, ranked
 
@@ -31,7 +35,9 @@ def part_leaves_function(precision: str) -> wp.Function:
     part_crossing = part_crossing_function(precision)
 
     @wp.func
-    def part_met(cloth: Cloth, search: ContactSearch, untangling: Untangling, asking: int, met: int):
+    def part_met(
+        cloth: Cloth, search: ContactSearch, contact: ClothContact, untangling: Untangling, asking: int, met: int
+    ):
         """Parts an edge and a triangle (Meetings.leaf); of a vertex and a triangle notes how near they are."""
         triangle = search.triangle_tree.leaf[met]
         if asking >= 0:
@@ -54,14 +60,14 @@ def part_leaves_function(precision: str) -> wp.Function:
 def crossing_leaves_function(precision: str) -> wp.Function:
     """The function that lists which leaves of two groups may cross, or lie beyond another layer."""
     Cloth, at = cloth_types(precision).Cloth, place_function(precision)
-    part_met = part_leaves_function(precision)
+    list_leaves = list_leaves_function(part_leaves_function(precision), Cloth, ContactSearch, ClothContact, Untangling)
 
     @wp.func
     def find_crossing(
         cloth: Cloth,
         search: ContactSearch,
-        untangling: Untangling,
         contact: ClothContact,
+        untangling: Untangling,
         meetings: Meetings,
         kind: int,
         group: int,
@@ -85,15 +91,7 @@ def crossing_leaves_function(precision: str) -> wp.Function:
                     low = wp.vec3f(at(cloth.position, vertex)) - wide
                     mask = leaves_meeting(search.triangle_tree, met, low, low + wide + wide)
                 asking = -1 - vertex
-            slot = team_slot(meetings.count, LEAVES_MET, bit_count(mask))
-            while mask != wp.uint32(0):
-                place = WIDTH * met + lowest_bit(mask)
-                mask = mask & (mask - wp.uint32(1))
-                if slot < meetings.leaf.shape[0]:
-                    meetings.leaf[slot] = wp.vec2i(asking, place)
-                else:
-                    part_met(cloth, search, untangling, asking, place)
-                slot += 1
+            list_leaves(cloth, search, contact, untangling, meetings, asking, met, mask)
             local += team_threads()
 
     return find_crossing
@@ -104,7 +102,7 @@ def crossing_groups_kernel(precision: str) -> wp.Kernel:
     """Kernel ``meet_crossing``."""
     Cloth, group_of_vertices = cloth_types(precision).Cloth, group_box_function(precision)
     find_crossing = crossing_leaves_function(precision)
-    meet_groups = meet_function(find_crossing, Cloth, ContactSearch, Untangling, ClothContact)
+    meet_groups = meet_function(find_crossing, Cloth, ContactSearch, ClothContact, Untangling)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS, grid_stride=False)
     def meet_crossing(
@@ -120,7 +118,7 @@ def crossing_groups_kernel(precision: str) -> wp.Kernel:
                 leaves = search.leaves[search.item[search.edges[edge][0]]]
                 low, high = box_of(search.edge_tree, 1, group)
                 walk = walk_from(tree, low, high, leaves[0], leaves[1])
-                meet_groups(cloth, search, untangling, contact, meetings, tree, walk, ON_EDGE, group)
+                meet_groups(cloth, search, contact, untangling, meetings, tree, walk, ON_EDGE, group)
         else:
             group -= edge_groups
             vertex = search.vertex[WIDTH * group]
@@ -134,7 +132,7 @@ def crossing_groups_kernel(precision: str) -> wp.Kernel:
                     begin = wp.where(side == 0, whole[0], own[1])
                     end = wp.where(side == 0, own[0], whole[1])
                     walk = walk_from(tree, low - wide, high + wide, begin, end)
-                    meet_groups(cloth, search, untangling, contact, meetings, tree, walk, ON_TRIANGLE, group)
+                    meet_groups(cloth, search, contact, untangling, meetings, tree, walk, ON_TRIANGLE, group)
 
     return meet_crossing
 
@@ -143,7 +141,7 @@ def crossing_groups_kernel(precision: str) -> wp.Kernel:
 def crossing_leaves_kernel(precision: str) -> wp.Kernel:
     """Kernel ``find_crossing_leaves``."""
     Cloth = cloth_types(precision).Cloth
-    find_crossing = crossing_leaves_function(precision)
+    work = listed_groups_function(crossing_leaves_function(precision), Cloth, ContactSearch, ClothContact, Untangling)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS, grid_stride=False)
     def find_crossing_leaves(
@@ -155,12 +153,7 @@ def crossing_leaves_kernel(precision: str) -> wp.Kernel:
         threads: int,
     ):
         """Lists which leaves of the groups listed may cross."""
-        row = wp.tid() // team_threads()
-        count = wp.min(meetings.count[GROUPS], meetings.group.shape[0])
-        while row < count:
-            pair = meetings.group[row]
-            find_crossing(cloth, search, untangling, contact, meetings, pair[0], pair[1], pair[2])
-            row += threads // team_threads()
+        work(cloth, search, contact, untangling, meetings, wp.tid(), threads)
 
     return find_crossing_leaves
 
@@ -169,22 +162,18 @@ def crossing_leaves_kernel(precision: str) -> wp.Kernel:
 def crossings_kernel(precision: str) -> wp.Kernel:
     """Kernel ``part_crossings``."""
     Cloth = cloth_types(precision).Cloth
-    part_met = part_leaves_function(precision)
+    work = listed_leaves_function(part_leaves_function(precision), Cloth, ContactSearch, ClothContact, Untangling)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS, grid_stride=False)
     def part_crossings(
         cloth: Cloth,
         search: ContactSearch,
+        contact: ClothContact,
         untangling: Untangling,
         meetings: Meetings,
         threads: int,
     ):
         """Shifts each edge that passes through a triangle, and that triangle, so that they cross less."""
-        row = int(wp.tid())
-        count = wp.min(meetings.count[LEAVES_MET], meetings.leaf.shape[0])
-        while row < count:
-            pair = meetings.leaf[row]
-            part_met(cloth, search, untangling, pair[0], pair[1])
-            row += threads
+        work(cloth, search, contact, untangling, meetings, wp.tid(), threads)
 
     return part_crossings

@@ -11,7 +11,16 @@ from typing import Any
 
 import warp as wp
 
-from warp_cloth.kernels.box_tree import BoxTree, BoxWalk, step_on, team_lane, team_threads
+from warp_cloth.kernels.box_tree import (
+    WIDTH,
+    BoxTree,
+    BoxWalk,
+    bit_count,
+    lowest_bit,
+    step_on,
+    team_lane,
+    team_threads,
+)
 
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
@@ -141,3 +150,74 @@ def meet_function(work: wp.Function, Cloth: Any, Search: Any, First: Any, Second
             list_groups(cloth, search, first, second, meetings, kind, group, mine, count)
 
     return meet_groups
+
+
+@functools.cache
+def listed_groups_function(work: wp.Function, Cloth: Any, Search: Any, First: Any, Second: Any) -> wp.Function:
+    """The function that works, as of ``meet_function``, on the pairs of groups that are listed: so many threads do."""
+
+    @wp.func
+    def go_through_groups(
+        cloth: Cloth, search: Search, first: First, second: Second, meetings: Meetings, thread: int, threads: int
+    ):
+        """Works on every so many of the listed pairs of groups, a team on each."""
+        row = thread // team_threads()
+        count = wp.min(meetings.count[GROUPS], meetings.group.shape[0])
+        while row < count:
+            pair = meetings.group[row]
+            work(cloth, search, first, second, meetings, pair[0], pair[1], pair[2])
+            row += threads // team_threads()
+
+    return go_through_groups
+
+
+@functools.cache
+def list_leaves_function(work: wp.Function, Cloth: Any, Search: Any, First: Any, Second: Any) -> wp.Function:
+    """The function that lists which leaves meet.
+
+    ``work`` works on such a pair: (cloth, search, first, second, asking, met), a thread on each.
+    """
+
+    @wp.func
+    def list_leaves(
+        cloth: Cloth,
+        search: Search,
+        first: First,
+        second: Second,
+        meetings: Meetings,
+        asking: int,
+        group: int,
+        mask: wp.uint32,
+    ):
+        """Lists those leaves of a group that a mask tells of, or works on them where the list is full."""
+        slot = team_slot(meetings.count, LEAVES_MET, bit_count(mask))
+        left = wp.uint32(mask)
+        while left != wp.uint32(0):
+            met = WIDTH * group + lowest_bit(left)
+            left = left & (left - wp.uint32(1))
+            if slot < meetings.leaf.shape[0]:
+                meetings.leaf[slot] = wp.vec2i(asking, met)
+            else:
+                work(cloth, search, first, second, asking, met)
+            slot += 1
+
+    return list_leaves
+
+
+@functools.cache
+def listed_leaves_function(work: wp.Function, Cloth: Any, Search: Any, First: Any, Second: Any) -> wp.Function:
+    """The function that works, as of ``list_leaves_function``, on the pairs of leaves that are listed."""
+
+    @wp.func
+    def go_through_leaves(
+        cloth: Cloth, search: Search, first: First, second: Second, meetings: Meetings, thread: int, threads: int
+    ):
+        """Works on every so many of the listed pairs of leaves."""
+        row = int(thread)
+        count = wp.min(meetings.count[LEAVES_MET], meetings.leaf.shape[0])
+        while row < count:
+            pair = meetings.leaf[row]
+            work(cloth, search, first, second, pair[0], pair[1])
+            row += threads
+
+    return go_through_leaves

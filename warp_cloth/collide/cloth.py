@@ -327,21 +327,21 @@ class ClothTouch:
             self._untangle(cloth)
         inputs = [cloth, given, found, memory, met]
         self._launch_teams(self._groups, given.edge_tree.leaf.size + given.vertex.size, inputs)
-        self._launch_lists(self._leaves, self._pairs, inputs, inputs)
+        self._launch_lists(self._leaves, self._pairs, inputs)
 
     def _launch_teams(self, kernel: wp.Kernel, leaves: int, inputs: list[Any]) -> None:
         """Launches a team for each group of leaves."""
         threads = leaves if wp.get_device(self._model.device).is_cuda else leaves // int(WIDTH)
         self._launch(kernel, threads, inputs, LOOKING)
 
-    def _launch_lists(self, by_group: wp.Kernel, by_leaf: wp.Kernel, asked: list[Any], looked: list[Any]) -> None:
+    def _launch_lists(self, by_group: wp.Kernel, by_leaf: wp.Kernel, inputs: list[Any]) -> None:
         """Launches what goes through the lists of what meets, where there are any."""
         groups, leaves = self._meetings.group.size, self._meetings.leaf.size
         if groups:
             threads = min(int(WIDTH) * groups, FINDING)
-            self._launch(by_group, threads, [*asked, threads])
+            self._launch(by_group, threads, [*inputs, threads])
             threads = min(leaves, PRESSING)
-            self._launch(by_leaf, threads, [*looked, threads])
+            self._launch(by_leaf, threads, [*inputs, threads])
 
     def _box(self, cloth: Any, *, anew: bool = True) -> None:
         """Brings the trees up to where garments are; ``anew``: for a search that lists all pairs anew."""
@@ -368,7 +368,7 @@ class ClothTouch:
         leaves = given.edge_tree.leaf.size + (given.vertex.size if layered else 0)
         asked = [cloth, given, found, untangling, met]
         self._launch_teams(self._crossing_groups, leaves, asked)
-        self._launch_lists(self._crossing_leaves, self._part_crossings, asked, [cloth, given, untangling, met])
+        self._launch_lists(self._crossing_leaves, self._part_crossings, asked)
 
     def press(self, step: Any, cloth: Any) -> None:
         """Sums what the known pairs do to their vertices, for the next move."""
