@@ -65,11 +65,6 @@ class ClothModel:
         return self.edge_start[-1]
 
     @property
-    def gathers(self) -> bool:
-        """Whether forces are gathered patch by patch rather than scattered per edge and triangle."""
-        return self.patches is not None
-
-    @property
     def item_count(self) -> int:
         return len(self.item_start) - 1
 
@@ -107,7 +102,6 @@ class ClothModel:
         beside = cloth_types(self.precision).Cloth()
         beside.position, beside.move = wp.empty_like(self.cloth.position), wp.empty_like(self.cloth.move)
         beside.weight, beside.stiffness = self.cloth.weight, self.cloth.stiffness
-        beside.leeway, beside.held = self.cloth.leeway, self.cloth.held
         if self.terms.pins:
             beside.pinned = self.cloth.pinned
         beside.item, beside.items = self.cloth.item, self.cloth.items

@@ -19,7 +19,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import Any, Literal
 
 import numpy as np
 import pyarrow
@@ -32,7 +32,6 @@ from warp_cloth.errors import InputError
 from warp_cloth.export.files import unwritable, whole_file
 
 Keep = Literal["arrays", "stages", "none"]
-KEEPS: tuple[Keep, ...] = get_args(Keep)
 LAYOUT = 1  # of the output folder; files of another layout are done again
 
 _FIELDS = {name: pyarrow.int64() if name in WHOLE_NUMBERS else pyarrow.float64() for name in FIGURES}

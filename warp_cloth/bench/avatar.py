@@ -34,7 +34,6 @@ STEEP = 2000  # steps with the largest changes that are looked at closer
 HALVINGS = 6  # of those steps, down to 0.8 um: what still changes there jumps
 DEEPEST = 0.005  # [m] under the surface, down to which a walk is judged: cloth gets no deeper
 PLOTTED = 0.06  # [m] to either side of the named places
-WHERE = ("silhouette", "shoulder", "armpit", "crotch")
 
 
 @dataclass(frozen=True)

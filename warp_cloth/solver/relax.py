@@ -169,15 +169,13 @@ class Relaxation:
         Args:
             relative_rms: of the items' residuals, shape [items].
         """
-        if self.touch is not None:
-            most = TIGHTER * self._loose if self.touch.settled else self._loose
-            if self.touch.settle(balanced=bool(relative_rms.max() <= most)):
-                self.forget_graphs()
+        touch = self.touch
+        if touch is not None and touch.settle(balanced=bool(self._balanced(relative_rms, touch.settled).all())):
+            self.forget_graphs()
         if self._leeway is None:
             return
         before = self._items["leeway"].copy()
-        limit = np.where(before > 0.0, TIGHTER * self._loose, self._loose)
-        now = np.where(relative_rms <= limit, self._strength, 0.0).astype(before.dtype)
+        now = np.where(self._balanced(relative_rms, before > 0.0), self._strength, 0.0).astype(before.dtype)
         if (now == before).all():
             return
         self._leeway.forget(np.flatnonzero(now != before).tolist())
@@ -185,6 +183,10 @@ class Relaxation:
             self.forget_graphs()
         self._items["leeway"] = now
         self.tell_items()
+
+    def _balanced(self, relative_rms: NDArray[np.float64], before: NDArray[np.bool_] | bool) -> NDArray[np.bool_]:
+        """Which residuals tell of balanced forces; what was so ``before`` stays so longer."""
+        return np.asarray(relative_rms <= np.where(before, TIGHTER * self._loose, self._loose))
 
     def start_anew(self) -> None:
         """Lets every item iterate, from the first iteration on."""
@@ -278,7 +280,6 @@ class Relaxation:
             return
         there, patches = self._there, [model.patches.tables, model.patches.overflow]
         for iteration in range(count):
-            self._look_up_leeway(here)
             self._meet_cloth(iteration, here)
             launch_patches(self._move, model, [*asked, *patches, here, there.position, there.move])
             here, there = there, here
