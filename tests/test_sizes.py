@@ -67,8 +67,11 @@ def test_the_command_writes_the_table_and_the_stages(tmp_path: Path) -> None:
         ("sphere", ["S"], [], "nothing in the scene depends on the size"),
         ("hanging", ["S"], [], "has no avatar"),
         ("tshirt", [], ["garment.mesh=shirt_{size}.obj"], "no sizes are named"),
+        ("tshirt", ["S", "XXL"], [], "size"),
     ],
 )
 def test_what_has_no_sizes_is_refused(scene: str, sizes: list[str], overrides: list[str], told: str) -> None:
+    fitted: list[str] = []
     with pytest.raises(InputError, match=told):
-        fit_sizes(scene, sizes, overrides=overrides)
+        fit_sizes(scene, sizes, overrides=overrides, progress=fitted.append)
+    assert not fitted

@@ -139,7 +139,7 @@ def fit_sizes(
         progress: told each size before it is fitted.
 
     Raises:
-        InputError: the scene cannot be used, or nothing in it depends on the size.
+        InputError: the scene cannot be used in one of the sizes, or nothing in it depends on the size.
     """
     plain = [change for change in overrides if SIZE not in change]
     sized = [change for change in overrides if SIZE in change]
@@ -153,12 +153,15 @@ def fit_sizes(
         raise InputError("sizes", "no sizes are named", "give them from small to large: --size S --size M")
     names = tuple(sizes) or get_args(Size)
     first = "garment" if len(base.garments) == 1 else "garment[0]"
-    found = []
+    chosen = {}  # all scenes are read before the first is fitted: a mistyped size costs no fit
     for size in names:
         changes = [change.replace(SIZE, size) for change in sized] or [f"{first}.shape.size={size}"]
+        chosen[size] = load_scene(scene, [*plain, *_body(base), *changes])
+    found = []
+    for size, sized_scene in chosen.items():
         if progress is not None:
             progress(size)
-        found.append(_fit_size(size, scene, [*plain, *_body(base), *changes], device))
+        found.append(_fit_size(size, sized_scene, device))
     recommended, reason = recommendation(found, ease)
     return SizeRun(base.name, ease, tuple(found), recommended, reason)
 
@@ -172,15 +175,14 @@ def _body(base: Scene) -> list[str]:
     return [f"avatar.shape.{name}={getattr(measures, name)}" for name in ("stature", "chest", "waist", "hip")]
 
 
-def _fit_size(size: str, scene: str | Path | Mapping[str, Any], changes: Sequence[str], device: str | None) -> SizeFit:
+def _fit_size(size: str, scene: Scene, device: str | None) -> SizeFit:
     try:
-        chosen = load_scene(scene, changes)
-        worn = fit(chosen, device=device)
+        worn = fit(scene, device=device)
     except InputError as error:
         return SizeFit(size, Status.INVALID.value, str(error), {}, None, None, None)
     levels = {}
     if worn.avatar is not None and worn.status is not Status.DIVERGED:
-        levels = _levels(worn, open_wardrobe(chosen).parts[0])
+        levels = _levels(worn, open_wardrobe(scene).parts[0])
     strain = worn.report["strain"]
     return SizeFit(size, worn.status.value, worn.message, levels, strain["p50"], strain["p99"], worn)
 
