@@ -27,7 +27,7 @@ from warp_cloth.laboratory import (
     bending_of_rigidity,
     rigidity_of_bending,
 )
-from warp_cloth.material import even_shear, thread_stretches
+from warp_cloth.material import thread_stretches
 
 ROUNDING = 1e-12  # relative; conversions are a few products in float64
 
@@ -113,20 +113,20 @@ def test_cloths_of_one_bending_length_fold_alike() -> None:
 
 def test_a_stretch_without_a_shear_is_woven_alike_in_every_direction() -> None:
     fabric = resolve_fabric({"base": "cotton", "stretch": 5e3, "bending": 2e-7})
-    assert (fabric.stretch_warp, fabric.stretch_weft, fabric.shear) == (5e3, 5e3, even_shear(fabric))
+    assert (fabric.stretch_warp, fabric.stretch_weft, fabric.shear) == (5e3, 5e3, fabric.even_shear)
     assert (fabric.bending_warp, fabric.bending_weft) == (2e-7, 2e-7)
     warp, weft, bias = thread_stretches(5e3, 5e3, fabric.shear, fabric.compression)
     assert (warp, weft) == pytest.approx((bias, bias), rel=1e-9)
     assert resolve_fabric({"base": "cotton", "stretch": 5e3, "shear": 100}).shear == 100.0
     assert resolve_fabric({"base": "cotton", "stretch_warp": 5e4}).shear == fabric_named("cotton").shear
-    assert resolve_fabric({"emt_warp_percent": 5}).shear == even_shear(Fabric())  # by the softer weft
+    assert resolve_fabric({"emt_warp_percent": 5}).shear == Fabric().even_shear  # by the softer weft
 
 
 def test_edges_pull_only_where_that_is_asked_for() -> None:
     for value in ({"shear": "edges"}, {"stretch": 5e3, "shear": "edges"}, {"base": "silk", "shear": "edges"}):
         assert resolve_fabric(value).shear is None
     for woven in (resolve_fabric("default"), resolve_fabric({"weight": 0.3}), resolve_fabric({"emt_weft_percent": 30})):
-        assert woven.shear == even_shear(woven)
+        assert woven.shear == woven.even_shear
 
 
 def test_a_base_of_edges_stays_one(tmp_path: Path) -> None:

@@ -14,7 +14,6 @@ from typing import Any
 from warp_cloth import laboratory
 from warp_cloth.errors import InputError
 from warp_cloth.laboratory import si_values
-from warp_cloth.material import even_shear
 from warp_cloth.toml_file import read_toml
 
 BOUNDS: Mapping[str, tuple[float, float]] = MappingProxyType(
@@ -88,6 +87,16 @@ class Fabric:
         """[N m2] of warp and weft together, their geometric mean."""
         return math.sqrt(self.bending_warp * self.bending_weft)
 
+    @property
+    def even_shear(self) -> float:
+        """Shear [N/m] of cloth whose four threads are alike, with the smaller stretch of this.
+
+        Then warp, weft and both biases have one stretch K_b, with which ``material.thread_stretches`` is solved.
+        """
+        c, stretch = self.compression, min(self.stretch_warp, self.stretch_weft)
+        t = 1.0 / (1.0 + 2.0 * math.sqrt(c))  # what pulled cloth contracts by, of what it is pulled by
+        return (1.0 + c) / 8.0 * stretch / (1.0 + 0.25 * (1.0 - t) ** 3 + c * t**3)
+
 
 def shipped_fabrics() -> dict[str, Fabric]:
     """Every fabric that comes with the package, by name."""
@@ -96,7 +105,7 @@ def shipped_fabrics() -> dict[str, Fabric]:
 
 def generic_fabric() -> Fabric:
     """Where nothing is known of a fabric: as ``Fabric``, woven alike in every direction."""
-    return replace(Fabric(), shear=even_shear(Fabric()))
+    return replace(Fabric(), shear=Fabric().even_shear)
 
 
 def fabric_named(name: str) -> Fabric:
@@ -202,7 +211,7 @@ def _over(base: Fabric, values: Mapping[str, Any]) -> Fabric:
         open_shear = base == Fabric() or "stretch_warp" in stated or "stretch_weft" in stated
         if fabric.shear is None and not sheared and open_shear:
             # a stretch is to be met on every mesh, which edges do not; they pull only where somebody asks for them
-            fabric = replace(fabric, shear=even_shear(fabric))
+            fabric = replace(fabric, shear=fabric.even_shear)
         return fabric
     except InputError as error:
         key = next((key for key in values if error.place in laboratory.stated_by(key)), error.place)

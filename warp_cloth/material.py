@@ -204,10 +204,3 @@ def thread_stretches(warp: float, weft: float, shear: float, compression: float)
         t = np.where(resisted > 0.0, ratio / (1.0 + ratio), 1.0)
         own = np.array([warp, weft]) - 2.0 * bias * (0.5 * (1.0 - t)) ** 3 - resisted * t**3
     return float(own[0]), float(own[1]), bias
-
-
-def even_shear(fabric: Fabric) -> float:
-    """Shear [N/m] of cloth whose four threads are alike, with the smaller stretch of this; see ``thread_stretches``."""
-    c, stretch = fabric.compression, min(fabric.stretch_warp, fabric.stretch_weft)
-    t = 1.0 / (1.0 + 2.0 * float(np.sqrt(c)))
-    return (1.0 + c) / 8.0 * stretch / (1.0 + 0.25 * (1.0 - t) ** 3 + c * t**3)

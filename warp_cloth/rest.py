@@ -12,7 +12,7 @@ from warp_cloth.errors import InputError
 from warp_cloth.folds import RestAngles, hinge_angles
 from warp_cloth.grain import Grain
 from warp_cloth.loading.repair import RestKind
-from warp_cloth.material import Sheet, WeaveShape, edge_constants, even_shear, lay_flat, thread_constants
+from warp_cloth.material import Sheet, WeaveShape, edge_constants, lay_flat, thread_constants
 from warp_cloth.material_bending import hinge_constants
 from warp_cloth.mesh import Indices, Mesh
 from warp_cloth.topology import Topology, build_topology
@@ -309,7 +309,7 @@ def _constants(geometry: RestGeometry, weight: Floats, fabric: Fabric) -> RestSh
 def _check_directions(fabric: Fabric, directed: bool) -> tuple[str, ...]:
     """A note where the fabric has directions and the garment has not."""
     even = fabric.stretch_warp == fabric.stretch_weft and fabric.bending_warp == fabric.bending_weft
-    own_shear = fabric.shear is not None and not np.isclose(fabric.shear, even_shear(fabric))
+    own_shear = fabric.shear is not None and not np.isclose(fabric.shear, fabric.even_shear)
     if directed or (even and not own_shear):
         return ()
     return (
