@@ -16,7 +16,7 @@ from warp_cloth.plan import contact_kind, make_plan
 from warp_cloth.reach import reach_box
 from warp_cloth.scene import load_scene
 from warp_cloth.set_up import SetUp, set_up_one
-from warp_cloth.study import footprint
+from warp_cloth.study import footprint, timing
 from warp_cloth.study.launches import Launch, bytes_of, launches_of
 from warp_cloth.study.traffic import array_uses
 
@@ -127,7 +127,7 @@ def test_memory_that_two_arrays_share_counts_once() -> None:
 
 
 def test_shares_are_of_the_kernels_that_are_launched(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(footprint, "SHORTEST_RUN", 0.01)
+    monkeypatch.setattr(timing, "SHORTEST_RUN", 0.01)
     made = ready("cotton", avatar={"shape": SPHERE})
     cost = footprint.footprint_of(made)
     assert cost.launches == len(made.relaxation.kernels()) == len(cost.kernels)
@@ -183,7 +183,7 @@ def test_every_term_says_why() -> None:
 
 
 def test_the_command_tells_terms_kernels_and_memory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(footprint, "SHORTEST_RUN", 0.01)
+    monkeypatch.setattr(timing, "SHORTEST_RUN", 0.01)
     out = tmp_path / "plan.json"
     options = ["--set", "garment.shape.vertices_per_side=9", "--device", "cpu", "--out", str(out)]
     result = CliRunner().invoke(app, ["plan", "hanging", *options])

@@ -292,11 +292,15 @@ class Relaxation:
 
         The kernels must be loaded: capture records launches only.
         """
+        wp.capture_launch(self.capture(iterations))
+        self._done += iterations
+
+    def capture(self, iterations: int) -> Any:
+        """The graph of the next chunk, which ``run`` would capture now if it had not been captured before."""
         done = self._done
         which = iterations, done % self._renewal
         if which not in self._graphs:
             with wp.ScopedCapture(device=self.model.device) as capture:
                 self.iterate(iterations)
-            self._graphs[which] = capture.graph
-        wp.capture_launch(self._graphs[which])
-        self._done = done + iterations
+            self._graphs[which], self._done = capture.graph, done
+        return self._graphs[which]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -56,24 +57,31 @@ def _within(name: str, structs: wp.array) -> Iterator[tuple[str, wp.array]]:
             )
 
 
-def launches_of(action: Callable[[], Any]) -> list[Launch]:
-    """Does the action, and tells what it launched, in order. One such call at a time in a process."""
+def launches_of(action: Callable[[], Any], seconds: list[float] | None = None) -> list[Launch]:
+    """Does the action, and tells what it launched, in order. One such call at a time in a process.
+
+    ``seconds``: takes how long each launch kept the host.
+    """
     found: list[Launch] = []
-    with _watched(found):
+    with _watched(found, [] if seconds is None else seconds):
         action()
     return found
 
 
 @contextmanager
-def _watched(found: list[Launch]) -> Iterator[None]:
+def _watched(found: list[Launch], seconds: list[float]) -> Iterator[None]:
     launch = wp.launch
 
-    def watch(kernel: wp.Kernel, dim: Any, inputs: Sequence[Any] = (), outputs: Sequence[Any] = (), **more: Any) -> Any:
+    def watch(
+        kernel: wp.Kernel, dim: Any, inputs: Sequence[Any] = (), outputs: Sequence[Any] = (), **more: Any
+    ) -> None:
         given = launch(kernel, dim, inputs, outputs, **{**more, "record_cmd": True})
         names = (argument.label for argument in kernel.adj.args)
         values = dict(zip(names, [*inputs, *outputs], strict=False))
         found.append(Launch(kernel, int(given.bounds.size), values, given))
-        return launch(kernel, dim, inputs, outputs, **more)
+        began = time.perf_counter()
+        given.launch()
+        seconds.append(time.perf_counter() - began)
 
     wp.launch = watch
     try:

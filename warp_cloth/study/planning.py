@@ -12,25 +12,20 @@ from warp_cloth.errors import InputError
 from warp_cloth.plan import Term
 from warp_cloth.study.footprint import Footprint
 
-LEAST_TOLD = 0.005  # share of the time
-
 
 def plan_lines(name: str, terms: Sequence[Term], cost: Footprint) -> list[str]:
     """Terms with their reasons, kernels with their costs, memory."""
     lines = [f"{name}: {cost.vertices:,} vertices on {cost.device}", "Terms:"]
     lines += [f"  {'+' if term.used else '-'} {term.name:<16} {term.reason}" for term in terms]
-    lines.append("An iteration:")
+    lines.append(f"An iteration, in the mean of those from {cost.iterations[0]:,} to {cost.iterations[1]:,}:")
     lines.append(f"  {'kernel':<24} {'launches':>8} {'threads':>10} {'MB':>9} {'us':>9} {'time':>6}")
     for kernel in cost.kernels:
         lines.append(
-            f"  {kernel.name:<24} {kernel.launches:>8g} {kernel.threads:>10,} {1e-6 * cost.moved(kernel):>9.3f} "
+            f"  {kernel.name:<24} {kernel.launches:>8.3g} {kernel.threads:>10,} {1e-6 * cost.moved(kernel):>9.3f} "
             f"{1e6 * kernel.seconds:>9.1f} {cost.share(kernel):>6.0%}"
         )
-    share = cost.between / (cost.between + sum(kernel.seconds for kernel in cost.kernels))
-    if share > LEAST_TOLD:
-        lines.append(f"  {'no kernel':<24} {'':>8} {'':>10} {'':>9} {1e6 * cost.between:>9.1f} {share:>6.0%}")
     lines.append(
-        f"  {'as a fit runs it':<24} {cost.launches:>8g} {'':>10} {1e-6 * cost.bytes:>9.3f} "
+        f"  {'as a fit runs it':<24} {cost.launches:>8.3g} {'':>10} {1e-6 * cost.bytes:>9.3f} "
         f"{1e6 * cost.seconds:>9.1f}        {1e-9 * cost.bytes / cost.seconds:.3g} GB/s"
     )
     lines.append(f"  MB: {level(cost)}")

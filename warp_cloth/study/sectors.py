@@ -105,7 +105,7 @@ class _Moved:
         counters = [each for each in chain if each.endswith(".count") and each in self._arrays]
         known = min((int(self._arrays[each].numpy().max()) for each in counters), default=1)
         start = self._uses.starts.get(name, "")
-        if not known:
+        if not known or any(map(self._never, chain)):
             return np.zeros(0, dtype=np.int64)
         if loop and start:
             return _keys(*self._ranges(chain, loop, start, len(array)), size)
@@ -124,6 +124,13 @@ class _Moved:
         if len(array) * size <= SECTOR:  # which every block asks for
             return np.arange(max(len(self._patch.get("place", ())), -(-self._launch.threads // THREADS))) * BLOCK
         return _keys(np.arange(len(array)) // THREADS, np.arange(len(array)), size)
+
+    def _never(self, each: str) -> bool:
+        """Whether a part of a chain is a member of structs that is not above zero in any of them."""
+        array, _, member = each.rpartition(".")
+        if array not in self._arrays or member not in getattr(self._arrays[array].dtype, "vars", {}):
+            return False
+        return not (self._arrays[array].numpy()[member] > 0).any()
 
     def _ranges(self, chain: Chain, loop: str, start: str, end: int) -> Part:
         """Patches, and the part of a table that ends at ``end`` that each goes over."""

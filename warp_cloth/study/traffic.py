@@ -20,7 +20,8 @@ FROM = "from "  # before a count: what is not below it
 # What bounds a use, from outside to inside: counts of a patch, "vertex_count" of ``while local < patch.vertex_count``,
 # or of ``if`` for a loop's first turn; counters on the device, "contact.count" of ``while pair < contact.count[0]`` or
 # of ``if contact.count[0] > 0``; arrays that say who goes on, "contact.due" of ``if contact.due[pair] > gone: return``,
-# "contact.lean" where those that do not go on have theirs put to nothing.
+# "contact.lean" where those that do not go on have theirs put to nothing; members of structs in an array,
+# "cloth.items.leeway" of ``if item.leeway > 0``, where ``item`` is one of them.
 Chain = tuple[str, ...]
 
 
@@ -55,6 +56,7 @@ class _Reader(ast.NodeVisitor):
         uses: Uses,
         chain: Chain = (),
         starts: dict[str, str] | None = None,
+        elements: dict[str, str] | None = None,
     ) -> None:
         closure = inspect.getclosurevars(function)
         self._known = {**closure.globals, **closure.nonlocals}
@@ -63,6 +65,7 @@ class _Reader(ast.NodeVisitor):
         self._chain = chain
         self._counts: dict[str, str] = {}  # names that stand for a count
         self._starts = starts or {}  # names of places that are counted from a patch's start
+        self._elements = elements or {}  # names that stand for an element of an array
 
     def read(self, tree: ast.AST) -> None:
         found = tree.body[0] if isinstance(tree, ast.Module) else tree
@@ -82,7 +85,12 @@ class _Reader(ast.NodeVisitor):
 
     def visit_Assign(self, node: ast.Assign) -> None:
         if isinstance(node.targets[0], ast.Name):
-            for names, found in ((self._counts, self._count(node.value)), (self._starts, self._start(node.value))):
+            element = self._path(node.value) if isinstance(node.value, ast.Subscript) else ""
+            for names, found in (
+                (self._counts, self._count(node.value)),
+                (self._starts, self._start(node.value)),
+                (self._elements, element),
+            ):
                 if found:
                     names[node.targets[0].id] = found
         self.generic_visit(node)
@@ -95,7 +103,8 @@ class _Reader(ast.NodeVisitor):
         outer = self._chain
         for test in node.test.values if isinstance(node.test, ast.BoolOp) else [node.test]:
             if isinstance(test, ast.Compare):
-                below, above = self._count(test.comparators[0]), self._count(test.left)
+                below = self._count(test.comparators[0])
+                above = self._count(test.left) or self._member(test.left)
                 operator = type(test.ops[0])
                 if below and operator in (ast.Lt, ast.GtE):
                     self._chain = (*self._chain, below if operator is ast.Lt else FROM + below)
@@ -149,8 +158,13 @@ class _Reader(ast.NodeVisitor):
             given = list(zip((argument.label for argument in called.adj.args), node.args, strict=False))
             paths = {label: path for label, value in given if (path := self._path(value))}
             starts = {label: start for label, value in given if (start := self._start(value))}
+            elements = {
+                label: self._elements[value.id]
+                for label, value in given
+                if isinstance(value, ast.Name) and value.id in self._elements
+            }
             if paths:
-                _Reader(called.func, paths, self._uses, self._chain, starts).read(called.adj.tree)
+                _Reader(called.func, paths, self._uses, self._chain, starts, elements).read(called.adj.tree)
 
     def _note(self, path: str, use: dict[str, set[Chain]], index: ast.AST | None = None) -> None:
         if not path:
@@ -169,6 +183,12 @@ class _Reader(ast.NodeVisitor):
         if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and node.func.attr == "min":
             return next((count for count in map(self._count, node.args) if count), "")
         return self._counts.get(node.id, "") if isinstance(node, ast.Name) else ""
+
+    def _member(self, node: ast.AST) -> str:
+        """A member of a struct that is an element of an array; empty for anything else."""
+        if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id in self._elements:
+            return f"{self._elements[node.value.id]}.{node.attr}"
+        return ""
 
     def _start(self, node: ast.AST) -> str:
         """The start of a patch's part from which a place is counted; empty where it is counted from none."""

@@ -1,0 +1,149 @@
+"""How long iterations take, and each launch in them, on the way that a fit goes."""
+
+from __future__ import annotations
+
+import time
+from collections import Counter
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from warp_cloth.set_up import SetUp, following
+from warp_cloth.solver.loop import CHUNK
+from warp_cloth.study.launches import Launch, launches_of
+
+# Iterations that are watched: an even number, as every second one goes back to the first one's arrays where forces are
+# gathered. Where cloth meets cloth enough of them to hold searches for what is near, which few iterations do.
+WATCHED, WATCHED_TOUCHING = 20, 100
+TIMED = 100  # iterations between two checks of a fit
+WAKING = 12  # times as many before the clock runs, where cloth meets cloth: that begins when the seams have closed
+SHORTEST_RUN = 0.5  # [s] of timing
+FEWEST_ROUNDS = 5
+LONG = 5.0  # [s] that iterations take before the next chunk, or the next round, is left out
+LOOKS = 100  # that are timed together
+LEAST = 0.02  # of what a launch was timed at, that it takes itself: less cannot be told apart from none
+
+
+@dataclass
+class Times:
+    """Seconds of a fit's iterations, and of the launches in others between them."""
+
+    begin: int = 0  # iterations before the first one that was timed,
+    end: int = 0  # and with the last one
+    seconds: float = 0.0  # of an iteration, captured, as a fit runs it
+    look: float = 0.0  # of these, what it takes to look whether cloth near cloth is to be looked for anew
+    looks: float = 0.0  # per iteration
+    count: dict[str, float] = field(default_factory=dict)  # launches per iteration, by the kernel's key
+    spent: dict[str, float] = field(default_factory=dict)  # seconds per iteration, from a launch to the next one
+    launches: list[Launch] = field(default_factory=list)  # the last ones of every kernel
+
+
+def times_of(made: SetUp) -> Times:
+    """Runs some hundreds of iterations from the start, and times some of them whole and others launch by launch.
+
+    The two take turns, as what meets, and how often that is looked for, changes on the way. On a GPU a clock round a
+    launch adds the same to every one, and pauses between two are as long whichever they are: both are known by what
+    all launches take together as a fit runs them.
+    """
+    way, times = _Way(made), Times()
+    for _ in range(1 if made.course is None else WAKING):
+        way.go()
+        way.check()
+    times.begin = way.iteration
+    spent, count, watched, timed, passed, rounds = dict[str, float](), Counter[str](), 0, 0, 0.0, 0
+    while passed < SHORTEST_RUN or (rounds < FEWEST_ROUNDS and passed < LONG):
+        done, seconds = way.go()
+        timed, passed, rounds = timed + done, passed + seconds, rounds + 1
+        launches, each = way.watch()
+        seen = {launch.kernel.key for launch in launches}
+        times.launches = [*launches, *(launch for launch in times.launches if launch.kernel.key not in seen)]
+        for launch, elapsed in zip(launches, each, strict=True):
+            spent[launch.kernel.key] = spent.get(launch.kernel.key, 0.0) + elapsed
+            count[launch.kernel.key] += 1
+        watched += way.watched
+        way.check()
+    times.end, times.seconds = way.iteration, passed / timed
+    times.count = {key: number / watched for key, number in count.items()}
+    touch = made.relaxation.touch
+    if touch is not None and touch.awake:
+        times.looks = 1.0 / touch.look_every
+        times.look = min(times.looks * _seconds_of_look(made.model.device), times.seconds)
+    apart = wp.get_device(made.model.device).is_cuda
+    added = (sum(spent.values()) / watched - times.seconds + times.look) / sum(times.count.values()) if apart else 0.0
+    own = {
+        key: max(seconds / watched - added * times.count[key], LEAST * seconds / watched)
+        for key, seconds in spent.items()
+    }
+    whole = (times.seconds - times.look) / sum(own.values())  # on a GPU 1, unless a launch took least
+    times.spent = {key: whole * seconds for key, seconds in own.items()}
+    return times
+
+
+class _Way:
+    """A fit's way from the start."""
+
+    def __init__(self, made: SetUp) -> None:
+        self._made, self._follow = made, following(made)
+        self.iteration = 0
+        self.watched = WATCHED if made.course is None else WATCHED_TOUCHING
+        made.relaxation.start_anew()
+
+    def go(self) -> tuple[int, float]:
+        """Iterates as far as the next check, or less far where that takes long; tells how far, and the seconds."""
+        relaxation, device = self._made.relaxation, self._made.model.device
+        relaxation.capture(CHUNK)
+        wp.synchronize_device(device)
+        done, began = 0, time.perf_counter()
+        while done < TIMED and time.perf_counter() - began <= LONG:
+            relaxation.run(CHUNK)
+            done += CHUNK
+        wp.synchronize_device(device)
+        self.iteration += done
+        return done, time.perf_counter() - began
+
+    def watch(self) -> tuple[list[Launch], list[float]]:
+        """Iterates launch by launch; tells the launches, and the seconds of each with all that a clock adds."""
+        relaxation, seconds = self._made.relaxation, list[float]()
+        clock = not wp.get_device(self._made.model.device).is_cuda
+        if not clock:
+            wp.timing_begin(cuda_filter=wp.TIMING_KERNEL)
+        launches = launches_of(lambda: relaxation.iterate(self.watched), seconds if clock else None)
+        if not clock:
+            results: list[Any] = wp.timing_end()
+            seconds = [1e-3 * result.elapsed for result in results]
+        self.iteration += self.watched
+        return launches, seconds
+
+    def check(self) -> None:
+        """Looks at the cloth as a fit does, and has it go on by what it sees."""
+        made, certifier = self._made, self._made.certifier
+        glance = certifier.glance(self.iteration)
+        certifier.turn_page(self.iteration)
+        look = certifier.read(glance)
+        if not look.finite.all():
+            return
+        if made.course is not None:
+            made.course.advance(self.iteration, made.model.points())
+        made.relaxation.loosen(look.relative_rms)
+        for item, collider in self._follow(range(len(look.boxes)), look.boxes).items():
+            made.relaxation.meet(item, collider)
+
+
+def _seconds_of_look(device: str) -> float:
+    """Seconds that a captured graph takes to see that a branch of it is not to be gone."""
+    if not wp.get_device(device).is_cuda:
+        return 0.0
+    never, other = (wp.zeros(1, dtype=wp.int32, device=device) for _ in range(2))
+    with wp.ScopedCapture(device=device) as capture:
+        for _ in range(LOOKS):
+            wp.capture_if(never, on_true=other.zero_)
+    spent = []
+    for _ in range(FEWEST_ROUNDS):
+        wp.synchronize_device(device)
+        began = time.perf_counter()
+        wp.capture_launch(capture.graph)
+        wp.synchronize_device(device)
+        spent.append(time.perf_counter() - began)
+    return float(np.min(spent)) / LOOKS
