@@ -16,7 +16,7 @@ from warp_cloth.plan import contact_kind, make_plan
 from warp_cloth.reach import reach_box
 from warp_cloth.scene import load_scene
 from warp_cloth.set_up import SetUp, set_up_one
-from warp_cloth.study import footprint, timing
+from warp_cloth.study import footprint, savings, timing
 from warp_cloth.study.launches import Launch, bytes_of, launches_of
 from warp_cloth.study.traffic import array_uses
 
@@ -132,6 +132,7 @@ def test_shares_are_of_the_kernels_that_are_launched(monkeypatch: pytest.MonkeyP
     cost = footprint.footprint_of(made)
     assert cost.launches == len(made.relaxation.kernels()) == len(cost.kernels)
     assert sum(cost.share(kernel) for kernel in cost.kernels) == pytest.approx(1.0)
+    assert sum(kernel.seconds for kernel in cost.kernels) == pytest.approx(cost.seconds)
     assert all(kernel.bytes > 0 and kernel.seconds > 0 and kernel.purpose for kernel in cost.kernels)
     assert cost.memory["avatar"] > 0
 
@@ -188,11 +189,32 @@ def test_the_command_tells_terms_kernels_and_memory(tmp_path: Path, monkeypatch:
     options = ["--set", "garment.shape.vertices_per_side=9", "--device", "cpu", "--out", str(out)]
     result = CliRunner().invoke(app, ["plan", "hanging", *options])
     assert result.exit_code == 0, result.output
-    for words in ("Terms:", "An iteration:", "Memory:", "displace_vertices", "the scene has no avatar"):
+    for words in ("Terms:", "An iteration", "Memory:", "displace_vertices", "the scene has no avatar"):
         assert words in result.stdout
     values = json.loads(out.read_text())
     assert values["vertices"] == 81
     assert sum(kernel["share"] for kernel in values["kernels"]) == pytest.approx(1.0)
+
+
+def test_what_is_saved_without_a_term_is_told_of_those_in_use_and_adds_up(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(savings, "SHORTEST_RUN", 0.01)
+    scene = load_scene({"garment": {"shape": SQUARE, "fabric": PLAIN, "pin": TOP}})
+    made = set_up_one(scene, "cpu")
+    told = savings.savings_of(scene, made.wardrobe, "cpu")
+    assert [each.term for each in told] == ["bending", savings.REST]
+    assert sum(each.share for each in told) == pytest.approx(1.0)
+    assert told[0].share < 1.0
+
+
+def test_cloth_that_meets_cloth_is_timed_with_its_searches(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(timing, "SHORTEST_RUN", 0.01)
+    flat = {**SQUARE, "plane": "horizontal"}
+    sheets = [{"shape": {**flat, "height": height}, "fabric": PLAIN} for height in (1.45, 1.452)]
+    made = set_up_one(load_scene({"garment": sheets, "avatar": {"shape": SPHERE}, "collision": {"cloth": True}}), "cpu")
+    cost = footprint.footprint_of(made)
+    assert {"press_pairs", "start_search"} <= {kernel.name for kernel in cost.kernels}
+    assert cost.iterations[0] < cost.iterations[1]
+    assert sum(kernel.seconds for kernel in cost.kernels) == pytest.approx(cost.seconds)
 
 
 def test_the_command_refuses_in_one_line() -> None:

@@ -165,6 +165,21 @@ def pressed(*heights: float) -> tuple[Launch, Uses]:
     return launch, array_uses(launch.kernel)
 
 
+def test_leeway_is_asked_for_by_cloth_that_has_some() -> None:
+    sphere = {"kind": "sphere", "radius": 0.2, "centre": [0.0, 1.2, -0.1], "edge_mm": 80}
+    tree = {"garment": {"shape": SQUARE, "fabric": WOVEN}, "avatar": {"shape": sphere}, "collision": {"pixel_mm": 20}}
+    made = set_up_one(load_scene(tree), "cpu")
+    found = []
+    for residual in (1.0, 0.0):
+        made.relaxation.loosen(np.array([residual]))
+        launches = launches_of(lambda: made.relaxation.iterate(2))
+        launch = next(each for each in launches if each.kernel.key.endswith("displace_vertices"))
+        (keys,) = asked(launch, array_uses(launch.kernel), "cloth.leeway").values()
+        found.append(len(keys))
+    assert found[0] == 0
+    assert found[1] > 0
+
+
 def test_no_pairs_are_not_asked_for() -> None:
     launch, uses = pressed(0.0, 0.3)
     assert launch.arrays()["contact.count"].numpy()[0] == 0

@@ -24,12 +24,15 @@ def plan(
     scene: SceneName,
     device: Device = None,
     changes: Changes = None,
+    savings: Annotated[
+        bool, typer.Option("--savings", help="Run it without each term, too, to tell what an iteration takes less.")
+    ] = False,
     out: Annotated[Path | None, typer.Option(help="File for the same as JSON.", dir_okay=False)] = None,
 ) -> None:
     """Say which terms a scene needs and why, which kernels and arrays that means, and what each costs.
 
     \b
-    warp-cloth plan tshirt
+    warp-cloth plan tshirt --savings
     warp-cloth plan scene.toml --set collision.cloth=true
     """
     with one_line_errors():
@@ -42,12 +45,14 @@ def plan(
         from warp_cloth.set_up import set_up_one
         from warp_cloth.study.footprint import footprint_of
         from warp_cloth.study.planning import plan_lines, write_plan
+        from warp_cloth.study.savings import savings_of
 
         made = set_up_one(chosen, device_named(device))
         terms, cost = make_plan(chosen, made.wardrobe), footprint_of(made)
-        lines = plan_lines(chosen.name, terms, cost)
+        saved = savings_of(chosen, made.wardrobe, made.model.device) if savings else ()
+        lines = plan_lines(chosen.name, terms, cost, saved)
         if out is not None:
-            write_plan(out, terms, cost)
+            write_plan(out, terms, cost, saved)
             lines.append(f"  wrote {out}")
     _show(lines, typer.echo)
 

@@ -11,13 +11,14 @@ from typing import Any
 from warp_cloth.errors import InputError
 from warp_cloth.plan import Term
 from warp_cloth.study.footprint import Footprint
+from warp_cloth.study.savings import Saving
 
 
-def plan_lines(name: str, terms: Sequence[Term], cost: Footprint) -> list[str]:
-    """Terms with their reasons, kernels with their costs, memory."""
+def plan_lines(name: str, terms: Sequence[Term], cost: Footprint, savings: Sequence[Saving] = ()) -> list[str]:
+    """Terms with their reasons, kernels with their costs, what is saved without a term, memory."""
     lines = [f"{name}: {cost.vertices:,} vertices on {cost.device}", "Terms:"]
     lines += [f"  {'+' if term.used else '-'} {term.name:<16} {term.reason}" for term in terms]
-    lines.append(f"An iteration, in the mean of those from {cost.iterations[0]:,} to {cost.iterations[1]:,}:")
+    lines.append(f"An iteration (mean of those from {cost.iterations[0]:,} to {cost.iterations[1]:,}):")
     lines.append(f"  {'kernel':<24} {'launches':>8} {'threads':>10} {'MB':>9} {'us':>9} {'time':>6}")
     for kernel in cost.kernels:
         lines.append(
@@ -34,6 +35,12 @@ def plan_lines(name: str, terms: Sequence[Term], cost: Footprint) -> list[str]:
         for kernel in cost.kernels
         if kernel.spilled
     ]
+    if savings:
+        lines.append("It would take less without:")
+        lines += [
+            f"  {each.term:<24} {'':>8} {'':>10} {'':>9} {1e6 * each.share * cost.seconds:>9.1f} {each.share:>6.0%}"
+            for each in savings
+        ]
     total = sum(cost.memory.values())
     parts = ", ".join(f"{what} {1e-6 * size:,.3g}" for what, size in cost.memory.items())
     lines.append(f"Memory: {1e-6 * total:,.3g} MB ({parts}), {total / cost.vertices:,.0f} bytes a vertex")
@@ -50,16 +57,17 @@ def level(cost: Footprint) -> str:
     return f"{touched}, which the cache of {1e-6 * cost.cache:,.3g} MB holds; these move between it and the cores"
 
 
-def plan_values(terms: Sequence[Term], cost: Footprint) -> dict[str, Any]:
+def plan_values(terms: Sequence[Term], cost: Footprint, savings: Sequence[Saving] = ()) -> dict[str, Any]:
     """The same for JSON; bytes and seconds are of one iteration."""
     values = asdict(cost)
     for row, kernel in zip(values["kernels"], cost.kernels, strict=True):
         row["share"] = cost.share(kernel)
-    told = {"bytes": cost.bytes, "from_memory": cost.from_memory}
+    told: dict[str, Any] = {"bytes": cost.bytes, "from_memory": cost.from_memory}
+    told["savings"] = [asdict(saving) for saving in savings]
     return {"terms": [asdict(term) for term in terms], **told, **values}
 
 
-def write_plan(path: Path, terms: Sequence[Term], cost: Footprint) -> None:
+def write_plan(path: Path, terms: Sequence[Term], cost: Footprint, savings: Sequence[Saving] = ()) -> None:
     """Writes the plan as JSON.
 
     Raises:
@@ -67,6 +75,6 @@ def write_plan(path: Path, terms: Sequence[Term], cost: Footprint) -> None:
     """
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(json.dumps(plan_values(terms, cost), indent=2) + "\n", encoding="utf-8")
+        path.write_text(json.dumps(plan_values(terms, cost, savings), indent=2) + "\n", encoding="utf-8")
     except OSError as error:
         raise InputError(path, f"cannot be written: {error.strerror or error}", "choose another --out") from None

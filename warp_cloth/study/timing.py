@@ -47,8 +47,8 @@ def times_of(made: SetUp) -> Times:
     launch adds the same to every one, and pauses between two are as long whichever they are: both are known by what
     all launches take together as a fit runs them.
     """
-    way, times = _Way(made), Times()
-    for _ in range(1 if made.course is None else WAKING):
+    way, times = Way(made), Times()
+    while not way.warm:
         way.go()
         way.check()
     times.begin = way.iteration
@@ -81,14 +81,20 @@ def times_of(made: SetUp) -> Times:
     return times
 
 
-class _Way:
-    """A fit's way from the start."""
+class Way:
+    """A fit's way from the start: iterations, and a look at the cloth every so many."""
 
     def __init__(self, made: SetUp) -> None:
         self._made, self._follow = made, following(made)
         self.iteration = 0
         self.watched = WATCHED if made.course is None else WATCHED_TOUCHING
+        self._cold = 1 if made.course is None else WAKING  # rounds before it is warm
         made.relaxation.start_anew()
+
+    @property
+    def warm(self) -> bool:
+        """Whether what iterations take is worth a clock."""
+        return self._cold <= 0
 
     def go(self) -> tuple[int, float]:
         """Iterates as far as the next check, or less far where that takes long; tells how far, and the seconds."""
@@ -119,6 +125,7 @@ class _Way:
     def check(self) -> None:
         """Looks at the cloth as a fit does, and has it go on by what it sees."""
         made, certifier = self._made, self._made.certifier
+        self._cold -= 1
         glance = certifier.glance(self.iteration)
         certifier.turn_page(self.iteration)
         look = certifier.read(glance)
