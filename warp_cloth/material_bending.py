@@ -8,7 +8,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from warp_cloth.material import Sheet, solved_within
+from warp_cloth.material import Sheet
+from warp_cloth.material_patches import Fit, Patches
+from warp_cloth.mesh import Indices
 from warp_cloth.threads import map_in_threads
 
 if TYPE_CHECKING:
@@ -19,6 +21,7 @@ Floats = NDArray[np.float64]
 # A sliver's fold is larger without bound than its neighbours'; beyond this many mean heights it is not counted on.
 LARGEST_FOLD = 3.0
 THINNEST_SHARE = 1e-6  # of the median edge
+LEAST_SHARE = 1e-4  # of the other bending: what a bending of 0 counts as beside it; its logarithm is finite
 TURNS = 4  # directions over half a turn that cloth without directions is bent in
 # Rounds in which vertices near each other share out an even bend: enough for that, too few to undo the bend itself.
 # The second and third time they go on from where they were.
@@ -55,55 +58,66 @@ class _Folds:
 def hinge_constants(sheet: Sheet, fabric: Fabric, length: Floats) -> Floats:
     """C of every hinge [N m]: bending * axis / (mean wing height)^2, times a factor (model: bending).
 
-    The factor is such that the garment, bent to a curvature, has the energy bending / 6 curvature^3 per area. Along
-    warp and weft there are two, for the hinges' shares by direction.
+    ``bending`` is warp cos^2 + weft sin^2 of the hinge's direction. The factors are exp(even + lean cos 2 angle), never
+    negative, with an even and a lean for the patch round every vertex: such that each patch, bent to a curvature along
+    the warp, and along the weft, has the energy bending / 6 curvature^3 per area. One pair for the whole garment would
+    not do: where many diagonals happen to run alike, cloth is stiffer across them, and softer elsewhere.
     """
     folds = _inner_folds(sheet, length)
-    if not len(folds.size):
-        return folds.size
-    border = _border_folds(sheet, length)
-    if not sheet.directed:
-        parts = np.full((len(folds.size), 1), fabric.bending) * folds.size[:, None]
-        bends = [folds.angle + turn for turn in np.arange(TURNS) * np.pi / TURNS]
-    else:
-        warped = np.cos(folds.angle) ** 2
-        parts = np.stack([fabric.bending_warp * warped, fabric.bending_weft * (1.0 - warped)], axis=1)
-        parts *= folds.size[:, None]
+    if not len(folds.size) or not fabric.bending_warp + fabric.bending_weft > 0.0:
+        return np.zeros_like(folds.size)
+    if sheet.directed:
+        largest = max(fabric.bending_warp, fabric.bending_weft)
+        wanted = [max(own, LEAST_SHARE * largest) for own in (fabric.bending_warp, fabric.bending_weft)]
         bends = [np.zeros_like(folds.angle), np.full_like(folds.angle, 0.5 * np.pi)]
-    wanted = np.array([fabric.bending_warp, fabric.bending_weft])
-    factors = np.ones(parts.shape[1])
-    tiny = np.finfo(float).tiny
+        lean = np.cos(2.0 * folds.angle)
+        usual = (0.5 * (1.0 + lean) * wanted[0] + 0.5 * (1.0 - lean) * wanted[1]) * folds.size
+    else:
+        wanted = [fabric.bending] * TURNS
+        bends = [folds.angle + turn for turn in np.arange(TURNS) * np.pi / TURNS]
+        lean = np.zeros_like(folds.angle)
+        usual = fabric.bending * folds.size
     stays = _near_border(sheet)
-    within = ~stays[sheet.topology.hinges].any(axis=1)
-    moved = np.zeros((len(bends), len(stays)))
+    patches = Patches(sheet, len(stays))
+    hinges = sheet.topology.hinges
+    within = ~stays[hinges].any(axis=1)
     evens = [folds.evenly(bend) for bend in bends]
-    cubes = [np.abs(even) ** 3 for even in evens]
+    cubes = [_cubed(even) for even in evens]
+    beyond = _beyond(sheet, length, folds, bends, len(stays))
+    shares = [patches.share(cube * folds.size, own) for cube, own in zip(cubes, beyond, strict=True)]
+    moved = np.zeros((len(bends), len(stays)))
+    fit = Fit(patches, usual, lean)
     for rounds in ROUNDS:
-        rows = []
-        for bend, even, cube, move in zip(bends, evens, cubes, moved, strict=True):
-            stiffness = parts @ factors
-            shared = _shared_out(sheet, folds, stiffness, even, move, rounds, stays)
-            inner, outer = (float(cube[part] @ stiffness[part]) for part in (within, ~within))
+        energies = []
+        for even, cube, move in zip(evens, cubes, moved, strict=True):
+            shared = _cubed(_shared_out(sheet, folds, fit.stiffness, even, move, rounds, stays))
+            inner = float(cube[within] @ fit.stiffness[within])
             if not inner > 0.0:  # too small a garment to have hinges that share
-                shared, within, inner, outer = even, ~within, outer, 0.0
-            share = (1.0 + outer / max(inner, tiny)) * _with_border(folds, border, cube, bend)
-            rows.append(np.abs(shared[within]) ** 3 @ parts[within] / sheet.area * share)
-        if sheet.directed:
-            factors = solved_within(np.array(rows), wanted, 1.0)
-        else:
-            factors = np.array([fabric.bending / max(float(np.mean(rows)), tiny)])
-    return parts @ factors
+                energies.append(cube)
+                continue
+            eased = float(shared[within] @ fit.stiffness[within]) / inner
+            energies.append(np.where(within, shared, eased * cube))
+        fit.improve(energies, shares, wanted)
+    return fit.stiffness
 
 
-def _with_border(folds: _Folds, border: _Folds, cube: Floats, bend: Floats) -> float:
-    """By how much the border's halves raise the energy: as if the cloth went on there, half a hinge on every edge.
+def _cubed(folded: Floats) -> Floats:
+    """|fold|^3; a power takes many times as long."""
+    return np.abs(folded * folded * folded)
 
-    ``cube`` is that of each hinge's even fold per curvature [m3].
+
+def _beyond(sheet: Sheet, length: Floats, folds: _Folds, bends: list[Floats], count: int) -> list[Floats]:
+    """Half the folds' cubes, by hinges of C = size, as if the cloth went on behind the border, at every vertex.
+
+    One for each bend [m2], shape [V].
     """
-    inner = float((folds.size * cube).sum())
-    direction = float(bend[0]) if np.ptp(bend) == 0.0 else border.angle + float((bend - folds.angle)[0])
-    outer = float((border.size * np.abs(border.evenly(direction)) ** 3).sum())
-    return 1.0 + 0.5 * outer / max(inner, np.finfo(float).tiny)
+    border, ends = _border_folds(sheet, length)
+    summed = []
+    for bend in bends:
+        direction = float(bend[0]) if np.ptp(bend) == 0.0 else border.angle + float((bend - folds.angle)[0])
+        half = 0.5 * border.size * _cubed(border.evenly(direction))
+        summed.append(np.asarray(np.bincount(ends.ravel(), np.repeat(0.5 * half, 2), count), float))
+    return summed
 
 
 def _near_border(sheet: Sheet) -> NDArray[np.bool_]:
@@ -143,7 +157,7 @@ def _shared_out(
         np.multiply(half[part] * folded[part] * turn, slopes[:, part], out=pull[:, part])
         np.multiply(stiffness[part] * (turn + least[part]), size[:, part], out=curve[:, part])
         curve[:, part] *= sizes[part]
-        return float(stiffness[part] @ turn**3) if counted else 0.0
+        return float(stiffness[part] @ (turn * turn * turn)) if counted else 0.0
 
     last, before = np.zeros(count), np.inf
     for _ in range(rounds):
@@ -184,14 +198,15 @@ def _inner_folds(sheet: Sheet, length: Floats) -> _Folds:
     return _folds_of(axis, (s0, h0), (s1, h1), way, hand)
 
 
-def _border_folds(sheet: Sheet, length: Floats) -> _Folds:
-    """Folds that the border would have if each of its triangles had its own image beyond the edge."""
+def _border_folds(sheet: Sheet, length: Floats) -> tuple[_Folds, Indices]:
+    """Folds that the border would have if each of its triangles had its own image beyond the edge, and the edges."""
     topology = sheet.topology
     once = np.bincount(topology.triangle_edges.ravel(), minlength=len(length)) == 1
     triangle, side = np.nonzero(once[topology.triangle_edges])
-    axis, floor = length[topology.triangle_edges[triangle, side]], THINNEST_SHARE * float(np.median(length))
+    edge = topology.triangle_edges[triangle, side]
+    axis, floor = length[edge], THINNEST_SHARE * float(np.median(length))
     foot, height, way, hand = _wing(sheet, triangle, side, floor)
-    return _folds_of(axis, (foot, height), (axis - foot, height), way, hand)
+    return _folds_of(axis, (foot, height), (axis - foot, height), way, hand), topology.edges[edge]
 
 
 def _folds_of(

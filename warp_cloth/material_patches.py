@@ -1,0 +1,99 @@
+"""Factors of hinges, patch by patch, such that each patch of a garment bends as the fabric does."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warp_cloth.material import Sheet
+
+Floats = NDArray[np.float64]
+
+# A patch spreads from its vertex as a walk of so many steps does, each of them with a chance of one half: over two
+# edges or three. That holds hinges of every direction; much larger ones would mix cloth of other diagonals in.
+STEPS = 6
+LEAST_FACTOR, MOST_FACTOR = 0.02, 20.0  # a mesh may lack hinges that fold; others would be another material
+MOST_LEAN = 3.0  # of the factors' logarithm
+LEAST_APART = 0.05  # of the two bends' mean cos 2 angle; nearer, all hinges run alike
+MOST_TURN, MOST_LACK = 1.0, 1e3  # of the lean, and of an energy, in one step
+MOST_STEPS, CLOSE = 3, 0.01  # of Newton's in one improvement; patches' energies off by 1 % (rms) are left so
+TINY = np.finfo(float).tiny
+
+
+class Patches:
+    """What hinges hold, summed over the patch round every vertex; V vertices, H hinges."""
+
+    def __init__(self, sheet: Sheet, count: int) -> None:
+        edges = sheet.topology.edges.T.astype(np.intp)  # as NumPy counts, or it would convert them every time
+        self.count = count
+        self._corners = np.ascontiguousarray(sheet.topology.hinges.T, dtype=np.intp)
+        self._from, self._to = np.concatenate([edges, edges[::-1]], axis=1)
+        self._part = 0.5 / np.maximum(np.bincount(self._from, minlength=count), 1)
+        corners = sheet.triangles.ravel()
+        self.area = self._spread(np.asarray(np.bincount(corners, np.repeat(sheet.areas / 3.0, 3), count), float))
+
+    def _spread(self, held: Floats) -> Floats:
+        """What every vertex holds, walked about: the sum stays. Shape [V]."""
+        for _ in range(STEPS):
+            held = 0.5 * held + np.bincount(self._to, (self._part * held)[self._from], self.count)
+        return held
+
+    def sums(self, held: Floats) -> Floats:
+        """Of what every hinge holds, shape [V]."""
+        return self._spread(np.asarray(np.bincount(self._corners.ravel(), np.tile(0.25 * held, 4), self.count), float))
+
+    def means(self, own: Floats) -> Floats:
+        """Of every hinge's four vertices, shape [H]."""
+        start, end, first, second = (own[corner] for corner in self._corners)
+        return 0.25 * (start + end + first + second)
+
+    def share(self, held: Floats, beyond: Floats) -> Floats:
+        """What sums are multiplied by to be per area [1/m2], and as if the border's halves were there, shape [V].
+
+        Hinges hold ``held`` and the border's vertices ``beyond``, of one kind.
+        """
+        return (1.0 + self._spread(beyond) / np.maximum(self.sums(held), TINY)) / np.maximum(self.area, TINY)
+
+
+class Fit:
+    """Constants of hinges, fitted to what the patches should cost to bend."""
+
+    def __init__(self, patches: Patches, usual: Floats, lean: Floats) -> None:
+        self.stiffness = usual  # C [N m], shape [H]
+        self._patches, self._usual, self._lean = patches, usual, lean
+        self._even, self._leaning = np.zeros(patches.count), np.zeros(patches.count)
+
+    def improve(self, energies: Sequence[Floats], shares: Sequence[Floats], wanted: Sequence[float]) -> None:
+        """Newton's steps, in logarithms, towards patches of the wanted bendings.
+
+        Bent along the warp, and along the weft, or in several ways without directions, each hinge costs C times its
+        ``energies``; the patches' sums times ``shares`` are to be ``wanted``.
+        """
+        for _ in range(MOST_STEPS):
+            sums = [self._patches.sums(own * self.stiffness) for own in energies]
+            lacks = [_lack(total * share / own) for total, share, own in zip(sums, shares, wanted, strict=True)]
+            if not self._lean.any():
+                self._take(np.mean(lacks, axis=0), 0.0)
+                return
+            if max(float(np.sqrt(np.mean(lack * lack))) for lack in lacks) < CLOSE:
+                return
+            warp, weft = (
+                self._patches.sums(own * self.stiffness * self._lean) / np.maximum(total, TINY)
+                for own, total in zip(energies, sums, strict=True)
+            )
+            turn = np.clip((lacks[0] - lacks[1]) / np.maximum(warp - weft, LEAST_APART), -MOST_TURN, MOST_TURN)
+            self._take(0.5 * (lacks[0] + lacks[1] - turn * (warp + weft)), turn)
+
+    def _take(self, even: Floats, lean: Floats | float) -> None:
+        """Changes the patches' logarithms by these, shape [V]."""
+        self._even = np.clip(self._even + even, np.log(LEAST_FACTOR), np.log(MOST_FACTOR))
+        self._leaning = np.clip(self._leaning + lean, -MOST_LEAN, MOST_LEAN)
+        means = self._patches.means
+        factor = np.exp(means(self._even) + self._lean * means(self._leaning))
+        self.stiffness = self._usual * np.clip(factor, LEAST_FACTOR, MOST_FACTOR)
+
+
+def _lack(found: Floats) -> Floats:
+    return np.asarray(-np.log(np.clip(found, 1.0 / MOST_LACK, MOST_LACK)))
