@@ -64,19 +64,19 @@ def hinge_constants(sheet: Sheet, fabric: Fabric, length: Floats) -> Floats:
     not do: where many diagonals happen to run alike, cloth is stiffer across them, and softer elsewhere.
     """
     folds = _inner_folds(sheet, length)
-    if not len(folds.size) or not fabric.bending_warp + fabric.bending_weft > 0.0:
+    largest = max(fabric.bending_warp, fabric.bending_weft) if sheet.directed else fabric.bending
+    if not len(folds.size) or largest == 0.0:
         return np.zeros_like(folds.size)
     if sheet.directed:
-        largest = max(fabric.bending_warp, fabric.bending_weft)
         wanted = [max(own, LEAST_SHARE * largest) for own in (fabric.bending_warp, fabric.bending_weft)]
         bends = [np.zeros_like(folds.angle), np.full_like(folds.angle, 0.5 * np.pi)]
         lean = np.cos(2.0 * folds.angle)
         usual = (0.5 * (1.0 + lean) * wanted[0] + 0.5 * (1.0 - lean) * wanted[1]) * folds.size
     else:
-        wanted = [fabric.bending] * TURNS
+        wanted = [largest] * TURNS
         bends = [folds.angle + turn for turn in np.arange(TURNS) * np.pi / TURNS]
         lean = np.zeros_like(folds.angle)
-        usual = fabric.bending * folds.size
+        usual = largest * folds.size
     stays = _near_border(sheet)
     patches = Patches(sheet, len(stays))
     hinges = sheet.topology.hinges
@@ -89,14 +89,12 @@ def hinge_constants(sheet: Sheet, fabric: Fabric, length: Floats) -> Floats:
     fit = Fit(patches, usual, lean)
     for rounds in ROUNDS:
         energies = []
+        counted = np.where(within, fit.stiffness, 0.0)
         for even, cube, move in zip(evens, cubes, moved, strict=True):
             shared = _cubed(_shared_out(sheet, folds, fit.stiffness, even, move, rounds, stays))
-            inner = float(cube[within] @ fit.stiffness[within])
-            if not inner > 0.0:  # too small a garment to have hinges that share
-                energies.append(cube)
-                continue
-            eased = float(shared[within] @ fit.stiffness[within]) / inner
-            energies.append(np.where(within, shared, eased * cube))
+            stiff, eased = (float(np.sum(own * counted)) for own in (cube, shared))
+            # too small a garment has no hinges that share
+            energies.append(np.where(within, shared, eased / stiff * cube) if stiff > 0.0 else cube)
         fit.improve(energies, shares, wanted)
     return fit.stiffness
 
@@ -139,7 +137,7 @@ def _shared_out(
     Descends on the sum of C |fold|^3 / 6 with the inner vertices' ways off the surface, kept in ``move`` [m2], shape
     [V]. Vertices by the border stay, so that the bend does.
     """
-    corners, count = np.ascontiguousarray(sheet.topology.hinges.T), len(move)
+    corners, count = np.ascontiguousarray(sheet.topology.hinges.T, dtype=np.intp), len(move)
     slopes = np.ascontiguousarray(folds.slopes.T)
     pull, curve = np.empty_like(slopes), np.empty_like(slopes)
     folded, size = np.empty_like(even), np.abs(slopes)
@@ -157,7 +155,7 @@ def _shared_out(
         np.multiply(half[part] * folded[part] * turn, slopes[:, part], out=pull[:, part])
         np.multiply(stiffness[part] * (turn + least[part]), size[:, part], out=curve[:, part])
         curve[:, part] *= sizes[part]
-        return float(stiffness[part] @ (turn * turn * turn)) if counted else 0.0
+        return float(np.sum(stiffness[part] * turn * turn * turn)) if counted else 0.0
 
     last, before = np.zeros(count), np.inf
     for _ in range(rounds):
