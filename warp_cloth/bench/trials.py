@@ -87,22 +87,28 @@ def released(mesh: Mesh, fabric: Fabric, strains: Sequence[float], *, device: st
 def shear(
     mesh: Mesh, fabric: Fabric, angles: Sequence[float], *, grain_degrees: float = 0.0, device: str = "cpu"
 ) -> list[Reading]:
-    """A wide, short strip whose far clamp moves sideways, its sides free, as in KES-FB1.
+    """A wide, short strip whose far clamp moves sideways on an arc, its sides free, as in KES-FB1.
 
-    Reads the angle [rad] in the middle half of the width, and the sideways force per width [N/m].
+    There a small weight pulls the clamp, so that threads keep their length; between clamps at a fixed distance they
+    would be stretched, too. Reads the angle [rad] and the sideways force per width [N/m], both in the middle half of
+    the width: by its free sides the cloth shears less.
     """
     across, place = along(mesh)
     length, width = np.ptp(place), np.ptp(across)
     far = place > length * (1.0 - 1e-6)
     specimen = Specimen(mesh, fabric, _ids(far | (place < length * 1e-6)), grain_degrees=grain_degrees, device=device)
     middle = np.abs(across) < 0.25 * width
+    clamp = np.flatnonzero(far)[np.argsort(across[far])]
+    held, widths = clamp[middle[clamp]], np.gradient(across[clamp])[middle[clamp]]
     readings = []
     for angle in angles:
         start = mesh.points.copy()
-        start[:, 0] += math.tan(angle) * place
+        start[:, 0] += math.sin(angle) * place
+        start[:, 2] += (1.0 - math.cos(angle)) * place
         settled = specimen.settle(start, BALANCED, ITERATIONS)
-        slope = np.polyfit(place[middle], settled.points[middle, 0] - across[middle], 1)[0]
-        readings.append(Reading(math.atan(slope), -float(settled.forces[far, 0].sum() / width)))
+        moved = settled.points[middle]
+        slope = -np.polyfit(moved[:, 2], moved[:, 0] - across[middle], 1)[0]
+        readings.append(Reading(math.atan(slope), -float(settled.forces[held, 0].sum() / widths.sum())))
     return readings
 
 
