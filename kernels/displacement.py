@@ -10,6 +10,7 @@ from warp_cloth.kernels.cloth import cloth_types
 from warp_cloth.kernels.cloth_contact import ClothContact, contact_room, contact_sum
 from warp_cloth.kernels.field import field_clearance, field_contact
 from warp_cloth.kernels.friction import friction_slide
+from warp_cloth.kernels.leeway import changed_leeway_function
 from warp_cloth.kernels.stiffness import symmetric_functions
 
 LONGER, STEP = wp.constant(1.0001), wp.constant(1.0e-9)  # more than rounding adds to a way, as a share and [m]
@@ -121,6 +122,7 @@ def meeting(
     types = cloth_types(precision)
     real, point, vec3, Cloth, Item = types.real, types.point, types.vec3, types.Cloth, types.Item
     worn = wears(accelerated, contact, touches)
+    even, changed_leeway = symmetric_functions(precision).even, changed_leeway_function(precision)
 
     @wp.func
     def pushed_move(at: wp.vec4f, push: float, move: vec3, item: Item):
@@ -133,24 +135,33 @@ def meeting(
     def met_move(
         cloth: Cloth, collider: collider_type, lift: float, vertex: int, position: point, move: vec3, item: Item
     ):
-        """A vertex' displacement after contact and friction; ``lift`` is how much farther off it is met [m]."""
+        """A vertex' displacement after contact and friction, and what of it has momentum.
+
+        ``lift`` is how much farther off it is met [m]. What comes to be held goes on without leeway, as if it had
+        become so much heavier; it is slowed as much, or contact that comes and goes would feed a swing.
+        """
         if wp.static(spares):
             left = cloth.clear[vertex] - (LONGER * float(root(inner(move, move))) + STEP)
             if left > 0.0:
                 cloth.clear[vertex] = left
                 if wp.static(worn):
                     cloth.held[vertex] = wp.uint8(0)
-                return move
+                return move, move
         place = wp.vec3d(position) + wp.vec3d(move)
         at = contact(collider, place)
         push = item.offset - at[3] + lift
         if wp.static(spares):
             cloth.clear[vertex] = field_clearance(collider, place, at[3], item.offset)
+        kept = move
+        if push > 0.0:
+            move = pushed_move(at, push, move, item)
+            kept = move
+            if wp.static(worn):
+                if item.leeway > real(0.0) and cloth.held[vertex] == wp.uint8(0):
+                    kept = changed_leeway(cloth.leeway[vertex], even(real(1.0)), move)
         if wp.static(worn):
             cloth.held[vertex] = wp.where(push > 0.0, wp.uint8(1), wp.uint8(0))
-        if push > 0.0:
-            return pushed_move(at, push, move, item)
-        return move
+        return move, kept
 
     return met_move
 
@@ -209,11 +220,13 @@ def displacement(
         move, stiffness = own_move(cloth, step, load, held, vertex, item)
         if wp.static(touches):
             move += shift
+        kept = move
         if wp.static(contact is not None):
-            move = met_move(cloth, colliders[number], lift, vertex, held.position, move, item)
+            move, kept = met_move(cloth, colliders[number], lift, vertex, held.position, move, item)
         if wp.static(touches):
             move = capped(move, room)
-        return move, move - shift, stiffness
+            kept = move - shift
+        return move, kept, stiffness
 
     return vertex_displacement
 

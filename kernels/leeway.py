@@ -195,24 +195,39 @@ def _find_leeway_kernel(precision: str, terms: Terms) -> wp.Kernel:
     return find_leeway
 
 
+@functools.cache
+def changed_leeway_function(precision: str) -> wp.Function:
+    """The function ``changed_leeway``."""
+    types = cloth_types(precision)
+    real, vec3, vec6 = types.real, types.vec3, types.vec6
+    symmetric = symmetric_functions(precision)
+    inverse, times = symmetric.inverse, symmetric.times
+    half = wp.constant(real(0.5))
+
+    @wp.func
+    def changed_leeway(old: vec6, new: vec6, move: vec3):
+        """As much of a displacement as adds no energy to the swing where its vertex goes on with another leeway.
+
+        A step of leeway L swings with the inertia k / L. Where that changes from L0 to L1, d becomes
+        2 L1 (L0 + L1)^-1 d: d' k/L1 d' is never more than d k/L0 d.
+        """
+        return times(new, times(inverse((old + new) * half), move))
+
+    return changed_leeway
+
+
 def _take_leeway_kernel(precision: str) -> wp.Kernel:
     types = cloth_types(precision)
     real, vec6, Cloth = types.real, types.vec6, types.Cloth
-    symmetric = symmetric_functions(precision)
-    inverse, times = symmetric.inverse, symmetric.times
+    changed_leeway = changed_leeway_function(precision)
     rests = rest_function(precision)
-    half = wp.constant(real(0.5))
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def take_leeway(
         cloth: Cloth,
         found: wp.array(dtype=vec6),  # of find_leeway, shape [V]
     ):
-        """Goes on with the leeway found, and with as much of the last displacement as adds no energy to the swing.
-
-        A step of leeway L swings with the inertia k / L. Where that grows from L0 to L1, d becomes 2 L1 (L0 + L1)^-1 d,
-        which keeps its momentum's harmonic mean: d' k/L1 d' is never more than d k/L0 d.
-        """
+        """Goes on with the leeway found, and with as much of the last displacement as ``changed_leeway`` says."""
         vertex = wp.tid()
         if rests(cloth, vertex):
             return
@@ -220,7 +235,7 @@ def _take_leeway_kernel(precision: str) -> wp.Kernel:
             return
         old, new = cloth.leeway[vertex], found[vertex]
         cloth.leeway[vertex] = new
-        cloth.move[vertex] = times(new, times(inverse((old + new) * half), cloth.move[vertex]))
+        cloth.move[vertex] = changed_leeway(old, new, cloth.move[vertex])
 
     return take_leeway
 

@@ -19,6 +19,7 @@ from warp_cloth.solver.leeway import Leeway
 from warp_cloth.solver.relax import Collider, Relaxation, StepOptions
 
 MOST = 100.0
+SLOWED = 1e-5  # of a displacement: inverses keep a millionth of their size, and rounding
 CAP = 1e6  # [m]; falling then bounds nothing
 LARGEST = 2.0 * (1.0 + 1e-6)  # of a step that still goes downhill
 MESH = grid(5, 0.2)
@@ -141,6 +142,26 @@ def test_cloth_is_loose_from_when_its_forces_balance_till_they_are_far_from_it(
     for residual in residuals:
         relaxation.loosen(np.array([residual]))
     assert (relaxation.model.cloth.items.numpy()["leeway"][0] > 0.0) == loose
+
+
+@pytest.mark.parametrize("gathers", [False, True])
+@pytest.mark.parametrize("loose", [False, True])
+def test_what_comes_to_be_held_is_slowed_as_if_it_had_become_heavier(loose: bool, gathers: bool) -> None:
+    relaxation = lying(gathers)
+    cloth = relaxation.model.cloth
+    relaxation.model.set_points(relaxation.model.points() * [1.01, 1.0, 1.01])  # taut, so that it has leeway
+    relaxation.loosen(np.zeros(1) if loose else np.ones(1))
+    cloth.move.assign(np.tile([1e-3, -3e-3, 0.0], (MESH.vertex_count, 1)))  # [m]; friction stops half of the slide
+    cloth.stiffness.fill_(1e6)  # [N/m], so that hardly anything else moves it
+    before = relaxation.model.points()
+    relaxation.run(1)
+    assert (cloth.held.numpy() == 1).all()
+    moved, kept = relaxation.model.points() - before, cloth.move.numpy()
+    xx, yy, zz, xy, xz, yz = cloth.leeway.numpy().astype(np.float64).T
+    leeway = np.moveaxis(np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]), 2, 0)
+    assert loose == (np.linalg.eigvalsh(leeway).max() > 2.0)
+    slowed = np.linalg.solve(0.5 * (leeway + np.eye(3)), moved[:, :, None])[:, :, 0]
+    assert kept == pytest.approx(slowed if loose else moved, abs=SLOWED * np.abs(moved).max())
 
 
 def test_it_ends_with_the_relaxation() -> None:
