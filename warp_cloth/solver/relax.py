@@ -114,6 +114,9 @@ class Relaxation:
         worn = wears(accelerated, self.contact, touch is not None)
         if worn and not model.cloth.held:
             model.cloth.held = wp.zeros(model.vertex_count, dtype=wp.uint8, device=model.device)
+        # few patches wait for memory, not for its width: they would wait once more
+        if spares_looks(self.contact, touch is not None) and (model.patches is None or not model.patches.few):
+            model.cloth.clear = wp.zeros(model.vertex_count, dtype=wp.float32, device=model.device)
         self._leeway = Leeway(model) if worn and options.leeway > 0.0 else None
         self._strength, self._loose, self._renewal = options.leeway, options.loose, options.renewal
         self._scatter: ForcePass | None = None
@@ -132,8 +135,6 @@ class Relaxation:
             self._load = wp.zeros(model.vertex_count, dtype=types.vec4, device=model.device)
             self._scatter = ForcePass(model, step_bound(accelerated, self.contact, touch is not None), self._load)
             self._move = displace_kernel(model.precision, accelerated, *asked, model.terms.pins)
-            if spares_looks(self.contact, touch is not None):
-                model.cloth.clear = wp.zeros(model.vertex_count, dtype=wp.float32, device=model.device)
         self._items = model.cloth.items.numpy().copy()
         self._items["active"] = 1
         largest = [options.largest_move if cap is None else cap for cap in caps or [None] * model.item_count]
