@@ -20,6 +20,7 @@ from warp_cloth.toml_file import exists, read_toml
 REMEDY = "give a table as .csv, .parquet or .toml, with the columns scene, name and scene keys such as garment.fabric"
 LARGEST_JOB_FILE = 200_000_000  # [bytes]; a million tables
 FILE_KEYS = ("mesh", "grain_texture", "fabric")  # last names of keys whose values may name files
+AVATAR_KEYS = ("avatar=", "avatar.mesh", "avatar.prim", "avatar.units", "avatar.shape", "avatar.poses")
 PLAIN_NAME = re.compile(r"[^/\\\x00-\x1f.][^/\\\x00-\x1f]{0,99}")
 WHOLE = ("kind", "name")  # a table with one of these replaces what stands there; others change it key by key
 
@@ -32,6 +33,11 @@ class Item:
     scene: str  # a scene file or a shipped scene's name
     changes: tuple[str, ...] = ()  # KEY=VALUE
     problem: str = ""  # why the row cannot be used; empty: it can
+
+
+def avatar_asked(item: Item) -> tuple[str, ...]:
+    """What an item says of its avatar's mesh, alike where items meet the same one."""
+    return item.scene, *sorted(change for change in item.changes if change.startswith(AVATAR_KEYS))
 
 
 def read_jobs(path: str | Path) -> list[Item]:

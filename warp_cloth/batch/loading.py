@@ -12,7 +12,7 @@ from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, field
 from typing import Any
 
-from warp_cloth.batch.lifeline import end_with_parent
+from warp_cloth.batch.lifeline import begin_alone
 from warp_cloth.batch.processes import context, get_ready
 from warp_cloth.elements import garment_elements
 from warp_cloth.kept import Kept
@@ -68,7 +68,7 @@ class Loaders:
         self._count = count
         self._pool: ProcessPoolExecutor | None = None
         if count and fork:
-            self._pool = ProcessPoolExecutor(count, multiprocessing.get_context("fork"), initializer=end_with_parent)
+            self._pool = ProcessPoolExecutor(count, multiprocessing.get_context("fork"), initializer=begin_alone)
             self._pool.submit(os.getpid)  # forks all of them
         elif count:
             get_ready()
@@ -110,7 +110,7 @@ class Loaders:
 
     def _started(self) -> ProcessPoolExecutor:
         if self._pool is None:
-            self._pool = ProcessPoolExecutor(self._count, context(), initializer=end_with_parent)
+            self._pool = ProcessPoolExecutor(self._count, context(), initializer=begin_alone)
         return self._pool
 
 

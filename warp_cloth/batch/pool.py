@@ -15,7 +15,7 @@ from multiprocessing.process import BaseProcess
 from types import TracebackType
 from typing import Protocol
 
-from warp_cloth.batch.lifeline import end_with_parent
+from warp_cloth.batch.lifeline import begin_alone, end_with_parent
 from warp_cloth.batch.processes import context
 from warp_cloth.batch.work import DeviceLostError, Done, Task, do_task
 from warp_cloth.quiet import start_warp
@@ -62,7 +62,7 @@ def _serve(connection: Connection, helpers: int) -> None:
     from warp_cloth.batch.loading import Shelf
 
     shelf = Shelf(helpers, fork=True)  # before this process has threads and a device
-    end_with_parent()
+    (end_with_parent if helpers else begin_alone)()
     start_warp()
     while True:
         try:

@@ -26,12 +26,13 @@ import pyarrow
 import pyarrow.csv
 import pyarrow.parquet
 
-from warp_cloth.batch.jobs import Item
+from warp_cloth.batch.jobs import Item, avatar_asked
 from warp_cloth.batch.rows import COLUMNS, FAILED, FIGURES, WHOLE_NUMBERS, ItemResult, empty_row
 from warp_cloth.errors import InputError
 from warp_cloth.export.files import unwritable, whole_file
 
 Keep = Literal["arrays", "stages", "none"]
+MORE = 1.25  # times the items of a shard, where these meet the same avatar
 LAYOUT = 1  # of the output folder; files of another layout are done again
 
 _FIELDS = {name: pyarrow.int64() if name in WHOLE_NUMBERS else pyarrow.float64() for name in FIGURES}
@@ -44,6 +45,7 @@ class Shard:
 
     number: int
     items: tuple[Item, ...]
+    places: tuple[int, ...] = ()  # of the items in the batch
 
     @property
     def label(self) -> str:
@@ -63,8 +65,23 @@ class Shard:
 
 
 def cut(items: Sequence[Item], size: int) -> list[Shard]:
-    """Consecutive items, ``size`` of them to a shard."""
-    return [Shard(first // size, tuple(items[first : first + size])) for first in range(0, len(items), size)]
+    """``size`` items to a shard, or somewhat more; those that meet the same avatar follow one another.
+
+    So a shard needs few avatars, and its worker begins when these are there.
+    """
+    alike: dict[tuple[str, ...], list[int]] = {}
+    for place, item in enumerate(items):
+        alike.setdefault(avatar_asked(item), []).append(place)
+    shards: list[list[int]] = []
+    for places in alike.values():
+        step = len(places) if len(places) <= MORE * size else size
+        for first in range(0, len(places), step):
+            some = places[first : first + step]
+            if shards and len(shards[-1]) + len(some) <= size:
+                shards[-1] += some
+            else:
+                shards.append(some)
+    return [Shard(number, tuple(items[at] for at in some), tuple(some)) for number, some in enumerate(shards)]
 
 
 def _file_digest(path: str) -> str:
@@ -213,7 +230,8 @@ class Store:
                 failed = [empty_row(item.name, FAILED, reason) for item in shard.items]
                 table = pyarrow.Table.from_pylist(failed, schema=SCHEMA)
             tables.append(table)
-        merged = pyarrow.concat_tables(tables)
+        places = np.concatenate([shard.places for shard in shards])
+        merged = pyarrow.concat_tables(tables).take(np.argsort(places))
         with whole_file(self.folder / "results.parquet") as place:
             pyarrow.parquet.write_table(merged, place)
         with whole_file(self.folder / "results.csv") as place:

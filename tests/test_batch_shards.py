@@ -1,0 +1,30 @@
+"""How a batch's items are cut into shards."""
+
+from __future__ import annotations
+
+from warp_cloth.batch.jobs import Item
+from warp_cloth.batch.store import cut
+
+
+def met_by(*avatars: str) -> list[Item]:
+    return [Item(f"i{at}", "tshirt", (f"avatar.shape.stature={each}",)) for at, each in enumerate(avatars)]
+
+
+def test_items_of_one_avatar_stay_together() -> None:
+    shards = cut(met_by("1.6", "1.7", "1.6", "1.7", "1.6", "1.7"), 3)
+    assert [shard.places for shard in shards] == [(0, 2, 4), (1, 3, 5)]
+    assert [item.name for item in shards[1].items] == ["i1", "i3", "i5"]
+
+
+def test_a_shard_is_larger_rather_than_that_an_avatar_is_met_in_two() -> None:
+    assert [len(shard.items) for shard in cut(met_by(*["1.6"] * 5, *["1.7"] * 4), 4)] == [5, 4]
+    assert [len(shard.items) for shard in cut(met_by(*["1.6"] * 11), 4)] == [4, 4, 3]
+
+
+def test_few_items_of_several_avatars_fill_a_shard() -> None:
+    assert [shard.places for shard in cut(met_by("1.6", "1.7", "1.8", "1.6"), 3)] == [(0, 3, 1), (2,)]
+
+
+def test_what_is_not_the_avatars_mesh_leaves_the_order() -> None:
+    items = [Item(f"i{at}", "tshirt", (f"avatar.friction={at % 2}",)) for at in range(4)]
+    assert [shard.places for shard in cut(items, 2)] == [(0, 1), (2, 3)]
