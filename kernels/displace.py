@@ -155,6 +155,7 @@ def advance_kernel(
     collider_type: type,
     touches: bool,
     few: bool,
+    spares: bool = False,
 ) -> wp.Kernel:
     """Kernel ``advance_vertices``, which gathers a vertex's forces and moves it, from one set of arrays to another.
 
@@ -164,7 +165,6 @@ def advance_kernel(
     bounds = BLOCK_THREADS, FEW_PER_CORE if few else BLOCKS_PER_CORE
     types = cloth_types(precision)
     point, Cloth, Step = types.point, types.Cloth, types.Step
-    spares = spares_looks(contact, touches) and not few
     end_vertex = end_function(precision, accelerated, contact, collider_type, touches, spares)
     Touch = touch_type(touches)
     functions = patch_functions(precision, step_bound(accelerated, contact, touches), terms, fits, in_order=not touches)

@@ -114,8 +114,9 @@ class Relaxation:
         worn = wears(accelerated, self.contact, touch is not None)
         if worn and not model.cloth.held:
             model.cloth.held = wp.zeros(model.vertex_count, dtype=wp.uint8, device=model.device)
-        # few patches wait for memory, not for its width: they would wait once more
-        if spares_looks(self.contact, touch is not None) and (model.patches is None or not model.patches.few):
+        # a garment alone does not fill a GPU: it waits for what it asks, not for much being asked
+        spares = spares_looks(self.contact, touch is not None) and (model.patches is None or model.item_count > 1)
+        if spares:
             model.cloth.clear = wp.zeros(model.vertex_count, dtype=wp.float32, device=model.device)
         self._leeway = Leeway(model) if worn and options.leeway > 0.0 else None
         self._strength, self._loose, self._renewal = options.leeway, options.loose, options.renewal
@@ -126,7 +127,8 @@ class Relaxation:
             model.cloth.stiffness = wp.zeros(model.vertex_count, dtype=types.real, device=model.device)
         if model.patches is not None:  # no sum of forces in memory, but a second set of positions to write to
             patches = model.patches
-            self._move = advance_kernel(model.precision, accelerated, model.terms, patches.fits, *asked, patches.few)
+            shape = patches.fits, *asked, patches.few, spares
+            self._move = advance_kernel(model.precision, accelerated, model.terms, *shape)
             if touch is None:
                 self._packed = PackedCloth(model, model.patches, accelerated)
             else:
