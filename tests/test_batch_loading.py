@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from warp_cloth import patches
+from warp_cloth.batch import ahead
 from warp_cloth.batch.loading import WORTH, Loaders, Shelf
 from warp_cloth.batch.many import fit_many
 from warp_cloth.errors import InputError
@@ -17,6 +18,7 @@ from warp_cloth.fitting import Fit
 from warp_cloth.kept import Kept
 from warp_cloth.model import build_model
 from warp_cloth.scene import Scene, load_scene
+from warp_cloth.set_up import kind_of
 from warp_cloth.wardrobe import Rack, Recipe, mesh_recipes, open_wardrobe
 
 
@@ -90,3 +92,15 @@ def test_without_its_helpers_a_worker_loads_by_itself(loaders: Loaders) -> None:
     more = load_scene("sphere", ["garment.shape.vertices_per_side=30"])
     loaders.fill(rack, [more])
     assert open_wardrobe(more, rack).garments[0].vertex_count == 900
+
+
+@pytest.mark.parametrize("fabric", ["jersey", "silk"])
+def test_kernels_loaded_ahead_are_those_of_the_batch(fabric: str) -> None:
+    scene = load_scene("tshirt", [f"garment.fabric={fabric}", "garment.shape.edge_mm=40"])
+    small = ahead._small(scene)
+    parts = [open_wardrobe(small).parts[0]] * ahead.MANY
+    model = build_model(parts, device="cpu", precision="mixed", gathers=True, garments=[1] * ahead.MANY)
+    assert kind_of(small, open_wardrobe(small)) == kind_of(scene, open_wardrobe(scene))
+    assert model.patches is not None
+    assert not model.patches.few
+    assert model.item_count > 1

@@ -23,7 +23,7 @@ from warp_cloth.errors import InputError
 
 CPU_SHARD = 8  # items to a shard at most: what a killed run does again on each core
 GPU_SHARD = 512  # so many garments fill the largest GPU, and one reading of their avatars serves them all
-WORKERS_PER_GPU = 2  # one loads, or measures what it has fitted, while the other's garments relax
+WORKERS_PER_GPU = 3  # while one's garments relax, others load, or measure what they have fitted
 # At least so many, where there are items enough, as the last worker to end is waited for: half a shard in the mean.
 SHARDS_PER_CORE = 16
 SHARDS_PER_GPU_WORKER = 2  # a GPU that one worker leaves is the others'

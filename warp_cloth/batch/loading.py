@@ -6,7 +6,7 @@ import contextlib
 import logging
 import multiprocessing
 import os
-from collections.abc import Hashable, Sequence
+from collections.abc import Callable, Hashable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, field
@@ -50,6 +50,7 @@ class Shelf:
         """``fork`` as of Loaders."""
         self.loaders = Loaders(helpers, fork=fork)
         self.rack, self.kept = Rack(), Kept()
+        self.fresh = True  # whether its process has fitted nothing yet
 
     def tidied(self) -> Shelf:
         """The shelf, emptied where it holds too much."""
@@ -73,10 +74,16 @@ class Loaders:
         elif count:
             get_ready()
 
-    def fill(self, rack: Rack, scenes: Sequence[Scene], kept: Kept | None = None) -> None:
+    def fill(
+        self,
+        rack: Rack,
+        scenes: Sequence[Scene],
+        kept: Kept | None = None,
+        meanwhile: Callable[[], None] = lambda: None,
+    ) -> None:
         """Makes what the scenes' wardrobes are opened from and the rack has not; what fails is left to who opens.
 
-        ``kept``, where there is one, gets the garments' patches, too.
+        ``kept``, where there is one, gets the garments' patches, too. ``meanwhile`` is done here while helpers work.
         """
         orders: dict[Key, Order] = {}
         for scene in scenes:
@@ -89,18 +96,20 @@ class Loaders:
                     known = rack.some((mesh, geometry))
                     order = Order(known=known, body=generated_body(scene), patches=kept is not None)
                     orders.setdefault(mesh, order).garments[rest] = scene, index
-        self._make(rack, kept, list(orders.values()))
+        self._make(rack, kept, list(orders.values()), meanwhile)
 
     def close(self) -> None:
         if self._pool is not None:
             self._pool.shutdown(cancel_futures=True)
             self._pool = None
 
-    def _make(self, rack: Rack, kept: Kept | None, orders: Sequence[Order]) -> None:
+    def _make(self, rack: Rack, kept: Kept | None, orders: Sequence[Order], meanwhile: Callable[[], None]) -> None:
         if self._count < 1 or (self._pool is None and sum(order.count for order in orders) < WORTH):
             return
         try:
-            for made, patches in self._started().map(_made, bundles(orders, self._count)):
+            found = self._started().map(_made, bundles(orders, self._count))
+            meanwhile()
+            for made, patches in found:
                 rack.put(made)
                 if kept is not None:
                     kept.put(patches)

@@ -5,11 +5,13 @@ from __future__ import annotations
 import collections
 import time
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import warp as wp
 
+from warp_cloth.batch.ahead import load_kernels
 from warp_cloth.batch.loading import Shelf
 from warp_cloth.batch.memory import available_bytes, cut_to_fit, need_of
 from warp_cloth.batch.turns import Turn
@@ -52,7 +54,9 @@ def fit_many(
     kept.limit = int(KEPT_SHARE * limit)
     limit -= kept.limit
     if shelf is not None:
-        shelf.loaders.fill(rack, scenes, kept if gpu else None)
+        ahead = partial(load_kernels, scenes[0], device) if gpu and shelf.fresh and scenes else lambda: None
+        shelf.loaders.fill(rack, scenes, kept if gpu else None, ahead)
+        shelf.fresh = False
     results: dict[int, Fit | Exception] = {}
     loaded: dict[int, Wardrobe] = {}
     groups: collections.defaultdict[tuple[Any, ...], list[int]] = collections.defaultdict(list)

@@ -74,9 +74,9 @@ def cut(items: Sequence[Item], size: int) -> list[Shard]:
         alike.setdefault(avatar_asked(item), []).append(place)
     shards: list[list[int]] = []
     for places in alike.values():
-        step = len(places) if len(places) <= MORE * size else size
-        for first in range(0, len(places), step):
-            some = places[first : first + step]
+        count = 1 if len(places) <= MORE * size else -(-len(places) // size)
+        for part in range(count):
+            some = places[part * len(places) // count : (part + 1) * len(places) // count]
             if shards and len(shards[-1]) + len(some) <= size:
                 shards[-1] += some
             else:

@@ -1,0 +1,46 @@
+"""Kernels that are loaded while others load meshes: those of a small scene of the same kind."""
+
+from __future__ import annotations
+
+import logging
+from typing import Any
+
+from warp_cloth.kernels.block import FEW
+from warp_cloth.scene import Scene
+from warp_cloth.scene.schema import AvatarSpec
+from warp_cloth.scene.shapes import SphereShape, SquareShape
+from warp_cloth.set_up import set_up
+from warp_cloth.wardrobe import open_wardrobe
+
+log = logging.getLogger(__name__)
+
+MANY = FEW + 1  # small garments, a patch each, whose kernels are those of a large batch
+
+
+def load_kernels(scene: Scene, device: str) -> None:
+    """Loads the kernels with which a batch of scenes like this one relaxes. What fails is told by who fits them."""
+    try:
+        small = _small(scene)
+        wardrobe = open_wardrobe(small)
+        set_up([small] * MANY, [wardrobe] * MANY, device)
+    except Exception as error:
+        log.info("kernels are not loaded ahead: %s", error)
+
+
+def _small(scene: Scene) -> Scene:
+    """A few vertices in the scene's fabric over a small ball, met as its avatar is."""
+    nothing: dict[str, Any] = {
+        "mesh": None,
+        "prim": None,
+        "pin": (),
+        "grain_panels": {},
+        "grain_texture": None,
+        "rest_angles": "flat",
+    }
+    cloth = SquareShape(kind="square", side=0.05, vertices_per_side=3)
+    garment = scene.garments[0].model_copy(update={**nothing, "rest": "mesh", "shape": cloth})
+    ball = SphereShape(kind="sphere", radius=0.05, centre=(0.0, cloth.height - 0.06, 0.0))
+    avatar = None if scene.avatar is None else AvatarSpec(shape=ball)
+    collision = scene.collision.model_copy(update={"pixel_mm": max(scene.collision.pixel_mm, 5.0), "cloth": False})
+    solver = scene.solver.model_copy(update={"method": "accelerated"})
+    return scene.model_copy(update={"garments": (garment,), "avatar": avatar, "collision": collision, "solver": solver})
