@@ -75,8 +75,9 @@ def cut(items: Sequence[Item], size: int) -> list[Shard]:
     shards: list[list[int]] = []
     for places in alike.values():
         count = 1 if len(places) <= MORE * size else -(-len(places) // size)
-        for part in range(count):
-            some = places[part * len(places) // count : (part + 1) * len(places) // count]
+        step = -(-len(places) // count)
+        for first in range(0, len(places), step):
+            some = places[first : first + step]
             if shards and len(shards[-1]) + len(some) <= size:
                 shards[-1] += some
             else:
