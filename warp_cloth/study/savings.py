@@ -11,7 +11,7 @@ import numpy as np
 from warp_cloth.plan import make_plan
 from warp_cloth.scene import Scene
 from warp_cloth.set_up import set_up
-from warp_cloth.study.timing import SHORTEST_RUN, Way
+from warp_cloth.study.timing import FEWEST_ROUNDS, LONG, SHORTEST_RUN, Way
 from warp_cloth.wardrobe import Wardrobe
 
 Variant = tuple[Scene, Wardrobe]
@@ -66,13 +66,14 @@ WITHOUT: dict[str, Callable[[Scene, Wardrobe], Variant]] = {
 def _seconds_beside(one: Variant, other: Variant, device: str) -> tuple[float, float]:
     """Seconds of an iteration of two scenes that take turns, from the start on: whatever else a machine does."""
     ways = [Way(set_up([scene], [wardrobe], device)) for scene, wardrobe in (one, other)]
-    done, spent = np.zeros(2), np.zeros(2)
-    while spent.min() < SHORTEST_RUN:
+    rates: list[list[float]] = [[], []]
+    passed = 0.0
+    while passed < 2.0 * SHORTEST_RUN or (len(rates[0]) < FEWEST_ROUNDS and passed < 2.0 * LONG):
         rounds = [way.go() for way in ways]
         if all(way.warm for way in ways):
-            done += [iterations for iterations, _ in rounds]
-            spent += [seconds for _, seconds in rounds]
+            passed += sum(seconds for _, seconds in rounds)
+            for rate, (done, seconds) in zip(rates, rounds, strict=True):
+                rate.append(seconds / done)
         for way in ways:
             way.check()
-    first, second = spent / done
-    return float(first), float(second)
+    return float(np.median(rates[0])), float(np.median(rates[1]))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -23,6 +23,7 @@ SHORTEST_RUN = 0.5  # [s] of timing
 FEWEST_ROUNDS = 5
 LONG = 5.0  # [s] that iterations take before the next chunk, or the next round, is left out
 LOOKS = 100  # that are timed together
+OUTLIER = 4.0  # times the median of what is timed again and again: longer was something else
 LEAST = 0.02  # of what a launch was timed at, that it takes itself: less cannot be told apart from none
 
 
@@ -52,33 +53,38 @@ def times_of(made: SetUp) -> Times:
         way.go()
         way.check()
     times.begin = way.iteration
-    spent, count, watched, timed, passed, rounds = dict[str, float](), Counter[str](), 0, 0, 0.0, 0
-    while passed < SHORTEST_RUN or (rounds < FEWEST_ROUNDS and passed < LONG):
+    took, rates, watched, passed = dict[tuple[str, int], list[float]](), list[float](), 0, 0.0
+    while passed < SHORTEST_RUN or (len(rates) < FEWEST_ROUNDS and passed < LONG):
         done, seconds = way.go()
-        timed, passed, rounds = timed + done, passed + seconds, rounds + 1
+        passed += seconds
+        rates.append(seconds / done)
         launches, each = way.watch()
         seen = {launch.kernel.key for launch in launches}
         times.launches = [*launches, *(launch for launch in times.launches if launch.kernel.key not in seen)]
         for launch, elapsed in zip(launches, each, strict=True):
-            spent[launch.kernel.key] = spent.get(launch.kernel.key, 0.0) + elapsed
-            count[launch.kernel.key] += 1
+            took.setdefault((launch.kernel.key, launch.threads), []).append(elapsed)
         watched += way.watched
         way.check()
-    times.end, times.seconds = way.iteration, passed / timed
-    times.count = {key: number / watched for key, number in count.items()}
+    times.end, times.seconds = way.iteration, _sum(rates) / len(rates)
     touch = made.relaxation.touch
     if touch is not None and touch.awake:
         times.looks = 1.0 / touch.look_every
         times.look = min(times.looks * _seconds_of_look(made.model.device), times.seconds)
+    spent: dict[str, float] = {}
+    for (key, _), all_of_it in took.items():
+        times.count[key] = times.count.get(key, 0.0) + len(all_of_it) / watched
+        spent[key] = spent.get(key, 0.0) + _sum(all_of_it) / watched
     apart = wp.get_device(made.model.device).is_cuda
-    added = (sum(spent.values()) / watched - times.seconds + times.look) / sum(times.count.values()) if apart else 0.0
-    own = {
-        key: max(seconds / watched - added * times.count[key], LEAST * seconds / watched)
-        for key, seconds in spent.items()
-    }
+    added = (sum(spent.values()) - times.seconds + times.look) / sum(times.count.values()) if apart else 0.0
+    own = {key: max(seconds - added * times.count[key], LEAST * seconds) for key, seconds in spent.items()}
     whole = (times.seconds - times.look) / sum(own.values())  # on a GPU 1, unless a launch took least
     times.spent = {key: whole * seconds for key, seconds in own.items()}
     return times
+
+
+def _sum(seconds: Sequence[float]) -> float:
+    """The sum of times of the same thing, without what else kept the machine meanwhile."""
+    return float(np.minimum(seconds, OUTLIER * np.median(seconds)).sum())
 
 
 class Way:
@@ -88,6 +94,7 @@ class Way:
         self._made, self._follow = made, following(made)
         self.iteration = 0
         self.watched = WATCHED if made.course is None else WATCHED_TOUCHING
+        self._wake = [wp.zeros(1, dtype=wp.int32, device=made.model.device) for _ in range(2)]
         self._cold = 1 if made.course is None else WAKING  # rounds before it is warm
         made.relaxation.start_anew()
 
@@ -115,6 +122,7 @@ class Way:
         clock = not wp.get_device(self._made.model.device).is_cuda
         if not clock:
             wp.timing_begin(cuda_filter=wp.TIMING_KERNEL)
+            wp.copy(*self._wake)  # what a GPU is asked first after a pause takes it longer
         launches = launches_of(lambda: relaxation.iterate(self.watched), seconds if clock else None)
         if not clock:
             results: list[Any] = wp.timing_end()
