@@ -73,6 +73,30 @@ _PATCH_THREADS = f"""
 #endif
 """
 
+_TELL = """
+#if defined(__CUDA_ARCH__)
+    __syncthreads();
+    if (threadIdx.x == 0)
+        asm volatile("red.release.gpu.global.add.s32 [%0], 1;" :: "l"(told.data) : "memory");
+#endif
+"""
+
+_AWAIT = """
+#if defined(__CUDA_ARCH__)
+    if (threadIdx.x == 0) {
+        int done;
+        do
+            asm volatile("ld.acquire.gpu.global.s32 %0, [%1];" : "=r"(done) : "l"(told.data) : "memory");
+        while (done < tellers);
+    }
+    __syncthreads();
+    if (threadIdx.x == blockDim.x - 1 && atomicAdd(told.data + 1, 1) == waiting - 1) {
+        told.data[0] = 0;
+        told.data[1] = 0;
+    }
+#endif
+"""
+
 _PLACE = """
 #if defined(__CUDA_ARCH__)
     void* at = %s__cvta_shared_to_generic(place);
@@ -123,6 +147,22 @@ def block_threads() -> int:
 @wp.func_native(_PATCH_THREADS)
 def patch_threads() -> int:
     """How many threads a block has that works on a patch: more than the patch owns vertices, on a GPU."""
+    ...
+
+
+@wp.func_native(_TELL)
+def tell_blocks(told: wp.array(dtype=wp.int32)):
+    """Tells that all that the block's threads have written may be read; ``told`` as of ``await_blocks``."""
+    ...
+
+
+@wp.func_native(_AWAIT)
+def await_blocks(told: wp.array(dtype=wp.int32), tellers: int, waiting: int):
+    """Until so many blocks have told; as many as are waiting must come here, once each.
+
+    A GPU begins blocks in the order of their numbers: tellers, who wait for none, must be the first. ``told`` holds two
+    zeros before, and the last to come leaves them so.
+    """
     ...
 
 

@@ -77,13 +77,27 @@ _TEAM_LANE = """
 """
 
 _BOXES_MEETING = """
-    const float* box = bound.data + 192 * group;
     unsigned int mask = 0;
+#if defined(__CUDA_ARCH__)
+    const float4* box = (const float4*)(bound.data + 192 * group);  // four boxes at a time
+#pragma unroll 4
+    for (int k = 0; k < 8; ++k) {
+        const float4 x0 = box[k], y0 = box[8 + k], z0 = box[16 + k];
+        const float4 x1 = box[24 + k], y1 = box[32 + k], z1 = box[40 + k];
+#define MEETS(i) ((x0.i <= upper[0]) & (y0.i <= upper[1]) & (z0.i <= upper[2]) \
+                  & (x1.i >= lower[0]) & (y1.i >= lower[1]) & (z1.i >= lower[2]))
+        const unsigned int four = MEETS(x) | MEETS(y) << 1 | MEETS(z) << 2 | MEETS(w) << 3;
+#undef MEETS
+        mask |= four << (4 * k);
+    }
+#else
+    const float* box = bound.data + 192 * group;
     for (int k = 0; k < 32; ++k) {
         const bool meets = (box[k] <= upper[0]) & (box[32 + k] <= upper[1]) & (box[64 + k] <= upper[2])
             & (box[96 + k] >= lower[0]) & (box[128 + k] >= lower[1]) & (box[160 + k] >= lower[2]);
         mask |= (unsigned int)meets << k;
     }
+#endif
     return mask;
 """
 

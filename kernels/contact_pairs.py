@@ -19,6 +19,7 @@ from warp_cloth.kernels.cloth_contact import NEIGHBOURS, ON_EDGE, ON_TRIANGLE, C
 from warp_cloth.kernels.contact_search import SLACK, ContactSearch, group_box_function, without_corner
 from warp_cloth.kernels.lean_memory import LeanMemory, remembered_lean
 from warp_cloth.kernels.meeting import (
+    LISTING,
     Meetings,
     list_leaves_function,
     listed_groups_function,
@@ -130,7 +131,8 @@ def keep_function(precision: str) -> wp.Function:
         else:
             # the lower comes first, wherever they are in the tree
             edge, other = search.edge_tree.leaf[asking], search.edge_tree.leaf[met]
-            e, o = search.edges[wp.min(edge, other)], search.edges[wp.max(edge, other)]
+            one, two = search.ends[asking], search.ends[met]
+            e, o = wp.where(edge < other, one, two), wp.where(edge < other, two, one)
             if search.tangled[e[0]] + search.tangled[e[1]] + search.tangled[o[0]] + search.tangled[o[1]] == 0:
                 keep_on_edge(cloth, search, contact, memory, e, o)
 
@@ -233,7 +235,7 @@ def leaves_kernel(precision: str) -> wp.Kernel:
     Cloth = cloth_types(precision).Cloth
     work = listed_groups_function(near_leaves_function(precision), Cloth, ContactSearch, ClothContact, LeanMemory)
 
-    @wp.kernel(module="unique", module_options=MODULE_OPTIONS, grid_stride=False)
+    @wp.kernel(module="unique", module_options=MODULE_OPTIONS, grid_stride=False, launch_bounds=LISTING)
     def find_near_leaves(
         cloth: Cloth,
         search: ContactSearch,

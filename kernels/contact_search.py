@@ -22,7 +22,7 @@ from warp_cloth.kernels.cloth import MODULE_OPTIONS, cloth_types, place_function
 from warp_cloth.kernels.cloth_contact import ClothContact
 from warp_cloth.kernels.crossing import has_vertex
 from warp_cloth.kernels.lean_memory import LeanMemory, forget_leans, remember_lean
-from warp_cloth.kernels.meeting import Meetings
+from warp_cloth.kernels.meeting import Meetings, forget_meetings
 
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
@@ -46,6 +46,7 @@ class ContactSearch:
     vertex: wp.array(dtype=wp.int32)  # vertices in an order that keeps near what is near; -1: none, whole teams of them
     corners: wp.array(dtype=wp.vec3i)  # of the triangles as they are in their tree
     ends: wp.array(dtype=wp.vec2i)  # of the edges as they are in theirs
+    whole: wp.array(dtype=wp.int32)  # whether the next search is for all that crosses, whatever was tangled, shape [1]
     tangled: wp.array(dtype=wp.int32)  # whether a vertex belongs to what crosses, shape [V]
 
 
@@ -64,8 +65,7 @@ def start_kernel(precision: str) -> wp.Kernel:
     def start_search(cloth: Cloth, contact: ClothContact, memory: LeanMemory, meetings: Meetings):
         """Remembers where each vertex is, and what each pair leans; empties the lists of what meets."""
         thread = wp.tid()
-        if thread < 2:
-            meetings.count[thread] = 0
+        forget_meetings(meetings, thread)
         if thread < contact.searched.shape[0]:
             contact.searched[thread] = at(cloth.position, thread)
         if thread < wp.min(contact.count[0], contact.corners.shape[0]):
@@ -99,7 +99,7 @@ def box_functions(precision: str) -> tuple[wp.Function, wp.Function]:
 
     @wp.func
     def box_edge(cloth: Cloth, search: ContactSearch, place: int):
-        """The same of an edge."""
+        """The same of an edge; what it crosses is looked for everywhere till it has closed."""
         edge = search.edge_tree.leaf[place]
         lower = wp.vec3f(FAR_OFF, FAR_OFF, FAR_OFF)
         upper = -lower
@@ -107,7 +107,9 @@ def box_functions(precision: str) -> tuple[wp.Function, wp.Function]:
             ends = search.ends[place]
             p = wp.vec3f(at(cloth.position, ends[0]))
             q = wp.vec3f(at(cloth.position, ends[1]))
-            if not opened(search, edge, q - p):
+            if opened(search, edge, q - p):
+                search.whole[0] = 1
+            else:
                 lower = wp.min(p, q)
                 upper = wp.max(p, q)
         put_box(search.edge_tree, 0, place, lower, upper)

@@ -9,6 +9,7 @@ from warp_cloth.kernels.box_tree import (
     box_of,
     leaves_meeting,
     team_lane,
+    team_last,
     team_threads,
     walk_from,
 )
@@ -16,6 +17,7 @@ from warp_cloth.kernels.cloth import MODULE_OPTIONS, cloth_types, place_function
 from warp_cloth.kernels.cloth_contact import ON_EDGE, ON_TRIANGLE, ClothContact
 from warp_cloth.kernels.contact_search import SLACK, ContactSearch, group_box_function, without_corner
 from warp_cloth.kernels.meeting import (
+    LISTING,
     Meetings,
     list_leaves_function,
     listed_groups_function,
@@ -26,6 +28,32 @@ from warp_cloth.kernels.touch import nearest_on_triangle
 from warp_cloth.kernels.untangle import Untangling, part_crossing_function, ranked
 
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
+
+BY_TRIANGLE = wp.constant(wp.int32(2))  # beside ON_EDGE and ON_TRIANGLE: triangles ask for the edges that cross them
+
+
+@wp.func
+def tangled_edges(search: ContactSearch, group: int):
+    """Whether any edge of a group has a tangled end; for a team."""
+    found = int(0)
+    local = team_lane()
+    while local < WIDTH:
+        ends = search.ends[WIDTH * group + local]
+        found = wp.max(found, wp.max(search.tangled[ends[0]], search.tangled[ends[1]]))
+        local += team_threads()
+    return team_last(found) > 0
+
+
+@wp.func
+def tangled_triangles(search: ContactSearch, group: int):
+    """Whether any triangle of a group has a tangled corner; for a team."""
+    found = int(0)
+    local = team_lane()
+    while local < WIDTH:
+        t = search.corners[WIDTH * group + local]
+        found = wp.max(found, wp.max(search.tangled[t[0]], wp.max(search.tangled[t[1]], search.tangled[t[2]])))
+        local += team_threads()
+    return team_last(found) > 0
 
 
 @functools.cache
@@ -73,25 +101,33 @@ def crossing_leaves_function(precision: str) -> wp.Function:
         group: int,
         met: int,
     ):
-        """Lists the triangles of a group, met by another, that edges may cross (ON_EDGE) or vertices be beyond."""
+        """Lists the triangles of a group, met by another, that edges may cross or vertices (ON_TRIANGLE) be beyond.
+
+        What triangles asked for (BY_TRIANGLE) that is tangled, too, asks by itself.
+        """
+        triangles = wp.where(kind == BY_TRIANGLE, group, met)
+        others = wp.where(kind == BY_TRIANGLE, met, group)
+        if kind == BY_TRIANGLE:
+            if tangled_edges(search, others):
+                return
         room = float(untangling.layer_reach) + SLACK
         wide = wp.vec3f(room, room, room)
         local = team_lane()
         while local < WIDTH:
             mask = wp.uint32(0)
-            asking = WIDTH * group + local
-            if kind == ON_EDGE:
+            asking = WIDTH * others + local
+            if kind != ON_TRIANGLE:
                 low, high = box_of(search.edge_tree, 0, asking)
                 ends = search.ends[asking]
-                mask = leaves_meeting(search.triangle_tree, met, low, high)
-                mask = without_corner(search, mask, met, ends[0], ends[1])
+                mask = leaves_meeting(search.triangle_tree, triangles, low, high)
+                mask = without_corner(search, mask, triangles, ends[0], ends[1])
             else:
                 vertex = search.vertex[asking]
                 if vertex >= 0:
                     low = wp.vec3f(at(cloth.position, vertex)) - wide
-                    mask = leaves_meeting(search.triangle_tree, met, low, low + wide + wide)
+                    mask = leaves_meeting(search.triangle_tree, triangles, low, low + wide + wide)
                 asking = -1 - vertex
-            list_leaves(cloth, search, contact, untangling, meetings, asking, met, mask)
+            list_leaves(cloth, search, contact, untangling, meetings, asking, triangles, mask)
             local += team_threads()
 
     return find_crossing
@@ -108,19 +144,32 @@ def crossing_groups_kernel(precision: str) -> wp.Kernel:
     def meet_crossing(
         cloth: Cloth, search: ContactSearch, contact: ClothContact, untangling: Untangling, meetings: Meetings
     ):
-        """Lists the triangles that each group of edges, then of vertices, meets: a team for each."""
+        """Lists the triangles that each group of edges meets, and of vertices, and edges by triangles: a team each.
+
+        An edge that was not tangled at the last search, when all that is near was known, can have met only what was.
+        """
         group = wp.tid() // team_threads()
         edge_groups = search.edge_tree.leaf.shape[0] // WIDTH
+        triangle_groups = search.triangle_tree.leaf.shape[0] // WIDTH
+        all = search.whole[0] > 0
         tree = search.triangle_tree
         if group < edge_groups:
             edge = search.edge_tree.leaf[WIDTH * group]
-            if edge >= 0:
+            if edge >= 0 and (all or tangled_edges(search, group)):
                 leaves = search.leaves[search.item[search.edges[edge][0]]]
                 low, high = box_of(search.edge_tree, 1, group)
                 walk = walk_from(tree, low, high, leaves[0], leaves[1])
                 meet_groups(cloth, search, contact, untangling, meetings, tree, walk, ON_EDGE, group)
-        else:
+        elif group < edge_groups + triangle_groups:
             group -= edge_groups
+            triangle = search.triangle_tree.leaf[WIDTH * group]
+            if triangle >= 0 and not all and tangled_triangles(search, group):
+                theirs = search.leaves[search.item[search.triangles[triangle][0]]]
+                low, high = box_of(search.triangle_tree, 1, group)
+                walk = walk_from(search.edge_tree, low, high, theirs[2], theirs[3])
+                meet_groups(cloth, search, contact, untangling, meetings, search.edge_tree, walk, BY_TRIANGLE, group)
+        else:
+            group -= edge_groups + triangle_groups
             vertex = search.vertex[WIDTH * group]
             if vertex >= 0:
                 room = float(untangling.layer_reach) + SLACK
@@ -143,7 +192,7 @@ def crossing_leaves_kernel(precision: str) -> wp.Kernel:
     Cloth = cloth_types(precision).Cloth
     work = listed_groups_function(crossing_leaves_function(precision), Cloth, ContactSearch, ClothContact, Untangling)
 
-    @wp.kernel(module="unique", module_options=MODULE_OPTIONS, grid_stride=False)
+    @wp.kernel(module="unique", module_options=MODULE_OPTIONS, grid_stride=False, launch_bounds=LISTING)
     def find_crossing_leaves(
         cloth: Cloth,
         search: ContactSearch,

@@ -10,9 +10,11 @@ from warp_cloth.kernels.block import (
     BLOCKS_PER_CORE,
     FEW_PER_CORE,
     ask_no_earlier,
+    await_blocks,
     block_of,
     lane_of,
     patch_threads,
+    tell_blocks,
     wait_for_block,
 )
 from warp_cloth.kernels.cloth import MODULE_OPTIONS, Terms, cloth_types, free_function
@@ -22,6 +24,7 @@ from warp_cloth.kernels.field import fetch_field, field_contact
 from warp_cloth.kernels.gather import patch_functions
 from warp_cloth.kernels.packing import order_functions
 from warp_cloth.kernels.patch_memory import leaves, patch_of
+from warp_cloth.kernels.pressing import press_function
 
 AHEAD = wp.constant(16)  # vertices for which the CPU's memory is asked before it is needed
 
@@ -88,6 +91,9 @@ def displace_kernel(
         if item.active == 0:
             return
         move = vec3()
+        turn = int(0)
+        if wp.static(touches):
+            turn = touch.turn[1]
         if free(cloth, vertex):
             held = held_vertex(cloth, vertex)
             move, kept, stiffness = vertex_displacement(cloth, step, colliders, touch, sum, held, vertex, number, item)
@@ -96,7 +102,7 @@ def displace_kernel(
             if wp.static(accelerated):
                 cloth.stiffness[vertex] = stiffness
         if wp.static(touches):
-            contact_watch(touch, vertex, wp.vec3d(cloth.position[vertex]), wp.vec3d(move))
+            contact_watch(touch, vertex, wp.vec3d(cloth.position[vertex]), wp.vec3d(move), turn)
 
     return displace_vertices
 
@@ -132,6 +138,9 @@ def end_function(
     ):
         """Moves a vertex, if it ``moves``; ``number`` is of its item."""
         move, kept = vec3(), vec3()
+        turn = int(0)
+        if wp.static(touches):
+            turn = touch.turn[1]  # before anything is written, after which a GPU would wait for it
         if moves:
             move, kept, stiffness = vertex_displacement(cloth, step, colliders, touch, load, held, vertex, number, item)
             if wp.static(accelerated):
@@ -140,7 +149,7 @@ def end_function(
         position = held.position + point(move)
         put_position(position_out, vertex, position)
         if wp.static(touches):
-            contact_watch(touch, vertex, wp.vec3d(position), wp.vec3d(move))
+            contact_watch(touch, vertex, wp.vec3d(position), wp.vec3d(move), turn)
 
     return end_vertex
 
@@ -160,14 +169,17 @@ def advance_kernel(
     """Kernel ``advance_vertices``, which gathers a vertex's forces and moves it, from one set of arrays to another.
 
     ``terms``: what there is to gather, and pins; ``fits`` as of ``gather.patch_functions``, the rest as of
-    ``displacement``, and ``few``: whether there are no more than block.FEW patches.
+    ``displacement``, and ``few``: whether there are no more than block.FEW patches. Where cloth meets cloth the first
+    blocks then press its pairs, while the others work out what they own.
     """
+    presses = touches and few and fits
+    press_share = press_function(precision, "stiffness") if presses else None
     bounds = BLOCK_THREADS, FEW_PER_CORE if few else BLOCKS_PER_CORE
     types = cloth_types(precision)
     point, Cloth, Step = types.point, types.Cloth, types.Step
     end_vertex = end_function(precision, accelerated, contact, collider_type, touches, spares)
     Touch = touch_type(touches)
-    functions = patch_functions(precision, step_bound(accelerated, contact, touches), terms, fits, in_order=not touches)
+    functions = patch_functions(precision, step_bound(accelerated, contact), terms, fits, in_order=not touches)
     own_vertex, two_vertices = functions.own_vertex, functions.two_vertices
     work_patch, vertex_slots, vertex_load = functions.work_patch, functions.vertex_slots, functions.vertex_load
     held_vertex = held_function(precision, accelerated, in_order=not touches)
@@ -187,10 +199,19 @@ def advance_kernel(
         """Moves each free vertex of an item that is not at rest by the forces that meet there; pinned ones stay."""
         thread = wp.tid()
         lane = lane_of(thread)
-        patch = patch_of(patches.patch, block_of(thread))
+        block = block_of(thread)
+        if wp.static(presses):
+            if block < touch.pressing:
+                press_share(step, cloth, touch, thread, touch.pressing)
+                tell_blocks(touch.told)
+                return
+            block -= touch.pressing
+        patch = patch_of(patches.patch, block)
         item = cloth.items[patch.item]
         first, second = two_vertices(patches, patch, lane)
         if leaves(item.active, patch, first, second):
+            if wp.static(presses):
+                await_blocks(touch.told, touch.pressing, touch.waiting)
             return
         memory, edges, triangles = work_patch(cloth, patches, patch, beside, step, lane, first, second)
         ask_no_earlier()
@@ -198,7 +219,10 @@ def advance_kernel(
         if wp.static(fits):  # a thread for each vertex, and no one waits for what is asked for before the block
             vertex = own_vertex(patches, patch, wp.min(local, patch.owned_count - 1))
             held, moves = held_vertex(cloth, vertex), free(cloth, vertex)
-        wait_for_block()
+        if wp.static(presses):
+            await_blocks(touch.told, touch.pressing, touch.waiting)
+        else:
+            wait_for_block()
         if wp.static(fits):
             if local < patch.owned_count:
                 load = vertex_load(patches, patch, beside, memory, local, edges, triangles)

@@ -60,13 +60,12 @@ def touch_type(touches: bool) -> type:
     return ClothContact if touches else NoClothContact
 
 
-def wears(accelerated: bool, contact: wp.Function | None, touches: bool) -> bool:
-    """Whether a scene's cloth may be loose (kernels.leeway): it is worn by an avatar, and does not meet itself.
+def wears(accelerated: bool, contact: wp.Function | None) -> bool:
+    """Whether a scene's cloth may be loose (kernels.leeway): it is worn by an avatar.
 
-    What hangs is taut, and loses nothing by steps alike in all directions; of what meets itself the pushes would have
-    to be told from what resists.
+    What hangs is taut, and loses nothing by steps alike in all directions.
     """
-    return accelerated and contact is not None and not touches
+    return accelerated and contact is not None
 
 
 def spares_looks(contact: wp.Function | None, touches: bool) -> bool:
@@ -78,16 +77,38 @@ def spares_looks(contact: wp.Function | None, touches: bool) -> bool:
 
 
 @functools.cache
-def free_move(precision: str, accelerated: bool, worn: bool) -> wp.Function:
-    """The function that turns a load into a displacement where nothing is met; ``worn`` is of ``wears``."""
+def loose_way(precision: str) -> wp.Function:
+    """The function that tells how far a force takes a vertex that has leeway."""
+    types = cloth_types(precision)
+    real, vec3, vec6 = types.real, types.vec3, types.vec6
+    symmetric = symmetric_functions(precision)
+    inverse, even, times = symmetric.inverse, symmetric.even, symmetric.times
+
+    @wp.func
+    def pressed_way(leeway: vec6, force: vec3, own: real, stiffness: real):
+        """Displacement (k L^-1 + (s - k) I)^-1 f: leeway L is of the cloth's ``own`` part k of the stiffness s [N/m].
+
+        What presses, and what was stiff before, is so in all directions: a vertex pressed hard has no leeway.
+        """
+        part = wp.min(own, stiffness)
+        return times(inverse(inverse(leeway) * part + even(stiffness - part)), force)
+
+    return pressed_way
+
+
+@functools.cache
+def free_move(precision: str, accelerated: bool, contact: wp.Function | None, touches: bool) -> wp.Function:
+    """The function that turns a load into a displacement where nothing is met; arguments as of ``displacement``."""
     types = cloth_types(precision)
     real, vec3, vec4, Cloth, Vertex = types.real, types.vec3, types.vec4, types.Cloth, types.Vertex
     Step, Item = types.Step, types.Item
-    times = symmetric_functions(precision).times
+    times, pressed_way = symmetric_functions(precision).times, loose_way(precision)
+    worn = wears(accelerated, contact)
+    steady = worn and not touches  # cloth that meets itself swings by the same rule, loose or not
 
     @wp.func
-    def own_move(cloth: Cloth, step: Step, load: vec4, held: Vertex, vertex: int, item: Item):
-        """Displacement of a vertex by its forces, and the stiffness that it goes by."""
+    def own_move(cloth: Cloth, step: Step, load: vec4, pressed: real, held: Vertex, vertex: int, item: Item):
+        """Displacement of a vertex by its forces, and the stiffness that it goes by; ``pressed`` of it by cloth."""
         weight = held.weight
         force = scaled_sum(step.gravity, weight, vec3(load[0], load[1], load[2]))
         move = vec3()
@@ -95,17 +116,21 @@ def free_move(precision: str, accelerated: bool, worn: bool) -> wp.Function:
         if wp.static(accelerated):
             last = held.stiffness
             memory = step.memory
-            if wp.static(worn):
+            if wp.static(steady):
                 memory = wp.where(item.leeway > real(0.0), memory, step.memory_falling)
             stiffness = wp.max(load[3] + quotient(weight, item.cap), last * memory)
             kept = wp.min(quotient(last, stiffness), real(1.0))
-            if wp.static(worn):
+            if wp.static(steady):
                 kept = root(kept)
             way = force * quotient(real(1.0), stiffness)
             if wp.static(worn):
                 # what is held by contact and friction is held alike in all directions
                 if item.leeway > real(0.0) and cloth.held[vertex] == wp.uint8(0):
-                    way = times(cloth.leeway[vertex], way)
+                    if wp.static(touches):
+                        own = load[3] - pressed + quotient(weight, item.cap)
+                        way = pressed_way(cloth.leeway[vertex], force, own, stiffness)
+                    else:
+                        way = times(cloth.leeway[vertex], way)
             move = accelerated_move(force, way, held.move, step.momentum * kept, step.damping, item.cap)
         else:
             move = direct_move(force, weight, item.cap)
@@ -121,7 +146,7 @@ def meeting(
     """The function that has a displaced vertex meet its item's avatar; arguments as of ``displacement``."""
     types = cloth_types(precision)
     real, point, vec3, Cloth, Item = types.real, types.point, types.vec3, types.Cloth, types.Item
-    worn = wears(accelerated, contact, touches)
+    worn = wears(accelerated, contact)
     even, changed_leeway = symmetric_functions(precision).even, changed_leeway_function(precision)
 
     @wp.func
@@ -189,7 +214,7 @@ def displacement(
     real, vec3, vec4, Vertex, Step, Item = types.real, types.vec3, types.vec4, types.Vertex, types.Step, types.Item
     Cloth = types.Cloth
     Colliders, Touch = colliders_type(contact, collider_type), touch_type(touches)
-    own_move = free_move(precision, accelerated, wears(accelerated, contact, touches))
+    own_move = free_move(precision, accelerated, contact, touches)
     meets = precision, accelerated, contact, collider_type, touches, spares
     met_move = None if contact is None else meeting(*meets)
 
@@ -211,28 +236,29 @@ def displacement(
         """
         shift = vec3()
         lift = float(0.0)
-        room = real(0.0)
+        room, pressed = real(0.0), real(0.0)
         if wp.static(touches):  # asked for at once: a GPU waits for memory far longer than it works
-            load += vec4(contact_sum(touch, vertex))
+            touched = vec4(contact_sum(touch, vertex))
+            load += touched
+            pressed = touched[3]
             room = real(contact_room(touch, vertex, wp.vec3d(held.position)))
             shift = vec3(touch.shift[vertex])
             lift = touch.lift[vertex]
-        move, stiffness = own_move(cloth, step, load, held, vertex, item)
+        move, stiffness = own_move(cloth, step, load, pressed, held, vertex, item)
         if wp.static(touches):
             move += shift
         kept = move
         if wp.static(contact is not None):
             move, kept = met_move(cloth, colliders[number], lift, vertex, held.position, move, item)
         if wp.static(touches):
-            move = capped(move, room)
-            kept = move - shift
+            move, kept = capped(move, room), capped(kept, room) - shift
         return move, kept, stiffness
 
     return vertex_displacement
 
 
-def step_bound(accelerated: bool, contact: wp.Function | None, touches: bool) -> str:
+def step_bound(accelerated: bool, contact: wp.Function | None) -> str:
     """Which of cloth.FOURTH_PARTS an iteration needs; arguments as of ``displacement``."""
     if not accelerated:
         return "none"
-    return "leeway" if wears(accelerated, contact, touches) else "stiffness"
+    return "leeway" if wears(accelerated, contact) else "stiffness"

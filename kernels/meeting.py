@@ -24,17 +24,31 @@ from warp_cloth.kernels.box_tree import (
 
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
+# Threads in a block, and blocks that a core is to have registers for, of what lists leaves: a core keeps more threads
+# waiting for memory if what a full list asks for does not lie in registers.
+LISTING = (256, 4)
+
 GROUPS = wp.constant(wp.int32(0))  # where ``Meetings.count`` counts pairs of groups,
-LEAVES_MET = wp.constant(wp.int32(1))  # and where pairs of leaves
+LEAVES_MET = wp.constant(wp.int32(1))  # and from where on pairs of leaves, in each part of their list
+PARTS = wp.constant(wp.int32(32))  # of that list: counted all together, teams would wait for each other
+APART = wp.constant(wp.int32(32))  # numbers from one count to the next: neighbours would wait for each other, too
 
 
 @wp.struct
 class Meetings:
     """Lists of what meets, each counted also beyond its room."""
 
-    count: wp.array(dtype=wp.int32)  # of each list, shape [2]
+    count: wp.array(dtype=wp.int32)  # of the first, and of each part of the second, shape [(1 + PARTS) APART]
     group: wp.array(dtype=wp.vec3i)  # what is asked for, the group that asks, the group of leaves that it meets
     leaf: wp.array(dtype=wp.vec2i)  # an edge's place in its tree, or -1 - a vertex, and what it meets in the tree
+
+
+@wp.func
+def forget_meetings(meetings: Meetings, thread: int):
+    """Empties the lists, by the first thread."""
+    if thread == 0:
+        for part in range(LEAVES_MET + PARTS):
+            meetings.count[part * APART] = 0
 
 
 _TEAM_BASE = """
@@ -73,6 +87,21 @@ _TEAM_VALUE = """
     return value;
 #endif
 """
+
+
+_TEAM_NUMBER = """
+#if defined(__CUDA_ARCH__)
+    return (int)((blockIdx.x * blockDim.x + threadIdx.x) >> 5);
+#else
+    return 0;
+#endif
+"""
+
+
+@wp.func_native(_TEAM_NUMBER)
+def team_number() -> int:
+    """A team's number among all of a launch; 0 on the CPU."""
+    ...
 
 
 @wp.func_native(_TEAM_BASE)
@@ -190,13 +219,15 @@ def list_leaves_function(work: wp.Function, Cloth: Any, Search: Any, First: Any,
         mask: wp.uint32,
     ):
         """Lists those leaves of a group that a mask tells of, or works on them where the list is full."""
-        slot = team_slot(meetings.count, LEAVES_MET, bit_count(mask))
+        part = team_number() & (PARTS - 1)
+        room = meetings.leaf.shape[0] // PARTS
+        slot = team_slot(meetings.count, (LEAVES_MET + part) * APART, bit_count(mask))
         left = wp.uint32(mask)
         while left != wp.uint32(0):
             met = WIDTH * group + lowest_bit(left)
             left = left & (left - wp.uint32(1))
-            if slot < meetings.leaf.shape[0]:
-                meetings.leaf[slot] = wp.vec2i(asking, met)
+            if slot < room:
+                meetings.leaf[part * room + slot] = wp.vec2i(asking, met)
             else:
                 work(cloth, search, first, second, asking, met)
             slot += 1
@@ -212,12 +243,17 @@ def listed_leaves_function(work: wp.Function, Cloth: Any, Search: Any, First: An
     def go_through_leaves(
         cloth: Cloth, search: Search, first: First, second: Second, meetings: Meetings, thread: int, threads: int
     ):
-        """Works on every so many of the listed pairs of leaves."""
-        row = int(thread)
-        count = wp.min(meetings.count[LEAVES_MET], meetings.leaf.shape[0])
+        """Works on every so many of the listed pairs of leaves, a team on those of a part.
+
+        There are as many teams for every part.
+        """
+        part = (thread // WIDTH) & (PARTS - 1)
+        row = thread // (WIDTH * PARTS) * WIDTH + (thread & (WIDTH - 1))
+        room = meetings.leaf.shape[0] // PARTS
+        count = wp.min(meetings.count[(LEAVES_MET + part) * APART], room)
         while row < count:
-            pair = meetings.leaf[row]
+            pair = meetings.leaf[part * room + row]
             work(cloth, search, first, second, pair[0], pair[1])
-            row += threads
+            row += threads // PARTS
 
     return go_through_leaves

@@ -8,7 +8,7 @@ from warp_cloth.kernels.cloth import MODULE_OPTIONS, cloth_types, place_function
 from warp_cloth.kernels.cloth_contact import ClothContact
 from warp_cloth.kernels.contact_search import ContactSearch
 from warp_cloth.kernels.crossing import segment_pierces, volume
-from warp_cloth.kernels.meeting import Meetings
+from warp_cloth.kernels.meeting import Meetings, forget_meetings
 from warp_cloth.kernels.touch import NOTHING, WHOLE, nearest_on_triangle
 
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
@@ -95,8 +95,7 @@ def forget_tangles(search: ContactSearch, untangling: Untangling, meetings: Meet
     untangling.level[vertex] = search.tangled[vertex]
     untangling.crosses[vertex] = 0
     untangling.beyond[vertex] = ranked(untangling.layer_reach)
-    if vertex < 2:
-        meetings.count[vertex] = 0
+    forget_meetings(meetings, vertex)
     for column in range(4):
         untangling.sum[vertex, column] = wp.int64(0)
     if vertex < 3:
@@ -220,8 +219,9 @@ def settle_kernel(precision: str) -> wp.Kernel:
         A fold that passes through itself is a loop; smoothed, it becomes shorter and comes undone, as a curve's does.
         """
         vertex = wp.tid()
-        if vertex < 2:
-            meetings.count[vertex] = 0
+        forget_meetings(meetings, vertex)
+        if vertex == 0:
+            search.whole[0] = 0
         level = int(0)
         mean = wp.vec3d()
         x = at(cloth.position, vertex)

@@ -19,6 +19,7 @@ from warp_cloth.collide.exact import signed_distances
 from warp_cloth.collide.placing import DEEP, clear_shift
 from warp_cloth.fabric import Fabric
 from warp_cloth.kernels.cloth import cloth_types
+from warp_cloth.kernels.meeting import APART
 from warp_cloth.mesh import Mesh, Points
 from warp_cloth.model import ClothModel, GarmentPart, build_model
 from warp_cloth.rest import build_rest_shape
@@ -114,8 +115,27 @@ def test_lists_of_any_room_find_the_same(room: tuple[int, int]) -> None:
         touch._meetings = lists_of(*room)
     again, parted_again = found()
     assert again == pairs
-    assert touch._meetings.count.numpy().min() > 50  # more than the smaller lists have room for
+    groups, *leaves = touch._meetings.count.numpy()[::APART].tolist()
+    assert groups > 3  # more than the smaller lists have room for
+    assert sum(leaves) > 50
     assert all(np.array_equal(one, other) for one, other in zip(parted, parted_again, strict=True))
+
+
+def test_what_crosses_is_found_from_what_was_tangled_as_from_all() -> None:
+    upper = moved(crumpled(3), 0.0, 0.0, 0.3 * THICKNESS)
+    model, touch, _ = sheets_at([crumpled(1), upper])
+    touch.awaken()  # looks everywhere
+
+    def parted(whole: int) -> list[np.ndarray]:
+        touch._search.whole.fill_(whole)
+        touch.search(model.cloth)
+        assert touch._search.whole.numpy()[0] == 0
+        parting = touch._untangling
+        return [each.numpy() for each in (parting.count, parting.crosses, touch.data.shift)]
+
+    everywhere, near = parted(1), parted(0)
+    assert everywhere[0][0] > 0
+    assert all(np.array_equal(one, other) for one, other in zip(everywhere, near, strict=True))
 
 
 @pytest.mark.parametrize("seed", [1, 2])

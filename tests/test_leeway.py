@@ -12,6 +12,7 @@ from test_carried import floor
 
 from warp_cloth.fabric import Fabric
 from warp_cloth.kernels.cloth import cloth_types
+from warp_cloth.kernels.displacement import loose_way
 from warp_cloth.mesh import Mesh
 from warp_cloth.model import ClothModel
 from warp_cloth.rest import build_rest_shape
@@ -100,6 +101,35 @@ def test_pulled_threads_drag_across_themselves_by_what_acts_there() -> None:
             wanted[corners] -= slopes_of[:, None] * drag
     forces = [cloth_forces(model, fourth, step)[:, :3] for fourth in ("leeway", "none")]
     assert forces[0] - forces[1] == pytest.approx(wanted, rel=1e-9, abs=1e-9 * np.abs(wanted).max())
+
+
+SPARED = 1e-4  # of a matrix that is turned round, a millionth of its size is added: directions 20 times apart feel it
+pressed_way, SYMMETRIC = loose_way("float64"), cloth_types("float64").vec6
+
+
+@wp.kernel
+def find_ways(
+    leeway: SYMMETRIC,
+    force: wp.vec3d,
+    own: wp.array(dtype=wp.float64),
+    stiffness: wp.float64,
+    way_out: wp.array(dtype=wp.vec3d),
+):
+    row = wp.tid()
+    way_out[row] = pressed_way(leeway, force, own[row], stiffness)
+
+
+def test_what_is_pressed_hard_has_none() -> None:
+    leeway, force, stiffness = SYMMETRIC(20.0, 1.0, 5.0, 2.0, 0.5, 0.1), np.array([0.3, -1.0, 0.5]), 40.0
+    matrix = np.array([[20.0, 2.0, 0.5], [2.0, 1.0, 0.1], [0.5, 0.1, 5.0]])
+    own = np.array([40.0, 10.0, 0.0])
+    found = wp.zeros(3, dtype=wp.vec3d, device="cpu")
+    given = [leeway, wp.vec3d(*force), wp.array(own, dtype=wp.float64, device="cpu"), wp.float64(stiffness)]
+    wp.launch(find_ways, dim=3, inputs=given, outputs=[found], device="cpu")
+    wanted = [np.linalg.solve(part * np.linalg.inv(matrix) + (stiffness - part) * np.eye(3), force) for part in own]
+    assert found.numpy() == pytest.approx(np.array(wanted), rel=SPARED)
+    assert found.numpy()[0] == pytest.approx(matrix @ force / stiffness, rel=SPARED)
+    assert found.numpy()[2] == pytest.approx(force / stiffness, rel=SPARED)
 
 
 def lying(gathers: bool = False, contact: bool = True) -> Relaxation:

@@ -105,6 +105,10 @@ class ClothModel:
         if self.terms.pins:
             beside.pinned = self.cloth.pinned
         beside.item, beside.items = self.cloth.item, self.cloth.items
+        if self.cloth.held:
+            beside.held = self.cloth.held
+        if self.cloth.leeway:
+            beside.leeway = self.cloth.leeway
         return beside
 
 

@@ -14,22 +14,19 @@ from numpy.typing import NDArray
 from warp_cloth.collide.box_tree import block_count, box_tree, near_order
 from warp_cloth.collide.crossing import Sheets
 from warp_cloth.collide.rest_near import rest_near_rows
+from warp_cloth.collide.untangling import sheet_untangling
+from warp_cloth.kernels.block import BLOCK_THREADS, FEW_PER_CORE
 from warp_cloth.kernels.box_tree import WIDTH
-from warp_cloth.kernels.cloth_contact import NO_LIMIT, PAIRS, ClothContact, add_kernel, press_kernel
+from warp_cloth.kernels.cloth_contact import NO_LIMIT, ClothContact, add_kernel
 from warp_cloth.kernels.contact_pairs import groups_kernel, leaves_kernel, pairs_kernel
 from warp_cloth.kernels.contact_search import ContactSearch, box_kernel, box_rest, start_kernel
 from warp_cloth.kernels.crossing_search import crossing_groups_kernel, crossing_leaves_kernel, crossings_kernel
 from warp_cloth.kernels.lean_memory import LeanMemory
-from warp_cloth.kernels.meeting import Meetings
-from warp_cloth.kernels.untangle import (
-    Untangling,
-    forget_tangles,
-    layers_kernel,
-    settle_kernel,
-)
+from warp_cloth.kernels.meeting import APART, LISTING, PARTS, Meetings
+from warp_cloth.kernels.pressing import press_kernel
+from warp_cloth.kernels.untangle import forget_tangles, layers_kernel, settle_kernel
 from warp_cloth.mesh import Points
 from warp_cloth.model import ClothModel, GarmentPart
-from warp_cloth.topology import ragged_rows
 
 log = logging.getLogger(__name__)
 
@@ -52,10 +49,10 @@ LEEWAY_SHARE = 0.48
 FAR_SHARE = 0.25
 NEARER_SHARE = 0.02
 PAIRS_PER_VERTEX = 3  # to begin with; a T-shirt on a body needs less once it is sewn
-LAYER_REACH = 0.01  # [m]; how deep one garment may be inside another once both are sewn
 # Iterations between two looks at whether cloth has moved so far that what is near changed. What is being untangled
 # changes with every step, but not by much in four.
 LOOK_EVERY = 5
+LOOK_SETTLED = 20
 LOOK_UNTANGLING = 4
 LOOKING = 64  # threads in a block that walks a tree: some take far longer than others
 # Room in a GPU's lists of what meets, for each group of leaves and for each leaf: several times what sewn cloth needs,
@@ -63,7 +60,9 @@ LOOKING = 64  # threads in a block that walks a tree: some take far longer than 
 GROUPS_MET = 32
 LEAVES_MET = 8
 FINDING = 2**18  # threads that go through the first of these lists, at most
-PRESSING = 2**16  # threads that press pairs, at most: as many as a large GPU works on at a time
+LOOKING_CLOSELY = 2**17  # threads that go through the second, at most: as many as a large GPU works on at a time
+PRESSING = 384  # blocks that press pairs, at most: the same
+LEAST_PRESSING = 64  # blocks, at least, that press while others move vertices, if there are pairs for so many
 BOXING = 512  # threads in a block that boxes what is in a tree
 STRIDE_SHARE = 0.1  # of the reach: longest untangling shift in an iteration
 
@@ -95,7 +94,7 @@ def sheets_of(parts: Sequence[GarmentPart]) -> Sheets:
 def lists_of(groups: int, leaves: int) -> Any:
     """Lists (kernels.meeting Meetings) of so much room."""
     meetings = Meetings()
-    meetings.count = wp.zeros(2, dtype=wp.int32)
+    meetings.count = wp.zeros((1 + int(PARTS)) * int(APART), dtype=wp.int32)
     meetings.group = wp.empty(groups, dtype=wp.vec3i)
     meetings.leaf = wp.empty(leaves, dtype=wp.vec2i)
     return meetings
@@ -108,7 +107,7 @@ class ClothTouch:
     """
 
     def __init__(self, model: ClothModel, parts: Sequence[GarmentPart], kinds: Sequence[SheetKind]) -> None:
-        self._model = model
+        self._model, self._device = model, wp.get_device(model.device)
         self.sheets = sheets_of(parts)
         self._thickness = np.array([max(kind.thickness, LEAST_THICKNESS) for kind in kinds])
         lengths = np.concatenate([part.rest.edge_length for part in parts])
@@ -133,14 +132,18 @@ class ClothTouch:
         with wp.ScopedDevice(model.device):
             self.data = self._contact(parts, kinds)
             self._search = self._sheet_search(parts, kinds)
-            self._untangling = self._sheet_untangling(parts, kinds)
+            self._untangling = sheet_untangling(self.sheets, parts)
+            self._untangling.layer = self._per_vertex([kind.layer for kind in kinds], wp.int32)
+            self._untangling.stride = STRIDE_SHARE * self.reach
             self._meetings = self._lists()
         self.layered = len({(kind.item, kind.layer) for kind in kinds}) > len({kind.item for kind in kinds})
 
     @property
     def look_every(self) -> int:
         """Iterations between two looks at whether it is time for a search."""
-        return LOOK_UNTANGLING if self.untangles else LOOK_EVERY
+        if self.untangles:
+            return LOOK_UNTANGLING
+        return LOOK_SETTLED if self.settled else LOOK_EVERY
 
     def _per_vertex(self, values: Sequence[float] | NDArray[Any], dtype: Any) -> wp.array:
         return wp.array(np.repeat(np.asarray(values), np.diff(self.sheets.vertex_start)), dtype=dtype)
@@ -155,6 +158,7 @@ class ClothTouch:
         data.reach = data.leeway = data.margin = data.far = np.inf  # asleep
         data.ahead = LOOK_EVERY
         data.count = wp.zeros(1, dtype=wp.int32)
+        data.told = wp.zeros(2, dtype=wp.int32)
         data.sum = wp.zeros((count, 4), dtype=wp.int64)
         data.room = wp.full(count, int(NO_LIMIT), dtype=wp.int32)
         data.lift = wp.zeros(count, dtype=wp.float32)
@@ -194,13 +198,14 @@ class ClothTouch:
         lengths = np.concatenate([part.rest.edge_length for part in parts])
         search.longest = wp.array(OPEN_STRETCH * lengths, dtype=wp.float32)
         search.sides = wp.array(sheets.triangle_edges, dtype=wp.vec3i)
+        search.whole = wp.ones(1, dtype=wp.int32)
         search.tangled = wp.zeros(sheets.vertex_count, dtype=wp.int32)
         return search
 
     def _lists(self) -> Any:
         """Of what meets; of no room on the CPU, where one thread does everything in turn."""
         leaves = len(self.sheets.edges) + self.sheets.vertex_count
-        if not wp.get_device(self._model.device).is_cuda:
+        if not self._device.is_cuda:
             leaves = 0
         return lists_of(GROUPS_MET * -(-leaves // int(WIDTH)), LEAVES_MET * leaves)
 
@@ -221,36 +226,6 @@ class ClothTouch:
         own = trees[0][1]
         untangling.own = wp.array(np.stack([own[sheet], own[sheet + 1]], axis=1), dtype=wp.vec2i)
 
-    def _sheet_untangling(self, parts: Sequence[GarmentPart], kinds: Sequence[SheetKind]) -> Any:
-        count = self.sheets.vertex_count
-        untangling = Untangling()
-        rim = np.zeros(count, dtype=np.int32)
-        wings = []
-        for part, first in zip(parts, self.sheets.vertex_start, strict=False):
-            topology = part.rest.topology
-            of_edge = np.full((len(topology.edges), 2), -1, dtype=np.int32)
-            sides = topology.triangle_edges.ravel()
-            third = np.roll(part.triangles, -2, axis=1).ravel() + first
-            order = np.argsort(sides, kind="stable")
-            rank = np.arange(len(sides)) - np.searchsorted(sides[order], sides[order])
-            of_edge[sides[order], rank] = third[order]
-            wings.append(of_edge)
-            rim[topology.edges[of_edge[:, 1] < 0].ravel() + first] = 1
-        untangling.wings = wp.array(np.concatenate(wings), dtype=wp.vec2i)
-        untangling.rim = wp.array(rim, dtype=wp.int32)
-        start, order = ragged_rows(self.sheets.edges.ravel(), count)
-        untangling.beside_start = wp.array(start, dtype=wp.int32)
-        untangling.beside = wp.array(self.sheets.edges[:, ::-1].ravel()[order], dtype=wp.int32)
-        untangling.crosses, untangling.level = wp.zeros(count, dtype=wp.int32), wp.zeros(count, dtype=wp.int32)
-        untangling.layer = self._per_vertex([kind.layer for kind in kinds], wp.int32)
-        untangling.outward = self._per_vertex([1.0] * len(kinds), wp.float32)
-        untangling.layer_reach = LAYER_REACH
-        untangling.stride = STRIDE_SHARE * self.reach
-        untangling.sum = wp.zeros((count, 4), dtype=wp.int64)
-        untangling.count = wp.zeros(3, dtype=wp.int32)
-        untangling.beyond = wp.zeros(count, dtype=wp.int64)
-        return untangling
-
     def kernels(self) -> list[wp.Kernel]:
         """Every kernel that contact launches."""
         found = [self._start, self._boxes, box_rest, self._groups, self._crossing_groups]  # the third for high trees
@@ -264,6 +239,7 @@ class ClothTouch:
         self.data.reach, self.data.leeway = self.reach, self.leeway
         self.settled = False
         self._look_within(FAR_SHARE)
+        self._search.whole.fill_(1)
         cloth = self._model.cloth
         with wp.ScopedDevice(self._model.device):
             self._plant_trees(self._model.points())
@@ -273,6 +249,7 @@ class ClothTouch:
 
     def _look_within(self, share: float) -> None:
         self.data.margin = share * self._skin
+        self.data.ahead = LOOK_SETTLED if self.settled else LOOK_EVERY
         self.data.far = self.data.margin + float(self._thickness.min())
 
     def settle(self, *, balanced: bool) -> bool:
@@ -308,6 +285,7 @@ class ClothTouch:
 
         At the last search; where searches no longer look for that, now.
         """
+        self._search.whole.fill_(1)
         if not self.untangles:
             self._box(self._model.cloth, anew=False)
             self._look_for_crossings(self._model.cloth, layered=False)
@@ -331,7 +309,7 @@ class ClothTouch:
 
     def _launch_teams(self, kernel: wp.Kernel, leaves: int, inputs: list[Any]) -> None:
         """Launches a team for each group of leaves."""
-        threads = leaves if wp.get_device(self._model.device).is_cuda else leaves // int(WIDTH)
+        threads = leaves if self._device.is_cuda else leaves // int(WIDTH)
         self._launch(kernel, threads, inputs, LOOKING)
 
     def _launch_lists(self, by_group: wp.Kernel, by_leaf: wp.Kernel, inputs: list[Any]) -> None:
@@ -340,13 +318,14 @@ class ClothTouch:
         if groups:
             threads = min(int(WIDTH) * groups, FINDING)
             self._launch(by_group, threads, [*inputs, threads])
-            threads = min(leaves, PRESSING)
+            each = int(WIDTH) * int(PARTS)  # a team for every part
+            threads = min(-(-leaves // each) * each, LOOKING_CLOSELY)
             self._launch(by_leaf, threads, [*inputs, threads])
 
     def _box(self, cloth: Any, *, anew: bool = True) -> None:
         """Brings the trees up to where garments are; ``anew``: for a search that lists all pairs anew."""
         search = self._search
-        threads = BOXING if wp.get_device(self._model.device).is_cuda else 1
+        threads = BOXING if self._device.is_cuda else 1
         blocks = block_count(search.edge_tree) + block_count(search.triangle_tree)
         self._launch(self._boxes, threads * blocks, [cloth, search, self.data, self._memory, int(anew)], threads)
         if max(search.edge_tree.levels, search.triangle_tree.levels) > 3:
@@ -365,27 +344,34 @@ class ClothTouch:
         """Looks for what crosses, and where garments are ``layered``, for what of others is nearest to each vertex."""
         given, found, untangling, met = self._search, self.data, self._untangling, self._meetings
         self._launch(forget_tangles, self.sheets.vertex_count, [given, untangling, met])
-        leaves = given.edge_tree.leaf.size + (given.vertex.size if layered else 0)
+        leaves = given.edge_tree.leaf.size + given.triangle_tree.leaf.size + (given.vertex.size if layered else 0)
         asked = [cloth, given, found, untangling, met]
         self._launch_teams(self._crossing_groups, leaves, asked)
         self._launch_lists(self._crossing_leaves, self._part_crossings, asked)
 
     def press(self, step: Any, cloth: Any) -> None:
         """Sums what the known pairs do to their vertices, for the next move."""
-        threads = self._pressing()
-        self._launch(self._press, threads, [step, cloth, self.data, threads])
+        self._launch_press(self._press, step, cloth)
 
-    def _pressing(self) -> int:
-        """Threads that press pairs."""
-        teams = -(-len(self.data.corners) // int(PAIRS))
-        return min(int(WIDTH) * teams, PRESSING) if wp.get_device(self._model.device).is_cuda else teams
+    def press_along(self, waiting: int) -> int:
+        """How many blocks are to press pairs in the launch of so many others that move vertices, and wait for them."""
+        self.data.waiting = waiting
+        room = int(self._device.sm_count) * FEW_PER_CORE - waiting  # that work at the same time
+        wanted = -(-len(self.data.corners) // BLOCK_THREADS)
+        self.data.pressing = min(wanted, max(room, LEAST_PRESSING)) if self.awake else 0
+        return int(self.data.pressing)
+
+    def _launch_press(self, kernel: wp.Kernel, step: Any, cloth: Any) -> None:
+        blocks, threads = 1, 1
+        if self._device.is_cuda:
+            blocks, threads = min(-(-len(self.data.corners) // BLOCK_THREADS), PRESSING), BLOCK_THREADS
+        self._launch(kernel, blocks * threads, [step, cloth, self.data, blocks], threads)
 
     def measure(self, step: Any, load: wp.array) -> None:
         """Adds the same to a certificate's load: forces as they stand, and their sizes."""
         if self.awake:
-            threads = self._pressing()
-            self._launch(self._measure, threads, [step, self._model.cloth, self.data, threads])
+            self._launch_press(self._measure, step, self._model.cloth)
             self._launch(self._add, self.sheets.vertex_count, [self.data, load])
 
-    def _launch(self, kernel: wp.Kernel, size: int, inputs: list[Any], block: int = 256) -> None:
+    def _launch(self, kernel: wp.Kernel, size: int, inputs: list[Any], block: int = LISTING[0]) -> None:
         wp.launch(kernel, dim=size, inputs=inputs, device=self._model.device, block_dim=block)

@@ -55,9 +55,9 @@ class ForcePass:
                 wp.launch(kernel, dim=size, inputs=inputs, device=model.device)
 
 
-def launch_patches(kernel: wp.Kernel, model: ClothModel, inputs: list[Any]) -> None:
-    """Launches a kernel whose blocks work on a patch each."""
+def launch_patches(kernel: wp.Kernel, model: ClothModel, inputs: list[Any], more: int = 0) -> None:
+    """Launches a kernel whose blocks work on a patch each, and so many more."""
     if model.patches is None:
         return
     threads = BLOCK_THREADS if wp.get_device(model.device).is_cuda else 1
-    wp.launch(kernel, dim=model.patches.count * threads, inputs=inputs, device=model.device, block_dim=threads)
+    wp.launch(kernel, dim=(model.patches.count + more) * threads, inputs=inputs, device=model.device, block_dim=threads)

@@ -111,7 +111,7 @@ class Relaxation:
         self.contact, self.collider_type = met[0].contact, met[0].data_type or NoCollider
         self.touch = touch
         asked = self.contact, self.collider_type, touch is not None
-        worn = wears(accelerated, self.contact, touch is not None)
+        worn = wears(accelerated, self.contact)
         if worn and not model.cloth.held:
             model.cloth.held = wp.zeros(model.vertex_count, dtype=wp.uint8, device=model.device)
         # a garment alone does not fill a GPU: it waits for what it asks, not for much being asked
@@ -122,6 +122,7 @@ class Relaxation:
         self._strength, self._loose, self._renewal = options.leeway, options.loose, options.renewal
         self._scatter: ForcePass | None = None
         self._packed: PackedCloth | None = None
+        self._presses_along = False  # whether what moves vertices presses pairs of cloth, too
         self._there: Any = None  # positions beside the model's, where cloth meets cloth in the garments' order
         if accelerated and not model.cloth.stiffness:
             model.cloth.stiffness = wp.zeros(model.vertex_count, dtype=types.real, device=model.device)
@@ -129,13 +130,14 @@ class Relaxation:
             patches = model.patches
             shape = patches.fits, *asked, patches.few, spares
             self._move = advance_kernel(model.precision, accelerated, model.terms, *shape)
+            self._presses_along = touch is not None and patches.fits and patches.few
             if touch is None:
                 self._packed = PackedCloth(model, model.patches, accelerated)
             else:
                 self._there = model.cloth_beside()
         else:
             self._load = wp.zeros(model.vertex_count, dtype=types.vec4, device=model.device)
-            self._scatter = ForcePass(model, step_bound(accelerated, self.contact, touch is not None), self._load)
+            self._scatter = ForcePass(model, step_bound(accelerated, self.contact), self._load)
             self._move = displace_kernel(model.precision, accelerated, *asked, model.terms.pins)
         self._items = model.cloth.items.numpy().copy()
         self._items["active"] = 1
@@ -253,7 +255,8 @@ class Relaxation:
         if self.touch is not None and self.touch.awake:
             if iteration % self.touch.look_every == 0:
                 self.touch.search_where_due(cloth)
-            self.touch.press(self.step, cloth)
+            if not self._presses_along:
+                self.touch.press(self.step, cloth)
 
     def _look_up_leeway(self, cloth: Any) -> None:
         """Where it is due by the iterations since the start, whatever chunks they are run in."""
@@ -283,8 +286,10 @@ class Relaxation:
             return
         there, patches = self._there, [model.patches.tables, model.patches.overflow]
         for iteration in range(count):
+            self._look_up_leeway(here)
             self._meet_cloth(iteration, here)
-            launch_patches(self._move, model, [*asked, *patches, here, there.position, there.move])
+            more = self.touch.press_along(model.patches.count) if self.touch and self._presses_along else 0
+            launch_patches(self._move, model, [*asked, *patches, here, there.position, there.move], more)
             here, there = there, here
         if count % 2:  # the shape is beside the model
             wp.copy(there.position, here.position)

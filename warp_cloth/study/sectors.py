@@ -8,9 +8,8 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from warp_cloth.kernels.block import BLOCK_MEMORY, BLOCKS_PER_CORE
+from warp_cloth.kernels.block import BLOCK_MEMORY, BLOCK_THREADS, BLOCKS_PER_CORE
 from warp_cloth.kernels.cloth import Patch
-from warp_cloth.kernels.cloth_contact import PAIRS
 from warp_cloth.kernels.field import ContactField
 from warp_cloth.study.caches import core_bytes, spilled_bytes
 from warp_cloth.study.launches import Launch
@@ -157,8 +156,7 @@ class _Moved:
             pair = pair[due[pair] <= way[0] + stride[turn[0] & 1]]  # as kernels.cloth_contact's contact_way
         if f"{contact}.lean" in chain:
             pair = pair[lean[pair].any(axis=1)]
-        team = 32 if self._device.is_cuda else 1  # that goes over PAIRS at a time
-        block = pair // int(PAIRS) * team % self._launch.threads // THREADS
+        block = pair // BLOCK_THREADS + len(self._patch.get("place", ()))  # nearly; others work on patches
         if len(array) == len(corners):
             return block, pair
         return np.repeat(block, 4), corners[pair].ravel().astype(np.int64)

@@ -13,15 +13,16 @@ ATOMICS = frozenset({"atomic_add", "atomic_sub", "atomic_min", "atomic_max", "at
 
 
 PACKED = frozenset({"packed_point", "put_packed_point"})
+QUEUES = frozenset({"queue_due"})  # that read an array and say how many of its elements go on
 SEVERAL = "*"  # in a chain: several for each that the loop round it goes over
 
 FROM = "from "  # before a count: what is not below it
 
 # What bounds a use, from outside to inside: counts of a patch, "vertex_count" of ``while local < patch.vertex_count``,
 # or of ``if`` for a loop's first turn; counters on the device, "contact.count" of ``while pair < contact.count[0]`` or
-# of ``if contact.count[0] > 0``; arrays that say who goes on, "contact.due" of ``if contact.due[pair] > gone: return``,
-# "contact.lean" where those that do not go on have theirs put to nothing; members of structs in an array,
-# "cloth.items.leeway" of ``if item.leeway > 0``, where ``item`` is one of them.
+# of ``if contact.count[0] > 0``; arrays that say who goes on, "contact.due" of ``if contact.due[pair] > gone: return``
+# or of ``queue_due(place, contact.due, ...)``, "contact.lean" where those that do not go on have theirs put to nothing;
+# members of structs in an array, "cloth.items.leeway" of ``if item.leeway > 0``, where ``item`` is one of them.
 Chain = tuple[str, ...]
 
 
@@ -159,6 +160,8 @@ class _Reader(ast.NodeVisitor):
         name = node.func.attr if isinstance(node.func, ast.Attribute) else getattr(node.func, "id", "")
         if name in ATOMICS and node.args:
             self._note(self._path(node.args[0]), self._uses.written)  # the cache adds by itself
+        if name in QUEUES:
+            self._note(self._queued(node), self._uses.read)
         if getattr(self._known.get(name), "key", "") in PACKED and node.args:
             self._uses.packed.add(self._path(node.args[0]))
         self.generic_visit(node)
@@ -183,8 +186,17 @@ class _Reader(ast.NodeVisitor):
         if start:
             self._uses.starts[path] = start
 
+    def _queued(self, node: ast.Call) -> str:
+        """The array that a queue's elements are of."""
+        return next(filter(None, map(self._path, node.args)), "")
+
     def _count(self, node: ast.AST) -> str:
-        """A patch's count or a counter on the device, by itself, by a name of it, or the least of it and others."""
+        """A patch's count or a counter on the device, by itself, by a name of it, or the least of it and others.
+
+        Of a queue the array that says who is in it.
+        """
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in QUEUES:
+            return self._queued(node)
         if isinstance(node, ast.Attribute) and node.attr.endswith("_count"):
             return node.attr
         if isinstance(node, ast.Subscript) and self._path(node).endswith(".count"):
