@@ -53,11 +53,13 @@ def times_of(made: SetUp) -> Times:
         way.go()
         way.check()
     times.begin = way.iteration
-    took, rates, watched, passed = dict[tuple[str, int], list[float]](), list[float](), 0, 0.0
+    took = dict[tuple[str, int], list[float]]()  # seconds of each launch, by kernel and threads
+    rates, looks, watched, passed = list[float](), list[float](), 0, 0.0
     while passed < SHORTEST_RUN or (len(rates) < FEWEST_ROUNDS and passed < LONG):
         done, seconds = way.go()
         passed += seconds
         rates.append(seconds / done)
+        looks.append(way.looks)
         launches, each = way.watch()
         seen = {launch.kernel.key for launch in launches}
         times.launches = [*launches, *(launch for launch in times.launches if launch.kernel.key not in seen)]
@@ -66,20 +68,25 @@ def times_of(made: SetUp) -> Times:
         watched += way.watched
         way.check()
     times.end, times.seconds = way.iteration, _sum(rates) / len(rates)
-    touch = made.relaxation.touch
-    if touch is not None and touch.awake:
-        times.looks = 1.0 / touch.look_every
+    times.looks = sum(looks) / len(looks)
+    if times.looks:
         times.look = min(times.looks * _seconds_of_look(made.model.device), times.seconds)
+    _share_out(times, took, watched, wp.get_device(made.model.device).is_cuda)
+    return times
+
+
+def _share_out(times: Times, took: dict[tuple[str, int], list[float]], watched: int, by_events: bool) -> None:
+    """Tells what launches take of an iteration, given what clocks told of those in so many ``watched`` ones."""
     spent: dict[str, float] = {}
     for (key, _), all_of_it in took.items():
         times.count[key] = times.count.get(key, 0.0) + len(all_of_it) / watched
         spent[key] = spent.get(key, 0.0) + _sum(all_of_it) / watched
-    apart = wp.get_device(made.model.device).is_cuda
-    added = (sum(spent.values()) - times.seconds + times.look) / sum(times.count.values()) if apart else 0.0
+    whole, added = times.seconds - times.look, 0.0
+    if by_events:
+        added = (sum(spent.values()) - whole) / sum(times.count.values())
     own = {key: max(seconds - added * times.count[key], LEAST * seconds) for key, seconds in spent.items()}
-    whole = (times.seconds - times.look) / sum(own.values())  # on a GPU 1, unless a launch took least
-    times.spent = {key: whole * seconds for key, seconds in own.items()}
-    return times
+    rest = whole / sum(own.values())  # on a GPU 1, unless a launch took least
+    times.spent = {key: rest * seconds for key, seconds in own.items()}
 
 
 def _sum(seconds: Sequence[float]) -> float:
@@ -102,6 +109,12 @@ class Way:
     def warm(self) -> bool:
         """Whether what iterations take is worth a clock."""
         return self._cold <= 0
+
+    @property
+    def looks(self) -> float:
+        """How often an iteration looks whether cloth near cloth is to be looked for anew."""
+        touch = self._made.relaxation.touch
+        return 1.0 / touch.look_every if touch is not None and touch.awake else 0.0
 
     def go(self) -> tuple[int, float]:
         """Iterates as far as the next check, or less far where that takes long; tells how far, and the seconds."""
