@@ -9,6 +9,7 @@ from warp_cloth.kernels.block import (
     BLOCK_THREADS,
     BLOCKS_PER_CORE,
     FEW_PER_CORE,
+    WORN_PER_CORE,
     ask_no_earlier,
     await_blocks,
     block_of,
@@ -174,7 +175,8 @@ def advance_kernel(
     """
     presses = touches and few and fits
     press_share = press_function(precision, "stiffness") if presses else None
-    bounds = BLOCK_THREADS, FEW_PER_CORE if few else BLOCKS_PER_CORE
+    many = BLOCKS_PER_CORE if contact is None else WORN_PER_CORE
+    bounds = BLOCK_THREADS, FEW_PER_CORE if few else many
     types = cloth_types(precision)
     point, Cloth, Step = types.point, types.Cloth, types.Step
     end_vertex = end_function(precision, accelerated, contact, collider_type, touches, spares)

@@ -74,7 +74,8 @@ class _Moved:
         if not self._patch or not self._device.is_cuda:
             return True
         blocks = len(self._patch["place"])
-        together = min(-(-blocks // self._device.sm_count), BLOCKS_PER_CORE)
+        _, most = self._launch.kernel.options.get("launch_bounds") or (0, BLOCKS_PER_CORE)
+        together = min(-(-blocks // self._device.sm_count), most)
         return together * (SECTOR * sectors / blocks + BLOCK_MEMORY) <= core_bytes(self._device.alias)
 
     def _loops(self, name: str, chains: set[Chain]) -> dict[str, Keys]:
