@@ -87,7 +87,7 @@ class _Moved:
             found: dict[str, list[Keys]] = {}
             for chain in chains:
                 loop = next((each for each in reversed(chain) if each in self._patch), "")
-                if not loop and self._patch and len(array) == self._vertices:
+                if not loop and self._patch and len(array) == self._vertices and not self._counters(chain):
                     loop = "owned_count"  # each thread its own
                 if loop or len(chains) == 1 or not alike[1]:  # else what a loop's first turn uses, asked for early
                     found.setdefault(loop, []).append(self._sectors(name, chain, loop))
@@ -102,7 +102,7 @@ class _Moved:
             size *= array.size // len(array)  # a row for each vertex
         elif array.ndim > 1:
             return self._looked_up(name, size)
-        counters = [each for each in chain if each.endswith(".count") and each in self._arrays]
+        counters = self._counters(chain)
         known = min((int(self._arrays[each].numpy().max()) for each in counters), default=1)
         start = self._uses.starts.get(name, "")
         if not known or any(map(self._never, chain)):
@@ -124,6 +124,10 @@ class _Moved:
         if len(array) * size <= SECTOR:  # which every block asks for
             return np.arange(max(len(self._patch.get("place", ())), -(-self._launch.threads // THREADS))) * BLOCK
         return _keys(np.arange(len(array)) // THREADS, np.arange(len(array)), size)
+
+    def _counters(self, chain: Chain) -> list[str]:
+        """Of a chain those on the device, which bound what is for pairs and not for a patch."""
+        return [each for each in chain if each.endswith(".count") and each in self._arrays]
 
     def _never(self, each: str) -> bool:
         """Whether a part of a chain is a member of structs that is not above zero in any of them."""
@@ -157,7 +161,8 @@ class _Moved:
             pair = pair[due[pair] <= way[0] + stride[turn[0] & 1]]  # as kernels.cloth_contact's contact_way
         if f"{contact}.lean" in chain:
             pair = pair[lean[pair].any(axis=1)]
-        block = pair // BLOCK_THREADS + len(self._patch.get("place", ()))  # nearly; others work on patches
+        others = len(self._patch.get("place", ()))  # blocks, which work on patches
+        block = others + pair // BLOCK_THREADS % max(self._launch.threads // BLOCK_THREADS - others, 1)
         if len(array) == len(corners):
             return block, pair
         return np.repeat(block, 4), corners[pair].ravel().astype(np.int64)
