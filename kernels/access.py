@@ -5,8 +5,6 @@ That allowance takes more instructions than the arithmetic of what is read. On a
 
 import warp as wp
 
-from warp_cloth.kernels.arithmetic import shaped
-
 _ELEMENT = "return array.data[index];"
 _ALIGNED = "return *reinterpret_cast<decltype(array.data)>(__builtin_assume_aligned(array.data + index, 16));"
 _PUT = "array.data[index] = value;"
@@ -39,24 +37,6 @@ for _dtype in (wp.float32, wp.float64, wp.vec3f, wp.vec3d, wp.vec4f, wp.vec4d):
     def put(array: wp.array(dtype=_dtype), index: int, value: _dtype):
         """Writes what an array is to hold."""
         array[index] = value
-
-
-_EIGHT_ELEMENTS = """
-    wp::vec_t<32, %s> eight;
-    for (int lane = 0; lane < 8; ++lane) {
-        const auto& one = array.data[wp::min(first + lane, array.shape[0] - 1)];
-        for (int k = 0; k < 4; ++k)
-            eight.c[8 * k + lane] = one.c[k];
-    }
-    return eight;
-"""
-
-for _dtype, _real, _name in ((wp.vec4f, wp.float32, "float"), (wp.vec4d, wp.float64, "double")):
-
-    @wp.func_native(_EIGHT_ELEMENTS % _name)
-    def eight_elements(array: wp.array(dtype=_dtype), first: int) -> shaped(_real, True).vec4:
-        """Eight that follow one another in an array; beyond its end the last."""
-        return array[first]
 
 
 for _dtype in (wp.vec4f, wp.vec4d):

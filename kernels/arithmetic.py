@@ -209,27 +209,26 @@ def chosen(which: wp.vec4d, above: wp.vec4d, below: wp.vec4d) -> wp.vec4d:  # no
     ...
 
 
-# The laws of cloth are written in words that mean the same for a number, a vector of three (in space) or of four (of
-# threads), and for eight of these at a time: each of their components is then eight numbers that lie together, which
-# the CPU works out in one go, every one rounded as it is alone.
+# Of eight at a time (kernels.words) each component is eight numbers that lie together, which the CPU works out in one
+# go, every one rounded as it is alone.
 WIDTH = 8
-_EIGHT = "typedef %(real)s Eight __attribute__((ext_vector_type(8)));"
+EIGHT = "typedef %(real)s Eight __attribute__((ext_vector_type(8)));"
 
 
 @functools.cache
 def shaped(real: type, eight: bool) -> SimpleNamespace:
-    """The types ``real``, ``vec3`` and ``vec4`` of one or, ``eight``, of eight."""
+    """The types ``real``, ``vec3``, ``vec4`` and ``vec6`` of one or, ``eight``, of eight."""
     if eight:
-        one, three, four = (wp.types.vector(length=count * WIDTH, dtype=real) for count in (1, 3, 4))
-        return SimpleNamespace(real=one, vec3=three, vec4=four)
+        one, three, four, six = (wp.types.vector(length=count * WIDTH, dtype=real) for count in (1, 3, 4, 6))
+        return SimpleNamespace(real=one, vec3=three, vec4=four, vec6=six)
     three, four = (wp.vec3f, wp.vec4f) if real is wp.float32 else (wp.vec3d, wp.vec4d)
-    return SimpleNamespace(real=real, vec3=three, vec4=four)
+    return SimpleNamespace(real=real, vec3=three, vec4=four, vec6=wp.types.vector(length=6, dtype=real))
 
 
-def _each(kind: type, code: str, names: str | list, single: str = "") -> str:
+def each(kind: type, code: str, names: str | list, single: str = "") -> str:
     """C++ that works ``code`` out of u, v, w for each component of what ``names`` name; of ``single`` there is one."""
-    if kind._length_ == 1:
-        return " ".join(f"auto {u} = {a};" for u, a in zip("uvw", names, strict=False)) + f" return {code};"
+    if kind in (wp.float32, wp.float64):
+        return " ".join(f"auto {u} = {a};" for u, a in zip("uvwx", names, strict=False)) + f" return {code};"
     count, real = kind._length_, "float" if kind._wp_scalar_type_ is wp.float32 else "double"
     wide = count >= WIDTH
     step = WIDTH if wide else 1
@@ -239,10 +238,10 @@ def _each(kind: type, code: str, names: str | list, single: str = "") -> str:
     else:
         read = "auto {0} = {1};"
         places = [name if name in single else place for name, place in zip(names, places, strict=True)]
-    reads = " ".join(read.format(*pair) for pair in zip("uvw", places, strict=False))
+    reads = " ".join(read.format(*pair) for pair in zip("uvwx", places, strict=False))
     write = "const Eight r = {0}; __builtin_memcpy(&result.c[k], &r, sizeof(Eight));" if wide else "result.c[k] = {0};"
     return f"""
-    {_EIGHT % {"real": real} if wide else ""}
+    {EIGHT % {"real": real} if wide else ""}
     wp::vec_t<{count}, {real}> result;
     for (int k = 0; k < {count}; k += {step}) {{
         {reads}
@@ -252,127 +251,71 @@ def _each(kind: type, code: str, names: str | list, single: str = "") -> str:
 """
 
 
-_INNER_WIDE = (
-    _EIGHT
-    + """
+_INNER_WIDE = "__builtin_elementwise_fma(u[2], v[2], __builtin_elementwise_fma(u[1], v[1], u[0] * v[0]))"
+_WIDE = {  # root, quotient
+    wp.float32: (
+        "u < (decltype(u))4.0e-31f ? (decltype(u))0.0f : __builtin_elementwise_sqrt(u)",
+        "__builtin_elementwise_abs(u) < (decltype(u))1.0e-24f ? (decltype(u))0.0f : u / v",
+    ),
+    wp.float64: ("__builtin_elementwise_sqrt(u)", "u / v"),
+}
+
+
+def of_threes(count: int, real: type, code: str) -> str:
+    """C++ that works eight numbers ``code`` out of eight vectors of three each, u and v."""
+    return f"""
+    {EIGHT % {"real": "float" if real is wp.float32 else "double"}}
     Eight u[3], v[3];
     __builtin_memcpy(u, a.c, sizeof(u));
     __builtin_memcpy(v, b.c, sizeof(v));
-    const Eight r = __builtin_elementwise_fma(u[2], v[2], __builtin_elementwise_fma(u[1], v[1], u[0] * v[0]));
-    wp::vec_t<8, %(real)s> result;
-    __builtin_memcpy(result.c, &r, sizeof(r));
+    const Eight r[] = {{{code}}};
+    wp::vec_t<{count * WIDTH}, {"float" if real is wp.float32 else "double"}> result;
+    __builtin_memcpy(result.c, r, sizeof(r));
     return result;
 """
-)
-_ROOTS_WIDE = {
-    wp.float32: "u < (decltype(u))4.0e-31f ? (decltype(u))0.0f : __builtin_elementwise_sqrt(u)",
-    wp.float64: "__builtin_elementwise_sqrt(u)",
-}
-_JOINED = """
-    wp::vec_t<%(count)d, %(real)s> result;
-    const wp::vec_t<8, %(real)s> parts[] = {%(names)s};
-    __builtin_memcpy(result.c, parts, sizeof(parts));
-    return result;
-"""
-_PART = "wp::vec_t<8, %(real)s> part; __builtin_memcpy(part.c, &a.c[8 * place], sizeof(part.c)); return part;"
 
-for _real, _name in ((wp.float32, "float"), (wp.float64, "double")):
-    for _wide in (False, True):
-        _types = shaped(_real, _wide)
-        _one, _three, _four = _types.real, _types.vec3, _types.vec4
-        for _kind in (_one, _three, _four):
 
-            @wp.func_native(_each(_kind, "u + v", "ab"))
-            def sums(a: _kind, b: _kind) -> _kind:
-                """a + b."""
-                ...
+for _real in (wp.float32, wp.float64):
+    _types = shaped(_real, True)
+    _one, _three, _four = _types.real, _types.vec3, _types.vec4
+    _root, _quotient = _WIDE[_real]
 
-            @wp.func_native(_each(_kind, "u - v", "ab"))
-            def differences(a: _kind, b: _kind) -> _kind:
-                """a - b."""
-                ...
-
-            @wp.func_native(_each(_kind, "u * b", "a"))
-            def times(a: _kind, b: _real) -> _kind:
-                """Number by number a times the same b."""
-                ...
-
-        for _kind in (_one, _four):
-
-            @wp.func_native(_each(_kind, "u * v", "ab"))
-            def products(a: _kind, b: _kind) -> _kind:
-                """Number by number a times b."""
-                ...
-
-            @wp.func_native(_each(_kind, "__builtin_elementwise_abs(u)" if _wide else "wp::abs(u)", "a"))
-            def sizes(a: _kind) -> _kind:
-                """|a|."""
-                ...
-
-            @wp.func_native(_each(_kind, "u > v ? u : v", "ab"))
-            def most(a: _kind, b: _kind) -> _kind:
-                """The larger of a and b."""
-                ...
-
-            @wp.func_native(_each(_kind, "u < v ? u : v", "ab"))
-            def least(a: _kind, b: _kind) -> _kind:
-                """The smaller of a and b."""
-                ...
-
-            @wp.func_native(_each(_kind, "(decltype(u))b", "a"))
-            def alike(a: _kind, b: _real) -> _kind:
-                """As many numbers b as a has."""
-                ...
-
-        @wp.func_native(_each(_three, "u * v", "ab", "b"))
-        def scaled(a: _three, b: _one) -> _three:
-            """Vectors a times numbers b."""
-            ...
-
-        _told = {"real": _name, "count": 3 * WIDTH, "names": "a, b, c"}
-
-        @wp.func_native(_JOINED % _told if _wide else "return {a, b, c};")
-        def three(a: _one, b: _one, c: _one) -> _three:
-            """A vector of three."""
-            ...
-
-        _told = {"real": _name, "count": 4 * WIDTH, "names": "a, b, c, d"}
-
-        @wp.func_native(_JOINED % _told if _wide else "return {a, b, c, d};")
-        def four(a: _one, b: _one, c: _one, d: _one) -> _four:
-            """A vector of four."""
-            ...
-
-        for _kind in (_three, _four):
-
-            @wp.func_native(_PART % _told if _wide else "return a.c[place];")
-            def part(a: _kind, place: int) -> _one:
-                """A component."""
-                ...
-
-    # of eight what is above for one
-
-    @wp.func_native(_INNER_WIDE % _told)
+    @wp.func_native(of_threes(1, _real, _INNER_WIDE))
     def inner(a: _three, b: _three) -> _one:  # noqa: F811
-        """Dot products."""
+        """Dot products of eight."""
         ...
 
-    @wp.func_native(_each(_three, "__builtin_elementwise_fma(u, v, w)", "abc", "b"))
+    @wp.func_native(each(_three, "__builtin_elementwise_fma(u, v, w)", "abc", "b"))
     def scaled_sum(a: _three, b: _one, c: _three) -> _three:  # noqa: F811
-        """a b + c."""
+        """a b + c of eight."""
         ...
 
-    @wp.func_native(_each(_four, _ROOTS_WIDE[_real], "x"))
+    @wp.func_native(each(_one, "__builtin_elementwise_fma(u, v, w)", "abc"))
+    def fused(a: _one, b: _one, c: _one) -> _one:  # noqa: F811
+        """a b + c of eight."""
+        ...
+
+    @wp.func_native(each(_one, _quotient, "ab"))
+    def quotient(a: _one, b: _one) -> _one:  # noqa: F811
+        """Quotients of eight."""
+        ...
+
+    @wp.func_native(each(_one, _root, "x"))
+    def root(x: _one) -> _one:  # noqa: F811
+        """Square roots of eight."""
+        ...
+
+    @wp.func_native(each(_four, _root, "x"))
     def roots(x: _four) -> _four:  # noqa: F811
         """Square roots."""
         ...
 
-    @wp.func_native(_each(_four, "1 / u", "x"))
+    @wp.func_native(each(_four, "1 / u", "x"))
     def inverses(x: _four) -> _four:  # noqa: F811
         """1 / x."""
         ...
 
-    @wp.func_native(_each(_four, "u > (decltype(u))0 ? v : w", ["which", "above", "below"]))
+    @wp.func_native(each(_four, "u > (decltype(u))0 ? v : w", ["which", "above", "below"]))
     def chosen(which: _four, above: _four, below: _four) -> _four:  # noqa: F811
         """Those above where which is above 0, else those below."""
         ...

@@ -9,6 +9,19 @@ from typing import Any
 import warp as wp
 
 from warp_cloth.kernels.arithmetic import fused, inner, quotient, root, scaled_sum
+from warp_cloth.kernels.words import (
+    above,
+    alike,
+    any_above,
+    cross,
+    least,
+    most,
+    opposite,
+    products,
+    scaled,
+    sizes,
+    sums,
+)
 
 
 @wp.func
@@ -35,14 +48,13 @@ def unit_normal(side_1: Any, side_2: Any):
 
     Both are zero where it has no area.
     """
-    normal = wp.cross(side_1, side_2)
+    normal = cross(side_1, side_2)
     area = root(inner(normal, normal))
-    inverse = type(area)(0.0)
-    if area > type(area)(SMALLEST):
-        inverse = quotient(type(area)(1.0), area)
+    none, one = alike(area, float(0.0)), alike(area, float(1.0))
+    inverse = above(area, alike(area, SMALLEST), quotient(one, area), none)
     # corrected as a quotient is: flat cloth has equal normals to the last bit
-    unit = normal * inverse
-    return scaled_sum(scaled_sum(unit, -area, normal), inverse, unit), inverse
+    unit = scaled(normal, inverse)
+    return scaled_sum(scaled_sum(unit, opposite(area), normal), inverse, unit), inverse
 
 
 @wp.func
@@ -70,27 +82,27 @@ def hinge_turn(
     ``unit_normal``; the axis as it runs in the first triangle, and how long it is, at least SHORTEST; C is negative
     where the second triangle is wound likewise.
     """
-    none = type(stiffness)(0.0)
-    one = type(stiffness)(1.0)
-    difference = scaled_sum(normal_1, -wp.sign(stiffness), normal_0)
+    none, one = alike(stiffness, float(0.0)), alike(stiffness, float(1.0))
+    difference = scaled_sum(normal_1, above(none, stiffness, one, opposite(one)), normal_0)
     bend = inner(difference, difference)
-    size = wp.abs(stiffness)
-    torque = size * type(stiffness)(0.5) * bend
-    bounded_0 = inverse_0
-    bounded_1 = inverse_1
-    least = type(stiffness)(THINNEST) * (length * length)
-    if wp.max(inverse_0, inverse_1) * least > one:
-        most = quotient(one, least)
-        bounded_0 = wp.min(inverse_0, most)
-        bounded_1 = wp.min(inverse_1, most)
-        if inverse_0 > none and inverse_1 > none:
-            torque = torque * quotient(bounded_0, inverse_0) * quotient(bounded_1, inverse_1)
-    per_height = length * (bounded_0 + bounded_1)
-    fold = wp.min(fused(reach, per_height, root(bend)), type(stiffness)(2.0))
+    size = sizes(stiffness)
+    torque = products(products(size, alike(size, float(0.5))), bend)
+    smaller = least(inverse_0, inverse_1)
+    bounded_0, bounded_1 = inverse_0, inverse_1
+    thin = products(alike(length, THINNEST), products(length, length))
+    thinness = products(most(inverse_0, inverse_1), thin)
+    if any_above(thinness, one):
+        at_most = quotient(one, thin)
+        bounded_0 = above(thinness, one, least(inverse_0, at_most), inverse_0)
+        bounded_1 = above(thinness, one, least(inverse_1, at_most), inverse_1)
+        faded = products(products(torque, quotient(bounded_0, inverse_0)), quotient(bounded_1, inverse_1))
+        torque = above(thinness, one, above(smaller, none, faded, torque), torque)
+    per_height = products(length, sums(bounded_0, bounded_1))
+    fold = least(fused(reach, per_height, root(bend)), alike(bend, float(2.0)))
     # n0 x n1 = (n0 - n1) x n0
-    turn = wp.where(inner(wp.cross(difference, normal_0), axis) < none, -torque, torque)
-    both = inverse_0 > none and inverse_1 > none
-    return wp.where(both, turn, none), wp.where(both, size * fold * per_height * per_height, none)
+    turn = above(none, inner(cross(difference, normal_0), axis), opposite(torque), torque)
+    bound = products(products(products(size, fold), per_height), per_height)
+    return above(smaller, none, turn, none), above(smaller, none, bound, none)
 
 
 @wp.func

@@ -5,13 +5,14 @@ from typing import Any
 
 import warp as wp
 
-from warp_cloth.kernels.arithmetic import inner, quotient, root, scaled_sum
+from warp_cloth.kernels.arithmetic import inner, quotient, root, scaled_sum, shaped
 from warp_cloth.kernels.cloth import cloth_types
 from warp_cloth.kernels.cloth_contact import ClothContact, contact_room, contact_sum
 from warp_cloth.kernels.field import field_clearance, field_contact
 from warp_cloth.kernels.friction import friction_slide
 from warp_cloth.kernels.leeway import changed_leeway_function
-from warp_cloth.kernels.stiffness import symmetric_functions
+from warp_cloth.kernels.stiffness import symmetric_functions, symmetric_times
+from warp_cloth.kernels.words import above, alike, least, most, part, scaled, spread, sums, three, times
 
 LONGER, STEP = wp.constant(1.0001), wp.constant(1.0e-9)  # more than rounding adds to a way, as a share and [m]
 
@@ -20,7 +21,8 @@ LONGER, STEP = wp.constant(1.0001), wp.constant(1.0e-9)  # more than rounding ad
 def capped(force: Any, limit: Any):
     """The force, or where it passes the limit one of that size in its direction (the paper, section 4)."""
     size = root(inner(force, force))
-    return force * wp.where(size > limit, quotient(limit, size), type(limit)(1.0))
+    most_of_it = alike(size, limit)
+    return scaled(force, above(size, most_of_it, quotient(most_of_it, size), alike(size, float(1.0))))
 
 
 @wp.func
@@ -36,7 +38,7 @@ def direct_move(force: Any, weight: Any, cap: Any):
 @wp.func
 def accelerated_move(force: Any, way: Any, last: Any, momentum: Any, damping: Any, cap: Any):
     """Displacement [m]: the way of force over stiffness, plus momentum, damped where it fights the force."""
-    kept = wp.where(inner(last, force) < type(cap)(0.0), momentum * damping, momentum)
+    kept = above(alike(momentum, float(0.0)), inner(last, force), times(momentum, damping), momentum)
     return capped(scaled_sum(last, kept, way), cap)
 
 
@@ -82,7 +84,7 @@ def loose_way(precision: str) -> wp.Function:
     types = cloth_types(precision)
     real, vec3, vec6 = types.real, types.vec3, types.vec6
     symmetric = symmetric_functions(precision)
-    inverse, even, times = symmetric.inverse, symmetric.even, symmetric.times
+    inverse, even = symmetric.inverse, symmetric.even
 
     @wp.func
     def pressed_way(leeway: vec6, force: vec3, own: real, stiffness: real):
@@ -90,10 +92,43 @@ def loose_way(precision: str) -> wp.Function:
 
         What presses, and what was stiff before, is so in all directions: a vertex pressed hard has no leeway.
         """
-        part = wp.min(own, stiffness)
-        return times(inverse(inverse(leeway) * part + even(stiffness - part)), force)
+        share = wp.min(own, stiffness)
+        return symmetric_times(inverse(inverse(leeway) * share + even(stiffness - share)), force)
 
     return pressed_way
+
+
+def steady_swing(accelerated: bool, contact: wp.Function | None, touches: bool) -> bool:
+    """Whether cloth swings otherwise once it is loose; what meets itself does so by the same rule, loose or not."""
+    return wears(accelerated, contact) and not touches
+
+
+@functools.cache
+def way_function(precision: str, steady: bool, eight: bool = False) -> wp.Function:
+    """The function ``force_way`` of the accelerated step, of a vertex or of ``eight``; ``steady``: of steady_swing."""
+    types, shapes = cloth_types(precision), shaped(cloth_types(precision).real, eight)
+    real, Step, Item = types.real, types.Step, types.Item
+    one, vec4 = shapes.real, shapes.vec4
+
+    @wp.func
+    def force_way(step: Step, load: vec4, weight: one, last: one, item: Item):
+        """Force [N], its way over the stiffness [m], this [N/m], and the share of the last displacement to keep.
+
+        ``last``: the stiffness that the last step went by.
+        """
+        force = scaled_sum(spread(weight, step.gravity), weight, three(part(load, 0), part(load, 1), part(load, 2)))
+        memory = step.memory
+        if wp.static(steady):
+            memory = wp.where(item.leeway > real(0.0), memory, step.memory_falling)
+        ones = alike(last, float(1.0))
+        bound = sums(part(load, 3), quotient(weight, alike(weight, item.cap)))
+        stiffness = most(bound, times(last, memory))
+        kept = least(quotient(last, stiffness), ones)
+        if wp.static(steady):
+            kept = root(kept)
+        return force, scaled(force, quotient(ones, stiffness)), stiffness, kept
+
+    return force_way
 
 
 @functools.cache
@@ -102,27 +137,17 @@ def free_move(precision: str, accelerated: bool, contact: wp.Function | None, to
     types = cloth_types(precision)
     real, vec3, vec4, Cloth, Vertex = types.real, types.vec3, types.vec4, types.Cloth, types.Vertex
     Step, Item = types.Step, types.Item
-    times, pressed_way = symmetric_functions(precision).times, loose_way(precision)
-    worn = wears(accelerated, contact)
-    steady = worn and not touches  # cloth that meets itself swings by the same rule, loose or not
+    worn, pressed_way = wears(accelerated, contact), loose_way(precision)
+    force_way = way_function(precision, steady_swing(accelerated, contact, touches))
 
     @wp.func
     def own_move(cloth: Cloth, step: Step, load: vec4, pressed: real, held: Vertex, vertex: int, item: Item):
         """Displacement of a vertex by its forces, and the stiffness that it goes by; ``pressed`` of it by cloth."""
         weight = held.weight
-        force = scaled_sum(step.gravity, weight, vec3(load[0], load[1], load[2]))
         move = vec3()
         stiffness = real(0.0)
         if wp.static(accelerated):
-            last = held.stiffness
-            memory = step.memory
-            if wp.static(steady):
-                memory = wp.where(item.leeway > real(0.0), memory, step.memory_falling)
-            stiffness = wp.max(load[3] + quotient(weight, item.cap), last * memory)
-            kept = wp.min(quotient(last, stiffness), real(1.0))
-            if wp.static(steady):
-                kept = root(kept)
-            way = force * quotient(real(1.0), stiffness)
+            force, way, stiffness, kept = force_way(step, load, weight, held.stiffness, item)
             if wp.static(worn):
                 # what is held by contact and friction is held alike in all directions
                 if item.leeway > real(0.0) and cloth.held[vertex] == wp.uint8(0):
@@ -130,9 +155,10 @@ def free_move(precision: str, accelerated: bool, contact: wp.Function | None, to
                         own = load[3] - pressed + quotient(weight, item.cap)
                         way = pressed_way(cloth.leeway[vertex], force, own, stiffness)
                     else:
-                        way = times(cloth.leeway[vertex], way)
+                        way = symmetric_times(cloth.leeway[vertex], way)
             move = accelerated_move(force, way, held.move, step.momentum * kept, step.damping, item.cap)
         else:
+            force = scaled_sum(step.gravity, weight, vec3(load[0], load[1], load[2]))
             move = direct_move(force, weight, item.cap)
         return move, stiffness
 
@@ -140,13 +166,10 @@ def free_move(precision: str, accelerated: bool, contact: wp.Function | None, to
 
 
 @functools.cache
-def meeting(
-    precision: str, accelerated: bool, contact: wp.Function | None, collider_type: type, touches: bool, spares: bool
-) -> wp.Function:
-    """The function that has a displaced vertex meet its item's avatar; arguments as of ``displacement``."""
+def looking(precision: str, contact: wp.Function, collider_type: type, worn: bool, spares: bool) -> wp.Function:
+    """The function that looks up where a displaced vertex meets its item's avatar; arguments as of ``displacement``."""
     types = cloth_types(precision)
     real, point, vec3, Cloth, Item = types.real, types.point, types.vec3, types.Cloth, types.Item
-    worn = wears(accelerated, contact)
     even, changed_leeway = symmetric_functions(precision).even, changed_leeway_function(precision)
 
     @wp.func
@@ -157,7 +180,7 @@ def meeting(
         return friction_slide(pushed, normal, real(push), real(item.friction))
 
     @wp.func
-    def met_move(
+    def looked_move(
         cloth: Cloth, collider: collider_type, lift: float, vertex: int, position: point, move: vec3, item: Item
     ):
         """A vertex' displacement after contact and friction, and what of it has momentum.
@@ -165,13 +188,6 @@ def meeting(
         ``lift`` is how much farther off it is met [m]. What comes to be held goes on without leeway, as if it had
         become so much heavier; it is slowed as much, or contact that comes and goes would feed a swing.
         """
-        if wp.static(spares):
-            left = cloth.clear[vertex] - (LONGER * float(root(inner(move, move))) + STEP)
-            if left > 0.0:
-                cloth.clear[vertex] = left
-                if wp.static(worn):
-                    cloth.held[vertex] = wp.uint8(0)
-                return move, move
         place = wp.vec3d(position) + wp.vec3d(move)
         at = contact(collider, place)
         push = item.offset - at[3] + lift
@@ -187,6 +203,33 @@ def meeting(
         if wp.static(worn):
             cloth.held[vertex] = wp.where(push > 0.0, wp.uint8(1), wp.uint8(0))
         return move, kept
+
+    return looked_move
+
+
+@functools.cache
+def meeting(
+    precision: str, accelerated: bool, contact: wp.Function | None, collider_type: type, touches: bool, spares: bool
+) -> wp.Function:
+    """The function that has a displaced vertex meet its item's avatar; arguments as of ``displacement``."""
+    types = cloth_types(precision)
+    point, vec3, Cloth, Item = types.point, types.vec3, types.Cloth, types.Item
+    worn = wears(accelerated, contact)
+    looked_move = looking(precision, contact, collider_type, worn, spares)
+
+    @wp.func
+    def met_move(
+        cloth: Cloth, collider: collider_type, lift: float, vertex: int, position: point, move: vec3, item: Item
+    ):
+        """``looked_move`` of a vertex that may have come near."""
+        if wp.static(spares):
+            left = cloth.clear[vertex] - (LONGER * float(root(inner(move, move))) + STEP)
+            if left > 0.0:
+                cloth.clear[vertex] = left
+                if wp.static(worn):
+                    cloth.held[vertex] = wp.uint8(0)
+                return move, move
+        return looked_move(cloth, collider, lift, vertex, position, move, item)
 
     return met_move
 

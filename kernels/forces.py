@@ -1,4 +1,4 @@
-"""What an edge, its hinge and a triangle do to their vertices, in one precision; ``scatter``, ``gather`` sum it.
+"""What a triangle does to its vertices, in one precision; ``scatter``, ``gather`` sum it.
 
 A load is a force [N] and a fourth part (one of cloth.FOURTH_PARTS). A hinge turns its two triangles, each of which
 answers along its own normal: so a hinge's forces are summed triangle by triangle, of three hinges at a time.
@@ -9,91 +9,24 @@ from types import SimpleNamespace
 
 import warp as wp
 
-from warp_cloth.kernels.arithmetic import (
+from warp_cloth.kernels.arithmetic import chosen, fused, inner, inverses, roots, scaled_sum, shaped
+from warp_cloth.kernels.bending import unit_normal
+from warp_cloth.kernels.cloth import BOUNDS, Terms, cloth_types, difference_function, takes_exact_stretch
+from warp_cloth.kernels.weave import slope_shares, stretched_pulls, thread_shares, warp_vector, weft_vector
+from warp_cloth.kernels.words import (
     alike,
-    chosen,
     differences,
     four,
-    fused,
-    inner,
-    inverses,
     most,
+    opposite,
     part,
     products,
-    quotient,
-    root,
-    roots,
     scaled,
-    scaled_sum,
-    shaped,
     sizes,
     sums,
     three,
     times,
 )
-from warp_cloth.kernels.bending import SHORTEST, hinge_turn, turned_back, unit_normal
-from warp_cloth.kernels.cloth import BOUNDS, Terms, cloth_types, difference_function, takes_exact_stretch
-from warp_cloth.kernels.tension import drag_across, share_across, stretch_force, tension_force, tension_stiffness
-from warp_cloth.kernels.weave import slope_shares, stretched_pulls, thread_shares, warp_vector, weft_vector
-
-
-@functools.cache
-def edge_functions(precision: str, fourth: str, angles: bool) -> SimpleNamespace:
-    """Functions ``edge_span``, ``edge_load`` (its tension) and ``edge_fold`` (its hinge, with rest angles or flat)."""
-    types = cloth_types(precision)
-    real, vec2, vec3, vec4 = types.real, types.vec2, types.vec3, types.vec4
-    point, wide, Step, Span = types.point, types.wide, types.Step, types.Span
-    difference, exact = difference_function(precision), takes_exact_stretch(precision, fourth)
-
-    @wp.func
-    def edge_span(first: point, second: point, first_move: vec3, second_move: vec3, size: real):
-        """An edge as it lies, and what last moved it; ``size`` of the first end's last displacement [m]."""
-        span = Span()
-        span.side = difference(second, first)
-        span.length = wp.max(root(inner(span.side, span.side)), real(SHORTEST))
-        span.inverse = quotient(real(1.0), span.length)
-        if wp.static(fourth in BOUNDS):
-            span.change = second_move - first_move
-            span.move = size
-        if wp.static(exact):
-            span.exact = second - first
-        return span
-
-    @wp.func
-    def edge_load(span: Span, law: vec3, step: Step):
-        """Load of an edge's tension on its first end; on the second the force is the opposite."""
-        tension = tension_force(span.length, law[0], law[1], law[2])
-        if wp.static(exact):
-            # r - L = (r^2 - L^2) / (r + L)
-            excess = real(inner(span.exact, span.exact) - wide(law[0]) * wide(law[0]))
-            tension = stretch_force(quotient(excess, span.length + law[0]), law[1], law[2])
-        force = span.side * (tension * span.inverse)
-        part = real(0.0)
-        if wp.static(fourth in BOUNDS):
-            size = root(inner(span.change, span.change))
-            part = tension_stiffness(span.length, law[0], law[1], law[2], step.reach * size)
-            change = span.change
-            if wp.static(fourth == "leeway"):
-                share = share_across(span.length, law[0], law[1], law[2], part, size, step.horizon)
-                change = drag_across(span.side, law[0], span.change, share)
-            # calms neighbours that swing against each other, leaves what moves together its momentum, nothing at rest
-            force = scaled_sum(change, part * step.viscosity, force)
-        if wp.static(fourth == "size"):
-            part = wp.length(force)
-        return vec4(force[0], force[1], force[2], part)
-
-    @wp.func
-    def edge_fold(span: Span, first: vec4, second: vec4, stiffness: real, rest: vec2, step: Step):
-        """Turn of an edge's hinge [N], bound of its stiffness [N/m] and L^2 [m2], from its triangles' normals."""
-        normal_0 = vec3(first[0], first[1], first[2])
-        normal_1 = vec3(second[0], second[1], second[2])
-        if wp.static(angles):
-            normal_1 = turned_back(normal_1, span.side, rest)
-        reach = step.reach * span.move
-        turn, bound = hinge_turn(normal_0, first[3], normal_1, second[3], span.side, span.length, stiffness, reach)
-        return vec3(turn * span.inverse, bound, inner(span.side, span.side))
-
-    return SimpleNamespace(edge_span=edge_span, edge_load=edge_load, edge_fold=edge_fold)
 
 
 @functools.cache
@@ -127,29 +60,29 @@ def triangle_functions(precision: str, fourth: str) -> SimpleNamespace:
 
 
 @functools.cache
-def corner_fold_function(precision: str, fourth: str) -> wp.Function:
-    """The function that adds what a triangle's hinges do to its corners to their loads."""
-    types = cloth_types(precision)
-    vec3, vec4, corner_folds = types.vec3, types.vec4, _fold_function(precision, fourth)
+def corner_fold_function(precision: str, fourth: str, eight: bool = False) -> wp.Function:
+    """The function that adds what a triangle's hinges do to its corners to their loads; of one or of eight."""
+    types = shaped(cloth_types(precision).real, eight)
+    vec3, vec4, corner_folds = types.vec3, types.vec4, _fold_function(precision, fourth, eight)
 
     @wp.func
-    def with_fold(load: vec4, normal: vec4, along: types.real, part: types.real):
+    def with_fold(load: vec4, normal: vec4, along: types.real, more: types.real):
         """Load of a corner and what ``corner_folds`` says of it."""
-        return vec4(
-            fused(normal[0], along, load[0]),
-            fused(normal[1], along, load[1]),
-            fused(normal[2], along, load[2]),
-            load[3] + part,
+        return four(
+            fused(part(normal, 0), along, part(load, 0)),
+            fused(part(normal, 1), along, part(load, 1)),
+            fused(part(normal, 2), along, part(load, 2)),
+            sums(part(load, 3), more),
         )
 
     @wp.func
     def with_folds(normal: vec4, fold_0: vec3, fold_1: vec3, fold_2: vec3, first: vec4, second: vec4, third: vec4):
         """Loads of the corners and of the hinges of the triangle's sides."""
-        along, part = corner_folds(normal[3], fold_0, fold_1, fold_2)
+        along, more = corner_folds(part(normal, 3), fold_0, fold_1, fold_2)
         return (
-            with_fold(first, normal, along[0], part[0]),
-            with_fold(second, normal, along[1], part[1]),
-            with_fold(third, normal, along[2], part[2]),
+            with_fold(first, normal, part(along, 0), part(more, 0)),
+            with_fold(second, normal, part(along, 1), part(more, 1)),
+            with_fold(third, normal, part(along, 2), part(more, 2)),
         )
 
     return with_folds
@@ -188,13 +121,18 @@ def corner_function(precision: str, fourth: str, terms: Terms) -> wp.Function:
     return corner_loads
 
 
-def _fold_function(precision: str, fourth: str) -> wp.Function:
-    types = cloth_types(precision)
-    real, vec3 = types.real, types.vec3
+def _fold_function(precision: str, fourth: str, eight: bool) -> wp.Function:
+    real, types = cloth_types(precision).real, shaped(cloth_types(precision).real, eight)
+    one, vec3 = types.real, types.vec3
     half = wp.constant(real(0.5))
 
     @wp.func
-    def corner_folds(inverse: real, fold_0: vec3, fold_1: vec3, fold_2: vec3):
+    def foot(own: one, other: one, opposite_side: one):
+        """Dot product of two sides that leave a corner, from the squares of all three."""
+        return times(differences(sums(own, other), opposite_side), half)
+
+    @wp.func
+    def corner_folds(inverse: one, fold_0: vec3, fold_1: vec3, fold_2: vec3):
         """What the hinges of a triangle's sides do to its corners: forces along its normal [N], and fourth parts.
 
         With p_i the turn of side i over twice the area, it pushes corner i by p_i L_i^2 and the side's ends by -p_i
@@ -207,25 +145,28 @@ def _fold_function(precision: str, fourth: str) -> wp.Function:
             fold_1: that of the next.
             fold_2: that of the last.
         """
-        square = vec3(fold_0[2], fold_1[2], fold_2[2])
-        dots = half * vec3(
-            square[1] + square[2] - square[0], square[2] + square[0] - square[1], square[0] + square[1] - square[2]
-        )
-        push = vec3(fold_0[0], fold_1[0], fold_2[0]) * inverse
-        along_1 = fused(push[1], square[1], -fused(push[0], dots[2], push[2] * dots[0]))
-        along_2 = fused(push[2], square[2], -fused(push[0], dots[1], push[1] * dots[0]))
-        part = vec3()
+        square_0, square_1, square_2 = part(fold_0, 2), part(fold_1, 2), part(fold_2, 2)
+        dot_0 = foot(square_1, square_2, square_0)
+        dot_1 = foot(square_2, square_0, square_1)
+        dot_2 = foot(square_0, square_1, square_2)
+        push_0, push_1 = products(part(fold_0, 0), inverse), products(part(fold_1, 0), inverse)
+        push_2 = products(part(fold_2, 0), inverse)
+        along_1 = fused(push_1, square_1, opposite(fused(push_0, dot_2, products(push_2, dot_0))))
+        along_2 = fused(push_2, square_2, opposite(fused(push_0, dot_1, products(push_1, dot_0))))
+        parts = vec3()
         if wp.static(fourth in BOUNDS):
             # a wing's bound is in its own triangle, an axis' in both of the hinge's
-            both = half * (fold_0[1] + fold_1[1] + fold_2[1])
-            part = vec3(fused(fold_0[1], half, both), fused(fold_1[1], half, both), fused(fold_2[1], half, both))
+            bound_0, bound_1, bound_2 = part(fold_0, 1), part(fold_1, 1), part(fold_2, 1)
+            halves = alike(bound_0, half)
+            both = times(sums(sums(bound_0, bound_1), bound_2), half)
+            parts = three(fused(bound_0, halves, both), fused(bound_1, halves, both), fused(bound_2, halves, both))
         if wp.static(fourth == "size"):
-            part = vec3(
-                wp.abs(push[0]) * square[0] + wp.abs(push[1] * dots[2]) + wp.abs(push[2] * dots[1]),
-                wp.abs(push[1]) * square[1] + wp.abs(push[0] * dots[2]) + wp.abs(push[2] * dots[0]),
-                wp.abs(push[2]) * square[2] + wp.abs(push[0] * dots[1]) + wp.abs(push[1] * dots[0]),
+            parts = vec3(
+                wp.abs(push_0) * square_0 + wp.abs(push_1 * dot_2) + wp.abs(push_2 * dot_1),
+                wp.abs(push_1) * square_1 + wp.abs(push_0 * dot_2) + wp.abs(push_2 * dot_0),
+                wp.abs(push_2) * square_2 + wp.abs(push_0 * dot_1) + wp.abs(push_1 * dot_0),
             )
-        return vec3(-(along_1 + along_2), along_1, along_2), part
+        return three(opposite(sums(along_1, along_2)), along_1, along_2), parts
 
     return corner_folds
 

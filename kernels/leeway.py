@@ -12,32 +12,68 @@ from types import SimpleNamespace
 
 import warp as wp
 
-from warp_cloth.kernels.arithmetic import inner, root
+from warp_cloth.kernels.arithmetic import inner, root, shaped
 from warp_cloth.kernels.cloth import MODULE_OPTIONS, Terms, cloth_types, difference_function, rest_function
-from warp_cloth.kernels.forces import edge_functions, square_functions
-from warp_cloth.kernels.stiffness import symmetric_functions
+from warp_cloth.kernels.edge import edge_functions
+from warp_cloth.kernels.forces import square_functions
+from warp_cloth.kernels.scatter import sides_function
+from warp_cloth.kernels.stiffness import symmetric_functions, symmetric_times
 from warp_cloth.kernels.tension import share_across, tension_stiffness
 from warp_cloth.kernels.weave import thread_pulls, thread_shares, warp_vector, weft_vector
+from warp_cloth.kernels.words import (
+    alike,
+    differences,
+    four,
+    part,
+    products,
+    six,
+    sizes,
+    sums,
+    times,
+)
 
 
-def _bound_functions(precision: str) -> SimpleNamespace:
-    """Functions ``spring_matrix`` and ``threads_matrix``: bounds as matrices [N/m], and how large they are."""
-    types = cloth_types(precision)
-    real, point, vec3, vec4, vec6, Step = types.real, types.point, types.vec3, types.vec4, types.vec6, types.Step
-    symmetric = symmetric_functions(precision)
-    along, even = symmetric.along, symmetric.even
-    difference = difference_function(precision)
-    squares = square_functions(precision).squares
-    half = wp.constant(real(0.5))
-    counted = wp.constant(vec4(0.5, 0.5, 0.25, 0.25))
+def bound_functions(precision: str, eight: bool = False) -> SimpleNamespace:
+    """Functions ``spring_matrix``, ``threads_bounds`` and ``threads_matrix``: bounds as matrices [N/m], and their size.
+
+    Of one, or of ``eight`` at a time.
+    """
+    real, types = cloth_types(precision).real, shaped(cloth_types(precision).real, eight)
+    one, vec3, vec4, Step = types.real, types.vec3, types.vec4, cloth_types(precision).Step
+    squares = square_functions(precision, eight).squares
+    half, quarter = wp.constant(real(0.5)), wp.constant(real(0.25))
 
     @wp.func
-    def mixed(size: real, u: vec3, v: vec3):
+    def even(size: one):
+        """size times the unit matrix."""
+        none = alike(size, real(0.0))
+        return six(size, size, size, none, none, none)
+
+    @wp.func
+    def along(size: one, u: vec3):
+        """size u u^T."""
+        x, y, z = part(u, 0), part(u, 1), part(u, 2)
+        size_x, size_y = products(size, x), products(size, y)
+        return six(
+            products(size_x, x), products(size_y, y), products(products(size, z), z),
+            products(size_x, y), products(size_x, z), products(size_y, z),
+        )  # fmt: skip
+
+    @wp.func
+    def crossed(size: one, u: vec3, v: vec3, first: int, second: int):
+        """A component off the diagonal of size (u v^T + v u^T)."""
+        both = sums(products(part(u, first), part(v, second)), products(part(u, second), part(v, first)))
+        return products(size, both)
+
+    @wp.func
+    def mixed(size: one, u: vec3, v: vec3):
         """size (u v^T + v u^T)."""
-        two = real(2.0) * size
-        return vec6(
-            two * u[0] * v[0], two * u[1] * v[1], two * u[2] * v[2],
-            size * (u[0] * v[1] + u[1] * v[0]), size * (u[0] * v[2] + u[2] * v[0]), size * (u[1] * v[2] + u[2] * v[1]),
+        two = times(size, real(2.0))
+        return six(
+            products(products(two, part(u, 0)), part(v, 0)),
+            products(products(two, part(u, 1)), part(v, 1)),
+            products(products(two, part(u, 2)), part(v, 2)),
+            crossed(size, u, v, 0, 1), crossed(size, u, v, 0, 2), crossed(size, u, v, 1, 2),
         )  # fmt: skip
 
     @wp.func
@@ -51,42 +87,50 @@ def _bound_functions(precision: str) -> SimpleNamespace:
     @wp.func
     def borne(slope: vec4, corner: int):
         """Share of each of four threads' stiffness that a corner bears [1/m2], as forces.corner_parts has it."""
-        first = vec4(slope[0], slope[2], slope[0] + slope[2], slope[0] - slope[2])
-        second = vec4(slope[1], slope[3], slope[1] + slope[3], slope[1] - slope[3])
-        size_0, size_1, size_2 = wp.abs(first + second), wp.abs(first), wp.abs(second)
-        own = wp.where(corner == 0, size_0, wp.where(corner == 1, size_1, size_2))
-        return wp.cw_mul(wp.cw_mul(size_0 + size_1 + size_2, own), counted)
+        weft_1, weft_2, warp_1, warp_2 = part(slope, 0), part(slope, 1), part(slope, 2), part(slope, 3)
+        first = four(weft_1, warp_1, sums(weft_1, warp_1), differences(weft_1, warp_1))
+        second = four(weft_2, warp_2, sums(weft_2, warp_2), differences(weft_2, warp_2))
+        size_0, size_1, size_2 = sizes(sums(first, second)), sizes(first), sizes(second)
+        own = size_2
+        if corner == 0:
+            own = size_0
+        if corner == 1:
+            own = size_1
+        straight, bias = alike(weft_1, half), alike(weft_1, quarter)
+        return products(products(sums(sums(size_0, size_1), size_2), own), four(straight, straight, bias, bias))
 
     @wp.func
-    def threads_matrix(
-        position: wp.array(dtype=point),
-        moved: wp.array(dtype=vec3),
-        corners: wp.vec3i,
-        slope: vec4,
-        law: vec4,
-        corner: int,
-        step: Step,
-    ):
-        """Bound of a woven triangle's four threads at one of its corners."""
-        origin, move = position[corners[0]], moved[corners[0]]
-        side_1, side_2 = difference(position[corners[1]], origin), difference(position[corners[2]], origin)
-        change_1, change_2 = moved[corners[1]] - move, moved[corners[2]] - move
+    def threads_bounds(side_1: vec3, side_2: vec3, change_1: vec3, change_2: vec3, slope: vec4, law: vec4, step: Step):
+        """What weft and warp have become, bounds of the four threads [J], what acts across, inverses of lengths."""
         weft, warp = weft_vector(slope, side_1, side_2), warp_vector(slope, side_1, side_2)
         square = squares(weft, warp)
         change = squares(weft_vector(slope, change_1, change_2), warp_vector(slope, change_1, change_2))
-        pull = vec4(law[0], law[1], law[2], law[2])
-        pulls, bound = thread_pulls(square, change, pull, pull * law[3], step.reach)
+        bias, compression = part(law, 2), part(law, 3)
+        pull = four(part(law, 0), part(law, 1), bias, bias)
+        push = products(pull, four(compression, compression, compression, compression))
+        pulls, bound = thread_pulls(square, change, pull, push, step.reach)
         share, inverse = thread_shares(square, change, pulls, bound, step.horizon)
-        bound = wp.cw_mul(bound, borne(slope, corner))
-        across = wp.cw_mul(bound, share)
-        # of each thread's t t^T; those of the biases are half (u + v) (u + v)^T and half (u - v) (u - v)^T
-        rest = wp.cw_mul(wp.cw_mul(bound - across, inverse), inverse)
-        mean, cross = half * (rest[2] + rest[3]), half * (rest[2] - rest[3])
-        matrix = even(across[0] + across[1] + across[2] + across[3])
-        matrix += along(rest[0] + mean, weft) + along(rest[1] + mean, warp) + mixed(cross, weft, warp)
-        return matrix, bound[0] + bound[1] + bound[2] + bound[3]
+        return weft, warp, bound, share, inverse
 
-    return SimpleNamespace(spring_matrix=spring_matrix, threads_matrix=threads_matrix)
+    @wp.func
+    def threads_matrix(weft: vec3, warp: vec3, bounds: vec4, share: vec4, inverse: vec4, slope: vec4, corner: int):
+        """Bound of a woven triangle's four threads at one of its corners, of what ``threads_bounds`` tells."""
+        bound = products(bounds, borne(slope, corner))
+        across = products(bound, share)
+        # of each thread's t t^T; those of the biases are half (u + v) (u + v)^T and half (u - v) (u - v)^T
+        rest = products(products(differences(bound, across), inverse), inverse)
+        mean = times(sums(part(rest, 2), part(rest, 3)), half)
+        cross = times(differences(part(rest, 2), part(rest, 3)), half)
+        own = sums(along(sums(part(rest, 0), mean), weft), along(sums(part(rest, 1), mean), warp))
+        matrix = sums(even(total_of(across)), sums(own, mixed(cross, weft, warp)))
+        return matrix, total_of(bound)
+
+    @wp.func
+    def total_of(figure: vec4):
+        """Sum of the four threads' figures."""
+        return sums(sums(sums(part(figure, 0), part(figure, 1)), part(figure, 2)), part(figure, 3))
+
+    return SimpleNamespace(spring_matrix=spring_matrix, threads_bounds=threads_bounds, threads_matrix=threads_matrix)
 
 
 def _bound_folds_kernel(precision: str, terms: Terms) -> wp.Kernel:
@@ -123,14 +167,35 @@ def _bound_folds_kernel(precision: str, terms: Terms) -> wp.Kernel:
     return bound_folds
 
 
+@functools.cache
+def leeway_function(precision: str) -> wp.Function:
+    """The function that turns a vertex' bounds into its leeway."""
+    real, vec6 = cloth_types(precision).real, cloth_types(precision).vec6
+    symmetric = symmetric_functions(precision)
+    even, inverse = symmetric.even, symmetric.inverse
+
+    @wp.func
+    def leeway_of(matrix: vec6, total: real, most: real):
+        """(B / k + I / most)^-1."""
+        one = real(1.0)
+        leeway = even(one)
+        if total > real(0.0):
+            leeway = inverse(matrix / total + even(one / most))
+        return leeway
+
+    return leeway_of
+
+
 def _find_leeway_kernel(precision: str, terms: Terms) -> wp.Kernel:
     types = cloth_types(precision)
     real, vec6, Cloth, Step = types.real, types.vec6, types.Cloth, types.Step
     Edges, Triangles, Rows = types.Edges, types.Triangles, types.Rows
-    symmetric = symmetric_functions(precision)
-    even, inverse = symmetric.even, symmetric.inverse
-    functions = _bound_functions(precision)
-    spring_matrix, threads_matrix = functions.spring_matrix, functions.threads_matrix
+    even, leeway_of = symmetric_functions(precision).even, leeway_function(precision)
+    functions = bound_functions(precision)
+    spring_matrix, threads_bounds, threads_matrix = (
+        functions.spring_matrix, functions.threads_bounds, functions.threads_matrix,
+    )  # fmt: skip
+    sides_of = sides_function(precision, "leeway")
     difference = difference_function(precision)
     rests = rest_function(precision)
     half = wp.constant(real(0.5))
@@ -181,16 +246,15 @@ def _find_leeway_kernel(precision: str, terms: Terms) -> wp.Kernel:
                     matrix += even(size)
                     total += size
                 if wp.static(terms.threads):
-                    corners, slope = triangles.corners[triangle], triangles.slope[triangle]
-                    more, size = threads_matrix(
-                        cloth.position, cloth.move, corners, slope, triangles.threads[triangle], corner, step
+                    slope, law = triangles.slope[triangle], triangles.threads[triangle]
+                    sides = sides_of(cloth, triangles.corners[triangle])
+                    weft, warp, bounds, share, shorter = threads_bounds(
+                        sides.side_1, sides.side_2, sides.change_1, sides.change_2, slope, law, step
                     )
+                    more, size = threads_matrix(weft, warp, bounds, share, shorter, slope, corner)
                     matrix += more
                     total += size
-        one = real(1.0)
-        leeway_out[vertex] = even(one)
-        if total > real(0.0):
-            leeway_out[vertex] = inverse(matrix / total + even(one / most))
+        leeway_out[vertex] = leeway_of(matrix, total, most)
 
     return find_leeway
 
@@ -200,9 +264,7 @@ def changed_leeway_function(precision: str) -> wp.Function:
     """The function ``changed_leeway``."""
     types = cloth_types(precision)
     real, vec3, vec6 = types.real, types.vec3, types.vec6
-    symmetric = symmetric_functions(precision)
-    inverse, times = symmetric.inverse, symmetric.times
-    half = wp.constant(real(0.5))
+    inverse, half = symmetric_functions(precision).inverse, wp.constant(real(0.5))
 
     @wp.func
     def changed_leeway(old: vec6, new: vec6, move: vec3):
@@ -211,7 +273,7 @@ def changed_leeway_function(precision: str) -> wp.Function:
         A step of leeway L swings with the inertia k / L. Where that changes from L0 to L1, d becomes
         2 L1 (L0 + L1)^-1 d: d' k/L1 d' is never more than d k/L0 d.
         """
-        return times(new, times(inverse((old + new) * half), move))
+        return symmetric_times(new, symmetric_times(inverse((old + new) * half), move))
 
     return changed_leeway
 

@@ -1,27 +1,19 @@
 """Forces by a kernel per edge and one per triangle that add to their vertices.
 
 For the CPU, where Warp runs a launch on one thread: the order of the additions is fixed, so the same input gives the
-same bits. On CUDA the order would be left to chance; there ``gather`` serves.
+same bits. On CUDA the order would be left to chance; there ``gather`` serves. What iterations ask for most is worked
+out eight at a time (``scatter_eight``).
 """
 
 import functools
-from types import SimpleNamespace
 
 import warp as wp
 
-from warp_cloth.kernels.access import add_to, eight_elements, element
-from warp_cloth.kernels.arithmetic import WIDTH as EIGHT
-from warp_cloth.kernels.arithmetic import inner, root, shaped
+from warp_cloth.kernels.access import add_to, element
+from warp_cloth.kernels.arithmetic import inner, root
 from warp_cloth.kernels.cloth import BOUNDS, MODULE_OPTIONS, Terms, cloth_types, rest_function
-from warp_cloth.kernels.forces import (
-    corner_fold_function,
-    corner_function,
-    edge_functions,
-    thread_function,
-    triangle_functions,
-)
-
-WIDTH = wp.constant(EIGHT)
+from warp_cloth.kernels.edge import edge_functions
+from warp_cloth.kernels.forces import corner_function, triangle_functions
 
 
 @functools.cache
@@ -66,7 +58,7 @@ def edges_kernel(precision: str, fourth: str, terms: Terms) -> wp.Kernel:
         edges: Edges,
         normal: wp.array(dtype=vec4),  # of measure_normals, shape [F]
         step: Step,
-        fold_out: wp.array(dtype=vec3),  # turn [N], bound [N/m] and L^2 [m2] of each edge's hinge, shape [E]
+        fold_out: wp.array(dtype=vec4),  # turn [N], bound [N/m] and L^2 [m2] of each edge's hinge, shape [E]
         load_out: wp.array(dtype=vec4),  # force [N] and the fourth part, shape [V]
     ):
         """Adds each edge's tension to its ends, and works out its hinge."""
@@ -90,7 +82,8 @@ def edges_kernel(precision: str, fourth: str, terms: Terms) -> wp.Kernel:
             if wp.static(terms.angles):
                 rest = element(edges.rest, edge)
             first, second = element(normal, beside[0]), element(normal, beside[1])
-            fold_out[edge] = edge_fold(span, first, second, element(edges.fold, edge), rest, step)
+            fold = edge_fold(span, first, second, element(edges.fold, edge), rest, step)
+            fold_out[edge] = vec4(fold[0], fold[1], fold[2], span.length)
 
     return add_edges
 
@@ -116,54 +109,18 @@ def sides_function(precision: str, fourth: str) -> wp.Function:
 
 
 @functools.cache
-def eight_functions(precision: str, fourth: str) -> SimpleNamespace:
-    """Functions ``threads_of_eight``, of eight triangles, and ``lane_load``, of one of them."""
-    types = cloth_types(precision)
-    vec4, Cloth, Triangles, eights = types.vec4, types.Cloth, types.Triangles, shaped(types.real, True)
-    sides_of, thread_loads = sides_function(precision, fourth), thread_function(precision, fourth, eight=True)
-    rests = rest_function(precision)
-
-    @wp.func
-    def threads_of_eight(cloth: Cloth, triangles: Triangles, first: int, count: int, step: types.Step):
-        """Forces of the threads of ``count`` triangles on their corners, and the corners' fourth parts.
-
-        What is at rest does nothing, nor what is beyond the last.
-        """
-        side_1, side_2 = eights.vec3(), eights.vec3()
-        change_1, change_2 = eights.vec3(), eights.vec3()
-        for lane in range(count):
-            corners = element(triangles.corners, first + lane)
-            if not rests(cloth, corners[0]):
-                sides = sides_of(cloth, corners)
-                for axis in range(3):
-                    side_1[WIDTH * axis + lane] = sides.side_1[axis]
-                    side_2[WIDTH * axis + lane] = sides.side_2[axis]
-                    change_1[WIDTH * axis + lane] = sides.change_1[axis]
-                    change_2[WIDTH * axis + lane] = sides.change_2[axis]
-        slope, law = eight_elements(triangles.slope, first), eight_elements(triangles.threads, first)
-        return thread_loads(side_1, side_2, eights.vec4(), change_1, change_2, slope, law, step)
-
-    @wp.func
-    def lane_load(force: eights.vec3, parts: eights.vec3, corner: int, lane: int):
-        """A corner's load in one of the eight."""
-        return vec4(force[lane], force[WIDTH + lane], force[2 * WIDTH + lane], parts[WIDTH * corner + lane])
-
-    return SimpleNamespace(threads_of_eight=threads_of_eight, lane_load=lane_load)
-
-
-@functools.cache
 def fold_reader(precision: str) -> wp.Function:
     """The function that reads the hinges of a triangle's sides."""
-    vec3 = cloth_types(precision).vec3
+    vec3, vec4 = cloth_types(precision).vec3, cloth_types(precision).vec4
 
     @wp.func
-    def side_fold(fold: wp.array(dtype=vec3), edge: int):
+    def side_fold(fold: wp.array(dtype=vec4), edge: int):
         """Hinge of a triangle's side, its turn as the triangle is wound."""
         found = element(fold, wp.where(edge < 0, -1 - edge, edge))
         return vec3(wp.where(edge < 0, -found[0], found[0]), found[1], found[2])
 
     @wp.func
-    def side_folds(fold: wp.array(dtype=vec3), edges: wp.vec3i):
+    def side_folds(fold: wp.array(dtype=vec4), edges: wp.vec3i):
         """Those of all three sides."""
         return side_fold(fold, edges[0]), side_fold(fold, edges[1]), side_fold(fold, edges[2])
 
@@ -172,16 +129,10 @@ def fold_reader(precision: str) -> wp.Function:
 
 @functools.cache
 def triangles_kernel(precision: str, fourth: str, terms: Terms) -> wp.Kernel:
-    """Kernel ``add_triangles``; ``fourth`` is one of cloth.FOURTH_PARTS.
-
-    Threads are worked out eight triangles at a time in iterations, where their stretch needs no more than ``real``.
-    """
+    """Kernel ``add_triangles``; ``fourth`` is one of cloth.FOURTH_PARTS."""
     types = cloth_types(precision)
     vec3, vec4, Cloth, Step, Triangles = types.vec3, types.vec4, types.Cloth, types.Step, types.Triangles
-    at_once = terms.threads and fourth in BOUNDS
-    eights, eight = shaped(types.real, True), eight_functions(precision, fourth)
-    threads_of_eight, lane_load = eight.threads_of_eight, eight.lane_load
-    with_folds, corner_loads = corner_fold_function(precision, fourth), corner_function(precision, fourth, terms)
+    corner_loads = corner_function(precision, fourth, terms)
     sides_of, side_folds = sides_function(precision, fourth), fold_reader(precision)
     rests = rest_function(precision)
 
@@ -190,38 +141,26 @@ def triangles_kernel(precision: str, fourth: str, terms: Terms) -> wp.Kernel:
         cloth: Cloth,
         triangles: Triangles,
         normal: wp.array(dtype=vec4),  # of measure_normals, shape [F]
-        fold: wp.array(dtype=vec3),  # of add_edges, shape [E]
+        fold: wp.array(dtype=vec4),  # of add_edges, shape [E]
         step: Step,
         load_out: wp.array(dtype=vec4),  # force [N] and the fourth part, shape [V]
     ):
-        """Adds the hinges and threads of eight triangles to their corners, one triangle after another."""
-        start = WIDTH * wp.tid()
-        count = wp.min(triangles.corners.shape[0] - start, WIDTH)
-        force_0, force_1, force_2, parts = eights.vec3(), eights.vec3(), eights.vec3(), eights.vec3()
-        if wp.static(at_once):
-            force_0, force_1, force_2, parts = threads_of_eight(cloth, triangles, start, count, step)
-        for lane in range(count):
-            triangle = start + lane
-            corners = element(triangles.corners, triangle)
-            if not rests(cloth, corners[0]):
-                own, fold_0, fold_1, fold_2 = vec4(), vec3(), vec3(), vec3()
-                if wp.static(terms.folds):
-                    own = element(normal, triangle)
-                    fold_0, fold_1, fold_2 = side_folds(fold, element(triangles.edges, triangle))
-                first, second, third = vec4(), vec4(), vec4()
-                if wp.static(at_once):
-                    first, second = lane_load(force_0, parts, 0, lane), lane_load(force_1, parts, 1, lane)
-                    third = lane_load(force_2, parts, 2, lane)
-                    if wp.static(terms.folds):
-                        first, second, third = with_folds(own, fold_0, fold_1, fold_2, first, second, third)
-                else:
-                    slope, law, sides = vec4(), vec4(), types.Sides()
-                    if wp.static(terms.threads):
-                        slope, law = element(triangles.slope, triangle), element(triangles.threads, triangle)
-                        sides = sides_of(cloth, corners)
-                    first, second, third = corner_loads(own, fold_0, fold_1, fold_2, sides, slope, law, step)
-                add_to(load_out, corners[0], first)
-                add_to(load_out, corners[1], second)
-                add_to(load_out, corners[2], third)
+        """Adds the hinges and threads of each triangle to its corners."""
+        triangle = wp.tid()
+        corners = element(triangles.corners, triangle)
+        if rests(cloth, corners[0]):
+            return
+        own, fold_0, fold_1, fold_2 = vec4(), vec3(), vec3(), vec3()
+        if wp.static(terms.folds):
+            own = element(normal, triangle)
+            fold_0, fold_1, fold_2 = side_folds(fold, element(triangles.edges, triangle))
+        slope, law, sides = vec4(), vec4(), types.Sides()
+        if wp.static(terms.threads):
+            slope, law = element(triangles.slope, triangle), element(triangles.threads, triangle)
+            sides = sides_of(cloth, corners)
+        first, second, third = corner_loads(own, fold_0, fold_1, fold_2, sides, slope, law, step)
+        add_to(load_out, corners[0], first)
+        add_to(load_out, corners[1], second)
+        add_to(load_out, corners[2], third)
 
     return add_triangles

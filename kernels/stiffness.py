@@ -7,6 +7,7 @@ negative and a solution with it always goes downhill.
 
 import functools
 from types import SimpleNamespace
+from typing import Any
 
 import warp as wp
 
@@ -14,6 +15,7 @@ from warp_cloth.kernels.bending import THINNEST, hinge_fold, turned_back
 from warp_cloth.kernels.cloth import MODULE_OPTIONS, cloth_types, difference_function, hinge_sides_function
 from warp_cloth.kernels.tension import tension_force, tension_stiffness
 from warp_cloth.kernels.weave import warp_vector, weft_vector
+from warp_cloth.kernels.words import dot, part, three
 
 
 @functools.cache
@@ -35,6 +37,15 @@ def stiffness_types(precision: str) -> SimpleNamespace:
         slot: wp.array(dtype=wp.vec2i)  # where row i and row j keep the coupling, shape [N]
 
     return SimpleNamespace(mat3=mat3, vec6=vec6, Pairs=Pairs)
+
+
+@wp.func
+def symmetric_times(m: Any, v: Any):
+    """m v, m a symmetric matrix as vec6; of one or of eight (kernels.words)."""
+    row_0 = three(part(m, 0), part(m, 3), part(m, 4))
+    row_1 = three(part(m, 3), part(m, 1), part(m, 5))
+    row_2 = three(part(m, 4), part(m, 5), part(m, 2))
+    return three(dot(row_0, v), dot(row_1, v), dot(row_2, v))
 
 
 @functools.cache
@@ -60,15 +71,6 @@ def symmetric_functions(precision: str) -> SimpleNamespace:
         return vec6(size, size, size, zero, zero, zero)
 
     @wp.func
-    def times(m: vec6, v: vec3):
-        """m v."""
-        return vec3(
-            m[0] * v[0] + m[3] * v[1] + m[4] * v[2],
-            m[3] * v[0] + m[1] * v[1] + m[5] * v[2],
-            m[4] * v[0] + m[5] * v[1] + m[2] * v[2],
-        )
-
-    @wp.func
     def inverse(m: vec6):
         """m^-1, by cofactors of what is left when its size is taken out; zero where m is."""
         one = real(1.0)
@@ -90,7 +92,7 @@ def symmetric_functions(precision: str) -> SimpleNamespace:
                 result = vec6(c00, c11, c22, c01, c02, c12) * (one / (determinant * mean))
         return result
 
-    return SimpleNamespace(along=along, even=even, times=times, inverse=inverse)
+    return SimpleNamespace(along=along, even=even, times=symmetric_times, inverse=inverse)
 
 
 @functools.cache

@@ -5,6 +5,19 @@ from typing import Any
 import warp as wp
 
 from warp_cloth.kernels.arithmetic import quotient
+from warp_cloth.kernels.words import (
+    above,
+    alike,
+    differences,
+    dot,
+    least,
+    most,
+    products,
+    scaled,
+    sizes,
+    sums,
+    times,
+)
 
 SHORTEST = wp.constant(1.0e-20)  # of what collapsed cloth would divide by
 
@@ -15,14 +28,14 @@ def tension_force(length: Any, rest: Any, pull: Any, push: Any):
 
     f = pull (r - L)^2 for r > L, f = -push (L - r)^2 for r < L, with push = c pull.
     """
-    return stretch_force(length - rest, pull, push)
+    return stretch_force(differences(length, rest), pull, push)
 
 
 @wp.func
 def stretch_force(stretch: Any, pull: Any, push: Any):
     """``tension_force`` by r - L [m]."""
-    stiffness = wp.where(stretch > type(stretch)(0.0), pull, push)
-    return stiffness * stretch * wp.abs(stretch)
+    stiffness = above(stretch, alike(stretch, float(0.0)), pull, push)
+    return products(products(stiffness, stretch), sizes(stretch))
 
 
 @wp.func
@@ -39,9 +52,9 @@ def tension_stiffness(length: Any, rest: Any, pull: Any, push: Any, reach: Any):
 
     f' = 2 k |r - L|; the stiffness across the edge, f / r, is smaller wherever the edge is pulled.
     """
-    stretch = length - rest
-    stiffness = wp.where(stretch + reach > type(length)(0.0), pull, push)
-    return type(length)(2.0) * stiffness * (wp.abs(stretch) + reach)
+    stretch = differences(length, rest)
+    stiffness = above(sums(stretch, reach), alike(length, float(0.0)), pull, push)
+    return products(products(alike(length, float(2.0)), stiffness), sums(sizes(stretch), reach))
 
 
 @wp.func
@@ -52,12 +65,12 @@ def share_across(length: Any, rest: Any, pull: Any, push: Any, stiffness: Any, c
     what of its stiffness comes to lie there as it turns, by the square of the angle: ``horizon`` times as far as the
     last displacements turned it, which changed it by ``change`` [m].
     """
-    across = type(length)(1.0)
-    if length > type(length)(0.0) and stiffness > type(length)(0.0):
-        turn = quotient(horizon * change, length)
-        force = wp.abs(tension_force(length, rest, pull, push))
-        across = wp.min(quotient(force, wp.max(length * stiffness, type(length)(SHORTEST))) + turn * turn, across)
-    return across
+    none, one = alike(length, float(0.0)), alike(length, float(1.0))
+    turn = quotient(times(change, horizon), length)
+    force = sizes(tension_force(length, rest, pull, push))
+    share = quotient(force, most(products(length, stiffness), alike(length, SHORTEST)))
+    across = least(sums(share, products(turn, turn)), one)
+    return above(least(length, stiffness), none, across, one)
 
 
 @wp.func
@@ -66,6 +79,7 @@ def drag_across(way: Any, rest: Any, change: Any, share: Any):
 
     Where a step goes further across, as much drag there as along would hold it back. Buckling it is to hold back.
     """
-    square = wp.max(wp.dot(way, way), type(share)(SHORTEST))
-    along = way * quotient(wp.dot(way, change), square)
-    return along + (change - along) * wp.where(square > rest * rest, share, type(share)(1.0))
+    square = most(dot(way, way), alike(share, SHORTEST))
+    along = scaled(way, quotient(dot(way, change), square))
+    across = above(square, products(rest, rest), share, alike(share, float(1.0)))
+    return sums(along, scaled(differences(change, along), across))

@@ -11,23 +11,9 @@ from typing import Any
 
 import warp as wp
 
-from warp_cloth.kernels.arithmetic import (
-    alike,
-    chosen,
-    differences,
-    inverses,
-    least,
-    most,
-    part,
-    products,
-    roots,
-    scaled,
-    scaled_sum,
-    sizes,
-    sums,
-    times,
-)
+from warp_cloth.kernels.arithmetic import chosen, inverses, roots, scaled_sum
 from warp_cloth.kernels.tension import tension_energy
+from warp_cloth.kernels.words import alike, differences, least, most, part, products, scaled, sizes, sums, times
 
 SHORTEST = wp.constant(1.0e-20)  # of a thread that has collapsed; what divides by it stays finite
 FAINTEST = wp.constant(1.0e-30)  # bound of stiffness [J]; likewise

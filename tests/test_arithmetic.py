@@ -7,22 +7,16 @@ import numpy as np
 import pytest
 import warp as wp
 
-from warp_cloth.kernels.arithmetic import (
-    WIDTH,
+from warp_cloth.kernels.arithmetic import WIDTH, chosen, inner, inverses, roots, scaled_sum, shaped
+from warp_cloth.kernels.words import (
     alike,
-    chosen,
     differences,
     four,
-    inner,
-    inverses,
     least,
     most,
     part,
     products,
-    roots,
     scaled,
-    scaled_sum,
-    shaped,
     sizes,
     sums,
     three,

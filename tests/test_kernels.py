@@ -17,7 +17,7 @@ import warp_cloth.kernels
 from warp_cloth.kernels.bake import bake_kernels
 from warp_cloth.kernels.certify import bending_energy_kernel, energy_kernels, residual_kernel
 from warp_cloth.kernels.closest import MeshCollider, mesh_contact
-from warp_cloth.kernels.cloth import FOURTH_PARTS, PRECISIONS, Terms
+from warp_cloth.kernels.cloth import BOUNDS, FOURTH_PARTS, PRECISIONS, Terms
 from warp_cloth.kernels.cloth_contact import add_kernel
 from warp_cloth.kernels.contact_pairs import groups_kernel, leaves_kernel, pairs_kernel
 from warp_cloth.kernels.contact_search import box_kernel, start_kernel
@@ -31,6 +31,7 @@ from warp_cloth.kernels.layers import LayeredSolid, layered_level
 from warp_cloth.kernels.pressing import press_kernel
 from warp_cloth.kernels.pressure import push_kernel
 from warp_cloth.kernels.scatter import edges_kernel, normals_kernel, triangles_kernel
+from warp_cloth.kernels.scatter_eight import eight_edges_kernel, eight_normals_kernel, eight_triangles_kernel
 from warp_cloth.kernels.untangle import layers_kernel, settle_kernel
 
 FOLDER = Path(warp_cloth.kernels.__path__[0])
@@ -106,9 +107,11 @@ FOLDED = Terms(True, True, True, angles=True)
 @pytest.mark.parametrize("precision", PRECISIONS)
 def test_force_kernels_compile(precision: str) -> None:
     terms = (Terms(True, True, False), Terms(False, True, True), Terms(False, False, True), FOLDED)
-    loaded(normals_kernel(precision))
+    loaded(normals_kernel(precision), eight_normals_kernel(precision))
     for make in (edges_kernel, triangles_kernel):
         loaded(*(make(precision, *rest) for rest in itertools.product(FOURTH_PARTS, terms)))
+    for make in (eight_edges_kernel, eight_triangles_kernel):
+        loaded(*(make(precision, *rest) for rest in itertools.product(BOUNDS, terms[:-1])))
     loaded(*(gather_kernel(precision, *rest, False) for rest in itertools.product(FOURTH_PARTS, terms)))
 
 

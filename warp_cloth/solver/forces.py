@@ -6,12 +6,34 @@ from typing import Any
 
 import warp as wp
 
-from warp_cloth.kernels.arithmetic import WIDTH
+from warp_cloth.kernels.arithmetic import WIDTH, shaped
 from warp_cloth.kernels.block import BLOCK_THREADS
-from warp_cloth.kernels.cloth import cloth_types
+from warp_cloth.kernels.cloth import BOUNDS, cloth_types
 from warp_cloth.kernels.gather import gather_kernel
 from warp_cloth.kernels.scatter import edges_kernel, normals_kernel, triangles_kernel
+from warp_cloth.kernels.scatter_eight import eight_edges_kernel, eight_normals_kernel, eight_triangles_kernel
 from warp_cloth.model import ClothModel
+
+
+class NormalsPass:
+    """Measures the triangles' normals, one by one or eight at a time."""
+
+    def __init__(self, model: ClothModel) -> None:
+        types, count = cloth_types(model.precision), model.triangle_count
+        eight = takes_eight(model, count)
+        self._model = model
+        self.kernel = (eight_normals_kernel if eight else normals_kernel)(model.precision)
+        self.size = pass_size(count, eight)
+        self.normal = wp.empty(count, dtype=types.vec4, device=model.device)
+        # the sides of eight triangles that kernels read after it, which lie as they are worked out
+        sides = 2 * self.size if eight else 0
+        self.sides = wp.empty(sides, dtype=shaped(types.real, True).vec3, device=model.device)
+        self.writes = [self.normal, self.sides] if eight else [self.normal]
+
+    def launch(self, step: Any, cloth: Any) -> None:
+        """Launches it; ``step`` is a kernels.cloth Step, ``cloth`` a Cloth."""
+        inputs = [cloth, self._model.triangles, step, *self.writes]
+        wp.launch(self.kernel, dim=self.size, inputs=inputs, device=self._model.device)
 
 
 class ForcePass:
@@ -29,16 +51,23 @@ class ForcePass:
             self._passes.append((gather_kernel(model.precision, fourth, terms, model.patches.fits), 0, read, [load]))
             return
         edges, triangles = model.edge_count, model.triangle_count
-        normal = wp.empty(triangles if terms.folds else 0, dtype=types.vec4, device=model.device)
-        fold = wp.empty(edges if terms.folds else 0, dtype=types.vec3, device=model.device)
+        normal, sides = wp.empty(0, dtype=types.vec4), wp.empty(0, dtype=shaped(types.real, True).vec3)
+        fold = wp.empty(edges if terms.folds else 0, dtype=types.vec4, device=model.device)
         asked = model.precision, fourth, terms
         if terms.folds:
-            self._passes.append((normals_kernel(model.precision), triangles, [model.triangles], [normal]))
+            first = NormalsPass(model)
+            normal, sides = first.normal, first.sides
+            self._passes.append((first.kernel, first.size, [model.triangles], first.writes))
+        iterates = fourth in BOUNDS
         if terms.edges or terms.folds:
-            self._passes.append((edges_kernel(*asked), edges, [model.edges, normal], [fold, load]))
+            eight = iterates and not terms.angles and takes_eight(model, edges)
+            kernel, size = (eight_edges_kernel if eight else edges_kernel)(*asked), pass_size(edges, eight)
+            self._passes.append((kernel, size, [model.edges, normal], [fold, load]))
         if terms.folds or terms.threads:
-            read = [model.triangles, normal, fold]
-            self._passes.append((triangles_kernel(*asked), -(-triangles // WIDTH), read, [load]))
+            eight = iterates and takes_eight(model, triangles)
+            kernel, size = (eight_triangles_kernel if eight else triangles_kernel)(*asked), pass_size(triangles, eight)
+            read = [model.triangles, normal, sides, fold] if eight else [model.triangles, normal, fold]
+            self._passes.append((kernel, size, read, [load]))
 
     def kernels(self) -> list[wp.Kernel]:
         """The kernels that a pass launches, in order."""
@@ -53,6 +82,16 @@ class ForcePass:
                 launch_patches(kernel, model, inputs)
             else:
                 wp.launch(kernel, dim=size, inputs=inputs, device=model.device)
+
+
+def takes_eight(model: ClothModel, count: int) -> bool:
+    """Whether that many elements are worked out eight at a time: a CPU has instructions for that."""
+    return count >= WIDTH and bool(wp.get_device(model.device).is_cpu)
+
+
+def pass_size(count: int, eight: bool) -> int:
+    """How many threads it takes to work elements out one by one or, ``eight``, eight at a time."""
+    return -(-count // WIDTH) if eight else count
 
 
 def launch_patches(kernel: wp.Kernel, model: ClothModel, inputs: list[Any], more: int = 0) -> None:

@@ -11,43 +11,28 @@ from numpy.typing import NDArray
 
 from warp_cloth.kernels.cloth import cloth_types
 from warp_cloth.kernels.leeway import leeway_kernels
-from warp_cloth.kernels.scatter import normals_kernel
+from warp_cloth.kernels.leeway_eight import eight_leeway_kernels
+from warp_cloth.kernels.scatter_eight import eight_edges_kernel
 from warp_cloth.model import ClothModel
+from warp_cloth.solver.forces import NormalsPass, pass_size, takes_eight
 from warp_cloth.topology import ragged_rows
 
 
 class Leeway:
-    """Owns what a look needs; gives the model's cloth the arrays that the iterations read."""
+    """Owns what a look needs; gives the model's cloth the array that the iterations read."""
 
     def __init__(self, model: ClothModel) -> None:
-        types, terms = cloth_types(model.precision), model.terms
         self._model = model
-        self._kernels = leeway_kernels(model.precision, terms)
-        self._normals = normals_kernel(model.precision)
-        triangles, edges = (model.triangle_count, model.edge_count) if terms.folds else (0, 0)
-        self._normal = wp.empty(triangles, dtype=types.vec4, device=model.device)
-        self._bound = wp.empty(edges, dtype=types.real, device=model.device)
-        self._rows = types.Rows()
-        if terms.edges:
-            start, order = self._rows_of(model.edges.ends.numpy())
-            self._rows.edge_start, self._rows.edge = self._uploaded(start), self._uploaded(order // 2)
-        if terms.folds or terms.threads:
-            start, order = self._rows_of(model.triangles.corners.numpy())
-            self._rows.triangle_start, self._rows.triangle = self._uploaded(start), self._uploaded(order)
-        self._found = wp.zeros(model.vertex_count, dtype=types.vec6, device=model.device)
-        model.cloth.leeway = wp.zeros(model.vertex_count, dtype=types.vec6, device=model.device)
+        model.cloth.leeway = wp.zeros(model.vertex_count, dtype=cloth_types(model.precision).vec6, device=model.device)
         self.forget(range(model.item_count))
-
-    def _rows_of(self, vertices: NDArray[np.int32]) -> tuple[NDArray[Any], NDArray[Any]]:
-        return ragged_rows(vertices.ravel(), self._model.vertex_count)
-
-    def _uploaded(self, numbers: NDArray[Any]) -> wp.array:
-        return wp.array(numbers.astype(np.int32), dtype=wp.int32, device=self._model.device)
+        terms = model.terms
+        scatters = model.patches is None and terms.threads and not (terms.edges or terms.angles)
+        eight = scatters and takes_eight(model, min(model.triangle_count, model.edge_count))
+        self._look: _Gathered | _Scattered = (_Scattered if eight else _Gathered)(model)
 
     def kernels(self) -> list[wp.Kernel]:
         """The kernels that a look launches, in order."""
-        folds = [self._normals, self._kernels.bound_folds] if self._model.terms.folds else []
-        return [*folds, self._kernels.find_leeway, self._kernels.take_leeway]
+        return self._look.kernels()
 
     def forget(self, items: Sequence[int]) -> None:
         """Leaves the vertices of these items no leeway, till the next look."""
@@ -57,12 +42,74 @@ class Leeway:
 
     def look_up(self, step: Any, cloth: Any) -> None:
         """Launches a look at the cloth as it lies; ``step`` is a kernels.cloth Step."""
+        self._look.launch(step, cloth)
+
+
+class _Gathered:
+    """A look that sums at each vertex what bounds its step."""
+
+    def __init__(self, model: ClothModel) -> None:
+        types, terms = cloth_types(model.precision), model.terms
+        self._model = model
+        self._kernels = leeway_kernels(model.precision, terms)
+        self._normals = NormalsPass(model) if terms.folds else None
+        edges = model.edge_count if terms.folds else 0
+        self._bound = wp.empty(edges, dtype=types.real, device=model.device)
+        self._rows = types.Rows()
+        if terms.edges:
+            start, order = self._rows_of(model.edges.ends.numpy())
+            self._rows.edge_start, self._rows.edge = self._uploaded(start), self._uploaded(order // 2)
+        if terms.folds or terms.threads:
+            start, order = self._rows_of(model.triangles.corners.numpy())
+            self._rows.triangle_start, self._rows.triangle = self._uploaded(start), self._uploaded(order)
+        self._found = wp.zeros(model.vertex_count, dtype=types.vec6, device=model.device)
+
+    def _rows_of(self, vertices: NDArray[np.int32]) -> tuple[NDArray[Any], NDArray[Any]]:
+        return ragged_rows(vertices.ravel(), self._model.vertex_count)
+
+    def _uploaded(self, numbers: NDArray[Any]) -> wp.array:
+        return wp.array(numbers.astype(np.int32), dtype=wp.int32, device=self._model.device)
+
+    def kernels(self) -> list[wp.Kernel]:
+        folds = [self._normals.kernel, self._kernels.bound_folds] if self._normals is not None else []
+        return [*folds, self._kernels.find_leeway, self._kernels.take_leeway]
+
+    def launch(self, step: Any, cloth: Any) -> None:
         model, device = self._model, self._model.device
-        if model.terms.folds:
-            read = [cloth, model.triangles, step, self._normal]
-            wp.launch(self._normals, dim=model.triangle_count, inputs=read, device=device)
-            read = [cloth, model.edges, self._normal, step, self._bound]
+        if self._normals is not None:
+            self._normals.launch(step, cloth)
+            read = [cloth, model.edges, self._normals.normal, step, self._bound]
             wp.launch(self._kernels.bound_folds, dim=model.edge_count, inputs=read, device=device)
         read = [cloth, model.edges, model.triangles, self._rows, self._bound, step, self._found]
         wp.launch(self._kernels.find_leeway, dim=model.vertex_count, inputs=read, device=device)
         wp.launch(self._kernels.take_leeway, dim=model.vertex_count, inputs=[cloth, self._found], device=device)
+
+
+class _Scattered:
+    """A look at woven cloth that adds eight triangles' bounds at a time to their corners'."""
+
+    def __init__(self, model: ClothModel) -> None:
+        types, terms = cloth_types(model.precision), model.terms
+        self._model = model
+        self._kernels = eight_leeway_kernels(model.precision, terms)
+        self._normals = NormalsPass(model) if terms.folds else None
+        self._edges = eight_edges_kernel(model.precision, "leeway", terms)  # that only bend: nothing is added
+        edges = model.edge_count if terms.folds else 0
+        self._fold = wp.empty(edges, dtype=types.vec4, device=model.device)
+        self._bounds = [wp.empty(model.vertex_count, dtype=types.vec4, device=model.device) for _ in range(2)]
+
+    def kernels(self) -> list[wp.Kernel]:
+        folds = [self._normals.kernel, self._edges] if self._normals is not None else []
+        return [*folds, self._kernels.begin_bounds, self._kernels.sum_bounds, self._kernels.take_bounds]
+
+    def launch(self, step: Any, cloth: Any) -> None:
+        model, device, kernels = self._model, self._model.device, self._kernels
+        if self._normals is not None:
+            self._normals.launch(step, cloth)
+            asked = [cloth, model.edges, self._normals.normal, step, self._fold, self._bounds[0]]
+            wp.launch(self._edges, dim=pass_size(model.edge_count, True), inputs=asked, device=device)
+        every = [cloth, *self._bounds]
+        wp.launch(kernels.begin_bounds, dim=model.vertex_count, inputs=every, device=device)
+        asked = [cloth, model.triangles, self._fold, step, *self._bounds]
+        wp.launch(kernels.sum_bounds, dim=pass_size(model.triangle_count, True), inputs=asked, device=device)
+        wp.launch(kernels.take_bounds, dim=model.vertex_count, inputs=every, device=device)

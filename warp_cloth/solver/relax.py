@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 
 from warp_cloth.kernels.cloth import cloth_types
 from warp_cloth.kernels.displace import advance_kernel, displace_kernel
+from warp_cloth.kernels.displace_eight import eight_displace_kernel
 from warp_cloth.kernels.displacement import NoClothContact, NoCollider, spares_looks, step_bound, wears
 from warp_cloth.model import ClothModel
-from warp_cloth.solver.forces import ForcePass, launch_patches
+from warp_cloth.solver.forces import ForcePass, launch_patches, pass_size, takes_eight
 from warp_cloth.solver.leeway import Leeway
 from warp_cloth.solver.packed import PackedCloth
 
@@ -138,7 +139,11 @@ class Relaxation:
         else:
             self._load = wp.zeros(model.vertex_count, dtype=types.vec4, device=model.device)
             self._scatter = ForcePass(model, step_bound(accelerated, self.contact), self._load)
-            self._move = displace_kernel(model.precision, accelerated, *asked, model.terms.pins)
+            self._eight = accelerated and touch is None and takes_eight(model, model.vertex_count)
+            if self._eight:
+                self._move = eight_displace_kernel(model.precision, self.contact, self.collider_type, model.terms.pins)
+            else:
+                self._move = displace_kernel(model.precision, accelerated, *asked, model.terms.pins)
         self._items = model.cloth.items.numpy().copy()
         self._items["active"] = 1
         largest = [options.largest_move if cap is None else cap for cap in caps or [None] * model.item_count]
@@ -273,8 +278,11 @@ class Relaxation:
                 self._look_up_leeway(here)
                 self._scatter.launch(self.step)
                 self._meet_cloth(iteration, here)
-                inputs = [*asked, self._load, here]
-                wp.launch(self._move, dim=model.vertex_count, inputs=inputs, device=model.device)
+                inputs = (
+                    [self.step, self.collider_data, self._load, here] if self._eight else [*asked, self._load, here]
+                )
+                size = pass_size(model.vertex_count, self._eight)
+                wp.launch(self._move, dim=size, inputs=inputs, device=model.device)
         if self._packed is not None:
             while count > 0:
                 self._look_up_leeway(here)
