@@ -17,6 +17,7 @@ from warp_cloth.rest import build_rest_shape
 from warp_cloth.result import Status
 from warp_cloth.scene.shapes import TshirtShape
 from warp_cloth.shapes import build_garment
+from warp_cloth.solver import simplified
 from warp_cloth.solver.simplified import Ladder, build_ladder, carried
 
 ROUNDING = 1e-12
@@ -24,6 +25,8 @@ AREA = 0.01  # what a coarse outline may lose of a T-shirt's curved seams, as a 
 DEGREE = np.radians(1.0)
 MESH = grid(21, 1.0)
 PANEL = MESH.points[MESH.triangles][:, :, :2]
+RADIUS = 0.4  # [m] to which it is rolled up
+ROUNDER = 0.5  # times the distance from the roll that straight faces leave; vertices along hems see one side only
 AWAY = np.array([0.1, 0.0, 0.0])  # [m]
 DENIM = shipped_fabrics()["denim"]
 
@@ -71,6 +74,24 @@ def test_pinned_vertices_stay_and_flat_cloth_is_carried_exactly() -> None:
     wanted = MESH.points + AWAY
     wanted[pins] = MESH.points[pins]
     assert moved == pytest.approx(wanted, abs=ROUNDING)
+
+
+def test_what_is_carried_from_a_bent_cloth_is_round(monkeypatch: pytest.MonkeyPatch) -> None:
+    fine = ladder_of(replace(MESH, texcoords=PANEL), DENIM)
+    coarse = below(fine)
+
+    def off() -> float:
+        way = carried(fine.rungs[0], _rolled(coarse.part.points), fine.part) - _rolled(MESH.points)
+        return float(np.sqrt(np.mean(np.sum(way**2, axis=1))))
+
+    rounded = off()
+    monkeypatch.setattr(simplified, "ROUND", 0.0)
+    assert rounded < ROUNDER * off()
+
+
+def _rolled(points: np.ndarray) -> np.ndarray:
+    angle = (points[:, 0] - 0.5) / RADIUS
+    return np.stack([RADIUS * np.sin(angle), points[:, 1], RADIUS * np.cos(angle)], axis=1)
 
 
 def test_a_garment_of_unknown_rest_shape_stays_as_it_is() -> None:

@@ -35,26 +35,34 @@ class ImplicitOptions:
     fall: how far its own weight moves a vertex in the first step [m]: inertia is what resists where the cloth does
         not, and while it falls or unfolds too long a step overstretches it.
     most_fall: the same in the end [m]; beyond, hanging cloth no longer settles.
-    most_fall_met: the same where an avatar is met, and folds are soft.
+    most_fall_met: the same where an avatar is met, until forces have balanced.
+    most_fall_calm: the same once they have: folds are soft.
     easing: growth of the fall from step to step. With 1.05 stiff cloth on a ball was still moving when it was eased.
     reach: the stiffness allows for an edge changing its length by this many times its last change.
     momentum: share of the last displacement that the solution starts from; with more, strips swing on and on.
     momentum_met: the same where an avatar is met: folds slide over it slowly, and what slides does not swing.
+    momentum_calm: the same once its forces have balanced, and steps have half the rounds.
     swing_met: share of that displacement that comes on top of the solution, where an avatar is met: the solution
         resists what the cloth hardly does (buckling), and would stop the folds again that have begun to form.
-    rounds: of conjugate gradients in a step; with 5 stiff cloth on a ball no longer settled, 20 gained nothing.
+    rounds: of conjugate gradients in a step; 20 gain nothing.
+    rounds_calm: the same where an avatar is met, once forces have balanced. What is left are folds that snap over,
+        and hardly resist: of such a displacement a round finds the more the earlier it is in its step, and momentum
+        does the rest. While stiff cloth of many vertices still falls, so few let it tremble.
     renewal: the coarser levels' stiffness is summed anew every so many steps.
     """
 
     fall: float = 1e-3
     most_fall: float = 15e-3
-    most_fall_met: float = 0.1
+    most_fall_met: float = 20e-3
+    most_fall_calm: float = 0.1
     easing: float = 1.02
     reach: float = 1.0
     momentum: float = 0.9
     momentum_met: float = 0.95
+    momentum_calm: float = 0.975
     swing_met: float = 0.5
     rounds: int = 10
+    rounds_calm: int = 5
     renewal: int = 2
 
 
@@ -73,8 +81,9 @@ class ImplicitStep:
         precision = model.precision
         types, own = cloth_types(precision), stiffness_types(precision)
         self._model, self._levels, self._options = model, levels, options
-        self._most_fall = options.most_fall if contact is None else options.most_fall_met
-        self._swing = 0.0 if contact is None else options.swing_met
+        self._met = contact is not None
+        self._swing = options.swing_met if self._met else 0.0
+        self.pace(calm=False)
         self._pairs = table.pairs
         self._pair_count = len(table.ends)
         self._load = self._zeros(model.vertex_count, types.vec4)
@@ -155,6 +164,16 @@ class ImplicitStep:
         own = self._options
         self._launch(self._ends.ease_inertia, self._groups, [own.easing, self._most_fall, self._system])
 
+    def pace(self, *, calm: bool) -> float:
+        """Takes steps as they are till forces balance, or ``calm`` ones; returns the momentum that goes with them."""
+        own = self._options
+        self.rounds = own.rounds_calm if self._met and calm else own.rounds
+        if not self._met:
+            self._most_fall = own.most_fall
+            return own.momentum
+        self._most_fall = own.most_fall_calm if calm else own.most_fall_met
+        return own.momentum_calm if calm else own.momentum_met
+
     def lengthen(self) -> None:
         """Steps are as long from now on as they get in the end."""
         self._system.fall.fill_(self._most_fall)
@@ -176,7 +195,7 @@ class ImplicitStep:
         system, kernels, count = self._system, self._conjugate, self._model.vertex_count
         self._launch(kernels.begin_solution, count, [1.0 - self._swing, system])
         system.along.zero_()
-        for _ in range(self._options.rounds):
+        for _ in range(self.rounds):
             self._precondition()
             self._dot(system.residual, system.correction, system.along, system.before)
             self._launch(kernels.turn_direction, count, [system])

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import warp as wp
+from numpy.typing import NDArray
 
 from warp_cloth.kernels.certify import energy_kernels
 from warp_cloth.model import ClothModel, GarmentPart
@@ -16,7 +17,7 @@ from warp_cloth.solver.certificate import edge_strains
 from warp_cloth.solver.hierarchy import build_hierarchy
 from warp_cloth.solver.implicit import ImplicitOptions, ImplicitStep
 from warp_cloth.solver.pairs import build_pairs
-from warp_cloth.solver.relax import DEFAULT_CAP, Collider, Relaxation, StepOptions
+from warp_cloth.solver.relax import DEFAULT_CAP, TIGHTER, Collider, Relaxation, StepOptions
 from warp_cloth.solver.simplified import Ladder, build_ladder
 
 if TYPE_CHECKING:
@@ -28,6 +29,7 @@ DRAWN = 0.05  # rms strain of the edges from which on steps are implicit
 LEAST_GAIN = 0.05  # or where so many iterations bring it down by no more than this share: tight cloth stays stretched
 LOOK = 100  # iterations
 MOST_LOOKS = 10
+CALM = 0.02  # relative residual below which the forces of cloth on an avatar have balanced; above TIGHTER times no more
 
 
 class MultilevelRelaxation(Relaxation):
@@ -52,7 +54,7 @@ class MultilevelRelaxation(Relaxation):
         table = build_pairs(model)
         levels = build_hierarchy(model, ladders, table.ends)
         self._implicit = ImplicitStep(model, self.contact, self.collider_type, table, levels, self.implicit_options)
-        self._drawing = True
+        self._drawing, self._calm = True, False
         self._looks, self._strain, self._since = 0, math.inf, 0
 
     def kernels(self) -> list[wp.Kernel]:
@@ -65,9 +67,9 @@ class MultilevelRelaxation(Relaxation):
         if self._drawing or self._implicit is None:
             super().iterate(count)
             return
-        own = self.implicit_options
-        for number in range(max(1, count // own.rounds)):
-            self._implicit.launch(self.step, self.collider_data, number % own.renewal == 0)
+        for number in range(max(1, count // self._implicit.rounds)):
+            renew = number % self.implicit_options.renewal == 0
+            self._implicit.launch(self.step, self.collider_data, renew)
 
     def run(self, iterations: int) -> None:
         """Runs a chunk of iterations as one captured graph; looks from time to time whether seams are closed yet."""
@@ -81,15 +83,28 @@ class MultilevelRelaxation(Relaxation):
         if self._implicit is not None:
             self._implicit.lengthen()
 
+    def loosen(self, relative_rms: NDArray[np.float64]) -> None:
+        """Goes on at another pace once the forces of cloth that meets an avatar have balanced; see Relaxation."""
+        super().loosen(relative_rms)
+        calm = bool((relative_rms <= (TIGHTER * CALM if self._calm else CALM)).all())
+        if self._implicit is not None and calm != self._calm:
+            self._calm = calm
+            self._set_pace(self._implicit)
+            self.forget_graphs()
+
+    def _set_pace(self, implicit: ImplicitStep) -> None:
+        momentum = implicit.pace(calm=self._calm)
+        if not self._drawing:
+            self.step.momentum = momentum
+
     def _look(self) -> None:
-        if self._looks and self._since < LOOK:
+        if self._implicit is None or (self._looks and self._since < LOOK):
             return
         strain = float(np.sqrt(np.mean(np.maximum(edge_strains(self.model), 0.0) ** 2)))
         stays = strain > (1.0 - LEAST_GAIN) * self._strain
         if strain <= DRAWN or stays or self._looks == MOST_LOOKS:
             self._drawing = False
-            own = self.implicit_options
-            self.step.momentum = own.momentum if self.contact is None else own.momentum_met
+            self._set_pace(self._implicit)
             self._items["cap"] = self.options.largest_move
             self.tell_items()
             self.forget_graphs()

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from warp_cloth.folds import fold_angles
 from warp_cloth.material import Sheet
-from warp_cloth.mesh import Points
+from warp_cloth.mesh import Points, vertex_normals
 from warp_cloth.model import GarmentPart
 from warp_cloth.rest import constants_of
 from warp_cloth.solver.coarsen import Coarse, Pattern, coarsen, rest_pattern
@@ -18,6 +18,7 @@ Floats = NDArray[np.float64]
 
 RATIO = 4  # of the vertices of a garment to those of the next: edges twice as long
 FEWEST = 30  # vertices of a garment's coarsest version
+ROUND = 0.5  # of the way to the tangent planes of those that a vertex follows: exact on an arc
 LEAST_WEIGHT = 1e-2  # of the mean; extrapolated places may leave a coarse vertex with nothing
 
 
@@ -55,12 +56,24 @@ def build_ladder(part: GarmentPart) -> Ladder:
 
 
 def carried(coarse: Coarse, points: Points, part: GarmentPart) -> Points:
-    """Where a garment's vertices are [m] if a coarser one's are at ``points``; the pinned ones stay."""
+    """Where a garment's vertices are [m] if a coarser one's are at ``points``; the pinned ones stay.
+
+    They lie on rounded faces (Boubekeur and Alexa, "Phong tessellation"): creases along the coarser edges would snap
+    flat at once, and overstretch the cloth by that.
+    """
     row = np.repeat(np.arange(len(part.points)), np.diff(coarse.start))
-    columns = [np.bincount(row, coarse.weight * points[coarse.index, axis], len(part.points)) for axis in range(3)]
-    out = np.stack(columns, axis=1).astype(np.float64)
+    normals = vertex_normals(points, coarse.cloth.vertex[coarse.cloth.triangles])[coarse.index]
+    followed = points[coarse.index]
+    flat = _summed(coarse.weight[:, None] * followed, row, len(part.points))
+    above = ((followed - flat[row]) * normals).sum(axis=1)
+    out = flat + ROUND * _summed((coarse.weight * above)[:, None] * normals, row, len(part.points))
     out[part.pins] = part.points[part.pins]
     return out
+
+
+def _summed(values: Floats, row: NDArray[np.int64], count: int) -> Floats:
+    """Sums of vectors by rows, shape [count, 3]."""
+    return np.stack([np.bincount(row, values[:, axis], count) for axis in range(3)], axis=1).astype(np.float64)
 
 
 def _simplified(part: GarmentPart, pattern: Pattern, coarse: Coarse) -> GarmentPart:
