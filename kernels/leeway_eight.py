@@ -19,7 +19,7 @@ from warp_cloth.kernels.eight import (
     first_of_eight,
     lanes_function,
 )
-from warp_cloth.kernels.leeway import bound_functions, changed_leeway_function, leeway_function
+from warp_cloth.kernels.leeway import bound_functions, leeway_function
 from warp_cloth.kernels.words import alike, four, part, sums, times
 
 
@@ -120,7 +120,7 @@ def _sum_kernel(precision: str, terms: Terms) -> wp.Kernel:
 def _end_kernel(precision: str) -> wp.Kernel:
     types = cloth_types(precision)
     real, vec4, vec6, Cloth = types.real, types.vec4, types.vec6, types.Cloth
-    leeway_of, changed_leeway = leeway_function(precision), changed_leeway_function(precision)
+    leeway_of = leeway_function(precision)
     rests = rest_function(precision)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
@@ -137,9 +137,7 @@ def _end_kernel(precision: str) -> wp.Kernel:
         if most == real(0.0):
             return
         a, b = straight[vertex], crossed[vertex]
-        new = leeway_of(vec6(a[0], a[1], a[2], b[0], b[1], b[2]), a[3], most)
-        cloth.leeway[vertex] = new
-        cloth.move[vertex] = changed_leeway(cloth.leeway[vertex], new, cloth.move[vertex])
+        cloth.leeway[vertex] = leeway_of(vec6(a[0], a[1], a[2], b[0], b[1], b[2]), a[3], most)
 
     return take_bounds
 
