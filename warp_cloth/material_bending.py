@@ -86,15 +86,21 @@ def hinge_constants(sheet: Sheet, fabric: Fabric, length: Floats) -> Floats:
     beyond = _beyond(sheet, length, folds, bends, len(stays))
     shares = [patches.share(cube * folds.size, own) for cube, own in zip(cubes, beyond, strict=True)]
     moved = np.zeros((len(bends), len(stays)))
+    bias = _biased(folds) if sheet.directed else None
+    if bias is not None:
+        shares.append(np.mean(shares, axis=0))
+        wanted.append(0.5 * sum(wanted))
     fit = Fit(patches, usual, lean)
     for rounds in ROUNDS:
-        energies = []
+        energies, ease = [], []
         counted = np.where(within, fit.stiffness, 0.0)
         for even, cube, move in zip(evens, cubes, moved, strict=True):
             shared = _cubed(_shared_out(sheet, folds, fit.stiffness, even, move, rounds, stays))
             stiff, eased = (float(np.sum(own * counted)) for own in (cube, shared))
-            # too small a garment has no hinges that share
-            energies.append(np.where(within, shared, eased / stiff * cube) if stiff > 0.0 else cube)
+            ease.append(eased / stiff if stiff > 0.0 else 1.0)  # too small a garment has no hinges that share
+            energies.append(np.where(within, shared, ease[-1] * cube) if stiff > 0.0 else cube)
+        if bias is not None:
+            energies.append(bias * np.mean(ease))
         fit.improve(energies, shares, wanted)
     return fit.stiffness
 
@@ -102,6 +108,11 @@ def hinge_constants(sheet: Sheet, fabric: Fabric, length: Floats) -> Floats:
 def _cubed(folded: Floats) -> Floats:
     """|fold|^3; a power takes many times as long."""
     return np.abs(folded * folded * folded)
+
+
+def _biased(folds: _Folds) -> Floats:
+    """Mean of both biases' folds cubed [m3]; how vertices share them out is left out, as they count for little."""
+    return np.asarray(0.5 * (_cubed(folds.evenly(0.25 * np.pi)) + _cubed(folds.evenly(0.75 * np.pi))))
 
 
 def _beyond(sheet: Sheet, length: Floats, folds: _Folds, bends: list[Floats], count: int) -> list[Floats]:

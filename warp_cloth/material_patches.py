@@ -14,11 +14,13 @@ Floats = NDArray[np.float64]
 # A patch spreads from its vertex as a walk of so many steps does, each of them with a chance of one half: over two
 # edges or three. That holds hinges of every direction; much larger ones would mix cloth of other diagonals in.
 STEPS = 6
-LEAST_FACTOR, MOST_FACTOR = 0.02, 20.0  # a mesh may lack hinges that fold; others would be another material
+LEAST_FACTOR, MOST_FACTOR = 0.1, 20.0  # a mesh may lack hinges that fold; others would be another material
 MOST_LEAN = 3.0  # of the factors' logarithm
 LEAST_APART = 0.05  # of the two bends' mean cos 2 angle; nearer, all hinges run alike
 MOST_TURN, MOST_LACK = 1.0, 1e3  # of the lean, and of an energy, in one step
 MOST_STEPS, CLOSE = 3, 0.01  # of Newton's in one improvement; patches' energies off by 1 % (rms) are left so
+# Of warp, weft and biases, whose share of the fit keeps hinges that warp and weft could do without from going limp.
+WEIGHTS = (1.0, 1.0, 0.15)
 TINY = np.finfo(float).tiny
 
 
@@ -68,8 +70,8 @@ class Fit:
     def improve(self, energies: Sequence[Floats], shares: Sequence[Floats], wanted: Sequence[float]) -> None:
         """Newton's steps, in logarithms, towards patches of the wanted bendings.
 
-        Bent along the warp, and along the weft, or in several ways without directions, each hinge costs C times its
-        ``energies``; the patches' sums times ``shares`` are to be ``wanted``.
+        Bent along the warp, the weft and the biases, or in several ways without directions, each hinge costs C times
+        its ``energies``; the patches' sums times ``shares`` are to be ``wanted``.
         """
         for _ in range(MOST_STEPS):
             sums = [self._patches.sums(own * self.stiffness) for own in energies]
@@ -77,19 +79,29 @@ class Fit:
             if not self._lean.any():
                 self._take(np.mean(lacks, axis=0), 0.0)
                 return
-            if max(float(np.sqrt(np.mean(lack * lack))) for lack in lacks) < CLOSE:
+            if max(float(np.sqrt(np.mean(lack * lack))) for lack in lacks[:2]) < CLOSE:
                 return
-            warp, weft = (
+            leans = [
                 self._patches.sums(own * self.stiffness * self._lean) / np.maximum(total, TINY)
                 for own, total in zip(energies, sums, strict=True)
-            )
-            turn = np.clip((lacks[0] - lacks[1]) / np.maximum(warp - weft, LEAST_APART), -MOST_TURN, MOST_TURN)
-            self._take(0.5 * (lacks[0] + lacks[1] - turn * (warp + weft)), turn)
+            ]
+            self._take(*self._fitted(lacks, leans))
+
+    def _fitted(self, lacks: Sequence[Floats], leans: Sequence[Floats]) -> tuple[Floats, Floats]:
+        """What even and lean change by so that the lacks, which change by even + lean times ``leans``, are least."""
+        weights = np.array(WEIGHTS)
+        count, own = weights.sum(), weights @ np.array(lacks)
+        first = weights @ np.array(leans)
+        second, both = weights @ np.array(leans) ** 2, weights @ (np.array(leans) * np.array(lacks))
+        apart = np.maximum(count * second - first * first, LEAST_APART**2)
+        turn = np.clip((count * both - first * own) / apart, -MOST_TURN, MOST_TURN)
+        turn = np.clip(self._leaning + turn, -MOST_LEAN, MOST_LEAN) - self._leaning
+        return (own - turn * first) / count, turn
 
     def _take(self, even: Floats, lean: Floats | float) -> None:
         """Changes the patches' logarithms by these, shape [V]."""
         self._even = np.clip(self._even + even, np.log(LEAST_FACTOR), np.log(MOST_FACTOR))
-        self._leaning = np.clip(self._leaning + lean, -MOST_LEAN, MOST_LEAN)
+        self._leaning += lean
         means = self._patches.means
         factor = np.exp(means(self._even) + self._lean * means(self._leaning))
         self.stiffness = self._usual * np.clip(factor, LEAST_FACTOR, MOST_FACTOR)
