@@ -29,7 +29,7 @@ THREAD_TOLERANCE = 0.02
 SHEAR_TOLERANCE = 0.05  # what the free sides still take from the middle, and threads that lengthen a little
 BENDING_TOLERANCE = 0.10
 # What rounds that hardly change the energy would still change, in single hinges and in their mean.
-SETTLED_APART, SETTLED_MEAN_APART = 2e-2, 2e-3
+SETTLED_APART, SETTLED_MEAN_APART = 5e-2, 2e-3
 COARSE_EDGES = (0.25, 0.3, 0.35)  # of a bending length: the matched curvature turns up to 17 degrees from edge to edge
 EDGE_TOLERANCE = 0.05  # of a fabric without threads, on regular grids; others are a stated limit
 WOVEN = ("cotton", "jersey")  # nearly inextensible, and softest: shear is 0.2 % and 6 % of the stretch
