@@ -23,7 +23,7 @@ from warp_cloth.errors import InputError
 
 CPU_SHARD = 8  # items to a shard at most: what a killed run does again on each core
 GPU_SHARD = 512  # so many garments fill the largest GPU, and one reading of their avatars serves them all
-WORKERS_PER_GPU = 3  # while one's garments relax, others load, or measure what they have fitted
+WORKERS_PER_GPU = 4  # while one's garments relax, others load, or measure what they have fitted
 # At least so many, where there are items enough, as the last worker to end is waited for: half a shard in the mean.
 SHARDS_PER_CORE = 16
 SHARDS_PER_GPU_WORKER = 2  # a GPU that one worker leaves is the others'
@@ -81,7 +81,8 @@ def run_batch(
         workers: processes; None: one for each core, or WORKERS_PER_GPU for each GPU.
         ray: address of a Ray cluster that does the work ("auto": the one that runs here); None: this machine.
         keep: "arrays", a packed file per shard, "stages", a USD stage per item, or "none".
-        shard: items to a task and its file; None: by device and number of items, or as the folder has it.
+        shard: items to a task and its file, up to a quarter more where they meet the same avatar; None: by device and
+            number of items, or as the folder has it.
         progress: told how far the batch has come.
 
     Raises:

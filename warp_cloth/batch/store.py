@@ -32,7 +32,7 @@ from warp_cloth.errors import InputError
 from warp_cloth.export.files import unwritable, whole_file
 
 Keep = Literal["arrays", "stages", "none"]
-MORE = 1.25  # times the items of a shard, where these meet the same avatar
+MORE = 1.25  # times the items of a shard at most, where these meet the same avatar
 LAYOUT = 1  # of the output folder; files of another layout are done again
 
 _FIELDS = {name: pyarrow.int64() if name in WHOLE_NUMBERS else pyarrow.float64() for name in FIGURES}
@@ -70,12 +70,12 @@ def cut(items: Sequence[Item], size: int) -> list[Shard]:
     So a shard needs few avatars, and its worker begins when these are there.
     """
     alike: dict[tuple[str, ...], list[int]] = {}
+    most = int(MORE * size)
     for place, item in enumerate(items):
         alike.setdefault(avatar_asked(item), []).append(place)
     shards: list[list[int]] = []
     for places in alike.values():
-        count = 1 if len(places) <= MORE * size else -(-len(places) // size)
-        step = -(-len(places) // count)
+        step = -(-len(places) // -(-len(places) // most))
         for first in range(0, len(places), step):
             some = places[first : first + step]
             if shards and len(shards[-1]) + len(some) <= size:
