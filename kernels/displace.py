@@ -110,14 +110,14 @@ def displace_kernel(
 
 @functools.cache
 def end_function(
-    precision: str, accelerated: bool, contact: wp.Function | None, collider_type: type, touches: bool, spares: bool
+    precision: str, accelerated: bool, contact: wp.Function | None, collider_type: type, touches: bool
 ) -> wp.Function:
     """The function that ends a vertex' iteration, from one set of arrays to another; arguments of ``displacement``."""
     types = cloth_types(precision)
     point, vec3, Cloth, Vertex, Step, Item = (
         types.point, types.vec3, types.Cloth, types.Vertex, types.Step, types.Item,
     )  # fmt: skip
-    vertex_displacement = displacement(precision, accelerated, contact, collider_type, touches, spares)
+    vertex_displacement = displacement(precision, accelerated, contact, collider_type, touches)
     Colliders, Touch = colliders_type(contact, collider_type), touch_type(touches)
     order = order_functions(precision, in_order=not touches)
     put_position, put_move = order.put_position, order.put_move
@@ -165,7 +165,6 @@ def advance_kernel(
     collider_type: type,
     touches: bool,
     few: bool,
-    spares: bool = False,
 ) -> wp.Kernel:
     """Kernel ``advance_vertices``, which gathers a vertex's forces and moves it, from one set of arrays to another.
 
@@ -179,7 +178,7 @@ def advance_kernel(
     bounds = BLOCK_THREADS, FEW_PER_CORE if few else many
     types = cloth_types(precision)
     point, Cloth, Step = types.point, types.Cloth, types.Step
-    end_vertex = end_function(precision, accelerated, contact, collider_type, touches, spares)
+    end_vertex = end_function(precision, accelerated, contact, collider_type, touches)
     Touch = touch_type(touches)
     functions = patch_functions(precision, step_bound(accelerated, contact), terms, fits, in_order=not touches)
     own_vertex, two_vertices = functions.own_vertex, functions.two_vertices

@@ -71,7 +71,7 @@ def wears(accelerated: bool, contact: wp.Function | None) -> bool:
 
 
 def spares_looks(contact: wp.Function | None, touches: bool) -> bool:
-    """Whether only what may have come near the avatar is looked up: where that may be told.
+    """Whether ``displace_vertices`` looks up only what may have come near the avatar: where that may be told.
 
     Where cloth meets cloth it is lifted off the avatar here and there.
     """

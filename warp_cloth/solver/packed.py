@@ -35,8 +35,6 @@ class PackedCloth:
                 packed.pinned = pinned
             if cloth.held:  # which only iterations ask
                 packed.held = cloth.held
-            if cloth.clear:  # likewise
-                packed.clear = cloth.clear
             if cloth.leeway:
                 packed.leeway = self._leeway
 

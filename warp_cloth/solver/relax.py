@@ -115,10 +115,6 @@ class Relaxation:
         worn = wears(accelerated, self.contact)
         if worn and not model.cloth.held:
             model.cloth.held = wp.zeros(model.vertex_count, dtype=wp.uint8, device=model.device)
-        # a garment alone does not fill a GPU: it waits for what it asks, not for much being asked
-        spares = spares_looks(self.contact, touch is not None) and (model.patches is None or model.item_count > 1)
-        if spares:
-            model.cloth.clear = wp.zeros(model.vertex_count, dtype=wp.float32, device=model.device)
         self._leeway = Leeway(model) if worn and options.leeway > 0.0 else None
         self._strength, self._loose, self._renewal = options.leeway, options.loose, options.renewal
         self._scatter: ForcePass | None = None
@@ -129,8 +125,7 @@ class Relaxation:
             model.cloth.stiffness = wp.zeros(model.vertex_count, dtype=types.real, device=model.device)
         if model.patches is not None:  # no sum of forces in memory, but a second set of positions to write to
             patches = model.patches
-            shape = patches.fits, *asked, patches.few, spares
-            self._move = advance_kernel(model.precision, accelerated, model.terms, *shape)
+            self._move = advance_kernel(model.precision, accelerated, model.terms, patches.fits, *asked, patches.few)
             self._presses_along = touch is not None and patches.fits and patches.few
             if touch is None:
                 self._packed = PackedCloth(model, model.patches, accelerated)
@@ -144,6 +139,8 @@ class Relaxation:
                 self._move = eight_displace_kernel(model.precision, self.contact, self.collider_type, model.terms.pins)
             else:
                 self._move = displace_kernel(model.precision, accelerated, *asked, model.terms.pins)
+            if spares_looks(self.contact, touch is not None):
+                model.cloth.clear = wp.zeros(model.vertex_count, dtype=wp.float32, device=model.device)
         self._items = model.cloth.items.numpy().copy()
         self._items["active"] = 1
         largest = [options.largest_move if cap is None else cap for cap in caps or [None] * model.item_count]
