@@ -7,17 +7,35 @@ import numpy as np
 import pytest
 import warp as wp
 
-from warp_cloth.kernels.arithmetic import WIDTH, chosen, inner, inverses, roots, scaled_sum, shaped
+from warp_cloth.kernels.arithmetic import (
+    WIDTH,
+    chosen,
+    fused,
+    inner,
+    inverses,
+    quotient,
+    root,
+    roots,
+    scaled_sum,
+    shaped,
+)
 from warp_cloth.kernels.words import (
+    above,
     alike,
+    any_above,
+    cross,
     differences,
+    dot,
     four,
     least,
     most,
+    opposite,
     part,
     products,
     scaled,
+    six,
     sizes,
+    spread,
     sums,
     three,
     times,
@@ -26,19 +44,26 @@ from warp_cloth.kernels.words import (
 
 def all_words(real: Any, wide: bool) -> wp.Kernel:
     types: SimpleNamespace = shaped(real, wide)
-    one, vec3 = types.real, types.vec3
+    one, vec3, alone = types.real, types.vec3, shaped(real, False).vec3
 
     @wp.func
     def mixture(a: vec3, b: vec3, number: real):
         """A number in which every word has a part."""
-        dot, x, y = inner(a, b), part(a, 0), part(b, 1)
-        fours = four(dot, x, y, differences(part(a, 2), part(b, 2)))
+        size_2, x, y = inner(a, b), part(a, 0), part(b, 1)
+        fours = four(size_2, x, y, differences(part(a, 2), part(b, 2)))
         size = sizes(fours)
         picked = chosen(fours, roots(size), inverses(most(size, alike(size, number))))
         picked = least(products(picked, size), sums(picked, times(fours, number)))
         ends = three(part(picked, 0), part(picked, 1), sums(part(picked, 2), part(picked, 3)))
         moved = sums(scaled_sum(a, part(picked, 3), scaled(b, most(x, y))), differences(times(ends, number), b))
-        return products(inner(moved, ends), least(sizes(x), alike(y, number)))
+        turned = above(x, y, cross(moved, ends), opposite(spread(x, alone(number, -number, number))))
+        matrix = six(
+            x, y, dot(a, turned), fused(x, y, size_2), root(sizes(y)), quotient(x, sums(sizes(y), alike(y, number)))
+        )
+        mixed = sums(part(matrix, 2), products(part(matrix, 3), sums(part(matrix, 4), part(matrix, 5))))
+        if any_above(x, alike(x, real(1.0e9))):
+            mixed = x
+        return sums(mixed, products(inner(moved, ends), least(sizes(x), alike(y, number))))
 
     @wp.kernel(module="unique", module_options={"enable_backward": False, "fuse_fp": False})
     def mix(a: wp.array(dtype=vec3), b: wp.array(dtype=vec3), number: real, mixed_out: wp.array(dtype=one)):
