@@ -16,9 +16,10 @@ from warp_cloth.result import Status
 from warp_cloth.scene import load_scene
 from warp_cloth.set_up import following, set_up_one
 from warp_cloth.solver.certificate import Certifier, Tolerance
+from warp_cloth.solver.implicit import ImplicitOptions
 from warp_cloth.solver.loop import Outcome, relax_to_rest
-from warp_cloth.solver.multilevel import MultilevelRelaxation
-from warp_cloth.solver.relax import Collider, StepOptions
+from warp_cloth.solver.multilevel import CALM, MultilevelRelaxation
+from warp_cloth.solver.relax import TIGHTER, Collider, StepOptions
 from warp_cloth.solver.simplified import build_ladder
 
 MOST_GROWTH = 2.0  # of the iterations where the vertices become 10 times as many; one level needs 3 times as many
@@ -159,3 +160,21 @@ def test_cloth_at_rest_on_a_ball_stays_there() -> None:
         made.relaxation.run(100)
     way = np.linalg.norm(made.model.points() - outcome.points, axis=1)
     assert np.sqrt(np.mean(way**2)) < outcome.check.rest_error
+
+
+def test_cloth_on_a_body_goes_on_at_another_pace_once_forces_balance() -> None:
+    overrides = ["garment.shape.vertices_per_side=9", "solver.method=multilevel"]
+    relaxation = set_up_one(load_scene("sphere", overrides), "cpu").relaxation
+    relaxation.run(10)  # nothing is overstretched
+    own = ImplicitOptions()
+    for residual, wanted in ((1.0, own.momentum_met), (0.9 * CALM, own.momentum_calm), (2.0 * CALM, own.momentum_calm),
+                             (1.1 * TIGHTER * CALM, own.momentum_met), (2.0 * CALM, own.momentum_met)):  # fmt: skip
+        relaxation.loosen(np.array([residual]))
+        assert relaxation.step.momentum == pytest.approx(wanted)
+
+
+def test_hanging_cloth_keeps_its_pace() -> None:
+    relaxation = relaxation_of([hanging(9)])
+    relaxation.run(10)
+    relaxation.loosen(np.zeros(1))
+    assert relaxation.step.momentum == pytest.approx(ImplicitOptions().momentum)
