@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from warp_cloth.elements import Elements
 from warp_cloth.errors import InputError
 from warp_cloth.kept import Kept
-from warp_cloth.kernels.block import BLOCK_MEMORY, FEW
+from warp_cloth.kernels.block import BLOCK_MEMORY, BLOCKS_PER_CORE, FEW
 from warp_cloth.kernels.cloth import Terms, cloth_types
 from warp_cloth.kernels.patch_memory import RANKS
 from warp_cloth.mesh import Indices, Points
@@ -79,7 +79,7 @@ def garment_patches(
     Raises:
         InputError: more meets at one vertex than a patch can count.
     """
-    size = size or int(np.clip(-(-sum(len(part) for part in points) // FEW), SMALLEST, LARGEST))
+    size = size or _even_size(sum(len(part) for part in points))
     shapes = [
         kept.once("shape", (elements, part), partial(_shape, elements, part))
         for elements, part in zip(garments, points, strict=True)
@@ -94,6 +94,12 @@ def garment_patches(
     cut = dict(zip(missing, map_in_threads(tables_of, missing), strict=True))
     made = {shape: kept.once("patches", (), partial(cut.__getitem__, shape), shape, *how) for shape in distinct}
     return [made[shape] for shape in shapes]
+
+
+def _even_size(vertices: int) -> int:
+    """Vertices that a patch owns. A large GPU that has all patches at work at once has as many on each core."""
+    each = max(2, -(-2 * vertices // (LARGEST * FEW)))
+    return int(np.clip(-(-2 * vertices // (FEW * each)), SMALLEST, LARGEST)) if each <= BLOCKS_PER_CORE else LARGEST
 
 
 def joined_patches(
@@ -382,8 +388,7 @@ def _words(numbers: Keys) -> NDArray[np.uint64]:
 
 def _memory(patch: dict[str, Keys], terms: Terms, precision: str) -> Keys:
     """Bytes that each patch's block needs, as kernels.patch_memory lays them out, shape [P]."""
-    types = cloth_types(precision)
-    real, point = types.real_size, types.point_size
+    real, point = cloth_types(precision).real_size, cloth_types(precision).point_size
     triangles, edges, vertices = patch["triangle_count"], patch["edge_count"], patch["vertex_count"]
     first = patch["normal_count"] if terms.folds else terms.threads * triangles
     needed = 4 * real * (first + terms.edges * (edges + 1))
