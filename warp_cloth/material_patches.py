@@ -22,6 +22,7 @@ MOST_STEPS, CLOSE = 3, 0.01  # of Newton's in one improvement; patches' energies
 # Of warp, weft and biases, whose share of the fit keeps hinges that warp and weft could do without from going limp.
 WEIGHTS = (1.0, 1.0, 0.15)
 TINY = np.finfo(float).tiny
+LEAST = 1e-150  # of what is divided by twice, one after another
 
 
 class Patches:
@@ -56,7 +57,7 @@ class Patches:
 
         Hinges hold ``held`` and the border's vertices ``beyond``, of one kind.
         """
-        return (1.0 + self._spread(beyond) / np.maximum(self.sums(held), TINY)) / np.maximum(self.area, TINY)
+        return (1.0 + self._spread(beyond) / np.maximum(self.sums(held), LEAST)) / np.maximum(self.area, LEAST)
 
 
 class Fit:

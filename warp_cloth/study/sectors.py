@@ -9,6 +9,7 @@ import warp as wp
 from numpy.typing import NDArray
 
 from warp_cloth.kernels.block import BLOCK_MEMORY, BLOCK_THREADS, BLOCKS_PER_CORE
+from warp_cloth.kernels.box_tree import WIDTH
 from warp_cloth.kernels.cloth import Patch
 from warp_cloth.kernels.field import ContactField
 from warp_cloth.study.caches import core_bytes, spilled_bytes
@@ -23,6 +24,7 @@ AT_A_TIME = 1 << 16  # vertices whose places in a table are looked up together
 
 Keys = NDArray[np.int64]
 Part = tuple[Keys, Keys]  # blocks of threads, and what each of them uses
+ALL = 1 << 62
 BLOCK = 1 << 36  # in a key that stands for a sector of an array and the block that asks for it
 
 
@@ -67,7 +69,17 @@ class _Moved:
                     again += sum(len(keys) for keys in loops.values())
         read = once if self._holds(once) else again
         spilled = spilled_bytes(self._launch.command, self._device.alias)
-        return SECTOR * memory, SECTOR * (read + written) + spilled * min(self._vertices, self._launch.threads)
+        return SECTOR * memory, SECTOR * (read + written) + spilled * self._turns()
+
+    def _turns(self) -> int:
+        """How often a thread goes through what may take more than its registers: for a vertex, a pair, a leaf."""
+        turns = min(self._vertices, self._launch.threads)
+        for name, chains in self._uses.read.items():
+            if name.endswith(".corners") and any(each.endswith(".due") for chain in chains for each in chain):
+                turns += len(self._of_pairs(self._arrays[name], name.rpartition(".")[0], next(iter(chains)), ALL)[1])
+            if name.endswith(".group") and name in self._arrays and self._device.is_cuda:
+                turns += int(WIDTH) * self._known_of(name, next(iter(chains)))
+        return turns
 
     def _holds(self, sectors: int) -> bool:
         """Whether the cores' own caches hold what blocks have read until they ask for it again."""
@@ -103,7 +115,7 @@ class _Moved:
         elif array.ndim > 1:
             return self._looked_up(name, size)
         counters = self._counters(chain)
-        known = min((int(self._arrays[each].numpy().max()) for each in counters), default=1)
+        known = self._known_of(name, chain)
         start = self._uses.starts.get(name, "")
         if not known or any(map(self._never, chain)):
             return np.zeros(0, dtype=np.int64)
@@ -128,6 +140,13 @@ class _Moved:
     def _counters(self, chain: Chain) -> list[str]:
         """Of a chain those on the device, which bound what is for pairs and not for a patch."""
         return [each for each in chain if each.endswith(".count") and each in self._arrays]
+
+    def _known_of(self, name: str, chain: Chain) -> int:
+        """How many elements counters on the device bound; 1 where there are none."""
+        counts = [self._arrays[each].numpy() for each in self._counters(chain)]
+        if len(counts) == 1 and len(counts[0]) > 1:  # kernels.meeting's: groups, then leaves in parts
+            return int(counts[0][0] if name.endswith(".group") else counts[0][1:].sum())
+        return min((int(count.max()) for count in counts), default=1)
 
     def _never(self, each: str) -> bool:
         """Whether a part of a chain is a member of structs that is not above zero in any of them."""
