@@ -13,7 +13,9 @@ from warp_cloth.solver.loop import Goal, relax_items
 # other iterations by either collider, and by the exact one from starts that are a hundredth of a millimetre apart.
 COARSE_FELT = ["garment.shape.edge_mm=40", "garment.fabric=felt", "collision.pixel_mm=4"]
 ITERATIONS = 1000  # from a residual of 0.4 down to 0.0001, a hundredth of what counts as rest
-WITHIN = 2.0  # times, after equal iterations; measured at most 1.2
+# Times the exact surface's residual that the depth buffers may leave after equal iterations; measured at most 1.1. They
+# may leave less: a residual that falls tenfold in 200 iterations is 0.4 of another that falls a hundred later.
+WITHIN = 2.0
 NEVER = 0.2  # what is left on the plain look-up; measured 0.3 to 0.5
 
 
@@ -32,6 +34,7 @@ def residuals(avatar: str) -> np.ndarray:
 
 def test_residual_is_the_exact_colliders_after_equal_iterations() -> None:
     depth, exact, plain = (residuals(avatar) for avatar in ("depth", "mesh", "plain"))
-    assert np.abs(np.log(depth / exact)).max() < np.log(WITHIN)
+    assert (depth / exact).max() < WITHIN
+    assert abs(np.log(depth / exact).mean()) < np.log(WITHIN)
     assert exact[-1] < 1e-3
     assert plain.min() > NEVER
