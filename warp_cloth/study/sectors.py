@@ -24,7 +24,6 @@ AT_A_TIME = 1 << 16  # vertices whose places in a table are looked up together
 
 Keys = NDArray[np.int64]
 Part = tuple[Keys, Keys]  # blocks of threads, and what each of them uses
-ALL = 1 << 62
 BLOCK = 1 << 36  # in a key that stands for a sector of an array and the block that asks for it
 
 
@@ -63,7 +62,7 @@ class _Moved:
                 asked = _distinct(np.concatenate(list(loops.values())))
                 memory += _distinct_sectors(asked)
                 if used is self._uses.written:
-                    written += len(asked)
+                    written += len(asked) + self._added_one_by_one(name)
                 else:
                     once += len(asked)
                     again += sum(len(keys) for keys in loops.values())
@@ -72,14 +71,25 @@ class _Moved:
         return SECTOR * memory, SECTOR * (read + written) + spilled * self._turns()
 
     def _turns(self) -> int:
-        """How often a thread goes through what may take more than its registers: for a vertex, a pair, a leaf."""
+        """How often a thread goes through what takes most registers: for a pair, a leaf, or else for a vertex."""
         turns = min(self._vertices, self._launch.threads)
         for name, chains in self._uses.read.items():
-            if name.endswith(".corners") and any(each.endswith(".due") for chain in chains for each in chain):
-                turns += len(self._of_pairs(self._arrays[name], name.rpartition(".")[0], next(iter(chains)), ALL)[1])
+            chain = next(iter(chains))
+            if name.endswith(".corners") and any(each.endswith(".due") for each in chain):
+                turns = len(self._of_pairs(self._arrays[name], _owner(name), chain, self._known_of(name, chain))[1])
             if name.endswith(".group") and name in self._arrays and self._device.is_cuda:
-                turns += int(WIDTH) * self._known_of(name, next(iter(chains)))
+                turns = int(WIDTH) * self._known_of(name, chain)
         return turns
+
+    def _added_one_by_one(self, name: str) -> int:
+        """Sectors of rows that pairs add to beyond one each: no core's cache takes several numbers together."""
+        array = self._arrays[name]
+        if name not in self._uses.summed or array.ndim < 2:
+            return 0
+        of_pairs = [chain for chain in self._uses.written[name] if any(each.endswith(".due") for each in chain)]
+        columns = array.size // len(array)
+        parts = [self._of_pairs(array, _owner(name), chain, self._known_of(name, chain))[1] for chain in of_pairs]
+        return sum(columns * len(part) for part in parts)
 
     def _holds(self, sectors: int) -> bool:
         """Whether the cores' own caches hold what blocks have read until they ask for it again."""
@@ -222,6 +232,11 @@ def field_nodes(field: Any, values: NDArray[np.float32], block: Keys, points: ND
     first = middle[:, None] + ends
     blocks = np.concatenate([np.repeat(block, len(ends)), np.repeat(block[near], read.shape[1])])
     return blocks, np.concatenate([first.ravel(), read.ravel()])
+
+
+def _owner(name: str) -> str:
+    """The struct that an array lies in."""
+    return name.rpartition(".")[0]
 
 
 def _ranges(first: Keys, count: Keys) -> Part:

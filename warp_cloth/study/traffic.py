@@ -33,6 +33,7 @@ class Uses:
     read: dict[str, set[Chain]] = field(default_factory=dict)
     written: dict[str, set[Chain]] = field(default_factory=dict)
     starts: dict[str, str] = field(default_factory=dict)  # where a patch's part of an array begins: "edge_start"
+    summed: set[str] = field(default_factory=set)  # that are added to in the cache, number by number
     packed: set[str] = field(default_factory=set)  # whose elements lie as kernels.packing packs positions
 
 
@@ -160,6 +161,7 @@ class _Reader(ast.NodeVisitor):
         name = node.func.attr if isinstance(node.func, ast.Attribute) else getattr(node.func, "id", "")
         if name in ATOMICS and node.args:
             self._note(self._path(node.args[0]), self._uses.written)  # the cache adds by itself
+            self._uses.summed.add(self._path(node.args[0]))
         if name in QUEUES:
             self._note(self._queued(node), self._uses.read)
         if getattr(self._known.get(name), "key", "") in PACKED and node.args:
