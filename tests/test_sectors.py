@@ -202,3 +202,17 @@ def test_of_pairs_those_are_asked_for_whose_time_has_come_and_of_sums_those_of_p
     ):
         (found,) = asked(launch, uses, name).values()
         assert {sector for _, sector in found} == sectors_of(elements, size)
+
+
+def test_sums_are_asked_for_number_by_number_by_the_pairs_that_press() -> None:
+    launch, uses = pressed(0.0, 0.0005, 0.0015, 0.011)
+    arrays = {name: array.numpy() for name, array in launch.arrays().items() if name.startswith("contact.")}
+    count = arrays["contact.count"][0]
+    gone = arrays["contact.way"][0] + arrays["contact.stride"][arrays["contact.turn"][0] % 2]
+    come = arrays["contact.due"][:count] <= gone
+    press = come & arrays["contact.lean"][:count].any(axis=1)
+    moved = sectors._Moved(launch, uses)
+    ways = len(uses.written["contact.sum"])  # towards each other, and apart where they are parallel
+    assert moved._added_one_by_one("contact.sum") == ways * press.sum() * 4 * 4
+    assert moved._added_one_by_one("contact.room") == 0
+    assert moved._turns() == come.sum()
