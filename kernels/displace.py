@@ -20,14 +20,12 @@ from warp_cloth.kernels.block import (
 )
 from warp_cloth.kernels.cloth import MODULE_OPTIONS, Terms, cloth_types, free_function
 from warp_cloth.kernels.cloth_contact import contact_watch
-from warp_cloth.kernels.displacement import colliders_type, displacement, spares_looks, step_bound, touch_type
+from warp_cloth.kernels.displacement import AHEAD, colliders_type, displacement, spares_looks, step_bound, touch_type
 from warp_cloth.kernels.field import fetch_field, field_contact
 from warp_cloth.kernels.gather import patch_functions
 from warp_cloth.kernels.packing import order_functions
 from warp_cloth.kernels.patch_memory import leaves, patch_of
 from warp_cloth.kernels.pressing import press_function
-
-AHEAD = wp.constant(16)  # vertices for which the CPU's memory is asked before it is needed
 
 
 @functools.cache

@@ -9,6 +9,7 @@ from warp_cloth.kernels.arithmetic import WIDTH as EIGHT
 from warp_cloth.kernels.arithmetic import inner, root, shaped
 from warp_cloth.kernels.cloth import MODULE_OPTIONS, cloth_types
 from warp_cloth.kernels.displacement import (
+    AHEAD,
     LONGER,
     STEP,
     accelerated_move,
@@ -31,7 +32,6 @@ from warp_cloth.kernels.stiffness import symmetric_times
 from warp_cloth.kernels.words import above, alike, times
 
 WIDTH = wp.constant(EIGHT)
-AHEAD = wp.constant(16)  # vertices for which memory is asked before it is needed
 
 _OF_ITEM = """
     int lanes = 0;

@@ -15,6 +15,7 @@ from warp_cloth.kernels.stiffness import symmetric_functions, symmetric_times
 from warp_cloth.kernels.words import above, alike, least, most, part, scaled, spread, sums, three, times
 
 LONGER, STEP = wp.constant(1.0001), wp.constant(1.0e-9)  # more than rounding adds to a way, as a share and [m]
+AHEAD = wp.constant(16)  # vertices for which the CPU's memory is asked before it is needed
 
 
 @wp.func

@@ -16,45 +16,51 @@ from warp_cloth.kernels.cloth import cloth_types, rest_function
 
 WIDTH = wp.constant(EIGHT)
 
-# what lies at four addresses, element by element, component by component, and back
-_TURNED = """
-    typedef %(real)s Eight __attribute__((ext_vector_type(8)));
-    Eight c[4];
-    {
-        Eight pairs[4];
-        for (int k = 0; k < 4; ++k)
-            pairs[k] = __builtin_shufflevector(rows[k], rows[k + 4], 0, 1, 2, 3, 4, 5, 6, 7);
-        const Eight a = __builtin_shufflevector(pairs[0], pairs[1], 0, 8, 1, 9, 4, 12, 5, 13);
-        const Eight b = __builtin_shufflevector(pairs[2], pairs[3], 0, 8, 1, 9, 4, 12, 5, 13);
-        const Eight d = __builtin_shufflevector(pairs[0], pairs[1], 2, 10, 3, 11, 6, 14, 7, 15);
-        const Eight e = __builtin_shufflevector(pairs[2], pairs[3], 2, 10, 3, 11, 6, 14, 7, 15);
-        c[0] = __builtin_shufflevector(a, b, 0, 1, 8, 9, 4, 5, 12, 13);
-        c[1] = __builtin_shufflevector(a, b, 2, 3, 10, 11, 6, 7, 14, 15);
-        c[2] = __builtin_shufflevector(d, e, 0, 1, 8, 9, 4, 5, 12, 13);
-        c[3] = __builtin_shufflevector(d, e, 2, 3, 10, 11, 6, 7, 14, 15);
-    }
-"""
-_TURN_BACK = """
-    typedef %(real)s Row __attribute__((ext_vector_type(4)));
-    typedef %(real)s Eight __attribute__((ext_vector_type(8)));
-    auto turn_back = [](const %(real)s* from, Row* rows) {
-        Eight c[4];
-        __builtin_memcpy(c, from, sizeof(c));
-        const Eight a = __builtin_shufflevector(c[0], c[1], 0, 8, 1, 9, 4, 12, 5, 13);
-        const Eight b = __builtin_shufflevector(c[2], c[3], 0, 8, 1, 9, 4, 12, 5, 13);
-        const Eight d = __builtin_shufflevector(c[0], c[1], 2, 10, 3, 11, 6, 14, 7, 15);
-        const Eight e = __builtin_shufflevector(c[2], c[3], 2, 10, 3, 11, 6, 14, 7, 15);
-        const Eight f[] = {
+# x, four vectors of two fours each, turned so that what lay across lies along, in y
+_SHUFFLES = """
+        const Eight a = __builtin_shufflevector(x[0], x[1], 0, 8, 1, 9, 4, 12, 5, 13);
+        const Eight b = __builtin_shufflevector(x[2], x[3], 0, 8, 1, 9, 4, 12, 5, 13);
+        const Eight d = __builtin_shufflevector(x[0], x[1], 2, 10, 3, 11, 6, 14, 7, 15);
+        const Eight e = __builtin_shufflevector(x[2], x[3], 2, 10, 3, 11, 6, 14, 7, 15);
+        const Eight y[] = {
             __builtin_shufflevector(a, b, 0, 1, 8, 9, 4, 5, 12, 13),
             __builtin_shufflevector(a, b, 2, 3, 10, 11, 6, 7, 14, 15),
             __builtin_shufflevector(d, e, 0, 1, 8, 9, 4, 5, 12, 13),
             __builtin_shufflevector(d, e, 2, 3, 10, 11, 6, 7, 14, 15)};
+"""
+# what lies at four addresses, element by element, component by component, and back
+_TURNED = (
+    """
+    typedef %(real)s Eight __attribute__((ext_vector_type(8)));
+    Eight c[4];
+    {
+        Eight x[4];
+        for (int k = 0; k < 4; ++k)
+            x[k] = __builtin_shufflevector(rows[k], rows[k + 4], 0, 1, 2, 3, 4, 5, 6, 7);
+"""
+    + _SHUFFLES
+    + """
+        __builtin_memcpy(c, y, sizeof(c));
+    }
+"""
+)
+_TURN_BACK = (
+    """
+    typedef %(real)s Row __attribute__((ext_vector_type(4)));
+    typedef %(real)s Eight __attribute__((ext_vector_type(8)));
+    auto turn_back = [](const %(real)s* from, Row* rows) {
+        Eight x[4];
+        __builtin_memcpy(x, from, sizeof(x));
+"""
+    + _SHUFFLES
+    + """
         for (int k = 0; k < 4; ++k) {
-            rows[k] = __builtin_shufflevector(f[k], f[k], 0, 1, 2, 3);
-            rows[k + 4] = __builtin_shufflevector(f[k], f[k], 4, 5, 6, 7);
+            rows[k] = __builtin_shufflevector(y[k], y[k], 0, 1, 2, 3);
+            rows[k + 4] = __builtin_shufflevector(y[k], y[k], 4, 5, 6, 7);
         }
     };
 """
+)
 _TYPES = """
     typedef %(held)s Held __attribute__((ext_vector_type(4)));
     typedef %(real)s Row __attribute__((ext_vector_type(4)));

@@ -17,7 +17,7 @@ from warp_cloth.kernels.cloth import MODULE_OPTIONS, Terms, cloth_types, differe
 from warp_cloth.kernels.edge import edge_functions
 from warp_cloth.kernels.forces import square_functions
 from warp_cloth.kernels.scatter import sides_function
-from warp_cloth.kernels.stiffness import symmetric_functions, symmetric_times
+from warp_cloth.kernels.stiffness import matrix_functions, symmetric_functions, symmetric_times
 from warp_cloth.kernels.tension import share_across, tension_stiffness
 from warp_cloth.kernels.weave import thread_pulls, thread_shares, warp_vector, weft_vector
 from warp_cloth.kernels.words import (
@@ -41,23 +41,9 @@ def bound_functions(precision: str, eight: bool = False) -> SimpleNamespace:
     real, types = cloth_types(precision).real, shaped(cloth_types(precision).real, eight)
     one, vec3, vec4, Step = types.real, types.vec3, types.vec4, cloth_types(precision).Step
     squares = square_functions(precision, eight).squares
+    matrices = matrix_functions(precision, eight)
+    along, even = matrices.along, matrices.even
     half, quarter = wp.constant(real(0.5)), wp.constant(real(0.25))
-
-    @wp.func
-    def even(size: one):
-        """size times the unit matrix."""
-        none = alike(size, real(0.0))
-        return six(size, size, size, none, none, none)
-
-    @wp.func
-    def along(size: one, u: vec3):
-        """size u u^T."""
-        x, y, z = part(u, 0), part(u, 1), part(u, 2)
-        size_x, size_y = products(size, x), products(size, y)
-        return six(
-            products(size_x, x), products(size_y, y), products(products(size, z), z),
-            products(size_x, y), products(size_x, z), products(size_y, z),
-        )  # fmt: skip
 
     @wp.func
     def crossed(size: one, u: vec3, v: vec3, first: int, second: int):

@@ -11,11 +11,12 @@ from typing import Any
 
 import warp as wp
 
+from warp_cloth.kernels.arithmetic import shaped
 from warp_cloth.kernels.bending import THINNEST, hinge_fold, turned_back
 from warp_cloth.kernels.cloth import MODULE_OPTIONS, cloth_types, difference_function, hinge_sides_function
 from warp_cloth.kernels.tension import tension_force, tension_stiffness
 from warp_cloth.kernels.weave import warp_vector, weft_vector
-from warp_cloth.kernels.words import dot, part, three
+from warp_cloth.kernels.words import alike, dot, part, products, six, three
 
 
 @functools.cache
@@ -49,26 +50,37 @@ def symmetric_times(m: Any, v: Any):
 
 
 @functools.cache
-def symmetric_functions(precision: str) -> SimpleNamespace:
-    """Functions on symmetric matrices as vec6: ``along``, ``even``, ``times``, ``solved``."""
-    real, vec3 = cloth_types(precision).real, cloth_types(precision).vec3
-    vec6 = stiffness_types(precision).vec6
-    # of a block's mean stiffness; keeps a block with a direction that nothing resists solvable
-    least = wp.constant(real(1.0e-6))
+def matrix_functions(precision: str, eight: bool = False) -> SimpleNamespace:
+    """Functions ``along`` and ``even``, which make symmetric matrices as vec6; of one or of ``eight`` at a time."""
+    real = cloth_types(precision).real
+    one, vec3 = shaped(real, eight).real, shaped(real, eight).vec3
 
     @wp.func
-    def along(size: real, u: vec3):
+    def along(size: one, u: vec3):
         """size u u^T."""
-        return vec6(
-            size * u[0] * u[0], size * u[1] * u[1], size * u[2] * u[2],
-            size * u[0] * u[1], size * u[0] * u[2], size * u[1] * u[2],
+        x, y, z = part(u, 0), part(u, 1), part(u, 2)
+        size_x, size_y = products(size, x), products(size, y)
+        return six(
+            products(size_x, x), products(size_y, y), products(products(size, z), z),
+            products(size_x, y), products(size_x, z), products(size_y, z),
         )  # fmt: skip
 
     @wp.func
-    def even(size: real):
+    def even(size: one):
         """size times the unit matrix."""
-        zero = real(0.0)
-        return vec6(size, size, size, zero, zero, zero)
+        none = alike(size, real(0.0))
+        return six(size, size, size, none, none, none)
+
+    return SimpleNamespace(along=along, even=even)
+
+
+@functools.cache
+def symmetric_functions(precision: str) -> SimpleNamespace:
+    """Functions on symmetric matrices as vec6: ``along``, ``even``, ``times``, ``inverse``."""
+    real, vec6 = cloth_types(precision).real, stiffness_types(precision).vec6
+    matrices = matrix_functions(precision)
+    # of a block's mean stiffness; keeps a block with a direction that nothing resists solvable
+    least = wp.constant(real(1.0e-6))
 
     @wp.func
     def inverse(m: vec6):
@@ -92,7 +104,7 @@ def symmetric_functions(precision: str) -> SimpleNamespace:
                 result = vec6(c00, c11, c22, c01, c02, c12) * (one / (determinant * mean))
         return result
 
-    return SimpleNamespace(along=along, even=even, times=symmetric_times, inverse=inverse)
+    return SimpleNamespace(along=matrices.along, even=matrices.even, times=symmetric_times, inverse=inverse)
 
 
 @functools.cache

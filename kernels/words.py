@@ -35,7 +35,6 @@ _ANY = """
         any |= a.c[k] > b.c[k];
     return any;
 """
-_DOT = "u[0] * v[0] + u[1] * v[1] + u[2] * v[2]"
 _CROSS = "u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]"
 
 for _real, _name in ((wp.float32, "float"), (wp.float64, "double")):
