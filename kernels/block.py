@@ -11,14 +11,12 @@ from typing import Any
 import warp as wp
 
 from warp_cloth.kernels.cloth import cloth_types
+from warp_cloth.kernels.limits import BLOCK_MEMORY
 
-BLOCK_MEMORY = 36 * 1024  # [bytes]; a core of a large GPU has room for six such blocks
 BLOCK_THREADS = 192  # that work on a patch
 WARPS = BLOCK_THREADS // 32  # of threads that go together
-BLOCKS_PER_CORE = 5  # that its registers are to suffice for: each fetches while others work
 WORN_PER_CORE = 4  # the same where threads look up an avatar, too, and would keep much in memory for want of registers
 FEW_PER_CORE = 3  # the same where there are no more at all: threads then keep all in registers
-FEW = 264  # blocks, that a large GPU's cores work on by twos
 BESIDE = wp.constant(-2147483648)  # the sign bit
 
 _OWN_MEMORY = f"""

@@ -2,11 +2,11 @@
 
 import functools
 from types import SimpleNamespace
-from typing import NamedTuple
 
 import warp as wp
 
 from warp_cloth.kernels.access import element
+from warp_cloth.kernels.limits import point_size, real_size
 
 PRECISIONS = ("float32", "mixed", "float64")
 
@@ -28,16 +28,6 @@ def takes_exact_stretch(precision: str, fourth: str) -> bool:
     weights on 66,000 vertices of 200 kN/m. A step that goes by a bound ends by the certificate long before that tells.
     """
     return precision == "mixed" and fourth not in BOUNDS
-
-
-class Terms(NamedTuple):
-    """What acts in a scene's cloth; the kernels are made for these."""
-
-    edges: bool
-    folds: bool
-    threads: bool
-    angles: bool = False  # folds that are not flat at rest
-    pins: bool = False  # vertices that stay
 
 
 @wp.struct
@@ -218,7 +208,7 @@ def cloth_types(precision: str) -> SimpleNamespace:
         name=precision, real=real, wide=wide, point=point, vec2=vec2, vec3=vec3, vec4=vec4, vec6=vec6,
         Step=Step, Item=Item, Cloth=Cloth, Vertex=Vertex, Edges=Edges, Triangles=Triangles, Rows=Rows, Hinges=Hinges,
         Weave=Weave, Span=Span, Sides=Sides, Patches=Patches,
-        real_size=8 if precision == "float64" else 4, point_size=12 if precision == "float32" else 24,
+        real_size=real_size(precision), point_size=point_size(precision),
     )  # fmt: skip
 
 

@@ -7,7 +7,6 @@ import warp as wp
 from warp_cloth.kernels.access import element, put
 from warp_cloth.kernels.block import (
     BLOCK_THREADS,
-    BLOCKS_PER_CORE,
     FEW_PER_CORE,
     WORN_PER_CORE,
     ask_no_earlier,
@@ -18,11 +17,12 @@ from warp_cloth.kernels.block import (
     tell_blocks,
     wait_for_block,
 )
-from warp_cloth.kernels.cloth import MODULE_OPTIONS, Terms, cloth_types, free_function
+from warp_cloth.kernels.cloth import MODULE_OPTIONS, cloth_types, free_function
 from warp_cloth.kernels.cloth_contact import contact_watch
 from warp_cloth.kernels.displacement import AHEAD, colliders_type, displacement, spares_looks, step_bound, touch_type
 from warp_cloth.kernels.field import fetch_field, field_contact
 from warp_cloth.kernels.gather import patch_functions
+from warp_cloth.kernels.limits import BLOCKS_PER_CORE, Terms
 from warp_cloth.kernels.packing import order_functions
 from warp_cloth.kernels.patch_memory import leaves, patch_of
 from warp_cloth.kernels.pressing import press_function

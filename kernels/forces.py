@@ -11,7 +11,8 @@ import warp as wp
 
 from warp_cloth.kernels.arithmetic import chosen, fused, inner, inverses, roots, scaled_sum, shaped
 from warp_cloth.kernels.bending import unit_normal
-from warp_cloth.kernels.cloth import BOUNDS, Terms, cloth_types, difference_function, takes_exact_stretch
+from warp_cloth.kernels.cloth import BOUNDS, cloth_types, difference_function, takes_exact_stretch
+from warp_cloth.kernels.limits import Terms
 from warp_cloth.kernels.weave import slope_shares, stretched_pulls, thread_shares, warp_vector, weft_vector
 from warp_cloth.kernels.words import (
     alike,

@@ -14,9 +14,9 @@ import warp as wp
 from warp_cloth.kernels.access import element
 from warp_cloth.kernels.arithmetic import signed_sum
 from warp_cloth.kernels.block import block_of, lane_of, memory_functions, patch_threads, wait_for_block
-from warp_cloth.kernels.cloth import MODULE_OPTIONS, Patch, Terms, cloth_types
+from warp_cloth.kernels.cloth import MODULE_OPTIONS, Patch, cloth_types
+from warp_cloth.kernels.limits import RANKS, Terms
 from warp_cloth.kernels.patch_memory import (
-    RANKS,
     PatchMemory,
     fetch_function,
     layout_function,

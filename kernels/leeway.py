@@ -13,9 +13,10 @@ from types import SimpleNamespace
 import warp as wp
 
 from warp_cloth.kernels.arithmetic import inner, root, shaped
-from warp_cloth.kernels.cloth import MODULE_OPTIONS, Terms, cloth_types, difference_function, rest_function
+from warp_cloth.kernels.cloth import MODULE_OPTIONS, cloth_types, difference_function, rest_function
 from warp_cloth.kernels.edge import edge_functions
 from warp_cloth.kernels.forces import square_functions
+from warp_cloth.kernels.limits import Terms
 from warp_cloth.kernels.scatter import sides_function
 from warp_cloth.kernels.stiffness import matrix_functions, symmetric_functions, symmetric_times
 from warp_cloth.kernels.tension import share_across, tension_stiffness

@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import warp as wp
 
 from warp_cloth.kernels.arithmetic import shaped
-from warp_cloth.kernels.cloth import MODULE_OPTIONS, Terms, cloth_types, rest_function
+from warp_cloth.kernels.cloth import MODULE_OPTIONS, cloth_types, rest_function
 from warp_cloth.kernels.eight import (
     add_eight,
     add_pairs,
@@ -20,6 +20,7 @@ from warp_cloth.kernels.eight import (
     lanes_function,
 )
 from warp_cloth.kernels.leeway import bound_functions, leeway_function
+from warp_cloth.kernels.limits import Terms
 from warp_cloth.kernels.words import alike, four, part, sums, times
 
 

@@ -6,9 +6,8 @@ import warp as wp
 
 from warp_cloth.kernels.access import element
 from warp_cloth.kernels.block import BESIDE, fetch_ahead, own_memory
-from warp_cloth.kernels.cloth import Patch, Terms, cloth_types
-
-RANKS = 8  # of what meets at a vertex that share a word
+from warp_cloth.kernels.cloth import Patch, cloth_types
+from warp_cloth.kernels.limits import RANKS, Terms
 
 
 @wp.struct

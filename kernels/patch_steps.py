@@ -10,9 +10,10 @@ import warp as wp
 
 from warp_cloth.kernels.access import element
 from warp_cloth.kernels.block import memory_functions, patch_threads
-from warp_cloth.kernels.cloth import BOUNDS, Patch, Terms, cloth_types
+from warp_cloth.kernels.cloth import BOUNDS, Patch, cloth_types
 from warp_cloth.kernels.edge import edge_functions
 from warp_cloth.kernels.forces import corner_function, triangle_functions
+from warp_cloth.kernels.limits import Terms
 from warp_cloth.kernels.packing import order_functions, three_function
 from warp_cloth.kernels.patch_memory import PatchMemory, stride_function
 

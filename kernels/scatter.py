@@ -11,9 +11,10 @@ import warp as wp
 
 from warp_cloth.kernels.access import add_to, element
 from warp_cloth.kernels.arithmetic import inner, root
-from warp_cloth.kernels.cloth import BOUNDS, MODULE_OPTIONS, Terms, cloth_types, rest_function
+from warp_cloth.kernels.cloth import BOUNDS, MODULE_OPTIONS, cloth_types, rest_function
 from warp_cloth.kernels.edge import edge_functions
 from warp_cloth.kernels.forces import corner_function, triangle_functions
+from warp_cloth.kernels.limits import Terms
 
 
 @functools.cache

@@ -9,7 +9,7 @@ import warp as wp
 
 from warp_cloth.kernels.arithmetic import inner, quotient, root, shaped
 from warp_cloth.kernels.bending import unit_normal
-from warp_cloth.kernels.cloth import MODULE_OPTIONS, Terms, cloth_types
+from warp_cloth.kernels.cloth import MODULE_OPTIONS, cloth_types
 from warp_cloth.kernels.edge import edge_functions, edge_length, spans_type
 from warp_cloth.kernels.eight import (
     add_eight,
@@ -23,6 +23,7 @@ from warp_cloth.kernels.eight import (
     put_eight,
 )
 from warp_cloth.kernels.forces import corner_fold_function, thread_function
+from warp_cloth.kernels.limits import Terms
 from warp_cloth.kernels.words import alike, four, opposite, part, products, three
 
 

@@ -18,10 +18,11 @@ from warp_cloth.collide.crossing import find_crossings
 from warp_cloth.collide.exact import signed_distances
 from warp_cloth.collide.placing import DEEP, clear_shift
 from warp_cloth.fabric import Fabric
+from warp_cloth.garment_part import GarmentPart
 from warp_cloth.kernels.cloth import cloth_types
 from warp_cloth.kernels.meeting import APART
 from warp_cloth.mesh import Mesh, Points
-from warp_cloth.model import ClothModel, GarmentPart, build_model
+from warp_cloth.model import ClothModel, build_model
 from warp_cloth.rest import build_rest_shape
 from warp_cloth.scene import SphereShape
 from warp_cloth.shapes import build_avatar

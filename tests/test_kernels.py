@@ -17,7 +17,7 @@ import warp_cloth.kernels
 from warp_cloth.kernels.bake import bake_kernels
 from warp_cloth.kernels.certify import bending_energy_kernel, energy_kernels, residual_kernel
 from warp_cloth.kernels.closest import MeshCollider, mesh_contact
-from warp_cloth.kernels.cloth import BOUNDS, FOURTH_PARTS, PRECISIONS, Terms
+from warp_cloth.kernels.cloth import BOUNDS, FOURTH_PARTS, PRECISIONS
 from warp_cloth.kernels.cloth_contact import add_kernel
 from warp_cloth.kernels.contact_pairs import groups_kernel, leaves_kernel, pairs_kernel
 from warp_cloth.kernels.contact_search import box_kernel, start_kernel
@@ -28,6 +28,7 @@ from warp_cloth.kernels.displacement import NoCollider
 from warp_cloth.kernels.field import ContactField, field_contact
 from warp_cloth.kernels.gather import gather_kernel
 from warp_cloth.kernels.layers import LayeredSolid, layered_level
+from warp_cloth.kernels.limits import Terms
 from warp_cloth.kernels.pressing import press_kernel
 from warp_cloth.kernels.pressure import push_kernel
 from warp_cloth.kernels.scatter import edges_kernel, normals_kernel, triangles_kernel

@@ -16,6 +16,7 @@ from warp_cloth.collide.exact import build_exact_collider
 from warp_cloth.errors import InputError
 from warp_cloth.fabric import Fabric
 from warp_cloth.fitting import fit
+from warp_cloth.garment_part import GarmentPart
 from warp_cloth.kernels.closest import MeshCollider, mesh_contact
 from warp_cloth.maps import MAPS, chosen_maps, measure_maps
 from warp_cloth.maps.girths import garment_girths
@@ -25,7 +26,6 @@ from warp_cloth.maps.section import cut
 from warp_cloth.maps.strain import face_strains, vertex_areas, vertex_means
 from warp_cloth.material import even_network
 from warp_cloth.mesh import Mesh
-from warp_cloth.model import GarmentPart
 from warp_cloth.rest import GRAVITY, build_rest_shape
 from warp_cloth.shapes import MannequinMeasures, mannequin, sphere, tshirt
 from warp_cloth.solver.certificate import Certifier

@@ -12,10 +12,10 @@ from warp_cloth import patches
 from warp_cloth.elements import garment_elements
 from warp_cloth.errors import InputError
 from warp_cloth.fabric import resolve_fabric
-from warp_cloth.kernels.block import BLOCK_MEMORY
-from warp_cloth.kernels.cloth import Terms
+from warp_cloth.garment_part import GarmentPart, terms_of
+from warp_cloth.kernels.limits import BLOCK_MEMORY, Terms
 from warp_cloth.mesh import Mesh
-from warp_cloth.model import GarmentPart, build_model, terms_of
+from warp_cloth.model import build_model
 from warp_cloth.patches import PatchTables, cut_patches
 from warp_cloth.rest import RestShape, build_rest_shape
 from warp_cloth.solver.relax import Collider, Method, Relaxation, StepOptions

@@ -11,8 +11,9 @@ from cloths import grid
 from reference import true_rest
 
 from warp_cloth.fabric import Fabric
+from warp_cloth.garment_part import GarmentPart
 from warp_cloth.mesh import Mesh
-from warp_cloth.model import GarmentPart, build_model
+from warp_cloth.model import build_model
 from warp_cloth.rest import build_rest_shape
 from warp_cloth.result import Status
 from warp_cloth.solver.certificate import Certifier, Tolerance

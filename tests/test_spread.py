@@ -7,7 +7,7 @@ from cloths import grid
 
 from warp_cloth.elements import garment_elements
 from warp_cloth.fabric import resolve_fabric
-from warp_cloth.kernels.cloth import Terms
+from warp_cloth.kernels.limits import Terms
 from warp_cloth.mesh import Points
 from warp_cloth.patches import cut_patches
 from warp_cloth.rest import build_rest_shape

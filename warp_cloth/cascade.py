@@ -13,8 +13,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 import warp as wp
 
+from warp_cloth.garment_part import GarmentPart
 from warp_cloth.mesh import Points, vertex_normals
-from warp_cloth.model import ClothModel, GarmentPart, build_model
+from warp_cloth.model import ClothModel, build_model
 from warp_cloth.result import Status
 from warp_cloth.solver.certificate import Certifier, Tolerance
 from warp_cloth.solver.loop import Boxes, Follow, relax_to_rest

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from warp_cloth.elements import Elements
 from warp_cloth.kept import Kept
-from warp_cloth.kernels.block import FEW
-from warp_cloth.kernels.cloth import Patch, Terms
+from warp_cloth.kernels.cloth import Patch
+from warp_cloth.kernels.limits import FEW, Terms
 from warp_cloth.mesh import Points
 from warp_cloth.patches import PatchTables, garment_patches, joined_patches
 from warp_cloth.threads import end_to_end

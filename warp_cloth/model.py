@@ -13,21 +13,13 @@ from numpy.typing import NDArray
 
 from warp_cloth.device_patches import Patches, device_patches
 from warp_cloth.elements import Elements, elements_of, garment_elements, joined_elements
+from warp_cloth.garment_part import GarmentPart, terms_of
 from warp_cloth.kept import Kept
-from warp_cloth.kernels.cloth import Terms, cloth_types
-from warp_cloth.mesh import Indices, Points
+from warp_cloth.kernels.cloth import cloth_types
+from warp_cloth.kernels.limits import Terms
+from warp_cloth.mesh import Points
 from warp_cloth.rest import RestShape
 from warp_cloth.threads import end_to_end
-
-
-@dataclass(frozen=True, eq=False)
-class GarmentPart:
-    """One garment as it enters the model: where it starts, its constants, its pins."""
-
-    points: Points  # [m], shape [V, 3]
-    triangles: Indices  # shape [F, 3]
-    rest: RestShape
-    pins: Indices  # pinned vertices
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,18 +102,6 @@ class ClothModel:
         if self.cloth.leeway:
             beside.leeway = self.cloth.leeway
         return beside
-
-
-def terms_of(parts: Sequence[GarmentPart]) -> Terms:
-    """What acts in these garments."""
-    rests = [part.rest for part in parts]
-    return Terms(
-        edges=any(bool(rest.edge_pull.any() or rest.edge_push.any()) for rest in rests),
-        folds=any(bool(rest.hinge_stiffness.any()) for rest in rests),
-        threads=any(rest.weave is not None for rest in rests),
-        angles=any(bool(rest.fold_angle[rest.hinge_stiffness > 0.0].any()) for rest in rests),
-        pins=any(len(part.pins) > 0 for part in parts),
-    )
 
 
 def build_model(

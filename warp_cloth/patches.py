@@ -14,9 +14,7 @@ from numpy.typing import NDArray
 from warp_cloth.elements import Elements
 from warp_cloth.errors import InputError
 from warp_cloth.kept import Kept
-from warp_cloth.kernels.block import BLOCK_MEMORY, BLOCKS_PER_CORE, FEW
-from warp_cloth.kernels.cloth import Terms, cloth_types
-from warp_cloth.kernels.patch_memory import RANKS
+from warp_cloth.kernels.limits import BLOCK_MEMORY, BLOCKS_PER_CORE, FEW, RANKS, Terms, point_size, real_size
 from warp_cloth.mesh import Indices, Points
 from warp_cloth.rest import Floats
 from warp_cloth.spread import spread_places
@@ -388,7 +386,7 @@ def _words(numbers: Keys) -> NDArray[np.uint64]:
 
 def _memory(patch: dict[str, Keys], terms: Terms, precision: str) -> Keys:
     """Bytes that each patch's block needs, as kernels.patch_memory lays them out, shape [P]."""
-    real, point = cloth_types(precision).real_size, cloth_types(precision).point_size
+    real, point = real_size(precision), point_size(precision)
     triangles, edges, vertices = patch["triangle_count"], patch["edge_count"], patch["vertex_count"]
     first = patch["normal_count"] if terms.folds else terms.threads * triangles
     needed = 4 * real * (first + terms.edges * (edges + 1))

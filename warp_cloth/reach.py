@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from warp_cloth.garment_part import GarmentPart
 from warp_cloth.material import WeaveShape
-from warp_cloth.model import GarmentPart
 from warp_cloth.rest import Floats, RestShape
 
 ROUNDS = 40  # of raising the energy until it holds itself

@@ -16,8 +16,9 @@ from warp_cloth.collide.avatar import AvatarContact, avatar_modules
 from warp_cloth.collide.depth import DEFAULT_REACH
 from warp_cloth.collide.garments import cloth_course, cloth_touch, highest_lift, placed
 from warp_cloth.collide.solid import solid_of
+from warp_cloth.garment_part import terms_of
 from warp_cloth.kept import Kept
-from warp_cloth.model import ClothModel, build_model, terms_of
+from warp_cloth.model import ClothModel, build_model
 from warp_cloth.plan import contact_kind
 from warp_cloth.scene import Scene
 from warp_cloth.solver.certificate import Certifier, Tolerance

@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 from typing import Any
 
-from warp_cloth.kernels.block import FEW
+from warp_cloth.kernels.limits import FEW
 from warp_cloth.scene import Scene
 from warp_cloth.scene.schema import AvatarSpec
 from warp_cloth.scene.shapes import SphereShape, SquareShape

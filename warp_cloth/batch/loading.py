@@ -15,8 +15,8 @@ from typing import Any
 from warp_cloth.batch.lifeline import begin_alone
 from warp_cloth.batch.processes import context, get_ready
 from warp_cloth.elements import garment_elements
+from warp_cloth.garment_part import GarmentPart, terms_of
 from warp_cloth.kept import Kept
-from warp_cloth.model import GarmentPart, terms_of
 from warp_cloth.patches import LARGEST, garment_patches
 from warp_cloth.scene import Scene
 from warp_cloth.wardrobe import Key, Rack, Recipe, avatar_recipe, garment_keys, generated_body, mesh_recipes, rest_of

@@ -9,9 +9,9 @@ from typing import Any, get_args
 
 from warp_cloth.errors import InputError
 from warp_cloth.fitting import Fit, fit
+from warp_cloth.garment_part import GarmentPart
 from warp_cloth.maps.girths import garment_girths
 from warp_cloth.maps.levels import body_levels
-from warp_cloth.model import GarmentPart
 from warp_cloth.result import Status
 from warp_cloth.scene import MannequinShape, Scene, TshirtShape, load_scene
 from warp_cloth.scene.shapes import Size

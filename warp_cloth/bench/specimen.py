@@ -10,10 +10,11 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
+from warp_cloth.garment_part import GarmentPart
 from warp_cloth.grain import Grain
 from warp_cloth.kernels.cloth import cloth_types
 from warp_cloth.mesh import Indices, Mesh, Points
-from warp_cloth.model import GarmentPart, build_model
+from warp_cloth.model import build_model
 from warp_cloth.rest import GRAVITY, Floats, build_rest_shape
 from warp_cloth.solver.certificate import Certifier, Check, Tolerance
 from warp_cloth.solver.forces import ForcePass

@@ -9,8 +9,8 @@ import numpy as np
 import warp as wp
 
 from warp_cloth.collide.crossing import Sheets
+from warp_cloth.garment_part import GarmentPart
 from warp_cloth.kernels.untangle import Untangling
-from warp_cloth.model import GarmentPart
 from warp_cloth.topology import ragged_rows
 
 LAYER_REACH = 0.01  # [m]; how deep one garment may be inside another once both are sewn

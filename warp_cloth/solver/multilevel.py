@@ -11,8 +11,9 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
+from warp_cloth.garment_part import GarmentPart
 from warp_cloth.kernels.certify import energy_kernels
-from warp_cloth.model import ClothModel, GarmentPart
+from warp_cloth.model import ClothModel
 from warp_cloth.solver.certificate import edge_strains
 from warp_cloth.solver.hierarchy import build_hierarchy
 from warp_cloth.solver.implicit import ImplicitOptions, ImplicitStep

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warp_cloth.folds import fold_angles
+from warp_cloth.garment_part import GarmentPart
 from warp_cloth.material import Sheet
 from warp_cloth.mesh import Points, vertex_normals
-from warp_cloth.model import GarmentPart
 from warp_cloth.rest import constants_of
 from warp_cloth.solver.coarsen import Coarse, Pattern, coarsen, rest_pattern
 

@@ -8,10 +8,11 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from warp_cloth.kernels.block import BLOCK_MEMORY, BLOCK_THREADS, BLOCKS_PER_CORE
+from warp_cloth.kernels.block import BLOCK_THREADS
 from warp_cloth.kernels.box_tree import WIDTH
 from warp_cloth.kernels.cloth import Patch
 from warp_cloth.kernels.field import ContactField
+from warp_cloth.kernels.limits import BLOCK_MEMORY, BLOCKS_PER_CORE
 from warp_cloth.study.caches import core_bytes, spilled_bytes
 from warp_cloth.study.launches import Launch
 from warp_cloth.study.traffic import FROM, SEVERAL, Chain, Uses
