@@ -54,6 +54,18 @@ def test_only_what_the_garment_can_reach_is_judged() -> None:
     assert surface.points[:, 0].max() > 0.49
 
 
+def test_large_triangles_are_judged_where_the_garment_is_and_nowhere_else() -> None:
+    cloth = around(as_mesh(box((0.2, 0.1, 0.1), (0.4, 0.0, 0.0), 4)))
+    lower, upper = np.array([0.2, -0.2, -0.2]), np.array([0.6, 0.2, 0.04])
+    surfaces = []
+    for cuts in (0, 6):
+        mesh = as_mesh(box((1.0, 0.1, 0.1), (0.0, 0.0, 0.0), cuts))
+        surface = near_surface(mesh, build_exact_collider(mesh, "cpu"), cloth, lower, upper)
+        assert (surface.points[:, 2] <= 0.045).all()  # small ones reach as far out as they are large
+        surfaces.append(surface)
+    assert surfaces[0].area == pytest.approx(surfaces[1].area, rel=0.1)  # whole triangles count as near
+
+
 def test_inner_parts_are_no_surface() -> None:
     shape = trimesh.util.concatenate([box((0.2, 0.2, 0.2), (0, 0, 0)), box((0.1, 0.1, 0.1), (0.0, 0.0, 0.02))])
     mesh = as_mesh(shape)

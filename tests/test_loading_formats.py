@@ -280,3 +280,32 @@ def test_real_meshes_load_unchanged(shared_data: Path, name: str, vertices: int,
         assert mesh.texcoords is not None
         assert mesh.texcoords.shape == (14026, 3, 2)
         assert len(mesh.panel_names) == 8
+
+
+@pytest.mark.parametrize("name", ["grid.obj", "grid.ply", "grid.stl"])
+def test_what_does_not_say_its_up_axis_is_stood_up_where_a_scene_says_it(tmp_path: Path, name: str) -> None:
+    write(tmp_path / name)
+    lying, standing = load(tmp_path / name, units="m"), load(tmp_path / name, units="m", up="z")
+    x, y, z = lying.points.T
+    np.testing.assert_array_equal(standing.points, np.stack([x, z, -y], axis=1))
+    np.testing.assert_array_equal(standing.triangles, lying.triangles)
+
+
+@pytest.mark.parametrize("name", ["grid.glb", "grid.usda"])
+def test_what_says_its_up_axis_is_not_overruled(tmp_path: Path, name: str) -> None:
+    write(tmp_path / name)
+    with pytest.raises(InputError, match=r"files say themselves what is up.*; remove garment\.up"):
+        load(tmp_path / name, up="z")
+
+
+def test_a_body_that_lies_is_told_of(tmp_path: Path) -> None:
+    body = trimesh.creation.box(extents=(1.75, 0.3, 1.7))  # arms stretched out
+
+    def notes(**options: object) -> tuple[str, ...]:
+        (tmp_path / "body.obj").write_text(body.export(file_type="obj"))
+        return load(tmp_path / "body.obj", **{"role": "avatar", "key": "avatar", "units": "m", **options}).notes
+
+    assert [note for note in notes() if 'set avatar.up = "z"' in note]
+    assert notes(up="y") == notes(up="z") == ()
+    body.apply_transform(trimesh.transformations.rotation_matrix(np.pi / 2, (1, 0, 0)))
+    assert notes() == ()

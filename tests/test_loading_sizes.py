@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from meshfiles import sheet, write_obj
 
 from warp_cloth.errors import InputError
 from warp_cloth.loading import check_sizes, load_mesh
@@ -123,3 +124,12 @@ def test_garment_far_away_is_refused(tmp_path: Path) -> None:
     far = replace(garment, points=garment.points + np.array([50.0, 0, 0]))
     with pytest.raises(InputError, match="away from the avatar"):
         check_sizes([("garment", far)], load(tmp_path, 1.7, "avatar", "m"))
+
+
+@pytest.mark.parametrize("units", [None, "m"])
+def test_a_vertex_far_from_all_others_is_named_instead_of_a_unit(tmp_path: Path, units: str | None) -> None:
+    points, faces = sheet(count=12)
+    points[-1] = 1e30, 0.0, 0.0
+    write_obj(tmp_path / "shirt.obj", points, faces)
+    with pytest.raises(InputError, match=r"1 vertex far from all others, the farthest at \(1e\+30, 0, 0\); remove"):
+        load_mesh(tmp_path / "shirt.obj", role="garment", key="garment", units=units)  # type: ignore[arg-type]

@@ -10,7 +10,8 @@ from typing import Any
 import pytest
 from PIL import Image
 
-from warp_cloth.export.report_page import advice, certificate_rows, write_report_page
+from warp_cloth.advice import advice
+from warp_cloth.export.report_page import certificate_rows, write_report_page
 from warp_cloth.fitting import fit
 
 

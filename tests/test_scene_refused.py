@@ -51,6 +51,7 @@ def refused(source: Any) -> str:
             'garment.uv_units: 0 is not a unit; use "m", "cm", "mm", "in", or metres per unit',
         ),
         ("garment.uv_units = true", "garment.uv_units: true is not a unit"),
+        ('garment.up = "x"', 'garment.up: must be one of "y", "z", not "x"'),
         ("garment.prim = 3", "garment.prim: must be text, not 3"),
         ('garment.name = "../up"', 'garment.name: "../up" cannot name a file'),
         ("garment.pin = 3", "garment.pin: must be a table, or a list of tables, not 3"),
@@ -174,3 +175,7 @@ def test_a_missing_scene_names_the_shipped_ones_and_the_nearest(tmp_path: Path) 
     assert "no such scene file" in refused("a\0b")
     assert "no such scene file" in refused("x" * 5000)
     assert "is a folder, not a scene file" in refused(tmp_path)
+
+
+def test_a_path_that_is_no_text_is_refused() -> None:
+    assert "rename" in refused({"garment": {"mesh": "shirt\udcff.obj"}})

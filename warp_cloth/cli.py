@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     from warp_cloth.fitting import Fit
     from warp_cloth.scene import Scene
 
+LARGEST_EASE = 200.0  # [cm]; a tent has less
+
 app = typer.Typer(
     name="warp-cloth",
     help="Garment fitting on NVIDIA Warp: the worn shape of a garment on a body, with a certificate of rest.",
@@ -252,8 +254,8 @@ def sizes(
     warp-cloth sizes scene.toml --size S --size M --set 'garment.mesh=shirt_{size}.obj'
     """
     with one_line_errors(), output_folder(out, "sizes"):
-        if not math.isfinite(ease):
-            raise InputError("--ease", f"must be a length in cm, not {ease}", "give a number")
+        if not -LARGEST_EASE <= ease <= LARGEST_EASE:
+            raise InputError("--ease", f"must be a length in cm, not {ease:g}", f"give at most {LARGEST_EASE:g}")
         from warp_cloth.batch.sizes import fit_sizes
 
         start_warp()
@@ -356,6 +358,9 @@ def summary(name: str, report: Mapping[str, Any], paths: list[Path]) -> list[str
         ("iterations", _figures("{}, {} a second", report, "iterations", "iterations_per_second")),
         ("relaxed in", _figures("{} s on " + str(report.get("device")), seconds, "relax")),
     ]
+    from warp_cloth.advice import notes_of
+
+    rows += [("note", note) for note in notes_of(report)]
     lines += [f"  {label:<12} {text}" for label, text in rows if text]
     return lines + [f"  wrote        {path}" for path in paths]
 

@@ -33,7 +33,7 @@ from warp_cloth.solver.certificate import (
 )
 from warp_cloth.solver.loop import Outcome, relax_to_rest
 from warp_cloth.threads import map_in_threads
-from warp_cloth.verdict import misplaced, more_iterations, report_of, unheld, verdict
+from warp_cloth.verdict import hidden, misplaced, more_iterations, of_another_size, report_of, unheld, verdict
 from warp_cloth.wardrobe import Wardrobe
 from warp_cloth.warm import Worn, saved_result, start_from
 
@@ -258,7 +258,13 @@ def finished(
         )
         strain = strains[model.of_item(item, model.edge_start)]
         depth = _drawn_through(depths[item], wardrobe, outcome.points, strain, exact_of[item])
-        flaw = misplaced(depth) if scene.collision.avatar != "none" else ""
+        contact, kind = made.touched(item), scene.collision.avatar
+        faults = [
+            misplaced(depth) if kind != "none" else "",
+            hidden(contact, kind),
+            of_another_size(summaries[item][0]),
+        ]
+        flaw = "; and ".join(filter(None, faults))
         advice = unheld(scene, wardrobe, [worn.points for worn in garments]) or flaw
         message = verdict(outcome, tolerance_of(scene), advice or more_iterations(scene, outcome), flaw)
         report = report_of(
@@ -272,7 +278,7 @@ def finished(
             threads=summaries[item][1],
             depth=depth,
             crossing=crossing,
-            contact=made.touched(item),
+            contact=contact,
             levels=levels,
         )
         fits.append(Fit(scene, outcome.status, message, garments, wardrobe.avatar, report, model.device))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import os
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager, redirect_stderr
 
@@ -31,6 +32,12 @@ def quiet_usd() -> Iterator[None]:
         yield
     finally:
         delegate.TakeUncoalescedDiagnostics()
+
+
+def usd_sentence(text: str) -> str:
+    """The first sentence in USD's error, which wraps it in the places of its own source."""
+    said = re.findall(r" : '(.*?)'\s*(?:$|\n\s*Error in)", text, flags=re.DOTALL)
+    return " ".join((said[0] if said else text).split())[:160]
 
 
 @contextmanager

@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 
 
 FAR_FROM_REST = 0.02  # [m]; what is farther than that from rest still falls or slides as a whole
+HIDDEN = 5.0  # [mm]; where a hundredth of the skin is farther off than that, cloth hangs on what is not there
+OTHER_SIZE = 0.3  # strain of half the edges: the tightest of worn cloth has less
 
 
 def figure(value: float | None, digits: int = 3) -> str:
@@ -68,6 +70,31 @@ def misplaced(depth: Penetration | None) -> str:
         f"{depth.edges:,} edges are drawn through the avatar, {figure(depth.edge_max, 2)} mm deep, because part of the "
         "garment began on the wrong side of a limb: let avatar.mesh be in the pose that the garment is placed round, "
         "and avatar.poses be this one"
+    )
+
+
+def hidden(contact: Mapping[str, Any] | None, kind: str) -> str:
+    """What to change where the avatar is drawn so that much of it is not where it is; empty where it is.
+
+    ``contact`` is what the report says of it, ``kind`` the scene's collision.avatar.
+    """
+    error = (contact or {}).get("error_mm")
+    if kind not in ("depth", "auto") or error is None or not error["p99"] > HIDDEN:
+        return ""
+    views = "the front, back and top view do not show all of" if kind == "depth" else "the buffers miss some of"
+    return (
+        f"{views} the avatar near the garment ({figure(error['p99'], 2)} mm off at the 99th percentile of its skin): "
+        f'use collision.avatar = "{"auto" if kind == "depth" else "mesh"}"'
+    )
+
+
+def of_another_size(strain: Strain) -> str:
+    """What to check where the rest shape is far from what is worn; empty where it is not."""
+    if not strain.p50 > OTHER_SIZE:
+        return ""
+    return (
+        f"half of the edges are {100 * strain.p50:.0f} % or more off their natural length: check garment.rest, "
+        "garment.uv_units, and the garment's size against the avatar's"
     )
 
 

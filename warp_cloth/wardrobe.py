@@ -21,7 +21,7 @@ from warp_cloth.shapes import MannequinMeasures, build_avatar, build_garment, ma
 
 DEFAULT_SIZE = "M"
 FABRIC_KEYS = {"fabric", "pin", "name"}  # of a garment, that its rest lengths do not depend on
-MESH_KEYS = {"mesh", "shape", "prim", "units", "rest"}  # of a garment or an avatar, that its mesh depends on
+MESH_KEYS = {"mesh", "shape", "prim", "units", "up", "rest"}  # of a garment or an avatar, that its mesh depends on
 
 T = TypeVar("T")
 Key = tuple[str, ...]
@@ -182,7 +182,7 @@ def _poses(spec: AvatarSpec | None, avatar: Mesh | None) -> tuple[Points, ...]:
     """Vertices of an avatar that moves, in each of its poses; none where it does not move."""
     if spec is None or avatar is None or spec.mesh is None or not spec.poses:
         return ()
-    return (avatar.points, *load_poses(avatar, spec.mesh, spec.poses, prim=spec.prim, units=spec.units))
+    return (avatar.points, *load_poses(avatar, spec.mesh, spec.poses, prim=spec.prim, units=spec.units, up=spec.up))
 
 
 def _worked(spec: GarmentSpec | AvatarSpec, keys: set[str] | None) -> str:
@@ -214,13 +214,15 @@ def _rest(mesh: Mesh, geometry: RestGeometry, spec: GarmentSpec, key: str) -> tu
 
 def _garment_mesh(spec: GarmentSpec, key: str, body: MannequinMeasures | None) -> Mesh:
     if spec.mesh is not None:
-        return load_mesh(spec.mesh, role="garment", key=key, prim=spec.prim, units=spec.units, rest=spec.rest)
+        return load_mesh(
+            spec.mesh, role="garment", key=key, prim=spec.prim, units=spec.units, up=spec.up, rest=spec.rest
+        )
     return build_garment(spec.shape, body=body)
 
 
 def _avatar_mesh(spec: AvatarSpec, size: str) -> Mesh:
     if spec.mesh is not None:
-        return load_mesh(spec.mesh, role="avatar", key="avatar", prim=spec.prim, units=spec.units)
+        return load_mesh(spec.mesh, role="avatar", key="avatar", prim=spec.prim, units=spec.units, up=spec.up)
     return build_avatar(spec.shape, size=size)
 
 

@@ -68,8 +68,11 @@ def near_surface(avatar: Mesh, exact: ExactCollider, garment: Points, lower: Poi
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     area = 0.5 * np.linalg.norm(normals, axis=1)
     centre = corners.mean(axis=1)
+    marks = exact.closest(garment[np.isfinite(garment).all(axis=1)]).points
     near = ((centre > lower) & (centre < upper)).all(axis=1)
-    near &= _within(centre, exact.closest(garment[np.isfinite(garment).all(axis=1)]).points, NEARBY)
+    near &= _within(centre, marks, NEARBY)
+    large = np.ptp(corners, axis=1).max(axis=1) > NEARBY  # these may reach there, or beyond, wherever their middle is
+    near |= large & ((corners.min(axis=1) < upper) & (corners.max(axis=1) > lower)).all(axis=1)
     total = np.cumsum(np.where(near, area, 0.0))
     if total[-1] == 0.0:
         return NearSurface(np.zeros((0, 3)), np.zeros((0, 3)), 0.0)
@@ -81,6 +84,9 @@ def near_surface(avatar: Mesh, exact: ExactCollider, garment: Points, lower: Poi
     points = a + u * (b - a) + v * (c - a)
     outward = exact.turn * normals[face] / (2.0 * area[face, None])
     outer = (exact.sample(points + SKIN * outward)[:, 3] > 0.0) & (exact.sample(points - SKIN * outward)[:, 3] < 0.0)
+    if large.any():
+        there = ((points > lower) & (points < upper)).all(axis=1) & _within(points, marks, NEARBY)
+        outer &= there | ~large[face]
     return NearSurface(points[outer], outward[outer], float(total[-1] * outer.mean()))
 
 

@@ -24,6 +24,7 @@ from warp_cloth.export.surface import (
     require_sound,
 )
 from warp_cloth.mesh import Mesh, Points, vertex_normals
+from warp_cloth.quiet import usd_sentence
 from warp_cloth.result import WornGarment
 
 FIRST_FRAME = 1  # where Blender, Maya and most film tools start counting
@@ -198,6 +199,6 @@ def save(stage: Usd.Stage, path: Path) -> None:
             if written and path.suffix == ".usdz":
                 written = UsdUtils.CreateNewUsdzPackage(Sdf.AssetPath(str(layer_place)), str(place))
         except Tf.ErrorException as error:
-            raise OSError(f"USD: {error}") from error
+            raise OSError(f"USD: {usd_sentence(str(error))}") from error
         if not written:
             raise OSError("USD could not write it")

@@ -20,7 +20,7 @@ from warp_cloth.loading.repair import Repaired, RestKind, repaired
 from warp_cloth.loading.sizes import choose_unit
 from warp_cloth.loading.usd import read_usd
 from warp_cloth.mesh import Folds, Mesh
-from warp_cloth.units import LengthUnit
+from warp_cloth.units import LengthUnit, UpAxis
 
 _READERS: dict[str, Callable[[str, bytes], RawMesh]] = {
     ".obj": read_obj,
@@ -31,6 +31,10 @@ _READERS: dict[str, Callable[[str, bytes], RawMesh]] = {
 }
 USD_KINDS = (".usd", ".usda", ".usdc", ".usdz")
 SUPPORTED = (*_READERS, *USD_KINDS)
+AXIS_UNKNOWN = (".obj", ".ply", ".stl")  # formats that do not say what is up
+
+# A body lies if it is nearly as long along z as anywhere (arms may be stretched out), and less high than half of that.
+LYING_LONG, LYING_LOW = 0.8, 0.5
 
 
 def load_mesh(
@@ -40,6 +44,7 @@ def load_mesh(
     key: str,
     prim: str | None = None,
     units: LengthUnit | None = None,
+    up: UpAxis | None = None,
     rest: RestKind = "mesh",
 ) -> Mesh:
     """Mesh of a file in metres, y up, repaired where that is safe; ``notes`` says what was guessed or mended.
@@ -49,7 +54,7 @@ def load_mesh(
     mended.
     """
     try:
-        raw = read_raw(Path(path), role=role, key=key, prim=prim)
+        raw = read_raw(Path(path), role=role, key=key, prim=prim, up=up)
         check(raw)
         used = raw.points[used_ids(raw.corners, len(raw.points))] if len(raw.corners) else raw.points
         declared = raw.metres_per_unit
@@ -59,6 +64,10 @@ def load_mesh(
         problem = f"is too large to load ({type(error).__name__})"
         raise InputError(path, problem, "check the file, or reduce the mesh") from error
     notes = [*raw.notes, *unit.notes, *sound.notes]
+    if role == "avatar" and up is None and raw.axis_unknown and _lies(sound.points):
+        notes.append(
+            'lies along z: if it is meant to stand, set avatar.up = "z", and garment.up where that file is alike'
+        )
     if raw.texcoords is not None and sound.texcoords is None:
         notes.append("texture coordinates left out, as some corners have none, or none that can be meant")
     same_vertices = np.array_equal(sound.vertex_map, np.arange(len(sound.points)))
@@ -77,6 +86,12 @@ def load_mesh(
         rest_corners=None if sound.rest is None else _rest_in_metres(sound.rest, unit.metres),
         folds=None if raw.folds is None else _folds_of(raw.folds, sound, len(raw.counts)),
     )
+
+
+def _lies(points: Floats) -> bool:
+    """Whether a body is long along z and low."""
+    across, height, along = np.ptp(points, axis=0)
+    return bool(along >= LYING_LONG * max(across, along) and height <= LYING_LOW * along)
 
 
 def _folds_of(folds: Folds, sound: Repaired, face_count: int) -> Folds:
@@ -98,10 +113,12 @@ def _rest_in_metres(rest: Floats, metres: float) -> Floats:
     return shortest_decimals(rest * metres, half_step(rest) * metres)
 
 
-def read_raw(path: Path, *, role: Role, key: str, prim: str | None) -> RawMesh:
-    """The file by the reader that its extension names."""
+def read_raw(path: Path, *, role: Role, key: str, prim: str | None, up: UpAxis | None = None) -> RawMesh:
+    """The file by the reader that its extension names; ``up`` is the axis that points up where no format says it."""
     data = _content(path)
     kind = path.suffix.lower()
+    if up is not None and kind in SUPPORTED and kind not in AXIS_UNKNOWN:
+        raise InputError(path, f"{kind} files say themselves what is up, but {key}.up is given", f"remove {key}.up")
     if kind in USD_KINDS:
         return read_usd(str(path), role=role, key=key, prim=prim)
     if kind not in _READERS:
@@ -111,11 +128,19 @@ def read_raw(path: Path, *, role: Role, key: str, prim: str | None) -> RawMesh:
         raise InputError(path, f"{key}.prim names a prim, but {kind} files have none", f"remove {key}.prim")
     try:
         with np.errstate(all="ignore"):  # what is not finite is refused later
-            return _READERS[kind](str(path), data)
+            return _stood_up(_READERS[kind](str(path), data), up, kind in AXIS_UNKNOWN)
     except (ValueError, ArithmeticError, LookupError, RecursionError) as error:
         reason = " ".join(str(error).split())[:120]
         problem = f"cannot be read as {kind[1:].upper()}: {reason} ({type(error).__name__})"
         raise InputError(path, problem, "the file is damaged: export it again") from error
+
+
+def _stood_up(raw: RawMesh, up: UpAxis | None, axis_unknown: bool) -> RawMesh:
+    raw = replace(raw, axis_unknown=axis_unknown)
+    if up != "z":
+        return raw
+    doubt = None if raw.doubt is None else raw.doubt[:, [0, 2, 1]]
+    return replace(raw, points=raw.points[:, [0, 2, 1]] * [1.0, 1.0, -1.0], doubt=doubt)
 
 
 def _content(path: Path) -> bytes:

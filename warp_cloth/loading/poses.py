@@ -13,7 +13,7 @@ from warp_cloth.loading.load import USD_KINDS, in_metres, read_raw
 from warp_cloth.loading.raw import RawMesh, check
 from warp_cloth.loading.usd import read_usd_samples
 from warp_cloth.mesh import Mesh, Points
-from warp_cloth.units import METRES_PER, LengthUnit
+from warp_cloth.units import METRES_PER, LengthUnit, UpAxis
 
 KEY = "avatar.poses"
 
@@ -25,6 +25,7 @@ def load_poses(
     *,
     prim: str | None = None,
     units: LengthUnit | None = None,
+    up: UpAxis | None = None,
 ) -> tuple[Points, ...]:
     """Vertices of ``avatar``, loaded from ``path``, in further poses [m], each shape [V, 3].
 
@@ -33,14 +34,14 @@ def load_poses(
     Raises:
         InputError: a file that cannot be read, or whose mesh is another.
     """
-    first = read_raw(path, role="avatar", key="avatar", prim=prim)
+    first = read_raw(path, role="avatar", key="avatar", prim=prim, up=up)
     metres = METRES_PER[units] if units is not None else None
     if poses == "samples":
         if path.suffix.lower() not in USD_KINDS:
             raise InputError(KEY, f'"samples" is for USD files, but avatar.mesh is {path.name}', "list mesh files")
         others = read_usd_samples(str(path), key="avatar", prim=prim)
     else:
-        others = [read_raw(pose, role="avatar", key="avatar", prim=prim) for pose in poses]
+        others = [read_raw(pose, role="avatar", key="avatar", prim=prim, up=up) for pose in poses]
     return tuple(_posed(avatar, first, other, metres) for other in others)
 
 

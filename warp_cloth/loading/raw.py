@@ -41,6 +41,7 @@ class RawMesh:
     notes: tuple[str, ...] = ()
     rest: Floats | None = None  # where each corner is at rest, as a stage states it, shape [sum of counts, 3]
     folds: Folds | None = None  # rest angles between faces, as a stage states them
+    axis_unknown: bool = False  # whether nothing but custom says that y is up
     doubt: Floats | None = None  # by how much each coordinate may be off, as stored [file unit], shape [V, 3]
 
     def vertex_name(self, vertex: int) -> str:

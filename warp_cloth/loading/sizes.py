@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from warp_cloth.errors import InputError
-from warp_cloth.loading.raw import Floats, Role
+from warp_cloth.loading.raw import Floats, Role, counted
 from warp_cloth.mesh import Mesh
 from warp_cloth.units import LENGTH_UNITS, METRES_PER, LengthUnit
 
@@ -20,6 +20,8 @@ POSSIBLE: dict[Role, tuple[float, float]] = {"garment": (0.01, 20.0), "avatar": 
 # Numbers that fit several units are taken as the first of these; inches are only proposed, never guessed.
 GUESSED: tuple[LengthUnit, ...] = ("m", "cm", "mm")
 MAYBE_INCHES: dict[Role, tuple[float, float]] = {"garment": (20.0, 40.0), "avatar": (40.0, 80.0)}  # small in cm
+
+STRAY, FEW = 20.0, 0.01  # times as far from the middle as all but this share: no part of a garment or a body
 
 GUESS_NOTE = "units not stated"  # how every note on a guess starts
 # Largest extent of the garment over the avatar's, from a glove to a train. Wide where both units are stated.
@@ -48,12 +50,15 @@ def choose_unit(
     if stated is not None or declared is not None:
         metres = METRES_PER[stated] if stated is not None else float(declared or 0.0)
         name = stated if stated is not None else _unit_name(metres)
+        if not _fits(extent * metres, POSSIBLE[role]):
+            _refuse_strays(points, file)
         _refuse_impossible(extent, metres, name, file=file, role=role, key=key, said=stated is not None)
         overruled = stated is not None and declared is not None and not np.isclose(metres, declared)
         note = f'units = "{name}" overrules the file, which declares {_unit_name(declared or 0.0)}'
         return UnitChoice(name, metres, (note,) if overruled else ())
     fitting = [unit for unit in GUESSED if _fits(extent * METRES_PER[unit], PLAUSIBLE[role])]
     if not fitting:
+        _refuse_strays(points, file)
         low, high = PLAUSIBLE[role]
         wanted = f"{_a(role)} of {low:g} to {high:g} m"
         problem = f"units not stated, and an extent of {extent:.4g} fits no unit for {wanted}"
@@ -106,6 +111,17 @@ def _length(metres: float) -> str:
     if metres >= 1.0 or metres == 0.0:
         return f"{metres:.3g} m"
     return f"{100 * metres:.3g} cm" if metres >= 0.01 else f"{1000 * metres:.3g} mm"
+
+
+def _refuse_strays(points: Floats, file: str) -> None:
+    """Refuse an extent that is that of a few vertices only."""
+    with np.errstate(over="ignore"):
+        away = np.abs(points - np.median(points, axis=0)).max(axis=1)
+        strays = away / STRAY > np.quantile(away, 1.0 - FEW)
+    if strays.any():
+        x, y, z = points[np.argmax(away)]
+        problem = f"{counted(int(strays.sum()), 'vertex')} far from all others, the farthest at ({x:g}, {y:g}, {z:g})"
+        raise InputError(file, problem, "remove what does not belong to the mesh where it was made")
 
 
 def _refuse_impossible(extent: float, metres: float, name: str, *, file: str, role: Role, key: str, said: bool) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import re
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -20,7 +19,7 @@ from warp_cloth.loading.raw import EXPORT_AGAIN, Floats, Ints, RawMesh, Role, jo
 from warp_cloth.loading.usd_folds import stated_folds
 from warp_cloth.loading.usd_physics import mass_notes, rest_corners
 from warp_cloth.loading.usd_units import lost_references, metres_per_unit, to_stage
-from warp_cloth.quiet import quiet_usd
+from warp_cloth.quiet import quiet_usd, usd_sentence
 
 if TYPE_CHECKING:
     from pxr import Usd, UsdGeom
@@ -118,21 +117,15 @@ def _refuse_unreadable(file: str) -> None:
     except OSError:  # no interpreter to start, as in some embedding programs
         return
     if done.returncode:
-        said = _sentence(done.stdout.decode("utf-8", errors="replace"))
+        said = usd_sentence(done.stdout.decode("utf-8", errors="replace"))
         raise InputError(file, f"cannot be read as USD: {said or 'USD crashes on it'}", DAMAGED)
 
 
 def _reason(error: Exception) -> str:
     try:
-        return _sentence(str(error)) or type(error).__name__
+        return usd_sentence(str(error)) or type(error).__name__
     except UnicodeDecodeError as quoted:  # USD quotes the file's bytes
-        return _sentence(quoted.object.decode("utf-8", errors="replace"))
-
-
-def _sentence(text: str) -> str:
-    """The first sentence in USD's error, which wraps it in the places of its own source."""
-    said = re.findall(r" : '(.*?)'\s*(?:$|\n\s*Error in)", text, flags=re.DOTALL)
-    return " ".join((said[0] if said else text).split())[:160]
+        return usd_sentence(quoted.object.decode("utf-8", errors="replace"))
 
 
 def _listed(paths: list[str]) -> str:

@@ -97,7 +97,7 @@ def _settle_choice(table: dict[str, Any], key: str, value: str) -> None:
     if key == "mesh":
         table.pop("shape", None)
     elif key == "shape":
-        for other in ("mesh", "prim", "units"):
+        for other in ("mesh", "prim", "units", "up"):
             table.pop(other, None)
     elif key == "kind" and show(table.get("kind")) != show(toml_value(value)):
         table.clear()

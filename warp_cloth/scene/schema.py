@@ -23,7 +23,7 @@ from warp_cloth.fabric import Fabric, resolve_fabric
 from warp_cloth.folds import RestAngles
 from warp_cloth.scene.messages import listed, refusal, show
 from warp_cloth.scene.shapes import AvatarShape, GarmentShape, Point, Real, Table, VertexId, Whole
-from warp_cloth.units import LENGTH_UNITS, METRES_PER, LengthUnit
+from warp_cloth.units import LENGTH_UNITS, METRES_PER, LengthUnit, UpAxis
 
 RestShape = Literal["mesh", "uv", "physics"]
 AvatarCollision = Literal["depth", "auto", "mesh", "plain", "none"]
@@ -76,7 +76,12 @@ def _path(value: Any, info: ValidationInfo, what: str) -> Path | None:
         return None
     if not isinstance(value, str | Path) or not str(value).strip() or "\0" in str(value):
         raise refusal(f"{show(value)} is not a path", f"name {what}, relative to the scene file")
-    return _directory(info) / value
+    path = _directory(info) / value
+    try:
+        str(path).encode("utf-8")
+    except UnicodeEncodeError:
+        raise refusal(f"{show(str(path))} holds bytes that are no text", "rename the file or its folder") from None
+    return path
 
 
 def _checked_name(value: str) -> str:
@@ -101,6 +106,10 @@ class Wearable(Table):
         default=None, description="the mesh file's length unit; None: stated by it, or guessed"
     )
 
+    up: UpAxis | None = Field(
+        default=None, description="axis that points up in an .obj, .ply or .stl file, which do not say it; None: y"
+    )
+
     @field_validator("mesh", mode="plain")
     @classmethod
     def _mesh(cls, value: Any, info: ValidationInfo) -> Path | None:
@@ -111,7 +120,7 @@ class Wearable(Table):
         if (self.mesh is None) == (shape is None):
             both = "mesh and shape are both given" if shape is not None else "neither mesh nor shape is given"
             raise refusal(both, f'give one: mesh = "FILE", or shape = {{kind = {kinds}}}')
-        for key in ("prim", "units"):
+        for key in ("prim", "units", "up"):
             if shape is not None and getattr(self, key) is not None:
                 raise refusal(f"{key} says how to read a mesh file, but a shape is given", "leave it out", below=key)
 

@@ -1,0 +1,52 @@
+"""What a fit's sentence says beside its certificate."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+import trimesh
+from meshfiles import sheet, write_obj
+
+from warp_cloth.advice import advice
+from warp_cloth.fitting import fit
+from warp_cloth.result import Strain
+from warp_cloth.verdict import hidden, of_another_size
+
+
+def contact(p99: float) -> dict[str, Any]:
+    return {"error_mm": {"p50": 0.0, "p99": p99, "p999": 50.0, "max": 60.0}}
+
+
+@pytest.mark.parametrize(("kind", "remedy"), [("depth", '"auto"'), ("auto", '"mesh"'), ("plain", ""), ("mesh", "")])
+def test_an_avatar_that_is_not_seen_names_the_collider_that_does(kind: str, remedy: str) -> None:
+    sentence = hidden(contact(12.0), kind)
+    assert remedy in sentence
+    assert bool(sentence) == bool(remedy)
+    assert hidden(contact(1.0), kind) == hidden(None, kind) == ""
+
+
+def test_cloth_far_from_its_natural_size_is_told_of() -> None:
+    assert of_another_size(Strain(p50=0.05, p99=0.9, max=2.0, min=-0.5)) == ""
+    assert "64 %" in of_another_size(Strain(p50=0.64, p99=0.9, max=2.0, min=-0.5))
+
+
+def test_a_gap_that_no_view_shows_is_told_of_until_all_layers_are_drawn(tmp_path: Path) -> None:
+    boxes = [((0.6, 0.6, 0.1), (0, 1.2, 0.12)), ((0.6, 0.6, 0.1), (0, 1.2, -0.12)), ((0.6, 0.1, 0.4), (0, 1.6, 0))]
+    parts = [trimesh.creation.box(size, trimesh.transformations.translation_matrix(at)) for size, at in boxes]
+    trimesh.util.concatenate(parts).export(tmp_path / "niche.obj")  # open to the sides only
+    write_obj(tmp_path / "sheet.obj", *sheet(height=1.0, toward=0.0))
+    scene = {
+        "garment": {"mesh": str(tmp_path / "sheet.obj"), "units": "m"},
+        "avatar": {"mesh": str(tmp_path / "niche.obj"), "units": "m"},
+        "collision": {"pixel_mm": 5},
+        "solver": {"iterations": 20},
+    }
+    drawn, layered = (
+        fit(scene, device="cpu"),
+        fit({**scene, "collision": {"avatar": "auto", "pixel_mm": 5}}, device="cpu"),
+    )
+    assert 'use collision.avatar = "auto"' in drawn.message
+    assert any('collision.avatar = "auto"' in line for line in advice(drawn.report))
+    assert "collision.avatar" not in layered.message
