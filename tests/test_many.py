@@ -26,6 +26,7 @@ from warp_cloth.result import Status
 from warp_cloth.scene import Scene, load_scene
 from warp_cloth.set_up import SetUp
 from warp_cloth.solver.loop import Goal, relax_items
+from warp_cloth.threads import ALONE
 from warp_cloth.wardrobe import open_wardrobe
 
 ON_SPHERE = ["solver.iterations=330", "collision.pixel_mm=10"]
@@ -209,6 +210,7 @@ def held(thing: Any, seen: set[int]) -> int:
 @pytest.mark.parametrize("fabric", ["cotton", "jersey", "default"])
 def test_the_planned_memory_bounds_what_is_held(gathers: bool, fabric: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(set_up, "build_model", partial(build_model, gathers=gathers))
+    monkeypatch.setenv(ALONE, "1")  # as processes of a batch are
     changes = ["garment.shape.vertices_per_side=60", f"garment.fabric={fabric}", "solver.iterations=4000"]
     scene = load_scene("sphere", [*changes, "collision.pixel_mm=10"])
     wardrobe = open_wardrobe(scene)

@@ -26,6 +26,7 @@ from warp_cloth.solver.course import Course
 from warp_cloth.solver.loop import Boxes, Follow
 from warp_cloth.solver.multilevel import MultilevelRelaxation, relaxation_by
 from warp_cloth.solver.relax import Collider, Relaxation, StepOptions
+from warp_cloth.solver.together import thread_count
 from warp_cloth.wardrobe import Rack, Wardrobe, open_wardrobe
 
 
@@ -132,7 +133,8 @@ def set_up(
         garments=[len(each.parts) for each in wardrobes],
         kept=kept,
     )
-    options = options or StepOptions(method=first.solver.method)
+    threads = thread_count(first.solver.threads, model.vertex_count)
+    options = options or StepOptions(method=first.solver.method, threads=threads)
     touch = cloth_touch(first, wardrobes[0], model) if first.collision.cloth else None
     parts = [part for each in wardrobes for part in each.parts]
     relaxation = relaxation_by(options, model, colliders, parts, touch, [scene.solver.cap for scene in scenes])

@@ -18,11 +18,17 @@ ALONE = "WARP_CLOTH_ONE_THREAD"  # is set in the environment of a process among 
 WORTH_THREADS = 1 << 23  # [bytes] that take longer to copy than threads to start
 
 
+def core_count() -> int:
+    """How many cores this process may take."""
+    if ALONE in os.environ:
+        return 1
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
 def map_in_threads(work: Callable[[T], R], parts: Iterable[T]) -> list[R]:
     """``work`` of every part, in the parts' order; one part, or one core, needs no threads."""
     parts = list(parts)
-    there = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    count = min(len(parts), there, 1 if ALONE in os.environ else MOST_THREADS)
+    count = min(len(parts), core_count(), MOST_THREADS)
     if count <= 1:
         return [work(part) for part in parts]
     with ThreadPoolExecutor(count) as pool:

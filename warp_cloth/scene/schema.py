@@ -286,6 +286,12 @@ class SolverSpec(Table):
         le=1,
         description="largest displacement an iteration [m]; None: chosen by the method",
     )
+    threads: Whole | None = Field(
+        default=None,
+        ge=1,
+        le=64,
+        description="of the CPU that share a garment's iterations, at most; None: one a core, where that pays",
+    )
 
 
 class Scene(Table):

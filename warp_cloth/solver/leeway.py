@@ -28,11 +28,16 @@ class Leeway:
         terms = model.terms
         scatters = model.patches is None and terms.threads and not (terms.edges or terms.angles)
         eight = scatters and takes_eight(model, min(model.triangle_count, model.edge_count))
-        self._look: _Gathered | _Scattered = (_Scattered if eight else _Gathered)(model)
+        self._look: _Gathered | ScatteredLook = (ScatteredLook if eight else _Gathered)(model)
 
     def kernels(self) -> list[wp.Kernel]:
         """The kernels that a look launches, in order."""
         return self._look.kernels()
+
+    @property
+    def scatters(self) -> bool:
+        """Whether a look adds to vertices triangle by triangle, which can be shared out."""
+        return isinstance(self._look, ScatteredLook)
 
     def forget(self, items: Sequence[int]) -> None:
         """Leaves the vertices of these items no leeway, till the next look."""
@@ -85,10 +90,10 @@ class _Gathered:
         wp.launch(self._kernels.take_leeway, dim=model.vertex_count, inputs=[cloth, self._found], device=device)
 
 
-class _Scattered:
-    """A look at woven cloth that adds eight triangles' bounds at a time to their corners'."""
+class ScatteredLook:
+    """A look at woven cloth, or a ``span`` of it, that adds eight triangles' bounds at a time to their corners'."""
 
-    def __init__(self, model: ClothModel) -> None:
+    def __init__(self, model: ClothModel, span: slice = slice(None)) -> None:
         types, terms = cloth_types(model.precision), model.terms
         self._model = model
         self._kernels = eight_leeway_kernels(model.precision, terms)
@@ -96,20 +101,22 @@ class _Scattered:
         self._edges = eight_edges_kernel(model.precision, "leeway", terms)  # that only bend: nothing is added
         edges = model.edge_count if terms.folds else 0
         self._fold = wp.empty(edges, dtype=types.vec4, device=model.device)
-        self._bounds = [wp.empty(model.vertex_count, dtype=types.vec4, device=model.device) for _ in range(2)]
+        self._bounds = [wp.zeros(model.vertex_count, dtype=types.vec4, device=model.device) for _ in range(2)]
+        self._own_bounds = [bounds[span] for bounds in self._bounds]
 
     def kernels(self) -> list[wp.Kernel]:
         folds = [self._normals.kernel, self._edges] if self._normals is not None else []
         return [*folds, self._kernels.begin_bounds, self._kernels.sum_bounds, self._kernels.take_bounds]
 
-    def launch(self, step: Any, cloth: Any) -> None:
+    def launch(self, step: Any, cloth: Any, own: Any = None) -> None:
+        """Launches it; ``own`` are the vertices of the span alone, where that is not all."""
         model, device, kernels = self._model, self._model.device, self._kernels
         if self._normals is not None:
             self._normals.launch(step, cloth)
             asked = [cloth, model.edges, self._normals.normal, step, self._fold, self._bounds[0]]
             wp.launch(self._edges, dim=pass_size(model.edge_count, True), inputs=asked, device=device)
-        every = [cloth, *self._bounds]
-        wp.launch(kernels.begin_bounds, dim=model.vertex_count, inputs=every, device=device)
+        every, count = [cloth if own is None else own, *self._own_bounds], len(self._own_bounds[0])
+        wp.launch(kernels.begin_bounds, dim=count, inputs=every, device=device)
         asked = [cloth, model.triangles, self._fold, step, *self._bounds]
         wp.launch(kernels.sum_bounds, dim=pass_size(model.triangle_count, True), inputs=asked, device=device)
-        wp.launch(kernels.take_bounds, dim=model.vertex_count, inputs=every, device=device)
+        wp.launch(kernels.take_bounds, dim=count, inputs=every, device=device)

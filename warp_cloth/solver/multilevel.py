@@ -51,7 +51,7 @@ class MultilevelRelaxation(Relaxation):
         self.ladders = tuple(ladders)
         self.collider = collider  # that the garments start with
         self._implicit: ImplicitStep | None = None
-        super().__init__(model, collider, vertex_by_vertex(options))
+        super().__init__(model, collider, replace(vertex_by_vertex(options), threads=1))
         table = build_pairs(model)
         levels = build_hierarchy(model, ladders, table.ends)
         self._implicit = ImplicitStep(model, self.contact, self.collider_type, table, levels, self.implicit_options)

@@ -18,6 +18,7 @@ from warp_cloth.model import ClothModel
 from warp_cloth.solver.forces import ForcePass, launch_patches, pass_size, takes_eight
 from warp_cloth.solver.leeway import Leeway
 from warp_cloth.solver.packed import PackedCloth
+from warp_cloth.solver.together import Together
 
 if TYPE_CHECKING:
     from warp_cloth.collide.cloth import ClothTouch
@@ -51,6 +52,8 @@ class StepOptions:
     loose: forces have balanced where the relative residual's rms is below this; they have not where it is above
         TIGHTER times that.
     renewal: iterations after which those directions are looked up anew. A look costs as much as two iterations.
+    threads: of the CPU that share the iterations of a single item whose cloth passes through itself, where it can be
+        shared out; the bits are the same.
     """
 
     method: Method = "accelerated"
@@ -64,6 +67,7 @@ class StepOptions:
     leeway: float = 30.0
     loose: float = 0.05
     renewal: int = 20
+    threads: int = 1
 
     @property
     def largest_move(self) -> float:
@@ -119,6 +123,7 @@ class Relaxation:
         self._strength, self._loose, self._renewal = options.leeway, options.loose, options.renewal
         self._scatter: ForcePass | None = None
         self._packed: PackedCloth | None = None
+        self._eight = False  # whether eight vertices are moved at a time
         self._presses_along = False  # whether what moves vertices presses pairs of cloth, too
         self._there: Any = None  # positions beside the model's, where cloth meets cloth in the garments' order
         if accelerated and not model.cloth.stiffness:
@@ -154,6 +159,18 @@ class Relaxation:
         for item, collider in enumerate(met):
             self._stand_off(item, collider)
         self.tell_items()
+        self._together = self._shared_out(options.threads)
+
+    def _shared_out(self, count: int) -> Together | None:
+        """What lets so many threads iterate; None: what is to be iterated cannot be shared out."""
+        if count <= 1 or not self._eight or self.model.item_count > 1:
+            return None
+        return Together(self.model, count, step_bound(True, self.contact), self._move, self._leeway)
+
+    @property
+    def thread_count(self) -> int:
+        """How many threads of the host iterate."""
+        return 1 if self._together is None else self._together.count
 
     def meet(self, item: int, collider: Collider) -> None:
         """Goes on with this collider of an item; it must be of the kind that the relaxation was made with."""
@@ -231,6 +248,7 @@ class Relaxation:
     def forget_graphs(self) -> None:
         """Captures iterations anew: what they read or launch has changed."""
         self._graphs: dict[tuple[int, int], Any] = {}
+        self._shares_graphs: dict[tuple[int, int], list[Any]] = {}  # of each share, where threads share iterations
 
     def tell_items(self) -> None:
         """Puts what the items have of their own on the device."""
@@ -241,7 +259,8 @@ class Relaxation:
         touching = [] if self.touch is None else self.touch.kernels()
         scattering = [] if self._scatter is None else self._scatter.kernels()
         moving = [self._move] if self._packed is None else self._packed.kernels(self._move)
-        return [*scattering, *touching, *moving]
+        sharing = [] if self._together is None else self._together.kernels()
+        return [*scattering, *touching, *moving, *sharing]
 
     def seldom_kernels(self) -> list[wp.Kernel]:
         """The kernels that some iterations of loose cloth launch besides; they must be loaded, too."""
@@ -305,8 +324,25 @@ class Relaxation:
 
         The kernels must be loaded: capture records launches only.
         """
-        wp.capture_launch(self.capture(iterations))
-        self._done += iterations
+        together = self._together
+        if together is None or not together.pays():
+            wp.capture_launch(self.capture(iterations))
+            self._done += iterations
+            return
+        while iterations > 0:
+            part = min(iterations, self._renewal - self._done % self._renewal) if together.looks_first else iterations
+            together.run(self._captured_shares(together, part))
+            self._done += part
+            iterations -= part
+
+    def _captured_shares(self, together: Together, iterations: int) -> list[Any]:
+        """The graphs of the next chunk's shares."""
+        which = iterations, self._done % self._renewal
+        if which not in self._shares_graphs:
+            loose = bool(self._items["leeway"].any())
+            looks = [loose and (self._done + number) % self._renewal == 0 for number in range(iterations)]
+            self._shares_graphs[which] = together.capture(self.step, self.collider_data, looks)
+        return self._shares_graphs[which]
 
     def capture(self, iterations: int) -> Any:
         """The graph of the next chunk, which ``run`` would capture now if it had not been captured before."""

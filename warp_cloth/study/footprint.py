@@ -46,6 +46,7 @@ class Footprint:
     touched: int  # bytes of all that an iteration reads or writes
     cache: int  # bytes that the device's last cache holds; 0 where that is not known
     seconds: float  # of an iteration as a fit runs it, captured
+    threads: int  # of the host that share it
     iterations: tuple[int, int]  # between which that was timed
     memory: dict[str, int]  # [bytes] by what it is for
 
@@ -86,6 +87,7 @@ def footprint_of(made: SetUp) -> Footprint:
         touched=bytes_of(touched),
         cache=cache_bytes(model.device),
         seconds=times.seconds,
+        threads=made.relaxation.thread_count,
         iterations=(times.begin, times.end),
         memory=_memory(made),
     )

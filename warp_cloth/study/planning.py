@@ -16,7 +16,8 @@ from warp_cloth.study.savings import Saving
 
 def plan_lines(name: str, terms: Sequence[Term], cost: Footprint, savings: Sequence[Saving] = ()) -> list[str]:
     """Terms with their reasons, kernels with their costs, what is saved without a term, memory."""
-    lines = [f"{name}: {cost.vertices:,} vertices on {cost.device}", "Terms:"]
+    shared = f", shared by {cost.threads} threads" if cost.threads > 1 else ""
+    lines = [f"{name}: {cost.vertices:,} vertices on {cost.device}{shared}", "Terms:"]
     lines += [f"  {'+' if term.used else '-'} {term.name:<16} {term.reason}" for term in terms]
     lines.append(f"An iteration (mean of those from {cost.iterations[0]:,} to {cost.iterations[1]:,}):")
     lines.append(f"  {'kernel':<24} {'launches':>8} {'threads':>10} {'MB':>9} {'us':>9} {'time':>6}")

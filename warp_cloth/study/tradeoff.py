@@ -24,7 +24,8 @@ from warp_cloth.scene import Scene, load_scene
 from warp_cloth.study.knobs import Settings, Trial, budget_trials, nothing_holds, reference_of, single_trials, twin_of
 from warp_cloth.study.passing import Passage, Passed, run_through
 from warp_cloth.study.surface import distances
-from warp_cloth.study.workers import core_count, run_jobs
+from warp_cloth.study.workers import run_jobs
+from warp_cloth.threads import core_count
 from warp_cloth.wardrobe import mesh_recipes, open_wardrobe
 
 COMBINED = ("mesh", "precision", "pixel", "collider", "cloth contact")  # knobs whose cheapest settings are put together

@@ -5,14 +5,13 @@ from __future__ import annotations
 import contextlib
 import math
 import multiprocessing
-import os
 import signal
 import time
 from collections.abc import Iterator, Sequence
 from multiprocessing.connection import Connection, wait
 from typing import Any, Generic, Protocol, TypeVar
 
-from warp_cloth.batch.lifeline import end_with_parent
+from warp_cloth.batch.lifeline import begin_alone
 from warp_cloth.batch.pool import ended
 from warp_cloth.quiet import start_warp
 
@@ -30,11 +29,6 @@ class Job(Protocol[R_co]):
 
     def lost(self, verdict: str, message: str) -> R_co:
         """What to tell where it took its process along: it "crashed" or "hung"."""
-
-
-def core_count() -> int:
-    """Cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def run_jobs(jobs: Sequence[Job[R]], device: str, *, workers: int, deadline: float) -> Iterator[tuple[int, R]]:
@@ -65,7 +59,7 @@ def run_jobs(jobs: Sequence[Job[R]], device: str, *, workers: int, deadline: flo
 def _serve(connection: Connection, device: str) -> None:
     """A worker's life: a job in, its result out, until nobody asks any more."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the asker ends its workers
-    end_with_parent()
+    begin_alone()
     start_warp()
     while True:
         try:

@@ -1,0 +1,202 @@
+"""Iterations that threads of the CPU share: the bits of one thread, and no waiting for what does not come."""
+
+from __future__ import annotations
+
+import ctypes
+import time
+
+import numpy as np
+import pytest
+import warp as wp
+from cloths import grid, model_of
+from test_carried import floor
+
+from warp_cloth.errors import InputError
+from warp_cloth.fabric import Fabric
+from warp_cloth.kernels.sharing import APART, meet_threads
+from warp_cloth.mesh import Mesh
+from warp_cloth.model import ClothModel, GarmentPart, build_model
+from warp_cloth.rest import build_rest_shape
+from warp_cloth.scene import load_scene
+from warp_cloth.set_up import set_up_one
+from warp_cloth.solver import together
+from warp_cloth.solver.relax import Collider, Relaxation, StepOptions
+from warp_cloth.solver.shares import cut_model
+from warp_cloth.solver.together import LONGEST_PAUSE, PATIENCE, Pause, thread_count
+from warp_cloth.threads import ALONE
+
+WOVEN = Fabric(stretch_warp=2e4, stretch_weft=1e4, shear=100.0, bending_warp=1e-5, bending_weft=1e-5)
+EDGES = Fabric(stretch_warp=2e4, stretch_weft=1e4, bending_warp=1e-5, bending_weft=1e-5)
+SIDE = 17
+USLEEP = ctypes.cast(ctypes.CDLL(None).usleep, ctypes.c_void_p).value
+
+
+def sheet(mixed: bool = False) -> Mesh:
+    """A sheet that slopes down to a floor at one corner; ``mixed``: its vertices in no order."""
+    flat = grid(SIDE, 0.4)
+    points = flat.points[:, [0, 2, 1]] + np.stack(
+        [0.0 * flat.points[:, 0], flat.points.sum(axis=1) / 4, 0.0 * flat.points[:, 0]], 1
+    )
+    if not mixed:
+        return Mesh("sheet", points + np.array([0.0, 5e-3, 0.0]), flat.triangles)
+    order = np.random.default_rng(7).permutation(len(points))
+    return Mesh(
+        "sheet", (points + np.array([0.0, 5e-3, 0.0]))[np.argsort(order)], order[flat.triangles].astype(np.int32)
+    )
+
+
+def relaxed(
+    threads: int, fabric: Fabric, *, mixed: bool = False, contact: bool = True, fold: float = 0.0
+) -> Relaxation:
+    """The sheet after iterations tight, loose and tight again, in chunks of several lengths."""
+    mesh = sheet(mixed)
+    rest = build_rest_shape(mesh, fabric, rest="mesh")
+    rest.fold_angle[...] = fold
+    pins = np.array([0, SIDE], dtype=np.int32) if not contact else np.zeros(0, dtype=np.int32)
+    model = model_of(mesh, rest, precision="mixed", pins=pins)
+    relaxation = Relaxation(model, floor() if contact else Collider(), StepOptions(threads=threads))
+    wp.force_load("cpu", modules=[kernel.module for kernel in relaxation.kernels() + relaxation.seldom_kernels()])
+    for residual, chunks in ((1.0, [20, 20, 20]), (0.0, [20, 20, 7, 20, 13]), (1.0, [20, 3])):
+        relaxation.loosen(np.array([residual]))
+        for count in chunks:
+            relaxation.run(count)
+    return relaxation
+
+
+def state(relaxation: Relaxation) -> list[np.ndarray]:
+    """All that the next iteration goes on from."""
+    cloth = relaxation.model.cloth
+    kept = [cloth.position, cloth.move, cloth.stiffness, cloth.leeway, cloth.held, cloth.clear]
+    return [array.numpy() for array in kept if array]
+
+
+@pytest.mark.parametrize(
+    "case",
+    [
+        {"fabric": WOVEN},
+        {"fabric": WOVEN, "mixed": True},
+        {"fabric": WOVEN, "contact": False},
+        {"fabric": EDGES},
+        {"fabric": WOVEN, "contact": False, "fold": 0.3},
+    ],
+    ids=["worn", "in no order", "pinned", "edges", "pressed"],
+)
+def test_threads_give_the_bits_of_one(case: dict, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(together, "AT_WORK", 0.0)  # whatever else the machine does
+    alone = relaxed(1, **case)
+    for count in (2, 3):
+        shared = relaxed(count, **case)
+        assert shared.thread_count == count
+        assert all((one == other).all() for one, other in zip(state(alone), state(shared), strict=True))
+
+
+def test_threads_that_come_and_go_do_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(together, "AT_WORK", 2.0)  # as on a busy machine
+    alone, shared = relaxed(1, WOVEN), relaxed(2, WOVEN)
+    assert all((one == other).all() for one, other in zip(state(alone), state(shared), strict=True))
+
+
+@pytest.mark.parametrize("mixed", [False, True])
+def test_every_vertex_is_in_one_share_with_all_that_acts_on_it(mixed: bool) -> None:
+    mesh = sheet(mixed)
+    model = model_of(mesh, build_rest_shape(mesh, WOVEN, rest="mesh"), precision="mixed")
+    shares = cut_model(model, 3)
+    order = np.concatenate([share.order.numpy() for share in shares])
+    assert (np.sort(order) == np.arange(model.vertex_count)).all()
+    for share in shares:
+        own = set(share.order.numpy().tolist())
+        for whole, part in (
+            (model.edges.ends, share.model.edges.ends),
+            (model.triangles.corners, share.model.triangles.corners),
+        ):
+            wanted = [row for row in whole.numpy().tolist() if own & set(row)]
+            there = [row for row in order[part.numpy()].tolist() if own & set(row)]
+            assert there == wanted  # in the same order, as sums depend on it
+
+
+def test_shares_are_cut_where_they_double_little() -> None:
+    mesh = sheet(mixed=True)
+    model = model_of(mesh, build_rest_shape(mesh, WOVEN, rest="mesh"), precision="mixed")
+    for share in cut_model(model, 2):
+        assert len(share.order) <= model.vertex_count // 2 + 1
+        assert share.model.triangle_count <= model.triangle_count // 2 + 5 * SIDE  # three rows of it at the most
+
+
+def test_a_thread_does_not_wait_for_ever() -> None:
+    arrivals = wp.zeros(3 * APART, dtype=wp.int32, device="cpu")
+
+    def meet(number: int, naps: int) -> float:
+        began = time.perf_counter()
+        wp.launch(meet_threads, dim=1, inputs=[arrivals, number, USLEEP, naps], device="cpu")
+        return time.perf_counter() - began
+
+    meet(0, 10)
+    assert arrivals.numpy()[0] == 1  # the other never came
+    meet(1, 10**9)  # and does not wait either when it does
+
+
+@pytest.mark.parametrize("failing", [1, 2], ids=["one", "both"])
+def test_a_thread_that_fails_holds_up_nobody(failing: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(together, "AT_WORK", 0.0)
+    shared = relaxed(2, WOVEN)
+    launch, calls = wp.capture_launch, []
+
+    def fail(graph: object) -> None:
+        calls.append(graph)
+        if len(calls) <= failing:
+            raise MemoryError
+        launch(graph)
+
+    monkeypatch.setattr(wp, "capture_launch", fail)
+    began = time.perf_counter()
+    for _ in range(2):  # what one of them has left undone is not gone on from
+        with pytest.raises((MemoryError, RuntimeError)):
+            shared.run(20)
+    assert time.perf_counter() - began < PATIENCE
+
+
+def test_pauses_grow_while_threads_wait_in_vain_and_shrink_when_they_do_not() -> None:
+    pause, lengths = Pause(), []
+    for _ in range(10):
+        length = 0
+        while not pause.over():
+            length += 1
+        lengths.append(length)
+        pause.tell(0.5)
+    assert lengths == [0, 1, 2, 4, 8, 16, 32, LONGEST_PAUSE, LONGEST_PAUSE, LONGEST_PAUSE]
+    while not pause.over():
+        pass
+    pause.tell(1.0)
+    assert pause.over()  # at once
+
+
+def test_threads_are_as_many_as_cores_are_there_and_work_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(together, "core_count", lambda: 4)
+    assert thread_count(None, 1_000_000) == 4
+    assert thread_count(2, 1_000_000) == 2
+    assert thread_count(16, 1_000_000) == 4
+    assert thread_count(None, 3_500) == 2
+    assert thread_count(None, 500) == 1
+    monkeypatch.undo()
+    monkeypatch.setenv(ALONE, "1")  # of a batch
+    assert thread_count(None, 1_000_000) == 1
+
+
+def model_of_two() -> ClothModel:
+    mesh = sheet()
+    part = GarmentPart(mesh.points, mesh.triangles, build_rest_shape(mesh, WOVEN, rest="mesh"), np.zeros(0, np.int32))
+    return build_model([part, part], device="cpu", precision="mixed", garments=[1, 1])
+
+
+def test_several_items_take_one_thread() -> None:
+    assert Relaxation(model_of_two(), Collider(), StepOptions(threads=2)).thread_count == 1
+
+
+def test_a_scene_says_how_many(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(together, "core_count", lambda: 2)
+    monkeypatch.setattr(together, "LEAST", 100)
+    scene = {"garment": {"shape": {"kind": "square", "vertices_per_side": 20}, "pin": [{"vertices": [0, 19]}]}}
+    assert set_up_one(load_scene(scene), "cpu").relaxation.thread_count == 2
+    assert set_up_one(load_scene(scene, ["solver.threads=1"]), "cpu").relaxation.thread_count == 1
+    with pytest.raises(InputError, match="threads"):
+        load_scene(scene, ["solver.threads=0"])
