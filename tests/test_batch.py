@@ -19,7 +19,7 @@ import pytest
 import warp_cloth
 from warp_cloth.batch import Item, run_batch
 from warp_cloth.batch.drive import Standing, _Drive
-from warp_cloth.batch.pool import Lost, best_shared
+from warp_cloth.batch.pool import LocalPool, Lost, best_shared
 from warp_cloth.batch.progress import summary
 from warp_cloth.batch.rows import FAILED, ItemResult, empty_row
 from warp_cloth.batch.store import Store, cut
@@ -219,6 +219,16 @@ def test_a_worker_that_dies_is_replaced_and_its_items_done(tmp_path: Path) -> No
     assert report.whole
     drive(tmp_path / "calm", items, 2)
     assert results(tmp_path / "killed") == results(tmp_path / "calm")
+
+
+def test_workers_begin_anew_where_the_devices_are_not_those_that_were_thought(tmp_path: Path) -> None:
+    items = tiny_items(4)
+    with LocalPool(["cpu:none", "cpu:none"], lambda: ["cpu"]) as pool:
+        report = drive(tmp_path / "thought", items, 2, pool)
+        assert pool.devices == ("cpu",)
+    assert report.statuses.get(FAILED, 0) == 0
+    drive(tmp_path / "calm", items, 2)
+    assert results(tmp_path / "thought") == results(tmp_path / "calm")
 
 
 def test_killed_and_started_again_it_ends_with_the_same_results(tmp_path: Path) -> None:

@@ -163,7 +163,7 @@ def fabric(
             from warp_cloth.bench import run_bench
             from warp_cloth.bench.bench import DISC_RINGS, DISCS
             from warp_cloth.bench.save import figure_class, save_bench, table
-            from warp_cloth.fitting import device_named
+            from warp_cloth.device import device_named
 
             if plots:
                 figure_class()
@@ -188,7 +188,7 @@ def batch(
     device: Annotated[
         str | None, typer.Option(help="cpu, cuda (all GPUs) or cuda:N.", show_default="all GPUs, or the CPU")
     ] = None,
-    workers: Annotated[int | None, typer.Option(help="Processes.", show_default="one a core, two a GPU")] = None,
+    workers: Annotated[int | None, typer.Option(help="Processes.", show_default="one a core, four a GPU")] = None,
     ray: Annotated[str | None, typer.Option(metavar="ADDRESS", help="Work on the Ray cluster there.")] = None,
     keep: Annotated[str, typer.Option(help="Shapes: arrays (a file per shard), stages (one per item), none.")] = (
         "arrays"
@@ -205,14 +205,12 @@ def batch(
         from warp_cloth.batch.processes import get_ready
 
         if ray is None:
-            get_ready()  # while this process imports
+            get_ready(device)  # while this process imports
         from rich.console import Console
 
         from warp_cloth.batch import run_batch
         from warp_cloth.batch.progress import BatchDisplay, summary
 
-        if device != "cpu":
-            start_warp(False)
         with BatchDisplay(Console(stderr=True)) as display:
             report = run_batch(
                 jobs,
@@ -308,7 +306,7 @@ def avatar(
             start_warp(False)
             from warp_cloth.bench.avatar import run_avatar_bench, save_avatar_bench, table
             from warp_cloth.bench.save import figure_class
-            from warp_cloth.fitting import device_named
+            from warp_cloth.device import device_named
             from warp_cloth.wardrobe import open_wardrobe
 
             if plots:

@@ -10,13 +10,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import warp as wp
 from numpy.typing import NDArray
 
 from warp_cloth.cascade import LevelRun
 from warp_cloth.collide.exact import ExactCollider, exact_colliders, penetrations
 from warp_cloth.collide.garments import worn_crossings
 from warp_cloth.collide.piercing import piercing
+from warp_cloth.device import device_named
 from warp_cloth.errors import InputError
 from warp_cloth.maps import FitMaps, chosen_maps, measure_maps
 from warp_cloth.maps.measure import check_maps
@@ -171,18 +171,6 @@ class _Clock:
         now = time.perf_counter()
         self.seconds[stage] += now - self._last
         self._last = now
-
-
-def device_named(name: str | None) -> str:
-    """Warp's name of a device that is there."""
-    wp.init()
-    if name is None:
-        return str(wp.get_preferred_device().alias)
-    try:
-        return str(wp.get_device(name).alias)
-    except (RuntimeError, ValueError):
-        devices = ", ".join(str(device.alias) for device in wp.get_devices())
-        raise InputError("--device", f'there is no device "{name}" here', f"use one of: {devices}") from None
 
 
 def _relax(

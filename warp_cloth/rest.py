@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, fields, replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,6 +37,9 @@ SCALE_TOLD, SCALE_REFUSED = 2.0, 6.0
 # put all its corners at one point. A few (buttons, trims) keep their lengths in the mesh; more, and panels are missing.
 LEFT_OUT_AREA = 1.0e-6
 MOST_LEFT_OUT = 0.05
+
+
+COMMON = ("topology", "edge_length", "sheet", "area", "hinge_angle", "corners")  # to a garment's every fabric
 
 
 @dataclass(frozen=True, eq=False)
@@ -180,6 +183,24 @@ class RestGeometry:
     hinge_angle: Floats | None = None  # at rest [rad], shape [H]; None: flat
     corners: Floats | None = None  # as of RestShape
     notes: tuple[str, ...] = ()
+
+
+def own_constants(rest: RestShape) -> dict[str, Any]:
+    """What a garment's rest shape has of its fabric alone, by name; ``in_geometry`` puts it together again."""
+    return {each.name: getattr(rest, each.name) for each in fields(rest) if each.name not in COMMON}
+
+
+def in_geometry(own: dict[str, Any], geometry: RestGeometry) -> RestShape:
+    """The rest shape of these constants."""
+    return RestShape(
+        topology=geometry.sheet.topology,
+        edge_length=geometry.length,
+        sheet=geometry.sheet,
+        area=geometry.area,
+        hinge_angle=geometry.hinge_angle,
+        corners=geometry.corners,
+        **own,
+    )
 
 
 def build_rest_shape(

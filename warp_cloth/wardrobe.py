@@ -147,10 +147,16 @@ def rest_of(scene: Scene, index: int, rack: Rack) -> tuple[RestShape, Indices]:
         InputError: its file, rest shape or pins cannot be used.
     """
     spec, key = scene.garments[index], scene.garment_keys[index]
-    mesh_key, geometry_key, rest_key = garment_keys(scene, index)
+    mesh, geometry = geometry_of(scene, index, rack)
+    return rack.once(partial(_rest, mesh, geometry, spec, key), *garment_keys(scene, index)[2])
+
+
+def geometry_of(scene: Scene, index: int, rack: Rack) -> tuple[Mesh, RestGeometry]:
+    """Mesh and rest geometry of a scene's garment, likewise."""
+    spec, key = scene.garments[index], scene.garment_keys[index]
+    mesh_key, geometry_key, _ = garment_keys(scene, index)
     mesh = rack.once(partial(_garment_mesh, spec, key, _body(scene)), *mesh_key)
-    geometry = rack.once(partial(_geometry, mesh, spec, key), *geometry_key)
-    return rack.once(partial(_rest, mesh, geometry, spec, key), *rest_key)
+    return mesh, rack.once(partial(_geometry, mesh, spec, key), *geometry_key)
 
 
 def _where(scene: Scene) -> str:

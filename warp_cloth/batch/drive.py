@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import collections
 import os
+import sys
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -19,7 +20,9 @@ from warp_cloth.batch.processes import get_ready
 from warp_cloth.batch.rows import FAILED, ItemResult, empty_row
 from warp_cloth.batch.store import Keep, Shard, Store, cut
 from warp_cloth.batch.work import Done, Task
+from warp_cloth.device import device_named, likely_gpus
 from warp_cloth.errors import InputError
+from warp_cloth.quiet import start_warp
 
 CPU_SHARD = 8  # items to a shard at most: what a killed run does again on each core
 GPU_SHARD = 512  # so many garments fill the largest GPU, and one reading of their avatars serves them all
@@ -89,26 +92,25 @@ def run_batch(
         InputError: the job file, the folder or the device cannot be used, or the folder holds another batch.
     """
     if ray is None:
-        get_ready()
-    items = read_jobs(jobs) if isinstance(jobs, (str, Path)) else list(jobs)
+        get_ready(device)
     if keep not in get_args(Keep):
         raise InputError("--keep", f'"{keep}" is not known', f"use one of {', '.join(get_args(Keep))}")
     if workers is not None and workers < 1:
         raise InputError("--workers", f"{workers} processes cannot do anything", "give 1 or more")
     if shard is not None and shard < 1:
         raise InputError("--shard", f"{shard} items make no shard", "give 1 or more")
-    store = Store(Path(out).absolute(), keep)
-    store.open()
-    with store.held():
-        store.check_batch(items)
-        began = time.perf_counter()
-        pool = _pool(device, workers, ray)
-        try:
+    began = time.perf_counter()
+    pool = _pool(device, workers, ray)  # whose processes begin while the jobs are read
+    try:
+        items = read_jobs(jobs) if isinstance(jobs, (str, Path)) else list(jobs)
+        store = Store(Path(out).absolute(), keep)
+        store.open()
+        with store.held():
+            store.check_batch(items)
             size = store.shard_size(shard or _shard_size(len(items), pool.devices), shard is not None)
-            drive = _Drive(store, cut(items, size), pool, progress or (lambda _: None), began)
-            return drive.run()
-        finally:
-            pool.close()
+            return _Drive(store, cut(items, size), pool, progress or (lambda _: None), began).run()
+    finally:
+        pool.close()
 
 
 def _pool(device: str | None, workers: int | None, ray: str | None) -> Pool:
@@ -116,25 +118,36 @@ def _pool(device: str | None, workers: int | None, ray: str | None) -> Pool:
         from warp_cloth.batch.cluster import RayPool
 
         return RayPool(ray, device, workers)
-    return LocalPool(_devices(device, workers))
-
-
-def _devices(device: str | None, workers: int | None) -> list[str]:
-    """The device of each worker."""
     if device == "cpu":
-        return [device] * (workers or len(os.sched_getaffinity(0)))
+        return LocalPool(_places([], workers))
+    likely = likely_gpus(device)
+    if device is not None and not likely:
+        return LocalPool(_places(_gpus(device), workers))
+    return LocalPool(_places(likely, workers), lambda: _places(_gpus(device), workers))
+
+
+def _places(gpus: Sequence[str], workers: int | None) -> list[str]:
+    """The device of each worker."""
+    if not gpus:
+        return ["cpu"] * (workers or len(os.sched_getaffinity(0)))
+    return [gpus[number % len(gpus)] for number in range(workers or WORKERS_PER_GPU * len(gpus))]
+
+
+def _gpus(device: str | None) -> list[str]:
+    """The GPUs that are meant; none where that is the CPU.
+
+    Raises:
+        InputError: there is no such device.
+    """
+    if "warp" not in sys.modules:  # who has it running keeps its messages
+        start_warp()
     import warp as wp
 
-    from warp_cloth.fitting import device_named
-
-    wp.init()
     gpus = [str(each.alias) for each in wp.get_cuda_devices()]
-    if gpus and device in (None, "cuda"):
-        return [gpus[number % len(gpus)] for number in range(workers or WORKERS_PER_GPU * len(gpus))]
+    if device is None or (device == "cuda" and gpus):
+        return gpus
     named = device_named(device)
-    if wp.get_device(named).is_cuda:
-        return [named] * (workers or WORKERS_PER_GPU)
-    return ["cpu"] * (workers or len(os.sched_getaffinity(0)))
+    return [named] if wp.get_device(named).is_cuda else []
 
 
 def _shard_size(items: int, devices: Sequence[str]) -> int:

@@ -6,10 +6,12 @@ import contextlib
 import logging
 import multiprocessing
 import os
+import threading
 from collections.abc import Callable, Hashable, Sequence
-from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 from warp_cloth.batch.lifeline import begin_alone
@@ -17,9 +19,11 @@ from warp_cloth.batch.processes import context, get_ready
 from warp_cloth.elements import garment_elements
 from warp_cloth.garment_part import GarmentPart, terms_of
 from warp_cloth.kept import Kept
+from warp_cloth.mesh import Indices
 from warp_cloth.patches import LARGEST, garment_patches
+from warp_cloth.rest import RestGeometry, in_geometry, own_constants
 from warp_cloth.scene import Scene
-from warp_cloth.wardrobe import Key, Rack, Recipe, avatar_recipe, garment_keys, generated_body, mesh_recipes, rest_of
+from warp_cloth.wardrobe import Key, Rack, Recipe, avatar_recipe, garment_keys, generated_body, geometry_of, rest_of
 
 log = logging.getLogger(__name__)
 
@@ -27,13 +31,17 @@ WORTH = 8  # things to make that helpers are started for: that takes as long as 
 MOST_KEPT = 4_000_000  # vertices of the meshes that a shelf keeps from task to task; with rest shapes about 4 GB
 
 
+Dressed = tuple[dict[str, Any], Indices, dict[Hashable, Any]]  # constants of a garment in its fabric, pins, patches
+
+
 @dataclass(frozen=True, eq=False)
 class Order:
-    """What one helper makes: an avatar, or a garment's mesh and its rest shapes in several fabrics."""
+    """What is made of one file or shape: an avatar, or a garment's mesh and its rest shapes in several fabrics."""
 
     avatar: Recipe | None = None
     garments: dict[Key, tuple[Scene, int]] = field(default_factory=dict)  # scene and number in it, by the rest shape
-    known: dict[Key, Any] = field(default_factory=dict)  # of the mesh and what is made of it
+    geometry: Key = ()  # that these have in common
+    known: dict[Key, Any] = field(default_factory=dict)  # of that and the mesh
     body: str = ""  # that is generated for it
     patches: bool = False  # whether to cut them, too
 
@@ -41,6 +49,11 @@ class Order:
     def count(self) -> int:
         """Things to make."""
         return 1 if self.avatar is not None else len(self.garments) + 1
+
+    @property
+    def first(self) -> tuple[Scene, int]:
+        """Scene and number in it of a garment of this mesh."""
+        return next(iter(self.garments.values()))
 
 
 class Shelf:
@@ -52,6 +65,10 @@ class Shelf:
         self.rack, self.kept = Rack(), Kept()
         self.fresh = True  # whether its process has fitted nothing yet
 
+    def begin(self, scenes: Sequence[Scene], *, patches: bool) -> None:
+        """Has its loaders begin with what scenes need, as of Loaders."""
+        self.loaders.begin(self.rack, scenes, patches=patches)
+
     def tidied(self) -> Shelf:
         """The shelf, emptied where it holds too much."""
         if self.rack.vertex_count > MOST_KEPT:
@@ -62,12 +79,20 @@ class Shelf:
 class Loaders:
     """Fills racks with what scenes need, each thing once; ``count`` helpers are started when first needed.
 
+    A garment's mesh comes first, then its rest shapes, each a task of its own, as the finest garment is waited for.
+
     ``fork``: at once, as copies of this process. That must have neither threads nor a device yet.
     """
 
     def __init__(self, count: int, *, fork: bool = False) -> None:
         self._count = count
         self._pool: ProcessPoolExecutor | None = None
+        self._changed = threading.Condition()
+        self._open = 0  # tasks that helpers have, and what is made of these
+        self._asked: set[Key] = set()  # what is being made, by the key of the mesh or the rest shape
+        self._made: dict[Key, Any] = {}
+        self._patches: dict[Hashable, Any] = {}
+        self._broken: BrokenProcessPool | None = None
         if count and fork:
             self._pool = ProcessPoolExecutor(count, multiprocessing.get_context("fork"), initializer=begin_alone)
             self._pool.submit(os.getpid)  # forks all of them
@@ -85,37 +110,91 @@ class Loaders:
 
         ``kept``, where there is one, gets the garments' patches, too. ``meanwhile`` is done here while helpers work.
         """
+        self.begin(rack, scenes, patches=kept is not None)
+        if not self._open and not self._made:
+            return
+        meanwhile()
+        with self._changed:
+            self._changed.wait_for(lambda: not self._open)
+        rack.put(self._made)
+        if kept is not None:
+            kept.put(self._patches)
+        self._asked, self._made, self._patches = set(), {}, {}
+        if self._broken is not None:
+            log.warning("helpers that load are gone: %s", self._broken)
+            self._count, self._pool, self._broken = 0, None, None
+
+    def begin(self, rack: Rack, scenes: Sequence[Scene], *, patches: bool) -> None:
+        """Has helpers begin with what ``fill`` then waits for; what they are making already is not made twice."""
+        if self._count < 1:
+            return
         orders: dict[Key, Order] = {}
         for scene in scenes:
             for recipe in avatar_recipe(scene):
-                if recipe.key not in rack:
+                if recipe.key not in rack and recipe.key not in self._asked:
                     orders[recipe.key] = Order(recipe, body=generated_body(scene))
             for index in range(len(scene.garments)):
                 mesh, geometry, rest = garment_keys(scene, index)
-                if rest not in rack:
+                if rest not in rack and rest not in self._asked:
                     known = rack.some((mesh, geometry))
-                    order = Order(known=known, body=generated_body(scene), patches=kept is not None)
-                    orders.setdefault(mesh, order).garments[rest] = scene, index
-        self._make(rack, kept, list(orders.values()), meanwhile)
+                    order = Order(geometry=geometry, known=known, body=generated_body(scene), patches=patches)
+                    orders.setdefault(geometry, order).garments[rest] = scene, index
+        if self._pool is None and sum(order.count for order in orders.values()) < WORTH:
+            return
+        for key, order in orders.items():
+            self._asked.update((key, *order.garments))
+        for bundle in bundles(list(orders.values()), self._count):
+            self._submit(_meshes, bundle, then=partial(self._dress, bundle))
 
     def close(self) -> None:
         if self._pool is not None:
             self._pool.shutdown(cancel_futures=True)
             self._pool = None
 
-    def _make(self, rack: Rack, kept: Kept | None, orders: Sequence[Order], meanwhile: Callable[[], None]) -> None:
-        if self._count < 1 or (self._pool is None and sum(order.count for order in orders) < WORTH):
-            return
+    def _submit(self, work: Callable[..., Any], *given: Any, then: Callable[[Any], None]) -> None:
+        """Has a helper work; ``then`` takes what came of it, in a thread of the pool's."""
+        with self._changed:
+            self._open += 1
         try:
-            found = self._started().map(_made, bundles(orders, self._count))
-            meanwhile()
-            for made, patches in found:
-                rack.put(made)
-                if kept is not None:
-                    kept.put(patches)
-        except BrokenProcessPool as error:
-            log.warning("helpers that load are gone: %s", error)
-            self._count, self._pool = 0, None
+            self._started().submit(work, *given).add_done_callback(partial(self._came, then))
+        except (BrokenProcessPool, RuntimeError) as error:  # RuntimeError: it is shut down
+            self._end(error)
+
+    def _came(self, then: Callable[[Any], None], future: Future[Any]) -> None:
+        error = None if future.cancelled() else future.exception()
+        try:
+            if error is None and not future.cancelled():
+                then(future.result())
+        finally:
+            self._end(error)
+
+    def _end(self, error: BaseException | None) -> None:
+        with self._changed:
+            if isinstance(error, BrokenProcessPool):
+                self._broken = error
+            self._open -= 1
+            self._changed.notify_all()
+
+    def _dress(self, bundle: Sequence[Order], found: Sequence[dict[Key, Any]]) -> None:
+        """Goes on from meshes to rest shapes; one that is woven, and one that is not, cut the patches for all such."""
+        for order, made in zip(bundle, found, strict=True):
+            self._made.update(made)
+            known = {**order.known, **made}
+            if order.geometry not in known:
+                continue
+            geometry = known[order.geometry]
+            cut: set[bool] = set()
+            for key, (scene, index) in order.garments.items():
+                woven = scene.garments[index].fabric.woven
+                patches = order.patches and woven not in cut
+                cut.add(woven)
+                self._submit(_dressed, scene, index, known, patches, then=partial(self._take, key, geometry))
+
+    def _take(self, key: Key, geometry: RestGeometry, found: Dressed) -> None:
+        """Keeps a garment's rest shape, in the geometry that all its fabrics have."""
+        constants, pins, patches = found
+        self._made[key] = in_geometry(constants, geometry), pins
+        self._patches.update(patches)
 
     def _started(self) -> ProcessPoolExecutor:
         if self._pool is None:
@@ -132,26 +211,30 @@ def bundles(orders: Sequence[Order], count: int) -> list[list[Order]]:
     return [some[first : first + most] for some in each.values() for first in range(0, len(some), most)]
 
 
-def _made(orders: Sequence[Order]) -> tuple[dict[Key, Any], dict[Hashable, Any]]:
-    """What was ordered, as a rack keeps it, and patches; what fails is missing: who opens the wardrobe tells why."""
-    rack, kept = Rack(), Kept()
-    known: dict[Key, Any] = {}
+def _meshes(orders: Sequence[Order]) -> list[dict[Key, Any]]:
+    """The meshes that were ordered and the garments' geometries, as a rack keeps them; nothing of one that fails."""
+    found = []
     for order in orders:
-        known.update(order.known)
+        rack = Rack()
         rack.put(order.known)
-        if order.avatar is not None:
-            with contextlib.suppress(Exception):
+        with contextlib.suppress(Exception):  # who opens the wardrobe tells why
+            if order.avatar is not None:
                 rack.made(order.avatar)
-        for scene, index in order.garments.values():
-            with contextlib.suppress(Exception):
-                rest, pins = rest_of(scene, index, rack)
-                if order.patches:
-                    mesh = rack.made(mesh_recipes(scene)[index])
-                    _cut(GarmentPart(mesh.points, mesh.triangles, rest, pins), scene.solver.precision, kept)
-    return rack.without(known), kept.of_values()
+            else:
+                geometry_of(*order.first, rack)
+        found.append(rack.without(order.known))
+    return found
 
 
-def _cut(part: GarmentPart, precision: str, kept: Kept) -> None:
-    """Cuts a garment's patches as a model of many garments asks for them."""
-    elements = garment_elements(part.triangles, part.rest)
-    garment_patches([elements], [part.points], terms_of([part]), precision=precision, kept=kept, size=LARGEST)
+def _dressed(scene: Scene, index: int, known: dict[Key, Any], patches: bool) -> Dressed:
+    """A garment's constants in its fabric and its pins, and patches as a model of many garments asks for them."""
+    rack, kept = Rack(), Kept()
+    rack.put(known)
+    rest, pins = rest_of(scene, index, rack)
+    if patches:
+        mesh, _ = geometry_of(scene, index, rack)
+        part = GarmentPart(mesh.points, mesh.triangles, rest, pins)
+        elements = garment_elements(part.triangles, rest)
+        precision = scene.solver.precision
+        garment_patches([elements], [part.points], terms_of([part]), precision=precision, kept=kept, size=LARGEST)
+    return own_constants(rest), pins, kept.of_values()

@@ -8,7 +8,7 @@ import logging
 import multiprocessing
 import os
 import signal
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
@@ -18,7 +18,6 @@ from typing import Protocol
 from warp_cloth.batch.lifeline import begin_alone, end_with_parent
 from warp_cloth.batch.processes import context
 from warp_cloth.batch.work import DeviceLostError, Done, Task, do_task
-from warp_cloth.quiet import start_warp
 
 log = logging.getLogger(__name__)
 
@@ -63,7 +62,6 @@ def _serve(connection: Connection, helpers: int) -> None:
 
     shelf = Shelf(helpers, fork=True)  # before this process has threads and a device
     (end_with_parent if helpers else begin_alone)()
-    start_warp()
     while True:
         try:
             task: Task = connection.recv()
@@ -171,13 +169,20 @@ def best_shared(waiting: Sequence[frozenset[str]], own: frozenset[str], others: 
 
 
 class LocalPool:
-    """Worker processes, one for each device named."""
+    """Worker processes, one for each device named.
+
+    ``check`` tells the devices that are really there, which takes a while: it is asked while workers begin.
+    """
 
     patient = False
 
-    def __init__(self, devices: Sequence[str]) -> None:
-        self.devices = tuple(devices)
+    def __init__(self, devices: Sequence[str], check: Callable[[], Sequence[str]] | None = None) -> None:
+        self._check = check
         self._waiting: list[Task] = []
+        self._open(devices)
+
+    def _open(self, devices: Sequence[str]) -> None:
+        self.devices = tuple(devices)
         at = collections.Counter(self.devices)
         self._slots = [_Slot(device, 1.0 / at[device], helpers(device, len(self.devices))) for device in self.devices]
 
@@ -200,11 +205,24 @@ class LocalPool:
             for slot in usable:
                 if slot.task is None and self._waiting:
                     slot.give(self._task_for(slot))
+            if self._checked_anew():
+                continue
             busy = {slot.connection: slot for slot in self._slots if slot.task is not None}
             if not busy:
                 return
             for connection in wait(list(busy)):
                 yield busy[connection].receive()  # type: ignore[index]
+
+    def _checked_anew(self) -> bool:
+        """Checks the devices, once; whether they are others, so that tasks are to be given anew."""
+        check, self._check = self._check, None
+        devices = self.devices if check is None else tuple(check())
+        if devices == self.devices:
+            return False
+        self._waiting += [slot.task for slot in self._slots if slot.task is not None]
+        self.close()
+        self._open(devices)
+        return True
 
     def _task_for(self, slot: _Slot) -> Task:
         own = slot.had.shard.asks if slot.had is not None else frozenset()

@@ -6,21 +6,26 @@ import multiprocessing
 import os
 from multiprocessing import forkserver
 from multiprocessing.context import ForkServerContext
+from pathlib import Path
 
-IMPORTED = ("__main__", "warp_cloth.batch.many", "warp_cloth.batch.work")  # before any process is forked
+LOADING = ("__main__", "warp_cloth.batch.pool", "warp_cloth.batch.loading")  # before any process is forked
+FITTING = ("warp_cloth.batch.many",)  # likewise, where all fit
+GPU_FILES = ("/dev/nvidiactl", "/dev/dxg")  # of the driver, under Linux and its Windows subsystem
 ONE_THREAD = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS")  # in each: there are many of them
 
 
 def context() -> ForkServerContext:
     """What starts processes. Warp, which may not be forked, starts in each by itself."""
-    made = multiprocessing.get_context("forkserver")
-    made.set_forkserver_preload(list(IMPORTED))
-    return made
+    return multiprocessing.get_context("forkserver")
 
 
-def get_ready() -> None:
-    """Starts the process that others are forked from; it imports while this one goes on."""
-    context()
+def get_ready(device: str | None = None) -> None:
+    """Starts the process that others are forked from; it imports while this one goes on.
+
+    Where a GPU is likely to be used, what loads garments is ready first: who fits imports the rest meanwhile.
+    """
+    gpu = device != "cpu" and any(Path(file).exists() for file in GPU_FILES)
+    context().set_forkserver_preload([*LOADING, *(() if gpu else FITTING)])
     added = [name for name in ONE_THREAD if name not in os.environ]
     os.environ.update(dict.fromkeys(added, "1"))
     try:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from warp_cloth.batch.rows import FAILED, ItemResult, WornPoints, empty_row, row_of
 from warp_cloth.batch.store import Shard, Store, file_marks
 from warp_cloth.errors import InputError
+from warp_cloth.quiet import start_warp
 from warp_cloth.result import Status
 
 if TYPE_CHECKING:
@@ -54,8 +55,6 @@ def do_task(task: Task, shelf: Shelf | None = None) -> Done:
     Raises:
         DeviceLostError: the device is gone; nothing was written.
     """
-    if not device_answers(task.device):
-        raise DeviceLostError(f"{task.device} does not answer")
     worker = _Worker(task, shelf)
     results = worker.results()
     done = Done(task.shard, tuple(results), worker.inputs)
@@ -90,6 +89,11 @@ class _Worker:
                 found[item.name] = scene
             else:
                 scenes.append((item, scene))
+        if self._shelf is not None:  # while this process starts Warp and its device
+            self._shelf.begin([scene for _, scene in scenes], patches=self._task.device != "cpu")
+        start_warp()
+        if not device_answers(self._task.device):
+            raise DeviceLostError(f"{self._task.device} does not answer")
         for (item, _), result in zip(scenes, self._fitted(scenes), strict=True):
             found[item.name] = result
         return [found[item.name] for item in items]

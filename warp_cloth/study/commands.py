@@ -40,7 +40,7 @@ def plan(
 
         chosen = load_scene(scene, changes or ())
         start_warp(False)
-        from warp_cloth.fitting import device_named
+        from warp_cloth.device import device_named
         from warp_cloth.plan import make_plan
         from warp_cloth.set_up import set_up_one
         from warp_cloth.study.footprint import footprint_of
@@ -81,7 +81,7 @@ def tradeoff(
         with output_folder(out, f"{chosen.name}_tradeoff"):
             start_warp(False)
             from warp_cloth.bench.save import figure_class
-            from warp_cloth.fitting import device_named
+            from warp_cloth.device import device_named
 
             if plots:
                 figure_class()
@@ -124,7 +124,7 @@ def extremes(
         with output_folder(out, "extremes"):
             start_warp(False)
             from warp_cloth.bench.save import figure_class
-            from warp_cloth.fitting import device_named
+            from warp_cloth.device import device_named
 
             if plots:
                 figure_class()
@@ -156,7 +156,7 @@ def methods(
         with output_folder(out, "methods"):
             start_warp(False)
             from warp_cloth.bench.save import figure_class
-            from warp_cloth.fitting import device_named
+            from warp_cloth.device import device_named
 
             if plots:
                 figure_class()

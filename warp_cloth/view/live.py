@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from warp_cloth.fitting import device_named, tolerance_of
+from warp_cloth.device import device_named
+from warp_cloth.fitting import tolerance_of
 from warp_cloth.maps import MAPS, measure_maps
 from warp_cloth.mesh import Points
 from warp_cloth.result import WornGarment

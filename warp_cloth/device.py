@@ -1,0 +1,37 @@
+"""Devices by their names, as Warp knows them, and as the driver does before Warp is there."""
+
+from __future__ import annotations
+
+import ctypes
+
+from warp_cloth.errors import InputError
+
+
+def device_named(name: str | None) -> str:
+    """Warp's name of a device that is there.
+
+    Raises:
+        InputError: it is not.
+    """
+    import warp as wp
+
+    wp.init()
+    if name is None:
+        return str(wp.get_preferred_device().alias)
+    try:
+        return str(wp.get_device(name).alias)
+    except (RuntimeError, ValueError):
+        devices = ", ".join(str(device.alias) for device in wp.get_devices())
+        raise InputError("--device", f'there is no device "{name}" here', f"use one of: {devices}") from None
+
+
+def likely_gpus(name: str | None) -> list[str]:
+    """The GPUs that "cuda", "cuda:N" or None seem to mean, asked of the driver: importing Warp takes a second."""
+    try:
+        driver = ctypes.CDLL("libcuda.so.1")
+        count = ctypes.c_int()
+        there = not driver.cuInit(0) and not driver.cuDeviceGetCount(ctypes.byref(count))
+    except (OSError, AttributeError):
+        return []
+    gpus = [f"cuda:{number}" for number in range(count.value if there else 0)]
+    return gpus if name in (None, "cuda") else [gpu for gpu in gpus if gpu == name]
