@@ -84,10 +84,7 @@ def device_patches(
     own_memory = wp.get_device(device).is_cuda
     each = garment_patches(garments, points, terms, precision=types.name, kept=kept)
     cut = joined_patches(each, garments, points, terms, precision=types.name, own_memory=own_memory)
-    laws = [
-        kept.once("laws", (elements, own), partial(_patch_laws, elements, own, terms), terms)
-        for elements, own in zip(given, each, strict=True)
-    ]
+    laws = kept.each("laws", list(zip(given, each, strict=True)), partial(_patch_laws, terms=terms), terms)
     law = {name: end_to_end([own[name] for own in laws]) for name in laws[0]}
     rows = np.zeros(len(cut.patch["vertex_start"]), dtype=Patch.numpy_dtype())
     for name, numbers in cut.patch.items():

@@ -6,6 +6,8 @@ from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
+from warp_cloth.threads import map_in_threads
+
 T = TypeVar("T")
 
 
@@ -49,6 +51,15 @@ class Kept:
         self._entries[key] = entry  # last, as the latest used
         found: T = entry.made
         return found
+
+    def each(self, name: str, of: Sequence[tuple[Any, ...]], make: Callable[..., T], *more: Hashable) -> list[T]:
+        """What was made of each of these, as ``once``; ``make`` is given the objects, of several ones in threads."""
+        missing = {self.key(name, given, *more): given for given in of}
+        missing = {key: given for key, given in missing.items() if key not in self._entries}
+        made = map_in_threads(lambda given: make(*given), missing.values())
+        for key, given, one in zip(missing, missing.values(), made, strict=True):
+            self._entries[key] = _Entry(one, given, 0)
+        return [self._entries[self.key(name, given, *more)].made for given in of]
 
     def of_values(self) -> dict[Hashable, Any]:
         """What was made of no object, but of values: what another process may keep, too."""

@@ -123,12 +123,9 @@ def build_model(
     vertex_start = _starts([len(part.points) for part in parts])
     rests = [part.rest for part in parts]
     kept = kept or Kept()
-    garments_elements = [
-        kept.once("elements", (part.triangles, part.rest), partial(garment_elements, part.triangles, part.rest))
-        for part in parts
-    ]
+    garments_elements = kept.each("elements", [(part.triangles, part.rest) for part in parts], garment_elements)
     real = wp.dtype_to_numpy(types.real)
-    given = [kept.once("given", (each,), partial(elements_of, each, real), precision) for each in garments_elements]
+    given = kept.each("given", [(each,) for each in garments_elements], partial(elements_of, real=real), precision)
     elements = joined_elements(given, vertex_start)
     terms = terms_of(parts)
 
@@ -190,7 +187,7 @@ def _hinges(
     types: Any, upload: Any, rests: Sequence[RestShape], vertex_start: tuple[int, ...], angles: bool, kept: Kept
 ) -> tuple[Any | None, int]:
     """Hinges of all garments that are stiff, and their number."""
-    each = [kept.once("hinges", (rest,), partial(_stiff_hinges, rest, types), types.name) for rest in rests]
+    each = kept.each("hinges", [(rest,) for rest in rests], partial(_stiff_hinges, types=types), types.name)
     count = sum(len(stiffness) for _, stiffness, _ in each)
     if not count:
         return None, 0

@@ -78,10 +78,7 @@ def garment_patches(
         InputError: more meets at one vertex than a patch can count.
     """
     size = size or _even_size(sum(len(part) for part in points))
-    shapes = [
-        kept.once("shape", (elements, part), partial(_shape, elements, part))
-        for elements, part in zip(garments, points, strict=True)
-    ]
+    shapes = kept.each("shape", list(zip(garments, points, strict=True)), _shape)
     distinct = dict(zip(shapes, zip(garments, points, strict=True), strict=True))
     how = size, terms, precision
 

@@ -28,6 +28,7 @@ from warp_cloth.wardrobe import Key, Rack, Recipe, avatar_recipe, garment_keys, 
 log = logging.getLogger(__name__)
 
 WORTH = 8  # things to make that helpers are started for: that takes as long as making a few
+NICER = 4  # steps of priority from one worker's helpers to the next one's
 MOST_KEPT = 4_000_000  # vertices of the meshes that a shelf keeps from task to task; with rest shapes about 4 GB
 
 
@@ -59,9 +60,9 @@ class Order:
 class Shelf:
     """What a worker keeps from one task to the next: what scenes share, and who loads it."""
 
-    def __init__(self, helpers: int, *, fork: bool = False) -> None:
-        """``fork`` as of Loaders."""
-        self.loaders = Loaders(helpers, fork=fork)
+    def __init__(self, helpers: int, *, fork: bool = False, rank: int = 0) -> None:
+        """``fork`` and ``rank`` as of Loaders."""
+        self.loaders = Loaders(helpers, fork=fork, rank=rank)
         self.rack, self.kept = Rack(), Kept()
         self.fresh = True  # whether its process has fitted nothing yet
 
@@ -81,10 +82,11 @@ class Loaders:
 
     A garment's mesh comes first, then its rest shapes, each a task of its own, as the finest garment is waited for.
 
-    ``fork``: at once, as copies of this process. That must have neither threads nor a device yet.
+    ``fork``: at once, as copies of this process. That must have neither threads nor a device yet. Where there are more
+    helpers than cores, the lower ``rank`` has them first, so that one worker begins early rather than all late.
     """
 
-    def __init__(self, count: int, *, fork: bool = False) -> None:
+    def __init__(self, count: int, *, fork: bool = False, rank: int = 0) -> None:
         self._count = count
         self._pool: ProcessPoolExecutor | None = None
         self._changed = threading.Condition()
@@ -94,7 +96,9 @@ class Loaders:
         self._patches: dict[Hashable, Any] = {}
         self._broken: BrokenProcessPool | None = None
         if count and fork:
-            self._pool = ProcessPoolExecutor(count, multiprocessing.get_context("fork"), initializer=begin_alone)
+            self._pool = ProcessPoolExecutor(
+                count, multiprocessing.get_context("fork"), initializer=partial(_begin, rank)
+            )
             self._pool.submit(os.getpid)  # forks all of them
         elif count:
             get_ready()
@@ -200,6 +204,11 @@ class Loaders:
         if self._pool is None:
             self._pool = ProcessPoolExecutor(self._count, context(), initializer=begin_alone)
         return self._pool
+
+
+def _begin(rank: int) -> None:
+    begin_alone()
+    os.nice(min(1 + NICER * rank, 19))  # the workers themselves come before
 
 
 def bundles(orders: Sequence[Order], count: int) -> list[list[Order]]:

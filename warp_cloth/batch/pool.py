@@ -22,7 +22,7 @@ from warp_cloth.batch.work import DeviceLostError, Done, Task, do_task
 log = logging.getLogger(__name__)
 
 MOST_LOSSES = 2  # of its device in a row, after which a worker's place is given up
-MOST_HELPERS = 8  # of a worker, which takes in no more than so many make
+MOST_HELPERS = 16  # of a worker, which takes in no more than so many make
 LOOKED_AT = 64  # tasks that wait, for one that shares meshes with what the worker had
 GRACE = 4.0  # [s] between asking a worker to end and ending it
 
@@ -55,12 +55,15 @@ class Pool(Protocol):
     def close(self) -> None: ...
 
 
-def _serve(connection: Connection, helpers: int) -> None:
-    """A worker's life: a task in, what came of it out, until nobody asks any more."""
+def _serve(connection: Connection, helpers: int, rank: int) -> None:
+    """A worker's life: a task in, what came of it out, until nobody asks any more.
+
+    Its helpers let those of workers of a lower ``rank`` go first.
+    """
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the asker ends its workers
     from warp_cloth.batch.loading import Shelf
 
-    shelf = Shelf(helpers, fork=True)  # before this process has threads and a device
+    shelf = Shelf(helpers, fork=True, rank=rank)  # before this process has threads and a device
     (end_with_parent if helpers else begin_alone)()
     while True:
         try:
@@ -79,9 +82,9 @@ def _serve(connection: Connection, helpers: int) -> None:
 class _Slot:
     """One place where a worker works, the task that it has, its device and its share of that, its helpers."""
 
-    def __init__(self, device: str, share: float, helpers: int) -> None:
+    def __init__(self, device: str, share: float, helpers: int, rank: int) -> None:
         self.device, self.share = device, share
-        self._helpers = helpers
+        self._helpers, self._rank = helpers, rank
         self.task: Task | None = None
         self.had: Task | None = None  # the last one, whose meshes the worker has
         self.losses = 0  # of the device, one after another
@@ -91,7 +94,7 @@ class _Slot:
         starting = context()
         self.connection, theirs = starting.Pipe()
         # no daemon, as these may have no helpers; it ends with this process all the same
-        self.process: BaseProcess = starting.Process(target=_serve, args=(theirs, self._helpers))
+        self.process: BaseProcess = starting.Process(target=_serve, args=(theirs, self._helpers, self._rank))
         self.process.start()
         self.had = None
         theirs.close()
@@ -154,8 +157,11 @@ def ended(code: int | None) -> str:
 
 
 def helpers(device: str, workers: int) -> int:
-    """Processes that load for each of so many workers: cores that only wait for a GPU; on the CPU all have work."""
-    count = min(len(os.sched_getaffinity(0)) // workers, MOST_HELPERS)
+    """Processes that load for each of so many workers: cores that only wait for a GPU; on the CPU all have work.
+
+    Those of two workers share a core, as these seldom load at once.
+    """
+    count = min(2 * len(os.sched_getaffinity(0)) // workers, MOST_HELPERS)
     return count if device != "cpu" and count > 1 else 0
 
 
@@ -183,8 +189,10 @@ class LocalPool:
 
     def _open(self, devices: Sequence[str]) -> None:
         self.devices = tuple(devices)
-        at = collections.Counter(self.devices)
-        self._slots = [_Slot(device, 1.0 / at[device], helpers(device, len(self.devices))) for device in self.devices]
+        at, count = collections.Counter(self.devices), len(self.devices)
+        self._slots = [
+            _Slot(device, 1.0 / at[device], helpers(device, count), rank) for rank, device in enumerate(self.devices)
+        ]
 
     def __enter__(self) -> LocalPool:
         return self
