@@ -195,6 +195,18 @@ def test_collapsed_triangle_leaves_no_slit(tmp_path: Path) -> None:
     assert (edge_use(mesh)[0] == 2).sum() == 2
 
 
+@pytest.mark.parametrize(("apart", "joined"), [(1e-6, True), (5e-5, True), (2e-3, False)])
+def test_a_seam_that_rounding_opened_is_closed_and_an_open_one_told_of(
+    tmp_path: Path, apart: float, joined: bool
+) -> None:
+    points, triangles = grid(5)
+    right = points + np.array([1.0 + apart, 0.0, 0.0])
+    both = np.concatenate([triangles, triangles + len(points)])
+    mesh = load(tmp_path, obj(np.concatenate([points, right]), both))
+    assert mesh.vertex_count == 2 * len(points) - (5 if joined else 0)
+    assert noted(mesh, "5 vertices welded to others up to" if joined else "2 pieces that nothing joins")
+
+
 def test_unwelded_duplicate_facets_are_dropped(tmp_path: Path) -> None:
     points, triangles = grid(4)
     mesh = load(tmp_path, unwelded(points, np.concatenate([triangles, triangles[:5, ::-1]])))

@@ -10,7 +10,7 @@ from cloths import grid
 from meshfiles import write_obj
 
 import warp_cloth
-from warp_cloth.collide.piercing import piercing
+from warp_cloth.collide.piercing import piercing, showing
 from warp_cloth.shapes import sphere
 
 BALL = sphere(radius=0.05, centre=(0.0, 0.0, 0.0), edge=0.01)
@@ -49,3 +49,25 @@ def test_a_fit_on_both_sides_of_the_body_says_so(tmp_path: Path, off_side: float
     worn = warp_cloth.fit(scene, device="cpu")
     assert (worn.report["penetration_mm"]["edges"] > 0) == told
     assert ("avatar.poses" in worn.message) == told
+
+
+def test_a_flat_triangle_over_a_ball_lies_as_deep_as_its_middle() -> None:
+    ring = 0.05 * np.array([[0.6, np.cos(turn) * 0.8, np.sin(turn) * 0.8] for turn in (0.0, 2.1, 4.2)])
+    face = np.array([[0, 1, 2]], dtype=np.int32)
+    count, deep = showing(1.02 * ring, face, BALL, "cpu")
+    assert count == 1
+    assert deep == pytest.approx(1e3 * 0.05 * (1.0 - 1.02 * 0.6), abs=0.5)
+    assert showing(2.0 * ring, face, BALL, "cpu") == (0, 0.0)
+    assert showing(0.3 * ring, face, BALL, "cpu") == (0, 0.0)  # too small to be asked for
+
+
+def test_cloth_too_coarse_for_the_body_under_it_says_so(tmp_path: Path) -> None:
+    scene = {
+        "garment": {"shape": {"kind": "square", "vertices_per_side": 7, "height": 0.91}},
+        "avatar": {"shape": {"kind": "sphere"}},
+        "collision": {"pixel_mm": 5},
+    }
+    worn = warp_cloth.fit(scene, device="cpu")
+    assert worn.report["penetration_mm"]["max"] == 0.0
+    assert worn.report["penetration_mm"]["face_max"] > 1.0
+    assert "divide them to edges of 15 mm" in worn.message

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from warp_cloth.cascade import LevelRun
 from warp_cloth.collide.exact import ExactCollider, exact_colliders, penetrations
 from warp_cloth.collide.garments import worn_crossings
-from warp_cloth.collide.piercing import piercing
+from warp_cloth.collide.piercing import piercing, showing
 from warp_cloth.device import device_named
 from warp_cloth.errors import InputError
 from warp_cloth.maps import FitMaps, chosen_maps, measure_maps
@@ -33,7 +33,16 @@ from warp_cloth.solver.certificate import (
 )
 from warp_cloth.solver.loop import Outcome, relax_to_rest
 from warp_cloth.threads import map_in_threads
-from warp_cloth.verdict import hidden, misplaced, more_iterations, of_another_size, report_of, unheld, verdict
+from warp_cloth.verdict import (
+    hidden,
+    misplaced,
+    more_iterations,
+    of_another_size,
+    report_of,
+    too_coarse,
+    unheld,
+    verdict,
+)
 from warp_cloth.wardrobe import Wardrobe
 from warp_cloth.warm import Worn, saved_result, start_from
 
@@ -247,11 +256,8 @@ def finished(
         strain = strains[model.of_item(item, model.edge_start)]
         depth = _drawn_through(depths[item], wardrobe, outcome.points, strain, exact_of[item])
         contact, kind = made.touched(item), scene.collision.avatar
-        faults = [
-            misplaced(depth) if kind != "none" else "",
-            hidden(contact, kind),
-            of_another_size(summaries[item][0]),
-        ]
+        inside = [misplaced(depth), too_coarse(depth)] if kind != "none" else []
+        faults = [*inside, hidden(contact, kind), of_another_size(summaries[item][0])]
         flaw = "; and ".join(filter(None, faults))
         advice = unheld(scene, wardrobe, [worn.points for worn in garments]) or flaw
         message = verdict(outcome, tolerance_of(scene), advice or more_iterations(scene, outcome), flaw)
@@ -280,15 +286,17 @@ def _drawn_through(
     strains: NDArray[np.float64],
     exact: ExactCollider | None,
 ) -> Penetration | None:
-    """The depth with what is told of edges: ``strains`` are theirs, of all garments."""
+    """The depth with what is told of edges and faces: ``strains`` are the edges', of all garments."""
     if depth is None or wardrobe.avatar is None or exact is None:
         return depth
-    edges, first = [], 0
+    edges, triangles, first = [], [], 0
     for part in wardrobe.parts:
         edges.append(part.rest.topology.edges + first)
+        triangles.append(part.triangles + first)
         first += len(part.points)
     count, deepest = piercing(points, np.concatenate(edges), strains, wardrobe.avatar, exact.device, exact)
-    return replace(depth, edges=count, edge_max=deepest)
+    faces, most = showing(points, np.concatenate(triangles), wardrobe.avatar, exact.device, exact)
+    return replace(depth, edges=count, edge_max=deepest, faces=faces, face_max=most)
 
 
 def _worn(scene: Scene, wardrobe: Wardrobe, outcome: Outcome, frames: int) -> tuple[WornGarment, ...]:

@@ -54,7 +54,8 @@ class Strain:
 class Penetration:
     """Depth of garment vertices under the exact avatar mesh [mm]: deepest, 99.9th percentile, share of vertices.
 
-    ``edges`` are drawn through the avatar, as deep as ``edge_max`` [mm].
+    ``edges`` are drawn through the avatar, as deep as ``edge_max`` [mm]; through ``faces``, whose vertices may all be
+    outside, it shows, ``face_max`` [mm] at most.
     """
 
     max: float
@@ -62,6 +63,8 @@ class Penetration:
     fraction: float
     edges: int = 0
     edge_max: float = 0.0
+    faces: int = 0
+    face_max: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)

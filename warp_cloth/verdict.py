@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
 
 FAR_FROM_REST = 0.02  # [m]; what is farther than that from rest still falls or slides as a whole
+SHOWN = 1.0  # [mm]; what shows less of itself is not seen
 HIDDEN = 5.0  # [mm]; where a hundredth of the skin is farther off than that, cloth hangs on what is not there
 OTHER_SIZE = 0.3  # strain of half the edges: the tightest of worn cloth has less
 
@@ -70,6 +71,16 @@ def misplaced(depth: Penetration | None) -> str:
         f"{depth.edges:,} edges are drawn through the avatar, {figure(depth.edge_max, 2)} mm deep, because part of the "
         "garment began on the wrong side of a limb: let avatar.mesh be in the pose that the garment is placed round, "
         "and avatar.poses be this one"
+    )
+
+
+def too_coarse(depth: Penetration | None) -> str:
+    """What to change where the avatar shows through large faces; empty where it does not, or other faults say more."""
+    if depth is None or depth.edges or not depth.face_max > SHOWN:
+        return ""
+    return (
+        f"the avatar shows through {depth.faces:,} faces, by {figure(depth.face_max, 2)} mm, as they are so large: "
+        "divide them to edges of 15 mm, or raise collision.offset_mm"
     )
 
 

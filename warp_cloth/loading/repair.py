@@ -8,8 +8,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from warp_cloth.connected import lowest_connected
 from warp_cloth.errors import InputError
-from warp_cloth.loading.distinct import distinct, edges_of
+from warp_cloth.loading.distinct import distinct, edges_of, used_ids
 from warp_cloth.loading.polygons import triangulated
 from warp_cloth.loading.raw import Floats, Ints, RawMesh, Role, counted
 from warp_cloth.loading.weld import Weld, weld
@@ -69,7 +70,7 @@ def repaired(raw: RawMesh, points: Floats, *, role: Role, rest: RestKind) -> Rep
     work = work.kept(_first_of_each(work.triangles), "duplicate triangle")
     work = work.kept(~_without_area(raw, work, points, rest), "triangle", "without area")
     _refuse_empty(raw, work)
-    welded = weld(points, work.triangles)
+    welded = weld(points, work.triangles, near=role == "garment")
     work = _welded(work, welded, role)
     _refuse_empty(raw, work)
     if role == "garment":
@@ -84,6 +85,9 @@ def repaired(raw: RawMesh, points: Floats, *, role: Role, rest: RestKind) -> Rep
     notes = work.notes
     if isolated:
         notes = (*notes, f"{counted(isolated, 'isolated vertex')} dropped")
+    pieces = _pieces(work.triangles, len(points))
+    if role == "garment" and pieces > 1:
+        notes = (*notes, f"{pieces} pieces that nothing joins: weld the vertices of their seams if they are to be sewn")
     return Repaired(
         points=points[used],
         triangles=number[work.triangles],
@@ -94,6 +98,13 @@ def repaired(raw: RawMesh, points: Floats, *, role: Role, rest: RestKind) -> Rep
         rest=None if raw.rest is None else raw.rest[work.corners],
         turned=turned,
     )
+
+
+def _pieces(triangles: Ints, count: int) -> int:
+    """How many connected parts triangles make."""
+    a, b = triangles[:, [0, 1]].T, triangles[:, [1, 2]].T
+    part = lowest_connected(count, np.concatenate([a[0], b[0]]), np.concatenate([a[1], b[1]]))
+    return len(used_ids(part[triangles[:, 0]], count))
 
 
 def _refuse_empty(raw: RawMesh, work: _Work) -> None:
@@ -153,9 +164,10 @@ def _is_line(corners: Floats) -> NDArray[np.bool_]:
 def _welded(work: _Work, welded: Weld, role: Role) -> _Work:
     notes = work.notes
     if welded.joined:
-        notes = (*notes, f"{counted(welded.joined, 'vertex')} welded to others at exactly the same place")
+        where = f"up to {1e3 * welded.farthest:.2g} mm away" if welded.farthest > 0.0 else "at exactly the same place"
+        notes = (*notes, f"{counted(welded.joined, 'vertex')} welded to others {where}")
     if welded.apart and role == "garment":
-        what = f"{counted(welded.apart, 'vertex')} at exactly the same place as others"
+        what = f"{counted(welded.apart, 'vertex')} at the same place as others"
         notes = (*notes, f"{what} left apart: layers, or parts that only touch")
     if not welded.joined:
         return replace(work, notes=notes)

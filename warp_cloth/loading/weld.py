@@ -11,6 +11,10 @@ from warp_cloth.connected import lowest_connected
 from warp_cloth.loading.distinct import distinct, edges_of, used_ids
 from warp_cloth.loading.raw import Floats, Ints
 
+# Vertices of two rims nearer than that [m], and than this share of the edges there, are one: files round to it.
+NEAR, NEAR_SHARE = 1e-4, 0.01
+NEXT = (1, 2, 3)  # how many others of a cell a vertex is held against: rims, not clouds, are joined
+
 
 @dataclass(frozen=True, eq=False)
 class Weld:
@@ -19,10 +23,11 @@ class Weld:
     vertex: Ints  # lowest vertex joined with each, shape [V]
     joined: int = 0
     apart: int = 0
+    farthest: float = 0.0  # between two that were joined [m]
 
 
-def weld(points: Floats, triangles: Ints) -> Weld:
-    """Join boundary edges that coincide exactly, two and two.
+def weld(points: Floats, triangles: Ints, *, near: bool = False) -> Weld:
+    """Join boundary edges that coincide, two and two; exactly, or nearly if ``near``.
 
     Edges, not points: parts that only touch stay apart. Where more than two faces would meet, two layers lie
     on each other, and they stay apart too; only where no faces share a vertex at all (an STL) do positions
@@ -30,10 +35,14 @@ def weld(points: Floats, triangles: Ints) -> Weld:
     """
     used = used_ids(triangles, len(points))
     places = distinct(points[used] + 0.0)  # -0 and 0 are one place
-    if len(places.first) == len(used):
-        return Weld(np.arange(len(points)))
     place = np.full(len(points), -1, dtype=np.int64)
     place[used] = places.number
+    count = len(places.first)
+    if near:
+        same = _near_rims(points[used[places.first]], place[triangles])
+        place[used], count = same[places.number], len(used_ids(same, count))
+    if count == len(used):
+        return Weld(np.arange(len(points)))
     soup = len(triangles) > 1 and int(np.bincount(triangles.reshape(-1)).max()) == 1
     faces = triangles[np.sort(distinct(np.sort(place[triangles], axis=1)).first)] if soup else triangles
     a, b = _matched(place, faces, soup)
@@ -47,7 +56,30 @@ def weld(points: Floats, triangles: Ints) -> Weld:
     if soup and len(faces) < len(triangles):  # a duplicate facet goes where its twin goes, and is dropped there
         vertex = _twins_joined(vertex, place, triangles)
     left = len(used_ids(vertex[used], len(points)))
-    return Weld(vertex, joined=len(used) - left, apart=left - len(places.first))
+    farthest = float(np.linalg.norm(points[used] - points[vertex[used]], axis=1).max())
+    return Weld(vertex, joined=len(used) - left, apart=left - count, farthest=farthest)
+
+
+def _near_rims(points: Floats, triangles: Ints) -> Ints:
+    """The lowest of the places that are one with each, shape [P]: those on a rim that nearly coincide."""
+    edges = edges_of(triangles)
+    rim = edges[(_per_row(edges)[1] == 1) & (edges[:, 0] != edges[:, 1])]
+    length = np.linalg.norm(points[rim[:, 1]] - points[rim[:, 0]], axis=1)
+    tolerance = np.full(len(points), NEAR)
+    for end in rim.T:
+        np.minimum.at(tolerance, end, NEAR_SHARE * length)
+    on_rim = used_ids(rim, len(points))
+    first, second = [], []
+    for shift in np.ndindex(2, 2, 2):  # two points within NEAR lie in one cell of at least one of these
+        cell = distinct(np.floor(points[on_rim] / (2.0 * NEAR) + 0.5 * np.array(shift))).number
+        order = np.argsort(cell, kind="stable")
+        for lag in NEXT:
+            together = cell[order[lag:]] == cell[order[:-lag]]
+            first.append(on_rim[order[:-lag][together]])
+            second.append(on_rim[order[lag:][together]])
+    a, b = np.concatenate(first), np.concatenate(second)
+    close = np.linalg.norm(points[a] - points[b], axis=1) <= np.minimum(tolerance[a], tolerance[b])
+    return lowest_connected(len(points), a[close], b[close])
 
 
 def _per_row(rows: Ints) -> tuple[Ints, Ints]:
