@@ -58,7 +58,7 @@ def test_a_flat_triangle_over_a_ball_lies_as_deep_as_its_middle() -> None:
     assert count == 1
     assert deep == pytest.approx(1e3 * 0.05 * (1.0 - 1.02 * 0.6), abs=0.5)
     assert showing(2.0 * ring, face, BALL, "cpu") == (0, 0.0)
-    assert showing(0.3 * ring, face, BALL, "cpu") == (0, 0.0)  # too small to be asked for
+    assert showing(0.2 * ring, face, BALL, "cpu") == (0, 0.0)  # too small to be asked for
 
 
 def test_cloth_too_coarse_for_the_body_under_it_says_so(tmp_path: Path) -> None:

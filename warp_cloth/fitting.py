@@ -257,7 +257,7 @@ def finished(
         depth = _drawn_through(depths[item], wardrobe, outcome.points, strain, exact_of[item])
         contact, kind = made.touched(item), scene.collision.avatar
         inside = [misplaced(depth), too_coarse(depth)] if kind != "none" else []
-        faults = [*inside, hidden(contact, kind), of_another_size(summaries[item][0])]
+        faults = [hidden(contact, kind), *inside, of_another_size(summaries[item][0])]
         flaw = "; and ".join(filter(None, faults))
         advice = unheld(scene, wardrobe, [worn.points for worn in garments]) or flaw
         message = verdict(outcome, tolerance_of(scene), advice or more_iterations(scene, outcome), flaw)

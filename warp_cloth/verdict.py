@@ -68,9 +68,9 @@ def misplaced(depth: Penetration | None) -> str:
     if depth is None or not depth.edges:
         return ""
     return (
-        f"{depth.edges:,} edges are drawn through the avatar, {figure(depth.edge_max, 2)} mm deep, because part of the "
-        "garment began on the wrong side of a limb: let avatar.mesh be in the pose that the garment is placed round, "
-        "and avatar.poses be this one"
+        f"{depth.edges:,} edges are drawn through the avatar, {figure(depth.edge_max, 2)} mm deep, probably since part "
+        "of the garment began on the wrong side of a limb: let avatar.mesh be in the pose that the garment is placed "
+        "round, and avatar.poses be this one"
     )
 
 

@@ -12,7 +12,7 @@ from warp_cloth.mesh import Mesh, Points
 STRETCHED = 0.2  # strain of an edge from which on it is asked for: one through a limb is longer than the limb is thick
 DEEP = 0.2  # of an edge's length, that it runs under the skin: over a round limb a long edge dips less than that
 PLACES = np.linspace(0.0, 1.0, 9)[1:-1]  # along an edge
-LARGE = 0.025  # [m]; over a wrist, 25 mm in radius, a shorter edge that starts at the offset stays outside
+LARGE = 0.018  # [m]; over a nose or a finger, 14 mm in radius, a shorter edge at the usual offset stays outside
 WITHIN = np.array([[4, 1, 1], [1, 4, 1], [1, 1, 4], [1, 1, 0], [0, 1, 1], [1, 0, 1], [1, 1, 1]])  # of a face
 
 
