@@ -76,8 +76,10 @@ def cloth_types(precision: str) -> SimpleNamespace:
         gravity: vec3  # unit vector
         reach: real  # change of length that the step allows for, as a share of the vertex's own last move
         momentum: real  # share of the last displacement that is kept
+        momentum_loose: real  # the same for worn cloth that is loose, whose displacements nothing else damps
         damping: real  # that share's factor where the displacement points against the force
         viscosity: real  # share of an edge's stiffness that resists its ends' moving apart
+        buckling: real  # share of that which acts across an edge that is shorter than at rest; worn cloth only
         memory: real  # share of a vertex's stiffness bound that is kept from one iteration to the next
         memory_falling: real  # the same for worn cloth that is not loose yet
         horizon: real  # how many last displacements ahead a leeway is good for

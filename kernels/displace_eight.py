@@ -15,6 +15,7 @@ from warp_cloth.kernels.displacement import (
     accelerated_move,
     colliders_type,
     looking,
+    momentum_function,
     spares_looks,
     steady_swing,
     way_function,
@@ -120,6 +121,7 @@ def eight_displace_kernel(precision: str, contact: wp.Function | None, collider_
     real, vec3, vec4, Cloth, Step, Item = types.real, types.vec3, types.vec4, types.Cloth, types.Step, types.Item
     worn, spares = wears(True, contact), spares_looks(contact, touches=False)
     force_way = way_function(precision, steady_swing(True, contact, touches=False), eight=True)
+    kept_share = momentum_function(precision, worn)
     Colliders = colliders_type(contact, collider_type)
     looked_move = None if contact is None else looking(precision, contact, collider_type, worn, spares)
 
@@ -135,7 +137,8 @@ def eight_displace_kernel(precision: str, contact: wp.Function | None, collider_
                 further = symmetric_times(eight_elements(cloth.leeway, first), way)
                 way = above(loose, alike(kept, real(0.0)), further, way)
         last = eight_elements(cloth.move, first)
-        return accelerated_move(force, way, last, times(kept, step.momentum), step.damping, item.cap), stiffness
+        momentum, damping = kept_share(step, item)
+        return accelerated_move(force, way, last, times(kept, momentum), damping, item.cap), stiffness
 
     @wp.func
     def met_moves(cloth: Cloth, collider: collider_type, first: int, lanes: int, moves: eights.vec3, item: Item):

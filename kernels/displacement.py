@@ -133,6 +133,29 @@ def way_function(precision: str, steady: bool, eight: bool = False) -> wp.Functi
 
 
 @functools.cache
+def momentum_function(precision: str, worn: bool) -> wp.Function:
+    """The function that tells how much of a displacement an item's vertices keep; ``worn``: of ``wears``.
+
+    At any moment some fold's trembling has half of all displacements fight their forces: a fold that slides slowly
+    would be damped by others' trembling, in every iteration. Loose cloth is damped evenly, so that all that is soft
+    comes to rest at one pace.
+    """
+    types = cloth_types(precision)
+    real, Step, Item = types.real, types.Step, types.Item
+
+    @wp.func
+    def kept_share(step: Step, item: Item):
+        """Share of a displacement that is kept, and its factor where it fights the force."""
+        momentum, damping = real(step.momentum), real(step.damping)
+        if wp.static(worn):
+            momentum = wp.where(item.leeway > real(0.0), step.momentum_loose, step.momentum)
+            damping = wp.where(item.leeway > real(0.0), real(1.0), step.damping)
+        return momentum, damping
+
+    return kept_share
+
+
+@functools.cache
 def free_move(precision: str, accelerated: bool, contact: wp.Function | None, touches: bool) -> wp.Function:
     """The function that turns a load into a displacement where nothing is met; arguments as of ``displacement``."""
     types = cloth_types(precision)
@@ -140,6 +163,7 @@ def free_move(precision: str, accelerated: bool, contact: wp.Function | None, to
     Step, Item = types.Step, types.Item
     worn, pressed_way = wears(accelerated, contact), loose_way(precision)
     force_way = way_function(precision, steady_swing(accelerated, contact, touches))
+    kept_share = momentum_function(precision, worn)
 
     @wp.func
     def own_move(cloth: Cloth, step: Step, load: vec4, pressed: real, held: Vertex, vertex: int, item: Item):
@@ -157,7 +181,8 @@ def free_move(precision: str, accelerated: bool, contact: wp.Function | None, to
                         way = pressed_way(cloth.leeway[vertex], force, own, stiffness)
                     else:
                         way = symmetric_times(cloth.leeway[vertex], way)
-            move = accelerated_move(force, way, held.move, step.momentum * kept, step.damping, item.cap)
+            momentum, damping = kept_share(step, item)
+            move = accelerated_move(force, way, held.move, momentum * kept, damping, item.cap)
         else:
             force = scaled_sum(step.gravity, weight, vec3(load[0], load[1], load[2]))
             move = direct_move(force, weight, item.cap)

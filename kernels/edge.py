@@ -86,7 +86,7 @@ def edge_functions(precision: str, fourth: str, angles: bool, eight: bool = Fals
             change = span.change
             if wp.static(fourth == "leeway"):
                 share = share_across(span.length, rest, pull, push, bound, size, step.horizon)
-                change = drag_across(span.side, rest, span.change, share)
+                change = drag_across(span.side, rest, span.change, share, step.buckling)
             # calms neighbours that swing against each other, leaves what moves together its momentum, nothing at rest
             force = scaled_sum(change, times(bound, step.viscosity), force)
         if wp.static(fourth == "size"):

@@ -260,11 +260,12 @@ def _drag_function(precision: str, eight: bool) -> wp.Function:
     def split_drag(drag: vec4, square: vec4, change: vec4, product: vec4, along: vec4, stiff: vec4, step: Step):
         """What of the threads' drag acts in all directions, and what along them only, over their lengths' squares.
 
-        ``tension.drag_across`` of the four: pulled threads drag across themselves the share only that acts there.
+        ``tension.drag_across`` of the four.
         """
         share, inverse = thread_shares(square, change, along, stiff, step.horizon)
         ones = alike(square, real(1.0))
-        even = products(drag, chosen(differences(square, ones), share, ones))
+        shortened = most(share, alike(share, step.buckling))
+        even = products(drag, chosen(differences(square, ones), share, shortened))
         return even, products(products(products(differences(drag, even), product), inverse), inverse)
 
     return split_drag

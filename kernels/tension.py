@@ -74,12 +74,13 @@ def share_across(length: Any, rest: Any, pull: Any, push: Any, stiffness: Any, c
 
 
 @wp.func
-def drag_across(way: Any, rest: Any, change: Any, share: Any):
-    """The part of a change that a pulled edge along ``way`` drags: across itself this share only.
+def drag_across(way: Any, rest: Any, change: Any, share: Any, buckling: Any):
+    """The part of a change that an edge along ``way`` drags: across itself this share only.
 
-    Where a step goes further across, as much drag there as along would hold it back. Buckling it is to hold back.
+    Where a step goes further across, as much drag there as along would hold it back: folds, half of whose threads
+    are always shortened, would creep. Buckling it is to hold back: a shortened edge drags ``buckling`` at least.
     """
     square = most(dot(way, way), alike(share, SHORTEST))
     along = scaled(way, quotient(dot(way, change), square))
-    across = above(square, products(rest, rest), share, alike(share, float(1.0)))
+    across = above(square, products(rest, rest), share, most(share, alike(share, buckling)))
     return sums(along, scaled(differences(change, along), across))

@@ -78,13 +78,13 @@ def test_cloth_that_turns_fast_has_none() -> None:
     assert np.linalg.eigvalsh(leeway_of(model)).max() < 2.0
 
 
-def test_pulled_threads_drag_across_themselves_by_what_acts_there() -> None:
-    viscosity, horizon = 0.02, 20.0
+def test_threads_drag_across_themselves_by_what_acts_there() -> None:
+    viscosity, buckling, horizon = 0.02, 0.1, 20.0
     model = deformed_model(MESH, shaken(1.0, 2e-3), replace(WOVEN, bending_warp=0.0, bending_weft=0.0))
     moves = np.random.default_rng(6).normal(scale=1e-4, size=MESH.points.shape)
     model.cloth.move.assign(moves)
     step = cloth_types(model.precision).Step()
-    step.reach, step.horizon, step.viscosity = 1.0, horizon, viscosity
+    step.reach, step.horizon, step.viscosity, step.buckling = 1.0, horizon, viscosity, buckling
     wanted = np.zeros_like(moves)
     weave, points = model.weave, model.points()
     for corners, slope, law in zip(weave.corners.numpy(), weave.slope.numpy(), weave.law.numpy(), strict=True):
@@ -95,7 +95,10 @@ def test_pulled_threads_drag_across_themselves_by_what_acts_there() -> None:
             length, size = np.linalg.norm(thread), np.linalg.norm(change)
             stretch = length - 1.0
             bound = 2.0 * pull * (1.0 if stretch + size > 0.0 else law[3]) * (abs(stretch) + size)
-            share = pull * stretch**2 / (length * bound) + (horizon * size / length) ** 2 if stretch > 0.0 else 1.0
+            force = pull * (1.0 if stretch > 0.0 else law[3]) * stretch**2
+            share = force / (length * bound) + (horizon * size / length) ** 2
+            if stretch < 0.0:
+                share = max(share, buckling)
             held = thread * (thread @ change) / length**2
             drag = viscosity * bound * (held + min(share, 1.0) * (change - held))
             wanted[corners] -= slopes_of[:, None] * drag

@@ -39,15 +39,18 @@ class StepOptions:
 
     cap: largest displacement in an iteration [m]; None: DEFAULT_CAP of the method.
     momentum: share of the last displacement kept: soft folds need about 1 / (1 - momentum) iterations to swing over.
+    momentum_loose: the same for worn cloth once its forces have balanced, without the damping below. Of what is soft
+        all then shrinks by this share's root in an iteration, or slower where its swing takes longer.
     damping: factor on that share where it points against the force. Near 1, because in a soft fold the force of the
         next vertex's trembling outweighs the fold's own: 0.9 made the last millimetre of a T-shirt 5 times slower.
     viscosity: share of an edge's stiffness that resists its ends' moving apart; it stills the trembling instead.
+    buckling: share of that which acts across what is shorter than at rest, in worn cloth: all of it holds folds back.
     reach: the stiffness bound allows for an edge changing its length by this many times its last change.
     memory: share of a vertex's stiffness bound kept from one iteration to the next; where the bound grows, momentum
         (stiffness times displacement) is what is kept. Without it the changing steps feed the cloth's swinging.
     memory_falling: the same for worn cloth until its forces first balance: it falls more than twice as fast.
     leeway: how many times the bound's step a vertex of worn cloth may go at most in directions that hardly resist,
-        once forces have balanced; 0: no more than once. With 100 folds tremble. In cloth that still falls buckling
+        once forces have balanced; 0: no more than once. With 300 no faster. In cloth that still falls buckling
         would outrun what takes the crumples out.
     loose: forces have balanced where the relative residual's rms is below this; they have not where it is above
         TIGHTER times that.
@@ -59,12 +62,14 @@ class StepOptions:
     method: Method = "accelerated"
     cap: float | None = None
     momentum: float = 0.9995
+    momentum_loose: float = 0.998
     damping: float = 0.985
     viscosity: float = 0.02
+    buckling: float = 0.1
     reach: float = 1.0
     memory: float = 0.99
     memory_falling: float = 0.9
-    leeway: float = 30.0
+    leeway: float = 100.0
     loose: float = 0.05
     renewal: int = 20
     threads: int = 1
@@ -107,9 +112,9 @@ class Relaxation:
         self.step = types.Step()
         self.step.gravity = types.vec3(0.0, -1.0, 0.0)
         self.step.reach = options.reach
-        self.step.momentum = options.momentum
+        self.step.momentum, self.step.momentum_loose = options.momentum, options.momentum_loose
         self.step.damping = options.damping
-        self.step.viscosity = options.viscosity
+        self.step.viscosity, self.step.buckling = options.viscosity, options.buckling
         self.step.memory, self.step.memory_falling = options.memory, options.memory_falling
         self.step.horizon = options.renewal
         met = [colliders] * model.item_count if isinstance(colliders, Collider) else list(colliders)
