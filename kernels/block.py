@@ -15,8 +15,8 @@ from warp_cloth.kernels.limits import BLOCK_MEMORY
 
 BLOCK_THREADS = 192  # that work on a patch
 WARPS = BLOCK_THREADS // 32  # of threads that go together
-WORN_PER_CORE = 4  # the same where threads look up an avatar, too, and would keep much in memory for want of registers
-FEW_PER_CORE = 3  # the same where there are no more at all: threads then keep all in registers
+MEETING_PER_CORE = 4  # where worn cloth meets cloth, or an exact surface, which takes registers
+FEW_PER_CORE = 3  # where there are no more at all: threads then keep all in registers
 BESIDE = wp.constant(-2147483648)  # the sign bit
 
 _OWN_MEMORY = f"""
@@ -98,13 +98,19 @@ _AWAIT = """
 
 _PLACE = """
 #if defined(__CUDA_ARCH__)
-    void* at = %s__cvta_shared_to_generic(place);
+    void* at_%(place)s = %(beside)s__cvta_shared_to_generic(%(place)s);
 #else
-    void* at = beside.data + (place & 2147483647);
+    void* at_%(place)s = beside.data + (%(place)s & 2147483647);
 #endif
-    auto* held = reinterpret_cast<%s*>(__builtin_assume_aligned(at, %d));
+    auto* held_%(place)s = reinterpret_cast<%(type)s*>(__builtin_assume_aligned(at_%(place)s, %(alignment)d));
 """
-_MAY_BE_BESIDE = "place < 0 ? (void*)(beside.data + (place & 2147483647)) : "
+_MAY_BE_BESIDE = "%(place)s < 0 ? (void*)(beside.data + (%(place)s & 2147483647)) : "
+
+
+def _found(place: str, type: str, alignment: int, fits: bool) -> str:
+    """C++ that finds what is held at a place."""
+    beside = "" if fits else _MAY_BE_BESIDE % {"place": place}
+    return _PLACE % {"place": place, "type": type, "alignment": alignment, "beside": beside}
 
 
 @wp.func_native(_OWN_MEMORY)
@@ -193,32 +199,58 @@ for _dtype in (wp.uint64, wp.float32, wp.float64, wp.vec4f, wp.vec4d, wp.vec4i):
 
 @functools.cache
 def memory_functions(precision: str, fits: bool) -> SimpleNamespace:
-    """Functions ``read_4``, ``read_3``, ``read_point`` and ``write_4``, ``write_3``, ``write_point``.
+    """Functions ``read_4``, ``read_3``, ``read_2``, ``read_point`` and as many that write.
+
+    A point's first two coordinates are in one place, the third is in another.
 
     ``fits``: whether no patch is too large for a block's own memory.
     """
     types = cloth_types(precision)
     real = "wp::float64" if precision == "float64" else "wp::float32"
-    point = "wp::float32" if precision == "float32" else "wp::float64"
     four = _accessors(types.vec4, f"wp::vec_t<4, {real}>", 16, fits)
     three = _accessors(types.vec3, f"wp::vec_t<3, {real}>", 8 if precision == "float64" else 4, fits)
-    points = _accessors(types.point, f"wp::vec_t<3, {point}>", 4 if precision == "float32" else 8, fits)
+    two = _accessors(types.vec2, f"wp::vec_t<2, {real}>", 2 * types.real_size, fits)
+    points = _point_accessors(types.point, "wp::float32" if precision == "float32" else "wp::float64", fits)
     return SimpleNamespace(
-        read_4=four[0], write_4=four[1], read_3=three[0], write_3=three[1], read_point=points[0], write_point=points[1]
+        read_4=four[0],
+        write_4=four[1],
+        read_3=three[0],
+        write_3=three[1],
+        read_2=two[0],
+        write_2=two[1],
+        read_point=points[0],
+        write_point=points[1],
     )
 
 
 def _accessors(dtype: Any, name: str, alignment: int, fits: bool) -> tuple[wp.Function, wp.Function]:
-    find = _PLACE % ("" if fits else _MAY_BE_BESIDE, name, alignment)
+    find = _found("place", name, alignment, fits)
 
-    @wp.func_native(find + "    return *held;")
+    @wp.func_native(find + "    return *held_place;")
     def read(beside: wp.array(dtype=wp.uint8), place: int) -> dtype:
         """What is kept at a place."""
         ...
 
-    @wp.func_native(find + "    *held = value;")
+    @wp.func_native(find + "    *held_place = value;")
     def write(beside: wp.array(dtype=wp.uint8), place: int, value: dtype):
         """Keeps it at a place."""
+        ...
+
+    return read, write
+
+
+def _point_accessors(dtype: Any, real: str, fits: bool) -> tuple[wp.Function, wp.Function]:
+    size = 4 if real == "wp::float32" else 8
+    find = _found("place", f"wp::vec_t<2, {real}>", 2 * size, fits) + _found("third", real, size, fits)
+
+    @wp.func_native(find + "    const auto pair = *held_place;\n    return {pair[0], pair[1], *held_third};")
+    def read(beside: wp.array(dtype=wp.uint8), place: int, third: int) -> dtype:
+        """The point that is kept at two places."""
+        ...
+
+    @wp.func_native(find + "    *held_place = {value[0], value[1]};\n    *held_third = value[2];")
+    def write(beside: wp.array(dtype=wp.uint8), place: int, third: int, value: dtype):
+        """Keeps it there."""
         ...
 
     return read, write

@@ -180,6 +180,7 @@ def cloth_types(precision: str) -> SimpleNamespace:
 
         side_1: vec3
         side_2: vec3
+        side_0: vec3  # from the second corner to the third, where hinges ask for it
         change_1: vec3  # what the last displacements changed them by [m]
         change_2: vec3
         exact_1: point  # as of Span

@@ -8,7 +8,7 @@ from warp_cloth.kernels.access import element, put
 from warp_cloth.kernels.block import (
     BLOCK_THREADS,
     FEW_PER_CORE,
-    WORN_PER_CORE,
+    MEETING_PER_CORE,
     ask_no_earlier,
     await_blocks,
     block_of,
@@ -172,7 +172,8 @@ def advance_kernel(
     """
     presses = touches and few and fits
     press_share = press_function(precision, "stiffness") if presses else None
-    many = BLOCKS_PER_CORE if contact is None else WORN_PER_CORE
+    asks_little = contact is None or spares_looks(contact, touches)
+    many = BLOCKS_PER_CORE if asks_little else MEETING_PER_CORE
     bounds = BLOCK_THREADS, FEW_PER_CORE if few else many
     types = cloth_types(precision)
     point, Cloth, Step = types.point, types.Cloth, types.Step

@@ -43,6 +43,7 @@ def triangle_functions(precision: str, fourth: str) -> SimpleNamespace:
         sides = Sides()
         sides.side_1 = difference(second, origin)
         sides.side_2 = difference(third, origin)
+        sides.side_0 = difference(third, second)
         if wp.static(exact):
             sides.exact_1 = second - origin
             sides.exact_2 = third - origin

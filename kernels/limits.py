@@ -26,3 +26,8 @@ def real_size(precision: str) -> int:
 def point_size(precision: str) -> int:
     """Bytes of a position."""
     return 12 if precision == "float32" else 24
+
+
+def fold_numbers(terms: Terms) -> int:
+    """How many numbers of an edge's hinge its triangles are told: those with threads know L^2 themselves."""
+    return 2 if terms.threads else 3

@@ -17,8 +17,9 @@ class PatchMemory:
     edge_load: int  # on each edge's first end, and nothing after the last
     corner_load: int  # on the triangles' first corners, the second, the third, and nothing after the last
     normal: int  # unit normal and inverse of twice the area [1/m2] of each triangle
-    fold: int  # of three: turn [N], bound [N/m] and L^2 [m2] of each edge's hinge
-    position: int  # of three, in the positions' own precision
+    fold: int  # of ``fold_numbers``: turn [N], bound [N/m] and L^2 [m2] of each edge's hinge
+    position: int  # two coordinates of each vertex, in the positions' own precision
+    third: int  # the third ones
     move: int  # and how long it is
 
 
@@ -81,7 +82,7 @@ def stride_function(terms: Terms) -> wp.Function:
 def layout_function(precision: str, terms: Terms, fits: bool) -> wp.Function:
     """The function that lays out the block's memory; the host counts the same bytes."""
     types = cloth_types(precision)
-    size_4, point = 4 * types.real_size, types.point_size
+    size_4, wide = 4 * types.real_size, types.point_size // 3
     corner_stride = stride_function(terms)
 
     @wp.func
@@ -105,7 +106,9 @@ def layout_function(precision: str, terms: Terms, fits: bool) -> wp.Function:
         memory.move = at
         at += wp.static(size_4) * patch.vertex_count
         memory.position = at
-        at += (wp.static(point) * patch.vertex_count + 7) & -8
+        at += (wp.static(2 * wide) * patch.vertex_count + 15) & -16
+        memory.third = at + wp.static(wide) * (patch.place & 1)  # as they lie in the patches' order
+        at += (wp.static(wide) * (patch.vertex_count + 1) + 15) & -16
         if wp.static(terms.folds and not terms.threads):
             at = wp.max(at, others)
         memory.fold = at

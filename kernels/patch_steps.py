@@ -9,11 +9,12 @@ from types import SimpleNamespace
 import warp as wp
 
 from warp_cloth.kernels.access import element
+from warp_cloth.kernels.arithmetic import inner
 from warp_cloth.kernels.block import memory_functions, patch_threads
 from warp_cloth.kernels.cloth import BOUNDS, Patch, cloth_types
 from warp_cloth.kernels.edge import edge_functions
 from warp_cloth.kernels.forces import corner_function, triangle_functions
-from warp_cloth.kernels.limits import Terms
+from warp_cloth.kernels.limits import Terms, fold_numbers
 from warp_cloth.kernels.packing import order_functions, three_function
 from warp_cloth.kernels.patch_memory import PatchMemory, stride_function
 
@@ -46,6 +47,28 @@ def own_function(precision: str, in_order: bool) -> wp.Function:
 
 
 @functools.cache
+def point_functions(precision: str, fits: bool) -> SimpleNamespace:
+    """Functions ``point_at`` and ``put_point`` of a patch's vertices in the block's memory."""
+    types = cloth_types(precision)
+    wide, functions = types.point_size // 3, memory_functions(precision, fits)
+    read_point, write_point = functions.read_point, functions.write_point
+
+    @wp.func
+    def point_at(beside: wp.array(dtype=wp.uint8), memory: PatchMemory, local: int):
+        """Where a vertex is [m]."""
+        return read_point(beside, memory.position + wp.static(2 * wide) * local, memory.third + wp.static(wide) * local)
+
+    @wp.func
+    def put_point(beside: wp.array(dtype=wp.uint8), memory: PatchMemory, local: int, position: types.point):
+        """Keeps where a vertex is."""
+        write_point(
+            beside, memory.position + wp.static(2 * wide) * local, memory.third + wp.static(wide) * local, position
+        )
+
+    return SimpleNamespace(point_at=point_at, put_point=put_point)
+
+
+@functools.cache
 def vertices_step(precision: str, fourth: str, fits: bool, in_order: bool) -> SimpleNamespace:
     """Functions ``own_vertex``, ``two_vertices`` and ``read_vertices``."""
     types = cloth_types(precision)
@@ -53,8 +76,7 @@ def vertices_step(precision: str, fourth: str, fits: bool, in_order: bool) -> Si
     own_vertex = own_function(precision, in_order)
     order = order_functions(precision, in_order)
     position_at, sized_move = order.position_at, order.sized_move
-    functions = memory_functions(precision, fits)
-    write_point, write_4 = functions.write_point, functions.write_4
+    put_point, write_4 = point_functions(precision, fits).put_point, memory_functions(precision, fits).write_4
 
     @wp.func
     def keep(cloth: Cloth, beside: wp.array(dtype=wp.uint8), memory: PatchMemory, local: int, vertex: int):
@@ -62,7 +84,7 @@ def vertices_step(precision: str, fourth: str, fits: bool, in_order: bool) -> Si
         position = position_at(cloth, vertex)
         if wp.static(fourth in BOUNDS):
             write_4(beside, memory.move + wp.static(4 * types.real_size) * local, sized_move(cloth, vertex))
-        write_point(beside, memory.position + wp.static(types.point_size) * local, position)
+        put_point(beside, memory, local, position)
 
     @wp.func
     def vertex_at(patches: Patches, patch: Patch, local: int):
@@ -109,7 +131,7 @@ def normals_step(precision: str, fits: bool) -> wp.Function:
     """The function that works out normals."""
     types = cloth_types(precision)
     functions = memory_functions(precision, fits)
-    read_point, write_4 = functions.read_point, functions.write_4
+    point_at, write_4 = point_functions(precision, fits).point_at, functions.write_4
     triangle_normal = triangle_functions(precision, "none").triangle_normal
 
     @wp.func
@@ -128,9 +150,9 @@ def normals_step(precision: str, fits: bool) -> wp.Function:
             word = following
             if local + patch_threads() < patch.normal_count:
                 following = element(patches.corners, patch.triangle_start + local + patch_threads())
-            origin = read_point(beside, memory.position + wp.static(types.point_size) * packed(word, 0))
-            second = read_point(beside, memory.position + wp.static(types.point_size) * packed(word, 1))
-            third = read_point(beside, memory.position + wp.static(types.point_size) * packed(word, 2))
+            origin = point_at(beside, memory, packed(word, 0))
+            second = point_at(beside, memory, packed(word, 1))
+            third = point_at(beside, memory, packed(word, 2))
             normal = triangle_normal(origin, second, third)
             write_4(beside, memory.normal + wp.static(4 * types.real_size) * local, normal)
             local += patch_threads()
@@ -162,8 +184,8 @@ def edges_step(precision: str, fourth: str, terms: Terms, fits: bool) -> wp.Func
     types = cloth_types(precision)
     vec2, vec3, vec4, Patches, Step = types.vec2, types.vec3, types.vec4, types.Patches, types.Step
     functions = memory_functions(precision, fits)
-    read_point, read_4 = functions.read_point, functions.read_4
-    write_3, write_4 = functions.write_3, functions.write_4
+    point_at, read_4 = point_functions(precision, fits).point_at, functions.read_4
+    write_2, write_3, write_4 = functions.write_2, functions.write_3, functions.write_4
     edge = edge_functions(precision, fourth, terms.angles)
     edge_span, edge_load, edge_fold = edge.edge_span, edge.edge_load, edge.edge_fold
     first_three, edge_table = three_function(precision), edge_table_function(precision, terms)
@@ -188,8 +210,8 @@ def edges_step(precision: str, fourth: str, terms: Terms, fits: bool) -> wp.Func
             if local + patch_threads() < patch.edge_count:
                 next_word, next_law = edge_table(patches, at + patch_threads())
             first, second = packed(word, 0), packed(word, 1)
-            start = read_point(beside, memory.position + wp.static(types.point_size) * first)
-            end = read_point(beside, memory.position + wp.static(types.point_size) * second)
+            start = point_at(beside, memory, first)
+            end = point_at(beside, memory, second)
             move_0 = vec4()
             move_1 = vec4()
             if wp.static(fourth in BOUNDS):
@@ -206,7 +228,10 @@ def edges_step(precision: str, fourth: str, terms: Terms, fits: bool) -> wp.Func
                 if wp.static(terms.angles):
                     rest = element(patches.rest, at)
                 fold = edge_fold(span, normal_0, normal_1, law[3], rest, step)
-                write_3(beside, memory.fold + wp.static(3 * types.real_size) * local, fold)
+                if wp.static(fold_numbers(terms) == 2):
+                    write_2(beside, memory.fold + wp.static(2 * types.real_size) * local, vec2(fold[0], fold[1]))
+                else:
+                    write_3(beside, memory.fold + wp.static(3 * types.real_size) * local, fold)
             local += patch_threads()
         if wp.static(terms.edges):
             if lane == 0:
@@ -216,20 +241,27 @@ def edges_step(precision: str, fourth: str, terms: Terms, fits: bool) -> wp.Func
 
 
 @functools.cache
-def sides_functions(precision: str, fourth: str, fits: bool) -> SimpleNamespace:
+def sides_functions(precision: str, fourth: str, terms: Terms, fits: bool) -> SimpleNamespace:
     """Functions ``side_fold`` and ``sides_of``, which read what a triangle is worked out from."""
     types = cloth_types(precision)
     vec3 = types.vec3
     functions = memory_functions(precision, fits)
-    read_point, read_3, read_4 = functions.read_point, functions.read_3, functions.read_4
+    point_at, read_4 = point_functions(precision, fits).point_at, functions.read_4
+    read_2, read_3 = functions.read_2, functions.read_3
     triangle_sides = triangle_functions(precision, fourth).triangle_sides
-    point_size, size_3, size_4 = types.point_size, 3 * types.real_size, 4 * types.real_size
+    numbers, size_4 = fold_numbers(terms), 4 * types.real_size
     first_three = three_function(precision)
 
     @wp.func
-    def side_fold(beside: wp.array(dtype=wp.uint8), memory: PatchMemory, word: wp.uint64, side: int):
-        """Hinge of a triangle's side, its turn as the triangle is wound."""
-        fold = read_3(beside, memory.fold + wp.static(size_3) * packed(word, side))
+    def side_fold(beside: wp.array(dtype=wp.uint8), memory: PatchMemory, word: wp.uint64, side: int, along: vec3):
+        """Hinge of a triangle's side, its turn as the triangle is wound; ``along`` it, where that is known."""
+        place = memory.fold + wp.static(numbers * types.real_size) * packed(word, side)
+        fold = vec3()
+        if wp.static(numbers == 2):
+            two = read_2(beside, place)
+            fold = vec3(two[0], two[1], inner(along, along))
+        else:
+            fold = read_3(beside, place)
         otherwise = (packed(word, 3) >> side) & 1
         return vec3(wp.where(otherwise == 1, -fold[0], fold[0]), fold[1], fold[2])
 
@@ -242,9 +274,9 @@ def sides_functions(precision: str, fourth: str, fits: bool) -> SimpleNamespace:
             move_0 = first_three(read_4(beside, memory.move + wp.static(size_4) * a))
             move_1 = first_three(read_4(beside, memory.move + wp.static(size_4) * b))
             move_2 = first_three(read_4(beside, memory.move + wp.static(size_4) * c))
-        origin = read_point(beside, memory.position + wp.static(point_size) * a)
-        second = read_point(beside, memory.position + wp.static(point_size) * b)
-        third = read_point(beside, memory.position + wp.static(point_size) * c)
+        origin = point_at(beside, memory, a)
+        second = point_at(beside, memory, b)
+        third = point_at(beside, memory, c)
         return triangle_sides(origin, second, third, move_0, move_1, move_2)
 
     return SimpleNamespace(side_fold=side_fold, sides_of=sides_of)
@@ -274,7 +306,7 @@ def triangles_step(precision: str, fourth: str, terms: Terms, fits: bool) -> wp.
     vec3, vec4, Patches, Step, Sides = types.vec3, types.vec4, types.Patches, types.Step, types.Sides
     functions = memory_functions(precision, fits)
     read_4, write_4 = functions.read_4, functions.write_4
-    sides_reading = sides_functions(precision, fourth, fits)
+    sides_reading = sides_functions(precision, fourth, terms, fits)
     side_fold, sides_of = sides_reading.side_fold, sides_reading.sides_of
     corner_loads, corner_stride = corner_function(precision, fourth, terms), stride_function(terms)
     triangle_table = triangle_table_function(precision, terms)
@@ -303,14 +335,14 @@ def triangles_step(precision: str, fourth: str, terms: Terms, fits: bool) -> wp.
             normal, slope, law = vec4(), vec4(), vec4()
             fold_0, fold_1, fold_2 = vec3(), vec3(), vec3()
             sides = Sides()
-            if wp.static(terms.folds):
-                normal = read_4(beside, memory.normal + wp.static(4 * types.real_size) * local)
-                fold_0 = side_fold(beside, memory, word, 0)
-                fold_1 = side_fold(beside, memory, word, 1)
-                fold_2 = side_fold(beside, memory, word, 2)
             if wp.static(terms.threads):
                 slope, law = element(patches.slope, at), element(patches.threads, at)
                 sides = sides_of(beside, memory, corners)
+            if wp.static(terms.folds):
+                normal = read_4(beside, memory.normal + wp.static(4 * types.real_size) * local)
+                fold_0 = side_fold(beside, memory, word, 0, sides.side_0)
+                fold_1 = side_fold(beside, memory, word, 1, sides.side_2)
+                fold_2 = side_fold(beside, memory, word, 2, sides.side_1)
             first, second, third = corner_loads(normal, fold_0, fold_1, fold_2, sides, slope, law, step)
             write_4(beside, memory.corner_load + wp.static(4 * types.real_size) * local, first)
             write_4(beside, others + wp.static(4 * types.real_size) * local, second)

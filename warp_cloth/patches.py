@@ -14,7 +14,16 @@ from numpy.typing import NDArray
 from warp_cloth.elements import Elements
 from warp_cloth.errors import InputError
 from warp_cloth.kept import Kept
-from warp_cloth.kernels.limits import BLOCK_MEMORY, BLOCKS_PER_CORE, FEW, RANKS, Terms, point_size, real_size
+from warp_cloth.kernels.limits import (
+    BLOCK_MEMORY,
+    BLOCKS_PER_CORE,
+    FEW,
+    RANKS,
+    Terms,
+    fold_numbers,
+    point_size,
+    real_size,
+)
 from warp_cloth.mesh import Indices, Points
 from warp_cloth.rest import Floats
 from warp_cloth.spread import spread_places
@@ -383,13 +392,14 @@ def _words(numbers: Keys) -> NDArray[np.uint64]:
 
 def _memory(patch: dict[str, Keys], terms: Terms, precision: str) -> Keys:
     """Bytes that each patch's block needs, as kernels.patch_memory lays them out, shape [P]."""
-    real, point = real_size(precision), point_size(precision)
+    real, wide = real_size(precision), point_size(precision) // 3
     triangles, edges, vertices = patch["triangle_count"], patch["edge_count"], patch["vertex_count"]
     first = patch["normal_count"] if terms.folds else terms.threads * triangles
     needed = 4 * real * (first + terms.edges * (edges + 1))
-    corners, around = 4 * real * (2 * triangles + 1), 4 * real * vertices + -(-point * vertices // 8) * 8
+    points = -(-2 * wide * vertices // 16) * 16 + -(-wide * (vertices + 1) // 16) * 16
+    corners, around = 4 * real * (2 * triangles + 1), 4 * real * vertices + points
     if terms.threads:
         needed = needed + corners + around
     else:
         needed = needed + (np.maximum(corners, around) if terms.folds else around)
-    return np.asarray(-(-(needed + 3 * real * terms.folds * edges) // 16) * 16)
+    return np.asarray(-(-(needed + fold_numbers(terms) * real * terms.folds * edges) // 16) * 16)
