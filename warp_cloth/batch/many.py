@@ -13,7 +13,7 @@ import warp as wp
 
 from warp_cloth.batch.ahead import load_kernels
 from warp_cloth.batch.loading import Shelf
-from warp_cloth.batch.memory import available_bytes, cut_to_fit, need_of
+from warp_cloth.batch.memory import Need, available_bytes, cut_to_fit, need_of
 from warp_cloth.batch.turns import Turn
 from warp_cloth.fitting import Fit, finished, tolerance_of
 from warp_cloth.kept import Kept
@@ -71,10 +71,22 @@ def fit_many(
         return _together([scenes[n] for n in numbers], [loaded[n] for n in numbers], device, kept, Turn(turn))
 
     for numbers in groups.values():
-        needs = [need_of(scenes[n], loaded[n], gathers=gpu) for n in numbers]
+        needs = _needs([scenes[n] for n in numbers], [loaded[n] for n in numbers], gpu)
         for piece in cut_to_fit(needs, limit, most):
             _halving([numbers[at] for at in piece], run, results)
     return [results[number] for number in range(len(scenes))]
+
+
+def _needs(scenes: Sequence[Scene], wardrobes: Sequence[Wardrobe], gpu: bool) -> list[Need]:
+    """What scenes need, worked out once for those of the same garments on the same avatar."""
+    kept = Kept()
+
+    def need(scene: Scene, wardrobe: Wardrobe) -> Need:
+        alike = wardrobe.avatar, *wardrobe.parts
+        make = partial(need_of, scene, wardrobe, gathers=gpu)
+        return kept.once("need", alike, make, scene.collision, scene.solver.precision)
+
+    return [need(scene, wardrobe) for scene, wardrobe in zip(scenes, wardrobes, strict=True)]
 
 
 def _halving(

@@ -8,6 +8,7 @@ import logging
 import multiprocessing
 import os
 import signal
+import sys
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from multiprocessing.connection import Connection, wait
@@ -24,6 +25,7 @@ log = logging.getLogger(__name__)
 MOST_LOSSES = 2  # of its device in a row, after which a worker's place is given up
 MOST_HELPERS = 16  # of a worker, which takes in no more than so many make
 LOOKED_AT = 64  # tasks that wait, for one that shares meshes with what the worker had
+SWITCH = 1e-4  # [s] after which a worker's thread lets another go on, which hands work to its helpers and takes it in
 GRACE = 4.0  # [s] between asking a worker to end and ending it
 
 
@@ -65,6 +67,7 @@ def _serve(connection: Connection, helpers: int, rank: int) -> None:
 
     shelf = Shelf(helpers, fork=True, rank=rank)  # before this process has threads and a device
     (end_with_parent if helpers else begin_alone)()
+    sys.setswitchinterval(SWITCH)
     while True:
         try:
             task: Task = connection.recv()

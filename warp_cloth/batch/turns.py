@@ -9,7 +9,7 @@ from typing import IO
 
 from warp_cloth.solver.relax import Relaxation
 
-FEW = 0.25  # of a relaxation's vertices: so few leave a GPU room for others
+FEW = 0.05  # of a relaxation's vertices: so few leave a GPU room for others; of more two processes hold each other up
 
 
 class Turn:
