@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warp_cloth.cascade import LevelRun
-from warp_cloth.collide.exact import ExactCollider, exact_colliders, penetrations
+from warp_cloth.collide.exact import ExactCollider, distances_of_many, exact_colliders, penetrations
 from warp_cloth.collide.garments import worn_crossings
-from warp_cloth.collide.piercing import piercing, showing
+from warp_cloth.collide.piercing import edge_places, face_places, pierced, shown
 from warp_cloth.device import device_named
 from warp_cloth.errors import InputError
 from warp_cloth.maps import FitMaps, chosen_maps, measure_maps
@@ -237,7 +237,9 @@ def finished(
     worn_points = [outcome.points for outcome in outcomes]
     avatars = [wardrobe.avatar for wardrobe in made.wardrobes]
     exact_of = exact_colliders(avatars, model.device)
-    depths = penetrations(worn_points, avatars, model.device, exact_of)
+    depths = _drawn_through(
+        made, penetrations(worn_points, avatars, model.device, exact_of), outcomes, exact_of, strains
+    )
     crossings = worn_crossings(made.wardrobes, worn_points, model.device)
 
     def strains_of(item: int) -> tuple[Strain, dict[str, Strain]]:
@@ -253,8 +255,7 @@ def finished(
             replace(worn, fields=crossing.marked(index, worn.mesh))
             for index, worn in enumerate(_worn(scene, wardrobe, outcome, frames))
         )
-        strain = strains[model.of_item(item, model.edge_start)]
-        depth = _drawn_through(depths[item], wardrobe, outcome.points, strain, exact_of[item])
+        depth = depths[item]
         contact, kind = made.touched(item), scene.collision.avatar
         inside = [misplaced(depth), too_coarse(depth)] if kind != "none" else []
         faults = [hidden(contact, kind), *inside, of_another_size(summaries[item][0])]
@@ -280,23 +281,42 @@ def finished(
 
 
 def _drawn_through(
-    depth: Penetration | None,
-    wardrobe: Wardrobe,
-    points: Points,
+    made: SetUp,
+    depths: Sequence[Penetration | None],
+    outcomes: Sequence[Outcome],
+    exact_of: Sequence[ExactCollider | None],
     strains: NDArray[np.float64],
-    exact: ExactCollider | None,
-) -> Penetration | None:
-    """The depth with what is told of edges and faces: ``strains`` are the edges', of all garments."""
-    if depth is None or wardrobe.avatar is None or exact is None:
-        return depth
-    edges, triangles, first = [], [], 0
-    for part in wardrobe.parts:
-        edges.append(part.rest.topology.edges + first)
-        triangles.append(part.triangles + first)
-        first += len(part.points)
-    count, deepest = piercing(points, np.concatenate(edges), strains, wardrobe.avatar, exact.device, exact)
-    faces, most = showing(points, np.concatenate(triangles), wardrobe.avatar, exact.device, exact)
-    return replace(depth, edges=count, edge_max=deepest, faces=faces, face_max=most)
+) -> list[Penetration | None]:
+    """Every scene's depth with what is told of edges and faces: ``strains`` are the edges', of all scenes.
+
+    All are asked for together, as a GPU answers a million places as soon as a few.
+    """
+    model = made.model
+
+    def asked(item: int) -> tuple[Points, NDArray[np.float64], Points]:
+        edges, triangles, first = [], [], 0
+        for part in made.wardrobes[item].parts:
+            edges.append(part.rest.topology.edges + first)
+            triangles.append(part.triangles + first)
+            first += len(part.points)
+        points = outcomes[item].points
+        strain = strains[model.of_item(item, model.edge_start)]
+        return *edge_places(points, np.concatenate(edges), strain), face_places(points, np.concatenate(triangles))
+
+    asks = map_in_threads(asked, range(len(outcomes)))
+    avatars = [wardrobe.avatar for wardrobe in made.wardrobes]
+    places = [np.concatenate([along, within]) for along, _, within in asks]
+    told: list[Penetration | None] = []
+    for depth, (along, lengths, _), distances in zip(
+        depths, asks, distances_of_many(places, avatars, model.device, exact_of), strict=True
+    ):
+        if depth is None or distances is None:
+            told.append(depth)
+            continue
+        count, deepest = pierced(distances[: len(along)], lengths)
+        faces, most = shown(distances[len(along) :])
+        told.append(replace(depth, edges=count, edge_max=deepest, faces=faces, face_max=most))
+    return told
 
 
 def _worn(scene: Scene, wardrobe: Wardrobe, outcome: Outcome, frames: int) -> tuple[WornGarment, ...]:

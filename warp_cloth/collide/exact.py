@@ -155,20 +155,28 @@ def penetrations(
 
     ``exact_of`` are these avatars' ``exact_colliders``, where there are some already.
     """
-    found: dict[int, Penetration] = {}
+    return [None if own is None else _depths(own) for own in distances_of_many(worn, avatars, device, exact_of)]
+
+
+def distances_of_many(
+    places: Sequence[Points],
+    avatars: Sequence[Mesh | None],
+    device: wp.DeviceLike = None,
+    exact_of: Sequence[ExactCollider | None] | None = None,
+) -> list[NDArray[np.float32] | None]:
+    """``signed_distances`` of places to their own avatars, likewise."""
+    found: dict[int, NDArray[np.float32]] = {}
     of_avatar: dict[int, tuple[Mesh, ExactCollider, list[int]]] = {}
     for number, (avatar, exact) in enumerate(zip(avatars, exact_of or exact_colliders(avatars, device), strict=True)):
         if avatar is not None and exact is not None:
             of_avatar.setdefault(id(avatar), (avatar, exact, []))[2].append(number)
     for avatar, exact, numbers in of_avatar.values():
-        for piece in pieces([len(worn[number]) for number in numbers], POINTS_AT_ONCE):
+        for piece in pieces([len(places[number]) for number in numbers], POINTS_AT_ONCE):
             chosen = [numbers[at] for at in piece]
-            points = np.concatenate([worn[number] for number in chosen])
-            distances = signed_distances(points, avatar, exact.device, exact)
-            ends = np.cumsum([len(worn[number]) for number in chosen])
-            for number, own in zip(chosen, np.split(distances, ends[:-1]), strict=True):
-                found[number] = _depths(own)
-    return [found.get(number) for number in range(len(worn))]
+            distances = signed_distances(np.concatenate([places[n] for n in chosen]), avatar, exact.device, exact)
+            ends = np.cumsum([len(places[number]) for number in chosen])
+            found.update(zip(chosen, np.split(distances, ends[:-1]), strict=True))
+    return [found.get(number) for number in range(len(places))]
 
 
 def pieces(sizes: Sequence[int], most: int) -> list[range]:

@@ -29,13 +29,26 @@ def piercing(
     ``points`` [m], shape [V, 3]; ``edges`` are pairs of them, shape [E, 2]; ``strains`` are theirs, shape [E].
     ``exact`` is of that avatar, where there is one already.
     """
+    places, lengths = edge_places(points, edges, strains)
+    return pierced(signed_distances(places, avatar, device, exact), lengths)
+
+
+def edge_places(
+    points: Points, edges: NDArray[np.int32], strains: NDArray[np.float64]
+) -> tuple[Points, NDArray[np.float64]]:
+    """Places along the edges that are asked for [m], shape [N, 3], and these edges' lengths [m]; as of ``piercing``."""
     asked = edges[strains > STRETCHED]
-    if not len(asked) or not np.isfinite(points).all():
-        return 0, 0.0
+    if not np.isfinite(points).all():
+        asked = asked[:0]
     first, last = points[asked[:, 0], None], points[asked[:, 1], None]
     along = (first + (last - first) * PLACES[:, None]).reshape(-1, 3)
-    depth = np.nan_to_num(-signed_distances(along, avatar, device, exact)).reshape(len(asked), -1).max(axis=1)
-    through = depth > DEEP * np.linalg.norm(last - first, axis=2)[:, 0]
+    return along, np.linalg.norm(last - first, axis=2)[:, 0]
+
+
+def pierced(distances: NDArray[np.float32], lengths: NDArray[np.float64]) -> tuple[int, float]:
+    """What ``piercing`` tells, by the distances of ``edge_places``."""
+    depth = np.nan_to_num(-distances).reshape(len(lengths), len(PLACES)).max(axis=1)
+    through = depth > DEEP * lengths
     return int(through.sum()), 1e3 * float(depth[through].max(initial=0.0))
 
 
@@ -50,10 +63,19 @@ def showing(
 
     ``points`` [m], shape [V, 3]; only triangles large enough for that are asked for.
     """
+    return shown(signed_distances(face_places(points, triangles), avatar, device, exact))
+
+
+def face_places(points: Points, triangles: NDArray[np.int32]) -> Points:
+    """Places within the triangles that are asked for [m], shape [N, 3]; as of ``showing``."""
     corners = points[triangles]
     large = corners[np.ptp(corners, axis=1).max(axis=1) > LARGE]
-    if not len(large) or not np.isfinite(large).all():
-        return 0, 0.0
-    places = ((WITHIN / WITHIN.sum(axis=1, keepdims=True)) @ large).reshape(-1, 3)
-    depth = np.nan_to_num(-signed_distances(places, avatar, device, exact)).reshape(len(large), -1).max(axis=1)
+    if not np.isfinite(large).all():
+        large = large[:0]
+    return np.asarray(((WITHIN / WITHIN.sum(axis=1, keepdims=True)) @ large).reshape(-1, 3))
+
+
+def shown(distances: NDArray[np.float32]) -> tuple[int, float]:
+    """What ``showing`` tells, by the distances of ``face_places``."""
+    depth = np.nan_to_num(-distances).reshape(-1, len(WITHIN)).max(axis=1)
     return int((depth > 0.0).sum()), 1e3 * float(depth.max(initial=0.0))
