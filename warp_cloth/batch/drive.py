@@ -29,7 +29,7 @@ GPU_SHARD = 512  # so many garments fill the largest GPU, and one reading of the
 WORKERS_PER_GPU = 4  # while one's garments relax, others load, or measure what they have fitted
 # At least so many, where there are items enough, as the last worker to end is waited for: half a shard in the mean.
 SHARDS_PER_CORE = 16
-SHARDS_PER_GPU_WORKER = 2  # a GPU that one worker leaves is the others'
+SHARDS_PER_GPU_WORKER = 1  # a GPU that one worker leaves is the others', and many garments together go faster
 TRIES = 2  # of a task whose worker dies
 
 
