@@ -29,16 +29,16 @@ class BoxTree:
 
 @wp.struct
 class BoxWalk:
-    """How far a team's walk over the groups of leaves that meet a box has come."""
+    """How far a team's walk over the groups of leaves that meet a box has come: 32 of them at a time."""
 
     lower: wp.vec3f  # of the team's box [m]
     upper: wp.vec3f
     begin: int  # only leaves from here
     end: int  # to before here are looked at
     level: int
-    group: int  # in that level; where the walk stands, a group of leaves; -1: at its end
-    # boxes of that group, and of those above it, that are still to be looked at
-    mask_1: wp.uint32
+    group: int  # in that level; where the walk stands, of 32 groups of leaves; -1: at its end
+    mask_1: wp.uint32  # which of those meet the box
+    # boxes of the groups above it that are still to be looked at
     mask_2: wp.uint32
     mask_3: wp.uint32
 
@@ -78,27 +78,12 @@ _TEAM_LANE = """
 
 _BOXES_MEETING = """
     unsigned int mask = 0;
-#if defined(__CUDA_ARCH__)
-    const float4* box = (const float4*)(bound.data + 192 * group);  // four boxes at a time
-#pragma unroll 4
-    for (int k = 0; k < 8; ++k) {
-        const float4 x0 = box[k], y0 = box[8 + k], z0 = box[16 + k];
-        const float4 x1 = box[24 + k], y1 = box[32 + k], z1 = box[40 + k];
-#define MEETS(i) ((x0.i <= upper[0]) & (y0.i <= upper[1]) & (z0.i <= upper[2]) \
-                  & (x1.i >= lower[0]) & (y1.i >= lower[1]) & (z1.i >= lower[2]))
-        const unsigned int four = MEETS(x) | MEETS(y) << 1 | MEETS(z) << 2 | MEETS(w) << 3;
-#undef MEETS
-        mask |= four << (4 * k);
-    }
-#else
     const float* box = bound.data + 192 * group;
     for (int k = 0; k < 32; ++k) {
         const bool meets = (box[k] <= upper[0]) & (box[32 + k] <= upper[1]) & (box[64 + k] <= upper[2])
             & (box[96 + k] >= lower[0]) & (box[128 + k] >= lower[1]) & (box[160 + k] >= lower[2]);
         mask |= (unsigned int)meets << k;
     }
-#endif
-    return mask;
 """
 
 _TEAM_MEETING = (
@@ -110,7 +95,53 @@ _TEAM_MEETING = (
 #else
 """
     + _BOXES_MEETING
-    + "#endif\n"
+    + """
+    return mask;
+#endif
+"""
+)
+
+_LEAVES_MEETING = (
+    """
+#if defined(__CUDA_ARCH__)
+    const int lane = threadIdx.x & 31;
+    const float* box = bound.data + 192 * group + lane;
+    const float x0 = box[0], y0 = box[32], z0 = box[64], x1 = box[96], y1 = box[128], z1 = box[160];
+    const auto own = vertices.data[32 * group + lane];
+    unsigned int found = 0, left = __ballot_sync(0xffffffffu, may != 0);
+    while (left != 0) {  // one of those that may after another, its box against a box of each thread
+        const int asking = __ffs(left) - 1;
+        left &= left - 1;
+#define OF(value) __shfl_sync(0xffffffffu, value, asking)
+        bool meets = (x0 <= OF(upper[0])) & (y0 <= OF(upper[1])) & (z0 <= OF(upper[2]))
+            & (x1 >= OF(lower[0])) & (y1 >= OF(lower[1])) & (z1 >= OF(lower[2]));
+        const int p = OF(first), q = OF(second);
+#undef OF
+#pragma unroll
+        for (int k = 0; k < CORNERS; ++k)
+            meets = meets & (own[k] != p) & (own[k] != q);
+        const unsigned int mask = __ballot_sync(0xffffffffu, meets);
+        if (lane == asking)
+            found = mask;
+    }
+    return found;
+#else
+    if (may == 0)
+        return 0;
+"""
+    + _BOXES_MEETING
+    + """
+    unsigned int found = mask;
+    for (unsigned int left = mask; left != 0; left &= left - 1) {
+        const int at = __builtin_ctz(left);
+        const auto own = vertices.data[32 * group + at];
+        for (int k = 0; k < CORNERS; ++k)
+            if (own[k] == first || own[k] == second)
+                found &= ~(1u << at);
+    }
+    return found;
+#endif
+"""
 )
 
 _BIT_COUNT = """
@@ -184,10 +215,24 @@ def bit_count(mask: wp.uint32) -> int:
     ...
 
 
-@wp.func_native(_BOXES_MEETING)
-def boxes_meeting(bound: wp.array(dtype=wp.float32), group: int, lower: wp.vec3f, upper: wp.vec3f) -> wp.uint32:
-    """Which boxes of a group meet a thread's own box: a bit for each."""
-    ...
+for _corners, _dtype in ((2, wp.vec2i), (3, wp.vec3i)):
+
+    @wp.func_native(_LEAVES_MEETING.replace("CORNERS", str(_corners)))
+    def boxes_meeting(
+        bound: wp.array(dtype=wp.float32),
+        vertices: wp.array(dtype=_dtype),
+        group: int,
+        lower: wp.vec3f,
+        upper: wp.vec3f,
+        first: int,
+        second: int,
+        may: int,
+    ) -> wp.uint32:
+        """Which leaves of a group meet a thread's own box and have neither of two vertices: a bit for each.
+
+        ``vertices`` are the leaves'. A whole team asks at once; ``may``: whether there may be any.
+        """
+        ...
 
 
 @wp.func_native(_LOWEST_BIT)
@@ -232,18 +277,18 @@ def walk_from(tree: BoxTree, lower: wp.vec3f, upper: wp.vec3f, begin: int, end: 
 
 @wp.func
 def step_on(tree: BoxTree, walk: BoxWalk):
-    """The walk at its next group of leaves."""
+    """The walk at its next 32 groups of leaves of which some meet its box; ``mask_1`` tells which."""
     level = int(walk.level)
     group = int(walk.group)
-    mask_1 = wp.uint32(walk.mask_1)
+    mask_1 = wp.uint32(0)
     mask_2 = wp.uint32(walk.mask_2)
     mask_3 = wp.uint32(walk.mask_3)
-    if level == 0:  # on from a group of leaves
-        level = 1
+    if level == 1:  # on from there
+        level = 2
         group = group >> 5
     going = bool(True)
     while going:
-        mask = wp.where(level == 1, mask_1, wp.where(level == 2, mask_2, mask_3))
+        mask = wp.where(level == 2, mask_2, mask_3)
         if mask == wp.uint32(0) and level < tree.levels - 1:
             level += 1
             group = group >> 5
@@ -253,18 +298,21 @@ def step_on(tree: BoxTree, walk: BoxWalk):
                 going = group < tree.first[level + 1] - tree.first[level] and (group << (5 * level + 5)) < walk.end
                 group = wp.where(going, group, -1)
             else:
-                mask_1 = wp.where(level == 1, mask & (mask - wp.uint32(1)), mask_1)
                 mask_2 = wp.where(level == 2, mask & (mask - wp.uint32(1)), mask_2)
                 mask_3 = wp.where(level == 3, mask & (mask - wp.uint32(1)), mask_3)
                 group = WIDTH * group + lowest_bit(mask)
                 level -= 1
-                going = level > 0
             if going:
                 mask = team_meeting(tree.bound, tree.first[level] + group, walk.lower, walk.upper)
                 mask = mask & within(walk.begin, walk.end, level, group)
-                mask_1 = wp.where(level == 1, mask, mask_1)
                 mask_2 = wp.where(level == 2, mask, mask_2)
                 mask_3 = wp.where(level == 3, mask, mask_3)
+                if level == 1:
+                    mask_1 = wp.uint32(mask)
+                    going = mask == wp.uint32(0)
+                    if going:
+                        level = 2
+                        group = group >> 5
     walk.level = level
     walk.group = group
     walk.mask_1 = mask_1
@@ -313,9 +361,7 @@ def box_of(tree: BoxTree, level: int, box: int):
 
 
 @wp.func
-def leaves_meeting(tree: BoxTree, group: int, lower: wp.vec3f, upper: wp.vec3f):
-    """Which leaves of a group meet a thread's own box: a bit for each."""
+def may_meet(tree: BoxTree, group: int, lower: wp.vec3f, upper: wp.vec3f):
+    """Whether a box may meet any leaf of a group: 1 or 0."""
     low, high = box_of(tree, 1, group)
-    if wp.max(low - upper) > 0.0 or wp.max(lower - high) > 0.0:
-        return wp.uint32(0)
-    return boxes_meeting(tree.bound, group, lower, upper)
+    return wp.where(wp.max(low - upper) > 0.0 or wp.max(lower - high) > 0.0, 0, 1)

@@ -17,6 +17,8 @@ NO_LIMIT = wp.constant(wp.int32(2**31 - 1))  # room of a vertex with nothing nea
 # Of the distance between two bits of cloth, what each may move in an iteration: less than half, so they never pass.
 ROOM_SHARE = wp.constant(wp.float64(0.45))
 
+SHRUNK, GROWN = wp.constant(wp.float64(0.7)), wp.constant(wp.float64(1.5))  # of a skin, from search to search
+
 ON_TRIANGLE = wp.constant(wp.int32(0))  # a vertex and a triangle
 ON_EDGE = wp.constant(wp.int32(1))  # two edges
 NEIGHBOURS = wp.constant(wp.int32(2))  # added where the two are near in the rest shape: they do not push
@@ -30,9 +32,10 @@ class ClothContact:
     thickness: wp.array(dtype=wp.float32)  # [m], shape [V]
     modulus: wp.array(dtype=wp.float32)  # of squeeze_energy [N/m], shape [V]
     friction: wp.array(dtype=wp.float32)  # shape [V]
-    reach: wp.float64  # pairs nearer than this when they were looked for are known [m]
-    leeway: wp.float64  # how far a vertex may have moved at the next look, before which another search is due [m]
-    ahead: wp.float64  # iterations to that look
+    thickest: wp.float64  # [m]
+    least_skin: wp.float64  # of a vertex that stands still [m]
+    most_skin: wp.float64  # [m]
+    ahead: wp.float64  # iterations to the next look at whether another is due
     margin: wp.float64  # pairs this much farther apart than thick are left alone till they may be as near again [m]
     far: wp.float64  # the same with the thinnest garment: whatever is left alone is farther apart [m]
     # pairs
@@ -40,7 +43,7 @@ class ClothContact:
     corners: wp.array(dtype=wp.vec4i)  # vertex and triangle, or the ends of two edges, shape [P]
     kind: wp.array(dtype=wp.int32)  # ON_TRIANGLE or ON_EDGE, and NEIGHBOURS or not, shape [P]
     lean: wp.array(dtype=wp.vec3f)  # how far the first has been dragged along the second [m], shape [P]
-    due: wp.array(dtype=wp.int64)  # how far any vertex has gone when a pair may be near again [ROOM_UNIT], shape [P]
+    due: wp.array(dtype=wp.int64)  # how far any vertex has gone when a pair may be near again, of due_of, shape [P]
     # how far vertices have gone, the farthest in each iteration [ROOM_UNIT]: what a move reads of the ways and writes
     # for the next one lie apart, so that no thread of a launch reads what another one writes
     way: wp.array(dtype=wp.int64)  # before the last press, and after it, shape [2]
@@ -57,6 +60,7 @@ class ClothContact:
     lift: wp.array(dtype=wp.float32)  # how much farther from the avatar than its offset a vertex stays [m], shape [V]
     shift: wp.array(dtype=wp.vec3f)  # displacement in each iteration that untangles [m], shape [V]
     searched: wp.array(dtype=wp.vec3d)  # where vertices were at the last search [m], shape [V]
+    skin: wp.array(dtype=wp.float32)  # how far each may go from there till the next: what is known allows for it [m]
     moved: wp.array(dtype=wp.int32)  # whether it is time for another, shape [1]
 
 
@@ -81,19 +85,20 @@ def pair_way(weights: wp.vec4d, x0: wp.vec3d, x1: wp.vec3d, x2: wp.vec3d, x3: wp
 def contact_room(contact: ClothContact, vertex: int, position: wp.vec3d):
     """How far a vertex may move [m] before it could meet something, known or not; leaves the room open.
 
-    Whatever was farther than the reach at the last search cannot be met within half of it from there. While there is no
-    room for all pairs nothing moves.
+    Whatever was farther off at the last search than both skins and the thickness cannot be met as long as none goes
+    beyond its skin and half the thickness. While there is no room for all pairs nothing moves.
     """
     count = contact.count[0]
     nearest = contact.room[vertex]
     searched = contact.searched[vertex]
+    skin = wp.float64(contact.skin[vertex])
     known = ROOM_SHARE * contact.far
     if nearest != NO_LIMIT:
         known = wp.min(wp.float64(nearest) * ROOM_UNIT, known)
         contact.room[vertex] = NO_LIMIT
     if count > contact.corners.shape[0]:  # some pairs did not fit
         known = NOTHING
-    unknown = wp.float64(0.49) * contact.reach - wp.length(position - searched)
+    unknown = skin + wp.float64(0.49) * contact.thickest - wp.length(position - searched)
     return wp.max(wp.min(known, unknown), NOTHING)
 
 
@@ -123,7 +128,7 @@ def contact_watch(contact: ClothContact, vertex: int, position: wp.vec3d, move: 
     ``turn`` is the contact's after the last press.
     """
     length = wp.length(move)
-    if wp.length(position - contact.searched[vertex]) + contact.ahead * length > contact.leeway:
+    if skin_worn(contact, vertex, position, move) > WHOLE:
         contact.moved[0] = 1
     raise_to(contact.stride, turn & 1, wp.int32(length / ROOM_UNIT) + 1)
     if vertex == 0:
@@ -132,16 +137,63 @@ def contact_watch(contact: ClothContact, vertex: int, position: wp.vec3d, move: 
 
 
 @wp.func
-def contact_way(contact: ClothContact, thread: int):
-    """How far any vertex may have gone up to now [ROOM_UNIT]; the first thread turns to the next iteration."""
-    turn = contact.turn[0]
+def skin_worn(contact: ClothContact, vertex: int, position: wp.vec3d, move: wp.vec3d):
+    """What share of its skin a vertex has used up since the last search, or will have at the next look."""
+    gone = wp.length(position - contact.searched[vertex]) + contact.ahead * wp.length(move)
+    return gone / wp.float64(contact.skin[vertex])
+
+
+@wp.func
+def next_skin(contact: ClothContact, vertex: int, position: wp.vec3d, move: wp.vec3d):
+    """How far a vertex is to have room to go till the next search [m]: by and by twice what it goes."""
+    grown = wp.clamp(wp.float64(2.0) * skin_worn(contact, vertex, position, move), SHRUNK, GROWN)
+    skin = wp.float64(contact.skin[vertex]) * grown
+    return wp.float32(wp.clamp(skin, contact.least_skin, contact.most_skin))
+
+
+@wp.func
+def pair_reach(contact: ClothContact, corners: wp.vec4i, kind: int):
+    """How near a pair must be to be kept [m]: the thickness and the larger skin of either side."""
+    skin_0, skin_1 = contact.skin[corners[0]], contact.skin[corners[1]]
+    skin_2, skin_3 = contact.skin[corners[2]], contact.skin[corners[3]]
+    others = wp.max(skin_2, skin_3)
+    skins = wp.where(kind == ON_TRIANGLE, skin_0 + wp.max(skin_1, others), wp.max(skin_0, skin_1) + others)
+    return contact.thickest + wp.float64(skins)
+
+
+@wp.func
+def contact_gone(contact: ClothContact):
+    """How far any vertex may have gone up to now [ROOM_UNIT]."""
     even, odd = contact.stride[0], contact.stride[1]  # neither waits for the turn
-    way = contact.way[0] + wp.int64(wp.where((turn & 1) == 0, even, odd))
+    return contact.way[0] + wp.int64(wp.where((contact.turn[0] & 1) == 0, even, odd))
+
+
+@wp.func
+def contact_way(contact: ClothContact, thread: int):
+    """The same; the first thread turns to the next iteration."""
+    turn = contact.turn[0]
+    way = contact_gone(contact)
     if thread == 0:
         contact.way[1] = way
         contact.turn[1] = turn + 1
         contact.stride[(turn + 1) & 1] = 0
     return way
+
+
+@wp.func
+def due_of(way: wp.int64, kind: int):
+    """A way [ROOM_UNIT] whose lowest bit says what it is the way of: ON_TRIANGLE or ON_EDGE."""
+    return (way & ~wp.int64(1)) | wp.int64(kind)
+
+
+@wp.func
+def due_after(contact: ClothContact, kind: int, distance: wp.float64, thickness: wp.float64, way: wp.int64):
+    """When a pair may be near that is so far apart [m] after a way; in the past if it is near.
+
+    No move is longer than what lies beyond the margin leaves room for.
+    """
+    apart = wp.float64(0.5) * (distance - thickness - contact.margin) / ROOM_UNIT
+    return due_of(wp.where(apart > NOTHING, way + wp.int64(apart), wp.int64(-2)), kind)
 
 
 @wp.func

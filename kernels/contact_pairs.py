@@ -8,15 +8,25 @@ from warp_cloth.kernels.box_tree import (
     WIDTH,
     below,
     box_of,
-    leaves_meeting,
-    lowest_bit,
+    boxes_meeting,
+    may_meet,
     team_lane,
     team_threads,
     walk_from,
 )
 from warp_cloth.kernels.cloth import MODULE_OPTIONS, cloth_types, place_function
-from warp_cloth.kernels.cloth_contact import NEIGHBOURS, ON_EDGE, ON_TRIANGLE, ClothContact, pair_way, pair_weights
-from warp_cloth.kernels.contact_search import SLACK, ContactSearch, group_box_function, without_corner
+from warp_cloth.kernels.cloth_contact import (
+    NEIGHBOURS,
+    ON_EDGE,
+    ON_TRIANGLE,
+    ClothContact,
+    contact_gone,
+    due_after,
+    pair_reach,
+    pair_way,
+    pair_weights,
+)
+from warp_cloth.kernels.contact_search import ContactSearch, group_box_function, room_around
 from warp_cloth.kernels.lean_memory import LeanMemory, remembered_lean
 from warp_cloth.kernels.meeting import (
     LISTING,
@@ -60,40 +70,44 @@ def next_slot(count: wp.array(dtype=wp.int32)) -> int:
 
 
 @wp.func
-def keep_pair(contact: ClothContact, memory: LeanMemory, corners: wp.vec4i, kind: int, near: bool):
+def keep_pair(
+    contact: ClothContact, memory: LeanMemory, corners: wp.vec4i, kind: int, near: bool, distance: wp.float64
+):
     """Counts a pair and, while there is room, keeps it, with the lean that it had before the search."""
     slot = next_slot(contact.count)
     if slot < contact.corners.shape[0]:
+        thickness = wp.float64(0.5) * wp.float64(contact.thickness[corners[0]] + contact.thickness[corners[3]])
         contact.corners[slot] = corners
-        contact.kind[slot] = kind
-        contact.lean[slot] = remembered_lean(memory, corners, kind)
-        contact.due[slot] = wp.int64(0)
-        if near:
-            contact.kind[slot] = kind + NEIGHBOURS
+        contact.due[slot] = due_after(contact, kind, distance, thickness, contact_gone(contact))
+        lean = wp.vec3f()
+        if distance < thickness:
+            lean = remembered_lean(memory, corners, kind)
+        contact.lean[slot] = lean
+        contact.kind[slot] = wp.where(near, kind + NEIGHBOURS, kind)
 
 
 @functools.cache
-def near_function(precision: str) -> wp.Function:
-    """The function that tells whether a pair is nearer than some reach."""
+def distance_function(precision: str) -> wp.Function:
+    """The function that tells how far apart a pair is."""
     Cloth, at = cloth_types(precision).Cloth, place_function(precision)
 
     @wp.func
-    def nearer(cloth: Cloth, corners: wp.vec4i, kind: int, reach: wp.float64):
-        """Whether a pair is nearer than the reach [m]."""
+    def pair_distance(cloth: Cloth, corners: wp.vec4i, kind: int):
+        """How far apart a pair is [m]."""
         x0 = at(cloth.position, corners[0])
         x1 = at(cloth.position, corners[1])
         x2 = at(cloth.position, corners[2])
         x3 = at(cloth.position, corners[3])
         weights = pair_weights(kind, x0, x1, x2, x3)
-        return wp.length(pair_way(weights, x0, x1, x2, x3)) < reach
+        return wp.length(pair_way(weights, x0, x1, x2, x3))
 
-    return nearer
+    return pair_distance
 
 
 @functools.cache
 def keep_function(precision: str) -> wp.Function:
     """The function that looks closely at what may be near."""
-    Cloth, nearer = cloth_types(precision).Cloth, near_function(precision)
+    Cloth, pair_distance = cloth_types(precision).Cloth, distance_function(precision)
 
     @wp.func
     def keep_on_triangle(
@@ -101,10 +115,11 @@ def keep_function(precision: str) -> wp.Function:
     ):
         """Keeps a vertex and a triangle if they are near each other."""
         corners = wp.vec4i(vertex, t[0], t[1], t[2])
-        if nearer(cloth, corners, ON_TRIANGLE, contact.reach):
+        distance = pair_distance(cloth, corners, ON_TRIANGLE)
+        if distance < pair_reach(contact, corners, ON_TRIANGLE):
             near = rest_near(search, vertex, t[0]) or rest_near(search, vertex, t[1])
             near = near or rest_near(search, vertex, t[2])
-            keep_pair(contact, memory, corners, ON_TRIANGLE, near)
+            keep_pair(contact, memory, corners, ON_TRIANGLE, near, distance)
 
     @wp.func
     def keep_on_edge(
@@ -112,10 +127,11 @@ def keep_function(precision: str) -> wp.Function:
     ):
         """Keeps two edges if they are near each other."""
         corners = wp.vec4i(e[0], e[1], o[0], o[1])
-        if nearer(cloth, corners, ON_EDGE, contact.reach):
+        distance = pair_distance(cloth, corners, ON_EDGE)
+        if distance < pair_reach(contact, corners, ON_EDGE):
             near = rest_near(search, e[0], o[0]) or rest_near(search, e[0], o[1])
             near = near or rest_near(search, e[1], o[0]) or rest_near(search, e[1], o[1])
-            keep_pair(contact, memory, corners, ON_EDGE, near)
+            keep_pair(contact, memory, corners, ON_EDGE, near, distance)
 
     @wp.func
     def keep_near(
@@ -139,20 +155,6 @@ def keep_function(precision: str) -> wp.Function:
     return keep_near
 
 
-@wp.func
-def without_end(search: ContactSearch, mask: wp.uint32, group: int, ends: wp.vec2i):
-    """Those of a group's edges that share no end with an edge: a bit for each."""
-    left = wp.uint32(mask)
-    kept = wp.uint32(mask)
-    while left != wp.uint32(0):
-        place = lowest_bit(left)
-        left = left & (left - wp.uint32(1))
-        o = search.ends[WIDTH * group + place]
-        if ends[0] == o[0] or ends[0] == o[1] or ends[1] == o[0] or ends[1] == o[1]:
-            kept = kept & ~(wp.uint32(1) << wp.uint32(place))
-    return kept
-
-
 @functools.cache
 def near_leaves_function(precision: str) -> wp.Function:
     """The function that lists which leaves of two groups may be near each other."""
@@ -171,24 +173,24 @@ def near_leaves_function(precision: str) -> wp.Function:
         met: int,
     ):
         """Lists the leaves of a group, met by another, that may be near; ``kind`` ON_TRIANGLE or ON_EDGE."""
-        room = float(contact.reach) + SLACK
-        wide = wp.vec3f(room, room, room)
         local = team_lane()
         while local < WIDTH:
             mask = wp.uint32(0)
             asking = WIDTH * group + local
             if kind == ON_EDGE:
                 low, high = box_of(search.edge_tree, 0, asking)
-                mask = leaves_meeting(search.edge_tree, met, low - wide, high + wide)
+                ends = search.ends[asking]
+                may = may_meet(search.edge_tree, met, low, high)
+                mask = boxes_meeting(search.edge_tree.bound, search.ends, met, low, high, ends[0], ends[1], may)
                 if met == group:
                     mask = mask & ~below(local + 1)
-                mask = without_end(search, mask, met, search.ends[asking])
             else:
                 vertex = search.vertex[asking]
-                if vertex >= 0:
-                    low = wp.vec3f(at(cloth.position, vertex)) - wide
-                    mask = leaves_meeting(search.triangle_tree, met, low, low + wide + wide)
-                    mask = without_corner(search, mask, met, vertex, vertex)
+                x = wp.vec3f(at(cloth.position, wp.max(vertex, 0)))
+                wide = room_around(contact, contact.skin[wp.max(vertex, 0)])
+                low, high = x - wide, x + wide
+                may = wp.where(vertex >= 0, may_meet(search.triangle_tree, met, low, high), 0)
+                mask = boxes_meeting(search.triangle_tree.bound, search.corners, met, low, high, vertex, vertex, may)
                 asking = -1 - vertex
             list_leaves(cloth, search, contact, memory, meetings, asking, met, mask)
             local += team_threads()
@@ -208,22 +210,20 @@ def groups_kernel(precision: str) -> wp.Kernel:
         """Lists what each group of edges, and of vertices, may be near: a team for each."""
         group = wp.tid() // team_threads()
         edge_groups = search.edge_tree.leaf.shape[0] // WIDTH
-        room = float(contact.reach) + SLACK
-        wide = wp.vec3f(room, room, room)
         if group < edge_groups:
             edge = search.edge_tree.leaf[WIDTH * group]
             if edge >= 0:
                 last = search.leaves[search.item[search.edges[edge][0]]][3]
                 low, high = box_of(search.edge_tree, 1, group)
-                walk = walk_from(search.edge_tree, low - wide, high + wide, WIDTH * group, last)
+                walk = walk_from(search.edge_tree, low, high, WIDTH * group, last)
                 meet_groups(cloth, search, contact, memory, meetings, search.edge_tree, walk, ON_EDGE, group)
         else:
             group -= edge_groups
             vertex = search.vertex[WIDTH * group]
             if vertex >= 0:
                 leaves = search.leaves[search.item[vertex]]
-                low, high = group_of_vertices(cloth, search, group)
-                walk = walk_from(search.triangle_tree, low - wide, high + wide, leaves[0], leaves[1])
+                low, high = group_of_vertices(cloth, search, contact, group)
+                walk = walk_from(search.triangle_tree, low, high, leaves[0], leaves[1])
                 meet_groups(cloth, search, contact, memory, meetings, search.triangle_tree, walk, ON_TRIANGLE, group)
 
     return meet_near

@@ -12,15 +12,13 @@ from warp_cloth.kernels.box_tree import (
     BoxTree,
     box_groups,
     box_up,
-    lowest_bit,
     put_box,
     team_lane,
     team_least,
     team_threads,
 )
 from warp_cloth.kernels.cloth import MODULE_OPTIONS, cloth_types, place_function
-from warp_cloth.kernels.cloth_contact import ClothContact
-from warp_cloth.kernels.crossing import has_vertex
+from warp_cloth.kernels.cloth_contact import ClothContact, next_skin
 from warp_cloth.kernels.lean_memory import LeanMemory, forget_leans, remember_lean
 from warp_cloth.kernels.meeting import Meetings, forget_meetings
 
@@ -56,6 +54,20 @@ def opened(search: ContactSearch, edge: int, along: wp.vec3f):
     return wp.length(along) > search.longest[edge]
 
 
+@wp.func
+def room_around(contact: ClothContact, skin: wp.float32):
+    """By how much a box of cloth with such a skin is widened on all sides [m]: what it does not meet is not near."""
+    room = skin + float(0.5) * float(contact.thickest) + SLACK
+    return wp.vec3f(room, room, room)
+
+
+@wp.func
+def least_room(contact: ClothContact):
+    """By how much two boxes are widened in all, at least: boxes that do not meet without it do not cross."""
+    room = float(wp.float64(2.0) * contact.least_skin + contact.thickest)
+    return wp.vec3f(room, room, room)
+
+
 @functools.cache
 def start_kernel(precision: str) -> wp.Kernel:
     """Kernel ``start_search``."""
@@ -63,11 +75,13 @@ def start_kernel(precision: str) -> wp.Kernel:
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def start_search(cloth: Cloth, contact: ClothContact, memory: LeanMemory, meetings: Meetings):
-        """Remembers where each vertex is, and what each pair leans; empties the lists of what meets."""
+        """Remembers where each vertex is, gives it its skin, remembers what pairs lean; empties the lists."""
         thread = wp.tid()
         forget_meetings(meetings, thread)
         if thread < contact.searched.shape[0]:
-            contact.searched[thread] = at(cloth.position, thread)
+            position = at(cloth.position, thread)
+            contact.skin[thread] = next_skin(contact, thread, position, wp.vec3d(cloth.move[thread]))
+            contact.searched[thread] = position
         if thread < wp.min(contact.count[0], contact.corners.shape[0]):
             remember_lean(contact, memory, thread)
 
@@ -80,7 +94,7 @@ def box_functions(precision: str) -> tuple[wp.Function, wp.Function]:
     Cloth, at = cloth_types(precision).Cloth, place_function(precision)
 
     @wp.func
-    def box_triangle(cloth: Cloth, search: ContactSearch, place: int):
+    def box_triangle(cloth: Cloth, search: ContactSearch, contact: ClothContact, place: int):
         """What spans a seam that has yet to close meets nothing: its box would meet half the garment."""
         triangle = search.triangle_tree.leaf[place]
         lower = wp.vec3f(FAR_OFF, FAR_OFF, FAR_OFF)
@@ -93,12 +107,14 @@ def box_functions(precision: str) -> tuple[wp.Function, wp.Function]:
             c = wp.vec3f(at(cloth.position, corners[2]))
             open = opened(search, sides[0], b - a) or opened(search, sides[1], c - b) or opened(search, sides[2], a - c)
             if not open:
-                lower = wp.min(wp.min(a, b), c)
-                upper = wp.max(wp.max(a, b), c)
+                skin = wp.max(contact.skin[corners[0]], wp.max(contact.skin[corners[1]], contact.skin[corners[2]]))
+                wide = room_around(contact, skin)
+                lower = wp.min(wp.min(a, b), c) - wide
+                upper = wp.max(wp.max(a, b), c) + wide
         put_box(search.triangle_tree, 0, place, lower, upper)
 
     @wp.func
-    def box_edge(cloth: Cloth, search: ContactSearch, place: int):
+    def box_edge(cloth: Cloth, search: ContactSearch, contact: ClothContact, place: int):
         """The same of an edge; what it crosses is looked for everywhere till it has closed."""
         edge = search.edge_tree.leaf[place]
         lower = wp.vec3f(FAR_OFF, FAR_OFF, FAR_OFF)
@@ -110,8 +126,9 @@ def box_functions(precision: str) -> tuple[wp.Function, wp.Function]:
             if opened(search, edge, q - p):
                 search.whole[0] = 1
             else:
-                lower = wp.min(p, q)
-                upper = wp.max(p, q)
+                wide = room_around(contact, wp.max(contact.skin[ends[0]], contact.skin[ends[1]]))
+                lower = wp.min(p, q) - wide
+                upper = wp.max(p, q) + wide
         put_box(search.edge_tree, 0, place, lower, upper)
 
     return box_triangle, box_edge
@@ -137,13 +154,13 @@ def box_kernel(precision: str) -> wp.Kernel:
         local = int(lane)
         if block < edge_blocks:
             while local < LEAVES:
-                box_edge(cloth, search, block * LEAVES + local)
+                box_edge(cloth, search, contact, block * LEAVES + local)
                 local += block_threads()
             box_up(search.edge_tree, block, lane)
         else:
             block -= edge_blocks
             while local < LEAVES:
-                box_triangle(cloth, search, block * LEAVES + local)
+                box_triangle(cloth, search, contact, block * LEAVES + local)
                 local += block_threads()
             box_up(search.triangle_tree, block, lane)
 
@@ -161,28 +178,14 @@ def box_rest(search: ContactSearch):
         box_groups(tree, 2, 0, tree.first[3] - tree.first[2], lane_of(thread))
 
 
-@wp.func
-def without_corner(search: ContactSearch, mask: wp.uint32, group: int, first: int, second: int):
-    """Those of a group's triangles that have neither vertex as a corner: a bit for each."""
-    left = wp.uint32(mask)
-    kept = wp.uint32(mask)
-    while left != wp.uint32(0):
-        place = lowest_bit(left)
-        left = left & (left - wp.uint32(1))
-        t = search.corners[WIDTH * group + place]
-        if has_vertex(t, first) or has_vertex(t, second):
-            kept = kept & ~(wp.uint32(1) << wp.uint32(place))
-    return kept
-
-
 @functools.cache
 def group_box_function(precision: str) -> wp.Function:
     """The function that boxes a group of vertices."""
     Cloth, at = cloth_types(precision).Cloth, place_function(precision)
 
     @wp.func
-    def group_of_vertices(cloth: Cloth, search: ContactSearch, group: int):
-        """The box of a group of vertices [m], by a team."""
+    def group_of_vertices(cloth: Cloth, search: ContactSearch, contact: ClothContact, group: int):
+        """The box of a group of vertices with their skins [m], by a team."""
         low = wp.vec3f(FAR_OFF, FAR_OFF, FAR_OFF)
         high = -low
         local = team_lane()
@@ -190,8 +193,9 @@ def group_box_function(precision: str) -> wp.Function:
             vertex = search.vertex[WIDTH * group + local]
             if vertex >= 0:
                 x = wp.vec3f(at(cloth.position, vertex))
-                low = wp.min(low, x)
-                high = wp.max(high, x)
+                wide = room_around(contact, contact.skin[vertex])
+                low = wp.min(low, x - wide)
+                high = wp.max(high, x + wide)
             local += team_threads()
         return team_least(low), -team_least(-high)
 

@@ -7,7 +7,8 @@ import warp as wp
 from warp_cloth.kernels.box_tree import (
     WIDTH,
     box_of,
-    leaves_meeting,
+    boxes_meeting,
+    may_meet,
     team_lane,
     team_last,
     team_threads,
@@ -15,7 +16,7 @@ from warp_cloth.kernels.box_tree import (
 )
 from warp_cloth.kernels.cloth import MODULE_OPTIONS, cloth_types, place_function
 from warp_cloth.kernels.cloth_contact import ON_EDGE, ON_TRIANGLE, ClothContact
-from warp_cloth.kernels.contact_search import SLACK, ContactSearch, group_box_function, without_corner
+from warp_cloth.kernels.contact_search import SLACK, ContactSearch, group_box_function, least_room
 from warp_cloth.kernels.meeting import (
     LISTING,
     Meetings,
@@ -112,20 +113,24 @@ def crossing_leaves_function(precision: str) -> wp.Function:
                 return
         room = float(untangling.layer_reach) + SLACK
         wide = wp.vec3f(room, room, room)
+        less = least_room(contact)
+        tree = search.triangle_tree
         local = team_lane()
         while local < WIDTH:
             mask = wp.uint32(0)
             asking = WIDTH * others + local
             if kind != ON_TRIANGLE:
                 low, high = box_of(search.edge_tree, 0, asking)
+                low, high = low + less, high - less
                 ends = search.ends[asking]
-                mask = leaves_meeting(search.triangle_tree, triangles, low, high)
-                mask = without_corner(search, mask, triangles, ends[0], ends[1])
+                may = may_meet(tree, triangles, low, high)
+                mask = boxes_meeting(tree.bound, search.corners, triangles, low, high, ends[0], ends[1], may)
             else:
                 vertex = search.vertex[asking]
-                if vertex >= 0:
-                    low = wp.vec3f(at(cloth.position, vertex)) - wide
-                    mask = leaves_meeting(search.triangle_tree, triangles, low, low + wide + wide)
+                low = wp.vec3f(at(cloth.position, wp.max(vertex, 0))) - wide
+                high = low + wide + wide
+                may = wp.where(vertex >= 0, may_meet(tree, triangles, low, high), 0)
+                mask = boxes_meeting(tree.bound, search.corners, triangles, low, high, vertex, vertex, may)
                 asking = -1 - vertex
             list_leaves(cloth, search, contact, untangling, meetings, asking, triangles, mask)
             local += team_threads()
@@ -152,13 +157,14 @@ def crossing_groups_kernel(precision: str) -> wp.Kernel:
         edge_groups = search.edge_tree.leaf.shape[0] // WIDTH
         triangle_groups = search.triangle_tree.leaf.shape[0] // WIDTH
         all = search.whole[0] > 0
+        less = least_room(contact)
         tree = search.triangle_tree
         if group < edge_groups:
             edge = search.edge_tree.leaf[WIDTH * group]
             if edge >= 0 and (all or tangled_edges(search, group)):
                 leaves = search.leaves[search.item[search.edges[edge][0]]]
                 low, high = box_of(search.edge_tree, 1, group)
-                walk = walk_from(tree, low, high, leaves[0], leaves[1])
+                walk = walk_from(tree, low + less, high - less, leaves[0], leaves[1])
                 meet_groups(cloth, search, contact, untangling, meetings, tree, walk, ON_EDGE, group)
         elif group < edge_groups + triangle_groups:
             group -= edge_groups
@@ -166,7 +172,7 @@ def crossing_groups_kernel(precision: str) -> wp.Kernel:
             if triangle >= 0 and not all and tangled_triangles(search, group):
                 theirs = search.leaves[search.item[search.triangles[triangle][0]]]
                 low, high = box_of(search.triangle_tree, 1, group)
-                walk = walk_from(search.edge_tree, low, high, theirs[2], theirs[3])
+                walk = walk_from(search.edge_tree, low + less, high - less, theirs[2], theirs[3])
                 meet_groups(cloth, search, contact, untangling, meetings, search.edge_tree, walk, BY_TRIANGLE, group)
         else:
             group -= edge_groups + triangle_groups
@@ -176,7 +182,7 @@ def crossing_groups_kernel(precision: str) -> wp.Kernel:
                 wide = wp.vec3f(room, room, room)
                 # not named as above: Warp would read both, whichever branch was taken
                 whole, own = search.leaves[search.item[vertex]], untangling.own[vertex]
-                low, high = group_of_vertices(cloth, search, group)
+                low, high = group_of_vertices(cloth, search, contact, group)
                 for side in range(2):  # of its own layer in the tree
                     begin = wp.where(side == 0, whole[0], own[1])
                     end = wp.where(side == 0, own[0], whole[1])

@@ -179,7 +179,7 @@ def advance_kernel(
     point, Cloth, Step = types.point, types.Cloth, types.Step
     end_vertex = end_function(precision, accelerated, contact, collider_type, touches)
     Touch = touch_type(touches)
-    functions = patch_functions(precision, step_bound(accelerated, contact), terms, fits, in_order=not touches)
+    functions = patch_functions(precision, step_bound(accelerated, contact, touches), terms, fits, in_order=not touches)
     own_vertex, two_vertices = functions.own_vertex, functions.two_vertices
     work_patch, vertex_slots, vertex_load = functions.work_patch, functions.vertex_slots, functions.vertex_load
     held_vertex = held_function(precision, accelerated, in_order=not touches)

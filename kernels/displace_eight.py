@@ -121,7 +121,7 @@ def eight_displace_kernel(precision: str, contact: wp.Function | None, collider_
     real, vec3, vec4, Cloth, Step, Item = types.real, types.vec3, types.vec4, types.Cloth, types.Step, types.Item
     worn, spares = wears(True, contact), spares_looks(contact, touches=False)
     force_way = way_function(precision, steady_swing(True, contact, touches=False), eight=True)
-    kept_share = momentum_function(precision, worn)
+    kept_share = momentum_function(precision, steady_swing(True, contact, touches=False))
     Colliders = colliders_type(contact, collider_type)
     looked_move = None if contact is None else looking(precision, contact, collider_type, worn, spares)
 

@@ -63,12 +63,12 @@ def touch_type(touches: bool) -> type:
     return ClothContact if touches else NoClothContact
 
 
-def wears(accelerated: bool, contact: wp.Function | None) -> bool:
-    """Whether a scene's cloth may be loose (kernels.leeway): it is worn by an avatar.
+def wears(accelerated: bool, contact: wp.Function | None, touches: bool = False) -> bool:
+    """Whether a scene's cloth may be loose (kernels.leeway): it is worn by an avatar, or may lie on cloth.
 
-    What hangs is taut, and loses nothing by steps alike in all directions.
+    What just hangs is taut, and loses nothing by steps alike in all directions.
     """
-    return accelerated and contact is not None
+    return accelerated and (contact is not None or touches)
 
 
 def spares_looks(contact: wp.Function | None, touches: bool) -> bool:
@@ -133,8 +133,8 @@ def way_function(precision: str, steady: bool, eight: bool = False) -> wp.Functi
 
 
 @functools.cache
-def momentum_function(precision: str, worn: bool) -> wp.Function:
-    """The function that tells how much of a displacement an item's vertices keep; ``worn``: of ``wears``.
+def momentum_function(precision: str, steady: bool) -> wp.Function:
+    """The function that tells how much of a displacement an item's vertices keep; ``steady`` of steady_swing.
 
     At any moment some fold's trembling has half of all displacements fight their forces: a fold that slides slowly
     would be damped by others' trembling, in every iteration. Loose cloth is damped evenly, so that all that is soft
@@ -147,7 +147,7 @@ def momentum_function(precision: str, worn: bool) -> wp.Function:
     def kept_share(step: Step, item: Item):
         """Share of a displacement that is kept, and its factor where it fights the force."""
         momentum, damping = real(step.momentum), real(step.damping)
-        if wp.static(worn):
+        if wp.static(steady):
             momentum = wp.where(item.leeway > real(0.0), step.momentum_loose, step.momentum)
             damping = wp.where(item.leeway > real(0.0), real(1.0), step.damping)
         return momentum, damping
@@ -161,9 +161,9 @@ def free_move(precision: str, accelerated: bool, contact: wp.Function | None, to
     types = cloth_types(precision)
     real, vec3, vec4, Cloth, Vertex = types.real, types.vec3, types.vec4, types.Cloth, types.Vertex
     Step, Item = types.Step, types.Item
-    worn, pressed_way = wears(accelerated, contact), loose_way(precision)
-    force_way = way_function(precision, steady_swing(accelerated, contact, touches))
-    kept_share = momentum_function(precision, worn)
+    worn, pressed_way = wears(accelerated, contact, touches), loose_way(precision)
+    steady = steady_swing(accelerated, contact, touches)
+    force_way, kept_share = way_function(precision, steady), momentum_function(precision, steady)
 
     @wp.func
     def own_move(cloth: Cloth, step: Step, load: vec4, pressed: real, held: Vertex, vertex: int, item: Item):
@@ -240,7 +240,7 @@ def meeting(
     """The function that has a displaced vertex meet its item's avatar; arguments as of ``displacement``."""
     types = cloth_types(precision)
     point, vec3, Cloth, Item = types.point, types.vec3, types.Cloth, types.Item
-    worn = wears(accelerated, contact)
+    worn = wears(accelerated, contact, touches)
     looked_move = looking(precision, contact, collider_type, worn, spares)
 
     @wp.func
@@ -326,8 +326,8 @@ def displacement(
     return vertex_displacement
 
 
-def step_bound(accelerated: bool, contact: wp.Function | None) -> str:
+def step_bound(accelerated: bool, contact: wp.Function | None, touches: bool = False) -> str:
     """Which of cloth.FOURTH_PARTS an iteration needs; arguments as of ``displacement``."""
     if not accelerated:
         return "none"
-    return "leeway" if wears(accelerated, contact) else "stiffness"
+    return "leeway" if wears(accelerated, contact, touches) else "stiffness"

@@ -15,6 +15,7 @@ from warp_cloth.kernels.box_tree import (
     WIDTH,
     BoxTree,
     BoxWalk,
+    below,
     bit_count,
     lowest_bit,
     step_on,
@@ -80,15 +81,6 @@ _TEAM_SLOT = """
 #endif
 """
 
-_TEAM_VALUE = """
-#if defined(__CUDA_ARCH__)
-    return __shfl_sync(0xffffffffu, value, lane);
-#else
-    return value;
-#endif
-"""
-
-
 _TEAM_NUMBER = """
 #if defined(__CUDA_ARCH__)
     return (int)((blockIdx.x * blockDim.x + threadIdx.x) >> 5);
@@ -116,12 +108,6 @@ def team_slot(count: wp.array(dtype=wp.int32), which: int, more: int) -> int:
     ...
 
 
-@wp.func_native(_TEAM_VALUE)
-def team_value(value: int, lane: int) -> int:
-    """What a thread of the team has."""
-    ...
-
-
 @functools.cache
 def meet_function(work: wp.Function, Cloth: Any, Search: Any, First: Any, Second: Any) -> wp.Function:
     """The function that lists which groups a group meets.
@@ -138,18 +124,26 @@ def meet_function(work: wp.Function, Cloth: Any, Search: Any, First: Any, Second
         meetings: Meetings,
         kind: int,
         group: int,
-        mine: int,
-        count: int,
+        met: int,
+        mask: wp.uint32,
     ):
-        """Lists the groups that a team's threads hold, the first of them one each, or works on them."""
+        """Lists those of the groups from ``met`` on that a mask tells of, or works on them where the list is full."""
         room = meetings.group.shape[0]
-        base = team_base(meetings.count, GROUPS, count)
-        if team_lane() < count and base + team_lane() < room:
-            meetings.group[base + team_lane()] = wp.vec3i(kind, group, mine)
-        left = int(wp.max(room - base, 0))
-        while left < count:
-            work(cloth, search, first, second, meetings, kind, group, team_value(mine, left))
-            left += 1
+        base = team_base(meetings.count, GROUPS, bit_count(mask))
+        if base < room:
+            place = team_lane()
+            while place < WIDTH:
+                slot = base + bit_count(mask & below(place))
+                if (mask >> wp.uint32(place)) & wp.uint32(1) != wp.uint32(0) and slot < room:
+                    meetings.group[slot] = wp.vec3i(kind, group, met + place)
+                place += team_threads()
+        left = wp.uint32(mask)
+        slot = int(base)
+        while left != wp.uint32(0) and base + bit_count(mask) > room:
+            if slot >= room:
+                work(cloth, search, first, second, meetings, kind, group, met + lowest_bit(left))
+            left = left & (left - wp.uint32(1))
+            slot += 1
 
     @wp.func
     def meet_groups(
@@ -165,18 +159,9 @@ def meet_function(work: wp.Function, Cloth: Any, Search: Any, First: Any, Second
     ):
         """Lists the groups of leaves that a walk finds for a group, or works on them where the list is full."""
         walk = step_on(tree, start)
-        mine = int(0)
-        count = int(0)
         while walk.group >= 0:
-            if count == team_lane():
-                mine = int(walk.group)
-            count += 1
-            if count == team_threads():
-                list_groups(cloth, search, first, second, meetings, kind, group, mine, count)
-                count = 0
+            list_groups(cloth, search, first, second, meetings, kind, group, WIDTH * walk.group, walk.mask_1)
             walk = step_on(tree, walk)
-        if count > 0:
-            list_groups(cloth, search, first, second, meetings, kind, group, mine, count)
 
     return meet_groups
 

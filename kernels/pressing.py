@@ -4,22 +4,25 @@ import functools
 
 import warp as wp
 
-from warp_cloth.kernels.block import BLOCK_THREADS, block_threads, lane_of, own_memory
+from warp_cloth.kernels.block import BLOCK_THREADS, own_memory
 from warp_cloth.kernels.cloth import MODULE_OPTIONS, cloth_types, place_function
 from warp_cloth.kernels.cloth_contact import (
     FORCE_UNIT,
     NEIGHBOURS,
     ON_EDGE,
+    ON_TRIANGLE,
     ROOM_SHARE,
     ROOM_UNIT,
     STIFFNESS_UNIT,
     ClothContact,
     contact_way,
+    due_after,
     pair_cloth,
     pair_way,
     pair_weights,
 )
 from warp_cloth.kernels.friction import friction_slide
+from warp_cloth.kernels.limits import BLOCK_MEMORY
 from warp_cloth.kernels.touch import (
     NOTHING,
     WHOLE,
@@ -30,7 +33,8 @@ from warp_cloth.kernels.touch import (
     squeeze_stiffness,
 )
 
-ROUNDS = 4  # of a block's threads: how often each looks, at most, for a pair that may be near before they press
+ROUNDS = 4  # of a block's threads: for how many pairs each looks at once whether they may be near
+QUEUED = BLOCK_MEMORY // 4 - 2  # pairs that a block has room for; those that may be near are pressed at a time
 EVER = wp.constant(wp.int64(2**62))  # farther than any vertex goes
 
 LEAST_SHARE = wp.constant(wp.float64(0.02))  # of the thickness; nearer than this, force and stiffness grow no more
@@ -50,12 +54,17 @@ def add_share(sum: wp.array2d(dtype=wp.int64), vertex: int, force: wp.vec3d, par
 
 @wp.func
 def leave_room(
-    contact: ClothContact, pair: int, corners: wp.vec4i, distance: wp.float64, thickness: wp.float64, way: wp.int64
+    contact: ClothContact,
+    pair: int,
+    kind: int,
+    corners: wp.vec4i,
+    distance: wp.float64,
+    thickness: wp.float64,
+    way: wp.int64,
 ):
     """Narrows the room of a pair's vertices, or where it is far apart says when to look at it again."""
-    far = thickness + contact.margin
-    if distance > far:  # no move is longer than that leaves room for
-        contact.due[pair] = way + wp.int64(wp.float64(0.5) * (distance - far) / ROOM_UNIT)
+    if distance > thickness + contact.margin:
+        contact.due[pair] = due_after(contact, kind, distance, thickness, way)
     else:
         room = wp.int32(ROOM_SHARE * distance / ROOM_UNIT)
         for corner in range(4):
@@ -99,8 +108,8 @@ def turn_function(fourth: str) -> wp.Function:
 
 
 @functools.cache
-def pair_function(precision: str, fourth: str) -> wp.Function:
-    """The function that presses a pair apart; arguments as of ``press_kernel``."""
+def pair_function(precision: str, fourth: str, sort: int) -> wp.Function:
+    """The function that presses a pair of a sort (ON_TRIANGLE, ON_EDGE) apart; others as of ``press_kernel``."""
     types = cloth_types(precision)
     Cloth, Step = types.Cloth, types.Step
     at, turn_apart = place_function(precision), turn_function(fourth)
@@ -121,34 +130,38 @@ def pair_function(precision: str, fourth: str) -> wp.Function:
         if wp.static(fourth != "size"):
             move0, move1 = wp.vec3d(cloth.move[corners[0]]), wp.vec3d(cloth.move[corners[1]])
             move2, move3 = wp.vec3d(cloth.move[corners[2]]), wp.vec3d(cloth.move[corners[3]])
-        weights = pair_weights(kind & 1, x0, x1, x2, x3)
+        weights = pair_weights(wp.static(sort), x0, x1, x2, x3)
         way = pair_way(weights, x0, x1, x2, x3)
         distance = wp.length(way)
         thickness, modulus = cloth_there[0], cloth_there[1]
+        thinness = WHOLE / thickness  # [1/m]
         if wp.static(fourth != "size"):
-            leave_room(contact, pair, corners, distance, thickness, gone)
+            leave_room(contact, pair, wp.static(sort), corners, distance, thickness, gone)
         if kind >= NEIGHBOURS or distance >= thickness or distance <= NOTHING:
             if wp.static(fourth != "size"):
                 contact.lean[pair] = wp.vec3f()
             return
-        normal = way / distance
-        held = wp.max(distance, LEAST_SHARE * thickness)
+        # few divisions, each of which takes as long as all else
+        inverse = WHOLE / distance
+        normal = way * inverse
+        x, inverse = wp.max(distance * thinness, LEAST_SHARE), wp.min(thickness * inverse, WHOLE / LEAST_SHARE)
         share = wp.vec2d(WHOLE, NOTHING)
-        if kind == ON_EDGE:
+        if wp.static(sort == 1):
             share = slant_share(x1 - x0, x3 - x2)
-        push = share[0] * squeeze_force(held, thickness, modulus)
+        push = share[0] * squeeze_force(x, inverse, thickness, modulus)
         # how far the first's nearest point moved in the last iteration against the second's
         change = weights[0] * move0 + weights[1] * move1 + weights[2] * move2 + weights[3] * move3
         lean += change
         lean -= normal * wp.dot(normal, lean)
         lean -= friction_slide(lean, normal, LEAN * thickness, cloth_there[2])
-        grip = push / (LEAN * thickness)
+        grip = push * thinness * (WHOLE / LEAN)
         force = normal * push - lean * grip
         part = NOTHING
         if wp.static(fourth == "stiffness"):
             approach = -wp.dot(normal, change)
-            nearer = wp.max(held - wp.max(wp.float64(step.reach) * approach, NOTHING), wp.float64(0.5) * held)
-            stiffness = share[0] * squeeze_stiffness(nearer, thickness, modulus)
+            closing = wp.max(wp.float64(step.reach) * approach * thinness, NOTHING)
+            nearer = wp.max(x - closing, wp.float64(0.5) * x)
+            stiffness = share[0] * squeeze_stiffness(WHOLE / nearer, modulus)
             force += normal * (wp.float64(step.viscosity) * stiffness * approach)
             part = wp.float64(2.0) * (stiffness + grip)  # the weights' sizes sum to two
         if wp.static(fourth == "size"):
@@ -156,66 +169,153 @@ def pair_function(precision: str, fourth: str) -> wp.Function:
         if wp.static(fourth != "size"):
             contact.lean[pair] = wp.vec3f(lean)
         add_pair(contact, corners, weights, force, part)
-        if share[1] > NOTHING:  # nearly parallel edges also turn
-            turn_apart(contact, corners, x1 - x0, x3 - x2, share[1] * squeeze_energy(held, thickness, modulus))
+        if wp.static(sort == 1):
+            if share[1] > NOTHING:  # nearly parallel edges also turn
+                energy = share[1] * squeeze_energy(x, inverse, thickness, modulus)
+                turn_apart(contact, corners, x1 - x0, x3 - x2, energy)
 
     return press_pair
 
 
+# Of a block's threads, those that press vertices on triangles; the others press edges: threads that go together would
+# wait for each other where their pairs are of two kinds.
+ON_TRIANGLES = 64
+
+_OWN = f"""
+    // pairs next to each other come due together: a warp takes some here and there
+    const int lane = threadIdx.x & 31, ahead = {BLOCK_THREADS} * blocks;
+    const int own = first + 32 * (int)(blockIdx.x + (threadIdx.x >> 5) * blocks) + lane;
+"""
+
+_LOOK = f"""
+    wp::vec_t<{ROUNDS}, wp::int64> found;
+#if defined(__CUDA_ARCH__)
+    {_OWN}
+#pragma unroll
+    for (int round = 0; round < {ROUNDS}; ++round)
+        found[round] = own + round * ahead < due.shape[0] ? due.data[own + round * ahead] : 0;
+#endif
+    return found;
+"""
+
 _QUEUE = f"""
 #if defined(__CUDA_ARCH__)
-    int* length = (int*)__cvta_shared_to_generic(place);
-    // pairs next to each other come due together: a block takes some here and there
-    const int lane = threadIdx.x & 31, ahead = {BLOCK_THREADS} * blocks;
-    const int own = first + {BLOCK_THREADS} * (int)blockIdx.x + (int)threadIdx.x;
-    bool near[{ROUNDS}];
+    {_OWN}
+    int* queue = (int*)__cvta_shared_to_generic(place);  // of both kinds how many, and those, from either end
+    if (anew != 0) {{
+        __syncthreads();  // till those queued before are done
+        if (threadIdx.x < 2)
+            queue[threadIdx.x] = 0;
+        __syncthreads();
+    }}
+    const unsigned int lower = (1u << lane) - 1u;
 #pragma unroll
     for (int round = 0; round < {ROUNDS}; ++round) {{
         const int pair = own + round * ahead;
-        near[round] = pair < count && due.data[pair] <= gone;
-    }}
-    __syncthreads();  // till those queued before are done
-    if (threadIdx.x == 0)
-        *length = 0;
-    __syncthreads();
+        const bool near = pair < count && dues[round] <= gone, edges = dues[round] & 1;
 #pragma unroll
-    for (int round = 0; round < {ROUNDS}; ++round) {{
-        const unsigned int mask = __ballot_sync(0xffffffffu, near[round]);
-        int base = 0;
-        if (lane == 0 && mask != 0)
-            base = atomicAdd(length, __popc(mask));
-        base = __shfl_sync(0xffffffffu, base, 0) + __popc(mask & ((1u << lane) - 1u));
-        if (near[round])
-            length[1 + base] = own + round * ahead;
+        for (int kind = 0; kind < 2; ++kind) {{
+            const unsigned int mask = __ballot_sync(0xffffffffu, near && edges == (kind == 1));
+            if (mask == 0)
+                continue;
+            int base = 0;
+            if (lane == 0)
+                base = atomicAdd(queue + kind, __popc(mask));
+            base = __shfl_sync(0xffffffffu, base, 0) + __popc(mask & lower);
+            if (mask >> lane & 1)
+                queue[kind == 0 ? 2 + base : {QUEUED + 1} - base] = pair;
+        }}
     }}
     __syncthreads();
-    return *length;
+    return wp::vec_t<2, int>(queue[0], queue[1]);
 #else
-    return count - first < {ROUNDS * BLOCK_THREADS} * blocks ? count - first : {ROUNDS * BLOCK_THREADS} * blocks;
+    const int most = {ROUNDS * BLOCK_THREADS} * blocks, left = count - first < most ? count - first : most;
+    return wp::vec_t<2, int>(left, left);
 #endif
 """
 
-_QUEUED = """
+_QUEUED = f"""
 #if defined(__CUDA_ARCH__)
-    return ((const int*)__cvta_shared_to_generic(place))[1 + number];
+    const int* queue = (const int*)__cvta_shared_to_generic(place);
+    return queue[kind == 0 ? 2 + number : {QUEUED + 1} - number];
 #else
-    return due.data[first + number] <= gone ? first + number : -1;
+    return due.data[first + number] <= gone && (due.data[first + number] & 1) == kind ? first + number : -1;
 #endif
 """
+
+_ROOM = f"""
+#if defined(__CUDA_ARCH__)
+    return {QUEUED - ROUNDS * BLOCK_THREADS};
+#else
+    return -1;
+#endif
+"""
+
+_TURN = f"""
+#if defined(__CUDA_ARCH__)
+    const int warp = threadIdx.x >> 5, lane = threadIdx.x & 31;  // a few go to as many warps
+    if (kind == 0)
+        return warp < {ON_TRIANGLES // 32} ? lane * {ON_TRIANGLES // 32} + warp : {QUEUED};
+    return warp < {ON_TRIANGLES // 32} ? {QUEUED}
+        : lane * {(BLOCK_THREADS - ON_TRIANGLES) // 32} + warp - {ON_TRIANGLES // 32};
+#else
+    return 0;
+#endif
+"""
+
+_STRIDE = f"""
+#if defined(__CUDA_ARCH__)
+    return kind == 0 ? {ON_TRIANGLES} : {BLOCK_THREADS - ON_TRIANGLES};
+#else
+    return 1;
+#endif
+"""
+
+
+@wp.func_native(_LOOK)
+def look_due(due: wp.array(dtype=wp.int64), first: int, blocks: int) -> wp.types.vector(length=ROUNDS, dtype=wp.int64):
+    """When a thread's share of the pairs may be near, ROUNDS for each of so many blocks' threads; a GPU's only."""
+    ...
 
 
 @wp.func_native(_QUEUE)
-def queue_due(place: int, due: wp.array(dtype=wp.int64), first: int, count: int, gone: wp.int64, blocks: int) -> int:
-    """Has a block queue its share of the pairs that may be near, of the next so many; how many to ask ``queued`` for.
+def queue_due(
+    place: int,
+    dues: wp.types.vector(length=ROUNDS, dtype=wp.int64),
+    first: int,
+    count: int,
+    gone: wp.int64,
+    blocks: int,
+    anew: int,
+) -> wp.vec2i:
+    """Has a block queue its share of the pairs that may be near; for how many of each kind to ask ``queued``.
 
-    Of ROUNDS pairs for each thread of so many blocks, from a first one to before ``count``.
+    ``dues`` of ``look_due``, of pairs from a first one to before ``count``; ``anew``: and forget those queued before.
     """
     ...
 
 
 @wp.func_native(_QUEUED)
-def queued(place: int, due: wp.array(dtype=wp.int64), first: int, number: int, gone: wp.int64) -> int:
-    """One of those queued; on the CPU, where a block is one thread, -1 where the pair is not near."""
+def queued(place: int, due: wp.array(dtype=wp.int64), first: int, kind: int, number: int, gone: wp.int64) -> int:
+    """One of those queued; on the CPU, where a block is one thread, -1 where the pair is another's."""
+    ...
+
+
+@wp.func_native(_ROOM)
+def queue_room() -> int:
+    """How many may be queued before it is time to press: on the CPU, which does not queue, none."""
+    ...
+
+
+@wp.func_native(_TURN)
+def first_queued(kind: int) -> int:
+    """The first number of those queued that is a thread's."""
+    ...
+
+
+@wp.func_native(_STRIDE)
+def queue_stride(kind: int) -> int:
+    """How many numbers on its next one is."""
     ...
 
 
@@ -224,7 +324,8 @@ def press_function(precision: str, fourth: str) -> wp.Function:
     """The function that presses a block's share of the pairs; arguments as of ``press_kernel``."""
     types = cloth_types(precision)
     Cloth, Step = types.Cloth, types.Step
-    press_pair = pair_function(precision, fourth)
+    press_on_triangle = pair_function(precision, fourth, 0)
+    press_on_edge = pair_function(precision, fourth, 1)
 
     @wp.func
     def press_share(step: Step, cloth: Cloth, contact: ClothContact, thread: int, blocks: int):
@@ -232,23 +333,36 @@ def press_function(precision: str, fourth: str) -> wp.Function:
 
         A block first queues those: they are few, and lie anywhere, so that else most threads would wait for others.
         """
+        first = int(0)
+        dues = look_due(contact.due, first, blocks)  # asked for at once with what follows
+        count = contact.count[0]
         gone = EVER
         if wp.static(fourth != "size"):
             gone = contact_way(contact, thread)
-        count = contact.count[0]
         if count > contact.corners.shape[0]:  # nothing moves: which pairs found room is chance
             count = 0
         place = own_memory()
-        first = int(0)
+        anew = int(1)
         while first < count:
-            total = queue_due(place, contact.due, first, count, gone, blocks)
-            number = lane_of(thread)
-            while number < total:
-                pair = queued(place, contact.due, first, number, gone)
-                if pair >= 0:
-                    press_pair(step, cloth, contact, pair, gone)
-                number += block_threads()
+            total = queue_due(place, dues, first, count, gone, blocks, anew)
+            begin = int(first)
             first += ROUNDS * BLOCK_THREADS * blocks
+            dues = look_due(contact.due, first, blocks)
+            anew = int(0)
+            if first >= count or total[0] + total[1] > queue_room():
+                anew = int(1)
+                number = first_queued(ON_TRIANGLE)
+                while number < total[0]:
+                    pair = queued(place, contact.due, begin, ON_TRIANGLE, number, gone)
+                    if pair >= 0:
+                        press_on_triangle(step, cloth, contact, pair, gone)
+                    number += queue_stride(ON_TRIANGLE)
+                number = first_queued(ON_EDGE)
+                while number < total[1]:
+                    pair = queued(place, contact.due, begin, ON_EDGE, number, gone)
+                    if pair >= 0:
+                        press_on_edge(step, cloth, contact, pair, gone)
+                    number += queue_stride(ON_EDGE)
 
     return press_share
 

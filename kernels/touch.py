@@ -25,32 +25,36 @@ def nearest_on_triangle(p: wp.vec3d, ab: wp.vec3d, ac: wp.vec3d):
     """
     d1 = wp.dot(ab, p)
     d2 = wp.dot(ac, p)
-    if d1 <= NOTHING and d2 <= NOTHING:
-        return wp.vec3d(WHOLE, NOTHING, NOTHING)
     bp = p - ab
     d3 = wp.dot(ab, bp)
     d4 = wp.dot(ac, bp)
-    if d3 >= NOTHING and d4 <= d3:
-        return wp.vec3d(NOTHING, WHOLE, NOTHING)
-    vc = d1 * d4 - d3 * d2
-    if vc <= NOTHING and d1 >= NOTHING and d3 <= NOTHING:
-        v = d1 / (d1 - d3)
-        return wp.vec3d(WHOLE - v, v, NOTHING)
     cp = p - ac
     d5 = wp.dot(ab, cp)
     d6 = wp.dot(ac, cp)
-    if d6 >= NOTHING and d5 <= d6:
-        return wp.vec3d(NOTHING, NOTHING, WHOLE)
-    vb = d5 * d2 - d1 * d6
-    if vb <= NOTHING and d2 >= NOTHING and d6 <= NOTHING:
-        w = d2 / (d2 - d6)
-        return wp.vec3d(WHOLE - w, NOTHING, w)
     va = d3 * d6 - d5 * d4
-    if va <= NOTHING and d4 - d3 >= NOTHING and d5 - d6 >= NOTHING:
-        w = (d4 - d3) / ((d4 - d3) + (d5 - d6))
-        return wp.vec3d(NOTHING, WHOLE - w, w)
-    total = va + vb + vc
-    return wp.vec3d(va / total, vb / total, vc / total)
+    vb = d5 * d2 - d1 * d6
+    vc = d1 * d4 - d3 * d2
+    at_a = d1 <= NOTHING and d2 <= NOTHING
+    at_b = d3 >= NOTHING and d4 <= d3
+    at_c = d6 >= NOTHING and d5 <= d6
+    on_ab = vc <= NOTHING and d1 >= NOTHING and d3 <= NOTHING
+    on_ac = vb <= NOTHING and d2 >= NOTHING and d6 <= NOTHING
+    on_bc = va <= NOTHING and d4 - d3 >= NOTHING and d5 - d6 >= NOTHING
+    # threads that go together take one way through all: a GPU's would wait for each other's
+    whole = wp.where(on_bc, (d4 - d3) + (d5 - d6), va + vb + vc)
+    whole = wp.where(on_ac, d2 - d6, whole)
+    whole = wp.where(on_ab, d1 - d3, whole)
+    share = WHOLE / whole
+    u = va * share
+    v = wp.where(on_ab, d1, vb) * share
+    w = wp.where(on_ac, d2, wp.where(on_bc, d4 - d3, vc)) * share
+    on = wp.vec3d(u, v, w)
+    on = wp.where(on_bc, wp.vec3d(NOTHING, WHOLE - w, w), on)
+    on = wp.where(on_ac, wp.vec3d(WHOLE - w, NOTHING, w), on)
+    on = wp.where(at_c, wp.vec3d(NOTHING, NOTHING, WHOLE), on)
+    on = wp.where(on_ab, wp.vec3d(WHOLE - v, v, NOTHING), on)
+    on = wp.where(at_b, wp.vec3d(NOTHING, WHOLE, NOTHING), on)
+    return wp.where(at_a, wp.vec3d(WHOLE, NOTHING, NOTHING), on)
 
 
 @wp.func
@@ -70,40 +74,33 @@ def nearest_on_edges(along_0: wp.vec3d, along_1: wp.vec3d, between: wp.vec3d):
         return wp.vec2d(NOTHING, clamped(f / e))
     if e <= NOTHING:
         return wp.vec2d(clamped(-c / a), NOTHING)
-    s = NOTHING
+    share_0, share_1 = WHOLE / a, WHOLE / e
     slant = a * e - b * b
-    if slant > NOTHING:
-        s = clamped((b * f - c * e) / slant)
-    t = (b * s + f) / e
-    if t < NOTHING:
-        return wp.vec2d(clamped(-c / a), NOTHING)
-    if t > WHOLE:
-        return wp.vec2d(clamped((b - c) / a), WHOLE)
-    return wp.vec2d(s, t)
+    s = wp.where(slant > NOTHING, clamped((b * f - c * e) / slant), NOTHING)
+    t = (b * s + f) * share_1
+    beyond = clamped(wp.where(t < NOTHING, -c, b - c) * share_0)
+    return wp.vec2d(wp.where(t < NOTHING or t > WHOLE, beyond, s), clamped(t))
 
 
 @wp.func
-def squeeze_energy(distance: wp.float64, thickness: wp.float64, modulus: wp.float64):
+def squeeze_energy(x: wp.float64, inverse: wp.float64, thickness: wp.float64, modulus: wp.float64):
     """Energy [J] of two bits of cloth nearer than their thickness h: E = m h^2 (1/x + 3 x - x^2 - 3), x = d / h.
 
-    Zero with zero slope and curvature at x = 1, without bound towards x = 0; ``modulus`` m [N/m].
+    Zero with zero slope and curvature at x = 1, without bound towards x = 0; ``modulus`` m [N/m], ``inverse`` 1/x.
     """
-    x = distance / thickness
-    return modulus * thickness * thickness * (WHOLE / x + wp.float64(3.0) * x - x * x - wp.float64(3.0))
+    return modulus * thickness * thickness * (inverse + wp.float64(3.0) * x - x * x - wp.float64(3.0))
 
 
 @wp.func
-def squeeze_force(distance: wp.float64, thickness: wp.float64, modulus: wp.float64):
+def squeeze_force(x: wp.float64, inverse: wp.float64, thickness: wp.float64, modulus: wp.float64):
     """Force [N] that pushes them apart, -dE/dd = m h (1/x^2 - 3 + 2 x)."""
-    x = distance / thickness
-    return modulus * thickness * (WHOLE / (x * x) - wp.float64(3.0) + wp.float64(2.0) * x)
+    return modulus * thickness * (inverse * inverse - wp.float64(3.0) + wp.float64(2.0) * x)
 
 
 @wp.func
-def squeeze_stiffness(distance: wp.float64, thickness: wp.float64, modulus: wp.float64):
+def squeeze_stiffness(inverse: wp.float64, modulus: wp.float64):
     """Its stiffness [N/m], d2E/dd2 = 2 m (1/x^3 - 1)."""
-    x = distance / thickness
-    return wp.float64(2.0) * modulus * (WHOLE / (x * x * x) - WHOLE)
+    return wp.float64(2.0) * modulus * (inverse * inverse * inverse - WHOLE)
 
 
 @wp.func
@@ -115,7 +112,7 @@ def slant_share(along_0: wp.vec3d, along_1: wp.vec3d):
     a = wp.dot(along_0, along_0)
     e = wp.dot(along_1, along_1)
     cross = wp.cross(along_0, along_1)
-    share = wp.dot(cross, cross) / wp.max(a * e, wp.float64(1.0e-60)) / PARALLEL
+    share = wp.dot(cross, cross) / (PARALLEL * wp.max(a * e, wp.float64(1.0e-60)))
     if share >= WHOLE:
         return wp.vec2d(WHOLE, NOTHING)
     return wp.vec2d(share * (wp.float64(2.0) - share), wp.float64(2.0) * (WHOLE - share) / PARALLEL)

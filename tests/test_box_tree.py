@@ -16,8 +16,9 @@ from warp_cloth.kernels.box_tree import (
     BoxTree,
     box_groups,
     box_up,
-    leaves_meeting,
+    boxes_meeting,
     lowest_bit,
+    may_meet,
     put_box,
     step_on,
     walk_from,
@@ -61,17 +62,24 @@ def find_all(
     upper: wp.array(dtype=wp.vec3f),
     begin: int,
     end: int,
+    vertices: wp.array(dtype=wp.vec2i),
     found_out: wp.array2d(dtype=wp.int32),
 ):
-    """How many boxes meet each one, of some leaves, and the sum of their numbers."""
+    """How many boxes of other vertices meet each one, of some leaves, and the sum of their numbers."""
     own = wp.tid()
     walk = step_on(tree, walk_from(tree, lower[own], upper[own], begin, end))
     while walk.group >= 0:
-        mask = leaves_meeting(tree, walk.group, lower[own], upper[own]) & within(begin, end, 0, walk.group)
-        while mask != wp.uint32(0):
-            found_out[own, 0] = found_out[own, 0] + 1
-            found_out[own, 1] = found_out[own, 1] + tree.leaf[WIDTH * walk.group + lowest_bit(mask)]
-            mask = mask & (mask - wp.uint32(1))
+        groups = walk.mask_1
+        while groups != wp.uint32(0):
+            group = WIDTH * walk.group + lowest_bit(groups)
+            groups = groups & (groups - wp.uint32(1))
+            may = may_meet(tree, group, lower[own], upper[own])
+            mask = boxes_meeting(tree.bound, vertices, group, lower[own], upper[own], own, -1, may)
+            mask = mask & within(begin, end, 0, group)
+            while mask != wp.uint32(0):
+                found_out[own, 0] = found_out[own, 0] + 1
+                found_out[own, 1] = found_out[own, 1] + tree.leaf[WIDTH * group + lowest_bit(mask)]
+                mask = mask & (mask - wp.uint32(1))
         walk = step_on(tree, walk)
 
 
@@ -102,12 +110,15 @@ def test_walks_find_what_every_pair_finds(
     assert tree.levels == (4 if most_top == 0 else 3)
     count = COUNT // int(WIDTH) * int(WIDTH)  # whole teams
     found = wp.zeros((count, 2), dtype=wp.int32, device=device)
-    wp.launch(find_all, dim=count, inputs=[tree, *given, *some, found], device=device, block_dim=64)
+    vertices = random.integers(0, COUNT, size=(len(order), 2)).astype(np.int32)
+    theirs = wp.array(vertices, dtype=wp.vec2i, device=device)
+    wp.launch(find_all, dim=count, inputs=[tree, *given, *some, theirs, found], device=device, block_dim=64)
+    others = vertices[slice(*some)][order[slice(*some)] >= 0]
     asked = order[slice(*some)]
     asked = asked[asked >= 0]
     expected = np.zeros((count, 2), dtype=np.int32)
     for own in range(count):
-        meets = ((lower[asked] <= upper[own]) & (upper[asked] >= lower[own])).all(axis=1)
+        meets = ((lower[asked] <= upper[own]) & (upper[asked] >= lower[own])).all(axis=1) & (others != own).all(axis=1)
         expected[own] = meets.sum(), asked[meets].sum()
     assert expected[:, 0].max() > 1
     assert np.array_equal(found.numpy(), expected)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from test_cloth_contact import crumpled, sheets_at
+from sheets import crumpled, sheets_at
 
 from warp_cloth.solver.relax import Collider, Relaxation, StepOptions
 

@@ -42,9 +42,10 @@ NEAR_SHARE = 1.6
 SKIN_OF_EDGE = 0.35
 SKIN_OF_THICKNESS = 2.0
 OPEN_STRETCH = 2.0  # length over rest length beyond which an edge is a seam that has yet to close
-# Share of the skin that a vertex moves before the next search, as far as its last move tells: two that near each other
-# by twice that were looked for before they touch.
-LEEWAY_SHARE = 0.48
+# Each vertex has a skin of its own that wears off till the next search: what moves fastest half of that room, others as
+# much less as they move, but no less than this share.
+LARGEST_SKIN = 0.5
+LEAST_SKIN = 0.3
 # Of the skin: pairs within it are looked at in every iteration, and no move is longer than about half of it and the
 # thickness; less once forces have balanced, when moves are short.
 FAR_SHARE = 0.25
@@ -115,7 +116,7 @@ class ClothTouch:
         thickest = float(self._thickness.max())
         skin = max(SKIN_OF_EDGE * float(np.median(lengths)), SKIN_OF_THICKNESS * thickest)
         self.reach = thickest + skin  # [m]; pairs nearer than this are looked for
-        self.leeway = LEEWAY_SHARE * skin  # [m]
+        self.leeway = LEAST_SKIN * skin  # [m]; how far what stands still may go till the next search
         self._skin = skin  # [m]
         self.awake = False
         self.settled = False  # whether forces have balanced
@@ -156,7 +157,9 @@ class ClothTouch:
         data.thickness = self._per_vertex(self._thickness, wp.float32)
         data.modulus = self._per_vertex(HALVING_PRESSURE * area / (FORCE_AT_HALF * self._thickness), wp.float32)
         data.friction = self._per_vertex([kind.friction for kind in kinds], wp.float32)
-        data.reach = data.leeway = data.margin = data.far = np.inf  # asleep
+        data.thickest = float(self._thickness.max())
+        data.least_skin, data.most_skin = self.leeway, LARGEST_SKIN * self._skin
+        data.margin = data.far = np.inf  # asleep
         data.ahead = LOOK_EVERY
         data.count = wp.zeros(1, dtype=wp.int32)
         data.told = wp.zeros(2, dtype=wp.int32)
@@ -165,6 +168,7 @@ class ClothTouch:
         data.lift = wp.zeros(count, dtype=wp.float32)
         data.shift = wp.zeros(count, dtype=wp.vec3f)
         data.searched = wp.zeros(count, dtype=wp.vec3d)
+        data.skin = wp.full(count, np.inf, dtype=wp.float32)  # asleep
         data.moved = wp.ones(1, dtype=wp.int32)
         data.way, data.stride, data.turn = wp.zeros(2, wp.int64), wp.zeros(2, wp.int32), wp.zeros(2, wp.int32)
         self._hold_pairs(data, PAIRS_PER_VERTEX * count)
@@ -237,8 +241,8 @@ class ClothTouch:
     def awaken(self) -> None:
         """From now on garments meet."""
         self.awake = True
-        self.data.reach, self.data.leeway = self.reach, self.leeway
         self.settled = False
+        self.data.skin.fill_(self.leeway)
         self._look_within(FAR_SHARE)
         self._search.whole.fill_(1)
         cloth = self._model.cloth

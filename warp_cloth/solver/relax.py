@@ -30,6 +30,7 @@ Method = Literal["multilevel", "accelerated", "direct"]
 # chatters at this size where the cloth is stiff. Multilevel: ten steps' fall.
 DEFAULT_CAP: dict[Method, float] = {"multilevel": 2e-2, "accelerated": 5e-3, "direct": 1e-4}
 
+LEEWAY_ON_CLOTH = 30.0  # where cloth meets cloth there is no more of it, nor the even damping of other loose cloth
 TIGHTER = 4.0  # times ``loose``: what is loose stays so till then, and does not change to and fro
 
 
@@ -115,17 +116,20 @@ class Relaxation:
         self.step.momentum, self.step.momentum_loose = options.momentum, options.momentum_loose
         self.step.damping = options.damping
         self.step.viscosity, self.step.buckling = options.viscosity, options.buckling
+        strength = options.leeway
+        if touch is not None:  # else folds that lie on cloth swing for ever
+            self.step.buckling, strength = 1.0, min(strength, LEEWAY_ON_CLOTH)
         self.step.memory, self.step.memory_falling = options.memory, options.memory_falling
         self.step.horizon = options.renewal
         met = [colliders] * model.item_count if isinstance(colliders, Collider) else list(colliders)
         self.contact, self.collider_type = met[0].contact, met[0].data_type or NoCollider
         self.touch = touch
         asked = self.contact, self.collider_type, touch is not None
-        worn = wears(accelerated, self.contact)
+        worn = wears(accelerated, self.contact, touch is not None)
         if worn and not model.cloth.held:
             model.cloth.held = wp.zeros(model.vertex_count, dtype=wp.uint8, device=model.device)
         self._leeway = Leeway(model) if worn and options.leeway > 0.0 else None
-        self._strength, self._loose, self._renewal = options.leeway, options.loose, options.renewal
+        self._strength, self._loose, self._renewal = strength, options.loose, options.renewal
         self._scatter: ForcePass | None = None
         self._packed: PackedCloth | None = None
         self._eight = False  # whether eight vertices are moved at a time
@@ -143,7 +147,7 @@ class Relaxation:
                 self._there = model.cloth_beside()
         else:
             self._load = wp.zeros(model.vertex_count, dtype=types.vec4, device=model.device)
-            self._scatter = ForcePass(model, step_bound(accelerated, self.contact), self._load)
+            self._scatter = ForcePass(model, step_bound(accelerated, self.contact, touch is not None), self._load)
             self._eight = accelerated and touch is None and takes_eight(model, model.vertex_count)
             if self._eight:
                 self._move = eight_displace_kernel(model.precision, self.contact, self.collider_type, model.terms.pins)

@@ -1,0 +1,88 @@
+"""Small sheets of cloth that may meet: how contact is tested on them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import warp as wp
+from cloths import NO_PINS, grid
+
+from warp_cloth.collide.cloth import ClothTouch, SheetKind
+from warp_cloth.fabric import Fabric
+from warp_cloth.garment_part import GarmentPart
+from warp_cloth.kernels.cloth import cloth_types
+from warp_cloth.mesh import Mesh, Points
+from warp_cloth.model import ClothModel, build_model
+from warp_cloth.rest import build_rest_shape
+from warp_cloth.solver.relax import Relaxation
+
+THICKNESS = 2e-3  # [m]; thick beside the meshes' 20 mm edges, so that small sheets touch in many places
+FABRIC = Fabric(thickness=THICKNESS, friction=0.4)
+
+
+def sheets_at(
+    meshes: Sequence[Mesh],
+    *,
+    pins: Sequence[np.ndarray] | None = None,
+    fabric: Fabric = FABRIC,
+    kinds: Sequence[SheetKind] | None = None,
+    precision: str = "float64",
+    gathers: bool | None = None,
+) -> tuple[ClothModel, ClothTouch, list[GarmentPart]]:
+    """Garments in contact, where they are; inner to outer."""
+    held = pins or [NO_PINS] * len(meshes)
+    parts = [
+        GarmentPart(mesh.points, mesh.triangles, build_rest_shape(mesh, fabric, rest="mesh"), pinned)
+        for mesh, pinned in zip(meshes, held, strict=True)
+    ]
+    model = build_model(parts, device="cpu", precision=precision, gathers=gathers)
+    chosen = kinds or [SheetKind(fabric.thickness, fabric.friction, layer=k) for k in range(len(meshes))]
+    return model, ClothTouch(model, parts, chosen), parts
+
+
+def moved(mesh: Mesh, *offset: float) -> Mesh:
+    return replace(mesh, points=mesh.points + np.array(offset))
+
+
+def lying(mesh: Mesh) -> Mesh:
+    """The sheet turned to lie, its front up."""
+    x, y, z = mesh.points.T
+    return replace(mesh, points=np.stack([x, z, -y], axis=1))
+
+
+def crumpled(seed: int) -> Mesh:
+    """A sheet folded over itself with a thickness between, shaken a little."""
+    mesh = grid(12, 0.22)
+    points = mesh.points.copy()
+    over = points[:, 0] > 0.11
+    points[over, 2] = 0.7 * THICKNESS
+    points[over, 0] = 0.22 - points[over, 0] + 0.003
+    points += np.random.default_rng(seed).normal(scale=0.1 * THICKNESS, size=points.shape)
+    return replace(mesh, points=points)
+
+
+def look(model: ClothModel, touch: ClothTouch) -> None:
+    """Searches, with room for all that is found."""
+    touch.awaken()
+    touch.search(model.cloth)
+    if touch.grow():
+        touch.search(model.cloth)
+
+
+def contact_forces(model: ClothModel, touch: ClothTouch) -> np.ndarray:
+    """Contact's share of each vertex's load, shape [V, 4], as the certificate sums it."""
+    types = cloth_types(model.precision)
+    load = wp.zeros(model.vertex_count, dtype=types.vec4, device="cpu")
+    touch.measure(types.Step(), load)
+    return np.array(load.numpy(), dtype=np.float64)
+
+
+def iterate(relaxation: Relaxation, count: int) -> Points:
+    """Shape after some iterations, with room made for pairs where it is needed."""
+    for _ in range(count // 20):
+        relaxation.run(20)
+        if relaxation.touch is not None and relaxation.touch.grow():
+            relaxation.forget_graphs()
+    return relaxation.model.points()

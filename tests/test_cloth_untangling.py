@@ -1,0 +1,161 @@
+"""What crosses is found, comes undone, and is told where it does not."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import warp as wp
+from cloths import NO_PINS, grid
+from sheets import THICKNESS, crumpled, iterate, moved, sheets_at
+
+import warp_cloth
+from warp_cloth.collide.cloth import lists_of
+from warp_cloth.collide.crossing import find_crossings
+from warp_cloth.collide.exact import signed_distances
+from warp_cloth.collide.placing import DEEP, clear_shift
+from warp_cloth.kernels.meeting import APART
+from warp_cloth.mesh import Mesh
+from warp_cloth.scene import SphereShape
+from warp_cloth.shapes import build_avatar
+from warp_cloth.solver.course import Course
+from warp_cloth.solver.relax import Collider, Relaxation, StepOptions
+
+
+@pytest.mark.parametrize("room", [(1000, 100000), (1000, 50), (3, 100000), (3, 50)])
+def test_lists_of_any_room_find_the_same(room: tuple[int, int]) -> None:
+    upper = moved(crumpled(3), 0.0, 0.0, 0.3 * THICKNESS)  # crosses the other, whose vertices are beyond it
+    model, touch, _ = sheets_at([crumpled(1), upper])
+    touch.awaken()
+
+    def found() -> tuple[list[list[int]], list[np.ndarray]]:
+        touch.grow()
+        touch.search(model.cloth)
+        count = int(touch.data.count.numpy()[0])
+        rows = np.column_stack([touch.data.corners.numpy(), touch.data.kind.numpy()])[:count]
+        parting = touch._untangling
+        return sorted(rows.tolist()), [each.numpy() for each in (parting.count, parting.beyond, touch.data.shift)]
+
+    pairs, parted = found()  # with no lists at all
+    assert parted[0].min() > 0
+    with wp.ScopedDevice("cpu"):
+        touch._meetings = lists_of(*room)
+    again, parted_again = found()
+    assert again == pairs
+    groups, *leaves = touch._meetings.count.numpy()[::APART].tolist()
+    assert groups > 3  # more than the smaller lists have room for
+    assert sum(leaves) > 50
+    assert all(np.array_equal(one, other) for one, other in zip(parted, parted_again, strict=True))
+
+
+def test_what_crosses_is_found_from_what_was_tangled_as_from_all() -> None:
+    upper = moved(crumpled(3), 0.0, 0.0, 0.3 * THICKNESS)
+    model, touch, _ = sheets_at([crumpled(1), upper])
+    touch.awaken()  # looks everywhere
+
+    def parted(whole: int) -> list[np.ndarray]:
+        touch._search.whole.fill_(whole)
+        touch.search(model.cloth)
+        assert touch._search.whole.numpy()[0] == 0
+        parting = touch._untangling
+        return [each.numpy() for each in (parting.count, parting.crosses, touch.data.shift)]
+
+    everywhere, near = parted(1), parted(0)
+    assert everywhere[0][0] > 0
+    assert all(np.array_equal(one, other) for one, other in zip(everywhere, near, strict=True))
+
+
+def test_a_fold_that_passes_through_itself_comes_undone() -> None:
+    mesh = grid(25, 0.24)
+    points = mesh.points.copy()
+    u = (points[:, 0] - 0.12) / 0.06
+    looped = np.abs(u) < 1.0
+    points[:, 0] -= 0.03 * np.clip(u, -1.0, 1.0)
+    points[looped, 0] = 0.12 + 0.06 * (u**3 - 0.5 * u)[looped]
+    points[looped, 2] = 0.03 * (1.0 - u**2)[looped]
+    points += np.random.default_rng(1).normal(scale=1e-4, size=points.shape)
+    model, touch, parts = sheets_at([mesh], precision="mixed")
+    model.set_points(points)
+    assert len(find_crossings(points, touch.sheets, "cpu").pairs) > 20
+    relaxation = Relaxation(model, Collider(), StepOptions(), touch)
+    course = Course(relaxation, touch, 5.0 * parts[0].rest.edge_length, lambda _: [1.0])
+    for step in range(10):
+        course.advance(100 * step, model.points())
+        points = iterate(relaxation, 100)
+        if not touch.crossing_count():
+            break
+    assert not len(find_crossings(points, touch.sheets, "cpu").pairs)
+
+
+def tube(radius: float, rows: int = 9) -> Mesh:
+    """A sheet bent round the y axis, almost closed, its front inward."""
+    mesh = grid(rows, 0.16)
+    angle = mesh.points[:, 0] / 0.16 * 6.2
+    return replace(mesh, points=np.stack([radius * np.cos(angle), mesh.points[:, 1], radius * np.sin(angle)], axis=1))
+
+
+def test_an_outer_layer_inside_the_inner_one_comes_out() -> None:
+    inner, outer = tube(0.05, 13), tube(0.056, 13)
+    pins = np.arange(inner.vertex_count, dtype=np.int32)
+    model, touch, parts = sheets_at([inner, outer], pins=[pins, NO_PINS], precision="mixed")
+    model.set_points(np.concatenate([inner.points, outer.points * [0.8, 1.0, 0.8]]))
+    lengths = np.concatenate([part.rest.edge_length for part in parts])
+    relaxation = Relaxation(model, Collider(), StepOptions(), touch)
+    course = Course(relaxation, touch, lengths, lambda _: [-1.0, -1.0])
+    for step in range(6):
+        course.advance(100 * step, model.points())
+        points = iterate(relaxation, 100)
+    assert not len(find_crossings(points, touch.sheets, "cpu").pairs)
+    worn = points[len(pins) :]
+    beside = (worn[:, 1] > 0.01) & (worn[:, 1] < 0.15)
+    assert beside.any()
+    assert (np.linalg.norm(worn[beside][:, [0, 2]], axis=1) > 0.05 * np.cos(0.27)).all()  # the chord of an edge
+
+
+UNTANGLED = 1000  # iterations that the shared T-shirt is given; it takes about 800
+
+
+def test_the_shared_tshirt_is_sewn_and_nothing_crosses(shared_data: Path) -> None:
+    folder = shared_data / "garmentcode"
+    scene = {
+        "garment": {"mesh": str(folder / "tshirt.obj"), "rest": "uv"},
+        "avatar": {"mesh": str(folder / "mean_all.obj")},
+        "collision": {"cloth": True},
+        "solver": {"iterations": UNTANGLED},
+    }
+    worn = warp_cloth.fit(scene, device="cpu")
+    assert worn.report["crossings"]["pairs"] == 0
+    assert worn.report["strain"]["max"] < 0.3  # every seam closed
+
+
+def test_a_garment_to_be_sewn_starts_clear_of_a_body_that_is_taller() -> None:
+    body = build_avatar(SphereShape(kind="sphere", radius=0.2, centre=(0.0, 0.1, 0.0)), size="M")
+    around = build_avatar(SphereShape(kind="sphere", radius=0.24, centre=(0.0, 0.0, 0.0)), size="M").points
+    assert signed_distances(around, body, "cpu").min() < -DEEP
+    shift = clear_shift(around, body, "cpu")
+    assert shift is not None
+    assert signed_distances(around + shift, body, "cpu").min() > 0.0
+    assert clear_shift(around + shift, body, "cpu") is None
+
+
+def test_what_crosses_is_reported_and_marked(tmp_path: Path) -> None:
+    write_crossing(tmp_path / "crossed.obj")
+    scene = {
+        "garment": {"mesh": str(tmp_path / "crossed.obj"), "units": "m", "pin": {"vertices": [0]}},
+        "solver": {"iterations": 0},
+    }
+    worn = warp_cloth.fit(scene, device="cpu")
+    faces = worn.report["garments"][0]["crossing_faces"]
+    assert worn.report["crossings"] == {"pairs": len(faces) // 2, "between_garments": 0, "faces": len(faces)}
+    marked = np.flatnonzero(worn.garments[0].fields["crossing"])
+    assert set(marked) == set(worn.garments[0].mesh.triangles[faces].ravel())
+
+
+def write_crossing(path: Path) -> None:
+    """A strip of three triangles whose last passes through its first."""
+    points = np.array([[0, 0, 0], [1, 0, 0], [0.5, 1, 0], [0.6, 0.8, 0.6], [0.5, 0.4, -0.5]])
+    faces = [[1, 2, 3], [3, 2, 4], [3, 4, 5]]
+    lines = [f"v {x} {y} {z}\n" for x, y, z in points] + [f"f {a} {b} {c}\n" for a, b, c in faces]
+    path.write_text("".join(lines))
