@@ -9,9 +9,12 @@ from warp_cloth.kernels.cloth import MODULE_OPTIONS, cloth_types, rest_function
 CHUNK = 16  # vertices that one thread sums: a GPU has threads for them all, and each waits for its own in turn
 GROUP = 32  # sums that the next thread sums
 # Columns of a summary: free vertices, squares of the residual in weights and relative; squares of three ways [m2];
-# largest coordinate's change since the last look [m]; lowest and highest corner of the bounding box [m].
-FREE, WEIGHTS, RELATIVE, WAYS, MOVED, LOWER, UPPER, COLUMNS = 0, 1, 2, 3, 6, 7, 10, 13
+# largest coordinate's change since the last look [m]; largest ``growing_way`` [m]; lowest and highest corner of the
+# bounding box [m].
+FREE, WEIGHTS, RELATIVE, WAYS, MOVED, FASTER, LOWER, UPPER, COLUMNS = 0, 1, 2, 3, 6, 7, 8, 11, 14
 NOWHERE = wp.constant(wp.float64(1.0e300))
+ALONG = wp.constant(wp.float64(0.8))  # cosine between two ways from which on they run the same way
+ONCE = wp.constant(wp.float64(0.2))  # how much of a way counts that has grown once only: what trembles grows by turns
 
 
 @functools.cache
@@ -24,6 +27,9 @@ def looks_type(precision: str) -> type:
         """Shapes on the way."""
 
         last: wp.array(dtype=point)  # at the last look [m], shape [V]
+        before: wp.array(dtype=point)  # at the one before
+        earlier: wp.array(dtype=point)  # at the one before that
+        low: wp.array(dtype=wp.uint8)  # 1: of its item's lower half, which carries little and may fold, shape [V]
         marks: int  # how many of the earlier shapes are known: 3 or none
         mark_1: wp.array(dtype=wp.vec3f)  # [m], shape [V]
         mark_2: wp.array(dtype=wp.vec3f)
@@ -37,6 +43,22 @@ def squared_way(a: wp.vec3f, b: wp.vec3f):
     """|a - b|^2 [m2]."""
     d = wp.vec3d(a - b)
     return wp.dot(d, d)
+
+
+@wp.func
+def outgrows(way: wp.vec3d, before: wp.vec3d):
+    """Whether a way is longer than the one before it, and runs as that did."""
+    length = wp.length(way)
+    earlier = wp.length(before)
+    return length > earlier and wp.dot(way, before) > ALONG * length * earlier
+
+
+@wp.func
+def growing_way(way: wp.vec3d, before: wp.vec3d, earlier: wp.vec3d):
+    """Length of a way [m] that has grown twice, ONCE of it if only once; 0 of any other."""
+    length = wp.length(way)
+    counted = wp.where(outgrows(before, earlier), length, ONCE * length)
+    return wp.where(outgrows(way, before), counted, wp.float64(0.0))
 
 
 @functools.cache
@@ -61,12 +83,17 @@ def chunk_kernel(precision: str) -> wp.Kernel:
         squares = wp.vec2d()
         ways = wp.vec3d()
         moved = wp.float64(0.0)
+        growing = wp.float64(0.0)
         lower = wp.vec3d(NOWHERE, NOWHERE, NOWHERE)
         upper = -lower
         for vertex in range(first[chunk], first[chunk + 1]):
             here = wp.vec3d(cloth.position[vertex])
-            change = here - wp.vec3d(looks.last[vertex])
+            last = wp.vec3d(looks.last[vertex])
+            change = here - last
             moved = wp.max(moved, wp.max(wp.abs(change)))
+            if looks.low[vertex] == wp.uint8(0):
+                before = wp.vec3d(looks.before[vertex])
+                growing = wp.max(growing, growing_way(change, last - before, before - wp.vec3d(looks.earlier[vertex])))
             # adding nothing, or what is not finite: that must not be lost in a comparison
             free += (change[0] - change[0]) + (change[1] - change[1]) + (change[2] - change[2])
             lower = wp.min(lower, here)
@@ -84,6 +111,7 @@ def chunk_kernel(precision: str) -> wp.Kernel:
                 )
         sum_out[chunk, wp.static(FREE)] = free
         sum_out[chunk, wp.static(MOVED)] = moved
+        sum_out[chunk, wp.static(FASTER)] = growing
         for k in range(2):
             sum_out[chunk, wp.static(WEIGHTS) + k] = squares[k]
         for k in range(3):

@@ -83,6 +83,7 @@ KINDS: dict[str, Any] = {
     "precision": str,
     "residual": dict.fromkeys(("rms", "p99", "max", "relative_rms", "relative_p99"), float),
     "rest_error_mm": float,
+    "growing_mm": float,
     "strain": dict.fromkeys(("p50", "p99", "max", "min"), float),
     "penetration_mm": dict.fromkeys(("max", "p999", "fraction"), float),
     "crossings": dict.fromkeys(("pairs", "between_garments", "faces"), int),

@@ -61,7 +61,10 @@ def carry(
         course: likewise.
     """
     worn = Tolerance(
-        min(WORN * tolerance.relative_rms, 1.0), min(WORN * tolerance.relative_p99, 1.0), WORN * tolerance.rest_error
+        min(WORN * tolerance.relative_rms, 1.0),
+        min(WORN * tolerance.relative_p99, 1.0),
+        WORN * tolerance.rest_error,
+        WORN * tolerance.growing,
     )
     outcome = relax_to_rest(
         relaxation,

@@ -65,7 +65,7 @@ def start_from_coarse(
     levels = _levels(relaxation.ladders, contact is not None)
     if not levels:
         return ()
-    looser = replace(tolerance, rest_error=LOOSER * tolerance.rest_error)
+    looser = replace(tolerance, rest_error=LOOSER * tolerance.rest_error, growing=LOOSER * tolerance.growing)
     runs: list[LevelRun] = []
     meeting = _Meeting(contact, relaxation.collider) if contact is not None else None
     points = np.concatenate([ladder.part.points for ladder in levels[-1]])

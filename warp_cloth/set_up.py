@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Hashable, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import partial
@@ -26,6 +27,7 @@ from warp_cloth.solver.course import Course
 from warp_cloth.solver.loop import Boxes, Follow
 from warp_cloth.solver.multilevel import MultilevelRelaxation, relaxation_by
 from warp_cloth.solver.relax import Collider, Relaxation, StepOptions
+from warp_cloth.solver.rest_error import GROWING
 from warp_cloth.solver.together import thread_count
 from warp_cloth.wardrobe import Rack, Wardrobe, open_wardrobe
 
@@ -158,7 +160,9 @@ def set_up(
 
 def tolerance_of(scene: Scene) -> Tolerance:
     """The scene's tolerances in SI."""
-    return Tolerance(scene.solver.residual, scene.solver.residual_p99, scene.solver.tolerance_mm * 1e-3)
+    solver = scene.solver
+    growing = math.inf if solver.method == "direct" else GROWING  # the paper's rule moves by what it chatters
+    return Tolerance(solver.residual, solver.residual_p99, solver.tolerance_mm * 1e-3, growing)
 
 
 def start_coarse(made: SetUp) -> tuple[LevelRun, ...]:

@@ -131,6 +131,8 @@ def verdict(outcome: Outcome, tolerance: Tolerance, advice: str, flaw: str = "")
     if not outcome.check.rest_error <= tolerance.rest_error:
         far = figure(1e3 * outcome.check.rest_error, 2)
         misses.append(f"rest error {far}{' mm' * (far != 'unknown')} (wanted {1e3 * tolerance.rest_error:g} mm)")
+    if not outcome.check.growing <= tolerance.growing:
+        misses.append(f"folds still move faster and faster ({figure(1e3 * outcome.check.growing, 2)} mm at a look)")
     return f"Not at rest after {outcome.iterations:,} iterations: {', '.join(misses)}; {advice}."
 
 
@@ -170,6 +172,7 @@ def report_of(
         "precision": scene.solver.precision,
         "residual": asdict(outcome.check.residual),
         "rest_error_mm": 1e3 * outcome.check.rest_error,
+        "growing_mm": 1e3 * outcome.check.growing,
         "strain": {**asdict(strain), **{way: asdict(found) for way, found in threads.items()}},
         "penetration_mm": asdict(depth) if depth is not None else None,
         "crossings": {"pairs": crossing.pairs, "between_garments": crossing.between, "faces": crossing.face_count},

@@ -15,6 +15,7 @@ from warp_cloth.export.files import whole_file
 from warp_cloth.export.report import plain
 from warp_cloth.maps.colour import shown_value
 from warp_cloth.maps.kinds import MAPS
+from warp_cloth.solver.rest_error import GROWING
 from warp_cloth.verdict import figure
 
 
@@ -61,11 +62,13 @@ def certificate_rows(report: Mapping[str, Any]) -> list[dict[str, Any]]:
     """The figures that prove rest, beside what the scene wants of them."""
     solver, residual = report["settings"]["solver"], report["residual"]
     rest = report["rest_error_mm"]
-    wanted = (
+    wanted = [
         ("relative residual, rms", residual["relative_rms"], solver["residual"], "force left, of all that meet"),
         ("its 99th percentile", residual["relative_p99"], solver["residual_p99"], "no region far from rest"),
         ("rest error [mm]", rest, solver["tolerance_mm"], "how far the shape may still be from its rest shape"),
-    )
+    ]
+    if solver["method"] != "direct":
+        wanted.append(("growing motion [mm]", report["growing_mm"], 1e3 * GROWING, "of a fold that may snap"))
     rows = [
         {"name": name, "value": figure(value), "wanted": f"{limit:g}", "met": value <= limit, "meaning": meaning}
         for name, value, limit, meaning in wanted

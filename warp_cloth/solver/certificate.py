@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,14 +14,14 @@ from numpy.typing import NDArray
 from warp_cloth.kernels.certify import bending_energy_kernel, energy_kernels, residual_kernel
 from warp_cloth.kernels.cloth import cloth_types
 from warp_cloth.kernels.pressure import push_kernel
-from warp_cloth.kernels.summary import FREE, LOWER, MOVED, RELATIVE, WAYS, WEIGHTS, keep_kernel
+from warp_cloth.kernels.summary import FASTER, FREE, LOWER, MOVED, RELATIVE, WAYS, WEIGHTS, keep_kernel
 from warp_cloth.mesh import Points
 from warp_cloth.model import ClothModel
 from warp_cloth.rest import Floats
 from warp_cloth.result import Residual, Strain
 from warp_cloth.solver.forces import ForcePass
 from warp_cloth.solver.relax import Relaxation
-from warp_cloth.solver.rest_error import Mark, RestError, rest_error
+from warp_cloth.solver.rest_error import GROWING, Mark, RestError, rest_error
 from warp_cloth.solver.summary import Answer, Summary
 
 # A vertex at rest on the avatar stands at the contact offset to within the rounding of a float32 distance and one
@@ -30,16 +31,19 @@ CONTACT_SLACK = 2e-5  # [m]
 
 @dataclass(frozen=True)
 class Tolerance:
-    """When a shape counts as at rest. All three must hold.
+    """When a shape counts as at rest. All must hold.
 
     relative_rms: 1 % of the forces that meet at a vertex is what a laboratory's tensile test resolves.
     relative_p99: single vertices at folds may be five times worse.
     rest_error: 1 mm is below what a fitting shows.
+
+    growing: a fold about to snap goes slowly first, and ever faster; what carries it slips as it does.
     """
 
     relative_rms: float = 0.01
     relative_p99: float = 0.05
     rest_error: float = 1e-3  # [m]
+    growing: float = GROWING  # [m]; longest way from one look to the next that may be longer than the one before
 
 
 @dataclass(frozen=True)
@@ -50,6 +54,7 @@ class Check:
     residual: Residual
     rest_error: float  # [m]; inf while nothing is known of it
     finite: bool
+    growing: float = 0.0  # longest way since the last look that grows, by kernels.summary [m]
 
     def within(self, tolerance: Tolerance) -> bool:
         """Whether this is rest."""
@@ -58,6 +63,7 @@ class Check:
             and self.residual.relative_rms <= tolerance.relative_rms
             and self.residual.relative_p99 <= tolerance.relative_p99
             and self.rest_error <= tolerance.rest_error
+            and self.growing <= tolerance.growing
         )
 
 
@@ -70,12 +76,15 @@ class Look:
     relative_rms: Floats
     rest_error: Floats  # [m]; inf while nothing is known of it
     moved: Floats  # largest change of a coordinate since the last look at all [m]
+    growing: Floats  # as of Check
     boxes: Floats  # lowest and highest corner of an item's garments [m], shape [items, 2, 3]
     finite: NDArray[np.bool_]
 
-    def nearly_within(self, relative_rms: Floats, error: Floats) -> NDArray[np.bool_]:
+    def nearly_within(self, asked: Sequence[Tolerance]) -> NDArray[np.bool_]:
         """Whether each may be at rest, as far as sums tell."""
-        near: NDArray[np.bool_] = self.finite & (self.relative_rms <= relative_rms) & (self.rest_error <= error)
+        limits = np.array([(each.relative_rms, each.rest_error, each.growing) for each in asked])
+        figures = np.stack([self.relative_rms, self.rest_error, self.growing], axis=1)
+        near: NDArray[np.bool_] = self.finite & (figures <= limits).all(axis=1)
         return near
 
 
@@ -109,6 +118,8 @@ class Certifier:
         self._left = wp.zeros(model.vertex_count, dtype=wp.vec2f, device=model.device)
         self._last = wp.clone(model.cloth.position)  # at the last check
         self._before = wp.clone(model.cloth.position)  # at the one before
+        self._earlier = wp.clone(model.cloth.position)  # at the one before that
+        self._low = wp.array(_lower_half(model), dtype=wp.uint8, device=model.device)
         self._rest_error = RestError()
         self._spare: list[wp.array] = []  # shapes that are kept no longer
         judged = relaxation.contact is not None and model.cloth.stiffness  # by which contact's share of a force is
@@ -147,7 +158,8 @@ class Certifier:
             ways = np.sqrt(sums[:, WAYS:MOVED] / np.diff(self._model.item_start)[:, None])
             error = np.where(finite, rest_error(iteration, marks, ways), np.inf)
         boxes = figures[:, LOWER:].reshape(-1, 2, 3)
-        return Look(iteration, residual[:, 0], residual[:, 1], error, figures[:, MOVED], boxes, finite)
+        moved, growing = figures[:, MOVED], figures[:, FASTER]
+        return Look(iteration, residual[:, 0], residual[:, 1], error, moved, growing, boxes, finite)
 
     def check(self, look: Look, item: int) -> Check:
         """All figures of one item, as it stood at that look, the last one. Waits for what it saw."""
@@ -155,7 +167,7 @@ class Certifier:
             return Check(look.iteration, Residual(*([math.inf] * 5)), math.inf, False)
         left = self._residuals(item)
         residual = residual_summary(left, float(look.rms[item]), float(look.relative_rms[item]))
-        return Check(look.iteration, residual, float(look.rest_error[item]), True)
+        return Check(look.iteration, residual, float(look.rest_error[item]), True, float(look.growing[item]))
 
     def _residuals(self, item: int) -> NDArray[np.float32]:
         """What ``residual_summary`` takes, of the last look, which has been read: on a stream of its own."""
@@ -172,7 +184,7 @@ class Certifier:
 
     def turn_page(self, iteration: int) -> None:
         """Goes on from a glance at all items: the shapes of now are what the next one compares with."""
-        self._last, self._before = self._before, self._last
+        self._last, self._before, self._earlier = self._earlier, self._last, self._before
         wp.copy(self._last, self._model.cloth.position)
         if self._bounds is not None:
             wp.copy(self._bounds, self._model.cloth.stiffness)
@@ -206,7 +218,8 @@ class Certifier:
 
     def _asked(self, marks: Sequence[Mark]) -> Answer:
         looks = self._summary.looks_type()
-        looks.last, looks.marks = self._last, len(marks)
+        looks.last, looks.before, looks.earlier = self._last, self._before, self._earlier
+        looks.low, looks.marks = self._low, len(marks)
         for number, mark in enumerate(marks, start=1):
             setattr(looks, f"mark_{number}", mark.shape)
         return self._summary.ask(self._left, looks)
@@ -232,6 +245,15 @@ class Certifier:
             device=model.device,
         )
         return np.array(push.numpy())
+
+
+def _lower_half(model: ClothModel) -> NDArray[np.uint8]:
+    """1 for what is below the middle of its garments' vertices, as they are placed, shape [V]."""
+    height = model.points()[:, 1]
+    low = np.zeros(len(height), dtype=np.uint8)
+    for first, end in itertools.pairwise(model.item_start):
+        low[first:end] = height[first:end] < np.median(height[first:end])
+    return low
 
 
 def bounds(answer: Answer) -> Floats:

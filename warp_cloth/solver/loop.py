@@ -186,8 +186,7 @@ class _Loop:
         self._boxes = np.zeros((len(goals), 2, 3))  # of each item when it was last followed,
         self._followed = np.zeros(len(goals), dtype=np.int64)  # and after which iteration that was
         self._outcomes: dict[int, Outcome] = {}
-        self._relative_rms = np.array([goal.tolerance.relative_rms for goal in goals])
-        self._rest_error = np.array([goal.tolerance.rest_error for goal in goals])
+        self._tolerances = [goal.tolerance for goal in goals]
         self._began = time.perf_counter()
 
     def run(self, on_chunk: Callable[[int, Relaxation], None] | None) -> list[Outcome]:
@@ -240,7 +239,7 @@ class _Loop:
             return
         look = self._certifier.read(seen.glance)
         settled = self._advance(look)
-        near = look.nearly_within(self._relative_rms, self._rest_error) | ~look.finite
+        near = look.nearly_within(self._tolerances) | ~look.finite
         ended = []
         for item in self._active if seen.whole else sorted(seen.ending):
             if item in seen.ending or (near[item] and look.iteration > 0):

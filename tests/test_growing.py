@@ -1,0 +1,82 @@
+"""What moves faster and faster is not at rest: a fold on its way to snap."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import pytest
+
+from warp_cloth.kernels.summary import ONCE
+from warp_cloth.result import Residual
+from warp_cloth.scene import load_scene
+from warp_cloth.set_up import SetUp, set_up_one, tolerance_of
+from warp_cloth.solver.certificate import Check, Tolerance
+
+STEP = 1e-5  # [m]
+ROUNDING = 1e-12  # [m], of float64 positions near 1 m
+
+
+@pytest.fixture(scope="module")
+def hung() -> SetUp:
+    """A square that hangs, and is only looked at here."""
+    return set_up_one(
+        load_scene({"garment": {"shape": {"kind": "square", "vertices_per_side": 5, "plane": "vertical"}}}), "cpu"
+    )
+
+
+def seen(made: SetUp, vertex: int, ways: list[list[float]]) -> float:
+    """The growing motion [m] at the last of the looks between which a vertex goes these ways [m]."""
+    points = made.model.points().copy()
+    start = points.copy()
+    for iteration, way in enumerate([[0.0, 0.0, 0.0], [0.0, 0.0, 0.0], *ways]):
+        points[vertex] += way
+        made.model.set_points(points)
+        growing = made.certifier.look(100 * iteration).growing[0]
+        made.certifier.turn_page(100 * iteration)
+    made.model.set_points(start)
+    return float(growing)
+
+
+def highest(made: SetUp) -> int:
+    return int(made.model.points()[:, 1].argmax())
+
+
+WAYS = {
+    "grown twice": ([[STEP, 0.0, 0.0], [2.0 * STEP, 0.0, 0.0], [3.0 * STEP, STEP, 0.0]], 10.0**0.5 * STEP),
+    "grown once": ([[2.0 * STEP, 0.0, 0.0], [STEP, 0.0, 0.0], [2.0 * STEP, 0.0, 0.0]], float(ONCE) * 2.0 * STEP),
+    "grown from another way": (
+        [[0.0, STEP, 0.0], [2.0 * STEP, 0.0, 0.0], [3.0 * STEP, 0.0, 0.0]],
+        float(ONCE) * 3.0 * STEP,
+    ),
+    "shorter": ([[STEP, 0.0, 0.0], [3.0 * STEP, 0.0, 0.0], [2.0 * STEP, 0.0, 0.0]], 0.0),
+    "longer, another way": ([[STEP, 0.0, 0.0], [2.0 * STEP, 0.0, 0.0], [0.0, 3.0 * STEP, 0.0]], 0.0),
+    "longer, back": ([[STEP, 0.0, 0.0], [2.0 * STEP, 0.0, 0.0], [-3.0 * STEP, 0.0, 0.0]], 0.0),
+    "out of rest": ([[0.0, 0.0, 0.0], [0.0, 0.0, 0.0], [STEP, 0.0, 0.0]], 0.0),
+}
+
+
+@pytest.mark.parametrize("name", list(WAYS))
+def test_growing_is_a_way_that_is_longer_than_those_before_and_runs_along_them(hung: SetUp, name: str) -> None:
+    ways, expected = WAYS[name]
+    assert seen(hung, highest(hung), ways) == pytest.approx(expected, abs=ROUNDING)
+
+
+def test_what_hangs_low_may_fold(hung: SetUp) -> None:
+    lowest = int(hung.model.points()[:, 1].argmin())
+    assert seen(hung, lowest, WAYS["grown twice"][0]) == 0.0
+
+
+def test_balanced_cloth_that_moves_faster_and_faster_is_not_at_rest() -> None:
+    tolerance = Tolerance()
+    still = Check(1000, Residual(*[0.0] * 5), 0.0, True)
+    assert still.within(tolerance)
+    assert replace(still, growing=tolerance.growing).within(tolerance)
+    assert not replace(still, growing=1.01 * tolerance.growing).within(tolerance)
+
+
+def test_it_is_asked_of_all_but_the_papers_rule() -> None:
+    """That one chatters: how far it moves says nothing of folds."""
+    for method, asked in (("accelerated", True), ("multilevel", True), ("direct", False)):
+        scene = load_scene({"garment": {"shape": {"kind": "square"}}, "solver": {"method": method}})
+        assert math.isfinite(tolerance_of(scene).growing) == asked
