@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,7 +12,8 @@ from numpy.typing import NDArray
 from warp_cloth.material import Sheet
 from warp_cloth.material_patches import Fit, Patches
 from warp_cloth.mesh import Indices
-from warp_cloth.threads import map_in_threads
+from warp_cloth.parts import by_parts, in_parts
+from warp_cloth.threads import end_to_end
 
 if TYPE_CHECKING:
     from warp_cloth.fabric import Fabric
@@ -26,7 +28,6 @@ TURNS = 4  # directions over half a turn that cloth without directions is bent i
 # Rounds in which vertices near each other share out an even bend: enough for that, too few to undo the bend itself.
 # The second and third time they go on from where they were.
 ROUNDS = (24, 8, 8)
-AT_ONCE = 1 << 15  # hinges, whose numbers fit a processor's caches
 MANY, SETTLED = 1_000_000, 1e-4  # more hinges than these stop when a round takes less than this share of the energy
 STEP, MOMENTUM = 0.6, 0.5  # of a round; with them the alternating grid, the stiffest case, settles within ten
 
@@ -49,10 +50,15 @@ class _Folds:
 
     def evenly(self, direction: float | Floats) -> Floats:
         """Fold per curvature of cloth that is evenly bent in a direction, by its angle to the warp [m]."""
-        cosine, sine = np.cos(self.angle - direction), np.sin(self.angle - direction)
-        folded = cosine**2 * self.across + cosine * sine * self.mixed + sine**2 * self.along
-        limit = LARGEST_FOLD * self.across
-        return np.clip(folded, -limit, limit)
+        return by_parts(_evenly, self.angle - direction, self.across, self.mixed, self.along)
+
+
+def _evenly(angle: Floats, across: Floats, mixed: Floats, along: Floats) -> Floats:
+    """Fold per curvature along a direction, at an angle to it."""
+    cosine, sine = np.cos(angle), np.sin(angle)
+    folded = cosine**2 * across + cosine * sine * mixed + sine**2 * along
+    limit = LARGEST_FOLD * across
+    return np.clip(folded, -limit, limit)
 
 
 def hinge_constants(sheet: Sheet, fabric: Fabric, length: Floats) -> Floats:
@@ -80,29 +86,34 @@ def hinge_constants(sheet: Sheet, fabric: Fabric, length: Floats) -> Floats:
     stays = _near_border(sheet)
     patches = Patches(sheet, len(stays))
     hinges = sheet.topology.hinges
-    within = ~stays[hinges].any(axis=1)
+    within = np.asarray(~stays[hinges].any(axis=1))
     evens = [folds.evenly(bend) for bend in bends]
-    cubes = [_cubed(even) for even in evens]
+    cubes = [by_parts(_cubed, even) for even in evens]
     beyond = _beyond(sheet, length, folds, bends, len(stays))
-    shares = [patches.share(cube * folds.size, own) for cube, own in zip(cubes, beyond, strict=True)]
+    shares = [patches.share((cube, folds.size), own) for cube, own in zip(cubes, beyond, strict=True)]
     moved = np.zeros((len(bends), len(stays)))
     bias = _biased(folds) if sheet.directed else None
     if bias is not None:
         shares.append(np.mean(shares, axis=0))
         wanted.append(0.5 * sum(wanted))
-    fit = Fit(patches, usual, lean)
+    fit, balance = Fit(patches, usual, lean), _Balance(sheet, folds, stays)
     for rounds in ROUNDS:
         energies, ease = [], []
         counted = np.where(within, fit.stiffness, 0.0)
         for even, cube, move in zip(evens, cubes, moved, strict=True):
-            shared = _cubed(_shared_out(sheet, folds, fit.stiffness, even, move, rounds, stays))
-            stiff, eased = (float(np.sum(own * counted)) for own in (cube, shared))
+            shared = by_parts(_cubed, balance.folded(fit.stiffness, even, move, rounds))
+            stiff, eased = (float(np.sum(by_parts(np.multiply, own, counted))) for own in (cube, shared))
             ease.append(eased / stiff if stiff > 0.0 else 1.0)  # too small a garment has no hinges that share
-            energies.append(np.where(within, shared, ease[-1] * cube) if stiff > 0.0 else cube)
+            energies.append(by_parts(partial(_within, ease[-1]), within, shared, cube) if stiff > 0.0 else cube)
         if bias is not None:
             energies.append(bias * np.mean(ease))
         fit.improve(energies, shares, wanted)
     return fit.stiffness
+
+
+def _within(ease: float, within: NDArray[np.bool_], shared: Floats, cube: Floats) -> Floats:
+    """What hinges within the border fold once shared out, and the others as if they did on average."""
+    return np.where(within, shared, ease * cube)
 
 
 def _cubed(folded: Floats) -> Floats:
@@ -140,46 +151,51 @@ def _near_border(sheet: Sheet) -> NDArray[np.bool_]:
     return near
 
 
-def _shared_out(
-    sheet: Sheet, folds: _Folds, stiffness: Floats, even: Floats, move: Floats, rounds: int, stays: NDArray[np.bool_]
-) -> Floats:
-    """Folds per curvature once vertices have left the even bend to where their neighbours' hinges balance [m].
+class _Balance:
+    """Shares even bends out among vertices near each other: to where their hinges balance."""
 
-    Descends on the sum of C |fold|^3 / 6 with the inner vertices' ways off the surface, kept in ``move`` [m2], shape
-    [V]. Vertices by the border stay, so that the bend does.
-    """
-    corners, count = np.ascontiguousarray(sheet.topology.hinges.T, dtype=np.intp), len(move)
-    slopes = np.ascontiguousarray(folds.slopes.T)
-    pull, curve = np.empty_like(slopes), np.empty_like(slopes)
-    folded, size = np.empty_like(even), np.abs(slopes)
-    sizes, least, half = size.sum(axis=0), 0.02 * folds.across, 0.5 * stiffness
-    counted = len(even) > MANY
-    parts = [slice(first, first + AT_ONCE) for first in range(0, len(even), AT_ONCE)]
+    def __init__(self, sheet: Sheet, folds: _Folds, stays: NDArray[np.bool_]) -> None:
+        self._stays = stays  # vertices by the border, so that the bend does
+        self._corners = np.ascontiguousarray(sheet.topology.hinges.T, dtype=np.intp)
+        self._slopes = np.ascontiguousarray(folds.slopes.T)
+        self._size = np.abs(self._slopes)
+        self._sizes, self._least = self._size.sum(axis=0), 0.02 * folds.across
+        self._pull, self._curve = np.empty_like(self._slopes), np.empty_like(self._slopes)
+        self._folded = np.empty_like(folds.across)
+        self._counted = len(self._folded) > MANY
 
-    def fold(part: slice) -> None:
-        start, end, first, second = slopes[:, part] * move[corners[:, part]]
-        folded[part] = even[part] + (start + end + first + second)
+    def folded(self, stiffness: Floats, even: Floats, move: Floats, rounds: int) -> Floats:
+        """Folds per curvature once vertices have left the even bend to where their neighbours' hinges balance [m].
 
-    def force(part: slice) -> float:
-        fold(part)
-        turn = np.abs(folded[part])
-        np.multiply(half[part] * folded[part] * turn, slopes[:, part], out=pull[:, part])
-        np.multiply(stiffness[part] * (turn + least[part]), size[:, part], out=curve[:, part])
-        curve[:, part] *= sizes[part]
-        return float(np.sum(stiffness[part] * turn * turn * turn)) if counted else 0.0
+        Descends on the sum of C |fold|^3 / 6 with the inner vertices' ways off the surface, kept in ``move`` [m2],
+        shape [V].
+        """
+        half, pull, curve, folded = 0.5 * stiffness, self._pull, self._curve, self._folded
 
-    last, before = np.zeros(count), np.inf
-    for _ in range(rounds):
-        energy = sum(map_in_threads(force, parts))
-        if counted and abs(before - energy) <= SETTLED * energy:
-            break
-        before = energy
-        slope, bound = (np.bincount(corners.ravel(), table.ravel(), count) for table in (pull, curve))
-        last = MOMENTUM * last - 2.0 * STEP * slope / np.where(bound > 0.0, bound, 1.0)
-        last[stays] = 0.0
-        move += last
-    map_in_threads(fold, parts)
-    return folded
+        def fold(part: slice) -> None:
+            start, end, first, second = self._slopes[:, part] * move.take(self._corners[:, part])
+            folded[part] = even[part] + (start + end + first + second)
+
+        def force(part: slice) -> float:
+            fold(part)
+            turn, own = np.abs(folded[part]), stiffness[part]
+            np.multiply(half[part] * folded[part] * turn, self._slopes[:, part], out=pull[:, part])
+            np.multiply(own * (turn + self._least[part]), self._size[:, part], out=curve[:, part])
+            curve[:, part] *= self._sizes[part]
+            return float(np.sum(own * turn * turn * turn)) if self._counted else 0.0
+
+        last, before, corners = np.zeros(len(move)), np.inf, self._corners.ravel()
+        for _ in range(rounds):
+            energy = sum(in_parts(force, len(even)))
+            if self._counted and abs(before - energy) <= SETTLED * energy:
+                break
+            before = energy
+            slope, bound = (np.bincount(corners, table.ravel(), len(move)) for table in (pull, curve))
+            last = MOMENTUM * last - 2.0 * STEP * slope / np.where(bound > 0.0, bound, 1.0)
+            last[self._stays] = 0.0
+            move += last
+        in_parts(fold, len(even))
+        return folded
 
 
 def _wing(sheet: Sheet, triangle: Any, side: Any, floor: float) -> tuple[Floats, ...]:
@@ -197,14 +213,19 @@ def _wing(sheet: Sheet, triangle: Any, side: Any, floor: float) -> tuple[Floats,
 
 def _inner_folds(sheet: Sheet, length: Floats) -> _Folds:
     """Folds of the garment's hinges."""
-    topology = sheet.topology
-    axis, floor = length[topology.hinge_edges], THINNEST_SHARE * float(np.median(length))
-    pair = topology.hinge_triangles
-    side = np.argmax(topology.triangle_edges[pair] == topology.hinge_edges[:, None, None], axis=2)
-    s0, h0, way, hand = _wing(sheet, pair[:, 0], side[:, 0], floor)
-    foot, h1, _, _ = _wing(sheet, pair[:, 1], side[:, 1], floor)
-    s1 = axis - foot  # the second triangle's side runs the other way
-    return _folds_of(axis, (s0, h0), (s1, h1), way, hand)
+    topology, floor = sheet.topology, THINNEST_SHARE * float(np.median(length))
+
+    def some(part: slice) -> _Folds:
+        edge, pair = topology.hinge_edges[part], topology.hinge_triangles[part]
+        axis = length[edge]
+        side = np.argmax(topology.triangle_edges[pair] == edge[:, None, None], axis=2)
+        s0, h0, way, hand = _wing(sheet, pair[:, 0], side[:, 0], floor)
+        foot, h1, _, _ = _wing(sheet, pair[:, 1], side[:, 1], floor)
+        s1 = axis - foot  # the second triangle's side runs the other way
+        return _folds_of(axis, (s0, h0), (s1, h1), way, hand)
+
+    parts = in_parts(some, len(topology.hinge_edges))
+    return _Folds(*(end_to_end([getattr(part, field.name) for part in parts]) for field in fields(_Folds)))
 
 
 def _border_folds(sheet: Sheet, length: Floats) -> tuple[_Folds, Indices]:

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from warp_cloth.material import Sheet
+from warp_cloth.parts import by_parts, in_parts
+from warp_cloth.row_sums import RowSums
 
 Floats = NDArray[np.float64]
 
@@ -29,42 +33,53 @@ class Patches:
     """What hinges hold, summed over the patch round every vertex; V vertices, H hinges."""
 
     def __init__(self, sheet: Sheet, count: int) -> None:
-        edges = sheet.topology.edges.T.astype(np.intp)  # as NumPy counts, or it would convert them every time
+        edges, hinges = sheet.topology.edges, sheet.topology.hinges
         self.count = count
-        self._corners = np.ascontiguousarray(sheet.topology.hinges.T, dtype=np.intp)
-        self._from, self._to = np.concatenate([edges, edges[::-1]], axis=1)
-        self._part = 0.5 / np.maximum(np.bincount(self._from, minlength=count), 1)
+        self._corners = np.ascontiguousarray(hinges.T, dtype=np.intp)  # as NumPy counts, or it would convert them
+        self._held = RowSums(self._corners.ravel(), np.tile(np.arange(len(hinges)), 4), count)
+        self._around = RowSums(edges[:, ::-1].T.ravel(), edges.T.ravel(), count)
+        self._part = 0.5 / np.maximum(np.bincount(edges.ravel(), minlength=count), 1)
         corners = sheet.triangles.ravel()
         self.area = self._spread(np.asarray(np.bincount(corners, np.repeat(sheet.areas / 3.0, 3), count), float))
 
     def _spread(self, held: Floats) -> Floats:
         """What every vertex holds, walked about: the sum stays. Shape [V]."""
+        held, part = held.copy(), self._part
+        parts, next_parts = part * held, np.empty_like(held)
         for _ in range(STEPS):
-            held = 0.5 * held + np.bincount(self._to, (self._part * held)[self._from], self.count)
+
+            def walk(there: slice, sums: Floats, onward: Floats = next_parts) -> None:
+                own = held[there]
+                own *= 0.5
+                own += sums
+                np.multiply(part[there], own, out=onward[there])
+
+            self._around.each(parts, walk)
+            parts, next_parts = next_parts, parts
         return held
 
-    def sums(self, held: Floats) -> Floats:
-        """Of what every hinge holds, shape [V]."""
-        return self._spread(np.asarray(np.bincount(self._corners.ravel(), np.tile(0.25 * held, 4), self.count), float))
+    def sums(self, *factors: Floats) -> Floats:
+        """Of what every hinge holds, a product, shape [V]."""
+        return self._spread(self._held(by_parts(lambda *own: 0.25 * math.prod(own[1:], start=own[0]), *factors)))
 
-    def means(self, own: Floats) -> Floats:
-        """Of every hinge's four vertices, shape [H]."""
-        start, end, first, second = (own[corner] for corner in self._corners)
-        return 0.25 * (start + end + first + second)
+    def means(self, own: Floats, part: slice) -> Floats:
+        """Of the four vertices of each of some hinges."""
+        start, end, first, second = own.take(self._corners[:, part])
+        return np.asarray(0.25 * (start + end + first + second))
 
-    def share(self, held: Floats, beyond: Floats) -> Floats:
+    def share(self, held: Sequence[Floats], beyond: Floats) -> Floats:
         """What sums are multiplied by to be per area [1/m2], and as if the border's halves were there, shape [V].
 
-        Hinges hold ``held`` and the border's vertices ``beyond``, of one kind.
+        Hinges hold the product of ``held`` and the border's vertices ``beyond``, of one kind.
         """
-        return (1.0 + self._spread(beyond) / np.maximum(self.sums(held), LEAST)) / np.maximum(self.area, LEAST)
+        return (1.0 + self._spread(beyond) / np.maximum(self.sums(*held), LEAST)) / np.maximum(self.area, LEAST)
 
 
 class Fit:
     """Constants of hinges, fitted to what the patches should cost to bend."""
 
     def __init__(self, patches: Patches, usual: Floats, lean: Floats) -> None:
-        self.stiffness = usual  # C [N m], shape [H]
+        self.stiffness = usual.copy()  # C [N m], shape [H]
         self._patches, self._usual, self._lean = patches, usual, lean
         self._even, self._leaning = np.zeros(patches.count), np.zeros(patches.count)
 
@@ -75,25 +90,24 @@ class Fit:
         its ``energies``; the patches' sums times ``shares`` are to be ``wanted``.
         """
         for _ in range(MOST_STEPS):
-            sums = [self._patches.sums(own * self.stiffness) for own in energies]
-            lacks = [_lack(total * share / own) for total, share, own in zip(sums, shares, wanted, strict=True)]
+            sums = [self._patches.sums(own, self.stiffness) for own in energies]
+            lacks = [by_parts(partial(_lack, own), *both) for *both, own in zip(sums, shares, wanted, strict=True)]
             if not self._lean.any():
                 self._take(np.mean(lacks, axis=0), 0.0)
                 return
             if max(float(np.sqrt(np.mean(lack * lack))) for lack in lacks[:2]) < CLOSE:
                 return
             leans = [
-                self._patches.sums(own * self.stiffness * self._lean) / np.maximum(total, TINY)
+                by_parts(_per, self._patches.sums(own, self.stiffness, self._lean), total)
                 for own, total in zip(energies, sums, strict=True)
             ]
             self._take(*self._fitted(lacks, leans))
 
     def _fitted(self, lacks: Sequence[Floats], leans: Sequence[Floats]) -> tuple[Floats, Floats]:
         """What even and lean change by so that the lacks, which change by even + lean times ``leans``, are least."""
-        weights = np.array(WEIGHTS)
-        count, own = weights.sum(), weights @ np.array(lacks)
-        first = weights @ np.array(leans)
-        second, both = weights @ np.array(leans) ** 2, weights @ (np.array(leans) * np.array(lacks))
+        weights, lack, lean = np.array(WEIGHTS), np.array(lacks), np.array(leans)
+        count, own, first = weights.sum(), weights @ lack, weights @ lean
+        second, both = weights @ lean**2, weights @ (lean * lack)
         apart = np.maximum(count * second - first * first, LEAST_APART**2)
         turn = np.clip((count * both - first * own) / apart, -MOST_TURN, MOST_TURN)
         turn = np.clip(self._leaning + turn, -MOST_LEAN, MOST_LEAN) - self._leaning
@@ -103,10 +117,17 @@ class Fit:
         """Changes the patches' logarithms by these, shape [V]."""
         self._even = np.clip(self._even + even, np.log(LEAST_FACTOR), np.log(MOST_FACTOR))
         self._leaning += lean
-        means = self._patches.means
-        factor = np.exp(means(self._even) + self._lean * means(self._leaning))
-        self.stiffness = self._usual * np.clip(factor, LEAST_FACTOR, MOST_FACTOR)
+        in_parts(self._put_stiffness, len(self._usual))
+
+    def _put_stiffness(self, part: slice) -> None:
+        means, lean = self._patches.means, self._lean[part]
+        factor = np.exp(means(self._even, part) + lean * means(self._leaning, part))
+        self.stiffness[part] = self._usual[part] * np.clip(factor, LEAST_FACTOR, MOST_FACTOR)
 
 
-def _lack(found: Floats) -> Floats:
-    return np.asarray(-np.log(np.clip(found, 1.0 / MOST_LACK, MOST_LACK)))
+def _lack(wanted: float, total: Floats, share: Floats) -> Floats:
+    return np.asarray(-np.log(np.clip(total * share / wanted, 1.0 / MOST_LACK, MOST_LACK)))
+
+
+def _per(leaning: Floats, total: Floats) -> Floats:
+    return np.asarray(leaning / np.maximum(total, TINY))

@@ -15,6 +15,8 @@ from warp_cloth.loading.repair import RestKind
 from warp_cloth.material import Sheet, WeaveShape, edge_constants, lay_flat, thread_constants
 from warp_cloth.material_bending import hinge_constants
 from warp_cloth.mesh import Indices, Mesh
+from warp_cloth.parts import by_parts, in_parts
+from warp_cloth.threads import end_to_end
 from warp_cloth.topology import Topology, build_topology
 from warp_cloth.units import LENGTH_UNITS, METRES_PER
 
@@ -68,7 +70,12 @@ class RestShape:
 
 def _sides(corners: Floats) -> Floats:
     """Lengths of the sides (0,1), (1,2), (2,0) of triangles, shape [F, 3]."""
-    return np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2)
+
+    def some(part: slice) -> Floats:
+        own = corners[part]
+        return np.asarray(np.linalg.norm(np.roll(own, -1, axis=1) - own, axis=2))
+
+    return end_to_end(in_parts(some, len(corners)))
 
 
 def _panel_sides(mesh: Mesh, metres_per_uv: float, place: str, key: str) -> tuple[Floats, tuple[str, ...]]:
@@ -132,9 +139,13 @@ def _check_scale(length: Floats, drawn: Floats, metres_per_uv: float, place: str
 
 def triangle_areas(sides: Floats) -> Floats:
     """Areas [m2] from side lengths, Kahan's stable form of Heron's formula, shape [F]."""
+    return by_parts(_areas, sides)
+
+
+def _areas(sides: Floats) -> Floats:
     c, b, a = np.sort(sides, axis=1).T
     product = (a + (b + c)) * (c - (a - b)) * (c + (a - b)) * (a + (b - c))
-    return 0.25 * np.sqrt(np.maximum(product, 0.0))
+    return np.asarray(0.25 * np.sqrt(np.maximum(product, 0.0)))
 
 
 def _places(mesh: Mesh, metres_per_uv: float | None) -> Floats:
@@ -304,7 +315,8 @@ def _laid_out(triangles: Indices, sides: Floats, vertex_count: int, like: Floats
     length = np.maximum(length, SHORTEST_EDGE_SHARE * float(np.median(length)))
     averaged = length[topology.triangle_edges]
     even = triangle_areas(averaged)
-    sheet = Sheet(topology, triangles, lay_flat(averaged, even, like), even, like is not None)
+    flat = in_parts(lambda part: lay_flat(averaged[part], even[part], None if like is None else like[part]), len(even))
+    sheet = Sheet(topology, triangles, end_to_end(flat), even, like is not None)
     return RestGeometry(length, sheet, float(triangle_areas(sides).sum()))
 
 

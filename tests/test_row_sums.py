@@ -1,0 +1,55 @@
+"""Sums over rows: to the bit those that numpy.bincount adds up."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from cloths import grid
+
+from warp_cloth import parts
+from warp_cloth.row_sums import LONGEST, RowSums
+from warp_cloth.topology import build_topology
+
+WIDTH = 41  # of a grid whose rows take several parts
+
+
+def neighbours(mixed: bool) -> tuple[np.ndarray, np.ndarray, int]:
+    """Every vertex of a grid, and one next to it; ``mixed``: numbered in no order."""
+    mesh = grid(WIDTH)
+    edges = build_topology(mesh.triangles, mesh.vertex_count).edges
+    if mixed:
+        edges = np.random.default_rng(3).permutation(mesh.vertex_count)[edges]
+    return edges[:, ::-1].T.ravel(), edges.T.ravel(), mesh.vertex_count
+
+
+@pytest.mark.parametrize("mixed", [False, True])
+@pytest.mark.parametrize("at_once", [100, 1 << 15])
+def test_they_are_those_of_bincount(mixed: bool, at_once: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(parts, "AT_ONCE", at_once)
+    rows, places, count = neighbours(mixed)
+    held = np.random.default_rng(4).normal(size=count) * np.geomspace(1e-9, 1e9, count)
+    held[::7] = -0.0
+    summed = RowSums(rows, places, count)(held)
+    wanted = np.bincount(rows, held[places], count)
+    assert summed.tobytes() == wanted.tobytes()
+
+
+def test_rows_may_be_empty_or_very_long() -> None:
+    rng = np.random.default_rng(5)
+    rows = np.concatenate([np.full(3 * LONGEST, 7), rng.integers(10, 60, 500), np.full(LONGEST + 1, 98)])
+    rng.shuffle(rows)
+    places, held = rng.integers(0, 33, len(rows)), rng.normal(size=33)
+    summed = RowSums(rows, places, 100)(held)
+    assert summed.tobytes() == np.bincount(rows, held[places], 100).tobytes()
+
+
+def test_there_may_be_no_entries_at_all() -> None:
+    none = np.zeros(0, dtype=np.int64)
+    assert (RowSums(none, none, 5)(np.zeros(3)) == np.zeros(5)).all()
+    assert len(RowSums(none, none, 0)(np.zeros(0))) == 0
+
+
+def test_of_a_regular_grid_few_places_are_looked_up() -> None:
+    rows, places, count = neighbours(mixed=False)
+    looked_up = sum(len(part.rows) for part in RowSums(rows, places, count)._parts.values())
+    assert looked_up < 5 * WIDTH
