@@ -64,6 +64,21 @@ def test_helpers_make_what_the_worker_would_have_made_and_share_it_alike(loaders
     assert jersey.parts[0].points is denim.parts[0].points, "one mesh in two fabrics meets its avatar alike"
 
 
+def test_one_mesh_of_two_grains_has_the_rest_shapes_of_both(loaders: Loaders) -> None:
+    changes = ["collision.pixel_mm=10", "garment.fabric=denim", "garment.shape.vertices_per_side=9"]
+    several = [load_scene("sphere", [*changes, f"garment.grain_degrees={turn}"]) for turn in (0, 30)]
+    rack = Rack()
+    loaders.fill(rack, several)
+    for scene in several:
+        found, alone = open_wardrobe(scene, rack).parts[0].rest, open_wardrobe(scene).parts[0].rest
+        assert found.weave is not None
+        assert alone.weave is not None
+        assert np.array_equal(found.weave.slope, alone.weave.slope)
+        assert np.array_equal(found.hinge_stiffness, alone.hinge_stiffness)
+        assert found.sheet is not None
+        assert found.topology is found.sheet.topology
+
+
 def test_helpers_cut_the_patches_that_a_large_model_asks_for(loaders: Loaders, monkeypatch: pytest.MonkeyPatch) -> None:
     several, rack, kept = scenes(), Rack(), Kept()
     loaders.fill(rack, several, kept)

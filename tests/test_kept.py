@@ -42,3 +42,16 @@ def test_of_device_memory_the_latest_used_is_kept_up_to_the_limit() -> None:
     assert there == [True, True, False, True], "what is wanted, and the latest two of the others"
     assert kept.key("shape", (avatars[0],)) in kept
     assert "again" not in log
+
+
+def test_what_is_made_of_each_of_several_is_made_once_and_stands_in_their_order() -> None:
+    kept, made = Kept(), []
+
+    def doubled(thing: list[int]) -> list[int]:
+        made.append(thing)
+        return thing * 2
+
+    one, two = [1], [2]
+    assert kept.each("doubled", [(one,), (two,), (one,)], doubled) == [[1, 1], [2, 2], [1, 1]]
+    assert kept.each("doubled", [(two,)], doubled) == [[2, 2]]
+    assert len(made) == 2
