@@ -158,6 +158,24 @@ def test_it_is_looked_up_after_the_same_iterations_in_whatever_chunks(gathers: b
     assert (ended([60]) == ended([20, 20, 20])).all()
 
 
+@pytest.mark.parametrize("gathers", [False, True])
+@pytest.mark.parametrize("way", [1e-4, -1e-4])  # [m], against what pulls it down, and along with it
+@pytest.mark.parametrize("loose", [False, True])
+def test_loose_cloth_is_damped_alike_whether_it_fights_its_forces_or_not(
+    gathers: bool, way: float, loose: bool
+) -> None:
+    relaxation, options = lying(gathers), StepOptions()
+    cloth = relaxation.model.cloth
+    cloth.move.assign(np.full((MESH.vertex_count, 3), [0.0, way, 0.0]))
+    cloth.stiffness.fill_(1e9)  # [N/m]: forces themselves move nothing
+    relaxation.loosen(np.array([0.0 if loose else np.inf]))
+    before = relaxation.model.points()
+    relaxation.run(1)
+    falling = options.momentum * (options.damping if way > 0.0 else 1.0)
+    kept = (options.momentum_loose if loose else falling) * way
+    assert relaxation.model.points() - before == pytest.approx(np.full_like(before, [0.0, kept, 0.0]), abs=1e-5 * 1e-4)
+
+
 def test_only_cloth_that_is_worn_has_any() -> None:
     relaxation = lying(contact=False)
     relaxation.loosen(np.zeros(1))

@@ -51,7 +51,7 @@ class StepOptions:
         (stiffness times displacement) is what is kept. Without it the changing steps feed the cloth's swinging.
     memory_falling: the same for worn cloth until its forces first balance: it falls more than twice as fast.
     leeway: how many times the bound's step a vertex of worn cloth may go at most in directions that hardly resist,
-        once forces have balanced; 0: no more than once. With 300 no faster. In cloth that still falls buckling
+        once forces have balanced; 0: no more than once. With 200 no faster. In cloth that still falls buckling
         would outrun what takes the crumples out.
     loose: forces have balanced where the relative residual's rms is below this; they have not where it is above
         TIGHTER times that.
