@@ -190,12 +190,17 @@ class _Balance:
             if self._counted and abs(before - energy) <= SETTLED * energy:
                 break
             before = energy
-            slope, bound = (np.bincount(corners, table.ravel(), len(move)) for table in (pull, curve))
-            last = MOMENTUM * last - 2.0 * STEP * slope / np.where(bound > 0.0, bound, 1.0)
-            last[self._stays] = 0.0
-            move += last
+            slope, bound = (np.asarray(np.bincount(corners, each.ravel(), len(move)), float) for each in (pull, curve))
+            in_parts(partial(self._go_on, move, last, slope, bound), len(move))
         in_parts(fold, len(even))
         return folded
+
+    def _go_on(self, move: Floats, last: Floats, slope: Floats, bound: Floats, part: slice) -> None:
+        """Moves a part of the vertices."""
+        own, least = last[part], np.where(bound[part] > 0.0, bound[part], 1.0)
+        own[...] = MOMENTUM * own - 2.0 * STEP * slope[part] / least
+        own[self._stays[part]] = 0.0
+        move[part] += own
 
 
 def _wing(sheet: Sheet, triangle: Any, side: Any, floor: float) -> tuple[Floats, ...]:

@@ -39,13 +39,15 @@ class Patches:
         self._held = RowSums(self._corners.ravel(), np.tile(np.arange(len(hinges)), 4), count)
         self._around = RowSums(edges[:, ::-1].T.ravel(), edges.T.ravel(), count)
         self._part = 0.5 / np.maximum(np.bincount(edges.ravel(), minlength=count), 1)
+        # memory that is used again and again: what is new costs as much as the work in it
+        self._holding, self._walking = np.empty(len(hinges)), np.empty((2, count))
         corners = sheet.triangles.ravel()
         self.area = self._spread(np.asarray(np.bincount(corners, np.repeat(sheet.areas / 3.0, 3), count), float))
 
     def _spread(self, held: Floats) -> Floats:
-        """What every vertex holds, walked about: the sum stays. Shape [V]."""
-        held, part = held.copy(), self._part
-        parts, next_parts = part * held, np.empty_like(held)
+        """Has what every vertex holds walk about, in its place: the sum stays. Shape [V]."""
+        part = self._part
+        parts, next_parts = np.multiply(part, held, out=self._walking[0]), self._walking[1]
         for _ in range(STEPS):
 
             def walk(there: slice, sums: Floats, onward: Floats = next_parts) -> None:
@@ -60,7 +62,8 @@ class Patches:
 
     def sums(self, *factors: Floats) -> Floats:
         """Of what every hinge holds, a product, shape [V]."""
-        return self._spread(self._held(by_parts(lambda *own: 0.25 * math.prod(own[1:], start=own[0]), *factors)))
+        by_parts(lambda *own: 0.25 * math.prod(own[1:], start=own[0]), *factors, out=self._holding)
+        return self._spread(self._held(self._holding))
 
     def means(self, own: Floats, part: slice) -> Floats:
         """Of the four vertices of each of some hinges."""

@@ -21,9 +21,11 @@ def in_parts(work: Callable[[slice], R], count: int) -> list[R]:
     return [work(slice(first, min(first + AT_ONCE, count))) for first in range(0, max(count, 1), AT_ONCE)]
 
 
-def by_parts(function: Callable[..., NDArray[Any]], *arrays: NDArray[Any]) -> NDArray[np.float64]:
+def by_parts(
+    function: Callable[..., NDArray[Any]], *arrays: NDArray[Any], out: NDArray[np.float64] | None = None
+) -> NDArray[np.float64]:
     """A function of arrays that gives a number for each of their rows, part by part, shape [rows]."""
-    made = np.empty(len(arrays[0]))
+    made = np.empty(len(arrays[0])) if out is None else out
 
     def put(part: slice) -> None:
         made[part] = function(*(array[part] for array in arrays))
