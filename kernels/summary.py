@@ -91,9 +91,10 @@ def chunk_kernel(precision: str) -> wp.Kernel:
             last = wp.vec3d(looks.last[vertex])
             change = here - last
             moved = wp.max(moved, wp.max(wp.abs(change)))
-            if looks.low[vertex] == wp.uint8(0):
-                before = wp.vec3d(looks.before[vertex])
-                growing = wp.max(growing, growing_way(change, last - before, before - wp.vec3d(looks.earlier[vertex])))
+            # asked for with the rest: a GPU waits for memory far longer than it works
+            before = wp.vec3d(looks.before[vertex])
+            way = growing_way(change, last - before, before - wp.vec3d(looks.earlier[vertex]))
+            growing = wp.max(growing, wp.where(looks.low[vertex] == wp.uint8(0), way, wp.float64(0.0)))
             # adding nothing, or what is not finite: that must not be lost in a comparison
             free += (change[0] - change[0]) + (change[1] - change[1]) + (change[2] - change[2])
             lower = wp.min(lower, here)
