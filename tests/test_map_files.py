@@ -141,6 +141,34 @@ def test_comparison_is_a_stage_pictures_and_figures(tmp_path: Path) -> None:
     assert told["differences"]["pressure_difference"]["unit"] == "kPa"
 
 
+def test_a_fit_in_several_formats_with_a_layer_over_the_users_stage_is_one_fit(tmp_path: Path) -> None:
+    staged(tmp_path / "fit.usdc", mapped())
+    (tmp_path / "fit.usdz").touch()
+    (tmp_path / "fit_over.usda").touch()
+    assert read_fit(tmp_path).garments
+    (tmp_path / "other.usdc").touch()
+    with pytest.raises(InputError, match="holds 2 stages"):
+        read_fit(tmp_path)
+
+
+def test_a_users_own_body_of_quads_is_read_where_it_stands(tmp_path: Path) -> None:
+    write_stage(tmp_path / "fit.usda", garments=[mapped()], avatar=None, name="fit")
+    stage = Usd.Stage.Open(str(tmp_path / "fit.usda"))
+    place = UsdGeom.Xform.Define(stage, "/fit/theirs")
+    place.AddTranslateOp().Set((5.0, 0.0, 0.0))
+    place.AddScaleOp().Set((0.01, 0.01, 0.01))
+    body = UsdGeom.Mesh.Define(stage, "/fit/theirs/body")
+    body.CreatePointsAttr([(x, y, z) for x in (0, 170) for y in (0, 170) for z in (0, 50)])
+    body.CreateFaceVertexCountsAttr([4] * 6)
+    sides = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    body.CreateFaceVertexIndicesAttr([corner for side in sides for corner in side])
+    stage.Save()
+    avatar = read_fit(tmp_path).avatar
+    assert avatar is not None
+    assert avatar.triangle_count == 12
+    np.testing.assert_allclose(avatar.bounds(), [[5.0, 0.0, 0.0], [6.7, 1.7, 0.5]], atol=1e-6)
+
+
 def test_fits_without_maps_in_common_are_refused(tmp_path: Path) -> None:
     bare = replace(mapped(), fields={"ease": np.zeros(49, dtype=np.float32)})
     with pytest.raises(InputError, match="no map that both fits have"):

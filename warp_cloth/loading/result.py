@@ -10,12 +10,14 @@ from typing import Any
 import numpy as np
 
 from warp_cloth.errors import InputError
+from warp_cloth.loading.load import load_mesh
 from warp_cloth.maps.kinds import MAPS
 from warp_cloth.mesh import Mesh
 from warp_cloth.result import WornGarment
 
 FIT_AGAIN = "name the .usdc file, or the --out folder, of `warp-cloth fit ... --maps all`"
 SUFFIXES = (".usdc", ".usda", ".usd", ".usdz")
+OVER = "_over"  # what a layer over the user's own stage is called after the name
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,31 +45,49 @@ def read_fit(place: Path) -> WrittenFit:
         if not prim.IsA(UsdGeom.Mesh):
             continue
         mesh = UsdGeom.Mesh(prim)
+        fields = _fields(mesh)
+        if not fields:
+            bodies.append(str(prim.GetPath()))
+            continue
         name = prim.GetParent().GetDisplayName() or prim.GetParent().GetName()
         surface = Mesh(
             name,
             np.array(mesh.GetPointsAttr().Get(), dtype=np.float64).reshape(-1, 3),
             np.array(mesh.GetFaceVertexIndicesAttr().Get(), dtype=np.int32).reshape(-1, 3),
         )
-        fields = _fields(mesh)
-        if fields:
-            garments.append(WornGarment(name, surface, surface.points, thickness=0.0, fields=fields))
-        else:
-            bodies.append(surface)
+        garments.append(WornGarment(name, surface, surface.points, thickness=0.0, fields=fields))
     if not garments:
         raise InputError(path, "holds no fit maps", FIT_AGAIN)
-    return WrittenFit(place.name, tuple(garments), bodies[0] if bodies else None, _report(path.parent / "report.json"))
+    return WrittenFit(place.name, tuple(garments), _avatar(path, bodies), _report(path.parent / "report.json"))
+
+
+def _avatar(path: Path, prims: list[str]) -> Mesh | None:
+    """The meshes that the garments are worn by, as one, where they stand; they may be the user's own."""
+    if not prims:
+        return None
+    parts = [load_mesh(path, role="avatar", key="avatar", prim=prim) for prim in prims]
+    first = np.cumsum([0, *(part.vertex_count for part in parts)])
+    triangles = [part.triangles + start for part, start in zip(parts, first[:-1], strict=True)]
+    points = np.concatenate([part.points for part in parts])
+    return Mesh("avatar", points, np.concatenate(triangles).astype(np.int32))
 
 
 def _stage_file(place: Path) -> Path:
     if place.is_dir():
-        stages = sorted(path for path in place.iterdir() if path.suffix in SUFFIXES)
-        if len(stages) != 1:
-            raise InputError(place, f"holds {len(stages)} stages", FIT_AGAIN)
-        return stages[0]
+        stages = sorted((path for path in place.iterdir() if path.suffix in SUFFIXES), key=_preferred)
+        names = {path.stem for path in stages}
+        names -= {f"{name}{OVER}" for name in names}  # layers over what the user gave
+        if len(names) != 1:
+            raise InputError(place, f"holds {len(names)} stages", FIT_AGAIN)
+        return next(path for path in stages if path.stem in names)
     if not place.is_file() or place.suffix not in SUFFIXES:
         raise InputError(place, "is no stage", FIT_AGAIN)
     return place
+
+
+def _preferred(path: Path) -> int:
+    """Rank of a format, where a fit was written in several."""
+    return SUFFIXES.index(path.suffix)
 
 
 def _fields(mesh: Any) -> dict[str, Any]:
