@@ -5,7 +5,7 @@ from __future__ import annotations
 import ast
 import importlib
 import itertools
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -105,29 +105,42 @@ def test_bake_kernels_compile() -> None:
 FOLDED = Terms(True, True, True, angles=True)
 
 
+def spread(precision: str, *options: Any) -> Iterator[tuple[Any, ...]]:
+    """Every combination of options falls to one precision: pairs of choices are met, at a third of the compiling."""
+    for chosen in itertools.product(*(tuple(enumerate(values)) for values in options)):
+        if PRECISIONS[sum(number for number, _ in chosen) % len(PRECISIONS)] == precision:
+            yield tuple(value for _, value in chosen)
+
+
+def turned(precision: str, choices: Sequence[Any]) -> list[Any]:
+    """The choices, begun with another one in every precision, so that each meets what others stand beside."""
+    first = PRECISIONS.index(precision)
+    return [*choices[first:], *choices[:first]]
+
+
 @pytest.mark.parametrize("precision", PRECISIONS)
 def test_force_kernels_compile(precision: str) -> None:
     terms = (Terms(True, True, False), Terms(False, True, True), Terms(False, False, True), FOLDED)
     loaded(normals_kernel(precision), eight_normals_kernel(precision))
     for make in (edges_kernel, triangles_kernel):
-        loaded(*(make(precision, *rest) for rest in itertools.product(FOURTH_PARTS, terms)))
+        loaded(*(make(precision, *rest) for rest in spread(precision, FOURTH_PARTS, terms)))
     for make in (eight_edges_kernel, eight_triangles_kernel):
-        loaded(*(make(precision, *rest) for rest in itertools.product(BOUNDS, terms[:-1])))
-    loaded(*(gather_kernel(precision, *rest, False) for rest in itertools.product(FOURTH_PARTS, terms)))
+        pairs = zip(turned(precision, terms[:-1]), (*BOUNDS, BOUNDS[0]), strict=True)
+        loaded(*(make(precision, bound, chosen) for chosen, bound in pairs))
+    loaded(*(gather_kernel(precision, *rest, False) for rest in spread(precision, FOURTH_PARTS, terms)))
 
 
 @pytest.mark.parametrize("precision", PRECISIONS)
 def test_displacement_and_certificate_kernels_compile(precision: str) -> None:
     loaded(energy_kernels(precision), bending_energy_kernel(precision, False), bending_energy_kernel(precision, True))
-    for contact, data in COLLIDERS:
+    choices = list(itertools.product((False, True), repeat=2))
+    for (contact, data), (accelerated, touches) in zip(COLLIDERS, turned(precision, choices), strict=True):
         asked = contact, data or NoCollider
-        loaded(residual_kernel(precision, *asked, False), residual_kernel(precision, *asked, True))
+        loaded(residual_kernel(precision, *asked, touches))
         if contact is not None:
-            loaded(push_kernel(precision, *asked, False), push_kernel(precision, *asked, True))
-        for accelerated in (False, True):
-            for touches in (False, True):
-                loaded(displace_kernel(precision, accelerated, *asked, touches, touches))
-                loaded(advance_kernel(precision, accelerated, Terms(True, True, True), False, *asked, touches, True))
+            loaded(push_kernel(precision, *asked, touches))
+        loaded(displace_kernel(precision, accelerated, *asked, touches, touches))
+        loaded(advance_kernel(precision, accelerated, Terms(True, True, True), False, *asked, touches, True))
 
 
 @pytest.mark.parametrize("precision", PRECISIONS)
@@ -135,4 +148,12 @@ def test_kernels_of_cloth_on_cloth_compile(precision: str) -> None:
     searching = start_kernel, box_kernel, groups_kernel, leaves_kernel, pairs_kernel
     parting = crossing_groups_kernel, crossing_leaves_kernel, crossings_kernel, layers_kernel, settle_kernel
     loaded(*(made(precision) for made in (*searching, *parting, add_kernel)))
-    loaded(*(press_kernel(precision, fourth) for fourth in FOURTH_PARTS))
+    loaded(*(press_kernel(precision, *rest) for rest in spread(precision, FOURTH_PARTS)))
+
+
+def test_every_pair_of_choices_is_compiled() -> None:
+    met = {(precision, *rest) for precision in PRECISIONS for rest in spread(precision, range(4), range(4))}
+    assert len(met) == 4 * 4
+    for first, second in itertools.combinations(range(3), 2):
+        pairs = {(row[first], row[second]) for row in met}
+        assert len(pairs) == (16 if first else 3 * 4)
