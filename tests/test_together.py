@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ctypes
-import time
 
 import numpy as np
 import pytest
@@ -13,6 +12,7 @@ from test_carried import floor
 
 from warp_cloth.errors import InputError
 from warp_cloth.fabric import Fabric
+from warp_cloth.kernels.cloth import cloth_types
 from warp_cloth.kernels.sharing import APART, meet_threads
 from warp_cloth.mesh import Mesh
 from warp_cloth.model import ClothModel, GarmentPart, build_model
@@ -21,8 +21,8 @@ from warp_cloth.scene import load_scene
 from warp_cloth.set_up import set_up_one
 from warp_cloth.solver import together
 from warp_cloth.solver.relax import Collider, Relaxation, StepOptions
-from warp_cloth.solver.shares import cut_model
-from warp_cloth.solver.together import LONGEST_PAUSE, PATIENCE, Pause, thread_count
+from warp_cloth.solver.shares import CONSTANT, ITERATED, cut_model
+from warp_cloth.solver.together import LONGEST_PAUSE, Pause, thread_count
 from warp_cloth.threads import ALONE
 
 WOVEN = Fabric(stretch_warp=2e4, stretch_weft=1e4, shear=100.0, bending_warp=1e-5, bending_weft=1e-5)
@@ -114,6 +114,11 @@ def test_every_vertex_is_in_one_share_with_all_that_acts_on_it(mixed: bool) -> N
             assert there == wanted  # in the same order, as sums depend on it
 
 
+def test_shares_have_all_that_a_cloth_has() -> None:
+    others = {"items", "moved"}  # of all shares, and where forces are gathered
+    assert set(cloth_types("mixed").Cloth.vars) == {*ITERATED, *CONSTANT, *others}
+
+
 def test_shares_are_cut_where_they_double_little() -> None:
     mesh = sheet(mixed=True)
     model = model_of(mesh, build_rest_shape(mesh, WOVEN, rest="mesh"), precision="mixed")
@@ -125,10 +130,8 @@ def test_shares_are_cut_where_they_double_little() -> None:
 def test_a_thread_does_not_wait_for_ever() -> None:
     arrivals = wp.zeros(3 * APART, dtype=wp.int32, device="cpu")
 
-    def meet(number: int, naps: int) -> float:
-        began = time.perf_counter()
+    def meet(number: int, naps: int) -> None:
         wp.launch(meet_threads, dim=1, inputs=[arrivals, number, USLEEP, naps], device="cpu")
-        return time.perf_counter() - began
 
     meet(0, 10)
     assert arrivals.numpy()[0] == 1  # the other never came
@@ -148,11 +151,10 @@ def test_a_thread_that_fails_holds_up_nobody(failing: int, monkeypatch: pytest.M
         launch(graph)
 
     monkeypatch.setattr(wp, "capture_launch", fail)
-    began = time.perf_counter()
-    for _ in range(2):  # what one of them has left undone is not gone on from
-        with pytest.raises((MemoryError, RuntimeError)):
-            shared.run(20)
-    assert time.perf_counter() - began < PATIENCE
+    with pytest.raises(MemoryError):
+        shared.run(20)
+    with pytest.raises((MemoryError, RuntimeError)):  # what one of them has left undone is not gone on from
+        shared.run(20)
 
 
 def test_pauses_grow_while_threads_wait_in_vain_and_shrink_when_they_do_not() -> None:
