@@ -52,6 +52,34 @@ def test_pairs_stay_known_until_the_next_search() -> None:
     assert np.abs(found[:, :3] - expected).max() <= FORCE_ROUNDING + RELATIVE_ROUNDING * np.abs(expected).max()
 
 
+def test_a_search_says_which_pairs_are_to_be_looked_at_at_once() -> None:
+    flat, mesh = grid(12, 0.22), crumpled(3)
+    model, touch, _ = sheets_at([flat])
+    model.set_points(mesh.points)
+    look(model, touch)
+    count = int(touch.data.count.numpy()[0])
+    due = touch.data.due.numpy()[:count] <= touch.data.way.numpy()[0]
+    touching = {tuple(pair.corners.tolist()) for pair in touching_pairs(mesh.points, touch)}
+    asked = {tuple(corners) for corners in touch.data.corners.numpy()[:count][due].tolist()}
+    assert touching <= asked
+    assert 0 < due.sum() < count  # and not all
+
+
+def test_what_moves_has_more_room_than_what_stands_still() -> None:
+    mesh = grid(12, 0.22)
+    model, touch, _ = sheets_at([mesh])
+    look(model, touch)
+    touch.search(model.cloth)  # from where it was at the last one it has not moved
+    still = np.float32(touch.leeway)
+    assert (touch.data.skin.numpy() == still).all()
+    moves = mesh.points[:, 0] > 0.11
+    for _ in range(3):
+        model.set_points(model.points() + 0.9 * touch.data.skin.numpy()[:, None] * moves[:, None] * [0.0, 0.0, 1.0])
+        touch.search(model.cloth)
+    assert (touch.data.skin.numpy() > still)[moves].all()
+    assert (touch.data.skin.numpy() == still)[~moves].all()
+
+
 def test_forces_are_the_gradient_of_the_energy_and_balance() -> None:
     flat, mesh = grid(12, 0.22), crumpled(5)
     model, touch, _ = sheets_at([flat])
