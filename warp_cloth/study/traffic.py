@@ -10,10 +10,9 @@ from typing import Any
 import warp as wp
 
 ATOMICS = frozenset({"atomic_add", "atomic_sub", "atomic_min", "atomic_max", "atomic_cas", "atomic_exch"})
-
-
 PACKED = frozenset({"packed_point", "put_packed_point"})
-QUEUES = frozenset({"queue_due"})  # that read an array and say how many of its elements go on
+LOOKS = frozenset({"look_due"})  # that read some of an array's elements at once
+QUEUES = frozenset({"queue_due"})  # that are given those, and say how many of them go on, of each kind
 SEVERAL = "*"  # in a chain: several for each that the loop round it goes over
 
 FROM = "from "  # before a count: what is not below it
@@ -21,7 +20,7 @@ FROM = "from "  # before a count: what is not below it
 # What bounds a use, from outside to inside: counts of a patch, "vertex_count" of ``while local < patch.vertex_count``,
 # or of ``if`` for a loop's first turn; counters on the device, "contact.count" of ``while pair < contact.count[0]`` or
 # of ``if contact.count[0] > 0``; arrays that say who goes on, "contact.due" of ``if contact.due[pair] > gone: return``
-# or of ``queue_due(place, contact.due, ...)``, "contact.lean" where those that do not go on have theirs put to nothing;
+# or of ``queue_due(place, look_due(contact.due, ...), ...)``, "contact.lean" where those that do not go on have theirs put to nothing;
 # members of structs in an array, "cloth.items.leeway" of ``if item.leeway > 0``, where ``item`` is one of them.
 Chain = tuple[str, ...]
 
@@ -97,6 +96,8 @@ class _Reader(ast.NodeVisitor):
 
     def _name(self, name: str, value: ast.AST) -> None:
         """Remembers what a name stands for, where that matters."""
+        if _called(value) in LOOKS:
+            self._paths[name] = self._queued(value)
         element = self._path(value) if isinstance(value, ast.Subscript) else ""
         for known, found in (
             (self._counts, self._count(value)),
@@ -188,16 +189,16 @@ class _Reader(ast.NodeVisitor):
         if start:
             self._uses.starts[path] = start
 
-    def _queued(self, node: ast.Call) -> str:
-        """The array that a queue's elements are of."""
-        return next(filter(None, map(self._path, node.args)), "")
+    def _queued(self, node: ast.AST) -> str:
+        """The array that a queue's elements, or those looked at, are of."""
+        return next(filter(None, map(self._path, getattr(node, "args", ()))), "")
 
     def _count(self, node: ast.AST) -> str:
         """A patch's count or a counter on the device, by itself, by a name of it, or the least of it and others.
 
         Of a queue the array that says who is in it.
         """
-        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in QUEUES:
+        if _called(node) in QUEUES:
             return self._queued(node)
         if isinstance(node, ast.Attribute) and node.attr.endswith("_count"):
             return node.attr
@@ -205,6 +206,8 @@ class _Reader(ast.NodeVisitor):
             return self._path(node)
         if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and node.func.attr == "min":
             return next((count for count in map(self._count, node.args) if count), "")
+        if isinstance(node, ast.Subscript) and isinstance(node.value, ast.Name):  # of a kind
+            return self._counts.get(node.value.id, "")
         return self._counts.get(node.id, "") if isinstance(node, ast.Name) else ""
 
     def _member(self, node: ast.AST) -> str:
@@ -242,3 +245,8 @@ class _Reader(ast.NodeVisitor):
             return bool(eval(code, dict(self._known)))  # as Warp does
         except NameError:
             return None
+
+
+def _called(node: ast.AST) -> str:
+    """The name of the function that is called, where that is what an expression does."""
+    return node.func.id if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) else ""
