@@ -20,7 +20,8 @@ FROM = "from "  # before a count: what is not below it
 # What bounds a use, from outside to inside: counts of a patch, "vertex_count" of ``while local < patch.vertex_count``,
 # or of ``if`` for a loop's first turn; counters on the device, "contact.count" of ``while pair < contact.count[0]`` or
 # of ``if contact.count[0] > 0``; arrays that say who goes on, "contact.due" of ``if contact.due[pair] > gone: return``
-# or of ``queue_due(place, look_due(contact.due, ...), ...)``, "contact.lean" where those that do not go on have theirs put to nothing;
+# or of ``queue_due(place, look_due(contact.due, ...), ...)``, "contact.lean" where those that do not go on have theirs
+# put to nothing;
 # members of structs in an array, "cloth.items.leeway" of ``if item.leeway > 0``, where ``item`` is one of them.
 Chain = tuple[str, ...]
 
