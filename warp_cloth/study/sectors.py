@@ -34,7 +34,7 @@ def moved_bytes(launch: Launch, uses: Uses) -> tuple[int, int]:
     In memory each sector counts once: whoever asks for it again finds it in the cache. Of the cache every block of
     threads asks by itself, so that what lies between two patches is asked for twice; and where a core's own cache does
     not hold what its blocks have read, in every loop over a patch again. What registers do not hold goes there, too:
-    counted once for each vertex, as a thread keeps most while it moves one.
+    counted once for each vertex, and once for each pair that may be near, as a thread keeps most while it works on one.
     """
     return _Moved(launch, uses).total()
 
@@ -72,12 +72,13 @@ class _Moved:
         return SECTOR * memory, SECTOR * (read + written) + spilled * self._turns()
 
     def _turns(self) -> int:
-        """How often a thread goes through what takes most registers: for a pair, a leaf, or else for a vertex."""
+        """How often a thread goes through what takes most registers: for a vertex, a pair, or a leaf."""
         turns = min(self._vertices, self._launch.threads)
         for name, chains in self._uses.read.items():
             chain = next(iter(chains))
             if name.endswith(".corners") and any(each.endswith(".due") for each in chain):
-                turns = len(self._of_pairs(self._arrays[name], _owner(name), chain, self._known_of(name, chain))[1])
+                pairs = self._of_pairs(self._arrays[name], _owner(name), chain, self._known_of(name, chain))[1]
+                turns = len(pairs) + (turns if self._patch else 0)  # patches' vertices, and beside them pairs
             if name.endswith(".group") and name in self._arrays and self._device.is_cuda:
                 turns = int(WIDTH) * self._known_of(name, chain)
         return turns
