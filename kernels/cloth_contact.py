@@ -211,13 +211,19 @@ def contact_sum(contact: ClothContact, vertex: int):
 
 
 @wp.func
+def pair_thickness(contact: ClothContact, corners: wp.vec4i):
+    """Thickness where two bits of cloth meet [m]: the mean of both."""
+    return wp.float64(0.5) * wp.float64(contact.thickness[corners[0]] + contact.thickness[corners[3]])
+
+
+@wp.func
 def pair_cloth(contact: ClothContact, corners: wp.vec4i):
     """Thickness [m], modulus [N/m] and friction where two bits of cloth meet: the means of both."""
     first, second = corners[0], corners[3]
-    thickness = wp.float64(contact.thickness[first] + contact.thickness[second])
+    half = wp.float64(0.5)
     modulus = wp.float64(contact.modulus[first] + contact.modulus[second])
     friction = wp.float64(contact.friction[first] + contact.friction[second])
-    return wp.float64(0.5) * wp.vec3d(thickness, modulus, friction)
+    return wp.vec3d(pair_thickness(contact, corners), half * modulus, half * friction)
 
 
 @functools.cache

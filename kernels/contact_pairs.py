@@ -23,6 +23,7 @@ from warp_cloth.kernels.cloth_contact import (
     contact_gone,
     due_after,
     pair_reach,
+    pair_thickness,
     pair_way,
     pair_weights,
 )
@@ -76,7 +77,7 @@ def keep_pair(
     """Counts a pair and, while there is room, keeps it, with the lean that it had before the search."""
     slot = next_slot(contact.count)
     if slot < contact.corners.shape[0]:
-        thickness = wp.float64(0.5) * wp.float64(contact.thickness[corners[0]] + contact.thickness[corners[3]])
+        thickness = pair_thickness(contact, corners)
         contact.corners[slot] = corners
         contact.due[slot] = due_after(contact, kind, distance, thickness, contact_gone(contact))
         lean = wp.vec3f()

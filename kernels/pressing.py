@@ -9,8 +9,6 @@ from warp_cloth.kernels.cloth import MODULE_OPTIONS, cloth_types, place_function
 from warp_cloth.kernels.cloth_contact import (
     FORCE_UNIT,
     NEIGHBOURS,
-    ON_EDGE,
-    ON_TRIANGLE,
     ROOM_SHARE,
     ROOM_UNIT,
     STIFFNESS_UNIT,
@@ -320,12 +318,34 @@ def queue_stride(kind: int) -> int:
 
 
 @functools.cache
+def queued_function(precision: str, fourth: str, sort: int) -> wp.Function:
+    """The function that presses the queued pairs of a sort; arguments as of ``pair_function``."""
+    types = cloth_types(precision)
+    Cloth, Step = types.Cloth, types.Step
+    press_pair = pair_function(precision, fourth, sort)
+
+    @wp.func
+    def press_queued(
+        step: Step, cloth: Cloth, contact: ClothContact, place: int, begin: int, total: int, gone: wp.int64
+    ):
+        """Presses those of so many that are a thread's."""
+        number = first_queued(wp.static(sort))
+        while number < total:
+            pair = queued(place, contact.due, begin, wp.static(sort), number, gone)
+            if pair >= 0:
+                press_pair(step, cloth, contact, pair, gone)
+            number += queue_stride(wp.static(sort))
+
+    return press_queued
+
+
+@functools.cache
 def press_function(precision: str, fourth: str) -> wp.Function:
     """The function that presses a block's share of the pairs; arguments as of ``press_kernel``."""
     types = cloth_types(precision)
     Cloth, Step = types.Cloth, types.Step
-    press_on_triangle = pair_function(precision, fourth, 0)
-    press_on_edge = pair_function(precision, fourth, 1)
+    press_on_triangles = queued_function(precision, fourth, 0)
+    press_on_edges = queued_function(precision, fourth, 1)
 
     @wp.func
     def press_share(step: Step, cloth: Cloth, contact: ClothContact, thread: int, blocks: int):
@@ -351,18 +371,8 @@ def press_function(precision: str, fourth: str) -> wp.Function:
             anew = int(0)
             if first >= count or total[0] + total[1] > queue_room():
                 anew = int(1)
-                number = first_queued(ON_TRIANGLE)
-                while number < total[0]:
-                    pair = queued(place, contact.due, begin, ON_TRIANGLE, number, gone)
-                    if pair >= 0:
-                        press_on_triangle(step, cloth, contact, pair, gone)
-                    number += queue_stride(ON_TRIANGLE)
-                number = first_queued(ON_EDGE)
-                while number < total[1]:
-                    pair = queued(place, contact.due, begin, ON_EDGE, number, gone)
-                    if pair >= 0:
-                        press_on_edge(step, cloth, contact, pair, gone)
-                    number += queue_stride(ON_EDGE)
+                press_on_triangles(step, cloth, contact, place, begin, total[0], gone)
+                press_on_edges(step, cloth, contact, place, begin, total[1], gone)
 
     return press_share
 

@@ -41,7 +41,7 @@ def test_pairs_stay_known_until_the_next_search() -> None:
     flat, mesh = grid(12, 0.22), crumpled(3)
     model, touch, _ = sheets_at([flat])
     # not touching yet, but each side goes almost as far as vertices may before another search is due
-    way = np.where(flat.points[:, 0] > 0.11, 1.0, -1.0)[:, None] * [0.0, 0.0, 0.98 * touch.leeway]
+    way = np.where(flat.points[:, 0] > 0.11, 1.0, -1.0)[:, None] * [0.0, 0.0, 0.98 * touch.least_skin]
     model.set_points(mesh.points + way)
     look(model, touch)
     assert not np.abs(contact_forces(model, touch)).any()
@@ -70,7 +70,7 @@ def test_what_moves_has_more_room_than_what_stands_still() -> None:
     model, touch, _ = sheets_at([mesh])
     look(model, touch)
     touch.search(model.cloth)  # from where it was at the last one it has not moved
-    still = np.float32(touch.leeway)
+    still = np.float32(touch.least_skin)
     assert (touch.data.skin.numpy() == still).all()
     moves = mesh.points[:, 0] > 0.11
     for _ in range(3):

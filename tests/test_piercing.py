@@ -10,14 +10,20 @@ from cloths import grid
 from meshfiles import write_obj
 
 import warp_cloth
-from warp_cloth.collide.piercing import piercing, showing
+from warp_cloth.collide.exact import signed_distances
+from warp_cloth.collide.piercing import edge_places, face_places, pierced, shown
 from warp_cloth.shapes import sphere
 
 BALL = sphere(radius=0.05, centre=(0.0, 0.0, 0.0), edge=0.01)
 
 
 def through(first: tuple[float, float, float], last: tuple[float, float, float], strain: float) -> tuple[int, float]:
-    return piercing(np.array([first, last]), np.array([[0, 1]], dtype=np.int32), np.array([strain]), BALL, "cpu")
+    places, lengths = edge_places(np.array([first, last]), np.array([[0, 1]], dtype=np.int32), np.array([strain]))
+    return pierced(signed_distances(places, BALL, "cpu"), lengths)
+
+
+def showing(points: np.ndarray, triangles: np.ndarray) -> tuple[int, float]:
+    return shown(signed_distances(face_places(points, triangles), BALL, "cpu"))
 
 
 def test_an_edge_through_the_middle_is_as_deep_as_the_ball() -> None:
@@ -54,11 +60,11 @@ def test_a_fit_on_both_sides_of_the_body_says_so(tmp_path: Path, off_side: float
 def test_a_flat_triangle_over_a_ball_lies_as_deep_as_its_middle() -> None:
     ring = 0.05 * np.array([[0.6, np.cos(turn) * 0.8, np.sin(turn) * 0.8] for turn in (0.0, 2.1, 4.2)])
     face = np.array([[0, 1, 2]], dtype=np.int32)
-    count, deep = showing(1.02 * ring, face, BALL, "cpu")
+    count, deep = showing(1.02 * ring, face)
     assert count == 1
     assert deep == pytest.approx(1e3 * 0.05 * (1.0 - 1.02 * 0.6), abs=0.5)
-    assert showing(2.0 * ring, face, BALL, "cpu") == (0, 0.0)
-    assert showing(0.2 * ring, face, BALL, "cpu") == (0, 0.0)  # too small to be asked for
+    assert showing(2.0 * ring, face) == (0, 0.0)
+    assert showing(0.2 * ring, face) == (0, 0.0)  # too small to be asked for
 
 
 def test_cloth_too_coarse_for_the_body_under_it_says_so(tmp_path: Path) -> None:

@@ -239,8 +239,7 @@ def rest_in_fabric(geometry: RestGeometry, vertex_count: int, fabric: Fabric) ->
     """
     weight = fabric.weight * geometry.area * GRAVITY / vertex_count
     made = _constants(geometry, np.full(vertex_count, weight), fabric)
-    notes = geometry.notes + _check_directions(fabric, geometry.sheet.directed)
-    return replace(made, notes=notes, hinge_angle=geometry.hinge_angle, corners=geometry.corners)
+    return replace(made, notes=geometry.notes + _check_directions(fabric, geometry.sheet.directed))
 
 
 def build_rest_geometry(
@@ -325,18 +324,15 @@ def _constants(geometry: RestGeometry, weight: Floats, fabric: Fabric) -> RestSh
     sheet, length = geometry.sheet, geometry.length
     woven = fabric.woven and sheet.directed
     pull = np.zeros(len(length)) if woven else edge_constants(sheet, fabric, length)
-    return RestShape(
-        topology=sheet.topology,
-        edge_length=length,
-        edge_pull=pull,
-        edge_push=fabric.compression * pull,
-        hinge_stiffness=hinge_constants(sheet, fabric, length),
-        vertex_weight=weight,
-        area=geometry.area,
-        weave=thread_constants(sheet, fabric) if woven else None,
-        sheet=sheet,
-        fabric=fabric,
-    )
+    own = {
+        "edge_pull": pull,
+        "edge_push": fabric.compression * pull,
+        "hinge_stiffness": hinge_constants(sheet, fabric, length),
+        "vertex_weight": weight,
+        "weave": thread_constants(sheet, fabric) if woven else None,
+        "fabric": fabric,
+    }
+    return in_geometry(own, geometry)
 
 
 def _check_directions(fabric: Fabric, directed: bool) -> tuple[str, ...]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import collections
-import os
 import sys
 import time
 from collections.abc import Callable, Sequence
@@ -23,6 +22,7 @@ from warp_cloth.batch.work import Done, Task
 from warp_cloth.device import device_named, likely_gpus
 from warp_cloth.errors import InputError
 from warp_cloth.quiet import start_warp
+from warp_cloth.threads import core_count
 
 CPU_SHARD = 8  # items to a shard at most: what a killed run does again on each core
 GPU_SHARD = 512  # so many garments fill the largest GPU, and one reading of their avatars serves them all
@@ -129,7 +129,7 @@ def _pool(device: str | None, workers: int | None, ray: str | None) -> Pool:
 def _places(gpus: Sequence[str], workers: int | None) -> list[str]:
     """The device of each worker."""
     if not gpus:
-        return ["cpu"] * (workers or len(os.sched_getaffinity(0)))
+        return ["cpu"] * (workers or core_count())
     return [gpus[number % len(gpus)] for number in range(workers or WORKERS_PER_GPU * len(gpus))]
 
 

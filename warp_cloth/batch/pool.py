@@ -6,7 +6,6 @@ import collections
 import contextlib
 import logging
 import multiprocessing
-import os
 import signal
 import sys
 from collections.abc import Callable, Iterator, Sequence
@@ -19,6 +18,7 @@ from typing import Protocol
 from warp_cloth.batch.lifeline import begin_alone, end_with_parent
 from warp_cloth.batch.processes import context
 from warp_cloth.batch.work import DeviceLostError, Done, Task, do_task
+from warp_cloth.threads import core_count
 
 log = logging.getLogger(__name__)
 
@@ -164,7 +164,7 @@ def helpers(device: str, workers: int) -> int:
 
     Those of two workers share a core, as these seldom load at once.
     """
-    count = min(2 * len(os.sched_getaffinity(0)) // workers, MOST_HELPERS)
+    count = min(2 * core_count() // workers, MOST_HELPERS)
     return count if device != "cpu" and count > 1 else 0
 
 

@@ -66,7 +66,7 @@ LOOKING_CLOSELY = 2**17  # threads that go through the second, at most: as many 
 PRESSING = 384  # blocks that press pairs, at most: the same
 LEAST_PRESSING = 64  # blocks, at least, that press while others move vertices, if there are pairs for so many
 BOXING = 512  # threads in a block that boxes what is in a tree
-STRIDE_SHARE = 0.1  # of the reach: longest untangling shift in an iteration
+STRIDE_SHARE = 0.1  # of thickness and skin: longest untangling shift in an iteration
 
 
 @dataclass(frozen=True)
@@ -115,8 +115,7 @@ class ClothTouch:
         lengths = np.concatenate([part.rest.edge_length for part in parts])
         thickest = float(self._thickness.max())
         skin = max(SKIN_OF_EDGE * float(np.median(lengths)), SKIN_OF_THICKNESS * thickest)
-        self.reach = thickest + skin  # [m]; pairs nearer than this are looked for
-        self.leeway = LEAST_SKIN * skin  # [m]; how far what stands still may go till the next search
+        self.least_skin = LEAST_SKIN * skin  # [m]; how far what stands still may go till the next search
         self._skin = skin  # [m]
         self.awake = False
         self.settled = False  # whether forces have balanced
@@ -136,7 +135,7 @@ class ClothTouch:
             self._search = self._sheet_search(parts, kinds)
             self._untangling = sheet_untangling(self.sheets, parts)
             self._untangling.layer = self._per_vertex([kind.layer for kind in kinds], wp.int32)
-            self._untangling.stride = STRIDE_SHARE * self.reach
+            self._untangling.stride = STRIDE_SHARE * (thickest + skin)
             self._meetings = self._lists()
         self.layered = len({(kind.item, kind.layer) for kind in kinds}) > len({kind.item for kind in kinds})
 
@@ -158,7 +157,7 @@ class ClothTouch:
         data.modulus = self._per_vertex(HALVING_PRESSURE * area / (FORCE_AT_HALF * self._thickness), wp.float32)
         data.friction = self._per_vertex([kind.friction for kind in kinds], wp.float32)
         data.thickest = float(self._thickness.max())
-        data.least_skin, data.most_skin = self.leeway, LARGEST_SKIN * self._skin
+        data.least_skin, data.most_skin = self.least_skin, LARGEST_SKIN * self._skin
         data.margin = data.far = np.inf  # asleep
         data.ahead = LOOK_EVERY
         data.count = wp.zeros(1, dtype=wp.int32)
@@ -242,7 +241,7 @@ class ClothTouch:
         """From now on garments meet."""
         self.awake = True
         self.settled = False
-        self.data.skin.fill_(self.leeway)
+        self.data.skin.fill_(self.least_skin)
         self._look_within(FAR_SHARE)
         self._search.whole.fill_(1)
         cloth = self._model.cloth

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-import warp as wp
 from numpy.typing import NDArray
 
-from warp_cloth.collide.exact import ExactCollider, signed_distances
-from warp_cloth.mesh import Mesh, Points
+from warp_cloth.mesh import Points
 
 STRETCHED = 0.2  # strain of an edge from which on it is asked for: one through a limb is longer than the limb is thick
 DEEP = 0.2  # of an edge's length, that it runs under the skin: over a round limb a long edge dips less than that
@@ -16,27 +14,13 @@ LARGE = 0.018  # [m]; over a nose or a finger, 14 mm in radius, a shorter edge a
 WITHIN = np.array([[4, 1, 1], [1, 4, 1], [1, 1, 4], [1, 1, 0], [0, 1, 1], [1, 0, 1], [1, 1, 1]])  # of a face
 
 
-def piercing(
-    points: Points,
-    edges: NDArray[np.int32],
-    strains: NDArray[np.float64],
-    avatar: Mesh,
-    device: wp.DeviceLike = None,
-    exact: ExactCollider | None = None,
-) -> tuple[int, float]:
-    """How many of the edges are drawn through the avatar, and how deep [mm].
-
-    ``points`` [m], shape [V, 3]; ``edges`` are pairs of them, shape [E, 2]; ``strains`` are theirs, shape [E].
-    ``exact`` is of that avatar, where there is one already.
-    """
-    places, lengths = edge_places(points, edges, strains)
-    return pierced(signed_distances(places, avatar, device, exact), lengths)
-
-
 def edge_places(
     points: Points, edges: NDArray[np.int32], strains: NDArray[np.float64]
 ) -> tuple[Points, NDArray[np.float64]]:
-    """Places along the edges that are asked for [m], shape [N, 3], and these edges' lengths [m]; as of ``piercing``."""
+    """Places along the edges that are asked for [m], shape [N, 3], and these edges' lengths [m].
+
+    ``points`` [m], shape [V, 3]; ``edges`` are pairs of them, shape [E, 2]; ``strains`` are theirs, shape [E].
+    """
     asked = edges[strains > STRETCHED]
     if not np.isfinite(points).all():
         asked = asked[:0]
@@ -46,28 +30,20 @@ def edge_places(
 
 
 def pierced(distances: NDArray[np.float32], lengths: NDArray[np.float64]) -> tuple[int, float]:
-    """What ``piercing`` tells, by the distances of ``edge_places``."""
+    """How many edges are drawn through the avatar, and how deep they lie under its skin [mm].
+
+    By the signed distances [m] of ``edge_places`` from it.
+    """
     depth = np.nan_to_num(-distances).reshape(len(lengths), len(PLACES)).max(axis=1)
     through = depth > DEEP * lengths
     return int(through.sum()), 1e3 * float(depth[through].max(initial=0.0))
 
 
-def showing(
-    points: Points,
-    triangles: NDArray[np.int32],
-    avatar: Mesh,
-    device: wp.DeviceLike = None,
-    exact: ExactCollider | None = None,
-) -> tuple[int, float]:
-    """Through how many of the triangles the avatar shows, and how deep they lie under its skin [mm].
-
-    ``points`` [m], shape [V, 3]; only triangles large enough for that are asked for.
-    """
-    return shown(signed_distances(face_places(points, triangles), avatar, device, exact))
-
-
 def face_places(points: Points, triangles: NDArray[np.int32]) -> Points:
-    """Places within the triangles that are asked for [m], shape [N, 3]; as of ``showing``."""
+    """Places within those triangles that are large enough for the avatar to show through [m], shape [N, 3].
+
+    ``points`` [m], shape [V, 3].
+    """
     corners = points[triangles]
     large = corners[np.ptp(corners, axis=1).max(axis=1) > LARGE]
     if not np.isfinite(large).all():
@@ -76,6 +52,9 @@ def face_places(points: Points, triangles: NDArray[np.int32]) -> Points:
 
 
 def shown(distances: NDArray[np.float32]) -> tuple[int, float]:
-    """What ``showing`` tells, by the distances of ``face_places``."""
+    """Through how many triangles the avatar shows, and how deep they lie under its skin [mm].
+
+    By the signed distances [m] of ``face_places`` from it.
+    """
     depth = np.nan_to_num(-distances).reshape(-1, len(WITHIN)).max(axis=1)
     return int((depth > 0.0).sum()), 1e3 * float(depth.max(initial=0.0))

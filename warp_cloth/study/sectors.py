@@ -141,7 +141,7 @@ class _Moved:
                 return _distinct(np.concatenate(apart))
             return _keys(block, vertex, size)
         if counters and not loop:
-            owner = counters[0].rpartition(".")[0]
+            owner = _owner(counters[0])
             if f"{owner}.due" in self._arrays:
                 return _keys(*self._of_pairs(array, owner, chain, known), size)
             return _keys(np.arange(min(known, len(array))) // THREADS, np.arange(min(known, len(array))), size)

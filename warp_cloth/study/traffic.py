@@ -59,13 +59,14 @@ class _Reader(ast.NodeVisitor):
         chain: Chain = (),
         starts: dict[str, str] | None = None,
         elements: dict[str, str] | None = None,
+        counts: dict[str, str] | None = None,
     ) -> None:
         closure = inspect.getclosurevars(function)
         self._known = {**closure.globals, **closure.nonlocals}
         self._paths = dict(paths)
         self._uses = uses
         self._chain = chain
-        self._counts: dict[str, str] = {}  # names that stand for a count
+        self._counts = counts or {}  # names that stand for a count
         self._starts = starts or {}  # names of places that are counted from a patch's start
         self._elements = elements or {}  # names that stand for an element of an array
 
@@ -174,13 +175,14 @@ class _Reader(ast.NodeVisitor):
             given = list(zip((argument.label for argument in called.adj.args), node.args, strict=False))
             paths = {label: path for label, value in given if (path := self._path(value))}
             starts = {label: start for label, value in given if (start := self._start(value))}
+            counts = {label: count for label, value in given if (count := self._count(value))}
             elements = {
                 label: self._elements[value.id]
                 for label, value in given
                 if isinstance(value, ast.Name) and value.id in self._elements
             }
             if paths:
-                _Reader(called.func, paths, self._uses, self._chain, starts, elements).read(called.adj.tree)
+                _Reader(called.func, paths, self._uses, self._chain, starts, elements, counts).read(called.adj.tree)
 
     def _note(self, path: str, use: dict[str, set[Chain]], index: ast.AST | None = None) -> None:
         if not path:
