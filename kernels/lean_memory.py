@@ -9,6 +9,13 @@ wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 SEARCH = wp.constant(wp.int64(32))  # bits of a place that hold a pair; above them stands the search that put it there
 PAIR = wp.constant(wp.int64(2**32 - 1))
 
+# odd numbers that spread well, of xxHash
+SPREAD_1 = wp.constant(wp.uint32(2654435761))
+SPREAD_2 = wp.constant(wp.uint32(2246822519))
+SPREAD_3 = wp.constant(wp.uint32(3266489917))
+SPREAD_4 = wp.constant(wp.uint32(668265263))
+SPREAD_5 = wp.constant(wp.uint32(374761393))
+
 
 @wp.struct
 class LeanMemory:
@@ -24,11 +31,11 @@ class LeanMemory:
 @wp.func
 def pair_hash(corners: wp.vec4i, kind: int):
     """A number that spreads pairs over the table (multiplicative, each corner turned differently)."""
-    hash = wp.uint32(corners[0]) * wp.uint32(2654435761)
-    hash = (hash ^ wp.uint32(corners[1])) * wp.uint32(2246822519)
-    hash = (hash ^ wp.uint32(corners[2])) * wp.uint32(3266489917)
-    hash = (hash ^ wp.uint32(corners[3])) * wp.uint32(668265263)
-    hash = (hash ^ wp.uint32(kind)) * wp.uint32(374761393)
+    hash = wp.uint32(corners[0]) * SPREAD_1
+    hash = (hash ^ wp.uint32(corners[1])) * SPREAD_2
+    hash = (hash ^ wp.uint32(corners[2])) * SPREAD_3
+    hash = (hash ^ wp.uint32(corners[3])) * SPREAD_4
+    hash = (hash ^ wp.uint32(kind)) * SPREAD_5
     return wp.int32((hash ^ (hash >> wp.uint32(15))) & wp.uint32(0x7FFFFFFF))
 
 
