@@ -1,0 +1,93 @@
+"""Whether fits have the same bits on every run and on both devices: a table of hashes of the worn shapes.
+
+    python tests/benchmarks/bits.py --device cpu --device cuda:0 --device cuda:0 --iterations 2000 --processes 8
+
+A scene is fitted once for every device named, a device named twice twice. With $WARP_CLOTH_DATA the real T-shirt is
+among the scenes. Exits with 1 where hashes of one scene differ.
+"""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import os
+import sys
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+
+LAYERS = {
+    "garment": [
+        {"shape": {"kind": "tshirt", "size": "M"}, "fabric": "cotton"},
+        {"shape": {"kind": "tshirt", "size": "L"}, "fabric": "denim"},
+    ],
+    "avatar": {"shape": {"kind": "mannequin"}},
+    "collision": {"cloth": True},
+}
+
+
+def scenes() -> dict[str, tuple[str | dict[str, Any], list[str]]]:
+    """Scenes by name: what ``warp_cloth.fit`` takes, and what is changed in it."""
+    found: dict[str, tuple[str | dict[str, Any], list[str]]] = {
+        "hanging": ("hanging", []),
+        "hanging, edges": ("hanging", ["garment.fabric=default"]),
+        "hanging, multilevel": ("hanging", ["solver.method=multilevel"]),
+        "hanging, direct": ("hanging", ["solver.method=direct"]),
+        "hanging, float64": ("hanging", ["solver.precision=float64"]),
+        "sphere": ("sphere", []),
+        "sphere, multilevel": ("sphere", ["solver.method=multilevel"]),
+        "sphere, direct": ("sphere", ["solver.method=direct"]),
+        "T-shirt": ("tshirt", []),
+        "T-shirt, felt, auto": ("tshirt", ["garment.fabric=felt", "collision.avatar=auto"]),
+        "T-shirt, plain": ("tshirt", ["collision.avatar=plain"]),
+        "T-shirt, multilevel": ("tshirt", ["solver.method=multilevel"]),
+        "T-shirt, cloth on cloth": ("tshirt", ["collision.cloth=true"]),
+        "layers": (LAYERS, []),
+    }
+    real = Path(os.environ.get("WARP_CLOTH_DATA", "")) / "garmentcode"
+    if (real / "tshirt.obj").is_file():
+        worn = {"garment": {"mesh": str(real / "tshirt.obj")}, "avatar": {"mesh": str(real / "mean_all.obj")}}
+        found["real T-shirt"] = (worn, [])
+        found["real T-shirt, stiff"] = (worn, ["garment.fabric={stretch=2e5}"])
+        found["real T-shirt, cloth on cloth"] = (worn, ["collision.cloth=true"])
+    return found
+
+
+def hashed(name: str, device: str, iterations: int) -> tuple[str, int]:
+    """The hash of a scene's worn shapes, and the iterations that it took."""
+    import warp_cloth
+    from warp_cloth.quiet import start_warp
+
+    start_warp()
+    scene, changes = scenes()[name]
+    overrides = [*changes, f"solver.iterations={iterations}"]
+    fit = warp_cloth.fit(warp_cloth.load_scene(scene, overrides), device=device)
+    points = b"".join(garment.points.tobytes() for garment in fit.garments)
+    return hashlib.sha256(points).hexdigest()[:12], fit.report["iterations"]
+
+
+def main() -> None:
+    reader = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    reader.add_argument("--device", action="append", required=True)
+    reader.add_argument("--iterations", type=int, default=20_000)
+    reader.add_argument("--processes", type=int, default=1)
+    reader.add_argument("--only", action="append", help="a scene's name; all by default")
+    asked = reader.parse_args()
+    names = asked.only or list(scenes())
+    with ProcessPoolExecutor(asked.processes, mp_context=get_context("spawn")) as pool:
+        runs = {
+            name: [pool.submit(hashed, name, device, asked.iterations) for device in asked.device] for name in names
+        }
+        differ = 0
+        for name, results in runs.items():
+            found = [run.result() for run in results]
+            same = len(set(found)) == 1
+            differ += not same
+            told = " ".join(f"{text}/{count}" for text, count in found)
+            print(f"{name:<30} {'same' if same else 'DIFFER'} {told}", flush=True)
+    sys.exit(differ > 0)
+
+
+if __name__ == "__main__":
+    main()
