@@ -89,7 +89,7 @@ def footprint_of(made: SetUp) -> Footprint:
         seconds=times.seconds,
         threads=made.relaxation.thread_count,
         iterations=(times.begin, times.end),
-        memory=_memory(made),
+        memory=memory_of(made),
     )
 
 
@@ -121,7 +121,7 @@ def _used(launch: Launch, uses: Uses) -> list[wp.array]:
     return [array for name, array in launch.arrays().items() if name in uses.read | uses.written and array.ndim == 1]
 
 
-def _memory(made: SetUp) -> dict[str, int]:
+def memory_of(made: SetUp) -> dict[str, int]:
     """Bytes of the arrays that a scene holds on its device: of the avatar, of the cloth, more for the checks.
 
     The report's are taken at the end, besides the others; shapes on the way are as many as can be.
