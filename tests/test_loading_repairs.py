@@ -244,6 +244,40 @@ def test_panels_with_a_common_outline_edge_are_sewn(tmp_path: Path) -> None:
     assert mesh.vertex_count == 15
 
 
+def two_panels(*, sewn: bool, shift: float = 1.03, turn: float = 1.0) -> str:
+    """Two panels whose sides coincide all along and, if ``sewn``, share their lower three vertices of five.
+
+    In texture space the second lies at ``shift`` along u; ``turn`` -1 mirrors it.
+    """
+    points, triangles = grid(5)
+    other = triangles + len(points)
+    for row in range(3 if sewn else 0):
+        other = np.where(other == len(points) + 5 * row, 5 * row + 4, other)
+    rows = [f"v {x!r} {y!r} {z!r}" for x, y, z in np.concatenate([points, points + np.eye(3)[0]]).tolist()]
+    flat = np.concatenate([points[triangles], points[triangles] * [turn, 1.0, 1.0] + [shift, 0.0, 0.0]])
+    rows += [f"vt {u!r} {v!r}" for u, v, _ in flat.reshape(-1, 3).tolist()]
+    faces = np.stack([np.concatenate([triangles, other]), np.arange(len(flat) * 3).reshape(-1, 3)], axis=-1) + 1
+    return "\n".join(rows + ["f " + " ".join(f"{v}/{vt}" for v, vt in face) for face in faces.tolist()])
+
+
+@pytest.mark.parametrize(("shift", "turn"), [(1.03, 1.0), (1.0, -1.0)])
+def test_an_opening_between_panels_that_are_sewn_elsewhere_stays_open(
+    tmp_path: Path, shift: float, turn: float
+) -> None:
+    """As the fronts of a jacket, which meet without being joined; panels apart, or on each other."""
+    open_ = load(tmp_path, two_panels(sewn=True, shift=shift, turn=turn))
+    assert open_.vertex_count == 47
+    assert noted(open_, "2 vertices at the same place as others left apart: openings")
+    closed = load(tmp_path, two_panels(sewn=False, shift=shift, turn=turn))
+    assert closed.vertex_count == 45
+    assert noted(closed, "5 vertices welded")
+
+
+def test_a_cut_within_one_panel_is_closed(tmp_path: Path) -> None:
+    """Its sides meet in texture space, too: the file gives faces vertices of their own for reasons of its own."""
+    assert load(tmp_path, two_panels(sewn=True, shift=1.0)).vertex_count == 45
+
+
 def test_inside_out_avatar_is_turned_outwards(tmp_path: Path) -> None:
     points = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\n"
     outwards = load(tmp_path, points + "f 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n", role="avatar")

@@ -70,7 +70,8 @@ def repaired(raw: RawMesh, points: Floats, *, role: Role, rest: RestKind) -> Rep
     work = work.kept(_first_of_each(work.triangles), "duplicate triangle")
     work = work.kept(~_without_area(raw, work, points, rest), "triangle", "without area")
     _refuse_empty(raw, work)
-    welded = weld(points, work.triangles, near=role == "garment")
+    panels = None if raw.texcoords is None or role == "avatar" else _usable(raw.texcoords[work.corners])
+    welded = weld(points, work.triangles, near=role == "garment", panels=panels)
     work = _welded(work, welded, role)
     _refuse_empty(raw, work)
     if role == "garment":
@@ -168,7 +169,7 @@ def _welded(work: _Work, welded: Weld, role: Role) -> _Work:
         notes = (*notes, f"{counted(welded.joined, 'vertex')} welded to others {where}")
     if welded.apart and role == "garment":
         what = f"{counted(welded.apart, 'vertex')} at the same place as others"
-        notes = (*notes, f"{what} left apart: layers, or parts that only touch")
+        notes = (*notes, f"{what} left apart: openings, layers, or parts that only touch")
     if not welded.joined:
         return replace(work, notes=notes)
     work = replace(work, triangles=welded.vertex[work.triangles], notes=notes)

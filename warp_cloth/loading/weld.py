@@ -26,12 +26,15 @@ class Weld:
     farthest: float = 0.0  # between two that were joined [m]
 
 
-def weld(points: Floats, triangles: Ints, *, near: bool = False) -> Weld:
+def weld(points: Floats, triangles: Ints, *, near: bool = False, panels: Floats | None = None) -> Weld:
     """Join boundary edges that coincide, two and two; exactly, or nearly if ``near``.
 
     Edges, not points: parts that only touch stay apart. Where more than two faces would meet, two layers lie
     on each other, and they stay apart too; only where no faces share a vertex at all (an STL) do positions
     alone say what is joined, and a third face at an edge is then the file's own.
+
+    ``panels`` are texture coordinates, shape [F, 3, 2]: a piece whose panels share vertices along its seams is sewn
+    already, and where two of its rims coincide all the same it is open, as a jacket is in front.
     """
     used = used_ids(triangles, len(points))
     places = distinct(points[used] + 0.0)  # -0 and 0 are one place
@@ -45,7 +48,7 @@ def weld(points: Floats, triangles: Ints, *, near: bool = False) -> Weld:
         return Weld(np.arange(len(points)))
     soup = len(triangles) > 1 and int(np.bincount(triangles.reshape(-1)).max()) == 1
     faces = triangles[np.sort(distinct(np.sort(place[triangles], axis=1)).first)] if soup else triangles
-    a, b = _matched(place, faces, soup)
+    a, b = _matched(place, faces, soup, panels)
     while True:
         vertex = lowest_connected(len(points), a, b)
         bad = np.zeros(len(points), dtype=bool) if soup else _spoilt(vertex, faces)
@@ -88,7 +91,7 @@ def _per_row(rows: Ints) -> tuple[Ints, Ints]:
     return found.number, found.count[found.number]
 
 
-def _matched(place: Ints, faces: Ints, soup: bool) -> tuple[Ints, Ints]:
+def _matched(place: Ints, faces: Ints, soup: bool, panels: Floats | None) -> tuple[Ints, Ints]:
     """Pairs of vertices that coinciding boundary edges ask to join."""
     edges = edges_of(faces)
     boundary = _per_row(edges)[1] == 1
@@ -101,10 +104,44 @@ def _matched(place: Ints, faces: Ints, soup: bool) -> tuple[Ints, Ints]:
     chosen = np.flatnonzero(candidate)
     chosen = chosen[np.argsort(spot[chosen], kind="stable")]
     same = spot[chosen[1:]] == spot[chosen[:-1]]
-    first, second = edges[chosen[:-1][same]], edges[chosen[1:][same]]
+    one, other = chosen[:-1][same], chosen[1:][same]
+    if not soup and panels is not None and len(one):
+        closed = ~_left_open(place, faces, panels, one, other)
+        one, other = one[closed], other[closed]
+    first, second = edges[one], edges[other]
     crossed = place[first[:, 0]] != place[second[:, 0]]
     second = np.where(crossed[:, None], second[:, ::-1], second)
     return first.reshape(-1), second.reshape(-1)
+
+
+def _left_open(place: Ints, faces: Ints, panels: Floats, one: Ints, other: Ints) -> NDArray[np.bool_]:
+    """Which pairs of coinciding boundary edges (rows of ``edges_of``) are an opening between two panels.
+
+    Both belong to one piece, whose panels are sewn elsewhere by vertices that they share.
+    """
+    edges = edges_of(faces)
+    piece = lowest_connected(len(place), *edges.T)
+    number, together = _per_row(edges)
+    inner = np.flatnonzero(together == 2)
+    inner = inner[np.argsort(number[inner], kind="stable")]
+    seams = inner[::2][_between_panels(place, edges, panels, inner[::2], inner[1::2])]
+    sewn = np.zeros(len(place), dtype=bool)
+    sewn[piece[edges[seams, 0]]] = True
+    own, others = piece[edges[one, 0]], piece[edges[other, 0]]
+    open_: NDArray[np.bool_] = (own == others) & sewn[own] & _between_panels(place, edges, panels, one, other)
+    return open_
+
+
+def _between_panels(place: Ints, edges: Ints, panels: Floats, one: Ints, other: Ints) -> NDArray[np.bool_]:
+    """Whether two faces that meet at edges do not do so in texture space: they lie elsewhere, or on each other."""
+    a, b, c = (np.roll(panels, -shift, axis=1).reshape(-1, 2) for shift in (0, 1, 2))  # its ends and what faces it
+    crossed = (place[edges[one, 0]] != place[edges[other, 0]])[:, None]
+    a2, b2 = np.where(crossed, b[other], a[other]), np.where(crossed, a[other], b[other])
+    along = b[one] - a[one]
+    near = NEAR_SHARE * np.linalg.norm(along, axis=1)
+    apart = (np.linalg.norm(a2 - a[one], axis=1) > near) | (np.linalg.norm(b2 - b[one], axis=1) > near)
+    sides = [along[:, 0] * off[:, 1] - along[:, 1] * off[:, 0] for off in (c[one] - a[one], c[other] - a[one])]
+    return np.asarray(apart | (sides[0] * sides[1] > 0.0))
 
 
 def _spoilt(vertex: Ints, triangles: Ints) -> NDArray[np.bool_]:
