@@ -15,7 +15,7 @@ import warp_cloth
 from warp_cloth.collide.cloth import lists_of
 from warp_cloth.collide.crossing import find_crossings
 from warp_cloth.collide.exact import signed_distances
-from warp_cloth.collide.placing import DEEP, clear_shift
+from warp_cloth.collide.placing import DEEP, clear_shift, way_told
 from warp_cloth.kernels.meeting import APART
 from warp_cloth.mesh import Mesh
 from warp_cloth.scene import SphereShape
@@ -138,6 +138,29 @@ def test_a_garment_to_be_sewn_starts_clear_of_a_body_that_is_taller() -> None:
     assert shift is not None
     assert signed_distances(around + shift, body, "cpu").min() > 0.0
     assert clear_shift(around + shift, body, "cpu") is None
+
+
+def test_no_garment_is_moved_down_unless_that_clears_it() -> None:
+    """Trousers would hang lower for inseams that are drawn into the legs at any height."""
+    leg = build_avatar(SphereShape(kind="sphere", radius=0.2, centre=(0.0, 0.2, 0.0)), size="M")
+    up = np.arange(0.0, 0.1, 0.01)
+    seam = np.stack([np.zeros_like(up), up, np.zeros_like(up)], axis=1)
+    assert clear_shift(seam, leg, "cpu") is None
+    shift = clear_shift(seam - [0.0, 0.06, 0.0], leg, "cpu")
+    assert shift is not None
+    assert shift[1] == pytest.approx(-0.03)
+
+
+@pytest.mark.parametrize(
+    ("shift", "told"),
+    [
+        ((0.0, 0.04, 0.02), "40 mm up and 20 mm forward"),
+        ((0.0, -0.01, 0.0), "10 mm down"),
+        ((0.0, 0, -0.04), "40 mm back"),
+    ],
+)
+def test_a_shift_is_told_by_where_it_goes(shift: tuple[float, float, float], told: str) -> None:
+    assert way_told(np.array(shift)) == told
 
 
 def test_what_crosses_is_reported_and_marked(tmp_path: Path) -> None:

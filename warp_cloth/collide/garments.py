@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from warp_cloth.collide.cloth import ClothTouch, SheetKind, sheets_of
 from warp_cloth.collide.crossing import find_crossings
 from warp_cloth.collide.exact import POINTS_AT_ONCE, pieces, signed_distances
-from warp_cloth.collide.placing import clear_shift
+from warp_cloth.collide.placing import clear_shift, way_told
 from warp_cloth.kept import Kept
 from warp_cloth.mesh import Indices, Mesh, Points
 from warp_cloth.model import ClothModel
@@ -50,10 +50,7 @@ def _shifted(wardrobe: Wardrobe, shifts: Sequence[Points | None], kept: Kept) ->
     parts, meshes = list(wardrobe.parts), list(wardrobe.garments)
     for index, shift in enumerate(shifts):
         if shift is not None:
-            note = (
-                f"some of it started inside the avatar: moved {1e3 * shift[1]:.0f} mm up and "
-                f"{1e3 * shift[2]:.0f} mm forward before it was sewn"
-            )
+            note = f"some of it started inside the avatar: moved {way_told(shift)} before it was sewn"
             loaded = parts[index].points
             points = kept.once("shifted", (loaded, shift), partial(np.add, loaded, shift))
             parts[index] = replace(parts[index], points=points)

@@ -12,6 +12,7 @@ DEEP = 0.02  # [m]; vertices that start less deep come out by themselves
 WAYS_UP = np.arange(-0.04, 0.161, 0.01)  # [m]; a head taller or shorter is 0.2, its shoulders less
 WAYS_FORWARD = np.array([0.0, -0.02, 0.02, -0.04, 0.04])  # [m]
 WORTH = 0.5  # a move must leave less than this share of the depth, or it is not made
+CLEARS = 0.1  # a move down less than this: trousers would hang lower, however far they went, for inseams drawn in a leg
 
 
 def clear_shift(points: Points, avatar: Mesh, device: wp.DeviceLike = None) -> Points | None:
@@ -29,6 +30,12 @@ def clear_shift(points: Points, avatar: Mesh, device: wp.DeviceLike = None) -> P
         return None
     shifts = [np.array([0.0, up, forward]) for up in WAYS_UP for forward in WAYS_FORWARD]
     shifts.sort(key=lambda shift: float(np.linalg.norm(shift)))
-    sums = [float(depths(shift).sum()) for shift in shifts]
-    best = int(np.argmin(sums))
-    return shifts[best] if sums[best] < WORTH * float(start.sum()) else None
+    shares = np.array([depths(shift).sum() for shift in shifts]) / start.sum()
+    worth = shares < np.where([shift[1] < 0.0 for shift in shifts], CLEARS, WORTH)
+    return shifts[int(np.argmin(np.where(worth, shares, np.inf)))] if worth.any() else None
+
+
+def way_told(shift: Points) -> str:
+    """A shift [m] for people: "40 mm up and 20 mm back"."""
+    ways = ((shift[1], "up", "down"), (shift[2], "forward", "back"))
+    return " and ".join(f"{abs(1e3 * by):.0f} mm {to if by > 0.0 else fro}" for by, to, fro in ways if round(1e3 * by))
