@@ -13,7 +13,7 @@ import pytest
 from meshfiles import ball, sheet, write_obj
 from quick import SMALL, hanging, quick
 
-from warp_cloth import set_up
+from warp_cloth import fitting, set_up
 from warp_cloth.collide import avatar as avatar_contact
 from warp_cloth.result import Status
 from warp_cloth.solver.relax import StepOptions
@@ -58,6 +58,11 @@ def test_a_garment_that_falls_for_ever_is_told_of(scene: dict[str, Any], words: 
     worn = quick(scene, "solver.iterations=100")
     assert worn.status is Status.ITERATION_LIMIT
     assert words in worn.message
+
+
+def test_what_is_seen_beside_rest_does_not_hide_what_it_takes_to_rest(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(fitting, "hidden", lambda *_: "much is hidden")
+    assert quick("sphere", "solver.iterations=20").message.endswith("raise solver.iterations; and much is hidden.")
 
 
 def test_numbers_that_run_away_are_diverged_with_the_last_finite_shape(

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import trimesh
 from meshfiles import sheet, write_obj
@@ -12,7 +14,9 @@ from meshfiles import sheet, write_obj
 from warp_cloth.advice import advice
 from warp_cloth.fitting import fit
 from warp_cloth.result import Strain
-from warp_cloth.verdict import hidden, of_another_size
+from warp_cloth.scene import load_scene
+from warp_cloth.verdict import hidden, of_another_size, slid_off
+from warp_cloth.wardrobe import open_wardrobe
 
 
 def contact(p99: float) -> dict[str, Any]:
@@ -30,6 +34,20 @@ def test_an_avatar_that_is_not_seen_names_the_collider_that_does(kind: str, reme
 def test_cloth_far_from_its_natural_size_is_told_of() -> None:
     assert of_another_size(Strain(p50=0.05, p99=0.9, max=2.0, min=-0.5)) == ""
     assert "64 %" in of_another_size(Strain(p50=0.64, p99=0.9, max=2.0, min=-0.5))
+
+
+@pytest.mark.parametrize(("height", "down", "told"), [(0.2, 0.2, False), (0.2, 0.25, True), (-0.3, 0.1, False)])
+def test_a_garment_that_has_slid_to_the_feet_is_told_of(height: float, down: float, told: bool) -> None:
+    """But not one that hangs below a bust from the start."""
+    square = {"kind": "square", "vertices_per_side": 5, "side": 0.2, "height": height}
+    scene = load_scene({"garment": {"shape": square}, "avatar": {"shape": {"kind": "sphere", "edge_mm": 100}}})
+    wardrobe = open_wardrobe(scene)
+    floor = wardrobe.avatar.points[:, 1].min() if wardrobe.avatar is not None else 0.0
+    (part,) = wardrobe.parts
+    began, down_by = part.points + np.array([0.0, floor, 0.0]), np.array([0.0, down, 0.0])
+    wardrobe = replace(wardrobe, parts=(replace(part, points=began),))
+    sentence = slid_off(scene, wardrobe, [began - down_by])
+    assert ('"square" has slid down to the avatar\'s feet' in sentence) == told
 
 
 def test_a_gap_that_no_view_shows_is_told_of_until_all_layers_are_drawn(tmp_path: Path) -> None:

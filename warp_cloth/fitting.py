@@ -39,6 +39,7 @@ from warp_cloth.verdict import (
     more_iterations,
     of_another_size,
     report_of,
+    slid_off,
     too_coarse,
     unheld,
     verdict,
@@ -257,11 +258,13 @@ def finished(
         )
         depth = depths[item]
         contact, kind = made.touched(item), scene.collision.avatar
-        inside = [misplaced(depth), too_coarse(depth)] if kind != "none" else []
-        faults = [hidden(contact, kind), *inside, of_another_size(summaries[item][0])]
-        flaw = "; and ".join(filter(None, faults))
-        advice = unheld(scene, wardrobe, [worn.points for worn in garments]) or flaw
-        message = verdict(outcome, tolerance_of(scene), advice or more_iterations(scene, outcome), flaw)
+        last = [worn.points for worn in garments]
+        met = depth if kind != "none" else None
+        wrong = [slid_off(scene, wardrobe, last), misplaced(met), of_another_size(summaries[item][0])]
+        seen = [hidden(contact, kind), too_coarse(met)]
+        longer = [] if any(wrong) else [more_iterations(scene, outcome)]
+        advice = unheld(scene, wardrobe, last) or "; and ".join(filter(None, [*wrong, *longer, *seen]))
+        message = verdict(outcome, tolerance_of(scene), advice, "; and ".join(filter(None, [*wrong, *seen])))
         report = report_of(
             scene,
             wardrobe,

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 FAR_FROM_REST = 0.02  # [m]; what is farther than that from rest still falls or slides as a whole
 SHOWN = 1.0  # [mm]; what shows less of itself is not seen
 HIDDEN = 5.0  # [mm]; where a hundredth of the skin is farther off than that, cloth hangs on what is not there
+BELOW = 0.15  # share of a garment that has come down below all of the avatar; less is a train, or a long hem
 OTHER_SIZE = 0.3  # strain of half the edges: the tightest of worn cloth has less
 
 
@@ -60,6 +61,24 @@ def unheld(scene: Scene, wardrobe: Wardrobe, worn: Sequence[Points]) -> str:
             return f'nothing holds "{spec.name}": pin some of its vertices, or let it meet an avatar'
         if points[:, 1].max() < wardrobe.avatar.points[:, 1].min():
             return f'"{spec.name}" has fallen past the avatar: place it round or above it, or pin some of its vertices'
+    return ""
+
+
+def slid_off(scene: Scene, wardrobe: Wardrobe, worn: Sequence[Points]) -> str:
+    """What to change where a garment has come down to the avatar's feet; empty where all are held above.
+
+    ``worn`` are the garments' points [m], each shape [V, 3].
+    """
+    if wardrobe.avatar is None:
+        return ""
+    floor = wardrobe.avatar.points[:, 1].min()
+    for spec, part, points in zip(scene.garments, wardrobe.parts, worn, strict=True):
+        below, before = ((place[:, 1] < floor).mean() for place in (points, part.points))
+        if below - before > BELOW:
+            return (
+                f'"{spec.name}" has slid down to the avatar\'s feet, and {100 * below:.0f} % of it hang below them, as '
+                "there is no floor: it is too wide to be held; take a smaller one, or pin some of its vertices"
+            )
     return ""
 
 
