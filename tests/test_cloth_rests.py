@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 import warp as wp
-from folds import Folded, folded_sheet, pleated_skirt, turned_sleeve
-from touching import brute_forces, touching_pairs
+from folds import BALL, HANGING, Folded, folded_sheet, pleated_skirt, turned_sleeve, write_folded
+from touching import FORCE_ROUNDING, RELATIVE_ROUNDING, brute_forces, touching_pairs
 
 from warp_cloth.collide.crossing import find_crossings
 from warp_cloth.kernels.cloth import cloth_types
@@ -25,29 +25,13 @@ LIMIT = 8000  # iterations; they take 1,800 to 5,700
 # The rim of what the avatar holds still rolls with the free folds as long as these settle: creep is told from that once
 # the rest error is as small. A worn T-shirt's shoulders stay from the default certificate on: see test_friction.py.
 SETTLED = Tolerance(rest_error=1e-4)
-# The sums are kept in units of 2^-36 N; a vertex here adds up at most 200 pairs. Thickness and modulus are float32.
-FORCE_ROUNDING = 200 * 2.0**-36  # [N]
-RELATIVE_ROUNDING = 1e-6
 CREEP = 1e-4  # [m], the most that a vertex held by the avatar may go in 1,000 iterations after rest
 
-BALL = {"shape": {"kind": "sphere", "radius": 0.1, "centre": [0.0, 0.1, 0.0]}}
-HANGING = {"pin": {"loop": "top"}}
 FOLDED: dict[str, tuple[Callable[[], Folded], dict[str, Any], dict[str, Any]]] = {
     "a sheet dropped folded onto itself": (lambda: folded_sheet(21, 0.4, 0.206), {}, {"avatar": BALL}),
     "a sleeve pushed through": (lambda: turned_sleeve(24, 24, 0.05, 0.3, 0.12), HANGING, {}),
     "a skirt with deep folds": (lambda: pleated_skirt(6, 4, 8, 0.1, 0.3, 0.03), HANGING, {}),
 }
-
-
-def write_folded(path: Path, folded: Folded) -> None:
-    """The mesh as OBJ, with texture coordinates for each corner."""
-    lines = [f"v {x!r} {y!r} {z!r}" for x, y, z in folded.points.tolist()]
-    lines += [f"vt {u!r} {v!r}" for u, v in folded.texcoords.reshape(-1, 2).tolist()]
-    lines += [
-        "f " + " ".join(f"{corner + 1}/{3 * face + k + 1}" for k, corner in enumerate(corners))
-        for face, corners in enumerate(folded.triangles.tolist())
-    ]
-    path.write_text("\n".join(lines) + "\n")
 
 
 def at_rest(folder: Path, name: str) -> SetUp:

@@ -164,8 +164,11 @@ def _findings(
     )
 
 
-def walked(collider: Sampled, surface: NearSurface) -> tuple[float, float, float]:
-    """On lines through a surface: largest turn of the normal in one step [rad]; jumps of distance [m], normal [rad]."""
+def walked(collider: Sampled, surface: NearSurface, halvings: int = HALVINGS) -> tuple[float, float, float]:
+    """On lines through a surface: largest turn of the normal in one step [rad]; jumps of distance [m], normal [rad].
+
+    A jump is what changes in a step that was halved so often.
+    """
     pick = np.linspace(0, len(surface.points) - 1, min(LINES, len(surface.points))).astype(int)
     ways = np.random.default_rng(0).normal(size=(len(pick), 3))
     ways /= np.linalg.norm(ways, axis=1)[:, None]
@@ -179,8 +182,8 @@ def walked(collider: Sampled, surface: NearSurface) -> tuple[float, float, float
     jumps = []
     for size, measure in ((changes, lambda a, b: _change(a, b, collider.reach)), (turns, _turn)):
         worst = np.argsort(-size, kind="stable")[:STEEP]
-        jumps.append(_jump(collider, measure, starts[worst], ends[worst], before[worst], after[worst]))
-    finest = STEP * 0.5**HALVINGS
+        jumps.append(_jump(collider, measure, starts[worst], ends[worst], before[worst], after[worst], halvings))
+    finest = STEP * 0.5**halvings
     return float(turns.max(initial=0.0)), max(jumps[0] - finest, 0.0), jumps[1]
 
 
@@ -203,11 +206,12 @@ def _jump(
     ends: Points,
     before: Contacts,
     after: Contacts,
+    halvings: int,
 ) -> float:
     """Largest change that is left after halving these steps again and again, on the side where it is greater."""
     if not len(starts):
         return 0.0
-    for _ in range(HALVINGS):
+    for _ in range(halvings):
         middles = 0.5 * (starts + ends)
         between = collider.sample(middles)
         first = (measure(before, between) >= measure(between, after))[:, None]

@@ -1,0 +1,130 @@
+"""Whether worn T-shirts stay where they are: how far their top fifth moves in 1,000 iterations after the certificate.
+
+    python tests/benchmarks/creep.py --device cuda:0 --out creep.json --processes 8
+
+Eight fabrics in four cuts on six bodies, the shared T-shirt on its own and the shipped one. The fits simply go on after
+their certificates, with the leeway and momentum of a fit; besides the default rest error of 1 mm 0.1 mm is asked for.
+"""
+
+from __future__ import annotations
+
+import argparse
+import collections
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from wearing import NEVER, SHARED_SHIRT, dressed, keep, several, shirt, side_by_side
+
+from warp_cloth.mesh import Points
+from warp_cloth.quiet import start_warp
+from warp_cloth.scene import Scene, load_scene
+from warp_cloth.set_up import SetUp, following, kind_of, tolerance_of
+from warp_cloth.solver.certificate import Look
+from warp_cloth.solver.loop import Goal, relax_items
+from warp_cloth.wardrobe import Rack, open_wardrobe
+
+FURTHER = 1000  # iterations
+SHOULDERS = 0.8  # share of a garment's vertices below its top fifth
+STAYS = 0.1  # [mm]
+FABRICS = ("cotton", "denim", "faille", "jersey", "linen", "polyester", "silk", "wool")  # felt has no folds
+CUTS = (("S", 12.0), ("M", 12.0), ("L", 12.0), ("M", 16.0))  # size and edge [mm]
+BODIES = ("mannequin S", "mannequin M", "mannequin L", "mannequin, arms at 70", "mean_all", "A_pose")
+GIVEN = "as given"  # instead of a body: the shared T-shirt, or the shipped one, in its own scene
+
+
+def scenes_of(body: str, fabrics: Sequence[str]) -> list[tuple[str, Scene]]:
+    """Names and scenes of all that one body wears."""
+    if body == GIVEN:
+        return [("shared T-shirt", dressed(SHARED_SHIRT, "mean_all")), ("shipped T-shirt", load_scene("tshirt"))]
+    return [
+        (f"{fabric} {size} {edge:g} mm on {body}", dressed(shirt(size, edge, fabric), body))
+        for fabric in fabrics
+        for size, edge in CUTS
+    ]
+
+
+def crept(body: str, errors: Sequence[float], fabrics: Sequence[str], limit: int, device: str) -> list[dict[str, Any]]:
+    """Everything on one body: iterations to each rest error [mm], and how far the top fifth goes after that [mm]."""
+    named = scenes_of(body, fabrics)
+    rack = Rack()
+    wardrobes = [open_wardrobe(scene, rack) for _, scene in named]
+    kinds = collections.defaultdict[Any, list[int]](list)
+    for at, (_, scene) in enumerate(named):
+        kinds[kind_of(scene, wardrobes[at])].append(at)
+    rows: list[dict[str, Any]] = []
+    for group in kinds.values():
+        made = several([named[at][1] for at in group], [wardrobes[at] for at in group], device)
+        rows += _crept(made, [named[at][0] for at in group], errors, limit)
+    return rows
+
+
+def _crept(made: SetUp, names: Sequence[str], errors: Sequence[float], limit: int) -> list[dict[str, Any]]:
+    """Those that relax together."""
+    asked = {
+        error: [replace(tolerance_of(scene), rest_error=1e-3 * error) for scene in made.scenes] for error in errors
+    }
+    rest: dict[tuple[int, float], tuple[int, Points]] = {}  # by item and rest error: iteration and shape
+    rows = {
+        (item, error): {"name": name, "error_mm": error, "iterations": None}
+        for item, name in enumerate(names)
+        for error in errors
+    }
+
+    def watch(look: Look, _: float) -> None:
+        for error, tolerances in asked.items():
+            for item in np.flatnonzero(look.nearly_within(tolerances)).tolist():
+                within = (item, error) not in rest and made.certifier.check(look, item).within(tolerances[item])
+                if within and look.iteration <= limit:
+                    rest[item, error] = look.iteration, made.model.points(item)
+        for key, (iteration, points) in rest.items():
+            if look.iteration == iteration + FURTHER:
+                top = points[:, 1] >= np.quantile(points[:, 1], SHOULDERS)
+                way = 1e3 * (made.model.points(key[0])[top] - points[top])
+                moved, fell = float(np.linalg.norm(way, axis=1).max()), -float(way[:, 1].mean())
+                rows[key] |= {"iterations": iteration, "moved_mm": moved, "fell_mm": fell}
+
+    goals = [Goal(NEVER, limit + FURTHER)] * len(names)
+    # not ahead: what is kept is what the check has seen
+    relax_items(made.relaxation, made.certifier, goals, follow=following(made), on_check=watch, ahead=False)
+    return list(rows.values())
+
+
+def tell(rows: Sequence[dict[str, Any]]) -> None:
+    rested = sorted((row for row in rows if row["iterations"] is not None), key=lambda row: row["moved_mm"])
+    for row in rested[-10:] + [row for row in rested if "T-shirt" in row["name"]]:
+        way = f"moved {row['moved_mm']:.4f} fell {row['fell_mm']:.4f}"
+        print(f"creep {row['error_mm']:g} mm {row['name']:50} rest {row['iterations']:6} {way}")
+    for row in rows:
+        if row["iterations"] is None:
+            print(f"creep {row['error_mm']:g} mm {row['name']:50} not at rest")
+    stay = sum(row["moved_mm"] <= STAYS for row in rested)
+    mean = np.mean([row["iterations"] for row in rested])
+    told = f"{stay} of {len(rested)} at rest move by {STAYS} mm at most ({len(rows)} in all)"
+    print(f"creep {rows[0]['error_mm']:g} mm: {told}; {mean:.0f} iterations in the mean")
+
+
+def main() -> None:
+    parse = argparse.ArgumentParser()
+    parse.add_argument("--device", default="cpu")
+    parse.add_argument("--out", type=Path, default=None)
+    parse.add_argument("--processes", type=int, default=1)
+    parse.add_argument("--errors", nargs="+", type=float, default=[1.0, 0.1], help="rest errors asked for [mm]")
+    parse.add_argument("--limit", type=int, default=20_000, help="iterations to rest")
+    parse.add_argument("--bodies", nargs="+", default=[GIVEN, *BODIES])
+    parse.add_argument("--fabrics", nargs="+", default=list(FABRICS))
+    given = parse.parse_args()
+    work = partial(crept, errors=given.errors, fabrics=given.fabrics, limit=given.limit, device=given.device)
+    rows = [row for part in side_by_side(work, given.bodies, given.processes) for row in part]
+    for error in given.errors:
+        tell([row for row in rows if row["error_mm"] == error])
+    if given.out is not None:
+        keep(given.out, rows)
+
+
+if __name__ == "__main__":
+    start_warp()
+    main()
