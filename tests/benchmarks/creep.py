@@ -1,9 +1,10 @@
-"""Whether worn T-shirts stay where they are: how far their top fifth moves in 1,000 iterations after the certificate.
+"""Whether worn T-shirts stay on the shoulders: how far they move there in 1,000 iterations after the certificate.
 
     python tests/benchmarks/creep.py --device cuda:0 --out creep.json --processes 8
 
 Eight fabrics in four cuts on six bodies, the shared T-shirt on its own and the shipped one. The fits simply go on after
 their certificates, with the leeway and momentum of a fit; besides the default rest error of 1 mm 0.1 mm is asked for.
+Told is the longest way of the vertices in the top fifth that lie on the body, and of all there, free folds too.
 """
 
 from __future__ import annotations
@@ -67,7 +68,7 @@ def _crept(made: SetUp, names: Sequence[str], errors: Sequence[float], limit: in
     asked = {
         error: [replace(tolerance_of(scene), rest_error=1e-3 * error) for scene in made.scenes] for error in errors
     }
-    rest: dict[tuple[int, float], tuple[int, Points]] = {}  # by item and rest error: iteration and shape
+    rest: dict[tuple[int, float], tuple[int, Points, Points]] = {}  # by item and rest error: iteration, shape, push
     rows = {
         (item, error): {"name": name, "error_mm": error, "iterations": None}
         for item, name in enumerate(names)
@@ -79,13 +80,16 @@ def _crept(made: SetUp, names: Sequence[str], errors: Sequence[float], limit: in
             for item in np.flatnonzero(look.nearly_within(tolerances)).tolist():
                 within = (item, error) not in rest and made.certifier.check(look, item).within(tolerances[item])
                 if within and look.iteration <= limit:
-                    rest[item, error] = look.iteration, made.model.points(item)
-        for key, (iteration, points) in rest.items():
+                    push = made.certifier.pushes()
+                    assert push is not None
+                    rest[item, error] = look.iteration, made.model.points(item), push[made.model.of_item(item)]
+        for key, (iteration, points, push) in rest.items():
             if look.iteration == iteration + FURTHER:
                 top = points[:, 1] >= np.quantile(points[:, 1], SHOULDERS)
                 way = 1e3 * (made.model.points(key[0])[top] - points[top])
-                moved, fell = float(np.linalg.norm(way, axis=1).max()), -float(way[:, 1].mean())
-                rows[key] |= {"iterations": iteration, "moved_mm": moved, "fell_mm": fell}
+                far, held = np.linalg.norm(way, axis=1), push[top] > 0.0
+                rows[key] |= {"iterations": iteration, "held": int(held.sum()), "moved_mm": float(far[held].max())}
+                rows[key] |= {"moved_free_mm": float(far.max()), "fell_mm": -float(way[:, 1].mean())}
 
     goals = [Goal(NEVER, limit + FURTHER)] * len(names)
     # not ahead: what is kept is what the check has seen
@@ -96,14 +100,14 @@ def _crept(made: SetUp, names: Sequence[str], errors: Sequence[float], limit: in
 def tell(rows: Sequence[dict[str, Any]]) -> None:
     rested = sorted((row for row in rows if row["iterations"] is not None), key=lambda row: row["moved_mm"])
     for row in rested[-10:] + [row for row in rested if "T-shirt" in row["name"]]:
-        way = f"moved {row['moved_mm']:.4f} fell {row['fell_mm']:.4f}"
+        way = f"moved {row['moved_mm']:.4f}, free folds {row['moved_free_mm']:.4f}, fell {row['fell_mm']:.4f}"
         print(f"creep {row['error_mm']:g} mm {row['name']:50} rest {row['iterations']:6} {way}")
     for row in rows:
         if row["iterations"] is None:
             print(f"creep {row['error_mm']:g} mm {row['name']:50} not at rest")
-    stay = sum(row["moved_mm"] <= STAYS for row in rested)
+    stay, free = (sum(row[name] <= STAYS for row in rested) for name in ("moved_mm", "moved_free_mm"))
     mean = np.mean([row["iterations"] for row in rested])
-    told = f"{stay} of {len(rested)} at rest move by {STAYS} mm at most ({len(rows)} in all)"
+    told = f"{stay} of {len(rested)} at rest move by {STAYS} mm at most, {free} with free folds ({len(rows)} in all)"
     print(f"creep {rows[0]['error_mm']:g} mm: {told}; {mean:.0f} iterations in the mean")
 
 
