@@ -167,6 +167,23 @@ def test_glb_scene_is_joined_in_place_with_texture(tmp_path: Path) -> None:
     assert mesh.points[16:, 0].max() == pytest.approx(-0.5)
 
 
+def test_glb_gives_the_mesh_that_is_named(tmp_path: Path) -> None:
+    """By its node, by what its node hangs from, or by itself."""
+    path, scene = tmp_path / "both.glb", trimesh.Scene()
+    matrix = trimesh.transformations.translation_matrix((0.0, 0.0, 0.1))
+    scene.graph.update("rig", matrix=matrix)
+    for size, name in enumerate(("body", "shirt"), start=1):
+        part = trimesh.Trimesh(size * POINTS, TRIANGLES, process=False)
+        scene.add_geometry(part, geom_name=f"{name} data", node_name=name, parent_node_name="rig")
+    path.write_bytes(as_bytes(scene.export(file_type="glb")))
+    for asked in ("shirt", "shirt data"):
+        shirt = load(path, prim=asked)
+        np.testing.assert_allclose(shirt.points, 2.0 * POINTS + [0.0, 0.0, 0.1], atol=2.0 * FLOAT32_AT_ONE_METRE)
+    assert load(path, prim="rig").vertex_count == load(path).vertex_count == 2 * len(POINTS)
+    with pytest.raises(InputError, match=r'no mesh "skirt"; garment.prim may be body, shirt$'):
+        load(path, prim="skirt")
+
+
 def test_gltf_with_a_data_uri(tmp_path: Path) -> None:
     write(tmp_path / "whole.gltf")
     tree = json.loads((tmp_path / "whole.gltf").read_text())

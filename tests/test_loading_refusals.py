@@ -120,7 +120,7 @@ def test_unreadable_file_says_permission(tmp_path: Path, monkeypatch: pytest.Mon
     assert "permission" in refusal(path).problem
 
 
-def test_prim_is_only_for_usd(tmp_path: Path) -> None:
+def test_prim_is_only_for_files_that_name_their_meshes(tmp_path: Path) -> None:
     path = tmp_path / "square.obj"
     path.write_text(SQUARE + "f 1 2 3 4\n")
     assert "garment.prim" in refusal(path, prim="/a").remedy

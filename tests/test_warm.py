@@ -55,10 +55,10 @@ def test_a_warm_start_comes_to_the_same_rest_as_a_cold_one(first: Fit, change: s
 
 
 def test_a_saved_result_starts_a_fit_as_the_fit_itself_does(first: Fit, tmp_path: Path) -> None:
-    write_meshes(first, tmp_path, formats=("usdc", "obj"))
+    write_meshes(first, tmp_path, formats=("usdc", "obj", "glb"))
     name = first.scene.name
     change = "garment.fabric=denim"
-    for file in (f"{name}.usdc", f"{name}.obj"):
+    for file in (f"{name}.usdc", f"{name}.obj", f"{name}.glb"):
         assert apart(fitted(change, start=tmp_path / file), fitted(change, start=first)) <= APART
 
 

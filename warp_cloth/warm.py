@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 from warp_cloth.errors import InputError
 from warp_cloth.kernels.nearest import find_nearest
 from warp_cloth.loading import load_mesh
+from warp_cloth.loading.generic import gltf_mesh_names
+from warp_cloth.loading.load import GLTF_KINDS, read_raw
 from warp_cloth.mesh import Mesh, Points
 from warp_cloth.scene.stage import USD_SUFFIXES
 from warp_cloth.set_up import SetUp
@@ -29,7 +31,12 @@ def saved_result(path: Path, count: int) -> list[Worn]:
         InputError: it cannot be read, or has fewer.
     """
     prims: list[str | None] = [None]
-    if path.suffix.lower() in USD_SUFFIXES and path.is_file():
+    suffix = path.suffix.lower()
+    if suffix in GLTF_KINDS and path.is_file():
+        read_raw(path, role="garment", key="start", prim=None)  # tells what is wrong with it
+        names = gltf_mesh_names(str(path), path.read_bytes())
+        prims = list(names) if len(names) > 1 else prims  # garments first, as listed, then the avatar
+    elif suffix in USD_SUFFIXES and path.is_file():
         from warp_cloth.loading.usd import mesh_paths_of, opened_stage
 
         with opened_stage(str(path)):

@@ -19,6 +19,7 @@ _CUT_OFF = "the file is cut off or damaged: export it again"
 _GLB_HEADER, _GLB_CHUNK = struct.Struct("<4sII"), struct.Struct("<I4s")
 _TRIANGLE_MODES = (4, 5)  # triangles and strips, which trimesh reads; a missing mode is 4
 _FAN_MODE = 6
+_LISTED = 6  # names in a message
 _UV = "_TEXCOORD"  # custom attribute under which trimesh hands texture coordinates on without a material
 
 
@@ -66,13 +67,15 @@ def _are_numbers(words: list[bytes]) -> bool:
         return False
 
 
-def read_gltf(file: str, data: bytes) -> RawMesh:
-    """Meshes of a glTF scene, GLB or JSON, in its nodes' places; metres, y up."""
+def read_gltf(file: str, data: bytes, *, key: str = "", name: str | None = None) -> RawMesh:
+    """Meshes of a glTF scene, GLB or JSON, in its nodes' places; metres, y up. ``name``: only of that node or mesh."""
     binary = data[:4] == b"glTF"
     chunk, rest = _glb_parts(file, data) if binary else (data, b"")
     try:
         tree = json.loads(chunk.decode("utf-8-sig"))
         _check_gltf(file, tree)
+        if name is not None:
+            _keep_only(tree, name, file, key)
         for primitive in _primitives(tree):
             attributes = primitive["attributes"]
             if "TEXCOORD_0" in attributes:
@@ -105,6 +108,37 @@ def _glb_parts(file: str, data: bytes) -> tuple[bytes, bytes]:
     if kind != b"JSON" or start + size > length:
         raise InputError(file, "the GLB does not start with a whole JSON chunk", _CUT_OFF)
     return data[start : start + size], data[start + size : length]
+
+
+def gltf_mesh_names(file: str, data: bytes) -> list[str]:
+    """What ``read_gltf`` may call each mesh of a file that it has read, in the file's order."""
+    chunk = _glb_parts(file, data)[0] if data[:4] == b"glTF" else data
+    return _mesh_names(json.loads(chunk.decode("utf-8-sig")))
+
+
+def _mesh_names(tree: dict[str, Any]) -> list[str]:
+    """Of each node with a mesh, in the file's order: its name, or else the mesh's."""
+    meshes = tree.get("meshes", [])
+    names = (node.get("name") or meshes[node["mesh"]].get("name") for node in tree.get("nodes", []) if "mesh" in node)
+    return [name for name in names if name]
+
+
+def _keep_only(tree: dict[str, Any], name: str, file: str, key: str) -> None:
+    """Takes the meshes of all nodes out of the tree but those of a name, and of what hangs below one of that name."""
+    nodes, meshes = tree.get("nodes", []), tree.get("meshes", [])
+    kept = {number for number, node in enumerate(nodes) if node.get("name") == name}
+    below = list(kept)
+    while below:
+        children = [child for child in nodes[below.pop()].get("children", ()) if child not in kept]
+        kept.update(children)
+        below += children
+    kept |= {n for n, node in enumerate(nodes) if "mesh" in node and meshes[node["mesh"]].get("name") == name}
+    if not any("mesh" in nodes[number] for number in kept):
+        known = ", ".join(_mesh_names(tree)[:_LISTED])
+        raise InputError(file, f'holds no mesh "{name}"', f"{key}.prim may be {known}" if known else EXPORT_AGAIN)
+    for number, node in enumerate(nodes):
+        if number not in kept:
+            node.pop("mesh", None)
 
 
 def _primitives(tree: dict[str, Any]) -> list[dict[str, Any]]:

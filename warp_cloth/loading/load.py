@@ -26,11 +26,10 @@ _READERS: dict[str, Callable[[str, bytes], RawMesh]] = {
     ".obj": read_obj,
     ".ply": read_ply,
     ".stl": read_stl,
-    ".glb": read_gltf,
-    ".gltf": read_gltf,
 }
+GLTF_KINDS = (".glb", ".gltf")
 USD_KINDS = (".usd", ".usda", ".usdc", ".usdz")
-SUPPORTED = (*_READERS, *USD_KINDS)
+SUPPORTED = (*_READERS, *GLTF_KINDS, *USD_KINDS)
 AXIS_UNKNOWN = (".obj", ".ply", ".stl")  # formats that do not say what is up
 
 # A body lies if it is nearly as long along z as anywhere (arms may be stretched out), and less high than half of that.
@@ -121,13 +120,15 @@ def read_raw(path: Path, *, role: Role, key: str, prim: str | None, up: UpAxis |
         raise InputError(path, f"{kind} files say themselves what is up, but {key}.up is given", f"remove {key}.up")
     if kind in USD_KINDS:
         return read_usd(str(path), role=role, key=key, prim=prim)
-    if kind not in _READERS:
+    if kind not in SUPPORTED:
         problem = f"{path.suffix or 'a file without extension'!s} is no mesh format that is read"
         raise InputError(path, problem, f"use one of {', '.join(SUPPORTED)}")
-    if prim is not None:
+    if prim is not None and kind not in GLTF_KINDS:
         raise InputError(path, f"{key}.prim names a prim, but {kind} files have none", f"remove {key}.prim")
     try:
         with np.errstate(all="ignore"):  # what is not finite is refused later
+            if kind in GLTF_KINDS:
+                return read_gltf(str(path), data, key=key, name=prim)
             return _stood_up(_READERS[kind](str(path), data), up, kind in AXIS_UNKNOWN)
     except (ValueError, ArithmeticError, LookupError, RecursionError) as error:
         reason = " ".join(str(error).split())[:120]

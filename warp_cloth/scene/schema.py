@@ -100,7 +100,9 @@ class Wearable(Table):
         default=None, description="mesh file (.obj .ply .stl .glb .gltf .usd*), relative to the scene file"
     )
     prim: str | None = Field(
-        default=None, min_length=1, description="prim path of the mesh in a USD file; None: its only one"
+        default=None,
+        min_length=1,
+        description="the mesh's prim path in a USD file, its object's name in a .glb or .gltf file; None: the only one",
     )
     units: LengthUnit | None = Field(
         default=None, description="the mesh file's length unit; None: stated by it, or guessed"
