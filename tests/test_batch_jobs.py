@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from decimal import Decimal
 from pathlib import Path
 from typing import Any
 
@@ -42,6 +43,33 @@ def test_csv_parquet_and_toml_give_the_same_items(tmp_path: Path) -> None:
         '[[item]]\nname = "b"\nscene = "sphere"\n"solver.iterations" = 200\n',
     )
     assert read_jobs(csv) == read_jobs(parquet) == read_jobs(toml) == ITEMS
+
+
+def test_numbers_as_data_frames_write_them_beside_empty_cells(tmp_path: Path) -> None:
+    """3.0 for 3, no number for none, and in a column of tables every row with the keys of all."""
+    rows: list[dict[str, Any]] = [
+        {
+            "name": 1.0,
+            "scene": "sphere",
+            "solver.iterations": 100.0,
+            "garment.fabric": {"weight": 0.3},
+            "__index_level_0__": 7,
+        },
+        {
+            "name": 2.0,
+            "scene": "sphere",
+            "solver.iterations": float("nan"),
+            "garment.fabric": {"thickness": Decimal("0.001")},
+        },
+    ]
+    path = tmp_path / "jobs.parquet"
+    pyarrow.parquet.write_table(pyarrow.Table.from_pylist(rows), path)
+    items = read_jobs(path)
+    changes = [("solver.iterations=100", "garment.fabric.weight=0.3"), ("garment.fabric.thickness=0.001",)]
+    assert [(item.name, item.changes) for item in items] == [("1", changes[0]), ("2", changes[1])]
+    assert load_scene(items[0].scene, items[0].changes).solver.iterations == 100
+    table = write(tmp_path, "jobs.csv", "name,scene,solver.iterations,collision.pixel_mm\n1.0,sphere,100.0,2.50\n")
+    assert read_jobs(table) == [Item("1.0", "sphere", ("solver.iterations=100", "collision.pixel_mm=2.50"))]
 
 
 def test_an_item_is_the_scene_that_the_command_line_makes_of_it(tmp_path: Path) -> None:

@@ -10,6 +10,7 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import date, datetime, time
+from decimal import Decimal
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +23,9 @@ LARGEST_JOB_FILE = 200_000_000  # [bytes]; a million tables
 FILE_KEYS = ("mesh", "grain_texture", "fabric")  # last names of keys whose values may name files
 AVATAR_KEYS = ("avatar=", "avatar.mesh", "avatar.prim", "avatar.units", "avatar.shape", "avatar.poses")
 PLAIN_NAME = re.compile(r"[^/\\\x00-\x1f.][^/\\\x00-\x1f]{0,99}")
+WHOLE_NUMBER = re.compile(r"^([-+]?\d+)\.0+$")
+FRAME_INDEX = "__index_level_"  # what pandas calls a data frame's own index in a file
+TEXTS = ("name", "scene")  # columns that hold no numbers
 WHOLE = ("kind", "name")  # a table with one of these replaces what stands there; others change it key by key
 
 
@@ -87,11 +91,17 @@ def _csv_rows(path: Path) -> list[dict[str, Any]]:
     for cells in table[1:]:
         if not cells:  # an empty line
             continue
-        row: dict[str, Any] = {name: cell.strip() for name, cell in zip(header, cells, strict=False) if cell.strip()}
+        texts = {name: cell.strip() for name, cell in zip(header, cells, strict=False)}
+        row: dict[str, Any] = {name: text if name in TEXTS else _whole(text) for name, text in texts.items() if text}
         if len(cells) != len(header):
             row["problem"] = f"the row has {len(cells)} cells, the header {len(header)}"
         rows.append(row)
     return rows
+
+
+def _whole(text: str) -> str:
+    """A whole number as such, which data frames write as 3.0 in a column with empty cells; other text as it is."""
+    return WHOLE_NUMBER.sub(r"\1", text)
 
 
 def _parquet_rows(path: Path) -> list[dict[str, Any]]:
@@ -102,16 +112,22 @@ def _parquet_rows(path: Path) -> list[dict[str, Any]]:
         table = pyarrow.parquet.read_table(path)
     except (OSError, pyarrow.ArrowException) as error:
         raise InputError(path, f"not Parquet: {error}", REMEDY) from None
-    _check_columns(table.column_names, path)
-    rows = []
-    for row in table.to_pylist():
-        rows.append({key: value for key, value in row.items() if value is not None and not _lost(value)})
-    return rows
+    columns = [name for name in table.column_names if not name.startswith(FRAME_INDEX)]
+    _check_columns(columns, path)
+    return [_filled(row) for row in table.select(columns).to_pylist()]
 
 
-def _lost(value: Any) -> bool:
-    """Whether a number stands for an empty cell, as data frames write it."""
-    return isinstance(value, float) and math.isnan(value)
+def _filled(row: Mapping[str, Any]) -> dict[str, Any]:
+    """The cells that hold something: data frames write empty ones as NaN, and whole numbers beside them as 3.0."""
+    found: dict[str, Any] = {}
+    for key, value in row.items():
+        if isinstance(value, Mapping):  # rows share a table's keys: those of others are empty
+            value = _filled(value)
+        elif isinstance(value, float | Decimal) and math.isfinite(value):
+            value = int(value) if value == int(value) else float(value)
+        if value is not None and value != {} and value == value:
+            found[key] = value
+    return found
 
 
 def _toml_rows(path: Path) -> list[dict[str, Any]]:
