@@ -47,21 +47,9 @@ def test_csv_parquet_and_toml_give_the_same_items(tmp_path: Path) -> None:
 
 def test_numbers_as_data_frames_write_them_beside_empty_cells(tmp_path: Path) -> None:
     """3.0 for 3, no number for none, and in a column of tables every row with the keys of all."""
-    rows: list[dict[str, Any]] = [
-        {
-            "name": 1.0,
-            "scene": "sphere",
-            "solver.iterations": 100.0,
-            "garment.fabric": {"weight": 0.3},
-            "__index_level_0__": 7,
-        },
-        {
-            "name": 2.0,
-            "scene": "sphere",
-            "solver.iterations": float("nan"),
-            "garment.fabric": {"thickness": Decimal("0.001")},
-        },
-    ]
+    first = {"solver.iterations": 100.0, "garment.fabric": {"weight": 0.3}}
+    second = {"solver.iterations": float("nan"), "garment.fabric": {"thickness": Decimal("0.001")}}
+    rows = [{"name": n, "scene": "sphere", "__index_level_0__": 7, **row} for n, row in ((1.0, first), (2.0, second))]
     path = tmp_path / "jobs.parquet"
     pyarrow.parquet.write_table(pyarrow.Table.from_pylist(rows), path)
     items = read_jobs(path)
