@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -38,6 +39,17 @@ def test_no_size_fits_is_said() -> None:
     assert taken == "M"
     assert reason.startswith("Even the largest size, M, is too tight")
     assert recommendation([sized("S", 0.0, status="invalid")], 0.04)[0] is None
+
+
+def test_a_size_that_slides_down_is_not_taken_and_one_still_moving_is_told_of() -> None:
+    """A skirt that is too wide is loose enough everywhere, as it is nowhere."""
+    lost = replace(sized("L", 0.2, status="iteration_limit"), held=False, levels={})
+    moving = sized("M", 0.01, status="iteration_limit")
+    taken, reason = recommendation([sized("S", -0.01), moving, lost], 0.04)
+    assert taken == "M"
+    assert reason.startswith("Even the largest size that the body holds, M, is too tight: 1.0 cm")
+    assert reason.endswith("did not come to rest, and may yet fit otherwise.")
+    assert recommendation([lost], 0.04) == (None, "The body holds no size: each falls, or slides down to the feet.")
 
 
 def test_all_sizes_meet_the_same_body_and_larger_ones_leave_more() -> None:

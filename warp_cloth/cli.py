@@ -269,7 +269,8 @@ def sizes(
     for each in run.sizes:
         levels = [f"{name} {100 * level.ease:+.1f} cm" for name, level in each.levels.items()]
         strain = f"strain p99 {100 * each.strain_p99:.1f} %" if each.strain_p99 is not None else each.message
-        typer.echo(f"{each.size:<4} {each.status:<16} {', '.join([*levels, strain])}")
+        lost = [] if each.held else ["slides down"]
+        typer.echo(f"{each.size:<4} {each.status:<16} {', '.join([*levels, strain, *lost])}")
     typer.echo(f"take {run.recommended}: {run.reason}" if run.recommended else run.reason)
     typer.echo(f"  wrote        {', '.join(str(path) for path in paths)}")
     if all(each.status == "invalid" for each in run.sizes):

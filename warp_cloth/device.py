@@ -19,6 +19,8 @@ def device_named(name: str | None) -> str:
     if name is None:
         return str(wp.get_preferred_device().alias)
     try:
+        if name.startswith("cuda") and not wp.get_cuda_device_count():  # Warp would say more than that
+            raise ValueError
         return str(wp.get_device(name).alias)
     except (RuntimeError, ValueError):
         devices = ", ".join(str(device.alias) for device in wp.get_devices())

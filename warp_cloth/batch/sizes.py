@@ -16,6 +16,7 @@ from warp_cloth.result import Status
 from warp_cloth.scene import MannequinShape, Scene, TshirtShape, load_scene
 from warp_cloth.scene.shapes import Size
 from warp_cloth.shapes import mannequin_measures
+from warp_cloth.verdict import slid_off, unheld
 from warp_cloth.wardrobe import open_wardrobe, worn_size
 
 SIZE = "{size}"  # stands for the size in a change, as in garment.mesh=shirt_{size}.obj
@@ -52,6 +53,7 @@ class SizeFit:
     strain_p50: float | None
     strain_p99: float | None
     fit: Fit | None
+    held: bool = True  # whether the body holds it, rather than that it falls or slides down to the feet
 
     @property
     def ease(self) -> float | None:
@@ -80,6 +82,7 @@ class SizeRun:
                     "size": each.size,
                     "status": each.status,
                     "message": each.message,
+                    "held": each.held,
                     "levels": {
                         name: {
                             "height_cm": 100.0 * level.height,
@@ -181,10 +184,12 @@ def _fit_size(size: str, scene: Scene, device: str | None) -> SizeFit:
     except InputError as error:
         return SizeFit(size, Status.INVALID.value, str(error), {}, None, None, None)
     levels = {}
+    wardrobe, points = open_wardrobe(scene), [garment.points for garment in worn.garments]
     if worn.avatar is not None and worn.status is not Status.DIVERGED:
-        levels = _levels(worn, open_wardrobe(scene).parts[0])
+        levels = _levels(worn, wardrobe.parts[0])
     strain = worn.report["strain"]
-    return SizeFit(size, worn.status.value, worn.message, levels, strain["p50"], strain["p99"], worn)
+    held = not (unheld(scene, wardrobe, points) or slid_off(scene, wardrobe, points))
+    return SizeFit(size, worn.status.value, worn.message, levels, strain["p50"], strain["p99"], worn, held)
 
 
 def _levels(worn: Fit, part: GarmentPart) -> dict[str, LevelFit]:
@@ -208,14 +213,23 @@ def recommendation(sizes: Sequence[SizeFit], wanted: float) -> tuple[str | None,
     usable = [each for each in sizes if each.fit is not None and each.status != Status.DIVERGED.value]
     if not usable:
         return None, "No size could be fitted; see each one's message."
+    usable = [each for each in usable if each.held]
+    if not usable:
+        return None, "The body holds no size: each falls, or slides down to the feet."
     for index, each in enumerate(usable):
         problem = _too_tight(each, wanted)
         if not problem:
             before = _too_tight(usable[index - 1], wanted) if index else ""
             why = f"; {usable[index - 1].size} is too tight: {before}" if before else "; it is the smallest size"
-            return each.size, f"{each.size} {_told(each)}{why}."
+            return each.size, f"{each.size} {_told(each)}{why}.{_unsure(each)}"
     last = usable[-1]
-    return last.size, f"Even the largest size, {last.size}, is too tight: {_too_tight(last, wanted)}."
+    largest = "Even the largest size" + (" that the body holds" if last is not sizes[-1] else "")
+    return last.size, f"{largest}, {last.size}, is too tight: {_too_tight(last, wanted)}.{_unsure(last)}"
+
+
+def _unsure(each: SizeFit) -> str:
+    """A caution where the size was still moving when it was measured."""
+    return "" if each.status == Status.AT_REST.value else " It did not come to rest, and may yet fit otherwise."
 
 
 def _too_tight(each: SizeFit, wanted: float) -> str:
