@@ -15,7 +15,7 @@ from warp_cloth.advice import advice
 from warp_cloth.fitting import fit
 from warp_cloth.result import Strain
 from warp_cloth.scene import load_scene
-from warp_cloth.verdict import hidden, of_another_size, slid_off
+from warp_cloth.verdict import fallen_pieces, hidden, of_another_size, slid_off
 from warp_cloth.wardrobe import open_wardrobe
 
 
@@ -48,6 +48,18 @@ def test_a_garment_that_has_slid_to_the_feet_is_told_of(height: float, down: flo
     wardrobe = replace(wardrobe, parts=(replace(part, points=began),))
     sentence = slid_off(scene, wardrobe, [began - down_by])
     assert ('"square" has slid down to the avatar\'s feet' in sentence) == told
+
+
+def test_a_button_that_falls_off_is_told_of(tmp_path: Path) -> None:
+    points, faces = sheet()
+    button = np.array([[0.0, 1.2, 0.31], [0.02, 1.2, 0.31], [0.0, 1.22, 0.31]])
+    write_obj(tmp_path / "coat.obj", np.concatenate([points, button]), np.concatenate([faces, [[25, 26, 27]]]))
+    scene = load_scene({"garment": {"mesh": str(tmp_path / "coat.obj"), "units": "m"}})
+    wardrobe = open_wardrobe(scene)
+    worn = wardrobe.parts[0].points - np.array([0.0, 0.3, 0.0])  # all of it came down, the button not farther
+    assert fallen_pieces(scene, wardrobe, [worn]) == ""
+    worn[25:] -= [0.0, 0.2, 0.0]
+    assert fallen_pieces(scene, wardrobe, [worn]).startswith('1 of the 2 pieces of "coat" fall off')
 
 
 def test_a_gap_that_no_view_shows_is_told_of_until_all_layers_are_drawn(tmp_path: Path) -> None:

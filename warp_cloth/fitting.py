@@ -34,6 +34,7 @@ from warp_cloth.solver.certificate import (
 from warp_cloth.solver.loop import Outcome, relax_to_rest
 from warp_cloth.threads import map_in_threads
 from warp_cloth.verdict import (
+    fallen_pieces,
     hidden,
     misplaced,
     more_iterations,
@@ -260,7 +261,9 @@ def finished(
         contact, kind = made.touched(item), scene.collision.avatar
         last = [worn.points for worn in garments]
         met = depth if kind != "none" else None
-        wrong = [slid_off(scene, wardrobe, last), misplaced(met), of_another_size(summaries[item][0])]
+        falling = outcome.status is not Status.AT_REST
+        lost = [slid_off(scene, wardrobe, last), fallen_pieces(scene, wardrobe, last) if falling else ""]
+        wrong = [*lost, misplaced(met), of_another_size(summaries[item][0])]
         seen = [hidden(contact, kind), too_coarse(met)]
         longer = [] if any(wrong) else [more_iterations(scene, outcome)]
         advice = unheld(scene, wardrobe, last) or "; and ".join(filter(None, [*wrong, *longer, *seen]))

@@ -7,6 +7,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
+from warp_cloth.connected import lowest_connected
 from warp_cloth.plan import make_plan
 from warp_cloth.result import Penetration, Status, Strain
 from warp_cloth.solver.certificate import Tolerance
@@ -24,6 +27,7 @@ FAR_FROM_REST = 0.02  # [m]; what is farther than that from rest still falls or 
 SHOWN = 1.0  # [mm]; what shows less of itself is not seen
 HIDDEN = 5.0  # [mm]; where a hundredth of the skin is farther off than that, cloth hangs on what is not there
 BELOW = 0.15  # share of a garment that has come down below all of the avatar; less is a train, or a long hem
+FALLEN = 0.1  # [m]; a piece of a garment that comes down farther than the largest piece has come off
 OTHER_SIZE = 0.3  # strain of half the edges: the tightest of worn cloth has less
 
 
@@ -78,6 +82,29 @@ def slid_off(scene: Scene, wardrobe: Wardrobe, worn: Sequence[Points]) -> str:
             return (
                 f'"{spec.name}" has slid down to the avatar\'s feet, and {100 * below:.0f} % of it hang below them, as '
                 "there is no floor: it is too wide to be held; take a smaller one, or pin some of its vertices"
+            )
+    return ""
+
+
+def fallen_pieces(scene: Scene, wardrobe: Wardrobe, worn: Sequence[Points]) -> str:
+    """What to change where pieces of a garment that nothing joins to the rest fall off it; empty where none do.
+
+    ``worn`` are the garments' points [m], each shape [V, 3].
+    """
+    for spec, part, points in zip(scene.garments, wardrobe.parts, worn, strict=True):
+        a, b, c = part.triangles.T
+        piece = lowest_connected(len(points), np.concatenate([a, b]), np.concatenate([b, c]))
+        kinds, number, count = np.unique(piece, return_inverse=True, return_counts=True)
+        if len(kinds) == 1 or not np.isfinite(points).all():
+            continue
+        fall = part.points[:, 1] - points[:, 1]
+        least = np.full(len(kinds), np.inf)
+        np.minimum.at(least, number, fall)
+        fallen = int((least > np.median(fall[number == np.argmax(count)]) + FALLEN).sum())
+        if fallen:
+            return (
+                f'{fallen} of the {len(kinds)} pieces of "{spec.name}" fall off, as nothing joins them to the others: '
+                "leave buttons and the like out, or weld them on"
             )
     return ""
 
