@@ -111,6 +111,23 @@ def test_a_wrong_key_or_value_is_told_with_file_key_value_and_what_is_allowed(
 @pytest.mark.parametrize(
     ("text", "line"),
     [
+        (
+            'garment = {mesh = "s.usda", prim = "/W/coat"}\navatar = {mesh = "s.usda", prim = "/W"}',
+            'avatar.prim: "/W" holds the garment, too; name the body alone',
+        ),
+        (
+            'garment = {mesh = "s.glb", prim = "coat"}\navatar = {mesh = "s.glb"}',
+            "avatar.prim: all of s.glb includes the garment, too; name the body alone",
+        ),
+    ],
+)
+def test_an_avatar_that_holds_its_garment_is_refused(tmp_path: Path, text: str, line: str) -> None:
+    assert line in refused(write(tmp_path, text))
+
+
+@pytest.mark.parametrize(
+    ("text", "line"),
+    [
         ("[garments]\nmesh = 'a.obj'", "unknown key garments; did you mean garment?"),
         ("[garment]\nrest = 'mesh'", 'garment: neither mesh nor shape is given; give one: mesh = "FILE"'),
         ("[garment]\nmesh = ''", 'garment.mesh: "" is not a path'),

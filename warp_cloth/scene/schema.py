@@ -23,6 +23,7 @@ from warp_cloth.fabric import Fabric, resolve_fabric
 from warp_cloth.folds import RestAngles
 from warp_cloth.scene.messages import listed, refusal, show
 from warp_cloth.scene.shapes import AvatarShape, GarmentShape, Point, Real, Table, VertexId, Whole
+from warp_cloth.scene.stage import USD_SUFFIXES
 from warp_cloth.units import LENGTH_UNITS, METRES_PER, LengthUnit, UpAxis
 
 RestShape = Literal["mesh", "uv", "physics"]
@@ -32,6 +33,7 @@ Precision = Literal["float32", "float64", "mixed"]
 LoopSide = Literal["top", "bottom", "left", "right", "front", "back"]
 Degrees = Annotated[Real, Field(ge=-360, le=360)]
 LOOP_SIDES: tuple[LoopSide, ...] = get_args(LoopSide)
+NAMED_MESHES = (*USD_SUFFIXES, ".glb", ".gltf")  # files whose meshes have names, so that one may hold a whole scene
 FABRIC_KEYS = frozenset(field.name for field in fields(Fabric))
 
 
@@ -344,6 +346,18 @@ class Scene(Table):
                     "add an [avatar], or leave collision.avatar out",
                 )
             object.__setattr__(self, "collision", self.collision.model_copy(update={"avatar": "none"}))
+        return self
+
+    @model_validator(mode="after")
+    def _avatar_without_its_garments(self) -> Scene:
+        """Refuse an avatar that holds the garment, as where it is all of a file that holds both."""
+        if self.avatar is None or self.avatar.mesh is None or self.avatar.mesh.suffix.lower() not in NAMED_MESHES:
+            return self
+        whole = "" if self.avatar.prim is None else self.avatar.prim.rstrip("/")
+        for garment in self.garments:
+            if garment.mesh == self.avatar.mesh and f"{garment.prim or ''}/".startswith(f"{whole}/" if whole else ""):
+                holds = f"{show(whole)} holds" if whole else f"all of {self.avatar.mesh.name} includes"
+                raise refusal(f"{holds} the garment, too", "name the body alone", below="avatar.prim")
         return self
 
     def model_post_init(self, context: Any, /) -> None:
