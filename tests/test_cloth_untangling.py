@@ -151,6 +151,18 @@ def test_no_garment_is_moved_down_unless_that_clears_it() -> None:
     assert shift[1] == pytest.approx(-0.03)
 
 
+def test_no_garment_is_moved_far_up_for_what_is_in_the_body_there_as_well() -> None:
+    """Of a tight one some is inside wherever it starts; moved as far as helps most, it would be worn too high."""
+    body = build_avatar(SphereShape(kind="sphere", radius=0.5, centre=(0.0, 0.5, 0.0)), size="M")
+    shoulders, tight = np.tile([0.0, 0.93, 0.0], (5, 1)), np.array([[0.0, 0.55, 0.0]])
+    shift = clear_shift(np.concatenate([shoulders, tight]), body, "cpu")
+    assert shift is not None
+    assert shift[1] == pytest.approx(0.08)
+    taller = clear_shift(shoulders - [0.0, 0.07, 0.0], body, "cpu")
+    assert taller is not None
+    assert taller[1] > 0.13
+
+
 @pytest.mark.parametrize(
     ("shift", "told"),
     [

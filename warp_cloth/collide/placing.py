@@ -11,8 +11,11 @@ from warp_cloth.mesh import Mesh, Points
 DEEP = 0.02  # [m]; vertices that start less deep come out by themselves
 WAYS_UP = np.arange(-0.04, 0.161, 0.01)  # [m]; a head taller or shorter is 0.2, its shoulders less
 WAYS_FORWARD = np.array([0.0, -0.02, 0.02, -0.04, 0.04])  # [m]
+FAR = (
+    0.085  # [m]; a move so far up must leave less than WORTH of what the best nearer one leaves, unless that clears it
+)
 WORTH = 0.5  # a move must leave less than this share of the depth, or it is not made
-CLEARS = 0.1  # a move down less than this: trousers would hang lower, however far they went, for inseams drawn in a leg
+CLEARS = 0.1  # less than this clears it. So must a move down: trousers would hang lower for inseams drawn in a leg
 
 
 def clear_shift(points: Points, avatar: Mesh, device: wp.DeviceLike = None) -> Points | None:
@@ -31,7 +34,12 @@ def clear_shift(points: Points, avatar: Mesh, device: wp.DeviceLike = None) -> P
     shifts = [np.array([0.0, up, forward]) for up in WAYS_UP for forward in WAYS_FORWARD]
     shifts.sort(key=lambda shift: float(np.linalg.norm(shift)))
     shares = np.array([depths(shift).sum() for shift in shifts]) / start.sum()
-    worth = shares < np.where([shift[1] < 0.0 for shift in shifts], CLEARS, WORTH)
+    ways = np.array(shifts)[:, 1]
+    worth = shares < np.where(ways < 0.0, CLEARS, WORTH)
+    near = worth & (ways < FAR)
+    left = shares[near].min(initial=1.0)
+    if left < CLEARS or shares.min() > WORTH * left:  # tight cloth is in the body wherever it starts
+        worth = near
     return shifts[int(np.argmin(np.where(worth, shares, np.inf)))] if worth.any() else None
 
 
