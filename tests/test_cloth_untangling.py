@@ -153,8 +153,8 @@ def test_no_garment_is_moved_down_unless_that_clears_it() -> None:
 
 def test_no_garment_is_moved_far_up_for_what_is_in_the_body_there_as_well() -> None:
     """Of a tight one some is inside wherever it starts; moved as far as helps most, it would be worn too high."""
-    body = build_avatar(SphereShape(kind="sphere", radius=0.5, centre=(0.0, 0.5, 0.0)), size="M")
-    shoulders, tight = np.tile([0.0, 0.93, 0.0], (5, 1)), np.array([[0.0, 0.55, 0.0]])
+    body = build_avatar(SphereShape(kind="sphere", radius=0.28, centre=(0.0, 0.28, 0.0)), size="M")
+    shoulders, tight = np.tile([0.0, 0.49, 0.0], (2, 1)), np.array([[0.0, 0.3, 0.0]])
     shift = clear_shift(np.concatenate([shoulders, tight]), body, "cpu")
     assert shift is not None
     assert shift[1] == pytest.approx(0.08)
