@@ -23,6 +23,8 @@ ON_TRIANGLE = wp.constant(wp.int32(0))  # a vertex and a triangle
 ON_EDGE = wp.constant(wp.int32(1))  # two edges
 NEIGHBOURS = wp.constant(wp.int32(2))  # added where the two are near in the rest shape: they do not push
 
+EVER = wp.constant(wp.int64(2**62))  # farther than any vertex goes [ROOM_UNIT]; what is due beyond it never is
+
 
 @wp.struct
 class ClothContact:

@@ -138,20 +138,15 @@ def keep_function(precision: str) -> wp.Function:
     def keep_near(
         cloth: Cloth, search: ContactSearch, contact: ClothContact, memory: LeanMemory, asking: int, met: int
     ):
-        """Keeps two leaves (Meetings.leaf) if they are near each other, and neither is tangled."""
+        """Keeps two leaves (Meetings.leaf) if they are near each other."""
         if asking < 0:
-            vertex = -1 - asking
-            t = search.corners[met]
-            tangled = search.tangled[vertex] + search.tangled[t[0]] + search.tangled[t[1]] + search.tangled[t[2]]
-            if tangled == 0:
-                keep_on_triangle(cloth, search, contact, memory, vertex, t)
+            keep_on_triangle(cloth, search, contact, memory, -1 - asking, search.corners[met])
         else:
             # the lower comes first, wherever they are in the tree
             edge, other = search.edge_tree.leaf[asking], search.edge_tree.leaf[met]
             one, two = search.ends[asking], search.ends[met]
             e, o = wp.where(edge < other, one, two), wp.where(edge < other, two, one)
-            if search.tangled[e[0]] + search.tangled[e[1]] + search.tangled[o[0]] + search.tangled[o[1]] == 0:
-                keep_on_edge(cloth, search, contact, memory, e, o)
+            keep_on_edge(cloth, search, contact, memory, e, o)
 
     return keep_near
 

@@ -57,6 +57,19 @@ def tangled_triangles(search: ContactSearch, group: int):
     return team_last(found) > 0
 
 
+@wp.func
+def tangled_vertices(search: ContactSearch, group: int):
+    """Whether any vertex of a group is tangled; for a team."""
+    found = int(0)
+    local = team_lane()
+    while local < WIDTH:
+        vertex = search.vertex[WIDTH * group + local]
+        if vertex >= 0:
+            found = wp.max(found, search.tangled[vertex])
+        local += team_threads()
+    return team_last(found) > 0
+
+
 @functools.cache
 def part_leaves_function(precision: str) -> wp.Function:
     """The function that looks closely at what may cross, or lie beyond another layer."""
@@ -151,7 +164,7 @@ def crossing_groups_kernel(precision: str) -> wp.Kernel:
     ):
         """Lists the triangles that each group of edges meets, and of vertices, and edges by triangles: a team each.
 
-        An edge that was not tangled at the last search, when all that is near was known, can have met only what was.
+        What was not tangled at the last search, when all that is near was known, can have met only what was.
         """
         group = wp.tid() // team_threads()
         edge_groups = search.edge_tree.leaf.shape[0] // WIDTH
@@ -177,7 +190,7 @@ def crossing_groups_kernel(precision: str) -> wp.Kernel:
         else:
             group -= edge_groups + triangle_groups
             vertex = search.vertex[WIDTH * group]
-            if vertex >= 0:
+            if vertex >= 0 and (all or tangled_vertices(search, group)):
                 room = float(untangling.layer_reach) + SLACK
                 wide = wp.vec3f(room, room, room)
                 # not named as above: Warp would read both, whichever branch was taken

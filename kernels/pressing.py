@@ -7,6 +7,7 @@ import warp as wp
 from warp_cloth.kernels.block import BLOCK_THREADS, own_memory
 from warp_cloth.kernels.cloth import MODULE_OPTIONS, cloth_types, place_function
 from warp_cloth.kernels.cloth_contact import (
+    EVER,
     FORCE_UNIT,
     NEIGHBOURS,
     ROOM_SHARE,
@@ -33,7 +34,6 @@ from warp_cloth.kernels.touch import (
 
 ROUNDS = 4  # of a block's threads: for how many pairs each looks at once whether they may be near
 QUEUED = BLOCK_MEMORY // 4 - 2  # pairs that a block has room for; those that may be near are pressed at a time
-EVER = wp.constant(wp.int64(2**62))  # farther than any vertex goes
 
 LEAST_SHARE = wp.constant(wp.float64(0.02))  # of the thickness; nearer than this, force and stiffness grow no more
 

@@ -5,7 +5,7 @@ import functools
 import warp as wp
 
 from warp_cloth.kernels.cloth import MODULE_OPTIONS, cloth_types, place_function
-from warp_cloth.kernels.cloth_contact import ClothContact
+from warp_cloth.kernels.cloth_contact import EVER, ClothContact, due_of
 from warp_cloth.kernels.contact_search import ContactSearch
 from warp_cloth.kernels.crossing import segment_pierces, volume
 from warp_cloth.kernels.meeting import Meetings, forget_meetings
@@ -211,15 +211,12 @@ def settle_kernel(precision: str) -> wp.Kernel:
     Cloth, at = cloth_types(precision).Cloth, place_function(precision)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
-    def settle_shifts(
-        cloth: Cloth, search: ContactSearch, contact: ClothContact, untangling: Untangling, meetings: Meetings
-    ):
+    def settle_shifts(cloth: Cloth, search: ContactSearch, contact: ClothContact, untangling: Untangling):
         """A vertex's untangling shift: the mean of what its crossings ask for, and smoothing round tangles that last.
 
         A fold that passes through itself is a loop; smoothed, it becomes shorter and comes undone, as a curve's does.
         """
         vertex = wp.tid()
-        forget_meetings(meetings, vertex)
         if vertex == 0:
             search.whole[0] = 0
         level = int(0)
@@ -236,7 +233,6 @@ def settle_kernel(precision: str) -> wp.Kernel:
         search.tangled[vertex] = wp.max(level, untangling.crosses[vertex])
         if search.tangled[vertex] > 0:
             wp.atomic_add(untangling.count, 2, 1)
-            contact.moved[0] = 1
         count = untangling.sum[vertex, 3]
         shift = wp.vec3d()
         if count > wp.int64(0):
@@ -249,3 +245,20 @@ def settle_kernel(precision: str) -> wp.Kernel:
         contact.shift[vertex] = wp.vec3f(shift)
 
     return settle_shifts
+
+
+@wp.kernel(grid_stride=False)
+def spare_tangled(search: ContactSearch, contact: ClothContact):
+    """Has no pair pressed of which a vertex is tangled: contact would hold what crosses where it is."""
+    pair = wp.tid()
+    if pair < contact.count[0]:
+        corners = contact.corners[pair]
+        tangled = search.tangled[corners[0]] + search.tangled[corners[1]]
+        tangled += search.tangled[corners[2]] + search.tangled[corners[3]]
+        kind = contact.kind[pair] & 1
+        spared = contact.due[pair] > EVER
+        if tangled > 0:
+            contact.due[pair] = due_of(EVER + wp.int64(2), kind)
+            contact.lean[pair] = wp.vec3f()
+        elif spared:
+            contact.due[pair] = due_of(wp.int64(-2), kind)

@@ -25,7 +25,7 @@ from warp_cloth.kernels.crossing_search import crossing_groups_kernel, crossing_
 from warp_cloth.kernels.lean_memory import LeanMemory
 from warp_cloth.kernels.meeting import APART, LISTING, PARTS, Meetings
 from warp_cloth.kernels.pressing import press_kernel
-from warp_cloth.kernels.untangle import forget_tangles, layers_kernel, settle_kernel
+from warp_cloth.kernels.untangle import forget_tangles, layers_kernel, settle_kernel, spare_tangled
 from warp_cloth.mesh import Points
 from warp_cloth.model import ClothModel
 
@@ -235,7 +235,8 @@ class ClothTouch:
         found = [self._start, self._boxes, box_rest, self._groups, self._crossing_groups]  # the third for high trees
         if self._meetings.group.size:
             found += [self._leaves, self._pairs, self._crossing_leaves, self._part_crossings]
-        return [*found, forget_tangles, self._part_layers, self._settle, self._press, self._measure, self._add]
+        untangling = [forget_tangles, self._part_layers, self._settle, spare_tangled]
+        return [*found, *untangling, self._press, self._measure, self._add]
 
     def awaken(self) -> None:
         """From now on garments meet."""
@@ -296,17 +297,27 @@ class ClothTouch:
         return int(self._untangling.count.numpy().sum())
 
     def search_where_due(self, cloth: Any) -> None:
-        """Looks for pairs anew where something moved too far since the last search; decided on the device."""
-        wp.capture_if(self.data.moved, on_true=self.search, cloth=cloth)
+        """Looks for pairs anew where something moved too far since the last search; decided on the device.
+
+        What crosses is looked for whether or not, while that is to be undone.
+        """
+        wp.capture_if(self.data.moved, on_true=self._search_near, cloth=cloth)
+        if self.untangles:
+            self._box(cloth, anew=False)
+            self._untangle(cloth)
 
     def search(self, cloth: Any) -> None:
         """Looks for pairs, and for what crosses while that is to be undone."""
+        self._search_near(cloth)
+        if self.untangles:
+            self._untangle(cloth)
+
+    def _search_near(self, cloth: Any) -> None:
+        """Looks for pairs."""
         given, found, memory, vertices = self._search, self.data, self._memory, self.sheets.vertex_count
         met = self._meetings
         self._launch(self._start, max(vertices, len(found.corners)), [cloth, found, memory, met])
         self._box(cloth)
-        if self.untangles:
-            self._untangle(cloth)
         inputs = [cloth, given, found, memory, met]
         self._launch_teams(self._groups, given.edge_tree.leaf.size + given.vertex.size, inputs)
         self._launch_lists(self._leaves, self._pairs, inputs)
@@ -342,7 +353,8 @@ class ClothTouch:
         self._look_for_crossings(cloth, layered=self.layered)
         if self.layered:
             self._launch(self._part_layers, vertices, [cloth, given, found, untangling])
-        self._launch(self._settle, vertices, [cloth, given, found, untangling, self._meetings])
+        self._launch(self._settle, vertices, [cloth, given, found, untangling])
+        self._launch(spare_tangled, len(found.corners), [given, found])
 
     def _look_for_crossings(self, cloth: Any, *, layered: bool) -> None:
         """Looks for what crosses, and where garments are ``layered``, for what of others is nearest to each vertex."""
