@@ -82,7 +82,7 @@ def test_a_fold_that_passes_through_itself_comes_undone() -> None:
     relaxation = Relaxation(model, Collider(), StepOptions(), touch)
     course = Course(relaxation, touch, 5.0 * parts[0].rest.edge_length, lambda _: [1.0])
     for step in range(10):
-        course.advance(100 * step, model.points())
+        course.advance(100 * step)
         points = iterate(relaxation, 100)
         if not touch.crossing_count():
             break
@@ -105,7 +105,7 @@ def test_an_outer_layer_inside_the_inner_one_comes_out() -> None:
     relaxation = Relaxation(model, Collider(), StepOptions(), touch)
     course = Course(relaxation, touch, lengths, lambda _: [-1.0, -1.0])
     for step in range(6):
-        course.advance(100 * step, model.points())
+        course.advance(100 * step)
         points = iterate(relaxation, 100)
     assert not len(find_crossings(points, touch.sheets, "cpu").pairs)
     worn = points[len(pins) :]

@@ -48,10 +48,11 @@ class Course:
         self._relaxation.step.momentum = momentum
         self._relaxation.forget_graphs()
 
-    def advance(self, iteration: int, points: Points) -> bool:
-        """Goes on to what comes next where it is time, given the shape now; whether that may be the rest shape."""
+    def advance(self, iteration: int) -> bool:
+        """Goes on to what comes next where it is time; whether what is now may be the rest shape."""
         touch = self._touch
         if not touch.awake:
+            points = self._relaxation.model.points()
             ends = touch.sheets.edges
             stretch = np.linalg.norm(points[ends[:, 1]] - points[ends[:, 0]], axis=1) / self._lengths
             if stretch.max() > OPEN_STRETCH and iteration < MOST_SEWING:

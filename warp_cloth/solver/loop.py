@@ -261,7 +261,7 @@ class _Loop:
         """Goes on along the course; whether what is now may be the rest shape."""
         if self._course is None or not look.finite.all():
             return True
-        return self._course.advance(look.iteration, self._relaxation.model.points())
+        return self._course.advance(look.iteration)
 
     def _status(self, item: int, check: Check, settled: bool, ending: bool) -> Status | None:
         """How an item has ended; None while it has not. The start is an end only where it is the limit."""

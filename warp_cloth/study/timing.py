@@ -153,7 +153,7 @@ class Way:
         if not look.finite.all():
             return
         if made.course is not None:
-            made.course.advance(self.iteration, made.model.points())
+            made.course.advance(self.iteration)
         made.relaxation.loosen(look.relative_rms)
         for item, collider in self._follow(range(len(look.boxes)), look.boxes).items():
             made.relaxation.meet(item, collider)

@@ -72,7 +72,7 @@ class LiveFit:
         self._seconds = 0.0
         self.points: Points = self.made.model.points()
         if self.made.course is not None:
-            self.made.course.advance(0, self.points)
+            self.made.course.advance(0)
 
     @property
     def ended(self) -> bool:
@@ -129,7 +129,7 @@ class LiveFit:
             made.relaxation.loosen(np.array([self.check.residual.relative_rms]))
             self._seconds, self._unchecked = 0.0, 0
             self.diverged = not self.check.finite
-            settled = made.course is None or made.course.advance(self.iteration, points)
+            settled = made.course is None or made.course.advance(self.iteration)
             self.at_rest = settled and self.check.within(tolerance)
 
     def change(self, changes: Mapping[str, str]) -> None:
