@@ -75,14 +75,18 @@ def start_kernel(precision: str) -> wp.Kernel:
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def start_search(cloth: Cloth, contact: ClothContact, memory: LeanMemory, meetings: Meetings):
-        """Remembers where each vertex is, gives it its skin, remembers what pairs lean; empties the lists."""
+        """Remembers where each vertex is, gives it its skin, remembers what pairs lean; empties the lists.
+
+        Where not all pairs had room it is chance which did, and what they lean is forgotten.
+        """
         thread = wp.tid()
         forget_meetings(meetings, thread)
         if thread < contact.searched.shape[0]:
             position = at(cloth.position, thread)
             contact.skin[thread] = next_skin(contact, thread, position, wp.vec3d(cloth.move[thread]))
             contact.searched[thread] = position
-        if thread < wp.min(contact.count[0], contact.corners.shape[0]):
+        count = contact.count[0]
+        if thread < count and count <= contact.corners.shape[0]:
             remember_lean(contact, memory, thread)
 
     return start_search

@@ -9,14 +9,16 @@ import numpy as np
 import pytest
 import warp as wp
 from cloths import NO_PINS, grid
-from sheets import THICKNESS, crumpled, iterate, moved, sheets_at
+from sheets import THICKNESS, crumpled, iterate, look, moved, sheets_at
 
 import warp_cloth
 from warp_cloth.collide.cloth import lists_of
 from warp_cloth.collide.crossing import find_crossings
 from warp_cloth.collide.exact import signed_distances
 from warp_cloth.collide.placing import DEEP, clear_shift, way_told
+from warp_cloth.kernels.cloth_contact import EVER
 from warp_cloth.kernels.meeting import APART
+from warp_cloth.kernels.untangle import spare_tangled
 from warp_cloth.mesh import Mesh
 from warp_cloth.scene import SphereShape
 from warp_cloth.shapes import build_avatar
@@ -65,6 +67,26 @@ def test_what_crosses_is_found_from_what_was_tangled_as_from_all() -> None:
     everywhere, near = parted(1), parted(0)
     assert everywhere[0][0] > 0
     assert all(np.array_equal(one, other) for one, other in zip(everywhere, near, strict=True))
+
+
+def test_what_is_tangled_is_pressed_again_once_it_is_not() -> None:
+    upper = moved(crumpled(3), 0.0, 0.0, 0.3 * THICKNESS)
+    model, touch, _ = sheets_at([crumpled(1), upper])
+    look(model, touch)
+    data = touch.data
+    count = int(data.count.numpy()[0])
+
+    def due(gone: int) -> np.ndarray:
+        return np.asarray(data.due.numpy()[:count] <= gone)
+
+    tangled = (touch._search.tangled.numpy() > 0)[data.corners.numpy()[:count]].any(axis=1)
+    assert tangled.any()
+    assert due(0)[~tangled].any()
+    assert not due(int(EVER))[tangled].any()
+    assert due(int(EVER))[~tangled].all()
+    touch._search.tangled.zero_()
+    wp.launch(spare_tangled, dim=len(data.corners), inputs=[touch._search, data], device="cpu")
+    assert due(0)[tangled].all()
 
 
 def test_a_fold_that_passes_through_itself_comes_undone() -> None:

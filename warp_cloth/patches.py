@@ -86,7 +86,7 @@ def garment_patches(
     Raises:
         InputError: more meets at one vertex than a patch can count.
     """
-    size = size or _even_size(sum(len(part) for part in points))
+    size = size or even_size(sum(len(part) for part in points))
     shapes = kept.each("shape", list(zip(garments, points, strict=True)), _shape)
     distinct = dict(zip(shapes, zip(garments, points, strict=True), strict=True))
     how = size, terms, precision
@@ -100,9 +100,12 @@ def garment_patches(
     return [made[shape] for shape in shapes]
 
 
-def _even_size(vertices: int) -> int:
-    """Vertices that a patch owns. A large GPU that has all patches at work at once has as many on each core."""
-    each = max(2, -(-2 * vertices // (LARGEST * FEW)))
+def even_size(vertices: int, least: int = 2) -> int:
+    """Vertices that a patch owns. A large GPU that has all patches at work at once has as many on each core, or more.
+
+    ``least``: how many on each core, at least.
+    """
+    each = max(least, -(-2 * vertices // (LARGEST * FEW)))
     return int(np.clip(-(-2 * vertices // (FEW * each)), SMALLEST, LARGEST)) if each <= BLOCKS_PER_CORE else LARGEST
 
 

@@ -79,26 +79,23 @@ def cloth_course(wardrobe: Wardrobe, relaxation: Relaxation, touch: ClothTouch, 
 
 def outward_signs(wardrobe: Wardrobe, points: Points, device: str) -> list[float]:
     """Of each garment, whether most of its area faces away from the body, 1, or to it, -1; ``points`` [m]."""
-    signs, first = [], 0
-    for part in wardrobe.parts:
-        worn = points[first : first + len(part.points)]
-        signs.append(_outward(worn, part.triangles, wardrobe.starting_avatar, device))
-        first += len(part.points)
-    return signs
-
-
-def _outward(points: Points, triangles: np.ndarray, avatar: Mesh | None, device: str) -> float:
-    corners = points[triangles]
-    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    area = np.linalg.norm(normal, axis=1)
-    centre = corners.mean(axis=1)
+    avatar, first = wardrobe.starting_avatar, np.cumsum([0, *(len(part.points) for part in wardrobe.parts)])
+    corners = [points[start + part.triangles] for start, part in zip(first, wardrobe.parts, strict=False)]
+    normals = [np.cross(each[:, 1] - each[:, 0], each[:, 2] - each[:, 0]) for each in corners]
+    centres = [each.mean(axis=1) for each in corners]
     if avatar is None:  # away from its own middle
-        away = np.einsum("ij,ij->i", normal, centre - points.mean(axis=0))
-        return 1.0 if away.sum() >= 0.0 else -1.0
-    step = FEELER * normal / np.maximum(area, np.finfo(float).tiny)[:, None]
-    before = signed_distances(centre + step, avatar, device)
-    behind = signed_distances(centre - step, avatar, device)
-    return 1.0 if float((area * np.sign(before - behind)).sum()) >= 0.0 else -1.0
+        away = [
+            np.einsum("ij,ij->", normal, centre - points[start:end].mean(axis=0))
+            for normal, centre, (start, end) in zip(normals, centres, pairwise(first), strict=True)
+        ]
+    else:
+        area = [np.linalg.norm(normal, axis=1) for normal in normals]
+        step = FEELER * np.concatenate(normals) / np.maximum(np.concatenate(area), np.finfo(float).tiny)[:, None]
+        centre = np.concatenate(centres)
+        before, behind = np.split(signed_distances(np.concatenate([centre + step, centre - step]), avatar, device), 2)
+        sides = np.split(np.sign(before - behind), np.cumsum([len(each) for each in centres])[:-1])
+        away = [(own * side).sum() for own, side in zip(area, sides, strict=True)]
+    return [1.0 if float(each) >= 0.0 else -1.0 for each in away]
 
 
 @dataclass(frozen=True, eq=False)
