@@ -13,10 +13,10 @@ from warp_cloth.elements import garment_elements
 from warp_cloth.errors import InputError
 from warp_cloth.fabric import resolve_fabric
 from warp_cloth.garment_part import GarmentPart, terms_of
-from warp_cloth.kernels.limits import BLOCK_MEMORY, Terms
+from warp_cloth.kernels.limits import BLOCK_MEMORY, FEW, Terms
 from warp_cloth.mesh import Mesh
 from warp_cloth.model import build_model
-from warp_cloth.patches import PatchTables, cut_patches
+from warp_cloth.patches import PatchTables, cut_patches, even_size
 from warp_cloth.rest import RestShape, build_rest_shape
 from warp_cloth.solver.relax import Collider, Method, Relaxation, StepOptions
 from warp_cloth.topology import build_topology
@@ -150,3 +150,10 @@ def test_iterations_in_the_patches_order_have_the_bits_of_scattered_ones(method:
         shapes.append(model.points())
     assert (shapes[0] == shapes[1]).all()
     assert not np.array_equal(shapes[0], mesh.points)
+
+
+@pytest.mark.parametrize("vertices", [7_000, 14_000, 20_000])
+def test_patches_are_half_as_many_where_other_blocks_of_a_core_press(vertices: int) -> None:
+    several, one = (-(-vertices // even_size(vertices, least)) for least in (2, 1))
+    assert several <= FEW
+    assert FEW / 2 * 0.95 < one <= FEW / 2

@@ -15,9 +15,10 @@ from warp_cloth.kept import Kept
 from warp_cloth.kernels.cloth import Patch
 from warp_cloth.kernels.limits import FEW, Terms
 from warp_cloth.mesh import Points
-from warp_cloth.patches import PatchTables, garment_patches, joined_patches
+from warp_cloth.patches import PatchTables, even_size, garment_patches, joined_patches
 from warp_cloth.threads import end_to_end
 
+PER_CORE_LAYERED = 1  # patches on each core of a large GPU, at least, where garments that meet lie on each other
 SHARE_AT_REST = 0.125  # of the patches at work, those of items that have ended: their blocks start, and end at once
 
 
@@ -67,6 +68,8 @@ def device_patches(
     item_start: tuple[int, ...],
     device: str,
     kept: Kept,
+    *,
+    layered: bool = False,
 ) -> Patches:
     """The cloth cut into patches of vertices that lie together as loaded.
 
@@ -80,9 +83,11 @@ def device_patches(
         item_start: first vertex of each item, and the number of all.
         device: Warp's name of it.
         kept: what garments share with earlier models.
+        layered: whether garments lie on each other and meet: while patches are worked out, a core's other blocks press.
     """
     own_memory = wp.get_device(device).is_cuda
-    each = garment_patches(garments, points, terms, precision=types.name, kept=kept)
+    size = even_size(sum(len(part) for part in points), PER_CORE_LAYERED) if layered else None
+    each = garment_patches(garments, points, terms, precision=types.name, kept=kept, size=size)
     cut = joined_patches(each, garments, points, terms, precision=types.name, own_memory=own_memory)
     laws = kept.each("laws", list(zip(given, each, strict=True)), partial(_patch_laws, terms=terms), terms)
     law = {name: end_to_end([own[name] for own in laws]) for name in laws[0]}

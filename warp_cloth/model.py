@@ -112,13 +112,13 @@ def build_model(
     gathers: bool | None = None,
     garments: Sequence[int] | None = None,
     kept: Kept | None = None,
-    touching: bool = False,
+    layered: bool = False,
 ) -> ClothModel:
     """Concatenates garments and puts them on a device.
 
     ``garments`` is how many of the parts belong to each item; None: all to one. ``gathers`` says how forces are
     summed; None: gathered on CUDA, scattered on the CPU, which is fastest on each. ``kept`` has what earlier models of
-    the same garments left. ``touching``: whether cloth is to meet cloth.
+    the same garments left. ``layered``: whether garments lie on each other and meet.
     """
     types = cloth_types(precision)
     vertex_start = _starts([len(part.points) for part in parts])
@@ -140,7 +140,7 @@ def build_model(
     if wp.get_device(device).is_cuda if gathers is None else gathers:
         lying = [part.points for part in parts]
         patches = device_patches(
-            types, upload, garments_elements, given, lying, terms, item_start, device, kept, touching=touching
+            types, upload, garments_elements, given, lying, terms, item_start, device, kept, layered=layered
         )
     return ClothModel(
         device=device,

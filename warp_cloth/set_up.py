@@ -134,7 +134,7 @@ def set_up(
         precision=first.solver.precision,
         garments=[len(each.parts) for each in wardrobes],
         kept=kept,
-        touching=first.collision.cloth,
+        layered=first.collision.cloth and len(wardrobes[0].parts) > 1,
     )
     threads = thread_count(first.solver.threads, model.vertex_count)
     options = options or StepOptions(method=first.solver.method, threads=threads)
