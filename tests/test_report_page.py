@@ -69,3 +69,6 @@ def test_advice_names_the_likeliest_cause_first(report: dict[str, Any], tmp_path
     assert "What to try next" in page_of(stuck, tmp_path)
     lost = {**deepcopy(report), "status": "diverged"}
     assert "float64" in advice(lost)[0]
+    stuck["unheld"] = "nothing holds it"
+    assert advice(stuck)[0] == "Nothing holds it."
+    assert not any("solver.iterations" in line for line in advice(stuck))

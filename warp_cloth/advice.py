@@ -24,7 +24,10 @@ def advice(report: Mapping[str, Any]) -> list[str]:
     strain, depth, solver = report["strain"], report.get("penetration_mm"), report["settings"]["solver"]
     if report["status"] == "diverged":
         lines.append('Use a smaller solver.cap, solver.precision = "float64", or a softer fabric.')
-    if depth is not None and depth["edges"]:
+    loss = report.get("unheld")
+    if loss:
+        lines.append(f"{loss[0].upper()}{loss[1:]}.")
+    elif depth is not None and depth["edges"]:
         lines.append(
             f"{depth['edges']:,} edges are drawn through the body: begin with it in the pose that the garment is "
             "placed round, and give the wanted pose as avatar.poses."
@@ -39,7 +42,7 @@ def advice(report: Mapping[str, Any]) -> list[str]:
         )
     if depth is not None and not depth["max"] <= DEEP:
         lines.append('The garment lies in the body: start it further out, or set collision.avatar = "mesh".')
-    if report["status"] == "iteration_limit":
+    if report["status"] == "iteration_limit" and not loss:
         error = report["rest_error_mm"]
         cloth = report["settings"]["collision"]["cloth"]
         if falls_as_a_whole(solver["method"], cloth, None if error is None else 1e-3 * error):

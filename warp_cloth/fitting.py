@@ -261,18 +261,20 @@ def finished(
         contact, kind = made.touched(item), scene.collision.avatar
         last = [worn.points for worn in garments]
         met = depth if kind != "none" else None
-        falling = outcome.status is not Status.AT_REST
-        lost = [slid_off(scene, wardrobe, last), fallen_pieces(scene, wardrobe, last) if falling else ""]
-        wrong = [*lost, misplaced(met), of_another_size(summaries[item][0])]
+        loss = slid_off(scene, wardrobe, last)
+        if outcome.status is not Status.AT_REST:  # what falls is not
+            loss = unheld(scene, wardrobe, last) or loss or fallen_pieces(scene, wardrobe, last)
+        wrong = [loss] if loss else [misplaced(met), of_another_size(summaries[item][0])]
         seen = [hidden(contact, kind), too_coarse(met)]
         longer = [] if any(wrong) else [more_iterations(scene, outcome)]
-        advice = unheld(scene, wardrobe, last) or "; and ".join(filter(None, [*wrong, *longer, *seen]))
-        message = verdict(outcome, tolerance_of(scene), advice, "; and ".join(filter(None, [*wrong, *seen])))
+        advice, flaw = ("; and ".join(filter(None, told)) for told in ([*wrong, *longer, *seen], [*wrong, *seen]))
+        message = verdict(outcome, tolerance_of(scene), advice, flaw)
         report = report_of(
             scene,
             wardrobe,
             outcome,
             message=message,
+            loss=loss,
             seconds=seconds if len(outcomes) == 1 else {**seconds, "relax": outcome.seconds},
             device=model.device,
             strain=summaries[item][0],

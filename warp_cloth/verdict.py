@@ -188,6 +188,7 @@ def report_of(
     outcome: Outcome,
     *,
     message: str,
+    loss: str,
     seconds: dict[str, float],
     device: str,
     strain: Strain,
@@ -197,7 +198,7 @@ def report_of(
     contact: dict[str, Any] | None,
     levels: Sequence[LevelRun],
 ) -> dict[str, Any]:
-    """The report under its stable keys; lengths as their names say.
+    """The report under its stable keys; lengths as their names say. ``loss`` says what the avatar does not hold.
 
     ``strain`` is that of edges; ``threads`` those along "warp", "weft" and "bias", of woven garments only.
     """
@@ -206,6 +207,7 @@ def report_of(
     return {
         "status": outcome.status.value,
         "message": message,
+        "unheld": loss or None,
         "vertices": sum(len(part.points) for part in wardrobe.parts),
         "faces": sum(len(part.triangles) for part in wardrobe.parts),
         "edges": sum(len(topology.edges) for topology in topologies),

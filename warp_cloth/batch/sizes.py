@@ -16,7 +16,6 @@ from warp_cloth.result import Status
 from warp_cloth.scene import MannequinShape, Scene, TshirtShape, load_scene
 from warp_cloth.scene.shapes import Size
 from warp_cloth.shapes import mannequin_measures
-from warp_cloth.verdict import slid_off, unheld
 from warp_cloth.wardrobe import open_wardrobe, worn_size
 
 SIZE = "{size}"  # stands for the size in a change, as in garment.mesh=shirt_{size}.obj
@@ -184,11 +183,9 @@ def _fit_size(size: str, scene: Scene, device: str | None) -> SizeFit:
     except InputError as error:
         return SizeFit(size, Status.INVALID.value, str(error), {}, None, None, None)
     levels = {}
-    wardrobe, points = open_wardrobe(scene), [garment.points for garment in worn.garments]
     if worn.avatar is not None and worn.status is not Status.DIVERGED:
-        levels = _levels(worn, wardrobe.parts[0])
-    strain = worn.report["strain"]
-    held = not (unheld(scene, wardrobe, points) or slid_off(scene, wardrobe, points))
+        levels = _levels(worn, open_wardrobe(scene).parts[0])
+    strain, held = worn.report["strain"], worn.report["unheld"] is None
     return SizeFit(size, worn.status.value, worn.message, levels, strain["p50"], strain["p99"], worn, held)
 
 
