@@ -1,0 +1,192 @@
+"""How many garments a second does a batch fit, and are they the same to the bit however they are fitted?
+
+    python tests/benchmarks/batch_rate.py --device cuda:0 --alone 8 --turned --killed
+    python tests/benchmarks/batch_rate.py --device cpu --items 48 --coarsest 4 --workers 1 2
+
+T-shirts of eleven meshes (2,400 to 14,100 vertices, 7,500 in the mean) in all nine fabrics on four bodies, by the
+command as a user gives it, once for each number of workers (0: as many as it takes by itself); before, one of a single
+small garment, which tells what starting takes. Then, where asked for, some by ``warp_cloth.fit`` in this process, one
+after another; all in the opposite order and in other shards; all after a kill -9 halfway.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import math
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import pyarrow.parquet
+
+FABRICS = ("cotton", "denim", "faille", "felt", "jersey", "linen", "polyester", "silk", "wool")
+GARMENTS = (("L", 20), ("S", 17), ("M", 14), ("L", 14), ("M", 12), ("L", 12), ("M", 10), ("L", 10), ("S", 9), ("M", 9),
+            ("M", 8))  # size and edge [mm]  # fmt: skip
+MEASURES = ("stature", "chest", "waist", "hip")
+BODIES = ((1.70, 0.92, 0.80, 0.96), (1.76, 0.98, 0.86, 1.00), (1.84, 1.06, 0.94, 1.06), (1.66, 1.04, 0.96, 1.08))
+FRICTIONS = (0.5, 0.4, 0.3)  # by turns for those that are otherwise alike
+
+Row = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Run:
+    """A batch that has ended; seconds since its command was given."""
+
+    seconds: float
+    shards: list[tuple[float, int]]  # when each was written, and its items, in time's order
+    rows: dict[str, Row]  # of the results table, by name
+
+    def tell(self, label: str) -> None:
+        count, (first, early) = len(self.rows), self.shards[0]
+        rate = f"{count / self.seconds:.1f}/s"
+        if len(self.shards) > 1:
+            rate += f", {early} after {first:.1f} s, then {(count - early) / (self.seconds - first):.1f}/s"
+        vertices, iterations = ([row[name] or 0 for row in self.rows.values()] for name in ("vertices", "iterations"))
+        work = sum(v * i for v, i in zip(vertices, iterations, strict=True))
+        statuses = Counter(row["status"] for row in self.rows.values())
+        shares = ", ".join(f"{100 * number / count:.1f} % {status}" for status, number in statuses.most_common())
+        print(f"{label}: {count} items in {self.seconds:.1f} s = {rate}")
+        print(f"  {sum(vertices) / count:.0f} vertices and {sum(iterations) / count:.0f} iterations in the mean")
+        print(
+            f"  {1e-9 * work:.1f} G vertex-iterations, {1e-9 * work / self.seconds:.2f} G a second; {shares}",
+            flush=True,
+        )
+
+
+def jobs(count: int, coarsest: int) -> list[Row]:
+    """So many items, as many on each body, of so many of the meshes; of all up to 1,188 no two alike."""
+    garments = GARMENTS[:coarsest]
+    each, kinds = -(-count // len(BODIES)), math.lcm(len(garments), len(FABRICS))
+    rows = []
+    for number in range(count):
+        body, place = divmod(number, each)
+        size, edge = garments[place % len(garments)]
+        row = {"name": f"item-{number:05d}", "scene": "tshirt", "garment.shape.size": size}
+        row |= {"garment.shape.edge_mm": edge, "garment.fabric": FABRICS[place % len(FABRICS)]}
+        row |= {f"avatar.shape.{name}": value for name, value in zip(MEASURES, BODIES[body], strict=True)}
+        rows.append({**row, "avatar.friction": FRICTIONS[place // kinds % len(FRICTIONS)]})
+    return rows
+
+
+def write_jobs(path: Path, rows: Sequence[Row]) -> Path:
+    with path.open("w", newline="", encoding="utf-8") as file:
+        table = csv.DictWriter(file, list(rows[0]))
+        table.writeheader()
+        table.writerows(rows)
+    return path
+
+
+def command(jobs_file: Path, out: Path, device: str, *more: str) -> list[str]:
+    return [sys.executable, "-m", "warp_cloth", "batch", str(jobs_file), "--out", str(out), "--device", device, *more]
+
+
+def run(jobs_file: Path, out: Path, device: str, *more: str) -> Run:
+    """Has a batch done by its command."""
+    began = time.time()
+    subprocess.run(command(jobs_file, out, device, *more), check=True, stdout=subprocess.DEVNULL)
+    seconds = time.time() - began
+    written = [(path.stat().st_mtime - began, pyarrow.parquet.read_metadata(path).num_rows)
+               for path in (out / "shards").glob("*.parquet")]  # fmt: skip
+    rows = pyarrow.parquet.read_table(out / "results.parquet").to_pylist()
+    named = {row["name"]: row for row in rows}
+    if len(named) < len(rows):
+        raise RuntimeError(f"{out} has an item's results twice")
+    return Run(seconds, sorted(written), named)
+
+
+def run_killed(jobs_file: Path, out: Path, device: str, after: float) -> Run:
+    """The same, ended by kill -9 after so many seconds, with all its processes, and given again."""
+    with subprocess.Popen(command(jobs_file, out, device), stdout=subprocess.DEVNULL, start_new_session=True) as batch:
+        time.sleep(after)
+        os.killpg(batch.pid, signal.SIGKILL)
+    print(f"killed after {after:.1f} s, {len(list((out / 'shards').glob('*.parquet')))} shards written", flush=True)
+    return run(jobs_file, out, device)
+
+
+def compare(label: str, found: dict[str, Row], wanted: dict[str, Row]) -> bool:
+    """Tells how many results are as they should be, but for the file that they are kept in."""
+    alike = sum({**row, "file": ""} == {**wanted[name], "file": ""} for name, row in found.items())
+    print(f"{label}: {alike} of {len(found)} the same, {len(wanted)} wanted", flush=True)
+    return alike == len(found)
+
+
+def fit_alone(rows: Sequence[Row], device: str) -> tuple[float, dict[str, Row]]:
+    """Mean seconds of ``warp_cloth.fit`` after a first one that counts not, and what a results table says of them."""
+    import warp_cloth
+    from warp_cloth.batch.rows import row_of
+
+    found, began = {}, 0.0
+    for number, row in enumerate([rows[0], *rows]):
+        if number == 1:
+            began = time.perf_counter()
+        changes = [f"{key}={value}" for key, value in row.items() if key not in ("name", "scene")]
+        fit = warp_cloth.fit(row["scene"], overrides=changes, device=device)
+        found[row["name"]] = row_of(row["name"], fit, "")
+    return (time.perf_counter() - began) / len(rows), found
+
+
+@contextmanager
+def folder(path: Path | None) -> Iterator[Path]:
+    """A folder that stays, or one for a while."""
+    if path is not None:
+        path.mkdir(parents=True, exist_ok=True)
+        yield path
+    else:
+        with TemporaryDirectory() as place:
+            yield Path(place)
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--device", default="cuda:0")
+    parser.add_argument("--items", type=int, default=1024)
+    parser.add_argument("--coarsest", type=int, default=len(GARMENTS), metavar="N", help="so many of the meshes only")
+    parser.add_argument("--workers", type=int, nargs="+", default=[0])
+    parser.add_argument("--alone", type=int, default=0, metavar="N", help="so many items by warp_cloth.fit")
+    parser.add_argument("--turned", action="store_true", help="in the opposite order and in other shards")
+    parser.add_argument("--killed", action="store_true", help="by kill -9 halfway, then resumed")
+    parser.add_argument("--out", type=Path, help="a new folder that is kept")
+    asked = parser.parse_args()
+    rows, device, same = jobs(asked.items, asked.coarsest), asked.device, True
+    with folder(asked.out) as place:
+        one = {"name": "one", "scene": "hanging", "garment.shape.vertices_per_side": 5}
+        started = run(write_jobs(place / "one.csv", [one]), place / "one", device)
+        print(f"a batch of one small square: {started.seconds:.1f} s", flush=True)
+        file = write_jobs(place / "jobs.csv", rows)
+        runs = []
+        for workers in asked.workers:
+            more = ("--workers", str(workers)) if workers else ()
+            runs.append(run(file, place / f"workers-{workers}", device, *more))
+            runs[-1].tell(f"{workers or 'all'} workers")
+        first = runs[0]
+        for workers, other in zip(asked.workers[1:], runs[1:], strict=True):
+            print(f"{workers} workers over {asked.workers[0]}: {first.seconds / other.seconds:.2f} times as fast")
+            same &= compare(f"{workers} workers", other.rows, first.rows)
+        if asked.turned:
+            turned = write_jobs(place / "turned.csv", rows[::-1])
+            size = str(-(-asked.items // 7))
+            same &= compare("turned", run(turned, place / "turned", device, "--shard", size).rows, first.rows)
+        if asked.killed:
+            after = (first.shards[0][0] + first.shards[-1][0]) / 2
+            same &= compare("killed", run_killed(file, place / "killed", device, after).rows, first.rows)
+        if asked.alone:
+            some = rows[:: max(len(rows) // asked.alone, 1)][: asked.alone]
+            each, alone = fit_alone(some, device)
+            print(f"alone: {each:.2f} s each, {each * asked.items / first.seconds:.0f} times as long")
+            same &= compare("alone", alone, first.rows)
+    return 0 if same else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())
