@@ -64,15 +64,16 @@ def near_surface(avatar: Mesh, exact: ExactCollider, garment: Points, lower: Poi
 
     Surface inside other parts, and between crossing ones, is left out.
     """
-    corners = avatar.points[avatar.triangles]
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    a, b, c = (avatar.points[corner] for corner in avatar.triangles.T)
+    normals = np.cross(b - a, c - a)
     area = 0.5 * np.linalg.norm(normals, axis=1)
-    centre = corners.mean(axis=1)
+    centre = (a + b + c) / 3.0
+    lowest, highest = np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)
     marks = exact.closest(garment[np.isfinite(garment).all(axis=1)]).points
     near = ((centre > lower) & (centre < upper)).all(axis=1)
     near &= _within(centre, marks, NEARBY)
-    large = np.ptp(corners, axis=1).max(axis=1) > NEARBY  # these may reach there, or beyond, wherever their middle is
-    near |= large & ((corners.min(axis=1) < upper) & (corners.max(axis=1) > lower)).all(axis=1)
+    large = (highest - lowest).max(axis=1) > NEARBY  # these may reach there, or beyond, wherever their middle is
+    near |= large & ((lowest < upper) & (highest > lower)).all(axis=1)
     total = np.cumsum(np.where(near, area, 0.0))
     if total[-1] == 0.0:
         return NearSurface(np.zeros((0, 3)), np.zeros((0, 3)), 0.0)
@@ -80,8 +81,7 @@ def near_surface(avatar: Mesh, exact: ExactCollider, garment: Points, lower: Poi
     face = np.searchsorted(total, (step + 0.5) / SAMPLES * total[-1])
     u, v = (step * GOLDEN[0] % 1.0, step * GOLDEN[1] % 1.0)
     u, v = np.where(u + v > 1.0, 1.0 - u, u)[:, None], np.where(u + v > 1.0, 1.0 - v, v)[:, None]
-    a, b, c = (corners[face, corner] for corner in range(3))
-    points = a + u * (b - a) + v * (c - a)
+    points = a[face] + u * (b - a)[face] + v * (c - a)[face]
     outward = exact.turn * normals[face] / (2.0 * area[face, None])
     outer = (exact.sample(points + SKIN * outward)[:, 3] > 0.0) & (exact.sample(points - SKIN * outward)[:, 3] < 0.0)
     if large.any():

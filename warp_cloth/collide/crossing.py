@@ -106,7 +106,10 @@ def _triangle_pairs(pierced: Indices, sheets: Sheets) -> Indices:
     if not len(pierced):
         return np.zeros((0, 2), dtype=np.int32)
     sides = sheets.triangle_edges.ravel()
-    order = np.argsort(sides, kind="stable")
+    crosses = np.zeros(len(sheets.edges), dtype=bool)
+    crosses[pierced[:, 0]] = True
+    asked = np.flatnonzero(crosses[sides])
+    order = asked[np.argsort(sides[asked], kind="stable")]
     first = np.searchsorted(sides[order], pierced[:, 0], side="left")
     last = np.searchsorted(sides[order], pierced[:, 0], side="right")
     row = np.repeat(np.arange(len(pierced)), last - first)

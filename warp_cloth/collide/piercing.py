@@ -44,8 +44,12 @@ def face_places(points: Points, triangles: NDArray[np.int32]) -> Points:
 
     ``points`` [m], shape [V, 3].
     """
-    corners = points[triangles]
-    large = corners[np.ptp(corners, axis=1).max(axis=1) > LARGE]
+    extents = np.zeros(len(triangles))
+    for axis in points.T:
+        first, second, third = axis[triangles.T]  # NumPy is slow to compare three of a row
+        highest, lowest = np.maximum(np.maximum(first, second), third), np.minimum(np.minimum(first, second), third)
+        extents = np.maximum(extents, highest - lowest)
+    large = points[triangles[extents > LARGE]]
     if not np.isfinite(large).all():
         large = large[:0]
     return np.asarray(((WITHIN / WITHIN.sum(axis=1, keepdims=True)) @ large).reshape(-1, 3))
