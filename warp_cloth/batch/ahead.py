@@ -5,11 +5,14 @@ from __future__ import annotations
 import logging
 from typing import Any
 
+import numpy as np
+
 from warp_cloth.kernels.limits import FEW
 from warp_cloth.scene import Scene
 from warp_cloth.scene.schema import AvatarSpec
 from warp_cloth.scene.shapes import SphereShape, SquareShape
 from warp_cloth.set_up import set_up
+from warp_cloth.solver.loop import CHUNK
 from warp_cloth.wardrobe import open_wardrobe
 
 log = logging.getLogger(__name__)
@@ -18,11 +21,19 @@ MANY = FEW + 1  # small garments, a patch each, whose kernels are those of a lar
 
 
 def load_kernels(scene: Scene, device: str) -> None:
-    """Loads the kernels with which a batch of scenes like this one relaxes. What fails is told by who fits them."""
+    """Loads the kernels with which a batch of scenes like this one relaxes, and launches each once.
+
+    A GPU's driver loads them for good when they are first launched. What fails is told by who fits the scenes.
+    """
     try:
         small = _small(scene)
         wardrobe = open_wardrobe(small)
-        set_up([small] * MANY, [wardrobe] * MANY, device)
+        made = set_up([small] * MANY, [wardrobe] * MANY, device)
+        for balanced in (False, True):
+            made.relaxation.loosen(np.full(MANY, 0.0 if balanced else np.inf))
+            made.relaxation.run(CHUNK)
+            made.certifier.look(CHUNK)
+            made.certifier.turn_page(CHUNK)
     except Exception as error:
         log.info("kernels are not loaded ahead: %s", error)
 
