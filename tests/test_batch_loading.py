@@ -5,14 +5,19 @@ from __future__ import annotations
 import os
 import signal
 from collections.abc import Iterator
+from multiprocessing.connection import Connection
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from warp_cloth import patches
 from warp_cloth.batch import ahead
+from warp_cloth.batch.arena import Arena
 from warp_cloth.batch.loading import WORTH, Loaders, Shelf
 from warp_cloth.batch.many import fit_many
+from warp_cloth.batch.processes import context
+from warp_cloth.batch.turns import Turn
 from warp_cloth.errors import InputError
 from warp_cloth.fitting import Fit
 from warp_cloth.kept import Kept
@@ -62,6 +67,58 @@ def test_helpers_make_what_the_worker_would_have_made_and_share_it_alike(loaders
     assert len({id(wardrobe.avatar) for wardrobe in opened}) == 1
     jersey, denim = opened[:2]
     assert jersey.parts[0].points is denim.parts[0].points, "one mesh in two fabrics meets its avatar alike"
+
+
+def _forks_helpers(connection: Connection) -> None:
+    """As a worker does: tells of each scene whether its garment is as alone, and lies in what it shares."""
+    shelf, rack = Shelf(2, fork=True), Rack()
+    shelf.loaders.fill(rack, scenes(), Kept())
+    alike = []
+    for scene in scenes():
+        part, own = open_wardrobe(scene, rack).parts[0], open_wardrobe(scene).parts[0]
+        pairs = [(part.points, own.points), (part.rest.hinge_stiffness, own.rest.hinge_stiffness)]
+        alike.append(all(np.array_equal(one, other) for one, other in pairs) and not part.points.flags.owndata)
+    shelf.loaders.close()
+    connection.send(alike)
+
+
+def test_helpers_that_are_forked_make_the_same_where_their_worker_reads_it() -> None:
+    ours, theirs = context().Pipe()
+    process = context().Process(target=_forks_helpers, args=(theirs,))
+    process.start()
+    theirs.close()
+    assert ours.recv() == [True] * len(scenes())
+    process.join()
+
+
+def test_workers_load_meshes_one_after_another(loaders: Loaders, tmp_path: Path) -> None:
+    path, rack = tmp_path / "turn", Rack()
+    several = [load_scene("sphere", [f"garment.shape.vertices_per_side={side}"]) for side in range(40, 40 + WORTH)]
+    other = Turn(path)
+    loaders.turn, waited = Turn(path), []
+
+    def meanwhile() -> None:
+        waited.append(not loaders._open)
+        other.end()
+
+    with other:
+        loaders.begin(rack, several, patches=False)
+        loaders.fill(rack, several, meanwhile=meanwhile)
+    assert waited == [True]
+    assert all(recipe.key in rack for scene in several for recipe in mesh_recipes(scene))
+    with other:
+        loaders.turn = Turn(None)
+
+
+def test_what_an_arena_has_no_room_for_is_sent_as_it_is() -> None:
+    arena, things = Arena(1 << 12), [{"a": np.arange(400.0), "b": ("text", np.zeros((0, 3)))} for _ in range(2)]
+    for thing, stays in zip(things, (True, False), strict=True):
+        parcel = arena.put(thing)
+        found = arena.take(parcel)
+        assert np.array_equal(found["a"], thing["a"])
+        assert found["b"][0] == "text"
+        assert found["b"][1].shape == (0, 3)
+        assert (len(parcel.pickled) < 400) == stays
 
 
 def test_one_mesh_of_two_grains_has_the_rest_shapes_of_both(loaders: Loaders) -> None:

@@ -28,3 +28,10 @@ def test_few_items_of_several_avatars_fill_a_shard() -> None:
 def test_what_is_not_the_avatars_mesh_leaves_the_order() -> None:
     items = [Item(f"i{at}", "tshirt", (f"avatar.friction={at % 2}",)) for at in range(4)]
     assert [shard.places for shard in cut(items, 2)] == [(0, 1), (2, 3)]
+
+
+def test_the_first_and_the_last_of_large_shards_are_halved() -> None:
+    bodies = ["1.6"] * 70 + ["1.7"] * 70 + ["1.8"] * 70
+    assert [len(shard.items) for shard in cut(met_by(*bodies), 70)] == [35, 35, 70, 35, 35]
+    assert [len(shard.items) for shard in cut(met_by(*bodies[:70]), 70)] == [35, 35]
+    assert [len(shard.items) for shard in cut(met_by(*bodies[:63]), 70)] == [63]

@@ -12,10 +12,13 @@ from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, field
 from functools import partial
+from pathlib import Path
 from typing import Any
 
+from warp_cloth.batch.arena import Arena, Parcel
 from warp_cloth.batch.lifeline import begin_alone
 from warp_cloth.batch.processes import context, get_ready
+from warp_cloth.batch.turns import Turn
 from warp_cloth.elements import garment_elements
 from warp_cloth.garment_part import GarmentPart, terms_of
 from warp_cloth.kept import Kept
@@ -28,11 +31,14 @@ from warp_cloth.wardrobe import Key, Rack, Recipe, avatar_recipe, garment_keys, 
 log = logging.getLogger(__name__)
 
 WORTH = 8  # things to make that helpers are started for: that takes as long as making a few
-NICER = 4  # steps of priority from one worker's helpers to the next one's
+NICER = 4  # steps of priority from a helper to those who fit
+ARENA = 1 << 32  # [bytes] that a worker shares with its helpers at most: rest shapes of MOST_KEPT vertices
 MOST_KEPT = 4_000_000  # vertices of the meshes that a shelf keeps from task to task; with rest shapes about 4 GB
 
 
 Dressed = tuple[dict[str, Any], Indices, dict[Hashable, Any]]  # constants of a garment in its fabric, pins, patches
+
+_arena: Arena | None = None  # of a helper that was forked: where it puts what it makes
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,14 +66,18 @@ class Order:
 class Shelf:
     """What a worker keeps from one task to the next: what scenes share, and who loads it."""
 
-    def __init__(self, helpers: int, *, fork: bool = False, rank: int = 0) -> None:
-        """``fork`` and ``rank`` as of Loaders."""
-        self.loaders = Loaders(helpers, fork=fork, rank=rank)
+    def __init__(self, helpers: int, *, fork: bool = False) -> None:
+        """``fork`` as of Loaders."""
+        self.loaders = Loaders(helpers, fork=fork)
         self.rack, self.kept = Rack(), Kept()
         self.fresh = True  # whether its process has fitted nothing yet
 
-    def begin(self, scenes: Sequence[Scene], *, patches: bool) -> None:
-        """Has its loaders begin with what scenes need, as of Loaders."""
+    def begin(self, scenes: Sequence[Scene], turn: Path | None, *, patches: bool) -> None:
+        """Has its loaders begin with what scenes need, as of Loaders.
+
+        ``turn``: a file by which workers take turns; None: there are no others.
+        """
+        self.loaders.turn = Turn(turn)
         self.loaders.begin(self.rack, scenes, patches=patches)
 
     def tidied(self) -> Shelf:
@@ -82,23 +92,27 @@ class Loaders:
 
     A garment's mesh comes first, then its rest shapes, each a task of its own, as the finest garment is waited for.
 
-    ``fork``: at once, as copies of this process. That must have neither threads nor a device yet. Where there are more
-    helpers than cores, the lower ``rank`` has them first, so that one worker begins early rather than all late.
+    ``fork``: at once, as copies of this process. That must have neither threads nor a device yet. Workers that have a
+    ``turn`` load meshes one after another, so that one begins early rather than all late.
     """
 
-    def __init__(self, count: int, *, fork: bool = False, rank: int = 0) -> None:
+    def __init__(self, count: int, *, fork: bool = False) -> None:
+        self.turn = Turn(None)
         self._count = count
         self._pool: ProcessPoolExecutor | None = None
         self._changed = threading.Condition()
         self._open = 0  # tasks that helpers have, and what is made of these
-        self._asked: set[Key] = set()  # what is being made, by the key of the mesh or the rest shape
+        self._meshes_open = 0  # of these, meshes
+        self._beginning: threading.Thread | None = None  # that waits for this worker's turn
         self._made: dict[Key, Any] = {}
         self._patches: dict[Hashable, Any] = {}
         self._broken: BrokenProcessPool | None = None
+        self._arena: Arena | None = None
         if count and fork:
-            self._pool = ProcessPoolExecutor(
-                count, multiprocessing.get_context("fork"), initializer=partial(_begin, rank)
-            )
+            with contextlib.suppress(OSError):  # a machine that promises no memory which is not used
+                self._arena = Arena(ARENA)
+            begin = partial(_begin, self._arena)
+            self._pool = ProcessPoolExecutor(count, multiprocessing.get_context("fork"), initializer=begin)
             self._pool.submit(os.getpid)  # forks all of them
         elif count:
             get_ready()
@@ -114,74 +128,88 @@ class Loaders:
 
         ``kept``, where there is one, gets the garments' patches, too. ``meanwhile`` is done here while helpers work.
         """
-        self.begin(rack, scenes, patches=kept is not None)
-        if not self._open and not self._made:
+        if not self._count:
             return
+        beginning = self._beginning or self.begin(rack, scenes, patches=kept is not None)
+        self._beginning = None
         meanwhile()
+        beginning.join()
         with self._changed:
             self._changed.wait_for(lambda: not self._open)
         rack.put(self._made)
         if kept is not None:
             kept.put(self._patches)
-        self._asked, self._made, self._patches = set(), {}, {}
+        self._made, self._patches = {}, {}
         if self._broken is not None:
             log.warning("helpers that load are gone: %s", self._broken)
             self._count, self._pool, self._broken = 0, None, None
 
-    def begin(self, rack: Rack, scenes: Sequence[Scene], *, patches: bool) -> None:
-        """Has helpers begin with what ``fill`` then waits for; what they are making already is not made twice."""
-        if self._count < 1:
+    def begin(self, rack: Rack, scenes: Sequence[Scene], *, patches: bool) -> threading.Thread:
+        """Has helpers begin with what ``fill`` of the same scenes then waits for, once it is this worker's turn."""
+        self._beginning = threading.Thread(target=self._ask, args=(rack, scenes, patches), daemon=True)
+        self._beginning.start()
+        return self._beginning
+
+    def _ask(self, rack: Rack, scenes: Sequence[Scene], patches: bool) -> None:
+        """Asks helpers for what the rack has not, each thing once."""
+        if not self._count:
             return
         orders: dict[Key, Order] = {}
         for scene in scenes:
             for recipe in avatar_recipe(scene):
-                if recipe.key not in rack and recipe.key not in self._asked:
+                if recipe.key not in rack:
                     orders[recipe.key] = Order(recipe, body=generated_body(scene))
             for index in range(len(scene.garments)):
                 mesh, geometry, rest = garment_keys(scene, index)
-                if rest not in rack and rest not in self._asked:
+                if rest not in rack:
                     known = rack.some((mesh, geometry))
                     order = Order(geometry=geometry, known=known, body=generated_body(scene), patches=patches)
                     orders.setdefault(geometry, order).garments[rest] = scene, index
-        if self._pool is None and sum(order.count for order in orders.values()) < WORTH:
+        if not orders or (self._pool is None and sum(order.count for order in orders.values()) < WORTH):
             return
-        for key, order in orders.items():
-            self._asked.update((key, *order.garments))
-        for bundle in bundles(list(orders.values()), self._count):
-            self._submit(_meshes, bundle, then=partial(self._dress, bundle))
+        self.turn.begin()
+        shared = bundles(list(orders.values()), self._count)
+        self._meshes_open = len(shared)
+        for bundle in shared:
+            self._submit(_meshes, bundle, then=partial(self._dress, bundle), mesh=True)
 
     def close(self) -> None:
         if self._pool is not None:
             self._pool.shutdown(cancel_futures=True)
             self._pool = None
 
-    def _submit(self, work: Callable[..., Any], *given: Any, then: Callable[[Any], None]) -> None:
+    def _submit(self, work: Callable[..., Any], *given: Any, then: Callable[[Any], None], mesh: bool = False) -> None:
         """Has a helper work; ``then`` takes what came of it, in a thread of the pool's."""
         with self._changed:
             self._open += 1
         try:
-            self._started().submit(work, *given).add_done_callback(partial(self._came, then))
+            self._started().submit(work, *given).add_done_callback(partial(self._came, then, mesh))
         except (BrokenProcessPool, RuntimeError) as error:  # RuntimeError: it is shut down
-            self._end(error)
+            self._end(error, mesh)
 
-    def _came(self, then: Callable[[Any], None], future: Future[Any]) -> None:
+    def _came(self, then: Callable[[Any], None], mesh: bool, future: Future[Any]) -> None:
         error = None if future.cancelled() else future.exception()
         try:
             if error is None and not future.cancelled():
                 then(future.result())
         finally:
-            self._end(error)
+            self._end(error, mesh)
 
-    def _end(self, error: BaseException | None) -> None:
+    def _end(self, error: BaseException | None, mesh: bool) -> None:
+        """Counts a task that has ended; after the last meshes another worker's helpers may begin with theirs."""
         with self._changed:
             if isinstance(error, BrokenProcessPool):
                 self._broken = error
             self._open -= 1
+            self._meshes_open -= mesh
+            if not self._meshes_open:
+                self.turn.end()
             self._changed.notify_all()
 
-    def _dress(self, bundle: Sequence[Order], found: Sequence[dict[Key, Any]]) -> None:
+    def _dress(self, bundle: Sequence[Order], found: Sequence[Any]) -> None:
         """Goes on from meshes to rest shapes; one that is woven, and one that is not, cut the patches for all such."""
-        for order, made in zip(bundle, found, strict=True):
+        for order, sent in zip(bundle, found, strict=True):
+            made = _taken(sent, self._arena)
             self._made.update(made)
             known = {**order.known, **made}
             if order.geometry not in known:
@@ -192,11 +220,12 @@ class Loaders:
                 woven = scene.garments[index].fabric.woven
                 patches = order.patches and woven not in cut
                 cut.add(woven)
-                self._submit(_dressed, scene, index, known, patches, then=partial(self._take, key, geometry))
+                given = scene, index, order.known, sent, patches
+                self._submit(_dressed, *given, then=partial(self._take, key, geometry))
 
-    def _take(self, key: Key, geometry: RestGeometry, found: Dressed) -> None:
+    def _take(self, key: Key, geometry: RestGeometry, found: Any) -> None:
         """Keeps a garment's rest shape, in the geometry that all its fabrics have."""
-        constants, pins, patches = found
+        constants, pins, patches = _taken(found, self._arena)
         self._made[key] = in_geometry(constants, geometry), pins
         self._patches.update(patches)
 
@@ -206,9 +235,21 @@ class Loaders:
         return self._pool
 
 
-def _begin(rank: int) -> None:
+def _begin(arena: Arena | None) -> None:
+    global _arena
+    _arena = arena
     begin_alone()
-    os.nice(min(1 + NICER * rank, 19))  # the workers themselves come before
+    os.nice(NICER)
+
+
+def _sent(thing: Any) -> Any:
+    """What a helper sends instead of something large."""
+    return thing if _arena is None else _arena.put(thing)
+
+
+def _taken(sent: Any, arena: Arena | None) -> Any:
+    """What was meant by it."""
+    return arena.take(sent) if isinstance(sent, Parcel) and arena is not None else sent
 
 
 def bundles(orders: Sequence[Order], count: int) -> list[list[Order]]:
@@ -220,8 +261,11 @@ def bundles(orders: Sequence[Order], count: int) -> list[list[Order]]:
     return [some[first : first + most] for some in each.values() for first in range(0, len(some), most)]
 
 
-def _meshes(orders: Sequence[Order]) -> list[dict[Key, Any]]:
-    """The meshes that were ordered and the garments' geometries, as a rack keeps them; nothing of one that fails."""
+def _meshes(orders: Sequence[Order]) -> list[Any]:
+    """The meshes that were ordered and the garments' geometries, as a rack keeps them; nothing of one that fails.
+
+    Each as it is sent.
+    """
     found = []
     for order in orders:
         rack = Rack()
@@ -231,14 +275,17 @@ def _meshes(orders: Sequence[Order]) -> list[dict[Key, Any]]:
                 rack.made(order.avatar)
             else:
                 geometry_of(*order.first, rack)
-        found.append(rack.without(order.known))
+        found.append(_sent(rack.without(order.known)))
     return found
 
 
-def _dressed(scene: Scene, index: int, known: dict[Key, Any], patches: bool) -> Dressed:
-    """A garment's constants in its fabric and its pins, and patches as a model of many garments asks for them."""
+def _dressed(scene: Scene, index: int, known: dict[Key, Any], made: Any, patches: bool) -> Any:
+    """A garment's constants in its fabric and its pins, and patches as a model of many garments asks for them.
+
+    ``made`` is what ``_meshes`` sent of it. Returns Dressed, as it is sent.
+    """
     rack, kept = Rack(), Kept()
-    rack.put(known)
+    rack.put({**known, **_taken(made, _arena)})
     rest, pins = rest_of(scene, index, rack)
     if patches:
         mesh, _ = geometry_of(scene, index, rack)
@@ -246,4 +293,5 @@ def _dressed(scene: Scene, index: int, known: dict[Key, Any], patches: bool) -> 
         elements = garment_elements(part.triangles, rest)
         precision = scene.solver.precision
         garment_patches([elements], [part.points], terms_of([part]), precision=precision, kept=kept, size=LARGEST)
-    return own_constants(rest), pins, kept.of_values()
+    dressed: Dressed = own_constants(rest), pins, kept.of_values()
+    return _sent(dressed)

@@ -6,6 +6,7 @@ import collections
 import contextlib
 import logging
 import multiprocessing
+import os
 import signal
 import sys
 from collections.abc import Callable, Iterator, Sequence
@@ -23,7 +24,7 @@ from warp_cloth.threads import core_count
 log = logging.getLogger(__name__)
 
 MOST_LOSSES = 2  # of its device in a row, after which a worker's place is given up
-MOST_HELPERS = 16  # of a worker, which takes in no more than so many make
+MOST_HELPERS = 24  # of a worker, which takes in no more than so many make
 LOOKED_AT = 64  # tasks that wait, for one that shares meshes with what the worker had
 SWITCH = 1e-4  # [s] after which a worker's thread lets another go on, which hands work to its helpers and takes it in
 GRACE = 4.0  # [s] between asking a worker to end and ending it
@@ -57,15 +58,12 @@ class Pool(Protocol):
     def close(self) -> None: ...
 
 
-def _serve(connection: Connection, helpers: int, rank: int) -> None:
-    """A worker's life: a task in, what came of it out, until nobody asks any more.
-
-    Its helpers let those of workers of a lower ``rank`` go first.
-    """
+def _serve(connection: Connection, helpers: int) -> None:
+    """A worker's life: a task in, what came of it out, until nobody asks any more."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the asker ends its workers
     from warp_cloth.batch.loading import Shelf
 
-    shelf = Shelf(helpers, fork=True, rank=rank)  # before this process has threads and a device
+    shelf = Shelf(helpers, fork=True)  # before this process has threads and a device
     (end_with_parent if helpers else begin_alone)()
     sys.setswitchinterval(SWITCH)
     while True:
@@ -74,7 +72,7 @@ def _serve(connection: Connection, helpers: int, rank: int) -> None:
         except EOFError:
             for helper in multiprocessing.active_children():
                 helper.terminate()
-            return
+            os._exit(0)  # nobody waits for what this process would tidy up
         try:
             connection.send(do_task(task, shelf.tidied()))
         except DeviceLostError as error:
@@ -85,9 +83,8 @@ def _serve(connection: Connection, helpers: int, rank: int) -> None:
 class _Slot:
     """One place where a worker works, the task that it has, its device and its share of that, its helpers."""
 
-    def __init__(self, device: str, share: float, helpers: int, rank: int) -> None:
-        self.device, self.share = device, share
-        self._helpers, self._rank = helpers, rank
+    def __init__(self, device: str, share: float, helpers: int) -> None:
+        self.device, self.share, self._helpers = device, share, helpers
         self.task: Task | None = None
         self.had: Task | None = None  # the last one, whose meshes the worker has
         self.losses = 0  # of the device, one after another
@@ -97,7 +94,7 @@ class _Slot:
         starting = context()
         self.connection, theirs = starting.Pipe()
         # no daemon, as these may have no helpers; it ends with this process all the same
-        self.process: BaseProcess = starting.Process(target=_serve, args=(theirs, self._helpers, self._rank))
+        self.process: BaseProcess = starting.Process(target=_serve, args=(theirs, self._helpers))
         self.process.start()
         self.had = None
         theirs.close()
@@ -162,9 +159,9 @@ def ended(code: int | None) -> str:
 def helpers(device: str, workers: int) -> int:
     """Processes that load for each of so many workers: cores that only wait for a GPU; on the CPU all have work.
 
-    Those of two workers share a core, as these seldom load at once.
+    Those of two workers share the cores, and leave some to those who fit.
     """
-    count = min(2 * core_count() // workers, MOST_HELPERS)
+    count = min(3 * core_count() // max(workers, 4), MOST_HELPERS)
     return count if device != "cpu" and count > 1 else 0
 
 
@@ -193,9 +190,7 @@ class LocalPool:
     def _open(self, devices: Sequence[str]) -> None:
         self.devices = tuple(devices)
         at, count = collections.Counter(self.devices), len(self.devices)
-        self._slots = [
-            _Slot(device, 1.0 / at[device], helpers(device, count), rank) for rank, device in enumerate(self.devices)
-        ]
+        self._slots = [_Slot(device, 1.0 / at[device], helpers(device, count)) for device in self.devices]
 
     def __enter__(self) -> LocalPool:
         return self
@@ -241,7 +236,8 @@ class LocalPool:
         at = best_shared([task.shard.asks for task in self._waiting[:LOOKED_AT]], own, others)
         task = self._waiting.pop(at)
         turn = task.store.turn_file(slot.device) if slot.share < 1.0 and slot.device != "cpu" else None
-        return replace(task, device=slot.device, share=slot.share, turn=turn)
+        load_turn = task.store.load_file if len(self._slots) > 1 and slot.device != "cpu" else None
+        return replace(task, device=slot.device, share=slot.share, turn=turn, load_turn=load_turn)
 
     def close(self) -> None:
         for slot in self._slots:

@@ -33,6 +33,7 @@ from warp_cloth.export.files import unwritable, whole_file
 
 Keep = Literal["arrays", "stages", "none"]
 MORE = 1.25  # times the items of a shard at most, where these meet the same avatar
+LARGE = 64  # items of a shard that is worth halving
 LAYOUT = 1  # of the output folder; files of another layout are done again
 
 _FIELDS = {name: pyarrow.int64() if name in WHOLE_NUMBERS else pyarrow.float64() for name in FIGURES}
@@ -67,7 +68,8 @@ class Shard:
 def cut(items: Sequence[Item], size: int) -> list[Shard]:
     """``size`` items to a shard, or somewhat more; those that meet the same avatar follow one another.
 
-    So a shard needs few avatars, and its worker begins when these are there.
+    So a shard needs few avatars, and its worker begins when these are there. Of large shards the first and the last are
+    halved: what has to be done before a GPU begins, and after it has ended, nothing else hides.
     """
     alike: dict[tuple[str, ...], list[int]] = {}
     most = int(MORE * size)
@@ -82,6 +84,10 @@ def cut(items: Sequence[Item], size: int) -> list[Shard]:
                 shards[-1] += some
             else:
                 shards.append(some)
+    for at in sorted({0, len(shards) - 1}.intersection(range(len(shards))), reverse=True):
+        if len(shards[at]) >= LARGE:
+            half = -(-len(shards[at]) // 2)
+            shards[at : at + 1] = [shards[at][:half], shards[at][half:]]
     return [Shard(number, tuple(items[at] for at in some), tuple(some)) for number, some in enumerate(shards)]
 
 
@@ -122,6 +128,11 @@ class Store:
     def turn_file(self, device: str) -> Path:
         """The file by which this batch's workers take turns on a device."""
         return self.folder / f".turn_{device.replace(':', '')}"
+
+    @property
+    def load_file(self) -> Path:
+        """The file by which this batch's workers take turns to load."""
+        return self.folder / ".turn_load"
 
     def open(self) -> None:
         """Makes the folders, and clears what a killed run left half-written.

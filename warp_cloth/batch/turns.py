@@ -1,13 +1,15 @@
-"""Turns on a GPU that several workers use: one has it while its garments relax, the others get theirs ready."""
+"""Turns of workers that share a GPU: one has it while its garments relax, and one, at a time, loads meshes."""
 
 from __future__ import annotations
 
 import fcntl
+import os
 from pathlib import Path
 from types import TracebackType
-from typing import IO
+from typing import TYPE_CHECKING
 
-from warp_cloth.solver.relax import Relaxation
+if TYPE_CHECKING:
+    from warp_cloth.solver.relax import Relaxation
 
 FEW = 0.05  # of a relaxation's vertices: so few leave a GPU room for others; of more two processes hold each other up
 
@@ -18,18 +20,22 @@ class Turn:
     def __init__(self, path: Path | None) -> None:
         """``path`` of the file, which is made; None: nobody else is there."""
         self._path = path
-        self._file: IO[str] | None = None
+        self._file: int | None = None
 
     def __enter__(self) -> Turn:
-        if self._path is not None:
-            self._file = open(self._path, "w")
-            fcntl.flock(self._file, fcntl.LOCK_EX)
+        self.begin()
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.end()
+
+    def begin(self) -> None:
+        """Has the turn from now on, once nobody else has it."""
+        if self._path is not None:
+            self._file = os.open(self._path, os.O_WRONLY | os.O_CREAT, 0o644)
+            fcntl.flock(self._file, fcntl.LOCK_EX)
 
     def offer(self, iteration: int, relaxation: Relaxation) -> None:
         """Ends the turn where most vertices are at rest after this iteration."""
@@ -39,5 +45,5 @@ class Turn:
     def end(self) -> None:
         """Lets the next one have its turn."""
         if self._file is not None:
-            self._file.close()
+            os.close(self._file)
             self._file = None
