@@ -138,7 +138,9 @@ def tell_residuals(rows: Sequence[dict[str, Any]]) -> None:
     for name, factor in apart.items():
         for at, iteration in enumerate(AFTER):
             median, most, worst = np.exp(np.percentile(factor[:, at], (50, 90, 100)))
-            print(f"residual {name}, {iteration}: median {median:.2f}, 90 % {most:.2f}, most {worst:.2f}")
+            beyond = f"{(factor[:, at] > np.log(2.0)).sum()} of {factor[:, at].size} beyond 2"
+            print(f"residual {name}, {iteration}: median {median:.2f}, 90 % {most:.2f}, most {worst:.2f}; {beyond}")
+    print("residual of all, mean ratio:", *(f"{mean:.3f}" for mean in np.exp(np.log(ratio).mean(axis=(0, 2)))))
 
 
 def relaxed(made: SetUp, goals: Sequence[Goal], on_check: Any = None) -> list[Outcome]:
