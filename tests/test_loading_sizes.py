@@ -126,6 +126,16 @@ def test_garment_far_away_is_refused(tmp_path: Path) -> None:
         check_sizes([("garment", far)], load(tmp_path, 1.7, "avatar", "m"))
 
 
+@pytest.mark.parametrize("lying", ["garment", "avatar"])
+def test_what_lies_beside_the_other_may_have_z_up(tmp_path: Path, lying: str) -> None:
+    meshes = {"garment": load(tmp_path, 60.0, low=80.0), "avatar": load(tmp_path, 1.7, "avatar")}
+    check_sizes([("garment", meshes["garment"])], meshes["avatar"])
+    points = meshes[lying].points[:, [0, 2, 1]] * np.array([1.0, -1.0, 1.0])
+    meshes[lying] = replace(meshes[lying], points=points)
+    with pytest.raises(InputError, match=f'if z is up in its file, set {lying}.up = "z"'):
+        check_sizes([("garment", meshes["garment"])], meshes["avatar"])
+
+
 @pytest.mark.parametrize("units", [None, "m"])
 def test_a_vertex_far_from_all_others_is_named_instead_of_a_unit(tmp_path: Path, units: str | None) -> None:
     points, faces = sheet(count=12)

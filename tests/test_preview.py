@@ -69,6 +69,12 @@ def test_title_stands_above(tmp_path: Path) -> None:
     assert empty(titled)[:, -2:].all()  # a long sentence is cut, not run off the picture
 
 
+def test_a_title_is_spelt_in_letters_that_the_font_has(tmp_path: Path) -> None:
+    marked = pictured(tmp_path / "a.png", worn(), title="Müller, très chic, 衣")
+    plain = pictured(tmp_path / "b.png", worn(), title="Muller, tres chic, ?")
+    assert np.array_equal(np.asarray(marked), np.asarray(plain))
+
+
 def test_picture_is_the_same_bits_every_time(tmp_path: Path) -> None:
     for name in ("a.png", "b.png"):
         pictured(tmp_path / name, worn(), worn("coat", toward=0.4), avatar=box_avatar())

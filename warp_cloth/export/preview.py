@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import unicodedata
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -137,9 +138,15 @@ def letter(image: Image.Image, layout: Layout, title: str, sentence: str) -> Non
 
 def shortened(text: str, font: ImageFont.FreeTypeFont | ImageFont.ImageFont, room: float) -> str:
     """One line of the text that fits into ``room`` [px], with an ellipsis where it was cut."""
-    line = " ".join(text.split())
+    line = " ".join(_spelt(text).split())
     if font.getlength(line) <= room:
         return line
     while line and font.getlength(line + "…") > room:
         line = line[:-1]
     return line.rstrip() + "…" if line else ""
+
+
+def _spelt(text: str) -> str:
+    """The text in the letters that Pillow's own font has: plain ones, without their marks."""
+    letters = (letter for letter in unicodedata.normalize("NFKD", text) if not unicodedata.combining(letter))
+    return "".join(letters).encode("ascii", errors="replace").decode()

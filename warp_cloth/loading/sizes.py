@@ -175,12 +175,23 @@ def _extent(mesh: Mesh) -> float:
     return float((high - low).max())
 
 
-def _fit_of(garment: Mesh, avatar: Mesh, scale_g: float, scale_a: float) -> tuple[float, float]:
-    """Extent of the garment, and gap between the bounding boxes, both over the avatar's extent, if scaled."""
-    (low_g, high_g), (low_a, high_a) = garment.bounds(), avatar.bounds()
+def _fit_of(garment: Mesh, avatar: Mesh, scale_g: float, scale_a: float, *, stand: str = "") -> tuple[float, float]:
+    """Extent of the garment, and gap between the bounding boxes, both over the avatar's extent, if scaled.
+
+    ``stand`` says which of them is stood up first, "garment" or "avatar".
+    """
+    (low_g, high_g), (low_a, high_a) = (
+        _stood_up(*mesh.bounds()) if role == stand else mesh.bounds()
+        for role, mesh in (("garment", garment), ("avatar", avatar))
+    )
     extent = float((high_a - low_a).max()) * scale_a
     gap = float(max((low_g * scale_g - high_a * scale_a).max(), (low_a * scale_a - high_g * scale_g).max(), 0.0))
     return float((high_g - low_g).max()) * scale_g / extent, gap / extent
+
+
+def _stood_up(low: Floats, high: Floats) -> tuple[Floats, Floats]:
+    """A bounding box with z up as it is with y up."""
+    return np.array([low[0], low[2], -high[1]]), np.array([high[0], high[2], -low[1]])
 
 
 def _remedy(key: str, garment: Mesh, avatar: Mesh) -> str:
@@ -200,4 +211,7 @@ def _remedy(key: str, garment: Mesh, avatar: Mesh) -> str:
         sane = sane and _fits(_extent(avatar) * scale_a, PLAUSIBLE["avatar"])
         if sane and _fits(ratio, RATIO) and gap <= GAP:
             return f'likely {_PLURALS[unit]}: set {name}.units = "{unit}"'
+    for role, name, mesh in (("garment", key, garment), ("avatar", "avatar", avatar)):
+        if was_guessed(mesh) and _fit_of(garment, avatar, 1.0, 1.0, stand=role)[1] == 0.0:  # no format that tells
+            return f'if z is up in its file, set {name}.up = "z"; or place the garment round the avatar'
     return f"set {key}.units and avatar.units, and place the garment round the avatar"
