@@ -14,8 +14,9 @@ from warp_cloth.set_up import set_up_one
 from warp_cloth.solver.relax import Collider, Relaxation, StepOptions
 from warp_cloth.study import sectors
 from warp_cloth.study.launches import Launch, launches_of
+from warp_cloth.study.pressed import block_of_pairs, looked_at, stores
 from warp_cloth.study.sectors import SECTOR, field_nodes, moved_bytes
-from warp_cloth.study.traffic import Uses, array_uses
+from warp_cloth.study.traffic import ANY, Uses, array_uses
 
 SQUARE = {"kind": "square", "side": 0.5, "vertices_per_side": 19, "plane": "vertical", "height": 1.5}
 WOVEN = {"stretch": 2e4, "shear": 50.0, "bending": 1e-6}
@@ -145,8 +146,8 @@ def test_a_point_reads_those_nodes_of_a_field_that_its_answer_depends_on() -> No
     assert len(changed) == 27
 
 
-def pressed(*heights: float) -> tuple[Launch, Uses]:
-    """The launch that presses pairs of sheets that are held at these heights [m], after some iterations."""
+def pressed(*heights: float, name: str = "press_pairs") -> tuple[Launch, Uses]:
+    """A launch, such as presses pairs, of sheets that are held at these heights [m], after some iterations."""
     shape = {**SQUARE, "vertices_per_side": 9, "plane": "horizontal"}
     held = {"vertices": list(range(80))}  # all but one
     sheets = [{"shape": {**shape, "height": 1.0 + height}, "pin": held} for height in heights]
@@ -155,8 +156,9 @@ def pressed(*heights: float) -> tuple[Launch, Uses]:
     made.relaxation.touch.untangles = False
     made.relaxation.touch.awaken()
     made.relaxation.iterate(4)
+    made.relaxation.touch.data.moved.fill_(1)  # time for a search
     launches = launches_of(lambda: made.relaxation.iterate(2))
-    launch = next(each for each in launches if each.kernel.key.endswith("press_pairs"))
+    launch = next(each for each in launches if each.kernel.key.endswith(name))
     return launch, array_uses(launch.kernel)
 
 
@@ -212,7 +214,68 @@ def test_sums_are_asked_for_number_by_number_by_the_pairs_that_press() -> None:
     come = arrays["contact.due"][:count] <= gone
     press = come & arrays["contact.lean"][:count].any(axis=1)
     moved = sectors._Moved(launch, uses)
-    ways = len(uses.written["contact.sum"])  # towards each other, and apart where they are parallel
-    assert moved._added_one_by_one("contact.sum") == ways * press.sum() * 4 * 4
+    rows = []
+    for pairs in (np.flatnonzero(press), np.flatnonzero(press & (arrays["contact.due"][:count] % 2 == 1))):
+        number = stores(np.zeros(len(pairs), dtype=np.int64), arrays["contact.due"][pairs] % 2 == 1)
+        corners = arrays["contact.corners"][pairs]
+        rows.append(len({(one, at, four[at]) for one, four in zip(number, corners, strict=True) for at in range(4)}))
+    assert 0 < rows[1] < rows[0]  # edges that are nearly parallel turn, too
+    assert moved._added_one_by_one("contact.sum") == 4 * sum(rows) - rows[0]
     assert moved._added_one_by_one("contact.room") == 0
     assert moved._turns() == come.sum()
+
+
+def test_pairs_are_stored_by_warps_of_a_kind_that_take_turns_in_a_block_s_queue() -> None:
+    rng = np.random.default_rng(2)
+    pair = np.arange(2000)
+    block, on_edge = block_of_pairs(pair, 3), rng.random(2000) < 0.7
+    assert [set(pair[block == one] // 32 % 3) for one in range(3)] == [{0}, {1}, {2}]
+    number = stores(block, on_edge)
+    for one in range(3):
+        for sort, warps in ((False, 2), (True, 4)):
+            queue = number[(block == one) & (on_edge == sort)].tolist()
+            together = [queue[at : at + 32 * warps] for at in range(0, len(queue), 32 * warps)]
+            for turn in together:
+                assert all(turn[at] == turn[at % warps] for at in range(len(turn)))
+                assert len(set(turn[:warps])) == len(turn[:warps])
+    assert max(np.unique(number, return_counts=True)[1]) == 32
+    assert len(set(number.tolist())) == sum(
+        min(len(queue) - at, warps)
+        for one in range(3)
+        for sort, warps in ((False, 2), (True, 4))
+        for queue in [np.flatnonzero((block == one) & (on_edge == sort))]
+        for at in range(0, len(queue), 32 * warps)
+    )
+
+
+def test_a_gpu_looks_at_pairs_a_turn_ahead() -> None:
+    turn = 4 * 192 * 10  # of ten blocks
+    assert looked_at(turn, 10 * turn, 10) == 2 * turn
+    assert looked_at(turn + 1, 10 * turn, 10) == 3 * turn
+    assert looked_at(turn + 1, turn + 5, 10) == turn + 5
+
+
+def test_of_what_a_pair_has_of_its_cloth_the_first_and_the_last_corner_are_asked_for() -> None:
+    launch, uses = pressed(0.0, 0.0005, 0.0015, 0.011)
+    assert uses.picked["contact.thickness"] == uses.picked["contact.friction"] == {0, 3}
+    assert ANY in uses.picked["cloth.position"]
+    arrays = {name: array.numpy() for name, array in launch.arrays().items() if name.startswith("contact.")}
+    come = arrays["contact.due"][: arrays["contact.count"][0]] <= arrays["contact.way"][0] + max(
+        arrays["contact.stride"]
+    )
+    corners = arrays["contact.corners"][: len(come)][come][:, [0, 3]]
+    (found,) = asked(launch, uses, "contact.thickness").values()
+    assert {sector for _, sector in found} <= sectors_of(set(corners.ravel().tolist()), 4)
+
+
+def test_before_a_search_those_pairs_are_remembered_that_lean() -> None:
+    launch, uses = pressed(0.0, 0.0005, 0.0015, 0.011, name="start_search")
+    arrays = {name: array.numpy() for name, array in launch.arrays().items()}
+    count = arrays["contact.count"][0]
+    leaning = np.flatnonzero(arrays["contact.lean"][:count].any(axis=1)).tolist()
+    assert 0 < len(leaning) < count
+    for name, pairs, size in (("contact.lean", range(count), 12), ("contact.corners", leaning, 16)):
+        (found,) = asked(launch, uses, name).values()
+        assert {sector for _, sector in found} == sectors_of(pairs, size)
+    (places,) = asked(launch, uses, "memory.place").values()
+    assert len(leaning) // 4 <= len(places) <= len(leaning)

@@ -163,7 +163,8 @@ def measured(name: str, plan: dict[str, Any], asked: argparse.Namespace) -> dict
     command = [asked.ncu, "--profile-from-start", "off", "--cache-control", "none", "--clock-control", "none",
                "--csv", "--page", "raw", "--print-units", "base", "--metrics", ",".join(metrics),
                "--log-file", str(table), sys.executable, __file__, "--data", asked.data, "--device", asked.device,
-               "--scene", name, "--out", asked.out, "--samples", str(asked.samples), "--most", str(asked.most), "--retrace", str(way)]  # fmt: skip
+               "--scene", name, "--out", asked.out, "--samples", str(asked.samples), "--most", str(asked.most),
+               "--retrace", str(way)]  # fmt: skip
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     lines = table.read_text().splitlines() if table.exists() else []
     if done.returncode:

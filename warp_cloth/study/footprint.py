@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields
+from statistics import mean
 
 import warp as wp
 
@@ -12,12 +13,14 @@ from warp_cloth.collide.crossing import search_bytes
 from warp_cloth.fitting import SetUp
 from warp_cloth.solver.certificate import strain_bytes
 from warp_cloth.study.caches import cache_bytes, spilled_bytes
-from warp_cloth.study.launches import Launch, arrays_in, bytes_of
+from warp_cloth.study.launches import Launch, arrays_in, bytes_of, launches_of
+from warp_cloth.study.pressed import presses
 from warp_cloth.study.sectors import moved_bytes
 from warp_cloth.study.timing import Times, times_of
 from warp_cloth.study.traffic import Uses, array_uses
 from warp_cloth.wardrobe import Wardrobe
 
+Bytes = tuple[float, float]  # to and from memory, and between the last cache and the cores
 LOOK = "search_if_due"  # what no kernel of ours does: a branch in the captured graph
 
 
@@ -71,11 +74,12 @@ class Footprint:
 
 def footprint_of(made: SetUp) -> Footprint:
     """Watches and times some hundreds or thousands of iterations from the start; the cloth has moved on then."""
-    model, times = made.model, times_of(made)
+    model, moved = made.model, Moved(made)
+    times = times_of(made, moved.see)
     launches = {launch.kernel.key: launch for launch in times.launches}
-    uses = {key: array_uses(launch.kernel) for key, launch in launches.items()}
-    touched = [array for launch in times.launches for array in _used(launch, uses[launch.kernel.key])]
-    kernels = [_cost(launch, uses[key], times) for key, launch in launches.items()]
+    touched = [array for launch in times.launches for array in _used(launch, moved.uses(launch))]
+    counted = moved.of(launches.values())
+    kernels = [_cost(launch, counted[key], times) for key, launch in launches.items()]
     if times.look:
         purpose = "Decides whether cloth near cloth is to be looked for anew."
         kernels.append(KernelCost(LOOK, purpose, times.looks, 1, 0.0, 0.0, 0, times.look))
@@ -93,17 +97,58 @@ def footprint_of(made: SetUp) -> Footprint:
     )
 
 
-def _cost(launch: Launch, uses: Uses, times: Times) -> KernelCost:
+class Moved:
+    """What launches move, on the way and at its end.
+
+    Which pairs of cloth are pressed changes on the way, and what a search lists the next look for crossings puts
+    others in place of: pressing is counted several times, and a search while it goes on.
+    """
+
+    def __init__(self, made: SetUp) -> None:
+        self._touch, self._cloth = made.relaxation.touch, made.model.cloth
+        self._uses: dict[str, Uses] = {}
+        self._seen: dict[str, list[Bytes]] = {}
+
+    def uses(self, launch: Launch) -> Uses:
+        """What a launch's kernel uses."""
+        key = launch.kernel.key
+        if key not in self._uses:
+            self._uses[key] = array_uses(launch.kernel)
+        return self._uses[key]
+
+    def see(self, launches: Sequence[Launch]) -> None:
+        """Counts what is pressed, by the last of some launches."""
+        pressing = {launch.kernel.key: launch for launch in launches if presses(self.uses(launch))}
+        for launch in pressing.values():
+            self._count(launch)
+
+    def of(self, launches: Iterable[Launch]) -> dict[str, Bytes]:
+        """Bytes of each kernel, the mean of those that were counted, to and from memory and beyond the cores."""
+        last, touch = {launch.kernel.key: launch for launch in launches}, self._touch
+        if touch is not None and touch.awake:
+            self.see(list(last.values()))
+            launches_of(lambda: touch.search(self._cloth), see=self._count)
+        for key, launch in last.items():
+            if key not in self._seen:
+                self._count(launch)
+        return {
+            key: (mean(each[0] for each in seen), mean(each[1] for each in seen)) for key, seen in self._seen.items()
+        }
+
+    def _count(self, launch: Launch) -> None:
+        self._seen.setdefault(launch.kernel.key, []).append(moved_bytes(launch, self.uses(launch)))
+
+
+def _cost(launch: Launch, moved: Bytes, times: Times) -> KernelCost:
     key = launch.kernel.key
     often = times.count[key]
-    memory, cache = moved_bytes(launch, uses)
     return KernelCost(
         name=key.rpartition("__")[2],
         purpose=(inspect.getdoc(launch.kernel.func) or "").partition("\n")[0],
         launches=often,
         threads=launch.threads,
-        bytes=memory * often,
-        asked=cache * often,
+        bytes=moved[0] * often,
+        asked=moved[1] * often,
         spilled=spilled_bytes(launch.command, launch.command.device.alias),
         seconds=times.spent[key],
     )

@@ -57,19 +57,21 @@ def _within(name: str, structs: wp.array) -> Iterator[tuple[str, wp.array]]:
             )
 
 
-def launches_of(action: Callable[[], Any], seconds: list[float] | None = None) -> list[Launch]:
+def launches_of(
+    action: Callable[[], Any], seconds: list[float] | None = None, see: Callable[[Launch], None] = lambda _: None
+) -> list[Launch]:
     """Does the action, and tells what it launched, in order. One such call at a time in a process.
 
-    ``seconds``: takes how long each launch kept the host.
+    ``seconds``: takes how long each launch kept the host; ``see``: told of each launch before the next one.
     """
     found: list[Launch] = []
-    with _watched(found, [] if seconds is None else seconds):
+    with _watched(found, [] if seconds is None else seconds, see):
         action()
     return found
 
 
 @contextmanager
-def _watched(found: list[Launch], seconds: list[float]) -> Iterator[None]:
+def _watched(found: list[Launch], seconds: list[float], see: Callable[[Launch], None]) -> Iterator[None]:
     launch = wp.launch
 
     def watch(
@@ -82,6 +84,7 @@ def _watched(found: list[Launch], seconds: list[float]) -> Iterator[None]:
         began = time.perf_counter()
         given.launch()
         seconds.append(time.perf_counter() - began)
+        see(found[-1])
 
     wp.launch = watch
     try:

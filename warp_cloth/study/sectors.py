@@ -11,17 +11,22 @@ from numpy.typing import NDArray
 from warp_cloth.kernels.block import BLOCK_THREADS
 from warp_cloth.kernels.box_tree import WIDTH
 from warp_cloth.kernels.cloth import Patch
+from warp_cloth.kernels.cloth_contact import ON_EDGE
 from warp_cloth.kernels.field import ContactField
 from warp_cloth.kernels.limits import BLOCK_MEMORY, BLOCKS_PER_CORE
 from warp_cloth.study.caches import core_bytes, spilled_bytes
 from warp_cloth.study.launches import Launch
-from warp_cloth.study.traffic import FROM, SEVERAL, Chain, Uses
+from warp_cloth.study.listed import work_on_lists
+from warp_cloth.study.pressed import CORNERS, LOST, block_of_pairs, chosen_pairs, looked_at, stores
+from warp_cloth.study.traffic import ANY, FROM, SEVERAL, Chain, Uses
 
 SECTOR = 32  # bytes that are moved together
 PATCHES, PATCH_WIDTH = "patches.patch", 16  # kernels.cloth's Patch, one after another, and the numbers of each
 THREADS = 256  # of a block, where Warp chooses
 TABLE_NODES = 3  # along each axis of a table, that a thread reads round its place
 AT_A_TIME = 1 << 16  # vertices whose places in a table are looked up together
+
+BLOCKS, WARPS, STORES = "blocks", "warps", "stores"  # by which those are told apart that share what they ask for
 
 Keys = NDArray[np.int64]
 Part = tuple[Keys, Keys]  # blocks of threads, and what each of them uses
@@ -53,20 +58,22 @@ class _Moved:
             self._patch = {name: rows[:, at] for at, name in enumerate(Patch.vars)}
             self._vertex = self._arrays["patches.vertex"].numpy().astype(np.int64)
         self._known: dict[Any, dict[str, Keys]] = {}  # sectors by loop, of arrays that are used alike
+        self._listed = work_on_lists(self._arrays, uses.read, uses.written, launch.threads)
 
     def total(self) -> tuple[int, int]:
         """Bytes to and from memory, and between the last cache and the cores."""
         memory = once = again = written = 0
         for used in (self._uses.read, self._uses.written):
             for name in sorted(used.keys() & self._arrays.keys()):
-                loops = self._loops(name, used[name])
+                loops = self._loops(name, used[name], by=STORES if used is self._uses.written else BLOCKS)
                 asked = _distinct(np.concatenate(list(loops.values())))
                 memory += _distinct_sectors(asked)
                 if used is self._uses.written:
                     written += len(asked) + self._added_one_by_one(name)
                 else:
-                    once += len(asked)
-                    again += sum(len(keys) for keys in loops.values())
+                    anew = self._asked_anew(name)
+                    once += len(asked) + anew
+                    again += sum(len(keys) for keys in loops.values()) + anew
         read = once if self._holds(once) else again
         spilled = spilled_bytes(self._launch.command, self._device.alias)
         return SECTOR * memory, SECTOR * (read + written) + spilled * self._turns()
@@ -77,8 +84,9 @@ class _Moved:
         for name, chains in self._uses.read.items():
             chain = next(iter(chains))
             if name.endswith(".corners") and any(each.endswith(".due") for each in chain):
-                pairs = self._of_pairs(self._arrays[name], _owner(name), chain, self._known_of(name, chain))[1]
-                turns = len(pairs) + (turns if self._patch else 0)  # patches' vertices, and beside them pairs
+                pairs = chosen_pairs(self._arrays, _owner(name), chain, self._known_of(name, chain))
+                # patches' vertices, as what acts on them is worked out and as they are moved, and beside them pairs
+                turns = len(pairs) + (2 * turns if self._patch else 0)
             if name.endswith(".group") and name in self._arrays and self._device.is_cuda:
                 turns = int(WIDTH) * self._known_of(name, chain)
         return turns
@@ -90,8 +98,16 @@ class _Moved:
             return 0
         of_pairs = [chain for chain in self._uses.written[name] if any(each.endswith(".due") for each in chain)]
         columns = array.size // len(array)
-        parts = [self._of_pairs(array, _owner(name), chain, self._known_of(name, chain))[1] for chain in of_pairs]
-        return sum(columns * len(part) for part in parts)
+        rows = [len(self._sectors(name, chain, "", by=STORES)) for chain in of_pairs]
+        return columns * sum(rows) - max(rows, default=0)
+
+    def _asked_anew(self, name: str) -> int:
+        """Sectors that those who press pairs ask for again, as blocks that wait beside them empty the cores' caches."""
+        if not self._patch or not self._device.is_cuda:
+            return 0
+        of_pairs = [chain for chain in self._uses.read[name] if any(each.endswith(".due") for each in chain)]
+        counts = [[len(self._sectors(name, chain, "", by=by)) for by in (WARPS, BLOCKS)] for chain in of_pairs]
+        return round(LOST * sum(warps - blocks for warps, blocks in counts))
 
     def _holds(self, sectors: int) -> bool:
         """Whether the cores' own caches hold what blocks have read until they ask for it again."""
@@ -102,11 +118,22 @@ class _Moved:
         together = min(-(-blocks // self._device.sm_count), most)
         return together * (SECTOR * sectors / blocks + BLOCK_MEMORY) <= core_bytes(self._device.alias)
 
-    def _loops(self, name: str, chains: set[Chain]) -> dict[str, Keys]:
+    def _loops(self, name: str, chains: set[Chain], *, by: str = BLOCKS) -> dict[str, Keys]:
         """The sectors of an array that each block asks for in some chains, by the loop that asks."""
         array = self._arrays[name]
         packed = name in self._uses.packed
-        alike = frozenset(chains), self._uses.starts.get(name), array.dtype, array.shape, packed
+        listed = name if self._listed else ""  # what these ask for differs from array to array
+        corners = frozenset(self._uses.picked.get(name, ()))
+        alike = (
+            frozenset(chains),
+            self._uses.starts.get(name),
+            array.dtype,
+            array.shape,
+            packed,
+            listed,
+            corners,
+            by,
+        )
         if array.ndim > 2 or alike not in self._known:
             found: dict[str, list[Keys]] = {}
             for chain in chains:
@@ -114,11 +141,11 @@ class _Moved:
                 if not loop and self._patch and len(array) == self._vertices and not self._counters(chain):
                     loop = "owned_count"  # each thread its own
                 if loop or len(chains) == 1 or not alike[1]:  # else what a loop's first turn uses, asked for early
-                    found.setdefault(loop, []).append(self._sectors(name, chain, loop))
+                    found.setdefault(loop, []).append(self._sectors(name, chain, loop, by=by))
             self._known[alike] = {loop: _distinct(np.concatenate(keys)) for loop, keys in found.items()}
         return self._known[alike]
 
-    def _sectors(self, name: str, chain: Chain, loop: str) -> Keys:
+    def _sectors(self, name: str, chain: Chain, loop: str, *, by: str) -> Keys:
         """The sectors of an array that each block asks for in a chain."""
         array = self._arrays[name]
         size = wp.types.type_size_in_bytes(array.dtype)
@@ -126,6 +153,8 @@ class _Moved:
             size *= array.size // len(array)  # a row for each vertex
         elif array.ndim > 1:
             return self._looked_up(name, size)
+        if self._listed:  # what is not among it only those ask for that find the lists full
+            return _keys(*self._listed[name], size) if name in self._listed else np.zeros(0, dtype=np.int64)
         counters = self._counters(chain)
         known = self._known_of(name, chain)
         start = self._uses.starts.get(name, "")
@@ -143,7 +172,7 @@ class _Moved:
         if counters and not loop:
             owner = _owner(counters[0])
             if f"{owner}.due" in self._arrays:
-                return _keys(*self._of_pairs(array, owner, chain, known), size)
+                return _keys(*self._of_pairs(name, owner, chain, known, by=by), size)
             return _keys(np.arange(min(known, len(array))) // THREADS, np.arange(min(known, len(array))), size)
         if len(array) * size <= SECTOR:  # which every block asks for
             return np.arange(max(len(self._patch.get("place", ())), -(-self._launch.threads // THREADS))) * BLOCK
@@ -182,21 +211,32 @@ class _Moved:
         block, place = _ranges(self._patch["vertex_start"], self._patch[loop])
         return block, self._vertex[place]
 
-    def _of_pairs(self, array: wp.array, contact: str, chain: Chain, found: int) -> Part:
-        """Blocks, and the pairs, or their vertices, that each goes over: all, those looked at, or those that press."""
-        corners, lean, due, way, stride, turn = (
-            self._arrays[f"{contact}.{each}"].numpy() for each in ("corners", "lean", "due", "way", "stride", "turn")
-        )
-        pair = np.arange(min(found, len(corners)))
-        if f"{contact}.due" in chain:
-            pair = pair[due[pair] <= way[0] + stride[turn[0] & 1]]  # as kernels.cloth_contact's contact_way
-        if f"{contact}.lean" in chain:
-            pair = pair[lean[pair].any(axis=1)]
+    def _of_pairs(self, name: str, contact: str, chain: Chain, found: int, *, by: str) -> Part:
+        """Blocks, warps or single stores, and the pairs, or their vertices, that each goes over.
+
+        No core's cache puts together what several stores write, and pairs that go together are not neighbours.
+        """
+        array, room = self._arrays[name], len(self._arrays[f"{contact}.corners"])
         others = len(self._patch.get("place", ()))  # blocks, which work on patches
-        block = others + pair // BLOCK_THREADS % max(self._launch.threads // BLOCK_THREADS - others, 1)
-        if len(array) == len(corners):
+        blocks = self._launch.threads // BLOCK_THREADS - others
+        if name in self._uses.ahead and self._device.is_cuda and f"{contact}.due" not in chain:
+            pair = np.arange(looked_at(found, room, blocks))
+        else:
+            pair = chosen_pairs(self._arrays, contact, chain, found)
+        block = others + block_of_pairs(pair, blocks)
+        if by != BLOCKS and f"{contact}.due" in chain:
+            if name == f"{contact}.due":  # of those that are far, and were due but now: few
+                pair, block = pair[:0], block[:0]
+            block = stores(block, self._arrays[f"{contact}.due"].numpy()[pair] & 1 == int(ON_EDGE))
+        if len(array) == room:
             return block, pair
-        return np.repeat(block, 4), corners[pair].ravel().astype(np.int64)
+        if len(array) != self._vertices:  # a hash table
+            return block, pair * (len(array) // room)
+        picked = self._uses.picked.get(name, {ANY})
+        which = list(range(CORNERS)) if ANY in picked else sorted(picked)
+        apart = np.array(which) if by == STORES else np.zeros(len(which), dtype=np.int64)  # one corner after another
+        corners = self._arrays[f"{contact}.corners"].numpy()[pair][:, which]
+        return (CORNERS * block[:, None] + apart).ravel(), corners.ravel().astype(np.int64)
 
     def _looked_up(self, name: str, size: int) -> Keys:
         """The sectors of a table that vertices look up by place."""

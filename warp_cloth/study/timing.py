@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -21,6 +21,7 @@ TIMED = 100  # iterations between two checks of a fit
 WAKING = 12  # times as many before the clock runs, where cloth meets cloth: that begins when the seams have closed
 SHORTEST_RUN = 0.5  # [s] of timing
 FEWEST_ROUNDS = 5
+SEEN = 6  # times, evenly over that, that what launches move is counted where cloth meets cloth
 LONG = 5.0  # [s] that iterations take before the next chunk, or the next round, is left out
 LOOKS = 100  # that are timed together
 OUTLIER = 4.0  # times the median of what is timed again and again: longer was something else
@@ -41,8 +42,10 @@ class Times:
     launches: list[Launch] = field(default_factory=list)  # the last ones of every kernel
 
 
-def times_of(made: SetUp) -> Times:
+def times_of(made: SetUp, see: Callable[[list[Launch]], None] = lambda _: None) -> Times:
     """Runs some hundreds of iterations from the start, and times some of them whole and others launch by launch.
+
+    ``see``: told now and then of the launches in some iterations, when these are done.
 
     The two take turns, as what meets, and how often that is looked for, changes on the way. On a GPU a clock round a
     launch adds the same to every one, and pauses between two are as long whichever they are: both are known by what
@@ -54,13 +57,16 @@ def times_of(made: SetUp) -> Times:
         way.check()
     times.begin = way.iteration
     took = dict[tuple[str, int], list[float]]()  # seconds of each launch, by kernel and threads
-    rates, looks, watched, passed = list[float](), list[float](), 0, 0.0
+    rates, looks, told, watched, passed = list[float](), list[float](), list[float](), 0, 0.0
     while passed < SHORTEST_RUN or (len(rates) < FEWEST_ROUNDS and passed < LONG):
         done, seconds = way.go()
         passed += seconds
         rates.append(seconds / done)
         looks.append(way.looks)
         launches, each = way.watch()
+        if passed >= len(told) * SHORTEST_RUN / SEEN:
+            told.append(passed)
+            see(launches)
         seen = {launch.kernel.key for launch in launches}
         times.launches = [*launches, *(launch for launch in times.launches if launch.kernel.key not in seen)]
         for launch, elapsed in zip(launches, each, strict=True):

@@ -13,6 +13,7 @@ ATOMICS = frozenset({"atomic_add", "atomic_sub", "atomic_min", "atomic_max", "at
 PACKED = frozenset({"packed_point", "put_packed_point"})
 LOOKS = frozenset({"look_due"})  # that read some of an array's elements at once
 QUEUES = frozenset({"queue_due"})  # that are given those, and say how many of them go on, of each kind
+ANY = -1  # corner
 SEVERAL = "*"  # in a chain: several for each that the loop round it goes over
 
 FROM = "from "  # before a count: what is not below it
@@ -34,6 +35,8 @@ class Uses:
     written: dict[str, set[Chain]] = field(default_factory=dict)
     starts: dict[str, str] = field(default_factory=dict)  # where a patch's part of an array begins: "edge_start"
     summed: set[str] = field(default_factory=set)  # that are added to in the cache, number by number
+    ahead: set[str] = field(default_factory=set)  # that are looked at before it is known how many there are
+    picked: dict[str, set[int]] = field(default_factory=dict)  # which of a pair's corners; ANY: no certain one
     packed: set[str] = field(default_factory=set)  # whose elements lie as kernels.packing packs positions
 
 
@@ -69,6 +72,7 @@ class _Reader(ast.NodeVisitor):
         self._counts = counts or {}  # names that stand for a count
         self._starts = starts or {}  # names of places that are counted from a patch's start
         self._elements = elements or {}  # names that stand for an element of an array
+        self._corners: dict[str, int] = {}  # names that stand for one of several, by its number
 
     def read(self, tree: ast.AST) -> None:
         found = tree.body[0] if isinstance(tree, ast.Module) else tree
@@ -100,6 +104,9 @@ class _Reader(ast.NodeVisitor):
         """Remembers what a name stands for, where that matters."""
         if _called(value) in LOOKS:
             self._paths[name] = self._queued(value)
+        corner = self._corner(value)
+        if corner != ANY:
+            self._corners[name] = corner
         element = self._path(value) if isinstance(value, ast.Subscript) else ""
         for known, found in (
             (self._counts, self._count(value)),
@@ -130,6 +137,8 @@ class _Reader(ast.NodeVisitor):
     def _guard(self, node: ast.If) -> str:
         """The array of ``if array[i] > limit: return``, or of ``if ...: array[i] = nothing; return``.
 
+        The first also where its element has a name.
+
         What comes after is for fewer elements: those within the limit, or those that are not nothing.
         """
         if not isinstance(node.body[-1], ast.Return):
@@ -137,6 +146,8 @@ class _Reader(ast.NodeVisitor):
         left = node.test.left if isinstance(node.test, ast.Compare) else None
         if isinstance(left, ast.Subscript):
             return self._path(left)
+        if isinstance(left, ast.Name) and left.id in self._elements:
+            return self._elements[left.id]
         put = (
             inner for inner in ast.walk(node) if isinstance(inner, ast.Subscript) and isinstance(inner.ctx, ast.Store)
         )
@@ -167,6 +178,7 @@ class _Reader(ast.NodeVisitor):
             self._uses.summed.add(self._path(node.args[0]))
         if name in QUEUES:
             self._note(self._queued(node), self._uses.read)
+            self._uses.ahead.add(self._queued(node))
         if getattr(self._known.get(name), "key", "") in PACKED and node.args:
             self._uses.packed.add(self._path(node.args[0]))
         self.generic_visit(node)
@@ -188,9 +200,16 @@ class _Reader(ast.NodeVisitor):
         if not path:
             return
         use.setdefault(path, set()).add(self._chain)
+        self._uses.picked.setdefault(path, set()).add(self._corner(index))
         start = self._start(index) if index is not None else ""
         if start:
             self._uses.starts[path] = start
+
+    def _corner(self, node: ast.AST | None) -> int:
+        """Which of several something is that is counted out: 3 of ``corners[3]``, or of a name of that."""
+        if isinstance(node, ast.Subscript) and isinstance(node.slice, ast.Constant) and not self._path(node):
+            return int(node.slice.value) if isinstance(node.slice.value, int) else ANY
+        return self._corners.get(node.id, ANY) if isinstance(node, ast.Name) else ANY
 
     def _queued(self, node: ast.AST) -> str:
         """The array that a queue's elements, or those looked at, are of."""

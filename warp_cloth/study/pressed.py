@@ -1,0 +1,69 @@
+"""Which pairs of cloth blocks of threads look at and press, as kernels.pressing shares them out."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import warp as wp
+from numpy.typing import NDArray
+
+from warp_cloth.kernels.block import BLOCK_THREADS
+from warp_cloth.kernels.cloth_contact import ON_EDGE
+from warp_cloth.kernels.pressing import ON_TRIANGLES, ROUNDS
+from warp_cloth.study.traffic import SEVERAL, Chain, Uses
+
+Numbers = NDArray[np.int64]
+Arrays = Mapping[str, wp.array]
+
+TEAM = 32  # threads that go together, and pairs next to each other that a block takes
+CORNERS = 4
+# Blocks that wait beside those that press ask again and again whether they may go on, and each time empty their core's
+# cache. Of what its warps could share this share is lost; measured on an H200.
+LOST = 0.4
+INSTRUCTION = 1 << 20  # the first number of those that stand for a block
+
+
+def presses(uses: Uses) -> bool:
+    """Whether a kernel presses pairs."""
+    return any(name.endswith(".due") and name in chain for name, chains in uses.written.items() for chain in chains)
+
+
+def chosen_pairs(arrays: Arrays, contact: str, chain: Chain, found: int) -> Numbers:
+    """The pairs that a chain is for, of so many: all, those looked at, or those that press."""
+    corners, lean, due, way, stride, turn = (
+        arrays[f"{contact}.{each}"].numpy() for each in ("corners", "lean", "due", "way", "stride", "turn")
+    )
+    pair = np.arange(min(found, len(corners)))
+    if f"{contact}.due" in chain:
+        pair = pair[due[pair] <= way[0] + stride[turn[0] & 1]]  # as kernels.cloth_contact's contact_way
+    if f"{contact}.lean" in chain:
+        pair = pair[lean[pair].any(axis=1)]
+        if f"{contact}.due" in chain and SEVERAL not in chain:  # what turns edges away from each other
+            pair = pair[(due[pair] & 1) == int(ON_EDGE)]
+    return pair
+
+
+def block_of_pairs(pair: Numbers, blocks: int) -> Numbers:
+    """Which of so many blocks takes each pair."""
+    return pair // TEAM % max(blocks, 1)
+
+
+def looked_at(found: int, room: int, blocks: int) -> int:
+    """How many pairs blocks look at before they know how many there are of each turn's, and one turn beyond."""
+    turn = ROUNDS * BLOCK_THREADS * max(blocks, 1)
+    return min((-(-found // turn) + 1) * turn, room)
+
+
+def stores(block: Numbers, on_edge: NDArray[np.bool_]) -> Numbers:
+    """Numbers of the instructions by which queued pairs are stored, those of one together, in the order of pairs."""
+    number = np.empty(len(block), dtype=np.int64)
+    for sort, threads in ((False, ON_TRIANGLES), (True, BLOCK_THREADS - ON_TRIANGLES)):
+        of = np.flatnonzero(on_edge == sort)
+        of = of[np.argsort(block[of], kind="stable")]
+        counts = np.bincount(block[of])
+        place = np.arange(len(of)) - np.repeat(np.cumsum(counts) - counts, counts)  # in its block's queue
+        warps = threads // TEAM
+        turn = 2 * (place // threads * warps + place % warps) + sort
+        number[of] = turn * (1 + block.max(initial=0)) + block[of]
+    return INSTRUCTION + number
