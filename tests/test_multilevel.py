@@ -15,16 +15,17 @@ from warp_cloth.model import ClothModel, build_model
 from warp_cloth.rest import build_rest_shape
 from warp_cloth.result import Status
 from warp_cloth.scene import load_scene
-from warp_cloth.set_up import following, set_up_one
-from warp_cloth.solver.certificate import Certifier, Tolerance
+from warp_cloth.set_up import following, set_up_one, start_coarse
+from warp_cloth.solver.certificate import Certifier, Tolerance, edge_strains
 from warp_cloth.solver.implicit import ImplicitOptions
 from warp_cloth.solver.loop import Outcome, relax_to_rest
-from warp_cloth.solver.multilevel import CALM, MultilevelRelaxation
+from warp_cloth.solver.multilevel import CALM, LOOK, MultilevelRelaxation
 from warp_cloth.solver.relax import TIGHTER, Collider, StepOptions
 from warp_cloth.solver.simplified import build_ladder
 
 MOST_GROWTH = 2.0  # of the iterations where the vertices become 10 times as many; one level needs 3 times as many
 LIMIT = 10_000
+STRAY = 5e-3  # [m], a third of an edge
 STAYS, SLIDES = 2, 1  # as in kernels.conjugate
 FABRIC = Fabric(stretch_warp=2e5, stretch_weft=2e5)
 
@@ -61,6 +62,11 @@ def shape_after(parts: list[GarmentPart], iterations: int = 60, gathers: bool | 
     relaxation.run(iterations)
     model: ClothModel = relaxation.model
     return model.points()
+
+
+def stretch(model: ClothModel) -> float:
+    """Strain of what is drawn out, rms over the edges."""
+    return float(np.sqrt(np.mean(np.maximum(edge_strains(model), 0.0) ** 2)))
 
 
 def test_iterations_hardly_grow_with_the_resolution() -> None:
@@ -172,6 +178,20 @@ def test_cloth_on_a_body_goes_on_at_another_pace_once_forces_balance() -> None:
                              (1.1 * TIGHTER * CALM, own.momentum_met), (2.0 * CALM, own.momentum_met)):  # fmt: skip
         relaxation.loosen(np.array([residual]))
         assert relaxation.step.momentum == pytest.approx(wanted)
+
+
+def test_a_shape_carried_over_settles_vertex_by_vertex_on_a_body() -> None:
+    overrides = ["solver.method=multilevel", "garment.fabric={stretch = 200000}", "garment.shape.vertices_per_side=33",
+                 "garment.shape.side=0.5", "garment.shape.height=0.71", "avatar.shape.radius=0.1"]  # fmt: skip
+    made = set_up_one(load_scene("sphere", overrides), "cpu")
+    assert start_coarse(made)
+    carried, stretched = made.model.points(), stretch(made.model)
+    made.relaxation.run(LOOK)
+    way = np.linalg.norm(made.model.points() - carried, axis=1)
+    assert stretch(made.model) < 0.2 * stretched
+    assert np.sqrt(np.mean(way**2)) < STRAY
+    made.relaxation.run(20)  # of implicit steps
+    assert made.relaxation.step.momentum == pytest.approx(ImplicitOptions().momentum_met)
 
 
 def test_hanging_cloth_keeps_its_pace() -> None:
