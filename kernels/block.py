@@ -11,9 +11,8 @@ from typing import Any
 import warp as wp
 
 from warp_cloth.kernels.cloth import cloth_types
-from warp_cloth.kernels.limits import BLOCK_MEMORY
+from warp_cloth.kernels.limits import BLOCK_MEMORY, BLOCK_THREADS
 
-BLOCK_THREADS = 192  # that work on a patch
 WARPS = BLOCK_THREADS // 32  # of threads that go together
 MEETING_PER_CORE = 4  # where worn cloth meets cloth, or an exact surface, which takes registers
 FEW_PER_CORE = 3  # where there are no more at all: threads then keep all in registers
@@ -176,7 +175,7 @@ _FETCH = """
     const char* start = (const char*)(array.data + first);
     const int size = count * (int)sizeof(*array.data);
 #if __CUDA_ARCH__ >= 900
-    if (threadIdx.x == LEADER && size > 0) {
+    if (size > 0) {
         const int skew = (int)((unsigned long long)start & 15);
         asm volatile("cp.async.bulk.prefetch.L2.global [%0], %1;" :: "l"(start - skew), "r"(size + skew + 15 & -16));
     }
@@ -187,7 +186,22 @@ _FETCH = """
             asm volatile("prefetch.global.L2 [%0];" :: "l"(start + at));
 #endif
 #endif
-""".replace("LEADER", str(BLOCK_THREADS - 32))
+"""
+
+_FETCHES = f"""
+#if defined(__CUDA_ARCH__) && __CUDA_ARCH__ >= 900
+    return threadIdx.x == {BLOCK_THREADS - 32};
+#else
+    return true;
+#endif
+"""
+
+
+@wp.func_native(_FETCHES)
+def fetches() -> bool:
+    """Whether a thread has to ``fetch_ahead``: of a block one where memory brings all that is asked for at once."""
+    ...
+
 
 for _dtype in (wp.uint64, wp.float32, wp.float64, wp.vec4f, wp.vec4d, wp.vec4i):
 

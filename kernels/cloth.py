@@ -32,7 +32,7 @@ def takes_exact_stretch(precision: str, fourth: str) -> bool:
 
 @wp.struct
 class Patch:
-    """Where a patch has its parts, and how many. Arrays have four vec4i of it, the last number unused."""
+    """Where a patch has its parts, and how many. Arrays have four vec4i of it."""
 
     vertex_start: int
     vertex_count: int
@@ -49,6 +49,7 @@ class Patch:
     ranks: int  # triangles at a vertex, at most
     overflow: int  # where its memory is if a block's own is too small; else -1
     place: int  # of its first own vertex where vertices are in the patches' order
+    item_count: int  # pairs of triangles and single ones that threads work on (kernels.pairs); where cloth bends
 
 
 @functools.cache

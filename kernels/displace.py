@@ -13,6 +13,7 @@ from warp_cloth.kernels.block import (
     await_blocks,
     block_of,
     lane_of,
+    memory_functions,
     patch_threads,
     tell_blocks,
     wait_for_block,
@@ -23,8 +24,9 @@ from warp_cloth.kernels.displacement import AHEAD, colliders_type, displacement,
 from warp_cloth.kernels.field import fetch_field, field_contact
 from warp_cloth.kernels.gather import patch_functions
 from warp_cloth.kernels.limits import BLOCKS_PER_CORE, Terms
-from warp_cloth.kernels.packing import order_functions
-from warp_cloth.kernels.patch_memory import leaves, patch_of
+from warp_cloth.kernels.packing import order_functions, three_function
+from warp_cloth.kernels.patch_memory import PatchMemory, leaves, patch_of
+from warp_cloth.kernels.patch_steps import point_functions
 from warp_cloth.kernels.pressing import press_function
 
 
@@ -48,6 +50,28 @@ def held_function(precision: str, accelerated: bool, in_order: bool) -> wp.Funct
         return held
 
     return held_vertex
+
+
+@functools.cache
+def kept_function(precision: str, accelerated: bool) -> wp.Function:
+    """The function that reads a vertex which the block's memory still has."""
+    types = cloth_types(precision)
+    Cloth, Vertex = types.Cloth, types.Vertex
+    point_at, read_4 = point_functions(precision, True).point_at, memory_functions(precision, True).read_4
+    first_three = three_function(precision)
+
+    @wp.func
+    def kept_vertex(cloth: Cloth, beside: wp.array(dtype=wp.uint8), memory: PatchMemory, local: int, vertex: int):
+        """``held_vertex`` of one that is kept as ``local``."""
+        held = Vertex()
+        held.position = point_at(beside, memory, local)
+        held.weight = element(cloth.weight, vertex)
+        if wp.static(accelerated):
+            held.move = first_three(read_4(beside, memory.move + wp.static(4 * types.real_size) * local))
+            held.stiffness = element(cloth.stiffness, vertex)
+        return held
+
+    return kept_vertex
 
 
 @functools.cache
@@ -163,12 +187,13 @@ def advance_kernel(
     collider_type: type,
     touches: bool,
     few: bool,
+    paired: bool = False,
 ) -> wp.Kernel:
     """Kernel ``advance_vertices``, which gathers a vertex's forces and moves it, from one set of arrays to another.
 
     ``terms``: what there is to gather, and pins; ``fits`` as of ``gather.patch_functions``, the rest as of
-    ``displacement``, and ``few``: whether there are no more than block.FEW patches. Where cloth meets cloth the first
-    blocks then press its pairs, while the others work out what they own.
+    ``displacement``, and ``few``: whether there are no more than block.FEW patches; ``paired`` as ``fits``. Where cloth
+    meets cloth and patches are few the first blocks press its pairs, while the others work out what they own.
     """
     presses = touches and few and fits
     press_share = press_function(precision, "stiffness") if presses else None
@@ -179,10 +204,14 @@ def advance_kernel(
     point, Cloth, Step = types.point, types.Cloth, types.Step
     end_vertex = end_function(precision, accelerated, contact, collider_type, touches)
     Touch = touch_type(touches)
-    functions = patch_functions(precision, step_bound(accelerated, contact, touches), terms, fits, in_order=not touches)
+    bound = step_bound(accelerated, contact, touches)
+    functions = patch_functions(precision, bound, terms, fits, in_order=not touches, paired=paired)
+    keeps = paired and fits and not terms.threads  # registers for what is asked for before triangles are worked out
     own_vertex, two_vertices = functions.own_vertex, functions.two_vertices
-    work_patch, vertex_slots, vertex_load = functions.work_patch, functions.vertex_slots, functions.vertex_load
+    work_edges, work_corners = functions.work_edges, functions.work_corners
+    vertex_slots, vertex_load = functions.vertex_slots, functions.vertex_load
     held_vertex = held_function(precision, accelerated, in_order=not touches)
+    kept_vertex = kept_function(precision, accelerated)
     free = free_function(precision, terms.pins)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS, grid_stride=False, launch_bounds=bounds)
@@ -213,19 +242,29 @@ def advance_kernel(
             if wp.static(presses):
                 await_blocks(touch.told, touch.pressing, touch.waiting)
             return
-        memory, edges, triangles = work_patch(cloth, patches, patch, beside, step, lane, first, second)
+        work = work_edges(cloth, patches, patch, beside, step, lane, first, second)
+        if wp.static(not keeps):
+            work_corners(patches, patch, beside, step, lane, work)
         ask_no_earlier()
         local = int(lane)
         if wp.static(fits):  # a thread for each vertex, and no one waits for what is asked for before the block
-            vertex = own_vertex(patches, patch, wp.min(local, patch.owned_count - 1))
-            held, moves = held_vertex(cloth, vertex), free(cloth, vertex)
+            own = wp.min(local, patch.owned_count - 1)
+            vertex = own_vertex(patches, patch, own)
+            moves = free(cloth, vertex)
+            if wp.static(keeps):
+                held = kept_vertex(cloth, beside, work.memory, own, vertex)
+            else:
+                held = held_vertex(cloth, vertex)
+        if wp.static(keeps):
+            work_corners(patches, patch, beside, step, lane, work)
+        edges, triangles = wp.vec4i(work.edges), wp.vec4i(work.triangles)
         if wp.static(presses):
             await_blocks(touch.told, touch.pressing, touch.waiting)
         else:
             wait_for_block()
         if wp.static(fits):
             if local < patch.owned_count:
-                load = vertex_load(patches, patch, beside, memory, local, edges, triangles)
+                load = vertex_load(patches, patch, beside, work.memory, local, edges, triangles)
                 end_vertex(
                     step, colliders, touch, cloth, load, held, vertex, moves, patch.item, item, position_out, move_out
                 )
@@ -233,7 +272,7 @@ def advance_kernel(
             while local < patch.owned_count:
                 vertex = own_vertex(patches, patch, local)
                 held, moves = held_vertex(cloth, vertex), free(cloth, vertex)
-                load = vertex_load(patches, patch, beside, memory, local, edges, triangles)
+                load = vertex_load(patches, patch, beside, work.memory, local, edges, triangles)
                 end_vertex(
                     step, colliders, touch, cloth, load, held, vertex, moves, patch.item, item, position_out, move_out
                 )

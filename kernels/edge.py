@@ -35,27 +35,33 @@ def spans_type(precision: str) -> type:
 
 
 @functools.cache
-def span_function(precision: str, fourth: str) -> wp.Function:
-    """The function ``edge_span``, of one edge."""
+def span_functions(precision: str, fourth: str) -> SimpleNamespace:
+    """Functions ``edge_span`` and ``side_span``, of one edge."""
     types = cloth_types(precision)
     real, point, vec3, Span = types.real, types.point, types.vec3, types.Span
     difference, exact = difference_function(precision), takes_exact_stretch(precision, fourth)
 
     @wp.func
-    def edge_span(first: point, second: point, first_move: vec3, second_move: vec3, size: real):
-        """An edge as it lies, and what last moved it; ``size`` of the first end's last displacement [m]."""
+    def side_span(side: vec3, first_move: vec3, second_move: vec3, size: real):
+        """An edge from its first end to its second, and what last moved it; ``size`` of the first end's move [m]."""
         span = Span()
-        span.side = difference(second, first)
+        span.side = side
         span.length = edge_length(span.side)
         span.inverse = quotient(real(1.0), span.length)
         if wp.static(fourth in BOUNDS):
             span.change = second_move - first_move
             span.move = size
+        return span
+
+    @wp.func
+    def edge_span(first: point, second: point, first_move: vec3, second_move: vec3, size: real):
+        """An edge as it lies, and what last moved it; ``size`` of the first end's last displacement [m]."""
+        span = side_span(difference(second, first), first_move, second_move, size)
         if wp.static(exact):
             span.exact = second - first
         return span
 
-    return edge_span
+    return SimpleNamespace(edge_span=edge_span, side_span=side_span)
 
 
 @functools.cache
@@ -104,7 +110,10 @@ def edge_functions(precision: str, fourth: str, angles: bool, eight: bool = Fals
         turn, bound = hinge_turn(normal_0, inverse_0, normal_1, inverse_1, span.side, span.length, stiffness, reach)
         return three(products(turn, span.inverse), bound, inner(span.side, span.side))
 
-    return SimpleNamespace(edge_span=span_function(precision, fourth), edge_load=edge_load, edge_fold=edge_fold)
+    spans = span_functions(precision, fourth)
+    return SimpleNamespace(
+        edge_span=spans.edge_span, side_span=spans.side_span, edge_load=edge_load, edge_fold=edge_fold
+    )
 
 
 @wp.func

@@ -13,9 +13,17 @@ import warp as wp
 
 from warp_cloth.kernels.access import element
 from warp_cloth.kernels.arithmetic import signed_sum
-from warp_cloth.kernels.block import block_of, lane_of, memory_functions, patch_threads, wait_for_block
+from warp_cloth.kernels.block import block_of, fetches, lane_of, memory_functions, patch_threads, wait_for_block
 from warp_cloth.kernels.cloth import MODULE_OPTIONS, Patch, cloth_types
-from warp_cloth.kernels.limits import RANKS, Terms
+from warp_cloth.kernels.limits import RANKS, SLOTS, Terms
+from warp_cloth.kernels.pairs import (
+    item_corners_step,
+    item_edges_step,
+    item_functions,
+    item_normals_step,
+    item_type,
+    keeps_items,
+)
 from warp_cloth.kernels.patch_memory import (
     PatchMemory,
     fetch_function,
@@ -27,11 +35,12 @@ from warp_cloth.kernels.patch_memory import (
 from warp_cloth.kernels.patch_steps import (
     edge_table_function,
     edges_step,
+    last_first,
     normals_step,
-    triangle_table_function,
-    triangles_step,
+    triangles_of_items,
     vertices_step,
 )
+from warp_cloth.kernels.patch_triangles import triangle_table_function, triangles_step
 
 USUAL = 6  # of what meets at a vertex; only patches where more does look further
 
@@ -131,33 +140,66 @@ def load_functions(precision: str, terms: Terms, fits: bool) -> SimpleNamespace:
 
 
 @functools.cache
-def patch_functions(precision: str, fourth: str, terms: Terms, fits: bool, in_order: bool) -> SimpleNamespace:
-    """Functions ``own_vertex``, ``two_vertices``, ``work_patch``, ``vertex_slots`` and ``vertex_load``.
+def work_type(precision: str) -> type:
+    """The struct of what a thread hands on from one half of its work on a patch to the other."""
 
-    The last sums a vertex' load once the whole block is through ``work_patch``.
+    @wp.struct
+    class PatchWork:
+        """Places in the block's memory, the thread's item, and what was asked for ahead."""
+
+        memory: PatchMemory
+        item: item_type(precision)
+        sides: wp.uint64  # ``triangle_table`` of the thread's first triangle
+        corners: wp.uint64
+        edges: wp.vec4i  # ``vertex_slots`` of its first vertex
+        triangles: wp.vec4i
+
+    return PatchWork
+
+
+@functools.cache
+def patch_functions(
+    precision: str, fourth: str, terms: Terms, fits: bool, in_order: bool, paired: bool
+) -> SimpleNamespace:
+    """Functions ``own_vertex``, ``two_vertices``, ``work_edges``, ``work_corners``, ``vertex_slots``, ``vertex_load``.
+
+    The last sums a vertex' load once the whole block is through the two before.
 
     Args:
         precision: of positions and forces.
         fourth: one of cloth.FOURTH_PARTS.
         terms: what there is to gather.
-        fits: whether no patch is too large for a block's own memory.
+        fits: whether no patch is too large for a block's own memory and threads.
         in_order: whether vertices lie in the patches' order.
+        paired: whether threads work on pairs of triangles, where a patch has such items.
     """
     types = cloth_types(precision)
     vec4, Cloth, Step, Patches = types.vec4, types.Cloth, types.Step, types.Patches
-    patch_memory = layout_function(precision, terms, fits)
-    fetch_tables = fetch_function(precision, terms)
+    PatchItem, PatchWork = item_type(precision), work_type(precision)
+    patch_memory, fetch_tables = layout_function(precision, terms, fits), fetch_function(precision, terms)
     vertices = vertices_step(precision, fourth, fits, in_order)
-    read_vertices = vertices.read_vertices
-    work_normals = normals_step(precision, fits)
-    work_edges = edges_step(precision, fourth, terms, fits)
-    work_triangles = triangles_step(precision, fourth, terms, fits)
-    edge_table, triangle_table = edge_table_function(precision, terms), triangle_table_function(precision, terms)
-    own = load_functions(precision, terms, fits)
+    read_vertices, work_normals = vertices.read_vertices, normals_step(precision, fits, paired)
+    asked_item = item_functions(precision, terms, fits).asked_item
+    work_item_normals = item_normals_step(precision, terms, fits)
+    item_edges = item_edges_step(precision, fourth, terms, fits)
+    asked_laws, work_item_edges = item_edges.asked_laws, item_edges.work_item_edges
+    work_other_edges = edges_step(precision, fourth, terms, fits, paired)
+    edge_table = edge_table_function(precision, terms)
+    kept = paired and keeps_items(precision, fourth, terms, fits)
+    work_item_corners = item_corners_step(precision, fourth, terms, fits)
+    work_triangles = triangles_step(precision, fourth, terms, fits, kept)
+    triangle_table, own = triangle_table_function(precision, terms), load_functions(precision, terms, fits)
     vertex_slots = own.vertex_slots
 
     @wp.func
-    def work_patch(
+    def first_triangle(patch: Patch, lane: int):
+        """The thread's first triangle of those whose normals no item tells."""
+        if wp.static(paired):
+            return triangles_of_items(patch) + last_first(lane)
+        return lane
+
+    @wp.func
+    def work_edges(
         cloth: Cloth,
         patches: Patches,
         patch: Patch,
@@ -167,49 +209,82 @@ def patch_functions(precision: str, fourth: str, terms: Terms, fits: bool, in_or
         first: int,
         second: int,
     ):
-        """All that meets at the patch's vertices, in the block's memory; every thread of the block calls it.
+        """Vertices, normals and edges of a patch, in the block's memory; every thread of the block calls it.
 
-        The last two are of ``two_vertices``. What a step begins with is asked for a step ahead. Returns the memory's
-        places, and ``vertex_slots`` of the thread's first vertex.
+        The last two are of ``two_vertices``. What a step begins with is asked for a step ahead.
         """
-        fetch_tables(patches, patch)
-        memory = patch_memory(patch)
-        corner_word, end_word, law = wp.uint64(0), wp.uint64(0), vec4()
-        side_word, side_corners = wp.uint64(0), wp.uint64(0)
+        if fetches():
+            fetch_tables(patches, patch)
+        memory, asked, item = patch_memory(patch), PatchItem(), PatchItem()
+        corner_word = wp.uint64(0)
+        end_word, law = wp.uint64(0), vec4()
         if wp.static(terms.folds):
-            corner_word = element(patches.corners, patch.triangle_start + wp.min(lane, patch.normal_count))
+            other = wp.min(first_triangle(patch, lane), patch.normal_count)
+            corner_word = element(patches.corners, patch.triangle_start + other)
+        if wp.static(paired):
+            asked = asked_item(patches, patch, lane)
         read_vertices(cloth, patches, patch, beside, memory, lane, first, second)
-        if wp.static(terms.folds or terms.edges):
+        if wp.static((terms.folds or terms.edges) and not paired):
             end_word, law = edge_table(patches, patch.edge_start + wp.min(lane, patch.edge_count))
         wait_for_block()
+        if wp.static(paired):
+            item = work_item_normals(patches, patch, beside, memory, lane, asked)
         if wp.static(terms.folds):
             work_normals(patches, patch, beside, memory, lane, corner_word)
-        if wp.static(terms.folds or terms.threads):
-            side_word, side_corners = triangle_table(patches, patch.triangle_start + wp.min(lane, patch.normal_count))
+        if wp.static(paired and fits):
+            item = asked_laws(patches, patch, lane, item)
+        sides, corners = wp.uint64(0), wp.uint64(0)
+        if wp.static(not paired):
+            sides, corners = triangle_table(patches, patch.triangle_start + wp.min(lane, patch.normal_count))
         if wp.static(terms.folds):
             wait_for_block()
+        if wp.static(paired):
+            work_item_edges(patches, patch, beside, memory, step, lane, item)
+            loose = wp.min(wp.static(SLOTS) * patch.item_count + last_first(lane), patch.edge_count)
+            end_word, law = edge_table(patches, patch.edge_start + loose)
         if wp.static(terms.folds or terms.edges):
-            work_edges(patches, patch, beside, memory, step, lane, end_word, law)
+            work_other_edges(patches, patch, beside, memory, step, lane, end_word, law)
+        if wp.static(paired):
+            sides, corners = triangle_table(patches, patch.triangle_start + wp.min(lane, patch.normal_count))
+        work = PatchWork()
+        work.memory = memory
+        work.item = item
+        work.sides = sides
+        work.corners = corners
         edges, triangles = vertex_slots(patches, patch, lane)
+        work.edges = edges
+        work.triangles = triangles
+        return work
+
+    @wp.func
+    def work_corners(
+        patches: Patches, patch: Patch, beside: wp.array(dtype=wp.uint8), step: Step, lane: int, work: PatchWork
+    ):
+        """What the patch's triangles do to their corners, after ``work_edges``; every thread of the block calls it."""
         if wp.static(terms.folds or terms.threads):
             wait_for_block()
-            work_triangles(patches, patch, beside, memory, step, lane, side_word, side_corners)
-        return memory, edges, triangles
+            if wp.static(kept):
+                if lane < patch.item_count:
+                    work_item_corners(
+                        patches, patch, beside, work.memory, step, lane, work.item, work.sides, work.corners
+                    )
+            work_triangles(patches, patch, beside, work.memory, step, lane, work.sides, work.corners)
 
     return SimpleNamespace(
-        own_vertex=vertices.own_vertex, two_vertices=vertices.two_vertices, work_patch=work_patch,
-        vertex_slots=vertex_slots, vertex_load=own.vertex_load,
+        own_vertex=vertices.own_vertex, two_vertices=vertices.two_vertices, work_edges=work_edges,
+        work_corners=work_corners, vertex_slots=vertex_slots, vertex_load=own.vertex_load,
     )  # fmt: skip
 
 
 @functools.cache
-def gather_kernel(precision: str, fourth: str, terms: Terms, fits: bool) -> wp.Kernel:
-    """Kernel ``gather_forces``; ``fourth`` is one of cloth.FOURTH_PARTS, ``fits`` as of ``patch_functions``."""
+def gather_kernel(precision: str, fourth: str, terms: Terms, fits: bool, paired: bool = False) -> wp.Kernel:
+    """Kernel ``gather_forces``; arguments as of ``patch_functions``."""
     types = cloth_types(precision)
     vec4, Cloth, Step, Patches = types.vec4, types.Cloth, types.Step, types.Patches
-    functions = patch_functions(precision, fourth, terms, fits, in_order=False)
+    functions = patch_functions(precision, fourth, terms, fits, in_order=False, paired=paired)
     own_vertex, two_vertices = functions.own_vertex, functions.two_vertices
-    work_patch, vertex_slots, vertex_load = functions.work_patch, functions.vertex_slots, functions.vertex_load
+    work_edges, work_corners = functions.work_edges, functions.work_corners
+    vertex_slots, vertex_load = functions.vertex_slots, functions.vertex_load
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS, grid_stride=False)
     def gather_forces(
@@ -226,12 +301,14 @@ def gather_kernel(precision: str, fourth: str, terms: Terms, fits: bool) -> wp.K
         first, second = two_vertices(patches, patch, lane)
         if leaves(cloth.items[patch.item].active, patch, first, second):
             return
-        memory, edges, triangles = work_patch(cloth, patches, patch, beside, step, lane, first, second)
+        work = work_edges(cloth, patches, patch, beside, step, lane, first, second)
+        work_corners(patches, patch, beside, step, lane, work)
+        edges, triangles = wp.vec4i(work.edges), wp.vec4i(work.triangles)
         local = int(lane)
         wait_for_block()
         while local < patch.owned_count:
             vertex = own_vertex(patches, patch, local)
-            load_out[vertex] = vertex_load(patches, patch, beside, memory, local, edges, triangles)
+            load_out[vertex] = vertex_load(patches, patch, beside, work.memory, local, edges, triangles)
             local += patch_threads()
             edges, triangles = vertex_slots(patches, patch, local)
 

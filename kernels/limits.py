@@ -3,8 +3,14 @@
 from typing import NamedTuple
 
 BLOCK_MEMORY = 36 * 1024  # [bytes] of a thread block; a core of a large GPU has room for six such blocks
+BLOCK_THREADS = 192  # that work on a patch
 BLOCKS_PER_CORE = 5  # that its registers are to suffice for: each fetches while others work
 FEW = 264  # blocks, that a large GPU's cores work on by twos
+SLOTS = 3  # edges that a thread takes at most with its two triangles
+# How an edge lies that is a side of these triangles a, b, c and b, a, d: numbers of its side (0: no edge), and bits.
+SIDE_BC, SIDE_CA, SIDE_AD, SIDE_DB, SIDE_AB = 1, 2, 3, 4, 5
+CODE_BACK, CODE_AFTER = 8, 16  # runs against its triangle's winding; its triangle is the hinge's second one
+CODE_TURN_0, CODE_TURN_1 = 5, 7  # two bits from these on: at which corner the mesh's first and second triangle starts
 RANKS = 8  # of what meets at a vertex that share a word
 
 

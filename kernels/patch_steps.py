@@ -1,4 +1,4 @@
-"""What the threads of a block do for a patch of cloth, step by step: vertices, normals, edges, triangles.
+"""What the threads of a block do for a patch of cloth, step by step: vertices, normals, edges; then patch_triangles.
 
 What a step reads first it asks for before it waits for the step before, and what its next turn reads while it works.
 """
@@ -9,14 +9,13 @@ from types import SimpleNamespace
 import warp as wp
 
 from warp_cloth.kernels.access import element
-from warp_cloth.kernels.arithmetic import inner
 from warp_cloth.kernels.block import memory_functions, patch_threads
-from warp_cloth.kernels.cloth import BOUNDS, Patch, cloth_types
+from warp_cloth.kernels.cloth import BOUNDS, Patch, cloth_types, difference_function, takes_exact_stretch
 from warp_cloth.kernels.edge import edge_functions
-from warp_cloth.kernels.forces import corner_function, triangle_functions
-from warp_cloth.kernels.limits import Terms, fold_numbers
+from warp_cloth.kernels.forces import triangle_functions
+from warp_cloth.kernels.limits import SLOTS, Terms, fold_numbers
 from warp_cloth.kernels.packing import order_functions, three_function
-from warp_cloth.kernels.patch_memory import PatchMemory, stride_function
+from warp_cloth.kernels.patch_memory import PatchMemory
 
 _PACKED = """
     const unsigned int part = (unsigned int)(place < 2 ? word : word >> 32);
@@ -28,6 +27,18 @@ _PACKED = """
 def packed(word: wp.uint64, place: int) -> int:
     """One of the four numbers below 65536 in a word."""
     ...
+
+
+@wp.func
+def triangles_of_items(patch: Patch):
+    """How many triangles of a patch its items have: all its own, or none where there are no items."""
+    return wp.where(patch.item_count > 0, patch.triangle_count, 0)
+
+
+@wp.func
+def last_first(lane: int):
+    """A thread's number, counted from the block's last one; the first ones items keep busy."""
+    return patch_threads() - 1 - lane
 
 
 @functools.cache
@@ -127,8 +138,8 @@ def vertices_step(precision: str, fourth: str, fits: bool, in_order: bool) -> Si
 
 
 @functools.cache
-def normals_step(precision: str, fits: bool) -> wp.Function:
-    """The function that works out normals."""
+def normals_step(precision: str, fits: bool, paired: bool) -> wp.Function:
+    """The function that works out normals; ``paired``: of triangles that no item has."""
     types = cloth_types(precision)
     functions = memory_functions(precision, fits)
     point_at, write_4 = point_functions(precision, fits).point_at, functions.write_4
@@ -145,6 +156,8 @@ def normals_step(precision: str, fits: bool) -> wp.Function:
     ):
         """Normals of the patch's triangles and of those beyond its edges; ``first``: corners of a thread's first."""
         local = int(lane)
+        if wp.static(paired):
+            local = triangles_of_items(patch) + last_first(lane)
         following = first
         while local < patch.normal_count:
             word = following
@@ -179,16 +192,67 @@ def edge_table_function(precision: str, terms: Terms) -> wp.Function:
 
 
 @functools.cache
-def edges_step(precision: str, fourth: str, terms: Terms, fits: bool) -> wp.Function:
-    """The function that works out edges."""
+def edge_function(precision: str, fourth: str, terms: Terms, fits: bool) -> wp.Function:
+    """The function that works out an edge from what is known of it."""
     types = cloth_types(precision)
     vec2, vec3, vec4, Patches, Step = types.vec2, types.vec3, types.vec4, types.Patches, types.Step
     functions = memory_functions(precision, fits)
     point_at, read_4 = point_functions(precision, fits).point_at, functions.read_4
     write_2, write_3, write_4 = functions.write_2, functions.write_3, functions.write_4
     edge = edge_functions(precision, fourth, terms.angles)
-    edge_span, edge_load, edge_fold = edge.edge_span, edge.edge_load, edge.edge_fold
-    first_three, edge_table = three_function(precision), edge_table_function(precision, terms)
+    side_span, edge_load, edge_fold = edge.side_span, edge.edge_load, edge.edge_fold
+    first_three = three_function(precision)
+    exact = takes_exact_stretch(precision, fourth)
+
+    @wp.func
+    def work_edge(
+        patches: Patches,
+        patch: Patch,
+        beside: wp.array(dtype=wp.uint8),
+        memory: PatchMemory,
+        step: Step,
+        local: int,
+        first: int,
+        second: int,
+        side: vec3,
+        normal_0: vec4,
+        normal_1: vec4,
+        law: vec4,
+    ):
+        """Tension and hinge of an edge between two vertices, and two triangles with these normals."""
+        move_0 = vec4()
+        move_1 = vec4()
+        if wp.static(fourth in BOUNDS):
+            move_0 = read_4(beside, memory.move + wp.static(4 * types.real_size) * first)
+            move_1 = read_4(beside, memory.move + wp.static(4 * types.real_size) * second)
+        span = side_span(side, first_three(move_0), first_three(move_1), move_0[3])
+        if wp.static(exact):
+            span.exact = point_at(beside, memory, second) - point_at(beside, memory, first)
+        if wp.static(terms.edges):
+            load = edge_load(span, vec3(law[0], law[1], law[2]), step)
+            write_4(beside, memory.edge_load + wp.static(4 * types.real_size) * local, load)
+        if wp.static(terms.folds):
+            rest = vec2()
+            if wp.static(terms.angles):
+                rest = element(patches.rest, patch.edge_start + local)
+            fold = edge_fold(span, normal_0, normal_1, law[3], rest, step)
+            if wp.static(fold_numbers(terms) == 2):
+                write_2(beside, memory.fold + wp.static(2 * types.real_size) * local, vec2(fold[0], fold[1]))
+            else:
+                write_3(beside, memory.fold + wp.static(3 * types.real_size) * local, fold)
+
+    return work_edge
+
+
+@functools.cache
+def edges_step(precision: str, fourth: str, terms: Terms, fits: bool, paired: bool) -> wp.Function:
+    """The function that works out edges; ``paired``: those that no item has."""
+    types = cloth_types(precision)
+    vec4, Patches, Step = types.vec4, types.Patches, types.Step
+    functions = memory_functions(precision, fits)
+    point_at, read_4, write_4 = point_functions(precision, fits).point_at, functions.read_4, functions.write_4
+    edge_table, work_edge = edge_table_function(precision, terms), edge_function(precision, fourth, terms, fits)
+    difference = difference_function(precision)
 
     @wp.func
     def work_edges(
@@ -203,6 +267,8 @@ def edges_step(precision: str, fourth: str, terms: Terms, fits: bool) -> wp.Func
     ):
         """Tensions and hinges of the patch's edges; the last two are of the thread's first edge."""
         local = int(lane)
+        if wp.static(paired):
+            local = wp.static(SLOTS) * patch.item_count + last_first(lane)
         next_word, next_law = first_word, first_law
         while local < patch.edge_count:
             at = patch.edge_start + local
@@ -210,145 +276,15 @@ def edges_step(precision: str, fourth: str, terms: Terms, fits: bool) -> wp.Func
             if local + patch_threads() < patch.edge_count:
                 next_word, next_law = edge_table(patches, at + patch_threads())
             first, second = packed(word, 0), packed(word, 1)
-            start = point_at(beside, memory, first)
-            end = point_at(beside, memory, second)
-            move_0 = vec4()
-            move_1 = vec4()
-            if wp.static(fourth in BOUNDS):
-                move_0 = read_4(beside, memory.move + wp.static(4 * types.real_size) * first)
-                move_1 = read_4(beside, memory.move + wp.static(4 * types.real_size) * second)
-            span = edge_span(start, end, first_three(move_0), first_three(move_1), move_0[3])
-            if wp.static(terms.edges):
-                load = edge_load(span, vec3(law[0], law[1], law[2]), step)
-                write_4(beside, memory.edge_load + wp.static(4 * types.real_size) * local, load)
+            side = difference(point_at(beside, memory, second), point_at(beside, memory, first))
+            normal_0, normal_1 = vec4(), vec4()
             if wp.static(terms.folds):
                 normal_0 = read_4(beside, memory.normal + wp.static(4 * types.real_size) * packed(word, 2))
                 normal_1 = read_4(beside, memory.normal + wp.static(4 * types.real_size) * packed(word, 3))
-                rest = vec2()
-                if wp.static(terms.angles):
-                    rest = element(patches.rest, at)
-                fold = edge_fold(span, normal_0, normal_1, law[3], rest, step)
-                if wp.static(fold_numbers(terms) == 2):
-                    write_2(beside, memory.fold + wp.static(2 * types.real_size) * local, vec2(fold[0], fold[1]))
-                else:
-                    write_3(beside, memory.fold + wp.static(3 * types.real_size) * local, fold)
+            work_edge(patches, patch, beside, memory, step, local, first, second, side, normal_0, normal_1, law)
             local += patch_threads()
         if wp.static(terms.edges):
             if lane == 0:
                 write_4(beside, memory.edge_load + wp.static(4 * types.real_size) * patch.edge_count, vec4())
 
     return work_edges
-
-
-@functools.cache
-def sides_functions(precision: str, fourth: str, terms: Terms, fits: bool) -> SimpleNamespace:
-    """Functions ``side_fold`` and ``sides_of``, which read what a triangle is worked out from."""
-    types = cloth_types(precision)
-    vec3 = types.vec3
-    functions = memory_functions(precision, fits)
-    point_at, read_4 = point_functions(precision, fits).point_at, functions.read_4
-    read_2, read_3 = functions.read_2, functions.read_3
-    triangle_sides = triangle_functions(precision, fourth).triangle_sides
-    numbers, size_4 = fold_numbers(terms), 4 * types.real_size
-    first_three = three_function(precision)
-
-    @wp.func
-    def side_fold(beside: wp.array(dtype=wp.uint8), memory: PatchMemory, word: wp.uint64, side: int, along: vec3):
-        """Hinge of a triangle's side, its turn as the triangle is wound; ``along`` it, where that is known."""
-        place = memory.fold + wp.static(numbers * types.real_size) * packed(word, side)
-        fold = vec3()
-        if wp.static(numbers == 2):
-            two = read_2(beside, place)
-            fold = vec3(two[0], two[1], inner(along, along))
-        else:
-            fold = read_3(beside, place)
-        otherwise = (packed(word, 3) >> side) & 1
-        return vec3(wp.where(otherwise == 1, -fold[0], fold[0]), fold[1], fold[2])
-
-    @wp.func
-    def sides_of(beside: wp.array(dtype=wp.uint8), memory: PatchMemory, word: wp.uint64):
-        """A triangle as it lies."""
-        a, b, c = packed(word, 0), packed(word, 1), packed(word, 2)
-        move_0, move_1, move_2 = vec3(), vec3(), vec3()
-        if wp.static(fourth in BOUNDS):
-            move_0 = first_three(read_4(beside, memory.move + wp.static(size_4) * a))
-            move_1 = first_three(read_4(beside, memory.move + wp.static(size_4) * b))
-            move_2 = first_three(read_4(beside, memory.move + wp.static(size_4) * c))
-        origin = point_at(beside, memory, a)
-        second = point_at(beside, memory, b)
-        third = point_at(beside, memory, c)
-        return triangle_sides(origin, second, third, move_0, move_1, move_2)
-
-    return SimpleNamespace(side_fold=side_fold, sides_of=sides_of)
-
-
-@functools.cache
-def triangle_table_function(precision: str, terms: Terms) -> wp.Function:
-    """The function that reads what a patch's tables tell of a triangle."""
-
-    @wp.func
-    def triangle_table(patches: cloth_types(precision).Patches, at: int):
-        """The words of a triangle's sides and corners, as far as they are asked for."""
-        sides, corners = wp.uint64(0), wp.uint64(0)
-        if wp.static(terms.folds):
-            sides = element(patches.sides, at)
-        if wp.static(terms.threads):
-            corners = element(patches.corners, at)
-        return sides, corners
-
-    return triangle_table
-
-
-@functools.cache
-def triangles_step(precision: str, fourth: str, terms: Terms, fits: bool) -> wp.Function:
-    """The function that works out triangles."""
-    types = cloth_types(precision)
-    vec3, vec4, Patches, Step, Sides = types.vec3, types.vec4, types.Patches, types.Step, types.Sides
-    functions = memory_functions(precision, fits)
-    read_4, write_4 = functions.read_4, functions.write_4
-    sides_reading = sides_functions(precision, fourth, terms, fits)
-    side_fold, sides_of = sides_reading.side_fold, sides_reading.sides_of
-    corner_loads, corner_stride = corner_function(precision, fourth, terms), stride_function(terms)
-    triangle_table = triangle_table_function(precision, terms)
-
-    @wp.func
-    def work_triangles(
-        patches: Patches,
-        patch: Patch,
-        beside: wp.array(dtype=wp.uint8),
-        memory: PatchMemory,
-        step: Step,
-        lane: int,
-        first_sides: wp.uint64,
-        first_corners: wp.uint64,
-    ):
-        """What hinges and threads of the patch's triangles do to their corners; the last two are of the first one."""
-        count = patch.triangle_count
-        others = memory.corner_load + wp.static(4 * types.real_size) * corner_stride(patch)
-        local = int(lane)
-        next_sides, next_corners = first_sides, first_corners
-        while local < count:
-            at = patch.triangle_start + local
-            word, corners = next_sides, next_corners
-            if local + patch_threads() < count:
-                next_sides, next_corners = triangle_table(patches, at + patch_threads())
-            normal, slope, law = vec4(), vec4(), vec4()
-            fold_0, fold_1, fold_2 = vec3(), vec3(), vec3()
-            sides = Sides()
-            if wp.static(terms.threads):
-                slope, law = element(patches.slope, at), element(patches.threads, at)
-                sides = sides_of(beside, memory, corners)
-            if wp.static(terms.folds):
-                normal = read_4(beside, memory.normal + wp.static(4 * types.real_size) * local)
-                fold_0 = side_fold(beside, memory, word, 0, sides.side_0)
-                fold_1 = side_fold(beside, memory, word, 1, sides.side_2)
-                fold_2 = side_fold(beside, memory, word, 2, sides.side_1)
-            first, second, third = corner_loads(normal, fold_0, fold_1, fold_2, sides, slope, law, step)
-            write_4(beside, memory.corner_load + wp.static(4 * types.real_size) * local, first)
-            write_4(beside, others + wp.static(4 * types.real_size) * local, second)
-            write_4(beside, others + wp.static(4 * types.real_size) * (count + local), third)
-            local += patch_threads()
-        if lane == 0:
-            write_4(beside, others + wp.static(8 * types.real_size) * count, vec4())
-
-    return work_triangles

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from cloths import cloth_forces, grid, model_of
 
-from warp_cloth import patches
+from warp_cloth import device_patches, patches
 from warp_cloth.elements import garment_elements
 from warp_cloth.errors import InputError
 from warp_cloth.fabric import resolve_fabric
@@ -52,14 +52,16 @@ def owned(tables: PatchTables) -> np.ndarray:
     return np.concatenate([tables.vertex[start : start + count] for start, count in rows])
 
 
+@pytest.mark.parametrize("paired", [False, True], ids=["single", "pairs"])
 @pytest.mark.parametrize("size", [1, 7, 1000])
 @pytest.mark.parametrize("fabric", [FABRIC, WOVEN], ids=["edges", "threads"])
 def test_patches_of_any_size_give_the_bits_of_scattered_forces(
-    fabric: object, size: int, monkeypatch: pytest.MonkeyPatch
+    fabric: object, size: int, paired: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     mesh = grid(12)
     rest = build_rest_shape(mesh, fabric, rest="mesh")
     points = mesh.points + np.random.default_rng(1).normal(scale=5e-3, size=mesh.points.shape)
+    monkeypatch.setattr(device_patches, "takes_pairs", lambda terms, vertices: paired)
     monkeypatch.setattr(patches, "SMALLEST", size)
     monkeypatch.setattr(patches, "LARGEST", size)
     loads = []
@@ -69,6 +71,7 @@ def test_patches_of_any_size_give_the_bits_of_scattered_forces(
         loads.append(cloth_forces(model, "stiffness"))
     assert model.patches is not None
     assert model.patches.count >= mesh.vertex_count // size
+    assert model.patches.paired == paired
     assert (loads[0] == loads[1]).all()
 
 

@@ -15,7 +15,7 @@ from warp_cloth.kept import Kept
 from warp_cloth.kernels.cloth import Patch
 from warp_cloth.kernels.limits import FEW, Terms
 from warp_cloth.mesh import Points
-from warp_cloth.patches import PatchTables, even_size, garment_patches, joined_patches
+from warp_cloth.patches import PatchTables, even_size, garment_patches, joined_patches, takes_pairs
 from warp_cloth.threads import end_to_end
 
 PER_CORE_LAYERED = 1  # patches on each core of a large GPU, at least, where garments that meet lie on each other
@@ -41,6 +41,7 @@ class Patches:
         self.order = order  # that order: of each patch the vertices that it owns
         self.overflow = overflow  # memory of patches that are too large for a block's own
         self.fits = wp.get_device(overflow.device).is_cuda and not len(overflow)  # whether none is
+        self.paired = bool(rows[:, list(Patch.vars).index("item_count")].any())  # whether threads work on pairs
         self.few = len(rows) <= FEW  # so that cores have few of them at a time
         self.count = len(rows)
 
@@ -87,7 +88,8 @@ def device_patches(
     """
     own_memory = wp.get_device(device).is_cuda
     size = even_size(sum(len(part) for part in points), PER_CORE_LAYERED) if layered else None
-    each = garment_patches(garments, points, terms, precision=types.name, kept=kept, size=size)
+    paired = takes_pairs(terms, sum(len(part) for part in points))
+    each = garment_patches(garments, points, terms, precision=types.name, kept=kept, size=size, paired=paired)
     cut = joined_patches(each, garments, points, terms, precision=types.name, own_memory=own_memory)
     laws = kept.each("laws", list(zip(given, each, strict=True)), partial(_patch_laws, terms=terms), terms)
     law = {name: end_to_end([own[name] for own in laws]) for name in laws[0]}

@@ -16,6 +16,7 @@ from warp_cloth.errors import InputError
 from warp_cloth.kept import Kept
 from warp_cloth.kernels.limits import (
     BLOCK_MEMORY,
+    BLOCK_THREADS,
     BLOCKS_PER_CORE,
     FEW,
     RANKS,
@@ -25,10 +26,12 @@ from warp_cloth.kernels.limits import (
     real_size,
 )
 from warp_cloth.mesh import Indices, Points
+from warp_cloth.patch_members import Members, edge_numbers
 from warp_cloth.rest import Floats
 from warp_cloth.spread import spread_places
 from warp_cloth.threads import end_to_end, map_in_threads
-from warp_cloth.topology import ragged_rows, sorted_keys
+from warp_cloth.topology import ragged_rows
+from warp_cloth.triangle_pairs import Items
 
 LARGEST = 152  # vertices that a patch owns: with what is around them they nearly always fit a block's memory
 SMALLEST = 16  # below, far more is worked out around a patch than in it
@@ -64,9 +67,10 @@ def cut_patches(
     *,
     precision: str,
     own_memory: bool,
+    paired: bool = False,
 ) -> PatchTables:
     """The patches of several garments; ``own_memory`` as of ``joined_patches``, the rest as of ``garment_patches``."""
-    each = garment_patches(garments, points, terms, precision=precision, kept=Kept())
+    each = garment_patches(garments, points, terms, precision=precision, kept=Kept(), paired=paired)
     return joined_patches(each, garments, points, terms, precision=precision, own_memory=own_memory)
 
 
@@ -78,10 +82,12 @@ def garment_patches(
     precision: str,
     kept: Kept,
     size: int | None = None,
+    paired: bool = False,
 ) -> list[PatchTables]:
     """Each garment's patches of neighbouring vertices, none larger than a block's memory holds, if it need not be.
 
-    ``kept`` has what was cut before. ``size``: vertices that a patch owns; None: as keeps a large GPU busy.
+    ``kept`` has what was cut before. ``size``: vertices that a patch owns; None: as keeps a large GPU busy. ``paired``:
+    whether threads work on pairs of triangles (triangle_pairs).
 
     Raises:
         InputError: more meets at one vertex than a patch can count.
@@ -89,10 +95,10 @@ def garment_patches(
     size = size or even_size(sum(len(part) for part in points))
     shapes = kept.each("shape", list(zip(garments, points, strict=True)), _shape)
     distinct = dict(zip(shapes, zip(garments, points, strict=True), strict=True))
-    how = size, terms, precision
+    how = size, terms, precision, paired
 
     def tables_of(shape: bytes) -> PatchTables:
-        return _garment_tables(*distinct[shape], size, terms, precision)
+        return _garment_tables(*distinct[shape], size, terms, precision, paired)
 
     missing = [shape for shape in distinct if kept.key("patches", (), shape, *how) not in kept]
     cut = dict(zip(missing, map_in_threads(tables_of, missing), strict=True))
@@ -128,7 +134,7 @@ def joined_patches(
     if not own_memory:
         patch = {**tables.patch, "overflow": np.zeros_like(memory)}
         return replace(tables, patch=patch, overflow=int(memory.max(initial=0)))
-    over = memory > BLOCK_MEMORY
+    over = _too_large(tables.patch, terms, precision)
     place = np.cumsum(np.where(over, memory, 0)) - np.where(over, memory, 0)
     patch = {**tables.patch, "overflow": np.where(over, place, -1)}
     return replace(tables, patch=patch, overflow=int(memory[over].sum()))
@@ -142,7 +148,9 @@ def _shape(elements: Elements, points: Points) -> bytes:
     return told.digest()
 
 
-def _garment_tables(elements: Elements, points: Points, size: int, terms: Terms, precision: str) -> PatchTables:
+def _garment_tables(
+    elements: Elements, points: Points, size: int, terms: Terms, precision: str, paired: bool
+) -> PatchTables:
     """A garment's patches of ``size`` vertices, halved where they would not fit."""
     places = spread_places(elements.ends, points) if len(points) > size else points
     groups = _near_groups(places, size)
@@ -164,8 +172,8 @@ def _garment_tables(elements: Elements, points: Points, size: int, terms: Terms,
         own = chunks[index]
         while True:
             part = _Part(own, index * MOST_PATCHES, owner, lane, ends[index], corners[index])
-            tables = _tables(elements, terms, part)
-            large = (_memory(tables.patch, terms, precision) > BLOCK_MEMORY) & (tables.patch["owned_count"] > 1)
+            tables = _tables(elements, places, terms, part, paired)
+            large = _too_large(tables.patch, terms, precision) & (tables.patch["owned_count"] > 1)
             if not large.any():
                 return tables
             own = [
@@ -249,42 +257,6 @@ def _halved(cluster: Cluster, parts: int) -> list[Cluster]:
     return clusters
 
 
-class _Members:
-    """Which of some elements each patch has, and as which it counts them."""
-
-    def __init__(self, patch: Keys, element: Numbers, total: int, patch_count: int) -> None:
-        self._total = total
-        self._keys = sorted_keys(patch.astype(np.int64) * total + element)
-        self.patch, self.element = self._keys // total, self._keys % total
-        self.count = np.bincount(self.patch, minlength=patch_count)
-        self.start = np.cumsum(self.count) - self.count
-        self.listed, self.listed_patch = self.element, self.patch
-        self._number = np.arange(len(self._keys)) - self.start[self.patch]
-
-    def arrange(self, key: Numbers, last: NDArray[np.bool_] | None = None) -> None:
-        """Counts them in the order of ``key`` within their patches, these after the others."""
-        order = np.lexsort((key, np.zeros(len(key), dtype=bool) if last is None else last, self.patch))
-        self._number = np.empty_like(order)
-        self._number[order] = np.arange(len(order)) - self.start[self.patch]
-        self.listed = self.element[order]
-
-    def _at(self, patch: Keys, element: Numbers) -> tuple[Keys, NDArray[np.bool_]]:
-        wanted = patch * self._total + element
-        at = np.minimum(np.searchsorted(self._keys, wanted), len(self._keys) - 1)
-        return at, self._keys[at] == wanted
-
-    def find(self, patch: Keys, element: Numbers) -> Keys:
-        """Numbers of elements in their patches, whatever the shape; 0 where the patch has no such element."""
-        if not len(self._keys):
-            return np.zeros(np.broadcast(patch, element).shape, dtype=np.int64)
-        at, there = self._at(patch, element)
-        return np.where(there, self._number[at], 0)
-
-    def has(self, patch: Keys, element: Numbers) -> NDArray[np.bool_]:
-        """Whether each patch has that element."""
-        return self._at(patch, element)[1] if len(self._keys) else np.zeros(len(patch), dtype=bool)
-
-
 class _Part:
     """Some patches' vertices, and where they stand in the garment's flattened ends of edges and corners of triangles.
 
@@ -322,27 +294,35 @@ class _Part:
         return ranked.astype(np.uint16).view(np.int32), begin, ranks
 
 
-def _tables(elements: Elements, terms: Terms, part: _Part) -> PatchTables:
-    """Tables of a part's patches, their memory not yet placed."""
+def _tables(elements: Elements, places: Floats, terms: Terms, part: _Part, paired: bool) -> PatchTables:
+    """Tables of a part's patches, their memory not yet placed.
+
+    ``paired``: whether threads work on pairs of triangles, across sides that are long by the vertices' ``places``.
+    """
     count, corners, ends = len(part.owned), elements.corners, elements.ends
     edge_end, edge = ends.ravel()[part.ends], part.ends // 2
     corner, triangle = corners.ravel()[part.corners], part.corners // 3
 
-    own = _Members(part.owner(corner), triangle, max(len(corners), 1), count)
+    own = Members(part.owner(corner), triangle, max(len(corners), 1), count)
     patches: list[Keys] = [part.owner(edge_end)]
     found: list[Numbers] = [edge]
     if terms.folds:
         patches.append(np.repeat(own.patch, 3))
-        found.append(_edge_numbers(elements.edges[own.element]).ravel())
-    mine = _Members(np.concatenate(patches), np.concatenate(found), len(ends), count)
-    mine.arrange(ends[mine.element].min(axis=1))
+        found.append(edge_numbers(elements.edges[own.element]).ravel())
+    mine = Members(np.concatenate(patches), np.concatenate(found), len(ends), count)
     folded = elements.fold[mine.listed] != 0.0
     beyond = np.repeat(mine.listed_patch[folded], 2), elements.beside[mine.listed[folded]].ravel()
-    normal = _Members(
+    normal = Members(
         np.concatenate([own.patch, beyond[0]]), np.concatenate([own.element, beyond[1]]), max(len(corners), 1), count
     )
-    normal.arrange(corners[normal.element].min(axis=1), ~own.has(normal.patch, normal.element))
-    vertex = _Members(
+    items = Items(elements, places, own) if paired else None
+    if items is None:
+        normal.arrange(corners[normal.element].min(axis=1), ~own.has(normal.patch, normal.element))
+        mine.arrange(ends[mine.element].min(axis=1))
+        item_count = np.zeros(count, dtype=np.int64)
+    else:
+        item_count = items.arrange(normal, mine)
+    vertex = Members(
         np.concatenate([part.patch, np.repeat(normal.patch, 3), np.repeat(mine.patch, 2)]),
         np.concatenate([part.vertices, corners[normal.element].ravel(), ends[mine.element].ravel()]),
         part.garment_vertices,
@@ -352,6 +332,8 @@ def _tables(elements: Elements, terms: Terms, part: _Part) -> PatchTables:
 
     at = mine.listed_patch[:, None]
     word = np.concatenate([vertex.find(at, ends[mine.listed]), normal.find(at, elements.beside[mine.listed])], axis=1)
+    if items is not None:
+        items.put_words(word, vertex, normal, mine)
     at = normal.listed_patch[:, None]
     sides = elements.edges[normal.listed]
     turned = ((sides < 0) * np.array([1, 2, 4])).sum(axis=1, keepdims=True)
@@ -367,6 +349,7 @@ def _tables(elements: Elements, terms: Terms, part: _Part) -> PatchTables:
         "edge_start": mine.start, "edge_count": mine.count,
         "triangle_start": normal.start, "triangle_count": own.count, "normal_count": normal.count,
         "edge_slot_start": edge_slot_start, "edge_ranks": edge_ranks, "slot_start": slot_start, "ranks": ranks,
+        "item_count": item_count,
     }  # fmt: skip
     return PatchTables(
         patch=patch,
@@ -374,7 +357,7 @@ def _tables(elements: Elements, terms: Terms, part: _Part) -> PatchTables:
         ends=_words(word),
         edge=mine.listed,
         corners=_words(vertex.find(at, corners[normal.listed])),
-        sides=_words(np.concatenate([mine.find(at, _edge_numbers(sides)), turned], axis=1)),
+        sides=_words(np.concatenate([mine.find(at, edge_numbers(sides)), turned], axis=1)),
         triangle=normal.listed,
         edge_slot=edge_slot,
         slot=slot,
@@ -382,15 +365,24 @@ def _tables(elements: Elements, terms: Terms, part: _Part) -> PatchTables:
     )
 
 
-def _edge_numbers(edges: Indices) -> Indices:
-    """Edges without the sign that tells how their hinge's turn counts."""
-    return np.where(edges < 0, -1 - edges, edges)
-
-
 def _words(numbers: Keys) -> NDArray[np.uint64]:
     """Up to four numbers packed in a word, shape [N, 2..4] to [N]."""
     shifts = (16 * np.arange(numbers.shape[1])).astype(np.uint64)
     return np.bitwise_or.reduce(numbers.astype(np.uint64) << shifts, axis=1)
+
+
+def takes_pairs(terms: Terms, vertices: int | None = None) -> bool:
+    """Whether threads work on pairs of triangles in so many vertices; None: many.
+
+    In the small patches of a few most threads would have none, and a pair of woven triangles takes more registers than
+    there are.
+    """
+    return terms.folds and not terms.threads and (vertices is None or vertices > LARGEST * FEW)
+
+
+def _too_large(patch: dict[str, Keys], terms: Terms, precision: str) -> NDArray[np.bool_]:
+    """Whether patches ask for more than a block has of memory, or of threads."""
+    return np.asarray((_memory(patch, terms, precision) > BLOCK_MEMORY) | (patch["item_count"] > BLOCK_THREADS))
 
 
 def _memory(patch: dict[str, Keys], terms: Terms, precision: str) -> Keys:

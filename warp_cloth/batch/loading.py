@@ -23,7 +23,7 @@ from warp_cloth.elements import garment_elements
 from warp_cloth.garment_part import GarmentPart, terms_of
 from warp_cloth.kept import Kept
 from warp_cloth.mesh import Indices
-from warp_cloth.patches import LARGEST, garment_patches
+from warp_cloth.patches import LARGEST, garment_patches, takes_pairs
 from warp_cloth.rest import RestGeometry, in_geometry, own_constants
 from warp_cloth.scene import Scene
 from warp_cloth.wardrobe import Key, Rack, Recipe, avatar_recipe, garment_keys, generated_body, geometry_of, rest_of
@@ -292,6 +292,8 @@ def _dressed(scene: Scene, index: int, known: dict[Key, Any], made: Any, patches
         part = GarmentPart(mesh.points, mesh.triangles, rest, pins)
         elements = garment_elements(part.triangles, rest)
         precision = scene.solver.precision
-        garment_patches([elements], [part.points], terms_of([part]), precision=precision, kept=kept, size=LARGEST)
+        terms = terms_of([part])
+        geometry, paired = ([elements], [part.points]), takes_pairs(terms)
+        garment_patches(*geometry, terms, precision=precision, kept=kept, size=LARGEST, paired=paired)
     dressed: Dressed = own_constants(rest), pins, kept.of_values()
     return _sent(dressed)

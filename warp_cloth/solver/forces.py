@@ -48,7 +48,14 @@ class ForcePass:
         self._passes: list[tuple[wp.Kernel, int, list[Any], list[Any]]] = []  # kernel, size, reads, writes
         if model.patches is not None:
             read = [model.patches.tables, model.patches.overflow]
-            self._passes.append((gather_kernel(model.precision, fourth, terms, model.patches.fits), 0, read, [load]))
+            self._passes.append(
+                (
+                    gather_kernel(model.precision, fourth, terms, model.patches.fits, model.patches.paired),
+                    0,
+                    read,
+                    [load],
+                )
+            )
             return
         edges, triangles = model.edge_count, model.triangle_count
         normal, sides = wp.empty(0, dtype=types.vec4), wp.empty(0, dtype=shaped(types.real, True).vec3)

@@ -139,7 +139,8 @@ class Relaxation:
             model.cloth.stiffness = wp.zeros(model.vertex_count, dtype=types.real, device=model.device)
         if model.patches is not None:  # no sum of forces in memory, but a second set of positions to write to
             patches = model.patches
-            self._move = advance_kernel(model.precision, accelerated, model.terms, patches.fits, *asked, patches.few)
+            how = patches.few, patches.paired
+            self._move = advance_kernel(model.precision, accelerated, model.terms, patches.fits, *asked, *how)
             self._presses_along = touch is not None and patches.fits and patches.few
             if touch is None:
                 self._packed = PackedCloth(model, model.patches, accelerated)

@@ -20,6 +20,8 @@ from warp_cloth.study.listed import work_on_lists
 from warp_cloth.study.pressed import CORNERS, LOST, block_of_pairs, chosen_pairs, looked_at, stores
 from warp_cloth.study.traffic import ANY, FROM, SEVERAL, Chain, Uses
 
+ITEMS = "item_count"  # which take, with what is left over, all edges or triangles that a patch has
+OF_ITEMS = {"edge_start": "edge_count", "triangle_start": "triangle_count"}
 SECTOR = 32  # bytes that are moved together
 PATCHES, PATCH_WIDTH = "patches.patch", 16  # kernels.cloth's Patch, one after another, and the numbers of each
 THREADS = 256  # of a block, where Warp chooses
@@ -138,6 +140,8 @@ class _Moved:
             found: dict[str, list[Keys]] = {}
             for chain in chains:
                 loop = next((each for each in reversed(chain) if each in self._patch), "")
+                if loop == ITEMS:
+                    loop = OF_ITEMS.get(self._uses.starts.get(name, ""), loop)
                 if not loop and self._patch and len(array) == self._vertices and not self._counters(chain):
                     loop = "owned_count"  # each thread its own
                 if loop or len(chains) == 1 or not alike[1]:  # else what a loop's first turn uses, asked for early

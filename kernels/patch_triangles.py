@@ -1,0 +1,164 @@
+"""What the threads of a block do for a patch of cloth after ``patch_steps``: what its triangles do to their corners."""
+
+import functools
+from types import SimpleNamespace
+
+import warp as wp
+
+from warp_cloth.kernels.access import element
+from warp_cloth.kernels.arithmetic import inner
+from warp_cloth.kernels.block import memory_functions, patch_threads
+from warp_cloth.kernels.cloth import BOUNDS, Patch, cloth_types
+from warp_cloth.kernels.forces import corner_function, triangle_functions
+from warp_cloth.kernels.limits import Terms, fold_numbers
+from warp_cloth.kernels.packing import three_function
+from warp_cloth.kernels.patch_memory import PatchMemory, stride_function
+from warp_cloth.kernels.patch_steps import packed, point_functions, triangles_of_items
+
+
+@functools.cache
+def sides_functions(precision: str, fourth: str, terms: Terms, fits: bool) -> SimpleNamespace:
+    """Functions ``side_fold`` and ``sides_of``, which read what a triangle is worked out from."""
+    types = cloth_types(precision)
+    vec3 = types.vec3
+    functions = memory_functions(precision, fits)
+    point_at, read_4 = point_functions(precision, fits).point_at, functions.read_4
+    read_2, read_3 = functions.read_2, functions.read_3
+    triangle_sides = triangle_functions(precision, fourth).triangle_sides
+    numbers, size_4 = fold_numbers(terms), 4 * types.real_size
+    first_three = three_function(precision)
+
+    @wp.func
+    def side_fold(beside: wp.array(dtype=wp.uint8), memory: PatchMemory, word: wp.uint64, side: int, along: vec3):
+        """Hinge of a triangle's side, its turn as the triangle is wound; ``along`` it, where that is known."""
+        place = memory.fold + wp.static(numbers * types.real_size) * packed(word, side)
+        fold = vec3()
+        if wp.static(numbers == 2):
+            two = read_2(beside, place)
+            fold = vec3(two[0], two[1], inner(along, along))
+        else:
+            fold = read_3(beside, place)
+        otherwise = (packed(word, 3) >> side) & 1
+        return vec3(wp.where(otherwise == 1, -fold[0], fold[0]), fold[1], fold[2])
+
+    @wp.func
+    def sides_of(beside: wp.array(dtype=wp.uint8), memory: PatchMemory, word: wp.uint64):
+        """A triangle as it lies."""
+        a, b, c = packed(word, 0), packed(word, 1), packed(word, 2)
+        move_0, move_1, move_2 = vec3(), vec3(), vec3()
+        if wp.static(fourth in BOUNDS):
+            move_0 = first_three(read_4(beside, memory.move + wp.static(size_4) * a))
+            move_1 = first_three(read_4(beside, memory.move + wp.static(size_4) * b))
+            move_2 = first_three(read_4(beside, memory.move + wp.static(size_4) * c))
+        origin = point_at(beside, memory, a)
+        second = point_at(beside, memory, b)
+        third = point_at(beside, memory, c)
+        return triangle_sides(origin, second, third, move_0, move_1, move_2)
+
+    return SimpleNamespace(side_fold=side_fold, sides_of=sides_of)
+
+
+@functools.cache
+def triangle_table_function(precision: str, terms: Terms) -> wp.Function:
+    """The function that reads what a patch's tables tell of a triangle."""
+
+    @wp.func
+    def triangle_table(patches: cloth_types(precision).Patches, at: int):
+        """The words of a triangle's sides and corners, as far as they are asked for."""
+        sides, corners = wp.uint64(0), wp.uint64(0)
+        if wp.static(terms.folds):
+            sides = element(patches.sides, at)
+        if wp.static(terms.threads):
+            corners = element(patches.corners, at)
+        return sides, corners
+
+    return triangle_table
+
+
+@functools.cache
+def corners_function(precision: str, fourth: str, terms: Terms, fits: bool) -> wp.Function:
+    """The function that works out a triangle from what is known of it."""
+    types = cloth_types(precision)
+    vec3, vec4, Patches, Step, Sides = types.vec3, types.vec4, types.Patches, types.Step, types.Sides
+    write_4, size_4 = memory_functions(precision, fits).write_4, 4 * types.real_size
+    side_fold = sides_functions(precision, fourth, terms, fits).side_fold
+    corner_loads, corner_stride = corner_function(precision, fourth, terms), stride_function(terms)
+
+    @wp.func
+    def put_corners(
+        patches: Patches,
+        patch: Patch,
+        beside: wp.array(dtype=wp.uint8),
+        memory: PatchMemory,
+        step: Step,
+        triangle: int,
+        normal: vec4,
+        sides: Sides,
+        word: wp.uint64,
+    ):
+        """What hinges and threads of a triangle do to its corners; ``word`` is of its sides."""
+        slope, law = vec4(), vec4()
+        if wp.static(terms.threads):
+            at = patch.triangle_start + triangle
+            slope, law = element(patches.slope, at), element(patches.threads, at)
+        fold_0, fold_1, fold_2 = vec3(), vec3(), vec3()
+        if wp.static(terms.folds):
+            fold_0 = side_fold(beside, memory, word, 0, sides.side_0)
+            fold_1 = side_fold(beside, memory, word, 1, sides.side_2)
+            fold_2 = side_fold(beside, memory, word, 2, sides.side_1)
+        first, second, third = corner_loads(normal, fold_0, fold_1, fold_2, sides, slope, law, step)
+        others = memory.corner_load + wp.static(size_4) * (corner_stride(patch) + triangle)
+        write_4(beside, memory.corner_load + wp.static(size_4) * triangle, first)
+        write_4(beside, others, second)
+        write_4(beside, others + wp.static(size_4) * patch.triangle_count, third)
+
+    return put_corners
+
+
+@functools.cache
+def triangles_step(precision: str, fourth: str, terms: Terms, fits: bool, kept: bool) -> wp.Function:
+    """The function that works out triangles; ``kept``: not those of items."""
+    types = cloth_types(precision)
+    vec4, Patches, Step, Sides = types.vec4, types.Patches, types.Step, types.Sides
+    functions, size_4 = memory_functions(precision, fits), 4 * types.real_size
+    read_4, write_4, corner_stride = functions.read_4, functions.write_4, stride_function(terms)
+    sides_of, put_corners = (
+        sides_functions(precision, fourth, terms, fits).sides_of,
+        corners_function(precision, fourth, terms, fits),
+    )
+    triangle_table = triangle_table_function(precision, terms)
+
+    @wp.func
+    def work_triangles(
+        patches: Patches,
+        patch: Patch,
+        beside: wp.array(dtype=wp.uint8),
+        memory: PatchMemory,
+        step: Step,
+        lane: int,
+        first_sides: wp.uint64,
+        first_corners: wp.uint64,
+    ):
+        """What hinges and threads of triangles do to their corners; the last two are of the thread's first one."""
+        count = patch.triangle_count
+        local = int(lane)
+        if wp.static(kept):
+            local += triangles_of_items(patch)
+        next_sides, next_corners = first_sides, first_corners
+        while local < count:
+            at = patch.triangle_start + local
+            word, corners = next_sides, next_corners
+            if local + patch_threads() < count:
+                next_sides, next_corners = triangle_table(patches, at + patch_threads())
+            normal, sides = vec4(), Sides()
+            if wp.static(terms.threads):
+                sides = sides_of(beside, memory, corners)
+            if wp.static(terms.folds):
+                normal = read_4(beside, memory.normal + wp.static(size_4) * local)
+            put_corners(patches, patch, beside, memory, step, local, normal, sides, word)
+            local += patch_threads()
+        if lane == 0:
+            after = corner_stride(patch) + 2 * count
+            write_4(beside, memory.corner_load + wp.static(size_4) * after, vec4())
+
+    return work_triangles

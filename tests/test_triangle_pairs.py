@@ -1,0 +1,71 @@
+"""Threads work on pairs of triangles: which these are, and that every edge is worked on once."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from cloths import grid
+
+from warp_cloth import patches
+from warp_cloth.elements import garment_elements
+from warp_cloth.fabric import resolve_fabric
+from warp_cloth.kernels.limits import SLOTS, Terms
+from warp_cloth.mesh import Mesh
+from warp_cloth.patches import PatchTables, cut_patches
+from warp_cloth.rest import build_rest_shape
+from warp_cloth.triangle_pairs import SHARE, find_pairs, share_edges
+
+FABRIC = resolve_fabric({"stretch": 20e3, "compression": 0.1, "bending": 1e-5})
+BENT = Terms(edges=True, folds=True, threads=False)
+
+
+def cut(mesh: Mesh, monkeypatch: pytest.MonkeyPatch) -> PatchTables:
+    monkeypatch.setattr(patches, "SMALLEST", 100)
+    elements = garment_elements(mesh.triangles, build_rest_shape(mesh, FABRIC, rest="mesh"))
+    return cut_patches([elements], [mesh.points], BENT, precision="mixed", own_memory=True, paired=True)
+
+
+def test_pairs_are_mutual_and_across_the_longest_sides() -> None:
+    # a strip of four: 0 and 1 share the longest side, so 2, which 1 would rather have had, goes with 3
+    partner = np.array([[1, -1, -1], [0, 2, -1], [1, 3, -1], [2, -1, -1]])
+    size = np.array([[3.0, 1.0, 1.0], [3.0, 2.0, 1.0], [2.0, 1.0, 1.0], [1.0, 1.0, 1.0]])
+    is_first = partner > np.arange(4)[:, None]
+    first, side = find_pairs(partner, size, is_first)
+    assert first.tolist() == [0, 0, 2, 2]
+    assert side.tolist() == [0, 0, 1, 0]
+
+
+def test_a_triangle_without_a_free_neighbour_stays_alone() -> None:
+    partner = np.array([[1, -1, -1], [0, 2, -1], [1, -1, -1]])
+    first, side = find_pairs(partner, np.ones((3, 3)), partner > np.arange(3)[:, None])
+    assert sorted(np.unique(first, return_counts=True)[1].tolist()) == [1, 2]
+    assert (side < 0).sum() == 1
+
+
+def test_no_item_takes_more_than_its_share() -> None:
+    rng = np.random.default_rng(3)
+    edge = np.repeat(np.arange(200), 2)
+    item = rng.integers(90, size=400)
+    taken = share_edges(edge, item, 200, 90)
+    assert np.bincount(taken[taken >= 0], minlength=90).max() <= SHARE
+    assert all(taken[each] in (-1, *item[edge == each]) for each in range(200))
+    full = np.bincount(taken[taken >= 0], minlength=90) == SHARE
+    assert full[item[taken[edge] < 0]].all()  # none is left that an item has room for
+
+
+def test_every_edge_of_a_patch_is_worked_on_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    tables = cut(grid(30), monkeypatch)
+    rows = tables.patch
+    for patch in range(len(rows["vertex_start"])):
+        items, pairs = rows["item_count"][patch], (rows["triangle_count"] - rows["item_count"])[patch]
+        assert 0 < pairs <= items
+        first, count = rows["edge_start"][patch], rows["edge_count"][patch]
+        words = tables.ends[first : first + count].view(np.uint16).reshape(count, 4)
+        local = np.arange(count)
+        takes = words[:, 3] & 7 != 0
+        there = np.where(local < items, local < pairs, np.where(local < SLOTS * items, takes, True))
+        edges = tables.edge[first : first + count][there]
+        assert len(np.unique(edges)) == len(edges)
+        start, owned = rows["edge_slot_start"][patch], rows["owned_count"][patch]
+        asked = np.unique(tables.edge_slot[start : start + owned].view(np.uint16) >> 1)
+        assert there[asked[asked < count]].all()
