@@ -10,6 +10,8 @@ import pytest
 import warp as wp
 
 from warp_cloth.collide.cloth import lists_of
+from warp_cloth.kernels.cloth_contact import ON_EDGE
+from warp_cloth.kernels.crossing_search import BY_TRIANGLE
 from warp_cloth.scene import load_scene
 from warp_cloth.set_up import set_up_one
 from warp_cloth.study import sectors
@@ -183,3 +185,35 @@ def test_what_found_no_room_does_not_count_nor_do_kernels_without_lists(search: 
     assert len(listed_leaves(launch.arrays())[0]) == PARTS * ROOM
     counts.assign(before)
     assert worked(search["displace_vertices"]) == worked(search["press_pairs"]) == {}
+
+
+def test_what_may_cross_is_counted_while_its_lists_last() -> None:
+    sheets = [{"shape": {**SHEET, "height": height}} for height in (1.0, 1.0004)]
+    made = set_up_one(load_scene({"garment": sheets, "collision": {"cloth": True}}), "cpu")
+    touch, cloth = made.relaxation.touch, made.model.cloth
+    assert touch is not None
+    touch._meetings = lists_of(GROUPS, LEAVES)
+    touch.awaken()
+    seen: dict[str, dict[str, set[int]]] = {}
+
+    def see(launch: Launch) -> None:
+        arrays, found = launch.arrays(), worked(launch)
+        name = launch.kernel.key.rpartition("__")[2]
+        seen[name] = {array: set(elements.tolist()) for array, (_, elements) in found.items()}
+        if name == "find_crossing_leaves":
+            kind, group, met = listed_groups(arrays).T
+            triangles, edges = np.where(kind == BY_TRIANGLE, group, met), group[kind == ON_EDGE]
+            assert seen[name]["search.corners"] == {TEAM * one + lane for one in triangles for lane in range(TEAM)}
+            assert seen[name]["search.ends"] >= {TEAM * one + lane for one in edges for lane in range(TEAM)}
+        if name == "part_crossings":
+            _, _, asking, met = listed_leaves(arrays)
+            assert seen[name]["search.triangle_tree.leaf"] == set(met.tolist())
+            assert seen[name]["untangling.beyond"] == set((-1 - asking[asking < 0]).tolist())
+            assert len(found["untangling.crosses"][0]) == 5 * arrays["untangling.count"].numpy()[0]
+
+    touch._search.whole.fill_(1)
+    launches_of(lambda: touch.search(cloth), see=see)
+    assert seen["find_pairs"]["cloth.position"]
+    assert seen["part_crossings"]["cloth.position"]
+    assert seen["meet_crossing"]["search.triangle_tree.bound"]
+    assert not seen["settle_shifts"]

@@ -217,6 +217,32 @@ def test_cloth_that_meets_cloth_is_timed_with_its_searches(monkeypatch: pytest.M
     assert sum(kernel.seconds for kernel in cost.kernels) == pytest.approx(cost.seconds)
 
 
+def test_what_is_pressed_is_counted_on_the_way_and_a_search_while_it_goes_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    flat = {**SQUARE, "plane": "horizontal"}
+    sheets = [{"shape": {**flat, "height": height}, "fabric": PLAIN} for height in (1.45, 1.452)]
+    made = set_up_one(load_scene({"garment": sheets, "collision": {"cloth": True}}), "cpu")
+    touch, counted = made.relaxation.touch, footprint.Moved(made)
+    assert touch is not None
+    touch.untangles = False
+    touch.awaken()
+    launches = launches_of(lambda: made.relaxation.iterate(2))
+    pressing, moved = [], footprint.moved_bytes
+
+    def counts(launch: Launch, uses: object) -> tuple[float, float]:
+        bytes_of_it = moved(launch, uses)
+        if launch.kernel.key.endswith("press_pairs"):
+            pressing.append(bytes_of_it[1])
+        return bytes_of_it
+
+    monkeypatch.setattr(footprint, "moved_bytes", counts)
+    counted.see(launches)
+    made.relaxation.iterate(30)
+    bytes_by_kernel = {key.rpartition("__")[2]: both for key, both in counted.of(launches).items()}
+    assert len(pressing) == 2
+    assert bytes_by_kernel["press_pairs"][1] == pytest.approx(sum(pressing) / 2)
+    assert {"start_search", "meet_near", "displace_vertices"} <= bytes_by_kernel.keys()
+
+
 def test_the_command_refuses_in_one_line() -> None:
     result = CliRunner().invoke(app, ["plan", "hangin", "--device", "cpu"])
     assert result.exit_code == 2

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 import warp as wp
@@ -14,8 +16,8 @@ from warp_cloth.set_up import set_up_one
 from warp_cloth.solver.relax import Collider, Relaxation, StepOptions
 from warp_cloth.study import sectors
 from warp_cloth.study.launches import Launch, launches_of
-from warp_cloth.study.pressed import block_of_pairs, looked_at, stores
-from warp_cloth.study.sectors import SECTOR, field_nodes, moved_bytes
+from warp_cloth.study.pressed import LOST, block_of_pairs, looked_at, stores
+from warp_cloth.study.sectors import BLOCKS, SECTOR, WARPS, field_nodes, moved_bytes
 from warp_cloth.study.traffic import ANY, Uses, array_uses
 
 SQUARE = {"kind": "square", "side": 0.5, "vertices_per_side": 19, "plane": "vertical", "height": 1.5}
@@ -246,6 +248,19 @@ def test_pairs_are_stored_by_warps_of_a_kind_that_take_turns_in_a_block_s_queue(
         for queue in [np.flatnonzero((block == one) & (on_edge == sort))]
         for at in range(0, len(queue), 32 * warps)
     )
+
+
+def test_what_warps_could_share_is_partly_asked_for_again_while_blocks_wait(monkeypatch: pytest.MonkeyPatch) -> None:
+    launch, uses = pressed(0.0, 0.0005, 0.0015, 0.011)
+    moved = sectors._Moved(launch, uses)
+    assert moved._asked_anew("cloth.position") == 0  # on the CPU, and where pairs are pressed by themselves
+    monkeypatch.setattr(moved, "_device", SimpleNamespace(is_cuda=True))
+    monkeypatch.setattr(moved, "_patch", {"place": np.arange(2)})
+    (chain,) = uses.read["cloth.position"]
+    warps, blocks = (len(moved._sectors("cloth.position", chain, "", by=by)) for by in (WARPS, BLOCKS))
+    assert warps > blocks > 0
+    assert moved._asked_anew("cloth.position") == round(LOST * (warps - blocks))
+    assert moved._asked_anew("contact.way") == 0
 
 
 def test_a_gpu_looks_at_pairs_a_turn_ahead() -> None:
