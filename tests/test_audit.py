@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 import trimesh
 
+from warp_cloth.collide import field
 from warp_cloth.collide.audit import contact_error, near_surface, unseen_share
 from warp_cloth.collide.avatar import AvatarContact
 from warp_cloth.collide.exact import build_exact_collider
+from warp_cloth.errors import InputError
 from warp_cloth.mesh import Mesh
 
 OFFSET = 0.003  # [m]
@@ -135,6 +137,22 @@ def test_auto_draws_finer_where_all_layers_are_not_enough() -> None:
     assert auto.report is not None
     assert auto.report["pixel_mm"] == pytest.approx(4.0)
     assert auto.report["error_mm"]["p999"] > auto.report["error_sought_mm"]  # and says so
+
+
+def test_auto_stays_with_the_pixel_whose_grid_can_be_built(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A garment may come to reach more of the avatar than a fine grid can cover: it is met all the same."""
+    mesh = as_mesh(trimesh.creation.icosphere(subdivisions=4, radius=0.05))
+    auto = contact(mesh, "auto", error=1e-6, pixel=0.008)
+    auto.collider(around(mesh))
+    monkeypatch.setattr(field, "MOST_NODES", auto.kept.values.size - 1)  # type: ignore[union-attr]
+    for audited in (True, False, True):
+        auto.builds = 0  # or the region grows, as round a garment that falls
+        auto.collider(around(mesh), audited=audited)
+        assert auto.report is not None
+        assert auto.report["pixel_mm"] == pytest.approx(8.0)
+    monkeypatch.setattr(field, "MOST_NODES", 10)
+    with pytest.raises(InputError, match="contact grid would have"):
+        auto.collider(around(mesh))
 
 
 def test_offset_beyond_the_usual_reach_is_kept() -> None:

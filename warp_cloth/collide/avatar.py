@@ -99,6 +99,7 @@ class AvatarContact:
         self._lower = self._upper = np.zeros(3)
         drawings = [Drawing(False, pixel), Drawing(True, pixel), Drawing(True, FINER * pixel)]
         self._drawings = drawings if kind == "auto" else drawings[:1]  # those not found wanting yet
+        self._wanting: list[Drawing] = []  # the others
         self.builds = 0
         self.report: dict[str, Any] | None = None  # what the last build was, and how good
 
@@ -128,15 +129,33 @@ class AvatarContact:
         self._lower, self._upper = points.min(axis=0) - margin, points.max(axis=0) + margin
         self._kept = None  # its memory serves the next
         if not audited:
-            return self._drawn(self._avatar, self._drawings[0], lower, upper)
+            while True:
+                try:
+                    return self._drawn(self._avatar, self._drawings[0], lower, upper)
+                except InputError:
+                    self._draw_coarser()
         exact = build_exact_collider(self._avatar, self._device, reach=self._reach)
         surface = near_surface(self._avatar, exact, points, lower + NEAR_EDGE, upper - NEAR_EDGE)
+        found = None
         while True:
-            found = self._drawn(self._avatar, self._drawings[0], lower, upper)
+            try:
+                found = self._drawn(self._avatar, self._drawings[0], lower, upper)
+            except InputError:
+                self._draw_coarser()
+                if found is not None:
+                    return found
+                continue
             self.report = self._audit(exact, surface)
             if len(self._drawings) == 1 or self.report["error_mm"]["p999"] <= 1e3 * self._error:
                 return found
-            self._drawings = self._drawings[1:]
+            self._drawings, self._wanting = self._drawings[1:], [*self._wanting, self._drawings[0]]
+
+    def _draw_coarser(self) -> None:
+        """Goes back, in an exception's handler, to the drawing before, where one is too fine for the region."""
+        if not self._wanting:
+            raise
+        log.info("a pixel of %.2g mm is too fine for the region", 1e3 * self._drawings[0].pixel)
+        self._drawings, self._wanting = [self._wanting[-1], *self._drawings], self._wanting[:-1]
 
     def taken_over(self, earlier: AvatarContact, points: Points) -> Collider | None:
         """The collider that another scene's contact has built, where it serves garments at these positions [m], too.
@@ -154,6 +173,7 @@ class AvatarContact:
         if not same or not isinstance(field, FieldBuild) or not earlier.covers(points):
             return None
         self._kept, self._drawings, self.builds = earlier._kept, earlier._drawings, earlier.builds
+        self._wanting = earlier._wanting
         self._lower, self._upper, self.report = earlier._lower, earlier._upper, earlier.report
         return self._collider(field_contact, field.touching(self._offset, self._lift), ContactField)
 
