@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import warp as wp
 
+from warp_cloth import device_patches
 from warp_cloth.kernels.cloth import Patch
 from warp_cloth.kernels.field import ContactField, sample_field
 from warp_cloth.model import build_model
@@ -22,6 +23,7 @@ from warp_cloth.study.traffic import ANY, Uses, array_uses
 
 SQUARE = {"kind": "square", "side": 0.5, "vertices_per_side": 19, "plane": "vertical", "height": 1.5}
 WOVEN = {"stretch": 2e4, "shear": 50.0, "bending": 1e-6}
+EDGED = {"stretch": 2e4, "shear": "edges", "bending": 1e-6}
 
 
 @pytest.fixture(scope="module")
@@ -89,6 +91,27 @@ def test_each_patch_asks_for_its_part_of_a_table(advance: tuple[Launch, Uses], n
         start = {"edge_count": "edge_start", "normal_count": "triangle_start", "triangle_count": "triangle_start"}[loop]
         parts = ((block, range(row[start], row[start] + row[loop])) for block, row in enumerate(rows_of(launch)))
         assert some == {(block, sector) for block, part in parts for sector in sectors_of(part, size)}
+
+
+def test_threads_that_work_on_pairs_ask_for_all_edges_and_for_corners_of_other_triangles_only(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(device_patches, "takes_pairs", lambda terms, vertices: True)
+    part = set_up_one(load_scene({"garment": {"shape": SQUARE, "fabric": EDGED}}), "cpu").wardrobe.parts[0]
+    model = build_model([part], device="cpu", precision="mixed", gathers=True)
+    _pack, launch, _unpack = launches_of(Relaxation(model, Collider(), StepOptions()).iterate)
+    uses = array_uses(launch.kernel)
+    rows = rows_of(launch)
+    assert (rows["item_count"] > 0).all()
+    first, end = rows["triangle_start"] + rows["triangle_count"], rows["triangle_start"] + rows["normal_count"]
+    for name, begin, after in (
+        ("patches.ends", rows["edge_start"], rows["edge_start"] + rows["edge_count"]),
+        ("patches.corners", first, end),
+    ):
+        size = wp.types.type_size_in_bytes(launch.arrays()[name].dtype)
+        parts = enumerate(zip(begin, after, strict=True))
+        expected = {(block, sector) for block, part in parts for sector in sectors_of(range(*part), size)}
+        assert set().union(*asked(launch, uses, name).values()) == expected
 
 
 def test_what_lies_about_a_patch_is_listed_and_what_it_owns_is_not(advance: tuple[Launch, Uses]) -> None:

@@ -206,6 +206,8 @@ class _Moved:
         if SEVERAL in chain:  # several for each: the whole part, which ends where the next one begins
             return _ranges(first, np.diff(first, append=end))
         beyond = sum(self._patch[each] for each in self._patch if FROM + each in chain)
+        if loop == "normal_count":  # an item's normals are worked out from what its edges' table tells of its vertices
+            beyond = beyond + np.where(self._patch[ITEMS] > 0, self._patch["triangle_count"], 0)
         return _ranges(first + beyond, self._patch[loop] - beyond)
 
     def _vertices_by_block(self, loop: str = "owned_count") -> Part:

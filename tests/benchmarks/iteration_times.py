@@ -1,0 +1,82 @@
+"""What an iteration takes on a GPU with thousands to a million of vertices, and whether its bits stay the same.
+
+    python tests/benchmarks/iteration_times.py [edges:4k,65k,1m] [woven:1m] [worn:147] [--device cuda:0]
+
+``edges`` and ``woven`` are hanging squares, a million of vertices as sixteen of them; ``worn`` are as many T-shirts on
+mannequins. Each line tells the median, least and most of five graphs' times in microseconds an iteration, and a hash of
+where the cloth is then: two versions of the code have the same hash where they have the same bits.
+"""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+from dataclasses import replace
+
+import numpy as np
+import warp as wp
+
+from warp_cloth.fabric import Fabric
+from warp_cloth.garment_part import GarmentPart
+from warp_cloth.model import build_model
+from warp_cloth.rest import build_rest_shape
+from warp_cloth.scene import load_scene
+from warp_cloth.set_up import set_up
+from warp_cloth.shapes import square
+from warp_cloth.solver.relax import Collider, Relaxation, StepOptions
+from warp_cloth.wardrobe import open_wardrobe
+
+FABRICS = {"edges": Fabric(), "woven": replace(Fabric(), shear=800.0)}
+SIZES = {"4k": (64, 1), "65k": (256, 1), "1m": (256, 16)}  # vertices along a side, squares
+CHUNK, ROUNDS, REPEATS = 20, 15, 5  # iterations in a graph, its launches for a median, medians
+
+
+def relaxation_of(fabric: str, size: str, device: str) -> Relaxation:
+    """Cloth on a device, ready to iterate."""
+    if fabric == "worn":
+        scene = load_scene("tshirt", [])
+        return set_up([scene] * int(size), [open_wardrobe(scene, None)] * int(size), device).relaxation
+    side, count = SIZES[size]
+    mesh = square(side=1.0, vertices_per_side=side, plane="vertical")
+    rest = build_rest_shape(mesh, FABRICS[fabric], rest="mesh")
+    part = GarmentPart(mesh.points, mesh.triangles, rest, np.array([0, side - 1], dtype=np.int32))
+    model = build_model([part] * count, device=device, precision="mixed", garments=[1] * count)
+    return Relaxation(model, Collider(), StepOptions())
+
+
+def microseconds(relaxation: Relaxation) -> float:
+    """Median time of an iteration in graphs of CHUNK."""
+    device = relaxation.model.device
+    relaxation.iterate(2)
+    with wp.ScopedCapture(device) as capture:
+        relaxation.iterate(CHUNK)
+    wp.capture_launch(capture.graph)
+    taken = []
+    for _ in range(ROUNDS):
+        start, end = (wp.Event(device, enable_timing=True) for _ in range(2))
+        stream = wp.get_stream(device)
+        stream.record_event(start)
+        wp.capture_launch(capture.graph)
+        stream.record_event(end)
+        taken.append(wp.get_event_elapsed_time(start, end))
+    return 1e3 * float(np.median(taken)) / CHUNK
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("cloth", nargs="*", default=["edges:4k,65k,1m", "woven:4k,65k,1m", "worn:147"])
+    parser.add_argument("--device", default="cuda:0")
+    options = parser.parse_args()
+    for asked in options.cloth:
+        fabric, _, sizes = asked.partition(":")
+        for size in sizes.split(","):
+            relaxation = relaxation_of(fabric, size, options.device)
+            taken = sorted(microseconds(relaxation) for _ in range(REPEATS))
+            told = hashlib.sha1(relaxation.model.points().tobytes()).hexdigest()[:12]
+            count = relaxation.model.vertex_count
+            middle = f"{taken[REPEATS // 2]:8.2f} us ({taken[0]:.2f} to {taken[-1]:.2f})"
+            print(f"{fabric:6s} {count:8d} vertices {middle}  {told}", flush=True)
+
+
+if __name__ == "__main__":
+    main()
