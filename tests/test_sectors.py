@@ -277,12 +277,12 @@ def test_what_warps_could_share_is_partly_asked_for_again_while_blocks_wait(monk
     launch, uses = pressed(0.0, 0.0005, 0.0015, 0.011)
     moved = sectors._Moved(launch, uses)
     assert moved._asked_anew("cloth.position") == 0  # on the CPU, and where pairs are pressed by themselves
-    monkeypatch.setattr(moved, "_device", SimpleNamespace(is_cuda=True))
+    monkeypatch.setattr(moved, "_device", SimpleNamespace(is_cuda=True, sm_count=4))
     monkeypatch.setattr(moved, "_patch", {"place": np.arange(2)})
     (chain,) = uses.read["cloth.position"]
     warps, blocks = (len(moved._sectors("cloth.position", chain, "", by=by)) for by in (WARPS, BLOCKS))
     assert warps > blocks > 0
-    assert moved._asked_anew("cloth.position") == round(LOST * (warps - blocks))
+    assert moved._asked_anew("cloth.position") == round(LOST * 2 / 4 * (warps - blocks))
     assert moved._asked_anew("contact.way") == 0
 
 

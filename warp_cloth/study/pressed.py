@@ -18,9 +18,9 @@ Arrays = Mapping[str, wp.array]
 
 TEAM = 32  # threads that go together, and pairs next to each other that a block takes
 CORNERS = 4
-# Blocks that wait beside those that press ask again and again whether they may go on, and each time empty their core's
-# cache. Of what its warps could share this share is lost; measured on an H200.
-LOST = 0.4
+# A block that waits beside those that press asks again and again whether it may go on, and each time empties its core's
+# cache. For each such block of a core this share is lost of what warps that press could share; measured on an H200.
+LOST = 0.17
 INSTRUCTION = 1 << 20  # the first number of those that stand for a block
 
 

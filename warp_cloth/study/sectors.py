@@ -109,7 +109,8 @@ class _Moved:
             return 0
         of_pairs = [chain for chain in self._uses.read[name] if any(each.endswith(".due") for each in chain)]
         counts = [[len(self._sectors(name, chain, "", by=by)) for by in (WARPS, BLOCKS)] for chain in of_pairs]
-        return round(LOST * sum(warps - blocks for warps, blocks in counts))
+        lost = min(LOST * len(self._patch["place"]) / self._device.sm_count, 1.0)
+        return round(lost * sum(warps - blocks for warps, blocks in counts))
 
     def _holds(self, sectors: int) -> bool:
         """Whether the cores' own caches hold what blocks have read until they ask for it again."""
