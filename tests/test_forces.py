@@ -10,6 +10,7 @@ import pytest
 import warp as wp
 from cloths import cloth_forces, grid, model_of, without
 
+from warp_cloth import device_patches
 from warp_cloth.fabric import resolve_fabric
 from warp_cloth.mesh import Mesh, Points
 from warp_cloth.model import ClothModel
@@ -172,8 +173,11 @@ def test_evenly_drawn_cloth_is_balanced_inside_to_the_last_digits(terms: str, fo
     ("fourth", "precision"),
     [*itertools.product(FOURTHS, ["mixed"]), ("stiffness", "float32"), ("leeway", "float64")],
 )
-@pytest.mark.parametrize("terms", ["both", "woven"])
-def test_gathered_forces_have_the_bits_of_scattered_ones(terms: str, fourth: str, precision: str, device: str) -> None:
+@pytest.mark.parametrize(("terms", "paired"), [("both", False), ("both", True), ("woven", False)])
+def test_gathered_forces_have_the_bits_of_scattered_ones(
+    terms: str, paired: bool, fourth: str, precision: str, device: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(device_patches, "takes_pairs", lambda terms, vertices: paired)
     points, _ = shaped("random")
     scattered = cloth_forces(model_with(terms, points, precision), fourth)
     gathered = cloth_forces(model_with(terms, points, precision, device, gathers=True), fourth)
