@@ -15,6 +15,7 @@ from warp_cloth.kernels.cloth_contact import ON_EDGE
 from warp_cloth.kernels.field import ContactField
 from warp_cloth.kernels.limits import BLOCK_MEMORY, BLOCKS_PER_CORE
 from warp_cloth.study.caches import core_bytes, spilled_bytes
+from warp_cloth.study.gathered import THREADS, gathered_work
 from warp_cloth.study.launches import Launch
 from warp_cloth.study.listed import work_on_lists
 from warp_cloth.study.pressed import CORNERS, LOST, block_of_pairs, chosen_pairs, looked_at, stores
@@ -24,7 +25,6 @@ ITEMS = "item_count"  # which take, with what is left over, all edges or triangl
 OF_ITEMS = {"edge_start": "edge_count", "triangle_start": "triangle_count"}
 SECTOR = 32  # bytes that are moved together
 PATCHES, PATCH_WIDTH = "patches.patch", 16  # kernels.cloth's Patch, one after another, and the numbers of each
-THREADS = 256  # of a block, where Warp chooses
 TABLE_NODES = 3  # along each axis of a table, that a thread reads round its place
 AT_A_TIME = 1 << 16  # vertices whose places in a table are looked up together
 
@@ -61,6 +61,7 @@ class _Moved:
             self._vertex = self._arrays["patches.vertex"].numpy().astype(np.int64)
         self._known: dict[Any, dict[str, Keys]] = {}  # sectors by loop, of arrays that are used alike
         self._listed = work_on_lists(self._arrays, uses.read, uses.written, launch.threads)
+        self._gathered = gathered_work(self._arrays, launch.threads) if self._device.is_cuda else {}
 
     def total(self) -> tuple[int, int]:
         """Bytes to and from memory, and between the last cache and the cores."""
@@ -125,7 +126,9 @@ class _Moved:
         """The sectors of an array that each block asks for in some chains, by the loop that asks."""
         array = self._arrays[name]
         packed = name in self._uses.packed
-        listed = name if self._listed else ""  # what these ask for differs from array to array
+        listed = (
+            name if self._listed or name in self._gathered else ""
+        )  # what these ask for differs from array to array
         corners = frozenset(self._uses.picked.get(name, ()))
         alike = (
             frozenset(chains),
@@ -160,6 +163,8 @@ class _Moved:
             return self._looked_up(name, size)
         if self._listed:  # what is not among it only those ask for that find the lists full
             return _keys(*self._listed[name], size) if name in self._listed else np.zeros(0, dtype=np.int64)
+        if name in self._gathered and by == BLOCKS:
+            return _keys(*self._gathered[name], size)
         counters = self._counters(chain)
         known = self._known_of(name, chain)
         start = self._uses.starts.get(name, "")
