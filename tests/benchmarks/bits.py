@@ -47,7 +47,10 @@ def scenes() -> dict[str, tuple[str | dict[str, Any], list[str]]]:
     }
     real = Path(os.environ.get("WARP_CLOTH_DATA", "")) / "garmentcode"
     if (real / "tshirt.obj").is_file():
-        worn = {"garment": {"mesh": str(real / "tshirt.obj")}, "avatar": {"mesh": str(real / "mean_all.obj")}}
+        worn = {
+            "garment": {"mesh": str(real / "tshirt.obj"), "rest": "uv"},
+            "avatar": {"mesh": str(real / "mean_all.obj")},
+        }
         found["real T-shirt"] = (worn, [])
         found["real T-shirt, stiff"] = (worn, ["garment.fabric={stretch=2e5}"])
         found["real T-shirt, cloth on cloth"] = (worn, ["collision.cloth=true"])

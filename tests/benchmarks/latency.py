@@ -1,0 +1,69 @@
+"""How long a T-shirt takes from its box mesh to the certificate, its graphs captured: the median of several runs.
+
+    WARP_CLOTH_DATA=FOLDER python tests/benchmarks/latency.py --device cuda:0
+    python tests/benchmarks/latency.py --scene tshirt --set garment.fabric=denim
+
+Without ``--scene`` it is the real T-shirt on the real body, as delivered and at 200 kN/m. Every run ends with the
+same bits. Loading, building and compiling are told apart.
+"""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import os
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from warp_cloth.quiet import start_warp
+from warp_cloth.scene import load_scene
+from warp_cloth.set_up import following, set_up_one, tolerance_of
+from warp_cloth.solver.loop import CHUNK, relax_to_rest
+
+
+def timed(name: str, scene: str | dict[str, Any], changes: list[str], device: str, runs: int) -> None:
+    """Builds and fits a scene again and again, and tells how long it relaxed."""
+    chosen = load_scene(scene, changes)
+    built, seconds, ends = list[float](), list[float](), set[str]()
+    for _ in range(runs + 1):  # the first compiles
+        began = time.perf_counter()
+        made = set_up_one(chosen, device)
+        made.relaxation.capture(CHUNK)
+        wp.synchronize_device(device)
+        built.append(time.perf_counter() - began)
+        tolerance, limit = tolerance_of(chosen), chosen.solver.iterations
+        outcome = relax_to_rest(
+            made.relaxation, made.certifier, tolerance, limit, follow=following(made), course=made.course
+        )
+        seconds.append(outcome.seconds)
+        ends.add(f"{hashlib.sha256(outcome.points.tobytes()).hexdigest()[:12]} after {outcome.iterations:,}")
+    again = seconds[1:]
+    print(f"{name}: {outcome.status.value}, {', '.join(sorted(ends))} iterations")
+    print(f"  median of {runs} {np.median(again):.4f} s ({min(again):.4f} to {max(again):.4f})")
+    print(f"  loaded, built and captured in {np.median(built[1:]):.2f} s, the first time {built[0]:.1f}")
+
+
+def main() -> None:
+    reader = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    reader.add_argument("--device", default="cpu")
+    reader.add_argument("--runs", type=int, default=10)
+    reader.add_argument("--scene")
+    reader.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", dest="changes")
+    asked = reader.parse_args()
+    start_warp()
+    if asked.scene:
+        timed(asked.scene, asked.scene, asked.changes, asked.device, asked.runs)
+        return
+    real = Path(os.environ["WARP_CLOTH_DATA"]) / "garmentcode"
+    worn = {"garment": {"mesh": str(real / "tshirt.obj"), "rest": "uv"}, "avatar": {"mesh": str(real / "mean_all.obj")}}
+    timed("real T-shirt", worn, asked.changes, asked.device, asked.runs)
+    stiff = [*asked.changes, "garment.fabric={stretch=2e5}"]
+    timed("real T-shirt, 200 kN/m", worn, stiff, asked.device, asked.runs)
+
+
+if __name__ == "__main__":
+    main()
