@@ -18,7 +18,7 @@ from warp_cloth.fitting import fit
 @pytest.fixture(scope="module")
 def report() -> dict[str, Any]:
     scene = {
-        "garment": {"shape": {"kind": "square", "vertices_per_side": 9, "height": 0.91}},
+        "garment": {"shape": {"kind": "square", "vertices_per_side": 9, "side": 0.6, "height": 0.91}},
         "avatar": {"shape": {"kind": "sphere", "edge_mm": 60}},
         "collision": {"pixel_mm": 5},
     }
@@ -72,3 +72,11 @@ def test_advice_names_the_likeliest_cause_first(report: dict[str, Any], tmp_path
     stuck["unheld"] = "nothing holds it"
     assert advice(stuck)[0] == "Nothing holds it."
     assert not any("solver.iterations" in line for line in advice(stuck))
+
+
+def test_cloth_that_passes_through_itself_is_advised_of_contact(report: dict[str, Any]) -> None:
+    tangled = deepcopy(report)
+    tangled["crossings"]["faces"] = tangled["faces"] // 10
+    assert "collision.cloth = true" in advice(tangled)[0]
+    tangled["settings"]["collision"]["cloth"] = True
+    assert advice(tangled) == []

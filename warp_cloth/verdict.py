@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from warp_cloth.connected import lowest_connected
+from warp_cloth.loading.raw import counted
 from warp_cloth.plan import make_plan
 from warp_cloth.result import Penetration, Status, Strain
 from warp_cloth.solver.certificate import Tolerance
@@ -113,8 +114,9 @@ def misplaced(depth: Penetration | None) -> str:
     """What to change where a garment is drawn through the avatar; empty where it is not."""
     if depth is None or not depth.edges:
         return ""
+    are = "edge is" if depth.edges == 1 else "edges are"
     return (
-        f"{depth.edges:,} edges are drawn through the avatar, {figure(depth.edge_max, 2)} mm deep, probably since part "
+        f"{depth.edges:,} {are} drawn through the avatar, {figure(depth.edge_max, 2)} mm deep, probably since part "
         "of the garment began on the wrong side of a limb: let avatar.mesh be in the pose that the garment is placed "
         "round, and avatar.poses be this one"
     )
@@ -125,7 +127,7 @@ def too_coarse(depth: Penetration | None) -> str:
     if depth is None or depth.edges or not depth.face_max > SHOWN:
         return ""
     return (
-        f"the avatar shows through {depth.faces:,} faces, by {figure(depth.face_max, 2)} mm, as they are so large: "
+        f"the avatar shows through {counted(depth.faces, 'large face')}, by {figure(depth.face_max, 2)} mm: "
         "divide them to edges of 15 mm, or raise collision.offset_mm"
     )
 
