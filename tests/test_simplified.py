@@ -18,7 +18,7 @@ from warp_cloth.result import Status
 from warp_cloth.scene.shapes import TshirtShape
 from warp_cloth.shapes import build_garment
 from warp_cloth.solver import simplified
-from warp_cloth.solver.simplified import Ladder, build_ladder, carried
+from warp_cloth.solver.simplified import LIMP, Ladder, build_ladder, carried, limp_fabric
 
 ROUNDING = 1e-12
 AREA = 0.01  # what a coarse outline may lose of a T-shirt's curved seams, as a share of its area
@@ -92,6 +92,20 @@ def test_what_is_carried_from_a_bent_cloth_is_round(monkeypatch: pytest.MonkeyPa
 def _rolled(points: np.ndarray) -> np.ndarray:
     angle = (points[:, 0] - 0.5) / RADIUS
     return np.stack([RADIUS * np.sin(angle), points[:, 1], RADIUS * np.cos(angle)], axis=1)
+
+
+def test_a_limp_garment_is_drawn_out_by_its_weight_no_more_than_a_little() -> None:
+    stiff = Fabric(stretch_warp=4e5, stretch_weft=2e5)
+    ladder = ladder_of(replace(MESH, texcoords=PANEL), stiff)
+    limp = ladder.below(limp=True)
+    assert limp is not None
+    softer = limp.part.rest.fabric
+    assert softer is not None
+    load = limp.part.rest.vertex_weight.sum() / np.sqrt(limp.part.rest.area)
+    assert np.sqrt(load / softer.stretch_weft) == pytest.approx(LIMP)
+    assert softer.stretch_warp == pytest.approx(2.0 * softer.stretch_weft)
+    assert below(ladder).part.rest.fabric == stiff
+    assert limp_fabric(Fabric(), load) == Fabric()  # soft enough as it is
 
 
 def test_a_garment_of_unknown_rest_shape_stays_as_it_is() -> None:

@@ -104,7 +104,7 @@ def _levels(ladders: Sequence[Ladder], met: bool) -> list[tuple[Ladder, ...]]:
     levels: list[tuple[Ladder, ...]] = []
     now = tuple(ladders)
     while True:
-        below = [ladder.below() for ladder in now]
+        below = [ladder.below(limp=met) for ladder in now]
         coarser = tuple(one if one is not None else ladder for one, ladder in zip(below, now, strict=True))
         too_coarse = met and max(_mean_edge(ladder) for ladder in coarser) > LONGEST_EDGE
         if all(one is None for one in below) or too_coarse or _size(coarser) < FEWEST:
