@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from cloths import grid
+from cloths import cloth_forces, grid, model_of
 
-from warp_cloth import patches
+from warp_cloth import device_patches, patches
 from warp_cloth.elements import garment_elements
 from warp_cloth.fabric import resolve_fabric
 from warp_cloth.kernels.limits import SLOTS, Terms
 from warp_cloth.mesh import Mesh
 from warp_cloth.patches import PatchTables, cut_patches
-from warp_cloth.rest import build_rest_shape
+from warp_cloth.rest import RestShape, build_rest_shape
+from warp_cloth.topology import build_topology
 from warp_cloth.triangle_pairs import SHARE, find_pairs, share_edges
 
 FABRIC = resolve_fabric({"stretch": 20e3, "compression": 0.1, "bending": 1e-5})
@@ -29,15 +30,17 @@ def test_pairs_are_mutual_and_across_the_longest_sides() -> None:
     # a strip of four: 0 and 1 share the longest side, so 2, which 1 would rather have had, goes with 3
     partner = np.array([[1, -1, -1], [0, 2, -1], [1, 3, -1], [2, -1, -1]])
     size = np.array([[3.0, 1.0, 1.0], [3.0, 2.0, 1.0], [2.0, 1.0, 1.0], [1.0, 1.0, 1.0]])
+    edge = np.array([[0, 1, 2], [0, 3, 4], [3, 5, 6], [5, 7, 8]])
     is_first = partner > np.arange(4)[:, None]
-    first, side = find_pairs(partner, size, is_first)
+    first, side = find_pairs(partner, edge, size, is_first)
     assert first.tolist() == [0, 0, 2, 2]
     assert side.tolist() == [0, 0, 1, 0]
 
 
 def test_a_triangle_without_a_free_neighbour_stays_alone() -> None:
     partner = np.array([[1, -1, -1], [0, 2, -1], [1, -1, -1]])
-    first, side = find_pairs(partner, np.ones((3, 3)), partner > np.arange(3)[:, None])
+    edge = np.array([[0, 1, 2], [0, 3, 4], [3, 5, 6]])
+    first, side = find_pairs(partner, edge, np.ones((3, 3)), partner > np.arange(3)[:, None])
     assert sorted(np.unique(first, return_counts=True)[1].tolist()) == [1, 2]
     assert (side < 0).sum() == 1
 
@@ -51,6 +54,30 @@ def test_no_item_takes_more_than_its_share() -> None:
     assert all(taken[each] in (-1, *item[edge == each]) for each in range(200))
     full = np.bincount(taken[taken >= 0], minlength=90) == SHARE
     assert full[item[taken[edge] < 0]].all()  # none is left that an item has room for
+
+
+@pytest.mark.parametrize(
+    "triangles",
+    [
+        [[0, 1, 2], [0, 2, 1]],  # share all their edges
+        [[0, 1, 2], [0, 2, 1], [1, 0, 3]],
+        [[0, 1, 2], [1, 0, 3], [0, 1, 4], [2, 1, 5]],  # three at an edge
+        [[0, 1, 2], [0, 1, 3], [1, 3, 4]],  # wound likewise
+    ],
+)
+def test_triangles_that_meet_as_no_cloth_does_have_the_bits_of_scattered_forces(
+    triangles: list[list[int]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(device_patches, "takes_pairs", lambda terms, vertices: True)
+    count = np.max(triangles) + 1
+    points = np.random.default_rng(2).normal(size=(count, 3))
+    points[:3] = np.eye(3)  # of equal sides
+    mesh = Mesh("odd", points, np.array(triangles, dtype=np.int32))
+    topology = build_topology(mesh.triangles, count)
+    even = np.ones(len(topology.edges))
+    rest = RestShape(topology, 0.9 * even, even, 0.1 * even, np.ones(len(topology.hinges)), np.ones(count), 1.0)
+    loads = [cloth_forces(model_of(mesh, rest, precision="mixed", gathers=how), "stiffness") for how in (False, True)]
+    assert (loads[0] == loads[1]).all()
 
 
 def test_every_edge_of_a_patch_is_worked_on_once(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from warp_cloth.elements import Elements
 from warp_cloth.kernels.limits import CODE_AFTER, CODE_BACK, CODE_TURN_0, CODE_TURN_1, SIDE_AB, SLOTS
+from warp_cloth.mesh import Indices
 from warp_cloth.patch_members import Keys, Members, edge_numbers
 from warp_cloth.rest import Floats
 
@@ -20,7 +21,7 @@ ROUNDS = 16  # of proposals, after which what is left stays alone
 SHARE = SLOTS - 1  # edges that an item takes besides the one that its triangles share
 
 
-def find_pairs(partner: Keys, size: Floats, is_first: NDArray[np.bool_]) -> tuple[Keys, Keys]:
+def find_pairs(partner: Keys, edge: Indices, size: Floats, is_first: NDArray[np.bool_]) -> tuple[Keys, Keys]:
     """Pairs triangles across long sides, as long as there are two that have none yet.
 
     Returns the first triangle of each triangle's item, and which of its sides a triangle shares, opposite to this
@@ -28,6 +29,7 @@ def find_pairs(partner: Keys, size: Floats, is_first: NDArray[np.bool_]) -> tupl
 
     Args:
         partner: triangle across each side, -1 where there is none to pair with, shape [T, 3].
+        edge: that each side is, which tells sides of equal size apart.
         size: of each side, the same seen from both triangles.
         is_first: whether a triangle is the first one of each side's hinge.
     """
@@ -35,13 +37,12 @@ def find_pairs(partner: Keys, size: Floats, is_first: NDArray[np.bool_]) -> tupl
     alone = np.ones(len(partner) + 1, dtype=bool)
     alone[-1] = False
     side, first = np.full(len(partner), -1), rows.copy()
-    number = np.where(partner < 0, 0, np.minimum(partner, rows[:, None]))  # tells sides of equal size apart
     for _ in range(ROUNDS):
         asks = np.flatnonzero(alone[:-1])
         free = alone[partner[asks]]
         best = np.where(free, size[asks], -1.0)
         tied = free & (best >= best.max(axis=1, keepdims=True))
-        choice = np.argmax(np.where(tied, number[asks], -1), axis=1)
+        choice = np.argmax(np.where(tied, edge[asks], -1), axis=1)
         asks, choice = asks[free.any(axis=1)], choice[free.any(axis=1)]
         if not len(asks):
             break
@@ -97,11 +98,14 @@ class Items:
         is_first = beside[..., 0] == own.element[:, None]
         across = np.where(is_first, beside[..., 1], beside[..., 0])
         fold = elements.fold[self._edges]
-        # triangles that are wound likewise, or have no hinge that tells them apart, stay alone
-        partner = np.where(fold > 0.0, own.member(own.patch[:, None], across), -1)
+        # where more than two triangles meet at an edge its hinge is of two of them only
+        self._may_take = (beside == own.element[:, None, None]).any(axis=-1) | (fold == 0.0)
+        # triangles that are wound likewise, or that no hinge joins, stay alone
+        joined = self._may_take & (fold > 0.0)
+        partner = np.where(joined, own.member(own.patch[:, None], across), -1)
         ends = places[elements.ends[self._edges]]
         length = np.linalg.norm(ends[..., 0, :] - ends[..., 1, :], axis=-1)
-        self._first, side = find_pairs(partner, length, is_first)
+        self._first, side = find_pairs(partner, self._edges, length, is_first)
         self._side = np.where(side < 0, ALONE, side)
         self._paired, self._is_second = side >= 0, self._first != np.arange(len(side))
         self._bent, self._across, self._is_first = fold != 0.0, across, is_first
@@ -131,7 +135,7 @@ class Items:
         own, side = self._own, np.arange(3)
         edge = mine.member(own.patch[:, None], self._edges)
         owner = np.broadcast_to((own.start[own.patch] + self._item)[:, None], edge.shape)
-        outer = (side != self._side[:, None]) | ~self._paired[:, None]
+        outer = ((side != self._side[:, None]) | ~self._paired[:, None]) & self._may_take
         taken = share_edges(edge[outer], owner[outer], len(mine.element), len(own.element))
         of, place = np.nonzero(outer & (taken[edge] == owner))
         one_each = np.unique(edge[of, place], return_index=True)[1]
