@@ -231,3 +231,15 @@ def test_saving_again_replaces_the_files(saved: tuple[Fit, Path], tmp_path: Path
         "report.html",
         "report.json",
     ]
+
+
+def test_what_python_asks_for_in_vain_is_refused(tmp_path: Path) -> None:
+    scene = warp_cloth.load_scene("hanging", ["solver.iterations=2", "garment.shape.vertices_per_side=5"])
+    with pytest.raises(InputError, match="overrides: the scene is loaded already"):
+        warp_cloth.fit(scene, device="cpu", overrides=["solver.iterations=3"])
+    worn = warp_cloth.fit(scene, device="cpu")
+    with pytest.raises(InputError, match='formats: "fbx" is not written'):
+        worn.save(tmp_path, formats=["fbx"])
+    with pytest.raises(InputError, match='colour: there is no map "gold"'):
+        worn.save(tmp_path, colour="gold")
+    assert worn.save(tmp_path, formats="glb")[0] == tmp_path / "hanging.glb"

@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from pydantic import ValidationError
 
@@ -273,3 +274,13 @@ def test_a_body_and_its_garment_may_come_from_one_file(prim: str) -> None:
     scene = load_scene({"garment": {"mesh": "s.usda", "prim": "/W/coat"}, "avatar": {"mesh": "s.usda", "prim": prim}})
     assert scene.avatar is not None
     assert scene.avatar.prim == prim
+
+
+def test_numpy_values_and_a_lone_override_are_taken() -> None:
+    square = {"kind": "square", "vertices_per_side": np.int64(5), "side": np.float32(0.5)}
+    values = {"garment": {"shape": square, "pin": {"vertices": np.array([0, 4])}}}
+    scene = load_scene(values, "solver.iterations=7")
+    assert scene.garments[0].shape.vertices_per_side == 5
+    assert scene.garments[0].pin[0].vertices == (0, 4)
+    assert scene.solver.iterations == 7
+    assert isinstance(square["vertices_per_side"], np.int64)  # the caller's own stays as it is

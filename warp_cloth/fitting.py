@@ -83,11 +83,14 @@ class Fit:
         is a layer over it. report.json is written last: where it stands, the fit is whole.
 
         Raises:
-            InputError: the folder cannot be written, or a file of the scene would be written over.
+            InputError: the folder cannot be written, a file of the scene would be written over, or there is no such
+                format or map.
         """
+        from warp_cloth.export.formats import chosen_formats
         from warp_cloth.export.save import save_fit
 
-        return save_fit(self, Path(directory), colour=colour, formats=formats)
+        painted = "".join(chosen_maps(colour, place="colour")[:1])
+        return save_fit(self, Path(directory), colour=painted, formats=chosen_formats(formats, place="formats"))
 
 
 def fit(
@@ -118,6 +121,8 @@ def fit(
     if not 0 <= frames <= MOST_FRAMES:
         raise InputError("frames", f"{frames} shapes on the way cannot be kept", f"choose 0 to {MOST_FRAMES}")
     tell = progress or (lambda _: None)
+    if isinstance(scene, Scene) and overrides:
+        raise InputError("overrides", "the scene is loaded already", "give them to load_scene")
     chosen = scene if isinstance(scene, Scene) else load_scene(scene, overrides)
     wanted = check_maps(chosen_maps(maps), has_avatar=chosen.avatar is not None)
     where = device_named(device)

@@ -11,9 +11,10 @@ from warp_cloth.scene import Scene
 FORMATS = ("usdc", "usda", "usdz", "glb", "obj")
 
 
-def chosen_formats(text: str, *, place: str = "--format") -> tuple[str, ...]:
-    """Formats from "usdc,glb"."""
-    names = tuple(dict.fromkeys(name.strip().lstrip(".").lower() for name in text.split(",") if name.strip()))
+def chosen_formats(text: str | Sequence[str], *, place: str = "--format") -> tuple[str, ...]:
+    """Formats from "usdc,glb", or one by one."""
+    asked = text.split(",") if isinstance(text, str) else text
+    names = tuple(dict.fromkeys(name.strip().lstrip(".").lower() for name in asked if name.strip()))
     unknown = [name for name in names if name not in FORMATS]
     if unknown or not names:
         raise InputError(place, f'"{", ".join(unknown)}" is not written', f"choose of {', '.join(FORMATS)}")

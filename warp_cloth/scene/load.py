@@ -10,6 +10,7 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from pydantic import ValidationError
 
 from warp_cloth.errors import InputError
@@ -30,7 +31,7 @@ def load_scene(source: str | Path | Mapping[str, Any], overrides: Sequence[str] 
     either, in this order.
     """
     if isinstance(source, Mapping):
-        place, name, directory, values = "scene", "scene", Path(), deepcopy(dict(source))
+        place, name, directory, values = "scene", "scene", Path(), _plain(source)
     else:
         path = _scene_file(source)
         place, name, directory = str(path), path.stem, path.parent
@@ -40,7 +41,7 @@ def load_scene(source: str | Path | Mapping[str, Any], overrides: Sequence[str] 
             raise InputError(path, "is a mesh, not a scene", remedy)
         values = stage_values(path) if staged else read_toml(path, "scene file")
     stated: dict[str, str] = {}  # dotted key -> the --set that stated it
-    for text in overrides:
+    for text in (overrides,) if isinstance(overrides, str) else overrides:
         stated[apply_override(values, text, directory)] = set_place(text)
     if not isinstance(source, Mapping) and path.suffix.lower() in USD_SUFFIXES:
         check_prims(values, path)
@@ -50,6 +51,15 @@ def load_scene(source: str | Path | Mapping[str, Any], overrides: Sequence[str] 
     except ValidationError as error:
         many = isinstance(values.get("garment"), list) and len(values["garment"]) > 1
         raise scene_error(error, Scene, partial(_place, file=place, stated=stated), many) from None
+
+
+def _plain(values: Any) -> Any:
+    """A copy of a dictionary's values, NumPy's as Python's own."""
+    if isinstance(values, Mapping):
+        return {key: _plain(value) for key, value in values.items()}
+    if isinstance(values, list | tuple):
+        return [_plain(value) for value in values]
+    return values.tolist() if isinstance(values, np.generic | np.ndarray) else deepcopy(values)
 
 
 def shipped_scenes() -> dict[str, Path]:
