@@ -97,7 +97,7 @@ def test_a_refused_folder_leaves_none_of_its_parents(tmp_path: Path, name: str) 
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize("name", ["fit.usdc", "preview.png", "report.json"])
+@pytest.mark.parametrize("name", ["fit.usdc", "preview.png", "report.html", "report.json"])
 def test_a_folder_in_a_files_place_is_refused_before_the_work(tmp_path: Path, name: str) -> None:
     (tmp_path / name).mkdir()
     with pytest.raises(InputError, match=f"{name}: is a folder"):

@@ -65,9 +65,9 @@ def write_map(path: Path, mesh: Mesh) -> bool:
     return True
 
 
-def result_paths(directory: Path, name: str) -> tuple[Path, Path, Path]:
-    """Where a scene's stage, picture and report go."""
-    return directory / f"{name}.usdc", directory / "preview.png", directory / "report.json"
+def result_paths(directory: Path, name: str) -> tuple[Path, Path, Path, Path]:
+    """Where a scene's stage, picture, page and report go."""
+    return directory / f"{name}.usdc", directory / "preview.png", directory / "report.html", directory / "report.json"
 
 
 def check_writable(directory: Path, name: str) -> None:

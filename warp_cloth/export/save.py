@@ -28,7 +28,7 @@ def save_fit(fit: Fit, folder: Path, *, colour: str, formats: Sequence[str]) -> 
     scene = fit.scene
     check_writable(folder, scene.name)
     began = time.perf_counter()
-    _, picture, report = result_paths(folder, scene.name)
+    _, picture, page, report = result_paths(folder, scene.name)
     ranges = fit.maps.ranges if fit.maps is not None else {}
     paths = write_meshes(fit, folder, colour=colour, formats=formats)
     preview.write_preview(
@@ -51,7 +51,6 @@ def save_fit(fit: Fit, folder: Path, *, colour: str, formats: Sequence[str]) -> 
     for worn in fit.garments:
         path = folder / f"{scene.name}_{worn.name}_map.npz"
         paths += [path] if write_map(path, worn.mesh) else []
-    page = folder / "report.html"
     write_report_page(page, scene.name, fit.report, pictures)
     paths.insert(paths.index(report) + 1, page)
     fit.report["seconds"]["export"] = time.perf_counter() - began
