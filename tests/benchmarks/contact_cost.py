@@ -1,8 +1,9 @@
-"""What cloth on cloth costs a fit: generated T-shirts, one or several over each other, with and without contact.
+"""What cloth on cloth costs a fit: T-shirts, one or several over each other, with and without contact.
 
-    python tests/benchmarks/contact_cost.py --device cuda:0 L7.8:jersey M11.5:jersey,L11.5:denim
+    python tests/benchmarks/contact_cost.py --device cuda:0 L7.8:jersey shared1:jersey,shared1.1:denim
 
-A garment is a size, the length of its edges [mm] and a fabric; those of a scene go inner to outer. A fit with contact
+A garment is a size, the length of its edges [mm] and a fabric, or the shared T-shirt, so many times as large, and a
+fabric; those of a scene go inner to outer. A fit with contact
 runs to rest, and one whose cloth passes through itself as many iterations: the difference is what contact costs, the
 latter is everything else. Both are told by the clock, from the first iteration to the last check, and by the device:
 of iterations only, between events. Then come the phases of the way, what each launch takes when it is timed by itself
@@ -22,6 +23,7 @@ from typing import Any
 
 import numpy as np
 import warp as wp
+from wearing import BODIES, SHARED_SHIRT, Tree, shirt
 
 from warp_cloth.collide.crossing import find_crossings
 from warp_cloth.kept import Kept
@@ -65,18 +67,21 @@ class Ended:
 
 def scene_of(garments: str, iterations: int) -> Scene:
     """The scene of garments as the command line has them."""
-    worn = []
-    for garment in garments.split(","):
-        found = re.fullmatch(r"([SML])([0-9.]+):(\w+)", garment)
+    worn: list[Tree] = []
+    for number, garment in enumerate(garments.split(",")):
+        found = re.fullmatch(r"([SML]|shared)([0-9.]+):(\w+)", garment)
         if found is None:
-            raise SystemExit(f"{garment!r}: write a garment as L7.8:jersey")
-        size, edge, fabric = found.groups()
-        shape = {"kind": "tshirt", "size": size, "edge_mm": float(edge)}
-        worn.append({"shape": shape, "rest": "uv", "fabric": fabric})
+            raise SystemExit(f"{garment!r}: write a garment as L7.8:jersey or shared1.1:denim")
+        of, size, fabric = found.groups()
+        if of == "shared":
+            worn.append({**SHARED_SHIRT, "name": f"shirt {number}", "fabric": fabric, "uv_units": float(size)})
+        else:
+            worn.append(shirt(of, float(size), fabric))
+    shared = any("mesh" in garment for garment in worn)
     return load_scene(
         {
             "garment": worn,
-            "avatar": {"shape": {"kind": "mannequin"}},
+            "avatar": BODIES["mean_all"] if shared else {"shape": {"kind": "mannequin"}},
             "collision": {"cloth": True},
             "solver": {"iterations": iterations},
         }
