@@ -111,6 +111,14 @@ def test_panels_of_an_odd_size_are_told_of(scale: float, told: bool) -> None:
         assert "garment.uv_units" in notes[0]
 
 
+@pytest.mark.parametrize(("scale", "told"), [(1.3, False), (1.4, False), (1.6, True), (0.5, True)])
+def test_seams_of_very_different_lengths_are_told_of(scale: float, told: bool) -> None:
+    """One panel in another scale; a sleeve that is eased in is none."""
+    mesh = two_panels(scale)
+    notes = build_rest_shape(mesh, Fabric(), rest="uv").notes
+    assert any("times as long in one panel" in note for note in notes) == told
+
+
 @pytest.mark.parametrize("scale", [1e-3, 0.1, 7.0, 10.0, 39.37, 100.0, 1000.0])
 def test_panels_in_the_wrong_unit_are_refused(scale: float) -> None:
     with pytest.raises(InputError, match=r"times those in the mesh .*set garment\.uv_units"):

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from warp_cloth.errors import InputError
 from warp_cloth.folds import RestAngles, hinge_angles
 from warp_cloth.grain import Grain
+from warp_cloth.loading.raw import counted
 from warp_cloth.loading.repair import RestKind
 from warp_cloth.material import Sheet, WeaveShape, edge_constants, lay_flat, thread_constants
 from warp_cloth.material_bending import hinge_constants
@@ -34,6 +35,10 @@ SHORTEST_EDGE_SHARE = 1.0e-3
 # Rest length over length in the mesh, median over the edges. Panels placed round a body are near 1, and a garment
 # that starts half or twice its size is told of; the units that get mixed up are 10 times or more apart.
 SCALE_TOLD, SCALE_REFUSED = 2.0, 6.0
+
+# Lengths of an edge in the two panels that it joins, one over the other: sleeves are eased in by up to 1.3, and what is
+# more is gathered, or drawn in another scale.
+EASED = 1.5
 
 # Area in texture space over the panels' median triangle below which a triangle was left out of the panels: exporters
 # put all its corners at one point. A few (buttons, trims) keep their lengths in the mesh; more, and panels are missing.
@@ -135,6 +140,25 @@ def _check_scale(length: Floats, drawn: Floats, metres_per_uv: float, place: str
     if not 1.0 / SCALE_REFUSED <= ratio <= SCALE_REFUSED:
         raise InputError(place, problem, remedy)
     return (f"{problem}; if that is not meant, {remedy}",)
+
+
+def _check_seams(sides: Floats, topology: Topology) -> tuple[str, ...]:
+    """A note where edges are cut much longer in one panel than in the other; ``sides`` [m], shape [F, 3]."""
+    edge, low, high = (
+        topology.triangle_edges.ravel(),
+        np.full(len(topology.edges), np.inf),
+        np.zeros(len(topology.edges)),
+    )
+    np.minimum.at(low, edge, sides.ravel())
+    np.maximum.at(high, edge, sides.ravel())
+    apart = high > EASED * low
+    if not apart.any():
+        return ()
+    most = float((high[apart] / np.maximum(low[apart], np.finfo(float).tiny)).max())
+    return (
+        f"{counted(int(apart.sum()), 'edge')} cut up to {most:.3g} times as long in one panel as in the one that it is "
+        "sewn to, as where cloth is gathered; if that is not meant, check that all panels are drawn to one scale",
+    )
 
 
 def triangle_areas(sides: Floats) -> Floats:
@@ -282,7 +306,7 @@ def build_rest_geometry(
     if rest == "uv":
         side_edge = topology.triangle_edges.ravel()
         initial = np.bincount(side_edge, drawn.ravel(), len(length)) / np.bincount(side_edge, minlength=len(length))
-        notes += _check_scale(length, initial, metres_per_uv, place, key)
+        notes += _check_scale(length, initial, metres_per_uv, place, key) + _check_seams(sides, topology)
     return replace(
         made,
         notes=notes,
