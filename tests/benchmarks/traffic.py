@@ -163,8 +163,7 @@ def measured(name: str, plan: dict[str, Any], asked: argparse.Namespace) -> dict
     command = [asked.ncu, "--profile-from-start", "off", "--cache-control", "none", "--clock-control", "none",
                "--csv", "--page", "raw", "--print-units", "base", "--metrics", ",".join(metrics),
                "--log-file", str(table), sys.executable, __file__, "--data", asked.data, "--device", asked.device,
-               "--scene", name, "--out", asked.out, "--samples", str(asked.samples), "--most", str(asked.most),
-               "--retrace", str(way)]  # fmt: skip
+               "--scene", name, "--out", asked.out, "--samples", str(asked.samples), "--retrace", str(way)]  # fmt: skip
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     lines = table.read_text().splitlines() if table.exists() else []
     if done.returncode:
@@ -245,7 +244,6 @@ def compared(name: str, plan: dict[str, Any], found: dict[str, dict[str, float]]
 def retrace(tree: dict[str, Any], plan: dict[str, Any], asked: argparse.Namespace) -> None:
     """Goes a plan's way, for ncu to see."""
     begin, end = plan["iterations"]
-    end = min(end, begin + asked.most)
     way = Retraced(set_up_one(load_scene(tree), asked.device))
     way.retrace(begin)
     with sampled(plan, end - begin, asked.samples):
@@ -261,7 +259,6 @@ def main() -> None:
     parser.add_argument("--device", default="cuda:0")
     parser.add_argument("--ncu", default="ncu")
     parser.add_argument("--samples", type=int, default=16, help="launches of each kernel to measure; each takes 0.1 s")
-    parser.add_argument("--most", type=int, default=40_000, help="iterations to go; what does not meet is soon alike")
     parser.add_argument("--kinds", action="store_true", help="measure by kind of access, too")
     parser.add_argument("--retrace", type=Path, help="used by itself: the plan whose way is to be gone")
     asked = parser.parse_args()
