@@ -11,9 +11,8 @@ from warp_cloth.mesh import Mesh, Points
 DEEP = 0.02  # [m]; vertices that start less deep come out by themselves
 WAYS_UP = np.arange(-0.04, 0.161, 0.01)  # [m]; a head taller or shorter is 0.2, its shoulders less
 WAYS_FORWARD = np.array([0.0, -0.02, 0.02, -0.04, 0.04])  # [m]
-FAR = (
-    0.085  # [m]; a move so far up must leave less than WORTH of what the best nearer one leaves, unless that clears it
-)
+# [m]; a move so far up must leave less than WORTH of what the best nearer one leaves, unless that one clears it
+FAR = 0.085
 WORTH = 0.5  # a move must leave less than this share of the depth, or it is not made
 CLEARS = 0.1  # less than this clears it. So must a move down: trousers would hang lower for inseams drawn in a leg
 
