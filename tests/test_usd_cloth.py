@@ -88,7 +88,7 @@ def test_a_written_stage_has_the_rest_angles_and_is_the_same_cloth_again(tmp_pat
     assert np.allclose(second.hinge_angle, first.hinge_angle, atol=FLOAT32)
     assert np.allclose(second.hinge_stiffness, first.hinge_stiffness, rtol=1e-5)
     # and a stage made of that one says the same once more
-    (third, *_) = write_meshes(fit(again, device="cpu", overrides=AS_IT_IS), tmp_path / "next")
+    (third, *_) = write_meshes(fit(load_scene(path, AS_IT_IS), device="cpu"), tmp_path / "next")
     assert np.allclose(rest_of(third).hinge_angle, first.hinge_angle, atol=FLOAT32)
 
 
