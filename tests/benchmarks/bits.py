@@ -10,12 +10,12 @@ from __future__ import annotations
 
 import argparse
 import hashlib
-import os
 import sys
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
-from pathlib import Path
 from typing import Any
+
+from wearing import BODIES, SHARED, SHARED_SHIRT
 
 LAYERS = {
     "garment": [
@@ -45,12 +45,8 @@ def scenes() -> dict[str, tuple[str | dict[str, Any], list[str]]]:
         "T-shirt, cloth on cloth": ("tshirt", ["collision.cloth=true"]),
         "layers": (LAYERS, []),
     }
-    real = Path(os.environ.get("WARP_CLOTH_DATA", "")) / "garmentcode"
-    if (real / "tshirt.obj").is_file():
-        worn = {
-            "garment": {"mesh": str(real / "tshirt.obj"), "rest": "uv"},
-            "avatar": {"mesh": str(real / "mean_all.obj")},
-        }
+    if SHARED.is_dir():
+        worn = {"garment": SHARED_SHIRT, "avatar": BODIES["mean_all"]}
         found["real T-shirt"] = (worn, [])
         found["real T-shirt, stiff"] = (worn, ["garment.fabric={stretch=2e5}"])
         found["real T-shirt, cloth on cloth"] = (worn, ["collision.cloth=true"])

@@ -11,13 +11,12 @@ from __future__ import annotations
 
 import argparse
 import hashlib
-import os
 import time
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import warp as wp
+from wearing import BODIES, SHARED_SHIRT
 
 from warp_cloth.quiet import start_warp
 from warp_cloth.scene import load_scene
@@ -58,8 +57,7 @@ def main() -> None:
     if asked.scene:
         timed(asked.scene, asked.scene, asked.changes, asked.device, asked.runs)
         return
-    real = Path(os.environ["WARP_CLOTH_DATA"]) / "garmentcode"
-    worn = {"garment": {"mesh": str(real / "tshirt.obj"), "rest": "uv"}, "avatar": {"mesh": str(real / "mean_all.obj")}}
+    worn = {"garment": SHARED_SHIRT, "avatar": BODIES["mean_all"]}
     timed("real T-shirt", worn, asked.changes, asked.device, asked.runs)
     stiff = [*asked.changes, "garment.fabric={stretch=2e5}"]
     timed("real T-shirt, 200 kN/m", worn, stiff, asked.device, asked.runs)

@@ -2,17 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
-import warp as wp
-from numpy.typing import NDArray
 
-Numbers = NDArray[np.int64]
-Part = tuple[Numbers, Numbers]  # blocks of threads, and elements of an array that each of them asks for
-Arrays = Mapping[str, wp.array]
-
-THREADS = 256  # of a block, where Warp chooses
+from warp_cloth.study.asked import THREADS, Arrays, Numbers, Part, integers
 
 
 def gathered_work(arrays: Arrays, threads: int) -> dict[str, Part]:
@@ -31,21 +23,21 @@ def gathered_work(arrays: Arrays, threads: int) -> dict[str, Part]:
 
 def _rows_work(arrays: Arrays) -> dict[str, Part]:
     """Of vertices, each of which goes through the triangles that it is a corner of."""
-    start = arrays["rows.triangle_start"].numpy().astype(np.int64)
+    start = integers(arrays["rows.triangle_start"])
     block = np.repeat(np.arange(len(start) - 1), np.diff(start)) // THREADS
-    triangle = arrays["rows.triangle"].numpy().astype(np.int64) // 3
+    triangle = integers(arrays["rows.triangle"]) // 3
     found = dict.fromkeys(("cloth.position", "cloth.move"), _corners(arrays, block, triangle))
     of_triangles = ("triangles.corners", "triangles.edges", "triangles.slope", "triangles.threads")
     found |= dict.fromkeys(of_triangles, (block, triangle))
     if "triangles.edges" in arrays:
-        edges = arrays["triangles.edges"].numpy().astype(np.int64)[triangle]
+        edges = integers(arrays["triangles.edges"])[triangle]
         found["bound"] = np.repeat(block, 3), np.where(edges < 0, -1 - edges, edges).ravel()
     return found
 
 
 def _edges_work(arrays: Arrays) -> dict[str, Part]:
     """Of edges, each of which looks at its ends and the triangles beside it."""
-    ends, beside = (arrays[f"edges.{name}"].numpy().astype(np.int64) for name in ("ends", "beside"))
+    ends, beside = (integers(arrays[f"edges.{name}"]) for name in ("ends", "beside"))
     block = np.repeat(np.arange(len(ends)) // THREADS, 2)
     inner = beside.ravel() >= 0
     found = dict.fromkeys(("cloth.position", "cloth.move"), (block, ends.ravel()))
@@ -54,4 +46,4 @@ def _edges_work(arrays: Arrays) -> dict[str, Part]:
 
 def _corners(arrays: Arrays, block: Numbers, triangle: Numbers) -> Part:
     """Blocks, and the corners of triangles."""
-    return np.repeat(block, 3), arrays["triangles.corners"].numpy().astype(np.int64)[triangle].ravel()
+    return np.repeat(block, 3), integers(arrays["triangles.corners"])[triangle].ravel()

@@ -5,27 +5,24 @@ The lists (kernels.meeting) are read where they lie, after each launch of a sear
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection
 
 import numpy as np
-import warp as wp
 from numpy.typing import NDArray
 
 from warp_cloth.collide.cloth import LOOKING
 from warp_cloth.kernels.box_tree import WIDTH
 from warp_cloth.kernels.cloth_contact import ON_EDGE, ON_TRIANGLE
 from warp_cloth.kernels.crossing_search import BY_TRIANGLE
+from warp_cloth.kernels.lean_memory import SPREAD_1, SPREAD_2, SPREAD_3, SPREAD_4, SPREAD_5
 from warp_cloth.kernels.meeting import APART, GROUPS, LEAVES_MET, LISTING, PARTS
-
-Numbers = NDArray[np.int64]
-Part = tuple[Numbers, Numbers]  # blocks of threads, and elements of an array that each of them asks for
-Arrays = Mapping[str, wp.array]
+from warp_cloth.study.asked import Arrays, Numbers, Part, integers, ranges
 
 TEAM, TEAMS = int(WIDTH), LISTING[0] // int(WIDTH)  # threads of a team, and teams of a block
 WALKERS = LOOKING // int(WIDTH)  # teams of a block that walks a tree
 BOUND = 6 * TEAM  # numbers that the boxes of a group are
 MOVED = 8  # of these that are moved together
-SPREAD = np.array([2654435761, 2246822519, 3266489917, 668265263, 374761393], dtype=np.uint64)
+SPREAD = np.array([each.value for each in (SPREAD_1, SPREAD_2, SPREAD_3, SPREAD_4, SPREAD_5)], dtype=np.uint64)
 
 
 def work_on_lists(arrays: Arrays, read: Collection[str], written: Collection[str], threads: int) -> dict[str, Part]:
@@ -50,24 +47,24 @@ def walks_work(arrays: Arrays) -> dict[str, Part]:
 
     Of these blocks are instructions. A walk looks at the highest boxes of all, and at those round what it meets.
     """
-    edge, vertex = _integers(arrays["search.edge_tree.leaf"]), _integers(arrays["search.vertex"])
+    edge, vertex = integers(arrays["search.edge_tree.leaf"]), integers(arrays["search.vertex"])
     edges, vertices = (np.flatnonzero(leaf[::TEAM] >= 0) for leaf in (edge, vertex))
     count = len(edge) // TEAM
     kind, group, met = listed_groups(arrays).T
     team = np.where(kind == int(ON_EDGE), group, count + group)
     own = _leaves((count + vertices) // WALKERS, vertices)
     corner = np.maximum(vertex[own[1]], 0)
-    first = np.concatenate([_integers(arrays["search.edges"])[edge[edges * TEAM], 0], vertex[vertices * TEAM]])
+    first = np.concatenate([integers(arrays["search.edges"])[edge[edges * TEAM], 0], vertex[vertices * TEAM]])
     blocks = np.concatenate([edges, count + vertices]) // WALKERS
-    item = _integers(arrays["search.item"])[first]
+    item = integers(arrays["search.item"])[first]
     bounds = {
-        f"search.{tree}_tree.bound": _walked(_integers(arrays[f"search.{tree}_tree.first"]), teams, team[on], met[on])
+        f"search.{tree}_tree.bound": _walked(integers(arrays[f"search.{tree}_tree.first"]), teams, team[on], met[on])
         for tree, teams, on in (
             ("edge", edges, kind == int(ON_EDGE)),
             ("triangle", count + vertices, kind != int(ON_EDGE)),
         )
     }
-    round_edges = _box(edges // WALKERS, edges, _integers(arrays["search.edge_tree.first"]))
+    round_edges = _box(edges // WALKERS, edges, integers(arrays["search.edge_tree.first"]))
     bounds["search.edge_tree.bound"] = _joined(bounds["search.edge_tree.bound"], round_edges)
     return bounds | {
         "meetings.group": (team * (1 + met.max(initial=0) // TEAM) + met // TEAM, np.arange(len(team))),
@@ -88,7 +85,7 @@ def walks_work(arrays: Arrays) -> dict[str, Part]:
 def crossing_walks_work(arrays: Arrays, threads: int) -> dict[str, Part]:
     """The same of ``meet_crossing``: groups of edges, triangles and vertices walk if any of theirs is tangled."""
     edge, triangle, vertex = (
-        _integers(arrays[f"search.{leaf}"]) for leaf in ("edge_tree.leaf", "triangle_tree.leaf", "vertex")
+        integers(arrays[f"search.{leaf}"]) for leaf in ("edge_tree.leaf", "triangle_tree.leaf", "vertex")
     )
     trees = [len(leaf) // TEAM for leaf in (edge, triangle)]
     edges, triangles, vertices = (np.flatnonzero(leaf[::TEAM] >= 0) for leaf in (edge, triangle, vertex))
@@ -96,13 +93,13 @@ def crossing_walks_work(arrays: Arrays, threads: int) -> dict[str, Part]:
     kind, group, met = listed_groups(arrays).T
     by_triangle, by_vertex = kind == int(BY_TRIANGLE), kind == int(ON_TRIANGLE)
     team = group + trees[0] * (by_triangle | by_vertex) + trees[1] * by_vertex
-    first = [_integers(arrays[f"search.{tree}_tree.first"]) for tree in ("edge", "triangle")]
+    first = [integers(arrays[f"search.{tree}_tree.first"]) for tree in ("edge", "triangle")]
     ends, corners = _leaves(edges // WALKERS, edges), _leaves((trees[0] + triangles) // WALKERS, triangles)
     own = _leaves((sum(trees) + vertices) // WALKERS, vertices)
     walking = np.unique(group[by_vertex])
     walked = _leaves((sum(trees) + walking) // WALKERS, walking)
     tangled = [
-        (np.repeat(block, columns), _integers(arrays[f"search.{name}"])[leaf].ravel())
+        (np.repeat(block, columns), integers(arrays[f"search.{name}"])[leaf].ravel())
         for (block, leaf), name, columns in ((ends, "ends", 2), (corners, "corners", 3))
     ]
     return {
@@ -132,9 +129,9 @@ def groups_work(arrays: Arrays, threads: int) -> dict[str, Part]:
     on_edge = kind == int(ON_EDGE)
     edges, others = block[on_edge], block[~on_edge]
     vertices = _leaves(others, group[~on_edge])
-    vertex = np.maximum(_integers(arrays["search.vertex"])[vertices[1]], 0)
+    vertex = np.maximum(integers(arrays["search.vertex"])[vertices[1]], 0)
     of_edges = np.tile(edges, 2), np.concatenate([group[on_edge], met[on_edge]])
-    edge_first, triangle_first = (_integers(arrays[f"search.{tree}_tree.first"]) for tree in ("edge", "triangle"))
+    edge_first, triangle_first = (integers(arrays[f"search.{tree}_tree.first"]) for tree in ("edge", "triangle"))
     return {
         "meetings.count": _first_of_blocks(threads),
         "meetings.group": (block, np.arange(len(kind))),
@@ -159,13 +156,13 @@ def crossing_groups_work(arrays: Arrays, threads: int) -> dict[str, Part]:
     block = np.arange(len(kind)) % max(threads // TEAM, 1) // TEAMS
     by_triangle, on_edge = kind == int(BY_TRIANGLE), kind != int(ON_TRIANGLE)
     asking, triangles = np.where(by_triangle, met, group), np.where(by_triangle, group, met)
-    looked, ends = _leaves(block[by_triangle], asking[by_triangle]), _integers(arrays["search.ends"])
-    tangled = _integers(arrays["search.tangled"])[ends[looked[1]]].reshape(-1, 2 * TEAM).any(axis=1)
+    looked, ends = _leaves(block[by_triangle], asking[by_triangle]), integers(arrays["search.ends"])
+    tangled = integers(arrays["search.tangled"])[ends[looked[1]]].reshape(-1, 2 * TEAM).any(axis=1)
     goes_on = np.ones(len(kind), dtype=bool)
     goes_on[by_triangle] = ~tangled  # edges that are tangled ask by themselves
     edges, on = on_edge & goes_on, block[goes_on]
     vertices = _leaves(block[~on_edge], group[~on_edge])
-    first = _integers(arrays["search.triangle_tree.first"])
+    first = integers(arrays["search.triangle_tree.first"])
     return {
         "meetings.count": _first_of_blocks(threads),
         "meetings.group": (block, np.arange(len(kind))),
@@ -177,7 +174,7 @@ def crossing_groups_work(arrays: Arrays, threads: int) -> dict[str, Part]:
         "search.ends": _joined(looked, _leaves(block[edges], asking[edges])),
         "search.tangled": (np.repeat(looked[0], 2), ends[looked[1]].ravel()),
         "search.vertex": vertices,
-        "cloth.position": (vertices[0], np.maximum(_integers(arrays["search.vertex"])[vertices[1]], 0)),
+        "cloth.position": (vertices[0], np.maximum(integers(arrays["search.vertex"])[vertices[1]], 0)),
     }
 
 
@@ -228,13 +225,13 @@ def crossing_leaves_work(arrays: Arrays, threads: int) -> dict[str, Part]:
     part, row, asking, met = listed_leaves(arrays)
     block, instruction = _threads_of_leaves(part, row, threads)
     on_edge = asking >= 0
-    edge = _integers(arrays["search.edge_tree.leaf"])[asking[on_edge]]
-    triangle = _integers(arrays["search.triangle_tree.leaf"])[met]
-    corners = _integers(arrays["search.triangles"])[triangle]
+    edge = integers(arrays["search.edge_tree.leaf"])[asking[on_edge]]
+    triangle = integers(arrays["search.triangle_tree.leaf"])[met]
+    corners = integers(arrays["search.triangles"])[triangle]
     vertex = -1 - asking[~on_edge]
     asked = _joined(
         (np.repeat(block, 3), corners.ravel()),
-        (np.repeat(block[on_edge], 2), _integers(arrays["search.edges"])[edge].ravel()),
+        (np.repeat(block[on_edge], 2), integers(arrays["search.edges"])[edge].ravel()),
         (block[~on_edge], vertex),
     )
     shifted = np.arange(5 * int(arrays["untangling.count"].numpy()[0])) % len(arrays["search.tangled"])
@@ -256,13 +253,13 @@ def crossing_leaves_work(arrays: Arrays, threads: int) -> dict[str, Part]:
 def listed_groups(arrays: Arrays) -> Numbers:
     """What is asked for, the group that asks and the one that it meets, of each listed pair of groups, shape [N, 3]."""
     groups = arrays["meetings.group"]
-    return _integers(groups)[: int(arrays["meetings.count"].numpy()[int(GROUPS)])]
+    return integers(groups)[: int(arrays["meetings.count"].numpy()[int(GROUPS)])]
 
 
 def listed_leaves(arrays: Arrays) -> tuple[Numbers, Numbers, Numbers, Numbers]:
     """Of each listed pair of leaves the part of the list, the row there, what asks, and what it meets."""
     room = len(arrays["meetings.leaf"]) // int(PARTS)
-    leaves = _integers(arrays["meetings.leaf"])[: room * int(PARTS)].reshape(int(PARTS), room, 2)
+    leaves = integers(arrays["meetings.leaf"])[: room * int(PARTS)].reshape(int(PARTS), room, 2)
     counts = arrays["meetings.count"].numpy()[int(LEAVES_MET) * int(APART) :: int(APART)]
     here = np.arange(room) < counts[:, None]
     part, row = np.nonzero(here)
@@ -274,8 +271,8 @@ def leaf_corners(arrays: Arrays, asking: Numbers, met: Numbers) -> tuple[Numbers
     on_edge = asking >= 0
     corners = np.empty((len(asking), 4), dtype=np.int64)
     corners[~on_edge, 0] = -1 - asking[~on_edge]
-    corners[~on_edge, 1:] = _integers(arrays["search.corners"])[met[~on_edge]]
-    leaf, ends = _integers(arrays["search.edge_tree.leaf"]), _integers(arrays["search.ends"])
+    corners[~on_edge, 1:] = integers(arrays["search.corners"])[met[~on_edge]]
+    leaf, ends = integers(arrays["search.edge_tree.leaf"]), integers(arrays["search.ends"])
     one, two = asking[on_edge], met[on_edge]
     before = leaf[one] < leaf[two]
     corners[on_edge, :2] = ends[np.where(before, one, two)]
@@ -289,7 +286,7 @@ def kept_pairs(arrays: Arrays, corners: Numbers, on_edge: NDArray[np.bool_]) -> 
     if not count:
         return np.full(len(corners), -1)
     kinds = arrays["contact.kind"].numpy()[:count] & 1
-    numbers = pair_numbers(_integers(arrays["contact.corners"])[:count], kinds == int(ON_EDGE))
+    numbers = pair_numbers(integers(arrays["contact.corners"])[:count], kinds == int(ON_EDGE))
     order = np.argsort(numbers)
     wanted = pair_numbers(corners, on_edge)
     found = order[np.minimum(np.searchsorted(numbers, wanted, sorter=order), count - 1)]
@@ -325,10 +322,9 @@ def _put_down(arrays: Arrays) -> Part:
 
 def _near(arrays: Arrays, block: Numbers, vertex: Numbers) -> Part:
     """The rows of those near vertices in the rest shape."""
-    start = _integers(arrays["search.near_start"])
-    count = start[vertex + 1] - start[vertex]
-    first = np.repeat(start[vertex] - np.cumsum(count) + count, count)
-    return np.repeat(block, count), first + np.arange(len(first))
+    start = integers(arrays["search.near_start"])
+    which, rows = ranges(start[vertex], start[vertex + 1] - start[vertex])
+    return block[which], rows
 
 
 def _leaves(block: Numbers, group: Numbers) -> Part:
@@ -374,7 +370,3 @@ def _once(block: Numbers) -> Part:
 
 def _joined(*parts: Part) -> Part:
     return np.concatenate([part[0] for part in parts]), np.concatenate([part[1] for part in parts])
-
-
-def _integers(array: wp.array) -> Numbers:
-    return np.asarray(array.numpy(), dtype=np.int64)

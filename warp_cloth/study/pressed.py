@@ -2,19 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
-import warp as wp
 from numpy.typing import NDArray
 
 from warp_cloth.kernels.block import BLOCK_THREADS
 from warp_cloth.kernels.cloth_contact import ON_EDGE
 from warp_cloth.kernels.pressing import ON_TRIANGLES, ROUNDS
+from warp_cloth.study.asked import Arrays, Numbers
 from warp_cloth.study.traffic import SEVERAL, Chain, Uses
-
-Numbers = NDArray[np.int64]
-Arrays = Mapping[str, wp.array]
 
 TEAM = 32  # threads that go together, and pairs next to each other that a block takes
 CORNERS = 4

@@ -14,8 +14,9 @@ from warp_cloth.kernels.cloth import Patch
 from warp_cloth.kernels.cloth_contact import ON_EDGE
 from warp_cloth.kernels.field import ContactField
 from warp_cloth.kernels.limits import BLOCK_MEMORY, BLOCKS_PER_CORE
+from warp_cloth.study.asked import THREADS, Part, ranges
 from warp_cloth.study.caches import core_bytes, spilled_bytes
-from warp_cloth.study.gathered import THREADS, gathered_work
+from warp_cloth.study.gathered import gathered_work
 from warp_cloth.study.launches import Launch
 from warp_cloth.study.listed import work_on_lists
 from warp_cloth.study.pressed import CORNERS, LOST, block_of_pairs, chosen_pairs, looked_at, stores
@@ -31,7 +32,6 @@ AT_A_TIME = 1 << 16  # vertices whose places in a table are looked up together
 BLOCKS, WARPS, STORES = "blocks", "warps", "stores"  # by which those are told apart that share what they ask for
 
 Keys = NDArray[np.int64]
-Part = tuple[Keys, Keys]  # blocks of threads, and what each of them uses
 BLOCK = 1 << 36  # in a key that stands for a sector of an array and the block that asks for it
 
 
@@ -126,29 +126,20 @@ class _Moved:
         """The sectors of an array that each block asks for in some chains, by the loop that asks."""
         array = self._arrays[name]
         packed = name in self._uses.packed
-        listed = (
-            name if self._listed or name in self._gathered else ""
-        )  # what these ask for differs from array to array
-        corners = frozenset(self._uses.picked.get(name, ()))
-        alike = (
-            frozenset(chains),
-            self._uses.starts.get(name),
-            array.dtype,
-            array.shape,
-            packed,
-            listed,
-            corners,
-            by,
-        )
+        # what lists and meshes lead to differs from array to array
+        own = name if self._listed or name in self._gathered else ""
+        asked = frozenset(chains), frozenset(self._uses.picked.get(name, ())), own, by
+        start = self._uses.starts.get(name, "")
+        alike = *asked, start, array.dtype, array.shape, packed
         if array.ndim > 2 or alike not in self._known:
             found: dict[str, list[Keys]] = {}
             for chain in chains:
                 loop = next((each for each in reversed(chain) if each in self._patch), "")
                 if loop == ITEMS:
-                    loop = OF_ITEMS.get(self._uses.starts.get(name, ""), loop)
+                    loop = OF_ITEMS.get(start, loop)
                 if not loop and self._patch and len(array) == self._vertices and not self._counters(chain):
                     loop = "owned_count"  # each thread its own
-                if loop or len(chains) == 1 or not alike[1]:  # else what a loop's first turn uses, asked for early
+                if loop or len(chains) == 1 or not start:  # else what a loop's first turn uses, asked for early
                     found.setdefault(loop, []).append(self._sectors(name, chain, loop, by=by))
             self._known[alike] = {loop: _distinct(np.concatenate(keys)) for loop, keys in found.items()}
         return self._known[alike]
@@ -210,17 +201,17 @@ class _Moved:
         """Patches, and the part of a table that ends at ``end`` that each goes over."""
         first = self._patch[start]
         if SEVERAL in chain:  # several for each: the whole part, which ends where the next one begins
-            return _ranges(first, np.diff(first, append=end))
+            return ranges(first, np.diff(first, append=end))
         beyond = sum(self._patch[each] for each in self._patch if FROM + each in chain)
         if loop == "normal_count":  # an item's normals are worked out from what its edges' table tells of its vertices
             beyond = beyond + np.where(self._patch[ITEMS] > 0, self._patch["triangle_count"], 0)
-        return _ranges(first + beyond, self._patch[loop] - beyond)
+        return ranges(first + beyond, self._patch[loop] - beyond)
 
     def _vertices_by_block(self, loop: str = "owned_count") -> Part:
         """Blocks, and the vertices that each goes over."""
         if not self._patch:
             return np.arange(self._vertices) // THREADS, np.arange(self._vertices)
-        block, place = _ranges(self._patch["vertex_start"], self._patch[loop])
+        block, place = ranges(self._patch["vertex_start"], self._patch[loop])
         return block, self._vertex[place]
 
     def _of_pairs(self, name: str, contact: str, chain: Chain, found: int, *, by: str) -> Part:
@@ -291,12 +282,6 @@ def field_nodes(field: Any, values: NDArray[np.float32], block: Keys, points: ND
 def _owner(name: str) -> str:
     """The struct that an array lies in."""
     return name.rpartition(".")[0]
-
-
-def _ranges(first: Keys, count: Keys) -> Part:
-    """Blocks, and the numbers that each goes over from its first one on."""
-    block = np.repeat(np.arange(len(count)), count)
-    return block, np.arange(len(block)) + (first - np.cumsum(count) + count)[block]
 
 
 def _keys(block: Keys, element: Keys, size: int) -> Keys:

@@ -1,0 +1,26 @@
+"""Words for what blocks of threads ask for of arrays, whether lists, meshes or patches lead them there."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import warp as wp
+from numpy.typing import NDArray
+
+Numbers = NDArray[np.int64]
+Part = tuple[Numbers, Numbers]  # blocks of threads, and elements of an array that each of them asks for
+Arrays = Mapping[str, wp.array]
+
+THREADS = 256  # of a block, where Warp chooses
+
+
+def integers(array: wp.array) -> Numbers:
+    """What an array of whole numbers holds."""
+    return np.asarray(array.numpy(), dtype=np.int64)
+
+
+def ranges(first: Numbers, count: Numbers) -> Part:
+    """Which range, and the numbers that it goes over from its first one on."""
+    which = np.repeat(np.arange(len(count)), count)
+    return which, np.arange(len(which)) + (first - np.cumsum(count) + count)[which]
