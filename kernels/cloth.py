@@ -197,7 +197,7 @@ def cloth_types(precision: str) -> SimpleNamespace:
 
         patch: wp.array(dtype=wp.vec4i)  # as Patch
         vertex: wp.array(dtype=wp.int32)  # of all garments; of each patch those that it owns first
-        ends: wp.array(dtype=wp.uint64)  # of an edge, and its two triangles; of items as warp_cloth.triangle_pairs says
+        ends: wp.array(dtype=wp.uint64)  # of an edge, and its two triangles; of items as patches.triangle_pairs says
         law: wp.array(dtype=vec4)  # as Edges.law and Edges.fold; where there are edges
         fold: wp.array(dtype=real)  # as Edges.fold, where there are folds only
         rest: wp.array(dtype=vec2)  # as Edges.rest

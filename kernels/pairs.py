@@ -1,4 +1,4 @@
-"""What a thread does for its item: two triangles that share an edge, or a single one (warp_cloth.triangle_pairs).
+"""What a thread does for its item: two triangles that share an edge, or a single one (patches.triangle_pairs).
 
 Triangles are a, b, c and b, a, d, each wound like that. What a thread has read of their vertices serves both normals,
 the edges that it works out and what the triangles do to their corners. Where every item has a thread of its own, this

@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from warp_cloth.fabric import Fabric
-from warp_cloth.garment_part import GarmentPart
+from warp_cloth.garment.part import GarmentPart
+from warp_cloth.garment.rest import RestShape, build_rest_shape
 from warp_cloth.kernels.cloth import cloth_types
+from warp_cloth.material.fabric import Fabric
 from warp_cloth.mesh import Mesh, Points
 from warp_cloth.model import ClothModel, build_model
-from warp_cloth.rest import RestShape, build_rest_shape
 from warp_cloth.solver.forces import ForcePass
 from warp_cloth.topology import Topology
 

@@ -10,12 +10,12 @@ from scipy.optimize import minimize
 from scipy.sparse import coo_matrix
 from scipy.sparse.linalg import splu
 
-from warp_cloth.garment_part import GarmentPart
+from warp_cloth.garment.part import GarmentPart
+from warp_cloth.garment.rest import RestShape
 from warp_cloth.kernels.cloth import cloth_types
 from warp_cloth.kernels.stiffness import stiffness_kernels, stiffness_types
 from warp_cloth.mesh import Mesh, Points
 from warp_cloth.model import build_model
-from warp_cloth.rest import RestShape
 from warp_cloth.solver.certificate import element_energies
 from warp_cloth.solver.forces import ForcePass
 from warp_cloth.solver.pairs import build_pairs

@@ -10,12 +10,12 @@ import warp as wp
 from cloths import NO_PINS, grid
 
 from warp_cloth.collide.cloth import ClothTouch, SheetKind
-from warp_cloth.fabric import Fabric
-from warp_cloth.garment_part import GarmentPart
+from warp_cloth.garment.part import GarmentPart
+from warp_cloth.garment.rest import build_rest_shape
 from warp_cloth.kernels.cloth import cloth_types
+from warp_cloth.material.fabric import Fabric
 from warp_cloth.mesh import Mesh, Points
 from warp_cloth.model import ClothModel, build_model
-from warp_cloth.rest import build_rest_shape
 from warp_cloth.solver.relax import Relaxation
 
 THICKNESS = 2e-3  # [m]; thick beside the meshes' 20 mm edges, so that small sheets touch in many places

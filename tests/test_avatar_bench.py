@@ -17,8 +17,8 @@ from warp_cloth.collide.depth import build_depth_buffers
 from warp_cloth.collide.exact import build_exact_collider
 from warp_cloth.collide.field import build_contact_field
 from warp_cloth.collide.layers import build_layered_buffers
+from warp_cloth.garment.wardrobe import open_wardrobe
 from warp_cloth.loading import load_mesh
-from warp_cloth.wardrobe import open_wardrobe
 
 JUMP = 0.002  # [mm] beyond a walk of 0.0008 mm: slopes of 1.4, as in creases, and float32's rounding
 TWIST = 0.5  # [degrees] within 0.0008 mm: the tightest creases turn the normal by 0.2

@@ -11,7 +11,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from warp_cloth import patches
 from warp_cloth.batch import ahead
 from warp_cloth.batch.arena import Arena
 from warp_cloth.batch.loading import WORTH, Loaders, Shelf
@@ -20,11 +19,12 @@ from warp_cloth.batch.processes import context
 from warp_cloth.batch.turns import Turn
 from warp_cloth.errors import InputError
 from warp_cloth.fitting import Fit
+from warp_cloth.garment.wardrobe import Rack, Recipe, mesh_recipes, open_wardrobe
 from warp_cloth.kept import Kept
 from warp_cloth.model import build_model
+from warp_cloth.patches import cutting
 from warp_cloth.scene import Scene, load_scene
 from warp_cloth.set_up import kind_of
-from warp_cloth.wardrobe import Rack, Recipe, mesh_recipes, open_wardrobe
 
 
 def scenes() -> list[Scene]:
@@ -140,8 +140,8 @@ def test_helpers_cut_the_patches_that_a_large_model_asks_for(loaders: Loaders, m
     several, rack, kept = scenes(), Rack(), Kept()
     loaders.fill(rack, several, kept)
     parts = [open_wardrobe(scene, rack).parts[0] for scene in several]
-    monkeypatch.setattr(patches, "SMALLEST", patches.LARGEST)  # as if there were thousands of garments
-    monkeypatch.setattr(patches, "_garment_tables", forbidden)
+    monkeypatch.setattr(cutting, "SMALLEST", cutting.LARGEST)  # as if there were thousands of garments
+    monkeypatch.setattr(cutting, "_garment_tables", forbidden)
     model = build_model(parts, device="cpu", precision="mixed", gathers=True, garments=[1] * len(parts), kept=kept)
     assert model.patches is not None
 

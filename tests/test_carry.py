@@ -13,8 +13,8 @@ from pxr import Usd, UsdGeom, Vt
 import warp_cloth
 from warp_cloth.errors import InputError
 from warp_cloth.fitting import Fit
+from warp_cloth.garment.wardrobe import open_wardrobe
 from warp_cloth.result import Status
-from warp_cloth.wardrobe import open_wardrobe
 
 WAY = np.array([0.06, 0.02, -0.02])  # [m] that the ball goes: more than any garment could jump
 SLIPPED = 0.015  # [m] that the cloth's middle may lag behind: what hangs free is dragged

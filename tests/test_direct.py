@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from cloths import bare_rest, model_of
 
+from warp_cloth.garment.rest import RestShape
 from warp_cloth.mesh import Indices, Mesh, Points
 from warp_cloth.model import ClothModel
-from warp_cloth.rest import RestShape
 from warp_cloth.solver.relax import Collider, Relaxation, StepOptions
 from warp_cloth.topology import build_topology
 

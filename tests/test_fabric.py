@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from warp_cloth.errors import InputError
-from warp_cloth.fabric import (
+from warp_cloth.material.constants import thread_stretches
+from warp_cloth.material.fabric import (
     BOUNDS,
     Fabric,
     fabric_named,
@@ -19,7 +20,7 @@ from warp_cloth.fabric import (
     resolve_fabric,
     shipped_fabrics,
 )
-from warp_cloth.laboratory import (
+from warp_cloth.material.laboratory import (
     KES_BENDING,
     MATCHED_FOLD,
     MATCHED_SHEAR_ANGLE,
@@ -27,7 +28,6 @@ from warp_cloth.laboratory import (
     bending_of_rigidity,
     rigidity_of_bending,
 )
-from warp_cloth.material import thread_stretches
 
 ROUNDING = 1e-12  # relative; conversions are a few products in float64
 

@@ -10,11 +10,11 @@ import pytest
 import warp as wp
 from cloths import cloth_forces, grid, model_of, without
 
-from warp_cloth import device_patches
-from warp_cloth.fabric import resolve_fabric
+from warp_cloth.garment.rest import build_rest_shape
+from warp_cloth.material.fabric import resolve_fabric
 from warp_cloth.mesh import Mesh, Points
 from warp_cloth.model import ClothModel
-from warp_cloth.rest import build_rest_shape
+from warp_cloth.patches import on_device
 from warp_cloth.solver.certificate import element_energies
 
 # Central differences of fourth order with a step of 1e-3 of the shape's own detail leave a truncation near 1e-9 and
@@ -177,7 +177,7 @@ def test_evenly_drawn_cloth_is_balanced_inside_to_the_last_digits(terms: str, fo
 def test_gathered_forces_have_the_bits_of_scattered_ones(
     terms: str, paired: bool, fourth: str, precision: str, device: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(device_patches, "takes_pairs", lambda terms, vertices: paired)
+    monkeypatch.setattr(on_device, "takes_pairs", lambda terms, vertices: paired)
     points, _ = shaped("random")
     scattered = cloth_forces(model_with(terms, points, precision), fourth)
     gathered = cloth_forces(model_with(terms, points, precision, device, gathers=True), fourth)

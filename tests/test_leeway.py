@@ -10,12 +10,12 @@ import warp as wp
 from cloths import cloth_forces, deformed_model, grid, model_of, slopes
 from test_carried import floor
 
-from warp_cloth.fabric import Fabric
+from warp_cloth.garment.rest import build_rest_shape
 from warp_cloth.kernels.cloth import cloth_types
 from warp_cloth.kernels.displacement import loose_way
+from warp_cloth.material.fabric import Fabric
 from warp_cloth.mesh import Mesh
 from warp_cloth.model import ClothModel
-from warp_cloth.rest import build_rest_shape
 from warp_cloth.solver.leeway import Leeway
 from warp_cloth.solver.relax import Collider, Relaxation, StepOptions
 

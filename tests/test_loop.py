@@ -10,11 +10,11 @@ import pytest
 
 from warp_cloth import set_up as set_up_module
 from warp_cloth.fitting import tolerance_of
+from warp_cloth.garment.wardrobe import open_wardrobe
 from warp_cloth.model import build_model
 from warp_cloth.scene import load_scene
 from warp_cloth.set_up import following, set_up
 from warp_cloth.solver.loop import Goal, Outcome, relax_items
-from warp_cloth.wardrobe import open_wardrobe
 
 FALLING = ["garment.shape.vertices_per_side=9", "collision.pixel_mm=10", "collision.offset_mm=5"]
 

@@ -21,13 +21,13 @@ from warp_cloth.collide.exact import penetration, penetrations
 from warp_cloth.collide.garments import worn_crossings
 from warp_cloth.errors import InputError
 from warp_cloth.fitting import Fit, tolerance_of
+from warp_cloth.garment.wardrobe import open_wardrobe
 from warp_cloth.model import build_model
 from warp_cloth.result import Status
 from warp_cloth.scene import Scene, load_scene
 from warp_cloth.set_up import SetUp
 from warp_cloth.solver.loop import Goal, relax_items
 from warp_cloth.threads import ALONE
-from warp_cloth.wardrobe import open_wardrobe
 
 ON_SPHERE = ["solver.iterations=330", "collision.pixel_mm=10"]
 HANGING = ["garment.shape.vertices_per_side=6", "solver.iterations=250"]

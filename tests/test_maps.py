@@ -14,9 +14,9 @@ from worn import box_avatar
 
 from warp_cloth.collide.exact import build_exact_collider
 from warp_cloth.errors import InputError
-from warp_cloth.fabric import Fabric
 from warp_cloth.fitting import fit
-from warp_cloth.garment_part import GarmentPart
+from warp_cloth.garment.part import GarmentPart
+from warp_cloth.garment.rest import GRAVITY, build_rest_shape
 from warp_cloth.kernels.closest import MeshCollider, mesh_contact
 from warp_cloth.maps import MAPS, chosen_maps, measure_maps
 from warp_cloth.maps.girths import garment_girths
@@ -24,9 +24,9 @@ from warp_cloth.maps.kinds import rounded_up, shown_range
 from warp_cloth.maps.levels import body_levels
 from warp_cloth.maps.section import cut
 from warp_cloth.maps.strain import face_strains, vertex_areas, vertex_means
-from warp_cloth.material import even_network
+from warp_cloth.material.constants import even_network
+from warp_cloth.material.fabric import Fabric
 from warp_cloth.mesh import Mesh
-from warp_cloth.rest import GRAVITY, build_rest_shape
 from warp_cloth.shapes import MannequinMeasures, mannequin, sphere, tshirt
 from warp_cloth.solver.certificate import Certifier
 from warp_cloth.solver.relax import Collider, Relaxation, StepOptions
@@ -100,7 +100,7 @@ def test_strip_that_hangs_under_its_weight_strains_as_the_square_root_of_what_ha
 def test_net_on_a_sphere_presses_by_its_tension_and_curvature() -> None:
     """A net strained by e all ways has E / A = K e^3 / 3 / N, N the network's share: p = (dE/de) e' / (4 pi r^2).
 
-    With r = R (1 + e): p = K e^2 / (N R) / (1 + e)^2, K / N the sum of k L^3 per area (see warp_cloth.material).
+    With r = R (1 + e): p = K e^2 / (N R) / (1 + e)^2, K / N the sum of k L^3 per area (see material.constants).
     """
     radius, strain, offset = 0.3, 0.04, 0.003
     net = sphere(radius=(radius + offset) / (1 + strain), centre=(0.0, 0.0, 0.0), edge=0.03)

@@ -11,14 +11,13 @@ import warp as wp
 from cloths import model_of
 from swatches import MESHINGS, swatch
 
-from warp_cloth import material_bending
 from warp_cloth.bench.specimen import Specimen
 from warp_cloth.bench.trials import bend, drape, pull, released, shear
-from warp_cloth.fabric import Fabric, fabric_named, resolve_fabric
-from warp_cloth.grain import Grain
+from warp_cloth.garment.grain import Grain
+from warp_cloth.garment.rest import build_rest_shape
 from warp_cloth.kernels.cloth import cloth_types
-from warp_cloth.laboratory import MATCHED_FOLD, MATCHED_SHEAR_ANGLE, bending_length, rigidity_of_bending
-from warp_cloth.rest import build_rest_shape
+from warp_cloth.material.fabric import Fabric, fabric_named, resolve_fabric
+from warp_cloth.material.laboratory import MATCHED_FOLD, MATCHED_SHEAR_ANGLE, bending_length, rigidity_of_bending
 from warp_cloth.solver.certificate import Tolerance, element_energies, thread_strains, thread_summaries
 from warp_cloth.solver.forces import ForcePass
 from warp_cloth.solver.relax import StepOptions
@@ -229,7 +228,7 @@ def test_large_sheets_stop_when_they_have_settled_and_bend_like_others(
 ) -> None:
     mesh, fabric = swatch(0.1, 0.1, 0.0025, meshing), fabric_named(name)
     whole = build_rest_shape(mesh, fabric, rest="mesh").hinge_stiffness
-    monkeypatch.setattr(material_bending, "MANY", 0)
+    monkeypatch.setattr("warp_cloth.material.bending.MANY", 0)
     settled = build_rest_shape(mesh, fabric, rest="mesh").hinge_stiffness
     assert settled == pytest.approx(whole, rel=SETTLED_APART)
     assert settled.mean() == pytest.approx(whole.mean(), rel=SETTLED_MEAN_APART)

@@ -11,12 +11,12 @@ import pytest
 from typer.testing import CliRunner
 
 from warp_cloth.cli import app
+from warp_cloth.garment.wardrobe import open_wardrobe
 from warp_cloth.scene import load_scene
 from warp_cloth.study import methods
 from warp_cloth.study.methods import Look, Run, run_case
 from warp_cloth.study.methods_files import methods_lines, save_methods, truth_of
 from warp_cloth.study.methods_scenes import GROUPS, KINDS, TRUE_FABRICS, Case, all_cases, case_tree, true_cases
-from warp_cloth.wardrobe import open_wardrobe
 
 SMALL = Case("strip", 120, 2e4)
 FEW = 200  # iterations; the strip does not rest in so few

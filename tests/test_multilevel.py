@@ -7,12 +7,12 @@ import pytest
 import warp as wp
 from cloths import grid
 
-from warp_cloth.fabric import Fabric
-from warp_cloth.garment_part import GarmentPart
+from warp_cloth.garment.part import GarmentPart
+from warp_cloth.garment.rest import build_rest_shape
 from warp_cloth.kernels.implicit import hold_function, meets_function
 from warp_cloth.kernels.stiffness import stiffness_types
+from warp_cloth.material.fabric import Fabric
 from warp_cloth.model import ClothModel, build_model
-from warp_cloth.rest import build_rest_shape
 from warp_cloth.result import Status
 from warp_cloth.scene import load_scene
 from warp_cloth.set_up import following, set_up_one, start_coarse

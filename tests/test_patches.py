@@ -8,16 +8,16 @@ import numpy as np
 import pytest
 from cloths import cloth_forces, grid, model_of
 
-from warp_cloth import device_patches, patches
-from warp_cloth.elements import garment_elements
 from warp_cloth.errors import InputError
-from warp_cloth.fabric import resolve_fabric
-from warp_cloth.garment_part import GarmentPart, terms_of
+from warp_cloth.garment.elements import garment_elements
+from warp_cloth.garment.part import GarmentPart, terms_of
+from warp_cloth.garment.rest import RestShape, build_rest_shape
 from warp_cloth.kernels.limits import BLOCK_MEMORY, FEW, Terms
+from warp_cloth.material.fabric import resolve_fabric
 from warp_cloth.mesh import Mesh
 from warp_cloth.model import build_model
-from warp_cloth.patches import PatchTables, cut_patches, even_size
-from warp_cloth.rest import RestShape, build_rest_shape
+from warp_cloth.patches import cutting, on_device
+from warp_cloth.patches.cutting import PatchTables, cut_patches, even_size
 from warp_cloth.solver.relax import Collider, Method, Relaxation, StepOptions
 from warp_cloth.topology import build_topology
 
@@ -61,9 +61,9 @@ def test_patches_of_any_size_give_the_bits_of_scattered_forces(
     mesh = grid(12)
     rest = build_rest_shape(mesh, fabric, rest="mesh")
     points = mesh.points + np.random.default_rng(1).normal(scale=5e-3, size=mesh.points.shape)
-    monkeypatch.setattr(device_patches, "takes_pairs", lambda terms, vertices: paired)
-    monkeypatch.setattr(patches, "SMALLEST", size)
-    monkeypatch.setattr(patches, "LARGEST", size)
+    monkeypatch.setattr(on_device, "takes_pairs", lambda terms, vertices: paired)
+    monkeypatch.setattr(cutting, "SMALLEST", size)
+    monkeypatch.setattr(cutting, "LARGEST", size)
     loads = []
     for gathers in (False, True):
         model = model_of(mesh, rest, precision="mixed", gathers=gathers)
@@ -86,7 +86,7 @@ def test_many_triangles_at_a_vertex_are_summed_as_scattered_ones(count: int) -> 
 def test_every_vertex_is_owned_once_and_every_patch_has_memory(mesh: Mesh) -> None:
     tables = cut(mesh, fan_rest(mesh))
     assert (np.sort(owned(tables)) == np.arange(mesh.vertex_count)).all()
-    needed = patches._memory(tables.patch, BENT, "mixed")
+    needed = cutting._memory(tables.patch, BENT, "mixed")
     place = tables.patch["overflow"]
     assert ((needed > BLOCK_MEMORY) == (place >= 0)).all()
     assert (tables.patch["owned_count"][place >= 0] == 1).all()  # only what cannot be cut further
@@ -105,10 +105,10 @@ def test_patches_cut_in_several_parts_are_those_cut_at_once(fabric: object, monk
     mesh = grid(12)
     rest = build_rest_shape(mesh, fabric, rest="mesh")
     terms = terms_of([GarmentPart(mesh.points, mesh.triangles, rest, np.zeros(0, dtype=np.int32))])
-    monkeypatch.setattr(patches, "SMALLEST", 7)
-    monkeypatch.setattr(patches, "BLOCK_MEMORY", 4000)  # some have to be halved
+    monkeypatch.setattr(cutting, "SMALLEST", 7)
+    monkeypatch.setattr(cutting, "BLOCK_MEMORY", 4000)  # some have to be halved
     whole = cut(mesh, rest, terms)
-    monkeypatch.setattr(patches, "CHUNK", 3)
+    monkeypatch.setattr(cutting, "CHUNK", 3)
     parts = cut(mesh, rest, terms)
     assert len(whole.patch["owned_count"]) > 144 / 7
     for name in (field for field in PatchTables.__dataclass_fields__ if field != "patch"):

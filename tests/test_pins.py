@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from warp_cloth.errors import InputError
+from warp_cloth.garment.pins import boundary_loops, select_pins
 from warp_cloth.mesh import Mesh
-from warp_cloth.pins import boundary_loops, select_pins
 
 
 @dataclass

@@ -12,8 +12,8 @@ from typer.testing import CliRunner
 
 from warp_cloth.cli import app
 from warp_cloth.fitting import fit
+from warp_cloth.garment.reach import reach_box
 from warp_cloth.plan import contact_kind, make_plan
-from warp_cloth.reach import reach_box
 from warp_cloth.scene import load_scene
 from warp_cloth.set_up import SetUp, set_up_one
 from warp_cloth.study import footprint, savings, timing

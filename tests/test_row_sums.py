@@ -7,7 +7,7 @@ import pytest
 from cloths import grid
 
 from warp_cloth import parts
-from warp_cloth.row_sums import LONGEST, RowSums
+from warp_cloth.material.row_sums import LONGEST, RowSums
 from warp_cloth.topology import build_topology
 
 WIDTH = 41  # of a grid whose rows take several parts

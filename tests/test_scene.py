@@ -11,7 +11,7 @@ import pytest
 from pydantic import ValidationError
 
 from warp_cloth.errors import InputError
-from warp_cloth.fabric import fabric_named, generic_fabric
+from warp_cloth.material.fabric import fabric_named, generic_fabric
 from warp_cloth.scene import GarmentSpec, Scene, load_scene, shipped_scenes
 from warp_cloth.scene.schema import AvatarSpec, CollisionSpec, SolverSpec
 from warp_cloth.scene.shapes import MannequinShape, SphereShape, SquareShape, TshirtShape

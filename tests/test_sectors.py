@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 import warp as wp
 
-from warp_cloth import device_patches
 from warp_cloth.kernels.cloth import Patch
 from warp_cloth.kernels.field import ContactField, sample_field
 from warp_cloth.model import build_model
+from warp_cloth.patches import on_device
 from warp_cloth.scene import load_scene
 from warp_cloth.set_up import set_up_one
 from warp_cloth.solver.relax import Collider, Relaxation, StepOptions
@@ -96,7 +96,7 @@ def test_each_patch_asks_for_its_part_of_a_table(advance: tuple[Launch, Uses], n
 def test_threads_that_work_on_pairs_ask_for_all_edges_and_for_corners_of_other_triangles_only(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(device_patches, "takes_pairs", lambda terms, vertices: True)
+    monkeypatch.setattr(on_device, "takes_pairs", lambda terms, vertices: True)
     part = set_up_one(load_scene({"garment": {"shape": SQUARE, "fabric": EDGED}}), "cpu").wardrobe.parts[0]
     model = build_model([part], device="cpu", precision="mixed", gathers=True)
     _pack, launch, _unpack = launches_of(Relaxation(model, Collider(), StepOptions()).iterate)

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 from cloths import grid
 
-from warp_cloth.elements import garment_elements
-from warp_cloth.fabric import resolve_fabric
+from warp_cloth.garment.elements import garment_elements
+from warp_cloth.garment.rest import build_rest_shape
 from warp_cloth.kernels.limits import Terms
+from warp_cloth.material.fabric import resolve_fabric
 from warp_cloth.mesh import Points
-from warp_cloth.patches import cut_patches
-from warp_cloth.rest import build_rest_shape
-from warp_cloth.spread import spread_places
+from warp_cloth.patches.cutting import cut_patches
+from warp_cloth.patches.spread import spread_places
 from warp_cloth.topology import build_topology
 
 COUNT = 40  # vertices a side

@@ -7,12 +7,12 @@ import pytest
 import warp as wp
 from cloths import cloth_forces, deformed_model, grid, model_of, slopes, without
 
-from warp_cloth.fabric import Fabric
-from warp_cloth.garment_part import GarmentPart
+from warp_cloth.garment.part import GarmentPart
+from warp_cloth.garment.rest import build_rest_shape
 from warp_cloth.kernels.displacement import NoCollider
 from warp_cloth.kernels.stiffness import stiffness_kernels, stiffness_types
+from warp_cloth.material.fabric import Fabric
 from warp_cloth.model import ClothModel
-from warp_cloth.rest import build_rest_shape
 from warp_cloth.solver.hierarchy import build_hierarchy
 from warp_cloth.solver.implicit import ImplicitOptions, ImplicitStep
 from warp_cloth.solver.pairs import build_pairs

@@ -11,12 +11,12 @@ from cloths import grid, model_of
 from test_carried import floor
 
 from warp_cloth.errors import InputError
-from warp_cloth.fabric import Fabric
+from warp_cloth.garment.rest import build_rest_shape
 from warp_cloth.kernels.cloth import cloth_types
 from warp_cloth.kernels.sharing import APART, meet_threads
+from warp_cloth.material.fabric import Fabric
 from warp_cloth.mesh import Mesh
 from warp_cloth.model import ClothModel, GarmentPart, build_model
-from warp_cloth.rest import build_rest_shape
 from warp_cloth.scene import load_scene
 from warp_cloth.set_up import set_up_one
 from warp_cloth.solver import together

@@ -6,22 +6,22 @@ import numpy as np
 import pytest
 from cloths import cloth_forces, grid, model_of
 
-from warp_cloth import device_patches, patches
-from warp_cloth.elements import garment_elements
-from warp_cloth.fabric import resolve_fabric
+from warp_cloth.garment.elements import garment_elements
+from warp_cloth.garment.rest import RestShape, build_rest_shape
 from warp_cloth.kernels.limits import SLOTS, Terms
+from warp_cloth.material.fabric import resolve_fabric
 from warp_cloth.mesh import Mesh
-from warp_cloth.patches import PatchTables, cut_patches
-from warp_cloth.rest import RestShape, build_rest_shape
+from warp_cloth.patches import cutting, on_device
+from warp_cloth.patches.cutting import PatchTables, cut_patches
+from warp_cloth.patches.triangle_pairs import SHARE, find_pairs, share_edges
 from warp_cloth.topology import build_topology
-from warp_cloth.triangle_pairs import SHARE, find_pairs, share_edges
 
 FABRIC = resolve_fabric({"stretch": 20e3, "compression": 0.1, "bending": 1e-5})
 BENT = Terms(edges=True, folds=True, threads=False)
 
 
 def cut(mesh: Mesh, monkeypatch: pytest.MonkeyPatch) -> PatchTables:
-    monkeypatch.setattr(patches, "SMALLEST", 100)
+    monkeypatch.setattr(cutting, "SMALLEST", 100)
     elements = garment_elements(mesh.triangles, build_rest_shape(mesh, FABRIC, rest="mesh"))
     return cut_patches([elements], [mesh.points], BENT, precision="mixed", own_memory=True, paired=True)
 
@@ -68,7 +68,7 @@ def test_no_item_takes_more_than_its_share() -> None:
 def test_triangles_that_meet_as_no_cloth_does_have_the_bits_of_scattered_forces(
     triangles: list[list[int]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(device_patches, "takes_pairs", lambda terms, vertices: True)
+    monkeypatch.setattr(on_device, "takes_pairs", lambda terms, vertices: True)
     count = np.max(triangles) + 1
     points = np.random.default_rng(2).normal(size=(count, 3))
     points[:3] = np.eye(3)  # of equal sides

@@ -14,8 +14,8 @@ from stages import COUNT, SIDE, cloth_points, write_users_stage
 from warp_cloth.errors import InputError
 from warp_cloth.export.save import write_meshes
 from warp_cloth.fitting import Fit, fit
-from warp_cloth.folds import fold_angles
-from warp_cloth.rest import RestShape
+from warp_cloth.garment.folds import fold_angles
+from warp_cloth.garment.rest import RestShape
 from warp_cloth.scene import load_scene
 from warp_cloth.topology import build_topology
 

@@ -13,8 +13,8 @@ from stages import write_users_stage
 from warp_cloth.errors import InputError
 from warp_cloth.export.save import write_meshes
 from warp_cloth.fitting import fit
+from warp_cloth.garment.wardrobe import open_wardrobe
 from warp_cloth.scene import load_scene
-from warp_cloth.wardrobe import open_wardrobe
 
 CLOTH, BALL = "/World/wardrobe/cloth", "/World/ball"
 NAN = float("nan")

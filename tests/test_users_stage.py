@@ -11,9 +11,9 @@ from stages import COUNT, RADIUS, write_users_stage
 
 from warp_cloth.errors import InputError
 from warp_cloth.export.save import write_meshes
-from warp_cloth.fabric import Fabric
 from warp_cloth.fitting import Fit, fit
-from warp_cloth.linearised import CURVATURE, STRAIN, fabric_table, linear_constants
+from warp_cloth.material.fabric import Fabric
+from warp_cloth.material.linearised import CURVATURE, STRAIN, fabric_table, linear_constants
 from warp_cloth.scene import load_scene
 
 # held all round, so that it has one rest shape: loose folds fall one way or another by the last bit of a number

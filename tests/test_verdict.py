@@ -13,10 +13,10 @@ from meshfiles import sheet, write_obj
 
 from warp_cloth.advice import advice
 from warp_cloth.fitting import fit
+from warp_cloth.garment.wardrobe import open_wardrobe
 from warp_cloth.result import Strain
 from warp_cloth.scene import load_scene
 from warp_cloth.verdict import fallen_pieces, hidden, of_another_size, slid_off
-from warp_cloth.wardrobe import open_wardrobe
 
 
 def contact(p99: float) -> dict[str, Any]:

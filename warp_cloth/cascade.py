@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import warp as wp
 
-from warp_cloth.garment_part import GarmentPart
+from warp_cloth.garment.part import GarmentPart
 from warp_cloth.mesh import Points, vertex_normals
 from warp_cloth.model import ClothModel, build_model
 from warp_cloth.result import Status

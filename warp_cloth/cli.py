@@ -152,7 +152,7 @@ def fabric(
     warp-cloth fabric my_fabric.toml --out tested --device cuda --rings 140
     """
     with one_line_errors():
-        from warp_cloth.fabric import resolve_fabric
+        from warp_cloth.material.fabric import resolve_fabric
 
         try:
             chosen = resolve_fabric(fabric)
@@ -308,7 +308,7 @@ def avatar(
             from warp_cloth.bench.avatar import run_avatar_bench, save_avatar_bench, table
             from warp_cloth.bench.save import figure_class
             from warp_cloth.device import device_named
-            from warp_cloth.wardrobe import open_wardrobe
+            from warp_cloth.garment.wardrobe import open_wardrobe
 
             if plots:
                 figure_class()
@@ -326,7 +326,7 @@ def avatar(
 def scenes() -> None:
     """List the shipped scenes and fabrics."""
     with one_line_errors():
-        from warp_cloth.fabric import shipped_fabrics
+        from warp_cloth.material.fabric import shipped_fabrics
         from warp_cloth.scene import describe_scene, shipped_scenes
 
         typer.echo("Scenes:")

@@ -18,6 +18,7 @@ from warp_cloth.collide.garments import worn_crossings
 from warp_cloth.collide.piercing import edge_places, face_places, pierced, shown
 from warp_cloth.device import device_named
 from warp_cloth.errors import InputError
+from warp_cloth.garment.wardrobe import Wardrobe
 from warp_cloth.maps import FitMaps, chosen_maps, measure_maps
 from warp_cloth.maps.measure import check_maps
 from warp_cloth.mesh import Mesh, Points
@@ -45,7 +46,6 @@ from warp_cloth.verdict import (
     unheld,
     verdict,
 )
-from warp_cloth.wardrobe import Wardrobe
 from warp_cloth.warm import Worn, saved_result, start_from
 
 MOST_FRAMES = 10_000  # shapes on the way; of a garment of 10,000 vertices that is 1.2 GB

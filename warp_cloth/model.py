@@ -11,14 +11,14 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from warp_cloth.device_patches import Patches, device_patches
-from warp_cloth.elements import Elements, elements_of, garment_elements, joined_elements
-from warp_cloth.garment_part import GarmentPart, terms_of
+from warp_cloth.garment.elements import Elements, elements_of, garment_elements, joined_elements
+from warp_cloth.garment.part import GarmentPart, terms_of
+from warp_cloth.garment.rest import RestShape
 from warp_cloth.kept import Kept
 from warp_cloth.kernels.cloth import cloth_types
 from warp_cloth.kernels.limits import Terms
 from warp_cloth.mesh import Points
-from warp_cloth.rest import RestShape
+from warp_cloth.patches.on_device import Patches, device_patches
 from warp_cloth.threads import end_to_end
 
 

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from warp_cloth.reach import reach_box
+from warp_cloth.garment.reach import reach_box
+from warp_cloth.garment.wardrobe import Wardrobe
 from warp_cloth.scene import Scene
-from warp_cloth.wardrobe import Wardrobe
 
 
 @dataclass(frozen=True)

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from warp_cloth.mesh import Mesh, Points
 
 if TYPE_CHECKING:
-    from warp_cloth.fabric import Fabric
-    from warp_cloth.rest import RestShape
+    from warp_cloth.garment.rest import RestShape
+    from warp_cloth.material.fabric import Fabric
 
 
 class Status(str, Enum):

@@ -17,7 +17,8 @@ from warp_cloth.collide.avatar import AvatarContact, avatar_modules
 from warp_cloth.collide.depth import DEFAULT_REACH
 from warp_cloth.collide.garments import cloth_course, cloth_touch, highest_lift, placed
 from warp_cloth.collide.solid import solid_of
-from warp_cloth.garment_part import terms_of
+from warp_cloth.garment.part import terms_of
+from warp_cloth.garment.wardrobe import Rack, Wardrobe, open_wardrobe
 from warp_cloth.kept import Kept
 from warp_cloth.model import ClothModel, build_model
 from warp_cloth.plan import contact_kind
@@ -29,7 +30,6 @@ from warp_cloth.solver.multilevel import MultilevelRelaxation, relaxation_by
 from warp_cloth.solver.relax import Collider, Relaxation, StepOptions
 from warp_cloth.solver.rest_error import GROWING
 from warp_cloth.solver.together import thread_count
-from warp_cloth.wardrobe import Rack, Wardrobe, open_wardrobe
 
 
 @dataclass(frozen=True, eq=False)

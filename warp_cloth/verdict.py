@@ -19,9 +19,9 @@ from warp_cloth.solver.loop import Outcome
 if TYPE_CHECKING:
     from warp_cloth.cascade import LevelRun
     from warp_cloth.collide.garments import GarmentCrossings
+    from warp_cloth.garment.wardrobe import Wardrobe
     from warp_cloth.mesh import Points
     from warp_cloth.scene import Scene
-    from warp_cloth.wardrobe import Wardrobe
 
 
 FAR_FROM_REST = 0.02  # [m]; what is farther than that from rest still falls or slides as a whole

@@ -29,6 +29,7 @@ from warp_cloth.collide.avatar import AvatarContact
 from warp_cloth.collide.exact import build_exact_collider, penetration
 from warp_cloth.collide.solid import solid_of
 from warp_cloth.fitting import fit
+from warp_cloth.garment.wardrobe import open_wardrobe
 from warp_cloth.kept import Kept
 from warp_cloth.mesh import Indices, Mesh, Points
 from warp_cloth.quiet import start_warp
@@ -40,7 +41,6 @@ from warp_cloth.shapes.measures import MannequinMeasures
 from warp_cloth.shapes.surface import grid_values, split_quads, surface_nets, without_saddles
 from warp_cloth.solver.certificate import Look
 from warp_cloth.solver.loop import CHUNK, Goal, Outcome, relax_items
-from warp_cloth.wardrobe import open_wardrobe
 
 SKIN = (0.4, 0.88)  # of a body's height: from below the crotch to the neck
 ROOM = 0.1  # [m] of a field round the skin that is walked

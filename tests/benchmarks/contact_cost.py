@@ -26,6 +26,7 @@ import warp as wp
 from wearing import BODIES, SHARED_SHIRT, Tree, shirt
 
 from warp_cloth.collide.crossing import find_crossings
+from warp_cloth.garment.wardrobe import Wardrobe, open_wardrobe
 from warp_cloth.kept import Kept
 from warp_cloth.mesh import Points
 from warp_cloth.quiet import start_warp
@@ -33,7 +34,6 @@ from warp_cloth.scene import Scene, load_scene
 from warp_cloth.set_up import SetUp, following, set_up, tolerance_of
 from warp_cloth.solver.certificate import Tolerance
 from warp_cloth.solver.loop import relax_to_rest
-from warp_cloth.wardrobe import Wardrobe, open_wardrobe
 
 NEVER = Tolerance(0.0, 0.0, 0.0)
 PHASES = ("sewing", "untangling", "falling", "worn")  # asleep, till nothing crosses, till forces balance, from then on

@@ -20,13 +20,13 @@ from typing import Any
 import numpy as np
 from wearing import NEVER, SHARED_SHIRT, dressed, keep, several, shirt, side_by_side
 
+from warp_cloth.garment.wardrobe import Rack, open_wardrobe
 from warp_cloth.mesh import Points
 from warp_cloth.quiet import start_warp
 from warp_cloth.scene import Scene, load_scene
 from warp_cloth.set_up import SetUp, following, kind_of, tolerance_of
 from warp_cloth.solver.certificate import Look
 from warp_cloth.solver.loop import Goal, relax_items
-from warp_cloth.wardrobe import Rack, open_wardrobe
 
 FURTHER = 1000  # iterations
 SHOULDERS = 0.8  # share of a garment's vertices below its top fifth

@@ -17,15 +17,15 @@ from dataclasses import replace
 import numpy as np
 import warp as wp
 
-from warp_cloth.fabric import Fabric
-from warp_cloth.garment_part import GarmentPart
+from warp_cloth.garment.part import GarmentPart
+from warp_cloth.garment.rest import build_rest_shape
+from warp_cloth.garment.wardrobe import open_wardrobe
+from warp_cloth.material.fabric import Fabric
 from warp_cloth.model import build_model
-from warp_cloth.rest import build_rest_shape
 from warp_cloth.scene import load_scene
 from warp_cloth.set_up import set_up
 from warp_cloth.shapes import square
 from warp_cloth.solver.relax import Collider, Relaxation, StepOptions
-from warp_cloth.wardrobe import open_wardrobe
 
 FABRICS = {"edges": Fabric(), "woven": replace(Fabric(), shear=800.0)}
 SIZES = {"4k": (64, 1), "65k": (256, 1), "1m": (256, 16)}  # vertices along a side, squares

@@ -11,6 +11,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from warp_cloth.garment.wardrobe import Wardrobe
 from warp_cloth.kept import Kept
 from warp_cloth.mesh import Points
 from warp_cloth.quiet import start_warp
@@ -18,7 +19,6 @@ from warp_cloth.scene import Scene, load_scene
 from warp_cloth.set_up import SetUp, set_up
 from warp_cloth.shapes.measures import SIZE_BODIES
 from warp_cloth.solver.certificate import Tolerance
-from warp_cloth.wardrobe import Wardrobe
 
 SHARED = Path(os.environ.get("WARP_CLOTH_DATA", Path(__file__).parents[3] / "shared" / "data"))
 NEVER = Tolerance(0.0, 0.0, 0.0)

@@ -7,13 +7,13 @@ from typing import Any
 
 import numpy as np
 
+from warp_cloth.garment.wardrobe import open_wardrobe
 from warp_cloth.kernels.limits import FEW
 from warp_cloth.scene import Scene
 from warp_cloth.scene.schema import AvatarSpec
 from warp_cloth.scene.shapes import SphereShape, SquareShape
 from warp_cloth.set_up import set_up
 from warp_cloth.solver.loop import CHUNK
-from warp_cloth.wardrobe import open_wardrobe
 
 log = logging.getLogger(__name__)
 

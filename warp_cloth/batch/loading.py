@@ -19,14 +19,23 @@ from warp_cloth.batch.arena import Arena, Parcel
 from warp_cloth.batch.lifeline import begin_alone
 from warp_cloth.batch.processes import context, get_ready
 from warp_cloth.batch.turns import Turn
-from warp_cloth.elements import garment_elements
-from warp_cloth.garment_part import GarmentPart, terms_of
+from warp_cloth.garment.elements import garment_elements
+from warp_cloth.garment.part import GarmentPart, terms_of
+from warp_cloth.garment.rest import RestGeometry, in_geometry, own_constants
+from warp_cloth.garment.wardrobe import (
+    Key,
+    Rack,
+    Recipe,
+    avatar_recipe,
+    garment_keys,
+    generated_body,
+    geometry_of,
+    rest_of,
+)
 from warp_cloth.kept import Kept
 from warp_cloth.mesh import Indices
-from warp_cloth.patches import LARGEST, garment_patches, takes_pairs
-from warp_cloth.rest import RestGeometry, in_geometry, own_constants
+from warp_cloth.patches.cutting import LARGEST, garment_patches, takes_pairs
 from warp_cloth.scene import Scene
-from warp_cloth.wardrobe import Key, Rack, Recipe, avatar_recipe, garment_keys, generated_body, geometry_of, rest_of
 
 log = logging.getLogger(__name__)
 

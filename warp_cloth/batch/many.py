@@ -16,11 +16,11 @@ from warp_cloth.batch.loading import Shelf
 from warp_cloth.batch.memory import Need, available_bytes, cut_to_fit, need_of
 from warp_cloth.batch.turns import Turn
 from warp_cloth.fitting import Fit, finished, tolerance_of
+from warp_cloth.garment.wardrobe import Rack, Wardrobe, open_wardrobe
 from warp_cloth.kept import Kept
 from warp_cloth.scene import Scene
 from warp_cloth.set_up import following, kind_of, set_up, start_coarse
 from warp_cloth.solver.loop import Goal, relax_items
-from warp_cloth.wardrobe import Rack, Wardrobe, open_wardrobe
 
 KEPT_SHARE = 0.05  # of the memory, for avatars' fields that the next scenes may meet, too
 

@@ -9,14 +9,14 @@ from typing import Any, get_args
 
 from warp_cloth.errors import InputError
 from warp_cloth.fitting import Fit, fit
-from warp_cloth.garment_part import GarmentPart
+from warp_cloth.garment.part import GarmentPart
+from warp_cloth.garment.wardrobe import open_wardrobe, worn_size
 from warp_cloth.maps.girths import garment_girths
 from warp_cloth.maps.levels import body_levels
 from warp_cloth.result import Status
 from warp_cloth.scene import MannequinShape, Scene, TshirtShape, load_scene
 from warp_cloth.scene.shapes import Size
 from warp_cloth.shapes import mannequin_measures
-from warp_cloth.wardrobe import open_wardrobe, worn_size
 
 SIZE = "{size}"  # stands for the size in a change, as in garment.mesh=shirt_{size}.obj
 # Ease that a garment worn loosely leaves at its tightest level [m]: pattern books give 4 to 10 cm for shirts.

@@ -22,8 +22,8 @@ from warp_cloth.export.report import check_writable, write_report
 from warp_cloth.mesh import Mesh, Points
 
 if TYPE_CHECKING:
+    from warp_cloth.garment.wardrobe import Wardrobe
     from warp_cloth.scene import Scene
-    from warp_cloth.wardrobe import Wardrobe
 
 Contacts = NDArray[np.float32]  # unit normals and distances [m], shape [N, 4]
 KINDS = ("depth", "auto", "plain", "mesh")

@@ -23,7 +23,7 @@ from warp_cloth.bench.trials import (
     shear,
 )
 from warp_cloth.errors import InputError
-from warp_cloth.laboratory import (
+from warp_cloth.material.laboratory import (
     KES_BENDING,
     KES_FORCE,
     KES_SHEAR,
@@ -35,7 +35,7 @@ from warp_cloth.laboratory import (
 from warp_cloth.result import WornGarment
 
 if TYPE_CHECKING:
-    from warp_cloth.fabric import Fabric
+    from warp_cloth.material.fabric import Fabric
 
 EDGE = 0.01  # [m], of strips that are pulled or sheared
 BENT_EDGES = (10, 20)  # across and along a strip that is bent,

@@ -10,12 +10,12 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from warp_cloth.garment_part import GarmentPart
-from warp_cloth.grain import Grain
+from warp_cloth.garment.grain import Grain
+from warp_cloth.garment.part import GarmentPart
+from warp_cloth.garment.rest import GRAVITY, Floats, build_rest_shape
 from warp_cloth.kernels.cloth import cloth_types
 from warp_cloth.mesh import Indices, Mesh, Points
 from warp_cloth.model import build_model
-from warp_cloth.rest import GRAVITY, Floats, build_rest_shape
 from warp_cloth.solver.certificate import Certifier, Check, Tolerance
 from warp_cloth.solver.forces import ForcePass
 from warp_cloth.solver.loop import Goal, relax_items
@@ -23,7 +23,7 @@ from warp_cloth.solver.multilevel import MultilevelRelaxation, relaxation_by
 from warp_cloth.solver.relax import Collider, StepOptions
 
 if TYPE_CHECKING:
-    from warp_cloth.fabric import Fabric
+    from warp_cloth.material.fabric import Fabric
 
 
 @dataclass(frozen=True)

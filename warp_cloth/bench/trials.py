@@ -18,7 +18,7 @@ from warp_cloth.solver.certificate import Tolerance
 from warp_cloth.solver.relax import StepOptions
 
 if TYPE_CHECKING:
-    from warp_cloth.fabric import Fabric
+    from warp_cloth.material.fabric import Fabric
 
 BALANCED = Tolerance(relative_rms=2e-4, relative_p99=2e-3, rest_error=1e-5)  # clamps must read to a part in 1,000
 ITERATIONS = 20_000

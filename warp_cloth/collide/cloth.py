@@ -15,7 +15,7 @@ from warp_cloth.collide.box_tree import block_count, box_tree, near_order
 from warp_cloth.collide.crossing import Sheets
 from warp_cloth.collide.rest_near import rest_near_rows
 from warp_cloth.collide.untangling import sheet_untangling
-from warp_cloth.garment_part import GarmentPart
+from warp_cloth.garment.part import GarmentPart
 from warp_cloth.kernels.block import BLOCK_THREADS, FEW_PER_CORE
 from warp_cloth.kernels.box_tree import WIDTH
 from warp_cloth.kernels.cloth_contact import NO_LIMIT, ClothContact, add_kernel

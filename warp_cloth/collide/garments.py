@@ -14,13 +14,13 @@ from warp_cloth.collide.cloth import ClothTouch, SheetKind, sheets_of
 from warp_cloth.collide.crossing import find_crossings
 from warp_cloth.collide.exact import POINTS_AT_ONCE, pieces, signed_distances
 from warp_cloth.collide.placing import clear_shift, way_told
+from warp_cloth.garment.wardrobe import Wardrobe
 from warp_cloth.kept import Kept
 from warp_cloth.mesh import Indices, Mesh, Points
 from warp_cloth.model import ClothModel
 from warp_cloth.scene import Scene
 from warp_cloth.solver.course import LAYER_LIFT, Course
 from warp_cloth.solver.relax import Relaxation
-from warp_cloth.wardrobe import Wardrobe
 
 CROSSING_FIELD = "crossing"  # of a garment where some of it crosses: 1 at the corners of those faces
 FEELER = 5e-3  # [m]; how far before and behind the cloth its distance from the body is compared

@@ -9,7 +9,7 @@ import numpy as np
 import warp as wp
 
 from warp_cloth.collide.crossing import Sheets
-from warp_cloth.garment_part import GarmentPart
+from warp_cloth.garment.part import GarmentPart
 from warp_cloth.kernels.untangle import Untangling
 from warp_cloth.topology import ragged_rows
 

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from warp_cloth.errors import InputError
-from warp_cloth.fabric import BOUNDS, Fabric
-from warp_cloth.laboratory import EDGES
-from warp_cloth.linearised import fabric_table
 from warp_cloth.loading.decimals import half_step
 from warp_cloth.loading.raw import EXPORT_AGAIN, Floats, Ints
 from warp_cloth.loading.usd_units import kilograms_per_unit, metres_per_unit
+from warp_cloth.material.fabric import BOUNDS, Fabric
+from warp_cloth.material.laboratory import EDGES
+from warp_cloth.material.linearised import fabric_table
 
 if TYPE_CHECKING:
     from pxr import Usd, UsdGeom

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from warp_cloth.maps.levels import Level, trunk_level
 from warp_cloth.maps.section import Section, cut
-from warp_cloth.material import Sheet
+from warp_cloth.material.constants import Sheet
 from warp_cloth.mesh import Mesh, Points
 
 SECTORS = 72  # of 5 degrees round the trunk

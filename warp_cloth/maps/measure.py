@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from warp_cloth.collide.exact import signed_distances
 from warp_cloth.errors import InputError
-from warp_cloth.garment_part import GarmentPart
+from warp_cloth.garment.part import GarmentPart
 from warp_cloth.maps.girths import garment_girths
 from warp_cloth.maps.kinds import MAPS, shown_range
 from warp_cloth.maps.levels import body_levels

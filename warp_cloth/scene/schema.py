@@ -19,8 +19,8 @@ from pydantic import (
 )
 
 from warp_cloth.errors import InputError
-from warp_cloth.fabric import Fabric, resolve_fabric
-from warp_cloth.folds import RestAngles
+from warp_cloth.garment.folds import RestAngles
+from warp_cloth.material.fabric import Fabric, resolve_fabric
 from warp_cloth.scene.messages import listed, refusal, show
 from warp_cloth.scene.shapes import AvatarShape, GarmentShape, Point, Real, Table, VertexId, Whole
 from warp_cloth.scene.stage import USD_SUFFIXES

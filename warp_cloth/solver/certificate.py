@@ -11,13 +11,13 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
+from warp_cloth.garment.rest import Floats
 from warp_cloth.kernels.certify import bending_energy_kernel, energy_kernels, residual_kernel
 from warp_cloth.kernels.cloth import cloth_types
 from warp_cloth.kernels.pressure import push_kernel
 from warp_cloth.kernels.summary import FASTER, FREE, LOWER, MOVED, RELATIVE, WAYS, WEIGHTS, keep_kernel
 from warp_cloth.mesh import Points
 from warp_cloth.model import ClothModel
-from warp_cloth.rest import Floats
 from warp_cloth.result import Residual, Strain
 from warp_cloth.solver.forces import ForcePass
 from warp_cloth.solver.relax import Relaxation

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from warp_cloth.garment.rest import Floats
 from warp_cloth.mesh import Indices
-from warp_cloth.rest import Floats
 from warp_cloth.topology import ragged_rows
 
 Ints = NDArray[np.int64]

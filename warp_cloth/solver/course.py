@@ -7,8 +7,8 @@ from collections.abc import Callable
 import numpy as np
 
 from warp_cloth.collide.cloth import OPEN_STRETCH, ClothTouch
+from warp_cloth.garment.rest import Floats
 from warp_cloth.mesh import Points
-from warp_cloth.rest import Floats
 from warp_cloth.solver.relax import Relaxation
 
 # Sewing and untangling are no time to swing: drawn together with full momentum, the panels of a T-shirt fold over

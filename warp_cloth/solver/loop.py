@@ -10,8 +10,8 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
+from warp_cloth.garment.rest import Floats
 from warp_cloth.mesh import Points
-from warp_cloth.rest import Floats
 from warp_cloth.result import Status
 from warp_cloth.solver.certificate import Certifier, Check, Glance, Look, Tolerance, bounds
 from warp_cloth.solver.course import Course

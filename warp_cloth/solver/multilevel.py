@@ -11,7 +11,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from warp_cloth.garment_part import GarmentPart
+from warp_cloth.garment.part import GarmentPart
 from warp_cloth.kernels.certify import energy_kernels
 from warp_cloth.model import ClothModel
 from warp_cloth.solver.certificate import edge_strains

@@ -6,10 +6,10 @@ from typing import Any
 
 import warp as wp
 
-from warp_cloth.device_patches import Patches
 from warp_cloth.kernels.cloth import cloth_types
 from warp_cloth.kernels.packing import packing_kernels
 from warp_cloth.model import ClothModel
+from warp_cloth.patches.on_device import Patches
 from warp_cloth.solver.forces import launch_patches
 
 

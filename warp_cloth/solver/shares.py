@@ -9,10 +9,10 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
+from warp_cloth.garment.rest import Floats
 from warp_cloth.kernels.cloth import cloth_types
 from warp_cloth.mesh import Indices
 from warp_cloth.model import ClothModel
-from warp_cloth.rest import Floats
 
 ITERATED = ("position", "move", "stiffness", "leeway", "held", "clear")  # what an iteration changes
 CONSTANT = ("weight", "pinned", "item")

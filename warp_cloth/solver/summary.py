@@ -10,9 +10,9 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
+from warp_cloth.garment.rest import Floats
 from warp_cloth.kernels.summary import CHUNK, COLUMNS, GROUP, chunk_kernel, looks_type, summarise_groups
 from warp_cloth.model import ClothModel
-from warp_cloth.rest import Floats
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,6 +11,7 @@ import warp as wp
 
 from warp_cloth.collide.crossing import search_bytes
 from warp_cloth.fitting import SetUp
+from warp_cloth.garment.wardrobe import Wardrobe
 from warp_cloth.solver.certificate import strain_bytes
 from warp_cloth.study.caches import cache_bytes, spilled_bytes
 from warp_cloth.study.launches import Launch, arrays_in, bytes_of, launches_of
@@ -18,7 +19,6 @@ from warp_cloth.study.pressed import presses
 from warp_cloth.study.sectors import moved_bytes
 from warp_cloth.study.timing import Times, times_of
 from warp_cloth.study.traffic import Uses, array_uses
-from warp_cloth.wardrobe import Wardrobe
 
 Bytes = tuple[float, float]  # to and from memory, and between the last cache and the cores
 LOOK = "search_if_due"  # what no kernel of ours does: a branch in the captured graph

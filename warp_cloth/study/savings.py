@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
+from warp_cloth.garment.wardrobe import Wardrobe
 from warp_cloth.plan import make_plan
 from warp_cloth.scene import Scene
 from warp_cloth.set_up import set_up
 from warp_cloth.study.timing import FEWEST_ROUNDS, LONG, SHORTEST_RUN, Way
-from warp_cloth.wardrobe import Wardrobe
 
 Variant = tuple[Scene, Wardrobe]
 REST = "the others"  # terms that no cloth can do without

@@ -14,13 +14,13 @@ from numpy.typing import NDArray
 
 from warp_cloth.device import device_named
 from warp_cloth.fitting import tolerance_of
+from warp_cloth.garment.wardrobe import Rack
 from warp_cloth.maps import MAPS, measure_maps
 from warp_cloth.mesh import Points
 from warp_cloth.result import WornGarment
 from warp_cloth.scene import MannequinShape, Scene, TshirtShape, load_scene
 from warp_cloth.set_up import SetUp, set_up_one
 from warp_cloth.solver.certificate import Check
-from warp_cloth.wardrobe import Rack
 from warp_cloth.warm import start_from
 
 CHUNK = 20  # iterations between two pictures, where they take no longer than a picture may
@@ -90,8 +90,8 @@ class LiveFit:
         shape = self.scene.avatar.shape if self.scene.avatar is not None else None
         if not isinstance(shape, MannequinShape):
             return None
+        from warp_cloth.garment.wardrobe import worn_size
         from warp_cloth.shapes import mannequin_measures
-        from warp_cloth.wardrobe import worn_size
 
         measures = mannequin_measures(shape, size=worn_size(self.scene))
         return {name: float(getattr(measures, name)) for name in BODY_MEASURES}

@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warp_cloth.errors import InputError
-from warp_cloth.folds import RestAngles, hinge_angles
-from warp_cloth.grain import Grain
+from warp_cloth.garment.folds import RestAngles, hinge_angles
+from warp_cloth.garment.grain import Grain
 from warp_cloth.loading.raw import counted
 from warp_cloth.loading.repair import RestKind
-from warp_cloth.material import Sheet, WeaveShape, edge_constants, lay_flat, thread_constants
-from warp_cloth.material_bending import hinge_constants
+from warp_cloth.material.bending import hinge_constants
+from warp_cloth.material.constants import Sheet, WeaveShape, edge_constants, lay_flat, thread_constants
 from warp_cloth.mesh import Indices, Mesh
 from warp_cloth.parts import by_parts, in_parts
 from warp_cloth.threads import end_to_end
@@ -22,7 +22,7 @@ from warp_cloth.topology import Topology, build_topology
 from warp_cloth.units import LENGTH_UNITS, METRES_PER
 
 if TYPE_CHECKING:
-    from warp_cloth.fabric import Fabric
+    from warp_cloth.material.fabric import Fabric
 
 Floats = NDArray[np.float64]
 
@@ -257,7 +257,7 @@ def build_rest_shape(
 
 
 def rest_in_fabric(geometry: RestGeometry, vertex_count: int, fabric: Fabric) -> RestShape:
-    """The rest shape of a garment of this fabric (see warp_cloth.material).
+    """The rest shape of a garment of this fabric (see warp_cloth.material.constants).
 
     Gravity: total weight / V on every vertex (the paper, section 2.3).
     """

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from warp_cloth.garment.rest import Floats
 from warp_cloth.mesh import Indices, Points
-from warp_cloth.rest import Floats
 from warp_cloth.topology import ragged_rows
 
 LANDMARKS = 8  # vertices from which edges are counted; more of them tell little more

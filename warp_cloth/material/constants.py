@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from warp_cloth.mesh import Indices
 
 if TYPE_CHECKING:
-    from warp_cloth.fabric import Fabric
+    from warp_cloth.material.fabric import Fabric
     from warp_cloth.topology import Topology
 
 Floats = NDArray[np.float64]

@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from warp_cloth.elements import Elements
 from warp_cloth.errors import InputError
+from warp_cloth.garment.elements import Elements
+from warp_cloth.garment.rest import Floats
 from warp_cloth.kept import Kept
 from warp_cloth.kernels.limits import (
     BLOCK_MEMORY,
@@ -26,12 +27,11 @@ from warp_cloth.kernels.limits import (
     real_size,
 )
 from warp_cloth.mesh import Indices, Points
-from warp_cloth.patch_members import Members, edge_numbers
-from warp_cloth.rest import Floats
-from warp_cloth.spread import spread_places
+from warp_cloth.patches.members import Members, edge_numbers
+from warp_cloth.patches.spread import spread_places
+from warp_cloth.patches.triangle_pairs import Items
 from warp_cloth.threads import end_to_end, map_in_threads
 from warp_cloth.topology import ragged_rows
-from warp_cloth.triangle_pairs import Items
 
 LARGEST = 152  # vertices that a patch owns: with what is around them they nearly always fit a block's memory
 SMALLEST = 16  # below, far more is worked out around a patch than in it

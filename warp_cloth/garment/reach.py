@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from warp_cloth.garment_part import GarmentPart
-from warp_cloth.material import WeaveShape
-from warp_cloth.rest import Floats, RestShape
+from warp_cloth.garment.part import GarmentPart
+from warp_cloth.garment.rest import Floats, RestShape
+from warp_cloth.material.constants import WeaveShape
 
 ROUNDS = 40  # of raising the energy until it holds itself
 MOST_STEPS = 400  # edges on the way from a pin; a bound is not worth more work than this

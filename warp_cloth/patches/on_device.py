@@ -10,12 +10,12 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from warp_cloth.elements import Elements
+from warp_cloth.garment.elements import Elements
 from warp_cloth.kept import Kept
 from warp_cloth.kernels.cloth import Patch
 from warp_cloth.kernels.limits import FEW, Terms
 from warp_cloth.mesh import Points
-from warp_cloth.patches import PatchTables, even_size, garment_patches, joined_patches, takes_pairs
+from warp_cloth.patches.cutting import PatchTables, even_size, garment_patches, joined_patches, takes_pairs
 from warp_cloth.threads import end_to_end
 
 PER_CORE_LAYERED = 1  # patches on each core of a large GPU, at least, where garments that meet lie on each other

@@ -10,11 +10,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from warp_cloth.elements import Elements
+from warp_cloth.garment.elements import Elements
+from warp_cloth.garment.rest import Floats
 from warp_cloth.kernels.limits import CODE_AFTER, CODE_BACK, CODE_TURN_0, CODE_TURN_1, SIDE_AB, SLOTS
 from warp_cloth.mesh import Indices
-from warp_cloth.patch_members import Keys, Members, edge_numbers
-from warp_cloth.rest import Floats
+from warp_cloth.patches.members import Keys, Members, edge_numbers
 
 ALONE = 2  # side that stands for the shared one where there is none: the corners are a, b, c then
 ROUNDS = 16  # of proposals, after which what is left stays alone

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from warp_cloth.garment.rest import RestShape
 from warp_cloth.kernels.limits import Terms
 from warp_cloth.mesh import Indices, Points
-from warp_cloth.rest import RestShape
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,12 +10,12 @@ from functools import partial
 from typing import Any, TypeVar
 
 from warp_cloth.errors import InputError
-from warp_cloth.garment_part import GarmentPart
-from warp_cloth.grain import Grain
+from warp_cloth.garment.grain import Grain
+from warp_cloth.garment.part import GarmentPart
+from warp_cloth.garment.pins import select_pins
+from warp_cloth.garment.rest import RestGeometry, RestShape, build_rest_geometry, rest_in_fabric
 from warp_cloth.loading import check_sizes, load_mesh, load_poses
 from warp_cloth.mesh import Indices, Mesh, Points
-from warp_cloth.pins import select_pins
-from warp_cloth.rest import RestGeometry, RestShape, build_rest_geometry, rest_in_fabric
 from warp_cloth.scene import AvatarSpec, GarmentSpec, MannequinShape, Scene, TshirtShape
 from warp_cloth.shapes import MannequinMeasures, build_avatar, build_garment, mannequin_measures
 

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from warp_cloth.garment.rest import Floats, RestShape
 from warp_cloth.mesh import Indices
-from warp_cloth.rest import Floats, RestShape
 from warp_cloth.threads import end_to_end
 
 

@@ -10,7 +10,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from warp_cloth.fabric import LARGEST_SHEAR_SHARE, Fabric
+from warp_cloth.material.fabric import LARGEST_SHEAR_SHARE, Fabric
 
 STRAIN = 0.05  # where K e^2 = S e
 ANGLE = math.radians(5.0)  # where shear angle^2 = G angle
