@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,12 @@ _COMMON = {"deadline": LONG_ENOUGH, "suppress_health_check": list(HealthCheck), 
 settings.register_profile("suite", max_examples=25, derandomize=True, database=None, **_COMMON)
 settings.register_profile("fuzz", max_examples=int(os.environ.get("WARP_CLOTH_FUZZ", "100000")), **_COMMON)
 settings.load_profile("suite")
+
+
+def pytest_sessionstart() -> None:
+    """An interrupt counts, for tests that send one, even where a shell started this in the background without it."""
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 @pytest.hookimpl(optionalhook=True)
