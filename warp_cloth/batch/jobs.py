@@ -16,6 +16,7 @@ from typing import Any
 
 from warp_cloth.batch.product import AXES, product_rows
 from warp_cloth.errors import InputError
+from warp_cloth.text import in_utf8
 from warp_cloth.toml_file import exists, read_toml
 
 REMEDY = "give a table as .csv, .parquet or .toml, with the columns scene, name and scene keys such as garment.fabric"
@@ -71,7 +72,7 @@ def read_jobs(path: str | Path) -> list[Item]:
 
 def _csv_rows(path: Path) -> list[dict[str, Any]]:
     try:
-        text = path.read_bytes().decode("utf-8-sig")
+        text = in_utf8(path.read_bytes()).decode("utf-8")
     except OSError as error:
         raise InputError(path, f"cannot be read: {error.strerror or error}", "check its permissions") from None
     except UnicodeDecodeError as error:

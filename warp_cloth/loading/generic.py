@@ -14,6 +14,7 @@ import numpy as np
 from warp_cloth.errors import InputError
 from warp_cloth.loading.decimals import float32_doubt
 from warp_cloth.loading.raw import EXPORT_AGAIN, RawMesh, joined
+from warp_cloth.text import in_utf8
 
 _CUT_OFF = "the file is cut off or damaged: export it again"
 _GLB_HEADER, _GLB_CHUNK = struct.Struct("<4sII"), struct.Struct("<I4s")
@@ -25,16 +26,27 @@ _UV = "_TEXCOORD"  # custom attribute under which trimesh hands texture coordina
 
 def read_stl(file: str, data: bytes) -> RawMesh:
     """Triangles of an STL, each with three vertices of its own; several solids become panels."""
+    data = data if _is_binary_stl(data) else in_utf8(data)
     text = data[:512].lstrip().lower().startswith(b"solid") and b"vertex" in data[:4096].lower()
-    size = int.from_bytes(data[80:84], "little") * 50 + 84
     if len(data) < 84 and not text:
         raise InputError(file, "is no STL: too short for one triangle", _CUT_OFF)
-    if not text and len(data) != size:
+    if not text and not _is_binary_stl(data):
+        size = _stl_size(data)
         problem = f"is no STL: its header asks for {size:,} bytes, the file has {len(data):,}"
         raise InputError(file, problem, _CUT_OFF)
-    if text and len(data) != size:
+    if text and not _is_binary_stl(data):
         _check_stl_text(file, data)
     return _read(file, data, "stl", None)
+
+
+def _is_binary_stl(data: bytes) -> bool:
+    """Whether a file is as long as its count of triangles says."""
+    return len(data) == _stl_size(data)
+
+
+def _stl_size(data: bytes) -> int:
+    """Of a binary STL that counts its triangles as this one does."""
+    return 84 + 50 * int.from_bytes(data[80:84], "little")
 
 
 def _check_stl_text(file: str, data: bytes) -> None:
@@ -72,7 +84,7 @@ def read_gltf(file: str, data: bytes, *, key: str = "", name: str | None = None)
     binary = data[:4] == b"glTF"
     chunk, rest = _glb_parts(file, data) if binary else (data, b"")
     try:
-        tree = json.loads(chunk.decode("utf-8-sig"))
+        tree = json.loads(in_utf8(chunk))
         _check_gltf(file, tree)
         if name is not None:
             _keep_only(tree, name, file, key)
@@ -113,7 +125,7 @@ def _glb_parts(file: str, data: bytes) -> tuple[bytes, bytes]:
 def gltf_mesh_names(file: str, data: bytes) -> list[str]:
     """What ``read_gltf`` may call each mesh of a file that it has read, in the file's order."""
     chunk = _glb_parts(file, data)[0] if data[:4] == b"glTF" else data
-    return _mesh_names(json.loads(chunk.decode("utf-8-sig")))
+    return _mesh_names(json.loads(in_utf8(chunk)))
 
 
 def _mesh_names(tree: dict[str, Any]) -> list[str]:

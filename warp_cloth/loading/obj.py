@@ -10,6 +10,7 @@ import numpy as np
 
 from warp_cloth.errors import InputError
 from warp_cloth.loading.raw import EXPORT_AGAIN, Floats, Ints, RawMesh
+from warp_cloth.text import in_utf8
 
 # Statements of the format (and "vc", which some tools add for colours) that say nothing about faces.
 _IGNORED = frozenset(
@@ -19,6 +20,7 @@ _IGNORED = frozenset(
 )
 _FLOAT = rb"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d{1,3})?"
 _INDEX = rb"\d{1,9}"
+_REMARK = re.compile(rb"(?:^|\s)#")  # within a word "#" belongs to a name
 _GROUPINGS = (b"g", b"o", b"usemtl")  # what may stand for panels, best first
 
 
@@ -38,9 +40,10 @@ class _Statements:
 
 def read_obj(file: str, data: bytes) -> RawMesh:
     """Polygons of an OBJ. Negative indices, continued lines, and faces of any size are understood."""
+    data = in_utf8(data)
     if b"\0" in data:
         raise InputError(file, "is no OBJ text: it holds binary data", "check the file's name and content")
-    statements = _sorted_lines(file, data.removeprefix(b"\xef\xbb\xbf"))
+    statements = _sorted_lines(file, data)
     points = _numbers(file, statements.vertices, statements.vertex_lines, need=3, keep=3, what="v (vertex)")
     texcoords = _numbers(
         file, statements.texcoords, statements.texcoord_lines, need=1, keep=2, what="vt (texture coordinate)"
@@ -80,7 +83,7 @@ def _sorted_lines(file: str, data: bytes) -> _Statements:
             continue
         keyword, rest = parts[0], parts[1] if len(parts) > 1 else b""
         if b"#" in rest:
-            rest = rest.partition(b"#")[0]
+            rest = _REMARK.split(rest, maxsplit=1)[0]
         if keyword == b"v":
             found.vertices.append(rest)
             found.vertex_lines.append(number)

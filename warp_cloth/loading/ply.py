@@ -13,6 +13,7 @@ import numpy as np
 from warp_cloth.errors import InputError
 from warp_cloth.loading.decimals import float32_doubt
 from warp_cloth.loading.raw import EXPORT_AGAIN, Floats, Ints, RawMesh
+from warp_cloth.text import in_utf8
 
 _TYPES = {
     **{"char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4"},
@@ -22,6 +23,7 @@ _TYPES = {
 _FORMATS = {b"ascii": "", b"binary_little_endian": "<", b"binary_big_endian": ">"}
 _FACE_LISTS = ("vertex_indices", "vertex_index")
 _VERTEX_TEXCOORDS = (("u", "v"), ("s", "t"), ("texture_u", "texture_v"), ("texture_s", "texture_t"))
+_COUNTS = "correct the header, or export it again"
 _CUT_OFF = "the file is cut off or damaged: export it again"
 
 
@@ -49,20 +51,24 @@ class _Table:
 
 def read_ply(file: str, data: bytes) -> RawMesh:
     """Vertices, polygons and texture coordinates (per corner or per vertex) of a PLY."""
+    data = in_utf8(data)
     order, elements, body, header_lines = _header(file, data)
     tables: dict[str, _Table] = {}
     starts: dict[str, int] = {}
     position, row = 0, header_lines
     tokens = data[body:].split() if not order else []
     for element in elements:
-        if {"vertex", "face"} <= tables.keys():
-            break
         starts[element.name] = row + 1
         if order:
             tables[element.name], position = _binary(file, data[body:], position, element, order)
         else:
             tables[element.name], position = _text(file, tokens, position, element)
         row += element.count
+    over = len(data) - body - position if order else len(tokens) - position
+    if elements and over >= (_least_size(elements[-1]) if order else 1):
+        counted = ", ".join(f"{element.count:,} {element.name} rows" for element in elements)
+        what = "bytes" if order else "values"
+        raise InputError(file, f"goes on for {over:,} {what} after what its header counts ({counted})", _COUNTS)
     if "vertex" not in tables or not {"x", "y", "z"} <= tables["vertex"].singles.keys():
         raise InputError(file, "the PLY header declares no vertices with x, y, z", EXPORT_AGAIN)
     vertices = tables["vertex"].singles
@@ -87,7 +93,7 @@ def _header(file: str, data: bytes) -> tuple[str, list[_Element], int, int]:
     if not data.startswith((b"ply\n", b"ply\r")):
         raise InputError(file, "is no PLY: it does not start with 'ply'", "check the file's name and content")
     end = data.find(b"end_header")
-    body = data.find(b"\n", end) + 1
+    body = data.find(b"\n" if b"\n" in data[:5] else b"\r", end) + 1
     if end < 0 or not body:
         raise InputError(file, "the PLY header has no end", _CUT_OFF)
     order: str | None = None
@@ -109,6 +115,12 @@ def _header(file: str, data: bytes) -> tuple[str, list[_Element], int, int]:
     if order is None or any(element.count < 0 for element in elements):
         raise InputError(file, "the PLY header names no format, or a negative count", EXPORT_AGAIN)
     return order, elements, body, len(lines) + 1
+
+
+def _least_size(element: _Element) -> int:
+    """Bytes of a row whose lists have one entry; fewer at a file's end are padding."""
+    sizes = (np.dtype(kind).itemsize for p in element.properties for kind in (p.count_type, p.type) if kind)
+    return max(1, sum(sizes))
 
 
 def _property(words: list[bytes]) -> _Property:
