@@ -111,6 +111,39 @@ def test_obj_index_may_refer_ahead(tmp_path: Path) -> None:
     assert load(path).triangle_count == 1
 
 
+@pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16", "utf-32"])
+@pytest.mark.parametrize("name", ["a.obj", "text.ply", "text.stl", "a.gltf"])
+def test_text_with_a_byte_order_mark_is_read_in_any_unicode(tmp_path: Path, name: str, encoding: str) -> None:
+    path = tmp_path / name
+    write(path)
+    path.write_bytes(path.read_text().encode(encoding))
+    assert load(path).triangle_count == len(TRIANGLES)
+
+
+def test_obj_names_may_hold_a_hash(tmp_path: Path) -> None:
+    path = tmp_path / "hash.obj"
+    path.write_text("v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\ng part#1 # left\nf 1 2 3\ng part#2\nf 1 3 4\n")
+    assert load(path).panel_names == ("part#1", "part#2")
+
+
+def test_a_binary_ply_that_goes_on_after_what_it_counts_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "more.ply"
+    write(path)
+    data = path.read_bytes()
+    path.write_bytes(data + b"\n")  # padding
+    assert load(path).triangle_count == len(TRIANGLES)
+    path.write_bytes(data.replace(b"element face 18", b"element face 17"))
+    with pytest.raises(InputError, match=r"goes on for 13 bytes .* 17 face rows"):
+        load(path)
+
+
+def test_ply_lines_may_end_as_on_an_old_macintosh(tmp_path: Path) -> None:
+    path = tmp_path / "text.ply"
+    write(path)
+    path.write_bytes(path.read_bytes().replace(b"\r", b"").replace(b"\n", b"\r"))
+    assert load(path).triangle_count == len(TRIANGLES)
+
+
 @pytest.mark.parametrize("order", ["<", ">"])
 def test_binary_ply_with_triangles_and_quads(tmp_path: Path, order: str) -> None:
     endian = "little" if order == "<" else "big"
@@ -265,6 +298,47 @@ def test_usd_instances_and_time_samples_are_read(tmp_path: Path) -> None:
     user.Save()
     mesh = load(tmp_path / "user.usda", prim="/here")
     np.testing.assert_allclose(mesh.points, POINTS, atol=FLOAT32_AT_ONE_METRE)
+
+
+def test_usd_place_and_texture_that_only_have_time_samples_are_those_of_the_first(tmp_path: Path) -> None:
+    path = tmp_path / "moves.usda"
+    write_usd(path)
+    stage = Usd.Stage.Open(str(path))
+    move = UsdGeom.Xform(stage.GetPrimAtPath("/root")).AddTranslateOp()
+    for time, height in ((5.0, 2.0), (9.0, 3.0)):
+        move.Set(Gf.Vec3d(0.0, height, 0.0), time)
+    kind = Sdf.ValueTypeNames.TexCoord2fArray
+    primvar = UsdGeom.PrimvarsAPI(stage.GetPrimAtPath("/root/shirt")).CreatePrimvar("st", kind, UsdGeom.Tokens.vertex)
+    primvar.Set(Vt.Vec2fArray.FromNumpy(np.ascontiguousarray(POINTS[:, :2], dtype=np.float32)), 5.0)
+    stage.Save()
+    mesh = load(path)
+    np.testing.assert_allclose(mesh.points, POINTS + np.array([0.0, 2.0, 0.0]), atol=FLOAT32_AT_ONE_METRE)
+    assert mesh.texcoords is not None
+
+
+@pytest.mark.parametrize(("name", "kind"), [("UVMap", Sdf.ValueTypeNames.Float2Array), ("uv", "texCoord3f[]")])
+def test_usd_texture_is_told_by_its_name_where_its_type_does_not(tmp_path: Path, name: str, kind: object) -> None:
+    path = tmp_path / "pairs.usda"
+    write_usd(path)
+    stage = Usd.Stage.Open(str(path))
+    kind = Sdf.ValueTypeNames.Find(kind) if isinstance(kind, str) else kind
+    primvar = UsdGeom.PrimvarsAPI(stage.GetPrimAtPath("/root/shirt")).CreatePrimvar(name, kind, UsdGeom.Tokens.vertex)
+    width = 3 if "3" in str(kind) else 2
+    primvar.Set(POINTS[:, :width].tolist() if width == 2 else [Gf.Vec3f(*point) for point in POINTS])
+    stage.Save()
+    loaded = load(path)
+    assert loaded.texcoords is not None
+    np.testing.assert_allclose(loaded.texcoords, loaded.points[loaded.triangles][:, :, :2], atol=FLOAT32_AT_ONE_METRE)
+
+
+def test_usd_skinning_that_is_not_applied_is_told(tmp_path: Path) -> None:
+    path = tmp_path / "rigged.usda"
+    write_usd(path)
+    stage = Usd.Stage.Open(str(path))
+    prim = stage.GetPrimAtPath("/root/shirt")
+    prim.CreateAttribute("primvars:skel:jointIndices", Sdf.ValueTypeNames.IntArray).Set([0] * len(POINTS))
+    stage.Save()
+    assert any("not applied" in note for note in load(path).notes)
 
 
 def test_usd_warnings_stay_silent(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:

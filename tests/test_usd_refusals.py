@@ -14,6 +14,7 @@ from warp_cloth.errors import InputError
 from warp_cloth.export.save import write_meshes
 from warp_cloth.fitting import fit
 from warp_cloth.garment.wardrobe import open_wardrobe
+from warp_cloth.loading import load_mesh
 from warp_cloth.scene import load_scene
 
 CLOTH, BALL = "/World/wardrobe/cloth", "/World/ball"
@@ -61,6 +62,14 @@ def spoilt(folder: Path, spoil: Callable[[Usd.Stage], object], physics: bool = T
     return path
 
 
+def write_mesh(stage: Usd.Stage, path: str) -> None:
+    """A square of two triangles, 1 m wide."""
+    mesh = UsdGeom.Mesh.Define(stage, path)
+    mesh.CreatePointsAttr([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)])
+    mesh.CreateFaceVertexCountsAttr([3, 3])
+    mesh.CreateFaceVertexIndicesAttr([0, 1, 2, 0, 2, 3])
+
+
 @pytest.mark.parametrize(
     ("spoil", "words"),
     [
@@ -94,6 +103,38 @@ def test_a_prim_without_a_mesh_is_told_of_its_lost_file(tmp_path: Path) -> None:
     path = spoilt(tmp_path, lost, physics=False)
     with pytest.raises(InputError, match=r"no mesh at /World/ball .the reference .*nowhere.usda cannot be opened"):
         open_wardrobe(load_scene(path, (f"garment.prim={CLOTH}", f"avatar.prim={BALL}")))
+
+
+def test_what_a_point_instancer_scatters_is_refused_and_told(tmp_path: Path) -> None:
+    path = tmp_path / "scattered.usda"
+    stage = Usd.Stage.CreateNew(str(path))
+    UsdGeom.SetStageMetersPerUnit(stage, 1.0)
+    instancer = UsdGeom.PointInstancer.Define(stage, "/bodies")
+    write_mesh(stage, "/bodies/body/mesh")
+    instancer.CreatePrototypesRel().AddTarget("/bodies/body")
+    instancer.CreateProtoIndicesAttr([0])
+    instancer.CreatePositionsAttr([(2.0, 0.0, 0.0)])
+    stage.Save()
+    with pytest.raises(InputError, match=r"no mesh: the point instancer /bodies scatters /bodies/body"):
+        load_mesh(path, role="avatar", key="avatar")
+    write_mesh(stage, "/floor")
+    stage.Save()
+    assert load_mesh(path, role="avatar", key="avatar").vertex_count == 4
+
+
+def test_a_variant_set_without_a_selection_is_told(tmp_path: Path) -> None:
+    path = tmp_path / "sizes.usda"
+    stage = Usd.Stage.CreateNew(str(path))
+    sizes = stage.DefinePrim("/shirt").GetVariantSets().AddVariantSet("size")
+    for size in ("S", "M"):
+        sizes.AddVariant(size)
+        sizes.SetVariantSelection(size)
+        with sizes.GetVariantEditContext():
+            write_mesh(stage, "/shirt/cloth")
+    sizes.ClearVariantSelection()
+    stage.Save()
+    with pytest.raises(InputError, match=r"the variant set size of /shirt has no selection; select one of M, S"):
+        load_mesh(path, role="garment", key="garment")
 
 
 def test_what_a_stage_has_lost_elsewhere_is_noted(tmp_path: Path, capfd: pytest.CaptureFixture) -> None:

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 from pxr import Gf, Kind, Sdf, Usd, UsdGeom
 
+from warp_cloth.loading.usd_units import standing_time
 from warp_cloth.mesh import Points
 from warp_cloth.quiet import quiet_usd
 from warp_cloth.units import METRES_PER, LengthUnit
@@ -75,10 +76,7 @@ def own_prim(stage: Usd.Stage, meshes: Sequence[str], garments: Sequence[str]) -
 
 def to_metres(stage: Usd.Stage, prim: Usd.Prim, units: LengthUnit | None) -> Points:
     """Matrix (row vectors) from a prim's own space to metres with y up, as the loader takes it; shape [4, 4]."""
-    points = UsdGeom.Mesh(prim).GetPointsAttr() if prim.IsA(UsdGeom.Mesh) else None
-    sampled = points is not None and points.Get() is None and points.GetNumTimeSamples() > 0
-    time = Usd.TimeCode(points.GetTimeSamples()[0]) if points is not None and sampled else Usd.TimeCode.Default()
-    world = np.array(UsdGeom.XformCache(time).GetLocalToWorldTransform(prim), dtype=np.float64)
+    world = np.array(UsdGeom.XformCache(standing_time(prim)).GetLocalToWorldTransform(prim), dtype=np.float64)
     authored = UsdGeom.StageHasAuthoredMetersPerUnit(stage)
     metres = METRES_PER[units] if units else UsdGeom.GetStageMetersPerUnit(stage) if authored else 1.0
     turn = np.eye(4)

@@ -18,7 +18,14 @@ from warp_cloth.loading.decimals import float32_doubt
 from warp_cloth.loading.raw import EXPORT_AGAIN, Floats, Ints, RawMesh, Role, joined
 from warp_cloth.loading.usd_folds import stated_folds
 from warp_cloth.loading.usd_physics import mass_notes, rest_corners
-from warp_cloth.loading.usd_units import lost_references, metres_per_unit, to_stage
+from warp_cloth.loading.usd_units import (
+    lost_references,
+    meshes_below,
+    metres_per_unit,
+    standing_time,
+    to_stage,
+    why_missing,
+)
 from warp_cloth.quiet import quiet_usd, usd_sentence
 
 if TYPE_CHECKING:
@@ -27,6 +34,7 @@ if TYPE_CHECKING:
 PROBE_MEMORY = 4 * 2**30  # bytes that USD may use on top of what the file's size explains
 PROBE_SECONDS = 120
 DAMAGED = "the file is damaged: export it again"
+_UV_NAMES = ("uv", "st", "map1", "texcoord")  # how primvars start that some exporters write as plain pairs
 _LISTED = 6  # prim paths in a message
 _REST = "unassigned"  # panel of the faces that no subset names
 
@@ -135,28 +143,23 @@ def _listed(paths: list[str]) -> str:
 
 def _mesh_paths(stage: Usd.Stage, prim: str | None, file: str, key: str) -> list[str]:
     """Paths of the meshes to read, instances too; guides, proxies and hidden ones only for want of others."""
-    from pxr import Sdf, Usd, UsdGeom
+    from pxr import Sdf, UsdGeom
 
-    def meshes(root: Usd.Prim) -> list[Usd.Prim]:
-        return [p for p in Usd.PrimRange(root, Usd.TraverseInstanceProxies()) if p.IsA(UsdGeom.Mesh)]
-
-    everything = meshes(stage.GetPseudoRoot())
-    found = everything
+    everything = found = meshes_below(stage.GetPseudoRoot())
     if prim is not None:
         valid = prim.startswith("/") and Sdf.Path.IsValidPathString(prim)
         root = stage.GetPrimAtPath(prim) if valid else None
-        found = meshes(root) if root else []
+        found = meshes_below(root) if root else []
         if not found:
             problem = f"there is no mesh at {prim}" if root else f"there is no prim {prim}"
             known = _listed([str(p.GetPath()) for p in everything])
-            lost = lost_references(stage)
-            problem += f" ({lost})" if lost else ""
+            reason, _ = why_missing(stage)
+            problem += f" ({reason})" if reason else ""
             raise InputError(file, problem, f"{key}.prim may be {known}" if known else "the stage holds no mesh")
     if not found:
-        lost = lost_references(stage)
-        if lost:
-            raise InputError(file, f"the stage holds no mesh: {lost}", "mend the path")
-        raise InputError(file, "the stage holds no mesh", "export the surface as a polygon mesh")
+        reason, remedy = why_missing(stage)
+        problem = f"the stage holds no mesh: {reason}" if reason else "the stage holds no mesh"
+        raise InputError(file, problem, remedy or "export the surface as a polygon mesh")
     shown = [p for p in found if _is_shown(UsdGeom.Imageable(p))]
     return [str(p.GetPath()) for p in (shown or found)]
 
@@ -176,19 +179,16 @@ def _part(
 
     mesh = UsdGeom.Mesh(stage.GetPrimAtPath(path))
     place = f"{file} {path}" + ("" if at is None else f" at time {at:g}")
-    attribute = mesh.GetPointsAttr()
-    sampled = attribute.Get(Usd.TimeCode.Default()) is None and attribute.GetNumTimeSamples() > 0
-    first = Usd.TimeCode(attribute.GetTimeSamples()[0]) if sampled else Usd.TimeCode.Default()
-    time = first if at is None else Usd.TimeCode(at)
+    time = standing_time(mesh.GetPrim()) if at is None else Usd.TimeCode(at)
     matrix = to_stage(mesh, time, place)
-    points = _array(attribute.Get(time), np.float64).reshape(-1, 3)
+    points = _array(mesh.GetPointsAttr().Get(time), np.float64).reshape(-1, 3)
     with np.errstate(all="ignore"):  # what is not finite is refused later
         doubt = float32_doubt(points) @ np.abs(matrix[:3, :3])
         points = points @ matrix[:3, :3] + matrix[3, :3]
         if z_up:
             points, doubt = points[:, [0, 2, 1]] * [1.0, 1.0, -1.0], doubt[:, [0, 2, 1]]
-    counts = _array(mesh.GetFaceVertexCountsAttr().Get(time), np.int64)
-    corners = _array(mesh.GetFaceVertexIndicesAttr().Get(time), np.int64)
+    counts = _array(_at(mesh.GetFaceVertexCountsAttr(), time), np.int64)
+    corners = _array(_at(mesh.GetFaceVertexIndicesAttr(), time), np.int64)
     if (counts < 0).any() or counts.sum() != len(corners):
         problem = f"faceVertexCounts add up to {counts.sum():,}, but there are {len(corners):,} faceVertexIndices"
         raise InputError(place, problem, EXPORT_AGAIN)
@@ -200,7 +200,7 @@ def _part(
     folds = stated_folds(mesh.GetPrim(), len(counts), place) if panels else None
     order = _order(counts, turn, _array(mesh.GetHoleIndicesAttr().Get(time), np.int64))
     masses = mass_notes(mesh.GetPrim(), len(points), place) if panels else ()
-    notes = (*order[2], *_subdivision(mesh), *masses)
+    notes = (*order[2], *_subdivision(mesh), *_skinning(mesh.GetPrim()), *masses)
     return RawMesh(
         file=place,
         points=points,
@@ -220,6 +220,14 @@ def _part(
 def _array(value: Any, dtype: type) -> Any:
     """A copy of a USD array: its own may be a view of the file."""
     return np.array(value if value is not None else [], dtype=dtype)
+
+
+def _at(attribute: Any, time: Usd.TimeCode) -> Any:
+    """The value of an attribute or primvar at a time; its first where it has none then."""
+    from pxr import Usd
+
+    value = attribute.Get(time)
+    return attribute.Get(Usd.TimeCode.EarliestTime()) if value is None else value
 
 
 def _order(counts: Ints, turn: bool, holes: Ints) -> tuple[Ints, Ints, tuple[str, ...]]:
@@ -242,9 +250,15 @@ def _subdivision(mesh: UsdGeom.Mesh) -> tuple[str, ...]:
     return (f"subdivision ({scheme.Get()}) is not applied: the mesh is taken as it is stored",)
 
 
+def _skinning(prim: Usd.Prim) -> tuple[str, ...]:
+    """A note where a skeleton or blend shapes would move the mesh."""
+    moved = any(prim.HasAttribute(name) for name in ("primvars:skel:jointIndices", "skel:blendShapes"))
+    return ("its skeleton or blend shapes are not applied: the mesh is taken as it is stored",) if moved else ()
+
+
 def _texcoords(mesh: UsdGeom.Mesh, time: Usd.TimeCode, corners: Ints, vertex_count: int) -> Floats | None:
-    """``st``, or else the first texture coordinate primvar, at every corner."""
-    from pxr import Sdf, UsdGeom
+    """``st``, or else the first primvar whose type or name says texture coordinates, at every corner."""
+    from pxr import Sdf, Usd, UsdGeom
 
     api = UsdGeom.PrimvarsAPI(mesh.GetPrim())
     kinds = (
@@ -252,14 +266,18 @@ def _texcoords(mesh: UsdGeom.Mesh, time: Usd.TimeCode, corners: Ints, vertex_cou
         Sdf.ValueTypeNames.TexCoord2dArray,
         Sdf.ValueTypeNames.TexCoord2hArray,
     )
+    every = api.FindPrimvarsWithInheritance()
     primvars = [api.FindPrimvarWithInheritance("st")]
-    primvars += [primvar for primvar in api.FindPrimvarsWithInheritance() if primvar.GetTypeName() in kinds]
+    primvars += [primvar for primvar in every if primvar.GetTypeName() in kinds]
+    primvars += [primvar for primvar in every if primvar.GetPrimvarName().lower().startswith(_UV_NAMES)]
     for primvar in primvars:
         if not primvar or not primvar.HasValue():
             continue
-        values = _array(primvar.ComputeFlattened(time), np.float64)
-        if values.ndim != 2 or values.shape[1] != 2:
+        known = time if primvar.Get(time) is not None else Usd.TimeCode.EarliestTime()
+        values = _array(primvar.ComputeFlattened(known), np.float64)
+        if values.ndim != 2 or values.shape[1] not in (2, 3):
             continue
+        values = values[:, :2]
         if primvar.GetInterpolation() == UsdGeom.Tokens.faceVarying and len(values) == len(corners):
             found: Floats = values
             return found

@@ -11,7 +11,7 @@ from warp_cloth.errors import InputError
 from warp_cloth.loading.raw import Floats
 
 if TYPE_CHECKING:
-    from pxr import Usd, UsdGeom
+    from pxr import Sdf, Usd, UsdGeom
 
 FLATTEST = 1e-9  # determinant of a transform over its largest size cubed, below which it has lost a direction
 
@@ -49,6 +49,21 @@ def kilograms_per_unit(stage: Usd.Stage, file: str) -> float:
     return scale
 
 
+def standing_time(prim: Usd.Prim) -> Usd.TimeCode:
+    """When a prim stands as it is read: its default, or the first sample where its points or its place have none."""
+    from pxr import Usd, UsdGeom
+
+    points = UsdGeom.Mesh(prim).GetPointsAttr() if prim.IsA(UsdGeom.Mesh) else None
+    if points and points.Get() is None and points.GetNumTimeSamples():
+        return Usd.TimeCode(points.GetTimeSamples()[0])
+    while prim and not prim.IsPseudoRoot():
+        moves = UsdGeom.Xformable(prim).GetOrderedXformOps() if prim.IsA(UsdGeom.Xformable) else ()
+        if any(move.GetNumTimeSamples() and move.GetAttr().Get() is None for move in moves):
+            return Usd.TimeCode.EarliestTime()
+        prim = prim.GetParent()
+    return Usd.TimeCode.Default()
+
+
 def to_stage(mesh: UsdGeom.Mesh, time: Usd.TimeCode, place: str) -> Floats:
     """Matrix from a mesh to its stage, rows first, shape [4, 4].
 
@@ -64,6 +79,50 @@ def to_stage(mesh: UsdGeom.Mesh, time: Usd.TimeCode, place: str) -> Floats:
     if abs(float(np.linalg.det(matrix[:3, :3] / (size or 1.0)))) <= FLATTEST:
         raise InputError(place, "its transform, or one above it, flattens it: a scale is 0", "give it another scale")
     return matrix
+
+
+def meshes_below(root: Usd.Prim) -> list[Usd.Prim]:
+    """The meshes at or below a prim, instances too, but not what a point instancer scatters."""
+    from pxr import Usd, UsdGeom
+
+    scattered = [path for _, path in _prototypes(root.GetStage())]
+    return [
+        prim
+        for prim in Usd.PrimRange(root, Usd.TraverseInstanceProxies())
+        if prim.IsA(UsdGeom.Mesh) and not any(prim.GetPath().HasPrefix(path) for path in scattered)
+    ]
+
+
+def _prototypes(stage: Usd.Stage) -> list[tuple[Usd.Prim, Sdf.Path]]:
+    """Every point instancer of a stage with each prim that it scatters."""
+    from pxr import Usd, UsdGeom
+
+    every = Usd.PrimRange(stage.GetPseudoRoot(), Usd.TraverseInstanceProxies())
+    instancers = [prim for prim in every if prim.IsA(UsdGeom.PointInstancer)]
+    return [
+        (prim, path)
+        for prim in instancers
+        for path in UsdGeom.PointInstancer(prim).GetPrototypesRel().GetForwardedTargets()
+    ]
+
+
+def why_missing(stage: Usd.Stage) -> tuple[str, str]:
+    """What may keep a mesh from being found in a stage, as a clause, and what to do; both empty: nothing."""
+    from pxr import Usd
+
+    lost = lost_references(stage)
+    if lost:
+        return lost, "mend the path"
+    for prim, path in _prototypes(stage):
+        clause = f"the point instancer {prim.GetPath()} scatters {path}, and such are not read"
+        return clause, "write its instances out as meshes of their own"
+    for prim in Usd.PrimRange(stage.GetPseudoRoot()):
+        sets = prim.GetVariantSets()
+        for name in sets.GetNames():
+            if not sets.GetVariantSelection(name):
+                known = ", ".join(sets.GetVariantSet(name).GetVariantNames())
+                return f"the variant set {name} of {prim.GetPath()} has no selection", f"select one of {known}"
+    return "", ""
 
 
 def lost_references(stage: Usd.Stage) -> str:
