@@ -8,9 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
-from meshfiles import write_obj
+from meshfiles import sheet, write_obj
 
 import warp_cloth
+from warp_cloth.advice import notes_of
 from warp_cloth.collide.avatar import AvatarContact
 from warp_cloth.collide.depth import build_depth_buffers
 from warp_cloth.collide.exact import build_exact_collider, penetration
@@ -177,6 +178,22 @@ def test_loose_sheets_are_left_out_and_counted(tmp_path: Path) -> None:
     assert (hair.sheets, hair.holes) == (30, 0)
     assert (cloak.sheets, cloak.holes) == (1, 0)
     assert len(hair.triangles) == len(cloak.triangles) == len(ball().faces)
+
+
+def test_depths_are_measured_from_what_cloth_meets(tmp_path: Path) -> None:
+    """Cloth between a ball and a cape round it, which is left out, has not gone into anything."""
+    write_obj(tmp_path / "avatar.obj", np.asarray(cape().vertices), np.asarray(cape().faces))
+    between = 0.5 * (RADIUS + 0.12)
+    points, faces = sheet(count=5, side=0.02, height=-0.01, toward=-between)
+    write_obj(tmp_path / "patch.obj", points, faces)
+    scene = {
+        "garment": {"mesh": str(tmp_path / "patch.obj"), "units": "m", "pin": {"box": [[-1, -1, -1], [1, 0.009, 1]]}},
+        "avatar": {"mesh": str(tmp_path / "avatar.obj"), "units": "m"},
+    }
+    worn = warp_cloth.fit(scene, device="cpu", overrides=("solver.iterations=20",), maps="ease")
+    assert worn.report["penetration_mm"]["max"] < WORN
+    assert worn.garments[0].fields["ease"].min() == pytest.approx(1e3 * (between - RADIUS), abs=1.0)
+    assert any("1 loose sheet" in note for note in notes_of(worn.report))
 
 
 def test_a_hole_is_told_by_the_area_of_its_lid(tmp_path: Path) -> None:

@@ -126,6 +126,12 @@ def test_garment_far_away_is_refused(tmp_path: Path) -> None:
         check_sizes([("garment", far)], load(tmp_path, 1.7, "avatar", "m"))
 
 
+def test_a_place_where_stored_numbers_are_too_coarse_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"lies 1e\+03 km from the origin, at \(0.175, 1e\+06, 0\) m; move garment"):
+        load(tmp_path, 0.7, units="m", low=1e6)
+    assert load(tmp_path, 0.7, units="m", low=900.0).bounds()[0][1] == 900.0
+
+
 @pytest.mark.parametrize("lying", ["garment", "avatar"])
 def test_what_lies_beside_the_other_may_have_z_up(tmp_path: Path, lying: str) -> None:
     meshes = {"garment": load(tmp_path, 60.0, low=80.0), "avatar": load(tmp_path, 1.7, "avatar")}

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from warp_cloth.loading.raw import counted
 from warp_cloth.verdict import falls_as_a_whole, hidden
 
 DEEP = 2.0  # [mm]; deeper than half the usual offset, a garment is in the body
@@ -16,6 +17,10 @@ def notes_of(report: Mapping[str, Any]) -> list[str]:
     """What was guessed or mended, each with whose it is."""
     notes = [f"{garment['name']}: {note}" for garment in report.get("garments") or () for note in garment["notes"]]
     notes += [f"avatar: {note}" for note in (report.get("avatar") or {}).get("notes", ())]
+    sheets = (report.get("contact") or {}).get("sheets_left_out")
+    if sheets:
+        told = counted(sheets, "loose sheet")
+        notes.append(f"avatar: {told}, as of hair, left out: cloth meets only what has an inside")
     return [*notes, *report.get("map_notes", ())]
 
 

@@ -152,7 +152,7 @@ def _with_maps(fitted: Fit, names: Sequence[str], made: SetUp) -> Fit:
         parts=made.wardrobe.parts,
         worn=[worn.points for worn in fitted.garments],
         pushes=None if push is None else [push[a:b] for a, b in itertools.pairwise(starts)],
-        avatar=fitted.avatar,
+        avatar=made.skins()[0],
         garment_names=called,
         device=fitted.device,
     )
@@ -242,10 +242,10 @@ def finished(
             model.set_points(outcome.points, item)
     strains, threads = edge_strains(model), thread_strains(model)
     worn_points = [outcome.points for outcome in outcomes]
-    avatars = [wardrobe.avatar for wardrobe in made.wardrobes]
-    exact_of = exact_colliders(avatars, model.device)
+    skins = made.skins()
+    exact_of = exact_colliders(skins, model.device)
     depths = _drawn_through(
-        made, penetrations(worn_points, avatars, model.device, exact_of), outcomes, exact_of, strains
+        made, penetrations(worn_points, skins, model.device, exact_of), outcomes, skins, exact_of, strains
     )
     crossings = worn_crossings(made.wardrobes, worn_points, model.device)
 
@@ -297,6 +297,7 @@ def _drawn_through(
     made: SetUp,
     depths: Sequence[Penetration | None],
     outcomes: Sequence[Outcome],
+    skins: Sequence[Mesh | None],
     exact_of: Sequence[ExactCollider | None],
     strains: NDArray[np.float64],
 ) -> list[Penetration | None]:
@@ -317,11 +318,10 @@ def _drawn_through(
         return *edge_places(points, np.concatenate(edges), strain), face_places(points, np.concatenate(triangles))
 
     asks = map_in_threads(asked, range(len(outcomes)))
-    avatars = [wardrobe.avatar for wardrobe in made.wardrobes]
     places = [np.concatenate([along, within]) for along, _, within in asks]
     told: list[Penetration | None] = []
     for depth, (along, lengths, _), distances in zip(
-        depths, asks, distances_of_many(places, avatars, model.device, exact_of), strict=True
+        depths, asks, distances_of_many(places, skins, model.device, exact_of), strict=True
     ):
         if depth is None or distances is None:
             told.append(depth)

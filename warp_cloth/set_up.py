@@ -20,6 +20,7 @@ from warp_cloth.collide.solid import solid_of
 from warp_cloth.garment.part import terms_of
 from warp_cloth.garment.wardrobe import Rack, Wardrobe, open_wardrobe
 from warp_cloth.kept import Kept
+from warp_cloth.mesh import Mesh
 from warp_cloth.model import ClothModel, build_model
 from warp_cloth.plan import contact_kind
 from warp_cloth.scene import Scene
@@ -54,6 +55,14 @@ class SetUp:
     def contact(self) -> AvatarContact:
         """That of the first scene, or of a lone one."""
         return self.contacts[0]
+
+    def skins(self) -> list[Mesh | None]:
+        """What each item's distances to its avatar are measured from; the same of those whose avatars are the same."""
+        found: dict[int, Mesh] = {}
+        for wardrobe, contact in zip(self.wardrobes, self.contacts, strict=True):
+            if wardrobe.avatar is not None and id(wardrobe.avatar) not in found:
+                found[id(wardrobe.avatar)] = contact.skin(wardrobe.avatar)
+        return [None if each.avatar is None else found[id(each.avatar)] for each in self.wardrobes]
 
     def touched(self, item: int) -> dict[str, Any] | None:
         """What an item's avatar is met by, and how good that is; None without avatar."""

@@ -211,6 +211,10 @@ class AvatarContact:
         held = [array for owner in self._kept for array in vars(owner).values() if isinstance(array, wp.array)]
         return sum(array.capacity for array in held)
 
+    def skin(self, avatar: Mesh) -> Mesh:
+        """The avatar, as it stands by now, without the loose sheets that contact leaves out."""
+        return avatar if self._closing is None else self._closing.skin(avatar)
+
     def alike(self, friction: float) -> AvatarContact:
         """The same contact for another scene: what is built so far is shared, what is built later is its own."""
         other = copy(self)

@@ -14,6 +14,7 @@ from warp_cloth.collide.cloth import ClothTouch, SheetKind, sheets_of
 from warp_cloth.collide.crossing import find_crossings
 from warp_cloth.collide.exact import POINTS_AT_ONCE, pieces, signed_distances
 from warp_cloth.collide.placing import clear_shift, way_told
+from warp_cloth.collide.solid import solid_of
 from warp_cloth.garment.wardrobe import Wardrobe
 from warp_cloth.kept import Kept
 from warp_cloth.mesh import Indices, Mesh, Points
@@ -36,7 +37,8 @@ def placed(scenes: Sequence[Scene], wardrobes: Sequence[Wardrobe], device: str, 
         part, avatar = wardrobe.parts[index], wardrobe.starting_avatar
         if avatar is None or scene.collision.avatar == "none" or scene.garments[index].rest != "uv" or len(part.pins):
             return None
-        return kept.once("shift", (part.points, avatar), partial(clear_shift, part.points, avatar, device))
+        skin = kept.once("solid", (avatar,), partial(solid_of, avatar)).closing.skin(avatar)
+        return kept.once("shift", (part.points, avatar), partial(clear_shift, part.points, skin, device))
 
     return [
         _shifted(wardrobe, [shift_of(scene, wardrobe, index) for index in range(len(wardrobe.parts))], kept)

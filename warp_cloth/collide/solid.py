@@ -39,6 +39,10 @@ class Closing:
             mesh, points=self.points(mesh.points), triangles=self.triangles, texcoords=None, panels=None, panel_names=()
         )
 
+    def skin(self, mesh: Mesh) -> Mesh:
+        """What distances to the mesh are measured from: itself, but for the loose sheets that cloth does not meet."""
+        return self.closed(mesh) if self.encloses and self.sheets else mesh
+
 
 def closing_of(mesh: Mesh) -> Closing:
     """How a mesh becomes a solid.

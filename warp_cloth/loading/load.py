@@ -17,7 +17,7 @@ from warp_cloth.loading.obj import read_obj
 from warp_cloth.loading.ply import read_ply
 from warp_cloth.loading.raw import Floats, RawMesh, Role, check
 from warp_cloth.loading.repair import Repaired, RestKind, repaired
-from warp_cloth.loading.sizes import choose_unit
+from warp_cloth.loading.sizes import choose_unit, refuse_far
 from warp_cloth.loading.usd import read_usd
 from warp_cloth.mesh import Folds, Mesh
 from warp_cloth.units import LengthUnit, UpAxis
@@ -58,6 +58,7 @@ def load_mesh(
         used = raw.points[used_ids(raw.corners, len(raw.points))] if len(raw.corners) else raw.points
         declared = raw.metres_per_unit
         unit = choose_unit(used, file=raw.file, role=role, key=key, stated=units, declared=declared)
+        refuse_far(used, unit.metres, raw.file)
         sound = repaired(raw, in_metres(raw, unit.metres), role=role, rest=rest)
     except (MemoryError, OverflowError) as error:
         problem = f"is too large to load ({type(error).__name__})"

@@ -23,6 +23,8 @@ MAYBE_INCHES: dict[Role, tuple[float, float]] = {"garment": (20.0, 40.0), "avata
 
 STRAY, FEW = 20.0, 0.01  # times as far from the middle as all but this share: no part of a garment or a body
 
+FARTHEST = 1000.0  # [m] from the origin; there float32, as files store points, has steps of 0.06 mm
+
 GUESS_NOTE = "units not stated"  # how every note on a guess starts
 # Largest extent of the garment over the avatar's, from a glove to a train. Wide where both units are stated.
 RATIO, WIDE_RATIO = (0.05, 1.6), (0.01, 20.0)
@@ -133,6 +135,16 @@ def _refuse_impossible(extent: float, metres: float, name: str, *, file: str, ro
     if likely is None:
         raise InputError(file, problem, _rescaling(extent, role, key))
     raise InputError(file, problem, f'its numbers look like {_PLURALS[likely]}: set {key}.units = "{likely}"')
+
+
+def refuse_far(points: Floats, metres: float, file: str) -> None:
+    """Refuse a place where results, whose numbers are float32, would lose more than a tenth of a millimetre."""
+    middle = 0.5 * (points.min(axis=0) + points.max(axis=0)) * metres
+    away = float(np.abs(middle).max())
+    if away > FARTHEST:
+        x, y, z = middle
+        problem = f"lies {away / 1000:,.3g} km from the origin, at ({x:g}, {y:g}, {z:g}) m"
+        raise InputError(file, problem, "move garment and avatar to the origin: stored numbers are too coarse there")
 
 
 def was_guessed(mesh: Mesh) -> bool:
