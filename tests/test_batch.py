@@ -22,9 +22,11 @@ from warp_cloth.batch.drive import Standing, _Drive
 from warp_cloth.batch.pool import LocalPool, Lost, best_shared
 from warp_cloth.batch.progress import summary
 from warp_cloth.batch.rows import FAILED, ItemResult, empty_row
-from warp_cloth.batch.store import Store, cut
+from warp_cloth.batch.store import Keep, Store, cut
 from warp_cloth.batch.work import Done, Task, do_task
 from warp_cloth.errors import InputError
+from warp_cloth.export import stage
+from warp_cloth.export.files import whole_file
 
 FABRICS = ("silk", "cotton", "denim")
 WAIT = 120.0  # [s] at most, for a process that is expected to do something
@@ -72,8 +74,8 @@ class HerePool:
         pass
 
 
-def drive(out: Path, items: list[Item], size: int, pool: Any = None) -> Any:
-    store = Store(out, "arrays")
+def drive(out: Path, items: list[Item], size: int, pool: Any = None, keep: Keep = "arrays") -> Any:
+    store = Store(out, keep)
     store.open()
     return _Drive(store, cut(items, size), pool or HerePool(), lambda _: None, 0.0).run()
 
@@ -178,6 +180,23 @@ def test_a_full_disk_leaves_the_shard_undone_and_says_so(tmp_path: Path, monkeyp
     assert [row["status"] == FAILED for row in results(tmp_path).values()] == [False, False, True, True]
     monkeypatch.setattr(Store, "write", write)
     assert drive(tmp_path, items, 2).whole
+
+
+def test_a_stage_that_cannot_be_written_is_no_fault_of_its_item(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(path: Path, **_: Any) -> None:
+        with whole_file(path):
+            raise OSError("USD: Error occurred writing file: No space left on device")
+
+    with monkeypatch.context() as changed:
+        changed.setattr(stage, "write_stage", full)
+        drive(tmp_path, tiny_items(1), 1, keep="stages")
+    (row,) = results(tmp_path).values()
+    assert row["status"] == FAILED
+    assert "No space left on device" in row["message"]
+    drive(tmp_path, tiny_items(1), 1, keep="stages")
+    assert FAILED not in {row["status"] for row in results(tmp_path).values()}
 
 
 def test_a_shard_is_done_again_where_its_items_or_files_changed(tmp_path: Path) -> None:

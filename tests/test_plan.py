@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 from pathlib import Path
 
@@ -11,12 +12,13 @@ import warp as wp
 from typer.testing import CliRunner
 
 from warp_cloth.cli import app
+from warp_cloth.errors import InputError
 from warp_cloth.fitting import fit
 from warp_cloth.garment.reach import reach_box
 from warp_cloth.plan import contact_kind, make_plan
 from warp_cloth.scene import load_scene
 from warp_cloth.set_up import SetUp, set_up_one
-from warp_cloth.study import footprint, savings, timing
+from warp_cloth.study import footprint, planning, savings, timing
 from warp_cloth.study.launches import Launch, bytes_of, launches_of
 from warp_cloth.study.traffic import array_uses
 
@@ -194,6 +196,18 @@ def test_the_command_tells_terms_kernels_and_memory(tmp_path: Path, monkeypatch:
     values = json.loads(out.read_text())
     assert values["vertices"] == 81
     assert sum(kernel["share"] for kernel in values["kernels"]) == pytest.approx(1.0)
+
+
+def test_a_plan_is_written_whole_or_not_at_all(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(path: Path, *_: object, **__: object) -> None:
+        path.touch()
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(Path, "write_text", full)
+    monkeypatch.setattr(planning, "plan_values", lambda *_: {})
+    with pytest.raises(InputError, match="No space left on device"):
+        planning.write_plan(tmp_path / "new" / "plan.json", (), None)  # type: ignore[arg-type]
+    assert not list((tmp_path / "new").iterdir())
 
 
 def test_what_is_saved_without_a_term_is_told_of_those_in_use_and_adds_up(monkeypatch: pytest.MonkeyPatch) -> None:

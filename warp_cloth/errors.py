@@ -1,4 +1,4 @@
-"""The one exception for bad input, and its one-line sentence."""
+"""The exception for bad input, and its one-line sentence."""
 
 from __future__ import annotations
 
@@ -18,3 +18,7 @@ class InputError(Exception):
         self.remedy = remedy
         sentence = f"{self.place}: {problem}" + (f"; {remedy}" if remedy else "")
         super().__init__(" ".join(sentence.split()))
+
+
+class OutputError(InputError):
+    """A place that cannot be written, whatever was to be written there."""

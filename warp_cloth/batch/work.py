@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import errno
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -10,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from warp_cloth.batch.rows import FAILED, ItemResult, WornPoints, empty_row, row_of
 from warp_cloth.batch.store import Shard, Store, file_marks
-from warp_cloth.errors import InputError
+from warp_cloth.errors import InputError, OutputError
 from warp_cloth.quiet import start_warp
 from warp_cloth.result import Status
 
@@ -149,9 +148,8 @@ class _Worker:
     def _failure(self, item: Item, error: Exception) -> dict[str, object]:
         """The row of an item that raised; DeviceLostError where no other item can be done here either."""
         if isinstance(error, InputError):
-            cause = error.__cause__
-            lost = isinstance(cause, OSError) and cause.errno in (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EIO)
-            return empty_row(item.name, FAILED if lost else Status.INVALID.value, str(error))
+            fault = FAILED if isinstance(error, OutputError) else Status.INVALID.value  # no fault of the item's
+            return empty_row(item.name, fault, str(error))
         if out_of_memory(error):
             return empty_row(item.name, FAILED, f"out of memory on {self._task.device}; {SMALLER}")
         if not device_answers(self._task.device):

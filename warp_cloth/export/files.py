@@ -8,15 +8,15 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from warp_cloth.errors import InputError
+from warp_cloth.errors import OutputError
 
 REMEDY = "choose an output folder that can be written"
 
 
-def unwritable(path: Path, error: Exception) -> InputError:
+def unwritable(path: Path, error: Exception) -> OutputError:
     """The one-line refusal for a place that cannot be written."""
     reason = getattr(error, "strerror", None) or error
-    return InputError(path, f"cannot be written ({reason})", REMEDY)
+    return OutputError(path, f"cannot be written ({reason})", REMEDY)
 
 
 @contextmanager

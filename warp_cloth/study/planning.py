@@ -8,7 +8,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from warp_cloth.errors import InputError
+from warp_cloth.export.files import unwritable, whole_file
 from warp_cloth.plan import Term
 from warp_cloth.study.footprint import Footprint
 from warp_cloth.study.savings import Saving
@@ -76,6 +76,7 @@ def write_plan(path: Path, terms: Sequence[Term], cost: Footprint, savings: Sequ
     """
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(json.dumps(plan_values(terms, cost, savings), indent=2) + "\n", encoding="utf-8")
     except OSError as error:
-        raise InputError(path, f"cannot be written: {error.strerror or error}", "choose another --out") from None
+        raise unwritable(path, error) from None
+    with whole_file(path) as place:
+        place.write_text(json.dumps(plan_values(terms, cost, savings), indent=2) + "\n", encoding="utf-8")
