@@ -2,10 +2,11 @@
 
     python tests/benchmarks/traffic.py --data ../shared/data --out traffic --scene layers4k --scene ball
 
-Each scene is planned as the command does it. It then goes the same way under ncu, iteration for iteration but launch by
-launch, and some launches of each kernel, evenly over the way, are measured. How often a kernel is launched is as the
-plan counted it; what a launch moves, and how long it takes, is held against the mean of those measured. Beside the
-table the plans, and each launch that was measured, are kept in the folder.
+Each scene is planned as the command does it. It then goes the same way under ncu, iteration for iteration, and some
+launches of each kernel, evenly over the way, are measured: of the iterations that the plan watched launch by launch
+some rounds are gone launch by launch again, all others as captured graphs, which ncu does not see into. How often a
+kernel is launched is as the plan counted it; what a launch moves, and how long it takes, is held against the mean of
+those measured. Beside the table the plans, and each launch that was measured, are kept in the folder.
 """
 
 from __future__ import annotations
@@ -30,6 +31,7 @@ import warp as wp
 from warp_cloth.quiet import start_warp
 from warp_cloth.scene import load_scene
 from warp_cloth.set_up import set_up_one
+from warp_cloth.solver.loop import CHUNK
 from warp_cloth.study.footprint import footprint_of
 from warp_cloth.study.timing import TIMED, Way
 
@@ -106,45 +108,68 @@ def scenes(data: Path) -> dict[str, dict[str, Any]]:
 
 
 class Retraced(Way):
-    """The way that a plan went, launch by launch."""
+    """The way that a plan went, iteration for iteration."""
 
-    def retrace(self, end: int) -> None:
-        """Goes it up to an iteration."""
+    def retrace(self, end: int, every: int = 0, samples: Samples | None = None) -> None:
+        """Goes it up to an iteration, and takes samples in every so many of the rounds that the plan watched."""
+        rounds = 0
         while self.iteration < end:
             warm = self.warm
-            self._step(TIMED)
+            self._run(TIMED)
             if warm:
-                self._step(self.watched)
+                rounds += 1
+                if samples is not None and rounds % every == every // 2:
+                    with samples.taken():
+                        self._made.relaxation.iterate(self.watched)
+                    self.iteration += self.watched
+                else:
+                    self._run(self.watched)
             self.check()
 
-    def _step(self, count: int) -> None:
-        self._made.relaxation.iterate(count)
+    def _run(self, count: int) -> None:
+        for _ in range(count // CHUNK):
+            self._made.relaxation.run(CHUNK)
         self.iteration += count
 
 
-@contextmanager
-def sampled(plan: dict[str, Any], iterations: int, samples: int) -> Iterator[None]:
-    """Has the driver's profiler, and so what watches it, see some launches of each kernel, evenly over iterations."""
-    often = {each["name"]: each["launches"] * iterations for each in plan["kernels"]}
-    driver, launch, seen = ctypes.CDLL("libcuda.so.1"), wp.launch, defaultdict[str, int](int)
+class Samples:
+    """Launches of each kernel that the driver's profiler sees, and so what watches it."""
 
-    def watch(kernel: wp.Kernel, *given: Any, **more: Any) -> Any:
-        name = kernel.key.rpartition("__")[2]
-        every = max(int(often.get(name, 0.0) / samples), 1)
-        seen[name] += 1
-        if seen[name] % every != every // 2 or name not in often:
-            return launch(kernel, *given, **more)
-        driver.cuProfilerStart()
-        launch(kernel, *given, **more)
-        driver.cuCtxSynchronize()
-        driver.cuProfilerStop()
-        return None
+    def __init__(self, plan: dict[str, Any], iterations: int, count: int) -> None:
+        """About so many of each in so many iterations, evenly."""
+        launches = {each["name"]: each["launches"] * iterations for each in plan["kernels"]}
+        self._every = {name: max(int(often / count), 1) for name, often in launches.items()}
+        self._seen = defaultdict[str, int](int)
+        self._driver = ctypes.CDLL("libcuda.so.1")
 
-    wp.launch = watch
-    try:
-        yield
-    finally:
-        wp.launch = launch
+    @contextmanager
+    def taken(self) -> Iterator[None]:
+        """Takes those that come due."""
+        launch = wp.launch
+
+        def watch(kernel: wp.Kernel, *given: Any, **more: Any) -> Any:
+            name = kernel.key.rpartition("__")[2]
+            every = self._every.get(name, 0)
+            self._seen[name] += 1
+            if not every or self._seen[name] % every != every // 2:
+                return launch(kernel, *given, **more)
+            self._driver.cuProfilerStart()
+            launch(kernel, *given, **more)
+            self._driver.cuCtxSynchronize()
+            self._driver.cuProfilerStop()
+            return None
+
+        wp.launch = watch
+        try:
+            yield
+        finally:
+            wp.launch = launch
+
+
+def rounds_apart(plan: dict[str, Any], rounds: int, watched: int, samples: int) -> int:
+    """Every how many of the rounds, of so many iterations, are enough for the samples, of the rarest kernel, too."""
+    rarest = min(each["launches"] for each in plan["kernels"] if each["asked"])
+    return max(int(rounds * min(watched * rarest, 1.0) / samples), 1)
 
 
 def planned(tree: dict[str, Any], device: str) -> dict[str, Any]:
@@ -246,8 +271,9 @@ def retrace(tree: dict[str, Any], plan: dict[str, Any], asked: argparse.Namespac
     begin, end = plan["iterations"]
     way = Retraced(set_up_one(load_scene(tree), asked.device))
     way.retrace(begin)
-    with sampled(plan, end - begin, asked.samples):
-        way.retrace(end)
+    rounds = (end - begin) // (TIMED + way.watched)
+    every = rounds_apart(plan, rounds, way.watched, asked.samples)
+    way.retrace(end, every, Samples(plan, rounds // every * way.watched, asked.samples))
 
 
 def main() -> None:
@@ -264,6 +290,7 @@ def main() -> None:
     asked = parser.parse_args()
     folder = Path(asked.out)
     folder.mkdir(parents=True, exist_ok=True)
+    sys.stdout.reconfigure(line_buffering=True)  # type: ignore[union-attr]
     start_warp(False)
     known, results = scenes(Path(asked.data)), {}
     for name in asked.scene or known:
@@ -273,9 +300,10 @@ def main() -> None:
             continue
         plan = planned(known[name], asked.device)
         seconds = time.perf_counter() - began
+        print(f"{name}: planned in {seconds:.0f} s")
         found = measured(name, plan, asked)
         results[name] = {"plan": plan, "measured": found, **compared(name, plan, found)}
-        print(f"  planned in {seconds:.0f} s, measured in {time.perf_counter() - began - seconds:.0f} s", flush=True)
+        print(f"  measured in {time.perf_counter() - began - seconds:.0f} s")
         (folder / "traffic.json").write_text(json.dumps(results, indent=1))
 
 
