@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from warp_cloth.scene import load_scene
 from warp_cloth.set_up import set_up_one
 from warp_cloth.solver.leeway import _Gathered
+from warp_cloth.study.asked import STORED, Part
 from warp_cloth.study.gathered import gathered_work
 from warp_cloth.study.launches import Launch, launches_of
+from warp_cloth.study.traffic import Uses, array_uses
 
-BLOCK = 256  # threads
+BLOCK, TEAM, LEAVES = 256, 32, 1024  # threads, those that go together, and what a block boxes
 SHAPE = {"kind": "square", "side": 0.5, "vertices_per_side": 21}
 
 
@@ -25,8 +29,35 @@ def look() -> dict[str, Launch]:
     return {launch.kernel.key.rpartition("__")[2]: launch for launch in launches}
 
 
+@pytest.fixture(scope="module")
+def tangled() -> dict[str, tuple[Launch, dict[str, Part]]]:
+    """The launches of a search of two layers, of which one's rim lies under the other, and what they ask for then."""
+    sheets = [{"shape": {**SHAPE, "height": height}} for height in (1.0, 0.9995)]
+    tree = {"garment": sheets, "collision": {"cloth": True}, "avatar": {"shape": {"kind": "sphere", "radius": 0.2}}}
+    made = set_up_one(load_scene(tree), "cpu")
+    touch = made.relaxation.touch
+    assert touch is not None
+    touch._untangling.layer.assign(np.repeat([0, 1], touch.sheets.vertex_count // 2).astype(np.int32))
+    touch.layered = True
+    touch._untangling.outward.fill_(1.0)
+    touch.awaken()
+    found = {}
+
+    def see(launch: Launch) -> None:
+        name = launch.kernel.key.rpartition("__")[2]
+        found[name] = launch, gathered_work(launch, launch.arrays(), array_uses(launch.kernel))
+
+    launches_of(lambda: touch.search(made.model.cloth), see=see)
+    return found
+
+
+def together(part: Part) -> set[tuple[int, int]]:
+    blocks, elements = part
+    return set(zip(blocks.tolist(), elements.tolist(), strict=True))
+
+
 def asked(launch: Launch, name: str) -> set[tuple[int, int]]:
-    blocks, elements = gathered_work(launch.arrays(), launch.threads)[name]
+    blocks, elements = gathered_work(launch, launch.arrays(), array_uses(launch.kernel))[name]
     return set(zip(blocks.tolist(), elements.tolist(), strict=True))
 
 
@@ -57,10 +88,64 @@ def test_a_vertex_asks_for_all_of_the_triangles_round_it(look: dict[str, Launch]
 def test_a_triangle_asks_for_its_corners(look: dict[str, Launch]) -> None:
     arrays = {"triangles.corners": look["find_leeway"].arrays()["triangles.corners"]}
     corners = arrays["triangles.corners"].numpy()
-    blocks, elements = gathered_work(arrays, len(corners))["cloth.position"]
+    launch = replace(look["find_leeway"], threads=len(corners))
+    blocks, elements = gathered_work(launch, arrays, Uses())["cloth.position"]
     assert (elements == corners.ravel()).all()
     assert (blocks == np.repeat(np.arange(len(corners)) // BLOCK, 3)).all()
 
 
 def test_threads_that_are_led_nowhere_are_left_as_they_are(look: dict[str, Launch]) -> None:
-    assert gathered_work(look["take_leeway"].arrays(), look["take_leeway"].threads) == {}
+    launch = look["take_leeway"]
+    assert gathered_work(launch, launch.arrays(), array_uses(launch.kernel)) == {}
+
+
+def test_a_block_that_boxes_leaves_asks_for_their_corners_and_stores_boxes_round_groups_one_by_one(
+    tangled: dict[str, tuple[Launch, dict[str, Part]]],
+) -> None:
+    launch, found = tangled["box_sheets"]
+    edge, triangle = numbers(launch, "search.edge_tree.leaf"), numbers(launch, "search.triangle_tree.leaf")
+    ends, corners, sides = (numbers(launch, f"search.{name}") for name in ("ends", "corners", "sides"))
+    blocks = len(edge) // LEAVES
+    vertices = {(at // LEAVES, end) for at, leaf in enumerate(edge) if leaf >= 0 for end in ends[at]}
+    lengths = {(at // LEAVES, leaf) for at, leaf in enumerate(edge) if leaf >= 0}
+    for at, leaf in enumerate(triangle):
+        if leaf >= 0:
+            vertices |= {(blocks + at // LEAVES, corner) for corner in corners[at]}
+            lengths |= {(blocks + at // LEAVES, side) for side in sides[leaf]}
+    assert together(found["cloth.position"]) == together(found["contact.skin"]) == vertices
+    assert together(found["search.longest"]) == lengths
+    stored, first = found[STORED + "search.edge_tree.bound"], numbers(launch, "search.edge_tree.first")
+    of_leaves, others = 6 * len(edge), 6 * (len(edge) // TEAM + len(edge) // LEAVES)
+    assert len(set(stored[0].tolist())) == 1 + others
+    assert sorted(stored[1].tolist()) == sorted(set(stored[1].tolist()))
+    assert len(stored[1]) == of_leaves + others
+    assert stored[1].max() < 6 * TEAM * first[-1]
+
+
+def test_pairs_ask_whether_their_corners_are_tangled(tangled: dict[str, tuple[Launch, dict[str, Part]]]) -> None:
+    launch, found = tangled["spare_tangled"]
+    pairs = numbers(launch, "contact.corners")[: numbers(launch, "contact.count")[0]]
+    assert pairs
+    assert together(found["search.tangled"]) == {
+        (at // BLOCK, corner) for at, four in enumerate(pairs) for corner in four
+    }
+
+
+def test_vertices_beyond_another_layer_ask_for_the_triangle_there(
+    tangled: dict[str, tuple[Launch, dict[str, Part]]],
+) -> None:
+    launch, found = tangled["part_layers"]
+    triangles, count = numbers(launch, "search.triangles"), numbers(launch, "untangling.count")[1]
+    reach = np.array(launch.arguments["untangling"].layer_reach, dtype=np.float32).view(np.int32).item()
+    near = {
+        vertex: triangles[beyond % 2**32]
+        for vertex, beyond in enumerate(numbers(launch, "untangling.beyond"))
+        if beyond >> 32 < reach
+    }
+    assert 0 < count <= len(near)
+    rim = {(vertex // BLOCK, corner) for vertex, corners in near.items() for corner in corners}
+    assert together(found["untangling.rim"]) == rim
+    assert together(found["cloth.position"]) == rim | {(vertex // BLOCK, vertex) for vertex in near}
+    instruction, row = found[STORED + "untangling.sum"]
+    assert len(row) == 4 * 4 * count
+    assert all(vertex in near for vertex in row[instruction // 4 % 4 == 0])

@@ -13,11 +13,17 @@ Part = tuple[Numbers, Numbers]  # blocks of threads, and elements of an array th
 Arrays = Mapping[str, wp.array]
 
 THREADS = 256  # of a block, where Warp chooses
+STORED = "stored "  # before an array's name: what single instructions put there, of each of which the cache is told
 
 
 def integers(array: wp.array) -> Numbers:
     """What an array of whole numbers holds."""
     return np.asarray(array.numpy(), dtype=np.int64)
+
+
+def joined(*parts: Part) -> Part:
+    """What several parts ask for together."""
+    return np.concatenate([part[0] for part in parts]), np.concatenate([part[1] for part in parts])
 
 
 def ranges(first: Numbers, count: Numbers) -> Part:

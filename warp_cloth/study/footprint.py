@@ -127,6 +127,7 @@ class Moved:
         last, touch = {launch.kernel.key: launch for launch in launches}, self._touch
         if touch is not None and touch.awake:
             self.see(list(last.values()))
+            touch.search(self._cloth)  # the first after a look at crossings looks everywhere; most others do not
             launches_of(lambda: touch.search(self._cloth), see=self._count)
         for key, launch in last.items():
             if key not in self._seen:

@@ -16,7 +16,7 @@ from warp_cloth.kernels.cloth_contact import ON_EDGE, ON_TRIANGLE
 from warp_cloth.kernels.crossing_search import BY_TRIANGLE
 from warp_cloth.kernels.lean_memory import SPREAD_1, SPREAD_2, SPREAD_3, SPREAD_4, SPREAD_5
 from warp_cloth.kernels.meeting import APART, GROUPS, LEAVES_MET, LISTING, PARTS
-from warp_cloth.study.asked import Arrays, Numbers, Part, integers, ranges
+from warp_cloth.study.asked import STORED, Arrays, Numbers, Part, integers, joined, ranges
 
 TEAM, TEAMS = int(WIDTH), LISTING[0] // int(WIDTH)  # threads of a team, and teams of a block
 WALKERS = LOOKING // int(WIDTH)  # teams of a block that walks a tree
@@ -65,11 +65,11 @@ def walks_work(arrays: Arrays) -> dict[str, Part]:
         )
     }
     round_edges = _box(edges // WALKERS, edges, integers(arrays["search.edge_tree.first"]))
-    bounds["search.edge_tree.bound"] = _joined(bounds["search.edge_tree.bound"], round_edges)
+    bounds["search.edge_tree.bound"] = joined(bounds["search.edge_tree.bound"], round_edges)
     return bounds | {
-        "meetings.group": (team * (1 + met.max(initial=0) // TEAM) + met // TEAM, np.arange(len(team))),
+        **_put_groups(team, met),
         "search.edge_tree.leaf": (np.arange(count) // WALKERS, np.arange(count) * TEAM),
-        "search.vertex": _joined(
+        "search.vertex": joined(
             own, (np.arange(len(vertex) // TEAM) // WALKERS, np.arange(len(vertex) // TEAM) * TEAM)
         ),
         "search.edges": (edges // WALKERS, edge[edges * TEAM]),
@@ -103,7 +103,7 @@ def crossing_walks_work(arrays: Arrays, threads: int) -> dict[str, Part]:
         for (block, leaf), name, columns in ((ends, "ends", 2), (corners, "corners", 3))
     ]
     return {
-        "meetings.group": (team * (1 + met.max(initial=0) // TEAM) + met // TEAM, np.arange(len(team))),
+        **_put_groups(team, met),
         "search.edge_tree.leaf": (np.arange(trees[0]) // WALKERS, np.arange(trees[0]) * TEAM),
         "search.triangle_tree.leaf": ((trees[0] + np.arange(trees[1])) // WALKERS, np.arange(trees[1]) * TEAM),
         "search.edge_tree.bound": _walked(first[0], np.unique(team[by_triangle]), team[by_triangle], met[by_triangle]),
@@ -112,7 +112,7 @@ def crossing_walks_work(arrays: Arrays, threads: int) -> dict[str, Part]:
         ),
         "search.ends": ends,
         "search.corners": corners,
-        "search.tangled": _joined(*tangled, (own[0], np.maximum(vertex[own[1]], 0))),
+        "search.tangled": joined(*tangled, (own[0], np.maximum(vertex[own[1]], 0))),
         "search.vertex": own,
         "cloth.position": (walked[0], np.maximum(vertex[walked[1]], 0)),
         "contact.skin": (walked[0], np.maximum(vertex[walked[1]], 0)),
@@ -135,12 +135,12 @@ def groups_work(arrays: Arrays, threads: int) -> dict[str, Part]:
     return {
         "meetings.count": _first_of_blocks(threads),
         "meetings.group": (block, np.arange(len(kind))),
-        "meetings.leaf": _put_down(arrays),
+        **_put_leaves(arrays),
         "search.edge_tree.first": _once(edges),
         "search.triangle_tree.first": _once(others),
-        "search.edge_tree.bound": _joined(_boxes(*of_edges), _box(edges, met[on_edge], edge_first)),
+        "search.edge_tree.bound": joined(_boxes(*of_edges), _box(edges, met[on_edge], edge_first)),
         "search.ends": _leaves(*of_edges),
-        "search.triangle_tree.bound": _joined(
+        "search.triangle_tree.bound": joined(
             _boxes(others, met[~on_edge]), _box(others, met[~on_edge], triangle_first)
         ),
         "search.corners": _leaves(others, met[~on_edge]),
@@ -157,25 +157,33 @@ def crossing_groups_work(arrays: Arrays, threads: int) -> dict[str, Part]:
     by_triangle, on_edge = kind == int(BY_TRIANGLE), kind != int(ON_TRIANGLE)
     asking, triangles = np.where(by_triangle, met, group), np.where(by_triangle, group, met)
     looked, ends = _leaves(block[by_triangle], asking[by_triangle]), integers(arrays["search.ends"])
-    tangled = integers(arrays["search.tangled"])[ends[looked[1]]].reshape(-1, 2 * TEAM).any(axis=1)
-    goes_on = np.ones(len(kind), dtype=bool)
-    goes_on[by_triangle] = ~tangled  # edges that are tangled ask by themselves
+    goes_on = groups_that_go_on(arrays)
     edges, on = on_edge & goes_on, block[goes_on]
     vertices = _leaves(block[~on_edge], group[~on_edge])
     first = integers(arrays["search.triangle_tree.first"])
     return {
         "meetings.count": _first_of_blocks(threads),
         "meetings.group": (block, np.arange(len(kind))),
-        "meetings.leaf": _put_down(arrays),
+        **_put_leaves(arrays),
         "search.triangle_tree.first": _once(on),
-        "search.triangle_tree.bound": _joined(_boxes(on, triangles[goes_on]), _box(on, triangles[goes_on], first)),
+        "search.triangle_tree.bound": joined(_boxes(on, triangles[goes_on]), _box(on, triangles[goes_on], first)),
         "search.corners": _leaves(on, triangles[goes_on]),
         "search.edge_tree.bound": _boxes(block[edges], asking[edges]),
-        "search.ends": _joined(looked, _leaves(block[edges], asking[edges])),
+        "search.ends": joined(looked, _leaves(block[edges], asking[edges])),
         "search.tangled": (np.repeat(looked[0], 2), ends[looked[1]].ravel()),
         "search.vertex": vertices,
         "cloth.position": (vertices[0], np.maximum(integers(arrays["search.vertex"])[vertices[1]], 0)),
     }
+
+
+def groups_that_go_on(arrays: Arrays) -> NDArray[np.bool_]:
+    """Of each listed pair of groups, whether its leaves are looked at: edges that are tangled ask by themselves."""
+    kind, _, met = listed_groups(arrays).T
+    goes_on = np.ones(len(kind), dtype=bool)
+    by_triangle = kind == int(BY_TRIANGLE)
+    ends = integers(arrays["search.ends"])[_leaves(met[by_triangle], met[by_triangle])[1]]
+    goes_on[by_triangle] = ~integers(arrays["search.tangled"])[ends].reshape(-1, 2 * TEAM).any(axis=1)
+    return goes_on
 
 
 def leaves_work(arrays: Arrays, threads: int) -> dict[str, Part]:
@@ -195,7 +203,7 @@ def leaves_work(arrays: Arrays, threads: int) -> dict[str, Part]:
     together = 2 * instruction[kept] + on_edge[kept]
     slot = np.empty(len(together), dtype=np.int64)
     slot[np.argsort(together, kind="stable")] = np.arange(len(together))
-    asked = _joined((block[kept], corners[kept, 0]), (block[kept & on_edge], corners[kept & on_edge, 1]))
+    asked = joined((block[kept], corners[kept, 0]), (block[kept & on_edge], corners[kept & on_edge, 1]))
     places = len(arrays["memory.place"]) - 1
     remembered = block[leaning], pair[leaning]
     return {
@@ -213,6 +221,7 @@ def leaves_work(arrays: Arrays, threads: int) -> dict[str, Part]:
         "memory.search": _once(block[leaning]),
         "memory.place": (block[leaning], pair_numbers(corners[leaning], on_edge[leaning]).astype(np.int64) & places),
         **dict.fromkeys(("memory.corners", "memory.kind", "memory.lean"), remembered),
+        STORED + "contact.count": _once(np.unique(together)),
         **dict.fromkeys(("contact.corners", "contact.kind", "contact.lean", "contact.due"), (together, slot)),
     }
 
@@ -223,13 +232,13 @@ def crossing_leaves_work(arrays: Arrays, threads: int) -> dict[str, Part]:
     Of those that cross only the number is known; each shifts five vertices, number by number.
     """
     part, row, asking, met = listed_leaves(arrays)
-    block, instruction = _threads_of_leaves(part, row, threads)
+    block, _ = _threads_of_leaves(part, row, threads)
     on_edge = asking >= 0
     edge = integers(arrays["search.edge_tree.leaf"])[asking[on_edge]]
     triangle = integers(arrays["search.triangle_tree.leaf"])[met]
     corners = integers(arrays["search.triangles"])[triangle]
     vertex = -1 - asking[~on_edge]
-    asked = _joined(
+    asked = joined(
         (np.repeat(block, 3), corners.ravel()),
         (np.repeat(block[on_edge], 2), integers(arrays["search.edges"])[edge].ravel()),
         (block[~on_edge], vertex),
@@ -244,7 +253,7 @@ def crossing_leaves_work(arrays: Arrays, threads: int) -> dict[str, Part]:
         "search.triangles": (block[on_edge], triangle[on_edge]),
         "search.corners": (block[~on_edge], met[~on_edge]),
         "cloth.position": asked,
-        "untangling.beyond": (instruction[~on_edge], vertex),
+        "untangling.beyond": (np.arange(len(vertex)), vertex),
         "untangling.sum": (np.arange(4 * len(shifted)), np.repeat(shifted, 4)),
         "untangling.crosses": (np.arange(len(shifted)), shifted),
     }
@@ -308,8 +317,14 @@ def _threads_of_leaves(part: Numbers, row: Numbers, threads: int) -> Part:
     return block, turn * int(PARTS) + part
 
 
-def _put_down(arrays: Arrays) -> Part:
-    """The instructions that listed the leaves, and the places in the list."""
+def _put_groups(team: Numbers, met: Numbers) -> dict[str, Part]:
+    """The instructions that counted and listed pairs of groups, and the places of the count and in the list."""
+    step = team * (1 + met.max(initial=0) // TEAM) + met // TEAM
+    return {STORED + "meetings.count": _once(np.unique(step)), "meetings.group": (step, np.arange(len(team)))}
+
+
+def _put_leaves(arrays: Arrays) -> dict[str, Part]:
+    """The same of leaves, each part of which has its count."""
     part, row, asking, met = listed_leaves(arrays)
     room = len(arrays["meetings.leaf"]) // int(PARTS)
     group = np.where(asking < 0, -1, asking // TEAM)  # of vertices any: a team's leaves follow each other
@@ -317,7 +332,11 @@ def _put_down(arrays: Arrays) -> Part:
     new[1:] = np.diff(asking) != 0
     first = np.maximum.accumulate(np.where(new | (row == 0), np.arange(len(part)), 0))  # of what a thread lists
     team = np.cumsum((np.diff(group, prepend=-2) != 0) | (np.diff(met // TEAM, prepend=-1) != 0) | (row == 0))
-    return team * TEAM + np.arange(len(part)) - first, part * room + row
+    counted = team, (int(LEAVES_MET) + part) * int(APART)
+    return {
+        STORED + "meetings.count": counted,
+        "meetings.leaf": (team * TEAM + np.arange(len(part)) - first, part * room + row),
+    }
 
 
 def _near(arrays: Arrays, block: Numbers, vertex: Numbers) -> Part:
@@ -344,7 +363,7 @@ def _walked(first: Numbers, teams: Numbers, team: Numbers, met: Numbers) -> Part
     highest = first[top] + np.arange(first[top + 1] - first[top])
     parts = [_boxes(np.repeat(teams // WALKERS, len(highest)), np.tile(highest, len(teams)))]
     parts += [_boxes(team // WALKERS, first[level] + (met >> (5 * level))) for level in range(1, top)]
-    return _joined(*parts)
+    return joined(*parts)
 
 
 def _box(block: Numbers, group: Numbers, first: Numbers) -> Part:
@@ -366,7 +385,3 @@ def _counts_of_parts(threads: int) -> Part:
 def _once(block: Numbers) -> Part:
     """Blocks, each of which asks for the start of an array."""
     return block, np.zeros(len(block), dtype=np.int64)
-
-
-def _joined(*parts: Part) -> Part:
-    return np.concatenate([part[0] for part in parts]), np.concatenate([part[1] for part in parts])

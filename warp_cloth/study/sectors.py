@@ -14,11 +14,12 @@ from warp_cloth.kernels.cloth import Patch
 from warp_cloth.kernels.cloth_contact import ON_EDGE
 from warp_cloth.kernels.field import ContactField
 from warp_cloth.kernels.limits import BLOCK_MEMORY, BLOCKS_PER_CORE
-from warp_cloth.study.asked import THREADS, Part, ranges
+from warp_cloth.kernels.pressing import ROUNDS
+from warp_cloth.study.asked import STORED, THREADS, Part, ranges
 from warp_cloth.study.caches import core_bytes, spilled_bytes
 from warp_cloth.study.gathered import gathered_work
 from warp_cloth.study.launches import Launch
-from warp_cloth.study.listed import work_on_lists
+from warp_cloth.study.listed import groups_that_go_on, work_on_lists
 from warp_cloth.study.pressed import CORNERS, LOST, block_of_pairs, chosen_pairs, looked_at, stores
 from warp_cloth.study.traffic import ANY, FROM, SEVERAL, Chain, Uses
 
@@ -54,14 +55,15 @@ class _Moved:
         self._device = next(iter(self._arrays.values())).device
         self._patch: dict[str, Keys] = {}
         self._vertex = np.zeros(0, dtype=np.int64)  # the patches' vertices
-        self._vertices = max((len(of) for name, of in self._arrays.items() if name.endswith(".position")), default=0)
+        positions = (len(of) for name, of in self._arrays.items() if name.endswith(".position"))
+        self._vertices = max(positions, default=launch.threads)
         if PATCHES in self._arrays:
             rows = self._arrays[PATCHES].numpy().reshape(-1, PATCH_WIDTH).astype(np.int64)
             self._patch = {name: rows[:, at] for at, name in enumerate(Patch.vars)}
             self._vertex = self._arrays["patches.vertex"].numpy().astype(np.int64)
         self._known: dict[Any, dict[str, Keys]] = {}  # sectors by loop, of arrays that are used alike
         self._listed = work_on_lists(self._arrays, uses.read, uses.written, launch.threads)
-        self._gathered = gathered_work(self._arrays, launch.threads) if self._device.is_cuda else {}
+        self._gathered = gathered_work(launch, self._arrays, uses) if self._device.is_cuda else {}
 
     def total(self) -> tuple[int, int]:
         """Bytes to and from memory, and between the last cache and the cores."""
@@ -73,6 +75,8 @@ class _Moved:
                 memory += _distinct_sectors(asked)
                 if used is self._uses.written:
                     written += len(asked) + self._added_one_by_one(name)
+                    if name in self._uses.answered:
+                        once, again = once + len(asked), again + len(asked)
                 else:
                     anew = self._asked_anew(name)
                     once += len(asked) + anew
@@ -82,27 +86,40 @@ class _Moved:
         return SECTOR * memory, SECTOR * (read + written) + spilled * self._turns()
 
     def _turns(self) -> int:
-        """How often a thread goes through what takes most registers: for a vertex, a pair, or a leaf."""
+        """How often a thread goes through what takes most registers: for a vertex, a pair, or a leaf.
+
+        Where some blocks press pairs that is theirs: for each pair, or where one has none as it looks for them.
+        """
         turns = min(self._vertices, self._launch.threads)
         for name, chains in self._uses.read.items():
             chain = next(iter(chains))
             if name.endswith(".corners") and any(each.endswith(".due") for each in chain):
-                pairs = chosen_pairs(self._arrays, _owner(name), chain, self._known_of(name, chain))
-                # patches' vertices, as what acts on them is worked out and as they are moved, and beside them pairs
-                turns = len(pairs) + (2 * turns if self._patch else 0)
+                found = self._known_of(name, chain)
+                looks = 0
+                if self._patch and found:
+                    threads = self._launch.threads - BLOCK_THREADS * len(self._patch["place"])
+                    looks = threads * -(-found // max(ROUNDS * threads, 1))
+                turns = max(len(chosen_pairs(self._arrays, _owner(name), chain, found)), looks)
             if name.endswith(".group") and name in self._arrays and self._device.is_cuda:
-                turns = int(WIDTH) * self._known_of(name, chain)
+                turns = int(WIDTH) * int(groups_that_go_on(self._arrays).sum())
         return turns
 
     def _added_one_by_one(self, name: str) -> int:
-        """Sectors of rows that pairs add to beyond one each: no core's cache takes several numbers together."""
+        """Sectors of rows beyond one each: no core's cache takes several numbers together."""
         array = self._arrays[name]
-        if name not in self._uses.summed or array.ndim < 2:
+        if array.ndim < 2 or len(array) != self._vertices or self._listed or STORED + name in self._gathered:
             return 0
-        of_pairs = [chain for chain in self._uses.written[name] if any(each.endswith(".due") for each in chain)]
+        chains, of_pairs = self._uses.written[name], self._chains_of_pairs(name)
         columns = array.size // len(array)
         rows = [len(self._sectors(name, chain, "", by=STORES)) for chain in of_pairs]
-        return columns * sum(rows) - max(rows, default=0)
+        others = self._loops(name, chains - set(of_pairs), by=STORES) if chains - set(of_pairs) else {}
+        return columns * sum(rows) - max(rows, default=0) + (columns - 1) * sum(map(len, others.values()))
+
+    def _chains_of_pairs(self, name: str) -> list[Chain]:
+        """Those in which pairs that press add to an array."""
+        if name not in self._uses.summed:
+            return []
+        return [chain for chain in self._uses.written[name] if any(each.endswith(".due") for each in chain)]
 
     def _asked_anew(self, name: str) -> int:
         """Sectors that those who press pairs ask for again, as blocks that wait beside them empty the cores' caches."""
@@ -127,7 +144,7 @@ class _Moved:
         array = self._arrays[name]
         packed = name in self._uses.packed
         # what lists and meshes lead to differs from array to array
-        own = name if self._listed or name in self._gathered else ""
+        own = name if self._listed or self._gathered.keys() & {name, STORED + name} else ""
         asked = frozenset(chains), frozenset(self._uses.picked.get(name, ())), own, by
         start = self._uses.starts.get(name, "")
         alike = *asked, start, array.dtype, array.shape, packed
@@ -152,10 +169,12 @@ class _Moved:
             size *= array.size // len(array)  # a row for each vertex
         elif array.ndim > 1:
             return self._looked_up(name, size)
+        wanted = STORED + name if by == STORES else name
         if self._listed:  # what is not among it only those ask for that find the lists full
-            return _keys(*self._listed[name], size) if name in self._listed else np.zeros(0, dtype=np.int64)
-        if name in self._gathered and by == BLOCKS:
-            return _keys(*self._gathered[name], size)
+            led = self._listed.get(wanted, self._listed.get(name))
+            return _keys(*led, size) if led is not None else np.zeros(0, dtype=np.int64)
+        if wanted in self._gathered:
+            return _keys(*self._gathered[wanted], size)
         counters = self._counters(chain)
         known = self._known_of(name, chain)
         start = self._uses.starts.get(name, "")
@@ -165,6 +184,11 @@ class _Moved:
             return _keys(*self._ranges(chain, loop, start, len(array)), size)
         if loop and len(array) == self._vertices:
             block, vertex = self._vertices_by_block(loop)
+            if by == STORES and self._chains_of_pairs(name):  # what pairs left there is taken, and only that
+                added = np.zeros(self._vertices, dtype=bool)
+                for each in self._chains_of_pairs(name):
+                    added[self._of_pairs(name, _owner(name), each, self._known_of(name, each), by=STORES)[1]] = True
+                block, vertex = block[added[vertex]], vertex[added[vertex]]
             pairs = size * self._vertices * 2 // 3 if name in self._uses.packed else 0
             if pairs:  # two coordinates of each vertex, and behind them the third ones
                 apart = _keys(block, vertex, size * 2 // 3), _keys(block, vertex, size // 3) + -(-pairs // SECTOR)

@@ -13,6 +13,7 @@ ATOMICS = frozenset({"atomic_add", "atomic_sub", "atomic_min", "atomic_max", "at
 PACKED = frozenset({"packed_point", "put_packed_point"})
 LOOKS = frozenset({"look_due"})  # that read some of an array's elements at once
 QUEUES = frozenset({"queue_due"})  # that are given those, and say how many of them go on, of each kind
+COUNTERS = frozenset({"team_base", "team_slot", "next_slot"})  # that add to a count, and are told what it was
 ANY = -1  # corner
 SEVERAL = "*"  # in a chain: several for each that the loop round it goes over
 
@@ -35,6 +36,7 @@ class Uses:
     written: dict[str, set[Chain]] = field(default_factory=dict)
     starts: dict[str, str] = field(default_factory=dict)  # where a patch's part of an array begins: "edge_start"
     summed: set[str] = field(default_factory=set)  # that are added to in the cache, number by number
+    answered: set[str] = field(default_factory=set)  # of which the cache tells what they were, each time
     ahead: set[str] = field(default_factory=set)  # that are looked at before it is known how many there are
     picked: dict[str, set[int]] = field(default_factory=dict)  # which of a pair's corners; ANY: no certain one
     packed: set[str] = field(default_factory=set)  # whose elements lie as kernels.packing packs positions
@@ -104,6 +106,8 @@ class _Reader(ast.NodeVisitor):
         """Remembers what a name stands for, where that matters."""
         if _called(value) in LOOKS:
             self._paths[name] = self._queued(value)
+        elif isinstance(value, ast.Attribute) and self._path(value):  # tree = search.edge_tree
+            self._paths[name] = self._path(value)
         corner = self._corner(value)
         if corner != ANY:
             self._corners[name] = corner
@@ -176,6 +180,9 @@ class _Reader(ast.NodeVisitor):
         if name in ATOMICS and node.args:
             self._note(self._path(node.args[0]), self._uses.written)  # the cache adds by itself
             self._uses.summed.add(self._path(node.args[0]))
+        if name in COUNTERS:
+            self._note(self._path(node.args[0]), self._uses.written)
+            self._uses.answered.add(self._path(node.args[0]))
         if name in QUEUES:
             self._note(self._queued(node), self._uses.read)
             self._uses.ahead.add(self._queued(node))
