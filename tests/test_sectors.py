@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -17,7 +18,7 @@ from warp_cloth.set_up import set_up_one
 from warp_cloth.solver.relax import Collider, Relaxation, StepOptions
 from warp_cloth.study import sectors
 from warp_cloth.study.launches import Launch, launches_of
-from warp_cloth.study.pressed import LOST, block_of_pairs, looked_at, stores
+from warp_cloth.study.pressed import block_of_pairs, looked_at, stores, unregistered
 from warp_cloth.study.sectors import BLOCKS, SECTOR, WARPS, field_nodes, moved_bytes
 from warp_cloth.study.traffic import ANY, Uses, array_uses
 
@@ -247,7 +248,6 @@ def test_sums_are_asked_for_number_by_number_by_the_pairs_that_press() -> None:
     assert 0 < rows[1] < rows[0]  # edges that are nearly parallel turn, too
     assert moved._added_one_by_one("contact.sum") == 4 * sum(rows) - rows[0]
     assert moved._added_one_by_one("contact.room") == 0
-    assert moved._turns() == come.sum()
 
 
 def test_pairs_are_stored_by_warps_of_a_kind_that_take_turns_in_a_block_s_queue() -> None:
@@ -282,8 +282,33 @@ def test_what_warps_could_share_is_partly_asked_for_again_while_blocks_wait(monk
     (chain,) = uses.read["cloth.position"]
     warps, blocks = (len(moved._sectors("cloth.position", chain, "", by=by)) for by in (WARPS, BLOCKS))
     assert warps > blocks > 0
-    assert moved._asked_anew("cloth.position") == round(LOST * 2 / 4 * (warps - blocks))
+    assert moved._asked_anew("cloth.position") == warps - blocks
     assert moved._asked_anew("contact.way") == 0
+
+
+def test_of_what_is_asked_for_here_and_there_a_core_holds_as_large_a_share_as_has_room(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    launch, uses = pressed(0.0, 0.0005, 0.0015, 0.011)
+    moved = sectors._Moved(replace(launch, threads=8 * 192), uses)
+    assert moved._lost(10**6) == 0.0  # on the CPU
+    monkeypatch.setattr(moved, "_device", SimpleNamespace(is_cuda=True, sm_count=4, alias="cpu"))
+    monkeypatch.setattr(moved, "_patch", {"place": np.arange(2)})
+    monkeypatch.setitem(launch.kernel.options, "launch_bounds", (192, 2))
+    monkeypatch.setattr(sectors, "core_bytes", lambda device: 2 * sectors.BLOCK_MEMORY + 1000)  # two blocks' at a time
+    monkeypatch.setattr(sectors, "spilled_bytes", lambda command, device: 0)
+    assert moved._lost(4 * 1000 // SECTOR) == 0.0
+    assert moved._lost(4 * 4000 // SECTOR) == pytest.approx(0.75)
+    monkeypatch.setattr(sectors, "spilled_bytes", lambda command, device: 10)
+    assert moved._lost(4 * 4000 // SECTOR) == pytest.approx(1 - 4000 / (16000 + 6 * 192 * 10))
+
+
+def test_what_registers_do_not_hold_is_stored_as_threads_look_ahead_and_for_each_pair_of_edges() -> None:
+    turn = 4 * 192
+    assert unregistered(100, 192, turn, 50) == 2 * 32 * 192 + 68 * 50
+    assert unregistered(100, 192, turn + 1, 50) == 3 * 32 * 192 + 68 * 50
+    assert unregistered(20, 192, turn, 50) == 2 * 20 * 192
+    assert unregistered(100, 192, 0, 0) == 0
 
 
 def test_a_gpu_looks_at_pairs_a_turn_ahead() -> None:

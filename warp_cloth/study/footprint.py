@@ -7,6 +7,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields
 from statistics import mean
 
+import numpy as np
 import warp as wp
 
 from warp_cloth.collide.crossing import search_bytes
@@ -78,7 +79,7 @@ def footprint_of(made: SetUp) -> Footprint:
     times = times_of(made, moved.see)
     launches = {launch.kernel.key: launch for launch in times.launches}
     touched = [array for launch in times.launches for array in _used(launch, moved.uses(launch))]
-    counted = moved.of(launches.values())
+    counted = moved.of(launches.values(), times.end)
     kernels = [_cost(launch, counted[key], times) for key, launch in launches.items()]
     if times.look:
         purpose = "Decides whether cloth near cloth is to be looked for anew."
@@ -107,7 +108,7 @@ class Moved:
     def __init__(self, made: SetUp) -> None:
         self._touch, self._cloth = made.relaxation.touch, made.model.cloth
         self._uses: dict[str, Uses] = {}
-        self._seen: dict[str, list[Bytes]] = {}
+        self._seen: dict[str, list[tuple[int, Bytes]]] = {}  # after how many iterations
 
     def uses(self, launch: Launch) -> Uses:
         """What a launch's kernel uses."""
@@ -116,28 +117,37 @@ class Moved:
             self._uses[key] = array_uses(launch.kernel)
         return self._uses[key]
 
-    def see(self, launches: Sequence[Launch]) -> None:
-        """Counts what is pressed, by the last of some launches."""
+    def see(self, launches: Sequence[Launch], iteration: int) -> None:
+        """Counts what is pressed, by the last of some launches, after so many iterations."""
         pressing = {launch.kernel.key: launch for launch in launches if presses(self.uses(launch))}
         for launch in pressing.values():
-            self._count(launch)
+            self._count(launch, iteration)
 
-    def of(self, launches: Iterable[Launch]) -> dict[str, Bytes]:
-        """Bytes of each kernel, the mean of those that were counted, to and from memory and beyond the cores."""
+    def of(self, launches: Iterable[Launch], iteration: int) -> dict[str, Bytes]:
+        """Bytes of each kernel, the mean over the iterations, to and from memory and beyond the cores.
+
+        ``launches``: the last ones, after so many iterations.
+        """
         last, touch = {launch.kernel.key: launch for launch in launches}, self._touch
         if touch is not None and touch.awake:
-            self.see(list(last.values()))
+            self.see(list(last.values()), iteration)
             touch.search(self._cloth)  # the first after a look at crossings looks everywhere; most others do not
-            launches_of(lambda: touch.search(self._cloth), see=self._count)
+            launches_of(lambda: touch.search(self._cloth), see=lambda launch: self._count(launch, iteration))
         for key, launch in last.items():
             if key not in self._seen:
-                self._count(launch)
-        return {
-            key: (mean(each[0] for each in seen), mean(each[1] for each in seen)) for key, seen in self._seen.items()
-        }
+                self._count(launch, iteration)
+        return {key: (_mean_of(seen, 0), _mean_of(seen, 1)) for key, seen in self._seen.items()}
 
-    def _count(self, launch: Launch) -> None:
-        self._seen.setdefault(launch.kernel.key, []).append(moved_bytes(launch, self.uses(launch)))
+    def _count(self, launch: Launch, iteration: int) -> None:
+        self._seen.setdefault(launch.kernel.key, []).append((iteration, moved_bytes(launch, self.uses(launch))))
+
+
+def _mean_of(seen: Sequence[tuple[int, Bytes]], which: int) -> float:
+    """The mean over iterations of what was counted after some, one of the two, as if it changed evenly between them."""
+    iterations, counted = [at for at, _ in seen], [moved[which] for _, moved in seen]
+    if iterations[-1] == iterations[0]:
+        return mean(counted)
+    return float(np.trapezoid(counted, iterations)) / (iterations[-1] - iterations[0])
 
 
 def _cost(launch: Launch, moved: Bytes, times: Times) -> KernelCost:

@@ -26,8 +26,8 @@ def gathered_work(launch: Launch, arrays: Arrays, uses: Uses) -> dict[str, Part]
     if "edges.beside" in arrays and threads == len(arrays["edges.ends"]):
         return _edges_work(arrays)
     if "triangles.corners" in arrays and threads == len(arrays["triangles.corners"]):
-        corners = _corners(arrays, np.arange(threads) // THREADS, np.arange(threads))
-        return dict.fromkeys(("cloth.position", "cloth.move"), corners)
+        of_triangles = _corners(arrays, np.arange(threads) // THREADS, np.arange(threads))
+        return dict.fromkeys(("cloth.position", "cloth.move"), of_triangles)
     if "search.sides" in uses.read:
         return _boxes_work(arrays)
     if "untangling.rim" in uses.read:

@@ -13,9 +13,7 @@ from warp_cloth.study.traffic import SEVERAL, Chain, Uses
 
 TEAM = 32  # threads that go together, and pairs next to each other that a block takes
 CORNERS = 4
-# A block that waits beside those that press asks again and again whether it may go on, and each time empties its core's
-# cache. For each such block of a core this share is lost of what warps that press could share; measured on an H200.
-LOST = 0.17
+LOOKED = 8 * ROUNDS  # bytes of a thread: when the pairs that it looked at ahead may be near
 INSTRUCTION = 1 << 20  # the first number of those that stand for a block
 
 
@@ -62,3 +60,14 @@ def stores(block: Numbers, on_edge: NDArray[np.bool_]) -> Numbers:
         turn = 2 * (place // threads * warps + place % warps) + sort
         number[of] = turn * (1 + block.max(initial=0)) + block[of]
     return INSTRUCTION + number
+
+
+def unregistered(spilled: int, threads: int, found: int, edges: int) -> int:
+    """Bytes that so many threads store of what registers do not hold, of so many pairs found and edges pressed.
+
+    What a thread has looked at ahead it keeps so while it presses, from its first look on and anew in every turn; what
+    else has no room in registers is for a pair of edges, on which it works longest.
+    """
+    looked = min(LOOKED, spilled)
+    turns = -(-found // max(ROUNDS * threads, 1))
+    return looked * threads * (1 + turns) + (spilled - looked) * edges if found else 0

@@ -14,13 +14,12 @@ from warp_cloth.kernels.cloth import Patch
 from warp_cloth.kernels.cloth_contact import ON_EDGE
 from warp_cloth.kernels.field import ContactField
 from warp_cloth.kernels.limits import BLOCK_MEMORY, BLOCKS_PER_CORE
-from warp_cloth.kernels.pressing import ROUNDS
 from warp_cloth.study.asked import STORED, THREADS, Part, ranges
 from warp_cloth.study.caches import core_bytes, spilled_bytes
 from warp_cloth.study.gathered import gathered_work
 from warp_cloth.study.launches import Launch
 from warp_cloth.study.listed import groups_that_go_on, work_on_lists
-from warp_cloth.study.pressed import CORNERS, LOST, block_of_pairs, chosen_pairs, looked_at, stores
+from warp_cloth.study.pressed import CORNERS, block_of_pairs, chosen_pairs, looked_at, stores, unregistered
 from warp_cloth.study.traffic import ANY, FROM, SEVERAL, Chain, Uses
 
 ITEMS = "item_count"  # which take, with what is left over, all edges or triangles that a patch has
@@ -41,8 +40,8 @@ def moved_bytes(launch: Launch, uses: Uses) -> tuple[int, int]:
 
     In memory each sector counts once: whoever asks for it again finds it in the cache. Of the cache every block of
     threads asks by itself, so that what lies between two patches is asked for twice; and where a core's own cache does
-    not hold what its blocks have read, in every loop over a patch again. What registers do not hold goes there, too:
-    counted once for each vertex, and once for each pair that may be near, as a thread keeps most while it works on one.
+    not hold what its blocks have read, in every loop over a patch again, and of pairs in part. What registers do not
+    hold goes there, too: counted once for each vertex, for each leaf of groups that meet, and as ``unregistered`` says.
     """
     return _Moved(launch, uses).total()
 
@@ -67,7 +66,7 @@ class _Moved:
 
     def total(self) -> tuple[int, int]:
         """Bytes to and from memory, and between the last cache and the cores."""
-        memory = once = again = written = 0
+        memory = once = again = anew = written = 0
         for used in (self._uses.read, self._uses.written):
             for name in sorted(used.keys() & self._arrays.keys()):
                 loops = self._loops(name, used[name], by=STORES if used is self._uses.written else BLOCKS)
@@ -78,31 +77,28 @@ class _Moved:
                     if name in self._uses.answered:
                         once, again = once + len(asked), again + len(asked)
                 else:
-                    anew = self._asked_anew(name)
-                    once += len(asked) + anew
-                    again += sum(len(keys) for keys in loops.values()) + anew
-        read = once if self._holds(once) else again
+                    once += len(asked)
+                    again += sum(len(keys) for keys in loops.values())
+                    anew += self._asked_anew(name)
+        lost = self._lost(once)
+        read = (once if lost == 0.0 else again) + round(lost * anew)
+        return SECTOR * memory, SECTOR * (read + written) + self._unregistered()
+
+    def _unregistered(self) -> int:
+        """Bytes of what registers do not hold: for each vertex, pair, or leaf."""
         spilled = spilled_bytes(self._launch.command, self._device.alias)
-        return SECTOR * memory, SECTOR * (read + written) + spilled * self._turns()
-
-    def _turns(self) -> int:
-        """How often a thread goes through what takes most registers: for a vertex, a pair, or a leaf.
-
-        Where some blocks press pairs that is theirs: for each pair, or where one has none as it looks for them.
-        """
         turns = min(self._vertices, self._launch.threads)
         for name, chains in self._uses.read.items():
             chain = next(iter(chains))
             if name.endswith(".corners") and any(each.endswith(".due") for each in chain):
                 found = self._known_of(name, chain)
-                looks = 0
-                if self._patch and found:
-                    threads = self._launch.threads - BLOCK_THREADS * len(self._patch["place"])
-                    looks = threads * -(-found // max(ROUNDS * threads, 1))
-                turns = max(len(chosen_pairs(self._arrays, _owner(name), chain, found)), looks)
+                pairs = chosen_pairs(self._arrays, _owner(name), chain, found)
+                edges = int((self._arrays[f"{_owner(name)}.due"].numpy()[pairs] & 1 == int(ON_EDGE)).sum())
+                threads = self._launch.threads - BLOCK_THREADS * len(self._patch.get("place", ()))
+                return unregistered(spilled, threads, found, edges)
             if name.endswith(".group") and name in self._arrays and self._device.is_cuda:
                 turns = int(WIDTH) * int(groups_that_go_on(self._arrays).sum())
-        return turns
+        return spilled * turns
 
     def _added_one_by_one(self, name: str) -> int:
         """Sectors of rows beyond one each: no core's cache takes several numbers together."""
@@ -122,22 +118,28 @@ class _Moved:
         return [chain for chain in self._uses.written[name] if any(each.endswith(".due") for each in chain)]
 
     def _asked_anew(self, name: str) -> int:
-        """Sectors that those who press pairs ask for again, as blocks that wait beside them empty the cores' caches."""
+        """Sectors that those who press pairs ask for again where their core's cache has lost them."""
         if not self._patch or not self._device.is_cuda:
             return 0
         of_pairs = [chain for chain in self._uses.read[name] if any(each.endswith(".due") for each in chain)]
         counts = [[len(self._sectors(name, chain, "", by=by)) for by in (WARPS, BLOCKS)] for chain in of_pairs]
-        lost = min(LOST * len(self._patch["place"]) / self._device.sm_count, 1.0)
-        return round(lost * sum(warps - blocks for warps, blocks in counts))
+        return sum(warps - blocks for warps, blocks in counts)
 
-    def _holds(self, sectors: int) -> bool:
-        """Whether the cores' own caches hold what blocks have read until they ask for it again."""
+    def _lost(self, sectors: int) -> float:
+        """The share of so many sectors, all that is read, that cores' own caches do not hold till they are asked again.
+
+        Blocks that work at the same time share a core's cache, which their own memory and what their registers do not
+        hold takes room from. Of what is asked for here and there it holds as large a share as has room.
+        """
         if not self._patch or not self._device.is_cuda:
-            return True
-        blocks = len(self._patch["place"])
+            return 0.0
+        blocks = max(self._launch.threads // BLOCK_THREADS, 1)
         _, most = self._launch.kernel.options.get("launch_bounds") or (0, BLOCKS_PER_CORE)
         together = min(-(-blocks // self._device.sm_count), most)
-        return together * (SECTOR * sectors / blocks + BLOCK_MEMORY) <= core_bytes(self._device.alias)
+        others = (blocks - len(self._patch["place"])) * BLOCK_THREADS  # that press pairs
+        kept = SECTOR * sectors + others * spilled_bytes(self._launch.command, self._device.alias)
+        room = core_bytes(self._device.alias) - together * BLOCK_MEMORY
+        return max(1.0 - room * blocks / (max(kept, 1) * together), 0.0)
 
     def _loops(self, name: str, chains: set[Chain], *, by: str = BLOCKS) -> dict[str, Keys]:
         """The sectors of an array that each block asks for in some chains, by the loop that asks."""

@@ -21,7 +21,7 @@ TIMED = 100  # iterations between two checks of a fit
 WAKING = 12  # times as many before the clock runs, where cloth meets cloth: that begins when the seams have closed
 SHORTEST_RUN = 0.5  # [s] of timing
 FEWEST_ROUNDS = 5
-SEEN = 6  # times, evenly over that, that what launches move is counted where cloth meets cloth
+SEEN = 12  # times, evenly over that, that what launches move is counted where cloth meets cloth
 LONG = 5.0  # [s] that iterations take before the next chunk, or the next round, is left out
 LOOKS = 100  # that are timed together
 OUTLIER = 4.0  # times the median of what is timed again and again: longer was something else
@@ -42,10 +42,10 @@ class Times:
     launches: list[Launch] = field(default_factory=list)  # the last ones of every kernel
 
 
-def times_of(made: SetUp, see: Callable[[list[Launch]], None] = lambda _: None) -> Times:
+def times_of(made: SetUp, see: Callable[[list[Launch], int], None] = lambda _launches, _iteration: None) -> Times:
     """Runs some hundreds of iterations from the start, and times some of them whole and others launch by launch.
 
-    ``see``: told now and then of the launches in some iterations, when these are done.
+    ``see``: told now and then of the launches in some iterations, when these are done, and of how many are.
 
     The two take turns, as what meets, and how often that is looked for, changes on the way. On a GPU a clock round a
     launch adds the same to every one, and pauses between two are as long whichever they are: both are known by what
@@ -66,7 +66,7 @@ def times_of(made: SetUp, see: Callable[[list[Launch]], None] = lambda _: None) 
         launches, each = way.watch()
         if passed >= len(told) * SHORTEST_RUN / SEEN:
             told.append(passed)
-            see(launches)
+            see(launches, way.iteration)
         seen = {launch.kernel.key for launch in launches}
         times.launches = [*launches, *(launch for launch in times.launches if launch.kernel.key not in seen)]
         for launch, elapsed in zip(launches, each, strict=True):
