@@ -195,7 +195,7 @@ def test_the_command_itself_refuses_without_a_traceback(tmp_path: Path) -> None:
     done = command("fit", "scene.toml", folder=tmp_path)
     assert done.returncode == 2
     assert done.stdout == ""
-    assert done.stderr == "error: scene.toml: is not text in UTF-8 (byte 1); a scene file is a TOML file\n"
+    assert done.stderr == "error: scene.toml: is not text in UTF-8 (byte 1); save the scene file as UTF-8\n"
     assert sorted(tmp_path.iterdir()) == before
 
 
@@ -246,7 +246,7 @@ def test_summary_leaves_out_what_is_not_known() -> None:
 def shown() -> Callable[..., str]:
     def show(*steps: Step, terminal: bool) -> str:
         text = io.StringIO()
-        with ProgressDisplay(Console(file=text, force_terminal=terminal, width=100)) as display:
+        with ProgressDisplay(Console(file=text, force_terminal=terminal, width=100, _environ={})) as display:
             for step in steps:
                 display(step)
         return text.getvalue()
@@ -297,4 +297,39 @@ def test_what_cannot_be_meant_is_told_in_a_line(arguments: tuple[str, ...], said
     done = command(*arguments, folder=tmp_path)
     assert done.returncode == 2
     assert said in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize(
+    "arguments", [("fit", "hanging"), ("plan", "hanging"), ("batch", "jobs.csv", "--workers", "1")]
+)
+def test_kernels_that_cannot_be_kept_are_told_in_a_line(
+    arguments: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "jobs.csv").write_text("name,scene\nsquare,hanging\n")
+    monkeypatch.setenv("WARP_CACHE_PATH", str(tmp_path / "jobs.csv" / "kernels"))
+    done = command(*arguments, "--device", "cpu", folder=tmp_path)
+    assert done.returncode == (1 if "batch" in arguments else 2)
+    told = done.stdout if "batch" in arguments else done.stderr
+    assert "kernels cannot be kept there (Not a directory); make room, or set WARP_CACHE_PATH" in told
+    assert "Traceback" not in done.stderr
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device that is always full here")
+def test_an_output_that_takes_nothing_more_is_told_in_a_line() -> None:
+    with Path("/dev/full").open("w") as full:
+        command = [sys.executable, "-m", "warp_cloth", "scenes"]
+        done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, timeout=120, check=False)
+    assert done.returncode == 2
+    assert done.stderr.count("\n") == 1
+    assert done.stderr.startswith("error: output: No space left on device")
+
+
+def test_a_name_that_the_locale_cannot_write_is_told_in_a_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "scene.toml").write_text('[garment]\nmesh = "Größe.obj"\n', encoding="utf-8")
+    for name, value in (("LC_ALL", "C"), ("PYTHONUTF8", "0"), ("PYTHONCOERCECLOCALE", "0")):
+        monkeypatch.setenv(name, value)
+    done = command("fit", "scene.toml", folder=tmp_path)
+    assert done.returncode == 2
+    assert done.stderr.count("error: ") == 1
     assert "Traceback" not in done.stderr

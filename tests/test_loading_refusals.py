@@ -102,6 +102,14 @@ def test_missing_file_names_its_close_matches(tmp_path: Path) -> None:
     assert "folder does not exist" in refusal(tmp_path / "nowhere" / "tshirt.obj").problem
 
 
+def test_a_path_written_as_on_windows_is_told_how_to_write_it(tmp_path: Path) -> None:
+    if os.sep == "\\":
+        pytest.skip("such paths are understood here")
+    (tmp_path / "shirts").mkdir()
+    (tmp_path / "shirts" / "a.obj").write_text(SQUARE + "f 1 2 3\n")
+    assert f"write {tmp_path}/shirts/a.obj, with /" in refusal(tmp_path / "shirts\\a.obj").remedy
+
+
 def test_folder_and_dead_link_are_refused(tmp_path: Path) -> None:
     (tmp_path / "folder.obj").mkdir()
     (tmp_path / "link.obj").symlink_to(tmp_path / "gone.obj")

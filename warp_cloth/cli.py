@@ -43,6 +43,11 @@ def main() -> None:
     except (KeyboardInterrupt, typer.Abort):
         print("interrupted", file=sys.stderr)
         code = INTERRUPTED
+    except OSError as error:
+        if error.errno is None:
+            raise
+        tell_error(f"{error.filename or 'output'}: {error.strerror}; make room, or check that it can be written")
+        code = BAD_INPUT
     except Exception as error:
         # wrong usage is of a class that typer's versions keep at different places
         if not hasattr(error, "format_message"):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 
 from warp_cloth.errors import InputError
+from warp_cloth.quiet import init_warp
 
 
 def device_named(name: str | None) -> str:
@@ -15,7 +16,7 @@ def device_named(name: str | None) -> str:
     """
     import warp as wp
 
-    wp.init()
+    init_warp()
     if name is None:
         return str(wp.get_preferred_device().alias)
     try:

@@ -8,6 +8,37 @@ import re
 from collections.abc import Iterator
 from contextlib import contextmanager, redirect_stderr
 
+from warp_cloth.errors import OutputError
+
+
+@contextmanager
+def keeping_kernels() -> Iterator[None]:
+    """While Warp is started, or compiles: it keeps compiled kernels in a folder, on disk.
+
+    Raises:
+        OutputError: that folder cannot be written.
+    """
+    import warp
+
+    try:
+        yield
+    except OSError as error:
+        place = error.filename or warp.config.kernel_cache_dir or "Warp's folder"
+        problem = f"compiled kernels cannot be kept there ({error.strerror or error})"
+        raise OutputError(place, problem, "make room, or set WARP_CACHE_PATH to a folder that can be written") from None
+
+
+def init_warp() -> None:
+    """Starts Warp, unless it is started.
+
+    Raises:
+        OutputError: the folder in which it keeps compiled kernels cannot be written.
+    """
+    import warp
+
+    with keeping_kernels():
+        warp.init()
+
 
 def start_warp(verbose: bool = False) -> None:
     """Start Warp, its messages of start-up and of modules kept off the screen unless they are wanted."""
@@ -15,11 +46,11 @@ def start_warp(verbose: bool = False) -> None:
 
     if verbose:
         logging.basicConfig(level=logging.INFO, format="%(name)s: %(message)s")
-        warp.init()
+        init_warp()
         return
     warp.config.log_level = warp.LOG_WARNING
     with _silenced_stderr():
-        warp.init()
+        init_warp()
 
 
 @contextmanager

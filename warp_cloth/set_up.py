@@ -23,6 +23,7 @@ from warp_cloth.kept import Kept
 from warp_cloth.mesh import Mesh
 from warp_cloth.model import ClothModel, build_model
 from warp_cloth.plan import contact_kind
+from warp_cloth.quiet import keeping_kernels
 from warp_cloth.scene import Scene
 from warp_cloth.solver.certificate import Certifier, Tolerance
 from warp_cloth.solver.course import Course
@@ -239,7 +240,8 @@ def _compile(modules: list[wp.Module], device: str) -> None:
 
     For the CPU one after another: two threads of that compiler take twice as long as one (measured, Warp 1.19).
     """
-    wp.force_load(device, modules=modules, max_workers=0 if wp.get_device(device).is_cpu else None)
+    with keeping_kernels():
+        wp.force_load(device, modules=modules, max_workers=0 if wp.get_device(device).is_cpu else None)
 
 
 def _avatar_contact(scene: Scene, wardrobe: Wardrobe, device: str, kept: Kept) -> AvatarContact:

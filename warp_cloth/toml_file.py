@@ -63,7 +63,7 @@ def _text(path: Path, role: str, largest: int) -> str:
     except OSError as error:
         raise InputError(path, f"cannot be read: {error.strerror or error}", "check its permissions") from None
     except UnicodeDecodeError as error:
-        raise InputError(path, f"is not text in UTF-8 (byte {error.start})", f"a {role} is a TOML file") from None
+        raise InputError(path, f"is not text in UTF-8 (byte {error.start})", f"save the {role} as UTF-8") from None
     if "\0" in text:
         raise InputError(path, "is a binary file", f"a {role} is a TOML file")
     return text

@@ -76,7 +76,7 @@ def _csv_rows(path: Path) -> list[dict[str, Any]]:
     except OSError as error:
         raise InputError(path, f"cannot be read: {error.strerror or error}", "check its permissions") from None
     except UnicodeDecodeError as error:
-        raise InputError(path, f"is not text in UTF-8 (byte {error.start})", REMEDY) from None
+        raise InputError(path, f"is not text in UTF-8 (byte {error.start})", "save it as UTF-8") from None
     try:
         table = list(csv.reader(io.StringIO(text, newline="")))
     except csv.Error as error:

@@ -56,7 +56,10 @@ def do_task(task: Task, shelf: Shelf | None = None) -> Done:
         DeviceLostError: the device is gone; nothing was written.
     """
     worker = _Worker(task, shelf)
-    results = worker.results()
+    try:
+        results = worker.results()
+    except OutputError as error:  # kernels cannot be kept
+        return Done(task.shard, (), worker.inputs, str(error))
     done = Done(task.shard, tuple(results), worker.inputs)
     if not task.write:
         return done

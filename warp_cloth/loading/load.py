@@ -171,6 +171,8 @@ def _missing(path: Path) -> tuple[str, str]:
     """What is wrong with a path that leads nowhere, and which file may be meant."""
     if path.is_symlink():
         return "is a link to a file that does not exist", "mend the link"
+    if "\\" in str(path) and Path(str(path).replace("\\", "/")).exists():
+        return "no such file", f"write {str(path).replace(chr(92), '/')}, with /, which every system understands"
     if not path.parent.is_dir():
         return "no such file: its folder does not exist", "check the path; it is relative to the scene file"
     names = [entry.name for entry in path.parent.iterdir() if entry.is_file()]

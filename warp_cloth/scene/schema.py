@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import re
+import sys
 from collections.abc import Mapping
 from dataclasses import asdict, fields
 from pathlib import Path
@@ -83,6 +85,11 @@ def _path(value: Any, info: ValidationInfo, what: str) -> Path | None:
         str(path).encode("utf-8")
     except UnicodeEncodeError:
         raise refusal(f"{show(str(path))} holds bytes that are no text", "rename the file or its folder") from None
+    try:
+        os.fsencode(path)
+    except UnicodeEncodeError:
+        problem = f"{show(str(path))} cannot be the name of a file in this locale ({sys.getfilesystemencoding()})"
+        raise refusal(problem, "set the environment's LC_ALL to one in UTF-8, as C.UTF-8") from None
     return path
 
 
