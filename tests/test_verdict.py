@@ -16,7 +16,7 @@ from warp_cloth.fitting import fit
 from warp_cloth.garment.wardrobe import open_wardrobe
 from warp_cloth.result import Strain
 from warp_cloth.scene import load_scene
-from warp_cloth.verdict import fallen_pieces, hidden, of_another_size, slid_off
+from warp_cloth.verdict import crossed, fallen_pieces, hidden, of_another_size, slid_off
 
 
 def contact(p99: float) -> dict[str, Any]:
@@ -29,6 +29,22 @@ def test_an_avatar_that_is_not_seen_names_the_collider_that_does(kind: str, reme
     assert remedy in sentence
     assert bool(sentence) == bool(remedy)
     assert hidden(contact(1.0), kind) == hidden(None, kind) == ""
+
+
+def test_cloth_that_passes_through_itself_is_told_how_not_to() -> None:
+    sentence = crossed(0.104, cloth_contact=False)
+    assert sentence.startswith("10 % of the faces pass through others: set collision.cloth = true")
+    assert crossed(0.03, cloth_contact=False) == crossed(0.104, cloth_contact=True) == ""
+
+
+def test_a_folded_sheet_says_in_its_sentence_that_it_passes_through_itself(tmp_path: Path) -> None:
+    points, faces = sheet(count=9)
+    crossing = np.concatenate([points, points[:, [2, 1, 0]] + np.array([-0.3, 0.0, 0.3])])
+    write_obj(tmp_path / "cross.obj", crossing, np.concatenate([faces, faces + len(points)]))
+    top = {"box": [[-1, 1.49, -1], [1, 2, 1]]}
+    worn = fit({"garment": {"mesh": str(tmp_path / "cross.obj"), "units": "m", "pin": top}}, device="cpu")
+    assert "of the faces pass through others: set collision.cloth = true" in worn.message
+    assert any("pass through others" in line for line in advice(worn.report))
 
 
 def test_cloth_far_from_its_natural_size_is_told_of() -> None:

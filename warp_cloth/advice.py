@@ -6,10 +6,9 @@ from collections.abc import Mapping
 from typing import Any
 
 from warp_cloth.loading.raw import counted
-from warp_cloth.verdict import falls_as_a_whole, hidden
+from warp_cloth.verdict import crossed, falls_as_a_whole, hidden
 
 DEEP = 2.0  # [mm]; deeper than half the usual offset, a garment is in the body
-CROSSED = 0.05  # share of faces that pass through others, from which on folds are no longer those of cloth
 STRETCHED = 0.5  # strain beyond which a seam is not closed, or a unit is wrong
 
 
@@ -37,7 +36,8 @@ def advice(report: Mapping[str, Any]) -> list[str]:
         are = "edge is" if depth["edges"] == 1 else "edges are"
         lines.append(
             f"{depth['edges']:,} {are} drawn through the body: begin with it in the pose that the garment is "
-            "placed round, and give the wanted pose as avatar.poses."
+            "placed round, and give the wanted pose as avatar.poses; or place panels that reach beyond another limb "
+            "clear of it."
         )
     unseen = hidden(report.get("contact"), report["settings"]["collision"]["avatar"])
     if unseen:
@@ -49,12 +49,9 @@ def advice(report: Mapping[str, Any]) -> list[str]:
         )
     if depth is not None and not depth["max"] <= DEEP:
         lines.append('The garment lies in the body: start it further out, or set collision.avatar = "mesh".')
-    share = report["crossings"]["faces"] / max(report["faces"], 1)
-    if share > CROSSED and not report["settings"]["collision"]["cloth"]:
-        lines.append(
-            f"{100 * share:.0f} % of the faces pass through others: set collision.cloth = true, which takes about "
-            "three times the iterations."
-        )
+    passed = crossed(report["crossings"]["faces"] / max(report["faces"], 1), report["settings"]["collision"]["cloth"])
+    if passed:
+        lines.append(f"{passed}.")
     if report["status"] == "iteration_limit" and not loss:
         error = report["rest_error_mm"]
         cloth = report["settings"]["collision"]["cloth"]

@@ -35,6 +35,7 @@ from warp_cloth.solver.certificate import (
 from warp_cloth.solver.loop import Outcome, relax_to_rest
 from warp_cloth.threads import map_in_threads
 from warp_cloth.verdict import (
+    crossed,
     fallen_pieces,
     hidden,
     misplaced,
@@ -271,6 +272,9 @@ def finished(
             loss = unheld(scene, wardrobe, last) or loss or fallen_pieces(scene, wardrobe, last)
         wrong = [loss] if loss else [misplaced(met), of_another_size(summaries[item][0])]
         seen = [hidden(contact, kind), too_coarse(met)]
+        if not any(wrong):
+            faces = sum(len(part.triangles) for part in wardrobe.parts)
+            seen.append(crossed(crossing.face_count / faces, scene.collision.cloth))
         longer = [] if any(wrong) else [more_iterations(scene, outcome)]
         advice, flaw = ("; and ".join(filter(None, told)) for told in ([*wrong, *longer, *seen], [*wrong, *seen]))
         message = verdict(outcome, tolerance_of(scene), advice, flaw)
