@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from pxr import Usd, UsdGeom, UsdUtils, UsdValidation
-from stages import COUNT, RADIUS, write_users_stage
+from pxr import Usd, UsdGeom, UsdUtils, UsdValidation, Vt
+from stages import COUNT, RADIUS, add_mesh, write_users_stage
 
 from warp_cloth.errors import InputError
 from warp_cloth.export.save import write_meshes
@@ -92,6 +92,33 @@ def test_the_users_files_stay_as_they_are_and_the_layer_wears_the_garment(metres
     assert skin.GetDisplayColorAttr().Get()[0][0] == pytest.approx(0.5)
     assert over.GetDefaultPrim().GetPath() == "/World"
     assert over.GetRootLayer().subLayerPaths[:] == ["../user.usda"]
+
+
+def test_a_garment_of_several_meshes_is_sewn_and_worn_as_one(tmp_path: Path) -> None:
+    """A cloth cut into two meshes of one group, whose cut has vertices at the same places."""
+    path = write_users_stage(tmp_path, physics=False)
+    stage = Usd.Stage.Open(str(path))
+    whole = UsdGeom.Mesh(stage.GetPrimAtPath("/World/wardrobe/cloth"))
+    points = np.array(whole.GetPointsAttr().Get())
+    triangles = np.array(whole.GetFaceVertexIndicesAttr().Get()).reshape(-1, 3)
+    left = points[triangles].mean(axis=1)[:, 0] < 0.0
+    for name, half in (("left", triangles[left]), ("right", triangles[~left])):
+        used, own = np.unique(half, return_inverse=True)
+        add_mesh(stage, f"/World/wardrobe/coat/{name}", Vt.Vec3fArray.FromNumpy(points[used]), own.reshape(-1, 3))
+    stage.RemovePrim("/World/wardrobe/cloth")
+    stage.Save()
+    prims = ("garment.prim=/World/wardrobe/coat", "avatar.prim=/World/ball", "solver.iterations=30")
+    worn = fit(path, device="cpu", overrides=prims)
+    (garment,) = worn.garments
+    assert garment.mesh.vertex_count == len(points)
+    assert not any("pieces" in note for note in garment.mesh.notes)
+    write_meshes(worn, tmp_path / "out")
+    over = Usd.Stage.Open(str(tmp_path / "out" / "user_over.usda"))
+    found = np.concatenate([world_points(over, f"/World/wardrobe/coat/{name}") for name in ("left", "right")])
+    assert garment.mesh.vertex_map is not None
+    assert np.abs(found - garment.points[garment.mesh.vertex_map]).max() < FLOAT32
+    with pytest.raises(InputError, match=r'"/World" holds the avatar, too; name the garment alone'):
+        load_scene(path, ("garment.prim=/World", "avatar.prim=/World/ball"))
 
 
 def test_layer_over_a_stage_in_centimetres_is_in_centimetres(tmp_path: Path) -> None:

@@ -27,11 +27,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class StagedGarment:
-    """A worn garment and the prim of the user's stage that it came from."""
+    """A worn garment and the prims of the user's stage that it came from."""
 
     worn: WornGarment
     file: Path
-    prim: str  # of the mesh
+    prims: tuple[str, ...]  # of its meshes, in the order in which they were joined
     units: LengthUnit | None = None  # where the scene overrules the stage's
 
 
@@ -55,7 +55,8 @@ def write_override(
         stage = Usd.Stage.Open(layer)
         _take_over_metadata(Usd.Stage.Open(str(file)), stage)
         for garment in garments:
-            _open_instances(stage, garment.prim)
+            for prim in garment.prims:
+                _open_instances(stage, prim)
             _author_garment(stage, garment, ranges, colour)
     written = Sdf.Layer.CreateAnonymous(".usda")  # one that no stage composes, which would look for the relative path
     written.TransferContent(layer)
@@ -85,15 +86,26 @@ def _open_instances(stage: Usd.Stage, path: str) -> None:
 
 
 def _author_garment(stage: Usd.Stage, garment: StagedGarment, ranges: Ranges, colour: str) -> None:
-    prim = stage.GetPrimAtPath(garment.prim)
-    if not prim:
-        raise InputError(garment.file, f"there is no prim {garment.prim}", "fit the stage again")
-    surface = UsdGeom.Mesh(stage.OverridePrim(garment.prim))
+    meshes = [UsdGeom.Mesh(stage.GetPrimAtPath(path)) for path in garment.prims]
+    for path, mesh in zip(garment.prims, meshes, strict=True):
+        if not mesh:
+            raise InputError(garment.file, f"there is no prim {path}", "fit the stage again")
+    known = garment.worn.mesh
+    vertex = np.arange(known.vertex_count) if known.vertex_map is None else known.vertex_map
+    ends = np.cumsum([len(_default_points(mesh)) for mesh in meshes])
+    if ends[-1] != len(vertex):
+        raise InputError(garment.file, f"{', '.join(garment.prims)} changed since the fit", "fit the stage again")
+    for path, part in zip(garment.prims, np.split(vertex, ends[:-1]), strict=True):
+        _author_mesh(stage, path, garment, part, ranges, colour)
+
+
+def _author_mesh(
+    stage: Usd.Stage, path: str, garment: StagedGarment, vertex: NDArray[np.int64], ranges: Ranges, colour: str
+) -> None:
+    """One mesh of a garment; ``vertex`` is the worn vertex of each of the mesh's own, -1: none."""
+    prim, worn = stage.GetPrimAtPath(path), garment.worn
+    surface = UsdGeom.Mesh(stage.OverridePrim(path))
     old = _default_points(UsdGeom.Mesh(prim))
-    worn = garment.worn
-    vertex = np.arange(len(old)) if worn.mesh.vertex_map is None else worn.mesh.vertex_map
-    if len(vertex) != len(old):
-        raise InputError(garment.file, f"{garment.prim} has changed since the fit", "fit the stage again")
     from_world = np.linalg.inv(to_metres(stage, prim, garment.units))
 
     def local(points: Points | NDArray[np.float32]) -> NDArray[np.float32]:

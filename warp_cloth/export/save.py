@@ -99,9 +99,10 @@ def avatar_asset(scene: Scene) -> AvatarAsset | None:
         return None
     file = Path(str(avatar.mesh))
     worn = [
-        mesh_paths_of(str(file), garment.prim, "garment")[0]
+        path
         for garment in scene.garments
         if _is_stage(garment.mesh) and Path(str(garment.mesh)).resolve() == file.resolve()
+        for path in mesh_paths_of(str(file), garment.prim, "garment")
     ]
     meshes = mesh_paths_of(str(file), avatar.prim, "avatar")
     return AvatarAsset(file, tuple(meshes), tuple(worn), avatar.units)
@@ -114,7 +115,7 @@ def staged_garments(fit: Fit) -> list[StagedGarment]:
         return []
     file = Path(str(specs[0].mesh))
     return [
-        StagedGarment(worn, file, mesh_paths_of(str(file), spec.prim, "garment")[0], spec.units)
+        StagedGarment(worn, file, tuple(mesh_paths_of(str(file), spec.prim, "garment")), spec.units)
         for spec, worn in zip(specs, fit.garments, strict=True)
         if spec.mesh is not None and spec.mesh.resolve() == file.resolve()
     ]

@@ -40,7 +40,7 @@ _REST = "unassigned"  # panel of the faces that no subset names
 
 
 def read_usd(file: str, *, role: Role, key: str, prim: str | None) -> RawMesh:
-    """The mesh at or below ``prim``, or the stage's only one; an avatar may be made of several."""
+    """The meshes at or below ``prim``, joined, or those of the stage: of a garment, its only one."""
     with opened_stage(file) as stage:
         return _read(stage, file, role, key, prim, None)
 
@@ -89,8 +89,9 @@ def _read(stage: Usd.Stage, file: str, role: Role, key: str, prim: str | None, t
     from pxr import UsdGeom
 
     paths = _mesh_paths(stage, prim, file, key)
-    if len(paths) > 1 and role == "garment":
-        raise InputError(file, f"holds {len(paths)} meshes: {_listed(paths)}", f'choose one: {key}.prim = "PATH"')
+    if len(paths) > 1 and role == "garment" and prim is None:
+        remedy = f'choose one: {key}.prim = "PATH", of a mesh or of what holds all meshes of the garment'
+        raise InputError(file, f"holds {len(paths)} meshes: {_listed(paths)}", remedy)
     scale = metres_per_unit(stage, file)
     z_up = UsdGeom.GetStageUpAxis(stage) == UsdGeom.Tokens.z
     parts = [_part(file, stage, path, scale, z_up, panels=role == "garment", at=time) for path in paths]

@@ -365,6 +365,10 @@ class Scene(Table):
             if garment.mesh == self.avatar.mesh and f"{garment.prim or ''}/".startswith(f"{whole}/" if whole else ""):
                 holds = f"{show(whole)} holds" if whole else f"all of {self.avatar.mesh.name} includes"
                 raise refusal(f"{holds} the garment, too", "name the body alone", below="avatar.prim")
+        for key, garment in zip(self.garment_keys, self.garments, strict=True):
+            group = (garment.prim or "").rstrip("/")
+            if garment.mesh == self.avatar.mesh and group and f"{whole}/".startswith(f"{group}/"):
+                raise refusal(f"{show(group)} holds the avatar, too", "name the garment alone", below=f"{key}.prim")
         return self
 
     def model_post_init(self, context: Any, /) -> None:
