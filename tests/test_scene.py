@@ -269,7 +269,7 @@ def test_a_scene_of_models_is_the_scene_of_its_dictionary() -> None:
     assert built.settings() == read.settings()
 
 
-@pytest.mark.parametrize("prim", ["/W/body", "/W/coa", "/W/coat/lining"])
+@pytest.mark.parametrize("prim", ["/W/body", "/W/coa", "/W/coating/body"])
 def test_a_body_and_its_garment_may_come_from_one_file(prim: str) -> None:
     scene = load_scene({"garment": {"mesh": "s.usda", "prim": "/W/coat"}, "avatar": {"mesh": "s.usda", "prim": prim}})
     assert scene.avatar is not None

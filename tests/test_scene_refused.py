@@ -116,12 +116,16 @@ def test_a_wrong_key_or_value_is_told_with_file_key_value_and_what_is_allowed(
             'avatar.prim: "/W" holds the garment, too; name the body alone',
         ),
         (
+            'garment = {mesh = "s.usda", prim = "/W/"}\navatar = {mesh = "s.usda", prim = "/W/body"}',
+            'garment.prim: "/W" holds the avatar, too; name the garment alone',
+        ),
+        (
             'garment = {mesh = "s.glb", prim = "coat"}\navatar = {mesh = "s.glb"}',
             "avatar.prim: all of s.glb includes the garment, too; name the body alone",
         ),
     ],
 )
-def test_an_avatar_that_holds_its_garment_is_refused(tmp_path: Path, text: str, line: str) -> None:
+def test_an_avatar_that_holds_its_garment_or_is_held_by_it_is_refused(tmp_path: Path, text: str, line: str) -> None:
     assert line in refused(write(tmp_path, text))
 
 
