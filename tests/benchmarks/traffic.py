@@ -189,10 +189,10 @@ def measured(name: str, plan: dict[str, Any], asked: argparse.Namespace) -> dict
                "--csv", "--page", "raw", "--print-units", "base", "--metrics", ",".join(metrics),
                "--log-file", str(table), sys.executable, __file__, "--data", asked.data, "--device", asked.device,
                "--scene", name, "--out", asked.out, "--samples", str(asked.samples), "--retrace", str(way)]  # fmt: skip
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    done = subprocess.run(command, stderr=subprocess.PIPE, text=True, check=False)
     lines = table.read_text().splitlines() if table.exists() else []
     if done.returncode:
-        raise RuntimeError(f"{name} under ncu: " + "\n".join([done.stdout, done.stderr, *lines])[-4000:])
+        raise RuntimeError(f"{name} under ncu: " + "\n".join([done.stderr, *lines])[-4000:])
     found: dict[str, dict[str, float]] = {}
     for row in csv.DictReader(line for line in lines if line.startswith('"')):
         if not row["ID"]:  # units
@@ -268,12 +268,16 @@ def compared(name: str, plan: dict[str, Any], found: dict[str, dict[str, float]]
 
 def retrace(tree: dict[str, Any], plan: dict[str, Any], asked: argparse.Namespace) -> None:
     """Goes a plan's way, for ncu to see."""
-    begin, end = plan["iterations"]
+    (begin, end), began = plan["iterations"], time.perf_counter()
     way = Retraced(set_up_one(load_scene(tree), asked.device))
     way.retrace(begin)
     rounds = (end - begin) // (TIMED + way.watched)
     every = rounds_apart(plan, rounds, way.watched, asked.samples)
+    print(
+        f"  at iteration {begin:,} after {time.perf_counter() - began:.0f} s; 1 of {every} of {rounds} rounds is watched"
+    )
     way.retrace(end, every, Samples(plan, rounds // every * way.watched, asked.samples))
+    print(f"  at iteration {end:,} after {time.perf_counter() - began:.0f} s")
 
 
 def main() -> None:
