@@ -15,8 +15,9 @@ from warp_cloth.kernels.crossing_search import BY_TRIANGLE
 from warp_cloth.scene import load_scene
 from warp_cloth.set_up import set_up_one
 from warp_cloth.study import sectors
+from warp_cloth.study.asked import STORED
 from warp_cloth.study.launches import Launch, launches_of
-from warp_cloth.study.listed import leaf_corners, listed_groups, listed_leaves, work_on_lists
+from warp_cloth.study.listed import groups_that_go_on, leaf_corners, listed_groups, listed_leaves, work_on_lists
 from warp_cloth.study.traffic import array_uses
 
 SHEET = {"kind": "square", "side": 0.5, "vertices_per_side": 17}
@@ -121,6 +122,22 @@ def test_leaves_are_listed_by_each_thread_one_after_another(search: dict[str, La
         assert len({(a // TEAM if a >= 0 else -1, m) for a, m in together}) == 1
 
 
+def test_a_team_that_lists_anything_counts_it_at_once_and_is_told_what_the_count_was(search: dict[str, Launch]) -> None:
+    launch = search["find_near_leaves"]
+    # the second where the list is full
+    assert array_uses(launch.kernel).answered == {"meetings.count", "contact.count"}
+    part, _, asking, met = (each.tolist() for each in listed_leaves(launch.arrays()))
+    teams = {(p, a // TEAM if a >= 0 else -1, m // TEAM) for p, a, m in zip(part, asking, met, strict=True)}
+    instruction, place = worked(launch)[STORED + "meetings.count"]
+    assert len(set(instruction.tolist())) >= len(teams)
+    assert place.tolist() == [(1 + p) * PARTS for p in part]
+    walks = search["meet_near"]
+    steps = {(kind, group, met // TEAM) for kind, group, met in listed_groups(walks.arrays()).tolist()}
+    counted, places = worked(walks)[STORED + "meetings.count"]
+    assert len(set(counted.tolist())) == len(counted) == len(steps)
+    assert not places.any()
+
+
 def test_a_thread_asks_for_all_of_a_listed_pair_of_leaves_and_keeps_those_that_are_near(
     search: dict[str, Launch],
 ) -> None:
@@ -203,7 +220,9 @@ def test_what_may_cross_is_counted_while_its_lists_last() -> None:
         if name == "find_crossing_leaves":
             kind, group, met = listed_groups(arrays).T
             triangles, edges = np.where(kind == BY_TRIANGLE, group, met), group[kind == ON_EDGE]
-            assert seen[name]["search.corners"] == {TEAM * one + lane for one in triangles for lane in range(TEAM)}
+            on = groups_that_go_on(arrays)
+            assert on[kind != BY_TRIANGLE].all()
+            assert seen[name]["search.corners"] == {TEAM * one + lane for one in triangles[on] for lane in range(TEAM)}
             assert seen[name]["search.ends"] >= {TEAM * one + lane for one in edges for lane in range(TEAM)}
         if name == "part_crossings":
             _, _, asking, met = listed_leaves(arrays)

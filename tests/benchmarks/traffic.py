@@ -273,11 +273,9 @@ def retrace(tree: dict[str, Any], plan: dict[str, Any], asked: argparse.Namespac
     way.retrace(begin)
     rounds = (end - begin) // (TIMED + way.watched)
     every = rounds_apart(plan, rounds, way.watched, asked.samples)
-    print(
-        f"  at iteration {begin:,} after {time.perf_counter() - began:.0f} s; 1 of {every} of {rounds} rounds is watched"
-    )
+    print(f"  iteration {begin:,} in {time.perf_counter() - began:.0f} s; watches 1 of {every} rounds")
     way.retrace(end, every, Samples(plan, rounds // every * way.watched, asked.samples))
-    print(f"  at iteration {end:,} after {time.perf_counter() - began:.0f} s")
+    print(f"  iteration {end:,} in {time.perf_counter() - began:.0f} s")
 
 
 def main() -> None:
