@@ -131,7 +131,8 @@ class Moved:
         last, touch = {launch.kernel.key: launch for launch in launches}, self._touch
         if touch is not None and touch.awake:
             self.see(list(last.values()), iteration)
-            touch.search(self._cloth)  # the first after a look at crossings looks everywhere; most others do not
+            if touch.untangles:  # the first search after a look at crossings looks everywhere; most others do not
+                touch.search(self._cloth)
             launches_of(lambda: touch.search(self._cloth), see=lambda launch: self._count(launch, iteration))
         for key, launch in last.items():
             if key not in self._seen:
