@@ -123,9 +123,8 @@ def avatar_recipe(scene: Scene) -> list[Recipe]:
     """How to load or generate a scene's avatar; empty where it has none."""
     if scene.avatar is None:
         return []
-    size = worn_size(scene)
-    key = "avatar", _where(scene), size, _worked(scene.avatar, MESH_KEYS), _file_mark(scene.avatar)
-    return [Recipe(key, partial(_avatar_mesh, scene.avatar, size))]
+    key = "avatar", _where(scene), generated_body(scene), _worked(scene.avatar, MESH_KEYS), _file_mark(scene.avatar)
+    return [Recipe(key, partial(_avatar_mesh, scene.avatar, worn_size(scene)))]
 
 
 def garment_keys(scene: Scene, index: int) -> tuple[Key, Key, Key]:

@@ -13,6 +13,13 @@ from warp_cloth.mesh import Indices, Points
 from warp_cloth.shapes.triangulate import triangulate
 
 CURVE_SAMPLES = 400  # of a curve when its length is measured: chord error below 0.01 mm
+_ALONG = np.linspace(0, 1, CURVE_SAMPLES)[:, None]
+CUBIC = (
+    (1 - _ALONG) ** 3,
+    3 * _ALONG * (1 - _ALONG) ** 2,
+    3 * _ALONG**2 * (1 - _ALONG),
+    _ALONG**3,
+)  # shares of handles
 CAP_EASE = 1.015  # sleeve cap over armhole: a knitted set-in sleeve is eased in by 1 to 3 %
 PANEL_GAP = 0.05  # [m] between panels in texture space
 
@@ -68,6 +75,7 @@ class Pattern:
         return next(panel for panel in self.panels if panel.name == name)
 
 
+@functools.lru_cache(maxsize=16)  # the same shirt is placed round many bodies
 def tshirt_pattern(measures: TshirtMeasures, edge: float) -> Pattern:
     """Front, back and two sleeves, with as many vertices on each side of a seam, about ``edge`` [m] apart."""
     front, back = (_trunk_curves(measures, is_front) for is_front in (True, False))
@@ -111,9 +119,9 @@ def _steps(edge: float, curve: Points) -> int:
 
 def _bezier(*handles: ArrayLike) -> Points:
     """Cubic curve through its first and last handle, finely sampled."""
-    t = np.linspace(0, 1, CURVE_SAMPLES)[:, None]
     p0, p1, p2, p3 = (np.asarray(handle, dtype=float) for handle in handles)
-    curve: Points = (1 - t) ** 3 * p0 + 3 * t * (1 - t) ** 2 * p1 + 3 * t**2 * (1 - t) * p2 + t**3 * p3
+    own, after, before, last = CUBIC
+    curve: Points = own * p0 + after * p1 + before * p2 + last * p3
     return curve
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -74,18 +76,18 @@ def _delaunay(points: Points, outline: Points, spacing: float) -> NDArray[np.int
         i, j, k = i[keep], j[keep], k[keep]
         to_j, to_k = spots[j] - spots[i], spots[k] - spots[i]
         twice = 2 * (to_j[:, 0] * to_k[:, 1] - to_j[:, 1] * to_k[:, 0])
-        square_j, square_k = (to_j**2).sum(axis=1), (to_k**2).sum(axis=1)
+        square_j, square_k = _squared(to_j), _squared(to_k)
         with np.errstate(divide="ignore", invalid="ignore"):  # three points on a line have no circle: not kept
             centre = np.column_stack(
                 [to_k[:, 1] * square_j - to_j[:, 1] * square_k, to_j[:, 0] * square_k - to_k[:, 0] * square_j]
             )
             centre /= twice[:, None]
-            radius = (centre**2).sum(axis=1)
+            radius = _squared(centre)
             keep = radius < (REACH * spacing / 2) ** 2
         i, j, k, centre, radius, twice = (array[keep] for array in (i, j, k, centre, radius, twice))
         others = near[i]
         away = spots[others] - (spots[i] + centre)[:, None, :]
-        blocked = ((away**2).sum(axis=2) < radius[:, None]) & (others >= 0)
+        blocked = (_squared(away) < radius[:, None]) & (others >= 0)
         blocked &= (others != j[:, None]) & (others != k[:, None])
         keep = ~blocked.any(axis=1)
         turned = (twice < 0)[keep, None]
@@ -94,6 +96,11 @@ def _delaunay(points: Points, outline: Points, spacing: float) -> NDArray[np.int
     triangles = triangles[contains(outline, points[triangles].mean(axis=1))]
     _check(triangles, len(points), len(outline))
     return triangles
+
+
+def _squared(ways: Points) -> Any:
+    """Squared lengths of ways, shape [..., 2]; summing along so short an axis takes several times as long."""
+    return ways[..., 0] ** 2 + ways[..., 1] ** 2
 
 
 def _near(points: Points, reach: float) -> NDArray[np.int64]:
@@ -112,7 +119,7 @@ def _near(points: Points, reach: float) -> NDArray[np.int64]:
         blocks.append(np.where(slots < size[:, None], order[member], -1))
     candidates = np.hstack(blocks)
     away = points[candidates] - points[:, None, :]
-    near = ((away**2).sum(axis=2) < reach**2) & (candidates >= 0)
+    near = (_squared(away) < reach**2) & (candidates >= 0)
     near &= candidates != np.arange(len(points))[:, None]
     most = near.sum(axis=1).max()
     front = np.argsort(~near, axis=1, kind="stable")[:, :most]

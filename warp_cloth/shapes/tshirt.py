@@ -186,11 +186,14 @@ def _spread(shift: Points, held: NDArray[np.bool_], triangles: NDArray[np.int64]
     one = np.concatenate([triangles, np.roll(triangles, 1, axis=1)]).ravel()
     other = np.concatenate([np.roll(triangles, -1, axis=1), triangles]).ravel()
     degree = np.bincount(one)
-    spread = np.where(held[:, None], shift, 0.0)
-    for _ in range(FADE_ROUNDS):
-        mean = [np.bincount(one, spread[other, axis]) / degree for axis in range(3)]
-        spread = np.where(held[:, None], shift, FADE * np.column_stack(mean))
-    return spread
+
+    def along(own: Values) -> Values:
+        spread = np.where(held, own, 0.0)
+        for _ in range(FADE_ROUNDS):
+            spread = np.where(held, own, FADE * (np.bincount(one, spread[other]) / degree))
+        return spread
+
+    return np.column_stack([along(np.ascontiguousarray(own)) for own in shift.T])
 
 
 def _push_out(points: Points, form: Form) -> Points:
