@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import functools
 import logging
+from collections.abc import Callable
 from copy import copy
 from dataclasses import asdict, dataclass, replace
 from typing import Any
@@ -60,6 +62,22 @@ class Drawing:
     pixel: float
 
 
+Report = dict[str, Any] | None
+
+
+class _Later:
+    """A report that is made when it is first asked for, and lets go of what it is made of."""
+
+    def __init__(self, make: Callable[[], Report]) -> None:
+        self._make: Callable[[], Report] | None = make
+        self._made: Report = None
+
+    def told(self) -> Report:
+        if self._make is not None:
+            self._made, self._make = self._make(), None
+        return self._made
+
+
 class AvatarContact:
     """Builds the collider of a scene, and builds it anew when a garment leaves the region that it covers.
 
@@ -101,7 +119,12 @@ class AvatarContact:
         self._drawings = drawings if kind == "auto" else drawings[:1]  # those not found wanting yet
         self._wanting: list[Drawing] = []  # the others
         self.builds = 0
-        self.report: dict[str, Any] | None = None  # what the last build was, and how good
+        self._report = _Later(lambda: None)
+
+    @property
+    def report(self) -> Report:
+        """What the last audited build was, and how good; measured when it is first asked for, or to choose."""
+        return self._report.told()
 
     def _enclosed(self, solid: Solid, kind: str) -> Mesh:
         if solid.closing.encloses:
@@ -114,7 +137,7 @@ class AvatarContact:
     def collider(self, points: Points, *, audited: bool = True) -> Collider:
         """The collider for garments at these positions [m], shape [V, 3].
 
-        ``audited`` measures it against the exact mesh, fills the report, and lets "auto" choose.
+        ``audited`` lets the report measure it against the exact mesh, and "auto" choose.
         """
         if self._avatar is None:
             return Collider()
@@ -122,20 +145,25 @@ class AvatarContact:
         if self._kind == "mesh":
             exact = build_exact_collider(self._avatar, self._device, reach=self._reach)
             self._kept = exact
-            self.report = {"buffers": [], "triangles": self._avatar.triangle_count, **self._mended()}
+            drawn: dict[str, Any] = {"buffers": [], "triangles": self._avatar.triangle_count, **self._mended()}
+            self._report = _Later(lambda: drawn)
             return self._collider(mesh_contact, exact.collider, MeshCollider)
         margin = MARGIN * 2.0 ** max(self.builds - 1, 0)  # a garment that fell out of it once is still falling
         lower, upper = contact_bounds(points, self._avatar.points, margin)
         self._lower, self._upper = points.min(axis=0) - margin, points.max(axis=0) + margin
         self._kept = None  # its memory serves the next
         if not audited:
+            self._report.told()  # which holds on to it
             while True:
                 try:
                     return self._drawn(self._avatar, self._drawings[0], lower, upper)
                 except InputError:
                     self._draw_coarser()
+        self._report = _Later(lambda: None)
         exact = build_exact_collider(self._avatar, self._device, reach=self._reach)
-        surface = near_surface(self._avatar, exact, points, lower + NEAR_EDGE, upper - NEAR_EDGE)
+        surface = functools.cache(
+            functools.partial(near_surface, self._avatar, exact, points, lower + NEAR_EDGE, upper - NEAR_EDGE)
+        )
         found = None
         while True:
             try:
@@ -145,10 +173,16 @@ class AvatarContact:
                 if found is not None:
                     return found
                 continue
-            self.report = self._audit(exact, surface)
-            if len(self._drawings) == 1 or self.report["error_mm"]["p999"] <= 1e3 * self._error:
+            buffers, sampled = self._kept
+            self._report = _Later(functools.partial(self._audit, buffers, sampled, exact, surface))
+            if len(self._drawings) == 1 or self._close_enough():
                 return found
             self._drawings, self._wanting = self._drawings[1:], [*self._wanting, self._drawings[0]]
+
+    def _close_enough(self) -> bool:
+        """Whether what is drawn stays within the error that is sought."""
+        report = self.report
+        return report is not None and bool(report["error_mm"]["p999"] <= 1e3 * self._error)
 
     def _draw_coarser(self) -> None:
         """Goes back, in an exception's handler, to the drawing before, where one is too fine for the region."""
@@ -174,7 +208,7 @@ class AvatarContact:
             return None
         self._kept, self._drawings, self.builds = earlier._kept, earlier._drawings, earlier.builds
         self._wanting = earlier._wanting
-        self._lower, self._upper, self.report = earlier._lower, earlier._upper, earlier.report
+        self._lower, self._upper, self._report = earlier._lower, earlier._upper, earlier._report
         return self._collider(field_contact, field.touching(self._offset, self._lift), ContactField)
 
     def move(self, avatar: Points, cloth: Points) -> Points:
@@ -260,9 +294,11 @@ class AvatarContact:
             return {"holes_closed": 0, "lids_m2": 0.0, "sheets_left_out": 0}
         return {"holes_closed": closing.holes, "lids_m2": closing.lid_area, "sheets_left_out": closing.sheets}
 
-    def _audit(self, exact: ExactCollider, surface: NearSurface) -> dict[str, Any]:
-        """How good what is kept is, for the report."""
-        buffers, sampled = self._kept
+    def _audit(
+        self, buffers: Any, sampled: Any, exact: ExactCollider, near: Callable[[], NearSurface]
+    ) -> dict[str, Any]:
+        """How good what was drawn is, for the report; ``near`` is the surface that garments may meet."""
+        surface = near()
         error = contact_error(sampled, exact, surface.worn(exact, self._offset))
         return {
             "buffers": buffers.names,
