@@ -250,6 +250,14 @@ def test_workers_begin_anew_where_the_devices_are_not_those_that_were_thought(tm
     assert results(tmp_path / "thought") == results(tmp_path / "calm")
 
 
+def test_workers_that_nothing_was_left_for_begin_again(tmp_path: Path) -> None:
+    items = tiny_items(3)
+    with LocalPool(["cpu", "cpu"]) as pool:
+        for name in ("once", "again"):
+            assert drive(tmp_path / name, items, 1, pool).whole
+    assert results(tmp_path / "once") == results(tmp_path / "again")
+
+
 def test_killed_and_started_again_it_ends_with_the_same_results(tmp_path: Path) -> None:
     items = tiny_items(12)
     rows = [f"{item.name},hanging,{','.join(change.split('=')[1] for change in item.changes)}" for item in items]

@@ -6,7 +6,6 @@ import os
 import signal
 from collections.abc import Iterator
 from multiprocessing.connection import Connection
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,10 +15,9 @@ from warp_cloth.batch.arena import Arena
 from warp_cloth.batch.loading import WORTH, Loaders, Shelf
 from warp_cloth.batch.many import fit_many
 from warp_cloth.batch.processes import context
-from warp_cloth.batch.turns import Turn
 from warp_cloth.errors import InputError
 from warp_cloth.fitting import Fit
-from warp_cloth.garment.wardrobe import Rack, Recipe, mesh_recipes, open_wardrobe
+from warp_cloth.garment.wardrobe import Rack, Recipe, avatar_recipe, mesh_recipes, open_wardrobe
 from warp_cloth.kept import Kept
 from warp_cloth.model import build_model
 from warp_cloth.patches import cutting
@@ -91,23 +89,32 @@ def test_helpers_that_are_forked_make_the_same_where_their_worker_reads_it() -> 
     process.join()
 
 
-def test_workers_load_meshes_one_after_another(loaders: Loaders, tmp_path: Path) -> None:
-    path, rack = tmp_path / "turn", Rack()
-    several = [load_scene("sphere", [f"garment.shape.vertices_per_side={side}"]) for side in range(40, 40 + WORTH)]
-    other = Turn(path)
-    loaders.turn, waited = Turn(path), []
+def _tells_priority(connection: Connection, rank: int) -> None:
+    loaders = Loaders(1, fork=True, rank=rank)
+    assert loaders._pool is not None
+    connection.send(loaders._pool.submit(os.nice, 0).result() - os.nice(0))
+    loaders.close()
 
-    def meanwhile() -> None:
-        waited.append(not loaders._open)
-        other.end()
 
-    with other:
-        loaders.begin(rack, several, patches=False)
-        loaders.fill(rack, several, meanwhile=meanwhile)
-    assert waited == [True]
-    assert all(recipe.key in rack for scene in several for recipe in mesh_recipes(scene))
-    with other:
-        loaders.turn = Turn(None)
+def test_a_workers_helpers_leave_the_cores_to_it_and_to_those_of_earlier_ones() -> None:
+    steps = []
+    for rank in range(2):
+        ours, theirs = context().Pipe()
+        process = context().Process(target=_tells_priority, args=(theirs, rank))
+        process.start()
+        theirs.close()
+        steps.append(ours.recv())
+        process.join()
+    assert 0 < steps[0] < steps[1]
+
+
+def test_one_body_is_made_once_for_garments_of_all_sizes() -> None:
+    body = [f"avatar.shape.{name}=1.0" for name in ("chest", "waist", "hip")]
+    sizes = [load_scene("tshirt", [f"garment.shape.size={size}", *body]) for size in ("S", "L")]
+    given = [load_scene("tshirt", [f"garment.shape.size={size}", *body, "avatar.shape.stature=1.7"]) for size in "SL"]
+    recipes = [recipe for scene in (*sizes, *given) for recipe in avatar_recipe(scene)]
+    assert recipes[0].key != recipes[1].key, "its stature is the size's"
+    assert recipes[2].key == recipes[3].key
 
 
 def test_what_an_arena_has_no_room_for_is_sent_as_it_is() -> None:

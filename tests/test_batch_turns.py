@@ -32,6 +32,16 @@ def test_a_turn_ends_when_most_vertices_are_at_rest(tmp_path: Path) -> None:
     assert free(path)
 
 
+def test_who_waits_knows_it(tmp_path: Path) -> None:
+    turn, other = Turn(tmp_path / "turn"), Turn(tmp_path / "turn")
+    assert not turn.taken()
+    with other:
+        assert turn.taken()
+        assert not other.taken()
+    assert not turn.taken()
+    assert not Turn(None).taken()
+
+
 def test_one_that_fails_leaves_its_turn(tmp_path: Path) -> None:
     path, turn = tmp_path / "turn", Turn(tmp_path / "turn")
     for _ in range(2):

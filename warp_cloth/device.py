@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import functools
 
 from warp_cloth.errors import InputError
 from warp_cloth.quiet import init_warp
@@ -30,11 +31,25 @@ def device_named(name: str | None) -> str:
 
 def likely_gpus(name: str | None) -> list[str]:
     """The GPUs that "cuda", "cuda:N" or None seem to mean, asked of the driver: importing Warp takes a second."""
+    gpus = [f"cuda:{number}" for number in range(gpu_count())]
+    return gpus if name in (None, "cuda") else [gpu for gpu in gpus if gpu == name]
+
+
+@functools.cache
+def gpu_count() -> int:
+    """The GPUs that the driver has, which takes part of a second; other threads go on meanwhile."""
     try:
         driver = ctypes.CDLL("libcuda.so.1")
         count = ctypes.c_int()
         there = not driver.cuInit(0) and not driver.cuDeviceGetCount(ctypes.byref(count))
     except (OSError, AttributeError):
-        return []
-    gpus = [f"cuda:{number}" for number in range(count.value if there else 0)]
-    return gpus if name in (None, "cuda") else [gpu for gpu in gpus if gpu == name]
+        return 0
+    return count.value if there else 0
+
+
+def wake_gpu(name: str) -> None:
+    """Has the driver begin with a GPU, "cuda:N", as Warp will ask: other threads go on meanwhile, and import."""
+    number = name.removeprefix("cuda:")
+    if number.isdecimal() and int(number) < gpu_count():
+        context = ctypes.c_void_p()
+        ctypes.CDLL("libcuda.so.1").cuDevicePrimaryCtxRetain(ctypes.byref(context), int(number))

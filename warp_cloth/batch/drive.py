@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import collections
 import sys
+import threading
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import get_args
-
-import pyarrow
-import pyarrow.compute
+from typing import TYPE_CHECKING, get_args
 
 from warp_cloth.batch.jobs import Item, read_jobs
 from warp_cloth.batch.pool import LocalPool, Lost, Pool
@@ -23,6 +21,9 @@ from warp_cloth.device import device_named, likely_gpus
 from warp_cloth.errors import InputError
 from warp_cloth.quiet import start_warp
 from warp_cloth.threads import core_count
+
+if TYPE_CHECKING:
+    import pyarrow
 
 CPU_SHARD = 8  # items to a shard at most: what a killed run does again on each core
 GPU_SHARD = 512  # so many garments fill the largest GPU, and one reading of their avatars serves them all
@@ -176,6 +177,7 @@ class _Drive:
         self._report()
         for shard in left:
             self._pool.submit(Task(self._store, shard, ""))
+        threading.Thread(target=self._store.get_ready, daemon=True).start()
         for came in self._pool.finished():
             if isinstance(came, Lost):
                 self._lost(came)
@@ -246,8 +248,9 @@ class _Drive:
         unwritten: collections.Counter[str] = collections.Counter()
         for number, reason in self._problems.items():
             unwritten[reason] += len(self._shards[number].items)
-        bare = table.filter(pyarrow.compute.is_null(table["digest"]))["message"].to_pylist()
-        reasons = collections.Counter(str(reason) for reason in bare if reason not in unwritten)
+        told = zip(table["digest"].to_pylist(), table["message"].to_pylist(), strict=True)
+        bare = [str(reason) for digest, reason in told if digest is None]
+        reasons = collections.Counter(reason for reason in bare if reason not in unwritten)
         return BatchReport(
             self._store.folder, dict(statuses), dict(unwritten), self._standing, dict(reasons.most_common())
         )

@@ -12,13 +12,11 @@ from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, field
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 from warp_cloth.batch.arena import Arena, Parcel
 from warp_cloth.batch.lifeline import begin_alone
 from warp_cloth.batch.processes import context, get_ready
-from warp_cloth.batch.turns import Turn
 from warp_cloth.garment.elements import garment_elements
 from warp_cloth.garment.part import GarmentPart, terms_of
 from warp_cloth.garment.rest import RestGeometry, in_geometry, own_constants
@@ -40,7 +38,8 @@ from warp_cloth.scene import Scene
 log = logging.getLogger(__name__)
 
 WORTH = 8  # things to make that helpers are started for: that takes as long as making a few
-NICER = 4  # steps of priority from a helper to those who fit
+NICER = 4  # steps of priority from the first worker's helpers to those who fit,
+RANKED = 2  # and from each worker's helpers to the next one's
 ARENA = 1 << 32  # [bytes] that a worker shares with its helpers at most: rest shapes of MOST_KEPT vertices
 MOST_KEPT = 4_000_000  # vertices of the meshes that a shelf keeps from task to task; with rest shapes about 4 GB
 
@@ -75,18 +74,14 @@ class Order:
 class Shelf:
     """What a worker keeps from one task to the next: what scenes share, and who loads it."""
 
-    def __init__(self, helpers: int, *, fork: bool = False) -> None:
-        """``fork`` as of Loaders."""
-        self.loaders = Loaders(helpers, fork=fork)
+    def __init__(self, helpers: int, *, fork: bool = False, rank: int = 0) -> None:
+        """``fork`` and ``rank`` as of Loaders."""
+        self.loaders = Loaders(helpers, fork=fork, rank=rank)
         self.rack, self.kept = Rack(), Kept()
         self.fresh = True  # whether its process has fitted nothing yet
 
-    def begin(self, scenes: Sequence[Scene], turn: Path | None, *, patches: bool) -> None:
-        """Has its loaders begin with what scenes need, as of Loaders.
-
-        ``turn``: a file by which workers take turns; None: there are no others.
-        """
-        self.loaders.turn = Turn(turn)
+    def begin(self, scenes: Sequence[Scene], *, patches: bool) -> None:
+        """Has its loaders begin with what scenes need, as of Loaders."""
         self.loaders.begin(self.rack, scenes, patches=patches)
 
     def tidied(self) -> Shelf:
@@ -101,18 +96,16 @@ class Loaders:
 
     A garment's mesh comes first, then its rest shapes, each a task of its own, as the finest garment is waited for.
 
-    ``fork``: at once, as copies of this process. That must have neither threads nor a device yet. Workers that have a
-    ``turn`` load meshes one after another, so that one begins early rather than all late.
+    ``fork``: at once, as copies of this process. That must have neither threads nor a device yet. Those of the worker
+    of ``rank`` 0 have the cores first, then those of rank 1, so that one begins early rather than all late.
     """
 
-    def __init__(self, count: int, *, fork: bool = False) -> None:
-        self.turn = Turn(None)
+    def __init__(self, count: int, *, fork: bool = False, rank: int = 0) -> None:
         self._count = count
         self._pool: ProcessPoolExecutor | None = None
         self._changed = threading.Condition()
         self._open = 0  # tasks that helpers have, and what is made of these
-        self._meshes_open = 0  # of these, meshes
-        self._beginning: threading.Thread | None = None  # that waits for this worker's turn
+        self._beginning: threading.Thread | None = None  # that asks for them
         self._made: dict[Key, Any] = {}
         self._patches: dict[Hashable, Any] = {}
         self._broken: BrokenProcessPool | None = None
@@ -120,7 +113,7 @@ class Loaders:
         if count and fork:
             with contextlib.suppress(OSError):  # a machine that promises no memory which is not used
                 self._arena = Arena(ARENA)
-            begin = partial(_begin, self._arena)
+            begin = partial(_begin, self._arena, NICER + RANKED * rank)
             self._pool = ProcessPoolExecutor(count, multiprocessing.get_context("fork"), initializer=begin)
             self._pool.submit(os.getpid)  # forks all of them
         elif count:
@@ -154,7 +147,7 @@ class Loaders:
             self._count, self._pool, self._broken = 0, None, None
 
     def begin(self, rack: Rack, scenes: Sequence[Scene], *, patches: bool) -> threading.Thread:
-        """Has helpers begin with what ``fill`` of the same scenes then waits for, once it is this worker's turn."""
+        """Has helpers begin with what ``fill`` of the same scenes then waits for."""
         self._beginning = threading.Thread(target=self._ask, args=(rack, scenes, patches), daemon=True)
         self._beginning.start()
         return self._beginning
@@ -176,43 +169,37 @@ class Loaders:
                     orders.setdefault(geometry, order).garments[rest] = scene, index
         if not orders or (self._pool is None and sum(order.count for order in orders.values()) < WORTH):
             return
-        self.turn.begin()
-        shared = bundles(list(orders.values()), self._count)
-        self._meshes_open = len(shared)
-        for bundle in shared:
-            self._submit(_meshes, bundle, then=partial(self._dress, bundle), mesh=True)
+        for bundle in bundles(list(orders.values()), self._count):
+            self._submit(_meshes, bundle, then=partial(self._dress, bundle))
 
     def close(self) -> None:
         if self._pool is not None:
             self._pool.shutdown(cancel_futures=True)
             self._pool = None
 
-    def _submit(self, work: Callable[..., Any], *given: Any, then: Callable[[Any], None], mesh: bool = False) -> None:
+    def _submit(self, work: Callable[..., Any], *given: Any, then: Callable[[Any], None]) -> None:
         """Has a helper work; ``then`` takes what came of it, in a thread of the pool's."""
         with self._changed:
             self._open += 1
         try:
-            self._started().submit(work, *given).add_done_callback(partial(self._came, then, mesh))
+            self._started().submit(work, *given).add_done_callback(partial(self._came, then))
         except (BrokenProcessPool, RuntimeError) as error:  # RuntimeError: it is shut down
-            self._end(error, mesh)
+            self._end(error)
 
-    def _came(self, then: Callable[[Any], None], mesh: bool, future: Future[Any]) -> None:
+    def _came(self, then: Callable[[Any], None], future: Future[Any]) -> None:
         error = None if future.cancelled() else future.exception()
         try:
             if error is None and not future.cancelled():
                 then(future.result())
         finally:
-            self._end(error, mesh)
+            self._end(error)
 
-    def _end(self, error: BaseException | None, mesh: bool) -> None:
-        """Counts a task that has ended; after the last meshes another worker's helpers may begin with theirs."""
+    def _end(self, error: BaseException | None) -> None:
+        """Counts a task that has ended."""
         with self._changed:
             if isinstance(error, BrokenProcessPool):
                 self._broken = error
             self._open -= 1
-            self._meshes_open -= mesh
-            if not self._meshes_open:
-                self.turn.end()
             self._changed.notify_all()
 
     def _dress(self, bundle: Sequence[Order], found: Sequence[Any]) -> None:
@@ -244,11 +231,11 @@ class Loaders:
         return self._pool
 
 
-def _begin(arena: Arena | None) -> None:
+def _begin(arena: Arena | None, nicer: int) -> None:
     global _arena
     _arena = arena
     begin_alone()
-    os.nice(NICER)
+    os.nice(nicer)
 
 
 def _sent(thing: Any) -> Any:

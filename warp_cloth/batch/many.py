@@ -18,6 +18,7 @@ from warp_cloth.batch.turns import Turn
 from warp_cloth.fitting import Fit, finished, tolerance_of
 from warp_cloth.garment.wardrobe import Rack, Wardrobe, open_wardrobe
 from warp_cloth.kept import Kept
+from warp_cloth.plan import contact_kind
 from warp_cloth.scene import Scene
 from warp_cloth.set_up import following, kind_of, set_up, start_coarse
 from warp_cloth.solver.loop import Goal, relax_items
@@ -78,13 +79,13 @@ def fit_many(
 
 
 def _needs(scenes: Sequence[Scene], wardrobes: Sequence[Wardrobe], gpu: bool) -> list[Need]:
-    """What scenes need, worked out once for those of the same garments on the same avatar."""
+    """What scenes need, worked out once for those of the same garments on the same avatar, in whatever fabric."""
     kept = Kept()
 
     def need(scene: Scene, wardrobe: Wardrobe) -> Need:
-        alike = wardrobe.avatar, *wardrobe.parts
+        alike = wardrobe.avatar, *(of for part in wardrobe.parts for of in (part.points, part.rest.topology))
         make = partial(need_of, scene, wardrobe, gathers=gpu)
-        return kept.once("need", alike, make, scene.collision, scene.solver.precision)
+        return kept.once("need", alike, make, contact_kind(scene, wardrobe), scene.collision, scene.solver.precision)
 
     return [need(scene, wardrobe) for scene, wardrobe in zip(scenes, wardrobes, strict=True)]
 
@@ -119,6 +120,10 @@ def _together(scenes: Sequence[Scene], wardrobes: Sequence[Wardrobe], device: st
 
     made = set_up(scenes, wardrobes, device, kept=kept, lap=lap)
     goals = [Goal(tolerance_of(scene), scene.solver.iterations) for scene in scenes]
+    for item in range(len(scenes)):
+        if not turn.taken():
+            break
+        made.touched(item)  # measures what the report tells of its contact, for which there is time now
     with turn:
         levels = start_coarse(made)
         outcomes = relax_items(

@@ -9,6 +9,7 @@ import multiprocessing
 import os
 import signal
 import sys
+import threading
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from multiprocessing.connection import Connection, wait
@@ -19,6 +20,7 @@ from typing import Protocol
 from warp_cloth.batch.lifeline import begin_alone, end_with_parent
 from warp_cloth.batch.processes import context
 from warp_cloth.batch.work import DeviceLostError, Done, Task, do_task
+from warp_cloth.device import wake_gpu
 from warp_cloth.threads import core_count
 
 log = logging.getLogger(__name__)
@@ -58,14 +60,16 @@ class Pool(Protocol):
     def close(self) -> None: ...
 
 
-def _serve(connection: Connection, helpers: int) -> None:
-    """A worker's life: a task in, what came of it out, until nobody asks any more."""
+def _serve(connection: Connection, device: str, helpers: int, rank: int) -> None:
+    """A worker's life: a task in, what came of it out, until nobody asks any more. ``rank`` as of Loaders."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the asker ends its workers
     from warp_cloth.batch.loading import Shelf
 
-    shelf = Shelf(helpers, fork=True)  # before this process has threads and a device
+    shelf = Shelf(helpers, fork=True, rank=rank)  # before this process has threads and a device
     (end_with_parent if helpers else begin_alone)()
     sys.setswitchinterval(SWITCH)
+    if device != "cpu":
+        threading.Thread(target=wake_gpu, args=(device,), daemon=True).start()  # while this one reads and imports
     while True:
         try:
             task: Task = connection.recv()
@@ -81,20 +85,21 @@ def _serve(connection: Connection, helpers: int) -> None:
 
 
 class _Slot:
-    """One place where a worker works, the task that it has, its device and its share of that, its helpers."""
+    """One place where a worker works, the task that it has, its device and its share of that, its helpers and rank."""
 
-    def __init__(self, device: str, share: float, helpers: int) -> None:
-        self.device, self.share, self._helpers = device, share, helpers
+    def __init__(self, device: str, share: float, helpers: int, rank: int) -> None:
+        self.device, self.share, self._helpers, self.rank = device, share, helpers, rank
         self.task: Task | None = None
         self.had: Task | None = None  # the last one, whose meshes the worker has
         self.losses = 0  # of the device, one after another
-        self.start()
+        self.process: BaseProcess | None = None
+        self._ending: list[BaseProcess] = []  # that were dismissed
 
     def start(self) -> None:
         starting = context()
         self.connection, theirs = starting.Pipe()
         # no daemon, as these may have no helpers; it ends with this process all the same
-        self.process: BaseProcess = starting.Process(target=_serve, args=(theirs, self._helpers))
+        self.process = starting.Process(target=_serve, args=(theirs, self.device, self._helpers, self.rank))
         self.process.start()
         self.had = None
         theirs.close()
@@ -104,6 +109,8 @@ class _Slot:
         return self.losses < MOST_LOSSES
 
     def give(self, task: Task) -> None:
+        if self.process is None:
+            self.start()
         self.task = self.had = task
         with contextlib.suppress(OSError):  # it died meanwhile, which receive finds
             self.connection.send(task)
@@ -121,6 +128,8 @@ class _Slot:
             self.losses += 1
             reason = str(told)
         except (EOFError, OSError):
+            if self.process is None:
+                raise RuntimeError("nobody was asked") from None
             self.process.join(GRACE)
             reason = ended(self.process.exitcode)
         self.stop()
@@ -130,19 +139,25 @@ class _Slot:
         return Lost(task, reason)
 
     def dismiss(self) -> None:
-        """Asks the worker to end: an idle one ends by itself, with its helpers."""
+        """Asks the worker to end, if there is one: an idle one ends by itself, with its helpers."""
+        if self.process is None:
+            return
         self.connection.close()
         if self.task is not None:
             self.process.terminate()
+        self._ending.append(self.process)
+        self.process = None
 
     def stop(self) -> None:
         self.dismiss()
-        self.process.join(GRACE)
-        self.process.terminate()
-        self.process.join(GRACE)
-        if self.process.is_alive():
-            self.process.kill()
-            self.process.join()
+        for process in self._ending:
+            process.join(GRACE)
+            process.terminate()
+            process.join(GRACE)
+            if process.is_alive():
+                process.kill()
+                process.join()
+        self._ending.clear()
 
 
 def ended(code: int | None) -> str:
@@ -175,9 +190,9 @@ def best_shared(waiting: Sequence[frozenset[str]], own: frozenset[str], others: 
 
 
 class LocalPool:
-    """Worker processes, one for each device named.
+    """Worker processes, one for each device named; all but a GPU's first begin when they are given something.
 
-    ``check`` tells the devices that are really there, which takes a while: it is asked while workers begin.
+    ``check`` tells the devices that are really there, which takes a while: it is asked once a worker has none.
     """
 
     patient = False
@@ -190,7 +205,14 @@ class LocalPool:
     def _open(self, devices: Sequence[str]) -> None:
         self.devices = tuple(devices)
         at, count = collections.Counter(self.devices), len(self.devices)
-        self._slots = [_Slot(device, 1.0 / at[device], helpers(device, count)) for device in self.devices]
+        ranks = [self.devices[:number].count(device) for number, device in enumerate(self.devices)]
+        self._slots = [
+            _Slot(device, 1.0 / at[device], helpers(device, count), rank)
+            for device, rank in zip(self.devices, ranks, strict=True)
+        ]
+        for slot in self._slots:
+            if slot.device == "cpu" or slot.rank == 0:
+                slot.start()
 
     def __enter__(self) -> LocalPool:
         return self
@@ -211,21 +233,26 @@ class LocalPool:
             for slot in usable:
                 if slot.task is None and self._waiting:
                     slot.give(self._task_for(slot))
-            if self._checked_anew():
-                continue
             busy = {slot.connection: slot for slot in self._slots if slot.task is not None}
             if not busy:
                 return
+            for slot in self._slots:
+                if slot.task is None:
+                    slot.dismiss()  # which takes a while; whatever else is to be done wakes it again
             for connection in wait(list(busy)):
-                yield busy[connection].receive()  # type: ignore[index]
+                slot = busy[connection]  # type: ignore[index]
+                came = slot.receive()
+                if isinstance(came, Lost) and slot.losses and self._checked_anew(came.task):
+                    break
+                yield came
 
-    def _checked_anew(self) -> bool:
-        """Checks the devices, once; whether they are others, so that tasks are to be given anew."""
+    def _checked_anew(self, lost: Task) -> bool:
+        """Checks the devices, once; whether they are others, so that tasks are to be given anew, the lost one too."""
         check, self._check = self._check, None
         devices = self.devices if check is None else tuple(check())
         if devices == self.devices:
             return False
-        self._waiting += [slot.task for slot in self._slots if slot.task is not None]
+        self._waiting += [lost, *(slot.task for slot in self._slots if slot.task is not None)]
         self.close()
         self._open(devices)
         return True
@@ -236,8 +263,7 @@ class LocalPool:
         at = best_shared([task.shard.asks for task in self._waiting[:LOOKED_AT]], own, others)
         task = self._waiting.pop(at)
         turn = task.store.turn_file(slot.device) if slot.share < 1.0 and slot.device != "cpu" else None
-        load_turn = task.store.load_file if len(self._slots) > 1 and slot.device != "cpu" else None
-        return replace(task, device=slot.device, share=slot.share, turn=turn, load_turn=load_turn)
+        return replace(task, device=slot.device, share=slot.share, turn=turn)
 
     def close(self) -> None:
         for slot in self._slots:

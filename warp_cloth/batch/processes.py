@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import multiprocessing
 import os
+import threading
 from multiprocessing import forkserver
 from multiprocessing.context import ForkServerContext
 from pathlib import Path
+
+from warp_cloth.device import gpu_count
 
 LOADING = ("__main__", "warp_cloth.batch.pool", "warp_cloth.batch.loading")  # before any process is forked
 FITTING = ("warp_cloth.batch.many",)  # likewise, where all fit
@@ -25,6 +28,8 @@ def get_ready(device: str | None = None) -> None:
     Where a GPU is likely to be used, what loads garments is ready first: who fits imports the rest meanwhile.
     """
     gpu = device != "cpu" and any(Path(file).exists() for file in GPU_FILES)
+    if gpu:
+        threading.Thread(target=gpu_count, daemon=True).start()  # which is asked for soon
     context().set_forkserver_preload([*LOADING, *(() if gpu else FITTING)])
     added = [name for name in ONE_THREAD if name not in os.environ]
     os.environ.update(dict.fromkeys(added, "1"))

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import contextlib
 import fcntl
+import functools
 import hashlib
 import json
 import os
@@ -19,25 +20,22 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
-import pyarrow
-import pyarrow.csv
-import pyarrow.parquet
 
 from warp_cloth.batch.jobs import Item, avatar_asked
 from warp_cloth.batch.rows import COLUMNS, FAILED, FIGURES, WHOLE_NUMBERS, ItemResult, empty_row
 from warp_cloth.errors import InputError
 from warp_cloth.export.files import unwritable, whole_file
 
+if TYPE_CHECKING:
+    import pyarrow
+
 Keep = Literal["arrays", "stages", "none"]
 MORE = 1.25  # times the items of a shard at most, where these meet the same avatar
 LARGE = 64  # items of a shard that is worth halving
 LAYOUT = 1  # of the output folder; files of another layout are done again
-
-_FIELDS = {name: pyarrow.int64() if name in WHOLE_NUMBERS else pyarrow.float64() for name in FIGURES}
-SCHEMA = pyarrow.schema([(name, _FIELDS.get(name, pyarrow.string())) for name in COLUMNS])
 
 
 @dataclass(frozen=True)
@@ -98,6 +96,23 @@ def _file_digest(path: str) -> str:
         return ""  # a shipped scene, or one that is not there: its items will say so
 
 
+@functools.cache
+def _arrow() -> Any:
+    """pyarrow, once tables are read or written: processes begin without it."""
+    import pyarrow.csv
+    import pyarrow.parquet
+
+    return pyarrow
+
+
+def _table(rows: Sequence[Mapping[str, Any]]) -> pyarrow.Table:
+    """Rows, as of ``empty_row``, as a table."""
+    arrow = _arrow()
+    figures = {name: arrow.int64() if name in WHOLE_NUMBERS else arrow.float64() for name in FIGURES}
+    schema = arrow.schema([(name, figures.get(name, arrow.string())) for name in COLUMNS])
+    return arrow.Table.from_pylist(rows, schema=schema)
+
+
 def file_marks(paths: Sequence[Path]) -> dict[str, list[int]]:
     """Size and time of files that results depend on; [] where a file is gone."""
     marks = {}
@@ -129,11 +144,6 @@ class Store:
         """The file by which this batch's workers take turns on a device."""
         return self.folder / f".turn_{device.replace(':', '')}"
 
-    @property
-    def load_file(self) -> Path:
-        """The file by which this batch's workers take turns to load."""
-        return self.folder / ".turn_load"
-
     def open(self) -> None:
         """Makes the folders, and clears what a killed run left half-written.
 
@@ -160,6 +170,10 @@ class Store:
                 self.folder, "another batch writes there", "wait for it, or choose another folder"
             ) from None
 
+    def get_ready(self) -> None:
+        """Imports what tables are put together with, while others work."""
+        _arrow()
+
     def check_batch(self, items: Sequence[Item]) -> None:
         """Looks whether the folder is free, or holds some of these items, as they are or as they were.
 
@@ -170,8 +184,8 @@ class Store:
         others: list[str] = []
         for path in sorted(self.shards.glob("*.parquet")):
             try:
-                names = pyarrow.parquet.read_table(path, columns=["name"])["name"].to_pylist()
-            except (OSError, ValueError, KeyError, pyarrow.ArrowException):  # damaged, or of another layout
+                names = _arrow().parquet.read_table(path, columns=["name"])["name"].to_pylist()
+            except (OSError, ValueError, KeyError, _arrow().ArrowException):  # damaged, or of another layout
                 continue
             if asked.intersection(names):
                 return
@@ -202,10 +216,10 @@ class Store:
         if self.keep == "arrays":
             with whole_file(self.shards / f"{shard.label}.npz") as place, place.open("wb") as file:
                 np.savez(file, **packed(results))
-        table = pyarrow.Table.from_pylist([result.row for result in results], schema=SCHEMA)
+        table = _table([result.row for result in results])
         marks = {"digest": shard.digest, "keep": self.keep, "inputs": json.dumps(dict(inputs))}
         with whole_file(self.shards / f"{shard.label}.parquet") as place:
-            pyarrow.parquet.write_table(table.replace_schema_metadata(marks), place)
+            _arrow().parquet.write_table(table.replace_schema_metadata(marks), place)
 
     def done(self, shard: Shard) -> bool:
         """Whether a shard needs no more work: it is written, and the machine failed none of its items."""
@@ -215,11 +229,13 @@ class Store:
     def rows(self, shard: Shard) -> pyarrow.Table | None:
         """A shard's rows, if it is written and its items and files are still as they were then."""
         path = self.shards / f"{shard.label}.parquet"
+        if not path.exists():
+            return None
         try:
-            table = pyarrow.parquet.read_table(path)
+            table = _arrow().parquet.read_table(path)
             marks = {key.decode(): value.decode() for key, value in (table.schema.metadata or {}).items()}
             inputs = json.loads(marks.get("inputs", ""))
-        except (OSError, ValueError, pyarrow.ArrowException):  # absent, or damaged
+        except (OSError, ValueError, _arrow().ArrowException):  # damaged
             return None
         if marks.get("digest") != shard.digest or marks.get("keep") != self.keep or len(table) != len(shard.items):
             return None
@@ -239,15 +255,14 @@ class Store:
             table = None if shard.number in problems else self.rows(shard)
             if table is None:
                 reason = problems.get(shard.number, "not done")
-                failed = [empty_row(item.name, FAILED, reason) for item in shard.items]
-                table = pyarrow.Table.from_pylist(failed, schema=SCHEMA)
+                table = _table([empty_row(item.name, FAILED, reason) for item in shard.items])
             tables.append(table)
         places = np.concatenate([shard.places for shard in shards])
-        merged = pyarrow.concat_tables(tables).take(np.argsort(places))
+        merged = _arrow().concat_tables(tables).take(np.argsort(places))
         with whole_file(self.folder / "results.parquet") as place:
-            pyarrow.parquet.write_table(merged, place)
+            _arrow().parquet.write_table(merged, place)
         with whole_file(self.folder / "results.csv") as place:
-            pyarrow.csv.write_csv(merged, place)
+            _arrow().csv.write_csv(merged, place)
         known = {shard.label for shard in shards}
         for path in self.shards.iterdir():
             if path.suffix in (".parquet", ".npz") and path.stem not in known:

@@ -37,6 +37,19 @@ class Turn:
             self._file = os.open(self._path, os.O_WRONLY | os.O_CREAT, 0o644)
             fcntl.flock(self._file, fcntl.LOCK_EX)
 
+    def taken(self) -> bool:
+        """Whether another one has it now."""
+        if self._path is None or self._file is not None:
+            return False
+        file = os.open(self._path, os.O_WRONLY | os.O_CREAT, 0o644)
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            return True
+        finally:
+            os.close(file)
+        return False
+
     def offer(self, iteration: int, relaxation: Relaxation) -> None:
         """Ends the turn where most vertices are at rest after this iteration."""
         if self._file is not None and relaxation.active_share < FEW:

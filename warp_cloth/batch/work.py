@@ -36,7 +36,6 @@ class Task:
     write: bool = True  # whether the worker writes the shard's file; otherwise its results go back to the asker
     share: float = 1.0  # of a GPU's memory, where other workers use it, too
     turn: Path | None = None  # by which they take turns there, as of fit_many
-    load_turn: Path | None = None  # by which they take turns to load, as of Shelf.begin
 
 
 @dataclass(frozen=True)
@@ -93,7 +92,7 @@ class _Worker:
             else:
                 scenes.append((item, scene))
         if self._shelf is not None:  # while this process starts Warp and its device
-            self._shelf.begin([scene for _, scene in scenes], self._task.load_turn, patches=self._task.device != "cpu")
+            self._shelf.begin([scene for _, scene in scenes], patches=self._task.device != "cpu")
         start_warp()
         if not device_answers(self._task.device):
             raise DeviceLostError(f"{self._task.device} does not answer")
