@@ -204,6 +204,7 @@ def test_truncated_glb_is_refused(tmp_path: Path, share: float) -> None:
         (lambda t: t["meshes"][0]["primitives"][0].update(mode=0), "no mesh with faces"),
         (lambda t: t["meshes"][0]["primitives"][0].update(extensions={"KHR_draco_mesh_compression": {}}), "compressed"),
         (lambda t: t.update(extensionsRequired=["EXT_meshopt_compression"]), "EXT_meshopt_compression"),
+        (lambda t: t["nodes"][0].update(extensions={"EXT_mesh_gpu_instancing": {}}), "EXT_mesh_gpu_instancing"),
         (lambda t: t["accessors"][1].update(count=3000), "cannot be read as glTF"),
         (lambda t: t["buffers"].append({"uri": "gone.bin", "byteLength": 4}), "'gone.bin' is not there"),
     ],
@@ -214,6 +215,31 @@ def test_gltf_that_would_be_misread_is_refused(tmp_path: Path, change: object, w
     path = tmp_path / "odd.glb"
     path.write_bytes(glb(tree, body))
     assert words in refusal(path).problem
+
+
+@pytest.mark.parametrize("scenes", [None, [{"nodes": [1]}]])
+def test_gltf_without_scenes_means_all_its_nodes(tmp_path: Path, scenes: list | None) -> None:
+    tree, body = triangle_tree()
+    del tree["scene"], tree["scenes"]
+    tree["nodes"] = [{"mesh": 0}, {"children": [0], "translation": [0.0, 2.0, 0.0]}]
+    if scenes:
+        tree["scenes"] = scenes
+    path = tmp_path / "library.glb"
+    path.write_bytes(glb(tree, body))
+    assert load_mesh(path, role="garment", key="garment").points[:, 1].min() == 2.0
+
+
+@pytest.mark.parametrize("moved", ["skin", "morph"])
+def test_gltf_that_is_posed_or_shaped_is_told_of(tmp_path: Path, moved: str) -> None:
+    tree, body = triangle_tree()
+    if moved == "skin":
+        tree["skins"] = [{"joints": [0]}]
+        tree["nodes"][0]["skin"] = 0
+    else:
+        tree["meshes"][0]["primitives"][0]["targets"] = [{"POSITION": 0}]
+    path = tmp_path / "posed.glb"
+    path.write_bytes(glb(tree, body))
+    assert any("not applied" in note for note in load_mesh(path, role="avatar", key="avatar").notes)
 
 
 def test_gltf_index_out_of_range_and_wild_vertex_are_named(tmp_path: Path) -> None:

@@ -6,6 +6,7 @@ import base64
 import json
 import struct
 import warnings
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,13 +14,14 @@ import numpy as np
 
 from warp_cloth.errors import InputError
 from warp_cloth.loading.decimals import float32_doubt
-from warp_cloth.loading.raw import EXPORT_AGAIN, RawMesh, joined
+from warp_cloth.loading.raw import EXPORT_AGAIN, POSED, RawMesh, joined
 from warp_cloth.text import in_utf8
 
 _CUT_OFF = "the file is cut off or damaged: export it again"
 _GLB_HEADER, _GLB_CHUNK = struct.Struct("<4sII"), struct.Struct("<I4s")
 _TRIANGLE_MODES = (4, 5)  # triangles and strips, which trimesh reads; a missing mode is 4
 _FAN_MODE = 6
+_INSTANCING = "EXT_mesh_gpu_instancing"
 _LISTED = 6  # names in a message
 _UV = "_TEXCOORD"  # custom attribute under which trimesh hands texture coordinates on without a material
 
@@ -88,7 +90,10 @@ def read_gltf(file: str, data: bytes, *, key: str = "", name: str | None = None)
         _check_gltf(file, tree)
         if name is not None:
             _keep_only(tree, name, file, key)
+        tree.setdefault("scenes", [{"nodes": _roots(tree)}])
+        posed = any("skin" in node for node in tree.get("nodes", []) if "mesh" in node)
         for primitive in _primitives(tree):
+            posed |= "targets" in primitive
             attributes = primitive["attributes"]
             if "TEXCOORD_0" in attributes:
                 attributes[_UV] = attributes["TEXCOORD_0"]
@@ -102,7 +107,8 @@ def read_gltf(file: str, data: bytes, *, key: str = "", name: str | None = None)
         chunk += b" " * (-len(chunk) % 4)
         total = _GLB_HEADER.size + _GLB_CHUNK.size + len(chunk) + len(rest)
         chunk = _GLB_HEADER.pack(b"glTF", 2, total) + _GLB_CHUNK.pack(len(chunk), b"JSON") + chunk + rest
-    return _read(file, chunk, kind, 1.0)
+    found = _read(file, chunk, kind, 1.0)
+    return replace(found, notes=(*found.notes, POSED)) if posed else found
 
 
 def _glb_parts(file: str, data: bytes) -> tuple[bytes, bytes]:
@@ -153,6 +159,13 @@ def _keep_only(tree: dict[str, Any], name: str, file: str, key: str) -> None:
             node.pop("mesh", None)
 
 
+def _roots(tree: dict[str, Any]) -> list[int]:
+    """The nodes that no other holds, all of which a file without scenes may mean."""
+    nodes = tree.get("nodes", [])
+    held = {child for node in nodes for child in node.get("children", ())}
+    return [number for number in range(len(nodes)) if number not in held]
+
+
 def _primitives(tree: dict[str, Any]) -> list[dict[str, Any]]:
     return [primitive for mesh in tree.get("meshes", []) for primitive in mesh["primitives"]]
 
@@ -175,6 +188,8 @@ def _check_gltf(file: str, tree: dict[str, Any]) -> None:
     for extension in tree.get("extensionsRequired", []):
         if extension.endswith(("_compression", "_quantization")):
             raise InputError(file, f"requires {extension}, which is not read", "export it without compression")
+    if any(_INSTANCING in node.get("extensions", {}) for node in tree.get("nodes", [])):
+        raise InputError(file, f"places meshes by {_INSTANCING}, which is not read", "export each as a node of its own")
     for buffer in tree.get("buffers", []):
         uri = buffer.get("uri")
         if uri is None:

@@ -17,6 +17,7 @@ Ints = NDArray[np.int64]
 Floats = NDArray[np.float64]
 
 EXPORT_AGAIN = "export the mesh again"
+POSED = "its skeleton or blend shapes are not applied: the mesh is taken as it is stored"  # a note
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,7 +15,7 @@ import numpy as np
 
 from warp_cloth.errors import InputError
 from warp_cloth.loading.decimals import float32_doubt
-from warp_cloth.loading.raw import EXPORT_AGAIN, Floats, Ints, RawMesh, Role, joined
+from warp_cloth.loading.raw import EXPORT_AGAIN, POSED, Floats, Ints, RawMesh, Role, joined
 from warp_cloth.loading.usd_folds import stated_folds
 from warp_cloth.loading.usd_physics import mass_notes, rest_corners
 from warp_cloth.loading.usd_units import (
@@ -254,7 +254,7 @@ def _subdivision(mesh: UsdGeom.Mesh) -> tuple[str, ...]:
 def _skinning(prim: Usd.Prim) -> tuple[str, ...]:
     """A note where a skeleton or blend shapes would move the mesh."""
     moved = any(prim.HasAttribute(name) for name in ("primvars:skel:jointIndices", "skel:blendShapes"))
-    return ("its skeleton or blend shapes are not applied: the mesh is taken as it is stored",) if moved else ()
+    return (POSED,) if moved else ()
 
 
 def _texcoords(mesh: UsdGeom.Mesh, time: Usd.TimeCode, corners: Ints, vertex_count: int) -> Floats | None:
