@@ -182,6 +182,13 @@ def test_a_full_disk_leaves_the_shard_undone_and_says_so(tmp_path: Path, monkeyp
     assert drive(tmp_path, items, 2).whole
 
 
+@pytest.mark.skipif(not Path("/dev/zero").exists(), reason="no device that never ends here")
+def test_a_scene_that_is_no_file_is_an_item_that_says_so(tmp_path: Path) -> None:
+    drive(tmp_path, [Item("endless", "/dev/zero"), Item("folder", str(tmp_path))], 2)
+    assert ["is not a scene file" in row["message"] for row in results(tmp_path).values()] == [True, False]
+    assert all(row["status"] == "invalid" for row in results(tmp_path).values())
+
+
 def test_a_stage_that_cannot_be_written_is_no_fault_of_its_item(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -91,9 +91,11 @@ def cut(items: Sequence[Item], size: int) -> list[Shard]:
 
 def _file_digest(path: str) -> str:
     try:
+        if not Path(path).is_file():  # a shipped scene, one that is not there, a device that never ends
+            return ""
         return hashlib.sha256(Path(path).read_bytes()).hexdigest()
     except (OSError, ValueError):
-        return ""  # a shipped scene, or one that is not there: its items will say so
+        return ""  # its items will say so
 
 
 @functools.cache
