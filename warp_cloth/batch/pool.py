@@ -26,7 +26,7 @@ from warp_cloth.threads import core_count
 log = logging.getLogger(__name__)
 
 MOST_LOSSES = 2  # of its device in a row, after which a worker's place is given up
-MOST_HELPERS = 24  # of a worker, which takes in no more than so many make
+MOST_HELPERS = 12  # of a worker: those of four that share 64 cores hold one another up where there are more
 LOOKED_AT = 64  # tasks that wait, for one that shares meshes with what the worker had
 SWITCH = 1e-4  # [s] after which a worker's thread lets another go on, which hands work to its helpers and takes it in
 GRACE = 4.0  # [s] between asking a worker to end and ending it
