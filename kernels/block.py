@@ -190,7 +190,7 @@ _FETCH = """
 
 _FETCHES = f"""
 #if defined(__CUDA_ARCH__) && __CUDA_ARCH__ >= 900
-    return threadIdx.x == {BLOCK_THREADS - 32};
+    return threadIdx.x == {BLOCK_THREADS} - 32 * (turn + 1);
 #else
     return true;
 #endif
@@ -198,12 +198,12 @@ _FETCHES = f"""
 
 
 @wp.func_native(_FETCHES)
-def fetches() -> bool:
-    """Whether a thread has to ``fetch_ahead``: of a block one where memory brings all that is asked for at once."""
+def fetches(turn: int) -> bool:
+    """Whether a thread has to ``fetch_ahead``: of one of a block's warps, where memory brings all at once, only one."""
     ...
 
 
-for _dtype in (wp.uint64, wp.float32, wp.float64, wp.vec4f, wp.vec4d, wp.vec4i):
+for _dtype in (wp.int32, wp.uint64, wp.float32, wp.float64, wp.vec4f, wp.vec4d, wp.vec4i):
 
     @wp.func_native(_FETCH)
     def fetch_ahead(array: wp.array(dtype=_dtype), first: int, count: int, turn: int):

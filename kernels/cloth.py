@@ -40,13 +40,13 @@ class Patch:
     item: int  # that it is of
     edge_start: int
     edge_count: int
-    edge_slot_start: int
-    edge_ranks: int  # edges at a vertex, at most
+    law_start: int
+    law_count: int  # of its edges' laws, where threads work on pairs of triangles: each counts once
     triangle_start: int
     triangle_count: int  # those at its vertices, which come first
     normal_count: int  # and those beyond its edges
     slot_start: int
-    ranks: int  # triangles at a vertex, at most
+    ranks: int  # edges or triangles at a vertex, at most
     overflow: int  # where its memory is if a block's own is too small; else -1
     place: int  # of its first own vertex where vertices are in the patches' order
     item_count: int  # pairs of triangles and single ones that threads work on (kernels.pairs); where cloth bends
@@ -192,12 +192,13 @@ def cloth_types(precision: str) -> SimpleNamespace:
         """The cloth cut into patches, for a kernel per patch. A patch counts its own vertices, edges, triangles.
 
         Words pack four numbers below 65536, or eight. What a vertex sums lies word by word: its first eight edges and
-        all its neighbours' first ones, then the next ones; where it has no more, what counts nothing.
+        all its neighbours' first ones, then the next ones; where it has no more, what counts nothing. Where
+        threads work on pairs of triangles ``ends`` and ``law`` are as warp_cloth.patches.triangle_pairs says.
         """
 
         patch: wp.array(dtype=wp.vec4i)  # as Patch
         vertex: wp.array(dtype=wp.int32)  # of all garments; of each patch those that it owns first
-        ends: wp.array(dtype=wp.uint64)  # of an edge, and its two triangles; of items as patches.triangle_pairs says
+        ends: wp.array(dtype=wp.uint64)  # of an edge, and its two triangles
         law: wp.array(dtype=vec4)  # as Edges.law and Edges.fold; where there are edges
         fold: wp.array(dtype=real)  # as Edges.fold, where there are folds only
         rest: wp.array(dtype=vec2)  # as Edges.rest
@@ -207,6 +208,7 @@ def cloth_types(precision: str) -> SimpleNamespace:
         threads: wp.array(dtype=vec4)
         edge_slot: wp.array(dtype=wp.vec4i)  # twice the edge, and 1 where the vertex is its second end
         slot: wp.array(dtype=wp.vec4i)  # the triangle; after all normals come second corners, then third ones
+        ahead: int  # how many patches a GPU works on at a time
 
     return SimpleNamespace(
         name=precision, real=real, wide=wide, point=point, vec2=vec2, vec3=vec3, vec4=vec4, vec6=vec6,

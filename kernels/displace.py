@@ -12,20 +12,21 @@ from warp_cloth.kernels.block import (
     ask_no_earlier,
     await_blocks,
     block_of,
+    fetches,
     lane_of,
     memory_functions,
     patch_threads,
     tell_blocks,
     wait_for_block,
 )
-from warp_cloth.kernels.cloth import MODULE_OPTIONS, cloth_types, free_function
+from warp_cloth.kernels.cloth import MODULE_OPTIONS, Patch, cloth_types, free_function
 from warp_cloth.kernels.cloth_contact import contact_watch
 from warp_cloth.kernels.displacement import AHEAD, colliders_type, displacement, spares_looks, step_bound, touch_type
 from warp_cloth.kernels.field import fetch_field, field_contact
 from warp_cloth.kernels.gather import patch_functions
 from warp_cloth.kernels.limits import BLOCKS_PER_CORE, Terms
 from warp_cloth.kernels.packing import order_functions, three_function
-from warp_cloth.kernels.patch_memory import PatchMemory, leaves, patch_of
+from warp_cloth.kernels.patch_memory import NEXT_TURN, PatchMemory, leaves, next_functions, patch_of
 from warp_cloth.kernels.patch_steps import point_functions
 from warp_cloth.kernels.pressing import press_function
 
@@ -206,13 +207,13 @@ def advance_kernel(
     Touch = touch_type(touches)
     bound = step_bound(accelerated, contact, touches)
     functions = patch_functions(precision, bound, terms, fits, in_order=not touches, paired=paired)
-    keeps = paired and fits and not terms.threads  # registers for what is asked for before triangles are worked out
+    keeps = paired and fits  # registers for what is asked for before triangles are worked out
     own_vertex, two_vertices = functions.own_vertex, functions.two_vertices
     work_edges, work_corners = functions.work_edges, functions.work_corners
     vertex_slots, vertex_load = functions.vertex_slots, functions.vertex_load
     held_vertex = held_function(precision, accelerated, in_order=not touches)
     kept_vertex = kept_function(precision, accelerated)
-    free = free_function(precision, terms.pins)
+    free, next_patch = free_function(precision, terms.pins), next_functions(precision).next_patch
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS, grid_stride=False, launch_bounds=bounds)
     def advance_vertices(
@@ -237,12 +238,16 @@ def advance_kernel(
             block -= touch.pressing
         patch = patch_of(patches.patch, block)
         item = cloth.items[patch.item]
+        soon = Patch()
+        if wp.static(paired and not touches):
+            if fetches(NEXT_TURN):
+                soon = next_patch(patches, block)
         first, second = two_vertices(patches, patch, lane)
         if leaves(item.active, patch, first, second):
             if wp.static(presses):
                 await_blocks(touch.told, touch.pressing, touch.waiting)
             return
-        work = work_edges(cloth, patches, patch, beside, step, lane, first, second)
+        work = work_edges(cloth, patches, patch, beside, step, lane, first, second, soon)
         if wp.static(not keeps):
             work_corners(patches, patch, beside, step, lane, work)
         ask_no_earlier()

@@ -22,26 +22,28 @@ from warp_cloth.kernels.pairs import (
     item_functions,
     item_normals_step,
     item_type,
-    keeps_items,
 )
 from warp_cloth.kernels.patch_memory import (
+    NEXT_TURN,
     PatchMemory,
     fetch_function,
     layout_function,
     leaves,
+    next_functions,
     patch_of,
+    stride_function,
     words_of,
 )
 from warp_cloth.kernels.patch_steps import (
-    edge_table_function,
+    edge_table_functions,
     edges_step,
     last_first,
     normals_step,
-    triangles_of_items,
     vertices_step,
 )
 from warp_cloth.kernels.patch_triangles import triangle_table_function, triangles_step
 
+FEWEST = 4  # of what meets at a vertex, at least at most of them
 USUAL = 6  # of what meets at a vertex; only patches where more does look further
 
 
@@ -85,12 +87,19 @@ def sum_functions(precision: str, fits: bool, first: int, last: int) -> SimpleNa
 
 
 @functools.cache
-def load_functions(precision: str, terms: Terms, fits: bool) -> SimpleNamespace:
-    """Functions ``vertex_slots`` and ``vertex_load``; arguments as of ``patch_functions``."""
+def load_functions(precision: str, terms: Terms, fits: bool, by_kind: bool) -> SimpleNamespace:
+    """Functions ``vertex_slots`` and ``vertex_load``; ``by_kind``: where as much meets at vertices they come together.
+
+    The other arguments are as of ``patch_functions``.
+    """
     types = cloth_types(precision)
     vec4, Patches = types.vec4, types.Patches
     usual, further = sum_functions(precision, fits, 0, USUAL), sum_functions(precision, fits, USUAL, RANKS)
-    whole = sum_functions(precision, fits, 0, RANKS)
+    whole, fewest = sum_functions(precision, fits, 0, RANKS), sum_functions(precision, fits, 0, FEWEST)
+    between = sum_functions(precision, fits, FEWEST, USUAL)
+    fewest_edges, between_edges = fewest.edges_sum, between.edges_sum
+    fewest_triangles, between_triangles = fewest.triangles_sum, between.triangles_sum
+    corner_stride = stride_function(terms)
     usual_edges, further_edges, more_edges = usual.edges_sum, further.edges_sum, whole.edges_sum
     usual_triangles, further_triangles, more_triangles = usual.triangles_sum, further.triangles_sum, whole.triangles_sum
 
@@ -100,7 +109,7 @@ def load_functions(precision: str, terms: Terms, fits: bool) -> SimpleNamespace:
         edges, triangles = wp.vec4i(), wp.vec4i()
         own = wp.min(local, patch.owned_count - 1)
         if wp.static(terms.edges):
-            edges = element(patches.edge_slot, patch.edge_slot_start + own)
+            edges = element(patches.edge_slot, patch.slot_start + own)
         if wp.static(terms.folds or terms.threads):
             triangles = element(patches.slot, patch.slot_start + own)
         return edges, triangles
@@ -121,16 +130,31 @@ def load_functions(precision: str, terms: Terms, fits: bool) -> SimpleNamespace:
         """
         load = vec4()
         if wp.static(terms.edges):
-            load = usual_edges(beside, memory, edges, load)
-            if patch.edge_ranks > wp.static(USUAL):
-                load = further_edges(beside, memory, edges, load)
-            for eight in range(1, words_of(patch.edge_ranks)):
-                word = element(patches.edge_slot, patch.edge_slot_start + eight * patch.owned_count + local)
+            if wp.static(by_kind):
+                load = fewest_edges(beside, memory, edges, load)
+                if ranked(edges, wp.static(FEWEST)) < 2 * patch.edge_count:
+                    load = between_edges(beside, memory, edges, load)
+                if ranked(edges, wp.static(USUAL)) < 2 * patch.edge_count:
+                    load = further_edges(beside, memory, edges, load)
+            else:
+                load = usual_edges(beside, memory, edges, load)
+                if patch.ranks > wp.static(USUAL):
+                    load = further_edges(beside, memory, edges, load)
+            for eight in range(1, words_of(patch.ranks)):
+                word = element(patches.edge_slot, patch.slot_start + eight * patch.owned_count + local)
                 load = more_edges(beside, memory, word, load)
         if wp.static(terms.folds or terms.threads):
-            load = usual_triangles(beside, memory, triangles, load)
-            if patch.ranks > wp.static(USUAL):
-                load = further_triangles(beside, memory, triangles, load)
+            if wp.static(by_kind):
+                nothing = corner_stride(patch) + 2 * patch.triangle_count
+                load = fewest_triangles(beside, memory, triangles, load)
+                if ranked(triangles, wp.static(FEWEST)) < nothing:
+                    load = between_triangles(beside, memory, triangles, load)
+                if ranked(triangles, wp.static(USUAL)) < nothing:
+                    load = further_triangles(beside, memory, triangles, load)
+            else:
+                load = usual_triangles(beside, memory, triangles, load)
+                if patch.ranks > wp.static(USUAL):
+                    load = further_triangles(beside, memory, triangles, load)
             for eight in range(1, words_of(patch.ranks)):
                 word = element(patches.slot, patch.slot_start + eight * patch.owned_count + local)
                 load = more_triangles(beside, memory, word, load)
@@ -176,26 +200,24 @@ def patch_functions(
     types = cloth_types(precision)
     vec4, Cloth, Step, Patches = types.vec4, types.Cloth, types.Step, types.Patches
     PatchItem, PatchWork = item_type(precision), work_type(precision)
-    patch_memory, fetch_tables = layout_function(precision, terms, fits), fetch_function(precision, terms)
+    patch_memory, fetch_tables = layout_function(precision, terms, fits), fetch_function(precision, terms, paired)
     vertices = vertices_step(precision, fourth, fits, in_order)
     read_vertices, work_normals = vertices.read_vertices, normals_step(precision, fits, paired)
-    asked_item = item_functions(precision, terms, fits).asked_item
-    work_item_normals = item_normals_step(precision, terms, fits)
+    asked_item, work_item_normals = item_functions(precision, fits).asked_item, item_normals_step(precision, fits)
     item_edges = item_edges_step(precision, fourth, terms, fits)
     asked_laws, work_item_edges = item_edges.asked_laws, item_edges.work_item_edges
     work_other_edges = edges_step(precision, fourth, terms, fits, paired)
-    edge_table = edge_table_function(precision, terms)
-    kept = paired and keeps_items(precision, fourth, terms, fits)
+    edge_table = edge_table_functions(precision, terms, paired).edge_table
     work_item_corners = item_corners_step(precision, fourth, terms, fits)
-    work_triangles = triangles_step(precision, fourth, terms, fits, kept)
-    triangle_table, own = triangle_table_function(precision, terms), load_functions(precision, terms, fits)
-    vertex_slots = own.vertex_slots
+    work_triangles = triangles_step(precision, fourth, terms, fits)
+    triangle_table, own = triangle_table_function(precision, terms), load_functions(precision, terms, fits, paired)
+    vertex_slots, fetch_next = own.vertex_slots, next_functions(precision).fetch_next
 
     @wp.func
     def first_triangle(patch: Patch, lane: int):
         """The thread's first triangle of those whose normals no item tells."""
         if wp.static(paired):
-            return triangles_of_items(patch) + last_first(lane)
+            return patch.triangle_count + last_first(lane)
         return lane
 
     @wp.func
@@ -208,13 +230,14 @@ def patch_functions(
         lane: int,
         first: int,
         second: int,
+        soon: Patch,
     ):
         """Vertices, normals and edges of a patch, in the block's memory; every thread of the block calls it.
 
-        The last two are of ``two_vertices``. What a step begins with is asked for a step ahead.
+        ``first`` and ``second`` are of ``two_vertices``, ``soon`` of ``next_patch`` where that is asked for. What a
+        step begins with is asked for a step ahead.
         """
-        if fetches():
-            fetch_tables(patches, patch)
+        fetch_tables(patches, patch)
         memory, asked, item = patch_memory(patch), PatchItem(), PatchItem()
         corner_word = wp.uint64(0)
         end_word, law = wp.uint64(0), vec4()
@@ -225,27 +248,27 @@ def patch_functions(
             asked = asked_item(patches, patch, lane)
         read_vertices(cloth, patches, patch, beside, memory, lane, first, second)
         if wp.static((terms.folds or terms.edges) and not paired):
-            end_word, law = edge_table(patches, patch.edge_start + wp.min(lane, patch.edge_count))
+            end_word, law = edge_table(patches, patch, lane)
+        if wp.static(in_order and paired):
+            if fetches(NEXT_TURN):
+                fetch_next(patches, cloth, soon)
         wait_for_block()
         if wp.static(paired):
             item = work_item_normals(patches, patch, beside, memory, lane, asked)
         if wp.static(terms.folds):
             work_normals(patches, patch, beside, memory, lane, corner_word)
         if wp.static(paired and fits):
-            item = asked_laws(patches, patch, lane, item)
+            item = asked_laws(patches, patch, item)
         sides, corners = wp.uint64(0), wp.uint64(0)
         if wp.static(not paired):
             sides, corners = triangle_table(patches, patch.triangle_start + wp.min(lane, patch.normal_count))
         if wp.static(terms.folds):
             wait_for_block()
         if wp.static(paired):
-            work_item_edges(patches, patch, beside, memory, step, lane, item)
-            loose = wp.min(wp.static(SLOTS) * patch.item_count + last_first(lane), patch.edge_count)
-            end_word, law = edge_table(patches, patch.edge_start + loose)
+            item = work_item_edges(patches, patch, beside, memory, step, lane, item)
+            end_word, law = edge_table(patches, patch, wp.static(SLOTS) * patch.item_count + last_first(lane))
         if wp.static(terms.folds or terms.edges):
             work_other_edges(patches, patch, beside, memory, step, lane, end_word, law)
-        if wp.static(paired):
-            sides, corners = triangle_table(patches, patch.triangle_start + wp.min(lane, patch.normal_count))
         work = PatchWork()
         work.memory = memory
         work.item = item
@@ -263,12 +286,10 @@ def patch_functions(
         """What the patch's triangles do to their corners, after ``work_edges``; every thread of the block calls it."""
         if wp.static(terms.folds or terms.threads):
             wait_for_block()
-            if wp.static(kept):
-                if lane < patch.item_count:
-                    work_item_corners(
-                        patches, patch, beside, work.memory, step, lane, work.item, work.sides, work.corners
-                    )
-            work_triangles(patches, patch, beside, work.memory, step, lane, work.sides, work.corners)
+            if wp.static(paired):
+                work_item_corners(patches, patch, beside, work.memory, step, lane, work.item)
+            else:
+                work_triangles(patches, patch, beside, work.memory, step, lane, work.sides, work.corners)
 
     return SimpleNamespace(
         own_vertex=vertices.own_vertex, two_vertices=vertices.two_vertices, work_edges=work_edges,
@@ -301,7 +322,7 @@ def gather_kernel(precision: str, fourth: str, terms: Terms, fits: bool, paired:
         first, second = two_vertices(patches, patch, lane)
         if leaves(cloth.items[patch.item].active, patch, first, second):
             return
-        work = work_edges(cloth, patches, patch, beside, step, lane, first, second)
+        work = work_edges(cloth, patches, patch, beside, step, lane, first, second, patch)
         work_corners(patches, patch, beside, step, lane, work)
         edges, triangles = wp.vec4i(work.edges), wp.vec4i(work.triangles)
         local = int(lane)

@@ -7,10 +7,16 @@ BLOCK_THREADS = 192  # that work on a patch
 BLOCKS_PER_CORE = 5  # that its registers are to suffice for: each fetches while others work
 FEW = 264  # blocks, that a large GPU's cores work on by twos
 SLOTS = 3  # edges that a thread takes at most with its two triangles
-# How an edge lies that is a side of these triangles a, b, c and b, a, d: numbers of its side (0: no edge), and bits.
-SIDE_BC, SIDE_CA, SIDE_AD, SIDE_DB, SIDE_AB = 1, 2, 3, 4, 5
-CODE_BACK, CODE_AFTER = 8, 16  # runs against its triangle's winding; its triangle is the hinge's second one
-CODE_TURN_0, CODE_TURN_1 = 5, 7  # two bits from these on: at which corner the mesh's first and second triangle starts
+# What threads are told of triangles a, b, c and b, a, d, and of an edge that none takes with its triangles: numbers of
+# so many bits, one after another, and what else from a certain bit on.
+NUMBER_BITS = 10
+WORD_CODE, CODE_BITS = 44, 5  # of the first word: how each of the edges lies that are taken besides the shared one
+WORD_TURNED, TURNED_BITS = 40, 3  # of the second word: whose turn counts the other way, of each triangle's sides
+WORD_TURN, TURN_BITS = 46, 2  # and at which corner the mesh begins each triangle
+WORD_ACROSS = 54  # of both: the triangle across one of those edges
+WORD_LAW = 40  # of an edge that no thread takes: how it pulls and bends
+SIDE_BC, SIDE_CA, SIDE_AD, SIDE_DB, SIDE_AB = 1, 2, 3, 4, 5  # which side an edge is; 0: there is no edge
+CODE_BACK, CODE_AFTER = 8, 16  # it runs against its triangle's winding; that is the hinge's second one
 RANKS = 8  # of what meets at a vertex that share a word
 
 

@@ -35,6 +35,27 @@ for _dtype, _real in ((wp.vec3f, "wp::float32"), (wp.vec3d, "wp::float64")):
         array[index] = value
 
 
+_FETCH_POINTS = """
+#if defined(__CUDA_ARCH__) && __CUDA_ARCH__ >= 900
+    const char* pairs = (const char*)array.data;
+    const long long single = sizeof(array.data->c[0]), thirds = 2 * single * array.shape[0];
+    const long long starts[] = {2 * single * first, thirds + single * first};
+    for (int part = 0; part < 2; ++part) {
+        const int skew = (int)((unsigned long long)(pairs + starts[part]) & 15);
+        const int size = (2 - part) * (int)single * count + skew + 15 & -16;
+        asm volatile("cp.async.bulk.prefetch.L2.global [%0], %1;" :: "l"(pairs + starts[part] - skew), "r"(size));
+    }
+#endif
+"""
+
+for _dtype in (wp.vec3f, wp.vec3d):
+
+    @wp.func_native(_FETCH_POINTS)
+    def fetch_points(array: wp.array(dtype=_dtype), first: int, count: int):
+        """Has memory bring so many packed positions nearer, at least one."""
+        ...
+
+
 @functools.cache
 def sized_function(precision: str) -> wp.Function:
     """The function that adds to a displacement how long it is."""
@@ -145,8 +166,6 @@ def packing_kernels(precision: str, accelerated: bool) -> SimpleNamespace:
         cloth: Cloth,
         position_out: wp.array(dtype=point),  # [m], shape [V]
         moved_out: wp.array(dtype=vec4),  # [m], shape [V]
-        beside_position_out: wp.array(dtype=point),  # the same, for iterations that write beside what they read
-        beside_moved_out: wp.array(dtype=vec4),
         stiffness_out: wp.array(dtype=real),  # [N/m], shape [V]
     ):
         """Puts what iterations change in the patches' order."""
@@ -154,11 +173,8 @@ def packing_kernels(precision: str, accelerated: bool) -> SimpleNamespace:
         if rests(cloth, place):
             return
         vertex = element(order, place)
-        position, moved = element(cloth.position, vertex), sized(element(cloth.move, vertex))
-        put_packed_point(position_out, place, position)
-        put(moved_out, place, moved)
-        put_packed_point(beside_position_out, place, position)
-        put(beside_moved_out, place, moved)
+        put_packed_point(position_out, place, element(cloth.position, vertex))
+        put(moved_out, place, sized(element(cloth.move, vertex)))
         if wp.static(accelerated):
             stiffness_out[place] = element(cloth.stiffness, vertex)
 

@@ -1,8 +1,8 @@
 """What a thread does for its item: two triangles that share an edge, or a single one (patches.triangle_pairs).
 
-Triangles are a, b, c and b, a, d, each wound like that. What a thread has read of their vertices serves both normals,
-the edges that it works out and what the triangles do to their corners. Where every item has a thread of its own, this
-keeps that while the block waits; else it is worked out again.
+Triangles are a, b, c and b, a, d, each wound like that, of cloth without threads. What a thread has read of their
+vertices serves both normals and the edges that it works out. Where every item has a thread of its own, this keeps that
+while the block waits; else it is worked out again.
 """
 
 import functools
@@ -13,32 +13,34 @@ import warp as wp
 from warp_cloth.kernels.access import element
 from warp_cloth.kernels.bending import unit_normal
 from warp_cloth.kernels.block import memory_functions, patch_threads
-from warp_cloth.kernels.cloth import BOUNDS, Patch, cloth_types, difference_function, takes_exact_stretch
+from warp_cloth.kernels.cloth import Patch, cloth_types, difference_function
 from warp_cloth.kernels.limits import (
     CODE_AFTER,
     CODE_BACK,
-    CODE_TURN_0,
-    CODE_TURN_1,
+    CODE_BITS,
+    NUMBER_BITS,
     SIDE_AD,
     SIDE_BC,
     SIDE_CA,
     SIDE_DB,
+    SLOTS,
+    TURN_BITS,
+    TURNED_BITS,
+    WORD_ACROSS,
+    WORD_CODE,
+    WORD_TURN,
+    WORD_TURNED,
     Terms,
 )
-from warp_cloth.kernels.packing import three_function
 from warp_cloth.kernels.patch_memory import PatchMemory
 from warp_cloth.kernels.patch_steps import (
-    edge_function,
-    edge_table_function,
-    packed,
+    bits_of,
+    edge_functions_of_patch,
+    edge_table_functions,
+    number_of,
     point_functions,
 )
-from warp_cloth.kernels.patch_triangles import corners_function, triangle_table_function
-
-
-def keeps_items(precision: str, fourth: str, terms: Terms, fits: bool) -> bool:
-    """Whether threads keep what they know of their items: each has one, and what it keeps is all that is asked for."""
-    return fits and terms.folds and not (terms.threads and takes_exact_stretch(precision, fourth))
+from warp_cloth.kernels.patch_triangles import corners_function, nothing_step, sides_functions
 
 
 @functools.cache
@@ -50,10 +52,12 @@ def item_type(precision: str) -> type:
     class PatchItem:
         """An item, its triangles' sides as these are wound [m] and their normals (``triangle_normal``)."""
 
-        vertices: wp.uint64
-        first_word: wp.uint64  # of the edges that the item takes besides the one that its triangles share
-        law: types.vec4  # of that edge
-        first_law: types.vec4  # and of the first of the others
+        vertices: wp.uint64  # two of its words, the third is ``laws``
+        sides: wp.uint64
+        laws: wp.uint64
+        last_law: int  # which of its patch's laws the second of them has
+        law: types.vec4  # of the edge that its triangles share
+        first_law: types.vec4  # and of the first of the others that it takes
         side_ab: types.vec3
         side_bc: types.vec3
         side_ca: types.vec3
@@ -61,36 +65,23 @@ def item_type(precision: str) -> type:
         side_db: types.vec3
         normal_0: types.vec4
         normal_1: types.vec4
+        fold: types.vec3  # ``edge_fold`` of the shared edge
 
     return PatchItem
 
 
-@functools.cache
-def turn_functions(precision: str) -> SimpleNamespace:
-    """Functions ``first_of`` and ``last_of`` of a triangle's three sides, as the mesh begins it."""
-    vec3 = cloth_types(precision).vec3
-
-    @wp.func
-    def first_of(turn: int, one: vec3, two: vec3, three: vec3):
-        """The side that starts at the triangle's first corner."""
-        return wp.where(turn == 0, one, wp.where(turn == 1, two, three))
-
-    @wp.func
-    def last_of(turn: int, one: vec3, two: vec3, three: vec3):
-        """The side that ends there, from there."""
-        return -wp.where(turn == 0, three, wp.where(turn == 1, one, two))
-
-    return SimpleNamespace(first_of=first_of, last_of=last_of)
+@wp.func
+def turn_of(sides: wp.uint64, which: int):
+    """At which of a, b, c the mesh's first triangle begins, or at which of b, a, d its second one."""
+    return bits_of(sides, wp.static(WORD_TURN) + wp.static(TURN_BITS) * which, wp.static(TURN_BITS))
 
 
 @functools.cache
-def item_functions(precision: str, terms: Terms, fits: bool) -> SimpleNamespace:
-    """Functions ``asked_item``, ``lying_item``, ``item_side``, ``turn_0``, ``turn_1``."""
+def item_functions(precision: str, fits: bool) -> SimpleNamespace:
+    """Functions ``asked_item``, ``lying_item``, ``item_side``."""
     types = cloth_types(precision)
     vec3, vec4, Patches, PatchItem = types.vec3, types.vec4, types.Patches, item_type(precision)
     point_at, difference = point_functions(precision, fits).point_at, difference_function(precision)
-    turns = turn_functions(precision)
-    first_of, last_of = turns.first_of, turns.last_of
 
     @wp.func
     def asked_item(patches: Patches, patch: Patch, local: int):
@@ -98,23 +89,16 @@ def item_functions(precision: str, terms: Terms, fits: bool) -> SimpleNamespace:
         at = patch.edge_start + wp.max(wp.min(local, patch.item_count - 1), 0)
         item = PatchItem()
         item.vertices = element(patches.ends, at)
-        item.first_word = element(patches.ends, at + patch.item_count)
+        item.sides = element(patches.ends, at + patch.item_count)
+        item.laws = element(patches.ends, at + wp.static(SLOTS - 1) * patch.item_count)
         return item
 
     @wp.func
-    def turn_0(item: PatchItem):
-        """At which of a, b, c the mesh's first triangle begins."""
-        return (packed(item.first_word, 3) >> wp.static(CODE_TURN_0)) & 3
-
-    @wp.func
-    def turn_1(item: PatchItem):
-        """At which of b, a, d its second one begins."""
-        return (packed(item.first_word, 3) >> wp.static(CODE_TURN_1)) & 3
-
-    @wp.func
     def normal_of(turn: int, one: vec3, two: vec3, three: vec3):
-        """``triangle_normal`` of a triangle with these sides."""
-        normal, inverse = unit_normal(first_of(turn, one, two, three), last_of(turn, one, two, three))
+        """``triangle_normal`` of a triangle with these sides, as the mesh begins it."""
+        first = wp.where(turn == 0, one, wp.where(turn == 1, two, three))
+        last = -wp.where(turn == 0, three, wp.where(turn == 1, one, two))
+        normal, inverse = unit_normal(first, last)
         return vec4(normal[0], normal[1], normal[2], inverse)
 
     @wp.func
@@ -122,41 +106,47 @@ def item_functions(precision: str, terms: Terms, fits: bool) -> SimpleNamespace:
         """An item as it lies."""
         item = PatchItem()
         item.vertices = asked.vertices
-        item.first_word = asked.first_word
-        a = point_at(beside, memory, packed(item.vertices, 0))
-        b = point_at(beside, memory, packed(item.vertices, 1))
-        c = point_at(beside, memory, packed(item.vertices, 2))
-        d = point_at(beside, memory, packed(item.vertices, 3))
+        item.sides = asked.sides
+        item.laws = asked.laws
+        a = point_at(beside, memory, number_of(item.vertices, 0))
+        b = point_at(beside, memory, number_of(item.vertices, 1))
+        c = point_at(beside, memory, number_of(item.vertices, 2))
+        d = point_at(beside, memory, number_of(item.vertices, 3))
         item.side_ab = difference(b, a)
         item.side_bc = difference(c, b)
         item.side_ca = difference(a, c)
         item.side_ad = difference(d, a)
         item.side_db = difference(b, d)
-        item.normal_0 = normal_of(turn_0(item), item.side_ab, item.side_bc, item.side_ca)
-        item.normal_1 = normal_of(turn_1(item), -item.side_ab, item.side_ad, item.side_db)
+        item.normal_0 = normal_of(turn_of(item.sides, 0), item.side_ab, item.side_bc, item.side_ca)
+        item.normal_1 = normal_of(turn_of(item.sides, 1), -item.side_ab, item.side_ad, item.side_db)
         return item
 
     @wp.func
     def item_side(item: PatchItem, code: int):
-        """The side that an edge is, as the edge runs."""
+        """The side that an edge is, as the edge runs, and the edge's ends."""
         which = code & 7
-        side = wp.where(which == wp.static(SIDE_BC), item.side_bc, item.side_ab)
-        side = wp.where(which == wp.static(SIDE_CA), item.side_ca, side)
-        side = wp.where(which == wp.static(SIDE_AD), item.side_ad, side)
-        side = wp.where(which == wp.static(SIDE_DB), item.side_db, side)
-        return wp.where((code & wp.static(CODE_BACK)) != 0, -side, side)
+        a, b = number_of(item.vertices, 0), number_of(item.vertices, 1)
+        c, d = number_of(item.vertices, 2), number_of(item.vertices, 3)
+        is_bc, is_ca = which == wp.static(SIDE_BC), which == wp.static(SIDE_CA)
+        is_ad, is_db = which == wp.static(SIDE_AD), which == wp.static(SIDE_DB)
+        side = wp.where(is_bc, item.side_bc, item.side_ab)
+        side = wp.where(is_ca, item.side_ca, side)
+        side = wp.where(is_ad, item.side_ad, side)
+        side = wp.where(is_db, item.side_db, side)
+        first = wp.where(is_bc, b, wp.where(is_ca, c, wp.where(is_db, d, a)))
+        second = wp.where(is_bc, c, wp.where(is_ca, a, wp.where(is_ad, d, b)))
+        back = (code & wp.static(CODE_BACK)) != 0
+        return wp.where(back, -side, side), wp.where(back, second, first), wp.where(back, first, second)
 
-    return SimpleNamespace(
-        asked_item=asked_item, lying_item=lying_item, item_side=item_side, turn_0=turn_0, turn_1=turn_1
-    )
+    return SimpleNamespace(asked_item=asked_item, lying_item=lying_item, item_side=item_side)
 
 
 @functools.cache
-def item_normals_step(precision: str, terms: Terms, fits: bool) -> wp.Function:
+def item_normals_step(precision: str, fits: bool) -> wp.Function:
     """The function that works out items as they lie."""
     types = cloth_types(precision)
     Patches, PatchItem, size_4 = types.Patches, item_type(precision), 4 * types.real_size
-    functions, write_4 = item_functions(precision, terms, fits), memory_functions(precision, fits).write_4
+    functions, write_4 = item_functions(precision, fits), memory_functions(precision, fits).write_4
     asked_item, lying_item = functions.asked_item, functions.lying_item
 
     @wp.func
@@ -196,18 +186,18 @@ def item_edges_step(precision: str, fourth: str, terms: Terms, fits: bool) -> Si
     """Functions ``asked_laws`` and ``work_item_edges``."""
     types = cloth_types(precision)
     vec4, Patches, Step, PatchItem = types.vec4, types.Patches, types.Step, item_type(precision)
-    functions, read_4 = item_functions(precision, terms, fits), memory_functions(precision, fits).read_4
+    functions, read_4 = item_functions(precision, fits), memory_functions(precision, fits).read_4
     asked_item, lying_item, item_side = functions.asked_item, functions.lying_item, functions.item_side
-    work_edge, edge_table = edge_function(precision, fourth, terms, fits), edge_table_function(precision, terms)
+    edge = edge_functions_of_patch(precision, fourth, terms, fits)
+    work_edge, put_fold = edge.work_edge, edge.put_fold
+    law_at = edge_table_functions(precision, terms, paired=True).law_at
 
     @wp.func
-    def asked_laws(patches: Patches, patch: Patch, local: int, item: PatchItem):
-        """An item, and of its first edges how they pull and bend; beyond the last item any."""
-        at = patch.edge_start + wp.max(wp.min(local, patch.item_count - 1), 0)
-        _vertices, law = edge_table(patches, at)
-        _first, first_law = edge_table(patches, at + patch.item_count)
-        item.law = law
-        item.first_law = first_law
+    def asked_laws(patches: Patches, patch: Patch, item: PatchItem):
+        """An item, and how the first of its edges pull and bend."""
+        item.law = law_at(patches, patch.law_start + wp.min(number_of(item.laws, 0), patch.law_count))
+        item.first_law = law_at(patches, patch.law_start + wp.min(number_of(item.laws, 1), patch.law_count))
+        item.last_law = patch.law_start + wp.min(number_of(item.laws, 2), patch.law_count)
         return item
 
     @wp.func
@@ -219,21 +209,20 @@ def item_edges_step(precision: str, fourth: str, terms: Terms, fits: bool) -> Si
         step: Step,
         local: int,
         item: PatchItem,
-        word: wp.uint64,
+        code: int,
+        beyond: int,
         law: vec4,
     ):
-        """An edge that an item takes; where it takes none, no one looks what comes of it."""
-        code = packed(word, 3)
+        """An edge that an item takes, and the triangle beyond; where it takes none, no one looks what comes of it."""
         which = code & 7
         on_second = which == wp.static(SIDE_AD) or which == wp.static(SIDE_DB)
         own = wp.where(on_second, item.normal_1, item.normal_0)
-        across = read_4(beside, memory.normal + wp.static(4 * types.real_size) * packed(word, 2))
+        across = read_4(beside, memory.normal + wp.static(4 * types.real_size) * beyond)
         after = (code & wp.static(CODE_AFTER)) != 0
-        first, second = wp.where(after, across, own), wp.where(after, own, across)
-        side = item_side(item, code)
-        work_edge(
-            patches, patch, beside, memory, step, local, packed(word, 0), packed(word, 1), side, first, second, law
-        )
+        one, other = wp.where(after, across, own), wp.where(after, own, across)
+        side, first, second = item_side(item, code)
+        fold = work_edge(patches, patch, beside, memory, step, local, first, second, side, one, other, law)
+        put_fold(beside, memory, local, fold)
 
     @wp.func
     def edges_of(
@@ -245,16 +234,21 @@ def item_edges_step(precision: str, fourth: str, terms: Terms, fits: bool) -> Si
         local: int,
         item: PatchItem,
     ):
-        """Tensions and hinges of an item's edges; where its triangles share none, no one looks what comes of it."""
-        other = patch.item_count + local
-        another = patch.item_count + other
-        word, law = edge_table(patches, patch.edge_start + another)
-        a, b = packed(item.vertices, 0), packed(item.vertices, 1)
-        work_edge(
+        """Tensions and hinges of an item's edges; returns the shared one's hinge, or any where there is none."""
+        law = law_at(patches, item.last_law)
+        a, b = number_of(item.vertices, 0), number_of(item.vertices, 1)
+        fold = work_edge(
             patches, patch, beside, memory, step, local, a, b, item.side_ab, item.normal_0, item.normal_1, item.law
         )
-        taken_edge(patches, patch, beside, memory, step, other, item, item.first_word, item.first_law)
-        taken_edge(patches, patch, beside, memory, step, another, item, word, law)
+        other = patch.item_count + local
+        code = bits_of(item.vertices, wp.static(WORD_CODE), wp.static(CODE_BITS))
+        beyond = bits_of(item.vertices, wp.static(WORD_ACROSS), wp.static(NUMBER_BITS))
+        taken_edge(patches, patch, beside, memory, step, other, item, code, beyond, item.first_law)
+        other += patch.item_count
+        code = bits_of(item.vertices, wp.static(WORD_CODE + CODE_BITS), wp.static(CODE_BITS))
+        beyond = bits_of(item.sides, wp.static(WORD_ACROSS), wp.static(NUMBER_BITS))
+        taken_edge(patches, patch, beside, memory, step, other, item, code, beyond, law)
+        return fold
 
     @wp.func
     def work_item_edges(
@@ -266,66 +260,75 @@ def item_edges_step(precision: str, fourth: str, terms: Terms, fits: bool) -> Si
         lane: int,
         item: PatchItem,
     ):
-        """Edges of the patch's items; the last is the thread's own, with ``asked_laws``."""
+        """Edges of the patch's items; the last is the thread's own, with ``asked_laws``, and is returned."""
         if wp.static(fits):
             if lane < patch.item_count:
-                edges_of(patches, patch, beside, memory, step, lane, item)
+                item.fold = edges_of(patches, patch, beside, memory, step, lane, item)
         else:
             local = int(lane)
             while local < patch.item_count:
                 lying = lying_item(beside, memory, asked_item(patches, patch, local))
-                edges_of(patches, patch, beside, memory, step, local, asked_laws(patches, patch, local, lying))
+                fold = edges_of(patches, patch, beside, memory, step, local, asked_laws(patches, patch, lying))
+                put_fold(beside, memory, local, fold)
                 local += patch_threads()
+        return item
 
     return SimpleNamespace(asked_laws=asked_laws, work_item_edges=work_item_edges)
 
 
 @functools.cache
 def item_corners_step(precision: str, fourth: str, terms: Terms, fits: bool) -> wp.Function:
-    """The function that works out what the triangles of items that are kept do."""
+    """The function that works out what the triangles of items do."""
     types = cloth_types(precision)
-    vec3, vec4, Patches, Step = types.vec3, types.vec4, types.Patches, types.Step
-    PatchItem, Sides, size_4 = item_type(precision), types.Sides, 4 * types.real_size
-    functions, turns = item_functions(precision, terms, fits), turn_functions(precision)
-    turn_0, turn_1, first_of, last_of = functions.turn_0, functions.turn_1, turns.first_of, turns.last_of
-    read_4, first_three = memory_functions(precision, fits).read_4, three_function(precision)
-    put_corners, triangle_table = (
-        corners_function(precision, fourth, terms, fits),
-        triangle_table_function(precision, terms),
-    )
+    vec3, vec4, Patches, Step, Sides = types.vec3, types.vec4, types.Patches, types.Step, types.Sides
+    PatchItem, size_4 = item_type(precision), 4 * types.real_size
+    asked_item, read_4 = item_functions(precision, fits).asked_item, memory_functions(precision, fits).read_4
+    functions, put_nothing = sides_functions(precision, fourth, terms, fits), nothing_step(precision, terms, fits)
+    fold_at, turned = functions.fold_at, functions.turned
+    put_corners = corners_function(precision, fourth, terms, fits)
 
     @wp.func
-    def move_at(beside: wp.array(dtype=wp.uint8), memory: PatchMemory, local: int):
-        """What last moved a vertex [m]."""
-        return first_three(read_4(beside, memory.move + wp.static(size_4) * local))
-
-    @wp.func
-    def kept_corners(
+    def triangle_corners(
         patches: Patches,
         patch: Patch,
         beside: wp.array(dtype=wp.uint8),
         memory: PatchMemory,
         step: Step,
+        item: PatchItem,
+        which: int,
         triangle: int,
+        shared: vec3,
         normal: vec4,
-        turn: int,
-        one: vec3,
-        two: vec3,
-        three: vec3,
-        word: wp.uint64,
-        corners: wp.uint64,
     ):
-        """What a triangle with these sides does to its corners."""
-        sides = Sides()
-        if wp.static(terms.threads):
-            sides.side_1 = first_of(turn, one, two, three)
-            sides.side_2 = last_of(turn, one, two, three)
-            sides.side_0 = first_of(turn, two, three, one)
-        if wp.static(terms.threads and fourth in BOUNDS):
-            origin = move_at(beside, memory, packed(corners, 0))
-            sides.change_1 = move_at(beside, memory, packed(corners, 1)) - origin
-            sides.change_2 = move_at(beside, memory, packed(corners, 2)) - origin
-        put_corners(patches, patch, beside, memory, step, triangle, normal, sides, word)
+        """What the first or the second triangle of an item does; ``shared``: the hinge of the side opposite c or d."""
+        turn = turn_of(item.sides, which)
+        one, other = number_of(item.sides, 2 * which), number_of(item.sides, 2 * which + 1)
+        bits = bits_of(item.sides, wp.static(WORD_TURNED) + wp.static(TURNED_BITS) * which, wp.static(TURNED_BITS))
+        fold_1, fold_2 = fold_at(beside, memory, one, vec3()), fold_at(beside, memory, other, vec3())
+        fold_0 = turned(wp.where(turn == 2, shared, fold_1), bits & 1)
+        fold_1 = turned(wp.where(turn == 1, shared, wp.where(turn == 2, fold_1, fold_2)), (bits >> 1) & 1)
+        fold_2 = turned(wp.where(turn == 0, shared, fold_2), bits >> 2)
+        put_corners(patches, patch, beside, memory, step, triangle, normal, Sides(), fold_0, fold_1, fold_2)
+
+    @wp.func
+    def corners_of(
+        patches: Patches,
+        patch: Patch,
+        beside: wp.array(dtype=wp.uint8),
+        memory: PatchMemory,
+        step: Step,
+        local: int,
+        item: PatchItem,
+    ):
+        """What an item's triangles do to their corners."""
+        other = patch.item_count + local
+        paired = other < patch.triangle_count
+        shared = item.fold
+        if not paired:
+            shared = fold_at(beside, memory, number_of(item.sides, 2), vec3())
+        triangle_corners(patches, patch, beside, memory, step, item, 0, local, shared, item.normal_0)
+        if paired:
+            triangle_corners(patches, patch, beside, memory, step, item, 1, other, shared, item.normal_1)
 
     @wp.func
     def work_item_corners(
@@ -334,25 +337,23 @@ def item_corners_step(precision: str, fourth: str, terms: Terms, fits: bool) -> 
         beside: wp.array(dtype=wp.uint8),
         memory: PatchMemory,
         step: Step,
-        local: int,
+        lane: int,
         item: PatchItem,
-        word: wp.uint64,
-        corners: wp.uint64,
     ):
-        """What an item's triangles do to their corners; the last two are ``triangle_table`` of the first one."""
-        other = patch.item_count + local
-        paired = other < patch.triangle_count
-        next_word, next_corners = wp.uint64(0), wp.uint64(0)
-        if paired:
-            next_word, next_corners = triangle_table(patches, patch.triangle_start + other)
-        ab, bc, ca, ad, db = item.side_ab, item.side_bc, item.side_ca, item.side_ad, item.side_db
-        kept_corners(
-            patches, patch, beside, memory, step, local, item.normal_0, turn_0(item), ab, bc, ca, word, corners
-        )
-        if paired:
-            kept_corners(
-                patches, patch, beside, memory, step, other, item.normal_1, turn_1(item), -ab, ad, db,
-                next_word, next_corners,
-            )  # fmt: skip
+        """What the items' triangles do to their corners; the last is the thread's own."""
+        if wp.static(fits):
+            if lane < patch.item_count:
+                corners_of(patches, patch, beside, memory, step, lane, item)
+        else:
+            local = int(lane)
+            while local < patch.item_count:
+                again = asked_item(patches, patch, local)
+                again.normal_0 = read_4(beside, memory.normal + wp.static(size_4) * local)
+                if patch.item_count + local < patch.triangle_count:
+                    again.normal_1 = read_4(beside, memory.normal + wp.static(size_4) * (patch.item_count + local))
+                again.fold = fold_at(beside, memory, local, vec3())
+                corners_of(patches, patch, beside, memory, step, local, again)
+                local += patch_threads()
+        put_nothing(patch, beside, memory, lane)
 
     return work_item_corners

@@ -1,13 +1,17 @@
 """A patch of cloth: what it has, where its block's memory holds it, and what it asks for ahead."""
 
 import functools
+from types import SimpleNamespace
 
 import warp as wp
 
 from warp_cloth.kernels.access import element
-from warp_cloth.kernels.block import BESIDE, fetch_ahead, own_memory
+from warp_cloth.kernels.block import BESIDE, fetch_ahead, fetches, own_memory
 from warp_cloth.kernels.cloth import Patch, cloth_types
 from warp_cloth.kernels.limits import RANKS, Terms
+from warp_cloth.kernels.packing import fetch_points
+
+SLOTS_TURN, NEXT_TURN = wp.constant(1), wp.constant(2)  # which of a block's last warps asks ahead for what
 
 
 @wp.struct
@@ -41,8 +45,8 @@ def patch_of(patches: wp.array(dtype=wp.vec4i), number: int):
     patch.item = one[3]
     patch.edge_start = two[0]
     patch.edge_count = two[1]
-    patch.edge_slot_start = two[2]
-    patch.edge_ranks = two[3]
+    patch.law_start = two[2]
+    patch.law_count = two[3]
     patch.triangle_start = three[0]
     patch.triangle_count = three[1]
     patch.normal_count = three[2]
@@ -119,29 +123,72 @@ def layout_function(precision: str, terms: Terms, fits: bool) -> wp.Function:
 
 
 @functools.cache
-def fetch_function(precision: str, terms: Terms) -> wp.Function:
-    """The function that asks for the tables of all steps."""
+def fetch_function(precision: str, terms: Terms, paired: bool) -> wp.Function:
+    """The function that asks for the tables of all steps; ``paired``: of threads that work on pairs of triangles."""
     Patches = cloth_types(precision).Patches
+    slots_turn = SLOTS_TURN if paired else wp.constant(0)  # where the next patch is asked for, too, warps share that
 
     @wp.func
-    def fetch_tables(patches: Patches, patch: Patch):
-        """Asks for what later steps read, while the vertices are on their way."""
+    def fetch_slots(patches: Patches, patch: Patch):
+        """Asks for what vertices sum."""
+        if wp.static(terms.edges):
+            fetch_ahead(patches.edge_slot, patch.slot_start, words_of(patch.ranks) * patch.owned_count, 3)
+        if wp.static(terms.folds or terms.threads):
+            fetch_ahead(patches.slot, patch.slot_start, words_of(patch.ranks) * patch.owned_count, 3)
+
+    @wp.func
+    def fetch_steps(patches: Patches, patch: Patch):
+        """Asks for what edges and triangles are worked out from."""
         if wp.static(terms.folds or terms.threads):
             fetch_ahead(patches.corners, patch.triangle_start, patch.normal_count, 4)
         if wp.static(terms.folds or terms.edges):
             fetch_ahead(patches.ends, patch.edge_start, patch.edge_count, 1)
         if wp.static(terms.edges):
-            fetch_ahead(patches.law, patch.edge_start, patch.edge_count, 0)
+            fetch_ahead(patches.law, patch.law_start, patch.law_count, 0)
         if wp.static(terms.folds and not terms.edges):
-            fetch_ahead(patches.fold, patch.edge_start, patch.edge_count, 5)
-        if wp.static(terms.folds):
+            fetch_ahead(patches.fold, patch.law_start, patch.law_count, 5)
+        if wp.static(terms.folds and not paired):
             fetch_ahead(patches.sides, patch.triangle_start, patch.triangle_count, 5)
         if wp.static(terms.threads):
             fetch_ahead(patches.slope, patch.triangle_start, patch.triangle_count, 0)
             fetch_ahead(patches.threads, patch.triangle_start, patch.triangle_count, 2)
-        if wp.static(terms.edges):
-            fetch_ahead(patches.edge_slot, patch.edge_slot_start, words_of(patch.edge_ranks) * patch.owned_count, 3)
-        if wp.static(terms.folds or terms.threads):
-            fetch_ahead(patches.slot, patch.slot_start, words_of(patch.ranks) * patch.owned_count, 3)
+
+    @wp.func
+    def fetch_tables(patches: Patches, patch: Patch):
+        """Asks for what later steps read, while the vertices are on their way."""
+        if fetches(0):
+            fetch_steps(patches, patch)
+        if fetches(slots_turn):
+            fetch_slots(patches, patch)
 
     return fetch_tables
+
+
+@functools.cache
+def next_functions(precision: str) -> SimpleNamespace:
+    """Functions ``next_patch`` and ``fetch_next``: of the patch that a GPU turns to when it is through with a block's.
+
+    Its vertices are asked for while a block works on others; where they lie is known by then.
+    """
+    types = cloth_types(precision)
+    Patches, Cloth = types.Patches, types.Cloth
+
+    @wp.func
+    def next_patch(patches: Patches, number: int):
+        """That patch, or of the last ones none, which has no vertices."""
+        soon = Patch()
+        last = patches.patch.shape[0] // 4 - 1
+        if number + patches.ahead <= last:
+            soon = patch_of(patches.patch, number + patches.ahead)
+            fetch_ahead(patches.patch, 4 * wp.min(number + 2 * patches.ahead, last), 4, 0)
+        return soon
+
+    @wp.func
+    def fetch_next(patches: Patches, cloth: Cloth, soon: Patch):
+        """Has memory bring what a block reads first."""
+        if soon.owned_count > 0:
+            fetch_ahead(patches.vertex, soon.vertex_start + soon.owned_count, soon.vertex_count - soon.owned_count, 0)
+            fetch_points(cloth.position, soon.place, soon.owned_count)
+            fetch_ahead(cloth.moved, soon.place, soon.owned_count, 0)
+
+    return SimpleNamespace(next_patch=next_patch, fetch_next=fetch_next)

@@ -13,7 +13,7 @@ from warp_cloth.kernels.block import memory_functions, patch_threads
 from warp_cloth.kernels.cloth import BOUNDS, Patch, cloth_types, difference_function, takes_exact_stretch
 from warp_cloth.kernels.edge import edge_functions
 from warp_cloth.kernels.forces import triangle_functions
-from warp_cloth.kernels.limits import SLOTS, Terms, fold_numbers
+from warp_cloth.kernels.limits import NUMBER_BITS, SLOTS, WORD_LAW, Terms, fold_numbers
 from warp_cloth.kernels.packing import order_functions, three_function
 from warp_cloth.kernels.patch_memory import PatchMemory
 
@@ -29,10 +29,16 @@ def packed(word: wp.uint64, place: int) -> int:
     ...
 
 
+@wp.func_native("return (int)(word >> start) & ((1 << bits) - 1);")
+def bits_of(word: wp.uint64, start: int, bits: int) -> int:
+    """The number in so many bits of a word, from a certain bit on."""
+    ...
+
+
 @wp.func
-def triangles_of_items(patch: Patch):
-    """How many triangles of a patch its items have: all its own, or none where there are no items."""
-    return wp.where(patch.item_count > 0, patch.triangle_count, 0)
+def number_of(word: wp.uint64, place: int):
+    """One of the numbers in a word of an item or of a loose edge."""
+    return bits_of(word, wp.static(NUMBER_BITS) * place, wp.static(NUMBER_BITS))
 
 
 @wp.func
@@ -157,7 +163,7 @@ def normals_step(precision: str, fits: bool, paired: bool) -> wp.Function:
         """Normals of the patch's triangles and of those beyond its edges; ``first``: corners of a thread's first."""
         local = int(lane)
         if wp.static(paired):
-            local = triangles_of_items(patch) + last_first(lane)
+            local = patch.triangle_count + last_first(lane)
         following = first
         while local < patch.normal_count:
             word = following
@@ -174,26 +180,53 @@ def normals_step(precision: str, fits: bool, paired: bool) -> wp.Function:
 
 
 @functools.cache
-def edge_table_function(precision: str, terms: Terms) -> wp.Function:
-    """The function that reads what a patch's tables tell of an edge."""
+def edge_table_functions(precision: str, terms: Terms, paired: bool) -> SimpleNamespace:
+    """Functions ``law_at`` and ``edge_table``; ``paired`` as of ``edges_step``."""
     types = cloth_types(precision)
 
     @wp.func
-    def edge_table(patches: types.Patches, at: int):
-        """An edge's word, its law and C of its hinge."""
+    def law_at(patches: types.Patches, at: int):
+        """How an edge pulls, and C of its hinge."""
         law = types.vec4()
         if wp.static(terms.edges):
             law = element(patches.law, at)
         if wp.static(terms.folds and not terms.edges):
             law[3] = element(patches.fold, at)
-        return element(patches.ends, at), law
+        return law
 
-    return edge_table
+    @wp.func
+    def edge_table(patches: types.Patches, patch: Patch, local: int):
+        """An edge's word, and ``law_at``; beyond the last edge, any."""
+        at = patch.edge_start + wp.min(local, patch.edge_count)
+        word = element(patches.ends, at)
+        if wp.static(paired):
+            law = bits_of(word, wp.static(WORD_LAW), wp.static(NUMBER_BITS))
+            at = patch.law_start + wp.min(law, patch.law_count)
+        return word, law_at(patches, at)
+
+    return SimpleNamespace(law_at=law_at, edge_table=edge_table)
 
 
 @functools.cache
-def edge_function(precision: str, fourth: str, terms: Terms, fits: bool) -> wp.Function:
-    """The function that works out an edge from what is known of it."""
+def ends_function(paired: bool) -> wp.Function:
+    """The function that takes an edge's word apart; ``paired`` as of ``edges_step``."""
+
+    @wp.func
+    def ends_of(word: wp.uint64):
+        """An edge's ends and its two triangles."""
+        return packed(word, 0), packed(word, 1), packed(word, 2), packed(word, 3)
+
+    @wp.func
+    def loose_ends_of(word: wp.uint64):
+        """An edge's ends and its two triangles."""
+        return number_of(word, 0), number_of(word, 1), number_of(word, 2), number_of(word, 3)
+
+    return loose_ends_of if paired else ends_of
+
+
+@functools.cache
+def edge_functions_of_patch(precision: str, fourth: str, terms: Terms, fits: bool) -> SimpleNamespace:
+    """Functions ``work_edge``, which works out an edge from what is known of it, and ``put_fold``."""
     types = cloth_types(precision)
     vec2, vec3, vec4, Patches, Step = types.vec2, types.vec3, types.vec4, types.Patches, types.Step
     functions = memory_functions(precision, fits)
@@ -219,7 +252,7 @@ def edge_function(precision: str, fourth: str, terms: Terms, fits: bool) -> wp.F
         normal_1: vec4,
         law: vec4,
     ):
-        """Tension and hinge of an edge between two vertices, and two triangles with these normals."""
+        """Tension of an edge between two vertices, and two triangles with these normals; returns its hinge."""
         move_0 = vec4()
         move_1 = vec4()
         if wp.static(fourth in BOUNDS):
@@ -231,17 +264,23 @@ def edge_function(precision: str, fourth: str, terms: Terms, fits: bool) -> wp.F
         if wp.static(terms.edges):
             load = edge_load(span, vec3(law[0], law[1], law[2]), step)
             write_4(beside, memory.edge_load + wp.static(4 * types.real_size) * local, load)
+        fold = vec3()
         if wp.static(terms.folds):
             rest = vec2()
             if wp.static(terms.angles):
                 rest = element(patches.rest, patch.edge_start + local)
             fold = edge_fold(span, normal_0, normal_1, law[3], rest, step)
-            if wp.static(fold_numbers(terms) == 2):
-                write_2(beside, memory.fold + wp.static(2 * types.real_size) * local, vec2(fold[0], fold[1]))
-            else:
-                write_3(beside, memory.fold + wp.static(3 * types.real_size) * local, fold)
+        return fold
 
-    return work_edge
+    @wp.func
+    def put_fold(beside: wp.array(dtype=wp.uint8), memory: PatchMemory, local: int, fold: vec3):
+        """Keeps what ``work_edge`` told of a hinge for the triangles beside it."""
+        if wp.static(terms.folds and fold_numbers(terms) == 2):
+            write_2(beside, memory.fold + wp.static(2 * types.real_size) * local, vec2(fold[0], fold[1]))
+        if wp.static(terms.folds and fold_numbers(terms) != 2):
+            write_3(beside, memory.fold + wp.static(3 * types.real_size) * local, fold)
+
+    return SimpleNamespace(work_edge=work_edge, put_fold=put_fold)
 
 
 @functools.cache
@@ -251,7 +290,9 @@ def edges_step(precision: str, fourth: str, terms: Terms, fits: bool, paired: bo
     vec4, Patches, Step = types.vec4, types.Patches, types.Step
     functions = memory_functions(precision, fits)
     point_at, read_4, write_4 = point_functions(precision, fits).point_at, functions.read_4, functions.write_4
-    edge_table, work_edge = edge_table_function(precision, terms), edge_function(precision, fourth, terms, fits)
+    edge_table = edge_table_functions(precision, terms, paired).edge_table
+    edge, ends_of = edge_functions_of_patch(precision, fourth, terms, fits), ends_function(paired)
+    work_edge, put_fold = edge.work_edge, edge.put_fold
     difference = difference_function(precision)
 
     @wp.func
@@ -271,17 +312,17 @@ def edges_step(precision: str, fourth: str, terms: Terms, fits: bool, paired: bo
             local = wp.static(SLOTS) * patch.item_count + last_first(lane)
         next_word, next_law = first_word, first_law
         while local < patch.edge_count:
-            at = patch.edge_start + local
             word, law = next_word, next_law
             if local + patch_threads() < patch.edge_count:
-                next_word, next_law = edge_table(patches, at + patch_threads())
-            first, second = packed(word, 0), packed(word, 1)
+                next_word, next_law = edge_table(patches, patch, local + patch_threads())
+            first, second, one, other = ends_of(word)
             side = difference(point_at(beside, memory, second), point_at(beside, memory, first))
             normal_0, normal_1 = vec4(), vec4()
             if wp.static(terms.folds):
-                normal_0 = read_4(beside, memory.normal + wp.static(4 * types.real_size) * packed(word, 2))
-                normal_1 = read_4(beside, memory.normal + wp.static(4 * types.real_size) * packed(word, 3))
-            work_edge(patches, patch, beside, memory, step, local, first, second, side, normal_0, normal_1, law)
+                normal_0 = read_4(beside, memory.normal + wp.static(4 * types.real_size) * one)
+                normal_1 = read_4(beside, memory.normal + wp.static(4 * types.real_size) * other)
+            fold = work_edge(patches, patch, beside, memory, step, local, first, second, side, normal_0, normal_1, law)
+            put_fold(beside, memory, local, fold)
             local += patch_threads()
         if wp.static(terms.edges):
             if lane == 0:

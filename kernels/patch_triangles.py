@@ -13,12 +13,12 @@ from warp_cloth.kernels.forces import corner_function, triangle_functions
 from warp_cloth.kernels.limits import Terms, fold_numbers
 from warp_cloth.kernels.packing import three_function
 from warp_cloth.kernels.patch_memory import PatchMemory, stride_function
-from warp_cloth.kernels.patch_steps import packed, point_functions, triangles_of_items
+from warp_cloth.kernels.patch_steps import packed, point_functions
 
 
 @functools.cache
 def sides_functions(precision: str, fourth: str, terms: Terms, fits: bool) -> SimpleNamespace:
-    """Functions ``side_fold`` and ``sides_of``, which read what a triangle is worked out from."""
+    """Functions ``fold_at``, ``turned``, ``side_fold`` and ``sides_of``, by which a triangle is worked out."""
     types = cloth_types(precision)
     vec3 = types.vec3
     functions = memory_functions(precision, fits)
@@ -29,17 +29,26 @@ def sides_functions(precision: str, fourth: str, terms: Terms, fits: bool) -> Si
     first_three = three_function(precision)
 
     @wp.func
-    def side_fold(beside: wp.array(dtype=wp.uint8), memory: PatchMemory, word: wp.uint64, side: int, along: vec3):
-        """Hinge of a triangle's side, its turn as the triangle is wound; ``along`` it, where that is known."""
-        place = memory.fold + wp.static(numbers * types.real_size) * packed(word, side)
+    def fold_at(beside: wp.array(dtype=wp.uint8), memory: PatchMemory, edge: int, along: vec3):
+        """An edge's hinge; ``along`` the edge, where that is known."""
+        place = memory.fold + wp.static(numbers * types.real_size) * edge
         fold = vec3()
         if wp.static(numbers == 2):
             two = read_2(beside, place)
             fold = vec3(two[0], two[1], inner(along, along))
         else:
             fold = read_3(beside, place)
-        otherwise = (packed(word, 3) >> side) & 1
+        return fold
+
+    @wp.func
+    def turned(fold: vec3, otherwise: int):
+        """A hinge, its turn the other way round where that is 1."""
         return vec3(wp.where(otherwise == 1, -fold[0], fold[0]), fold[1], fold[2])
+
+    @wp.func
+    def side_fold(beside: wp.array(dtype=wp.uint8), memory: PatchMemory, word: wp.uint64, side: int, along: vec3):
+        """``fold_at`` of a triangle's side, its turn as the triangle is wound."""
+        return turned(fold_at(beside, memory, packed(word, side), along), (packed(word, 3) >> side) & 1)
 
     @wp.func
     def sides_of(beside: wp.array(dtype=wp.uint8), memory: PatchMemory, word: wp.uint64):
@@ -55,7 +64,7 @@ def sides_functions(precision: str, fourth: str, terms: Terms, fits: bool) -> Si
         third = point_at(beside, memory, c)
         return triangle_sides(origin, second, third, move_0, move_1, move_2)
 
-    return SimpleNamespace(side_fold=side_fold, sides_of=sides_of)
+    return SimpleNamespace(fold_at=fold_at, turned=turned, side_fold=side_fold, sides_of=sides_of)
 
 
 @functools.cache
@@ -81,7 +90,6 @@ def corners_function(precision: str, fourth: str, terms: Terms, fits: bool) -> w
     types = cloth_types(precision)
     vec3, vec4, Patches, Step, Sides = types.vec3, types.vec4, types.Patches, types.Step, types.Sides
     write_4, size_4 = memory_functions(precision, fits).write_4, 4 * types.real_size
-    side_fold = sides_functions(precision, fourth, terms, fits).side_fold
     corner_loads, corner_stride = corner_function(precision, fourth, terms), stride_function(terms)
 
     @wp.func
@@ -94,18 +102,15 @@ def corners_function(precision: str, fourth: str, terms: Terms, fits: bool) -> w
         triangle: int,
         normal: vec4,
         sides: Sides,
-        word: wp.uint64,
+        fold_0: vec3,
+        fold_1: vec3,
+        fold_2: vec3,
     ):
-        """What hinges and threads of a triangle do to its corners; ``word`` is of its sides."""
+        """What threads of a triangle and hinges of its sides do to its corners."""
         slope, law = vec4(), vec4()
         if wp.static(terms.threads):
             at = patch.triangle_start + triangle
             slope, law = element(patches.slope, at), element(patches.threads, at)
-        fold_0, fold_1, fold_2 = vec3(), vec3(), vec3()
-        if wp.static(terms.folds):
-            fold_0 = side_fold(beside, memory, word, 0, sides.side_0)
-            fold_1 = side_fold(beside, memory, word, 1, sides.side_2)
-            fold_2 = side_fold(beside, memory, word, 2, sides.side_1)
         first, second, third = corner_loads(normal, fold_0, fold_1, fold_2, sides, slope, law, step)
         others = memory.corner_load + wp.static(size_4) * (corner_stride(patch) + triangle)
         write_4(beside, memory.corner_load + wp.static(size_4) * triangle, first)
@@ -116,16 +121,34 @@ def corners_function(precision: str, fourth: str, terms: Terms, fits: bool) -> w
 
 
 @functools.cache
-def triangles_step(precision: str, fourth: str, terms: Terms, fits: bool, kept: bool) -> wp.Function:
-    """The function that works out triangles; ``kept``: not those of items."""
+def nothing_step(precision: str, terms: Terms, fits: bool) -> wp.Function:
+    """The function that puts nothing after what triangles do."""
     types = cloth_types(precision)
-    vec4, Patches, Step, Sides = types.vec4, types.Patches, types.Step, types.Sides
-    functions, size_4 = memory_functions(precision, fits), 4 * types.real_size
-    read_4, write_4, corner_stride = functions.read_4, functions.write_4, stride_function(terms)
-    sides_of, put_corners = (
-        sides_functions(precision, fourth, terms, fits).sides_of,
+    vec4, size_4 = types.vec4, 4 * types.real_size
+    write_4, corner_stride = memory_functions(precision, fits).write_4, stride_function(terms)
+
+    @wp.func
+    def put_nothing(patch: Patch, beside: wp.array(dtype=wp.uint8), memory: PatchMemory, lane: int):
+        """For vertices where no more triangles meet."""
+        if lane == 0:
+            after = corner_stride(patch) + 2 * patch.triangle_count
+            write_4(beside, memory.corner_load + wp.static(size_4) * after, vec4())
+
+    return put_nothing
+
+
+@functools.cache
+def triangles_step(precision: str, fourth: str, terms: Terms, fits: bool) -> wp.Function:
+    """The function that works out triangles."""
+    types = cloth_types(precision)
+    vec3, vec4, Patches, Step, Sides = types.vec3, types.vec4, types.Patches, types.Step, types.Sides
+    read_4, size_4 = memory_functions(precision, fits).read_4, 4 * types.real_size
+    functions, put_corners = (
+        sides_functions(precision, fourth, terms, fits),
         corners_function(precision, fourth, terms, fits),
     )
+    sides_of, side_fold = functions.sides_of, functions.side_fold
+    put_nothing = nothing_step(precision, terms, fits)
     triangle_table = triangle_table_function(precision, terms)
 
     @wp.func
@@ -142,8 +165,6 @@ def triangles_step(precision: str, fourth: str, terms: Terms, fits: bool, kept: 
         """What hinges and threads of triangles do to their corners; the last two are of the thread's first one."""
         count = patch.triangle_count
         local = int(lane)
-        if wp.static(kept):
-            local += triangles_of_items(patch)
         next_sides, next_corners = first_sides, first_corners
         while local < count:
             at = patch.triangle_start + local
@@ -153,12 +174,14 @@ def triangles_step(precision: str, fourth: str, terms: Terms, fits: bool, kept: 
             normal, sides = vec4(), Sides()
             if wp.static(terms.threads):
                 sides = sides_of(beside, memory, corners)
+            fold_0, fold_1, fold_2 = vec3(), vec3(), vec3()
             if wp.static(terms.folds):
                 normal = read_4(beside, memory.normal + wp.static(size_4) * local)
-            put_corners(patches, patch, beside, memory, step, local, normal, sides, word)
+                fold_0 = side_fold(beside, memory, word, 0, sides.side_0)
+                fold_1 = side_fold(beside, memory, word, 1, sides.side_2)
+                fold_2 = side_fold(beside, memory, word, 2, sides.side_1)
+            put_corners(patches, patch, beside, memory, step, local, normal, sides, fold_0, fold_1, fold_2)
             local += patch_threads()
-        if lane == 0:
-            after = corner_stride(patch) + 2 * count
-            write_4(beside, memory.corner_load + wp.static(size_4) * after, vec4())
+        put_nothing(patch, beside, memory, lane)
 
     return work_triangles

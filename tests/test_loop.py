@@ -50,3 +50,22 @@ def test_what_runs_ahead_ends_where_its_check_saw_it(
     for late, early in zip(all_late, all_early, strict=True):
         assert (late.status, late.iterations, late.check) == (early.status, early.iterations, early.check)
         np.testing.assert_array_equal(late.points, early.points)
+
+
+def test_cloth_that_hangs_goes_from_check_to_check_in_fewer_graphs(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(set_up_module, "build_model", partial(build_model, gathers=True))
+    scene = load_scene("hanging", ["garment.shape.vertices_per_side=9", "solver.iterations=230"])
+    shapes, graphs = [], list[list[int]]()
+    for told in (None, lambda iteration, relaxation: None):
+        made = set_up([scene], [open_wardrobe(scene)], "cpu")
+        run, counts = made.relaxation.run, list[int]()
+        monkeypatch.setattr(
+            made.relaxation, "run", lambda count, run=run, counts=counts: (counts.append(count), run(count))
+        )
+        (outcome,) = relax_items(
+            made.relaxation, made.certifier, [Goal(tolerance_of(scene), scene.solver.iterations)], on_chunk=told
+        )
+        shapes.append(outcome.points)
+        graphs.append(counts)
+    assert graphs == [[100, 100, 30], [20] * 11 + [10]]
+    np.testing.assert_array_equal(*shapes)

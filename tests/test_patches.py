@@ -61,7 +61,7 @@ def test_patches_of_any_size_give_the_bits_of_scattered_forces(
     mesh = grid(12)
     rest = build_rest_shape(mesh, fabric, rest="mesh")
     points = mesh.points + np.random.default_rng(1).normal(scale=5e-3, size=mesh.points.shape)
-    monkeypatch.setattr(on_device, "takes_pairs", lambda terms, vertices: paired)
+    monkeypatch.setattr(on_device, "takes_pairs", lambda terms, vertices: paired and not terms.threads)
     monkeypatch.setattr(cutting, "SMALLEST", size)
     monkeypatch.setattr(cutting, "LARGEST", size)
     loads = []
@@ -71,7 +71,7 @@ def test_patches_of_any_size_give_the_bits_of_scattered_forces(
         loads.append(cloth_forces(model, "stiffness"))
     assert model.patches is not None
     assert model.patches.count >= mesh.vertex_count // size
-    assert model.patches.paired == paired
+    assert model.patches.paired == (paired and not model.terms.threads)
     assert (loads[0] == loads[1]).all()
 
 
@@ -80,6 +80,15 @@ def test_many_triangles_at_a_vertex_are_summed_as_scattered_ones(count: int) -> 
     mesh = fan(count)
     loads = [cloth_forces(model_of(mesh, fan_rest(mesh), precision="mixed", gathers=how)) for how in (False, True)]
     assert (loads[0] == loads[1]).all()
+
+
+def test_where_more_meets_than_words_of_pairs_tell_apart_there_are_none(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(on_device, "takes_pairs", lambda terms, vertices: True)
+    mesh = fan(600)
+    models = [model_of(mesh, fan_rest(mesh), precision="mixed", gathers=how) for how in (False, True)]
+    assert models[1].patches is not None
+    assert not models[1].patches.paired
+    assert (cloth_forces(models[0]) == cloth_forces(models[1])).all()
 
 
 @pytest.mark.parametrize("mesh", [grid(40), fan(3000)], ids=["grid", "fan"])

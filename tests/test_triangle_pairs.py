@@ -8,12 +8,12 @@ from cloths import cloth_forces, grid, model_of
 
 from warp_cloth.garment.elements import garment_elements
 from warp_cloth.garment.rest import RestShape, build_rest_shape
-from warp_cloth.kernels.limits import SLOTS, Terms
+from warp_cloth.kernels.limits import CODE_BITS, NUMBER_BITS, SLOTS, WORD_CODE, WORD_LAW, Terms
 from warp_cloth.material.fabric import resolve_fabric
 from warp_cloth.mesh import Mesh
 from warp_cloth.patches import cutting, on_device
 from warp_cloth.patches.cutting import PatchTables, cut_patches
-from warp_cloth.patches.triangle_pairs import SHARE, find_pairs, share_edges
+from warp_cloth.patches.triangle_pairs import SHARE, find_pairs, share_edges, with_laws
 from warp_cloth.topology import build_topology
 
 FABRIC = resolve_fabric({"stretch": 20e3, "compression": 0.1, "bending": 1e-5})
@@ -87,12 +87,39 @@ def test_every_edge_of_a_patch_is_worked_on_once(monkeypatch: pytest.MonkeyPatch
         items, pairs = rows["item_count"][patch], (rows["triangle_count"] - rows["item_count"])[patch]
         assert 0 < pairs <= items
         first, count = rows["edge_start"][patch], rows["edge_count"][patch]
-        words = tables.ends[first : first + count].view(np.uint16).reshape(count, 4)
-        local = np.arange(count)
-        takes = words[:, 3] & 7 != 0
-        there = np.where(local < items, local < pairs, np.where(local < SLOTS * items, takes, True))
+        bits = WORD_CODE + CODE_BITS * np.arange(SHARE, dtype=np.uint64)
+        takes = tables.ends[first : first + items] >> bits[:, None] & np.uint64(7) != 0
+        there = np.ones(count, dtype=bool)
+        there[: SLOTS * items] = np.concatenate([np.arange(items) < pairs, *takes])
         edges = tables.edge[first : first + count][there]
         assert len(np.unique(edges)) == len(edges)
-        start, owned = rows["edge_slot_start"][patch], rows["owned_count"][patch]
+        start, owned = rows["slot_start"][patch], rows["owned_count"][patch]
         asked = np.unique(tables.edge_slot[start : start + owned].view(np.uint16) >> 1)
         assert there[asked[asked < count]].all()
+
+
+def test_words_tell_every_edge_its_law_and_patches_have_each_law_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    tables = cut(grid(30), monkeypatch)
+    rows, law = tables.patch, np.random.default_rng(5).integers(4, size=(len(tables.edge), 2)).astype(np.float32)
+    ends, laws, start, count = with_laws(tables.ends, rows, law)
+    for patch in range(len(count)):
+        first, end = rows["edge_start"][patch], rows["edge_start"][patch] + rows["edge_count"][patch]
+        items, own = rows["item_count"][patch], laws[start[patch] : start[patch] + count[patch]]
+        assert len(np.unique(own, axis=0)) == len(own)
+        third = ends[first + (SLOTS - 1) * items : first + SLOTS * items]
+        words = [*(third >> np.uint64(NUMBER_BITS * slot) for slot in range(SLOTS)), ends[first + SLOTS * items : end]]
+        words[-1] = words[-1] >> np.uint64(WORD_LAW)
+        told = np.concatenate(words) & np.uint64((1 << NUMBER_BITS) - 1)
+        assert (own[told] == law[first:end]).all()
+
+
+def test_pairs_count_as_one_of_their_vertices_does(monkeypatch: pytest.MonkeyPatch) -> None:
+    tables = cut(grid(30), monkeypatch)
+    rows = tables.patch
+    for patch in range(len(rows["vertex_start"])):
+        pairs, owned = rows["triangle_count"][patch] - rows["item_count"][patch], rows["owned_count"][patch]
+        item = np.arange(pairs)
+        words = tables.ends[rows["edge_start"][patch] + item]
+        corners = words[:, None] >> np.arange(0, 4 * NUMBER_BITS, NUMBER_BITS, dtype=np.uint64)
+        found = (corners & np.uint64((1 << NUMBER_BITS) - 1) == item[:, None]).any(axis=1)
+        assert found[:owned].mean() > 0.7

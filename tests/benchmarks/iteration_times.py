@@ -1,11 +1,12 @@
 """What an iteration takes on a GPU with thousands to a million of vertices, and whether its bits stay the same.
 
-    python tests/benchmarks/iteration_times.py [edges:4k,65k,1m] [woven:1m] [worn:147] [--device cuda:0]
+    python tests/benchmarks/iteration_times.py [edges:4k,65k,1m] [irregular:1m] [woven:1m] [worn:147] [--device cuda:0]
 
-``edges`` and ``woven`` are hanging squares, a million of vertices as sixteen of them; ``worn`` are as many T-shirts on
-mannequins. Each line tells the median, least and most of five graphs' times in microseconds an iteration, and a hash of
-where the cloth is then: two versions of the code have the same hash where they have the same bits. What packs and
-unpacks vertices before and after each twenty iterations counts, too.
+``edges`` and ``woven`` are hanging squares, a million of vertices as sixteen of them, ``irregular`` such of edges whose
+triangles are all different; ``worn`` are as many T-shirts on mannequins. Each line tells the median, least and most of
+five times in microseconds an iteration, and a hash of where the cloth is then: two versions of the code have the same
+hash where they have the same bits. Iterations run in graphs as between two checks of a fit; what packs and unpacks
+vertices before and after each counts, too.
 """
 
 from __future__ import annotations
@@ -13,23 +14,41 @@ from __future__ import annotations
 import argparse
 import hashlib
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import warp as wp
+from scipy.spatial import Delaunay
 
 from warp_cloth.garment.part import GarmentPart
 from warp_cloth.garment.rest import build_rest_shape
 from warp_cloth.garment.wardrobe import open_wardrobe
 from warp_cloth.material.fabric import Fabric
+from warp_cloth.mesh import Mesh
 from warp_cloth.model import build_model
 from warp_cloth.scene import load_scene
 from warp_cloth.set_up import set_up
 from warp_cloth.shapes import square
+from warp_cloth.solver.loop import chunks
 from warp_cloth.solver.relax import Collider, Relaxation, StepOptions
 
-FABRICS = {"edges": Fabric(), "woven": replace(Fabric(), shear=800.0)}
+FABRICS = {"edges": Fabric(), "irregular": Fabric(), "woven": replace(Fabric(), shear=800.0)}
 SIZES = {"4k": (64, 1), "65k": (256, 1), "1m": (256, 16)}  # vertices along a side, squares
-CHUNK, ROUNDS, REPEATS = 20, 15, 5  # iterations in a graph, its launches for a median, medians
+ROUNDS, REPEATS = 7, 5  # checks' intervals for a median, medians
+
+
+def irregular(vertices_per_side: int) -> Mesh:
+    """A square of which nothing lies in rows, its vertices in no order."""
+    count, rng = vertices_per_side, np.random.default_rng(0)
+    places = np.stack(np.meshgrid(np.arange(count), np.arange(count)), axis=-1).reshape(-1, 2)
+    inside = ((places > 0) & (places < count - 1)).all(axis=1)
+    places = places + inside[:, None] * rng.uniform(-0.4, 0.4, places.shape)
+    flat = places[rng.permutation(len(places))] / (count - 1)
+    return Mesh(
+        "irregular",
+        np.column_stack([flat - [0.5, 0.0], np.zeros(len(flat))]),
+        Delaunay(flat).simplices.astype(np.int32),
+    )
 
 
 def relaxation_of(fabric: str, size: str, device: str) -> Relaxation:
@@ -38,34 +57,38 @@ def relaxation_of(fabric: str, size: str, device: str) -> Relaxation:
         scene = load_scene("tshirt", [])
         return set_up([scene] * int(size), [open_wardrobe(scene, None)] * int(size), device).relaxation
     side, count = SIZES[size]
-    mesh = square(side=1.0, vertices_per_side=side, plane="vertical")
+    mesh = (irregular if fabric == "irregular" else partial(square, plane="vertical"))(vertices_per_side=side)
     rest = build_rest_shape(mesh, FABRICS[fabric], rest="mesh")
-    part = GarmentPart(mesh.points, mesh.triangles, rest, np.array([0, side - 1], dtype=np.int32))
+    corners = np.argmax(mesh.points[:, :2] @ [[-1.0, 1.0], [-1.0, -1.0]], axis=0)
+    part = GarmentPart(mesh.points, mesh.triangles, rest, corners.astype(np.int32))
     model = build_model([part] * count, device=device, precision="mixed", garments=[1] * count)
     return Relaxation(model, Collider(), StepOptions())
 
 
 def microseconds(relaxation: Relaxation) -> float:
-    """Median time of an iteration in graphs of CHUNK."""
-    device = relaxation.model.device
+    """Median time of an iteration in a fit's graphs."""
+    device, graphs = relaxation.model.device, []
     relaxation.iterate(2)
-    with wp.ScopedCapture(device) as capture:
-        relaxation.iterate(CHUNK)
-    wp.capture_launch(capture.graph)
+    for count in chunks(relaxation):
+        with wp.ScopedCapture(device) as capture:
+            relaxation.iterate(count)
+        graphs.append(capture.graph)
+        wp.capture_launch(capture.graph)
     taken = []
     for _ in range(ROUNDS):
         start, end = (wp.Event(device, enable_timing=True) for _ in range(2))
         stream = wp.get_stream(device)
         stream.record_event(start)
-        wp.capture_launch(capture.graph)
+        for graph in graphs:
+            wp.capture_launch(graph)
         stream.record_event(end)
         taken.append(wp.get_event_elapsed_time(start, end))
-    return 1e3 * float(np.median(taken)) / CHUNK
+    return 1e3 * float(np.median(taken)) / sum(chunks(relaxation))
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("cloth", nargs="*", default=["edges:4k,65k,1m", "woven:4k,65k,1m", "worn:147"])
+    parser.add_argument("cloth", nargs="*", default=["edges:4k,65k,1m", "irregular:1m", "woven:4k,65k,1m", "worn:147"])
     parser.add_argument("--device", default="cuda:0")
     options = parser.parse_args()
     for asked in options.cloth:

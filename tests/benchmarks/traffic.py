@@ -120,8 +120,7 @@ class Retraced(Way):
                 rounds += 1
                 if samples is not None and rounds % every == every // 2:
                     with samples.taken():
-                        self._made.relaxation.iterate(self.watched)
-                    self.iteration += self.watched
+                        self.iterate_watched()
                 else:
                     self._run(self.watched)
             self.check()

@@ -20,6 +20,7 @@ from warp_cloth.kernels.limits import (
     BLOCK_THREADS,
     BLOCKS_PER_CORE,
     FEW,
+    NUMBER_BITS,
     RANKS,
     Terms,
     fold_numbers,
@@ -27,7 +28,7 @@ from warp_cloth.kernels.limits import (
     real_size,
 )
 from warp_cloth.mesh import Indices, Points
-from warp_cloth.patches.members import Members, edge_numbers
+from warp_cloth.patches.members import Members, edge_numbers, words
 from warp_cloth.patches.spread import spread_places
 from warp_cloth.patches.triangle_pairs import Items
 from warp_cloth.threads import end_to_end, map_in_threads
@@ -41,7 +42,7 @@ MOST_PATCHES = 1 << 24  # of a chunk, whose patches are numbered from a multiple
 
 Keys = NDArray[np.int64]
 Numbers = NDArray[np.integer[Any]]  # of elements, of either width
-MOST = 65536  # numbers that a quarter of a word tells apart
+QUARTER_BITS = 16  # of a word
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,7 +155,8 @@ def _garment_tables(
     """A garment's patches of ``size`` vertices, halved where they would not fit."""
     places = spread_places(elements.ends, points) if len(points) > size else points
     groups = _near_groups(places, size)
-    order = _in_rows(groups, places)
+    kind = np.bincount(elements.ends.ravel()[: None if paired else 0], minlength=len(points))
+    order = _in_rows(groups, places, kind)
     rank = np.empty(len(points), dtype=np.int32)
     rank[order] = np.arange(len(points), dtype=np.int32)
     # from here on vertices are counted in that order
@@ -184,13 +186,16 @@ def _garment_tables(
 
     tables = _end_to_end(map_in_threads(cut, range(len(chunks))))
     counts = ("vertex_count", "normal_count", "triangle_count", "edge_count")
-    if max(int(tables.patch[count].max(initial=0)) for count in counts) * 4 >= MOST:
+    if max(int(tables.patch[count].max(initial=0)) for count in counts) * 4 >= 1 << QUARTER_BITS:
         raise InputError("garment", "more than 10,000 triangles meet at a vertex", "divide the mesh differently")
     return replace(tables, vertex=order[tables.vertex].astype(np.int64))
 
 
-def _in_rows(groups: Sequence[Indices], places: Floats) -> Indices:
-    """The vertices of one group after another, each group's row by row, so that neighbours are counted together."""
+def _in_rows(groups: Sequence[Indices], places: Floats, kind: Keys) -> Indices:
+    """The vertices of one group after another, each group's row by row, so that neighbours are counted together.
+
+    Those of a ``kind`` come together.
+    """
     count = np.array([len(group) for group in groups])
     of, first, vertices = np.repeat(np.arange(len(groups)), count), np.cumsum(count) - count, np.concatenate(groups)
     place = places[vertices]
@@ -200,7 +205,7 @@ def _in_rows(groups: Sequence[Indices], places: Floats) -> Indices:
     lane = np.arange(len(vertices))
     share = (place - low[of]) / np.maximum(extent[of], 1e-30)
     row = np.floor(share[lane, longest[:, 0]] * np.sqrt(count[of]))
-    return np.asarray(vertices[np.lexsort((share[lane, longest[:, 1]], row, of))])
+    return np.asarray(vertices[np.lexsort((share[lane, longest[:, 1]], row, kind[vertices], of))])
 
 
 def _by_chunk(vertices: Indices, chunk: Keys, chunk_count: int) -> list[Keys]:
@@ -219,7 +224,7 @@ def _end_to_end(parts: Sequence[PatchTables], first: Mapping[str, Sequence[int]]
     if len(parts) == 1:
         return parts[0]
     starts = {"vertex_start": "vertex", "edge_start": "ends", "triangle_start": "corners",
-              "edge_slot_start": "edge_slot", "slot_start": "slot"}  # fmt: skip
+              "slot_start": "slot"}  # fmt: skip
 
     patch = {}
     for name in parts[0].patch:
@@ -277,8 +282,20 @@ class _Part:
         """The patch of this part that owns each vertex; no patch's number where another part has it."""
         return self._owner[vertices] - self._base
 
-    def ranked(self, vertices: Numbers, entries: Keys, nothing: Keys) -> tuple[NDArray[np.int32], Keys, Keys]:
-        """Entries of each vertex, RANKS to a word, within its patch; where each patch's start, and entries of a vertex.
+    def lane(self, patch: Keys, vertices: Numbers) -> Keys:
+        """As which each patch counts a vertex; -1 where it does not own it."""
+        return np.where(self.owner(vertices) == patch, self._lane[vertices], -1)
+
+    def ranks(self, *vertices: Numbers) -> Keys:
+        """How often a vertex of each patch stands in one of these, at most."""
+        most = np.ones(len(self.owned), dtype=np.int64)
+        for each in vertices:
+            often = np.bincount(self.first[self.owner(each)] + self._lane[each], minlength=len(self.vertices))
+            most = np.maximum(most, np.maximum.reduceat(often, self.first))
+        return most
+
+    def ranked(self, ranks: Keys, vertices: Numbers, entries: Keys, nothing: Keys) -> NDArray[np.int32]:
+        """Entries of each vertex, RANKS to a word, within its patch, as many words as the patch's ``ranks`` take.
 
         ``nothing`` is what each patch enters where a vertex has no more.
         """
@@ -286,12 +303,11 @@ class _Part:
         start, order = ragged_rows(self.first[patch] + lane, len(self.vertices))
         patch, lane = patch[order], lane[order]
         rank = np.arange(len(order)) - start[self.first[patch] + lane]
-        ranks = np.maximum(np.maximum.reduceat(np.diff(start), self.first).astype(np.int64), 1)
-        words = -(-ranks // RANKS)
-        begin = np.cumsum(words * self.owned) - words * self.owned
-        ranked = np.repeat(nothing, words * self.owned)[:, None].repeat(RANKS, axis=1)
+        size = words_of(ranks) * self.owned
+        begin = np.cumsum(size) - size
+        ranked = np.repeat(nothing, size)[:, None].repeat(RANKS, axis=1)
         ranked[begin[patch] + rank // RANKS * self.owned[patch] + lane, rank % RANKS] = entries[order]
-        return ranked.astype(np.uint16).view(np.int32), begin, ranks
+        return ranked.astype(np.uint16).view(np.int32)
 
 
 def _tables(elements: Elements, places: Floats, terms: Terms, part: _Part, paired: bool) -> PatchTables:
@@ -315,7 +331,7 @@ def _tables(elements: Elements, places: Floats, terms: Terms, part: _Part, paire
     normal = Members(
         np.concatenate([own.patch, beyond[0]]), np.concatenate([own.element, beyond[1]]), max(len(corners), 1), count
     )
-    items = Items(elements, places, own) if paired else None
+    items = Items(elements, places, own, part.lane) if paired else None
     if items is None:
         normal.arrange(corners[normal.element].min(axis=1), ~own.has(normal.patch, normal.element))
         mine.arrange(ends[mine.element].min(axis=1))
@@ -332,43 +348,39 @@ def _tables(elements: Elements, places: Floats, terms: Terms, part: _Part, paire
 
     at = mine.listed_patch[:, None]
     word = np.concatenate([vertex.find(at, ends[mine.listed]), normal.find(at, elements.beside[mine.listed])], axis=1)
-    if items is not None:
-        items.put_words(word, vertex, normal, mine)
     at = normal.listed_patch[:, None]
     sides = elements.edges[normal.listed]
     turned = ((sides < 0) * np.array([1, 2, 4])).sum(axis=1, keepdims=True)
     edge_entry = 2 * mine.find(part.owner(edge_end), edge) + part.ends % 2
-    edge_slot, edge_slot_start, edge_ranks = part.ranked(edge_end, edge_entry, 2 * mine.count)
+    ranks = part.ranks(edge_end, corner)
+    slots = words_of(ranks) * part.owned
     owner = part.owner(corner)
     first = normal.count if terms.folds else own.count
     other = np.where(part.corners % 3, first[owner] + (part.corners % 3 - 1) * own.count[owner], 0)
     entry = normal.find(owner, triangle) + other
-    slot, slot_start, ranks = part.ranked(corner, entry, first + 2 * own.count)
     patch = {
         "vertex_start": vertex.start, "vertex_count": vertex.count, "owned_count": part.owned,
         "edge_start": mine.start, "edge_count": mine.count,
         "triangle_start": normal.start, "triangle_count": own.count, "normal_count": normal.count,
-        "edge_slot_start": edge_slot_start, "edge_ranks": edge_ranks, "slot_start": slot_start, "ranks": ranks,
-        "item_count": item_count,
+        "slot_start": np.cumsum(slots) - slots, "ranks": ranks, "item_count": item_count,
     }  # fmt: skip
     return PatchTables(
         patch=patch,
         vertex=vertex.listed,
-        ends=_words(word),
+        ends=words(word, QUARTER_BITS) if items is None else items.words(word, vertex, normal, mine),
         edge=mine.listed,
-        corners=_words(vertex.find(at, corners[normal.listed])),
-        sides=_words(np.concatenate([mine.find(at, edge_numbers(sides)), turned], axis=1)),
+        corners=words(vertex.find(at, corners[normal.listed]), QUARTER_BITS),
+        sides=words(np.concatenate([mine.find(at, edge_numbers(sides)), turned], axis=1), QUARTER_BITS),
         triangle=normal.listed,
-        edge_slot=edge_slot,
-        slot=slot,
+        edge_slot=part.ranked(ranks, edge_end, edge_entry, 2 * mine.count),
+        slot=part.ranked(ranks, corner, entry, first + 2 * own.count),
         overflow=0,
     )
 
 
-def _words(numbers: Keys) -> NDArray[np.uint64]:
-    """Up to four numbers packed in a word, shape [N, 2..4] to [N]."""
-    shifts = (16 * np.arange(numbers.shape[1])).astype(np.uint64)
-    return np.bitwise_or.reduce(numbers.astype(np.uint64) << shifts, axis=1)
+def words_of(ranks: Keys) -> Keys:
+    """Words of RANKS numbers that so many take."""
+    return -(-ranks // RANKS)
 
 
 def takes_pairs(terms: Terms, vertices: int | None = None) -> bool:
@@ -381,8 +393,15 @@ def takes_pairs(terms: Terms, vertices: int | None = None) -> bool:
 
 
 def _too_large(patch: dict[str, Keys], terms: Terms, precision: str) -> NDArray[np.bool_]:
-    """Whether patches ask for more than a block has of memory, or of threads."""
-    return np.asarray((_memory(patch, terms, precision) > BLOCK_MEMORY) | (patch["item_count"] > BLOCK_THREADS))
+    """Whether patches ask for more than a block has of memory, or of threads, or than words of items tell apart."""
+    over = (_memory(patch, terms, precision) > BLOCK_MEMORY) | (patch["item_count"] > BLOCK_THREADS)
+    return np.asarray(over | beyond_words(patch))
+
+
+def beyond_words(patch: dict[str, Keys]) -> NDArray[np.bool_]:
+    """Whether patches have more of anything than words of items tell apart."""
+    most = np.maximum.reduce([patch[name] for name in ("vertex_count", "normal_count", "edge_count")])
+    return np.asarray((patch["item_count"] > 0) & (most > 1 << NUMBER_BITS))
 
 
 def _memory(patch: dict[str, Keys], terms: Terms, precision: str) -> Keys:

@@ -66,3 +66,9 @@ class Members:
 def edge_numbers(edges: Indices) -> Indices:
     """Edges without the sign that tells how their hinge's turn counts."""
     return np.where(edges < 0, -1 - edges, edges)
+
+
+def words(numbers: Keys, bits: int) -> NDArray[np.uint64]:
+    """Numbers of so many bits packed in a word, shape [N, up to 64 / ``bits``] to [N]."""
+    shifts = (bits * np.arange(numbers.shape[1])).astype(np.uint64)
+    return np.bitwise_or.reduce(numbers.astype(np.uint64) << shifts, axis=1)

@@ -13,9 +13,17 @@ from numpy.typing import NDArray
 from warp_cloth.garment.elements import Elements
 from warp_cloth.kept import Kept
 from warp_cloth.kernels.cloth import Patch
-from warp_cloth.kernels.limits import FEW, Terms
+from warp_cloth.kernels.limits import BLOCKS_PER_CORE, FEW, Terms
 from warp_cloth.mesh import Points
-from warp_cloth.patches.cutting import PatchTables, even_size, garment_patches, joined_patches, takes_pairs
+from warp_cloth.patches.cutting import (
+    PatchTables,
+    beyond_words,
+    even_size,
+    garment_patches,
+    joined_patches,
+    takes_pairs,
+)
+from warp_cloth.patches.triangle_pairs import with_laws
 from warp_cloth.threads import end_to_end
 
 PER_CORE_LAYERED = 1  # patches on each core of a large GPU, at least, where garments that meet lie on each other
@@ -30,14 +38,14 @@ class Patches:
         rows: NDArray[np.int32],
         item: NDArray[np.int32],
         tables: Any,
-        packed_tables: Any,
+        packed_tables: tuple[Any, Any],
         order: wp.array,
         overflow: wp.array,
     ) -> None:
         """``rows`` are kernels.cloth Patch, each of an ``item``, shape [P, 16]; the rest as of the attributes."""
         self._rows, self._item = rows, item
         self.tables = tables  # kernels.cloth Patches
-        self.packed_tables = packed_tables  # the same for vertices in the patches' order
+        self.packed_tables = packed_tables  # the same for vertices in the patches' order; and last patches first
         self.order = order  # that order: of each patch the vertices that it owns
         self.overflow = overflow  # memory of patches that are too large for a block's own
         self.fits = wp.get_device(overflow.device).is_cuda and not len(overflow)  # whether none is
@@ -54,7 +62,9 @@ class Patches:
         wanted = int(chosen.sum())
         if not wanted or wanted <= self.count <= wanted + SHARE_AT_REST * wanted:
             return False
-        self.tables.patch.assign(self._rows[np.argsort(~chosen, kind="stable")].reshape(-1, 4))
+        rows = self._rows[np.argsort(~chosen, kind="stable")]
+        self.tables.patch.assign(rows.reshape(-1, 4))
+        self.packed_tables[1].patch.assign(_last_first(rows, wanted).reshape(-1, 4))
         self.count = wanted
         return True
 
@@ -90,12 +100,20 @@ def device_patches(
     size = even_size(sum(len(part) for part in points), PER_CORE_LAYERED) if layered else None
     paired = takes_pairs(terms, sum(len(part) for part in points))
     each = garment_patches(garments, points, terms, precision=types.name, kept=kept, size=size, paired=paired)
+    if any(beyond_words(own.patch).any() for own in each):
+        each = garment_patches(garments, points, terms, precision=types.name, kept=kept, size=size)
     cut = joined_patches(each, garments, points, terms, precision=types.name, own_memory=own_memory)
     laws = kept.each("laws", list(zip(given, each, strict=True)), partial(_patch_laws, terms=terms), terms)
-    law = {name: end_to_end([own[name] for own in laws]) for name in laws[0]}
+    table = "law" if terms.edges else "fold"
+    law = {name: end_to_end([own[name] for own in laws]) for name in laws[0] if name != "law_start"}
+    if table in law:
+        begin = [int(end) for end in np.cumsum([0, *(len(own[table]) for own in laws[:-1])])]
+        law["law_start"] = end_to_end([own["law_start"] for own in laws], begin)
     rows = np.zeros(len(cut.patch["vertex_start"]), dtype=Patch.numpy_dtype())
     for name, numbers in cut.patch.items():
         rows[name] = numbers
+    if table in law:
+        rows["law_start"], rows["law_count"] = law["law_start"], law["law_count"]
     first = cut.vertex[rows["vertex_start"]]
     rows["item"] = np.searchsorted(item_start, first, side="right") - 1
     place, order = _packed_order(cut.vertex, rows)
@@ -106,11 +124,11 @@ def device_patches(
     tables.patch = upload(wide.reshape(-1, 4), wp.vec4i)
     tables.vertex = upload(cut.vertex.astype(np.int32), wp.int32)
     if terms.edges or terms.folds:
-        tables.ends = upload(_and_one(cut.ends), wp.uint64)
+        tables.ends = upload(_and_one(law["ends"]), wp.uint64)
     if terms.edges:
         tables.law = upload(_and_one(law["law"]), types.vec4)
         tables.edge_slot = upload(cut.edge_slot, wp.vec4i)
-    if terms.folds:
+    if terms.folds and not rows["item_count"].any():
         tables.sides = upload(_and_one(cut.sides), wp.uint64)
     if terms.folds and not terms.edges:
         tables.fold = upload(_and_one(law["fold"]), types.real)
@@ -122,24 +140,36 @@ def device_patches(
     if terms.threads:
         tables.slope = upload(law["slope"], types.vec4)
         tables.threads = upload(law["threads"], types.vec4)
+    tables.ahead = wp.get_device(device).sm_count * BLOCKS_PER_CORE if own_memory else 0
     rank = np.empty_like(order)
     rank[order] = np.arange(len(order), dtype=order.dtype)
-    packed = types.Patches()
+    packed, back = types.Patches(), types.Patches()
     for name in types.Patches.vars:
         if getattr(tables, name) is not None:
             setattr(packed, name, getattr(tables, name))
-    packed.vertex = upload(rank[cut.vertex], wp.int32)
+            setattr(back, name, getattr(tables, name))
+    packed.vertex = back.vertex = upload(rank[cut.vertex], wp.int32)
+    back.patch = upload(_last_first(wide, len(wide)).reshape(-1, 4), wp.vec4i)
     overflow = wp.empty(cut.overflow, dtype=wp.uint8, device=device)
-    return Patches(wide, rows["item"], tables, packed, upload(order, wp.int32), overflow)
+    return Patches(wide, rows["item"], tables, (packed, back), upload(order, wp.int32), overflow)
+
+
+def _last_first(rows: NDArray[np.int32], count: int) -> NDArray[np.int32]:
+    """Rows, the first ``count`` of them in the opposite order."""
+    return np.concatenate([rows[:count][::-1], rows[count:]])
 
 
 def _patch_laws(elements: Elements, tables: PatchTables, terms: Terms) -> dict[str, NDArray[Any]]:
-    """What acts in a garment's patches, in their order; nothing of terms that there are not."""
-    laws = {}
-    if terms.edges:
-        laws["law"] = np.column_stack([elements.law[tables.edge], elements.fold[tables.edge]])
-    if terms.folds and not terms.edges:
-        laws["fold"] = elements.fold[tables.edge]
+    """What acts in a garment's patches, in their order, and their edges' words; nothing of terms that there are not."""
+    laws: dict[str, NDArray[Any]] = {}
+    if terms.edges or terms.folds:
+        table = "law" if terms.edges else "fold"
+        fold = elements.fold[tables.edge]
+        law = np.column_stack([elements.law[tables.edge], fold]) if terms.edges else fold[:, None]
+        ends, start, count = tables.ends, tables.patch["edge_start"], tables.patch["edge_count"]
+        if tables.patch["item_count"].any():
+            ends, law, start, count = with_laws(ends, tables.patch, law)
+        laws = {"ends": ends, table: law if terms.edges else law[:, 0], "law_start": start, "law_count": count}
     if terms.angles:
         laws["rest"] = elements.rest[tables.edge]
     if terms.threads:

@@ -7,17 +7,35 @@ of the others up to two, so that every item has about as much to do; edges that 
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
 from warp_cloth.garment.elements import Elements
 from warp_cloth.garment.rest import Floats
-from warp_cloth.kernels.limits import CODE_AFTER, CODE_BACK, CODE_TURN_0, CODE_TURN_1, SIDE_AB, SLOTS
+from warp_cloth.kernels.limits import (
+    CODE_AFTER,
+    CODE_BACK,
+    CODE_BITS,
+    NUMBER_BITS,
+    SIDE_AB,
+    SLOTS,
+    TURN_BITS,
+    TURNED_BITS,
+    WORD_ACROSS,
+    WORD_CODE,
+    WORD_LAW,
+    WORD_TURN,
+    WORD_TURNED,
+)
 from warp_cloth.mesh import Indices
-from warp_cloth.patches.members import Keys, Members, edge_numbers
+from warp_cloth.patches.members import Keys, Members, Numbers, edge_numbers, words
 
 ALONE = 2  # side that stands for the shared one where there is none: the corners are a, b, c then
 ROUNDS = 16  # of proposals, after which what is left stays alone
+LOW = 0.6  # of a vertex' places each counts so much of the one before, where it is asked which vertex is lower
 SHARE = SLOTS - 1  # edges that an item takes besides the one that its triangles share
 
 
@@ -89,10 +107,12 @@ class Items:
         elements: of the garment.
         places: where its vertices are, which tells what sides are long, shape [V, 2..3].
         own: the patches' own triangles.
+        lane: as which patches count vertices that they own, -1 for others.
     """
 
-    def __init__(self, elements: Elements, places: Floats, own: Members) -> None:
-        self._elements, self._own = elements, own
+    def __init__(self, elements: Elements, places: Floats, own: Members, lane: Callable[[Keys, Numbers], Keys]) -> None:
+        self._elements, self._own, self._lane = elements, own, lane
+        self._height = places @ LOW ** np.arange(places.shape[1])
         self._edges = edge_numbers(elements.edges[own.element])
         beside = elements.beside[self._edges]
         is_first = beside[..., 0] == own.element[:, None]
@@ -118,14 +138,45 @@ class Items:
 
     def _arrange_triangles(self, normal: Members) -> None:
         """Items' first triangles, those of pairs before others; second ones in the same order; those of no item."""
-        own, corners = self._own, self._elements.corners
-        among = own.member(normal.patch, normal.element)
-        kind = np.where(self._is_second, 2, np.where(self._paired, 0, 1))[among]
-        leader = np.where(among < 0, normal.element, own.element[self._first][among])
-        key = corners[leader].min(axis=1).astype(np.int64) * len(corners) + leader
-        normal.arrange(key, np.where(among < 0, 3, kind))
+        own = self._own
         self._count = np.bincount(own.patch[~self._is_second], minlength=len(own.count))
-        self._item = normal.find(own.patch, own.element[self._first])
+        self._item = self._numbers()[self._first]
+        among = own.member(normal.patch, normal.element)
+        number = (self._item + self._is_second * self._count[own.patch])[among]
+        normal.arrange(np.where(among < 0, self._elements.corners[normal.element].min(axis=1), number), among < 0)
+
+    def _numbers(self) -> Keys:
+        """As which each item counts, by its first triangle: as its lowest vertex does, where it may.
+
+        So neighbours lie as their vertices do, and what threads side by side ask for lies in different banks of the
+        block's memory. Where several items have the same lowest vertex, or one that the patch does not own, they take
+        what is left.
+        """
+        own, corners = self._own, self._elements.corners
+        leads = np.flatnonzero(~self._is_second)
+        second = leads.copy()
+        second[np.searchsorted(leads, self._first[self._is_second])] = np.flatnonzero(self._is_second)
+        around = np.concatenate([corners[own.element[leads]], corners[own.element[second]]], axis=1)
+        low = np.take_along_axis(around, np.argmin(self._height[around], axis=1)[:, None], axis=1)[:, 0]
+        patch, pair = own.patch[leads], self._paired[leads]
+        pairs = np.bincount(patch[pair], minlength=len(own.count))
+        wanted = self._lane(patch, low)
+        wanted[~pair | (wanted >= pairs[patch])] = -1
+        base = np.cumsum(self._count) - self._count
+        place = np.where(wanted < 0, -1, base[patch] + wanted)
+        order = np.lexsort((low, patch))
+        got = order[np.unique(place[order], return_index=True)[1]]
+        got = got[place[got] >= 0]
+        kept = np.zeros(len(leads), dtype=bool)
+        kept[got] = True
+        free = np.ones(len(leads), dtype=bool)
+        free[place[got]] = False
+        left = order[~kept[order]]
+        left = left[np.lexsort((~pair[left], patch[left]))]
+        place[left] = np.flatnonzero(free)
+        number = np.zeros(len(own.patch), dtype=np.int64)
+        number[leads] = place - base[patch]
+        return number
 
     def _share_edges(self, mine: Members) -> None:
         """What pairs share, item by item; what else items take, one of each, then the other; then loose edges.
@@ -157,32 +208,80 @@ class Items:
         mine.place(number, SLOTS * self._count + np.bincount(patch, minlength=len(own.count)))
         self._taken = of, place
 
-    def put_words(self, word: Keys, vertex: Members, normal: Members, mine: Members) -> None:
-        """Writes what threads are told of their items in place of their edges' ends and triangles, shape [E, 4].
+    def words(self, ends: Keys, vertex: Members, normal: Members, mine: Members) -> NDArray[np.uint64]:
+        """What threads are told of their items and of loose edges, of which ``ends`` has ends and triangles, shape [E].
 
-        Where the edges are that pairs share, an item's vertices; where taken ones are, their ends, the triangle across
-        and what kernels.pairs tells by CODE; with the first of these how the triangles are turned.
+        Where the edges are that pairs share, an item's vertices and how they and the taken edges lie; where the first
+        of the taken ones are, the other sides of its triangles; where the second ones are, nothing yet (``with_laws``).
         """
         own, elements = self._own, self._elements
         patch, count = own.patch, self._count[own.patch]
         corners, rows = elements.corners[own.element], np.arange(len(patch))
+        word = words(ends, NUMBER_BITS)
         at = mine.start[patch] + self._item
         for slot in range(SLOTS):
             word[at + slot * count] = 0
+        one, two, alone = ~self._is_second, self._is_second, ~self._paired
         a, b, c = (vertex.find(patch, corners[rows, (self._side + turn) % 3]) for turn in (1, 2, 0))
-        turned = (ALONE - self._side) << np.where(self._is_second, CODE_TURN_1, CODE_TURN_0)
-        one, two = ~self._is_second, self._is_second
-        word[at[one], :3] = np.stack([a, b, c], axis=1)[one]
-        word[at[two], 3] = c[two]
-        word[(at + count)[one], 3] += turned[one]
-        word[(at + count)[two], 3] += turned[two]
+        for corner, number in enumerate((a, b, c)):
+            _put(word, at[one], corner * NUMBER_BITS, number[one])
+        _put(word, at[two], 3 * NUMBER_BITS, c[two])
+
+        sides = mine.find(patch[:, None], self._edges)
+        others = np.sort((self._side[:, None] + [1, 2]) % 3, axis=1)
+        second, place = at + count, 2 * NUMBER_BITS * two
+        _put(word, second, place, sides[rows, others[:, 0]])
+        _put(word, second, place + NUMBER_BITS, sides[rows, others[:, 1]])
+        _put(word, second[alone], 2 * NUMBER_BITS, sides[alone, ALONE])
+        _put(word, second, WORD_TURN + TURN_BITS * two, ALONE - self._side)
+        turned = ((elements.edges[own.element] < 0) * np.array([1, 2, 4])).sum(axis=1)
+        _put(word, second, WORD_TURNED + TURNED_BITS * two, turned)
 
         of, place = self._taken
         patch, edge = patch[of], self._edges[of, place]
-        at = mine.start[patch] + mine.find(patch, edge)
-        ends, bent = elements.ends[edge], self._bent[of, place]
-        word[at, :2] = vertex.find(patch[:, None], ends)
-        word[at, 2] = np.where(bent, normal.find(patch, self._across[of, place]), 0)
-        word[at, 3] += self._which
-        word[at, 3] += CODE_BACK * (ends[:, 0] != corners[of, (place + 1) % 3])
-        word[at, 3] += CODE_AFTER * (bent & ~self._is_first[of, place])
+        bent, back = self._bent[of, place], elements.ends[edge, 0] != corners[of, (place + 1) % 3]
+        after = bent & ~self._is_first[of, place]
+        slot = (mine.find(patch, edge) - self._item[of]) // count[of] - 1
+        code = self._which + CODE_BACK * back + CODE_AFTER * after
+        _put(word, at[of], WORD_CODE + CODE_BITS * slot, code)
+        across = np.where(bent, normal.find(patch, self._across[of, place]), 0)
+        _put(word, at[of] + slot * count[of], WORD_ACROSS, across)
+        return word
+
+
+def _put(word: NDArray[np.uint64], at: Keys, bit: Keys | int, number: Keys) -> None:
+    """Writes numbers into some words, from a bit on where there is nothing yet; of the same word one after another."""
+    np.bitwise_or.at(word, at, number.astype(np.uint64) << np.asarray(bit, dtype=np.uint64))
+
+
+def with_laws(
+    ends: NDArray[np.uint64], patch: dict[str, Keys], law: NDArray[Any]
+) -> tuple[NDArray[np.uint64], NDArray[Any], Keys, Keys]:
+    """Words that tell by which of its patch's laws each edge pulls and bends, and each patch's different laws.
+
+    A third word of an item has the laws of its edges, that of a loose edge its own.
+
+    Args:
+        ends: of all patches, as ``Items.words`` has made them, shape [E].
+        patch: of PatchTables.
+        law: of each edge, shape [E, 1..4].
+
+    Returns:
+        The words, the laws, and each patch's first one and how many it has.
+    """
+    count = patch["edge_count"]
+    of = np.repeat(np.arange(len(count)), count)
+    _, alike = np.unique(law.view(f"V{law.dtype.itemsize * law.shape[1]}").ravel(), return_inverse=True)
+    keys, first, number = np.unique(of * len(law) + alike, return_index=True, return_inverse=True)
+    law_count = np.bincount(keys // max(len(law), 1), minlength=len(count))
+    law_start = np.cumsum(law_count) - law_count
+    first, rank = np.sort(first), np.argsort(np.argsort(first))  # as edges come: where all differ threads go in step
+    number = rank[number] - law_start[of]
+    local, items = np.arange(len(of)) - patch["edge_start"][of], patch["item_count"][of]
+    slot = np.minimum(local // np.maximum(items, 1), SLOTS)
+    slot[items == 0] = SLOTS
+    loose = slot == SLOTS
+    told = ends.copy()
+    third = np.arange(len(of)) + (SLOTS - 1 - slot) * items
+    _put(told, np.where(loose, np.arange(len(of)), third), np.where(loose, WORD_LAW, NUMBER_BITS * slot), number)
+    return told, law[first], law_start, law_count

@@ -45,6 +45,11 @@ class Outcome:
     frames: list[tuple[int, NDArray[np.float32]]] = field(default_factory=list)  # iteration and shape
 
 
+def chunks(relaxation: Relaxation) -> tuple[int, ...]:
+    """Iterations of each graph between two checks, where nothing else is to see or to do in between."""
+    return (CHUNK * CHUNKS_PER_CHECK,) if relaxation.runs_long else (CHUNK,) * CHUNKS_PER_CHECK
+
+
 class FrameKeeper:
     """Keeps shapes on the way at iteration counts that grow geometrically: cloth moves most at the start."""
 
@@ -98,7 +103,7 @@ def relax_to_rest(
         follow=follow,
         course=course,
         on_check=told if on_check is not None else None,
-        on_chunk=keeper.offer,
+        on_chunk=keeper.offer if frames else None,
         ahead=ahead,
     )
     outcome.frames = keeper.frames
@@ -201,7 +206,8 @@ class _Loop:
             if not self._active:
                 break
             # every item stops at its own limit, and nobody else looks there
-            count = min(CHUNK - iteration % CHUNK, min(self._goals[item].limit for item in self._active) - iteration)
+            chunk = self._chunk(seen, on_chunk is not None)
+            count = min(chunk, min(self._goals[item].limit for item in self._active) - iteration)
             relaxation.run(count)
             iteration += count
             if on_chunk is not None:
@@ -218,6 +224,12 @@ class _Loop:
             if outcome.status is not Status.DIVERGED:
                 outcome.points = points[relaxation.model.of_item(item)].copy()
         return [self._outcomes[item] for item in range(len(self._goals))]
+
+    def _chunk(self, seen: _Seen, told: bool) -> int:
+        """Iterations from here to where something may be to see or to do; ``told``: every chunk's end is told."""
+        follows = self._follow is not None and bool(self._falling)
+        whole = CHUNK if told or follows or not self._relaxation.runs_long else CHUNK * CHUNKS_PER_CHECK
+        return whole - seen.iteration % whole
 
     def _see(self, iteration: int) -> _Seen:
         """Asks of the device what there is to decide after these iterations."""

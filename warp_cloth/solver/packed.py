@@ -47,13 +47,13 @@ class PackedCloth:
         """Launches iterations by ``move``, of kernels.displace.advance_kernel; ``asked`` comes first there."""
         model, order, cloth = self._model, self._patches.order, self._model.cloth
         here, there = self._here, self._there
-        written = [here.position, here.moved, there.position, there.moved, self._stiffness]
+        written = [here.position, here.moved, self._stiffness]
         size, device = model.vertex_count, model.device
         wp.launch(self._kernels.pack_vertices, dim=size, inputs=[order, cloth, *written], device=device)
         if self._leeway is not None:
             wp.launch(self._kernels.pack_leeway, dim=size, inputs=[order, cloth, self._leeway], device=device)
-        read = [self._patches.packed_tables, self._patches.overflow]
-        for _ in range(count):
+        for number in range(count):  # to and fro: the cache still has what the last patches have read and written
+            read = [self._patches.packed_tables[number % 2], self._patches.overflow]
             launch_patches(move, model, [*asked, *read, here, there.position, there.moved])
             here, there = there, here
         stiffness = cloth.stiffness if self._stiffness is not None else None

@@ -233,6 +233,11 @@ class Relaxation:
         self._choose_patches()
 
     @property
+    def runs_long(self) -> bool:
+        """Whether a long chunk takes less than several short ones, as vertices are packed, and changes nothing else."""
+        return self._packed is not None and self.contact is None
+
+    @property
     def active_share(self) -> float:
         """Share of the vertices whose items iterate."""
         sizes = np.diff(self.model.item_start)

@@ -23,7 +23,8 @@ from warp_cloth.study.pressed import CORNERS, block_of_pairs, chosen_pairs, look
 from warp_cloth.study.traffic import ANY, FROM, SEVERAL, Chain, Uses
 
 ITEMS = "item_count"  # which take, with what is left over, all edges or triangles that a patch has
-OF_ITEMS = {"edge_start": "edge_count", "triangle_start": "triangle_count"}
+LAWS = "law_start"  # from which on edges find how they pull and bend, in any order
+OF_ITEMS = {"edge_start": "edge_count", "triangle_start": "triangle_count", LAWS: "law_count"}
 SECTOR = 32  # bytes that are moved together
 PATCHES, PATCH_WIDTH = "patches.patch", 16  # kernels.cloth's Patch, one after another, and the numbers of each
 TABLE_NODES = 3  # along each axis of a table, that a thread reads round its place
@@ -154,7 +155,7 @@ class _Moved:
             found: dict[str, list[Keys]] = {}
             for chain in chains:
                 loop = next((each for each in reversed(chain) if each in self._patch), "")
-                if loop == ITEMS:
+                if loop == ITEMS or (loop and start == LAWS):
                     loop = OF_ITEMS.get(start, loop)
                 if not loop and self._patch and len(array) == self._vertices and not self._counters(chain):
                     loop = "owned_count"  # each thread its own

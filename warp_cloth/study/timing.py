@@ -11,13 +11,13 @@ import numpy as np
 import warp as wp
 
 from warp_cloth.set_up import SetUp, following
-from warp_cloth.solver.loop import CHUNK
+from warp_cloth.solver.loop import CHUNK, CHUNKS_PER_CHECK, chunks
 from warp_cloth.study.launches import Launch, launches_of
 
 # Iterations that are watched: an even number, as every second one goes back to the first one's arrays where forces are
 # gathered. Where cloth meets cloth enough of them to hold searches for what is near, which few iterations do.
 WATCHED, WATCHED_TOUCHING = 20, 100
-TIMED = 100  # iterations between two checks of a fit
+TIMED = CHUNK * CHUNKS_PER_CHECK  # iterations between two checks of a fit
 WAKING = 12  # times as many before the clock runs, where cloth meets cloth: that begins when the seams have closed
 SHORTEST_RUN = 0.5  # [s] of timing
 FEWEST_ROUNDS = 5
@@ -106,7 +106,10 @@ class Way:
     def __init__(self, made: SetUp) -> None:
         self._made, self._follow = made, following(made)
         self.iteration = 0
-        self.watched = WATCHED if made.course is None else WATCHED_TOUCHING
+        self._chunks = chunks(made.relaxation)
+        at_once = WATCHED if made.course is None else WATCHED_TOUCHING
+        self._watched = self._chunks if made.relaxation.runs_long else (at_once,)
+        self.watched = sum(self._watched)
         self._wake = [wp.zeros(1, dtype=wp.int32, device=made.model.device) for _ in range(2)]
         self._cold = 1 if made.course is None else WAKING  # rounds before it is warm
         made.relaxation.start_anew()
@@ -125,28 +128,35 @@ class Way:
     def go(self) -> tuple[int, float]:
         """Iterates as far as the next check, or less far where that takes long; tells how far, and the seconds."""
         relaxation, device = self._made.relaxation, self._made.model.device
-        relaxation.capture(CHUNK)
+        for count in set(self._chunks):
+            relaxation.capture(count)
         wp.synchronize_device(device)
         done, began = 0, time.perf_counter()
-        while done < TIMED and time.perf_counter() - began <= LONG:
-            relaxation.run(CHUNK)
-            done += CHUNK
+        for count in self._chunks:
+            if time.perf_counter() - began <= LONG:
+                relaxation.run(count)
+                done += count
         wp.synchronize_device(device)
         self.iteration += done
         return done, time.perf_counter() - began
 
+    def iterate_watched(self) -> None:
+        """Iterates launch by launch, and packs vertices as often as a fit does."""
+        for count in self._watched:
+            self._made.relaxation.iterate(count)
+        self.iteration += self.watched
+
     def watch(self) -> tuple[list[Launch], list[float]]:
         """Iterates launch by launch; tells the launches, and the seconds of each with all that a clock adds."""
-        relaxation, seconds = self._made.relaxation, list[float]()
+        seconds = list[float]()
         clock = not wp.get_device(self._made.model.device).is_cuda
         if not clock:
             wp.timing_begin(cuda_filter=wp.TIMING_KERNEL)
             wp.copy(*self._wake)  # what a GPU is asked first after a pause takes it longer
-        launches = launches_of(lambda: relaxation.iterate(self.watched), seconds if clock else None)
+        launches = launches_of(self.iterate_watched, seconds if clock else None)
         if not clock:
             results: list[Any] = wp.timing_end()
             seconds = [1e-3 * result.elapsed for result in results]
-        self.iteration += self.watched
         return launches, seconds
 
     def check(self) -> None:
