@@ -21,18 +21,16 @@ from warp_cloth.kernels.limits import (
     BLOCKS_PER_CORE,
     FEW,
     NUMBER_BITS,
-    RANKS,
     Terms,
     fold_numbers,
     point_size,
     real_size,
 )
 from warp_cloth.mesh import Indices, Points
-from warp_cloth.patches.members import Members, edge_numbers, words
+from warp_cloth.patches.members import Members, Part, edge_numbers, words, words_of
 from warp_cloth.patches.spread import spread_places
 from warp_cloth.patches.triangle_pairs import Items
 from warp_cloth.threads import end_to_end, map_in_threads
-from warp_cloth.topology import ragged_rows
 
 LARGEST = 152  # vertices that a patch owns: with what is around them they nearly always fit a block's memory
 SMALLEST = 16  # below, far more is worked out around a patch than in it
@@ -173,7 +171,7 @@ def _garment_tables(
     def cut(index: int) -> PatchTables:
         own = chunks[index]
         while True:
-            part = _Part(own, index * MOST_PATCHES, owner, lane, ends[index], corners[index])
+            part = Part(own, index * MOST_PATCHES, owner, lane, ends[index], corners[index])
             tables = _tables(elements, places, terms, part, paired)
             large = _too_large(tables.patch, terms, precision) & (tables.patch["owned_count"] > 1)
             if not large.any():
@@ -262,55 +260,7 @@ def _halved(cluster: Cluster, parts: int) -> list[Cluster]:
     return clusters
 
 
-class _Part:
-    """Some patches' vertices, and where they stand in the garment's flattened ends of edges and corners of triangles.
-
-    ``owner`` and ``lane`` of all the garment's vertices are those of other parts, too, which never count as own.
-    """
-
-    def __init__(self, groups: list[Indices], base: int, owner: Keys, lane: Keys, ends: Keys, corners: Keys) -> None:
-        self.owned = np.array([len(group) for group in groups])
-        self.first = np.cumsum(self.owned) - self.owned
-        self.vertices = np.concatenate(groups).astype(np.int64)
-        self.patch = np.repeat(np.arange(len(groups)), self.owned)
-        owner[self.vertices] = base + self.patch
-        lane[self.vertices] = np.arange(len(self.vertices)) - self.first[self.patch]
-        self.ends, self.corners, self.garment_vertices = ends, corners, len(owner)
-        self._owner, self._lane, self._base = owner, lane, base
-
-    def owner(self, vertices: Numbers) -> Keys:
-        """The patch of this part that owns each vertex; no patch's number where another part has it."""
-        return self._owner[vertices] - self._base
-
-    def lane(self, patch: Keys, vertices: Numbers) -> Keys:
-        """As which each patch counts a vertex; -1 where it does not own it."""
-        return np.where(self.owner(vertices) == patch, self._lane[vertices], -1)
-
-    def ranks(self, *vertices: Numbers) -> Keys:
-        """How often a vertex of each patch stands in one of these, at most."""
-        most = np.ones(len(self.owned), dtype=np.int64)
-        for each in vertices:
-            often = np.bincount(self.first[self.owner(each)] + self._lane[each], minlength=len(self.vertices))
-            most = np.maximum(most, np.maximum.reduceat(often, self.first))
-        return most
-
-    def ranked(self, ranks: Keys, vertices: Numbers, entries: Keys, nothing: Keys) -> NDArray[np.int32]:
-        """Entries of each vertex, RANKS to a word, within its patch, as many words as the patch's ``ranks`` take.
-
-        ``nothing`` is what each patch enters where a vertex has no more.
-        """
-        patch, lane = self.owner(vertices), self._lane[vertices]
-        start, order = ragged_rows(self.first[patch] + lane, len(self.vertices))
-        patch, lane = patch[order], lane[order]
-        rank = np.arange(len(order)) - start[self.first[patch] + lane]
-        size = words_of(ranks) * self.owned
-        begin = np.cumsum(size) - size
-        ranked = np.repeat(nothing, size)[:, None].repeat(RANKS, axis=1)
-        ranked[begin[patch] + rank // RANKS * self.owned[patch] + lane, rank % RANKS] = entries[order]
-        return ranked.astype(np.uint16).view(np.int32)
-
-
-def _tables(elements: Elements, places: Floats, terms: Terms, part: _Part, paired: bool) -> PatchTables:
+def _tables(elements: Elements, places: Floats, terms: Terms, part: Part, paired: bool) -> PatchTables:
     """Tables of a part's patches, their memory not yet placed.
 
     ``paired``: whether threads work on pairs of triangles, across sides that are long by the vertices' ``places``.
@@ -376,11 +326,6 @@ def _tables(elements: Elements, places: Floats, terms: Terms, part: _Part, paire
         slot=part.ranked(ranks, corner, entry, first + 2 * own.count),
         overflow=0,
     )
-
-
-def words_of(ranks: Keys) -> Keys:
-    """Words of RANKS numbers that so many take."""
-    return -(-ranks // RANKS)
 
 
 def takes_pairs(terms: Terms, vertices: int | None = None) -> bool:

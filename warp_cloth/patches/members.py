@@ -7,8 +7,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from warp_cloth.kernels.limits import RANKS
 from warp_cloth.mesh import Indices
-from warp_cloth.topology import sorted_keys
+from warp_cloth.topology import ragged_rows, sorted_keys
 
 Keys = NDArray[np.int64]
 Numbers = NDArray[np.integer[Any]]  # of elements, of either width
@@ -72,3 +73,56 @@ def words(numbers: Keys, bits: int) -> NDArray[np.uint64]:
     """Numbers of so many bits packed in a word, shape [N, up to 64 / ``bits``] to [N]."""
     shifts = (bits * np.arange(numbers.shape[1])).astype(np.uint64)
     return np.bitwise_or.reduce(numbers.astype(np.uint64) << shifts, axis=1)
+
+
+class Part:
+    """Some patches' vertices, and where they stand in the garment's flattened ends of edges and corners of triangles.
+
+    ``owner`` and ``lane`` of all the garment's vertices are those of other parts, too, which never count as own.
+    """
+
+    def __init__(self, groups: list[Indices], base: int, owner: Keys, lane: Keys, ends: Keys, corners: Keys) -> None:
+        self.owned = np.array([len(group) for group in groups])
+        self.first = np.cumsum(self.owned) - self.owned
+        self.vertices = np.concatenate(groups).astype(np.int64)
+        self.patch = np.repeat(np.arange(len(groups)), self.owned)
+        owner[self.vertices] = base + self.patch
+        lane[self.vertices] = np.arange(len(self.vertices)) - self.first[self.patch]
+        self.ends, self.corners, self.garment_vertices = ends, corners, len(owner)
+        self._owner, self._lane, self._base = owner, lane, base
+
+    def owner(self, vertices: Numbers) -> Keys:
+        """The patch of this part that owns each vertex; no patch's number where another part has it."""
+        return self._owner[vertices] - self._base
+
+    def lane(self, patch: Keys, vertices: Numbers) -> Keys:
+        """As which each patch counts a vertex; -1 where it does not own it."""
+        return np.where(self.owner(vertices) == patch, self._lane[vertices], -1)
+
+    def ranks(self, *vertices: Numbers) -> Keys:
+        """How often a vertex of each patch stands in one of these, at most."""
+        most = np.ones(len(self.owned), dtype=np.int64)
+        for each in vertices:
+            often = np.bincount(self.first[self.owner(each)] + self._lane[each], minlength=len(self.vertices))
+            most = np.maximum(most, np.maximum.reduceat(often, self.first))
+        return most
+
+    def ranked(self, ranks: Keys, vertices: Numbers, entries: Keys, nothing: Keys) -> NDArray[np.int32]:
+        """Entries of each vertex, RANKS to a word, within its patch, as many words as the patch's ``ranks`` take.
+
+        ``nothing`` is what each patch enters where a vertex has no more.
+        """
+        patch, lane = self.owner(vertices), self._lane[vertices]
+        start, order = ragged_rows(self.first[patch] + lane, len(self.vertices))
+        patch, lane = patch[order], lane[order]
+        rank = np.arange(len(order)) - start[self.first[patch] + lane]
+        size = words_of(ranks) * self.owned
+        begin = np.cumsum(size) - size
+        ranked = np.repeat(nothing, size)[:, None].repeat(RANKS, axis=1)
+        ranked[begin[patch] + rank // RANKS * self.owned[patch] + lane, rank % RANKS] = entries[order]
+        return ranked.astype(np.uint16).view(np.int32)
+
+
+def words_of(ranks: Keys) -> Keys:
+    """Words of RANKS numbers that so many take."""
+    return -(-ranks // RANKS)

@@ -3,6 +3,10 @@
 Two triangles that share an edge have four vertices and five edges: whoever works out both reads less of each, and keeps
 what it has read. A thread's *item* is such a pair, or a triangle that is left over. The shared edge is the item's, and
 of the others up to two, so that every item has about as much to do; edges that no item takes are *loose*.
+
+Threads are told of them in words: three of each item, the first ones of all a patch's items, then the second, then the
+third, then one of each loose edge. Where in a word what stands says kernels.limits. How an edge pulls and bends a word
+tells by a number of its patch's different laws, of which regular cloth has few.
 """
 
 from __future__ import annotations
