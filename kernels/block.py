@@ -83,9 +83,10 @@ _AWAIT = """
 #if defined(__CUDA_ARCH__)
     if (threadIdx.x == 0) {
         int done;
-        do
-            asm volatile("ld.acquire.gpu.global.s32 %0, [%1];" : "=r"(done) : "l"(told.data) : "memory");
+        do  // which leaves the core's cache to others
+            asm volatile("ld.relaxed.gpu.global.s32 %0, [%1];" : "=r"(done) : "l"(told.data) : "memory");
         while (done < tellers);
+        asm volatile("fence.acq_rel.gpu;" ::: "memory");
     }
     __syncthreads();
     if (threadIdx.x == blockDim.x - 1 && atomicAdd(told.data + 1, 1) == waiting - 1) {

@@ -115,6 +115,8 @@ _LEAVES_MEETING = (
 #define OF(value) __shfl_sync(0xffffffffu, value, asking)
         bool meets = (x0 <= OF(upper[0])) & (y0 <= OF(upper[1])) & (z0 <= OF(upper[2]))
             & (x1 >= OF(lower[0])) & (y1 >= OF(lower[1])) & (z1 >= OF(lower[2]));
+        if (__ballot_sync(0xffffffffu, meets) == 0)
+            continue;
         const int p = OF(first), q = OF(second);
 #undef OF
 #pragma unroll

@@ -4,8 +4,10 @@ import functools
 
 import warp as wp
 
+from warp_cloth.kernels.access import element
+from warp_cloth.kernels.arithmetic import inner, root, scaled_sum
 from warp_cloth.kernels.cloth import MODULE_OPTIONS, cloth_types
-from warp_cloth.kernels.touch import NOTHING, WHOLE, nearest_on_edges, nearest_on_triangle
+from warp_cloth.kernels.touch import NOTHING, nearest_functions
 
 # Sums are kept as whole numbers of these units: whole numbers add up to the same in every order, so that pairs may be
 # found and summed in any.
@@ -16,6 +18,8 @@ NO_LIMIT = wp.constant(wp.int32(2**31 - 1))  # room of a vertex with nothing nea
 
 # Of the distance between two bits of cloth, what each may move in an iteration: less than half, so they never pass.
 ROOM_SHARE = wp.constant(wp.float64(0.45))
+LONGER = wp.constant(1.000001)  # more than rounding makes a way shorter
+
 
 SHRUNK, GROWN = wp.constant(wp.float64(0.7)), wp.constant(wp.float64(1.5))  # of a skin, from search to search
 
@@ -24,6 +28,9 @@ ON_EDGE = wp.constant(wp.int32(1))  # two edges
 NEIGHBOURS = wp.constant(wp.int32(2))  # added where the two are near in the rest shape: they do not push
 
 EVER = wp.constant(wp.int64(2**62))  # farther than any vertex goes [ROOM_UNIT]; what is due beyond it never is
+
+REGIONS = 1024  # of vertices, at most; nothing is in that of number 0
+_REGION_BITS = 16  # of a word of four
 
 
 @wp.struct
@@ -45,11 +52,14 @@ class ClothContact:
     corners: wp.array(dtype=wp.vec4i)  # vertex and triangle, or the ends of two edges, shape [P]
     kind: wp.array(dtype=wp.int32)  # ON_TRIANGLE or ON_EDGE, and NEIGHBOURS or not, shape [P]
     lean: wp.array(dtype=wp.vec3f)  # how far the first has been dragged along the second [m], shape [P]
-    due: wp.array(dtype=wp.int64)  # how far any vertex has gone when a pair may be near again, of due_of, shape [P]
-    # how far vertices have gone, the farthest in each iteration [ROOM_UNIT]: what a move reads of the ways and writes
-    # for the next one lie apart, so that no thread of a launch reads what another one writes
-    way: wp.array(dtype=wp.int64)  # before the last press, and after it, shape [2]
-    stride: wp.array(dtype=wp.int32)  # of the last iteration and of this one, in turn, shape [2]
+    regions: wp.array(dtype=wp.uint64)  # of the four vertices, of pair_regions, shape [P]
+    due: wp.array(dtype=wp.int64)  # how far its regions have gone when a pair may be near again, of due_of, shape [P]
+    # how far vertices have gone, the farthest of each region in each iteration [ROOM_UNIT]: what a move reads of the
+    # ways and writes for the next one lie apart, so that no thread of a launch reads what another one writes
+    region: wp.array(dtype=wp.int32)  # of each vertex, which has others near it, shape [V]
+    region_count: int  # that of number 0 included
+    way: wp.array2d(dtype=wp.int64)  # before the last press, and after it, shape [2, REGIONS]
+    stride: wp.array2d(dtype=wp.int32)  # of the last iteration and of this one, in turn, shape [2, REGIONS]
     turn: wp.array(dtype=wp.int32)  # iterations before the last press, and after it, shape [2]
     # blocks that press while others work out patches, in one launch
     pressing: int  # how many; 0: pairs are pressed by a launch of their own
@@ -66,76 +76,115 @@ class ClothContact:
     moved: wp.array(dtype=wp.int32)  # whether it is time for another, shape [1]
 
 
-@wp.func
-def pair_weights(kind: int, x0: wp.vec3d, x1: wp.vec3d, x2: wp.vec3d, x3: wp.vec3d):
-    """Weights of the four vertices whose sum is the way from the second's nearest point to the first's."""
-    if kind == ON_TRIANGLE:
-        on = nearest_on_triangle(x0 - x1, x2 - x1, x3 - x1)
-        return wp.vec4d(WHOLE, -on[0], -on[1], -on[2])
-    at = nearest_on_edges(x1 - x0, x3 - x2, x0 - x2)
-    return wp.vec4d(WHOLE - at[0], at[0], at[1] - WHOLE, -at[1])
+@functools.cache
+def apart_function(precision: str, sort: int) -> wp.Function:
+    """The function that tells where the two of a pair of a sort (ON_TRIANGLE, ON_EDGE) are nearest, and how far apart.
+
+    Where is told in the precision of forces. The way from one to the other is summed from differences in float64: seen
+    from the second vertex nothing large cancels.
+    """
+    types = cloth_types(precision)
+    real, vec3, vec4, nearest = types.real, types.vec3, types.vec4, nearest_functions(types.real)
+    on_triangle, on_edges = nearest.on_triangle, nearest.on_edges
+    one = wp.constant(real(1.0))
+
+    @wp.func
+    def pair_apart(x0: wp.vec3d, x1: wp.vec3d, x2: wp.vec3d, x3: wp.vec3d):
+        """Weights of the four vertices whose sum is the way from the second's nearest point to the first's.
+
+        And this way [m], its square in float64 and its length.
+        """
+        d0, d2, d3 = x0 - x1, x2 - x1, x3 - x1
+        weights = vec4()
+        if wp.static(sort == 0):
+            on = on_triangle(vec3(d0), vec3(d2), vec3(d3))
+            weights = vec4(one, -on[0], -on[1], -on[2])
+        else:
+            at = on_edges(-vec3(d0), vec3(d3 - d2), vec3(d0 - d2))
+            weights = vec4(one - at[0], at[0], at[1] - one, -at[1])
+        w0, w2, w3 = wp.float64(weights[0]), wp.float64(weights[2]), wp.float64(weights[3])
+        # the weights sum to zero
+        way = scaled_sum(d3, w3, scaled_sum(d2, w2, d0 * w0))
+        square = inner(way, way)
+        return weights, vec3(way), square, root(real(square))
+
+    return pair_apart
+
+
+@wp.struct
+class ContactBefore:
+    """What is known of a vertex before pairs are pressed."""
+
+    gone: float  # how far it is from where it was at the last search [m]
+    skin: float  # ClothContact's [m]
+    room: float  # how far it may move [m], whatever is pressed
+    shift: wp.vec3f  # ClothContact's [m]
+    lift: float  # [m]
+    region: int
 
 
 @wp.func
-def pair_way(weights: wp.vec4d, x0: wp.vec3d, x1: wp.vec3d, x2: wp.vec3d, x3: wp.vec3d):
-    """The way from the second's nearest point to the first's [m], summed from differences."""
-    # the weights sum to zero: seen from x1 nothing large cancels
-    return weights[0] * (x0 - x1) + weights[2] * (x2 - x1) + weights[3] * (x3 - x1)
-
-
-@wp.func
-def contact_room(contact: ClothContact, vertex: int, position: wp.vec3d):
-    """How far a vertex may move [m] before it could meet something, known or not; leaves the room open.
+def contact_before(contact: ClothContact, vertex: int, position: wp.vec3d):
+    """What is known of a vertex before pairs are pressed.
 
     Whatever was farther off at the last search than both skins and the thickness cannot be met as long as none goes
     beyond its skin and half the thickness. While there is no room for all pairs nothing moves.
     """
-    count = contact.count[0]
-    nearest = contact.room[vertex]
-    searched = contact.searched[vertex]
-    skin = wp.float64(contact.skin[vertex])
-    known = ROOM_SHARE * contact.far
-    if nearest != NO_LIMIT:
-        known = wp.min(wp.float64(nearest) * ROOM_UNIT, known)
-        contact.room[vertex] = NO_LIMIT
-    if count > contact.corners.shape[0]:  # some pairs did not fit
-        known = NOTHING
-    unknown = skin + wp.float64(0.49) * contact.thickest - wp.length(position - searched)
-    return wp.max(wp.min(known, unknown), NOTHING)
+    before = ContactBefore()
+    way = wp.vec3f(position - element(contact.searched, vertex))
+    before.skin = element(contact.skin, vertex)
+    before.shift = element(contact.shift, vertex)
+    before.lift = element(contact.lift, vertex)
+    before.region = element(contact.region, vertex)
+    before.gone = root(inner(way, way))
+    unknown = before.skin + float(wp.float64(0.49) * contact.thickest) - before.gone
+    before.room = wp.max(wp.min(float(ROOM_SHARE * contact.far), unknown), float(0.0))
+    if element(contact.count, 0) > contact.corners.shape[0]:  # some pairs did not fit
+        before.room = float(0.0)
+    return before
 
 
-_RAISE = """
+@wp.func
+def contact_room(contact: ClothContact, vertex: int, before: ContactBefore):
+    """How far a vertex may move [m] before it could meet something, known or not; leaves the room open."""
+    nearest = element(contact.room, vertex)
+    if nearest == NO_LIMIT:
+        return before.room
+    contact.room[vertex] = NO_LIMIT
+    return wp.min(float(nearest) * float(ROOM_UNIT), before.room)
+
+
+_RAISE = f"""
 #if defined(__CUDA_ARCH__)
-    const unsigned int here = __activemask();
-    const int most = __reduce_max_sync(here, value);
-    if ((threadIdx.x & 31) == __ffs(here) - 1)
-        atomicMax(numbers.data + which, most);
+    atomicMax(numbers.data + {REGIONS} * row + which, value);
 #else
-    if (value > numbers.data[which])
-        numbers.data[which] = value;
+    if (value > numbers.data[{REGIONS} * row + which])
+        numbers.data[{REGIONS} * row + which] = value;
 #endif
 """
 
 
 @wp.func_native(_RAISE)
-def raise_to(numbers: wp.array(dtype=wp.int32), which: int, value: int):
-    """Raises a number to a value, if that is higher; threads that go together ask memory once."""
+def raise_to(numbers: wp.array2d(dtype=wp.int32), row: int, which: int, value: int):
+    """Raises a number to a value, if that is higher."""
     ...
 
 
 @wp.func
-def contact_watch(contact: ClothContact, vertex: int, position: wp.vec3d, move: wp.vec3d, turn: int):
-    """Notes how far a vertex went, and asks for another search where what it touches may not be known any more.
+def contact_watch(contact: ClothContact, vertex: int, before: ContactBefore, length: float, turn: int):
+    """Notes how far a vertex went [m], and asks for another search where what it touches may not be known any more.
 
-    ``turn`` is the contact's after the last press.
+    That is where it has used up its skin, or will have at the next look. ``turn`` is the contact's after the last
+    press.
     """
-    length = wp.length(move)
-    if skin_worn(contact, vertex, position, move) > WHOLE:
+    if before.gone + (float(1.0) + float(contact.ahead)) * length > before.skin:
         contact.moved[0] = 1
-    raise_to(contact.stride, turn & 1, wp.int32(length / ROOM_UNIT) + 1)
+    if before.region > 0:
+        raise_to(contact.stride, turn & 1, before.region, wp.int32(length * LONGER / float(ROOM_UNIT)) + 1)
+    if vertex < contact.region_count:  # of which there are fewer
+        contact.way[0, vertex] = contact.way[1, vertex]
     if vertex == 0:
         contact.turn[0] = turn
-        contact.way[0] = contact.way[1]
 
 
 @wp.func
@@ -164,22 +213,40 @@ def pair_reach(contact: ClothContact, corners: wp.vec4i, kind: int):
 
 
 @wp.func
-def contact_gone(contact: ClothContact):
-    """How far any vertex may have gone up to now [ROOM_UNIT]."""
-    even, odd = contact.stride[0], contact.stride[1]  # neither waits for the turn
-    return contact.way[0] + wp.int64(wp.where((contact.turn[0] & 1) == 0, even, odd))
+def region_gone(contact: ClothContact, region: int):
+    """How far any vertex of a region may have gone up to now [ROOM_UNIT]."""
+    even, odd = contact.stride[0, region], contact.stride[1, region]  # neither waits for the turn
+    return contact.way[0, region] + wp.int64(wp.where((contact.turn[0] & 1) == 0, even, odd))
 
 
 @wp.func
-def contact_way(contact: ClothContact, thread: int):
-    """The same; the first thread turns to the next iteration."""
-    turn = contact.turn[0]
-    way = contact_gone(contact)
-    if thread == 0:
-        contact.way[1] = way
-        contact.turn[1] = turn + 1
-        contact.stride[(turn + 1) & 1] = 0
-    return way
+def region_of(regions: wp.uint64, corner: int):
+    """One of the regions in a word of ``pair_regions``."""
+    return wp.int32((regions >> wp.uint64(wp.static(_REGION_BITS) * corner)) & wp.uint64(wp.static(REGIONS - 1)))
+
+
+@wp.func
+def pair_regions(contact: ClothContact, corners: wp.vec4i, kind: int):
+    """The regions whose ways together bound by how much a pair may have come nearer: each once of either side."""
+    first, second = int(contact.region[corners[0]]), int(contact.region[corners[1]])
+    third, fourth = int(contact.region[corners[2]]), int(contact.region[corners[3]])
+    if kind == ON_TRIANGLE:
+        third = wp.where(third == second, 0, third)
+        fourth = wp.where(fourth == second, 0, fourth)
+    else:
+        second = wp.where(second == first, 0, second)
+    fourth = wp.where(fourth == third, 0, fourth)
+    low = wp.uint64(first | (second << wp.static(_REGION_BITS)))
+    return low | (wp.uint64(third | (fourth << wp.static(_REGION_BITS))) << wp.uint64(wp.static(2 * _REGION_BITS)))
+
+
+@wp.func
+def pair_gone(contact: ClothContact, regions: wp.uint64):
+    """How far a pair's regions may have gone up to now, together [ROOM_UNIT]."""
+    gone = wp.int64(0)
+    for corner in range(4):
+        gone += region_gone(contact, region_of(regions, corner))
+    return gone
 
 
 @wp.func
@@ -189,50 +256,57 @@ def due_of(way: wp.int64, kind: int):
 
 
 @wp.func
-def due_after(contact: ClothContact, kind: int, distance: wp.float64, thickness: wp.float64, way: wp.int64):
-    """When a pair may be near that is so far apart [m] after a way; in the past if it is near.
+def due_after(contact: ClothContact, kind: int, distance: wp.float64, thickness: wp.float64, gone: wp.int64):
+    """When a pair may be near that is so far apart [m] after its regions have gone so far; in the past if it is near.
 
     No move is longer than what lies beyond the margin leaves room for.
     """
-    apart = wp.float64(0.5) * (distance - thickness - contact.margin) / ROOM_UNIT
-    return due_of(wp.where(apart > NOTHING, way + wp.int64(apart), wp.int64(-2)), kind)
+    apart = (distance - thickness - contact.margin) / ROOM_UNIT
+    return due_of(wp.where(apart > NOTHING, gone + wp.int64(apart), wp.int64(-2)), kind)
 
 
-@wp.func
-def contact_sum(contact: ClothContact, vertex: int):
-    """Force [N] and fourth part that contact adds at a vertex; leaves the sum at zero."""
-    x = contact.sum[vertex, 0]
-    y = contact.sum[vertex, 1]
-    z = contact.sum[vertex, 2]
-    part = contact.sum[vertex, 3]
-    if (x | y | z | part) != wp.int64(0):
-        for column in range(4):
-            contact.sum[vertex, column] = wp.int64(0)
-    force = wp.vec3d(wp.float64(x), wp.float64(y), wp.float64(z)) * FORCE_UNIT
-    return wp.vec4d(force[0], force[1], force[2], wp.float64(part) * STIFFNESS_UNIT)
+@functools.cache
+def sum_function(precision: str) -> wp.Function:
+    """The function that reads a vertex's sum."""
+    types = cloth_types(precision)
+    real, vec4 = types.real, types.vec4
+    force, stiffness = wp.constant(real(float(FORCE_UNIT))), wp.constant(real(float(STIFFNESS_UNIT)))
+
+    @wp.func
+    def contact_sum(contact: ClothContact, vertex: int):
+        """Force [N] and fourth part that contact adds at a vertex; leaves the sum at zero."""
+        x = contact.sum[vertex, 0]
+        y = contact.sum[vertex, 1]
+        z = contact.sum[vertex, 2]
+        part = contact.sum[vertex, 3]
+        if (x | y | z | part) != wp.int64(0):
+            for column in range(4):
+                contact.sum[vertex, column] = wp.int64(0)
+        return vec4(real(x) * force, real(y) * force, real(z) * force, real(part) * stiffness)
+
+    return contact_sum
 
 
 @wp.func
 def pair_thickness(contact: ClothContact, corners: wp.vec4i):
     """Thickness where two bits of cloth meet [m]: the mean of both."""
-    return wp.float64(0.5) * wp.float64(contact.thickness[corners[0]] + contact.thickness[corners[3]])
+    return float(0.5) * (contact.thickness[corners[0]] + contact.thickness[corners[3]])
 
 
 @wp.func
 def pair_cloth(contact: ClothContact, corners: wp.vec4i):
     """Thickness [m], modulus [N/m] and friction where two bits of cloth meet: the means of both."""
     first, second = corners[0], corners[3]
-    half = wp.float64(0.5)
-    modulus = wp.float64(contact.modulus[first] + contact.modulus[second])
-    friction = wp.float64(contact.friction[first] + contact.friction[second])
-    return wp.vec3d(pair_thickness(contact, corners), half * modulus, half * friction)
+    modulus = contact.modulus[first] + contact.modulus[second]
+    friction = contact.friction[first] + contact.friction[second]
+    return wp.vec3f(pair_thickness(contact, corners), float(0.5) * modulus, float(0.5) * friction)
 
 
 @functools.cache
 def add_kernel(precision: str) -> wp.Kernel:
     """Kernel ``add_contact``, which hands the sums on to what reads a load."""
     types = cloth_types(precision)
-    vec4 = types.vec4
+    vec4, contact_sum = types.vec4, sum_function(precision)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def add_contact(
@@ -241,6 +315,6 @@ def add_kernel(precision: str) -> wp.Kernel:
     ):
         """Adds a vertex's sum to its load, and leaves the sum at zero."""
         vertex = wp.tid()
-        load[vertex] = load[vertex] + vec4(contact_sum(contact, vertex))
+        load[vertex] = load[vertex] + contact_sum(contact, vertex)
 
     return add_contact

@@ -20,12 +20,12 @@ from warp_cloth.kernels.cloth_contact import (
     ON_EDGE,
     ON_TRIANGLE,
     ClothContact,
-    contact_gone,
+    apart_function,
     due_after,
+    pair_gone,
     pair_reach,
+    pair_regions,
     pair_thickness,
-    pair_way,
-    pair_weights,
 )
 from warp_cloth.kernels.contact_search import ContactSearch, group_box_function, room_around
 from warp_cloth.kernels.lean_memory import LeanMemory, remembered_lean
@@ -77,9 +77,11 @@ def keep_pair(
     """Counts a pair and, while there is room, keeps it, with the lean that it had before the search."""
     slot = next_slot(contact.count)
     if slot < contact.corners.shape[0]:
-        thickness = pair_thickness(contact, corners)
+        thickness = wp.float64(pair_thickness(contact, corners))
         contact.corners[slot] = corners
-        contact.due[slot] = due_after(contact, kind, distance, thickness, contact_gone(contact))
+        regions = pair_regions(contact, corners, kind)
+        contact.regions[slot] = regions
+        contact.due[slot] = due_after(contact, kind, distance, thickness, pair_gone(contact, regions))
         lean = wp.vec3f()
         if distance < thickness:
             lean = remembered_lean(memory, corners, kind)
@@ -88,19 +90,17 @@ def keep_pair(
 
 
 @functools.cache
-def distance_function(precision: str) -> wp.Function:
-    """The function that tells how far apart a pair is."""
-    Cloth, at = cloth_types(precision).Cloth, place_function(precision)
+def distance_function(precision: str, sort: int) -> wp.Function:
+    """The function that tells how far apart a pair of a sort is."""
+    Cloth, at, pair_apart = cloth_types(precision).Cloth, place_function(precision), apart_function(precision, sort)
 
     @wp.func
-    def pair_distance(cloth: Cloth, corners: wp.vec4i, kind: int):
+    def pair_distance(cloth: Cloth, corners: wp.vec4i):
         """How far apart a pair is [m]."""
-        x0 = at(cloth.position, corners[0])
-        x1 = at(cloth.position, corners[1])
-        x2 = at(cloth.position, corners[2])
-        x3 = at(cloth.position, corners[3])
-        weights = pair_weights(kind, x0, x1, x2, x3)
-        return wp.length(pair_way(weights, x0, x1, x2, x3))
+        x0, x1 = at(cloth.position, corners[0]), at(cloth.position, corners[1])
+        x2, x3 = at(cloth.position, corners[2]), at(cloth.position, corners[3])
+        _weights, _way, _square, distance = pair_apart(x0, x1, x2, x3)
+        return wp.float64(distance)
 
     return pair_distance
 
@@ -108,7 +108,8 @@ def distance_function(precision: str) -> wp.Function:
 @functools.cache
 def keep_function(precision: str) -> wp.Function:
     """The function that looks closely at what may be near."""
-    Cloth, pair_distance = cloth_types(precision).Cloth, distance_function(precision)
+    Cloth = cloth_types(precision).Cloth
+    to_triangle, to_edge = distance_function(precision, 0), distance_function(precision, 1)
 
     @wp.func
     def keep_on_triangle(
@@ -116,7 +117,7 @@ def keep_function(precision: str) -> wp.Function:
     ):
         """Keeps a vertex and a triangle if they are near each other."""
         corners = wp.vec4i(vertex, t[0], t[1], t[2])
-        distance = pair_distance(cloth, corners, ON_TRIANGLE)
+        distance = to_triangle(cloth, corners)
         if distance < pair_reach(contact, corners, ON_TRIANGLE):
             near = rest_near(search, vertex, t[0]) or rest_near(search, vertex, t[1])
             near = near or rest_near(search, vertex, t[2])
@@ -128,7 +129,7 @@ def keep_function(precision: str) -> wp.Function:
     ):
         """Keeps two edges if they are near each other."""
         corners = wp.vec4i(e[0], e[1], o[0], o[1])
-        distance = pair_distance(cloth, corners, ON_EDGE)
+        distance = to_edge(cloth, corners)
         if distance < pair_reach(contact, corners, ON_EDGE):
             near = rest_near(search, e[0], o[0]) or rest_near(search, e[0], o[1])
             near = near or rest_near(search, e[1], o[0]) or rest_near(search, e[1], o[1])

@@ -5,6 +5,7 @@ import functools
 import warp as wp
 
 from warp_cloth.kernels.access import element, put
+from warp_cloth.kernels.arithmetic import inner, root
 from warp_cloth.kernels.block import (
     BLOCK_THREADS,
     FEW_PER_CORE,
@@ -21,7 +22,15 @@ from warp_cloth.kernels.block import (
 )
 from warp_cloth.kernels.cloth import MODULE_OPTIONS, Patch, cloth_types, free_function
 from warp_cloth.kernels.cloth_contact import contact_watch
-from warp_cloth.kernels.displacement import AHEAD, colliders_type, displacement, spares_looks, step_bound, touch_type
+from warp_cloth.kernels.displacement import (
+    AHEAD,
+    before_functions,
+    colliders_type,
+    displacement,
+    spares_looks,
+    step_bound,
+    touch_type,
+)
 from warp_cloth.kernels.field import fetch_field, field_contact
 from warp_cloth.kernels.gather import patch_functions
 from warp_cloth.kernels.limits import BLOCKS_PER_CORE, Terms
@@ -90,6 +99,7 @@ def displace_kernel(
     Touch = touch_type(touches)
     held_vertex = held_function(precision, accelerated, in_order=False)
     free = free_function(precision, pins)
+    _, told_before = before_functions(touches)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def displace_vertices(
@@ -118,15 +128,18 @@ def displace_kernel(
         turn = int(0)
         if wp.static(touches):
             turn = touch.turn[1]
+        before = told_before(touch, vertex, wp.vec3d(element(cloth.position, vertex)))
         if free(cloth, vertex):
             held = held_vertex(cloth, vertex)
-            move, kept, stiffness = vertex_displacement(cloth, step, colliders, touch, sum, held, vertex, number, item)
+            move, kept, stiffness = vertex_displacement(
+                cloth, step, colliders, touch, before, sum, held, vertex, number, item
+            )
             cloth.move[vertex] = kept
             cloth.position[vertex] = held.position + point(move)
             if wp.static(accelerated):
                 cloth.stiffness[vertex] = stiffness
         if wp.static(touches):
-            contact_watch(touch, vertex, wp.vec3d(cloth.position[vertex]), wp.vec3d(move), turn)
+            contact_watch(touch, vertex, before, float(root(inner(move, move))), turn)
 
     return displace_vertices
 
@@ -142,6 +155,7 @@ def end_function(
     )  # fmt: skip
     vertex_displacement = displacement(precision, accelerated, contact, collider_type, touches)
     Colliders, Touch = colliders_type(contact, collider_type), touch_type(touches)
+    Before, _ = before_functions(touches)
     order = order_functions(precision, in_order=not touches)
     put_position, put_move = order.put_position, order.put_move
 
@@ -150,6 +164,7 @@ def end_function(
         step: Step,
         colliders: Colliders,
         touch: Touch,
+        before: Before,
         cloth: Cloth,
         load: types.vec4,
         held: Vertex,
@@ -166,14 +181,16 @@ def end_function(
         if wp.static(touches):
             turn = touch.turn[1]  # before anything is written, after which a GPU would wait for it
         if moves:
-            move, kept, stiffness = vertex_displacement(cloth, step, colliders, touch, load, held, vertex, number, item)
+            move, kept, stiffness = vertex_displacement(
+                cloth, step, colliders, touch, before, load, held, vertex, number, item
+            )
             if wp.static(accelerated):
                 put(cloth.stiffness, vertex, stiffness)
         put_move(move_out, vertex, kept)
         position = held.position + point(move)
         put_position(position_out, vertex, position)
         if wp.static(touches):
-            contact_watch(touch, vertex, wp.vec3d(position), wp.vec3d(move), turn)
+            contact_watch(touch, vertex, before, float(root(inner(move, move))), turn)
 
     return end_vertex
 
@@ -202,7 +219,8 @@ def advance_kernel(
     many = BLOCKS_PER_CORE if asks_little else MEETING_PER_CORE
     bounds = BLOCK_THREADS, FEW_PER_CORE if few else many
     types = cloth_types(precision)
-    point, Cloth, Step = types.point, types.Cloth, types.Step
+    point, vec4, Cloth, Step = types.point, types.vec4, types.Cloth, types.Step
+    _, told_before = before_functions(touches)
     end_vertex = end_function(precision, accelerated, contact, collider_type, touches)
     Touch = touch_type(touches)
     bound = step_bound(accelerated, contact, touches)
@@ -263,24 +281,36 @@ def advance_kernel(
         if wp.static(keeps):
             work_corners(patches, patch, beside, step, lane, work)
         edges, triangles = wp.vec4i(work.edges), wp.vec4i(work.triangles)
-        if wp.static(presses):
+        wait_for_block()
+        if wp.static(presses):  # all that need not wait for those that press
+            known = told_before(touch, vertex, wp.vec3d(held.position))
+            sum = vec4()
+            if local < patch.owned_count:
+                sum = vertex_load(patches, patch, beside, work.memory, local, edges, triangles)
             await_blocks(touch.told, touch.pressing, touch.waiting)
-        else:
-            wait_for_block()
-        if wp.static(fits):
+            if local < patch.owned_count:
+                end_vertex(
+                    step, colliders, touch, known, cloth, sum, held, vertex, moves, patch.item, item,
+                    position_out, move_out,
+                )  # fmt: skip
+        elif wp.static(fits):
             if local < patch.owned_count:
                 load = vertex_load(patches, patch, beside, work.memory, local, edges, triangles)
+                before = told_before(touch, vertex, wp.vec3d(held.position))
                 end_vertex(
-                    step, colliders, touch, cloth, load, held, vertex, moves, patch.item, item, position_out, move_out
-                )
+                    step, colliders, touch, before, cloth, load, held, vertex, moves, patch.item, item,
+                    position_out, move_out,
+                )  # fmt: skip
         else:
             while local < patch.owned_count:
                 vertex = own_vertex(patches, patch, local)
                 held, moves = held_vertex(cloth, vertex), free(cloth, vertex)
                 load = vertex_load(patches, patch, beside, work.memory, local, edges, triangles)
+                before = told_before(touch, vertex, wp.vec3d(held.position))
                 end_vertex(
-                    step, colliders, touch, cloth, load, held, vertex, moves, patch.item, item, position_out, move_out
-                )
+                    step, colliders, touch, before, cloth, load, held, vertex, moves, patch.item, item,
+                    position_out, move_out,
+                )  # fmt: skip
                 local += patch_threads()
                 edges, triangles = vertex_slots(patches, patch, local)
 

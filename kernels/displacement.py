@@ -7,7 +7,13 @@ import warp as wp
 
 from warp_cloth.kernels.arithmetic import inner, quotient, root, scaled_sum, shaped
 from warp_cloth.kernels.cloth import cloth_types
-from warp_cloth.kernels.cloth_contact import ClothContact, contact_room, contact_sum
+from warp_cloth.kernels.cloth_contact import (
+    ClothContact,
+    ContactBefore,
+    contact_before,
+    contact_room,
+    sum_function,
+)
 from warp_cloth.kernels.field import field_clearance, field_contact
 from warp_cloth.kernels.friction import friction_slide
 from warp_cloth.kernels.leeway import changed_leeway_function
@@ -61,6 +67,17 @@ class NoClothContact:
 def touch_type(touches: bool) -> type:
     """The struct that tells of cloth on cloth, where it is told at all."""
     return ClothContact if touches else NoClothContact
+
+
+@wp.func
+def nothing_before(touch: NoClothContact, vertex: int, position: wp.vec3d):
+    """What is known where nothing is met."""
+    return NoClothContact()
+
+
+def before_functions(touches: bool) -> tuple[type, wp.Function]:
+    """The struct of what is known of a vertex before pairs of cloth are pressed, and the function that tells it."""
+    return (ContactBefore, contact_before) if touches else (NoClothContact, nothing_before)
 
 
 def wears(accelerated: bool, contact: wp.Function | None, touches: bool = False) -> bool:
@@ -283,7 +300,8 @@ def displacement(
     real, vec3, vec4, Vertex, Step, Item = types.real, types.vec3, types.vec4, types.Vertex, types.Step, types.Item
     Cloth = types.Cloth
     Colliders, Touch = colliders_type(contact, collider_type), touch_type(touches)
-    own_move = free_move(precision, accelerated, contact, touches)
+    own_move, contact_sum = free_move(precision, accelerated, contact, touches), sum_function(precision)
+    Before, _ = before_functions(touches)
     meets = precision, accelerated, contact, collider_type, touches, spares
     met_move = None if contact is None else meeting(*meets)
 
@@ -293,6 +311,7 @@ def displacement(
         step: Step,
         colliders: Colliders,
         touch: Touch,
+        before: Before,
         load: vec4,
         held: Vertex,
         vertex: int,
@@ -301,18 +320,17 @@ def displacement(
     ):
         """Displacement of a vertex, the part of it that has momentum, and the stiffness that it went by.
 
-        ``number`` is of the item that the vertex belongs to.
+        ``before`` of ``before_functions``; ``number`` is of the item that the vertex belongs to.
         """
         shift = vec3()
         lift = float(0.0)
         room, pressed = real(0.0), real(0.0)
         if wp.static(touches):  # asked for at once: a GPU waits for memory far longer than it works
-            touched = vec4(contact_sum(touch, vertex))
+            touched = contact_sum(touch, vertex)
             load += touched
             pressed = touched[3]
-            room = real(contact_room(touch, vertex, wp.vec3d(held.position)))
-            shift = vec3(touch.shift[vertex])
-            lift = touch.lift[vertex]
+            room = real(contact_room(touch, vertex, before))
+            shift, lift = vec3(before.shift), float(before.lift)
         move, stiffness = own_move(cloth, step, load, pressed, held, vertex, item)
         if wp.static(touches):
             move += shift

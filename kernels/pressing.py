@@ -1,53 +1,105 @@
 """What pairs of cloth nearer than the thickness do to their vertices, summed for the next move."""
 
 import functools
+from types import SimpleNamespace
 
 import warp as wp
 
+from warp_cloth.kernels.access import element
+from warp_cloth.kernels.arithmetic import inner, quotient, root, scaled_sum
 from warp_cloth.kernels.block import BLOCK_THREADS, own_memory
 from warp_cloth.kernels.cloth import MODULE_OPTIONS, cloth_types, place_function
 from warp_cloth.kernels.cloth_contact import (
     EVER,
     FORCE_UNIT,
     NEIGHBOURS,
+    REGIONS,
     ROOM_SHARE,
     ROOM_UNIT,
     STIFFNESS_UNIT,
     ClothContact,
-    contact_way,
+    apart_function,
     due_after,
     pair_cloth,
-    pair_way,
-    pair_weights,
 )
 from warp_cloth.kernels.friction import friction_slide
 from warp_cloth.kernels.limits import BLOCK_MEMORY
-from warp_cloth.kernels.touch import (
-    NOTHING,
-    WHOLE,
-    slant_share,
-    slant_slope,
-    squeeze_energy,
-    squeeze_force,
-    squeeze_stiffness,
-)
+from warp_cloth.kernels.touch import slant_functions, squeeze_functions
 
 ROUNDS = 4  # of a block's threads: for how many pairs each looks at once whether they may be near
-QUEUED = BLOCK_MEMORY // 4 - 2  # pairs that a block has room for; those that may be near are pressed at a time
+# Pairs that a block has room for beside how far each region has gone; those that may be near are pressed at a time.
+QUEUED = (BLOCK_MEMORY - 8 * REGIONS) // 4 - 2
+REGION_TURNS = -(-REGIONS // BLOCK_THREADS)  # of a block's threads, a region each
 
-LEAST_SHARE = wp.constant(wp.float64(0.02))  # of the thickness; nearer than this, force and stiffness grow no more
+LEAST_SHARE = 0.02  # of the thickness; nearer than this, force and stiffness grow no more
 
 # Threads lean over by this share of the thickness before one layer slides on the other.
-LEAN = wp.constant(wp.float64(0.2))
+LEAN = 0.2
 
 
-@wp.func
-def add_share(sum: wp.array2d(dtype=wp.int64), vertex: int, force: wp.vec3d, part: wp.float64):
-    """Adds a force [N] and a fourth part to a vertex's sum."""
-    wp.atomic_add(sum, vertex, 0, wp.int64(force[0] / FORCE_UNIT))
-    wp.atomic_add(sum, vertex, 1, wp.int64(force[1] / FORCE_UNIT))
-    wp.atomic_add(sum, vertex, 2, wp.int64(force[2] / FORCE_UNIT))
-    wp.atomic_add(sum, vertex, 3, wp.int64(part / STIFFNESS_UNIT))
+_ADD_SHARE = """
+    const wp::int64 share[4] = {x, y, z, part};
+    wp::int64* const to = sum.data + 4 * vertex;
+#pragma unroll
+    for (int k = 0; k < 4; ++k)
+#if defined(__CUDA_ARCH__)
+        atomicAdd((unsigned long long*)to + k, (unsigned long long)share[k]);
+#else
+        to[k] += share[k];
+#endif
+"""
+
+_NARROW = """
+#if defined(__CUDA_ARCH__)
+    atomicMin(rooms.data + vertex, room);
+#else
+    if (room < rooms.data[vertex])
+        rooms.data[vertex] = room;
+#endif
+"""
+
+
+@wp.func_native(_ADD_SHARE)
+def add_whole(sum: wp.array2d(dtype=wp.int64), vertex: int, x: wp.int64, y: wp.int64, z: wp.int64, part: wp.int64):
+    """Adds to a vertex's sum."""
+    wp.atomic_add(sum, vertex, 0, x)
+
+
+@wp.func_native(_NARROW)
+def narrow(rooms: wp.array(dtype=wp.int32), vertex: int, room: int):
+    """Leaves a vertex no more than this room."""
+    wp.atomic_min(rooms, vertex, room)
+
+
+@functools.cache
+def add_functions(real: type) -> SimpleNamespace:
+    """Functions ``add_pair`` and ``add_turns``, which share out forces of a precision to vertices' sums."""
+    vec3, vec4 = wp.types.vector(3, real), wp.types.vector(4, real)
+    by_force, by_stiffness = wp.constant(real(1.0 / float(FORCE_UNIT))), wp.constant(real(1.0 / float(STIFFNESS_UNIT)))
+
+    @wp.func
+    def add_share(sum: wp.array2d(dtype=wp.int64), vertex: int, force: vec3, part: real):
+        """Adds a force [N] and a fourth part to a vertex's sum."""
+        whole = force * by_force
+        add_whole(
+            sum, vertex, wp.int64(whole[0]), wp.int64(whole[1]), wp.int64(whole[2]), wp.int64(part * by_stiffness)
+        )
+
+    @wp.func
+    def add_pair(sum: wp.array2d(dtype=wp.int64), corners: wp.vec4i, weights: vec4, force: vec3, part: real):
+        """Adds the force on a pair's first [N], shared out by its weights, and as much of a fourth part."""
+        for corner in range(4):
+            add_share(sum, corners[corner], weights[corner] * force, wp.abs(weights[corner]) * part)
+
+    @wp.func
+    def add_turns(sum: wp.array2d(dtype=wp.int64), corners: wp.vec4i, turn_0: vec3, turn_1: vec3, part: real):
+        """Adds what turns two edges away from each other [N], and a fourth part."""
+        add_share(sum, corners[0], turn_0, part)
+        add_share(sum, corners[1], -turn_0, part)
+        add_share(sum, corners[2], turn_1, part)
+        add_share(sum, corners[3], -turn_1, part)
+
+    return SimpleNamespace(add_pair=add_pair, add_turns=add_turns)
 
 
 @wp.func
@@ -58,49 +110,36 @@ def leave_room(
     corners: wp.vec4i,
     distance: wp.float64,
     thickness: wp.float64,
-    way: wp.int64,
+    gone: wp.int64,
 ):
     """Narrows the room of a pair's vertices, or where it is far apart says when to look at it again."""
     if distance > thickness + contact.margin:
-        contact.due[pair] = due_after(contact, kind, distance, thickness, way)
+        contact.due[pair] = due_after(contact, kind, distance, thickness, gone)
     else:
         room = wp.int32(ROOM_SHARE * distance / ROOM_UNIT)
         for corner in range(4):
-            wp.atomic_min(contact.room, corners[corner], room)
-
-
-@wp.func
-def add_pair(contact: ClothContact, corners: wp.vec4i, weights: wp.vec4d, force: wp.vec3d, part: wp.float64):
-    """Adds the force on a pair's first [N], shared out by its weights, and as much of a fourth part."""
-    for corner in range(4):
-        add_share(contact.sum, corners[corner], weights[corner] * force, wp.abs(weights[corner]) * part)
-
-
-@wp.func
-def add_turns(contact: ClothContact, corners: wp.vec4i, turn_0: wp.vec3d, turn_1: wp.vec3d, part: wp.float64):
-    """Adds what turns two edges away from each other [N], and a fourth part."""
-    add_share(contact.sum, corners[0], turn_0, part)
-    add_share(contact.sum, corners[1], -turn_0, part)
-    add_share(contact.sum, corners[2], turn_1, part)
-    add_share(contact.sum, corners[3], -turn_1, part)
+            narrow(contact.room, corners[corner], room)
 
 
 @functools.cache
-def turn_function(fourth: str) -> wp.Function:
+def turn_function(precision: str, fourth: str) -> wp.Function:
     """The function that turns nearly parallel edges, with a fourth part as of ``press_kernel``."""
+    types = cloth_types(precision)
+    real, vec3 = types.real, types.vec3
+    slope, add_turns = slant_functions(real).slope, add_functions(real).add_turns
 
     @wp.func
-    def turn_apart(contact: ClothContact, corners: wp.vec4i, along_0: wp.vec3d, along_1: wp.vec3d, energy: wp.float64):
+    def turn_apart(contact: ClothContact, corners: wp.vec4i, along_0: vec3, along_1: vec3, energy: real):
         """Adds what turns two edges away from each other; ``energy`` by the squared sine between them [J]."""
-        turn_0 = slant_slope(along_0, along_1) * energy
-        turn_1 = slant_slope(along_1, along_0) * energy
-        part = NOTHING
+        turn_0 = slope(along_0, along_1) * energy
+        turn_1 = slope(along_1, along_0) * energy
+        part = real(0.0)
         if wp.static(fourth == "stiffness"):
-            shorter = wp.min(wp.length_sq(along_0), wp.length_sq(along_1))
-            part = wp.float64(4.0) * energy / wp.max(shorter, wp.float64(1.0e-12))
+            shorter = wp.min(inner(along_0, along_0), inner(along_1, along_1))
+            part = quotient(real(4.0) * energy, wp.max(shorter, real(1.0e-12)))
         if wp.static(fourth == "size"):
-            part = wp.max(wp.length(turn_0), wp.length(turn_1))
-        add_turns(contact, corners, turn_0, turn_1, part)
+            part = root(wp.max(inner(turn_0, turn_0), inner(turn_1, turn_1)))
+        add_turns(contact.sum, corners, turn_0, turn_1, part)
 
     return turn_apart
 
@@ -109,68 +148,82 @@ def turn_function(fourth: str) -> wp.Function:
 def pair_function(precision: str, fourth: str, sort: int) -> wp.Function:
     """The function that presses a pair of a sort (ON_TRIANGLE, ON_EDGE) apart; others as of ``press_kernel``."""
     types = cloth_types(precision)
-    Cloth, Step = types.Cloth, types.Step
-    at, turn_apart = place_function(precision), turn_function(fourth)
+    Cloth, Step, real, vec2, vec3 = types.Cloth, types.Step, types.real, types.vec2, types.vec3
+    at, turn_apart, pair_apart = (
+        place_function(precision),
+        turn_function(precision, fourth),
+        apart_function(precision, sort),
+    )
+    squeeze, slant_share, add_pair = squeeze_functions(real), slant_functions(real).share, add_functions(real).add_pair
+    squeeze_force, squeeze_stiffness, squeeze_energy = squeeze.force, squeeze.stiffness, squeeze.energy
+    one, nothing, least = wp.constant(real(1.0)), wp.constant(real(0.0)), wp.constant(real(LEAST_SHARE))
+    most, by_lean = wp.constant(real(1.0 / LEAST_SHARE)), wp.constant(real(1.0 / LEAN))
 
     @wp.func
-    def press_pair(step: Step, cloth: Cloth, contact: ClothContact, pair: int, gone: wp.int64):
-        """Adds what a pair does to its four vertices, and narrows their room; ``gone`` as of ``contact_way``.
+    def press_pair(step: Step, cloth: Cloth, contact: ClothContact, pair: int, place: int):
+        """Adds what a pair does to its four vertices, and narrows their room; ``place`` of ``turn_on``.
 
         All that is read of a pair is asked for at once: a GPU waits for memory far longer than it works.
         """
-        corners = contact.corners[pair]
-        kind = contact.kind[pair]
-        lean = wp.vec3d(contact.lean[pair])
+        corners = element(contact.corners, pair)
+        kind = element(contact.kind, pair)
+        lean = vec3(element(contact.lean, pair))
+        gone = wp.int64(0)
+        if wp.static(fourth != "size"):
+            gone = gone_together(place, contact.way, element(contact.regions, pair))
         x0, x1 = at(cloth.position, corners[0]), at(cloth.position, corners[1])
         x2, x3 = at(cloth.position, corners[2]), at(cloth.position, corners[3])
         cloth_there = pair_cloth(contact, corners)
-        move0, move1, move2, move3 = wp.vec3d(), wp.vec3d(), wp.vec3d(), wp.vec3d()
+        move0, move1, move2, move3 = vec3(), vec3(), vec3(), vec3()
         if wp.static(fourth != "size"):
-            move0, move1 = wp.vec3d(cloth.move[corners[0]]), wp.vec3d(cloth.move[corners[1]])
-            move2, move3 = wp.vec3d(cloth.move[corners[2]]), wp.vec3d(cloth.move[corners[3]])
-        weights = pair_weights(wp.static(sort), x0, x1, x2, x3)
-        way = pair_way(weights, x0, x1, x2, x3)
-        distance = wp.length(way)
-        thickness, modulus = cloth_there[0], cloth_there[1]
-        thinness = WHOLE / thickness  # [1/m]
+            move0, move1 = element(cloth.move, corners[0]), element(cloth.move, corners[1])
+            move2, move3 = element(cloth.move, corners[2]), element(cloth.move, corners[3])
+        weights, way, square, distance = pair_apart(x0, x1, x2, x3)
+        thickness, modulus = real(cloth_there[0]), real(cloth_there[1])
         if wp.static(fourth != "size"):
-            leave_room(contact, pair, wp.static(sort), corners, distance, thickness, gone)
-        if kind >= NEIGHBOURS or distance >= thickness or distance <= NOTHING:
+            leave_room(contact, pair, wp.static(sort), corners, wp.float64(distance), wp.float64(cloth_there[0]), gone)
+        if kind >= NEIGHBOURS or distance >= thickness or distance <= nothing:
             if wp.static(fourth != "size"):
                 contact.lean[pair] = wp.vec3f()
             return
         # few divisions, each of which takes as long as all else
-        inverse = WHOLE / distance
+        inverse, thinness = quotient(one, distance), quotient(one, thickness)  # [1/m]
         normal = way * inverse
-        x, inverse = wp.max(distance * thinness, LEAST_SHARE), wp.min(thickness * inverse, WHOLE / LEAST_SHARE)
-        share = wp.vec2d(WHOLE, NOTHING)
+        x, inverse = wp.max(distance * thinness, least), wp.min(thickness * inverse, most)
+        thick = wp.float64(cloth_there[0])
+        y = quotient(real(thick * thick - square), thickness * (thickness + distance))  # 1 - x, to its last digits
+        y = wp.clamp(y, nothing, one - least)
+        along_0, along_1 = vec3(), vec3()
+        share = vec2(one, nothing)
         if wp.static(sort == 1):
-            share = slant_share(x1 - x0, x3 - x2)
-        push = share[0] * squeeze_force(x, inverse, thickness, modulus)
+            along_0, along_1 = vec3(x1 - x0), vec3(x3 - x2)
+            share = slant_share(along_0, along_1)
+        push = share[0] * squeeze_force(y, inverse, thickness, modulus)
         # how far the first's nearest point moved in the last iteration against the second's
-        change = weights[0] * move0 + weights[1] * move1 + weights[2] * move2 + weights[3] * move3
+        change = scaled_sum(move1, weights[1], move0 * weights[0])
+        change = scaled_sum(move3, weights[3], scaled_sum(move2, weights[2], change))
         lean += change
-        lean -= normal * wp.dot(normal, lean)
-        lean -= friction_slide(lean, normal, LEAN * thickness, cloth_there[2])
-        grip = push * thinness * (WHOLE / LEAN)
+        lean -= normal * inner(normal, lean)
+        lean -= friction_slide(lean, normal, real(LEAN) * thickness, real(cloth_there[2]))
+        grip = push * thinness * by_lean
         force = normal * push - lean * grip
-        part = NOTHING
+        part = nothing
         if wp.static(fourth == "stiffness"):
-            approach = -wp.dot(normal, change)
-            closing = wp.max(wp.float64(step.reach) * approach * thinness, NOTHING)
-            nearer = wp.max(x - closing, wp.float64(0.5) * x)
-            stiffness = share[0] * squeeze_stiffness(WHOLE / nearer, modulus)
-            force += normal * (wp.float64(step.viscosity) * stiffness * approach)
-            part = wp.float64(2.0) * (stiffness + grip)  # the weights' sizes sum to two
+            approach = -inner(normal, change)
+            closing = wp.max(real(step.reach) * approach * thinness, nothing)
+            nearer = wp.max(x - closing, real(0.5) * x)
+            stiffness = share[0] * squeeze_stiffness(quotient(one, nearer), modulus)
+            force += normal * (real(step.viscosity) * stiffness * approach)
+            part = real(2.0) * (stiffness + grip)  # the weights' sizes sum to two
         if wp.static(fourth == "size"):
-            part = push + grip * wp.length(lean)
+            part = push + grip * root(inner(lean, lean))
         if wp.static(fourth != "size"):
             contact.lean[pair] = wp.vec3f(lean)
-        add_pair(contact, corners, weights, force, part)
+        add_pair(contact.sum, corners, weights, force, part)
         if wp.static(sort == 1):
-            if share[1] > NOTHING:  # nearly parallel edges also turn
-                energy = share[1] * squeeze_energy(x, inverse, thickness, modulus)
-                turn_apart(contact, corners, x1 - x0, x3 - x2, energy)
+            if share[1] > nothing:  # nearly parallel edges also turn
+                energy = share[1] * squeeze_energy(y, inverse, thickness, modulus)
+                turn_apart(contact, corners, along_0, along_1, energy)
 
     return press_pair
 
@@ -178,6 +231,59 @@ def pair_function(precision: str, fourth: str, sort: int) -> wp.Function:
 # Of a block's threads, those that press vertices on triangles; the others press edges: threads that go together would
 # wait for each other where their pairs are of two kinds.
 ON_TRIANGLES = 64
+
+_GONE = """
+    wp::int64 gone = 0;
+#pragma unroll
+    for (int corner = 0; corner < 4; ++corner)
+        gone += %(table)s[(int)(%(regions)s >> 16 * corner & 65535u)];
+"""
+_TABLE = f"""
+#if defined(__CUDA_ARCH__)
+    wp::int64* const table = (wp::int64*)__cvta_shared_to_generic(place);
+#else
+    const wp::int64* const table = way.data + {REGIONS};  // what one thread has written for the next move
+#endif
+"""
+
+_TURN_ON = f"""
+    const int at = turn.data[0], odd = at & 1;
+#if defined(__CUDA_ARCH__)
+    {_TABLE}
+    wp::int64 gone[{REGION_TURNS}];
+#pragma unroll
+    for (int k = 0; k < {REGION_TURNS}; ++k) {{  // all asked for at once
+        const int region = threadIdx.x + {BLOCK_THREADS} * k;
+        if (region < count)
+            gone[k] = way.data[region] + (odd ? stride.data[{REGIONS} + region] : stride.data[region]);
+    }}
+#pragma unroll
+    for (int k = 0; k < {REGION_TURNS}; ++k) {{
+        const int region = threadIdx.x + {BLOCK_THREADS} * k;
+        if (region < count) {{
+            table[region] = gone[k];
+            if (blockIdx.x == 0) {{
+                way.data[{REGIONS} + region] = gone[k];
+                stride.data[{REGIONS} * (1 - odd) + region] = 0;
+            }}
+        }}
+    }}
+    if (blockIdx.x == 0 && threadIdx.x == 0)
+        turn.data[1] = at + 1;
+#else
+    for (int region = 0; region < count; ++region) {{
+        way.data[{REGIONS} + region] = way.data[region] + stride.data[{REGIONS} * odd + region];
+        stride.data[{REGIONS} * (1 - odd) + region] = 0;
+    }}
+    turn.data[1] = at + 1;
+#endif
+"""
+
+_GONE_TOGETHER = f"""
+    {_TABLE}
+    {_GONE % {"table": "table", "regions": "regions"}}
+    return gone;
+"""
 
 _OWN = f"""
     // pairs next to each other come due together: a warp takes some here and there
@@ -191,7 +297,7 @@ _LOOK = f"""
     {_OWN}
 #pragma unroll
     for (int round = 0; round < {ROUNDS}; ++round)
-        found[round] = own + round * ahead < due.shape[0] ? due.data[own + round * ahead] : 0;
+        found[round] = own + round * ahead < asked.shape[0] ? asked.data[own + round * ahead] : 0;
 #endif
     return found;
 """
@@ -199,9 +305,10 @@ _LOOK = f"""
 _QUEUE = f"""
 #if defined(__CUDA_ARCH__)
     {_OWN}
-    int* queue = (int*)__cvta_shared_to_generic(place);  // of both kinds how many, and those, from either end
+    {_TABLE}
+    int* queue = (int*)(table + {REGIONS});  // of both kinds how many, and those, from either end
     if (anew != 0) {{
-        __syncthreads();  // till those queued before are done
+        __syncthreads();  // till those queued before are done, and it is known how far regions have gone
         if (threadIdx.x < 2)
             queue[threadIdx.x] = 0;
         __syncthreads();
@@ -210,7 +317,13 @@ _QUEUE = f"""
 #pragma unroll
     for (int round = 0; round < {ROUNDS}; ++round) {{
         const int pair = own + round * ahead;
-        const bool near = pair < count && dues[round] <= gone, edges = dues[round] & 1;
+        const bool edges = dues[round] & 1;
+        wp::int64 limit = {int(EVER)}ll;
+        if (all == 0) {{
+            {_GONE % {"table": "table", "regions": "regions[round]"}}
+            limit = gone;
+        }}
+        const bool near = pair < count && dues[round] <= limit;
 #pragma unroll
         for (int kind = 0; kind < 2; ++kind) {{
             const unsigned int mask = __ballot_sync(0xffffffffu, near && edges == (kind == 1));
@@ -233,11 +346,20 @@ _QUEUE = f"""
 """
 
 _QUEUED = f"""
+    {_TABLE}
 #if defined(__CUDA_ARCH__)
-    const int* queue = (const int*)__cvta_shared_to_generic(place);
+    const int* queue = (const int*)(table + {REGIONS});
     return queue[kind == 0 ? 2 + number : {QUEUED + 1} - number];
 #else
-    return due.data[first + number] <= gone && (due.data[first + number] & 1) == kind ? first + number : -1;
+    const wp::int64 due = dues.data[first + number];
+    if ((due & 1) != kind)
+        return -1;
+    wp::int64 limit = {int(EVER)}ll;
+    if (all == 0) {{
+        {_GONE % {"table": "table", "regions": "regions.data[first + number]"}}
+        limit = gone;
+    }}
+    return due <= limit ? first + number : -1;
 #endif
 """
 
@@ -270,31 +392,70 @@ _STRIDE = f"""
 """
 
 
-@wp.func_native(_LOOK)
-def look_due(due: wp.array(dtype=wp.int64), first: int, blocks: int) -> wp.types.vector(length=ROUNDS, dtype=wp.int64):
-    """When a thread's share of the pairs may be near, ROUNDS for each of so many blocks' threads; a GPU's only."""
+@wp.func_native(_TURN_ON)
+def turn_on(
+    place: int,
+    way: wp.array2d(dtype=wp.int64),
+    stride: wp.array2d(dtype=wp.int32),
+    turn: wp.array(dtype=wp.int32),
+    count: int,
+):
+    """Has a block keep how far each of so many regions has gone; the first block notes it for the next iteration."""
+    way[1, place] = way[0, place] + wp.int64(stride[turn[0] & 1, place])
+    stride[1, place] = 0
+    turn[1] = turn[0] + 1
+
+
+@wp.func_native(_GONE_TOGETHER)
+def gone_together(place: int, way: wp.array2d(dtype=wp.int64), regions: wp.uint64) -> wp.int64:
+    """How far a pair's regions have gone together, of ``turn_on``."""
     ...
+
+
+for _dtype in (wp.int64, wp.uint64):
+
+    @wp.func_native(_LOOK.replace("wp::int64", f"wp::{_dtype.__name__}"))
+    def look_due(asked: wp.array(dtype=_dtype), first: int, blocks: int) -> wp.types.vector(
+        length=ROUNDS, dtype=_dtype
+    ):
+        """When a thread's share of the pairs may be near, or their regions, ROUNDS for each of so many blocks' threads.
+
+        A GPU's only.
+        """
+        ...
 
 
 @wp.func_native(_QUEUE)
 def queue_due(
     place: int,
     dues: wp.types.vector(length=ROUNDS, dtype=wp.int64),
+    regions: wp.types.vector(length=ROUNDS, dtype=wp.uint64),
+    way: wp.array2d(dtype=wp.int64),
     first: int,
     count: int,
-    gone: wp.int64,
+    all: int,
     blocks: int,
     anew: int,
 ) -> wp.vec2i:
     """Has a block queue its share of the pairs that may be near; for how many of each kind to ask ``queued``.
 
-    ``dues`` of ``look_due``, of pairs from a first one to before ``count``; ``anew``: and forget those queued before.
+    ``dues`` and ``regions`` of ``look_due``, of pairs from a first one to before ``count``; ``all``: whatever regions
+    have gone; ``anew``: and forget those queued before.
     """
     ...
 
 
 @wp.func_native(_QUEUED)
-def queued(place: int, due: wp.array(dtype=wp.int64), first: int, kind: int, number: int, gone: wp.int64) -> int:
+def queued(
+    place: int,
+    dues: wp.array(dtype=wp.int64),
+    regions: wp.array(dtype=wp.uint64),
+    way: wp.array2d(dtype=wp.int64),
+    first: int,
+    kind: int,
+    number: int,
+    all: int,
+) -> int:
     """One of those queued; on the CPU, where a block is one thread, -1 where the pair is another's."""
     ...
 
@@ -323,17 +484,18 @@ def queued_function(precision: str, fourth: str, sort: int) -> wp.Function:
     types = cloth_types(precision)
     Cloth, Step = types.Cloth, types.Step
     press_pair = pair_function(precision, fourth, sort)
+    all = int(fourth == "size")
 
     @wp.func
-    def press_queued(
-        step: Step, cloth: Cloth, contact: ClothContact, place: int, begin: int, total: int, gone: wp.int64
-    ):
+    def press_queued(step: Step, cloth: Cloth, contact: ClothContact, place: int, begin: int, total: int):
         """Presses those of so many that are a thread's."""
         number = first_queued(wp.static(sort))
         while number < total:
-            pair = queued(place, contact.due, begin, wp.static(sort), number, gone)
+            pair = queued(
+                place, contact.due, contact.regions, contact.way, begin, wp.static(sort), number, wp.static(all)
+            )
             if pair >= 0:
-                press_pair(step, cloth, contact, pair, gone)
+                press_pair(step, cloth, contact, pair, place)
             number += queue_stride(wp.static(sort))
 
     return press_queued
@@ -346,6 +508,7 @@ def press_function(precision: str, fourth: str) -> wp.Function:
     Cloth, Step = types.Cloth, types.Step
     press_on_triangles = queued_function(precision, fourth, 0)
     press_on_edges = queued_function(precision, fourth, 1)
+    all = int(fourth == "size")
 
     @wp.func
     def press_share(step: Step, cloth: Cloth, contact: ClothContact, thread: int, blocks: int):
@@ -355,24 +518,25 @@ def press_function(precision: str, fourth: str) -> wp.Function:
         """
         first = int(0)
         dues = look_due(contact.due, first, blocks)  # asked for at once with what follows
+        regions = look_due(contact.regions, first, blocks)
         count = contact.count[0]
-        gone = EVER
+        place = own_memory()
         if wp.static(fourth != "size"):
-            gone = contact_way(contact, thread)
+            turn_on(place, contact.way, contact.stride, contact.turn, contact.region_count)
         if count > contact.corners.shape[0]:  # nothing moves: which pairs found room is chance
             count = 0
-        place = own_memory()
         anew = int(1)
         while first < count:
-            total = queue_due(place, dues, first, count, gone, blocks, anew)
+            total = queue_due(place, dues, regions, contact.way, first, count, wp.static(all), blocks, anew)
             begin = int(first)
             first += ROUNDS * BLOCK_THREADS * blocks
             dues = look_due(contact.due, first, blocks)
+            regions = look_due(contact.regions, first, blocks)
             anew = int(0)
             if first >= count or total[0] + total[1] > queue_room():
                 anew = int(1)
-                press_on_triangles(step, cloth, contact, place, begin, total[0], gone)
-                press_on_edges(step, cloth, contact, place, begin, total[1], gone)
+                press_on_triangles(step, cloth, contact, place, begin, total[0])
+                press_on_edges(step, cloth, contact, place, begin, total[1])
 
     return press_share
 

@@ -1,127 +1,156 @@
-"""Two bits of cloth that touch: where they are nearest, and how hard their fabric pushes back when squeezed."""
+"""Two bits of cloth that touch: where they are nearest, and how hard their fabric pushes back when squeezed.
+
+In float32 where forces are: how far apart two bits are is subtracted in float64, and where they are nearest need not be
+known so well, as the distance is least there.
+"""
+
+import functools
+from types import SimpleNamespace
 
 import warp as wp
+
+from warp_cloth.kernels.arithmetic import inner, quotient, scaled_sum
 
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})  # the same bits on CPU and CUDA
 
 # Squared sine of the angle between two edges below which they count less and less: parallel edges have no single
 # nearest point, and a jump there would be a jump in the force. Their ends still meet the triangles.
-PARALLEL = wp.constant(wp.float64(0.01))
+PARALLEL = 0.01
 NOTHING = wp.constant(wp.float64(0.0))
 WHOLE = wp.constant(wp.float64(1.0))
+LEAST = 1e-30  # what is divided by is no less: only where an edge or a triangle has no size would it be
 
 
-@wp.func
-def clamped(value: wp.float64):
-    """The value, kept in [0, 1]."""
-    return wp.clamp(value, NOTHING, WHOLE)
+@functools.cache
+def nearest_functions(real: type) -> SimpleNamespace:
+    """Functions ``on_triangle`` and ``on_edges`` in float32 or float64, in which vectors are given, too."""
+    vec2, vec3 = wp.types.vector(2, real), wp.types.vector(3, real)
+    nothing, whole_one, least = wp.constant(real(0.0)), wp.constant(real(1.0)), wp.constant(real(LEAST))
+
+    @wp.func
+    def clamped(value: real):
+        """The value, kept in [0, 1]."""
+        return wp.clamp(value, nothing, whole_one)
+
+    @wp.func
+    def on_triangle(p: vec3, ab: vec3, ac: vec3):
+        """Barycentric coordinates of the point of the triangle a b c nearest to a point; all vectors from a.
+
+        Ericson, Real-Time Collision Detection, 5.1.5: by the Voronoi region in which the point lies.
+        """
+        d1 = inner(ab, p)
+        d2 = inner(ac, p)
+        bp = p - ab
+        d3 = inner(ab, bp)
+        d4 = inner(ac, bp)
+        cp = p - ac
+        d5 = inner(ab, cp)
+        d6 = inner(ac, cp)
+        va = d3 * d6 - d5 * d4
+        vb = d5 * d2 - d1 * d6
+        vc = d1 * d4 - d3 * d2
+        at_a = d1 <= nothing and d2 <= nothing
+        at_b = d3 >= nothing and d4 <= d3
+        at_c = d6 >= nothing and d5 <= d6
+        on_ab = vc <= nothing and d1 >= nothing and d3 <= nothing
+        on_ac = vb <= nothing and d2 >= nothing and d6 <= nothing
+        on_bc = va <= nothing and d4 - d3 >= nothing and d5 - d6 >= nothing
+        # threads that go together take one way through all: a GPU's would wait for each other's
+        whole = wp.where(on_bc, (d4 - d3) + (d5 - d6), va + vb + vc)
+        whole = wp.where(on_ac, d2 - d6, whole)
+        whole = wp.where(on_ab, d1 - d3, whole)
+        share = quotient(whole_one, wp.max(whole, least))
+        v = wp.where(on_ab, d1, vb) * share
+        w = wp.where(on_ac, d2, wp.where(on_bc, d4 - d3, vc)) * share
+        on = vec3(va * share, v, w)
+        on = wp.where(on_bc, vec3(nothing, whole_one - w, w), on)
+        on = wp.where(on_ac, vec3(whole_one - w, nothing, w), on)
+        on = wp.where(at_c, vec3(nothing, nothing, whole_one), on)
+        on = wp.where(on_ab, vec3(whole_one - v, v, nothing), on)
+        on = wp.where(at_b, vec3(nothing, whole_one, nothing), on)
+        return wp.where(at_a, vec3(whole_one, nothing, nothing), on)
+
+    @wp.func
+    def on_edges(along_0: vec3, along_1: vec3, between: vec3):
+        """Shares s, t of the way along two edges where they are nearest; ``between`` is first start less second start.
+
+        Ericson, Real-Time Collision Detection, 5.1.9; by cross products, which lose fewer digits where edges are
+        nearly parallel than the difference of their lengths' product and their dot product's square.
+        """
+        a = inner(along_0, along_0)
+        e = inner(along_1, along_1)
+        b = inner(along_0, along_1)
+        c = inner(along_0, between)
+        f = inner(along_1, between)
+        share_0, share_1 = quotient(whole_one, wp.max(a, least)), quotient(whole_one, wp.max(e, least))
+        cross = wp.cross(along_0, along_1)
+        slant = inner(cross, cross)
+        s = clamped(quotient(inner(wp.cross(along_1, between), cross), wp.max(slant, least)))
+        t = (b * s + f) * share_1
+        beyond = clamped(wp.where(t < nothing, -c, b - c) * share_0)
+        return vec2(wp.where(t < nothing or t > whole_one, beyond, s), clamped(t))
+
+    return SimpleNamespace(on_triangle=on_triangle, on_edges=on_edges)
 
 
-@wp.func
-def nearest_on_triangle(p: wp.vec3d, ab: wp.vec3d, ac: wp.vec3d):
-    """Barycentric coordinates of the point of the triangle a b c nearest to a point; all vectors from a.
+nearest_on_triangle = nearest_functions(wp.float64).on_triangle
 
-    Ericson, Real-Time Collision Detection, 5.1.5: by the Voronoi region in which the point lies.
+
+@functools.cache
+def squeeze_functions(real: type) -> SimpleNamespace:
+    """Functions ``energy``, ``force`` and ``stiffness`` of two bits of cloth nearer than their thickness h.
+
+    E = m h^2 (1/x + 3 x - x^2 - 3) = m h^2 y^3 / x, x = d / h, y = 1 - x: zero with zero slope and curvature at x = 1,
+    without bound towards x = 0; ``modulus`` m [N/m], ``inverse`` 1/x. As products, which lose no digits near x = 1
+    where y is known as well.
     """
-    d1 = wp.dot(ab, p)
-    d2 = wp.dot(ac, p)
-    bp = p - ab
-    d3 = wp.dot(ab, bp)
-    d4 = wp.dot(ac, bp)
-    cp = p - ac
-    d5 = wp.dot(ab, cp)
-    d6 = wp.dot(ac, cp)
-    va = d3 * d6 - d5 * d4
-    vb = d5 * d2 - d1 * d6
-    vc = d1 * d4 - d3 * d2
-    at_a = d1 <= NOTHING and d2 <= NOTHING
-    at_b = d3 >= NOTHING and d4 <= d3
-    at_c = d6 >= NOTHING and d5 <= d6
-    on_ab = vc <= NOTHING and d1 >= NOTHING and d3 <= NOTHING
-    on_ac = vb <= NOTHING and d2 >= NOTHING and d6 <= NOTHING
-    on_bc = va <= NOTHING and d4 - d3 >= NOTHING and d5 - d6 >= NOTHING
-    # threads that go together take one way through all: a GPU's would wait for each other's
-    whole = wp.where(on_bc, (d4 - d3) + (d5 - d6), va + vb + vc)
-    whole = wp.where(on_ac, d2 - d6, whole)
-    whole = wp.where(on_ab, d1 - d3, whole)
-    share = WHOLE / whole
-    u = va * share
-    v = wp.where(on_ab, d1, vb) * share
-    w = wp.where(on_ac, d2, wp.where(on_bc, d4 - d3, vc)) * share
-    on = wp.vec3d(u, v, w)
-    on = wp.where(on_bc, wp.vec3d(NOTHING, WHOLE - w, w), on)
-    on = wp.where(on_ac, wp.vec3d(WHOLE - w, NOTHING, w), on)
-    on = wp.where(at_c, wp.vec3d(NOTHING, NOTHING, WHOLE), on)
-    on = wp.where(on_ab, wp.vec3d(WHOLE - v, v, NOTHING), on)
-    on = wp.where(at_b, wp.vec3d(NOTHING, WHOLE, NOTHING), on)
-    return wp.where(at_a, wp.vec3d(WHOLE, NOTHING, NOTHING), on)
+    one, two, three = wp.constant(real(1.0)), wp.constant(real(2.0)), wp.constant(real(3.0))
+
+    @wp.func
+    def energy(y: real, inverse: real, thickness: real, modulus: real):
+        """Energy [J]."""
+        return modulus * thickness * thickness * (y * y * y * inverse)
+
+    @wp.func
+    def force(y: real, inverse: real, thickness: real, modulus: real):
+        """Force [N] that pushes them apart, -dE/dd = m h (1/x^2 - 3 + 2 x) = m h (y/x)^2 (3 - 2 y)."""
+        steep = y * inverse
+        return modulus * thickness * (steep * steep * (three - two * y))
+
+    @wp.func
+    def stiffness(inverse: real, modulus: real):
+        """Stiffness [N/m], d2E/dd2 = 2 m (1/x^3 - 1)."""
+        return two * modulus * (inverse * inverse * inverse - one)
+
+    return SimpleNamespace(energy=energy, force=force, stiffness=stiffness)
 
 
-@wp.func
-def nearest_on_edges(along_0: wp.vec3d, along_1: wp.vec3d, between: wp.vec3d):
-    """Shares s, t of the way along two edges where they are nearest; ``between`` is first start less second start.
+@functools.cache
+def slant_functions(real: type) -> SimpleNamespace:
+    """Functions ``share`` and ``slope`` of two edges that are nearly parallel."""
+    vec2, vec3 = wp.types.vector(2, real), wp.types.vector(3, real)
+    one, two, least = wp.constant(real(1.0)), wp.constant(real(2.0)), wp.constant(real(LEAST))
+    by_parallel = wp.constant(real(1.0 / PARALLEL))
 
-    Ericson, Real-Time Collision Detection, 5.1.9.
-    """
-    a = wp.dot(along_0, along_0)
-    e = wp.dot(along_1, along_1)
-    b = wp.dot(along_0, along_1)
-    c = wp.dot(along_0, between)
-    f = wp.dot(along_1, between)
-    if a <= NOTHING and e <= NOTHING:
-        return wp.vec2d(NOTHING, NOTHING)
-    if a <= NOTHING:
-        return wp.vec2d(NOTHING, clamped(f / e))
-    if e <= NOTHING:
-        return wp.vec2d(clamped(-c / a), NOTHING)
-    share_0, share_1 = WHOLE / a, WHOLE / e
-    slant = a * e - b * b
-    s = wp.where(slant > NOTHING, clamped((b * f - c * e) / slant), NOTHING)
-    t = (b * s + f) * share_1
-    beyond = clamped(wp.where(t < NOTHING, -c, b - c) * share_0)
-    return wp.vec2d(wp.where(t < NOTHING or t > WHOLE, beyond, s), clamped(t))
+    @wp.func
+    def share(along_0: vec3, along_1: vec3):
+        """What a pair of edges counts for, 0 to 1, and its derivative by the squared sine q of the angle between them.
 
+        m = (q/e) (2 - q/e) below e = PARALLEL, 1 above (after Li et al. 2020, Incremental Potential Contact, eq. 24).
+        """
+        cross = wp.cross(along_0, along_1)
+        size = wp.max(inner(along_0, along_0) * inner(along_1, along_1), least)
+        share = quotient(inner(cross, cross), size) * by_parallel
+        if share >= one:
+            return vec2(one, real(0.0))
+        return vec2(share * (two - share), two * (one - share) * by_parallel)
 
-@wp.func
-def squeeze_energy(x: wp.float64, inverse: wp.float64, thickness: wp.float64, modulus: wp.float64):
-    """Energy [J] of two bits of cloth nearer than their thickness h: E = m h^2 (1/x + 3 x - x^2 - 3), x = d / h.
+    @wp.func
+    def slope(along: vec3, other: vec3):
+        """Gradient by ``along`` of the squared sine of the angle between two edges [1/m]."""
+        a = wp.max(inner(along, along), least)
+        dot = inner(along, other)
+        scale = quotient(two * dot, wp.max(a * inner(other, other), least))
+        return scaled_sum(along, quotient(dot, a), -other) * scale
 
-    Zero with zero slope and curvature at x = 1, without bound towards x = 0; ``modulus`` m [N/m], ``inverse`` 1/x.
-    """
-    return modulus * thickness * thickness * (inverse + wp.float64(3.0) * x - x * x - wp.float64(3.0))
-
-
-@wp.func
-def squeeze_force(x: wp.float64, inverse: wp.float64, thickness: wp.float64, modulus: wp.float64):
-    """Force [N] that pushes them apart, -dE/dd = m h (1/x^2 - 3 + 2 x)."""
-    return modulus * thickness * (inverse * inverse - wp.float64(3.0) + wp.float64(2.0) * x)
-
-
-@wp.func
-def squeeze_stiffness(inverse: wp.float64, modulus: wp.float64):
-    """Its stiffness [N/m], d2E/dd2 = 2 m (1/x^3 - 1)."""
-    return wp.float64(2.0) * modulus * (inverse * inverse * inverse - WHOLE)
-
-
-@wp.func
-def slant_share(along_0: wp.vec3d, along_1: wp.vec3d):
-    """What a pair of edges counts for, 0 to 1, and its derivative by the squared sine q of the angle between them.
-
-    m = (q/e) (2 - q/e) below e = PARALLEL, 1 above (after Li et al. 2020, Incremental Potential Contact, eq. 24).
-    """
-    a = wp.dot(along_0, along_0)
-    e = wp.dot(along_1, along_1)
-    cross = wp.cross(along_0, along_1)
-    share = wp.dot(cross, cross) / (PARALLEL * wp.max(a * e, wp.float64(1.0e-60)))
-    if share >= WHOLE:
-        return wp.vec2d(WHOLE, NOTHING)
-    return wp.vec2d(share * (wp.float64(2.0) - share), wp.float64(2.0) * (WHOLE - share) / PARALLEL)
-
-
-@wp.func
-def slant_slope(along: wp.vec3d, other: wp.vec3d):
-    """Gradient by ``along`` of the squared sine of the angle between two edges [1/m]."""
-    a = wp.dot(along, along)
-    dot = wp.dot(along, other)
-    scale = wp.float64(2.0) * dot / wp.max(a * wp.dot(other, other), wp.float64(1.0e-60))
-    return scale * (along * (dot / wp.max(a, wp.float64(1.0e-60))) - other)
+    return SimpleNamespace(share=share, slope=slope)

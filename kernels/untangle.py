@@ -19,6 +19,10 @@ LAYERS = wp.constant(wp.int32(1))  # crosses another layer: which way is out is 
 ITSELF = wp.constant(wp.int32(2))  # crosses its own garment, or one of the same layer
 RING = wp.constant(wp.int32(16))  # searches that a tangle must last before one more ring of vertices is smoothed
 WIDEST = wp.constant(wp.int32(8 * 16))  # of those rings
+# Layers that have crossed for so many times this number of searches are parted by shifts so many times as long, up to
+# so many times: where taut cloth holds them, as under an arm, shorter ones would lead nowhere.
+PATIENCE = wp.constant(wp.float64(32.0))
+INSISTENCE = wp.constant(wp.float64(4.0))
 SMOOTHING = wp.constant(wp.float64(0.2))  # share of the way to the mean of its neighbours that a vertex is shifted
 TRIANGLE = wp.constant(wp.int64(2**32 - 1))  # the part of ``Untangling.beyond`` that names one
 ASTRIDE = wp.constant(wp.float64(0.5))  # cosine to the normal below which a nearest point tells no side
@@ -33,6 +37,8 @@ class Untangling:
     beside_start: wp.array(dtype=wp.int32)  # rows of the vertices that an edge joins to each one, shape [V + 1]
     beside: wp.array(dtype=wp.int32)  # those vertices, shape [2 E]
     crosses: wp.array(dtype=wp.int32)  # whether a vertex belongs to what crosses, LAYERS or ITSELF, shape [V]
+    age: wp.array(dtype=wp.int32)  # for how many searches it or those beside it have crossed other layers, shape [V]
+    grown: wp.array(dtype=wp.int32)  # the same after this search, shape [V]
     level: wp.array(dtype=wp.int32)  # how far round it the tangle is smoothed [1 / RING rings], shape [V]
     layer: wp.array(dtype=wp.int32)  # garments of one item from the inside out, shape [V]
     own: wp.array(dtype=wp.vec2i)  # of a vertex's layer, its first triangle in the tree and its last's next, shape [V]
@@ -93,6 +99,7 @@ def forget_tangles(search: ContactSearch, untangling: Untangling, meetings: Meet
     """Forgets what crossed at the last search."""
     vertex = wp.tid()
     untangling.level[vertex] = search.tangled[vertex]
+    untangling.age[vertex] = untangling.grown[vertex]
     untangling.crosses[vertex] = 0
     untangling.beyond[vertex] = ranked(untangling.layer_reach)
     forget_meetings(meetings, vertex)
@@ -220,6 +227,7 @@ def settle_kernel(precision: str) -> wp.Kernel:
         if vertex == 0:
             search.whole[0] = 0
         level = int(0)
+        age = int(untangling.age[vertex])
         mean = wp.vec3d()
         x = at(cloth.position, vertex)
         first = untangling.beside_start[vertex]
@@ -227,6 +235,7 @@ def settle_kernel(precision: str) -> wp.Kernel:
         for row in range(first, last):
             other = untangling.beside[row]
             level = wp.max(level, untangling.level[other] - RING)
+            age = wp.max(age, untangling.age[other])
             mean += at(cloth.position, other) - x
         if untangling.crosses[vertex] == ITSELF:
             level = wp.max(level, wp.clamp(untangling.level[vertex] + 1, RING, WIDEST))
@@ -235,8 +244,11 @@ def settle_kernel(precision: str) -> wp.Kernel:
             wp.atomic_add(untangling.count, 2, 1)
         count = untangling.sum[vertex, 3]
         shift = wp.vec3d()
+        crosses = untangling.crosses[vertex] == LAYERS
+        untangling.grown[vertex] = wp.where(crosses, age + 1, wp.max(untangling.age[vertex] - 1, 0))
         if count > wp.int64(0):
-            scale = SHIFT_UNIT / wp.float64(count)
+            insistence = wp.clamp(wp.float64(age) / PATIENCE, WHOLE, INSISTENCE)
+            scale = SHIFT_UNIT * insistence / wp.float64(count)
             dx = wp.float64(untangling.sum[vertex, 0])
             dy = wp.float64(untangling.sum[vertex, 1])
             shift = wp.vec3d(dx, dy, wp.float64(untangling.sum[vertex, 2])) * scale

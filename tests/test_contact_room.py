@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from sheets import crumpled, sheets_at
+from cloths import NO_PINS, grid
+from sheets import crumpled, iterate, lying, moved, sheets_at
+from touching import edge_weights, triangle_weights
 
 from warp_cloth.solver.relax import Collider, Relaxation, StepOptions
+from warp_cloth.study.pressed import four_regions
 
 
 @pytest.mark.parametrize("share", [0.3, 0.9])
@@ -26,3 +29,31 @@ def test_what_lacks_room_stands_still_whichever_pairs_had_some(share: float) -> 
     relaxation.forget_graphs()
     relaxation.iterate(1)
     assert np.array_equal(held, model.cloth.stiffness.numpy())
+
+
+def test_what_is_left_alone_is_farther_apart_than_may_meet_in_a_move() -> None:
+    below, above = lying(grid(6, 0.1)), moved(lying(grid(10, 0.16)), -0.03, 0.01, 0.03)
+    pins = [np.arange(36, dtype=np.int32), NO_PINS]
+    model, touch, _ = sheets_at([below, above], pins=pins, precision="mixed")
+    relaxation = Relaxation(model, Collider(), StepOptions(), touch)
+    touch.awaken()
+    touch.untangles = False
+    iterate(relaxation, 160)  # it has come near, and falls on in folds
+    found = 0
+    for _ in range(20):
+        relaxation.iterate(3)
+        data, points = touch.data, model.points()
+        count = int(data.count.numpy()[0])
+        gone = data.way.numpy()[0] + data.stride.numpy()[data.turn.numpy()[0] % 2]
+        due = data.due.numpy()[:count]
+        alone = np.flatnonzero(due > gone[four_regions(data.regions.numpy()[:count])].sum(axis=1))
+        assert len(alone) < count
+        for corners, kind in zip(data.corners.numpy()[alone], data.kind.numpy()[alone], strict=True):
+            x = points[corners]
+            weights = [1.0, *-triangle_weights(x[0], x[1:])]
+            if kind & 1:
+                s, t = edge_weights(*x)
+                weights = [1.0 - s, s, t - 1.0, -t]
+            assert np.linalg.norm(np.array(weights) @ x) > 0.999 * data.far
+        found += len(alone)
+    assert found > 1000

@@ -188,6 +188,17 @@ def pressed(*heights: float, name: str = "press_pairs") -> tuple[Launch, Uses]:
     return launch, array_uses(launch.kernel)
 
 
+def has_come(arrays: dict[str, np.ndarray]) -> np.ndarray:
+    """Whether the time of each pair has come, by how far the regions of its vertices have gone, shape [N]."""
+    gone = arrays["contact.way"][0] + arrays["contact.stride"][arrays["contact.turn"][0] % 2]
+    count = arrays["contact.count"][0]
+    together = [
+        sum(gone[int(word) >> 16 * corner & 0xFFFF] for corner in range(4))
+        for word in arrays["contact.regions"][:count]
+    ]
+    return arrays["contact.due"][:count] <= np.array(together, dtype=np.int64)
+
+
 def test_leeway_is_asked_for_by_cloth_that_has_some() -> None:
     sphere = {"kind": "sphere", "radius": 0.2, "centre": [0.0, 1.2, -0.1], "edge_mm": 80}
     tree = {"garment": {"shape": SQUARE, "fabric": WOVEN}, "avatar": {"shape": sphere}, "collision": {"pixel_mm": 20}}
@@ -214,8 +225,7 @@ def test_of_pairs_those_are_asked_for_whose_time_has_come_and_of_sums_those_of_p
     launch, uses = pressed(0.0, 0.0005, 0.0015, 0.011)
     arrays = {name: array.numpy() for name, array in launch.arrays().items() if name.startswith("contact.")}
     pairs = range(arrays["contact.count"][0])
-    gone = arrays["contact.way"][0] + arrays["contact.stride"][arrays["contact.turn"][0] % 2]
-    come = [pair for pair in pairs if arrays["contact.due"][pair] <= gone]
+    come = np.flatnonzero(has_come(arrays)).tolist()
     press = [pair for pair in come if arrays["contact.lean"][pair].any()]
     assert 0 < len(press) < len(come) < len(pairs)
     corners, pressed_corners = (
@@ -235,9 +245,7 @@ def test_of_pairs_those_are_asked_for_whose_time_has_come_and_of_sums_those_of_p
 def test_sums_are_asked_for_number_by_number_by_the_pairs_that_press() -> None:
     launch, uses = pressed(0.0, 0.0005, 0.0015, 0.011)
     arrays = {name: array.numpy() for name, array in launch.arrays().items() if name.startswith("contact.")}
-    count = arrays["contact.count"][0]
-    gone = arrays["contact.way"][0] + arrays["contact.stride"][arrays["contact.turn"][0] % 2]
-    come = arrays["contact.due"][:count] <= gone
+    count, come = arrays["contact.count"][0], has_come(arrays)
     press = come & arrays["contact.lean"][:count].any(axis=1)
     moved = sectors._Moved(launch, uses)
     rows = []
@@ -305,8 +313,8 @@ def test_of_what_is_asked_for_here_and_there_a_core_holds_as_large_a_share_as_ha
 
 def test_what_registers_do_not_hold_is_stored_as_threads_look_ahead_and_for_each_pair_of_edges() -> None:
     turn = 4 * 192
-    assert unregistered(100, 192, turn, 50) == 2 * 32 * 192 + 68 * 50
-    assert unregistered(100, 192, turn + 1, 50) == 3 * 32 * 192 + 68 * 50
+    assert unregistered(100, 192, turn, 50) == 2 * 64 * 192 + 36 * 50
+    assert unregistered(100, 192, turn + 1, 50) == 3 * 64 * 192 + 36 * 50
     assert unregistered(20, 192, turn, 50) == 2 * 20 * 192
     assert unregistered(100, 192, 0, 0) == 0
 
@@ -323,9 +331,7 @@ def test_of_what_a_pair_has_of_its_cloth_the_first_and_the_last_corner_are_asked
     assert uses.picked["contact.thickness"] == uses.picked["contact.friction"] == {0, 3}
     assert ANY in uses.picked["cloth.position"]
     arrays = {name: array.numpy() for name, array in launch.arrays().items() if name.startswith("contact.")}
-    come = arrays["contact.due"][: arrays["contact.count"][0]] <= arrays["contact.way"][0] + max(
-        arrays["contact.stride"]
-    )
+    come = has_come(arrays)
     corners = arrays["contact.corners"][: len(come)][come][:, [0, 3]]
     (found,) = asked(launch, uses, "contact.thickness").values()
     assert {sector for _, sector in found} <= sectors_of(set(corners.ravel().tolist()), 4)

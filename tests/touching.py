@@ -11,9 +11,9 @@ from warp_cloth.collide.cloth import ClothTouch
 from warp_cloth.mesh import Points
 
 PARALLEL = 0.01  # squared sine below which two edges count less
-# The sums are kept in units of 2^-36 N; a vertex here adds up at most 200 pairs. Thickness and modulus are float32.
+# The sums are kept in units of 2^-36 N; a vertex here adds up at most 200 pairs, each worked out in float32.
 FORCE_ROUNDING = 200 * 2.0**-36  # [N]
-RELATIVE_ROUNDING = 1e-6
+RELATIVE_ROUNDING = 5e-6
 
 
 class Pair(NamedTuple):

@@ -18,7 +18,7 @@ from warp_cloth.collide.untangling import sheet_untangling
 from warp_cloth.garment.part import GarmentPart
 from warp_cloth.kernels.block import BLOCK_THREADS, FEW_PER_CORE
 from warp_cloth.kernels.box_tree import WIDTH
-from warp_cloth.kernels.cloth_contact import NO_LIMIT, ClothContact, add_kernel
+from warp_cloth.kernels.cloth_contact import NO_LIMIT, REGIONS, ClothContact, add_kernel
 from warp_cloth.kernels.contact_pairs import groups_kernel, leaves_kernel, pairs_kernel
 from warp_cloth.kernels.contact_search import ContactSearch, box_kernel, box_rest, start_kernel
 from warp_cloth.kernels.crossing_search import crossing_groups_kernel, crossing_leaves_kernel, crossings_kernel
@@ -26,7 +26,7 @@ from warp_cloth.kernels.lean_memory import LeanMemory
 from warp_cloth.kernels.meeting import APART, LISTING, PARTS, Meetings
 from warp_cloth.kernels.pressing import press_kernel
 from warp_cloth.kernels.untangle import forget_tangles, layers_kernel, settle_kernel, spare_tangled
-from warp_cloth.mesh import Points
+from warp_cloth.mesh import Indices, Points
 from warp_cloth.model import ClothModel
 
 log = logging.getLogger(__name__)
@@ -48,11 +48,11 @@ LARGEST_SKIN = 0.5
 LEAST_SKIN = 0.3
 # Of the skin: pairs within it are looked at in every iteration, and no move is longer than about half of it and the
 # thickness; less once forces have balanced, when moves are short.
-FAR_SHARE = 0.25
-NEARER_SHARE = 0.02
+FAR_SHARE = 0.06
+NEARER_SHARE = 0.005
 PAIRS_PER_VERTEX = 3  # to begin with; a T-shirt on a body needs less once it is sewn
 # Iterations between two looks at whether cloth has moved so far that what is near changed. What is being untangled
-# changes with every step, but not by much in four.
+# changes with every step, but not by much in four; with ten some tangles never come undone.
 LOOK_EVERY = 5
 LOOK_SETTLED = 20
 LOOK_UNTANGLING = 4
@@ -169,7 +169,10 @@ class ClothTouch:
         data.searched = wp.zeros(count, dtype=wp.vec3d)
         data.skin = wp.full(count, np.inf, dtype=wp.float32)  # asleep
         data.moved = wp.ones(1, dtype=wp.int32)
-        data.way, data.stride, data.turn = wp.zeros(2, wp.int64), wp.zeros(2, wp.int32), wp.zeros(2, wp.int32)
+        data.region = wp.zeros(count, dtype=wp.int32)
+        data.region_count = 1
+        data.way, data.stride = (wp.zeros((2, REGIONS), dtype=kind) for kind in (wp.int64, wp.int32))
+        data.turn = wp.zeros(2, wp.int32)
         self._hold_pairs(data, PAIRS_PER_VERTEX * count)
         return data
 
@@ -178,6 +181,7 @@ class ClothTouch:
         data.kind = wp.zeros(capacity, dtype=wp.int32, device=self._model.device)
         data.lean = wp.zeros(capacity, dtype=wp.vec3f, device=self._model.device)
         data.due = wp.zeros(capacity, dtype=wp.int64, device=self._model.device)
+        data.regions = wp.zeros(capacity, dtype=wp.uint64, device=self._model.device)
         memory = self._memory = LeanMemory()
         places = 2 << capacity.bit_length()  # at most half full, mostly far less
         memory.search = wp.ones(1, dtype=wp.int64, device=self._model.device)
@@ -223,12 +227,25 @@ class ClothTouch:
         search.triangle_tree, search.edge_tree = (box_tree(order) for order, _ in trees)
         search.corners = wp.array(sheets.triangles[trees[0][0]], dtype=wp.vec3i)  # where nothing is, any
         search.ends = wp.array(sheets.edges[trees[1][0]], dtype=wp.vec2i)
-        search.vertex = wp.array(near_order(points, sheet)[0], dtype=wp.int32)
+        order = near_order(points, sheet)[0]
+        search.vertex = wp.array(order, dtype=wp.int32)
+        self._part_regions(order)
         of_item = np.searchsorted(both[:, 0], np.arange(both[-1, 0] + 2))  # first sheet of each item
         leaves = [starts[of_item[at : len(of_item) - 1 + at]] for _, starts in trees for at in (0, 1)]
         search.leaves = wp.array(np.stack(leaves, axis=1), dtype=wp.vec4i)
         own = trees[0][1]
         untangling.own = wp.array(np.stack([own[sheet], own[sheet + 1]], axis=1), dtype=wp.vec2i)
+
+    def _part_regions(self, order: Indices) -> None:
+        """Puts vertices in regions, groups of an order that keeps near what is near; -1 there stands for none."""
+        size = int(WIDTH)
+        while len(order) // size >= REGIONS:
+            size *= 2
+        region = np.empty(self.sheets.vertex_count, dtype=np.int32)
+        place = np.flatnonzero(order >= 0)
+        region[order[place]] = 1 + place // size
+        self.data.region.assign(region)
+        self.data.region_count = 1 + -(-len(order) // size)
 
     def kernels(self) -> list[wp.Kernel]:
         """Every kernel that contact launches."""

@@ -38,6 +38,7 @@ def sheet_untangling(sheets: Sheets, parts: Sequence[GarmentPart]) -> Any:
     untangling.beside_start = wp.array(start, dtype=wp.int32)
     untangling.beside = wp.array(sheets.edges[:, ::-1].ravel()[order], dtype=wp.int32)
     untangling.crosses, untangling.level = wp.zeros(count, dtype=wp.int32), wp.zeros(count, dtype=wp.int32)
+    untangling.age, untangling.grown = wp.zeros(count, dtype=wp.int32), wp.zeros(count, dtype=wp.int32)
     untangling.outward = wp.full(count, 1.0, dtype=wp.float32)
     untangling.layer_reach = LAYER_REACH
     untangling.sum = wp.zeros((count, 4), dtype=wp.int64)

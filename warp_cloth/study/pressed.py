@@ -6,14 +6,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warp_cloth.kernels.block import BLOCK_THREADS
-from warp_cloth.kernels.cloth_contact import ON_EDGE
+from warp_cloth.kernels.cloth_contact import ON_EDGE, REGIONS
 from warp_cloth.kernels.pressing import ON_TRIANGLES, ROUNDS
 from warp_cloth.study.asked import Arrays, Numbers
 from warp_cloth.study.traffic import SEVERAL, Chain, Uses
 
 TEAM = 32  # threads that go together, and pairs next to each other that a block takes
 CORNERS = 4
-LOOKED = 8 * ROUNDS  # bytes of a thread: when the pairs that it looked at ahead may be near
+LOOKED = 16 * ROUNDS  # bytes of a thread: when the pairs that it looked at ahead may be near, and their regions
 INSTRUCTION = 1 << 20  # the first number of those that stand for a block
 
 
@@ -24,17 +24,24 @@ def presses(uses: Uses) -> bool:
 
 def chosen_pairs(arrays: Arrays, contact: str, chain: Chain, found: int) -> Numbers:
     """The pairs that a chain is for, of so many: all, those looked at, or those that press."""
-    corners, lean, due, way, stride, turn = (
-        arrays[f"{contact}.{each}"].numpy() for each in ("corners", "lean", "due", "way", "stride", "turn")
+    corners, lean, due, regions, way, stride, turn = (
+        arrays[f"{contact}.{each}"].numpy() for each in ("corners", "lean", "due", "regions", "way", "stride", "turn")
     )
     pair = np.arange(min(found, len(corners)))
     if f"{contact}.due" in chain:
-        pair = pair[due[pair] <= way[0] + stride[turn[0] & 1]]  # as kernels.cloth_contact's contact_way
+        gone = way[0] + stride[turn[0] & 1]  # as kernels.cloth_contact's region_gone
+        pair = pair[due[pair] <= gone[four_regions(regions[pair])].sum(axis=1)]
     if f"{contact}.lean" in chain:
         pair = pair[lean[pair].any(axis=1)]
         if f"{contact}.due" in chain and SEVERAL not in chain:  # what turns edges away from each other
             pair = pair[(due[pair] & 1) == int(ON_EDGE)]
     return pair
+
+
+def four_regions(words: NDArray[np.uint64]) -> Numbers:
+    """The regions in each word of kernels.cloth_contact's pair_regions, shape [N, 4]."""
+    shift = np.array([0, 16, 32, 48], dtype=np.uint64)
+    return ((words[:, None] >> shift) & np.uint64(REGIONS - 1)).astype(np.int64)
 
 
 def block_of_pairs(pair: Numbers, blocks: int) -> Numbers:

@@ -184,8 +184,9 @@ class _Reader(ast.NodeVisitor):
             self._note(self._path(node.args[0]), self._uses.written)
             self._uses.answered.add(self._path(node.args[0]))
         if name in QUEUES:
-            self._note(self._queued(node), self._uses.read)
-            self._uses.ahead.add(self._queued(node))
+            for path in filter(None, map(self._path, node.args)):
+                self._note(path, self._uses.read)
+                self._uses.ahead.add(path)
         if getattr(self._known.get(name), "key", "") in PACKED and node.args:
             self._uses.packed.add(self._path(node.args[0]))
         self.generic_visit(node)
