@@ -24,6 +24,11 @@ STANDS = wp.constant(1.0e-7)
 HEAVIER, LIGHTER = wp.constant(1.05), wp.constant(0.97)
 HEAVIEST = wp.constant(0.02)
 
+# Where forces are seen ahead, it trembles where the force would take back more than such a share of the displacement
+# against the stiffness that it meets. Near rest others' trembling turns forces to and fro, and all would get heavy:
+# what still slides then hardly moves.
+TREMBLES = wp.constant(0.3)
+
 
 @functools.cache
 def hold_function(precision: str) -> wp.Function:
@@ -128,7 +133,10 @@ def face_forces_kernel(precision: str, contact: wp.Function | None, collider_typ
         if not free(cloth, vertex) or rests(cloth, vertex):
             hold = int(STAYS)
             left = vec3()
-        turned = wp.dot(cloth.move[vertex], left) < real(0.0)
+        ahead = system.share > real(0.0)
+        move = cloth.move[vertex]
+        bearable = wp.where(ahead, real(TREMBLES) * wp.dot(move, times(block, move)), real(0.0))
+        turned = wp.dot(move, left) < -bearable
         inertia = system.inertia[vertex] * wp.where(turned, real(HEAVIER), real(LIGHTER))
         most = real(HEAVIEST) * (block[0] + block[1] + block[2])
         inertia = wp.max(wp.min(inertia, most), weight / system.fall[system.garment[vertex]])
@@ -138,14 +146,19 @@ def face_forces_kernel(precision: str, contact: wp.Function | None, collider_typ
         if hold == STAYS:
             anchor += block
         anchor_out[vertex] = anchor
-        last = allowed(cloth.move[vertex], normal, hold)
+        kept = allowed(move, normal, hold) * step.momentum
+        if ahead:
+            onward = allowed(system.onward[vertex], normal, hold)
+            system.onward[vertex] = onward
+            left -= onward * drag
+            kept = vec3()
         system.hold[vertex] = hold
         system.drag[vertex] = drag
         system.normal[vertex] = normal
         system.inertia[vertex] = inertia
         system.divisor[vertex] = inverse(block + anchor)
         system.residual[vertex] = left
-        system.displacement[vertex] = last * step.momentum
+        system.displacement[vertex] = kept
 
     return face_forces
 
@@ -154,22 +167,28 @@ def face_forces_kernel(precision: str, contact: wp.Function | None, collider_typ
 def take_step_kernel(precision: str, contact: wp.Function | None, collider_type: type, pins: bool) -> wp.Kernel:
     """Kernel ``take_step``, with the contact of ``kernels.displace.displacement``."""
     types = cloth_types(precision)
-    real, point, vec3, Cloth = types.real, types.point, types.vec3, types.Cloth
+    real, point, vec3, Cloth, Step = types.real, types.point, types.vec3, types.Cloth, types.Step
     System, free = conjugate_types(precision).System, free_function(precision, pins)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def take_step(
+        step: Step,
         colliders: colliders_type(contact, collider_type),
         cloth: Cloth,
         system: System,
     ):
         """Moves each free vertex by its displacement, capped; a held one stays on the avatar's surface.
 
-        Where the avatar stops a vertex that was not on it, friction shortens the displacement's tangential part.
+        Where forces are seen ahead it goes a share of it, and on to where momentum then leads. Where the avatar stops a
+        vertex that was not on it, friction shortens the displacement's tangential part.
         """
         vertex = wp.tid()
         if free(cloth, vertex):
             move = system.displacement[vertex]
+            solved = vec3()
+            if system.share > real(0.0):
+                solved = move * system.share
+                move = solved + (solved + system.onward[vertex]) * step.momentum
             normal = system.normal[vertex]
             met = wp.dot(normal, normal) > real(0.5)
             if met:
@@ -187,6 +206,7 @@ def take_step_kernel(precision: str, contact: wp.Function | None, collider_type:
                     move = move + out * wp.min(real(push), item.cap)
                     if not met:
                         move = friction_slide(move, out, real(push), real(item.friction))
+            system.onward[vertex] = move - solved
             cloth.move[vertex] = move
             cloth.position[vertex] = cloth.position[vertex] + point(move)
 

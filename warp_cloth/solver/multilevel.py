@@ -16,7 +16,7 @@ from warp_cloth.kernels.certify import energy_kernels
 from warp_cloth.model import ClothModel
 from warp_cloth.solver.certificate import edge_strains
 from warp_cloth.solver.hierarchy import build_hierarchy
-from warp_cloth.solver.implicit import ImplicitOptions, ImplicitStep
+from warp_cloth.solver.implicit import ImplicitOptions, ImplicitStep, Pace
 from warp_cloth.solver.pairs import build_pairs
 from warp_cloth.solver.relax import DEFAULT_CAP, TIGHTER, Collider, Relaxation, StepOptions
 from warp_cloth.solver.simplified import Ladder, build_ladder
@@ -34,7 +34,9 @@ MOST_LOOKS = 10
 # by some percent along its folds, and solved for all vertices at once, that throws them about by centimetres. So it is
 # gone after a quarter of a millimetre (66,000 vertices, 200 kN/m).
 SETTLING_MOMENTUM = 0.9
-CALM = 0.02  # relative residual below which the forces of cloth on an avatar have balanced; above TIGHTER times no more
+# Relative residuals below which the forces of cloth on an avatar have balanced, and below which it hardly moves any more;
+# above TIGHTER times these it is not so any longer.
+CALM, STILL = 0.02, 0.002
 
 
 class MultilevelRelaxation(Relaxation):
@@ -59,7 +61,7 @@ class MultilevelRelaxation(Relaxation):
         table = build_pairs(model)
         levels = build_hierarchy(model, ladders, table.ends)
         self._implicit = ImplicitStep(model, self.contact, self.collider_type, table, levels, self.implicit_options)
-        self._drawing, self._calm = True, False
+        self._drawing, self._pace = True, Pace.FALLING
         self._looks, self._strain, self._since = 0, math.inf, 0
         self._settles = False
 
@@ -94,14 +96,17 @@ class MultilevelRelaxation(Relaxation):
     def loosen(self, relative_rms: NDArray[np.float64]) -> None:
         """Goes on at another pace once the forces of cloth that meets an avatar have balanced; see Relaxation."""
         super().loosen(relative_rms)
-        calm = bool((relative_rms <= (TIGHTER * CALM if self._calm else CALM)).all())
-        if self._implicit is not None and calm != self._calm:
-            self._calm = calm
+        pace = Pace.FALLING
+        for better, bound in ((Pace.CALM, CALM), (Pace.STILL, STILL)):
+            if (relative_rms <= (TIGHTER * bound if self._pace >= better else bound)).all():
+                pace = better
+        if self._implicit is not None and pace != self._pace:
+            self._pace = pace
             self._set_pace(self._implicit)
             self.forget_graphs()
 
     def _set_pace(self, implicit: ImplicitStep) -> None:
-        momentum = implicit.pace(calm=self._calm)
+        momentum = implicit.go_at(self._pace)
         if not self._drawing:
             self.step.momentum = momentum
 
