@@ -40,6 +40,7 @@ def conjugate_types(precision: str) -> SimpleNamespace:
         gap: wp.array(dtype=real)  # to the contact offset there [m], shape [V]
         pressed: wp.array(dtype=wp.uint8)  # whether contact bore on the vertex's last displacement, shape [V]
         share: real  # of the solution that is gone where forces are seen ahead; 0: they are not
+        momentum: wp.array(dtype=real)  # share of the displacement that leads on there, shape [G]
         onward: wp.array(dtype=vec3)  # how much further momentum has led, to where forces are seen [m], shape [V]
         displacement: wp.array(dtype=vec3)  # x [m], shape [V]
         residual: wp.array(dtype=vec3)  # b - A x [N], shape [V]

@@ -188,7 +188,7 @@ def take_step_kernel(precision: str, contact: wp.Function | None, collider_type:
             solved = vec3()
             if system.share > real(0.0):
                 solved = move * system.share
-                move = solved + (solved + system.onward[vertex]) * step.momentum
+                move = solved + (solved + system.onward[vertex]) * system.momentum[system.garment[vertex]]
             normal = system.normal[vertex]
             met = wp.dot(normal, normal) > real(0.5)
             if met:
@@ -232,10 +232,37 @@ def ease_inertia_kernel(precision: str) -> wp.Kernel:
 
 
 @functools.cache
+def ease_momentum_kernel(precision: str) -> wp.Kernel:
+    """Kernel ``ease_momentum``."""
+    real, System = cloth_types(precision).real, conjugate_types(precision).System
+
+    @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
+    def ease_momentum(
+        least: real,
+        most: real,
+        system: System,
+    ):
+        """Every garment keeps n / (n + 3) of its displacement after n steps; half of them count that went too far.
+
+        So it is where the forces work against what the momentum leads on with.
+        """
+        garment = wp.tid()
+        delay = real(3.0)
+        kept = system.momentum[garment]
+        steps = delay * kept / (real(1.0) - kept) + real(1.0)
+        if system.across[garment] < wp.float64(0.0):
+            steps = real(0.5) * steps
+        system.momentum[garment] = wp.clamp(steps / (steps + delay), least, most)
+
+    return ease_momentum
+
+
+@functools.cache
 def implicit_kernels(precision: str, contact: wp.Function | None, collider_type: type, pins: bool) -> SimpleNamespace:
-    """The three kernels, in the order of their launches."""
+    """The kernels of a step's two ends; ``ease_momentum`` goes between them."""
     return SimpleNamespace(
         face_forces=face_forces_kernel(precision, contact, collider_type, pins),
         take_step=take_step_kernel(precision, contact, collider_type, pins),
         ease_inertia=ease_inertia_kernel(precision),
+        ease_momentum=ease_momentum_kernel(precision),
     )

@@ -9,7 +9,8 @@ from cloths import grid
 
 from warp_cloth.garment.part import GarmentPart
 from warp_cloth.garment.rest import build_rest_shape
-from warp_cloth.kernels.implicit import hold_function, meets_function
+from warp_cloth.kernels.conjugate import conjugate_types
+from warp_cloth.kernels.implicit import ease_momentum_kernel, hold_function, meets_function
 from warp_cloth.kernels.stiffness import stiffness_types
 from warp_cloth.material.fabric import Fabric
 from warp_cloth.model import ClothModel, build_model
@@ -17,9 +18,9 @@ from warp_cloth.result import Status
 from warp_cloth.scene import load_scene
 from warp_cloth.set_up import following, set_up_one, start_coarse
 from warp_cloth.solver.certificate import Certifier, Tolerance, edge_strains
-from warp_cloth.solver.implicit import ImplicitOptions
+from warp_cloth.solver.implicit import ImplicitOptions, Pace
 from warp_cloth.solver.loop import Outcome, relax_to_rest
-from warp_cloth.solver.multilevel import CALM, LOOK, MultilevelRelaxation
+from warp_cloth.solver.multilevel import CALM, LOOK, STILL, MultilevelRelaxation
 from warp_cloth.solver.relax import TIGHTER, Collider, StepOptions
 from warp_cloth.solver.simplified import build_ladder
 
@@ -178,6 +179,29 @@ def test_cloth_on_a_body_goes_on_at_another_pace_once_forces_balance() -> None:
                              (1.1 * TIGHTER * CALM, own.momentum_met), (2.0 * CALM, own.momentum_met)):  # fmt: skip
         relaxation.loosen(np.array([residual]))
         assert relaxation.step.momentum == pytest.approx(wanted)
+
+
+def test_cloth_on_a_body_sees_forces_ahead_once_it_hardly_moves() -> None:
+    overrides = ["garment.shape.vertices_per_side=9", "solver.method=multilevel"]
+    relaxation = set_up_one(load_scene("sphere", overrides), "cpu").relaxation
+    assert isinstance(relaxation, MultilevelRelaxation)
+    relaxation.run(10)
+    for residual, ahead in ((0.9 * CALM, False), (0.9 * STILL, True), (0.9 * TIGHTER * STILL, True),
+                            (1.1 * TIGHTER * STILL, False), (1.1 * STILL, False)):  # fmt: skip
+        relaxation.loosen(np.array([residual]))
+        assert (relaxation.pace is Pace.STILL) is ahead
+
+
+@pytest.mark.parametrize(
+    ("kept", "power", "wanted"), [(0.5, 1.0, 4.0 / 7.0), (0.5, -1.0, 2.0 / 5.0), (0.99, 1.0, 0.9), (0.0, -1.0, 0.2)]
+)
+def test_momentum_grows_till_forces_work_against_it(kept: float, power: float, wanted: float) -> None:
+    kernel = ease_momentum_kernel("float64")
+    system = conjugate_types("float64").System()
+    system.momentum = wp.array([kept], dtype=wp.float64, device="cpu")
+    system.across = wp.array([power], dtype=wp.float64, device="cpu")
+    wp.launch(kernel, dim=1, inputs=[0.2, 0.9, system], device="cpu")
+    assert system.momentum.numpy()[0] == pytest.approx(wanted)
 
 
 def test_a_shape_carried_over_settles_vertex_by_vertex_on_a_body() -> None:

@@ -51,6 +51,8 @@ class ImplicitOptions:
     momentum: share of the last displacement that the solution starts from; with more, strips swing on and on.
     momentum_met: the same where an avatar is met: folds slide over it slowly, and what slides does not swing.
     momentum_calm: the same once its forces have balanced, and steps have half the rounds.
+    least_momentum, most_momentum: what is kept once it hardly moves: more and more from step to step, less where forces
+        work against it (Nesterov's way, with half a restart): slow folds slide far, and what swings comes to rest.
     share_still: once it hardly moves, forces are seen where momentum leads, not where it begins (Nesterov's way): what
         the solution resists, though the cloth as a whole hardly does (the sliding of a fold), keeps all its momentum,
         and what is stiff none. Of the solution this share is gone: what is up to twice as stiff as it looks settles
@@ -73,6 +75,8 @@ class ImplicitOptions:
     momentum: float = 0.9
     momentum_met: float = 0.95
     momentum_calm: float = 0.975
+    least_momentum: float = 0.9
+    most_momentum: float = 0.995
     share_still: float = 0.7
     swing_met: float = 0.5
     rounds: int = 10
@@ -132,6 +136,8 @@ class ImplicitStep:
         system.start, system.other = table.start, table.other
         system.fall = self._zeros(self._groups, types.real)
         system.fall.fill_(self._options.fall)
+        system.momentum = self._zeros(self._groups, types.real)
+        system.momentum.fill_(self._options.momentum_calm)
         system.coupling = self._zeros(2 * self._pair_count, own.mat3)
         for name in ("inertia", "drag", "gap"):
             setattr(system, name, self._zeros(count, types.real))
@@ -164,7 +170,7 @@ class ImplicitStep:
 
     def launch(self, step: Any, collider_data: Any, renew: bool) -> None:
         """One step. ``step`` is a kernels.cloth Step; ``renew`` sums the coarser levels' stiffness anew."""
-        model, system = self._model, self._system
+        model, system, own = self._model, self._system, self._options
         self._forces.launch(step)
         self._linearise(renew)
         inputs = [step, collider_data, model.cloth, self._load, system, self._anchor[0]]
@@ -173,9 +179,11 @@ class ImplicitStep:
             anchors, block = self._anchor[number : number + 2], self._block[number]
             inputs = [level.down, anchors[0], block, anchors[1], self._divisor[number]]
             self._launch(self._level.gather_anchors, level.count, inputs)
+        if system.share:
+            self._dot(system.residual, system.onward, system.across, None)
+            self._launch(self._ends.ease_momentum, self._groups, [own.least_momentum, own.most_momentum, system])
         self._solve()
         self._launch(self._ends.take_step, model.vertex_count, [step, collider_data, model.cloth, system])
-        own = self._options
         self._launch(self._ends.ease_inertia, self._groups, [own.easing, self._most_fall, self._system])
 
     def go_at(self, pace: Pace) -> float:

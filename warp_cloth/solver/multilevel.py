@@ -34,8 +34,8 @@ MOST_LOOKS = 10
 # by some percent along its folds, and solved for all vertices at once, that throws them about by centimetres. So it is
 # gone after a quarter of a millimetre (66,000 vertices, 200 kN/m).
 SETTLING_MOMENTUM = 0.9
-# Relative residuals below which the forces of cloth on an avatar have balanced, and below which it hardly moves any more;
-# above TIGHTER times these it is not so any longer.
+# Relative residuals below which the forces of cloth on an avatar have balanced, and below which it hardly moves any
+# more; above TIGHTER times these it is not so any longer.
 CALM, STILL = 0.02, 0.002
 
 
@@ -61,7 +61,7 @@ class MultilevelRelaxation(Relaxation):
         table = build_pairs(model)
         levels = build_hierarchy(model, ladders, table.ends)
         self._implicit = ImplicitStep(model, self.contact, self.collider_type, table, levels, self.implicit_options)
-        self._drawing, self._pace = True, Pace.FALLING
+        self._drawing, self.pace = True, Pace.FALLING
         self._looks, self._strain, self._since = 0, math.inf, 0
         self._settles = False
 
@@ -98,15 +98,15 @@ class MultilevelRelaxation(Relaxation):
         super().loosen(relative_rms)
         pace = Pace.FALLING
         for better, bound in ((Pace.CALM, CALM), (Pace.STILL, STILL)):
-            if (relative_rms <= (TIGHTER * bound if self._pace >= better else bound)).all():
+            if (relative_rms <= (TIGHTER * bound if self.pace >= better else bound)).all():
                 pace = better
-        if self._implicit is not None and pace != self._pace:
-            self._pace = pace
+        if self._implicit is not None and pace != self.pace:
+            self.pace = pace
             self._set_pace(self._implicit)
             self.forget_graphs()
 
     def _set_pace(self, implicit: ImplicitStep) -> None:
-        momentum = implicit.go_at(self._pace)
+        momentum = implicit.go_at(self.pace)
         if not self._drawing:
             self.step.momentum = momentum
 
