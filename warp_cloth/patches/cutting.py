@@ -35,6 +35,7 @@ from warp_cloth.threads import end_to_end, map_in_threads
 LARGEST = 152  # vertices that a patch owns: with what is around them they nearly always fit a block's memory
 SMALLEST = 16  # below, far more is worked out around a patch than in it
 
+MOST_HALVED, FEWER, PROBED = 0.125, 8, 64  # share of patches; vertices that all get fewer then; patches looked at
 CHUNK = 512  # patches that are cut at a time: their tables fit a processor's caches
 MOST_PATCHES = 1 << 24  # of a chunk, whose patches are numbered from a multiple of this
 
@@ -150,9 +151,12 @@ def _shape(elements: Elements, points: Points) -> bytes:
 def _garment_tables(
     elements: Elements, points: Points, size: int, terms: Terms, precision: str, paired: bool
 ) -> PatchTables:
-    """A garment's patches of ``size`` vertices, halved where they would not fit."""
+    """A garment's patches of ``size`` vertices, halved where they would not fit; of fewer where many would not."""
     places = spread_places(elements.ends, points) if len(points) > size else points
     groups = _near_groups(places, size)
+    while paired and size > SMALLEST and _share_too_large(elements, places, groups, terms, precision) > MOST_HALVED:
+        size = max(size - FEWER, SMALLEST)
+        groups = _near_groups(places, size)
     kind = np.bincount(elements.ends.ravel()[: None if paired else 0], minlength=len(points))
     order = _in_rows(groups, places, kind)
     rank = np.empty(len(points), dtype=np.int32)
@@ -187,6 +191,19 @@ def _garment_tables(
     if max(int(tables.patch[count].max(initial=0)) for count in counts) * 4 >= 1 << QUARTER_BITS:
         raise InputError("garment", "more than 10,000 triangles meet at a vertex", "divide the mesh differently")
     return replace(tables, vertex=order[tables.vertex].astype(np.int64))
+
+
+def _share_too_large(
+    elements: Elements, places: Floats, groups: Sequence[Indices], terms: Terms, precision: str
+) -> float:
+    """How many of some of a garment's groups do not fit as patches whose threads work on pairs of triangles."""
+    some = list(groups[:: -(-len(groups) // PROBED)])
+    own = np.zeros(len(places), dtype=bool)
+    own[np.concatenate(some)] = True
+    of_others, lane = np.full(len(places), MOST_PATCHES), np.zeros(len(places), dtype=np.int64)
+    ends, corners = (np.flatnonzero(own[table.ravel()]) for table in (elements.ends, elements.corners))
+    tables = _tables(elements, places, terms, Part(some, 0, of_others, lane, ends, corners), True)
+    return float(_too_large(tables.patch, terms, precision).mean())
 
 
 def _in_rows(groups: Sequence[Indices], places: Floats, kind: Keys) -> Indices:
