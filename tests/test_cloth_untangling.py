@@ -18,7 +18,7 @@ from warp_cloth.collide.exact import signed_distances
 from warp_cloth.collide.placing import DEEP, clear_shift, way_told
 from warp_cloth.kernels.cloth_contact import EVER
 from warp_cloth.kernels.meeting import APART
-from warp_cloth.kernels.untangle import spare_tangled
+from warp_cloth.kernels.untangle import INSISTENCE, PATIENCE, spare_tangled
 from warp_cloth.mesh import Mesh
 from warp_cloth.scene import SphereShape
 from warp_cloth.shapes import build_avatar
@@ -134,6 +134,26 @@ def test_an_outer_layer_inside_the_inner_one_comes_out() -> None:
     beside = (worn[:, 1] > 0.01) & (worn[:, 1] < 0.15)
     assert beside.any()
     assert (np.linalg.norm(worn[beside][:, [0, 2]], axis=1) > 0.05 * np.cos(0.27)).all()  # the chord of an edge
+
+
+def test_layers_that_do_not_come_apart_are_shifted_further_and_again_less_once_they_have() -> None:
+    inner, outer = tube(0.05, 13), tube(0.048, 13)
+    model, touch, _ = sheets_at([inner, outer], precision="mixed")
+    model.set_points(np.concatenate([inner.points, outer.points * [1.0, 1.0, 1.0] + [0.004, 0.0, 0.0]]))
+    touch.face([-1.0, -1.0])
+    look(model, touch)
+    longest = []
+    for count in (1, 2 * int(PATIENCE), 6 * int(PATIENCE)):  # nothing moves
+        for _ in range(count):
+            touch.search(model.cloth)
+        longest.append(float(np.abs(touch.data.shift.numpy()).max()))
+    assert longest[0] > 0.0
+    assert 1.9 < longest[1] / longest[0] < 2.2
+    assert longest[2] / longest[0] == pytest.approx(float(INSISTENCE), rel=1e-4)
+    model.set_points(np.concatenate([inner.points, outer.points * [1.5, 1.0, 1.5]]))
+    touch.search(model.cloth)
+    assert 0 < touch._untangling.grown.numpy().max() == touch._untangling.age.numpy().max() - 1
+    assert not touch.data.shift.numpy().any()
 
 
 UNTANGLED = 1000  # iterations that the shared T-shirt is given; it takes about 800
