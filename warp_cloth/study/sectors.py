@@ -26,6 +26,7 @@ ITEMS = "item_count"  # which take, with what is left over, all edges or triangl
 LAWS = "law_start"  # from which on edges find how they pull and bend, in any order
 OF_ITEMS = {"edge_start": "edge_count", "triangle_start": "triangle_count", LAWS: "law_count"}
 SECTOR = 32  # bytes that are moved together
+REGIONS = "region_count"
 PATCHES, PATCH_WIDTH = "patches.patch", 16  # kernels.cloth's Patch, one after another, and the numbers of each
 TABLE_NODES = 3  # along each axis of a table, that a thread reads round its place
 AT_A_TIME = 1 << 16  # vertices whose places in a table are looked up together
@@ -75,6 +76,8 @@ class _Moved:
                 memory += _distinct_sectors(asked)
                 if used is self._uses.written:
                     written += len(asked) + self._added_one_by_one(name)
+                    if name in self._uses.raised:
+                        written += self._raised(name)
                     if name in self._uses.answered:
                         once, again = once + len(asked), again + len(asked)
                 else:
@@ -126,6 +129,29 @@ class _Moved:
         counts = [[len(self._sectors(name, chain, "", by=by)) for by in (WARPS, BLOCKS)] for chain in of_pairs]
         return sum(warps - blocks for warps, blocks in counts)
 
+    def _raised(self, name: str) -> int:
+        """Sectors of a table's numbers, one for each region, that warps raise for the vertices of a patch."""
+        if not self._patch or not self._device.is_cuda:
+            return 0
+        block, vertex = self._vertices_by_block()
+        local = np.arange(len(block)) - np.searchsorted(block, block)
+        region = self._arrays[f"{_owner(name)}.region"].numpy()[vertex].astype(np.int64)
+        size = wp.types.type_size_in_bytes(self._arrays[name].dtype)
+        return len(_keys(block * BLOCK_THREADS + local // int(WIDTH), region, size))
+
+    def _of_regions(self, name: str, size: int, *, by: str) -> Keys:
+        """The sectors of a table with a number for each region: all that press pairs read it, the first block writes.
+
+        Of how far regions have gone they read the last numbers, of their strides those of two iterations.
+        """
+        count, rows = self._launch.arguments[_owner(name)].region_count, 1 if name.endswith(".way") else 2
+        blocks = self._launch.threads // BLOCK_THREADS - len(self._patch.get("place", ()))
+        if by == STORES:
+            blocks, rows = 1, 1
+        apart = self._arrays[name].shape[1]
+        numbers = (np.arange(rows)[:, None] * apart + np.arange(count)).ravel()
+        return _keys(np.repeat(np.arange(max(blocks, 1)), len(numbers)), np.tile(numbers, max(blocks, 1)), size)
+
     def _lost(self, sectors: int) -> float:
         """The share of so many sectors, all that is read, that cores' own caches do not hold till they are asked again.
 
@@ -170,6 +196,8 @@ class _Moved:
         size = wp.types.type_size_in_bytes(array.dtype)
         if array.ndim > 1 and len(array) == self._vertices:
             size *= array.size // len(array)  # a row for each vertex
+        elif REGIONS in chain:
+            return self._of_regions(name, size, by=by)
         elif array.ndim > 1:
             return self._looked_up(name, size)
         wanted = STORED + name if by == STORES else name

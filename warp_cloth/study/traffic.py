@@ -14,6 +14,7 @@ PACKED = frozenset({"packed_point", "put_packed_point"})
 LOOKS = frozenset({"look_due"})  # that read some of an array's elements at once
 QUEUES = frozenset({"queue_due"})  # that are given those, and say how many of them go on, of each kind
 COUNTERS = frozenset({"team_base", "team_slot", "next_slot"})  # that add to a count, and are told what it was
+RAISES = frozenset({"raise_to"})  # where each vertex raises its region's number
 ANY = -1  # corner
 SEVERAL = "*"  # in a chain: several for each that the loop round it goes over
 
@@ -36,6 +37,7 @@ class Uses:
     written: dict[str, set[Chain]] = field(default_factory=dict)
     starts: dict[str, str] = field(default_factory=dict)  # where a patch's part of an array begins: "edge_start"
     summed: set[str] = field(default_factory=set)  # that are added to in the cache, number by number
+    raised: set[str] = field(default_factory=set)  # that vertices raise, of each its region's
     answered: set[str] = field(default_factory=set)  # of which the cache tells what they were, each time
     ahead: set[str] = field(default_factory=set)  # that are looked at before it is known how many there are
     picked: dict[str, set[int]] = field(default_factory=dict)  # which of a pair's corners; ANY: no certain one
@@ -183,6 +185,9 @@ class _Reader(ast.NodeVisitor):
         if name in COUNTERS:
             self._note(self._path(node.args[0]), self._uses.written)
             self._uses.answered.add(self._path(node.args[0]))
+        if name in RAISES:
+            self._note(self._path(node.args[0]), self._uses.written)
+            self._uses.raised.add(self._path(node.args[0]))
         if name in QUEUES:
             for path in filter(None, map(self._path, node.args)):
                 self._note(path, self._uses.read)
