@@ -19,8 +19,8 @@ from warp_cloth.solver.relax import Collider, Relaxation, StepOptions
 from warp_cloth.study import sectors
 from warp_cloth.study.launches import Launch, launches_of
 from warp_cloth.study.pressed import block_of_pairs, looked_at, stores, unregistered
-from warp_cloth.study.sectors import BLOCKS, SECTOR, WARPS, field_nodes, moved_bytes
-from warp_cloth.study.traffic import ANY, Uses, array_uses
+from warp_cloth.study.sectors import BLOCKS, SECTOR, STORES, WARPS, field_nodes, moved_bytes
+from warp_cloth.study.traffic import ANY, REGIONS, Uses, array_uses
 
 SQUARE = {"kind": "square", "side": 0.5, "vertices_per_side": 19, "plane": "vertical", "height": 1.5}
 WOVEN = {"stretch": 2e4, "shear": 50.0, "bending": 1e-6}
@@ -348,3 +348,29 @@ def test_before_a_search_those_pairs_are_remembered_that_lean() -> None:
         assert {sector for _, sector in found} == sectors_of(pairs, size)
     (places,) = asked(launch, uses, "memory.place").values()
     assert len(leaning) // 4 <= len(places) <= len(leaning)
+
+
+def test_blocks_that_press_read_how_far_each_region_has_gone_and_warps_raise_it(
+    monkeypatch: pytest.MonkeyPatch, advance: tuple[Launch, Uses]
+) -> None:
+    launch, uses = pressed(0.0, 0.0005, 0.0015, 0.011)
+    moved = sectors._Moved(replace(launch, threads=3 * 192), uses)
+    count = launch.arguments["contact"].region_count
+    assert 1 < count <= launch.arrays()["contact.way"].shape[1]
+    for name, size in (("contact.way", 8), ("contact.stride", 4)):
+        (chain,) = (chain for chain in uses.written[name] if REGIONS in chain)
+        assert chain in uses.read[name]
+        for by, blocks in ((BLOCKS, 3), (STORES, 1)):
+            found = {divmod(int(key), sectors.BLOCK) for key in moved._sectors(name, chain, "", by=by)}
+            assert found == {(block, at) for block in range(blocks) for at in sectors_of(range(count), size)}
+    of_patches, how = advance
+    moved = sectors._Moved(of_patches, how)
+    region = np.arange(moved._vertices, dtype=np.int32) // 40
+    moved._arrays |= {"touch.region": wp.array(region, device="cpu"), "touch.stride": wp.zeros(9, wp.int32, "cpu")}
+    monkeypatch.setattr(moved, "_device", SimpleNamespace(is_cuda=True))
+    vertex = of_patches.arrays()["patches.vertex"].numpy()
+    assert moved._raised("touch.stride") == sum(
+        len({at // 8 for at in region[vertex[row["vertex_start"] :][first : min(first + 32, row["owned_count"])]]})
+        for row in rows_of(of_patches)
+        for first in range(0, row["owned_count"], 32)
+    )

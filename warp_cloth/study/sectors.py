@@ -20,13 +20,12 @@ from warp_cloth.study.gathered import gathered_work
 from warp_cloth.study.launches import Launch
 from warp_cloth.study.listed import groups_that_go_on, work_on_lists
 from warp_cloth.study.pressed import CORNERS, block_of_pairs, chosen_pairs, looked_at, stores, unregistered
-from warp_cloth.study.traffic import ANY, FROM, SEVERAL, Chain, Uses
+from warp_cloth.study.traffic import ANY, FROM, REGIONS, SEVERAL, Chain, Uses
 
 ITEMS = "item_count"  # which take, with what is left over, all edges or triangles that a patch has
 LAWS = "law_start"  # from which on edges find how they pull and bend, in any order
 OF_ITEMS = {"edge_start": "edge_count", "triangle_start": "triangle_count", LAWS: "law_count"}
 SECTOR = 32  # bytes that are moved together
-REGIONS = "region_count"
 PATCHES, PATCH_WIDTH = "patches.patch", 16  # kernels.cloth's Patch, one after another, and the numbers of each
 TABLE_NODES = 3  # along each axis of a table, that a thread reads round its place
 AT_A_TIME = 1 << 16  # vertices whose places in a table are looked up together
@@ -140,17 +139,11 @@ class _Moved:
         return len(_keys(block * BLOCK_THREADS + local // int(WIDTH), region, size))
 
     def _of_regions(self, name: str, size: int, *, by: str) -> Keys:
-        """The sectors of a table with a number for each region: all that press pairs read it, the first block writes.
-
-        Of how far regions have gone they read the last numbers, of their strides those of two iterations.
-        """
-        count, rows = self._launch.arguments[_owner(name)].region_count, 1 if name.endswith(".way") else 2
+        """The sectors of a table with a number for each region: blocks that press read it, the first one writes."""
+        count = self._launch.arguments[_owner(name)].region_count
         blocks = self._launch.threads // BLOCK_THREADS - len(self._patch.get("place", ()))
-        if by == STORES:
-            blocks, rows = 1, 1
-        apart = self._arrays[name].shape[1]
-        numbers = (np.arange(rows)[:, None] * apart + np.arange(count)).ravel()
-        return _keys(np.repeat(np.arange(max(blocks, 1)), len(numbers)), np.tile(numbers, max(blocks, 1)), size)
+        blocks = 1 if by == STORES else max(blocks, 1)
+        return _keys(np.repeat(np.arange(blocks), count), np.tile(np.arange(count), blocks), size)
 
     def _lost(self, sectors: int) -> float:
         """The share of so many sectors, all that is read, that cores' own caches do not hold till they are asked again.

@@ -14,7 +14,9 @@ PACKED = frozenset({"packed_point", "put_packed_point"})
 LOOKS = frozenset({"look_due"})  # that read some of an array's elements at once
 QUEUES = frozenset({"queue_due"})  # that are given those, and say how many of them go on, of each kind
 COUNTERS = frozenset({"team_base", "team_slot", "next_slot"})  # that add to a count, and are told what it was
+TURNS = frozenset({"turn_on"})  # that go through tables with a number for each region of vertices
 RAISES = frozenset({"raise_to"})  # where each vertex raises its region's number
+REGIONS = "region_count"
 ANY = -1  # corner
 SEVERAL = "*"  # in a chain: several for each that the loop round it goes over
 
@@ -207,7 +209,8 @@ class _Reader(ast.NodeVisitor):
                 if isinstance(value, ast.Name) and value.id in self._elements
             }
             if paths:
-                _Reader(called.func, paths, self._uses, self._chain, starts, elements, counts).read(called.adj.tree)
+                chain = (*self._chain, REGIONS) if name in TURNS else self._chain
+                _Reader(called.func, paths, self._uses, chain, starts, elements, counts).read(called.adj.tree)
 
     def _note(self, path: str, use: dict[str, set[Chain]], index: ast.AST | None = None) -> None:
         if not path:
