@@ -141,6 +141,17 @@ def test_memory_counts_each_sector_once_and_the_cache_once_for_each_block(advanc
     assert memory < cache < blocks * memory
 
 
+def test_patches_move_the_same_last_first() -> None:
+    part = set_up_one(load_scene({"garment": {"shape": SQUARE, "fabric": WOVEN}}), "cpu").wardrobe.parts[0]
+    model = build_model([part], device="cpu", precision="mixed", gathers=True)
+    relaxation = Relaxation(model, Collider(), StepOptions())
+    _pack, there, back, _unpack = launches_of(lambda: relaxation.iterate(2))
+    uses = array_uses(there.kernel)
+    starts = [rows_of(launch)["slot_start"] for launch in (there, back)]
+    assert (np.diff(starts[0]) > 0).all() != (np.diff(starts[1]) > 0).all()
+    assert moved_bytes(there, uses) == moved_bytes(back, uses)
+
+
 def test_a_point_reads_those_nodes_of_a_field_that_its_answer_depends_on() -> None:
     rng = np.random.default_rng(3)
     field = ContactField()

@@ -249,7 +249,9 @@ class _Moved:
         """Patches, and the part of a table that ends at ``end`` that each goes over."""
         first = self._patch[start]
         if SEVERAL in chain:  # several for each: the whole part, which ends where the next one begins
-            return ranges(first, np.diff(first, append=end))
+            count, order = np.empty_like(first), np.argsort(first, kind="stable")
+            count[order] = np.diff(first[order], append=end)
+            return ranges(first, count)
         beyond = sum(self._patch[each] for each in self._patch if FROM + each in chain)
         if loop == "normal_count":  # an item's normals are worked out from what its edges' table tells of its vertices
             beyond = beyond + np.where(self._patch[ITEMS] > 0, self._patch["triangle_count"], 0)
