@@ -5,14 +5,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from cloths import cloth_forces, grid, model_of
+from scipy.spatial import Delaunay
 
 from warp_cloth.garment.elements import garment_elements
 from warp_cloth.garment.rest import RestShape, build_rest_shape
+from warp_cloth.kept import Kept
 from warp_cloth.kernels.limits import CODE_BITS, NUMBER_BITS, SLOTS, WORD_CODE, WORD_LAW, Terms
 from warp_cloth.material.fabric import resolve_fabric
 from warp_cloth.mesh import Mesh
 from warp_cloth.patches import cutting, on_device
-from warp_cloth.patches.cutting import PatchTables, cut_patches
+from warp_cloth.patches.cutting import PatchTables, cut_patches, garment_patches
 from warp_cloth.patches.triangle_pairs import SHARE, find_pairs, share_edges, with_laws
 from warp_cloth.topology import build_topology
 
@@ -123,3 +125,13 @@ def test_pairs_count_as_one_of_their_vertices_does(monkeypatch: pytest.MonkeyPat
         corners = words[:, None] >> np.arange(0, 4 * NUMBER_BITS, NUMBER_BITS, dtype=np.uint64)
         found = (corners & np.uint64((1 << NUMBER_BITS) - 1) == item[:, None]).any(axis=1)
         assert found[:owned].mean() > 0.7
+
+
+def test_irregular_cloth_is_cut_a_little_smaller_rather_than_in_halves() -> None:
+    flat = np.random.default_rng(1).uniform(size=(4000, 2))
+    mesh = Mesh("irregular", np.column_stack([flat, np.zeros(len(flat))]), Delaunay(flat).simplices.astype(np.int32))
+    elements = garment_elements(mesh.triangles, build_rest_shape(mesh, FABRIC, rest="mesh"))
+    (tables,) = garment_patches([elements], [mesh.points], BENT, precision="mixed", kept=Kept(), size=152, paired=True)
+    owned = tables.patch["owned_count"]
+    assert owned.sum() == len(flat)
+    assert (owned < 100).mean() < 0.2
