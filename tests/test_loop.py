@@ -14,7 +14,8 @@ from warp_cloth.garment.wardrobe import open_wardrobe
 from warp_cloth.model import build_model
 from warp_cloth.scene import load_scene
 from warp_cloth.set_up import following, set_up
-from warp_cloth.solver.loop import Goal, Outcome, relax_items
+from warp_cloth.solver.loop import Goal, Outcome, chunks, relax_items
+from warp_cloth.study.launches import launches_of
 
 FALLING = ["garment.shape.vertices_per_side=9", "collision.pixel_mm=10", "collision.offset_mm=5"]
 
@@ -69,3 +70,12 @@ def test_cloth_that_hangs_goes_from_check_to_check_in_fewer_graphs(monkeypatch: 
         graphs.append(counts)
     assert graphs == [[100, 100, 30], [20] * 11 + [10]]
     np.testing.assert_array_equal(*shapes)
+
+
+def test_hanging_cloth_is_packed_once_between_two_checks(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(set_up_module, "build_model", partial(build_model, gathers=True))
+    scene = load_scene("hanging", ["garment.shape.vertices_per_side=9"])
+    made = set_up([scene], [open_wardrobe(scene)], "cpu")
+    (count,) = chunks(made.relaxation)
+    launches = launches_of(lambda: made.relaxation.iterate(count))
+    assert len(launches) == count + 2

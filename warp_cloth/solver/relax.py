@@ -317,7 +317,9 @@ class Relaxation:
         if self._packed is not None:
             while count > 0:
                 self._look_up_leeway(here)
-                part = min(count, self._renewal - (self._done - 1) % self._renewal)
+                part = count
+                if self._leeway is not None:  # which is looked up where the model has the cloth
+                    part = min(count, self._renewal - (self._done - 1) % self._renewal)
                 self._packed.iterate(self._move, asked, part)
                 self._done += part - 1
                 count -= part
