@@ -1,4 +1,4 @@
-"""Which pairs of cloth blocks of threads look at and press, as kernels.pressing shares them out."""
+"""Which pairs of cloth blocks of threads look at and press, as kernels.press_queue shares them out."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from warp_cloth.kernels.block import BLOCK_THREADS
 from warp_cloth.kernels.cloth_contact import ON_EDGE, REGIONS
-from warp_cloth.kernels.pressing import ON_TRIANGLES, ROUNDS
+from warp_cloth.kernels.press_queue import ON_TRIANGLES, ROUNDS
 from warp_cloth.study.asked import Arrays, Numbers
 from warp_cloth.study.traffic import SEVERAL, Chain, Uses
 

@@ -1,0 +1,188 @@
+"""How a block queues those of its pairs that may be near, so that its threads press them side by side."""
+
+import warp as wp
+
+from warp_cloth.kernels.block import BLOCK_THREADS
+from warp_cloth.kernels.cloth_contact import EVER, REGIONS
+from warp_cloth.kernels.limits import BLOCK_MEMORY
+from warp_cloth.kernels.region_ways import GONE, TABLE
+
+ROUNDS = 4  # of a block's threads: for how many pairs each looks at once whether they may be near
+# Pairs that a block has room for beside how far each region has gone; those that may be near are pressed at a time.
+QUEUED = (BLOCK_MEMORY - 8 * REGIONS) // 4 - 2
+
+# Of a block's threads, those that press vertices on triangles; the others press edges: threads that go together would
+# wait for each other where their pairs are of two kinds.
+ON_TRIANGLES = 64
+
+_OWN = f"""
+    // pairs next to each other come due together: a warp takes some here and there
+    const int lane = threadIdx.x & 31, ahead = {BLOCK_THREADS} * blocks;
+    const int own = first + 32 * (int)(blockIdx.x + (threadIdx.x >> 5) * blocks) + lane;
+"""
+
+_LOOK = f"""
+    wp::vec_t<{ROUNDS}, wp::int64> found;
+#if defined(__CUDA_ARCH__)
+    {_OWN}
+#pragma unroll
+    for (int round = 0; round < {ROUNDS}; ++round)
+        found[round] = own + round * ahead < asked.shape[0] ? asked.data[own + round * ahead] : 0;
+#endif
+    return found;
+"""
+
+_QUEUE = f"""
+#if defined(__CUDA_ARCH__)
+    {_OWN}
+    {TABLE}
+    int* queue = (int*)(table + {REGIONS});  // of both kinds how many, and those, from either end
+    if (anew != 0) {{
+        __syncthreads();  // till those queued before are done, and it is known how far regions have gone
+        if (threadIdx.x < 2)
+            queue[threadIdx.x] = 0;
+        __syncthreads();
+    }}
+    const unsigned int lower = (1u << lane) - 1u;
+#pragma unroll
+    for (int round = 0; round < {ROUNDS}; ++round) {{
+        const int pair = own + round * ahead;
+        const bool edges = dues[round] & 1;
+        wp::int64 limit = {int(EVER)}ll;
+        if (all == 0) {{
+            {GONE % {"table": "table", "regions": "regions[round]"}}
+            limit = gone;
+        }}
+        const bool near = pair < count && dues[round] <= limit;
+#pragma unroll
+        for (int kind = 0; kind < 2; ++kind) {{
+            const unsigned int mask = __ballot_sync(0xffffffffu, near && edges == (kind == 1));
+            if (mask == 0)
+                continue;
+            int base = 0;
+            if (lane == 0)
+                base = atomicAdd(queue + kind, __popc(mask));
+            base = __shfl_sync(0xffffffffu, base, 0) + __popc(mask & lower);
+            if (mask >> lane & 1)
+                queue[kind == 0 ? 2 + base : {QUEUED + 1} - base] = pair;
+        }}
+    }}
+    __syncthreads();
+    return wp::vec_t<2, int>(queue[0], queue[1]);
+#else
+    const int most = {ROUNDS * BLOCK_THREADS} * blocks, left = count - first < most ? count - first : most;
+    return wp::vec_t<2, int>(left, left);
+#endif
+"""
+
+_QUEUED = f"""
+    {TABLE}
+#if defined(__CUDA_ARCH__)
+    const int* queue = (const int*)(table + {REGIONS});
+    return queue[kind == 0 ? 2 + number : {QUEUED + 1} - number];
+#else
+    const wp::int64 due = dues.data[first + number];
+    if ((due & 1) != kind)
+        return -1;
+    wp::int64 limit = {int(EVER)}ll;
+    if (all == 0) {{
+        {GONE % {"table": "table", "regions": "regions.data[first + number]"}}
+        limit = gone;
+    }}
+    return due <= limit ? first + number : -1;
+#endif
+"""
+
+_ROOM = f"""
+#if defined(__CUDA_ARCH__)
+    return {QUEUED - ROUNDS * BLOCK_THREADS};
+#else
+    return -1;
+#endif
+"""
+
+_TURN = f"""
+#if defined(__CUDA_ARCH__)
+    const int warp = threadIdx.x >> 5, lane = threadIdx.x & 31;  // a few go to as many warps
+    if (kind == 0)
+        return warp < {ON_TRIANGLES // 32} ? lane * {ON_TRIANGLES // 32} + warp : {QUEUED};
+    return warp < {ON_TRIANGLES // 32} ? {QUEUED}
+        : lane * {(BLOCK_THREADS - ON_TRIANGLES) // 32} + warp - {ON_TRIANGLES // 32};
+#else
+    return 0;
+#endif
+"""
+
+_STRIDE = f"""
+#if defined(__CUDA_ARCH__)
+    return kind == 0 ? {ON_TRIANGLES} : {BLOCK_THREADS - ON_TRIANGLES};
+#else
+    return 1;
+#endif
+"""
+
+
+for _dtype in (wp.int64, wp.uint64):
+
+    @wp.func_native(_LOOK.replace("wp::int64", f"wp::{_dtype.__name__}"))
+    def look_due(asked: wp.array(dtype=_dtype), first: int, blocks: int) -> wp.types.vector(
+        length=ROUNDS, dtype=_dtype
+    ):
+        """When a thread's share of the pairs may be near, or their regions, ROUNDS for each of so many blocks' threads.
+
+        A GPU's only.
+        """
+        ...
+
+
+@wp.func_native(_QUEUE)
+def queue_due(
+    place: int,
+    dues: wp.types.vector(length=ROUNDS, dtype=wp.int64),
+    regions: wp.types.vector(length=ROUNDS, dtype=wp.uint64),
+    way: wp.array2d(dtype=wp.int64),
+    first: int,
+    count: int,
+    all: int,
+    blocks: int,
+    anew: int,
+) -> wp.vec2i:
+    """Has a block queue its share of the pairs that may be near; for how many of each kind to ask ``queued``.
+
+    ``dues`` and ``regions`` of ``look_due``, of pairs from a first one to before ``count``; ``all``: whatever regions
+    have gone; ``anew``: and forget those queued before.
+    """
+    ...
+
+
+@wp.func_native(_QUEUED)
+def queued(
+    place: int,
+    dues: wp.array(dtype=wp.int64),
+    regions: wp.array(dtype=wp.uint64),
+    way: wp.array2d(dtype=wp.int64),
+    first: int,
+    kind: int,
+    number: int,
+    all: int,
+) -> int:
+    """One of those queued; on the CPU, where a block is one thread, -1 where the pair is another's."""
+    ...
+
+
+@wp.func_native(_ROOM)
+def queue_room() -> int:
+    """How many may be queued before it is time to press: on the CPU, which does not queue, none."""
+    ...
+
+
+@wp.func_native(_TURN)
+def first_queued(kind: int) -> int:
+    """The first number of those queued that is a thread's."""
+    ...
+
+
+@wp.func_native(_STRIDE)
+def queue_stride(kind: int) -> int:
+    """How many numbers on its next one is."""
+    ...
