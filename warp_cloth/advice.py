@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from warp_cloth.loading.raw import counted
-from warp_cloth.verdict import crossed, falls_as_a_whole, hidden
+from warp_cloth.verdict import crossed, drawn_through, falls_as_a_whole, hidden
 
 DEEP = 2.0  # [mm]; deeper than half the usual offset, a garment is in the body
 STRETCHED = 0.5  # strain beyond which a seam is not closed, or a unit is wrong
@@ -33,11 +33,9 @@ def advice(report: Mapping[str, Any]) -> list[str]:
     if loss:
         lines.append(f"{loss[0].upper()}{loss[1:]}.")
     elif depth is not None and depth["edges"]:
-        are = "edge is" if depth["edges"] == 1 else "edges are"
         lines.append(
-            f"{depth['edges']:,} {are} drawn through the body: begin with it in the pose that the garment is "
-            "placed round, and give the wanted pose as avatar.poses; or place panels that reach beyond another limb "
-            "clear of it."
+            f"{drawn_through(depth['edges'], 'body')}: begin with it in the pose that the garment is placed round, and "
+            "give the wanted pose as avatar.poses; or place panels that reach beyond another limb clear of it."
         )
     unseen = hidden(report.get("contact"), report["settings"]["collision"]["avatar"])
     if unseen:

@@ -111,14 +111,18 @@ def fallen_pieces(scene: Scene, wardrobe: Wardrobe, worn: Sequence[Points]) -> s
     return ""
 
 
+def drawn_through(edges: int, what: str) -> str:
+    """How many edges of a garment are drawn through what it should lie on, as a clause."""
+    return f"{counted(edges, 'edge')} {'is' if edges == 1 else 'are'} drawn through the {what}"
+
+
 def misplaced(depth: Penetration | None) -> str:
     """What to change where a garment is drawn through the avatar; empty where it is not."""
     if depth is None or not depth.edges:
         return ""
-    are = "edge is" if depth.edges == 1 else "edges are"
     return (
-        f"{depth.edges:,} {are} drawn through the avatar, {figure(depth.edge_max, 2)} mm deep, probably since part "
-        "of the garment began on the wrong side of a limb: let avatar.mesh be in the pose that the garment is placed "
+        f"{drawn_through(depth.edges, 'avatar')}, {figure(depth.edge_max, 2)} mm deep, probably since part of the "
+        "garment began on the wrong side of a limb: let avatar.mesh be in the pose that the garment is placed "
         "round, and avatar.poses be this one; or place panels that reach beyond another limb, as of wide trouser legs, "
         "clear of it"
     )

@@ -14,12 +14,13 @@ from warp_cloth.shapes.triangulate import triangulate
 
 CURVE_SAMPLES = 400  # of a curve when its length is measured: chord error below 0.01 mm
 _ALONG = np.linspace(0, 1, CURVE_SAMPLES)[:, None]
+# Shares of a cubic curve's handles, at all its samples.
 CUBIC = (
     (1 - _ALONG) ** 3,
     3 * _ALONG * (1 - _ALONG) ** 2,
     3 * _ALONG**2 * (1 - _ALONG),
     _ALONG**3,
-)  # shares of handles
+)
 CAP_EASE = 1.015  # sleeve cap over armhole: a knitted set-in sleeve is eased in by 1 to 3 %
 PANEL_GAP = 0.05  # [m] between panels in texture space
 
