@@ -46,6 +46,7 @@ from warp_cloth.kernels.patch_triangles import triangle_table_function, triangle
 FEWEST = 4  # of what meets at a vertex, at least at most of them
 USUAL = 6  # of what meets at a vertex; only patches where more does look further
 
+EDGES, TRIANGLES = "edges", "triangles"  # which meet at vertices, and what they do there is summed
 
 _RANKED = """
     const unsigned int part = (unsigned int)word[rank >> 1];
@@ -60,8 +61,8 @@ def ranked(word: wp.vec4i, rank: int) -> int:
 
 
 @functools.cache
-def sum_functions(precision: str, fits: bool, first: int, last: int) -> SimpleNamespace:
-    """Functions ``edges_sum`` and ``triangles_sum``, of the ranks from ``first`` to before ``last`` of a word."""
+def ranks_sum(precision: str, fits: bool, kind: str, first: int, last: int) -> wp.Function:
+    """Function that adds what meets at a vertex to its load: the ranks from ``first`` to before ``last`` of a word."""
     types = cloth_types(precision)
     read_4 = memory_functions(precision, fits).read_4
 
@@ -83,7 +84,47 @@ def sum_functions(precision: str, fits: bool, first: int, last: int) -> SimpleNa
             sum += read_4(beside, memory.corner_load + wp.static(4 * types.real_size) * ranked(word, rank))
         return sum
 
-    return SimpleNamespace(edges_sum=edges_sum, triangles_sum=triangles_sum)
+    return edges_sum if kind == EDGES else triangles_sum
+
+
+@functools.cache
+def words_sum(precision: str, fits: bool, kind: str, by_kind: bool) -> wp.Function:
+    """Function that adds all of a kind that meets at a vertex to its load; arguments as of ``load_functions``."""
+    types = cloth_types(precision)
+    vec4 = types.vec4
+    fewest, between = ranks_sum(precision, fits, kind, 0, FEWEST), ranks_sum(precision, fits, kind, FEWEST, USUAL)
+    usual, further = ranks_sum(precision, fits, kind, 0, USUAL), ranks_sum(precision, fits, kind, USUAL, RANKS)
+    whole = ranks_sum(precision, fits, kind, 0, RANKS)
+
+    @wp.func
+    def sum_of_words(
+        slot: wp.array(dtype=wp.vec4i),
+        patch: Patch,
+        beside: wp.array(dtype=wp.uint8),
+        memory: PatchMemory,
+        local: int,
+        word: wp.vec4i,
+        nothing: int,
+        load: vec4,
+    ):
+        """``word`` is the first of ``slot``'s words of the vertex; what is not there is ``nothing``, or after it."""
+        sum = load
+        if wp.static(by_kind):
+            sum = fewest(beside, memory, word, sum)
+            if ranked(word, wp.static(FEWEST)) < nothing:
+                sum = between(beside, memory, word, sum)
+            if ranked(word, wp.static(USUAL)) < nothing:
+                sum = further(beside, memory, word, sum)
+        else:
+            sum = usual(beside, memory, word, sum)
+            if patch.ranks > wp.static(USUAL):
+                sum = further(beside, memory, word, sum)
+        for eight in range(1, words_of(patch.ranks)):
+            other = element(slot, patch.slot_start + eight * patch.owned_count + local)
+            sum = whole(beside, memory, other, sum)
+        return sum
+
+    return sum_of_words
 
 
 @functools.cache
@@ -94,14 +135,8 @@ def load_functions(precision: str, terms: Terms, fits: bool, by_kind: bool) -> S
     """
     types = cloth_types(precision)
     vec4, Patches = types.vec4, types.Patches
-    usual, further = sum_functions(precision, fits, 0, USUAL), sum_functions(precision, fits, USUAL, RANKS)
-    whole, fewest = sum_functions(precision, fits, 0, RANKS), sum_functions(precision, fits, 0, FEWEST)
-    between = sum_functions(precision, fits, FEWEST, USUAL)
-    fewest_edges, between_edges = fewest.edges_sum, between.edges_sum
-    fewest_triangles, between_triangles = fewest.triangles_sum, between.triangles_sum
+    all_edges, all_triangles = (words_sum(precision, fits, kind, by_kind) for kind in (EDGES, TRIANGLES))
     corner_stride = stride_function(terms)
-    usual_edges, further_edges, more_edges = usual.edges_sum, further.edges_sum, whole.edges_sum
-    usual_triangles, further_triangles, more_triangles = usual.triangles_sum, further.triangles_sum, whole.triangles_sum
 
     @wp.func
     def vertex_slots(patches: Patches, patch: Patch, local: int):
@@ -130,34 +165,11 @@ def load_functions(precision: str, terms: Terms, fits: bool, by_kind: bool) -> S
         """
         load = vec4()
         if wp.static(terms.edges):
-            if wp.static(by_kind):
-                load = fewest_edges(beside, memory, edges, load)
-                if ranked(edges, wp.static(FEWEST)) < 2 * patch.edge_count:
-                    load = between_edges(beside, memory, edges, load)
-                if ranked(edges, wp.static(USUAL)) < 2 * patch.edge_count:
-                    load = further_edges(beside, memory, edges, load)
-            else:
-                load = usual_edges(beside, memory, edges, load)
-                if patch.ranks > wp.static(USUAL):
-                    load = further_edges(beside, memory, edges, load)
-            for eight in range(1, words_of(patch.ranks)):
-                word = element(patches.edge_slot, patch.slot_start + eight * patch.owned_count + local)
-                load = more_edges(beside, memory, word, load)
+            nothing = 2 * patch.edge_count
+            load = all_edges(patches.edge_slot, patch, beside, memory, local, edges, nothing, load)
         if wp.static(terms.folds or terms.threads):
-            if wp.static(by_kind):
-                nothing = corner_stride(patch) + 2 * patch.triangle_count
-                load = fewest_triangles(beside, memory, triangles, load)
-                if ranked(triangles, wp.static(FEWEST)) < nothing:
-                    load = between_triangles(beside, memory, triangles, load)
-                if ranked(triangles, wp.static(USUAL)) < nothing:
-                    load = further_triangles(beside, memory, triangles, load)
-            else:
-                load = usual_triangles(beside, memory, triangles, load)
-                if patch.ranks > wp.static(USUAL):
-                    load = further_triangles(beside, memory, triangles, load)
-            for eight in range(1, words_of(patch.ranks)):
-                word = element(patches.slot, patch.slot_start + eight * patch.owned_count + local)
-                load = more_triangles(beside, memory, word, load)
+            nothing = corner_stride(patch) + 2 * patch.triangle_count
+            load = all_triangles(patches.slot, patch, beside, memory, local, triangles, nothing, load)
         return load
 
     return SimpleNamespace(vertex_slots=vertex_slots, vertex_load=vertex_load)
