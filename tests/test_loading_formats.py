@@ -390,13 +390,16 @@ def test_what_says_its_up_axis_is_not_overruled(tmp_path: Path, name: str) -> No
 
 
 def test_a_body_that_lies_is_told_of(tmp_path: Path) -> None:
-    body = trimesh.creation.box(extents=(1.75, 0.3, 1.7))  # arms stretched out
-
-    def notes(**options: object) -> tuple[str, ...]:
+    def notes(body: trimesh.Trimesh, **options: object) -> tuple[str, ...]:
         (tmp_path / "body.obj").write_text(body.export(file_type="obj"))
         return load(tmp_path / "body.obj", **{"role": "avatar", "key": "avatar", "units": "m", **options}).notes
 
-    assert [note for note in notes() if 'set avatar.up = "z"' in note]
-    assert notes(up="y") == notes(up="z") == ()
-    body.apply_transform(trimesh.transformations.rotation_matrix(np.pi / 2, (1, 0, 0)))
-    assert notes() == ()
+    def on_floor(body: trimesh.Trimesh) -> trimesh.Trimesh:
+        below = trimesh.creation.box(extents=(4.0, 0.01, 4.0))
+        return trimesh.util.concatenate([body, below.apply_translation((0.0, body.bounds[0, 1], 0.0))])
+
+    lying = trimesh.creation.box(extents=(1.75, 0.3, 1.7))  # arms stretched out
+    standing = trimesh.creation.box(extents=(1.75, 1.7, 0.3))
+    for body in (lying, on_floor(lying)):
+        assert [note for note in notes(body) if 'set avatar.up = "z"' in note]
+    assert notes(lying, up="y") == notes(lying, up="z") == notes(standing) == notes(on_floor(standing)) == ()

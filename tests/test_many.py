@@ -31,6 +31,8 @@ from warp_cloth.threads import ALONE
 
 ON_SPHERE = ["solver.iterations=330", "collision.pixel_mm=10"]
 HANGING = ["garment.shape.vertices_per_side=6", "solver.iterations=250"]
+SQUARE = {"shape": {"kind": "square", "vertices_per_side": 6}, "pin": {"vertices": [0]}}
+SHORT = {"iterations": 50}
 NO_GPU = pytest.mark.skipif(not wp.is_cuda_available(), reason="no GPU")
 CUDA = pytest.param("cuda:0", True, marks=[pytest.mark.cuda, NO_GPU])
 
@@ -154,6 +156,16 @@ def test_what_cannot_be_loaded_is_told_in_its_place() -> None:
     good, bad = fit_many(scenes, "cpu", together=2)
     assert isinstance(good, Fit)
     assert isinstance(bad, InputError)
+
+
+def test_scenes_are_taken_as_a_fit_takes_them() -> None:
+    bad, good, lost = fit_many([{"garment": {"shape": "cube"}}, {"garment": SQUARE, "solver": SHORT}, "nowhere.toml"])
+    assert isinstance(good, Fit)
+    assert isinstance(bad, InputError)
+    assert isinstance(lost, InputError)
+    assert "garment" in str(bad)
+    with pytest.raises(InputError, match="no device"):
+        fit_many([], "abacus")
 
 
 def test_too_many_for_the_memory_are_halved_until_they_fit(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -7,6 +7,7 @@ import json
 import struct
 import threading
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -121,6 +122,13 @@ def test_a_worn_shape_is_taken_over_by_another_size() -> None:
     # where the other size's own vertex starts, once lifted as well, but for half of what a size is wider or longer
     away = np.linalg.norm(taken - (large.points + np.array((0.0, 5.0, 0.0))), axis=1)
     assert np.median(away) < 0.04
+
+
+@pytest.mark.parametrize("order", [(1, 0, 2, 3), (2, 3, 0, 1), (0, 1, 3, 2)])
+def test_panels_that_have_the_names_of_others_are_not_taken_over(order: tuple[int, ...]) -> None:
+    small, large = (tshirt(size=size, edge=0.04) for size in ("S", "L"))
+    renamed = replace(small, panel_names=tuple(small.panel_names[panel] for panel in order))
+    assert carried_over(renamed, small.points, large) is None
 
 
 def test_the_same_mesh_keeps_its_vertices_and_a_stranger_starts_anew() -> None:

@@ -135,7 +135,7 @@ def fit(
     levels = start_coarse(made) if earlier is None else ()
     if earlier is not None and not start_from(made, earlier):
         place = start if isinstance(start, str | Path) else "start"
-        problem = "its garments have neither the mesh nor the panels' names of the scene's"
+        problem = "its garments have neither the mesh nor the panels of the scene's"
         raise InputError(place, problem, "start from a result of the same pattern, or leave it out")
     outcome = _relax(chosen, made, frames, progress)
     clock.lap("relax")

@@ -20,6 +20,7 @@ from warp_cloth.scene.stage import USD_SUFFIXES
 from warp_cloth.set_up import SetUp
 
 PANEL_GAP = 10.0  # between panels, which are brought to the unit square
+TORN = 0.1  # of the worn garment's size: how far apart a tenth of the seams' vertices lie where panels are others
 
 Worn = tuple[Mesh, Points]  # a garment and its worn points [m], shape [V, 3]
 
@@ -77,7 +78,7 @@ def carried_over(old: Mesh, worn: Points, new: Mesh, device: str = "cpu") -> Poi
     """Where the new garment's vertices lie on the old one as worn [m], shape [V, 3]; None where nothing tells.
 
     The same triangles keep their vertices. Otherwise a place is told by its panel's name and by where it lies in that
-    panel's box: sizes of one pattern correspond like that.
+    panel's box: sizes of one pattern correspond like that. Where that tears seams apart, the names are chance.
     """
     if old.vertex_count == new.vertex_count and np.array_equal(old.triangles, new.triangles):
         return worn.copy()
@@ -97,8 +98,22 @@ def carried_over(old: Mesh, worn: Points, new: Mesh, device: str = "cpu") -> Poi
     found = (corners * weight.numpy()[:, :, None]).sum(axis=1)
     vertex = new.triangles.ravel()
     count = np.bincount(vertex, minlength=new.vertex_count)
-    means = [np.bincount(vertex, found[:, axis], new.vertex_count) / count for axis in range(3)]
-    return np.column_stack(means)
+    means = np.column_stack([np.bincount(vertex, found[:, axis], new.vertex_count) / count for axis in range(3)])
+    return None if _torn(found - means[vertex], wanted.reshape(-1, 3), vertex, worn) else means
+
+
+def _torn(away: Points, wanted: NDArray[np.float32], vertex: NDArray[np.int32], worn: Points) -> bool:
+    """Whether panels that are sewn together would start far apart.
+
+    ``away`` is how far corners lie from the mean of their vertex [m], ``wanted`` where they lie in their panels, both
+    shape [3 F, 3]; ``vertex`` is that of each corner; ``worn`` the earlier garment's points [m].
+    """
+    _, first = np.unique(vertex, return_index=True)
+    sewn = (wanted != wanted[first[vertex]]).any(axis=1)
+    if not sewn.any():
+        return False
+    gap = 2 * np.linalg.norm(away[sewn], axis=1)
+    return bool(np.quantile(gap, 0.9) > TORN * np.linalg.norm(np.ptp(worn, axis=0)))
 
 
 def _boxed(mesh: Mesh, names: tuple[str, ...]) -> NDArray[np.float32]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import collections
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -15,11 +15,12 @@ from warp_cloth.batch.ahead import load_kernels
 from warp_cloth.batch.loading import Shelf
 from warp_cloth.batch.memory import Need, available_bytes, cut_to_fit, need_of
 from warp_cloth.batch.turns import Turn
+from warp_cloth.device import device_named
 from warp_cloth.fitting import Fit, finished, tolerance_of
 from warp_cloth.garment.wardrobe import Rack, Wardrobe, open_wardrobe
 from warp_cloth.kept import Kept
 from warp_cloth.plan import contact_kind
-from warp_cloth.scene import Scene
+from warp_cloth.scene import Scene, load_scene
 from warp_cloth.set_up import following, kind_of, set_up, start_coarse
 from warp_cloth.solver.loop import Goal, relax_items
 
@@ -27,8 +28,8 @@ KEPT_SHARE = 0.05  # of the memory, for avatars' fields that the next scenes may
 
 
 def fit_many(
-    scenes: Sequence[Scene],
-    device: str,
+    scenes: Sequence[Scene | str | Path | Mapping[str, Any]],
+    device: str | None = None,
     *,
     budget: int | None = None,
     together: int | None = None,
@@ -40,28 +41,39 @@ def fit_many(
     Every fit has the bits that it has alone.
 
     Args:
-        scenes: in any mixture.
-        device: Warp's name of it.
+        scenes: loaded scenes, or what ``load_scene`` takes, in any mixture.
+        device: "cpu", "cuda" or "cuda:N"; None: a GPU if there is one.
         budget: memory [bytes] that may be used there; None: most of what is free.
         together: scenes that relax together at most; None: on a GPU as many as fit, on the CPU one at a time, as a
             launch there is a loop and a garment alone stays in the cache.
         shelf: what earlier batches have loaded, and who loads for this one.
         turn: a file by which processes on one device take turns to relax; None: there are no others.
+
+    Raises:
+        InputError: there is no such device.
     """
-    gpu = wp.get_device(device).is_cuda
+    where = device_named(device)
+    gpu = wp.get_device(where).is_cuda
     most = together or (len(scenes) if gpu else 1)
-    limit = available_bytes(device) if budget is None else budget
+    limit = available_bytes(where) if budget is None else budget
     rack, kept = (Rack(), Kept()) if shelf is None else (shelf.rack, shelf.kept)
     kept.limit = int(KEPT_SHARE * limit)
     limit -= kept.limit
-    if shelf is not None:
-        ahead = partial(load_kernels, scenes[0], device) if gpu and shelf.fresh and scenes else lambda: None
-        shelf.loaders.fill(rack, scenes, kept if gpu else None, ahead)
-        shelf.fresh = False
     results: dict[int, Fit | Exception] = {}
+    chosen: dict[int, Scene] = {}
+    for number, source in enumerate(scenes):
+        try:
+            chosen[number] = source if isinstance(source, Scene) else load_scene(source)
+        except Exception as error:
+            results[number] = error
+    if shelf is not None:
+        every = list(chosen.values())
+        ahead = partial(load_kernels, every[0], where) if gpu and shelf.fresh and every else lambda: None
+        shelf.loaders.fill(rack, every, kept if gpu else None, ahead)
+        shelf.fresh = False
     loaded: dict[int, Wardrobe] = {}
     groups: collections.defaultdict[tuple[Any, ...], list[int]] = collections.defaultdict(list)
-    for number, scene in enumerate(scenes):
+    for number, scene in chosen.items():
         try:
             loaded[number] = open_wardrobe(scene, rack)
             groups[kind_of(scene, loaded[number])].append(number)
@@ -69,10 +81,10 @@ def fit_many(
             results[number] = error
 
     def run(numbers: Sequence[int]) -> list[Fit]:
-        return _together([scenes[n] for n in numbers], [loaded[n] for n in numbers], device, kept, Turn(turn))
+        return _together([chosen[n] for n in numbers], [loaded[n] for n in numbers], where, kept, Turn(turn))
 
     for numbers in groups.values():
-        needs = _needs([scenes[n] for n in numbers], [loaded[n] for n in numbers], gpu)
+        needs = _needs([chosen[n] for n in numbers], [loaded[n] for n in numbers], gpu)
         for piece in cut_to_fit(needs, limit, most):
             _halving([numbers[at] for at in piece], run, results)
     return [results[number] for number in range(len(scenes))]

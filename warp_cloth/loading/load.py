@@ -9,13 +9,14 @@ from pathlib import Path
 
 import numpy as np
 
+from warp_cloth.connected import lowest_connected
 from warp_cloth.errors import InputError
 from warp_cloth.loading.decimals import half_step, shortest_decimals
 from warp_cloth.loading.distinct import used_ids
 from warp_cloth.loading.generic import read_gltf, read_stl
 from warp_cloth.loading.obj import read_obj
 from warp_cloth.loading.ply import read_ply
-from warp_cloth.loading.raw import Floats, RawMesh, Role, check
+from warp_cloth.loading.raw import Floats, Ints, RawMesh, Role, check
 from warp_cloth.loading.repair import Repaired, RestKind, repaired
 from warp_cloth.loading.sizes import choose_unit, refuse_far
 from warp_cloth.loading.usd import read_usd
@@ -34,6 +35,7 @@ AXIS_UNKNOWN = (".obj", ".ply", ".stl")  # formats that do not say what is up
 
 # A body lies if it is nearly as long along z as anywhere (arms may be stretched out), and less high than half of that.
 LYING_LONG, LYING_LOW = 0.8, 0.5
+FLAT = 0.02  # of its extent; a part of a body is thicker, the floor that it stands on is not
 
 
 def load_mesh(
@@ -64,7 +66,7 @@ def load_mesh(
         problem = f"is too large to load ({type(error).__name__})"
         raise InputError(path, problem, "check the file, or reduce the mesh") from error
     notes = [*raw.notes, *unit.notes, *sound.notes]
-    if role == "avatar" and up is None and raw.axis_unknown and _lies(sound.points):
+    if role == "avatar" and up is None and raw.axis_unknown and _lies(sound.points, sound.triangles):
         notes.append(
             'lies along z: if it is meant to stand, set avatar.up = "z", and garment.up where that file is alike'
         )
@@ -88,9 +90,22 @@ def load_mesh(
     )
 
 
-def _lies(points: Floats) -> bool:
-    """Whether a body is long along z and low."""
-    across, height, along = np.ptp(points, axis=0)
+def _lies(points: Floats, triangles: Ints) -> bool:
+    """Whether a body is long along z and low, without the floor that it may stand on.
+
+    ``points`` [m], shape [V, 3], are all used by ``triangles``, shape [F, 3].
+    """
+    if not _long_and_low(np.ptp(points, axis=0)):
+        return False
+    a, b, c = triangles.T
+    part = lowest_connected(len(points), np.concatenate([a, b]), np.concatenate([b, c]))
+    extents = (np.ptp(points[part == one], axis=0) for one in np.unique(part))
+    thick = [extent for extent in extents if extent.min() > FLAT * extent.max()]
+    return not thick or _long_and_low(max(thick, key=np.max))
+
+
+def _long_and_low(extent: Floats) -> bool:
+    across, height, along = extent
     return bool(along >= LYING_LONG * max(across, along) and height <= LYING_LOW * along)
 
 

@@ -20,7 +20,7 @@ from warp_cloth.loading.usd_folds import stated_folds
 from warp_cloth.loading.usd_physics import mass_notes, rest_corners
 from warp_cloth.loading.usd_units import (
     lost_references,
-    meshes_below,
+    meshes_of,
     metres_per_unit,
     standing_time,
     to_stage,
@@ -146,11 +146,11 @@ def _mesh_paths(stage: Usd.Stage, prim: str | None, file: str, key: str) -> list
     """Paths of the meshes to read, instances too; guides, proxies and hidden ones only for want of others."""
     from pxr import Sdf, UsdGeom
 
-    everything = found = meshes_below(stage.GetPseudoRoot())
+    everything = found = meshes_of(stage)
     if prim is not None:
         valid = prim.startswith("/") and Sdf.Path.IsValidPathString(prim)
         root = stage.GetPrimAtPath(prim) if valid else None
-        found = meshes_below(root) if root else []
+        found = [mesh for mesh in everything if mesh.GetPath().HasPrefix(root.GetPath())] if root else []
         if not found:
             problem = f"there is no mesh at {prim}" if root else f"there is no prim {prim}"
             known = _listed([str(p.GetPath()) for p in everything])

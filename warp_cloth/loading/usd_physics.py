@@ -11,7 +11,7 @@ import numpy as np
 from warp_cloth.errors import InputError
 from warp_cloth.loading.decimals import half_step
 from warp_cloth.loading.raw import EXPORT_AGAIN, Floats, Ints
-from warp_cloth.loading.usd_units import kilograms_per_unit, meshes_below, metres_per_unit
+from warp_cloth.loading.usd_units import kilograms_per_unit, meshes_of, metres_per_unit
 from warp_cloth.material.fabric import BOUNDS, Fabric
 from warp_cloth.material.laboratory import EDGES
 from warp_cloth.material.linearised import fabric_table
@@ -230,7 +230,7 @@ def _own_fabric(material: Usd.Prim) -> dict[str, Any]:
 def collision_meshes(stage: Usd.Stage, cloths: list[StagedCloth]) -> list[str]:
     """Paths of the meshes that cloth meets: those with a collision schema, or else all others that are shown."""
     taken = {cloth.path for cloth in cloths}
-    others = [prim for prim in meshes_below(stage.GetPseudoRoot()) if str(prim.GetPath()) not in taken]
+    others = [prim for prim in meshes_of(stage) if str(prim.GetPath()) not in taken]
     colliders = [prim for prim in others if COLLISION in applied(prim)]
     return [str(prim.GetPath()) for prim in (colliders or others)]
 

@@ -81,14 +81,14 @@ def to_stage(mesh: UsdGeom.Mesh, time: Usd.TimeCode, place: str) -> Floats:
     return matrix
 
 
-def meshes_below(root: Usd.Prim) -> list[Usd.Prim]:
-    """The meshes at or below a prim, instances too, but not what a point instancer scatters."""
+def meshes_of(stage: Usd.Stage) -> list[Usd.Prim]:
+    """The meshes of a stage, instances too, but not what a point instancer scatters."""
     from pxr import Usd, UsdGeom
 
-    scattered = [path for _, path in _prototypes(root.GetStage())]
+    scattered = [path for _, path in _prototypes(stage)]
     return [
         prim
-        for prim in Usd.PrimRange(root, Usd.TraverseInstanceProxies())
+        for prim in Usd.PrimRange(stage.GetPseudoRoot(), Usd.TraverseInstanceProxies())
         if prim.IsA(UsdGeom.Mesh) and not any(prim.GetPath().HasPrefix(path) for path in scattered)
     ]
 
