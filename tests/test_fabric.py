@@ -184,6 +184,7 @@ def test_a_value_out_of_bounds_is_refused_by_key(key: str, value: object) -> Non
         ({"stretch": "much"}, "stretch", 'must be a number from 0.001 to 1e+09, not "much"'),
         ({"emt_warp_percent": 0}, "emt_warp_percent", "must be a number from 0.05 to 300 [% at 500 gf/cm], not 0"),
         ({"emt_percent": 3, "stretch": 3.0}, "stretch", "states the same as emt_percent; give one of them"),
+        ({"weight_gsm": 160, "weight": 0.2}, "weight", "states the same as weight_gsm; give one of them"),
         ({"tension_warp": []}, "tension_warp", "must be a list of [elongation in %, force in N/m], all positive"),
         ({"shear": 1e4}, "shear", "1e+04 N/m is more than 0.25 of the smaller stretch; state at most 5000 N/m"),
         ({"shear": "edgs"}, "shear", 'must be a number from 0 to 1e+09, or "edges", not "edgs"'),

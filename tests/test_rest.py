@@ -119,6 +119,16 @@ def test_seams_of_very_different_lengths_are_told_of(scale: float, told: bool) -
     assert any("times as long in one panel" in note for note in notes) == told
 
 
+@pytest.mark.parametrize(
+    ("across", "up", "told"),
+    [(1.0, 1.4, ""), (1.0, 1.6, "1.6 times as long along v as along u"), (1.5, 0.5, "3 times")],
+)
+def test_texture_coordinates_squeezed_along_one_axis_are_told_of(across: float, up: float, told: str) -> None:
+    notes = [note for note in rest_of(PANEL * (across, up)).notes if "texture space is drawn" in note]
+    assert bool(notes) == bool(told)
+    assert told in "".join(notes)
+
+
 @pytest.mark.parametrize("scale", [1e-3, 0.1, 7.0, 10.0, 39.37, 100.0, 1000.0])
 def test_panels_in_the_wrong_unit_are_refused(scale: float) -> None:
     with pytest.raises(InputError, match=r"times those in the mesh .*set garment\.uv_units"):

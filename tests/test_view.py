@@ -180,6 +180,16 @@ def page(live: LiveFit) -> Iterator[object]:
     assert not thread.is_alive()
 
 
+def test_a_scene_beyond_what_the_sliders_offer_is_shown() -> None:
+    pytest.importorskip("viser")
+    from warp_cloth.view.page import OFFSETS, Page
+
+    page = Page(LiveFit(DRAPED, {"collision.offset_mm": f"{OFFSETS + 5}"}, "cpu"), port=0)
+    page.stop()
+    page.run()
+    assert page.pictures
+
+
 def test_the_page_is_served_on_this_machine_only_and_shows_pictures(page: object) -> None:
     import time
     import urllib.request

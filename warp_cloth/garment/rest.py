@@ -40,6 +40,10 @@ SCALE_TOLD, SCALE_REFUSED = 2.0, 6.0
 # more is gathered, or drawn in another scale.
 EASED = 1.5
 
+# Panels' lengths along one axis over those along the other, each measured by the mesh: placed panels are near 1, UVs
+# whose axes were each brought to the unit square are not.
+SQUEEZED = 1.5
+
 # Area in texture space over the panels' median triangle below which a triangle was left out of the panels: exporters
 # put all its corners at one point. A few (buttons, trims) keep their lengths in the mesh; more, and panels are missing.
 LEFT_OUT_AREA = 1.0e-6
@@ -140,6 +144,27 @@ def _check_scale(length: Floats, drawn: Floats, metres_per_uv: float, place: str
     if not 1.0 / SCALE_REFUSED <= ratio <= SCALE_REFUSED:
         raise InputError(place, problem, remedy)
     return (f"{problem}; if that is not meant, {remedy}",)
+
+
+def _check_proportions(mesh: Mesh) -> tuple[str, ...]:
+    """A note where texture space is drawn much longer along one of its axes than along the other."""
+    if mesh.texcoords is None:
+        return ()
+    drawn = mesh.points[mesh.triangles]
+    (a, b), (p, q) = (np.moveaxis(each[:, 1:] - each[:, :1], 1, 0) for each in (mesh.texcoords, drawn))
+    whole = (a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])[:, None]
+    flat = (whole != 0.0)[:, 0]
+    # by the mesh: what goes into one unit of u, and of v, each times the triangle's doubled area in texture space
+    u, v = b[:, 1:] * p - a[:, 1:] * q, a[:, :1] * q - b[:, :1] * p
+    along = {axis: np.median(np.linalg.norm(each[flat] / whole[flat], axis=1)) for axis, each in (("u", u), ("v", v))}
+    long, short = sorted(along, key=along.__getitem__)
+    ratio = float(along[short] / along[long]) if along[long] > 0.0 else 1.0
+    if ratio <= SQUEEZED:
+        return ()
+    return (
+        f"texture space is drawn {ratio:.3g} times as long along {long} as along {short}, by the mesh; if that is not "
+        "meant, export texture coordinates in which both axes have one unit",
+    )
 
 
 def _check_seams(sides: Floats, topology: Topology) -> tuple[str, ...]:
@@ -306,7 +331,8 @@ def build_rest_geometry(
     if rest == "uv":
         side_edge = topology.triangle_edges.ravel()
         initial = np.bincount(side_edge, drawn.ravel(), len(length)) / np.bincount(side_edge, minlength=len(length))
-        notes += _check_scale(length, initial, metres_per_uv, place, key) + _check_seams(sides, topology)
+        notes += _check_scale(length, initial, metres_per_uv, place, key)
+        notes += _check_proportions(mesh) + _check_seams(sides, topology)
     return replace(
         made,
         notes=notes,

@@ -99,9 +99,13 @@ def _lies(points: Floats, triangles: Ints) -> bool:
         return False
     a, b, c = triangles.T
     part = lowest_connected(len(points), np.concatenate([a, b]), np.concatenate([b, c]))
-    extents = (np.ptp(points[part == one], axis=0) for one in np.unique(part))
-    thick = [extent for extent in extents if extent.min() > FLAT * extent.max()]
-    return not thick or _long_and_low(max(thick, key=np.max))
+    _, number = np.unique(part, return_inverse=True)
+    low, high = np.full((number.max() + 1, 3), np.inf), np.full((number.max() + 1, 3), -np.inf)
+    np.minimum.at(low, number, points)
+    np.maximum.at(high, number, points)
+    extent = high - low
+    thick = extent.min(axis=1) > FLAT * extent.max(axis=1)
+    return not thick.any() or _long_and_low(high[thick].max(axis=0) - low[thick].min(axis=0))
 
 
 def _long_and_low(extent: Floats) -> bool:

@@ -214,8 +214,9 @@ def _over(base: Fabric, values: Mapping[str, Any]) -> Fabric:
             fabric = replace(fabric, shear=fabric.even_shear)
         return fabric
     except InputError as error:
-        key = next((key for key in values if error.place in laboratory.stated_by(key)), error.place)
-        raise InputError(key, error.problem, error.remedy) from None
+        stating = (key for key in values if error.place in laboratory.stated_by(key))
+        place = error.place if error.place in values else next(stating, error.place)
+        raise InputError(place, error.problem, error.remedy) from None
 
 
 def _shown(value: Any) -> str:

@@ -29,6 +29,7 @@ LEAST_RESIDUAL = 1e-9  # that the plot tells from nothing
 GROUND_LIGHT, SKY = (150, 150, 155), 1.6  # beside the light that comes with the viewer; looked at, not measured
 WORDS_SECONDS = 0.5  # between two changes of status and plots while the garment moves
 SIZES = ("S", "M", "L")
+OFFSETS = 15.0  # [mm] and less are offered, more where the scene has more
 BODY_RANGES = {"stature": (1.5, 2.0), "chest": (0.8, 1.3), "waist": (0.6, 1.2), "hip": (0.8, 1.3)}  # [m]
 
 
@@ -111,9 +112,8 @@ class Page:
             chosen = gui.add_dropdown("fabric", fabrics, initial_value=name if name in fabrics else "default")
             chosen.on_update(lambda _: self._ask("garment.fabric", chosen.value, every_garment=True))
             if live.scene.avatar is not None:
-                offset = gui.add_slider(
-                    "offset [mm]", min=0.0, max=15.0, step=0.5, initial_value=live.scene.collision.offset_mm
-                )
+                kept = live.scene.collision.offset_mm
+                offset = gui.add_slider("offset [mm]", min=0.0, max=max(OFFSETS, kept), step=0.5, initial_value=kept)
                 offset.on_update(lambda _: self._ask("collision.offset_mm", f"{offset.value}"))
         measures = live.body
         if measures is not None:
@@ -169,10 +169,10 @@ class Page:
 
     def _measure_sliders(self, measures: dict[str, float]) -> None:
         def connect(name: str) -> None:
-            low, high = BODY_RANGES[name]
-            first = min(max(100 * measures[name], 100 * low), 100 * high)
+            low, high = (100 * end for end in BODY_RANGES[name])
+            first = 100 * measures[name]
             slider = self._server.gui.add_slider(
-                f"{name} [cm]", min=100 * low, max=100 * high, step=1.0, initial_value=first
+                f"{name} [cm]", min=min(low, first), max=max(high, first), step=1.0, initial_value=first
             )
             slider.on_update(lambda _: self._ask(f"avatar.shape.{name}", f"{slider.value / 100:.3f}"))
 
