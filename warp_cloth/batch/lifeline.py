@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import multiprocessing
 import os
+import signal
 import threading
+from collections.abc import Iterator
+from multiprocessing import resource_tracker
 
 from warp_cloth.threads import ALONE
 
@@ -18,6 +22,17 @@ def begin_alone() -> None:
     """Likewise, and keeps to one thread: there are as many such processes as cores."""
     end_with_parent()
     os.environ[ALONE] = "1"
+
+
+@contextlib.contextmanager
+def uninterrupted() -> Iterator[None]:
+    """What is started meanwhile hears of no Ctrl-C, from its first moment on: who starts it ends it."""
+    resource_tracker.ensure_running()  # which would let them through again
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _wait() -> None:

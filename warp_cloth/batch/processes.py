@@ -9,6 +9,7 @@ from multiprocessing import forkserver
 from multiprocessing.context import ForkServerContext
 from pathlib import Path
 
+from warp_cloth.batch.lifeline import uninterrupted
 from warp_cloth.device import gpu_count
 
 LOADING = ("__main__", "warp_cloth.batch.pool", "warp_cloth.batch.loading")  # before any process is forked
@@ -34,7 +35,8 @@ def get_ready(device: str | None = None) -> None:
     added = [name for name in ONE_THREAD if name not in os.environ]
     os.environ.update(dict.fromkeys(added, "1"))
     try:
-        forkserver.ensure_running()
+        with uninterrupted():
+            forkserver.ensure_running()
     finally:
         for name in added:
             del os.environ[name]

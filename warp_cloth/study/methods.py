@@ -19,6 +19,7 @@ from typing import Any
 
 import numpy as np
 
+from warp_cloth.batch.lifeline import uninterrupted
 from warp_cloth.mesh import Points
 from warp_cloth.quiet import start_warp
 from warp_cloth.scene import load_scene
@@ -177,7 +178,9 @@ class MethodStudy:
         left = {(case.name, method): (case, method, self._device, limits[method]) for _, case, method in beside}
         asked = [job for key, job in left.items() if key not in self.runs]
         if asked:
-            with get_context("spawn").Pool(self._processes, start_warp, (False,)) as pool:
+            with uninterrupted():
+                pool = get_context("spawn").Pool(self._processes, start_warp, (False,))
+            with pool:
                 for found in pool.imap_unordered(_run_job, asked):
                     self._keep(found)
         return list(self.runs.values())

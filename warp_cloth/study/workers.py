@@ -5,13 +5,12 @@ from __future__ import annotations
 import contextlib
 import math
 import multiprocessing
-import signal
 import time
 from collections.abc import Iterator, Sequence
 from multiprocessing.connection import Connection, wait
 from typing import Any, Generic, Protocol, TypeVar
 
-from warp_cloth.batch.lifeline import begin_alone
+from warp_cloth.batch.lifeline import begin_alone, uninterrupted
 from warp_cloth.batch.pool import ended
 from warp_cloth.quiet import start_warp
 
@@ -58,7 +57,6 @@ def run_jobs(jobs: Sequence[Job[R]], device: str, *, workers: int, deadline: flo
 
 def _serve(connection: Connection, device: str) -> None:
     """A worker's life: a job in, its result out, until nobody asks any more."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the asker ends its workers
     begin_alone()
     start_warp()
     while True:
@@ -83,7 +81,8 @@ class _Worker(Generic[R]):
         context = multiprocessing.get_context("spawn")
         self.connection, theirs = context.Pipe()
         self._process = context.Process(target=_serve, args=(theirs, self._device), daemon=True)
-        self._process.start()
+        with uninterrupted():
+            self._process.start()
         theirs.close()
 
     def give(self, number: int, jobs: Sequence[Job[R]]) -> None:
