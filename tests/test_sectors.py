@@ -18,8 +18,8 @@ from warp_cloth.set_up import set_up_one
 from warp_cloth.solver.relax import Collider, Relaxation, StepOptions
 from warp_cloth.study import sectors
 from warp_cloth.study.launches import Launch, launches_of
-from warp_cloth.study.pressed import block_of_pairs, looked_at, stores, unregistered
-from warp_cloth.study.sectors import BLOCKS, SECTOR, STORES, WARPS, field_nodes, moved_bytes
+from warp_cloth.study.pressed import block_of_pairs, looked_at, nearly_parallel, stores
+from warp_cloth.study.sectors import BLOCKS, SECTOR, STORES, field_nodes, moved_bytes
 from warp_cloth.study.traffic import ANY, REGIONS, Uses, array_uses
 
 SQUARE = {"kind": "square", "side": 0.5, "vertices_per_side": 19, "plane": "vertical", "height": 1.5}
@@ -199,15 +199,17 @@ def pressed(*heights: float, name: str = "press_pairs") -> tuple[Launch, Uses]:
     return launch, array_uses(launch.kernel)
 
 
-def has_come(arrays: dict[str, np.ndarray]) -> np.ndarray:
-    """Whether the time of each pair has come, by how far the regions of its vertices have gone, shape [N]."""
+def gone_together(arrays: dict[str, np.ndarray]) -> np.ndarray:
+    """How far the regions of each pair's vertices have gone, shape [N]."""
     gone = arrays["contact.way"][0] + arrays["contact.stride"][arrays["contact.turn"][0] % 2]
-    count = arrays["contact.count"][0]
-    together = [
-        sum(gone[int(word) >> 16 * corner & 0xFFFF] for corner in range(4))
-        for word in arrays["contact.regions"][:count]
-    ]
-    return arrays["contact.due"][:count] <= np.array(together, dtype=np.int64)
+    words = arrays["contact.regions"][: arrays["contact.count"][0]]
+    together = [sum(gone[int(word) >> 16 * corner & 0xFFFF] for corner in range(4)) for word in words]
+    return np.array(together, dtype=np.int64)
+
+
+def has_come(arrays: dict[str, np.ndarray]) -> np.ndarray:
+    """Whether the time of each pair has come, shape [N]."""
+    return arrays["contact.due"][: arrays["contact.count"][0]] <= gone_together(arrays)
 
 
 def test_leeway_is_asked_for_by_cloth_that_has_some() -> None:
@@ -260,7 +262,9 @@ def test_sums_are_asked_for_number_by_number_by_the_pairs_that_press() -> None:
     press = come & arrays["contact.lean"][:count].any(axis=1)
     moved = sectors._Moved(launch, uses)
     rows = []
-    for pairs in (np.flatnonzero(press), np.flatnonzero(press & (arrays["contact.due"][:count] % 2 == 1))):
+    edges = np.flatnonzero(press & (arrays["contact.due"][:count] % 2 == 1))
+    turning = edges[nearly_parallel(launch.arrays(), "contact", edges)]
+    for pairs in (np.flatnonzero(press), turning):
         number = stores(np.zeros(len(pairs), dtype=np.int64), arrays["contact.due"][pairs] % 2 == 1)
         corners = arrays["contact.corners"][pairs]
         rows.append(len({(one, at, four[at]) for one, four in zip(number, corners, strict=True) for at in range(4)}))
@@ -292,42 +296,42 @@ def test_pairs_are_stored_by_warps_of_a_kind_that_take_turns_in_a_block_s_queue(
     )
 
 
-def test_what_warps_could_share_is_partly_asked_for_again_while_blocks_wait(monkeypatch: pytest.MonkeyPatch) -> None:
-    launch, uses = pressed(0.0, 0.0005, 0.0015, 0.011)
-    moved = sectors._Moved(launch, uses)
-    assert moved._asked_anew("cloth.position") == 0  # on the CPU, and where pairs are pressed by themselves
-    monkeypatch.setattr(moved, "_device", SimpleNamespace(is_cuda=True, sm_count=4))
-    monkeypatch.setattr(moved, "_patch", {"place": np.arange(2)})
-    (chain,) = uses.read["cloth.position"]
-    warps, blocks = (len(moved._sectors("cloth.position", chain, "", by=by)) for by in (WARPS, BLOCKS))
-    assert warps > blocks > 0
-    assert moved._asked_anew("cloth.position") == warps - blocks
-    assert moved._asked_anew("contact.way") == 0
-
-
-def test_of_what_is_asked_for_here_and_there_a_core_holds_as_large_a_share_as_has_room(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_core_holds_what_patches_read_where_its_blocks_leave_room_for_it(monkeypatch: pytest.MonkeyPatch) -> None:
     launch, uses = pressed(0.0, 0.0005, 0.0015, 0.011)
     moved = sectors._Moved(replace(launch, threads=8 * 192), uses)
-    assert moved._lost(10**6) == 0.0  # on the CPU
+    assert moved._holds(10**6)  # on the CPU
     monkeypatch.setattr(moved, "_device", SimpleNamespace(is_cuda=True, sm_count=4, alias="cpu"))
-    monkeypatch.setattr(moved, "_patch", {"place": np.arange(2)})
+    monkeypatch.setattr(moved, "_patch", {"place": np.arange(2)})  # of eight blocks; the others press pairs
     monkeypatch.setitem(launch.kernel.options, "launch_bounds", (192, 2))
-    monkeypatch.setattr(sectors, "core_bytes", lambda device: 2 * sectors.BLOCK_MEMORY + 1000)  # two blocks' at a time
-    monkeypatch.setattr(sectors, "spilled_bytes", lambda command, device: 0)
-    assert moved._lost(4 * 1000 // SECTOR) == 0.0
-    assert moved._lost(4 * 4000 // SECTOR) == pytest.approx(0.75)
-    monkeypatch.setattr(sectors, "spilled_bytes", lambda command, device: 10)
-    assert moved._lost(4 * 4000 // SECTOR) == pytest.approx(1 - 4000 / (16000 + 6 * 192 * 10))
+    monkeypatch.setattr(sectors, "core_bytes", lambda device: 2 * sectors.BLOCK_MEMORY + 6400)  # two blocks at a time
+    assert moved._holds(2 * 3200 // SECTOR)
+    assert not moved._holds(2 * 3200 // SECTOR + 1)
 
 
-def test_what_registers_do_not_hold_is_stored_as_threads_look_ahead_and_for_each_pair_of_edges() -> None:
-    turn = 4 * 192
-    assert unregistered(100, 192, turn, 50) == 2 * 64 * 192 + 36 * 50
-    assert unregistered(100, 192, turn + 1, 50) == 3 * 64 * 192 + 36 * 50
-    assert unregistered(20, 192, turn, 50) == 2 * 20 * 192
-    assert unregistered(100, 192, 0, 0) == 0
+def test_of_pairs_that_have_come_those_narrow_rooms_that_were_near_and_others_are_told_when_to_come_again() -> None:
+    launch, uses = pressed(0.0, 0.0005, 0.0015, 0.011)
+    arrays = {name: array.numpy() for name, array in launch.arrays().items() if name.startswith("contact.")}
+    come, given = np.flatnonzero(has_come(arrays)), launch.arrays()
+    near, far = come[::2], come[1::2]
+    arrays["contact.stride"][:] = 10
+    arrays["contact.due"][far] = gone_together(arrays)[far] // 2 * 2 + arrays["contact.due"][far] % 2 - 2
+    for name in ("contact.stride", "contact.due"):
+        given[name].assign(arrays[name])
+    moved = sectors._Moved(launch, uses)
+    corners = set(arrays["contact.corners"][near].ravel().tolist())
+    for name, elements, size in (("contact.room", corners, 4), ("contact.due", far.tolist(), 8)):
+        found = [moved._sectors(name, chain, "", by=STORES) for chain in uses.written[name]]
+        assert set((np.concatenate(found) % sectors.BLOCK).tolist()) == sectors_of(elements, size)
+
+
+def test_edges_turn_that_are_nearly_parallel() -> None:
+    corners = np.array([[0, 1, 2, 3], [0, 1, 2, 4], [0, 1, 2, 5]], dtype=np.int32)
+    places = np.array([[0, 0, 0], [1, 0, 0], [0, 0, 1], [2, 0, 1], [2, 0.19, 1], [2, 0.21, 1]])
+    arrays = {
+        "contact.corners": wp.array(corners, dtype=wp.vec4i, device="cpu"),
+        "cloth.position": wp.array(places, dtype=wp.vec3d, device="cpu"),
+    }
+    assert nearly_parallel(arrays, "contact", np.arange(3)).tolist() == [True, True, False]
 
 
 def test_a_gpu_looks_at_pairs_a_turn_ahead() -> None:

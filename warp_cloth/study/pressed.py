@@ -8,12 +8,12 @@ from numpy.typing import NDArray
 from warp_cloth.kernels.block import BLOCK_THREADS
 from warp_cloth.kernels.cloth_contact import ON_EDGE, REGIONS
 from warp_cloth.kernels.press_queue import ON_TRIANGLES, ROUNDS
+from warp_cloth.kernels.touch import PARALLEL
 from warp_cloth.study.asked import Arrays, Numbers
 from warp_cloth.study.traffic import SEVERAL, Chain, Uses
 
 TEAM = 32  # threads that go together, and pairs next to each other that a block takes
 CORNERS = 4
-LOOKED = 16 * ROUNDS  # bytes of a thread: when the pairs that it looked at ahead may be near, and their regions
 INSTRUCTION = 1 << 20  # the first number of those that stand for a block
 
 
@@ -24,18 +24,41 @@ def presses(uses: Uses) -> bool:
 
 def chosen_pairs(arrays: Arrays, contact: str, chain: Chain, found: int) -> Numbers:
     """The pairs that a chain is for, of so many: all, those looked at, or those that press."""
-    corners, lean, due, regions, way, stride, turn = (
-        arrays[f"{contact}.{each}"].numpy() for each in ("corners", "lean", "due", "regions", "way", "stride", "turn")
+    lean, due, way, stride, turn = (
+        arrays[f"{contact}.{each}"].numpy() for each in ("lean", "due", "way", "stride", "turn")
     )
-    pair = np.arange(min(found, len(corners)))
+    pair = np.arange(min(found, len(due)))
     if f"{contact}.due" in chain:
-        gone = way[0] + stride[turn[0] & 1]  # as kernels.cloth_contact's region_gone
-        pair = pair[due[pair] <= gone[four_regions(regions[pair])].sum(axis=1)]
+        pair = come_pairs(arrays, contact, pair, way[0] + stride[turn[0] & 1])  # as kernels.cloth_contact's region_gone
     if f"{contact}.lean" in chain:
         pair = pair[lean[pair].any(axis=1)]
         if f"{contact}.due" in chain and SEVERAL not in chain:  # what turns edges away from each other
             pair = pair[(due[pair] & 1) == int(ON_EDGE)]
+            pair = pair[nearly_parallel(arrays, contact, pair)]
     return pair
+
+
+def come_pairs(arrays: Arrays, contact: str, pair: Numbers, gone: Numbers) -> Numbers:
+    """Those of some pairs that come due when their regions have gone so far."""
+    due, regions = (arrays[f"{contact}.{each}"].numpy()[pair] for each in ("due", "regions"))
+    return pair[due <= gone[four_regions(regions)].sum(axis=1)]
+
+
+def near_pairs(arrays: Arrays, contact: str, pair: Numbers) -> Numbers:
+    """Those of the pairs that have come due whose room is narrowed: others turn out to be far, and are due later on.
+
+    Such as were due in the last iteration already, and are so still.
+    """
+    return come_pairs(arrays, contact, pair, arrays[f"{contact}.way"].numpy()[0])
+
+
+def nearly_parallel(arrays: Arrays, contact: str, pair: Numbers) -> NDArray[np.bool_]:
+    """Whether pairs of edges turn, by kernels.touch's ``share``."""
+    positions = next(array for name, array in arrays.items() if name.endswith(".position")).numpy()
+    ends = positions[arrays[f"{contact}.corners"].numpy()[pair]].astype(np.float64)
+    one, other = ends[:, 1] - ends[:, 0], ends[:, 3] - ends[:, 2]
+    square = (np.cross(one, other) ** 2).sum(axis=1)
+    return np.asarray(square < PARALLEL * (one**2).sum(axis=1) * (other**2).sum(axis=1))
 
 
 def four_regions(words: NDArray[np.uint64]) -> Numbers:
@@ -67,14 +90,3 @@ def stores(block: Numbers, on_edge: NDArray[np.bool_]) -> Numbers:
         turn = 2 * (place // threads * warps + place % warps) + sort
         number[of] = turn * (1 + block.max(initial=0)) + block[of]
     return INSTRUCTION + number
-
-
-def unregistered(spilled: int, threads: int, found: int, edges: int) -> int:
-    """Bytes that so many threads store of what registers do not hold, of so many pairs found and edges pressed.
-
-    What a thread has looked at ahead it keeps so while it presses, from its first look on and anew in every turn; what
-    else has no room in registers is for a pair of edges, on which it works longest.
-    """
-    looked = min(LOOKED, spilled)
-    turns = -(-found // max(ROUNDS * threads, 1))
-    return looked * threads * (1 + turns) + (spilled - looked) * edges if found else 0

@@ -19,7 +19,7 @@ from warp_cloth.study.caches import core_bytes, spilled_bytes
 from warp_cloth.study.gathered import gathered_work
 from warp_cloth.study.launches import Launch
 from warp_cloth.study.listed import groups_that_go_on, work_on_lists
-from warp_cloth.study.pressed import CORNERS, block_of_pairs, chosen_pairs, looked_at, stores, unregistered
+from warp_cloth.study.pressed import CORNERS, block_of_pairs, chosen_pairs, looked_at, near_pairs, stores
 from warp_cloth.study.traffic import ANY, FROM, REGIONS, SEVERAL, Chain, Uses
 
 ITEMS = "item_count"  # which take, with what is left over, all edges or triangles that a patch has
@@ -30,7 +30,7 @@ PATCHES, PATCH_WIDTH = "patches.patch", 16  # kernels.cloth's Patch, one after a
 TABLE_NODES = 3  # along each axis of a table, that a thread reads round its place
 AT_A_TIME = 1 << 16  # vertices whose places in a table are looked up together
 
-BLOCKS, WARPS, STORES = "blocks", "warps", "stores"  # by which those are told apart that share what they ask for
+BLOCKS, STORES = "blocks", "stores"  # by which those are told apart that share what they ask for
 
 Keys = NDArray[np.int64]
 BLOCK = 1 << 36  # in a key that stands for a sector of an array and the block that asks for it
@@ -41,8 +41,8 @@ def moved_bytes(launch: Launch, uses: Uses) -> tuple[int, int]:
 
     In memory each sector counts once: whoever asks for it again finds it in the cache. Of the cache every block of
     threads asks by itself, so that what lies between two patches is asked for twice; and where a core's own cache does
-    not hold what its blocks have read, in every loop over a patch again, and of pairs in part. What registers do not
-    hold goes there, too: counted once for each vertex, for each leaf of groups that meet, and as ``unregistered`` says.
+    not hold what its patches have read, in every loop over a patch again. What registers do not hold goes there, too:
+    counted once for each vertex, and for each leaf of groups that meet.
     """
     return _Moved(launch, uses).total()
 
@@ -67,7 +67,7 @@ class _Moved:
 
     def total(self) -> tuple[int, int]:
         """Bytes to and from memory, and between the last cache and the cores."""
-        memory = once = again = anew = written = 0
+        memory = once = again = of_patches = written = 0
         for used in (self._uses.read, self._uses.written):
             for name in sorted(used.keys() & self._arrays.keys()):
                 loops = self._loops(name, used[name], by=STORES if used is self._uses.written else BLOCKS)
@@ -82,26 +82,17 @@ class _Moved:
                 else:
                     once += len(asked)
                     again += sum(len(keys) for keys in loops.values())
-                    anew += self._asked_anew(name)
-        lost = self._lost(once)
-        read = (once if lost == 0.0 else again) + round(lost * anew)
+                    of_patches += int((asked < BLOCK * len(self._patch.get("place", ()))).sum())
+        read = once if self._holds(of_patches) else again
         return SECTOR * memory, SECTOR * (read + written) + self._unregistered()
 
     def _unregistered(self) -> int:
-        """Bytes of what registers do not hold: for each vertex, pair, or leaf."""
-        spilled = spilled_bytes(self._launch.command, self._device.alias)
+        """Bytes of what registers do not hold: for each vertex, or leaf."""
         turns = min(self._vertices, self._launch.threads)
-        for name, chains in self._uses.read.items():
-            chain = next(iter(chains))
-            if name.endswith(".corners") and any(each.endswith(".due") for each in chain):
-                found = self._known_of(name, chain)
-                pairs = chosen_pairs(self._arrays, _owner(name), chain, found)
-                edges = int((self._arrays[f"{_owner(name)}.due"].numpy()[pairs] & 1 == int(ON_EDGE)).sum())
-                threads = self._launch.threads - BLOCK_THREADS * len(self._patch.get("place", ()))
-                return unregistered(spilled, threads, found, edges)
-            if name.endswith(".group") and name in self._arrays and self._device.is_cuda:
-                turns = int(WIDTH) * int(groups_that_go_on(self._arrays).sum())
-        return spilled * turns
+        groups = [name for name in self._uses.read if name.endswith(".group") and name in self._arrays]
+        if groups and self._device.is_cuda:
+            turns = int(WIDTH) * int(groups_that_go_on(self._arrays).sum())
+        return spilled_bytes(self._launch.command, self._device.alias) * turns
 
     def _added_one_by_one(self, name: str) -> int:
         """Sectors of rows beyond one each: no core's cache takes several numbers together."""
@@ -120,14 +111,6 @@ class _Moved:
             return []
         return [chain for chain in self._uses.written[name] if any(each.endswith(".due") for each in chain)]
 
-    def _asked_anew(self, name: str) -> int:
-        """Sectors that those who press pairs ask for again where their core's cache has lost them."""
-        if not self._patch or not self._device.is_cuda:
-            return 0
-        of_pairs = [chain for chain in self._uses.read[name] if any(each.endswith(".due") for each in chain)]
-        counts = [[len(self._sectors(name, chain, "", by=by)) for by in (WARPS, BLOCKS)] for chain in of_pairs]
-        return sum(warps - blocks for warps, blocks in counts)
-
     def _raised(self, name: str) -> int:
         """Sectors of a table's numbers, one for each region, that warps raise for the vertices of a patch."""
         if not self._patch or not self._device.is_cuda:
@@ -145,21 +128,19 @@ class _Moved:
         blocks = 1 if by == STORES else max(blocks, 1)
         return _keys(np.repeat(np.arange(blocks), count), np.tile(np.arange(count), blocks), size)
 
-    def _lost(self, sectors: int) -> float:
-        """The share of so many sectors, all that is read, that cores' own caches do not hold till they are asked again.
+    def _holds(self, sectors: int) -> bool:
+        """Whether cores' own caches hold so many sectors, all that patches read, till they are asked for again.
 
-        Blocks that work at the same time share a core's cache, which their own memory and what their registers do not
-        hold takes room from. Of what is asked for here and there it holds as large a share as has room.
+        Blocks that work at the same time share a core's cache, from which their own memory takes room. What pairs ask
+        for twice their neighbours in a block's queue ask for, at the same time.
         """
         if not self._patch or not self._device.is_cuda:
-            return 0.0
-        blocks = max(self._launch.threads // BLOCK_THREADS, 1)
+            return True
+        patches, blocks = len(self._patch["place"]), max(self._launch.threads // BLOCK_THREADS, 1)
         _, most = self._launch.kernel.options.get("launch_bounds") or (0, BLOCKS_PER_CORE)
         together = min(-(-blocks // self._device.sm_count), most)
-        others = (blocks - len(self._patch["place"])) * BLOCK_THREADS  # that press pairs
-        kept = SECTOR * sectors + others * spilled_bytes(self._launch.command, self._device.alias)
         room = core_bytes(self._device.alias) - together * BLOCK_MEMORY
-        return max(1.0 - room * blocks / (max(kept, 1) * together), 0.0)
+        return SECTOR * sectors * together <= room * patches
 
     def _loops(self, name: str, chains: set[Chain], *, by: str = BLOCKS) -> dict[str, Keys]:
         """The sectors of an array that each block asks for in some chains, by the loop that asks."""
@@ -265,7 +246,7 @@ class _Moved:
         return block, self._vertex[place]
 
     def _of_pairs(self, name: str, contact: str, chain: Chain, found: int, *, by: str) -> Part:
-        """Blocks, warps or single stores, and the pairs, or their vertices, that each goes over.
+        """Blocks, or single stores, and the pairs, or their vertices, that each goes over.
 
         No core's cache puts together what several stores write, and pairs that go together are not neighbours.
         """
@@ -277,10 +258,12 @@ class _Moved:
         else:
             pair = chosen_pairs(self._arrays, contact, chain, found)
         block = others + block_of_pairs(pair, blocks)
-        if by != BLOCKS and f"{contact}.due" in chain:
-            if name == f"{contact}.due":  # of those that are far, and were due but now: few
-                pair, block = pair[:0], block[:0]
+        if by == STORES and f"{contact}.due" in chain:
             block = stores(block, self._arrays[f"{contact}.due"].numpy()[pair] & 1 == int(ON_EDGE))
+            if name in (f"{contact}.due", f"{contact}.room"):
+                near = np.isin(pair, near_pairs(self._arrays, contact, pair))
+                here = near if name == f"{contact}.room" else ~near
+                pair, block = pair[here], block[here]
         if len(array) == room:
             return block, pair
         if len(array) != self._vertices:  # a hash table
