@@ -308,3 +308,12 @@ def test_everything_at_once(tmp_path: Path) -> None:
 def test_a_third_layer_on_an_indexed_edge_is_still_refused_after_repairs(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="3 faces"):
         load(tmp_path, SQUARE + "v 0 0 1\n" + TRIANGLES + "f 1 2 2\nf 1 3 5\n")
+
+
+def test_a_garment_without_opening_is_told_of(tmp_path: Path) -> None:
+    faces = ["f 1 3 2", "f 1 2 4", "f 1 4 3", "f 2 3 4"]
+    points = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\n"
+    closed = points + "\n".join(faces)
+    assert noted(load(tmp_path, closed), "a closed surface")
+    assert not noted(load(tmp_path, closed, role="avatar"), "a closed surface")
+    assert not noted(load(tmp_path, points + "\n".join(faces[1:])), "a closed surface")

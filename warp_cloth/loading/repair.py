@@ -24,6 +24,11 @@ THINNEST = 1e-6
 
 FARTHEST = 1e12  # texture coordinates beyond this count as none: no panel lies there, in whatever unit
 
+CLOSED = (
+    "a closed surface, as of a body, or of cloth modelled with its thickness: a garment is one sheet, open where it is "
+    "put on"
+)
+
 
 @dataclass(frozen=True, eq=False)
 class Repaired:
@@ -74,8 +79,7 @@ def repaired(raw: RawMesh, points: Floats, *, role: Role, rest: RestKind) -> Rep
     welded = weld(points, work.triangles, near=role == "garment", panels=panels)
     work = _welded(work, welded, role)
     _refuse_empty(raw, work)
-    if role == "garment":
-        _refuse_non_manifold(raw, work)
+    closed = role == "garment" and _has_no_rim(raw, work)
     before = work.triangles
     work = _wound(work, points, role)
     turned = (work.triangles != before).any(axis=1)
@@ -89,6 +93,8 @@ def repaired(raw: RawMesh, points: Floats, *, role: Role, rest: RestKind) -> Rep
     pieces = _pieces(work.triangles, len(points))
     if role == "garment" and pieces > 1:
         notes = (*notes, f"{pieces} pieces that nothing joins: weld the vertices of their seams if they are to be sewn")
+    if closed:
+        notes = (*notes, CLOSED)
     return Repaired(
         points=points[used],
         triangles=number[work.triangles],
@@ -177,13 +183,13 @@ def _welded(work: _Work, welded: Weld, role: Role) -> _Work:
     return work.kept(_first_of_each(work.triangles), "duplicate triangle")
 
 
-def _refuse_non_manifold(raw: RawMesh, work: _Work) -> None:
-    """Refuse an edge with three or more faces: it has no two sides to bend about."""
+def _has_no_rim(raw: RawMesh, work: _Work) -> bool:
+    """Whether every edge has two faces. Refuses one with three or more: it has no two sides to bend about."""
     edges = np.sort(edges_of(work.triangles), axis=1)
     found = distinct(edges)
     bad = np.flatnonzero(found.count > 2)
     if not len(bad):
-        return
+        return bool((found.count == 2).all())
     touching = np.unique(work.faces[np.flatnonzero(found.number == bad[0]) // 3])
     a, b = (raw.vertex_name(int(vertex)) for vertex in edges[found.first[bad[0]]])
     named = ", ".join(raw.face_name(int(face)) for face in touching[:6])
