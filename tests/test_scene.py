@@ -258,6 +258,23 @@ def test_an_error_of_set_quotes_it(text: str, line: str) -> None:
     assert line in refused("tshirt", text)
 
 
+@pytest.mark.parametrize(
+    ("lost", "by"),
+    [
+        ("garment.shape.size=L", "garment.mesh=a.obj"),
+        ("garment.units=cm", "garment.shape={kind='square'}"),
+        ("avatar.shape.chest=1.1", "avatar.shape.kind=sphere"),
+    ],
+)
+def test_a_set_that_a_later_one_undoes_is_refused(lost: str, by: str) -> None:
+    line = refused("tshirt", lost, by)
+    assert line == f"--set {lost}: is undone by --set {by}; leave it out, or state it after that"
+
+
+def test_of_several_sets_the_one_that_is_wrong_is_named() -> None:
+    assert refused("tshirt", "garment.shape.size=L", "garment.shape.size=XL").startswith("--set garment.shape.size=XL:")
+
+
 def test_a_long_set_is_cut_short() -> None:
     assert len(refused("tshirt", "solver.iterations=" + "9" * 5000)) < 300
     assert "not a huge number" in refused("tshirt", "solver.iterations=0x" + "f" * 5000)

@@ -15,7 +15,7 @@ from pydantic import ValidationError
 
 from warp_cloth.errors import InputError
 from warp_cloth.scene.messages import scene_error, show
-from warp_cloth.scene.overrides import apply_override, set_place
+from warp_cloth.scene.overrides import apply_override, set_place, still_stated
 from warp_cloth.scene.schema import Scene
 from warp_cloth.scene.stage import USD_SUFFIXES, check_prims, stage_values
 from warp_cloth.toml_file import exists, read_toml
@@ -43,6 +43,9 @@ def load_scene(source: str | Path | Mapping[str, Any], overrides: Sequence[str] 
     stated: dict[str, str] = {}  # dotted key -> the --set that stated it
     for text in (overrides,) if isinstance(overrides, str) else overrides:
         stated[apply_override(values, text, directory)] = set_place(text)
+        for key, lost in stated.items():
+            if not still_stated(values, key):
+                raise InputError(lost, f"is undone by {set_place(text)}", "leave it out, or state it after that")
     if not isinstance(source, Mapping) and path.suffix.lower() in USD_SUFFIXES:
         check_prims(values, path)
     values.setdefault("name", name)
@@ -92,7 +95,7 @@ def _scene_file(source: str | Path) -> Path:
 def _place(key: str, with_key: bool, *, file: str, stated: Mapping[str, str]) -> str:
     """Where a key was stated: in the file, or by the --set that wrote it, or something under or over it."""
     sought = key.replace("[0]", "")  # a lone entry may stand without its list
-    for own, text in stated.items():
+    for own, text in reversed(stated.items()):
         own = own.replace("[0]", "")
         if sought == own:
             return text

@@ -45,6 +45,16 @@ def apply_override(values: dict[str, Any], text: str, directory: Path) -> str:
     return "".join(f"[{p}]" if isinstance(p, int) else f".{p}" for p in parts).lstrip(".")
 
 
+def still_stated(values: Any, key: str) -> bool:
+    """Whether a key that was written into a scene's values is there yet."""
+    for part in _parts(key, key):
+        known = range(len(values)) if isinstance(values, list) else values
+        if not isinstance(values, dict | list) or part not in known:
+            return False
+        values = values[part]
+    return True
+
+
 def _parts(key: str, place: str) -> list[str | int]:
     """A dotted key's names and list places: garment[1].fabric is garment, 1, fabric."""
     parts: list[str | int] = []
