@@ -63,6 +63,18 @@ def test_all_sizes_meet_the_same_body_and_larger_ones_leave_more() -> None:
     assert all(a.ease < b.ease for a, b in itertools.pairwise(waists))
 
 
+def test_a_scene_may_say_itself_what_depends_on_the_size(tmp_path: Path) -> None:
+    for size, half in (("S", 0.4), ("M", 0.5)):
+        corners = [(x, 0.95, z) for x in (-half, half) for z in (-half, half)]
+        lines = [f"v {x} {y} {z}" for x, y, z in corners]
+        (tmp_path / f"cloth_{size}.obj").write_text("\n".join([*lines, "f 1 2 4 3"]))
+    scene = tmp_path / "scene.toml"
+    scene.write_text('garment = {mesh = "cloth_{size}.obj", units = "m"}\navatar.shape.kind = "sphere"\n')
+    run = fit_sizes(scene, ["S", "M"], overrides=["solver.iterations=5", "collision.pixel_mm=10"], device="cpu")
+    names = [each.fit.scene.garments[0].mesh for each in run.sizes if each.fit is not None]
+    assert names == [tmp_path / "cloth_S.obj", tmp_path / "cloth_M.obj"]
+
+
 def test_the_command_writes_the_table_and_the_stages(tmp_path: Path) -> None:
     changes = [word for change in QUICK for word in ("--set", change)]
     done = CliRunner().invoke(

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, get_args
 
+from warp_cloth.batch.jobs import toml_text
 from warp_cloth.errors import InputError
 from warp_cloth.fitting import Fit, fit
 from warp_cloth.garment.part import GarmentPart
@@ -134,8 +135,8 @@ def fit_sizes(
     Args:
         scene: what ``load_scene`` takes; its avatar is the body, the same for all sizes.
         sizes: from small to large; none: those of the generated T-shirt.
-        overrides: ``KEY=VALUE`` changes; ``{size}`` in one stands for the size. Without one that has it the size is
-            that of the generated T-shirt.
+        overrides: ``KEY=VALUE`` changes; ``{size}`` in one, or in the scene's garment.mesh, stands for the size.
+            Where neither has it the size is that of the generated T-shirt.
         ease: wanted at chest, waist and hip [m]; negative for a garment that is to stretch.
         device: "cpu", "cuda" or "cuda:N"; None: a GPU if there is one.
         progress: told each size before it is fitted.
@@ -148,6 +149,11 @@ def fit_sizes(
     base = load_scene(scene, [*plain, *(change.replace(SIZE, sizes[0]) for change in sized if sizes)])
     if base.avatar is None:
         raise InputError("sizes", "the scene has no avatar to choose a size for", "add an [avatar]")
+    sized += [
+        f"{key}.mesh={toml_text(str(spec.mesh.absolute()))}"
+        for key, spec in zip(base.garment_keys, base.garments, strict=True)
+        if spec.mesh is not None and SIZE in str(spec.mesh)
+    ]
     generated = isinstance(base.garments[0].shape, TshirtShape)
     if not sized and not generated:
         raise InputError("sizes", "nothing in the scene depends on the size", f"--set garment.mesh=shirt_{SIZE}.obj")

@@ -95,7 +95,7 @@ def _scene_file(source: str | Path) -> Path:
 def _place(key: str, with_key: bool, *, file: str, stated: Mapping[str, str]) -> str:
     """Where a key was stated: in the file, or by the --set that wrote it, or something under or over it."""
     sought = key.replace("[0]", "")  # a lone entry may stand without its list
-    for own, text in reversed(stated.items()):
+    for own, text in reversed(list(stated.items())):
         own = own.replace("[0]", "")
         if sought == own:
             return text

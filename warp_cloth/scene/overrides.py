@@ -48,10 +48,10 @@ def apply_override(values: dict[str, Any], text: str, directory: Path) -> str:
 def still_stated(values: Any, key: str) -> bool:
     """Whether a key that was written into a scene's values is there yet."""
     for part in _parts(key, key):
-        known = range(len(values)) if isinstance(values, list) else values
-        if not isinstance(values, dict | list) or part not in known:
+        entries = dict(enumerate(values)) if isinstance(values, list) else values
+        if not isinstance(entries, dict) or part not in entries:
             return False
-        values = values[part]
+        values = entries[part]
     return True
 
 

@@ -58,7 +58,8 @@ def advice(trade: Trade) -> list[str]:
             "rest in many): the error tells how the settings change its folds, not which of them is right."
         )
         if found is None:
-            lines.append(f"  Ask for no less than that: --within {math.ceil(trade.scatter_mm):d}mm.")
+            digit = 10.0 ** math.floor(math.log10(trade.scatter_mm))
+            lines.append(f"  Ask for no less than that: --within {math.ceil(trade.scatter_mm / digit) * digit:g}mm.")
     if not trade.reference_rests:
         lines.append("  The reference is not at rest: errors tell how settings change the way there, not the end.")
     return lines
