@@ -14,13 +14,12 @@ from warp_cloth.kernels.cloth import cloth_types
 from warp_cloth.kernels.limits import BLOCK_MEMORY, BLOCK_THREADS
 
 WARPS = BLOCK_THREADS // 32  # of threads that go together
-MEETING_PER_CORE = 4  # where worn cloth meets cloth, or an exact surface, which takes registers
 FEW_PER_CORE = 3  # where there are no more at all: threads then keep all in registers
 BESIDE = wp.constant(-2147483648)  # the sign bit
 
-_OWN_MEMORY = f"""
+_OWN_MEMORY = """
 #if defined(__CUDA_ARCH__)
-    __shared__ __align__(16) unsigned char memory[{BLOCK_MEMORY}];
+    __shared__ __align__(16) unsigned char memory[%d];
     return (int)__cvta_generic_to_shared(memory);
 #else
     return 0;
@@ -57,15 +56,7 @@ _LANE = """
 
 _BLOCK_THREADS = """
 #if defined(__CUDA_ARCH__)
-    return (int)blockDim.x;
-#else
-    return 1;
-#endif
-"""
-
-_PATCH_THREADS = f"""
-#if defined(__CUDA_ARCH__)
-    return {BLOCK_THREADS};
+    return %s;
 #else
     return 1;
 #endif
@@ -113,10 +104,19 @@ def _found(place: str, type: str, alignment: int, fits: bool) -> str:
     return _PLACE % {"place": place, "type": type, "alignment": alignment, "beside": beside}
 
 
-@wp.func_native(_OWN_MEMORY)
-def own_memory() -> int:
-    """Place where the block's own memory starts."""
-    ...
+@functools.cache
+def own_memory_function(size: int) -> wp.Function:
+    """The function that tells where the block's own memory of so many bytes starts."""
+
+    @wp.func_native(_OWN_MEMORY % size)
+    def own_memory() -> int:
+        """Place where the block's own memory starts."""
+        ...
+
+    return own_memory
+
+
+own_memory = own_memory_function(BLOCK_MEMORY)
 
 
 @wp.func_native(_WAIT)
@@ -143,16 +143,22 @@ def lane_of(thread: int) -> int:
     ...
 
 
-@wp.func_native(_BLOCK_THREADS)
-def block_threads() -> int:
-    """How many threads a block has."""
-    ...
+@functools.cache
+def threads_function(threads: int) -> wp.Function:
+    """The function that tells how many threads a block has; ``threads``: 0, or as many, told when it is compiled.
+
+    Threads that are told go through more of a large patch at a time. In small patches that only makes kernels longer.
+    """
+
+    @wp.func_native(_BLOCK_THREADS % (threads or "(int)blockDim.x"))
+    def block_threads() -> int:
+        """How many threads a block has: more than the patch that it works on owns vertices, on a GPU."""
+        ...
+
+    return block_threads
 
 
-@wp.func_native(_PATCH_THREADS)
-def patch_threads() -> int:
-    """How many threads a block has that works on a patch: more than the patch owns vertices, on a GPU."""
-    ...
+block_threads = threads_function(0)
 
 
 @wp.func_native(_TELL)
@@ -189,9 +195,9 @@ _FETCH = """
 #endif
 """
 
-_FETCHES = f"""
+_FETCHES = """
 #if defined(__CUDA_ARCH__) && __CUDA_ARCH__ >= 900
-    return threadIdx.x == {BLOCK_THREADS} - 32 * (turn + 1);
+    return threadIdx.x == blockDim.x - 32 * (turn + 1);
 #else
     return true;
 #endif

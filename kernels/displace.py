@@ -7,16 +7,14 @@ import warp as wp
 from warp_cloth.kernels.access import element, put
 from warp_cloth.kernels.arithmetic import inner, root
 from warp_cloth.kernels.block import (
-    BLOCK_THREADS,
     FEW_PER_CORE,
-    MEETING_PER_CORE,
     ask_no_earlier,
     await_blocks,
     block_of,
+    block_threads,
     fetches,
     lane_of,
     memory_functions,
-    patch_threads,
     tell_blocks,
     wait_for_block,
 )
@@ -33,7 +31,7 @@ from warp_cloth.kernels.displacement import (
 )
 from warp_cloth.kernels.field import fetch_field, field_contact
 from warp_cloth.kernels.gather import patch_functions
-from warp_cloth.kernels.limits import BLOCKS_PER_CORE, Terms
+from warp_cloth.kernels.limits import Terms, block_for
 from warp_cloth.kernels.packing import order_functions, three_function
 from warp_cloth.kernels.patch_memory import NEXT_TURN, PatchMemory, leaves, next_functions, patch_of
 from warp_cloth.kernels.patch_steps import point_functions
@@ -215,16 +213,17 @@ def advance_kernel(
     """
     presses = touches and few and fits
     press_share = press_function(precision, "stiffness") if presses else None
-    asks_little = contact is None or spares_looks(contact, touches)
-    many = BLOCKS_PER_CORE if asks_little else MEETING_PER_CORE
-    bounds = BLOCK_THREADS, FEW_PER_CORE if few else many
+    threads, _, many, _ = block_for(paired)
+    # what an avatar is looked up by finds more of the core's own memory where one block less works at a time
+    bounds = threads, FEW_PER_CORE if few else many - (contact is not None)
     types = cloth_types(precision)
     point, vec4, Cloth, Step = types.point, types.vec4, types.Cloth, types.Step
     _, told_before = before_functions(touches)
     end_vertex = end_function(precision, accelerated, contact, collider_type, touches)
     Touch = touch_type(touches)
     bound = step_bound(accelerated, contact, touches)
-    functions = patch_functions(precision, bound, terms, fits, in_order=not touches, paired=paired)
+    told = 0 if few or paired else threads
+    functions = patch_functions(precision, bound, terms, fits, in_order=not touches, paired=paired, threads=told)
     keeps = paired and fits  # registers for what is asked for before triangles are worked out
     own_vertex, two_vertices = functions.own_vertex, functions.two_vertices
     work_edges, work_corners = functions.work_edges, functions.work_corners
@@ -311,7 +310,7 @@ def advance_kernel(
                     step, colliders, touch, before, cloth, load, held, vertex, moves, patch.item, item,
                     position_out, move_out,
                 )  # fmt: skip
-                local += patch_threads()
+                local += block_threads()
                 edges, triangles = vertex_slots(patches, patch, local)
 
     return advance_vertices

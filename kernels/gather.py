@@ -13,7 +13,14 @@ import warp as wp
 
 from warp_cloth.kernels.access import element
 from warp_cloth.kernels.arithmetic import signed_sum
-from warp_cloth.kernels.block import block_of, fetches, lane_of, memory_functions, patch_threads, wait_for_block
+from warp_cloth.kernels.block import (
+    block_of,
+    block_threads,
+    fetches,
+    lane_of,
+    memory_functions,
+    wait_for_block,
+)
 from warp_cloth.kernels.cloth import MODULE_OPTIONS, Patch, cloth_types
 from warp_cloth.kernels.limits import RANKS, SLOTS, Terms
 from warp_cloth.kernels.pairs import (
@@ -195,7 +202,7 @@ def work_type(precision: str) -> type:
 
 @functools.cache
 def patch_functions(
-    precision: str, fourth: str, terms: Terms, fits: bool, in_order: bool, paired: bool
+    precision: str, fourth: str, terms: Terms, fits: bool, in_order: bool, paired: bool, threads: int = 0
 ) -> SimpleNamespace:
     """Functions ``own_vertex``, ``two_vertices``, ``work_edges``, ``work_corners``, ``vertex_slots``, ``vertex_load``.
 
@@ -208,20 +215,22 @@ def patch_functions(
         fits: whether no patch is too large for a block's own memory and threads.
         in_order: whether vertices lie in the patches' order.
         paired: whether threads work on pairs of triangles, where a patch has such items.
+        threads: as of block.threads_function.
     """
     types = cloth_types(precision)
     vec4, Cloth, Step, Patches = types.vec4, types.Cloth, types.Step, types.Patches
     PatchItem, PatchWork = item_type(precision), work_type(precision)
-    patch_memory, fetch_tables = layout_function(precision, terms, fits), fetch_function(precision, terms, paired)
-    vertices = vertices_step(precision, fourth, fits, in_order)
-    read_vertices, work_normals = vertices.read_vertices, normals_step(precision, fits, paired)
+    patch_memory = layout_function(precision, terms, fits, paired)
+    fetch_tables = fetch_function(precision, terms, paired)
+    vertices = vertices_step(precision, fourth, fits, in_order, threads)
+    read_vertices, work_normals = vertices.read_vertices, normals_step(precision, fits, paired, threads)
     asked_item, work_item_normals = item_functions(precision, fits).asked_item, item_normals_step(precision, fits)
     item_edges = item_edges_step(precision, fourth, terms, fits)
     asked_laws, work_item_edges = item_edges.asked_laws, item_edges.work_item_edges
-    work_other_edges = edges_step(precision, fourth, terms, fits, paired)
+    work_other_edges = edges_step(precision, fourth, terms, fits, paired, threads)
     edge_table = edge_table_functions(precision, terms, paired).edge_table
     work_item_corners = item_corners_step(precision, fourth, terms, fits)
-    work_triangles = triangles_step(precision, fourth, terms, fits)
+    work_triangles = triangles_step(precision, fourth, terms, fits, threads)
     triangle_table, own = triangle_table_function(precision, terms), load_functions(precision, terms, fits, paired)
     vertex_slots, fetch_next = own.vertex_slots, next_functions(precision).fetch_next
 
@@ -342,7 +351,7 @@ def gather_kernel(precision: str, fourth: str, terms: Terms, fits: bool, paired:
         while local < patch.owned_count:
             vertex = own_vertex(patches, patch, local)
             load_out[vertex] = vertex_load(patches, patch, beside, work.memory, local, edges, triangles)
-            local += patch_threads()
+            local += block_threads()
             edges, triangles = vertex_slots(patches, patch, local)
 
     return gather_forces

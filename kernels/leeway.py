@@ -175,7 +175,7 @@ def leeway_function(precision: str) -> wp.Function:
 
 def _find_leeway_kernel(precision: str, terms: Terms) -> wp.Kernel:
     types = cloth_types(precision)
-    real, vec6, Cloth, Step = types.real, types.vec6, types.Cloth, types.Step
+    real, Cloth, Step = types.real, types.Cloth, types.Step
     Edges, Triangles, Rows = types.Edges, types.Triangles, types.Rows
     even, leeway_of = symmetric_functions(precision).even, leeway_function(precision)
     functions = bound_functions(precision)
@@ -204,9 +204,8 @@ def _find_leeway_kernel(precision: str, terms: Terms) -> wp.Kernel:
         rows: Rows,
         bound: wp.array(dtype=real),  # of bound_folds, shape [E]
         step: Step,
-        leeway_out: wp.array(dtype=vec6),  # shape [V]
     ):
-        """Sums at each vertex what bounds its step, as a matrix, and turns it into the vertex' leeway."""
+        """Has every vertex whose item is loose go on with the leeway that the matrix of what bounds its step leaves."""
         vertex = wp.tid()
         if rests(cloth, vertex):
             return
@@ -241,7 +240,7 @@ def _find_leeway_kernel(precision: str, terms: Terms) -> wp.Kernel:
                     more, size = threads_matrix(weft, warp, bounds, share, shorter, slope, corner)
                     matrix += more
                     total += size
-        leeway_out[vertex] = leeway_of(matrix, total, most)
+        cloth.leeway[vertex] = leeway_of(matrix, total, most)
 
     return find_leeway
 
@@ -266,31 +265,10 @@ def changed_leeway_function(precision: str) -> wp.Function:
     return changed_leeway
 
 
-def _take_leeway_kernel(precision: str) -> wp.Kernel:
-    types = cloth_types(precision)
-    real, vec6, Cloth = types.real, types.vec6, types.Cloth
-    rests = rest_function(precision)
-
-    @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
-    def take_leeway(
-        cloth: Cloth,
-        found: wp.array(dtype=vec6),  # of find_leeway, shape [V]
-    ):
-        """Has every vertex whose item is loose go on with the leeway found."""
-        vertex = wp.tid()
-        if rests(cloth, vertex):
-            return
-        if cloth.items[cloth.item[vertex]].leeway != real(0.0):
-            cloth.leeway[vertex] = found[vertex]
-
-    return take_leeway
-
-
 @functools.cache
 def leeway_kernels(precision: str, terms: Terms) -> SimpleNamespace:
-    """Kernels ``bound_folds``, where cloth bends, ``find_leeway`` and ``take_leeway``."""
+    """Kernels ``bound_folds``, where cloth bends, and ``find_leeway``."""
     return SimpleNamespace(
         bound_folds=_bound_folds_kernel(precision, terms),
         find_leeway=_find_leeway_kernel(precision, terms),
-        take_leeway=_take_leeway_kernel(precision),
     )

@@ -20,6 +20,24 @@ CODE_BACK, CODE_AFTER = 8, 16  # it runs against its triangle's winding; that is
 RANKS = 8  # of what meets at a vertex that share a word
 
 
+class Block(NamedTuple):
+    """A thread block that works on a patch of many, on a large GPU."""
+
+    threads: int
+    memory: int  # [bytes]
+    per_core: int  # that its memory and registers are to suffice for: each fetches while others work
+    vertices: int  # that a patch owns at most: with what is around them they nearly always fit the memory
+
+
+SINGLE = Block(BLOCK_THREADS, BLOCK_MEMORY, BLOCKS_PER_CORE, 152)
+PAIRS = Block(256, 47 * 1024, 4, 200)  # where threads work on pairs of triangles: less of what they do lies around
+
+
+def block_for(paired: bool) -> Block:
+    """The block for patches whose threads work on pairs of triangles, or on single ones."""
+    return PAIRS if paired else SINGLE
+
+
 class Terms(NamedTuple):
     """What acts in a scene's cloth; the kernels are made for these."""
 

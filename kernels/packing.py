@@ -170,13 +170,13 @@ def packing_kernels(precision: str, accelerated: bool) -> SimpleNamespace:
     ):
         """Puts what iterations change in the patches' order."""
         place = wp.tid()
+        vertex = element(order, place)
         if rests(cloth, place):
             return
-        vertex = element(order, place)
         put_packed_point(position_out, place, element(cloth.position, vertex))
         put(moved_out, place, sized(element(cloth.move, vertex)))
         if wp.static(accelerated):
-            stiffness_out[place] = element(cloth.stiffness, vertex)
+            put(stiffness_out, place, element(cloth.stiffness, vertex))
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def pack_leeway(
@@ -200,12 +200,12 @@ def packing_kernels(precision: str, accelerated: bool) -> SimpleNamespace:
     ):
         """Puts it back in the garments' order."""
         place = wp.tid()
+        vertex = element(order, place)
         if rests(packed, place):
             return
-        vertex = element(order, place)
-        position_out[vertex] = packed_point(packed.position, place)
-        move_out[vertex] = first_three(element(packed.moved, place))
+        put(position_out, vertex, packed_point(packed.position, place))
+        put(move_out, vertex, first_three(element(packed.moved, place)))
         if wp.static(accelerated):
-            stiffness_out[vertex] = element(packed.stiffness, place)
+            put(stiffness_out, vertex, element(packed.stiffness, place))
 
     return SimpleNamespace(pack_vertices=pack_vertices, pack_leeway=pack_leeway, unpack_vertices=unpack_vertices)

@@ -12,7 +12,7 @@ import warp as wp
 
 from warp_cloth.kernels.access import element
 from warp_cloth.kernels.bending import unit_normal
-from warp_cloth.kernels.block import memory_functions, patch_threads
+from warp_cloth.kernels.block import block_threads, memory_functions
 from warp_cloth.kernels.cloth import Patch, cloth_types, difference_function
 from warp_cloth.kernels.limits import (
     CODE_AFTER,
@@ -175,7 +175,7 @@ def item_normals_step(precision: str, fits: bool) -> wp.Function:
             local = int(lane)
             while local < patch.item_count:
                 put_normals(beside, memory, patch, local, lying_item(beside, memory, asked_item(patches, patch, local)))
-                local += patch_threads()
+                local += block_threads()
         return item
 
     return work_item_normals
@@ -270,7 +270,7 @@ def item_edges_step(precision: str, fourth: str, terms: Terms, fits: bool) -> Si
                 lying = lying_item(beside, memory, asked_item(patches, patch, local))
                 fold = edges_of(patches, patch, beside, memory, step, local, asked_laws(patches, patch, lying))
                 put_fold(beside, memory, local, fold)
-                local += patch_threads()
+                local += block_threads()
         return item
 
     return SimpleNamespace(asked_laws=asked_laws, work_item_edges=work_item_edges)
@@ -353,7 +353,7 @@ def item_corners_step(precision: str, fourth: str, terms: Terms, fits: bool) -> 
                     again.normal_1 = read_4(beside, memory.normal + wp.static(size_4) * (patch.item_count + local))
                 again.fold = fold_at(beside, memory, local, vec3())
                 corners_of(patches, patch, beside, memory, step, local, again)
-                local += patch_threads()
+                local += block_threads()
         put_nothing(patch, beside, memory, lane)
 
     return work_item_corners

@@ -6,9 +6,9 @@ from types import SimpleNamespace
 import warp as wp
 
 from warp_cloth.kernels.access import element
-from warp_cloth.kernels.block import BESIDE, fetch_ahead, fetches, own_memory
+from warp_cloth.kernels.block import BESIDE, fetch_ahead, fetches, own_memory_function
 from warp_cloth.kernels.cloth import Patch, cloth_types
-from warp_cloth.kernels.limits import RANKS, Terms
+from warp_cloth.kernels.limits import RANKS, Terms, block_for
 from warp_cloth.kernels.packing import fetch_points
 
 SLOTS_TURN, NEXT_TURN = wp.constant(1), wp.constant(2)  # which of a block's last warps asks ahead for what
@@ -84,9 +84,9 @@ def stride_function(terms: Terms) -> wp.Function:
 
 
 @functools.cache
-def layout_function(precision: str, terms: Terms, fits: bool) -> wp.Function:
+def layout_function(precision: str, terms: Terms, fits: bool, paired: bool) -> wp.Function:
     """The function that lays out the block's memory; the host counts the same bytes."""
-    types = cloth_types(precision)
+    types, own_memory = cloth_types(precision), own_memory_function(block_for(paired).memory)
     size_4, wide = 4 * types.real_size, types.point_size // 3
     corner_stride = stride_function(terms)
 

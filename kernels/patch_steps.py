@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import warp as wp
 
 from warp_cloth.kernels.access import element
-from warp_cloth.kernels.block import memory_functions, patch_threads
+from warp_cloth.kernels.block import block_threads, memory_functions, threads_function
 from warp_cloth.kernels.cloth import BOUNDS, Patch, cloth_types, difference_function, takes_exact_stretch
 from warp_cloth.kernels.edge import edge_functions
 from warp_cloth.kernels.forces import triangle_functions
@@ -44,7 +44,7 @@ def number_of(word: wp.uint64, place: int):
 @wp.func
 def last_first(lane: int):
     """A thread's number, counted from the block's last one; the first ones items keep busy."""
-    return patch_threads() - 1 - lane
+    return block_threads() - 1 - lane
 
 
 @functools.cache
@@ -86,9 +86,9 @@ def point_functions(precision: str, fits: bool) -> SimpleNamespace:
 
 
 @functools.cache
-def vertices_step(precision: str, fourth: str, fits: bool, in_order: bool) -> SimpleNamespace:
+def vertices_step(precision: str, fourth: str, fits: bool, in_order: bool, threads: int) -> SimpleNamespace:
     """Functions ``own_vertex``, ``two_vertices`` and ``read_vertices``."""
-    types = cloth_types(precision)
+    types, block_threads = cloth_types(precision), threads_function(threads)
     Cloth, Patches = types.Cloth, types.Patches
     own_vertex = own_function(precision, in_order)
     order = order_functions(precision, in_order)
@@ -114,7 +114,7 @@ def vertices_step(precision: str, fourth: str, fits: bool, in_order: bool) -> Si
     @wp.func
     def two_vertices(patches: Patches, patch: Patch, local: int):
         """The vertices that a thread brings in a turn."""
-        return vertex_at(patches, patch, local), vertex_at(patches, patch, local + patch_threads())
+        return vertex_at(patches, patch, local), vertex_at(patches, patch, local + block_threads())
 
     @wp.func
     def read_vertices(
@@ -133,20 +133,20 @@ def vertices_step(precision: str, fourth: str, fits: bool, in_order: bool) -> Si
         """
         local = int(lane)
         while local < patch.vertex_count:
-            other = local + patch_threads()
+            other = local + block_threads()
             keep(cloth, beside, memory, local, first)
             if other < patch.vertex_count:
                 keep(cloth, beside, memory, other, second)
-            local = other + patch_threads()
+            local = other + block_threads()
             first, second = two_vertices(patches, patch, local)
 
     return SimpleNamespace(own_vertex=own_vertex, two_vertices=two_vertices, read_vertices=read_vertices)
 
 
 @functools.cache
-def normals_step(precision: str, fits: bool, paired: bool) -> wp.Function:
+def normals_step(precision: str, fits: bool, paired: bool, threads: int) -> wp.Function:
     """The function that works out normals; ``paired``: of triangles that no item has."""
-    types = cloth_types(precision)
+    types, block_threads = cloth_types(precision), threads_function(threads)
     functions = memory_functions(precision, fits)
     point_at, write_4 = point_functions(precision, fits).point_at, functions.write_4
     triangle_normal = triangle_functions(precision, "none").triangle_normal
@@ -167,14 +167,14 @@ def normals_step(precision: str, fits: bool, paired: bool) -> wp.Function:
         following = first
         while local < patch.normal_count:
             word = following
-            if local + patch_threads() < patch.normal_count:
-                following = element(patches.corners, patch.triangle_start + local + patch_threads())
+            if local + block_threads() < patch.normal_count:
+                following = element(patches.corners, patch.triangle_start + local + block_threads())
             origin = point_at(beside, memory, packed(word, 0))
             second = point_at(beside, memory, packed(word, 1))
             third = point_at(beside, memory, packed(word, 2))
             normal = triangle_normal(origin, second, third)
             write_4(beside, memory.normal + wp.static(4 * types.real_size) * local, normal)
-            local += patch_threads()
+            local += block_threads()
 
     return work_normals
 
@@ -284,9 +284,9 @@ def edge_functions_of_patch(precision: str, fourth: str, terms: Terms, fits: boo
 
 
 @functools.cache
-def edges_step(precision: str, fourth: str, terms: Terms, fits: bool, paired: bool) -> wp.Function:
+def edges_step(precision: str, fourth: str, terms: Terms, fits: bool, paired: bool, threads: int) -> wp.Function:
     """The function that works out edges; ``paired``: those that no item has."""
-    types = cloth_types(precision)
+    types, block_threads = cloth_types(precision), threads_function(threads)
     vec4, Patches, Step = types.vec4, types.Patches, types.Step
     functions = memory_functions(precision, fits)
     point_at, read_4, write_4 = point_functions(precision, fits).point_at, functions.read_4, functions.write_4
@@ -313,8 +313,8 @@ def edges_step(precision: str, fourth: str, terms: Terms, fits: bool, paired: bo
         next_word, next_law = first_word, first_law
         while local < patch.edge_count:
             word, law = next_word, next_law
-            if local + patch_threads() < patch.edge_count:
-                next_word, next_law = edge_table(patches, patch, local + patch_threads())
+            if local + block_threads() < patch.edge_count:
+                next_word, next_law = edge_table(patches, patch, local + block_threads())
             first, second, one, other = ends_of(word)
             side = difference(point_at(beside, memory, second), point_at(beside, memory, first))
             normal_0, normal_1 = vec4(), vec4()
@@ -323,7 +323,7 @@ def edges_step(precision: str, fourth: str, terms: Terms, fits: bool, paired: bo
                 normal_1 = read_4(beside, memory.normal + wp.static(4 * types.real_size) * other)
             fold = work_edge(patches, patch, beside, memory, step, local, first, second, side, normal_0, normal_1, law)
             put_fold(beside, memory, local, fold)
-            local += patch_threads()
+            local += block_threads()
         if wp.static(terms.edges):
             if lane == 0:
                 write_4(beside, memory.edge_load + wp.static(4 * types.real_size) * patch.edge_count, vec4())

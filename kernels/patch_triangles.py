@@ -7,7 +7,7 @@ import warp as wp
 
 from warp_cloth.kernels.access import element
 from warp_cloth.kernels.arithmetic import inner
-from warp_cloth.kernels.block import memory_functions, patch_threads
+from warp_cloth.kernels.block import memory_functions, threads_function
 from warp_cloth.kernels.cloth import BOUNDS, Patch, cloth_types
 from warp_cloth.kernels.forces import corner_function, triangle_functions
 from warp_cloth.kernels.limits import Terms, fold_numbers
@@ -138,9 +138,9 @@ def nothing_step(precision: str, terms: Terms, fits: bool) -> wp.Function:
 
 
 @functools.cache
-def triangles_step(precision: str, fourth: str, terms: Terms, fits: bool) -> wp.Function:
+def triangles_step(precision: str, fourth: str, terms: Terms, fits: bool, threads: int) -> wp.Function:
     """The function that works out triangles."""
-    types = cloth_types(precision)
+    types, block_threads = cloth_types(precision), threads_function(threads)
     vec3, vec4, Patches, Step, Sides = types.vec3, types.vec4, types.Patches, types.Step, types.Sides
     read_4, size_4 = memory_functions(precision, fits).read_4, 4 * types.real_size
     functions, put_corners = (
@@ -169,8 +169,8 @@ def triangles_step(precision: str, fourth: str, terms: Terms, fits: bool) -> wp.
         while local < count:
             at = patch.triangle_start + local
             word, corners = next_sides, next_corners
-            if local + patch_threads() < count:
-                next_sides, next_corners = triangle_table(patches, at + patch_threads())
+            if local + block_threads() < count:
+                next_sides, next_corners = triangle_table(patches, at + block_threads())
             normal, sides = vec4(), Sides()
             if wp.static(terms.threads):
                 sides = sides_of(beside, memory, corners)
@@ -181,7 +181,7 @@ def triangles_step(precision: str, fourth: str, terms: Terms, fits: bool) -> wp.
                 fold_1 = side_fold(beside, memory, word, 1, sides.side_2)
                 fold_2 = side_fold(beside, memory, word, 2, sides.side_1)
             put_corners(patches, patch, beside, memory, step, local, normal, sides, fold_0, fold_1, fold_2)
-            local += patch_threads()
+            local += block_threads()
         put_nothing(patch, beside, memory, lane)
 
     return work_triangles

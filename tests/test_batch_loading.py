@@ -19,6 +19,7 @@ from warp_cloth.errors import InputError
 from warp_cloth.fitting import Fit
 from warp_cloth.garment.wardrobe import Rack, Recipe, avatar_recipe, mesh_recipes, open_wardrobe
 from warp_cloth.kept import Kept
+from warp_cloth.kernels.limits import SINGLE
 from warp_cloth.model import build_model
 from warp_cloth.patches import cutting
 from warp_cloth.scene import Scene, load_scene
@@ -147,7 +148,7 @@ def test_helpers_cut_the_patches_that_a_large_model_asks_for(loaders: Loaders, m
     several, rack, kept = scenes(), Rack(), Kept()
     loaders.fill(rack, several, kept)
     parts = [open_wardrobe(scene, rack).parts[0] for scene in several]
-    monkeypatch.setattr(cutting, "SMALLEST", cutting.LARGEST)  # as if there were thousands of garments
+    monkeypatch.setattr(cutting, "SMALLEST", SINGLE.vertices)  # as if there were thousands of garments
     monkeypatch.setattr(cutting, "_garment_tables", forbidden)
     model = build_model(parts, device="cpu", precision="mixed", gathers=True, garments=[1] * len(parts), kept=kept)
     assert model.patches is not None

@@ -21,11 +21,12 @@ SHAPE = {"kind": "square", "side": 0.5, "vertices_per_side": 21}
 
 @pytest.fixture(scope="module")
 def look() -> dict[str, Launch]:
-    """The launches of a look at leeway, thread by thread, as on a GPU."""
+    """The launches of a look at leeway, thread by thread, as on a GPU; and of an iteration."""
     fabric = {"stretch": 2e4, "shear": 50.0, "bending": 1e-6}
     made = set_up_one(load_scene({"garment": {"shape": SHAPE, "fabric": fabric}}), "cpu")
     gathers = _Gathered(made.model)
     launches = launches_of(lambda: gathers.launch(made.relaxation.step, made.model.cloth))
+    launches += launches_of(made.relaxation.iterate)
     return {launch.kernel.key.rpartition("__")[2]: launch for launch in launches}
 
 
@@ -95,7 +96,7 @@ def test_a_triangle_asks_for_its_corners(look: dict[str, Launch]) -> None:
 
 
 def test_threads_that_are_led_nowhere_are_left_as_they_are(look: dict[str, Launch]) -> None:
-    launch = look["take_leeway"]
+    launch = look["displace_vertices"]
     assert gathered_work(launch, launch.arrays(), array_uses(launch.kernel)) == {}
 
 

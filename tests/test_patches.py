@@ -12,7 +12,7 @@ from warp_cloth.errors import InputError
 from warp_cloth.garment.elements import garment_elements
 from warp_cloth.garment.part import GarmentPart, terms_of
 from warp_cloth.garment.rest import RestShape, build_rest_shape
-from warp_cloth.kernels.limits import BLOCK_MEMORY, FEW, Terms
+from warp_cloth.kernels.limits import FEW, SINGLE, Terms, block_for
 from warp_cloth.material.fabric import resolve_fabric
 from warp_cloth.mesh import Mesh
 from warp_cloth.model import build_model
@@ -63,7 +63,7 @@ def test_patches_of_any_size_give_the_bits_of_scattered_forces(
     points = mesh.points + np.random.default_rng(1).normal(scale=5e-3, size=mesh.points.shape)
     monkeypatch.setattr(on_device, "takes_pairs", lambda terms, vertices: paired and not terms.threads)
     monkeypatch.setattr(cutting, "SMALLEST", size)
-    monkeypatch.setattr(cutting, "LARGEST", size)
+    monkeypatch.setattr(cutting, "block_for", lambda paired: block_for(paired)._replace(vertices=size))
     loads = []
     for gathers in (False, True):
         model = model_of(mesh, rest, precision="mixed", gathers=gathers)
@@ -97,7 +97,7 @@ def test_every_vertex_is_owned_once_and_every_patch_has_memory(mesh: Mesh) -> No
     assert (np.sort(owned(tables)) == np.arange(mesh.vertex_count)).all()
     needed = cutting._memory(tables.patch, BENT, "mixed")
     place = tables.patch["overflow"]
-    assert ((needed > BLOCK_MEMORY) == (place >= 0)).all()
+    assert ((needed > SINGLE.memory) == (place >= 0)).all()
     assert (tables.patch["owned_count"][place >= 0] == 1).all()  # only what cannot be cut further
     ends = np.sort(place[place >= 0])[1:], tables.overflow
     assert ((place + needed)[place >= 0] <= np.append(*ends)).all()
@@ -115,7 +115,7 @@ def test_patches_cut_in_several_parts_are_those_cut_at_once(fabric: object, monk
     rest = build_rest_shape(mesh, fabric, rest="mesh")
     terms = terms_of([GarmentPart(mesh.points, mesh.triangles, rest, np.zeros(0, dtype=np.int32))])
     monkeypatch.setattr(cutting, "SMALLEST", 7)
-    monkeypatch.setattr(cutting, "BLOCK_MEMORY", 4000)  # some have to be halved
+    monkeypatch.setattr(cutting, "block_for", lambda paired: SINGLE._replace(memory=4000))  # some have to be halved
     whole = cut(mesh, rest, terms)
     monkeypatch.setattr(cutting, "CHUNK", 3)
     parts = cut(mesh, rest, terms)
@@ -166,6 +166,6 @@ def test_iterations_in_the_patches_order_have_the_bits_of_scattered_ones(method:
 
 @pytest.mark.parametrize("vertices", [7_000, 14_000, 20_000])
 def test_patches_are_half_as_many_where_other_blocks_of_a_core_press(vertices: int) -> None:
-    several, one = (-(-vertices // even_size(vertices, least)) for least in (2, 1))
+    several, one = (-(-vertices // even_size(vertices, least=least)) for least in (2, 1))
     assert several <= FEW
     assert FEW / 2 * 0.95 < one <= FEW / 2

@@ -11,6 +11,7 @@ import warp as wp
 
 from warp_cloth.kernels.cloth import Patch
 from warp_cloth.kernels.field import ContactField, sample_field
+from warp_cloth.kernels.limits import SINGLE
 from warp_cloth.model import build_model
 from warp_cloth.patches import on_device
 from warp_cloth.scene import load_scene
@@ -303,7 +304,7 @@ def test_a_core_holds_what_patches_read_where_its_blocks_leave_room_for_it(monke
     monkeypatch.setattr(moved, "_device", SimpleNamespace(is_cuda=True, sm_count=4, alias="cpu"))
     monkeypatch.setattr(moved, "_patch", {"place": np.arange(2)})  # of eight blocks; the others press pairs
     monkeypatch.setitem(launch.kernel.options, "launch_bounds", (192, 2))
-    monkeypatch.setattr(sectors, "core_bytes", lambda device: 2 * sectors.BLOCK_MEMORY + 6400)  # two blocks at a time
+    monkeypatch.setattr(sectors, "core_bytes", lambda device: 2 * SINGLE.memory + 6400)  # two blocks at a time
     assert moved._holds(2 * 3200 // SECTOR)
     assert not moved._holds(2 * 3200 // SECTOR + 1)
 

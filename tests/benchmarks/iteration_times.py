@@ -29,12 +29,12 @@ from warp_cloth.model import build_model
 from warp_cloth.scene import load_scene
 from warp_cloth.set_up import set_up
 from warp_cloth.shapes import square
-from warp_cloth.solver.loop import chunks
+from warp_cloth.solver.loop import CHUNK, chunks
 from warp_cloth.solver.relax import Collider, Relaxation, StepOptions
 
 FABRICS = {"edges": Fabric(), "irregular": Fabric(), "woven": replace(Fabric(), shear=800.0)}
 SIZES = {"4k": (64, 1), "65k": (256, 1), "1m": (256, 16)}  # vertices along a side, squares
-ROUNDS, REPEATS = 7, 5  # checks' intervals for a median, medians
+WARMING, ROUNDS, REPEATS = 3, 7, 5  # checks' intervals before the clock runs, for a median, medians
 
 
 def irregular(vertices_per_side: int) -> Mesh:
@@ -67,14 +67,11 @@ def relaxation_of(fabric: str, size: str, device: str) -> Relaxation:
 
 def microseconds(relaxation: Relaxation) -> float:
     """Median time of an iteration in a fit's graphs."""
-    device, graphs = relaxation.model.device, []
-    relaxation.iterate(2)
-    for count in chunks(relaxation):
-        with wp.ScopedCapture(device) as capture:
-            relaxation.iterate(count)
-        graphs.append(capture.graph)
-        wp.capture_launch(capture.graph)
-    taken = []
+    device, taken = relaxation.model.device, []
+    relaxation.iterate(CHUNK)
+    graphs = [relaxation.capture(count) for count in chunks(relaxation)]
+    for graph in WARMING * graphs:
+        wp.capture_launch(graph)
     for _ in range(ROUNDS):
         start, end = (wp.Event(device, enable_timing=True) for _ in range(2))
         stream = wp.get_stream(device)

@@ -31,8 +31,9 @@ from warp_cloth.garment.wardrobe import (
     rest_of,
 )
 from warp_cloth.kept import Kept
+from warp_cloth.kernels.limits import block_for
 from warp_cloth.mesh import Indices
-from warp_cloth.patches.cutting import LARGEST, garment_patches, takes_pairs
+from warp_cloth.patches.cutting import garment_patches, takes_pairs
 from warp_cloth.scene import Scene
 
 log = logging.getLogger(__name__)
@@ -290,6 +291,7 @@ def _dressed(scene: Scene, index: int, known: dict[Key, Any], made: Any, patches
         precision = scene.solver.precision
         terms = terms_of([part])
         geometry, paired = ([elements], [part.points]), takes_pairs(terms)
-        garment_patches(*geometry, terms, precision=precision, kept=kept, size=LARGEST, paired=paired)
+        size = block_for(paired).vertices
+        garment_patches(*geometry, terms, precision=precision, kept=kept, size=size, paired=paired)
     dressed: Dressed = own_constants(rest), pins, kept.of_values()
     return _sent(dressed)

@@ -16,12 +16,13 @@ from warp_cloth.garment.elements import Elements
 from warp_cloth.garment.rest import Floats
 from warp_cloth.kept import Kept
 from warp_cloth.kernels.limits import (
-    BLOCK_MEMORY,
-    BLOCK_THREADS,
-    BLOCKS_PER_CORE,
     FEW,
     NUMBER_BITS,
+    PAIRS,
+    SINGLE,
+    Block,
     Terms,
+    block_for,
     fold_numbers,
     point_size,
     real_size,
@@ -32,8 +33,7 @@ from warp_cloth.patches.spread import spread_places
 from warp_cloth.patches.triangle_pairs import Items
 from warp_cloth.threads import end_to_end, map_in_threads
 
-LARGEST = 152  # vertices that a patch owns: with what is around them they nearly always fit a block's memory
-SMALLEST = 16  # below, far more is worked out around a patch than in it
+SMALLEST = 16  # vertices that a patch owns; below, far more is worked out around a patch than in it
 
 MOST_HALVED, FEWER, PROBED = 0.125, 8, 64  # share of patches; vertices that all get fewer then; patches looked at
 CHUNK = 512  # patches that are cut at a time: their tables fit a processor's caches
@@ -92,7 +92,7 @@ def garment_patches(
     Raises:
         InputError: more meets at one vertex than a patch can count.
     """
-    size = size or even_size(sum(len(part) for part in points))
+    size = size or even_size(sum(len(part) for part in points), block_for(paired))
     shapes = kept.each("shape", list(zip(garments, points, strict=True)), _shape)
     distinct = dict(zip(shapes, zip(garments, points, strict=True), strict=True))
     how = size, terms, precision, paired
@@ -106,13 +106,13 @@ def garment_patches(
     return [made[shape] for shape in shapes]
 
 
-def even_size(vertices: int, least: int = 2) -> int:
+def even_size(vertices: int, block: Block = SINGLE, least: int = 2) -> int:
     """Vertices that a patch owns. A large GPU that has all patches at work at once has as many on each core, or more.
 
     ``least``: how many on each core, at least.
     """
-    each = max(least, -(-2 * vertices // (LARGEST * FEW)))
-    return int(np.clip(-(-2 * vertices // (FEW * each)), SMALLEST, LARGEST)) if each <= BLOCKS_PER_CORE else LARGEST
+    each, most = max(least, -(-2 * vertices // (block.vertices * FEW))), block.vertices
+    return int(np.clip(-(-2 * vertices // (FEW * each)), SMALLEST, most)) if each <= block.per_core else most
 
 
 def joined_patches(
@@ -351,12 +351,13 @@ def takes_pairs(terms: Terms, vertices: int | None = None) -> bool:
     In the small patches of a few most threads would have none, and a pair of woven triangles takes more registers than
     there are.
     """
-    return terms.folds and not terms.threads and (vertices is None or vertices > LARGEST * FEW)
+    return terms.folds and not terms.threads and (vertices is None or vertices > PAIRS.vertices * FEW)
 
 
 def _too_large(patch: dict[str, Keys], terms: Terms, precision: str) -> NDArray[np.bool_]:
     """Whether patches ask for more than a block has of memory, or of threads, or than words of items tell apart."""
-    over = (_memory(patch, terms, precision) > BLOCK_MEMORY) | (patch["item_count"] > BLOCK_THREADS)
+    block = block_for(bool(patch["item_count"].any()))
+    over = (_memory(patch, terms, precision) > block.memory) | (patch["item_count"] > block.threads)
     return np.asarray(over | beyond_words(patch))
 
 

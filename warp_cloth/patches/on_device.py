@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from warp_cloth.garment.elements import Elements
 from warp_cloth.kept import Kept
 from warp_cloth.kernels.cloth import Patch
-from warp_cloth.kernels.limits import BLOCKS_PER_CORE, FEW, Terms
+from warp_cloth.kernels.limits import FEW, Terms, block_for
 from warp_cloth.mesh import Points
 from warp_cloth.patches.cutting import (
     PatchTables,
@@ -97,11 +97,15 @@ def device_patches(
         layered: whether garments lie on each other and meet: while patches are worked out, a core's other blocks press.
     """
     own_memory = wp.get_device(device).is_cuda
-    size = even_size(sum(len(part) for part in points), PER_CORE_LAYERED) if layered else None
-    paired = takes_pairs(terms, sum(len(part) for part in points))
-    each = garment_patches(garments, points, terms, precision=types.name, kept=kept, size=size, paired=paired)
+    vertices = sum(len(part) for part in points)
+
+    def cut_as(paired: bool) -> list[PatchTables]:
+        size = even_size(vertices, block_for(paired), PER_CORE_LAYERED) if layered else None
+        return garment_patches(garments, points, terms, precision=types.name, kept=kept, size=size, paired=paired)
+
+    each = cut_as(takes_pairs(terms, vertices))
     if any(beyond_words(own.patch).any() for own in each):
-        each = garment_patches(garments, points, terms, precision=types.name, kept=kept, size=size)
+        each = cut_as(False)
     cut = joined_patches(each, garments, points, terms, precision=types.name, own_memory=own_memory)
     laws = kept.each("laws", list(zip(given, each, strict=True)), partial(_patch_laws, terms=terms), terms)
     table = "law" if terms.edges else "fold"
@@ -140,7 +144,8 @@ def device_patches(
     if terms.threads:
         tables.slope = upload(law["slope"], types.vec4)
         tables.threads = upload(law["threads"], types.vec4)
-    tables.ahead = wp.get_device(device).sm_count * BLOCKS_PER_CORE if own_memory else 0
+    working = block_for(bool(rows["item_count"].any())).per_core
+    tables.ahead = wp.get_device(device).sm_count * working if own_memory else 0
     rank = np.empty_like(order)
     rank[order] = np.arange(len(order), dtype=order.dtype)
     packed, back = types.Patches(), types.Patches()

@@ -7,9 +7,9 @@ from typing import Any
 import warp as wp
 
 from warp_cloth.kernels.arithmetic import WIDTH, shaped
-from warp_cloth.kernels.block import BLOCK_THREADS
 from warp_cloth.kernels.cloth import BOUNDS, cloth_types
 from warp_cloth.kernels.gather import gather_kernel
+from warp_cloth.kernels.limits import block_for
 from warp_cloth.kernels.scatter import edges_kernel, normals_kernel, triangles_kernel
 from warp_cloth.kernels.scatter_eight import eight_edges_kernel, eight_normals_kernel, eight_triangles_kernel
 from warp_cloth.model import ClothModel
@@ -105,5 +105,5 @@ def launch_patches(kernel: wp.Kernel, model: ClothModel, inputs: list[Any], more
     """Launches a kernel whose blocks work on a patch each, and so many more."""
     if model.patches is None:
         return
-    threads = BLOCK_THREADS if wp.get_device(model.device).is_cuda else 1
+    threads = block_for(model.patches.paired).threads if wp.get_device(model.device).is_cuda else 1
     wp.launch(kernel, dim=(model.patches.count + more) * threads, inputs=inputs, device=model.device, block_dim=threads)

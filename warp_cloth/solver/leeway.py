@@ -67,7 +67,6 @@ class _Gathered:
         if terms.folds or terms.threads:
             start, order = self._rows_of(model.triangles.corners.numpy())
             self._rows.triangle_start, self._rows.triangle = self._uploaded(start), self._uploaded(order)
-        self._found = wp.zeros(model.vertex_count, dtype=types.vec6, device=model.device)
 
     def _rows_of(self, vertices: NDArray[np.int32]) -> tuple[NDArray[Any], NDArray[Any]]:
         return ragged_rows(vertices.ravel(), self._model.vertex_count)
@@ -77,7 +76,7 @@ class _Gathered:
 
     def kernels(self) -> list[wp.Kernel]:
         folds = [self._normals.kernel, self._kernels.bound_folds] if self._normals is not None else []
-        return [*folds, self._kernels.find_leeway, self._kernels.take_leeway]
+        return [*folds, self._kernels.find_leeway]
 
     def launch(self, step: Any, cloth: Any) -> None:
         model, device = self._model, self._model.device
@@ -85,9 +84,8 @@ class _Gathered:
             self._normals.launch(step, cloth)
             read = [cloth, model.edges, self._normals.normal, step, self._bound]
             wp.launch(self._kernels.bound_folds, dim=model.edge_count, inputs=read, device=device)
-        read = [cloth, model.edges, model.triangles, self._rows, self._bound, step, self._found]
+        read = [cloth, model.edges, model.triangles, self._rows, self._bound, step]
         wp.launch(self._kernels.find_leeway, dim=model.vertex_count, inputs=read, device=device)
-        wp.launch(self._kernels.take_leeway, dim=model.vertex_count, inputs=[cloth, self._found], device=device)
 
 
 class ScatteredLook:

@@ -43,14 +43,17 @@ class PackedCloth:
         leeway = [] if self._leeway is None else [self._kernels.pack_leeway]
         return [self._kernels.pack_vertices, *leeway, move, self._kernels.unpack_vertices]
 
-    def iterate(self, move: wp.Kernel, asked: list[Any], count: int) -> None:
-        """Launches iterations by ``move``, of kernels.displace.advance_kernel; ``asked`` comes first there."""
+    def iterate(self, move: wp.Kernel, asked: list[Any], count: int, *, loose: bool) -> None:
+        """Launches iterations by ``move``, of kernels.displace.advance_kernel; ``asked`` comes first there.
+
+        ``loose``: whether any item has leeway.
+        """
         model, order, cloth = self._model, self._patches.order, self._model.cloth
         here, there = self._here, self._there
         written = [here.position, here.moved, self._stiffness]
         size, device = model.vertex_count, model.device
         wp.launch(self._kernels.pack_vertices, dim=size, inputs=[order, cloth, *written], device=device)
-        if self._leeway is not None:
+        if loose:
             wp.launch(self._kernels.pack_leeway, dim=size, inputs=[order, cloth, self._leeway], device=device)
         for number in range(count):  # to and fro: the cache still has what the last patches have read and written
             read = [self._patches.packed_tables[number % 2], self._patches.overflow]

@@ -320,7 +320,7 @@ class Relaxation:
                 part = count
                 if self._leeway is not None:  # which is looked up where the model has the cloth
                     part = min(count, self._renewal - (self._done - 1) % self._renewal)
-                self._packed.iterate(self._move, asked, part)
+                self._packed.iterate(self._move, asked, part, loose=bool(self._items["leeway"].any()))
                 self._done += part - 1
                 count -= part
         if model.patches is None or self._there is None:

@@ -8,12 +8,11 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from warp_cloth.kernels.block import BLOCK_THREADS
 from warp_cloth.kernels.box_tree import WIDTH
 from warp_cloth.kernels.cloth import Patch
 from warp_cloth.kernels.cloth_contact import ON_EDGE
 from warp_cloth.kernels.field import ContactField
-from warp_cloth.kernels.limits import BLOCK_MEMORY, BLOCKS_PER_CORE
+from warp_cloth.kernels.limits import block_for
 from warp_cloth.study.asked import STORED, THREADS, Part, ranges
 from warp_cloth.study.caches import core_bytes, spilled_bytes
 from warp_cloth.study.gathered import gathered_work
@@ -61,6 +60,7 @@ class _Moved:
             rows = self._arrays[PATCHES].numpy().reshape(-1, PATCH_WIDTH).astype(np.int64)
             self._patch = {name: rows[:, at] for at, name in enumerate(Patch.vars)}
             self._vertex = self._arrays["patches.vertex"].numpy().astype(np.int64)
+        self._block = block_for(bool(self._patch.get(ITEMS, np.zeros(0)).any()))
         self._known: dict[Any, dict[str, Keys]] = {}  # sectors by loop, of arrays that are used alike
         self._listed = work_on_lists(self._arrays, uses.read, uses.written, launch.threads)
         self._gathered = gathered_work(launch, self._arrays, uses) if self._device.is_cuda else {}
@@ -119,12 +119,12 @@ class _Moved:
         local = np.arange(len(block)) - np.searchsorted(block, block)
         region = self._arrays[f"{_owner(name)}.region"].numpy()[vertex].astype(np.int64)
         size = wp.types.type_size_in_bytes(self._arrays[name].dtype)
-        return len(_keys(block * BLOCK_THREADS + local // int(WIDTH), region, size))
+        return len(_keys(block * self._block.threads + local // int(WIDTH), region, size))
 
     def _of_regions(self, name: str, size: int, *, by: str) -> Keys:
         """The sectors of a table with a number for each region: blocks that press read it, the first one writes."""
         count = self._launch.arguments[_owner(name)].region_count
-        blocks = self._launch.threads // BLOCK_THREADS - len(self._patch.get("place", ()))
+        blocks = self._launch.threads // self._block.threads - len(self._patch.get("place", ()))
         blocks = 1 if by == STORES else max(blocks, 1)
         return _keys(np.repeat(np.arange(blocks), count), np.tile(np.arange(count), blocks), size)
 
@@ -136,10 +136,10 @@ class _Moved:
         """
         if not self._patch or not self._device.is_cuda:
             return True
-        patches, blocks = len(self._patch["place"]), max(self._launch.threads // BLOCK_THREADS, 1)
-        _, most = self._launch.kernel.options.get("launch_bounds") or (0, BLOCKS_PER_CORE)
+        patches, blocks = len(self._patch["place"]), max(self._launch.threads // self._block.threads, 1)
+        _, most = self._launch.kernel.options.get("launch_bounds") or (0, self._block.per_core)
         together = min(-(-blocks // self._device.sm_count), most)
-        room = core_bytes(self._device.alias) - together * BLOCK_MEMORY
+        room = core_bytes(self._device.alias) - together * self._block.memory
         return SECTOR * sectors * together <= room * patches
 
     def _loops(self, name: str, chains: set[Chain], *, by: str = BLOCKS) -> dict[str, Keys]:
@@ -252,7 +252,7 @@ class _Moved:
         """
         array, room = self._arrays[name], len(self._arrays[f"{contact}.corners"])
         others = len(self._patch.get("place", ()))  # blocks, which work on patches
-        blocks = self._launch.threads // BLOCK_THREADS - others
+        blocks = self._launch.threads // self._block.threads - others
         if name in self._uses.ahead and self._device.is_cuda and f"{contact}.due" not in chain:
             pair = np.arange(looked_at(found, room, blocks))
         else:
