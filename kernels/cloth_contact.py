@@ -144,16 +144,6 @@ def contact_before(contact: ClothContact, vertex: int, position: wp.vec3d):
     return before
 
 
-@wp.func
-def contact_room(contact: ClothContact, vertex: int, before: ContactBefore):
-    """How far a vertex may move [m] before it could meet something, known or not; leaves the room open."""
-    nearest = element(contact.room, vertex)
-    if nearest == NO_LIMIT:
-        return before.room
-    contact.room[vertex] = NO_LIMIT
-    return wp.min(float(nearest) * float(ROOM_UNIT), before.room)
-
-
 _RAISE = f"""
 #if defined(__CUDA_ARCH__)
     atomicMax(numbers.data + {REGIONS} * row + which, value);
@@ -265,24 +255,78 @@ def due_after(contact: ClothContact, kind: int, distance: wp.float64, thickness:
     return due_of(wp.where(apart > NOTHING, gone + wp.int64(apart), wp.int64(-2)), kind)
 
 
+_ROW = """
+    const wp::vec_t<2, wp::int64>* row = reinterpret_cast<const wp::vec_t<2, wp::int64>*>(
+        __builtin_assume_aligned(sum.data + 4 * vertex, 16));
+    const wp::vec_t<2, wp::int64> one = row[0], two = row[1];
+    return wp::vec_t<4, wp::int64>(one[0], one[1], two[0], two[1]);
+"""
+Row = wp.types.vector(length=4, dtype=wp.int64)
+
+
+@wp.func_native(_ROW)
+def sum_row(sum: wp.array2d(dtype=wp.int64), vertex: int) -> Row:
+    """A vertex's sum."""
+    ...
+
+
+@wp.func
+def leave_none(sum: wp.array2d(dtype=wp.int64), vertex: int, row: Row):
+    """Leaves a vertex's sum at zero."""
+    if (row[0] | row[1] | row[2] | row[3]) != wp.int64(0):
+        for column in range(4):
+            sum[vertex, column] = wp.int64(0)
+
+
 @functools.cache
-def sum_function(precision: str) -> wp.Function:
-    """The function that reads a vertex's sum."""
+def row_function(precision: str) -> wp.Function:
+    """The function that makes force [N] and fourth part of a vertex's sum."""
     types = cloth_types(precision)
     real, vec4 = types.real, types.vec4
     force, stiffness = wp.constant(real(float(FORCE_UNIT))), wp.constant(real(float(STIFFNESS_UNIT)))
 
     @wp.func
+    def load_of(row: Row):
+        """Force [N] and fourth part of a sum."""
+        return vec4(real(row[0]) * force, real(row[1]) * force, real(row[2]) * force, real(row[3]) * stiffness)
+
+    return load_of
+
+
+@functools.cache
+def taken_function(precision: str) -> wp.Function:
+    """The function that takes what was pressed of a vertex."""
+    load_of = row_function(precision)
+
+    @wp.func
+    def contact_taken(contact: ClothContact, vertex: int, before: ContactBefore):
+        """Force [N] and fourth part that contact adds at a vertex, and how far this may move [m].
+
+        That is before it could meet something, known or not. Leaves the sum at zero and the room open.
+        """
+        row = sum_row(contact.sum, vertex)  # asked for together, before anything is written
+        nearest = element(contact.room, vertex)
+        leave_none(contact.sum, vertex, row)
+        room = before.room
+        if nearest != NO_LIMIT:
+            contact.room[vertex] = NO_LIMIT
+            room = wp.min(float(nearest) * float(ROOM_UNIT), before.room)
+        return load_of(row), room
+
+    return contact_taken
+
+
+@functools.cache
+def sum_function(precision: str) -> wp.Function:
+    """The function that reads a vertex's sum."""
+    load_of = row_function(precision)
+
+    @wp.func
     def contact_sum(contact: ClothContact, vertex: int):
         """Force [N] and fourth part that contact adds at a vertex; leaves the sum at zero."""
-        x = contact.sum[vertex, 0]
-        y = contact.sum[vertex, 1]
-        z = contact.sum[vertex, 2]
-        part = contact.sum[vertex, 3]
-        if (x | y | z | part) != wp.int64(0):
-            for column in range(4):
-                contact.sum[vertex, column] = wp.int64(0)
-        return vec4(real(x) * force, real(y) * force, real(z) * force, real(part) * stiffness)
+        row = sum_row(contact.sum, vertex)
+        leave_none(contact.sum, vertex, row)
+        return load_of(row)
 
     return contact_sum
 

@@ -97,7 +97,7 @@ def displace_kernel(
     Touch = touch_type(touches)
     held_vertex = held_function(precision, accelerated, in_order=False)
     free = free_function(precision, pins)
-    _, told_before = before_functions(touches)
+    _, told_before = before_functions(precision, accelerated, contact, collider_type, touches)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def displace_vertices(
@@ -126,7 +126,9 @@ def displace_kernel(
         turn = int(0)
         if wp.static(touches):
             turn = touch.turn[1]
-        before = told_before(touch, vertex, wp.vec3d(element(cloth.position, vertex)))
+        before = told_before(
+            touch, cloth, colliders, vertex, wp.vec3d(element(cloth.position, vertex)), number, item
+        )
         if free(cloth, vertex):
             held = held_vertex(cloth, vertex)
             move, kept, stiffness = vertex_displacement(
@@ -137,7 +139,7 @@ def displace_kernel(
             if wp.static(accelerated):
                 cloth.stiffness[vertex] = stiffness
         if wp.static(touches):
-            contact_watch(touch, vertex, before, float(root(inner(move, move))), turn)
+            contact_watch(touch, vertex, before.touch, float(root(inner(move, move))), turn)
 
     return displace_vertices
 
@@ -153,7 +155,7 @@ def end_function(
     )  # fmt: skip
     vertex_displacement = displacement(precision, accelerated, contact, collider_type, touches)
     Colliders, Touch = colliders_type(contact, collider_type), touch_type(touches)
-    Before, _ = before_functions(touches)
+    Before, _ = before_functions(precision, accelerated, contact, collider_type, touches)
     order = order_functions(precision, in_order=not touches)
     put_position, put_move = order.put_position, order.put_move
 
@@ -188,7 +190,7 @@ def end_function(
         position = held.position + point(move)
         put_position(position_out, vertex, position)
         if wp.static(touches):
-            contact_watch(touch, vertex, before, float(root(inner(move, move))), turn)
+            contact_watch(touch, vertex, before.touch, float(root(inner(move, move))), turn)
 
     return end_vertex
 
@@ -218,7 +220,7 @@ def advance_kernel(
     bounds = threads, FEW_PER_CORE if few else many - (contact is not None)
     types = cloth_types(precision)
     point, vec4, Cloth, Step = types.point, types.vec4, types.Cloth, types.Step
-    _, told_before = before_functions(touches)
+    _, told_before = before_functions(precision, accelerated, contact, collider_type, touches)
     end_vertex = end_function(precision, accelerated, contact, collider_type, touches)
     Touch = touch_type(touches)
     bound = step_bound(accelerated, contact, touches)
@@ -282,7 +284,7 @@ def advance_kernel(
         edges, triangles = wp.vec4i(work.edges), wp.vec4i(work.triangles)
         wait_for_block()
         if wp.static(presses):  # all that need not wait for those that press
-            known = told_before(touch, vertex, wp.vec3d(held.position))
+            known = told_before(touch, cloth, colliders, vertex, wp.vec3d(held.position), patch.item, item)
             sum = vec4()
             if local < patch.owned_count:
                 sum = vertex_load(patches, patch, beside, work.memory, local, edges, triangles)
@@ -295,7 +297,7 @@ def advance_kernel(
         elif wp.static(fits):
             if local < patch.owned_count:
                 load = vertex_load(patches, patch, beside, work.memory, local, edges, triangles)
-                before = told_before(touch, vertex, wp.vec3d(held.position))
+                before = told_before(touch, cloth, colliders, vertex, wp.vec3d(held.position), patch.item, item)
                 end_vertex(
                     step, colliders, touch, before, cloth, load, held, vertex, moves, patch.item, item,
                     position_out, move_out,
@@ -305,7 +307,7 @@ def advance_kernel(
                 vertex = own_vertex(patches, patch, local)
                 held, moves = held_vertex(cloth, vertex), free(cloth, vertex)
                 load = vertex_load(patches, patch, beside, work.memory, local, edges, triangles)
-                before = told_before(touch, vertex, wp.vec3d(held.position))
+                before = told_before(touch, cloth, colliders, vertex, wp.vec3d(held.position), patch.item, item)
                 end_vertex(
                     step, colliders, touch, before, cloth, load, held, vertex, moves, patch.item, item,
                     position_out, move_out,

@@ -156,7 +156,7 @@ def eight_displace_kernel(precision: str, contact: wp.Function | None, collider_
             vertex = first + lane
             move = vec3(moves[lane], moves[WIDTH + lane], moves[2 * WIDTH + lane])
             position = element(cloth.position, vertex)
-            move, kept = looked_move(cloth, collider, float(0.0), vertex, position, move, item)
+            move, kept = looked_move(cloth, collider, False, float(0.0), vertex, position, move, item)
             for axis in range(3):
                 met[WIDTH * axis + lane] = move[axis]
                 momentum[WIDTH * axis + lane] = kept[axis]

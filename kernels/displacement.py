@@ -11,8 +11,7 @@ from warp_cloth.kernels.cloth_contact import (
     ClothContact,
     ContactBefore,
     contact_before,
-    contact_room,
-    sum_function,
+    taken_function,
 )
 from warp_cloth.kernels.field import field_clearance, field_contact
 from warp_cloth.kernels.friction import friction_slide
@@ -69,15 +68,51 @@ def touch_type(touches: bool) -> type:
     return ClothContact if touches else NoClothContact
 
 
-@wp.func
-def nothing_before(touch: NoClothContact, vertex: int, position: wp.vec3d):
-    """What is known where nothing is met."""
-    return NoClothContact()
+@functools.cache
+def before_functions(
+    precision: str, accelerated: bool, contact: wp.Function | None, collider_type: type, touches: bool
+) -> tuple[type, wp.Function]:
+    """The struct of what is known of a vertex before pairs of cloth are pressed, and the function that tells it.
 
+    Arguments as of ``displacement``. Where cloth meets cloth that is all that need not wait for those that press.
+    """
+    types = cloth_types(precision)
+    real, vec6, Cloth, Item = types.real, types.vec6, types.Cloth, types.Item
+    Colliders, Touch = colliders_type(contact, collider_type), touch_type(touches)
+    worn = wears(accelerated, contact, touches)
 
-def before_functions(touches: bool) -> tuple[type, wp.Function]:
-    """The struct of what is known of a vertex before pairs of cloth are pressed, and the function that tells it."""
-    return (ContactBefore, contact_before) if touches else (NoClothContact, nothing_before)
+    @wp.struct
+    class Before:
+        """What is known of a vertex that may meet cloth."""
+
+        touch: ContactBefore
+        loose: bool  # whether it has leeway
+        leeway: vec6  # of one that is loose
+        collider: collider_type  # of its item
+
+    @wp.func
+    def told_before(
+        touch: Touch, cloth: Cloth, colliders: Colliders, vertex: int, position: wp.vec3d, number: int, item: Item
+    ):
+        """What is known of a vertex of an item of that number."""
+        before = Before()
+        before.touch = contact_before(touch, vertex, position)
+        if wp.static(contact is not None):
+            before.collider = colliders[number]
+        if wp.static(worn):
+            if item.leeway > real(0.0):
+                before.leeway = cloth.leeway[vertex]
+                before.loose = cloth.held[vertex] == wp.uint8(0)
+        return before
+
+    @wp.func
+    def nothing_before(
+        touch: Touch, cloth: Cloth, colliders: Colliders, vertex: int, position: wp.vec3d, number: int, item: Item
+    ):
+        """What is known where nothing is met."""
+        return NoClothContact()
+
+    return (Before, told_before) if touches else (NoClothContact, nothing_before)
 
 
 def wears(accelerated: bool, contact: wp.Function | None, touches: bool = False) -> bool:
@@ -173,17 +208,22 @@ def momentum_function(precision: str, steady: bool) -> wp.Function:
 
 
 @functools.cache
-def free_move(precision: str, accelerated: bool, contact: wp.Function | None, touches: bool) -> wp.Function:
+def free_move(
+    precision: str, accelerated: bool, contact: wp.Function | None, collider_type: type, touches: bool
+) -> wp.Function:
     """The function that turns a load into a displacement where nothing is met; arguments as of ``displacement``."""
     types = cloth_types(precision)
     real, vec3, vec4, Cloth, Vertex = types.real, types.vec3, types.vec4, types.Cloth, types.Vertex
     Step, Item = types.Step, types.Item
     worn, pressed_way = wears(accelerated, contact, touches), loose_way(precision)
     steady = steady_swing(accelerated, contact, touches)
+    Before, _ = before_functions(precision, accelerated, contact, collider_type, touches)
     force_way, kept_share = way_function(precision, steady), momentum_function(precision, steady)
 
     @wp.func
-    def own_move(cloth: Cloth, step: Step, load: vec4, pressed: real, held: Vertex, vertex: int, item: Item):
+    def own_move(
+        cloth: Cloth, step: Step, before: Before, load: vec4, pressed: real, held: Vertex, vertex: int, item: Item
+    ):
         """Displacement of a vertex by its forces, and the stiffness that it goes by; ``pressed`` of it by cloth."""
         weight = held.weight
         move = vec3()
@@ -192,11 +232,12 @@ def free_move(precision: str, accelerated: bool, contact: wp.Function | None, to
             force, way, stiffness, kept = force_way(step, load, weight, held.stiffness, item)
             if wp.static(worn):
                 # what is held by contact and friction is held alike in all directions
-                if item.leeway > real(0.0) and cloth.held[vertex] == wp.uint8(0):
-                    if wp.static(touches):
+                if wp.static(touches):
+                    if before.loose:
                         own = load[3] - pressed + quotient(weight, item.cap)
-                        way = pressed_way(cloth.leeway[vertex], force, own, stiffness)
-                    else:
+                        way = pressed_way(before.leeway, force, own, stiffness)
+                else:
+                    if item.leeway > real(0.0) and cloth.held[vertex] == wp.uint8(0):
                         way = symmetric_times(cloth.leeway[vertex], way)
             momentum, damping = kept_share(step, item)
             move = accelerated_move(force, way, held.move, momentum * kept, damping, item.cap)
@@ -209,7 +250,9 @@ def free_move(precision: str, accelerated: bool, contact: wp.Function | None, to
 
 
 @functools.cache
-def looking(precision: str, contact: wp.Function, collider_type: type, worn: bool, spares: bool) -> wp.Function:
+def looking(
+    precision: str, contact: wp.Function, collider_type: type, worn: bool, spares: bool, touches: bool = False
+) -> wp.Function:
     """The function that looks up where a displaced vertex meets its item's avatar; arguments as of ``displacement``."""
     types = cloth_types(precision)
     real, point, vec3, Cloth, Item = types.real, types.point, types.vec3, types.Cloth, types.Item
@@ -224,11 +267,18 @@ def looking(precision: str, contact: wp.Function, collider_type: type, worn: boo
 
     @wp.func
     def looked_move(
-        cloth: Cloth, collider: collider_type, lift: float, vertex: int, position: point, move: vec3, item: Item
+        cloth: Cloth,
+        collider: collider_type,
+        known: bool,
+        lift: float,
+        vertex: int,
+        position: point,
+        move: vec3,
+        item: Item,
     ):
         """A vertex' displacement after contact and friction, and what of it has momentum.
 
-        ``lift`` is how much farther off it is met [m]. What comes to be held goes on without leeway, as if it had
+        ``known``: where cloth meets cloth, that it is loose; ``lift`` is how much farther off it is met [m]. What comes to be held goes on without leeway, as if it had
         become so much heavier; it is slowed as much, or contact that comes and goes would feed a swing.
         """
         place = wp.vec3d(position) + wp.vec3d(move)
@@ -241,7 +291,10 @@ def looking(precision: str, contact: wp.Function, collider_type: type, worn: boo
             move = pushed_move(at, push, move, item)
             kept = move
             if wp.static(worn):
-                if item.leeway > real(0.0) and cloth.held[vertex] == wp.uint8(0):
+                loose = known
+                if wp.static(not touches):
+                    loose = item.leeway > real(0.0) and cloth.held[vertex] == wp.uint8(0)
+                if loose:
                     kept = changed_leeway(cloth.leeway[vertex], even(real(1.0)), move)
         if wp.static(worn):
             cloth.held[vertex] = wp.where(push > 0.0, wp.uint8(1), wp.uint8(0))
@@ -258,11 +311,18 @@ def meeting(
     types = cloth_types(precision)
     point, vec3, Cloth, Item = types.point, types.vec3, types.Cloth, types.Item
     worn = wears(accelerated, contact, touches)
-    looked_move = looking(precision, contact, collider_type, worn, spares)
+    looked_move = looking(precision, contact, collider_type, worn, spares, touches)
 
     @wp.func
     def met_move(
-        cloth: Cloth, collider: collider_type, lift: float, vertex: int, position: point, move: vec3, item: Item
+        cloth: Cloth,
+        collider: collider_type,
+        known: bool,
+        lift: float,
+        vertex: int,
+        position: point,
+        move: vec3,
+        item: Item,
     ):
         """``looked_move`` of a vertex that may have come near."""
         if wp.static(spares):
@@ -272,7 +332,7 @@ def meeting(
                 if wp.static(worn):
                     cloth.held[vertex] = wp.uint8(0)
                 return move, move
-        return looked_move(cloth, collider, lift, vertex, position, move, item)
+        return looked_move(cloth, collider, known, lift, vertex, position, move, item)
 
     return met_move
 
@@ -300,8 +360,9 @@ def displacement(
     real, vec3, vec4, Vertex, Step, Item = types.real, types.vec3, types.vec4, types.Vertex, types.Step, types.Item
     Cloth = types.Cloth
     Colliders, Touch = colliders_type(contact, collider_type), touch_type(touches)
-    own_move, contact_sum = free_move(precision, accelerated, contact, touches), sum_function(precision)
-    Before, _ = before_functions(touches)
+    own_move = free_move(precision, accelerated, contact, collider_type, touches)
+    Before, _ = before_functions(precision, accelerated, contact, collider_type, touches)
+    contact_taken = taken_function(precision)
     meets = precision, accelerated, contact, collider_type, touches, spares
     met_move = None if contact is None else meeting(*meets)
 
@@ -326,17 +387,20 @@ def displacement(
         lift = float(0.0)
         room, pressed = real(0.0), real(0.0)
         if wp.static(touches):  # asked for at once: a GPU waits for memory far longer than it works
-            touched = contact_sum(touch, vertex)
+            touched, left = contact_taken(touch, vertex, before.touch)
             load += touched
             pressed = touched[3]
-            room = real(contact_room(touch, vertex, before))
-            shift, lift = vec3(before.shift), float(before.lift)
-        move, stiffness = own_move(cloth, step, load, pressed, held, vertex, item)
+            room = real(left)
+            shift, lift = vec3(before.touch.shift), float(before.touch.lift)
+        move, stiffness = own_move(cloth, step, before, load, pressed, held, vertex, item)
         if wp.static(touches):
             move += shift
         kept = move
         if wp.static(contact is not None):
-            move, kept = met_move(cloth, colliders[number], lift, vertex, held.position, move, item)
+            if wp.static(touches):
+                move, kept = met_move(cloth, before.collider, before.loose, lift, vertex, held.position, move, item)
+            else:
+                move, kept = met_move(cloth, colliders[number], False, lift, vertex, held.position, move, item)
         if wp.static(touches):
             move, kept = capped(move, room), capped(kept, room) - shift
         return move, kept, stiffness

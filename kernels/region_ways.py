@@ -26,16 +26,21 @@ _TURN_ON = f"""
 #if defined(__CUDA_ARCH__)
     {TABLE}
     wp::int64 gone[{REGION_TURNS}];
+    int strides[2][{REGION_TURNS}];  // neither waits for the turn
 #pragma unroll
     for (int k = 0; k < {REGION_TURNS}; ++k) {{  // all asked for at once
         const int region = threadIdx.x + {BLOCK_THREADS} * k;
-        if (region < count)
-            gone[k] = way.data[region] + (odd ? stride.data[{REGIONS} + region] : stride.data[region]);
+        if (region < count) {{
+            gone[k] = way.data[region];
+            strides[0][k] = stride.data[region];
+            strides[1][k] = stride.data[{REGIONS} + region];
+        }}
     }}
 #pragma unroll
     for (int k = 0; k < {REGION_TURNS}; ++k) {{
         const int region = threadIdx.x + {BLOCK_THREADS} * k;
         if (region < count) {{
+            gone[k] += odd ? strides[1][k] : strides[0][k];
             table[region] = gone[k];
             if (blockIdx.x == 0) {{
                 way.data[{REGIONS} + region] = gone[k];
