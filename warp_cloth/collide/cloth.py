@@ -318,9 +318,9 @@ class ClothTouch:
 
         What crosses is looked for whether or not, while that is to be undone.
         """
-        wp.capture_if(self.data.moved, on_true=self._search_near, cloth=cloth)
+        otherwise = self._box_again if self.untangles else None
+        wp.capture_if(self.data.moved, on_true=self._search_near, on_false=otherwise, cloth=cloth)
         if self.untangles:
-            self._box(cloth, anew=False)
             self._untangle(cloth)
 
     def search(self, cloth: Any) -> None:
@@ -338,6 +338,10 @@ class ClothTouch:
         inputs = [cloth, given, found, memory, met]
         self._launch_teams(self._groups, given.edge_tree.leaf.size + given.vertex.size, inputs)
         self._launch_lists(self._leaves, self._pairs, inputs)
+
+    def _box_again(self, cloth: Any) -> None:
+        """Brings the trees up to where garments are, for what crosses only."""
+        self._box(cloth, anew=False)
 
     def _launch_teams(self, kernel: wp.Kernel, leaves: int, inputs: list[Any]) -> None:
         """Launches a team for each group of leaves."""
