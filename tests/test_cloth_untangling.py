@@ -43,10 +43,10 @@ def test_lists_of_any_room_find_the_same(room: tuple[int, int]) -> None:
     pairs, parted = found()  # with no lists at all
     assert parted[0].min() > 0
     with wp.ScopedDevice("cpu"):
-        touch._meetings = lists_of(*room)
+        touch._near_met = touch._crossing_met = lists_of(*room)
     again, parted_again = found()
     assert again == pairs
-    groups, *leaves = touch._meetings.count.numpy()[::APART].tolist()
+    groups, *leaves = touch._crossing_met.count.numpy()[::APART].tolist()
     assert groups > 3  # more than the smaller lists have room for
     assert sum(leaves) > 50
     assert all(np.array_equal(one, other) for one, other in zip(parted, parted_again, strict=True))

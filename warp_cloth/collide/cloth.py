@@ -136,7 +136,8 @@ class ClothTouch:
             self._untangling = sheet_untangling(self.sheets, parts)
             self._untangling.layer = self._per_vertex([kind.layer for kind in kinds], wp.int32)
             self._untangling.stride = STRIDE_SHARE * (thickest + skin)
-            self._meetings = self._lists()
+            self._near_met, self._crossing_met = self._lists(), self._lists()
+        self._aside = wp.Stream(self._device) if self._device.is_cuda else None  # what crosses is looked for at a time
         self.layered = len({(kind.item, kind.layer) for kind in kinds}) > len({kind.item for kind in kinds})
 
     @property
@@ -250,7 +251,7 @@ class ClothTouch:
     def kernels(self) -> list[wp.Kernel]:
         """Every kernel that contact launches."""
         found = [self._start, self._boxes, box_rest, self._groups, self._crossing_groups]  # the third for high trees
-        if self._meetings.group.size:
+        if self._near_met.group.size:
             found += [self._leaves, self._pairs, self._crossing_leaves, self._part_crossings]
         untangling = [forget_tangles, self._part_layers, self._settle, spare_tangled]
         return [*found, *untangling, self._press, self._measure, self._add]
@@ -316,32 +317,34 @@ class ClothTouch:
     def search_where_due(self, cloth: Any) -> None:
         """Looks for pairs anew where something moved too far since the last search; decided on the device.
 
-        What crosses is looked for whether or not, while that is to be undone.
+        While what crosses is to be undone it always has: all falls, too.
         """
-        otherwise = self._box_again if self.untangles else None
-        wp.capture_if(self.data.moved, on_true=self._search_near, on_false=otherwise, cloth=cloth)
         if self.untangles:
-            self._untangle(cloth)
+            self.search(cloth)
+        else:
+            wp.capture_if(self.data.moved, on_true=self.search, cloth=cloth)
 
     def search(self, cloth: Any) -> None:
-        """Looks for pairs, and for what crosses while that is to be undone."""
-        self._search_near(cloth)
-        if self.untangles:
-            self._untangle(cloth)
-
-    def _search_near(self, cloth: Any) -> None:
-        """Looks for pairs."""
-        given, found, memory, vertices = self._search, self.data, self._memory, self.sheets.vertex_count
-        met = self._meetings
-        self._launch(self._start, max(vertices, len(found.corners)), [cloth, found, memory, met])
+        """Looks for pairs, and for what crosses while that is to be undone: a GPU for both at a time."""
+        found, size = self.data, max(self.sheets.vertex_count, len(self.data.corners))
+        self._launch(self._start, size, [cloth, found, self._memory, self._near_met])
         self._box(cloth)
-        inputs = [cloth, given, found, memory, met]
+        if not self.untangles:
+            self._list_near(cloth)
+            return
+        with wp.ScopedStream(self._aside):
+            self._untangle(cloth)
+        self._list_near(cloth)
+        if self._aside is not None:
+            wp.get_stream(self._device).wait_stream(self._aside)
+        self._launch(spare_tangled, len(found.corners), [self._search, found])
+
+    def _list_near(self, cloth: Any) -> None:
+        """Lists the pairs of what is near."""
+        given = self._search
+        inputs = [cloth, given, self.data, self._memory, self._near_met]
         self._launch_teams(self._groups, given.edge_tree.leaf.size + given.vertex.size, inputs)
         self._launch_lists(self._leaves, self._pairs, inputs)
-
-    def _box_again(self, cloth: Any) -> None:
-        """Brings the trees up to where garments are, for what crosses only."""
-        self._box(cloth, anew=False)
 
     def _launch_teams(self, kernel: wp.Kernel, leaves: int, inputs: list[Any]) -> None:
         """Launches a team for each group of leaves."""
@@ -350,7 +353,7 @@ class ClothTouch:
 
     def _launch_lists(self, by_group: wp.Kernel, by_leaf: wp.Kernel, inputs: list[Any]) -> None:
         """Launches what goes through the lists of what meets, where there are any."""
-        groups, leaves = self._meetings.group.size, self._meetings.leaf.size
+        groups, leaves = self._near_met.group.size, self._near_met.leaf.size
         if groups:
             threads = min(int(WIDTH) * groups, FINDING)
             self._launch(by_group, threads, [*inputs, threads])
@@ -375,11 +378,10 @@ class ClothTouch:
         if self.layered:
             self._launch(self._part_layers, vertices, [cloth, given, found, untangling])
         self._launch(self._settle, vertices, [cloth, given, found, untangling])
-        self._launch(spare_tangled, len(found.corners), [given, found])
 
     def _look_for_crossings(self, cloth: Any, *, layered: bool) -> None:
         """Looks for what crosses, and where garments are ``layered``, for what of others is nearest to each vertex."""
-        given, found, untangling, met = self._search, self.data, self._untangling, self._meetings
+        given, found, untangling, met = self._search, self.data, self._untangling, self._crossing_met
         self._launch(forget_tangles, self.sheets.vertex_count, [given, untangling, met])
         leaves = given.edge_tree.leaf.size + given.triangle_tree.leaf.size + (given.vertex.size if layered else 0)
         asked = [cloth, given, found, untangling, met]
