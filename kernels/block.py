@@ -77,7 +77,7 @@ _AWAIT = """
         do  // which leaves the core's cache to others
             asm volatile("ld.relaxed.gpu.global.s32 %0, [%1];" : "=r"(done) : "l"(told.data) : "memory");
         while (done < tellers);
-        asm volatile("fence.acq_rel.gpu;" ::: "memory");
+        asm volatile("ld.acquire.gpu.global.s32 %0, [%1];" : "=r"(done) : "l"(told.data) : "memory");
     }
     __syncthreads();
     if (threadIdx.x == blockDim.x - 1 && atomicAdd(told.data + 1, 1) == waiting - 1) {

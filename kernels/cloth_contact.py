@@ -146,7 +146,8 @@ def contact_before(contact: ClothContact, vertex: int, position: wp.vec3d):
 
 _RAISE = f"""
 #if defined(__CUDA_ARCH__)
-    atomicMax(numbers.data + {REGIONS} * row + which, value);
+    wp::int32* const to = numbers.data + {REGIONS} * row + which;
+    asm volatile("red.relaxed.gpu.global.max.s32 [%0], %1;" :: "l"(to), "r"(value) : "memory");
 #else
     if (value > numbers.data[{REGIONS} * row + which])
         numbers.data[{REGIONS} * row + which] = value;
@@ -161,18 +162,29 @@ def raise_to(numbers: wp.array2d(dtype=wp.int32), row: int, which: int, value: i
 
 
 @wp.func
-def contact_watch(contact: ClothContact, vertex: int, before: ContactBefore, length: float, turn: int):
+def contact_turn(contact: ClothContact, vertex: int):
+    """After the last press, the contact's turn and how far the region has gone that has a vertex's number, if any.
+
+    To be asked for before anything is written, after which a GPU would wait for it.
+    """
+    gone = wp.int64(0)
+    if vertex < contact.region_count:
+        gone = contact.way[1, vertex]
+    return contact.turn[1], gone
+
+
+@wp.func
+def contact_watch(contact: ClothContact, vertex: int, before: ContactBefore, length: float, turn: int, gone: wp.int64):
     """Notes how far a vertex went [m], and asks for another search where what it touches may not be known any more.
 
-    That is where it has used up its skin, or will have at the next look. ``turn`` is the contact's after the last
-    press.
+    That is where it has used up its skin, or will have at the next look. The last two are of ``contact_turn``.
     """
     if before.gone + (float(1.0) + float(contact.ahead)) * length > before.skin:
         contact.moved[0] = 1
     if before.region > 0:
         raise_to(contact.stride, turn & 1, before.region, wp.int32(length * LONGER / float(ROOM_UNIT)) + 1)
     if vertex < contact.region_count:  # of which there are fewer
-        contact.way[0, vertex] = contact.way[1, vertex]
+        contact.way[0, vertex] = gone
     if vertex == 0:
         contact.turn[0] = turn
 

@@ -19,7 +19,7 @@ from warp_cloth.kernels.block import (
     wait_for_block,
 )
 from warp_cloth.kernels.cloth import MODULE_OPTIONS, Patch, cloth_types, free_function
-from warp_cloth.kernels.cloth_contact import contact_watch
+from warp_cloth.kernels.cloth_contact import contact_turn, contact_watch
 from warp_cloth.kernels.displacement import (
     AHEAD,
     before_functions,
@@ -123,9 +123,9 @@ def displace_kernel(
         if item.active == 0:
             return
         move = vec3()
-        turn = int(0)
+        turn, gone = int(0), wp.int64(0)
         if wp.static(touches):
-            turn = touch.turn[1]
+            turn, gone = contact_turn(touch, vertex)
         before = told_before(
             touch, cloth, colliders, vertex, wp.vec3d(element(cloth.position, vertex)), number, item
         )
@@ -139,7 +139,7 @@ def displace_kernel(
             if wp.static(accelerated):
                 cloth.stiffness[vertex] = stiffness
         if wp.static(touches):
-            contact_watch(touch, vertex, before.touch, float(root(inner(move, move))), turn)
+            contact_watch(touch, vertex, before.touch, float(root(inner(move, move))), turn, gone)
 
     return displace_vertices
 
@@ -177,9 +177,9 @@ def end_function(
     ):
         """Moves a vertex, if it ``moves``; ``number`` is of its item."""
         move, kept = vec3(), vec3()
-        turn = int(0)
+        turn, gone = int(0), wp.int64(0)
         if wp.static(touches):
-            turn = touch.turn[1]  # before anything is written, after which a GPU would wait for it
+            turn, gone = contact_turn(touch, vertex)
         if moves:
             move, kept, stiffness = vertex_displacement(
                 cloth, step, colliders, touch, before, load, held, vertex, number, item
@@ -190,7 +190,7 @@ def end_function(
         position = held.position + point(move)
         put_position(position_out, vertex, position)
         if wp.static(touches):
-            contact_watch(touch, vertex, before.touch, float(root(inner(move, move))), turn)
+            contact_watch(touch, vertex, before.touch, float(root(inner(move, move))), turn, gone)
 
     return end_vertex
 

@@ -47,6 +47,8 @@ _QUEUE = f"""
 #pragma unroll
     for (int round = 0; round < {ROUNDS}; ++round) {{
         const int pair = own + round * ahead;
+        if (pair - lane >= count)  // for all of the warp
+            break;
         const bool edges = dues[round] & 1;
         wp::int64 limit = {int(EVER)}ll;
         if (all == 0) {{

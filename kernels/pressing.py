@@ -31,13 +31,14 @@ LEAST_SHARE = 0.02  # of the thickness; nearer than this, force and stiffness gr
 LEAN = 0.2
 
 
+# Nobody wants to know what was there before: a compiler would have the memory answer.
 _ADD_SHARE = """
     const wp::int64 share[4] = {x, y, z, part};
     wp::int64* const to = sum.data + 4 * vertex;
 #pragma unroll
     for (int k = 0; k < 4; ++k)
 #if defined(__CUDA_ARCH__)
-        atomicAdd((unsigned long long*)to + k, (unsigned long long)share[k]);
+        asm volatile("red.relaxed.gpu.global.add.u64 [%0], %1;" :: "l"(to + k), "l"(share[k]) : "memory");
 #else
         to[k] += share[k];
 #endif
@@ -45,7 +46,7 @@ _ADD_SHARE = """
 
 _NARROW = """
 #if defined(__CUDA_ARCH__)
-    atomicMin(rooms.data + vertex, room);
+    asm volatile("red.relaxed.gpu.global.min.s32 [%0], %1;" :: "l"(rooms.data + vertex), "r"(room) : "memory");
 #else
     if (room < rooms.data[vertex])
         rooms.data[vertex] = room;
