@@ -74,6 +74,10 @@ class ClothContact:
     searched: wp.array(dtype=wp.vec3d)  # where vertices were at the last search [m], shape [V]
     skin: wp.array(dtype=wp.float32)  # how far each may go from there till the next: what is known allows for it [m]
     moved: wp.array(dtype=wp.int32)  # whether it is time for another, shape [1]
+    patience: int  # iterations for which a few vertices that ask for another wait; 0: one is enough at any time
+    many: int  # vertices times iterations that are no few
+    asked: wp.array(dtype=wp.int32)  # such since the last look, and whether some wait, shape [2]
+    turn_then: wp.array(dtype=wp.int32)  # iterations before the last search, shape [1]
 
 
 @functools.cache
@@ -161,6 +165,35 @@ def raise_to(numbers: wp.array2d(dtype=wp.int32), row: int, which: int, value: i
     ...
 
 
+_COUNT_ALL = """
+#if defined(__CUDA_ARCH__)
+    const unsigned int all = __activemask();
+    if ((threadIdx.x & 31) == __ffs(all) - 1)
+        asm volatile("red.relaxed.gpu.global.add.s32 [%0], %1;" :: "l"(count.data), "r"(__popc(all)) : "memory");
+#else
+    count.data[0] += 1;
+#endif
+"""
+
+
+@wp.func_native(_COUNT_ALL)
+def count_all(count: wp.array(dtype=wp.int32)):
+    """Counts the threads that call this."""
+    ...
+
+
+@wp.kernel(grid_stride=False)
+def weigh_asked(contact: ClothContact):
+    """Whether it is time for another search: where many ask, or few for long enough. One thread."""
+    asked = contact.asked[0]
+    waits = asked > 0 or contact.asked[1] > 0
+    contact.asked[0] = 0
+    if asked > contact.many or (waits and contact.turn[0] - contact.turn_then[0] >= contact.patience):
+        contact.moved[0] = 1
+        waits = False
+    contact.asked[1] = wp.where(waits, 1, 0)
+
+
 @wp.func
 def contact_turn(contact: ClothContact, vertex: int):
     """After the last press, the contact's turn and how far the region has gone that has a vertex's number, if any.
@@ -180,7 +213,10 @@ def contact_watch(contact: ClothContact, vertex: int, before: ContactBefore, len
     That is where it has used up its skin, or will have at the next look. The last two are of ``contact_turn``.
     """
     if before.gone + (float(1.0) + float(contact.ahead)) * length > before.skin:
-        contact.moved[0] = 1
+        if contact.patience == 0:
+            contact.moved[0] = 1
+        else:
+            count_all(contact.asked)
     if before.region > 0:
         raise_to(contact.stride, turn & 1, before.region, wp.int32(length * LONGER / float(ROOM_UNIT)) + 1)
     if vertex < contact.region_count:  # of which there are fewer

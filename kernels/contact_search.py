@@ -81,6 +81,8 @@ def start_kernel(precision: str) -> wp.Kernel:
         """
         thread = wp.tid()
         forget_meetings(meetings, thread)
+        if thread == 0:
+            contact.turn_then[0] = contact.turn[0]
         if thread < contact.searched.shape[0]:
             position = at(cloth.position, thread)
             contact.skin[thread] = next_skin(contact, thread, position, wp.vec3d(cloth.move[thread]))

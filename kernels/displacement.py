@@ -291,11 +291,12 @@ def looking(
             move = pushed_move(at, push, move, item)
             kept = move
             if wp.static(worn):
-                loose = known
-                if wp.static(not touches):
-                    loose = item.leeway > real(0.0) and cloth.held[vertex] == wp.uint8(0)
-                if loose:
-                    kept = changed_leeway(cloth.leeway[vertex], even(real(1.0)), move)
+                if wp.static(touches):
+                    if known:
+                        kept = changed_leeway(cloth.leeway[vertex], even(real(1.0)), move)
+                else:
+                    if item.leeway > real(0.0) and cloth.held[vertex] == wp.uint8(0):
+                        kept = changed_leeway(cloth.leeway[vertex], even(real(1.0)), move)
         if wp.static(worn):
             cloth.held[vertex] = wp.where(push > 0.0, wp.uint8(1), wp.uint8(0))
         return move, kept

@@ -43,7 +43,7 @@ def test_lists_of_any_room_find_the_same(room: tuple[int, int]) -> None:
     pairs, parted = found()  # with no lists at all
     assert parted[0].min() > 0
     with wp.ScopedDevice("cpu"):
-        touch._near_met = touch._crossing_met = lists_of(*room)
+        touch._near_met, touch._crossing_met = lists_of(*room), lists_of(*room)
     again, parted_again = found()
     assert again == pairs
     groups, *leaves = touch._crossing_met.count.numpy()[::APART].tolist()

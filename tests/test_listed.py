@@ -36,7 +36,7 @@ def search() -> dict[str, Launch]:
     touch = made.relaxation.touch
     assert touch is not None
     touch.untangles = False
-    touch._near_met = touch._crossing_met = lists_of(GROUPS, LEAVES)
+    touch._near_met, touch._crossing_met = lists_of(GROUPS, LEAVES), lists_of(GROUPS, LEAVES)
     touch.awaken()
     made.relaxation.iterate(2)
     touch.data.moved.fill_(1)
@@ -209,7 +209,7 @@ def test_what_may_cross_is_counted_while_its_lists_last() -> None:
     made = set_up_one(load_scene({"garment": sheets, "collision": {"cloth": True}}), "cpu")
     touch, cloth = made.relaxation.touch, made.model.cloth
     assert touch is not None
-    touch._near_met = touch._crossing_met = lists_of(GROUPS, LEAVES)
+    touch._near_met, touch._crossing_met = lists_of(GROUPS, LEAVES), lists_of(GROUPS, LEAVES)
     touch.awaken()
     seen: dict[str, dict[str, set[int]]] = {}
 

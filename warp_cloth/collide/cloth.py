@@ -18,7 +18,7 @@ from warp_cloth.collide.untangling import sheet_untangling
 from warp_cloth.garment.part import GarmentPart
 from warp_cloth.kernels.block import BLOCK_THREADS, FEW_PER_CORE
 from warp_cloth.kernels.box_tree import WIDTH
-from warp_cloth.kernels.cloth_contact import NO_LIMIT, REGIONS, ClothContact, add_kernel
+from warp_cloth.kernels.cloth_contact import NO_LIMIT, REGIONS, ClothContact, add_kernel, weigh_asked
 from warp_cloth.kernels.contact_pairs import groups_kernel, leaves_kernel, pairs_kernel
 from warp_cloth.kernels.contact_search import ContactSearch, box_kernel, box_rest, start_kernel
 from warp_cloth.kernels.crossing_search import crossing_groups_kernel, crossing_leaves_kernel, crossings_kernel
@@ -55,6 +55,10 @@ PAIRS_PER_VERTEX = 3  # to begin with; a T-shirt on a body needs less once it is
 # changes with every step, but not by much in four; with ten some tangles never come undone.
 LOOK_EVERY = 5
 LOOK_SETTLED = 20
+# Once forces have balanced, a search for a few vertices that have used up their skins waits till so many iterations after
+# the last one; meanwhile they stay where they are. Few: as many times all iterations as this share of all vertices.
+PATIENCE = 60
+MANY = 0.01
 LOOK_UNTANGLING = 4
 LOOKING = 64  # threads in a block that walks a tree: some take far longer than others
 # Room in a GPU's lists of what meets, for each group of leaves and for each leaf: several times what sewn cloth needs,
@@ -170,6 +174,8 @@ class ClothTouch:
         data.searched = wp.zeros(count, dtype=wp.vec3d)
         data.skin = wp.full(count, np.inf, dtype=wp.float32)  # asleep
         data.moved = wp.ones(1, dtype=wp.int32)
+        data.asked, data.turn_then = wp.zeros(2, dtype=wp.int32), wp.zeros(1, dtype=wp.int32)
+        data.many = int(MANY * LOOK_SETTLED * count)
         data.region = wp.zeros(count, dtype=wp.int32)
         data.region_count = 1
         data.way, data.stride = (wp.zeros((2, REGIONS), dtype=kind) for kind in (wp.int64, wp.int32))
@@ -254,7 +260,7 @@ class ClothTouch:
         if self._near_met.group.size:
             found += [self._leaves, self._pairs, self._crossing_leaves, self._part_crossings]
         untangling = [forget_tangles, self._part_layers, self._settle, spare_tangled]
-        return [*found, *untangling, self._press, self._measure, self._add]
+        return [*found, *untangling, weigh_asked, self._press, self._measure, self._add]
 
     def awaken(self) -> None:
         """From now on garments meet."""
@@ -273,6 +279,7 @@ class ClothTouch:
     def _look_within(self, share: float) -> None:
         self.data.margin = share * self._skin
         self.data.ahead = LOOK_SETTLED if self.settled else LOOK_EVERY
+        self.data.patience = PATIENCE if self.settled else 0
         self.data.far = self.data.margin + float(self._thickness.min())
 
     def settle(self, *, balanced: bool) -> bool:
@@ -322,6 +329,8 @@ class ClothTouch:
         if self.untangles:
             self.search(cloth)
         else:
+            if self.settled:
+                self._launch(weigh_asked, 1, [self.data])
             wp.capture_if(self.data.moved, on_true=self.search, cloth=cloth)
 
     def search(self, cloth: Any) -> None:
