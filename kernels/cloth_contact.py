@@ -74,9 +74,9 @@ class ClothContact:
     searched: wp.array(dtype=wp.vec3d)  # where vertices were at the last search [m], shape [V]
     skin: wp.array(dtype=wp.float32)  # how far each may go from there till the next: what is known allows for it [m]
     moved: wp.array(dtype=wp.int32)  # whether it is time for another, shape [1]
-    patience: int  # iterations for which a few vertices that ask for another wait; 0: one is enough at any time
-    many: int  # vertices times iterations that are no few
-    asked: wp.array(dtype=wp.int32)  # such since the last look, and whether some wait, shape [2]
+    patience: int  # iterations from one to the next for a few vertices that ask for it
+    many: int  # times that vertices ask till a look, above which they are not few
+    asked: wp.array(dtype=wp.int32)  # how often they have since the last look, and whether some wait, shape [2]
     turn_then: wp.array(dtype=wp.int32)  # iterations before the last search, shape [1]
 
 
@@ -213,10 +213,7 @@ def contact_watch(contact: ClothContact, vertex: int, before: ContactBefore, len
     That is where it has used up its skin, or will have at the next look. The last two are of ``contact_turn``.
     """
     if before.gone + (float(1.0) + float(contact.ahead)) * length > before.skin:
-        if contact.patience == 0:
-            contact.moved[0] = 1
-        else:
-            count_all(contact.asked)
+        count_all(contact.asked)
     if before.region > 0:
         raise_to(contact.stride, turn & 1, before.region, wp.int32(length * LONGER / float(ROOM_UNIT)) + 1)
     if vertex < contact.region_count:  # of which there are fewer

@@ -55,9 +55,9 @@ PAIRS_PER_VERTEX = 3  # to begin with; a T-shirt on a body needs less once it is
 # changes with every step, but not by much in four; with ten some tangles never come undone.
 LOOK_EVERY = 5
 LOOK_SETTLED = 20
-# Once forces have balanced, a search for a few vertices that have used up their skins waits till so many iterations after
-# the last one; meanwhile they stay where they are. Few: as many times all iterations as this share of all vertices.
-PATIENCE = 60
+# A few vertices that have used up their skins wait for the next search till so many iterations after the last one, fewer
+# before forces have balanced, and stay where they are meanwhile. Few: this share of all, in all iterations till a look.
+PATIENCE, PATIENCE_SETTLED = 20, 60
 MANY = 0.01
 LOOK_UNTANGLING = 4
 LOOKING = 64  # threads in a block that walks a tree: some take far longer than others
@@ -164,7 +164,7 @@ class ClothTouch:
         data.thickest = float(self._thickness.max())
         data.least_skin, data.most_skin = self.least_skin, LARGEST_SKIN * self._skin
         data.margin = data.far = np.inf  # asleep
-        data.ahead = LOOK_EVERY
+        data.ahead, data.patience, data.many = LOOK_EVERY, PATIENCE, int(MANY * LOOK_EVERY * count)
         data.count = wp.zeros(1, dtype=wp.int32)
         data.told = wp.zeros(2, dtype=wp.int32)
         data.sum = wp.zeros((count, 4), dtype=wp.int64)
@@ -175,7 +175,6 @@ class ClothTouch:
         data.skin = wp.full(count, np.inf, dtype=wp.float32)  # asleep
         data.moved = wp.ones(1, dtype=wp.int32)
         data.asked, data.turn_then = wp.zeros(2, dtype=wp.int32), wp.zeros(1, dtype=wp.int32)
-        data.many = int(MANY * LOOK_SETTLED * count)
         data.region = wp.zeros(count, dtype=wp.int32)
         data.region_count = 1
         data.way, data.stride = (wp.zeros((2, REGIONS), dtype=kind) for kind in (wp.int64, wp.int32))
@@ -279,7 +278,8 @@ class ClothTouch:
     def _look_within(self, share: float) -> None:
         self.data.margin = share * self._skin
         self.data.ahead = LOOK_SETTLED if self.settled else LOOK_EVERY
-        self.data.patience = PATIENCE if self.settled else 0
+        self.data.patience = PATIENCE_SETTLED if self.settled else PATIENCE
+        self.data.many = int(MANY * self.data.ahead * self.sheets.vertex_count)
         self.data.far = self.data.margin + float(self._thickness.min())
 
     def settle(self, *, balanced: bool) -> bool:
@@ -329,8 +329,7 @@ class ClothTouch:
         if self.untangles:
             self.search(cloth)
         else:
-            if self.settled:
-                self._launch(weigh_asked, 1, [self.data])
+            self._launch(weigh_asked, 1, [self.data])
             wp.capture_if(self.data.moved, on_true=self.search, cloth=cloth)
 
     def search(self, cloth: Any) -> None:
