@@ -126,9 +126,7 @@ def displace_kernel(
         turn, gone = int(0), wp.int64(0)
         if wp.static(touches):
             turn, gone = contact_turn(touch, vertex)
-        before = told_before(
-            touch, cloth, colliders, vertex, wp.vec3d(element(cloth.position, vertex)), number, item
-        )
+        before = told_before(touch, cloth, colliders, vertex, wp.vec3d(element(cloth.position, vertex)), number, item)
         if free(cloth, vertex):
             held = held_vertex(cloth, vertex)
             move, kept, stiffness = vertex_displacement(

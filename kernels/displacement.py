@@ -278,8 +278,9 @@ def looking(
     ):
         """A vertex' displacement after contact and friction, and what of it has momentum.
 
-        ``known``: where cloth meets cloth, that it is loose; ``lift`` is how much farther off it is met [m]. What comes to be held goes on without leeway, as if it had
-        become so much heavier; it is slowed as much, or contact that comes and goes would feed a swing.
+        ``known``: where cloth meets cloth, whether it is loose; ``lift`` is how much farther off it is met [m]. What
+        comes to be held goes on without leeway, as if it had become so much heavier; it is slowed as much, or contact
+        that comes and goes would feed a swing.
         """
         place = wp.vec3d(position) + wp.vec3d(move)
         at = contact(collider, place)

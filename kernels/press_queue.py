@@ -105,11 +105,10 @@ _ROOM = f"""
 
 _TURN = f"""
 #if defined(__CUDA_ARCH__)
-    const int warp = threadIdx.x >> 5, lane = threadIdx.x & 31;  // a few go to as many warps
+    const int thread = threadIdx.x;  // a few go to one warp: the others leave the core to those that work out patches
     if (kind == 0)
-        return warp < {ON_TRIANGLES // 32} ? lane * {ON_TRIANGLES // 32} + warp : {QUEUED};
-    return warp < {ON_TRIANGLES // 32} ? {QUEUED}
-        : lane * {(BLOCK_THREADS - ON_TRIANGLES) // 32} + warp - {ON_TRIANGLES // 32};
+        return thread < {ON_TRIANGLES} ? thread : {QUEUED};
+    return thread < {ON_TRIANGLES} ? {QUEUED} : thread - {ON_TRIANGLES};
 #else
     return 0;
 #endif

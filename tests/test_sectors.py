@@ -274,27 +274,19 @@ def test_sums_are_asked_for_number_by_number_by_the_pairs_that_press() -> None:
     assert moved._added_one_by_one("contact.room") == 0
 
 
-def test_pairs_are_stored_by_warps_of_a_kind_that_take_turns_in_a_block_s_queue() -> None:
+def test_pairs_are_stored_by_warps_of_a_kind_one_after_another_in_a_block_s_queue() -> None:
     rng = np.random.default_rng(2)
     pair = np.arange(2000)
     block, on_edge = block_of_pairs(pair, 3), rng.random(2000) < 0.7
     assert [set(pair[block == one] // 32 % 3) for one in range(3)] == [{0}, {1}, {2}]
     number = stores(block, on_edge)
+    together = []
     for one in range(3):
-        for sort, warps in ((False, 2), (True, 4)):
+        for sort in (False, True):
             queue = number[(block == one) & (on_edge == sort)].tolist()
-            together = [queue[at : at + 32 * warps] for at in range(0, len(queue), 32 * warps)]
-            for turn in together:
-                assert all(turn[at] == turn[at % warps] for at in range(len(turn)))
-                assert len(set(turn[:warps])) == len(turn[:warps])
-    assert max(np.unique(number, return_counts=True)[1]) == 32
-    assert len(set(number.tolist())) == sum(
-        min(len(queue) - at, warps)
-        for one in range(3)
-        for sort, warps in ((False, 2), (True, 4))
-        for queue in [np.flatnonzero((block == one) & (on_edge == sort))]
-        for at in range(0, len(queue), 32 * warps)
-    )
+            together += [set(queue[at : at + 32]) for at in range(0, len(queue), 32)]
+    assert all(len(numbers) == 1 for numbers in together)
+    assert len(set.union(*together)) == len(together)
 
 
 def test_a_core_holds_what_patches_read_where_its_blocks_leave_room_for_it(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -55,8 +55,8 @@ PAIRS_PER_VERTEX = 3  # to begin with; a T-shirt on a body needs less once it is
 # changes with every step, but not by much in four; with ten some tangles never come undone.
 LOOK_EVERY = 5
 LOOK_SETTLED = 20
-# A few vertices that have used up their skins wait for the next search till so many iterations after the last one, fewer
-# before forces have balanced, and stay where they are meanwhile. Few: this share of all, in all iterations till a look.
+# A few vertices that have used up their skins stay where they are till so many iterations after the last search, fewer
+# before forces have balanced: then there is another. Few: this share of all, in all iterations till a look.
 PATIENCE, PATIENCE_SETTLED = 20, 60
 MANY = 0.01
 LOOK_UNTANGLING = 4
@@ -141,7 +141,7 @@ class ClothTouch:
             self._untangling.layer = self._per_vertex([kind.layer for kind in kinds], wp.int32)
             self._untangling.stride = STRIDE_SHARE * (thickest + skin)
             self._near_met, self._crossing_met = self._lists(), self._lists()
-        self._aside = wp.Stream(self._device) if self._device.is_cuda else None  # what crosses is looked for at a time
+        self._aside = wp.Stream(self._device) if self._device.is_cuda else None  # to look for what crosses meanwhile
         self.layered = len({(kind.item, kind.layer) for kind in kinds}) > len({kind.item for kind in kinds})
 
     @property

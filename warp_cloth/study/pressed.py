@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from warp_cloth.kernels.block import BLOCK_THREADS
 from warp_cloth.kernels.cloth_contact import ON_EDGE, REGIONS
-from warp_cloth.kernels.press_queue import ON_TRIANGLES, ROUNDS
+from warp_cloth.kernels.press_queue import ROUNDS
 from warp_cloth.kernels.touch import PARALLEL
 from warp_cloth.study.asked import Arrays, Numbers
 from warp_cloth.study.traffic import SEVERAL, Chain, Uses
@@ -81,12 +81,10 @@ def looked_at(found: int, room: int, blocks: int) -> int:
 def stores(block: Numbers, on_edge: NDArray[np.bool_]) -> Numbers:
     """Numbers of the instructions by which queued pairs are stored, those of one together, in the order of pairs."""
     number = np.empty(len(block), dtype=np.int64)
-    for sort, threads in ((False, ON_TRIANGLES), (True, BLOCK_THREADS - ON_TRIANGLES)):
+    for sort in (False, True):
         of = np.flatnonzero(on_edge == sort)
         of = of[np.argsort(block[of], kind="stable")]
         counts = np.bincount(block[of])
         place = np.arange(len(of)) - np.repeat(np.cumsum(counts) - counts, counts)  # in its block's queue
-        warps = threads // TEAM
-        turn = 2 * (place // threads * warps + place % warps) + sort
-        number[of] = turn * (1 + block.max(initial=0)) + block[of]
+        number[of] = (2 * (place // TEAM) + sort) * (1 + block.max(initial=0)) + block[of]
     return INSTRUCTION + number
