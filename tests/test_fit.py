@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -242,4 +243,13 @@ def test_what_python_asks_for_in_vain_is_refused(tmp_path: Path) -> None:
         worn.save(tmp_path, formats=["fbx"])
     with pytest.raises(InputError, match='colour: there is no map "gold"'):
         worn.save(tmp_path, colour="gold")
+    with pytest.raises(InputError, match='colour: the fit has no maps; fit with maps="ease"'):
+        worn.save(tmp_path, colour="ease")
     assert worn.save(tmp_path, formats="glb")[0] == tmp_path / "hanging.glb"
+
+
+def test_fits_of_several_threads_wait_for_one_another() -> None:
+    alone = quick("hanging", *SMALL, "solver.iterations=60").garments[0].points
+    with ThreadPoolExecutor(3) as pool:
+        fits = list(pool.map(lambda _: quick("hanging", *SMALL, "solver.iterations=60"), range(3)))
+    assert all(np.array_equal(each.garments[0].points, alone) for each in fits)

@@ -403,3 +403,10 @@ def test_a_body_that_lies_is_told_of(tmp_path: Path) -> None:
     for body in (lying, on_floor(lying)):
         assert [note for note in notes(body) if 'set avatar.up = "z"' in note]
     assert notes(lying, up="y") == notes(lying, up="z") == notes(standing) == notes(on_floor(standing)) == ()
+
+
+def test_a_row_of_very_many_numbers_is_read_as_its_first(tmp_path: Path) -> None:
+    more = "1 " * 200_000
+    (tmp_path / "rows.obj").write_text(f"v 0 0 0 {more}\nv 1 0 0 {more}\nv 0 1 0 {more}\nf 1 2 3\n")
+    mesh = load(tmp_path / "rows.obj")
+    np.testing.assert_array_equal(mesh.points, [[0, 0, 0], [1, 0, 0], [0, 1, 0]])

@@ -33,7 +33,7 @@ from warp_cloth.solver.certificate import (
     thread_summaries,
 )
 from warp_cloth.solver.loop import Outcome, relax_to_rest
-from warp_cloth.threads import map_in_threads
+from warp_cloth.threads import in_turn, map_in_threads
 from warp_cloth.verdict import (
     crossed,
     fallen_pieces,
@@ -91,9 +91,12 @@ class Fit:
         from warp_cloth.export.save import save_fit
 
         painted = "".join(chosen_maps(colour, place="colour")[:1])
+        if painted and self.maps is None:
+            raise InputError("colour", "the fit has no maps", f'fit with maps="{painted}"')
         return save_fit(self, Path(directory), colour=painted, formats=chosen_formats(formats, place="formats"))
 
 
+@in_turn
 def fit(
     scene: Scene | str | Path | Mapping[str, Any],
     *,
@@ -104,7 +107,7 @@ def fit(
     start: Fit | str | Path | None = None,
     progress: Callable[[Progress], None] | None = None,
 ) -> Fit:
-    """Fits the garments of a scene.
+    """Fits the garments of a scene. Several threads' fits wait for one another; ``fit_many`` fits many at once.
 
     Args:
         scene: a loaded scene, or what ``load_scene`` takes.

@@ -1,21 +1,28 @@
-"""Several threads for work on large arrays: NumPy lets go of Python's lock while it sorts, gathers and adds."""
+"""Several threads for work on large arrays: NumPy lets go of Python's lock while it sorts, gathers and adds.
+
+What launches kernels takes turns instead.
+"""
 
 from __future__ import annotations
 
+import functools
 import os
+import threading
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any, TypeVar
+from typing import Any, ParamSpec, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 T = TypeVar("T")
 R = TypeVar("R")
+P = ParamSpec("P")
 
 MOST_THREADS = 16  # memory gives no more
 ALONE = "WARP_CLOTH_ONE_THREAD"  # is set in the environment of a process among as many as there are cores
 WORTH_THREADS = 1 << 23  # [bytes] that take longer to copy than threads to start
+LAUNCHES = threading.RLock()  # on the CPU Warp records in a graph whatever a process launches, whichever thread does
 
 
 def core_count() -> int:
@@ -23,6 +30,17 @@ def core_count() -> int:
     if ALONE in os.environ:
         return 1
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def in_turn(work: Callable[P, R]) -> Callable[P, R]:
+    """The same work, which waits until no other thread of this process is at such work."""
+
+    @functools.wraps(work)
+    def waiting(*args: P.args, **named: P.kwargs) -> R:
+        with LAUNCHES:
+            return work(*args, **named)
+
+    return waiting
 
 
 def map_in_threads(work: Callable[[T], R], parts: Iterable[T]) -> list[R]:

@@ -23,10 +23,12 @@ from warp_cloth.plan import contact_kind
 from warp_cloth.scene import Scene, load_scene
 from warp_cloth.set_up import following, kind_of, set_up, start_coarse
 from warp_cloth.solver.loop import Goal, relax_items
+from warp_cloth.threads import in_turn
 
 KEPT_SHARE = 0.05  # of the memory, for avatars' fields that the next scenes may meet, too
 
 
+@in_turn
 def fit_many(
     scenes: Sequence[Scene | str | Path | Mapping[str, Any]],
     device: str | None = None,

@@ -144,8 +144,9 @@ def fit_sizes(
     Raises:
         InputError: the scene cannot be used in one of the sizes, or nothing in it depends on the size.
     """
-    plain = [change for change in overrides if SIZE not in change]
-    sized = [change for change in overrides if SIZE in change]
+    changes = [overrides] if isinstance(overrides, str) else overrides
+    plain = [change for change in changes if SIZE not in change]
+    sized = [change for change in changes if SIZE in change]
     base = load_scene(scene, [*plain, *(change.replace(SIZE, sizes[0]) for change in sized if sizes)])
     if base.avatar is None:
         raise InputError("sizes", "the scene has no avatar to choose a size for", "add an [avatar]")
@@ -163,8 +164,8 @@ def fit_sizes(
     first = "garment" if len(base.garments) == 1 else "garment[0]"
     chosen = {}  # all scenes are read before the first is fitted: a mistyped size costs no fit
     for size in names:
-        changes = [change.replace(SIZE, size) for change in sized] or [f"{first}.shape.size={size}"]
-        chosen[size] = load_scene(scene, [*plain, *_body(base), *changes])
+        own = [change.replace(SIZE, size) for change in sized] or [f"{first}.shape.size={size}"]
+        chosen[size] = load_scene(scene, [*plain, *_body(base), *own])
     found = []
     for size, sized_scene in chosen.items():
         if progress is not None:

@@ -18,11 +18,13 @@ from warp_cloth.loading.usd import mesh_paths_of
 from warp_cloth.maps.kinds import MAPS
 from warp_cloth.scene import Scene
 from warp_cloth.scene.stage import USD_SUFFIXES
+from warp_cloth.threads import in_turn
 
 if TYPE_CHECKING:
     from warp_cloth.fitting import Fit
 
 
+@in_turn
 def save_fit(fit: Fit, folder: Path, *, colour: str, formats: Sequence[str]) -> list[Path]:
     """Writes what ``Fit.save`` says; the report last."""
     scene = fit.scene

@@ -20,6 +20,7 @@ _IGNORED = frozenset(
 )
 _FLOAT = rb"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d{1,3})?"
 _INDEX = rb"\d{1,9}"
+WIDEST = 64  # numbers in a row that are looked for by one expression: those with more take long to build
 _REMARK = re.compile(rb"(?:^|\s)#")  # within a word "#" belongs to a name
 _GROUPINGS = (b"g", b"o", b"usemtl")  # what may stand for panels, best first
 
@@ -133,8 +134,10 @@ def _numbers(file: str, rows: list[bytes], lines: list[int], *, need: int, keep:
 
 def _plain_table(rows: list[bytes], number: bytes, count: int) -> Floats | None:
     """Rows of so many numbers, all written plainly, shape [rows, count]; None where any is not."""
+    if not 0 < count <= WIDEST:
+        return None
     row = re.compile(rb"\s*" + rb"\s+".join([number] * count) + rb"\s*")
-    if not count or not all(map(row.fullmatch, rows)):
+    if not all(map(row.fullmatch, rows)):
         return None
     return np.fromstring(b" ".join(rows).replace(b"/", b" "), sep=" ").reshape(len(rows), -1)
 

@@ -92,7 +92,10 @@ def repaired(raw: RawMesh, points: Floats, *, role: Role, rest: RestKind) -> Rep
         notes = (*notes, f"{counted(isolated, 'isolated vertex')} dropped")
     pieces = _pieces(work.triangles, len(points))
     if role == "garment" and pieces > 1:
-        notes = (*notes, f"{pieces} pieces that nothing joins: weld the vertices of their seams if they are to be sewn")
+        notes = (
+            *notes,
+            f"{pieces:,} pieces that nothing joins: weld the vertices of their seams if they are to be sewn",
+        )
     if closed:
         notes = (*notes, CLOSED)
     return Repaired(
