@@ -42,10 +42,12 @@ def load_scene(source: str | Path | Mapping[str, Any], overrides: Sequence[str] 
         values = stage_values(path) if staged else read_toml(path, "scene file")
     stated: dict[str, str] = {}  # dotted key -> the --set that stated it
     for text in (overrides,) if isinstance(overrides, str) else overrides:
-        stated[apply_override(values, text, directory)] = set_place(text)
-        for key, lost in stated.items():
-            if not still_stated(values, key):
-                raise InputError(lost, f"is undone by {set_place(text)}", "leave it out, or state it after that")
+        key = apply_override(values, text, directory)
+        for other, earlier in stated.items():
+            beside = key.endswith(".kind") and other.startswith(key.removesuffix("kind"))
+            if beside and not still_stated(values, other):
+                raise InputError(earlier, f"is undone by {set_place(text)}", "leave it out, or state it after that")
+        stated[key] = set_place(text)
     if not isinstance(source, Mapping) and path.suffix.lower() in USD_SUFFIXES:
         check_prims(values, path)
     values.setdefault("name", name)
