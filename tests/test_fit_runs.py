@@ -52,6 +52,13 @@ def test_at_rest_and_out_of_iterations_are_told_with_a_sentence() -> None:
             },
             '"square" has fallen past the avatar',
         ),
+        (
+            {
+                "garment": {"shape": {"kind": "square", "vertices_per_side": 5, "side": 0.2}},
+                "avatar": {"shape": {"kind": "sphere", "edge_mm": 100, "centre": [0.6, 0.8, 0.0]}},
+            },
+            '"square" is beside the avatar, which cannot hold it: place it round or above it',
+        ),
     ],
 )
 def test_a_garment_that_falls_for_ever_is_told_of(scene: dict[str, Any], words: str) -> None:

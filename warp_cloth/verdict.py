@@ -65,7 +65,11 @@ def unheld(scene: Scene, wardrobe: Wardrobe, worn: Sequence[Points]) -> str:
             continue
         if wardrobe.avatar is None or scene.collision.avatar == "none":
             return f'nothing holds "{spec.name}": pin some of its vertices, or let it meet an avatar'
-        if points[:, 1].max() < wardrobe.avatar.points[:, 1].min():
+        low, high = wardrobe.avatar.bounds()
+        beside = (points.min(axis=0) > high) | (points.max(axis=0) < low)
+        if beside[0] or beside[2]:
+            return f'"{spec.name}" is beside the avatar, which cannot hold it: place it round or above it'
+        if points[:, 1].max() < low[1]:
             return f'"{spec.name}" has fallen past the avatar: place it round or above it, or pin some of its vertices'
     return ""
 
