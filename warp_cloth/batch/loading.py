@@ -263,9 +263,9 @@ def _meshes(orders: Sequence[Order]) -> list[Any]:
 
     Each as it is sent.
     """
-    found = []
+    found, drafts = [], Kept()
     for order in orders:
-        rack = Rack()
+        rack = Rack(drafts)
         rack.put(order.known)
         with contextlib.suppress(Exception):  # who opens the wardrobe tells why
             if order.avatar is not None:

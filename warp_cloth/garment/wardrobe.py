@@ -14,6 +14,7 @@ from warp_cloth.garment.grain import Grain
 from warp_cloth.garment.part import GarmentPart
 from warp_cloth.garment.pins import select_pins
 from warp_cloth.garment.rest import RestGeometry, RestShape, build_rest_geometry, rest_in_fabric
+from warp_cloth.kept import Kept
 from warp_cloth.loading import check_sizes, load_mesh, load_poses
 from warp_cloth.mesh import Indices, Mesh, Points
 from warp_cloth.scene import AvatarSpec, GarmentSpec, MannequinShape, Scene, TshirtShape
@@ -47,14 +48,15 @@ class Recipe:
     """How something that scenes share is made, and the key under which a rack keeps it."""
 
     key: Key
-    make: Callable[[], Any]  # in any process
+    make: Callable[[Kept], Any]  # in any process, with what is kept there of other shapes
 
 
 class Rack:
-    """Keeps what scenes share: meshes, and garments of the same fabric and pins."""
+    """Keeps what scenes share: meshes, and garments of the same fabric and pins; ``drafts`` of generated shapes."""
 
-    def __init__(self) -> None:
+    def __init__(self, drafts: Kept | None = None) -> None:
         self._kept: dict[Key, Any] = {}
+        self.drafts = drafts or Kept()
 
     def __contains__(self, key: Key) -> bool:
         return key in self._kept
@@ -69,7 +71,7 @@ class Rack:
 
     def made(self, recipe: Recipe) -> Any:
         """What was made by this recipe before, or is made now."""
-        return self.once(recipe.make, *recipe.key)
+        return self.once(partial(recipe.make, self.drafts), *recipe.key)
 
     def once(self, make: Callable[[], T], *key: str) -> T:
         """What was made under this key before, or is made now."""
@@ -154,7 +156,7 @@ def geometry_of(scene: Scene, index: int, rack: Rack) -> tuple[Mesh, RestGeometr
     """Mesh and rest geometry of a scene's garment, likewise."""
     spec, key = scene.garments[index], scene.garment_keys[index]
     mesh_key, geometry_key, _ = garment_keys(scene, index)
-    mesh = rack.once(partial(_garment_mesh, spec, key, _body(scene)), *mesh_key)
+    mesh = rack.once(partial(_garment_mesh, spec, key, _body(scene), rack.drafts), *mesh_key)
     return mesh, rack.once(partial(_geometry, mesh, spec, key), *geometry_key)
 
 
@@ -217,18 +219,18 @@ def _rest(mesh: Mesh, geometry: RestGeometry, spec: GarmentSpec, key: str) -> tu
     return rest, pins
 
 
-def _garment_mesh(spec: GarmentSpec, key: str, body: MannequinMeasures | None) -> Mesh:
+def _garment_mesh(spec: GarmentSpec, key: str, body: MannequinMeasures | None, drafts: Kept) -> Mesh:
     if spec.mesh is not None:
         return load_mesh(
             spec.mesh, role="garment", key=key, prim=spec.prim, units=spec.units, up=spec.up, rest=spec.rest
         )
-    return build_garment(spec.shape, body=body)
+    return build_garment(spec.shape, body=body, kept=drafts)
 
 
-def _avatar_mesh(spec: AvatarSpec, size: str) -> Mesh:
+def _avatar_mesh(spec: AvatarSpec, size: str, drafts: Kept) -> Mesh:
     if spec.mesh is not None:
         return load_mesh(spec.mesh, role="avatar", key="avatar", prim=spec.prim, units=spec.units, up=spec.up)
-    return build_avatar(spec.shape, size=size)
+    return build_avatar(spec.shape, size=size, kept=drafts)
 
 
 def worn_size(scene: Scene) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from warp_cloth.errors import InputError
+from warp_cloth.kept import Kept
 from warp_cloth.mesh import Mesh
 from warp_cloth.shapes.mannequin import mannequin, trunk_girth
 from warp_cloth.shapes.measures import SIZE_BODIES, MannequinMeasures
@@ -25,23 +26,26 @@ __all__ = [
 ]
 
 
-def build_garment(shape: Any, *, body: MannequinMeasures | None = None) -> Mesh:
-    """Mesh of a scene's garment shape (square or tshirt); ``body`` is the mannequin that wears it."""
+def build_garment(shape: Any, *, body: MannequinMeasures | None = None, kept: Kept | None = None) -> Mesh:
+    """Mesh of a scene's garment shape (square or tshirt); ``body`` is the mannequin that wears it.
+
+    ``kept`` has what was drafted of other shapes.
+    """
     if shape.kind == "square":
         return square(
             side=shape.side, vertices_per_side=shape.vertices_per_side, height=shape.height, plane=shape.plane
         )
     if shape.kind == "tshirt":
-        return tshirt(size=shape.size, edge=shape.edge_mm / 1000, body=body)
+        return tshirt(size=shape.size, edge=shape.edge_mm / 1000, body=body, kept=kept)
     raise InputError("garment.shape", f"kind {shape.kind!r} is unknown", 'use "square" or "tshirt"')
 
 
-def build_avatar(shape: Any, *, size: str = "M") -> Mesh:
-    """Mesh of a scene's avatar shape (sphere or mannequin); ``size`` fills in measures left out."""
+def build_avatar(shape: Any, *, size: str = "M", kept: Kept | None = None) -> Mesh:
+    """Mesh of a scene's avatar shape (sphere or mannequin); ``size`` fills in measures left out, ``kept`` likewise."""
     if shape.kind == "sphere":
         return sphere(radius=shape.radius, centre=shape.centre, edge=shape.edge_mm / 1000)
     if shape.kind == "mannequin":
-        return mannequin(mannequin_measures(shape, size=size))
+        return mannequin(mannequin_measures(shape, size=size), kept=kept)
     raise InputError("avatar.shape", f"kind {shape.kind!r} is unknown", 'use "sphere" or "mannequin"')
 
 

@@ -268,7 +268,6 @@ def convex_girth(points: Points) -> float:
     return sum(math.dist(p, q) for p, q in zip(hull, hull[1:] + hull[:1], strict=True))
 
 
-@functools.lru_cache(maxsize=16)  # the body that a garment is placed round is the one that wears it
 def calibrated_form(measures: MannequinMeasures) -> Form:
     """Form whose girths at the three levels are the measures: fixed point on the torso's widths.
 

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from warp_cloth.kept import Kept
 from warp_cloth.mesh import Indices, Points
 from warp_cloth.shapes.triangulate import triangulate
 
@@ -76,11 +77,14 @@ class Pattern:
         return next(panel for panel in self.panels if panel.name == name)
 
 
-@functools.lru_cache(maxsize=16)  # the same shirt is placed round many bodies
-def tshirt_pattern(measures: TshirtMeasures, edge: float) -> Pattern:
-    """Front, back and two sleeves, with as many vertices on each side of a seam, about ``edge`` [m] apart."""
+def tshirt_pattern(measures: TshirtMeasures, edge: float, kept: Kept) -> Pattern:
+    """Front, back and two sleeves, with as many vertices on each side of a seam, about ``edge`` [m] apart.
+
+    ``kept`` has the sleeves that were drafted before.
+    """
     front, back = (_trunk_curves(measures, is_front) for is_front in (True, False))
-    sleeve = _sleeve_curves(measures, curve_length(front["armhole"]), curve_length(back["armhole"]))
+    armholes = curve_length(front["armhole"]), curve_length(back["armhole"])
+    sleeve = kept.once("sleeve", (), partial(_sleeve_curves, measures, *armholes), measures)
     counts = {
         "hem": _steps(edge, front["hem"]),
         "side": _steps(edge, front["side"]),
@@ -183,7 +187,6 @@ def _half_cap(width: float, height: float) -> Points:
     return _bezier((width, -height), (0.62 * width, -height), (0.50 * width, 0), (0, 0))
 
 
-@functools.lru_cache(maxsize=64)  # a catalogue has few sizes, and each of them many meshes
 def _cap(m: TshirtMeasures, front: float, back: float) -> tuple[float, float]:
     """Height of the sleeve's cap, and its half width to the front [m].
 

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from warp_cloth.errors import InputError
+from warp_cloth.kept import Kept
 from warp_cloth.mesh import Mesh, Points
 from warp_cloth.shapes.body import Form, calibrated_form, convex_girth, section
 from warp_cloth.shapes.loft import Values
@@ -22,20 +24,24 @@ FADE = 0.98  # of a seam's shift from one row of vertices to the next, beside wh
 FADE_ROUNDS = 60
 
 
-def tshirt(*, size: str = "M", edge: float = TSHIRT_EDGE, body: MannequinMeasures | None = None) -> Mesh:
+def tshirt(
+    *, size: str = "M", edge: float = TSHIRT_EDGE, body: MannequinMeasures | None = None, kept: Kept | None = None
+) -> Mesh:
     """T-shirt of a size, with edges of about ``edge`` [m], as stitched panels round a mannequin.
 
     ``body`` is the mannequin that wears it, by default the size's own standard body. The rest shape is in the
-    texture coordinates, in metres; the 3-D shape only says where the panels start.
+    texture coordinates, in metres; the 3-D shape only says where the panels start. ``kept`` has what was drafted of
+    other shapes.
     """
     if size not in SIZE_MEASURES:
         raise InputError("tshirt size", f"{size!r} is unknown", f"use {', '.join(SIZE_MEASURES)}")
     if not 0.002 <= edge <= 0.06:
         raise InputError("tshirt edge", f"{edge!r} m is out of range", "allowed: 0.002 to 0.06 m")
     measures = SIZE_MEASURES[size]
-    pattern = tshirt_pattern(measures, edge)
-    placed = _place(pattern, measures, body or SIZE_BODIES[size])
-    return _sew(pattern, placed[0], placed[1])
+    kept, worn_by = kept or Kept(), body or SIZE_BODIES[size]
+    pattern = kept.once("pattern", (), partial(tshirt_pattern, measures, edge, kept), measures, edge)
+    form = kept.once("form", (), partial(calibrated_form, worn_by), worn_by)
+    return _sew(pattern, _place(pattern, measures, worn_by, form), form)
 
 
 @dataclass(frozen=True)
@@ -49,8 +55,8 @@ class _Trunk:
     seam_depth: float  # [m] z of the shoulder seam
 
 
-def _place(pattern: Pattern, m: TshirtMeasures, body: MannequinMeasures) -> tuple[list[Points], Form]:
-    form = calibrated_form(body)
+def _place(pattern: Pattern, m: TshirtMeasures, body: MannequinMeasures, form: Form) -> list[Points]:
+    """Where the panels' vertices go [m], each shape [N, 3]; ``form`` is the body's."""
     trunk = _fit_trunk(form, m, body)
     front, back = pattern.panel("front"), pattern.panel("back")
     left = _place_sleeve(pattern.panel("left_sleeve").points, m, body, trunk)
@@ -59,7 +65,7 @@ def _place(pattern: Pattern, m: TshirtMeasures, body: MannequinMeasures) -> tupl
         _place_trunk(back.points * (-1, 1), m, trunk, -1.0),
         left,
         left * (-1, 1, 1),
-    ], form
+    ]
 
 
 def _fit_trunk(form: Form, m: TshirtMeasures, body: MannequinMeasures) -> _Trunk:
