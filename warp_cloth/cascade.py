@@ -38,7 +38,7 @@ NUDGE = 0.02
 
 @dataclass(frozen=True)
 class LevelRun:
-    """What a simplified garment's relaxation came to."""
+    """What it came to before: a simplified garment's relaxation, or one in another fabric."""
 
     vertices: int
     iterations: int

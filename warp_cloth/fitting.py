@@ -17,14 +17,16 @@ from warp_cloth.collide.exact import ExactCollider, distances_of_many, exact_col
 from warp_cloth.collide.garments import worn_crossings
 from warp_cloth.collide.piercing import edge_places, face_places, pierced, shown
 from warp_cloth.device import device_named
+from warp_cloth.dressing import started
 from warp_cloth.errors import InputError
 from warp_cloth.garment.wardrobe import Wardrobe
+from warp_cloth.kept import Kept
 from warp_cloth.maps import FitMaps, chosen_maps, measure_maps
 from warp_cloth.maps.measure import check_maps
 from warp_cloth.mesh import Mesh, Points
 from warp_cloth.result import Penetration, Status, Strain, WornGarment
 from warp_cloth.scene import Scene, load_scene
-from warp_cloth.set_up import SetUp, following, set_up_one, start_coarse, tolerance_of
+from warp_cloth.set_up import SetUp, following, set_up_one, tolerance_of
 from warp_cloth.solver.certificate import (
     Check,
     edge_strains,
@@ -56,7 +58,7 @@ MOST_FRAMES = 10_000  # shapes on the way; of a garment of 10,000 vertices that 
 class Progress:
     """Where a fit stands; figures are None while they are not known."""
 
-    stage: str  # "load", "compile", "build", "carry", "relax"
+    stage: str  # "load", "compile", "build", "carry", "dress", "relax"
     iteration: int = 0
     iteration_limit: int = 0
     residual: float | None = None  # relative, rms
@@ -133,16 +135,18 @@ def fit(
     if start is not None and chosen.avatar is not None and chosen.avatar.poses:
         raise InputError("avatar.poses", "a garment that goes along with an avatar has its start", "leave one out")
     earlier = None if start is None else _earlier(start, chosen)
-    clock = _Clock()
-    made = set_up_one(chosen, where, tell=lambda stage: tell(Progress(stage)), lap=clock.lap)
-    levels = start_coarse(made) if earlier is None else ()
+    clock, kept = _Clock(), Kept()
+    made = set_up_one(chosen, where, kept=kept, tell=lambda stage: tell(Progress(stage)), lap=clock.lap)
+    if chosen.solver.start == "dressed" and earlier is None:
+        tell(Progress("dress"))
+    levels = started(made, kept) if earlier is None else ()
     if earlier is not None and not start_from(made, earlier):
         place = start if isinstance(start, str | Path) else "start"
         problem = "its garments have neither the mesh nor the panels of the scene's"
         raise InputError(place, problem, "start from a result of the same pattern, or leave it out")
     outcome = _relax(chosen, made, frames, progress)
     clock.lap("relax")
-    (fitted,) = finished(made, [outcome], levels=levels, lap=clock.lap, seconds=clock.seconds, frames=frames)
+    (fitted,) = finished(made, [outcome], levels=[levels], lap=clock.lap, seconds=clock.seconds, frames=frames)
     return _with_maps(fitted, wanted, made) if wanted else fitted
 
 
@@ -231,14 +235,14 @@ def finished(
     made: SetUp,
     outcomes: Sequence[Outcome],
     *,
-    levels: Sequence[LevelRun],
+    levels: Sequence[Sequence[LevelRun]],
     lap: Callable[[str], None],
     seconds: dict[str, float],
     frames: int = 0,
 ) -> list[Fit]:
     """Measures relaxed scenes, and puts sentence and report together; ``seconds`` of the stages, of all together.
 
-    ``levels`` are of simplified garments that came to rest before; only a lone scene has them.
+    ``levels`` are of simplified or dressed garments that relaxed before, of each scene.
     """
     model = made.model
     for item, outcome in enumerate(outcomes):
@@ -294,7 +298,7 @@ def finished(
             depth=depth,
             crossing=crossing,
             contact=contact,
-            levels=levels,
+            levels=levels[item],
         )
         fits.append(Fit(scene, outcome.status, message, garments, wardrobe.avatar, report, model.device))
     return fits

@@ -113,12 +113,14 @@ def build_model(
     garments: Sequence[int] | None = None,
     kept: Kept | None = None,
     layered: bool = False,
+    like: int | None = None,
 ) -> ClothModel:
     """Concatenates garments and puts them on a device.
 
     ``garments`` is how many of the parts belong to each item; None: all to one. ``gathers`` says how forces are
     summed; None: gathered on CUDA, scattered on the CPU, which is fastest on each. ``kept`` has what earlier models of
-    the same garments left. ``layered``: whether garments lie on each other and meet.
+    the same garments left. ``layered``: whether garments lie on each other and meet. ``like``: of how many vertices the
+    model is to be cut like one, where it is gathered.
     """
     types = cloth_types(precision)
     vertex_start = _starts([len(part.points) for part in parts])
@@ -140,7 +142,7 @@ def build_model(
     if wp.get_device(device).is_cuda if gathers is None else gathers:
         lying = [part.points for part in parts]
         patches = device_patches(
-            types, upload, garments_elements, given, lying, terms, item_start, device, kept, layered=layered
+            types, upload, garments_elements, given, lying, terms, item_start, device, kept, layered=layered, like=like
         )
     return ClothModel(
         device=device,

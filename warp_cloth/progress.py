@@ -18,6 +18,7 @@ STAGES = {
     "compile": "compiling",
     "build": "building",
     "carry": "carrying",
+    "dress": "dressing",
     "relax": "relaxing",
     "export": "writing",
 }

@@ -83,7 +83,7 @@ def kind_of(scene: Scene, wardrobe: Wardrobe) -> tuple[Any, ...]:
     contact = contact_kind(scene, wardrobe)
     by_itself = scene.collision.cloth or wardrobe.poses or solver.method == "multilevel"
     alone = id(scene) if by_itself else 0
-    return solver.method, solver.precision, contact, alone, terms_of(wardrobe.parts)
+    return solver.method, solver.start, solver.precision, contact, alone, terms_of(wardrobe.parts)
 
 
 def set_up_one(
@@ -92,6 +92,7 @@ def set_up_one(
     *,
     rack: Rack | None = None,
     earlier: AvatarContact | None = None,
+    kept: Kept | None = None,
     options: StepOptions | None = None,
     tell: Callable[[str], None] = lambda _: None,
     lap: Callable[[str], None] = lambda _: None,
@@ -103,7 +104,7 @@ def set_up_one(
     tell("load")
     wardrobe = open_wardrobe(scene, rack)
     lap("load")
-    return set_up([scene], [wardrobe], device, earlier=earlier, options=options, tell=tell, lap=lap)
+    return set_up([scene], [wardrobe], device, earlier=earlier, kept=kept, options=options, tell=tell, lap=lap)
 
 
 def set_up(
@@ -113,6 +114,7 @@ def set_up(
     *,
     earlier: AvatarContact | None = None,
     kept: Kept | None = None,
+    like: int | None = None,
     options: StepOptions | None = None,
     tell: Callable[[str], None] = lambda _: None,
     lap: Callable[[str], None] = lambda _: None,
@@ -125,6 +127,7 @@ def set_up(
         device: Warp's name of it.
         earlier: a contact that may serve again.
         kept: what earlier set-ups left of the same garments and avatars.
+        like: as of build_model: what a larger set-up of the same garments was cut into serves again.
         options: how an iteration moves the cloth; None: the method's defaults.
         tell: told at every stage.
         lap: told the name of every stage at its end.
@@ -145,6 +148,7 @@ def set_up(
         garments=[len(each.parts) for each in wardrobes],
         kept=kept,
         layered=first.collision.cloth and len(wardrobes[0].parts) > 1,
+        like=like,
     )
     threads = thread_count(first.solver.threads, model.vertex_count)
     options = options or StepOptions(method=first.solver.method, threads=threads)

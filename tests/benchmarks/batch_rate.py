@@ -64,7 +64,7 @@ class Run:
         )
 
 
-def jobs(count: int, coarsest: int) -> list[Row]:
+def jobs(count: int, coarsest: int, start: str = "placed") -> list[Row]:
     """So many items, as many on each body, of so many of the meshes; of all up to 1,188 no two alike."""
     garments = GARMENTS[:coarsest]
     each, kinds = -(-count // len(BODIES)), math.lcm(len(garments), len(FABRICS))
@@ -75,6 +75,7 @@ def jobs(count: int, coarsest: int) -> list[Row]:
         row = {"name": f"item-{number:05d}", "scene": "tshirt", "garment.shape.size": size}
         row |= {"garment.shape.edge_mm": edge, "garment.fabric": FABRICS[place % len(FABRICS)]}
         row |= {f"avatar.shape.{name}": value for name, value in zip(MEASURES, BODIES[body], strict=True)}
+        row |= {} if start == "placed" else {"solver.start": start}
         rows.append({**row, "avatar.friction": FRICTIONS[place // kinds % len(FRICTIONS)]})
     return rows
 
@@ -152,13 +153,14 @@ def main() -> int:
     parser.add_argument("--device", default="cuda:0")
     parser.add_argument("--items", type=int, default=1024)
     parser.add_argument("--coarsest", type=int, default=len(GARMENTS), metavar="N", help="so many of the meshes only")
+    parser.add_argument("--start", choices=["placed", "dressed"], default="placed", help="solver.start of all")
     parser.add_argument("--workers", type=int, nargs="+", default=[0])
     parser.add_argument("--alone", type=int, default=0, metavar="N", help="so many items by warp_cloth.fit")
     parser.add_argument("--turned", action="store_true", help="in the opposite order and in other shards")
     parser.add_argument("--killed", action="store_true", help="by kill -9 halfway, then resumed")
     parser.add_argument("--out", type=Path, help="a new folder that is kept")
     asked = parser.parse_args()
-    rows, device, same = jobs(asked.items, asked.coarsest), asked.device, True
+    rows, device, same = jobs(asked.items, asked.coarsest, asked.start), asked.device, True
     with folder(asked.out) as place:
         one = {"name": "one", "scene": "hanging", "garment.shape.vertices_per_side": 5}
         started = run(write_jobs(place / "one.csv", [one]), place / "one", device)

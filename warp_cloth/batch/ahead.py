@@ -53,5 +53,5 @@ def _small(scene: Scene) -> Scene:
     ball = SphereShape(kind="sphere", radius=0.05, centre=(0.0, cloth.height - 0.06, 0.0))
     avatar = None if scene.avatar is None else AvatarSpec(shape=ball)
     collision = scene.collision.model_copy(update={"pixel_mm": max(scene.collision.pixel_mm, 5.0), "cloth": False})
-    solver = scene.solver.model_copy(update={"method": "accelerated"})
+    solver = scene.solver.model_copy(update={"method": "accelerated", "start": "placed"})
     return scene.model_copy(update={"garments": (garment,), "avatar": avatar, "collision": collision, "solver": solver})

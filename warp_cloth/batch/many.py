@@ -16,6 +16,7 @@ from warp_cloth.batch.loading import Shelf
 from warp_cloth.batch.memory import Need, available_bytes, cut_to_fit, need_of
 from warp_cloth.batch.turns import Turn
 from warp_cloth.device import device_named
+from warp_cloth.dressing import set_up_dressing, start_dressed
 from warp_cloth.fitting import Fit, finished, tolerance_of
 from warp_cloth.garment.wardrobe import Rack, Wardrobe, open_wardrobe
 from warp_cloth.kept import Kept
@@ -133,13 +134,15 @@ def _together(scenes: Sequence[Scene], wardrobes: Sequence[Wardrobe], device: st
         last = now
 
     made = set_up(scenes, wardrobes, device, kept=kept, lap=lap)
+    dressing = set_up_dressing(made, kept)
+    lap("build")
     goals = [Goal(tolerance_of(scene), scene.solver.iterations) for scene in scenes]
     for item in range(len(scenes)):
         if not turn.taken():
             break
         made.touched(item)  # measures what the report tells of its contact, for which there is time now
     with turn:
-        levels = start_coarse(made)
+        levels = [start_coarse(made)] * len(scenes) if dressing is None else start_dressed(made, dressing)
         outcomes = relax_items(
             made.relaxation,
             made.certifier,

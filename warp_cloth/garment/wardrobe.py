@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, TypeVar
@@ -18,6 +18,7 @@ from warp_cloth.kept import Kept
 from warp_cloth.loading import check_sizes, load_mesh, load_poses
 from warp_cloth.mesh import Indices, Mesh, Points
 from warp_cloth.scene import AvatarSpec, GarmentSpec, MannequinShape, Scene, TshirtShape
+from warp_cloth.scene.dressing import dressing_of
 from warp_cloth.shapes import MannequinMeasures, build_avatar, build_garment, mannequin_measures
 
 DEFAULT_SIZE = "M"
@@ -36,6 +37,7 @@ class Wardrobe:
     parts: tuple[GarmentPart, ...]
     avatar: Mesh | None  # as it stands when the garments are worn
     poses: tuple[Points, ...] = ()  # vertices of an avatar that moves, from where it starts to where it stands [m]
+    dressing: tuple[GarmentPart, ...] = ()  # the garments in the fabric that they are dressed in first, if they are
 
     @property
     def starting_avatar(self) -> Mesh | None:
@@ -100,15 +102,21 @@ def open_wardrobe(scene: Scene, rack: Rack | None = None) -> Wardrobe:
     meshes = [kept.made(recipe) for recipe in mesh_recipes(scene)]
     garments, avatar = tuple(meshes[: len(scene.garments)]), meshes[-1] if scene.avatar is not None else None
     check_sizes(list(zip(scene.garment_keys, garments, strict=True)), avatar)
-    parts = []
-    for index, mesh in enumerate(garments):
-        rest, pins = rest_of(scene, index, kept)
-        part_key = "part", *garment_keys(scene, index)[2]
-        parts.append(kept.once(partial(GarmentPart, mesh.points, mesh.triangles, rest, pins), *part_key))
+    parts, dressing = _parts(scene, garments, kept), dressing_of(scene)
     poses = _poses(scene.avatar, avatar)
     if avatar is not None and poses:
         avatar = replace(avatar, points=poses[-1])
-    return Wardrobe(garments, tuple(parts), avatar, poses)
+    return Wardrobe(garments, parts, avatar, poses, () if dressing is None else _parts(dressing, garments, kept))
+
+
+def _parts(scene: Scene, garments: Sequence[Mesh], rack: Rack) -> tuple[GarmentPart, ...]:
+    """What the model needs of each garment."""
+    parts = []
+    for index, mesh in enumerate(garments):
+        keys = garment_keys(scene, index)
+        rest, pins = _rest_of(scene, index, keys, rack)
+        parts.append(rack.once(partial(GarmentPart, mesh.points, mesh.triangles, rest, pins), "part", *keys[2]))
+    return tuple(parts)
 
 
 def mesh_recipes(scene: Scene) -> list[Recipe]:
@@ -147,15 +155,22 @@ def rest_of(scene: Scene, index: int, rack: Rack) -> tuple[RestShape, Indices]:
     Raises:
         InputError: its file, rest shape or pins cannot be used.
     """
-    spec, key = scene.garments[index], scene.garment_keys[index]
-    mesh, geometry = geometry_of(scene, index, rack)
-    return rack.once(partial(_rest, mesh, geometry, spec, key), *garment_keys(scene, index)[2])
+    return _rest_of(scene, index, garment_keys(scene, index), rack)
 
 
 def geometry_of(scene: Scene, index: int, rack: Rack) -> tuple[Mesh, RestGeometry]:
     """Mesh and rest geometry of a scene's garment, likewise."""
+    return _geometry_of(scene, index, garment_keys(scene, index), rack)
+
+
+def _rest_of(scene: Scene, index: int, keys: tuple[Key, Key, Key], rack: Rack) -> tuple[RestShape, Indices]:
+    mesh, geometry = _geometry_of(scene, index, keys, rack)
+    return rack.once(partial(_rest, mesh, geometry, scene.garments[index], scene.garment_keys[index]), *keys[2])
+
+
+def _geometry_of(scene: Scene, index: int, keys: tuple[Key, Key, Key], rack: Rack) -> tuple[Mesh, RestGeometry]:
     spec, key = scene.garments[index], scene.garment_keys[index]
-    mesh_key, geometry_key, _ = garment_keys(scene, index)
+    mesh_key, geometry_key, _ = keys
     mesh = rack.once(partial(_garment_mesh, spec, key, _body(scene), rack.drafts), *mesh_key)
     return mesh, rack.once(partial(_geometry, mesh, spec, key), *geometry_key)
 

@@ -41,6 +41,7 @@ class Patches:
         packed_tables: tuple[Any, Any],
         order: wp.array,
         overflow: wp.array,
+        few: bool,
     ) -> None:
         """``rows`` are kernels.cloth Patch, each of an ``item``, shape [P, 16]; the rest as of the attributes."""
         self._rows, self._item = rows, item
@@ -50,7 +51,7 @@ class Patches:
         self.overflow = overflow  # memory of patches that are too large for a block's own
         self.fits = wp.get_device(overflow.device).is_cuda and not len(overflow)  # whether none is
         self.paired = bool(rows[:, list(Patch.vars).index("item_count")].any())  # whether threads work on pairs
-        self.few = len(rows) <= FEW  # so that cores have few of them at a time
+        self.few = few  # so that cores have few of them at a time
         self.count = len(rows)
 
     def work_on(self, active: NDArray[np.bool_]) -> bool:
@@ -81,6 +82,7 @@ def device_patches(
     kept: Kept,
     *,
     layered: bool = False,
+    like: int | None = None,
 ) -> Patches:
     """The cloth cut into patches of vertices that lie together as loaded.
 
@@ -95,12 +97,14 @@ def device_patches(
         device: Warp's name of it.
         kept: what garments share with earlier models.
         layered: whether garments lie on each other and meet: while patches are worked out, a core's other blocks press.
+        like: vertices of a model that they are cut, and worked out, as if they were of; None: as many as there are.
     """
     own_memory = wp.get_device(device).is_cuda
-    vertices = sum(len(part) for part in points)
+    vertices = sum(len(part) for part in points) if like is None else like
 
     def cut_as(paired: bool) -> list[PatchTables]:
-        size = even_size(vertices, block_for(paired), PER_CORE_LAYERED) if layered else None
+        block = block_for(paired)
+        size = even_size(vertices, block, PER_CORE_LAYERED) if layered else even_size(vertices, block)
         return garment_patches(garments, points, terms, precision=types.name, kept=kept, size=size, paired=paired)
 
     each = cut_as(takes_pairs(terms, vertices))
@@ -144,8 +148,8 @@ def device_patches(
     if terms.threads:
         tables.slope = upload(law["slope"], types.vec4)
         tables.threads = upload(law["threads"], types.vec4)
-    working = block_for(bool(rows["item_count"].any())).per_core
-    tables.ahead = wp.get_device(device).sm_count * working if own_memory else 0
+    block = block_for(bool(rows["item_count"].any()))
+    tables.ahead = wp.get_device(device).sm_count * block.per_core if own_memory else 0
     rank = np.empty_like(order)
     rank[order] = np.arange(len(order), dtype=order.dtype)
     packed, back = types.Patches(), types.Patches()
@@ -156,7 +160,8 @@ def device_patches(
     packed.vertex = back.vertex = upload(rank[cut.vertex], wp.int32)
     back.patch = upload(_last_first(wide, len(wide)).reshape(-1, 4), wp.vec4i)
     overflow = wp.empty(cut.overflow, dtype=wp.uint8, device=device)
-    return Patches(wide, rows["item"], tables, (packed, back), upload(order, wp.int32), overflow)
+    few = max(len(rows), 0 if like is None else like // block.vertices) <= FEW
+    return Patches(wide, rows["item"], tables, (packed, back), upload(order, wp.int32), overflow, few)
 
 
 def _last_first(rows: NDArray[np.int32], count: int) -> NDArray[np.int32]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import os
 import re
 import sys
@@ -33,6 +32,7 @@ RestShape = Literal["mesh", "uv", "physics"]
 AvatarCollision = Literal["depth", "auto", "mesh", "plain", "none"]
 Method = Literal["multilevel", "accelerated", "direct"]
 Precision = Literal["float32", "float64", "mixed"]
+Start = Literal["placed", "dressed"]
 LoopSide = Literal["top", "bottom", "left", "right", "front", "back"]
 Degrees = Annotated[Real, Field(ge=-360, le=360)]
 LOOP_SIDES: tuple[LoopSide, ...] = get_args(LoopSide)
@@ -82,8 +82,6 @@ def _path(value: Any, info: ValidationInfo, what: str) -> Path | None:
     if not isinstance(value, str | Path) or not str(value).strip() or "\0" in str(value):
         raise refusal(f"{show(value)} is not a path", f"name {what}, relative to the scene file")
     path = _directory(info) / value
-    with contextlib.suppress(RuntimeError):  # of a user that is not there
-        path = _directory(info) / Path(value).expanduser()  # a shell leaves "~" alone within --set
     try:
         str(path).encode("utf-8")
     except UnicodeEncodeError:
@@ -279,6 +277,11 @@ class SolverSpec(Table):
         default="accelerated",
         description="multilevel: all vertices at once; accelerated: vertex by vertex; direct: the paper's own rule",
     )
+    start: Start = Field(
+        default="placed",
+        description="placed: as the mesh is; dressed: as it rests in jersey, whence all fabrics have a shorter way; "
+        "a batch shares that",
+    )
     iterations: Whole = Field(
         default=20_000, ge=0, le=10**7, description="limit; a T-shirt on a body rests after about 8,000"
     )
@@ -356,6 +359,19 @@ class Scene(Table):
                     "add an [avatar], or leave collision.avatar out",
                 )
             object.__setattr__(self, "collision", self.collision.model_copy(update={"avatar": "none"}))
+        return self
+
+    @model_validator(mode="after")
+    def _dressed_vertex_by_vertex(self) -> Scene:
+        """Refuse to dress what has a way of its own."""
+        if self.solver.start == "dressed":
+            ways = {
+                'solver.method = "accelerated"': self.solver.method == "accelerated",
+                "collision.cloth = false": not self.collision.cloth,
+                "no avatar.poses": self.avatar is None or not self.avatar.poses,
+            }
+            for way in (way for way, taken in ways.items() if not taken):
+                raise refusal(f'"dressed" goes with {way} only', 'use "placed"', below="solver.start")
         return self
 
     @model_validator(mode="after")

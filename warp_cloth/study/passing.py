@@ -11,11 +11,13 @@ import numpy as np
 import warp as wp
 
 from warp_cloth.collide.exact import penetrations
+from warp_cloth.dressing import started
 from warp_cloth.errors import InputError
+from warp_cloth.kept import Kept
 from warp_cloth.mesh import Mesh, Points
 from warp_cloth.result import Penetration, Status
 from warp_cloth.scene import Scene, load_scene
-from warp_cloth.set_up import SetUp, following, set_up_one, start_coarse, tolerance_of
+from warp_cloth.set_up import SetUp, following, set_up_one, tolerance_of
 from warp_cloth.solver.certificate import edge_strains, strain_summary
 from warp_cloth.solver.loop import Goal, relax_items
 from warp_cloth.solver.relax import Relaxation
@@ -58,10 +60,10 @@ class Passage:
 
 def run_through(scene: Scene, device: str, stops: Collection[int]) -> list[Passed]:
     """Runs a scene to its end; tells of those iterations on the way, which end chunks of the loop, and of the end."""
-    loading = _Laps()
-    made = set_up_one(scene, device, lap=loading.lap)
+    loading, kept = _Laps(), Kept()
+    made = set_up_one(scene, device, kept=kept, lap=loading.lap)
     watch = _Watch(stops)
-    start_coarse(made)
+    started(made, kept)
     goal = Goal(tolerance_of(scene), scene.solver.iterations)
     (outcome,) = relax_items(
         made.relaxation, made.certifier, [goal], follow=following(made), course=made.course, on_chunk=watch.offer

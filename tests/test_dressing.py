@@ -1,0 +1,148 @@
+"""Dressed starts: all fabrics begin where one fabric has come to lie, with the same bits alone and in a batch."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import warp as wp
+
+import warp_cloth
+from warp_cloth import dressing
+from warp_cloth.batch.loading import Shelf
+from warp_cloth.batch.many import fit_many
+from warp_cloth.batch.memory import need_of
+from warp_cloth.errors import InputError
+from warp_cloth.fitting import Fit
+from warp_cloth.garment.wardrobe import Rack, open_wardrobe
+from warp_cloth.result import Status
+from warp_cloth.scene import Scene, load_scene
+from warp_cloth.scene.dressing import FABRIC, FRICTION, ITERATIONS, dressing_of
+from warp_cloth.solver.loop import relax_items
+
+CLOTH = ["garment.shape.vertices_per_side=9", "collision.pixel_mm=10", "solver.iterations=400"]
+NO_GPU = pytest.mark.skipif(not wp.is_cuda_available(), reason="no GPU")
+DEVICES = ["cpu", pytest.param("cuda:0", marks=[pytest.mark.cuda, NO_GPU])]
+
+
+def draped(*changes: str) -> Scene:
+    """Cloth over a sphere that is dressed first."""
+    return load_scene("sphere", [*CLOTH, "solver.start=dressed", *changes])
+
+
+def mixture() -> list[Scene]:
+    """Three fits that are dressed alike, one on another sphere, one of another precision, one as it is placed."""
+    return [
+        draped("garment.fabric=silk"),
+        draped("garment.fabric=denim", "avatar.friction=0.1"),
+        draped("garment.fabric=wool", "solver.iterations=300"),
+        draped("garment.fabric=silk", "avatar.shape.radius=0.2"),
+        draped("garment.fabric=silk", "solver.precision=float64"),
+        load_scene("sphere", [*CLOTH, "garment.fabric=silk"]),
+    ]
+
+
+def test_what_is_dressed_alike_differs_in_fabric_friction_and_goals_only() -> None:
+    one, other = dressing_of(draped("garment.fabric=silk")), dressing_of(draped("avatar.friction=0.1"))
+    assert one == other
+    assert one is not None
+    assert one.garments[0].fabric.name == FABRIC
+    assert one.avatar is not None
+    assert one.avatar.friction == FRICTION
+    assert (one.solver.start, one.solver.iterations) == ("placed", ITERATIONS)
+    assert dressing_of(load_scene("sphere", CLOTH)) is None
+
+
+def test_a_dressed_garment_shares_its_mesh_with_the_one_that_it_is_dressed_in() -> None:
+    rack = Rack()
+    one, other = (open_wardrobe(draped(f"garment.fabric={fabric}"), rack) for fabric in ("silk", "denim"))
+    assert one.dressing[0] is other.dressing[0]
+    assert one.dressing[0].points is one.parts[0].points
+    assert one.dressing[0].rest.fabric != one.parts[0].rest.fabric
+    assert not open_wardrobe(load_scene("sphere", CLOTH), rack).dressing
+
+
+@pytest.mark.parametrize("device", DEVICES)
+def test_dressed_fits_have_the_same_bits_alone_in_company_and_in_any_order(device: str) -> None:
+    scenes = mixture()
+    alone = [warp_cloth.fit(scene, device=device) for scene in scenes]
+    shelf = Shelf(0)
+    for order, together in ([*range(6)], 6), ([5, 4, 3, 2, 1, 0], 6), ([2, 0, 1, 5, 3, 4], 1):
+        fits = fit_many([scenes[at] for at in order], device, together=together, shelf=shelf)
+        for fit, at in zip(fits, order, strict=True):
+            assert isinstance(fit, Fit), fit
+            assert np.array_equal(fit.garments[0].points, alone[at].garments[0].points)
+            for told in ("status", "iterations", "levels", "residual", "rest_error_mm"):
+                assert fit.report[told] == alone[at].report[told]
+    assert not np.array_equal(alone[0].garments[0].points, alone[5].garments[0].points)
+
+
+def test_what_is_dressed_alike_is_dressed_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    counts = []
+
+    def counted(relaxation, *rest, **more):  # type: ignore[no-untyped-def]
+        counts.append(relaxation.model.item_count)
+        return relax_items(relaxation, *rest, **more)
+
+    monkeypatch.setattr(dressing, "relax_items", counted)
+    shelf = Shelf(0)
+    fit_many(mixture()[:4], "cpu", together=4, shelf=shelf)
+    assert counts == [2], "on two spheres"
+    fit_many(mixture()[:4], "cpu", together=1, shelf=shelf)
+    assert counts == [2], "and then never again"
+
+
+def test_the_report_tells_what_dressing_took_and_the_iterations_are_the_fits_own() -> None:
+    fit = warp_cloth.fit(draped("garment.fabric=silk"), device="cpu")
+    (level,) = fit.report["levels"]
+    assert level["vertices"] == fit.report["vertices"]
+    assert 0 < level["iterations"] <= ITERATIONS
+    assert fit.report["iterations"] <= 400
+
+
+def test_dressed_cloth_rests_in_fewer_iterations() -> None:
+    more = "solver.iterations=20000", "garment.fabric=silk", "garment.shape.vertices_per_side=17"
+    placed = warp_cloth.fit(load_scene("sphere", [*CLOTH, *more]), device="cpu")
+    dressed = warp_cloth.fit(draped(*more), device="cpu")
+    assert placed.status is dressed.status is Status.AT_REST
+    assert dressed.report["iterations"] < placed.report["iterations"]
+
+
+def test_what_loses_itself_while_it_is_dressed_starts_as_it_is_placed(monkeypatch: pytest.MonkeyPatch) -> None:
+    def lost(*given, **more):  # type: ignore[no-untyped-def]
+        return [replace(outcome, status=Status.DIVERGED) for outcome in relax_items(*given, **more)]
+
+    monkeypatch.setattr(dressing, "relax_items", lost)
+    fit = warp_cloth.fit(draped("garment.fabric=silk"), device="cpu")
+    placed = warp_cloth.fit(load_scene("sphere", [*CLOTH, "garment.fabric=silk"]), device="cpu")
+    assert fit.report["levels"][0]["status"] == "diverged"
+    assert np.array_equal(fit.garments[0].points, placed.garments[0].points)
+
+
+def test_an_earlier_result_is_a_start_of_its_own() -> None:
+    worn = warp_cloth.fit(load_scene("sphere", CLOTH), device="cpu")
+    fit = warp_cloth.fit(draped(), device="cpu", start=worn)
+    assert fit.report["levels"] == []
+
+
+def test_a_dressed_garment_needs_the_memory_of_two() -> None:
+    one, two = load_scene("sphere", CLOTH), draped()
+    needs = [need_of(scene, open_wardrobe(scene), gathers=True) for scene in (one, two)]
+    assert math.isclose(needs[1].own, 2 * needs[0].own, abs_tol=1)
+
+
+@pytest.mark.parametrize(
+    ("change", "way"),
+    [
+        ("solver.method=multilevel", 'solver.method = "accelerated"'),
+        ("solver.method=direct", 'solver.method = "accelerated"'),
+        ("collision.cloth=true", "collision.cloth = false"),
+        ('avatar={mesh="body.obj", poses=["bent.obj"]}', "no avatar.poses"),
+    ],
+)
+def test_what_has_a_way_of_its_own_cannot_be_dressed(change: str, way: str) -> None:
+    with pytest.raises(InputError, match=r"solver\.start") as refused:
+        draped(change)
+    assert f'"dressed" goes with {way} only; use "placed"' in str(refused.value)
