@@ -144,6 +144,35 @@ def test_one_mesh_of_two_grains_has_the_rest_shapes_of_both(loaders: Loaders) ->
         assert found.topology is found.sheet.topology
 
 
+@pytest.mark.parametrize("pin", [[], ["garment.pin={loop = 'top'}"]], ids=["free", "pinned"])
+def test_the_same_panels_on_two_bodies_have_the_same_constants_worked_out_once(
+    loaders: Loaders, monkeypatch: pytest.MonkeyPatch, pin: list[str]
+) -> None:
+    several = [
+        load_scene(
+            "tshirt", ["garment.shape.edge_mm=45", f"garment.fabric={fabric}", f"avatar.shape.chest={girth}", *pin]
+        )
+        for girth in (0.92, 1.0)
+        for fabric in ("silk", "jersey", "denim")
+    ]
+    rack, kept = Rack(), Kept()
+    loaders.fill(rack, several, kept)
+    parts = [open_wardrobe(scene, rack).parts[0] for scene in several]
+    for scene, part in zip(several, parts, strict=True):
+        own = open_wardrobe(scene).parts[0]
+        assert np.array_equal(part.points, own.points)
+        assert np.array_equal(part.pins, own.pins)
+        assert np.array_equal(part.rest.hinge_stiffness, own.rest.hinge_stiffness)
+        assert part.rest.fabric == own.rest.fabric
+        assert part.rest.notes == own.rest.notes
+    for one, other in zip(parts[:3], parts[3:], strict=True):
+        assert one.points is not other.points
+        assert (one.rest.hinge_stiffness is other.rest.hinge_stiffness) == (not pin)
+    monkeypatch.setattr(cutting, "SMALLEST", SINGLE.vertices)
+    monkeypatch.setattr(cutting, "_garment_tables", forbidden)
+    build_model(parts, device="cpu", precision="mixed", gathers=True, garments=[1] * len(parts), kept=kept)
+
+
 def test_helpers_cut_the_patches_that_a_large_model_asks_for(loaders: Loaders, monkeypatch: pytest.MonkeyPatch) -> None:
     several, rack, kept = scenes(), Rack(), Kept()
     loaders.fill(rack, several, kept)

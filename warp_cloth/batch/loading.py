@@ -19,7 +19,7 @@ from warp_cloth.batch.lifeline import begin_alone
 from warp_cloth.batch.processes import context, get_ready
 from warp_cloth.garment.elements import garment_elements
 from warp_cloth.garment.part import GarmentPart, terms_of
-from warp_cloth.garment.rest import RestGeometry, in_geometry, own_constants
+from warp_cloth.garment.rest import RestGeometry, RestShape, in_geometry, own_constants, sheet_digest
 from warp_cloth.garment.wardrobe import (
     Key,
     Rack,
@@ -32,9 +32,10 @@ from warp_cloth.garment.wardrobe import (
 )
 from warp_cloth.kept import Kept
 from warp_cloth.kernels.limits import block_for
-from warp_cloth.mesh import Indices
+from warp_cloth.mesh import Indices, Mesh
 from warp_cloth.patches.cutting import garment_patches, takes_pairs
 from warp_cloth.scene import Scene
+from warp_cloth.scene.dressing import dressing_of
 
 log = logging.getLogger(__name__)
 
@@ -70,6 +71,17 @@ class Order:
     def first(self) -> tuple[Scene, int]:
         """Scene and number in it of a garment of this mesh."""
         return next(iter(self.garments.values()))
+
+
+@dataclass(frozen=True, eq=False)
+class _Wanted:
+    """A garment's rest shape in a fabric that helpers are to make."""
+
+    key: Key  # under which a rack keeps it
+    geometry: RestGeometry
+    like: Hashable  # what has the same constants
+    given: tuple[Scene, int, dict[Key, Any], Any]  # its scene and number there, what is known of it, its mesh as sent
+    patches: bool  # whether to cut them, too
 
 
 class Shelf:
@@ -109,6 +121,8 @@ class Loaders:
         self._beginning: threading.Thread | None = None  # that asks for them
         self._made: dict[Key, Any] = {}
         self._patches: dict[Hashable, Any] = {}
+        self._waiting: dict[Hashable, list[_Wanted]] = {}  # for constants that a helper works out for another body
+        self._constants: dict[Hashable, tuple[Any, dict[str, Any], Indices]] = {}  # as they were sent, and taken
         self._broken: BrokenProcessPool | None = None
         self._arena: Arena | None = None
         if count and fork:
@@ -142,7 +156,8 @@ class Loaders:
         rack.put(self._made)
         if kept is not None:
             kept.put(self._patches)
-        self._made, self._patches = {}, {}
+        self._made, self._patches, self._constants = {}, {}, {}
+        self._waiting.clear()
         if self._broken is not None:
             log.warning("helpers that load are gone: %s", self._broken)
             self._count, self._pool, self._broken = 0, None, None
@@ -158,16 +173,25 @@ class Loaders:
         if not self._count:
             return
         orders: dict[Key, Order] = {}
+        dressed: set[Key] = set()  # what garments are dressed in is asked for, too, once for all fabrics
+
+        def ask(scene: Scene, index: int, keys: tuple[Key, Key, Key]) -> None:
+            mesh, geometry, rest = keys
+            if rest not in rack:
+                known = rack.some((mesh, geometry))
+                order = Order(geometry=geometry, known=known, body=generated_body(scene), patches=patches)
+                orders.setdefault(geometry, order).garments[rest] = scene, index
+
         for scene in scenes:
             for recipe in avatar_recipe(scene):
                 if recipe.key not in rack:
                     orders[recipe.key] = Order(recipe, body=generated_body(scene))
             for index in range(len(scene.garments)):
-                mesh, geometry, rest = garment_keys(scene, index)
-                if rest not in rack:
-                    known = rack.some((mesh, geometry))
-                    order = Order(geometry=geometry, known=known, body=generated_body(scene), patches=patches)
-                    orders.setdefault(geometry, order).garments[rest] = scene, index
+                keys = garment_keys(scene, index)
+                if keys[1] not in dressed and (dressing := dressing_of(scene)) is not None:
+                    dressed.add(keys[1])
+                    ask(dressing, index, garment_keys(dressing, index))
+                ask(scene, index, keys)
         if not orders or (self._pool is None and sum(order.count for order in orders.values()) < WORTH):
             return
         for bundle in bundles(list(orders.values()), self._count):
@@ -204,8 +228,11 @@ class Loaders:
             self._changed.notify_all()
 
     def _dress(self, bundle: Sequence[Order], found: Sequence[Any]) -> None:
-        """Goes on from meshes to rest shapes; one that is woven, and one that is not, cut the patches for all such."""
-        for order, sent in zip(bundle, found, strict=True):
+        """Goes on from meshes to rest shapes; one that is woven, and one that is not, cut the patches for all such.
+
+        The same panels on several bodies have the same constants, which are worked out once.
+        """
+        for order, (sent, digest) in zip(bundle, found, strict=True):
             made = _taken(sent, self._arena)
             self._made.update(made)
             known = {**order.known, **made}
@@ -214,17 +241,42 @@ class Loaders:
             geometry = known[order.geometry]
             cut: set[bool] = set()
             for key, (scene, index) in order.garments.items():
-                woven = scene.garments[index].fabric.woven
-                patches = order.patches and woven not in cut
-                cut.add(woven)
-                given = scene, index, order.known, sent, patches
-                self._submit(_dressed, *given, then=partial(self._take, key, geometry))
+                spec = scene.garments[index]
+                patches = order.patches and spec.fabric.woven not in cut
+                cut.add(spec.fabric.woven)
+                like = (digest, spec.fabric) if not spec.pin else key
+                wanted = _Wanted(key, geometry, like, (scene, index, order.known, sent), patches)
+                with self._changed:
+                    there, waiting = self._constants.get(like), self._waiting.get(like)
+                    if there is None and waiting is not None:
+                        waiting.append(wanted)
+                        continue
+                    if there is None:
+                        self._waiting[like] = []
+                if there is not None:
+                    self._share(wanted, *there)
+                else:
+                    self._submit(_dressed, *wanted.given, patches, then=partial(self._take, wanted))
 
-    def _take(self, key: Key, geometry: RestGeometry, found: Any) -> None:
-        """Keeps a garment's rest shape, in the geometry that all its fabrics have."""
+    def _take(self, wanted: _Wanted, found: Any) -> None:
+        """Keeps a garment's rest shape, in the geometry that all its fabrics have; others may be waiting for it."""
         constants, pins, patches = _taken(found, self._arena)
-        self._made[key] = in_geometry(constants, geometry), pins
+        self._made[wanted.key] = in_geometry(constants, wanted.geometry), pins
         self._patches.update(patches)
+        with self._changed:
+            self._constants[wanted.like] = found, constants, pins
+            waiting = self._waiting.pop(wanted.like)
+        for other in waiting:
+            self._share(other, found, constants, pins)
+
+    def _share(self, wanted: _Wanted, found: Any, constants: dict[str, Any], pins: Indices) -> None:
+        """Keeps a garment's rest shape of the constants of the same panels on another body."""
+        self._made[wanted.key] = in_geometry(constants, wanted.geometry), pins
+        if wanted.patches:
+            self._submit(_cut, *wanted.given, found, then=self._take_patches)
+
+    def _take_patches(self, found: Any) -> None:
+        self._patches.update(_taken(found, self._arena))
 
     def _started(self) -> ProcessPoolExecutor:
         if self._pool is None:
@@ -261,18 +313,19 @@ def bundles(orders: Sequence[Order], count: int) -> list[list[Order]]:
 def _meshes(orders: Sequence[Order]) -> list[Any]:
     """The meshes that were ordered and the garments' geometries, as a rack keeps them; nothing of one that fails.
 
-    Each as it is sent.
+    Each as it is sent, with a fingerprint of the garment's panels.
     """
     found, drafts = [], Kept()
     for order in orders:
-        rack = Rack(drafts)
+        rack, digest = Rack(drafts), b""
         rack.put(order.known)
         with contextlib.suppress(Exception):  # who opens the wardrobe tells why
             if order.avatar is not None:
                 rack.made(order.avatar)
             else:
-                geometry_of(*order.first, rack)
-        found.append(_sent(rack.without(order.known)))
+                mesh, geometry = geometry_of(*order.first, rack)
+                digest = sheet_digest(geometry, mesh.vertex_count)
+        found.append((_sent(rack.without(order.known)), digest))
     return found
 
 
@@ -281,17 +334,29 @@ def _dressed(scene: Scene, index: int, known: dict[Key, Any], made: Any, patches
 
     ``made`` is what ``_meshes`` sent of it. Returns Dressed, as it is sent.
     """
-    rack, kept = Rack(), Kept()
+    rack = Rack()
     rack.put({**known, **_taken(made, _arena)})
     rest, pins = rest_of(scene, index, rack)
-    if patches:
-        mesh, _ = geometry_of(scene, index, rack)
-        part = GarmentPart(mesh.points, mesh.triangles, rest, pins)
-        elements = garment_elements(part.triangles, rest)
-        precision = scene.solver.precision
-        terms = terms_of([part])
-        geometry, paired = ([elements], [part.points]), takes_pairs(terms)
-        size = block_for(paired).vertices
-        garment_patches(*geometry, terms, precision=precision, kept=kept, size=size, paired=paired)
-    dressed: Dressed = own_constants(rest), pins, kept.of_values()
+    mesh, _ = geometry_of(scene, index, rack)
+    dressed: Dressed = own_constants(rest), pins, _patches_of(scene, mesh, rest, pins) if patches else {}
     return _sent(dressed)
+
+
+def _cut(scene: Scene, index: int, known: dict[Key, Any], made: Any, dressed: Any) -> Any:
+    """The patches of a garment whose constants and pins were ``dressed`` on another body, as they are sent."""
+    rack = Rack()
+    rack.put({**known, **_taken(made, _arena)})
+    mesh, geometry = geometry_of(scene, index, rack)
+    constants, pins, _ = _taken(dressed, _arena)
+    return _sent(_patches_of(scene, mesh, in_geometry(constants, geometry), pins))
+
+
+def _patches_of(scene: Scene, mesh: Mesh, rest: RestShape, pins: Indices) -> dict[Hashable, Any]:
+    """A garment's patches as a model of many garments asks for them."""
+    kept = Kept()
+    part = GarmentPart(mesh.points, mesh.triangles, rest, pins)
+    elements, terms = garment_elements(part.triangles, rest), terms_of([part])
+    paired = takes_pairs(terms)
+    how: dict[str, Any] = {"precision": scene.solver.precision, "size": block_for(paired).vertices, "paired": paired}
+    garment_patches([elements], [part.points], terms, kept=kept, **how)
+    return kept.of_values()

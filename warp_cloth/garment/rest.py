@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING, Any
 
@@ -248,6 +249,15 @@ class RestGeometry:
 def own_constants(rest: RestShape) -> dict[str, Any]:
     """What a garment's rest shape has of its fabric alone, by name; ``in_geometry`` puts it together again."""
     return {each.name: getattr(rest, each.name) for each in fields(rest) if each.name not in COMMON}
+
+
+def sheet_digest(geometry: RestGeometry, vertex_count: int) -> bytes:
+    """A fingerprint of all that constants in a fabric depend on: panels' lengths, wherever a body has them placed."""
+    sheet, told = geometry.sheet, hashlib.sha256()
+    for numbers in (geometry.length, sheet.triangles, sheet.flat, sheet.areas):
+        told.update(np.ascontiguousarray(numbers).tobytes())
+    told.update(repr((vertex_count, geometry.area, sheet.directed, geometry.notes)).encode())
+    return told.digest()
 
 
 def in_geometry(own: dict[str, Any], geometry: RestGeometry) -> RestShape:
