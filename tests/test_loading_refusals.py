@@ -110,6 +110,11 @@ def test_a_path_written_as_on_windows_is_told_how_to_write_it(tmp_path: Path) ->
     assert f"write {tmp_path}/shirts/a.obj, with /" in refusal(tmp_path / "shirts\\a.obj").remedy
 
 
+def test_an_address_is_told_to_be_downloaded() -> None:
+    found = refusal(Path("scenes") / "https://example.com/shirt.obj")
+    assert (found.problem, found.remedy) == ("is no file of this machine, and others are not read", "download it")
+
+
 def test_folder_and_dead_link_are_refused(tmp_path: Path) -> None:
     (tmp_path / "folder.obj").mkdir()
     (tmp_path / "link.obj").symlink_to(tmp_path / "gone.obj")

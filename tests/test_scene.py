@@ -232,6 +232,14 @@ def test_set_finds_a_file_beside_the_scene_first_and_then_in_the_current_folder(
     assert avatar.mesh == there / "body.obj"
 
 
+def test_a_path_may_begin_at_home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("HOME", str(tmp_path))
+    garment, strange = (load_scene("tshirt", [f"garment.mesh={mesh}"]).garments[0] for mesh in ("~/a.obj", "~$a.obj"))
+    assert garment.mesh == tmp_path / "a.obj"
+    assert strange.mesh is not None
+    assert strange.mesh.name == "~$a.obj"
+
+
 @pytest.mark.parametrize(
     ("text", "line"),
     [

@@ -33,6 +33,8 @@ USD_KINDS = (".usd", ".usda", ".usdc", ".usdz")
 SUPPORTED = (*_READERS, *GLTF_KINDS, *USD_KINDS)
 AXIS_UNKNOWN = (".obj", ".ply", ".stl")  # formats that do not say what is up
 
+REMOTE = {"http", "https", "ftp", "s3", "gs"}  # how addresses begin
+
 # A body lies if it is nearly as long along z as anywhere (arms may be stretched out), and less high than half of that.
 LYING_LONG, LYING_LOW = 0.8, 0.5
 FLAT = 0.02  # of its extent; a part of a body is thicker, the floor that it stands on is not
@@ -190,6 +192,8 @@ def _missing(path: Path) -> tuple[str, str]:
     """What is wrong with a path that leads nowhere, and which file may be meant."""
     if path.is_symlink():
         return "is a link to a file that does not exist", "mend the link"
+    if REMOTE & {part.rstrip(":") for part in path.parts if part.endswith(":")}:
+        return "is no file of this machine, and others are not read", "download it"
     if "\\" in str(path) and Path(str(path).replace("\\", "/")).exists():
         return "no such file", f"write {str(path).replace(chr(92), '/')}, with /, which every system understands"
     if not path.parent.is_dir():

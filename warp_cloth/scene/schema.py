@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import re
 import sys
@@ -82,6 +83,8 @@ def _path(value: Any, info: ValidationInfo, what: str) -> Path | None:
     if not isinstance(value, str | Path) or not str(value).strip() or "\0" in str(value):
         raise refusal(f"{show(value)} is not a path", f"name {what}, relative to the scene file")
     path = _directory(info) / value
+    with contextlib.suppress(RuntimeError):  # of a user that is not there
+        path = _directory(info) / Path(value).expanduser()  # a shell leaves "~" alone within --set
     try:
         str(path).encode("utf-8")
     except UnicodeEncodeError:
