@@ -121,6 +121,11 @@ def _look_up(model: type[BaseModel], location: Location, many_garments: bool) ->
         if chosen:  # pydantic puts the kind of a shape into the location; a scene has no such key
             tables = chosen
             continue
+        named, _ = _bare(annotation)
+        if get_origin(named) is Mapping:
+            annotation, metadata = _bare(get_args(named)[1])
+            key, allowed = f"{key}.{part}", _allowed(annotation, metadata)
+            continue
         keys = tuple(name for table in tables for name in _fields(table))
         key += ("." if key else "") + part
         field = next((_fields(table)[part] for table in tables if part in _fields(table)), None)
