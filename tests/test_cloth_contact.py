@@ -83,6 +83,29 @@ def test_what_moves_has_more_room_than_what_stands_still() -> None:
     assert (touch.data.skin.numpy() == still)[~moves].all()
 
 
+def test_few_that_have_used_up_their_skins_wait_for_a_search_and_many_do_not() -> None:
+    mesh = grid(12, 0.22)
+    model, touch, _ = sheets_at([mesh])
+    look(model, touch)
+    touch.untangles = False
+    data = touch.data
+
+    def searched(asked: int, turn: int) -> bool:
+        """Whether a look finds that it is time, after so many iterations and requests."""
+        data.asked.assign([data.asked.numpy()[0] + asked, data.asked.numpy()[1]])
+        data.turn.assign([turn, turn])
+        before = int(touch._memory.search.numpy()[0])
+        touch.search_where_due(model.cloth)
+        return int(touch._memory.search.numpy()[0]) > before
+
+    assert not searched(0, 1000)
+    assert searched(data.many + 1, 1001)  # now
+    assert not searched(1, 1001 + data.patience - 1)
+    assert not searched(0, 1001 + data.patience - 1)
+    assert searched(0, 1001 + data.patience)  # which that one has waited for
+    assert not searched(0, 1001 + 10 * data.patience)
+
+
 def test_forces_are_the_gradient_of_the_energy_and_balance() -> None:
     flat, mesh = grid(12, 0.22), crumpled(5)
     model, touch, _ = sheets_at([flat])
