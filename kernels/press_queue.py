@@ -7,7 +7,7 @@ from warp_cloth.kernels.cloth_contact import EVER, REGIONS
 from warp_cloth.kernels.limits import BLOCK_MEMORY
 from warp_cloth.kernels.region_ways import GONE, TABLE
 
-ROUNDS = 4  # of a block's threads: for how many pairs each looks at once whether they may be near
+ROUNDS = 3  # of a block's threads: for how many pairs each looks at once whether they may be near
 # Pairs that a block has room for beside how far each region has gone; those that may be near are pressed at a time.
 QUEUED = (BLOCK_MEMORY - 8 * REGIONS) // 4 - 2
 
@@ -27,7 +27,7 @@ _LOOK = f"""
     {_OWN}
 #pragma unroll
     for (int round = 0; round < {ROUNDS}; ++round)
-        found[round] = own + round * ahead < asked.shape[0] ? asked.data[own + round * ahead] : 0;
+        found[round] = own + round * ahead < end ? asked.data[own + round * ahead] : 0;
 #endif
     return found;
 """
@@ -126,12 +126,12 @@ _STRIDE = f"""
 for _dtype in (wp.int64, wp.uint64):
 
     @wp.func_native(_LOOK.replace("wp::int64", f"wp::{_dtype.__name__}"))
-    def look_due(asked: wp.array(dtype=_dtype), first: int, blocks: int) -> wp.types.vector(
+    def look_due(asked: wp.array(dtype=_dtype), first: int, end: int, blocks: int) -> wp.types.vector(
         length=ROUNDS, dtype=_dtype
     ):
         """When a thread's share of the pairs may be near, or their regions, ROUNDS for each of so many blocks' threads.
 
-        A GPU's only.
+        Of pairs from a first one to before ``end``. A GPU's only.
         """
         ...
 

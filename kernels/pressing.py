@@ -262,21 +262,22 @@ def press_function(precision: str, fourth: str) -> wp.Function:
         A block first queues those: they are few, and lie anywhere, so that else most threads would wait for others.
         """
         first = int(0)
-        dues = look_due(contact.due, first, blocks)  # asked for at once with what follows
-        regions = look_due(contact.regions, first, blocks)
+        room = contact.corners.shape[0]
+        dues = look_due(contact.due, first, room, blocks)  # asked for at once with what follows
+        regions = look_due(contact.regions, first, room, blocks)
         count = contact.count[0]
         place = own_memory()
         if wp.static(fourth != "size"):
             turn_on(place, contact.way, contact.stride, contact.turn, contact.region_count)
-        if count > contact.corners.shape[0]:  # nothing moves: which pairs found room is chance
+        if count > room:  # nothing moves: which pairs found room is chance
             count = 0
         anew = int(1)
         while first < count:
             total = queue_due(place, dues, regions, contact.way, first, count, wp.static(all), blocks, anew)
             begin = int(first)
             first += ROUNDS * BLOCK_THREADS * blocks
-            dues = look_due(contact.due, first, blocks)
-            regions = look_due(contact.regions, first, blocks)
+            dues = look_due(contact.due, first, count, blocks)
+            regions = look_due(contact.regions, first, count, blocks)
             anew = int(0)
             if first >= count or total[0] + total[1] > queue_room():
                 anew = int(1)

@@ -9,9 +9,11 @@ import numpy as np
 import pytest
 import warp as wp
 
+from warp_cloth.kernels.block import BLOCK_THREADS
 from warp_cloth.kernels.cloth import Patch
 from warp_cloth.kernels.field import ContactField, sample_field
 from warp_cloth.kernels.limits import SINGLE
+from warp_cloth.kernels.press_queue import ROUNDS
 from warp_cloth.model import build_model
 from warp_cloth.patches import on_device
 from warp_cloth.scene import load_scene
@@ -327,11 +329,11 @@ def test_edges_turn_that_are_nearly_parallel() -> None:
     assert nearly_parallel(arrays, "contact", np.arange(3)).tolist() == [True, True, False]
 
 
-def test_a_gpu_looks_at_pairs_a_turn_ahead() -> None:
-    turn = 4 * 192 * 10  # of ten blocks
-    assert looked_at(turn, 10 * turn, 10) == 2 * turn
-    assert looked_at(turn + 1, 10 * turn, 10) == 3 * turn
-    assert looked_at(turn + 1, turn + 5, 10) == turn + 5
+def test_a_gpu_looks_at_pairs_before_it_knows_how_many_there_are() -> None:
+    turn = ROUNDS * BLOCK_THREADS * 10  # of ten blocks
+    assert looked_at(1, 10 * turn, 10) == turn
+    assert looked_at(turn + 1, 10 * turn, 10) == turn + 1
+    assert looked_at(1, turn - 5, 10) == turn - 5
 
 
 def test_of_what_a_pair_has_of_its_cloth_the_first_and_the_last_corner_are_asked_for() -> None:

@@ -73,9 +73,8 @@ def block_of_pairs(pair: Numbers, blocks: int) -> Numbers:
 
 
 def looked_at(found: int, room: int, blocks: int) -> int:
-    """How many pairs blocks look at before they know how many there are of each turn's, and one turn beyond."""
-    turn = ROUNDS * BLOCK_THREADS * max(blocks, 1)
-    return min((-(-found // turn) + 1) * turn, room)
+    """How many pairs blocks look at: in the first turn before they know how many there are."""
+    return min(max(found, ROUNDS * BLOCK_THREADS * max(blocks, 1)), room)
 
 
 def stores(block: Numbers, on_edge: NDArray[np.bool_]) -> Numbers:
