@@ -30,10 +30,7 @@ def refused(source: Any) -> str:
 @pytest.mark.parametrize(
     ("text", "line"),
     [
-        (
-            f"{MINIMAL}garment.grain_panels = {{left = 400}}",
-            "garment.grain_panels.left: must be a number from -360 to 360",
-        ),
+        ("garment.grain_panels = {left = 400}", "garment.grain_panels.left: must be a number from -360 to 360"),
         ("colour = 1", "unknown key colour; allowed there: name, garment, avatar, collision, solver"),
         (
             'garment.fabrik = "silk"',
