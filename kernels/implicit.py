@@ -157,6 +157,7 @@ def face_forces_kernel(precision: str, contact: wp.Function | None, collider_typ
         system.normal[vertex] = normal
         system.inertia[vertex] = inertia
         system.divisor[vertex] = inverse(block + anchor)
+        system.force[vertex] = left
         system.residual[vertex] = left
         system.displacement[vertex] = kept
 
@@ -244,13 +245,14 @@ def ease_momentum_kernel(precision: str) -> wp.Kernel:
     ):
         """Every garment keeps n / (n + 3) of its displacement after n steps; half of them count that went too far.
 
-        So it is where the forces work against what the momentum leads on with.
+        So it is where the work that momentum took, b . onward, is more than what the solution gives back, b . x. By the
+        former alone a single fold's trembling would stop the sliding of all others.
         """
         garment = wp.tid()
         delay = real(3.0)
         kept = system.momentum[garment]
         steps = delay * kept / (real(1.0) - kept) + real(1.0)
-        if system.across[garment] < wp.float64(0.0):
+        if system.across[garment] + system.along[garment] < wp.float64(0.0):
             steps = real(0.5) * steps
         system.momentum[garment] = wp.clamp(steps / (steps + delay), least, most)
 

@@ -143,7 +143,7 @@ class ImplicitStep:
             setattr(system, name, self._zeros(count, types.real))
         system.divisor = self._zeros(count, own.vec6)
         system.hold, system.pressed = self._zeros(count, wp.int32), self._zeros(count, wp.uint8)
-        for name in ("normal", "onward", "displacement", "residual", "correction", "direction", "product"):
+        for name in ("normal", "onward", "force", "displacement", "residual", "correction", "direction", "product"):
             setattr(system, name, self._zeros(count, types.vec3))
         for name in ("along", "before", "across"):
             setattr(system, name, self._zeros(self._groups, wp.float64))
@@ -177,12 +177,14 @@ class ImplicitStep:
         self._launch(self._ends.face_forces, model.vertex_count, inputs)
         for number, level in enumerate(self._levels):
             anchors, block = self._anchor[number : number + 2], self._block[number]
-            inputs = [level.down, anchors[0], block, anchors[1], self._divisor[number]]
+            together = self._met and number > 0
+            inputs = [level.down, together, anchors[0], block, anchors[1], self._divisor[number]]
             self._launch(self._level.gather_anchors, level.count, inputs)
-        if system.share:
-            self._dot(system.residual, system.onward, system.across, None)
-            self._launch(self._ends.ease_momentum, self._groups, [own.least_momentum, own.most_momentum, system])
         self._solve()
+        if system.share:
+            self._dot(system.force, system.onward, system.across, None)
+            self._dot(system.force, system.displacement, system.along, None)
+            self._launch(self._ends.ease_momentum, self._groups, [own.least_momentum, own.most_momentum, system])
         self._launch(self._ends.take_step, model.vertex_count, [step, collider_data, model.cloth, system])
         self._launch(self._ends.ease_inertia, self._groups, [own.easing, self._most_fall, self._system])
 
