@@ -197,7 +197,7 @@ def test_cloth_on_a_body_sees_forces_ahead_once_it_hardly_moves() -> None:
     [
         (0.5, 1.0, 0.0, 4.0 / 7.0),
         (0.5, -1.0, 2.0, 4.0 / 7.0),  # momentum led uphill, but the step repays it
-        (0.5, -2.0, 1.0, 2.0 / 5.0),
+        (0.5, -2.0, 1.0, 0.5),
         (0.99, 1.0, 0.0, 0.9),
         (0.0, -1.0, 0.0, 0.2),
     ],

@@ -51,8 +51,8 @@ class ImplicitOptions:
     momentum: share of the last displacement that the solution starts from; with more, strips swing on and on.
     momentum_met: the same where an avatar is met: folds slide over it slowly, and what slides does not swing.
     momentum_calm: the same once its forces have balanced, and steps have half the rounds.
-    least_momentum, most_momentum: what is kept once it hardly moves: more and more from step to step, less where forces
-        work against it (Nesterov's way, with half a restart): slow folds slide far, and what swings comes to rest.
+    least_momentum, most_momentum: what is kept once it hardly moves: more and more from step to step (Nesterov's way),
+        less after a step that does not repay the work that it took: slow folds slide far, what swings comes to rest.
     share_still: once it hardly moves, forces are seen where momentum leads, not where it begins (Nesterov's way): what
         the solution resists, though the cloth as a whole hardly does (the sliding of a fold), keeps all its momentum,
         and what is stiff none. Of the solution this share is gone: what is up to twice as stiff as it looks settles
