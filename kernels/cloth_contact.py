@@ -312,7 +312,7 @@ Row = wp.types.vector(length=4, dtype=wp.int64)
 @wp.func_native(_ROW)
 def sum_row(sum: wp.array2d(dtype=wp.int64), vertex: int) -> Row:
     """A vertex's sum."""
-    ...
+    return Row(sum[vertex, 0], sum[vertex, 1], sum[vertex, 2], sum[vertex, 3])
 
 
 @wp.func

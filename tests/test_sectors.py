@@ -21,7 +21,7 @@ from warp_cloth.set_up import set_up_one
 from warp_cloth.solver.relax import Collider, Relaxation, StepOptions
 from warp_cloth.study import sectors
 from warp_cloth.study.launches import Launch, launches_of
-from warp_cloth.study.pressed import block_of_pairs, looked_at, nearly_parallel, stores
+from warp_cloth.study.pressed import block_of_pairs, looked_at, nearly_parallel, packets, stores
 from warp_cloth.study.sectors import BLOCKS, SECTOR, STORES, field_nodes, moved_bytes
 from warp_cloth.study.traffic import ANY, REGIONS, Uses, array_uses
 
@@ -264,16 +264,24 @@ def test_sums_are_asked_for_number_by_number_by_the_pairs_that_press() -> None:
     count, come = arrays["contact.count"][0], has_come(arrays)
     press = come & arrays["contact.lean"][:count].any(axis=1)
     moved = sectors._Moved(launch, uses)
-    rows = []
+    rows, sent = [], []
     edges = np.flatnonzero(press & (arrays["contact.due"][:count] % 2 == 1))
     turning = edges[nearly_parallel(launch.arrays(), "contact", edges)]
     for pairs in (np.flatnonzero(press), turning):
         number = stores(np.zeros(len(pairs), dtype=np.int64), arrays["contact.due"][pairs] % 2 == 1)
         corners = arrays["contact.corners"][pairs]
         rows.append(len({(one, at, four[at]) for one, four in zip(number, corners, strict=True) for at in range(4)}))
-    assert 0 < rows[1] < rows[0]  # edges that are nearly parallel turn, too
-    assert moved._added_one_by_one("contact.sum") == 4 * sum(rows) - rows[0]
-    assert moved._added_one_by_one("contact.room") == 0
+        sent.append(corners.size)  # whoever adds to the same sum, too
+    assert 0 < rows[1] < rows[0] < sent[0]  # edges that are nearly parallel turn, too
+    assert moved._added_one_by_one("contact.sum") == 4 * sum(sent) - rows[0]
+    assert moved._added_one_by_one("contact.room") > 0
+
+
+def test_additions_to_one_element_are_sent_one_after_another_and_those_to_a_sector_together() -> None:
+    instruction = np.array([0, 0, 0, 0, 1, 1])
+    assert packets(instruction, np.array([3, 3, 3, 4, 3, 9]), 4) == 3 + 2
+    assert packets(instruction, np.array([3, 4, 3, 4, 3, 4]), 32) == 2 + 2 + 1 + 1
+    assert packets(instruction[:0], instruction[:0], 4) == 0
 
 
 def test_pairs_are_stored_by_warps_of_a_kind_one_after_another_in_a_block_s_queue() -> None:
@@ -379,8 +387,11 @@ def test_blocks_that_press_read_how_far_each_region_has_gone_and_warps_raise_it(
     moved._arrays |= {"touch.region": wp.array(region, device="cpu"), "touch.stride": wp.zeros(9, wp.int32, "cpu")}
     monkeypatch.setattr(moved, "_device", SimpleNamespace(is_cuda=True))
     vertex = of_patches.arrays()["patches.vertex"].numpy()
-    assert moved._raised("touch.stride") == sum(
-        len({at // 8 for at in region[vertex[row["vertex_start"] :][first : min(first + 32, row["owned_count"])]]})
+    warps = [
+        region[vertex[row["vertex_start"] :][first : min(first + 32, row["owned_count"])]]
         for row in rows_of(of_patches)
         for first in range(0, row["owned_count"], 32)
+    ]
+    assert moved._raised("touch.stride") == sum(
+        max(np.bincount(warp[warp // 8 == sector])) for warp in warps for sector in set((warp // 8).tolist())
     )

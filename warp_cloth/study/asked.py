@@ -12,6 +12,7 @@ Numbers = NDArray[np.int64]
 Part = tuple[Numbers, Numbers]  # blocks of threads, and elements of an array that each of them asks for
 Arrays = Mapping[str, wp.array]
 
+SECTOR = 32  # bytes that are moved together
 THREADS = 256  # of a block, where Warp chooses
 STORED = "stored "  # before an array's name: what single instructions put there, of each of which the cache is told
 

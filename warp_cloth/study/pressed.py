@@ -9,11 +9,12 @@ from warp_cloth.kernels.block import BLOCK_THREADS
 from warp_cloth.kernels.cloth_contact import ON_EDGE, REGIONS
 from warp_cloth.kernels.press_queue import ROUNDS
 from warp_cloth.kernels.touch import PARALLEL
-from warp_cloth.study.asked import Arrays, Numbers
+from warp_cloth.study.asked import SECTOR, Arrays, Numbers
 from warp_cloth.study.traffic import SEVERAL, Chain, Uses
 
 TEAM = 32  # threads that go together, and pairs next to each other that a block takes
 CORNERS = 4
+LOOKED = 16 * ROUNDS  # bytes of a thread: when the pairs that it looked at ahead may be near, and their regions
 INSTRUCTION = 1 << 20  # the first number of those that stand for a block
 
 
@@ -87,3 +88,23 @@ def stores(block: Numbers, on_edge: NDArray[np.bool_]) -> Numbers:
         place = np.arange(len(of)) - np.repeat(np.cumsum(counts) - counts, counts)  # in its block's queue
         number[of] = (2 * (place // TEAM) + sort) * (1 + block.max(initial=0)) + block[of]
     return INSTRUCTION + number
+
+
+def packets(instruction: Numbers, element: Numbers, size: int) -> int:
+    """How many sectors instructions send that add to elements of so many bytes, as one adds once to each element."""
+    elements = 1 + int(element.max(initial=0))
+    keys, often = np.unique(instruction * elements + element, return_counts=True)
+    sector = keys // elements * elements + keys % elements * size // SECTOR
+    first = np.flatnonzero(np.diff(sector, prepend=-1))
+    return int(np.maximum.reduceat(often, first).sum()) if len(first) else 0
+
+
+def unregistered(spilled: int, threads: int, found: int, edges: int) -> int:
+    """Bytes that so many threads store of what registers do not hold, of so many pairs found and edges pressed.
+
+    What a thread has looked at ahead it keeps so while it presses, from its first look on and anew in every turn; what
+    else has no room in registers is for a pair of edges, on which it works longest.
+    """
+    looked = min(LOOKED, spilled)
+    turns = -(-found // max(ROUNDS * threads, 1))
+    return looked * threads * (1 + turns) + (spilled - looked) * edges if found else 0

@@ -13,18 +13,26 @@ from warp_cloth.kernels.cloth import Patch
 from warp_cloth.kernels.cloth_contact import ON_EDGE
 from warp_cloth.kernels.field import ContactField
 from warp_cloth.kernels.limits import block_for
-from warp_cloth.study.asked import STORED, THREADS, Part, ranges
+from warp_cloth.study.asked import SECTOR, STORED, THREADS, Part, ranges
 from warp_cloth.study.caches import core_bytes, spilled_bytes
 from warp_cloth.study.gathered import gathered_work
 from warp_cloth.study.launches import Launch
 from warp_cloth.study.listed import groups_that_go_on, work_on_lists
-from warp_cloth.study.pressed import CORNERS, block_of_pairs, chosen_pairs, looked_at, near_pairs, stores
+from warp_cloth.study.pressed import (
+    CORNERS,
+    block_of_pairs,
+    chosen_pairs,
+    looked_at,
+    near_pairs,
+    packets,
+    stores,
+    unregistered,
+)
 from warp_cloth.study.traffic import ANY, FROM, REGIONS, SEVERAL, Chain, Uses
 
 ITEMS = "item_count"  # which take, with what is left over, all edges or triangles that a patch has
 LAWS = "law_start"  # from which on edges find how they pull and bend, in any order
 OF_ITEMS = {"edge_start": "edge_count", "triangle_start": "triangle_count", LAWS: "law_count"}
-SECTOR = 32  # bytes that are moved together
 PATCHES, PATCH_WIDTH = "patches.patch", 16  # kernels.cloth's Patch, one after another, and the numbers of each
 TABLE_NODES = 3  # along each axis of a table, that a thread reads round its place
 AT_A_TIME = 1 << 16  # vertices whose places in a table are looked up together
@@ -41,7 +49,7 @@ def moved_bytes(launch: Launch, uses: Uses) -> tuple[int, int]:
     In memory each sector counts once: whoever asks for it again finds it in the cache. Of the cache every block of
     threads asks by itself, so that what lies between two patches is asked for twice; and where a core's own cache does
     not hold what its patches have read, in every loop over a patch again. What registers do not hold goes there, too:
-    counted once for each vertex, and for each leaf of groups that meet.
+    counted once for each vertex, for each leaf of groups that meet, and as ``unregistered`` says.
     """
     return _Moved(launch, uses).total()
 
@@ -87,23 +95,36 @@ class _Moved:
         return SECTOR * memory, SECTOR * (read + written) + self._unregistered()
 
     def _unregistered(self) -> int:
-        """Bytes of what registers do not hold: for each vertex, or leaf."""
+        """Bytes of what registers do not hold: for each vertex, pair, or leaf."""
+        spilled = spilled_bytes(self._launch.command, self._device.alias)
         turns = min(self._vertices, self._launch.threads)
-        groups = [name for name in self._uses.read if name.endswith(".group") and name in self._arrays]
-        if groups and self._device.is_cuda:
-            turns = int(WIDTH) * int(groups_that_go_on(self._arrays).sum())
-        return spilled_bytes(self._launch.command, self._device.alias) * turns
+        for name, chains in self._uses.read.items():
+            chain = next(iter(chains))
+            if name.endswith(".corners") and any(each.endswith(".due") for each in chain):
+                found = self._known_of(name, chain)
+                pairs = chosen_pairs(self._arrays, _owner(name), chain, found)
+                edges = int((self._arrays[f"{_owner(name)}.due"].numpy()[pairs] & 1 == int(ON_EDGE)).sum())
+                threads = self._launch.threads - self._block.threads * len(self._patch.get("place", ()))
+                return unregistered(spilled, threads, found, edges)
+            if name.endswith(".group") and name in self._arrays and self._device.is_cuda:
+                turns = int(WIDTH) * int(groups_that_go_on(self._arrays).sum())
+        return spilled * turns
 
     def _added_one_by_one(self, name: str) -> int:
-        """Sectors of rows beyond one each: no core's cache takes several numbers together."""
+        """Sectors beyond one of each: no core's cache takes several numbers of a row, or additions to one, together."""
         array = self._arrays[name]
-        if array.ndim < 2 or len(array) != self._vertices or self._listed or STORED + name in self._gathered:
+        if len(array) != self._vertices or self._listed or STORED + name in self._gathered:
             return 0
         chains, of_pairs = self._uses.written[name], self._chains_of_pairs(name)
         columns = array.size // len(array)
+        size = columns * wp.types.type_size_in_bytes(array.dtype)
         rows = [len(self._sectors(name, chain, "", by=STORES)) for chain in of_pairs]
-        others = self._loops(name, chains - set(of_pairs), by=STORES) if chains - set(of_pairs) else {}
-        return columns * sum(rows) - max(rows, default=0) + (columns - 1) * sum(map(len, others.values()))
+        sent = [
+            packets(*self._of_pairs(name, _owner(name), chain, self._known_of(name, chain), by=STORES), size)
+            for chain in of_pairs
+        ]
+        others = self._loops(name, chains - set(of_pairs), by=STORES) if columns > 1 and chains - set(of_pairs) else {}
+        return columns * sum(sent) - max(rows, default=0) + (columns - 1) * sum(map(len, others.values()))
 
     def _chains_of_pairs(self, name: str) -> list[Chain]:
         """Those in which pairs that press add to an array."""
@@ -112,14 +133,14 @@ class _Moved:
         return [chain for chain in self._uses.written[name] if any(each.endswith(".due") for each in chain)]
 
     def _raised(self, name: str) -> int:
-        """Sectors of a table's numbers, one for each region, that warps raise for the vertices of a patch."""
+        """Sectors that warps send, which raise a table's numbers, one for each region, for the vertices of a patch."""
         if not self._patch or not self._device.is_cuda:
             return 0
         block, vertex = self._vertices_by_block()
         local = np.arange(len(block)) - np.searchsorted(block, block)
         region = self._arrays[f"{_owner(name)}.region"].numpy()[vertex].astype(np.int64)
         size = wp.types.type_size_in_bytes(self._arrays[name].dtype)
-        return len(_keys(block * self._block.threads + local // int(WIDTH), region, size))
+        return packets(block * self._block.threads + local // int(WIDTH), region, size)
 
     def _of_regions(self, name: str, size: int, *, by: str) -> Keys:
         """The sectors of a table with a number for each region: blocks that press read it, the first one writes."""

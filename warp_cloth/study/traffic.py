@@ -43,6 +43,7 @@ class Uses:
     answered: set[str] = field(default_factory=set)  # of which the cache tells what they were, each time
     ahead: set[str] = field(default_factory=set)  # that are looked at before it is known how many there are
     picked: dict[str, set[int]] = field(default_factory=dict)  # which of a pair's corners; ANY: no certain one
+    members: dict[str, str] = field(default_factory=dict)  # of structs made on the way: "collider", of "colliders"
     packed: set[str] = field(default_factory=set)  # whose elements lie as kernels.packing packs positions
 
 
@@ -104,7 +105,14 @@ class _Reader(ast.NodeVisitor):
         for name, value in zip(names, values, strict=False):
             if isinstance(name, ast.Name):
                 self._name(name.id, value)
+            elif isinstance(name, ast.Attribute) and isinstance(value, ast.Subscript):
+                self._member_of(name.attr, self._path(value))
         self.generic_visit(node)
+
+    def _member_of(self, member: str, path: str) -> None:
+        """Remembers what a member of a struct made on the way is, if it is one of those that the kernel is given."""
+        if path and "." not in path:
+            self._uses.members[member] = path
 
     def _name(self, name: str, value: ast.AST) -> None:
         """Remembers what a name stands for, where that matters."""
@@ -269,7 +277,7 @@ class _Reader(ast.NodeVisitor):
             return self._path(node.value)
         if isinstance(node, ast.Attribute):
             owner = self._path(node.value)
-            return f"{owner}.{node.attr}" if owner else ""
+            return f"{owner}.{node.attr}" if owner else self._uses.members.get(node.attr, "")
         return self._paths.get(node.id, "") if isinstance(node, ast.Name) else ""
 
     def _static(self, test: ast.AST) -> bool | None:
