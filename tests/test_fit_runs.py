@@ -38,6 +38,8 @@ def test_at_rest_and_out_of_iterations_are_told_with_a_sentence() -> None:
     assert stopped.report["iterations"] == 60
     assert stopped.message.startswith("Not at rest after 60 iterations: ")
     assert stopped.message.endswith("raise solver.iterations.")
+    stiff = quick("hanging", *SMALL, "solver.iterations=60", "garment.fabric.stretch=1e6")
+    assert stiff.message.endswith('"multilevel", made for fine meshes and stiff cloth, or raise solver.iterations.')
 
 
 @pytest.mark.parametrize(

@@ -61,6 +61,8 @@ def test_advice_names_the_likeliest_cause_first(report: dict[str, Any], tmp_path
     stuck = deepcopy(report)
     stuck["status"] = "iteration_limit"
     assert advice(stuck)[0].startswith("Raise solver.iterations")
+    assert not any("multilevel" in line for line in advice(stuck))
+    assert 'solver.method = "multilevel"' in advice({**stuck, "vertices": 50_000})[0]
     stuck["strain"]["p99"] = 3.0
     stuck["penetration_mm"]["max"] = 40.0
     first, second, *_ = advice(stuck)

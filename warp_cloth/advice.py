@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from warp_cloth.loading.raw import counted
-from warp_cloth.verdict import crossed, drawn_through, falls_as_a_whole, hidden
+from warp_cloth.verdict import crossed, drawn_through, falls_as_a_whole, fine_or_stiff, hidden
 
 DEEP = 2.0  # [mm]; deeper than half the usual offset, a garment is in the body
 STRETCHED = 0.5  # strain beyond which a seam is not closed, or a unit is wrong
@@ -55,8 +55,16 @@ def advice(report: Mapping[str, Any]) -> list[str]:
         cloth = report["settings"]["collision"]["cloth"]
         if falls_as_a_whole(solver["method"], cloth, None if error is None else 1e-3 * error):
             lines.append('Use solver.method = "multilevel": the garment is far from rest, and falls as a whole by it.')
+        elif fine_or_stiff(report["vertices"], _stretches(report), solver["method"], cloth):
+            lines.append('Use solver.method = "multilevel", made for fine meshes and stiff cloth.')
         lines.append(f"Raise solver.iterations (now {solver['iterations']:,}): forces may only need longer.")
         if solver["method"] == "direct":
             lines.append('Use solver.method = "accelerated": the direct rule chatters where cloth is stiff.')
         lines.append("Take a coarser mesh or a softer fabric first, to see whether the scene is sound.")
     return lines
+
+
+def _stretches(report: Mapping[str, Any]) -> list[float]:
+    """Stretch of the garments' threads [N/m]."""
+    fabrics = [garment["fabric"] for garment in report["settings"]["garment"]]
+    return [fabric[thread] for fabric in fabrics for thread in ("stretch_warp", "stretch_weft")]

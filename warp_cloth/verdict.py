@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
@@ -30,6 +30,7 @@ HIDDEN = 5.0  # [mm]; where a hundredth of the skin is farther off than that, cl
 BELOW = 0.15  # share of a garment that has come down below all of the avatar; less is a train, or a long hem
 FALLEN = 0.1  # [m]; a piece of a garment that comes down farther than the largest piece has come off
 CROSSED = 0.05  # share of faces that pass through others; of a T-shirt's, creased at the armpits, 0.03 do
+FINE, STIFF = 20_000, 2e5  # vertices, and stretch [N/m], from which on the default method takes long
 OTHER_SIZE = 0.3  # strain of half the edges: the tightest of worn cloth has less
 
 
@@ -46,12 +47,24 @@ def falls_as_a_whole(method: str, cloth_contact: bool, rest_error: float | None)
     return method == "accelerated" and not cloth_contact and known and float(rest_error or 0.0) > FAR_FROM_REST
 
 
+def fine_or_stiff(vertex_count: int, stretches: Iterable[float], method: str, cloth_contact: bool) -> bool:
+    """Whether a fit is one of those that come to rest sooner by the multilevel method.
+
+    ``vertex_count`` of all its garments, ``stretches`` of their threads [N/m].
+    """
+    wanted = vertex_count > FINE or max(stretches) > STIFF
+    return wanted and method == "accelerated" and not cloth_contact
+
+
 def more_iterations(scene: Scene, outcome: Outcome) -> str:
     """What to change where a fit only needs longer."""
     if scene.solver.method == "direct":
         return 'use solver.method = "accelerated"'
     if falls_as_a_whole(scene.solver.method, scene.collision.cloth, outcome.check.rest_error):
         return 'use solver.method = "multilevel", by which loose garments fall as a whole, or raise solver.iterations'
+    threads = [thread for spec in scene.garments for thread in (spec.fabric.stretch_warp, spec.fabric.stretch_weft)]
+    if fine_or_stiff(len(outcome.points), threads, scene.solver.method, scene.collision.cloth):
+        return 'use solver.method = "multilevel", made for fine meshes and stiff cloth, or raise solver.iterations'
     return "raise solver.iterations"
 
 
