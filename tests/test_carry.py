@@ -114,6 +114,8 @@ def test_poses_that_are_of_another_mesh_are_refused() -> None:
     refused(scene(poses=["other.obj"]), "other.obj", "vertices, but avatar.mesh has", "same mesh")
     write_obj(Path("turned.obj"), points, np.roll(faces, 1, axis=0))
     refused(scene(poses=["turned.obj"]), "turned.obj", "faces are not those of avatar.mesh")
+    write_obj(Path("small.obj"), 0.01 * points, faces)
+    refused(scene(poses=["small.obj"]), "small.obj", "edges are 0.01 times as long", "same unit")
     refused(scene(poses=["nowhere.obj"]), "nowhere.obj", "no such file")
     refused(scene(poses=[3]), "avatar.poses", "not a path")
     broken = points.copy()

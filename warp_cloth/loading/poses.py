@@ -16,6 +16,7 @@ from warp_cloth.mesh import Mesh, Points
 from warp_cloth.units import METRES_PER, LengthUnit, UpAxis
 
 KEY = "avatar.poses"
+OTHER = 5.0  # times as long, or as short, are a tenth of a body's edges in no pose and at no age
 
 
 def load_poses(
@@ -58,4 +59,16 @@ def _posed(avatar: Mesh, first: RawMesh, other: RawMesh, metres: float | None) -
     number = np.arange(len(first.points)) if avatar.vertex_map is None else avatar.vertex_map
     kept = number >= 0
     points[number[kept]] = in_metres(other, scale)[kept]
+    _refuse_other(avatar, points, other.file)
     return points
+
+
+def _refuse_other(avatar: Mesh, points: Points, file: str) -> None:
+    """Refuse a pose in another unit, or whose vertices stand in another order; its ``points`` [m], shape [V, 3]."""
+    one, other = avatar.triangles.ravel(), np.roll(avatar.triangles, 1, axis=1).ravel()
+    before, now = (np.linalg.norm(each[one] - each[other], axis=1) for each in (avatar.points, points))
+    least = np.finfo(float).tiny
+    ratio = np.maximum(now, least) / np.maximum(before, least)
+    if np.quantile(np.maximum(ratio, 1.0 / ratio), 0.9) > OTHER:
+        problem = f"its edges are {np.median(ratio):.3g} times as long as those of avatar.mesh, in the median"
+        raise InputError(file, problem, "export it in the same unit, its vertices in the same order")
