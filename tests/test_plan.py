@@ -231,6 +231,31 @@ def test_cloth_that_meets_cloth_is_timed_with_its_searches(monkeypatch: pytest.M
     assert sum(kernel.seconds for kernel in cost.kernels) == pytest.approx(cost.seconds)
 
 
+def test_what_a_clock_adds_is_told_by_launches_that_follow_each_other() -> None:
+    times = timing.Times(seconds=20.0)
+    timing._share_out(times, {("search", 1): [10.0], ("move", 1): [9.0, 11.0]}, 1, in_turn=24.0)
+    assert times.spent == pytest.approx({"search": 20.0 * 8.0 / 24.0, "move": 20.0 * 16.0 / 24.0})
+
+
+def test_searches_that_go_side_by_side_do_so_again_after_they_were_timed_in_turn() -> None:
+    flat = {**SQUARE, "plane": "horizontal"}
+    sheets = [{"shape": {**flat, "height": height}, "fabric": PLAIN} for height in (1.45, 1.452)]
+    made = set_up_one(load_scene({"garment": sheets, "collision": {"cloth": True}}), "cpu")
+    touch = made.relaxation.touch
+    assert touch is not None
+    way = timing.Way(made)
+    assert not way.beside
+    touch.awaken()
+    touch._aside = object()
+    seen = []
+    made.relaxation.run = lambda count: seen.append(touch._aside)
+    made.relaxation.capture = lambda count: None
+    assert way.beside
+    assert way.in_turn() > 0.0
+    assert set(seen) == {None}
+    assert touch._aside is not None
+
+
 def test_what_is_pressed_is_counted_on_the_way_and_a_search_while_it_goes_on(monkeypatch: pytest.MonkeyPatch) -> None:
     flat = {**SQUARE, "plane": "horizontal"}
     sheets = [{"shape": {**flat, "height": height}, "fabric": PLAIN} for height in (1.45, 1.452)]

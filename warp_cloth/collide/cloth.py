@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
@@ -346,6 +347,15 @@ class ClothTouch:
         if self._aside is not None:
             wp.get_stream(self._device).wait_stream(self._aside)
         self._launch(spare_tangled, len(found.corners), [self._search, found])
+
+    @contextmanager
+    def in_turn(self) -> Iterator[None]:
+        """Has what crosses be looked for before what is near, for as long as this lasts."""
+        aside, self._aside = self._aside, None
+        try:
+            yield
+        finally:
+            self._aside = aside
 
     def _list_near(self, cloth: Any) -> None:
         """Lists the pairs of what is near."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -49,7 +50,7 @@ def times_of(made: SetUp, see: Callable[[list[Launch], int], None] = lambda _lau
 
     The two take turns, as what meets, and how often that is looked for, changes on the way. On a GPU a clock round a
     launch adds the same to every one, and pauses between two are as long whichever they are: both are known by what
-    all launches take together as a fit runs them.
+    all launches take together as a fit runs them, or would run them one after another.
     """
     way, times = Way(made), Times()
     while not way.warm:
@@ -77,21 +78,27 @@ def times_of(made: SetUp, see: Callable[[list[Launch], int], None] = lambda _lau
     times.looks = sum(looks) / len(looks)
     if times.looks:
         times.look = min(times.looks * _seconds_of_look(made.model.device), times.seconds)
-    _share_out(times, took, watched, wp.get_device(made.model.device).is_cuda)
+    in_turn = None
+    if wp.get_device(made.model.device).is_cuda:
+        in_turn = way.in_turn() if way.beside else times.seconds
+    _share_out(times, took, watched, in_turn)
     return times
 
 
-def _share_out(times: Times, took: dict[tuple[str, int], list[float]], watched: int, by_events: bool) -> None:
-    """Tells what launches take of an iteration, given what clocks told of those in so many ``watched`` ones."""
+def _share_out(times: Times, took: dict[tuple[str, int], list[float]], watched: int, in_turn: float | None) -> None:
+    """Tells what launches take of an iteration, given what clocks told of those in so many ``watched`` ones.
+
+    ``in_turn``: seconds of an iteration whose launches follow each other; None: clocks add nothing to a launch.
+    """
     spent: dict[str, float] = {}
     for (key, _), all_of_it in took.items():
         times.count[key] = times.count.get(key, 0.0) + len(all_of_it) / watched
         spent[key] = spent.get(key, 0.0) + _sum(all_of_it) / watched
     whole, added = times.seconds - times.look, 0.0
-    if by_events:
-        added = (sum(spent.values()) - whole) / sum(times.count.values())
+    if in_turn is not None:
+        added = (sum(spent.values()) - in_turn + times.look) / sum(times.count.values())
     own = {key: max(seconds - added * times.count[key], LEAST * seconds) for key, seconds in spent.items()}
-    rest = whole / sum(own.values())  # on a GPU 1, unless a launch took least
+    rest = whole / sum(own.values())  # on a GPU 1, unless a launch took least, or some go side by side
     times.spent = {key: rest * seconds for key, seconds in own.items()}
 
 
@@ -140,11 +147,31 @@ class Way:
         self.iteration += done
         return done, time.perf_counter() - began
 
+    @property
+    def beside(self) -> bool:
+        """Whether some launches of a graph go side by side."""
+        touch = self._made.relaxation.touch
+        return touch is not None and touch.awake and touch.untangles
+
+    def in_turn(self) -> float:
+        """Seconds of an iteration whose launches follow each other, as those do that are watched."""
+        relaxation = self._made.relaxation
+        with self._one_by_one():
+            relaxation.forget_graphs()
+            done, seconds = self.go()
+        relaxation.forget_graphs()
+        return seconds / done
+
     def iterate_watched(self) -> None:
         """Iterates launch by launch, and packs vertices as often as a fit does."""
-        for count in self._watched:
-            self._made.relaxation.iterate(count)
+        with self._one_by_one():
+            for count in self._watched:
+                self._made.relaxation.iterate(count)
         self.iteration += self.watched
+
+    def _one_by_one(self) -> AbstractContextManager[None]:
+        touch = self._made.relaxation.touch
+        return nullcontext() if touch is None else touch.in_turn()
 
     def watch(self) -> tuple[list[Launch], list[float]]:
         """Iterates launch by launch; tells the launches, and the seconds of each with all that a clock adds."""
