@@ -1,6 +1,7 @@
 """How many garments a second does a batch fit, and are they the same to the bit however they are fitted?
 
     python tests/benchmarks/batch_rate.py --device cuda:0 --alone 8 --turned --killed
+    python tests/benchmarks/batch_rate.py --device cuda:0 --alone 8 --turned --killed --start dressed
     python tests/benchmarks/batch_rate.py --device cpu --items 48 --coarsest 4 --workers 1 2
 
 T-shirts of eleven meshes (2,400 to 14,100 vertices, 7,500 in the mean) in all nine fabrics on four bodies, by the
