@@ -55,6 +55,7 @@ class Asked:
     device: str
     precision: str
     reference: str  # method of the float64 kernels that run on over a ball
+    limit: int | None  # of their iterations; None: BEYOND_LIMIT of the method
     factorised: int
 
 
@@ -126,7 +127,7 @@ def beside(made: SetUp, method: str) -> SetUp:
     return set_up([scene.model_copy(update={"solver": solver})], made.wardrobes, made.model.device)
 
 
-def run_on(kind: str, other: SetUp, made: SetUp) -> tuple[Points, float, str]:
+def run_on(kind: str, other: SetUp, made: SetUp, limit: int | None) -> tuple[Points, float, str]:
     """The float64 kernels from where a fit ended far past the tolerance: where, the force left in weights, in words.
 
     They meet the body as that fit has it drawn in the end: drawn anew it would differ by micrometres.
@@ -139,8 +140,8 @@ def run_on(kind: str, other: SetUp, made: SetUp) -> tuple[Points, float, str]:
         method = "multilevel"
     if kind == "ball":
         other.relaxation.meet(0, other.contact.taken_over(made.contact, points))
-    limit = BEYOND_LIMIT[method]
-    outcome = relax_to_rest(other.relaxation, other.certifier, BEYOND, limit, follow=following(other))
+    most = BEYOND_LIMIT[method] if limit is None else limit
+    outcome = relax_to_rest(other.relaxation, other.certifier, BEYOND, most, follow=following(other))
     words = f"float64 {method}, {outcome.iterations} iterations, {1e3 * outcome.check.rest_error:.3g} mm left"
     return outcome.points, outcome.check.residual.rms, words
 
@@ -168,7 +169,7 @@ def judged(job: tuple[Case, Asked, AbstractContextManager]) -> dict[str, Any]:
     if case.kind == "ball" or len(points) > asked.factorised:
         other = beside(made, asked.reference if case.kind == "ball" else "multilevel")
         with turn:
-            true, row["left"], row["reference"] = run_on(case.kind, other, made)
+            true, row["left"], row["reference"] = run_on(case.kind, other, made, asked.limit)
     else:
         (mesh,), (part,) = made.wardrobe.garments, made.wardrobe.parts
         true, row["left"], rounds = preconditioned_rest(Potential(mesh, part.rest, part.pins), points)
@@ -198,12 +199,13 @@ def main() -> None:
     parse.add_argument("--kinds", nargs="+", default=list(KINDS))
     parse.add_argument("--sizes", nargs="+", type=int, default=list(SIZES))
     parse.add_argument("--stiffness", nargs="+", type=float, default=list(STIFFNESS))
+    parse.add_argument("--limit", type=int, help="iterations of float64 kernels that run on")
     parse.add_argument("--precision", default="mixed")
     parse.add_argument("--reference", choices=list(BEYOND_LIMIT), default="multilevel", help="over a ball")
     parse.add_argument("--factorised", type=int, default=FACTORISED, help="vertices up to which SciPy is asked")
     given = parse.parse_args()
     cases = [Case(kind, size, k) for size in sorted(given.sizes)[::-1] for kind in given.kinds for k in given.stiffness]
-    asked = Asked(given.device, given.precision, given.reference, given.factorised)
+    asked = Asked(given.device, given.precision, given.reference, given.limit, given.factorised)
     rows = []
     for row in rows_of(cases, asked, given.processes, given.turns):
         rows.append({key: None if value == math.inf else value for key, value in row.items()})
