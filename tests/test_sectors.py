@@ -344,6 +344,20 @@ def test_a_gpu_looks_at_pairs_before_it_knows_how_many_there_are() -> None:
     assert looked_at(1, turn - 5, 10) == turn - 5
 
 
+def test_blocks_of_a_core_that_press_share_what_they_read_and_store_each_by_itself() -> None:
+    launch, uses = pressed(0.0, 0.0005, 0.0015, 0.011)
+    moved = sectors._Moved(replace(launch, threads=4 * 192), uses)
+    (chain,) = (chain for chain in uses.read["contact.kind"] if "contact.due" in chain)
+    blocks = set((moved._sectors("contact.kind", chain, "", by=BLOCKS) // sectors.BLOCK).tolist())
+    stored = moved._added_one_by_one("contact.sum")
+    moved._cores = 2
+    assert {block % 2 for block in blocks} == set(
+        (moved._sectors("contact.kind", chain, "", by=BLOCKS) // sectors.BLOCK).tolist()
+    )
+    assert len(blocks) > 2
+    assert moved._added_one_by_one("contact.sum") == stored
+
+
 def test_of_what_a_pair_has_of_its_cloth_the_first_and_the_last_corner_are_asked_for() -> None:
     launch, uses = pressed(0.0, 0.0005, 0.0015, 0.011)
     assert uses.picked["contact.thickness"] == uses.picked["contact.friction"] == {0, 3}

@@ -69,6 +69,7 @@ class _Moved:
             self._patch = {name: rows[:, at] for at, name in enumerate(Patch.vars)}
             self._vertex = self._arrays["patches.vertex"].numpy().astype(np.int64)
         self._block = block_for(bool(self._patch.get(ITEMS, np.zeros(0)).any()))
+        self._cores = max(self._device.sm_count, 1) if self._device.is_cuda else self._launch.threads
         self._known: dict[Any, dict[str, Keys]] = {}  # sectors by loop, of arrays that are used alike
         self._listed = work_on_lists(self._arrays, uses.read, uses.written, launch.threads)
         self._gathered = gathered_work(launch, self._arrays, uses) if self._device.is_cuda else {}
@@ -146,7 +147,7 @@ class _Moved:
         """The sectors of a table with a number for each region: blocks that press read it, the first one writes."""
         count = self._launch.arguments[_owner(name)].region_count
         blocks = self._launch.threads // self._block.threads - len(self._patch.get("place", ()))
-        blocks = 1 if by == STORES else max(blocks, 1)
+        blocks = 1 if by == STORES else max(min(blocks, self._cores), 1)
         return _keys(np.repeat(np.arange(blocks), count), np.tile(np.arange(count), blocks), size)
 
     def _holds(self, sectors: int) -> bool:
@@ -269,7 +270,8 @@ class _Moved:
     def _of_pairs(self, name: str, contact: str, chain: Chain, found: int, *, by: str) -> Part:
         """Blocks, or single stores, and the pairs, or their vertices, that each goes over.
 
-        No core's cache puts together what several stores write, and pairs that go together are not neighbours.
+        Blocks that press work all at once, and those of one core share its cache: they count as one. No core's cache
+        puts together what several stores write, and pairs that go together are not neighbours.
         """
         array, room = self._arrays[name], len(self._arrays[f"{contact}.corners"])
         others = len(self._patch.get("place", ()))  # blocks, which work on patches
@@ -278,7 +280,7 @@ class _Moved:
             pair = np.arange(looked_at(found, room, blocks))
         else:
             pair = chosen_pairs(self._arrays, contact, chain, found)
-        block = others + block_of_pairs(pair, blocks)
+        block = others + (block_of_pairs(pair, blocks) if by == STORES else block_of_pairs(pair, blocks) % self._cores)
         if by == STORES and f"{contact}.due" in chain:
             block = stores(block, self._arrays[f"{contact}.due"].numpy()[pair] & 1 == int(ON_EDGE))
             if name in (f"{contact}.due", f"{contact}.room"):
