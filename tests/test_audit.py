@@ -155,6 +155,21 @@ def test_auto_stays_with_the_pixel_whose_grid_can_be_built(monkeypatch: pytest.M
         auto.collider(around(mesh))
 
 
+def test_a_garment_that_falls_on_and_on_asks_for_no_more_than_what_is_near_the_avatar(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    mesh = as_mesh(trimesh.creation.icosphere(subdivisions=4, radius=0.05))
+    falling = contact(mesh, "depth", pixel=0.008)
+    falling.collider(around(mesh))
+    nodes = falling.kept.values.size  # type: ignore[union-attr]
+    monkeypatch.setattr(field, "MOST_NODES", 2 * nodes)
+    for audited in (True, False):
+        falling.builds = 6
+        falling.collider(around(mesh), audited=audited)
+        assert falling.kept.values.size <= 2 * nodes  # type: ignore[union-attr]
+        assert falling.covers(around(mesh))
+
+
 def test_offset_beyond_the_usual_reach_is_kept() -> None:
     mesh = as_mesh(trimesh.creation.icosphere(subdivisions=5, radius=0.1))
     wide = AvatarContact(mesh, "depth", pixel=0.002, offset=0.03, friction=0.5, error=0.001, device="cpu")

@@ -156,7 +156,7 @@ class AvatarContact:
             self._report.told()  # which holds on to it
             while True:
                 try:
-                    return self._drawn(self._avatar, self._drawings[0], lower, upper)
+                    return self._drawn_within(self._avatar, lower, upper)
                 except InputError:
                     self._draw_coarser()
         self._report = _Later(lambda: None)
@@ -167,7 +167,7 @@ class AvatarContact:
         found = None
         while True:
             try:
-                found = self._drawn(self._avatar, self._drawings[0], lower, upper)
+                found = self._drawn_within(self._avatar, lower, upper)
             except InputError:
                 self._draw_coarser()
                 if found is not None:
@@ -271,8 +271,22 @@ class AvatarContact:
             np.where(self._box[1] <= upper, np.inf, upper),
         )
 
-    def _drawn(self, avatar: Mesh, drawing: Drawing, lower: Points, upper: Points) -> Collider:
+    def _drawn_within(self, avatar: Mesh, lower: Points, upper: Points) -> Collider:
+        """The collider over a box [m]; where that is too large, over what of it is near the avatar.
+
+        The box of a garment that falls on and on grows beyond the avatar's.
+        """
+        try:
+            return self._drawn(avatar, lower, upper)
+        except InputError:
+            if self._wanting:  # a coarser drawing is tried first
+                raise
+            low, high = self._box
+            return self._drawn(avatar, np.maximum(lower, low - MARGIN), np.minimum(upper, high + MARGIN))
+
+    def _drawn(self, avatar: Mesh, lower: Points, upper: Points) -> Collider:
         """Draws the avatar over a box [m], and fuses what is drawn unless the plain look-up is wanted."""
+        drawing = self._drawings[0]
         region = (avatar.points, avatar.triangles, lower, upper, drawing.pixel, self._device)
         buffers = build_layered_buffers(*region) if drawing.layered else build_depth_buffers(*region)
         if self._kind == "plain" and isinstance(buffers, DepthBuffers):
