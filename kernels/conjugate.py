@@ -42,7 +42,6 @@ def conjugate_types(precision: str) -> SimpleNamespace:
         share: real  # of the solution that is gone where forces are seen ahead; 0: they are not
         momentum: wp.array(dtype=real)  # share of the displacement that leads on there, shape [G]
         onward: wp.array(dtype=vec3)  # how much further momentum has led, to where forces are seen [m], shape [V]
-        force: wp.array(dtype=vec3)  # b, what drives the displacement [N], shape [V]
         displacement: wp.array(dtype=vec3)  # x [m], shape [V]
         residual: wp.array(dtype=vec3)  # b - A x [N], shape [V]
         correction: wp.array(dtype=vec3)  # the residual by the preconditioner [m], shape [V]

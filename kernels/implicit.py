@@ -25,14 +25,9 @@ HEAVIER, LIGHTER = wp.constant(1.05), wp.constant(0.97)
 HEAVIEST = wp.constant(0.02)
 
 # Where forces are seen ahead, it trembles where the force would take back more than such a share of the displacement
-# against the stiffness that it meets. A fold's tip that strikes the body does for ever, unless it is made heavy; that
-# is done at once, and undone as soon: others' trembling turns forces to and fro, too, and what is heavy hardly slides.
-TREMBLES = wp.constant(0.1)
-HEAVIER_AHEAD, LIGHTER_AHEAD = wp.constant(1.5), wp.constant(0.8)
-HEAVIEST_AHEAD = wp.constant(0.5)
-
-# Share of its steps that momentum has left where the last one did not repay it.
-GIVEN_BACK = wp.constant(0.75)
+# against the stiffness that it meets. Near rest others' trembling turns forces to and fro, and all would get heavy:
+# what still slides then hardly moves.
+TREMBLES = wp.constant(0.3)
 
 
 @functools.cache
@@ -142,10 +137,8 @@ def face_forces_kernel(precision: str, contact: wp.Function | None, collider_typ
         move = cloth.move[vertex]
         bearable = wp.where(ahead, real(TREMBLES) * wp.dot(move, times(block, move)), real(0.0))
         turned = wp.dot(move, left) < -bearable
-        heavier = wp.where(ahead, real(HEAVIER_AHEAD), real(HEAVIER))
-        lighter = wp.where(ahead, real(LIGHTER_AHEAD), real(LIGHTER))
-        inertia = system.inertia[vertex] * wp.where(turned, heavier, lighter)
-        most = wp.where(ahead, real(HEAVIEST_AHEAD), real(HEAVIEST)) * (block[0] + block[1] + block[2])
+        inertia = system.inertia[vertex] * wp.where(turned, real(HEAVIER), real(LIGHTER))
+        most = real(HEAVIEST) * (block[0] + block[1] + block[2])
         inertia = wp.max(wp.min(inertia, most), weight / system.fall[system.garment[vertex]])
         anchor = even(inertia + drag)
         if hold == SLIDES:
@@ -164,7 +157,6 @@ def face_forces_kernel(precision: str, contact: wp.Function | None, collider_typ
         system.normal[vertex] = normal
         system.inertia[vertex] = inertia
         system.divisor[vertex] = inverse(block + anchor)
-        system.force[vertex] = left
         system.residual[vertex] = left
         system.displacement[vertex] = kept
 
@@ -250,17 +242,16 @@ def ease_momentum_kernel(precision: str) -> wp.Kernel:
         most: real,
         system: System,
     ):
-        """Every garment keeps n / (n + 3) of its displacement after n steps; fewer count once a step went too far.
+        """Every garment keeps n / (n + 3) of its displacement after n steps; half of them count that went too far.
 
-        So it is where the work that momentum took, b . onward, is more than what the solution gives back, b . x. By the
-        former alone a single fold's trembling would stop the sliding of all others.
+        So it is where the forces work against what the momentum leads on with.
         """
         garment = wp.tid()
         delay = real(3.0)
         kept = system.momentum[garment]
         steps = delay * kept / (real(1.0) - kept) + real(1.0)
-        if system.across[garment] + system.along[garment] < wp.float64(0.0):
-            steps = real(GIVEN_BACK) * steps
+        if system.across[garment] < wp.float64(0.0):
+            steps = real(0.5) * steps
         system.momentum[garment] = wp.clamp(steps / (steps + delay), least, most)
 
     return ease_momentum

@@ -193,20 +193,13 @@ def test_cloth_on_a_body_sees_forces_ahead_once_it_hardly_moves() -> None:
 
 
 @pytest.mark.parametrize(
-    ("kept", "taken", "given", "wanted"),
-    [
-        (0.5, 1.0, 0.0, 4.0 / 7.0),
-        (0.5, -1.0, 2.0, 4.0 / 7.0),  # momentum led uphill, but the step repays it
-        (0.5, -2.0, 1.0, 0.5),
-        (0.99, 1.0, 0.0, 0.9),
-        (0.0, -1.0, 0.0, 0.2),
-    ],
+    ("kept", "power", "wanted"), [(0.5, 1.0, 4.0 / 7.0), (0.5, -1.0, 2.0 / 5.0), (0.99, 1.0, 0.9), (0.0, -1.0, 0.2)]
 )
-def test_momentum_grows_till_steps_do_not_repay_it(kept: float, taken: float, given: float, wanted: float) -> None:
+def test_momentum_grows_till_forces_work_against_it(kept: float, power: float, wanted: float) -> None:
     kernel = ease_momentum_kernel("float64")
     system = conjugate_types("float64").System()
-    for name, value in (("momentum", kept), ("across", taken), ("along", given)):
-        setattr(system, name, wp.array([value], dtype=wp.float64, device="cpu"))
+    system.momentum = wp.array([kept], dtype=wp.float64, device="cpu")
+    system.across = wp.array([power], dtype=wp.float64, device="cpu")
     wp.launch(kernel, dim=1, inputs=[0.2, 0.9, system], device="cpu")
     assert system.momentum.numpy()[0] == pytest.approx(wanted)
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 import argparse
 import math
 import sys
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import ProcessPoolExecutor
 from itertools import product
 from multiprocessing import get_context
 from pathlib import Path
@@ -70,7 +70,7 @@ def main() -> None:
             pool.submit(fitted, case, asked.device, start, asked.further)
             for case, start in product(cases, range(asked.starts))
         ]
-        for job in as_completed(jobs):
+        for job in jobs:
             print(job.result(), flush=True)
 
 
