@@ -60,7 +60,7 @@ def main() -> None:
     )
     print(f"{outcome.status.value} after {outcome.iterations:,} iterations, {outcome.seconds:.2f} s")
     tell("relaxed", whole - 1e-9 * planned["report"])
-    finished(made, [outcome], levels=(), lap=lambda _: None, seconds={"relax": outcome.seconds})
+    finished(made, [outcome], levels=[()], lap=lambda _: None, seconds={"relax": outcome.seconds})
     tell("reported", whole)
     print(f"{time.perf_counter() - began:.1f} s in all")
 
