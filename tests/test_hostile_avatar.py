@@ -210,6 +210,13 @@ def test_a_sheet_is_no_avatar_for_depth_buffers(kind: str) -> None:
     AvatarContact(sheet, "mesh", pixel=0.002, offset=0.003, friction=0.5, error=1e-3, device="cpu")
 
 
+def test_a_sheet_that_is_no_avatar_is_named(tmp_path: Path) -> None:
+    (tmp_path / "cape.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 0 1\nf 1 3 2\n")
+    scene = {"garment": {"shape": {"kind": "square"}}, "avatar": {"mesh": str(tmp_path / "cape.obj"), "units": "m"}}
+    with pytest.raises(InputError, match=r"cape\.obj: its surface encloses nothing"):
+        warp_cloth.fit(scene, device="cpu")
+
+
 def test_cloth_lies_on_a_hostile_avatar_as_on_a_sound_one(tmp_path: Path) -> None:
     """Everything at once: an open neck below, eyes, holes, flipped faces."""
     shape = small_holes()

@@ -168,6 +168,19 @@ def test_binary_ply_with_triangles_and_quads(tmp_path: Path, order: str) -> None
         load(path)
 
 
+def test_ply_with_very_many_properties(tmp_path: Path) -> None:
+    count = 50_000
+    names = "".join(f"property float p{number}\n" for number in range(count))
+    header = (
+        f"ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n{names}"
+        "element face 1\nproperty list uchar int vertex_indices\nend_header\n"
+    )
+    path = tmp_path / "wide.ply"
+    path.write_text(header + "".join(f"{at}{' 7' * count}\n" for at in ("0 0 0", "1 0 0", "0 1 0")) + "3 0 1 2\n")
+    mesh = load_mesh(path, role="garment", key="garment", units="m")
+    assert mesh.points.tolist() == [[0, 0, 0], [1, 0, 0], [0, 1, 0]]
+
+
 def test_ply_texture_coordinates_per_face(tmp_path: Path) -> None:
     path = tmp_path / "faces.ply"
     path.write_text(

@@ -89,6 +89,22 @@ def test_pin_that_selects_nothing_is_refused(tube: Mesh, pin: Pin, words: str) -
     assert caught.value.place.startswith("garment.pin[1].")
 
 
+def test_a_loop_that_another_reaches_beyond_is_refused() -> None:
+    """A waistcoat that is open in front: neck, fronts and hem are one loop, and an armhole lies higher than that."""
+    rows, columns = 9, 24
+    angle = np.linspace(0.1, 2 * np.pi - 0.1, columns)  # open at the front, where the angle is 0
+    ring = np.stack([np.sin(angle), np.zeros(columns), np.cos(angle)], axis=1)
+    points = np.concatenate([ring + np.array([0.0, height / 2, 0.0]) for height in range(rows)])
+    quads = [(r * columns + c) for r in range(rows - 1) for c in range(columns - 1)]
+    armhole = {r * columns + c for r in (5, 6) for c in (5, 6)}
+    faces = [(q, q + 1, q + columns) for q in quads if q not in armhole]
+    faces += [(q + 1, q + columns + 1, q + columns) for q in quads if q not in armhole]
+    waistcoat = Mesh("waistcoat", points, np.array(faces, dtype=np.int32))
+    with pytest.raises(InputError, match="loop 1 of waistcoat lies furthest to the top, but loop 0 reaches further"):
+        select_pins(waistcoat, [Pin(loop="top")], "garment.pin")
+    assert len(select_pins(waistcoat, [Pin(loop=1)], "garment.pin")) == 8
+
+
 def test_closed_mesh_has_no_loop() -> None:
     points = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1.0]])
     closed = Mesh("ball", points, np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]], dtype=np.int32))

@@ -10,7 +10,8 @@ import pytest
 from cloths import grid
 
 from warp_cloth.errors import InputError
-from warp_cloth.garment.rest import RestShape, build_rest_shape, triangle_areas
+from warp_cloth.garment.rest import RestShape, build_rest_shape
+from warp_cloth.garment.triangles import triangle_areas
 from warp_cloth.material.fabric import Fabric, shipped_fabrics
 from warp_cloth.mesh import Mesh
 from warp_cloth.topology import build_topology

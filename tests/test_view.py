@@ -21,7 +21,7 @@ from warp_cloth.errors import InputError
 from warp_cloth.maps import MAPS
 from warp_cloth.mesh import Mesh
 from warp_cloth.shapes import SIZE_BODIES, tshirt
-from warp_cloth.view.live import CHUNK, PLOT_POINTS, History, LiveFit
+from warp_cloth.view.live import CHUNK, PLOT_POINTS, History, LiveFit, changed
 from warp_cloth.view.picture import glb_bytes, legend_html
 from warp_cloth.warm import carried_over
 
@@ -188,6 +188,37 @@ def test_a_scene_beyond_what_the_sliders_offer_is_shown() -> None:
     page.stop()
     page.run()
     assert page.pictures
+
+
+def test_a_change_takes_the_place_of_what_is_below_it_and_none_of_that_at_first() -> None:
+    first = {"garment.fabric.weight": "0.3", "garment.fabrics": "x", "collision.offset_mm": "2"}
+    now = changed(first, {"garment.fabric": "silk", "collision.offset_mm": "4"}, first)
+    assert now == {"garment.fabrics": "x", "garment.fabric": "silk", "collision.offset_mm": "4"}
+    assert changed(now, {"garment.fabric": None}, first) == {**first, "collision.offset_mm": "4"}
+    assert changed(now, {"garment.fabric": None}, {}) == {"garment.fabrics": "x", "collision.offset_mm": "4"}
+
+
+@pytest.mark.parametrize(("change", "offered"), [({}, "jersey"), ({"garment.fabric.weight": "0.3"}, "jersey, as in")])
+def test_a_fabric_of_the_scenes_own_is_offered_and_can_be_gone_back_to(change: dict[str, str], offered: str) -> None:
+    pytest.importorskip("viser")
+    from warp_cloth.view.page import Page
+
+    live = LiveFit(DRAPED, change, "cpu")
+    page = Page(live, port=0)
+    try:
+        chosen = page._fabric
+        own = chosen.value
+        assert own.startswith(offered)
+        weight = live.scene.garments[0].fabric.weight
+        chosen.value = "denim"
+        page._turn()
+        assert live.scene.garments[0].fabric.name == "denim"
+        chosen.value = own
+        page._turn()
+        assert live.scene.garments[0].fabric.weight == weight
+    finally:
+        page.stop()
+        page.run()
 
 
 def test_the_page_is_served_on_this_machine_only_and_shows_pictures(page: object) -> None:

@@ -263,6 +263,7 @@ def _avatar_contact(scene: Scene, wardrobe: Wardrobe, device: str, kept: Kept) -
         device=device,
         reach=DEFAULT_REACH + highest_lift(scene),
         solid=solid,
+        place="avatar" if scene.avatar is None or scene.avatar.mesh is None else str(scene.avatar.mesh),
     )
 
 

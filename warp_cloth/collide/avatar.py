@@ -99,11 +99,12 @@ class AvatarContact:
         device: str,
         reach: float = DEFAULT_REACH,
         solid: Solid | None = None,
+        place: str = "avatar",
     ) -> None:
         self._given = avatar
         self._closing: Closing | None = None
         self._avatar = (
-            self._enclosed(solid or solid_of(avatar), kind) if avatar is not None and kind != "none" else None
+            self._enclosed(solid or solid_of(avatar), kind, place) if avatar is not None and kind != "none" else None
         )
         self._kind = kind
         self._offset = offset
@@ -126,12 +127,12 @@ class AvatarContact:
         """What the last audited build was, and how good; measured when it is first asked for, or to choose."""
         return self._report.told()
 
-    def _enclosed(self, solid: Solid, kind: str) -> Mesh:
+    def _enclosed(self, solid: Solid, kind: str, place: str) -> Mesh:
         if solid.closing.encloses:
             self._closing = solid.closing
         elif kind in DRAWN:
             problem = "its surface encloses nothing, or only a sheet"
-            raise InputError("avatar", problem, 'close it, or use collision.avatar = "mesh"')
+            raise InputError(place, problem, 'close it, or use collision.avatar = "mesh"')
         return solid.mesh
 
     def collider(self, points: Points, *, audited: bool = True) -> Collider:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from warp_cloth.garment.rest import Floats, RestShape, triangle_areas
+from warp_cloth.garment.rest import Floats, RestShape
+from warp_cloth.garment.triangles import triangle_areas
 from warp_cloth.mesh import Indices
 from warp_cloth.topology import ragged_rows
 

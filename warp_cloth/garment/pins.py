@@ -85,12 +85,26 @@ def _by_loop(mesh: Mesh, loop: str | int, place: str) -> NDArray[np.int64]:
     if isinstance(loop, str):
         if loop not in _SIDES:
             raise InputError(place, f"{loop!r} is no side", f"use {', '.join(_SIDES)}, or a number from 0")
-        axis, sign = _SIDES[loop]
-        return loops[int(np.argmax([sign * mesh.points[members, axis].mean() for members in loops]))]
+        return loops[_furthest(mesh, loops, loop, place)]
     if not 0 <= loop < len(loops):
         have = f"{mesh.name} has {len(loops)} boundary loop{'s' if len(loops) > 1 else ''}"
         raise InputError(place, f"loop {loop} does not exist: {have}", f"use 0 to {len(loops) - 1} (0 is the longest)")
     return loops[loop]
+
+
+def _furthest(mesh: Mesh, loops: Sequence[NDArray[Any]], side: str, place: str) -> int:
+    """The loop that lies furthest to a side. Refuses where another reaches further, as an open front does to the neck.
+
+    There the neck is part of one long loop with the fronts and the hem, and an armhole lies higher than that.
+    """
+    axis, sign = _SIDES[side]
+    along = [sign * mesh.points[members, axis] for members in loops]
+    lies = int(np.argmax([each.mean() for each in along]))
+    reaches = int(np.argmax([each.max() for each in along]))
+    if along[reaches].max() > along[lies].max():
+        problem = f"loop {lies} of {mesh.name} lies furthest to the {side}, but loop {reaches} reaches further"
+        raise InputError(place, problem, f"say loop = {lies} or {reaches}, or pin by box")
+    return lies
 
 
 def boundary_loops(mesh: Mesh) -> list[NDArray[Any]]:

@@ -12,15 +12,15 @@ from numpy.typing import NDArray
 from warp_cloth.errors import InputError
 from warp_cloth.garment.folds import RestAngles, hinge_angles
 from warp_cloth.garment.grain import Grain
-from warp_cloth.loading.raw import counted
+from warp_cloth.garment.panels import check_proportions, check_scale, check_seams, panel_sides
+from warp_cloth.garment.triangles import triangle_areas, triangle_sides
 from warp_cloth.loading.repair import RestKind
 from warp_cloth.material.bending import hinge_constants
 from warp_cloth.material.constants import Sheet, WeaveShape, edge_constants, lay_flat, thread_constants
 from warp_cloth.mesh import Indices, Mesh
-from warp_cloth.parts import by_parts, in_parts
+from warp_cloth.parts import in_parts
 from warp_cloth.threads import end_to_end
 from warp_cloth.topology import Topology, build_topology
-from warp_cloth.units import LENGTH_UNITS, METRES_PER
 
 if TYPE_CHECKING:
     from warp_cloth.material.fabric import Fabric
@@ -32,24 +32,6 @@ GRAVITY = 9.80665  # standard gravity [m/s2]
 # Edges far shorter than their neighbours would get constants without bound (k ~ 1 / L^3), and strains over nothing:
 # below this share of the garment's median edge they count as that long.
 SHORTEST_EDGE_SHARE = 1.0e-3
-
-# Rest length over length in the mesh, median over the edges. Panels placed round a body are near 1, and a garment
-# that starts half or twice its size is told of; the units that get mixed up are 10 times or more apart.
-SCALE_TOLD, SCALE_REFUSED = 2.0, 6.0
-
-# Lengths of an edge in the two panels that it joins, one over the other: sleeves are eased in by up to 1.3, and what is
-# more is gathered, or drawn in another scale.
-EASED = 1.5
-
-# Panels' lengths along one axis over those along the other, each measured by the mesh: placed panels are near 1, UVs
-# whose axes were each brought to the unit square are not.
-SQUEEZED = 1.5
-
-# Area in texture space over the panels' median triangle below which a triangle was left out of the panels: exporters
-# put all its corners at one point. A few (buttons, trims) keep their lengths in the mesh; more, and panels are missing.
-LEFT_OUT_AREA = 1.0e-6
-MOST_LEFT_OUT = 0.05
-
 
 COMMON = ("topology", "edge_length", "sheet", "area", "hinge_angle", "corners")  # to a garment's every fabric
 
@@ -78,124 +60,12 @@ class RestShape:
         return np.zeros(len(self.hinge_stiffness)) if self.hinge_angle is None else self.hinge_angle
 
 
-def _sides(corners: Floats) -> Floats:
-    """Lengths of the sides (0,1), (1,2), (2,0) of triangles, shape [F, 3]."""
-
-    def some(part: slice) -> Floats:
-        own = corners[part]
-        return np.asarray(np.linalg.norm(np.roll(own, -1, axis=1) - own, axis=2))
-
-    return end_to_end(in_parts(some, len(corners)))
-
-
-def _panel_sides(mesh: Mesh, metres_per_uv: float, place: str, key: str) -> tuple[Floats, tuple[str, ...]]:
-    """Lengths of each triangle's sides in the panels [m], shape [F, 3], and notes.
-
-    Raises:
-        InputError: no usable panels.
-    """
-    remedy = f'export the panels as UVs, or set {key}.rest = "mesh"'
-    if mesh.texcoords is None:
-        raise InputError(place, 'rest = "uv" needs texture coordinates on every face, which this mesh lacks', remedy)
-    with np.errstate(over="ignore", invalid="ignore"):
-        sides = _sides(mesh.texcoords * metres_per_uv)
-        areas = triangle_areas(sides)
-    if not np.isfinite(areas).all():
-        raise InputError(place, "the texture coordinates are too large for panels", remedy)
-    if not areas.any():
-        raise InputError(place, "the texture coordinates give panels without area", remedy)
-    left_out = areas <= LEFT_OUT_AREA * float(np.median(areas[areas > 0.0]))
-    count = int(left_out.sum())
-    if count > MOST_LEFT_OUT * len(areas):
-        raise InputError(place, f"{count:,} of {len(areas):,} triangles have no area in texture space", remedy)
-    sides[left_out] = _sides(mesh.points[mesh.triangles[left_out]])
-    note = f"{count:,} of {len(areas):,} triangles have no area in texture space, and keep their lengths in the mesh"
-    return sides, (note,) if count else ()
-
-
 def _stated_sides(mesh: Mesh, place: str, key: str) -> Floats:
     """Lengths of each triangle's sides in the rest shape that the stage states [m], shape [F, 3]."""
     if mesh.rest_corners is None:
         problem = 'rest = "physics" needs a mesh with physics:restShapePoints in a USD file'
         raise InputError(place, problem, f'set {key}.rest = "mesh" or "uv"')
-    return _sides(mesh.rest_corners)
-
-
-def _check_scale(length: Floats, drawn: Floats, metres_per_uv: float, place: str, key: str) -> tuple[str, ...]:
-    """A note where rest lengths and lengths in the mesh differ much; both [m], shape [E].
-
-    Seams of a garment that is not yet drawn together start far too long, so the median is what counts.
-
-    Raises:
-        InputError: they differ so much that the unit must be wrong.
-    """
-    ratio = float(np.median(length) / max(float(np.median(drawn)), np.finfo(float).tiny))
-    if 1.0 / SCALE_TOLD <= ratio <= SCALE_TOLD:
-        return ()
-    problem = (
-        f"lengths in texture space are {ratio:.3g} times those in the mesh "
-        f"(median edge {1e3 * float(np.median(length)):.3g} mm against {1e3 * float(np.median(drawn)):.3g} mm)"
-    )
-    off = {unit: abs(float(np.log(ratio * METRES_PER[unit] / metres_per_uv))) for unit in LENGTH_UNITS}
-    likely = min(off, key=off.__getitem__)
-    if off[likely] <= np.log(SCALE_TOLD):
-        remedy = f'set {key}.uv_units = "{likely}"'
-    else:
-        remedy = f"set {key}.uv_units to the metres in a unit of texture space, near {metres_per_uv / ratio:.3g}"
-    if not 1.0 / SCALE_REFUSED <= ratio <= SCALE_REFUSED:
-        raise InputError(place, problem, remedy)
-    return (f"{problem}; if that is not meant, {remedy}",)
-
-
-def _check_proportions(mesh: Mesh) -> tuple[str, ...]:
-    """A note where texture space is drawn much longer along one of its axes than along the other."""
-    if mesh.texcoords is None:
-        return ()
-    drawn = mesh.points[mesh.triangles]
-    (a, b), (p, q) = (np.moveaxis(each[:, 1:] - each[:, :1], 1, 0) for each in (mesh.texcoords, drawn))
-    whole = (a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])[:, None]
-    flat = (whole != 0.0)[:, 0]
-    # by the mesh: what goes into one unit of u, and of v, each times the triangle's doubled area in texture space
-    u, v = b[:, 1:] * p - a[:, 1:] * q, a[:, :1] * q - b[:, :1] * p
-    along = {axis: np.median(np.linalg.norm(each[flat] / whole[flat], axis=1)) for axis, each in (("u", u), ("v", v))}
-    long, short = sorted(along, key=along.__getitem__)
-    ratio = float(along[short] / along[long]) if along[long] > 0.0 else 1.0
-    if ratio <= SQUEEZED:
-        return ()
-    return (
-        f"texture space is drawn {ratio:.3g} times as long along {long} as along {short}, by the mesh; if that is not "
-        "meant, export texture coordinates in which both axes have one unit",
-    )
-
-
-def _check_seams(sides: Floats, topology: Topology) -> tuple[str, ...]:
-    """A note where edges are cut much longer in one panel than in the other; ``sides`` [m], shape [F, 3]."""
-    edge, low, high = (
-        topology.triangle_edges.ravel(),
-        np.full(len(topology.edges), np.inf),
-        np.zeros(len(topology.edges)),
-    )
-    np.minimum.at(low, edge, sides.ravel())
-    np.maximum.at(high, edge, sides.ravel())
-    apart = high > EASED * low
-    if not apart.any():
-        return ()
-    most = float((high[apart] / np.maximum(low[apart], np.finfo(float).tiny)).max())
-    return (
-        f"{counted(int(apart.sum()), 'edge')} cut up to {most:.3g} times as long in one panel as in the one that it is "
-        "sewn to, as where cloth is gathered; if that is not meant, check that all panels are drawn to one scale",
-    )
-
-
-def triangle_areas(sides: Floats) -> Floats:
-    """Areas [m2] from side lengths, Kahan's stable form of Heron's formula, shape [F]."""
-    return by_parts(_areas, sides)
-
-
-def _areas(sides: Floats) -> Floats:
-    c, b, a = np.sort(sides, axis=1).T
-    product = (a + (b + c)) * (c - (a - b)) * (c + (a - b)) * (a + (b - c))
-    return np.asarray(0.25 * np.sqrt(np.maximum(product, 0.0)))
+    return triangle_sides(mesh.rest_corners)
 
 
 def _places(mesh: Mesh, metres_per_uv: float | None) -> Floats:
@@ -326,10 +196,10 @@ def build_rest_geometry(
         InputError: the rest shape cannot be used.
     """
     notes: tuple[str, ...] = ()
-    sides = _sides(mesh.points[mesh.triangles])
+    sides = triangle_sides(mesh.points[mesh.triangles])
     drawn = sides
     if rest == "uv":
-        sides, notes = _panel_sides(mesh, metres_per_uv, place, key)
+        sides, notes = panel_sides(mesh, metres_per_uv, place, key)
     elif rest == "physics":
         sides = _stated_sides(mesh, place, key)
     areas = triangle_areas(sides)
@@ -341,8 +211,8 @@ def build_rest_geometry(
     if rest == "uv":
         side_edge = topology.triangle_edges.ravel()
         initial = np.bincount(side_edge, drawn.ravel(), len(length)) / np.bincount(side_edge, minlength=len(length))
-        notes += _check_scale(length, initial, metres_per_uv, place, key)
-        notes += _check_proportions(mesh) + _check_seams(sides, topology)
+        notes += check_scale(length, initial, metres_per_uv, place, key)
+        notes += check_proportions(mesh) + check_seams(sides, topology)
     return replace(
         made,
         notes=notes,

@@ -38,7 +38,7 @@ class _Property:
 class _Element:
     name: str
     count: int
-    properties: tuple[_Property, ...]
+    properties: list[_Property]
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,10 +105,9 @@ def _header(file: str, data: bytes) -> tuple[str, list[_Element], int, int]:
             if words[:1] == [b"format"]:
                 order = _FORMATS[words[1]]
             elif words[:1] == [b"element"]:
-                elements.append(_Element(words[1].decode(), int(words[2]), ()))
+                elements.append(_Element(words[1].decode(), int(words[2]), []))
             elif words[:1] == [b"property"]:
-                last = elements.pop()
-                elements.append(_Element(last.name, last.count, (*last.properties, _property(words[1:]))))
+                elements[-1].properties.append(_property(words[1:]))
         except (KeyError, IndexError, ValueError):
             text = line[:40].decode("utf-8", errors="backslashreplace")
             raise InputError(f"{file}:{number}", f"{text!r} is no PLY header line", EXPORT_AGAIN) from None

@@ -2,10 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
-import os
-import re
-import sys
 from collections.abc import Mapping
 from dataclasses import asdict, fields
 from pathlib import Path
@@ -25,6 +21,7 @@ from warp_cloth.errors import InputError
 from warp_cloth.garment.folds import RestAngles
 from warp_cloth.material.fabric import Fabric, resolve_fabric
 from warp_cloth.scene.messages import listed, refusal, show
+from warp_cloth.scene.paths import checked_name, directory_of, path_from
 from warp_cloth.scene.shapes import AvatarShape, GarmentShape, Point, Real, Table, VertexId, Whole
 from warp_cloth.scene.stage import USD_SUFFIXES
 from warp_cloth.units import LENGTH_UNITS, METRES_PER, LengthUnit, UpAxis
@@ -72,40 +69,6 @@ class PinSpec(Table):
         return self
 
 
-def _directory(info: ValidationInfo) -> Path:
-    """Folder that relative paths start from: the scene file's, or the current one."""
-    return (info.context or {}).get("directory", Path())
-
-
-def _path(value: Any, info: ValidationInfo, what: str) -> Path | None:
-    if value is None:
-        return None
-    if not isinstance(value, str | Path) or not str(value).strip() or "\0" in str(value):
-        raise refusal(f"{show(value)} is not a path", f"name {what}, relative to the scene file")
-    path = _directory(info) / value
-    with contextlib.suppress(RuntimeError):  # of a user that is not there
-        path = _directory(info) / Path(value).expanduser()  # a shell leaves "~" alone within --set
-    try:
-        str(path).encode("utf-8")
-    except UnicodeEncodeError:
-        raise refusal(f"{show(str(path))} holds bytes that are no text", "rename the file or its folder") from None
-    try:
-        os.fsencode(path)
-    except UnicodeEncodeError:
-        problem = f"{show(str(path))} cannot be the name of a file in this locale ({sys.getfilesystemencoding()})"
-        raise refusal(problem, "set the environment's LC_ALL to one in UTF-8, as C.UTF-8") from None
-    return path
-
-
-def _checked_name(value: str) -> str:
-    if not re.fullmatch(r"[^/\\\x00-\x1f.][^/\\\x00-\x1f]{0,99}", value):
-        raise refusal(
-            f"{show(value)} cannot name a file",
-            "use 1 to 100 characters, without slashes, not starting with a dot",
-        )
-    return value
-
-
 class Wearable(Table):
     """What a garment and an avatar share: a mesh from a file, or a shape that is generated."""
 
@@ -128,7 +91,7 @@ class Wearable(Table):
     @field_validator("mesh", mode="plain")
     @classmethod
     def _mesh(cls, value: Any, info: ValidationInfo) -> Path | None:
-        return _path(value, info, "a mesh file")
+        return path_from(value, info, "a mesh file")
 
     def _check_one_source(self, shape: object | None, kinds: str) -> None:
         """Exactly one of mesh and shape, and no key of a mesh file beside a shape."""
@@ -180,13 +143,13 @@ class GarmentSpec(Wearable):
     @field_validator("grain_texture", mode="plain")
     @classmethod
     def _texture(cls, value: Any, info: ValidationInfo) -> Path | None:
-        return _path(value, info, "an image")
+        return path_from(value, info, "an image")
 
     @field_validator("fabric", mode="plain")
     @classmethod
     def _fabric(cls, value: Any, info: ValidationInfo) -> Fabric:
         try:
-            return resolve_fabric(value, _directory(info))
+            return resolve_fabric(value, directory_of(info))
         except InputError as error:
             # a table's own key, or one that it leaves out and that does not go with the ones it has
             in_table = isinstance(value, Mapping) and (error.place in value or error.place in FABRIC_KEYS)
@@ -205,7 +168,7 @@ class GarmentSpec(Wearable):
     @field_validator("name")
     @classmethod
     def _name(cls, value: str) -> str:
-        return _checked_name(value) if value else value
+        return checked_name(value) if value else value
 
     @model_validator(mode="after")
     def _source(self) -> GarmentSpec:
@@ -236,7 +199,7 @@ class AvatarSpec(Wearable):
         if value == "samples":
             return value
         entries = value if isinstance(value, list | tuple) else (value,)
-        return tuple(_path(entry, info, "a mesh file") for entry in entries if entry is not None)
+        return tuple(path_from(entry, info, "a mesh file") for entry in entries if entry is not None)
 
     @field_serializer("poses")
     def _pose_values(self, poses: tuple[Path, ...] | str) -> str | list[str]:
@@ -327,7 +290,7 @@ class Scene(Table):
     @field_validator("name")
     @classmethod
     def _name(cls, value: str) -> str:
-        return _checked_name(value)
+        return checked_name(value)
 
     @field_validator("garments", mode="before")
     @classmethod

@@ -47,12 +47,29 @@ class History:
                 del values[1:-1:2]
 
 
+def changed(now: Mapping[str, str], asked: Mapping[str, str | None], first: Mapping[str, str]) -> dict[str, str]:
+    """Changes of a scene, once others are asked for: each in place of what the key and those below it have ``now``.
+
+    A key that is asked for with None has what it and those below it had ``first``.
+    """
+
+    def below(changes: Mapping[str, str], key: str) -> dict[str, str]:
+        return {own: value for own, value in changes.items() if f"{own}.".startswith(f"{key}.")}
+
+    together = dict(now)
+    for key, value in asked.items():
+        for own in below(together, key):
+            del together[own]
+        together.update(below(first, key) if value is None else {key: value})
+    return together
+
+
 class LiveFit:
     """A scene that relaxes chunk by chunk; changes keep the worn shape where they can."""
 
     def __init__(self, source: str | Path | Mapping[str, Any], changes: Mapping[str, str], device: str | None) -> None:
         self._source = source
-        self._changes = dict(changes)
+        self._changes = self._first = dict(changes)
         self._rack = Rack()
         self.device = device_named(device)
         self.scene = self._load(self._changes)
@@ -132,13 +149,15 @@ class LiveFit:
             settled = made.course is None or made.course.advance(self.iteration)
             self.at_rest = settled and self.check.within(tolerance)
 
-    def change(self, changes: Mapping[str, str]) -> None:
+    def change(self, changes: Mapping[str, str | None]) -> None:
         """Changes scene keys and goes on from the worn shape, where the new garment can take it over.
+
+        A key that is given None is as it was first, with the keys below it.
 
         Raises:
             InputError: a value that the scene refuses; nothing has changed then.
         """
-        together = {**self._changes, **changes}
+        together = changed(self._changes, changes, self._first)
         scene = self._load(together)
         old, worn = self.made, self.points
         made = set_up_one(scene, self.device, rack=self._rack, earlier=old.contact)

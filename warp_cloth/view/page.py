@@ -41,7 +41,7 @@ class Page:
 
         self._live = live
         self._server = viser.ViserServer(host=host, port=port, label="warp-cloth", verbose=False)
-        self._pending: dict[str, str] = {}
+        self._pending: dict[str, str | None] = {}  # None: as it was first
         self._lock = threading.Lock()
         self._stopped = threading.Event()
         self._work = threading.Lock()  # held while the live fit is read or moved: controls call from other threads
@@ -107,10 +107,7 @@ class Page:
         with gui.add_folder("Garment"):
             if live.sized:
                 self._slider_of_sizes()
-            fabrics = tuple(shipped_fabrics())
-            name = live.scene.garments[0].fabric.name
-            chosen = gui.add_dropdown("fabric", fabrics, initial_value=name if name in fabrics else "default")
-            chosen.on_update(lambda _: self._ask("garment.fabric", chosen.value, every_garment=True))
+            self._fabric = self._fabric_choice()
             if live.scene.avatar is not None:
                 kept = live.scene.collision.offset_mm
                 offset = gui.add_slider("offset [mm]", min=0.0, max=max(OFFSETS, kept), step=0.5, initial_value=kept)
@@ -152,6 +149,19 @@ class Page:
                 aspect=2.2,
             )
 
+    def _fabric_choice(self) -> Any:
+        """Shipped fabrics, and first the scene's own where it has one."""
+        shipped, fabric = shipped_fabrics(), self._live.scene.garments[0].fabric
+        own = "" if shipped.get(fabric.name) == fabric else f"{fabric.name}, as in the scene"
+        names = tuple(filter(None, (own, *shipped)))
+        chosen = self._server.gui.add_dropdown("fabric", names, initial_value=own or fabric.name)
+
+        def asked(_: object) -> None:
+            self._ask("garment.fabric", None if chosen.value == own else chosen.value, every_garment=True)
+
+        chosen.on_update(asked)
+        return chosen
+
     def _slider_of_sizes(self) -> None:
         shape = self._live.scene.garments[0].shape
         at = SIZES.index(shape.size) if shape is not None and hasattr(shape, "size") else 1
@@ -179,7 +189,7 @@ class Page:
         for name in BODY_MEASURES:
             connect(name)
 
-    def _ask(self, key: str, value: str, *, every_garment: bool = False) -> None:
+    def _ask(self, key: str, value: str | None, *, every_garment: bool = False) -> None:
         count = len(self._live.scene.garments)
         with self._lock:
             if every_garment and count > 1:

@@ -1,0 +1,123 @@
+"""Lengths in the panels that texture coordinates draw, and whether they can be meant."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warp_cloth.errors import InputError
+from warp_cloth.garment.triangles import triangle_areas, triangle_sides
+from warp_cloth.loading.raw import counted
+from warp_cloth.mesh import Mesh
+from warp_cloth.topology import Topology
+from warp_cloth.units import LENGTH_UNITS, METRES_PER
+
+Floats = NDArray[np.float64]
+
+# Rest length over length in the mesh, median over the edges. Panels placed round a body are near 1, and a garment
+# that starts half or twice its size is told of; the units that get mixed up are 10 times or more apart.
+SCALE_TOLD, SCALE_REFUSED = 2.0, 6.0
+
+# Lengths of an edge in the two panels that it joins, one over the other: sleeves are eased in by up to 1.3, and what is
+# more is gathered, or drawn in another scale.
+EASED = 1.5
+
+# Panels' lengths along one axis over those along the other, each measured by the mesh: placed panels are near 1, UVs
+# whose axes were each brought to the unit square are not.
+SQUEEZED = 1.5
+
+# Area in texture space over the panels' median triangle below which a triangle was left out of the panels: exporters
+# put all its corners at one point. A few (buttons, trims) keep their lengths in the mesh; more, and panels are missing.
+LEFT_OUT_AREA = 1.0e-6
+MOST_LEFT_OUT = 0.05
+
+
+def panel_sides(mesh: Mesh, metres_per_uv: float, place: str, key: str) -> tuple[Floats, tuple[str, ...]]:
+    """Lengths of each triangle's sides in the panels [m], shape [F, 3], and notes.
+
+    Raises:
+        InputError: no usable panels.
+    """
+    remedy = f'export the panels as UVs, or set {key}.rest = "mesh"'
+    if mesh.texcoords is None:
+        raise InputError(place, 'rest = "uv" needs texture coordinates on every face, which this mesh lacks', remedy)
+    with np.errstate(over="ignore", invalid="ignore"):
+        sides = triangle_sides(mesh.texcoords * metres_per_uv)
+        areas = triangle_areas(sides)
+    if not np.isfinite(areas).all():
+        raise InputError(place, "the texture coordinates are too large for panels", remedy)
+    if not areas.any():
+        raise InputError(place, "the texture coordinates give panels without area", remedy)
+    left_out = areas <= LEFT_OUT_AREA * float(np.median(areas[areas > 0.0]))
+    count = int(left_out.sum())
+    if count > MOST_LEFT_OUT * len(areas):
+        raise InputError(place, f"{count:,} of {len(areas):,} triangles have no area in texture space", remedy)
+    sides[left_out] = triangle_sides(mesh.points[mesh.triangles[left_out]])
+    note = f"{count:,} of {len(areas):,} triangles have no area in texture space, and keep their lengths in the mesh"
+    return sides, (note,) if count else ()
+
+
+def check_scale(length: Floats, drawn: Floats, metres_per_uv: float, place: str, key: str) -> tuple[str, ...]:
+    """A note where rest lengths and lengths in the mesh differ much; both [m], shape [E].
+
+    Seams of a garment that is not yet drawn together start far too long, so the median is what counts.
+
+    Raises:
+        InputError: they differ so much that the unit must be wrong.
+    """
+    ratio = float(np.median(length) / max(float(np.median(drawn)), np.finfo(float).tiny))
+    if 1.0 / SCALE_TOLD <= ratio <= SCALE_TOLD:
+        return ()
+    problem = (
+        f"lengths in texture space are {ratio:.3g} times those in the mesh "
+        f"(median edge {1e3 * float(np.median(length)):.3g} mm against {1e3 * float(np.median(drawn)):.3g} mm)"
+    )
+    off = {unit: abs(float(np.log(ratio * METRES_PER[unit] / metres_per_uv))) for unit in LENGTH_UNITS}
+    likely = min(off, key=off.__getitem__)
+    if off[likely] <= np.log(SCALE_TOLD):
+        remedy = f'set {key}.uv_units = "{likely}"'
+    else:
+        remedy = f"set {key}.uv_units to the metres in a unit of texture space, near {metres_per_uv / ratio:.3g}"
+    if not 1.0 / SCALE_REFUSED <= ratio <= SCALE_REFUSED:
+        raise InputError(place, problem, remedy)
+    return (f"{problem}; if that is not meant, {remedy}",)
+
+
+def check_proportions(mesh: Mesh) -> tuple[str, ...]:
+    """A note where texture space is drawn much longer along one of its axes than along the other."""
+    if mesh.texcoords is None:
+        return ()
+    drawn = mesh.points[mesh.triangles]
+    (a, b), (p, q) = (np.moveaxis(each[:, 1:] - each[:, :1], 1, 0) for each in (mesh.texcoords, drawn))
+    whole = (a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])[:, None]
+    flat = (whole != 0.0)[:, 0]
+    # by the mesh: what goes into one unit of u, and of v, each times the triangle's doubled area in texture space
+    u, v = b[:, 1:] * p - a[:, 1:] * q, a[:, :1] * q - b[:, :1] * p
+    along = {axis: np.median(np.linalg.norm(each[flat] / whole[flat], axis=1)) for axis, each in (("u", u), ("v", v))}
+    long, short = sorted(along, key=along.__getitem__)
+    ratio = float(along[short] / along[long]) if along[long] > 0.0 else 1.0
+    if ratio <= SQUEEZED:
+        return ()
+    return (
+        f"texture space is drawn {ratio:.3g} times as long along {long} as along {short}, by the mesh; if that is not "
+        "meant, export texture coordinates in which both axes have one unit",
+    )
+
+
+def check_seams(sides: Floats, topology: Topology) -> tuple[str, ...]:
+    """A note where edges are cut much longer in one panel than in the other; ``sides`` [m], shape [F, 3]."""
+    edge, low, high = (
+        topology.triangle_edges.ravel(),
+        np.full(len(topology.edges), np.inf),
+        np.zeros(len(topology.edges)),
+    )
+    np.minimum.at(low, edge, sides.ravel())
+    np.maximum.at(high, edge, sides.ravel())
+    apart = high > EASED * low
+    if not apart.any():
+        return ()
+    most = float((high[apart] / np.maximum(low[apart], np.finfo(float).tiny)).max())
+    return (
+        f"{counted(int(apart.sum()), 'edge')} cut up to {most:.3g} times as long in one panel as in the one that it is "
+        "sewn to, as where cloth is gathered; if that is not meant, check that all panels are drawn to one scale",
+    )
