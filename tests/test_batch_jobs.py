@@ -103,6 +103,13 @@ def test_a_product_has_every_combination_once_the_last_axis_fastest(tmp_path: Pa
     assert (scene.garments[0].fabric.name, scene.solver.iterations) == ("denim", 50)
 
 
+def test_a_product_of_more_than_fits_a_batch_is_refused(tmp_path: Path) -> None:
+    names = ", ".join(f'"{number}"' for number in range(1001))
+    jobs = write(tmp_path, "jobs.toml", f'scene = "tshirt"\n[product]\nsizes = [{names}]\nfabrics = [{names}]\n')
+    with pytest.raises(InputError, match=r"the product has 1,002,001 items; at most 1,000,000 go into one batch"):
+        read_jobs(jobs)
+
+
 def test_a_size_stands_in_the_name_of_a_garments_file(tmp_path: Path) -> None:
     for size in "SM":
         write(tmp_path, f"shirt_{size}.obj", "")

@@ -210,6 +210,20 @@ def test_a_sheet_is_no_avatar_for_depth_buffers(kind: str) -> None:
     AvatarContact(sheet, "mesh", pixel=0.002, offset=0.003, friction=0.5, error=1e-3, device="cpu")
 
 
+def test_half_a_body_is_told_of(tmp_path: Path) -> None:
+    half = ball(0.5)
+    half = without(half, half.triangles_center[:, 0] > 0)
+    write_obj(tmp_path / "half.obj", np.asarray(half.vertices), np.asarray(half.faces))
+    scene = {
+        "garment": {"shape": {"kind": "square", "side": 0.2, "vertices_per_side": 5, "height": 0.6}},
+        "avatar": {"mesh": str(tmp_path / "half.obj"), "units": "m"},
+    }
+    worn = warp_cloth.fit(scene, device="cpu", overrides=("solver.iterations=1",))
+    (told,) = (note for note in notes_of(worn.report) if "hole" in note)
+    assert told.startswith("avatar: 1 hole closed, 0.8")
+    assert "mirror modifier" in told
+
+
 def test_a_sheet_that_is_no_avatar_is_named(tmp_path: Path) -> None:
     (tmp_path / "cape.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 0 1\nf 1 3 2\n")
     scene = {"garment": {"shape": {"kind": "square"}}, "avatar": {"mesh": str(tmp_path / "cape.obj"), "units": "m"}}

@@ -176,5 +176,5 @@ def test_fits_without_maps_in_common_are_refused(tmp_path: Path) -> None:
     write_stage(tmp_path / "bare.usdc", garments=[replace(mapped(), fields={})], avatar=None, name="bare")
     with pytest.raises(InputError, match="holds no fit maps"):
         read_fit(tmp_path / "bare.usdc")
-    with pytest.raises(InputError, match="is no stage"):
+    with pytest.raises(InputError, match="no such file or folder"):
         read_fit(tmp_path / "nothing.usdc")

@@ -13,6 +13,7 @@ from cloths import NO_PINS, grid, model_of
 from worn import box_avatar
 
 from warp_cloth.collide.exact import build_exact_collider
+from warp_cloth.collide.solid import closing_of
 from warp_cloth.errors import InputError
 from warp_cloth.fitting import fit
 from warp_cloth.garment.part import GarmentPart
@@ -195,6 +196,20 @@ def tube(radius: float, low: float, high: float, around: int = 96) -> Mesh:
     b = a // around * around + (a + 1) % around
     triangles = np.concatenate([np.stack([a, b, b + around], 1), np.stack([a, b + around, a + around], 1)])
     return Mesh("tube", points, triangles.astype(np.int32))
+
+
+def test_girths_of_a_scan_with_holes_and_hair_are_those_of_the_body(body: Mesh) -> None:
+    kept = np.random.default_rng(0).random(body.triangle_count) > 0.01
+    low, high = body.bounds()
+    lock = low + np.array([[0.0, 0, 0], [0.01, 0, 0], [-0.2, 2 * (high[1] - low[1]), 0]])  # beside and above it
+    points = np.concatenate([body.points, lock])
+    triangles = np.concatenate([body.triangles[kept], [np.arange(3) + body.vertex_count]]).astype(np.int32)
+    scan = Mesh("scan", points, triangles)
+    assert body_levels(scan) is None
+    found = body_levels(closing_of(scan).skin(scan))
+    for here, there in zip(body_levels(body), found, strict=True):
+        assert there.height == pytest.approx(here.height, abs=1e-6)
+        assert there.girth == pytest.approx(here.girth, abs=GIRTH)
 
 
 def test_ease_at_the_waist_is_the_rest_girth_less_the_body(body: Mesh) -> None:

@@ -9,6 +9,7 @@ from warp_cloth.loading.raw import counted
 from warp_cloth.verdict import crossed, drawn_through, falls_as_a_whole, fine_or_stiff, hidden
 
 DEEP = 2.0  # [mm]; deeper than half the usual offset, a garment is in the body
+LARGE_LID = 0.1  # [m2] of lids over an avatar's holes; those of a bust's neck, arms and waist have less
 STRETCHED = 0.5  # strain beyond which a seam is not closed, or a unit is wrong
 
 
@@ -16,7 +17,14 @@ def notes_of(report: Mapping[str, Any]) -> list[str]:
     """What was guessed or mended, each with whose it is."""
     notes = [f"{garment['name']}: {note}" for garment in report.get("garments") or () for note in garment["notes"]]
     notes += [f"avatar: {note}" for note in (report.get("avatar") or {}).get("notes", ())]
-    sheets = (report.get("contact") or {}).get("sheets_left_out")
+    contact = report.get("contact") or {}
+    sheets, lids = contact.get("sheets_left_out"), contact.get("lids_m2") or 0.0
+    if lids > LARGE_LID:
+        told = counted(contact["holes_closed"], "hole")
+        notes.append(
+            f"avatar: {told} closed, {lids:.2g} m2 in all: is part of the body missing, as its other half before a "
+            "mirror modifier is applied?"
+        )
     if sheets:
         told = counted(sheets, "loose sheet")
         notes.append(f"avatar: {told}, as of hair, left out: cloth meets only what has an inside")

@@ -12,7 +12,7 @@ from warp_cloth.scene import shipped_scenes
 
 AXES = ("garments", "sizes", "avatars", "fabrics")  # in the order in which names are put together
 SIZE = "{size}"  # stands for the size's name in a garment's texts
-MOST_ITEMS = 10_000_000
+MOST_ITEMS = 1_000_000  # which take 1 GB before the first is fitted
 
 
 def product_rows(product: Any, shared: Mapping[str, Any], path: Path) -> list[dict[str, Any]]:

@@ -247,7 +247,7 @@ class AvatarContact:
         return sum(array.capacity for array in held)
 
     def skin(self, avatar: Mesh) -> Mesh:
-        """The avatar, as it stands by now, without the loose sheets that contact leaves out."""
+        """The avatar, as it stands by now, without the holes that contact closes and the sheets that it leaves out."""
         return avatar if self._closing is None else self._closing.skin(avatar)
 
     def alike(self, friction: float) -> AvatarContact:

@@ -40,8 +40,13 @@ class Closing:
         )
 
     def skin(self, mesh: Mesh) -> Mesh:
-        """What distances to the mesh are measured from: itself, but for the loose sheets that cloth does not meet."""
-        return self.closed(mesh) if self.encloses and self.sheets else mesh
+        """What distances and girths of the mesh are measured from: what cloth meets, without holes and loose sheets."""
+        if not self.encloses or not (self.sheets or self.holes):
+            return mesh
+        used, corners = np.unique(self.triangles, return_inverse=True)
+        solid = self.closed(mesh)
+        triangles = corners.reshape(-1, 3).astype(np.int32)
+        return replace(solid, points=solid.points[used], triangles=triangles)
 
 
 def closing_of(mesh: Mesh) -> Closing:

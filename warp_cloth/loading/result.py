@@ -80,6 +80,8 @@ def _stage_file(place: Path) -> Path:
         if len(names) != 1:
             raise InputError(place, f"holds {len(names)} stages", FIT_AGAIN)
         return next(path for path in stages if path.stem in names)
+    if not place.exists():
+        raise InputError(place, "no such file or folder", FIT_AGAIN)
     if not place.is_file() or place.suffix not in SUFFIXES:
         raise InputError(place, "is no stage", FIT_AGAIN)
     return place
