@@ -218,6 +218,21 @@ def test_help_and_version_import_nothing_heavy(tmp_path: Path) -> None:
         assert "warp-cloth" in done.stdout
 
 
+def test_an_interrupt_while_the_command_is_imported_is_one_line(tmp_path: Path) -> None:
+    code = (
+        "import sys\n"
+        "class Interrupted:\n"
+        "    def find_spec(self, name, *_):\n"
+        "        if name == 'typer':\n"
+        "            raise KeyboardInterrupt\n"
+        "sys.meta_path.insert(0, Interrupted())\n"
+        "from warp_cloth.__main__ import main\n"
+        "main()\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout, done.stderr) == (130, "", "interrupted\n")
+
+
 def test_summary_leaves_out_what_is_not_known() -> None:
     report = {
         "status": "at_rest",

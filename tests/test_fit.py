@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import warp as wp
 from meshfiles import sheet, write_obj
 from PIL import Image
 from pxr import Usd, UsdGeom
@@ -154,8 +155,8 @@ def test_any_number_of_frames_is_met_whatever_the_iterations(frames: int, iterat
         assert np.array_equal(worn.frames[-1], worn.points.astype(np.float32))
 
 
-@pytest.mark.parametrize("frames", [-1, 10**6])
-def test_a_number_of_frames_that_makes_no_sense_is_refused(frames: int) -> None:
+@pytest.mark.parametrize("frames", [-1, 10**6, 2.5, "2"])
+def test_a_number_of_frames_that_makes_no_sense_is_refused(frames: Any) -> None:
     with pytest.raises(InputError, match=f"frames: {frames} shapes"):
         quick("hanging", frames=frames)
 
@@ -235,10 +236,12 @@ def test_saving_again_replaces_the_files(saved: tuple[Fit, Path], tmp_path: Path
 
 
 def test_what_python_asks_for_in_vain_is_refused(tmp_path: Path) -> None:
-    scene = warp_cloth.load_scene("hanging", ["solver.iterations=2", "garment.shape.vertices_per_side=5"])
+    scene = warp_cloth.load_scene(Path("hanging"), ["solver.iterations=2", "garment.shape.vertices_per_side=5"])
     with pytest.raises(InputError, match="overrides: the scene is loaded already"):
         warp_cloth.fit(scene, device="cpu", overrides=["solver.iterations=3"])
-    worn = warp_cloth.fit(scene, device="cpu")
+    with pytest.raises(InputError, match='there is no device "0" here'):
+        warp_cloth.fit(scene, device=0)  # type: ignore[arg-type]
+    worn = warp_cloth.fit(scene, device=wp.get_device("cpu"))
     with pytest.raises(InputError, match='formats: "fbx" is not written'):
         worn.save(tmp_path, formats=["fbx"])
     with pytest.raises(InputError, match='colour: there is no map "gold"'):

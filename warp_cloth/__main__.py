@@ -1,6 +1,17 @@
-"""``python -m warp_cloth`` is the ``warp-cloth`` command."""
+"""The ``warp-cloth`` command, and ``python -m warp_cloth``."""
 
-from warp_cloth.cli import main
+import sys
+
+
+def main() -> None:
+    """Runs the command; an interrupt while it is still imported ends it with one line, too."""
+    try:
+        from warp_cloth.cli import main as run
+    except KeyboardInterrupt:
+        print("interrupted", file=sys.stderr)
+        sys.exit(130)  # as a shell's Ctrl-C; its name is not imported yet
+    run()
+
 
 if __name__ == "__main__":
     main()

@@ -10,7 +10,7 @@ from warp_cloth.quiet import init_warp
 
 
 def device_named(name: str | None) -> str:
-    """Warp's name of a device that is there.
+    """Warp's name of a device that is there, and may be one of Warp's own.
 
     Raises:
         InputError: it is not.
@@ -20,6 +20,7 @@ def device_named(name: str | None) -> str:
     init_warp()
     if name is None:
         return str(wp.get_preferred_device().alias)
+    name = str(name)
     try:
         if name.startswith("cuda") and not wp.get_cuda_device_count():  # Warp would say more than that
             raise ValueError

@@ -6,6 +6,7 @@ import itertools
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from numbers import Integral
 from pathlib import Path
 from typing import Any
 
@@ -124,7 +125,7 @@ def fit(
     Raises:
         InputError: something in the scene or its files cannot be used.
     """
-    if not 0 <= frames <= MOST_FRAMES:
+    if not isinstance(frames, Integral) or not 0 <= frames <= MOST_FRAMES:
         raise InputError("frames", f"{frames} shapes on the way cannot be kept", f"choose 0 to {MOST_FRAMES}")
     tell = progress or (lambda _: None)
     if isinstance(scene, Scene) and overrides:
@@ -176,8 +177,10 @@ def _with_maps(fitted: Fit, names: Sequence[str], made: SetUp) -> Fit:
 
 def _earlier(start: Fit | str | Path, scene: Scene) -> list[Worn]:
     """The garments of an earlier result that a scene's start from."""
-    if not isinstance(start, Fit):
+    if isinstance(start, str | Path):
         return saved_result(Path(start), len(scene.garments))
+    if not isinstance(start, Fit):
+        raise InputError("start", f"{type(start).__name__} is neither a fit nor its file", "give what fit returned")
     if len(start.garments) != len(scene.garments):
         problem = f"has {len(start.garments)} garments, the scene {len(scene.garments)}"
         raise InputError("start", problem, "start from a result of the same garments")

@@ -87,6 +87,8 @@ def _scene_file(source: str | Path) -> Path:
         return shipped[source]
     if exists(path):
         return path
+    if str(source) in shipped:
+        return shipped[str(source)]
     name = path.name.removesuffix(".toml").lower()
     close = difflib.get_close_matches(name, shipped, n=1, cutoff=0.6)
     names = ", ".join(shipped)
