@@ -212,6 +212,14 @@ def test_girths_of_a_scan_with_holes_and_hair_are_those_of_the_body(body: Mesh) 
         assert there.girth == pytest.approx(here.girth, abs=GIRTH)
 
 
+@pytest.mark.parametrize("share", [0.8, 0.85, 0.9])
+def test_a_body_without_its_head_has_no_levels(body: Mesh, share: float) -> None:
+    low, high = body.bounds()
+    kept = body.points[body.triangles, 1].mean(axis=1) < low[1] + share * (high[1] - low[1])
+    headless = replace(body, triangles=body.triangles[kept])
+    assert body_levels(closing_of(headless).skin(headless)) is None
+
+
 def test_ease_at_the_waist_is_the_rest_girth_less_the_body(body: Mesh) -> None:
     rest = tube(0.2, 0.95, 1.25)
     worn = rest.points * (0.95, 1.0, 0.95)  # pushed together: what counts is the cloth there is

@@ -12,6 +12,7 @@ from cloths import grid
 from warp_cloth.errors import InputError
 from warp_cloth.garment.rest import RestShape, build_rest_shape
 from warp_cloth.garment.triangles import triangle_areas
+from warp_cloth.loading.sizes import GUESS_NOTE
 from warp_cloth.material.fabric import Fabric, shipped_fabrics
 from warp_cloth.mesh import Mesh
 from warp_cloth.topology import build_topology
@@ -110,6 +111,14 @@ def test_panels_of_an_odd_size_are_told_of(scale: float, told: bool) -> None:
     if told:
         assert f"{scale:g} times those in the mesh" in notes[0]
         assert "garment.uv_units" in notes[0]
+
+
+@pytest.mark.parametrize(("notes", "told"), [((GUESS_NOTE,), 'set garment.units = "in"'), ((), "garment.uv_units")])
+def test_panels_tell_that_a_guessed_unit_is_another(notes: tuple[str, ...], told: str) -> None:
+    """Taken for half a metre of centimetres, a sheet of that many inches has panels 2.54 times as large."""
+    mesh = replace(MESH, texcoords=2.5 * PANEL, unit="cm", notes=notes)
+    (note,) = build_rest_shape(mesh, Fabric(), rest="uv").notes
+    assert told in note
 
 
 @pytest.mark.parametrize(("scale", "told"), [(1.3, False), (1.4, False), (1.6, True), (0.5, True)])

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, get_args
 
 from warp_cloth.batch.jobs import toml_text
+from warp_cloth.collide.solid import closing_of
 from warp_cloth.errors import InputError
 from warp_cloth.fitting import Fit, fit
 from warp_cloth.garment.part import GarmentPart
@@ -198,9 +199,11 @@ def _fit_size(size: str, scene: Scene, device: str | None) -> SizeFit:
 
 def _levels(worn: Fit, part: GarmentPart) -> dict[str, LevelFit]:
     """The levels at which the first garment goes all round the trunk."""
-    avatar, garment = worn.avatar, worn.garments[0]
-    levels = body_levels(avatar) if avatar is not None else None
-    if avatar is None or levels is None:
+    if worn.avatar is None:
+        return {}
+    avatar, garment = closing_of(worn.avatar).skin(worn.avatar), worn.garments[0]
+    levels = body_levels(avatar)
+    if levels is None:
         return {}
     found = {}
     for row in garment_girths(garment.name, garment.points, part.rest.sheet, avatar, levels):
@@ -249,6 +252,7 @@ def _too_tight(each: SizeFit, wanted: float) -> str:
 
 def _told(each: SizeFit) -> str:
     if not each.levels:
-        return f"strains its cloth by {100 * (each.strain_p99 or 0.0):.1f} % at most (99th percentile)"
+        strain = f"strains its cloth by {100 * (each.strain_p99 or 0.0):.1f} % at most (99th percentile)"
+        return f"{strain}, though no chest, waist or hip was found that it goes round"
     name, level = min(each.levels.items(), key=lambda entry: entry[1].ease)
     return f"leaves {100 * level.ease:.1f} cm at the {name}, where it is closest"

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from warp_cloth.errors import InputError
 from warp_cloth.garment.triangles import triangle_areas, triangle_sides
 from warp_cloth.loading.raw import counted
+from warp_cloth.loading.sizes import PLAUSIBLE, was_guessed
 from warp_cloth.mesh import Mesh
 from warp_cloth.topology import Topology
 from warp_cloth.units import LENGTH_UNITS, METRES_PER
@@ -17,6 +18,9 @@ Floats = NDArray[np.float64]
 # Rest length over length in the mesh, median over the edges. Panels placed round a body are near 1, and a garment
 # that starts half or twice its size is told of; the units that get mixed up are 10 times or more apart.
 SCALE_TOLD, SCALE_REFUSED = 2.0, 6.0
+
+# That ratio over the ratio of two units, up to which the mesh is taken to be in the other one.
+OTHER_UNIT = 1.15
 
 # Lengths of an edge in the two panels that it joins, one over the other: sleeves are eased in by up to 1.3, and what is
 # more is gathered, or drawn in another scale.
@@ -57,7 +61,9 @@ def panel_sides(mesh: Mesh, metres_per_uv: float, place: str, key: str) -> tuple
     return sides, (note,) if count else ()
 
 
-def check_scale(length: Floats, drawn: Floats, metres_per_uv: float, place: str, key: str) -> tuple[str, ...]:
+def check_scale(
+    mesh: Mesh, length: Floats, drawn: Floats, metres_per_uv: float, place: str, key: str
+) -> tuple[str, ...]:
     """A note where rest lengths and lengths in the mesh differ much; both [m], shape [E].
 
     Seams of a garment that is not yet drawn together start far too long, so the median is what counts.
@@ -72,15 +78,30 @@ def check_scale(length: Floats, drawn: Floats, metres_per_uv: float, place: str,
         f"lengths in texture space are {ratio:.3g} times those in the mesh "
         f"(median edge {1e3 * float(np.median(length)):.3g} mm against {1e3 * float(np.median(drawn)):.3g} mm)"
     )
+    guessed = _other_unit(mesh, ratio)
     off = {unit: abs(float(np.log(ratio * METRES_PER[unit] / metres_per_uv))) for unit in LENGTH_UNITS}
     likely = min(off, key=off.__getitem__)
-    if off[likely] <= np.log(SCALE_TOLD):
+    if guessed:
+        remedy = f'set {key}.units = "{guessed}", which was guessed'
+    elif off[likely] <= np.log(SCALE_TOLD):
         remedy = f'set {key}.uv_units = "{likely}"'
     else:
         remedy = f"set {key}.uv_units to the metres in a unit of texture space, near {metres_per_uv / ratio:.3g}"
     if not 1.0 / SCALE_REFUSED <= ratio <= SCALE_REFUSED:
         raise InputError(place, problem, remedy)
     return (f"{problem}; if that is not meant, {remedy}",)
+
+
+def _other_unit(mesh: Mesh, ratio: float) -> str:
+    """The unit that brings a mesh whose unit was guessed to the size of its panels; empty where none does."""
+    if not was_guessed(mesh):
+        return ""
+    low, high = PLAUSIBLE["garment"]
+    extent = float(np.ptp(mesh.points, axis=0).max())
+    own = next(metres for unit, metres in METRES_PER.items() if unit == mesh.unit)
+    times = {unit: METRES_PER[unit] / own for unit in LENGTH_UNITS if unit != mesh.unit}
+    fitting = (unit for unit, factor in times.items() if 1 / OTHER_UNIT <= ratio / factor <= OTHER_UNIT)
+    return next((unit for unit in fitting if low <= times[unit] * extent <= high), "")
 
 
 def check_proportions(mesh: Mesh) -> tuple[str, ...]:

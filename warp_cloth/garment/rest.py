@@ -211,7 +211,7 @@ def build_rest_geometry(
     if rest == "uv":
         side_edge = topology.triangle_edges.ravel()
         initial = np.bincount(side_edge, drawn.ravel(), len(length)) / np.bincount(side_edge, minlength=len(length))
-        notes += check_scale(length, initial, metres_per_uv, place, key)
+        notes += check_scale(mesh, length, initial, metres_per_uv, place, key)
         notes += check_proportions(mesh) + check_seams(sides, topology)
     return replace(
         made,

@@ -16,6 +16,9 @@ HIP_RANGE = (0.49, 0.55)
 WAIST_RANGE = (0.57, 0.67)
 CHEST_RANGE = (0.68, 0.73)
 ARMS_JOIN = 1.06  # a girth that grows by more than this in one step has taken in the arms
+# At this share of the stature a neck or chin is no wider than this share of the chest (measured: half of it, a child's
+# more). Where the head is cut off it is the shoulders, and all shares are wrong.
+NECK, NECK_WIDEST = 0.88, 0.9
 STATURES = (0.8, 2.6)  # [m]; beyond them it is no body
 GIRTHS = (0.3, 2.2)  # [m]
 
@@ -32,7 +35,7 @@ class Level:
 
 
 def body_levels(body: Mesh) -> tuple[Level, ...] | None:
-    """Chest, waist and hip of a body that stands along y, arms apart from the trunk; None where it is no body."""
+    """Chest, waist and hip of a body that stands along y, head on, arms apart from the trunk; None where it is none."""
     low, high = body.bounds()
     stature = float(high[1] - low[1])
     if not STATURES[0] <= stature <= STATURES[1]:
@@ -58,7 +61,9 @@ def body_levels(body: Mesh) -> tuple[Level, ...] | None:
     chosen = (among("chest", CHEST_RANGE, 1.0), among("waist", WAIST_RANGE, -1.0), among("hip", HIP_RANGE, 1.0))
     good = tuple(level for level in chosen if level is not None and GIRTHS[0] <= level.girth <= GIRTHS[1])
     legs = cut(body.points, body.triangles, float(low[1]) + 0.25 * stature).part_count >= 2
-    return good if legs and len(good) == len(chosen) else None
+    neck = trunk_level(body, low[1] + NECK * stature, middle)
+    headed = neck is not None and len(good) > 0 and neck.girth <= NECK_WIDEST * good[0].girth
+    return good if legs and headed and len(good) == len(chosen) else None
 
 
 def trunk_level(body: Mesh, height: float, middle: float) -> Level | None:
