@@ -14,7 +14,7 @@ from worn import box_avatar, worn
 
 from warp_cloth.errors import InputError
 from warp_cloth.export.comparison import save_comparison
-from warp_cloth.export.map_picture import ticks, write_map_picture
+from warp_cloth.export.map_picture import MapPictures, ticks
 from warp_cloth.export.stage import write_stage
 from warp_cloth.export.surface import linear
 from warp_cloth.loading.result import WrittenFit, read_fit
@@ -101,7 +101,7 @@ def test_legend_values_have_their_unit() -> None:
 def test_picture_shows_the_map_and_its_legend(tmp_path: Path) -> None:
     kind, garment = MAPS["pressure"], mapped()
     path = tmp_path / "map.png"
-    write_map_picture(path, kind, (0.0, 2.0), garments=[garment], avatar=None, size=(400, 240))
+    MapPictures([garment], None, size=(400, 240)).write(path, kind, (0.0, 2.0))
     image = np.asarray(Image.open(path)).astype(int)
     first, last = (np.round(255 * colours(kind, value, (0.0, 2.0))).astype(int) for value in (0.0, 2.0))
     assert (np.abs(image[:, 348:] - last).max(axis=-1) < 6).any()
@@ -109,6 +109,15 @@ def test_picture_shows_the_map_and_its_legend(tmp_path: Path) -> None:
     front = image[:, :116]
     rows = [front[row][np.ptp(front[row], axis=-1) > 40] for row in (80, 170)]  # of colour, not of grey
     assert rows[0].mean(axis=0)[0] > rows[1].mean(axis=0)[0] + 20  # yellow over violet
+
+
+def test_a_picture_is_the_same_whatever_was_drawn_before(tmp_path: Path) -> None:
+    drawer = MapPictures([mapped()], box_avatar(), size=(400, 240))
+    for name in ("first.png", "again.png"):
+        drawer.write(tmp_path / name, MAPS["pressure"], (0.0, 2.0))
+        drawer.write(tmp_path / "other.png", MAPS["strain_warp"], (-0.1, 0.1))
+    first, again, other = ((tmp_path / name).read_bytes() for name in ("first.png", "again.png", "other.png"))
+    assert first == again != other
 
 
 def test_a_fit_less_itself_is_zero(tmp_path: Path) -> None:

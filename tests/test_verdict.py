@@ -11,7 +11,7 @@ import pytest
 import trimesh
 from meshfiles import sheet, write_obj
 
-from warp_cloth.advice import advice
+from warp_cloth.advice import advice, notes_of
 from warp_cloth.fitting import fit
 from warp_cloth.garment.wardrobe import open_wardrobe
 from warp_cloth.result import Strain
@@ -45,6 +45,23 @@ def test_a_folded_sheet_says_in_its_sentence_that_it_passes_through_itself(tmp_p
     worn = fit({"garment": {"mesh": str(tmp_path / "cross.obj"), "units": "m", "pin": top}}, device="cpu")
     assert "of the faces pass through others: set collision.cloth = true" in worn.message
     assert any("pass through others" in line for line in advice(worn.report))
+
+
+@pytest.mark.parametrize(
+    ("garment", "told"),
+    [
+        ({"shape": {"kind": "tshirt"}}, "panels as they are placed"),
+        ({"shape": {"kind": "tshirt"}, "rest": "uv"}, ""),
+        ({"shape": {"kind": "square"}, "uv_units": "cm"}, "uv_units is not used"),
+        ({"shape": {"kind": "square"}}, ""),
+    ],
+)
+def test_panels_that_are_not_taken_though_something_speaks_for_them_are_told_of(
+    garment: dict[str, Any], told: str
+) -> None:
+    notes = notes_of({"settings": load_scene({"garment": garment}).settings()})
+    assert len(notes) == bool(told)
+    assert told in "".join(notes)
 
 
 def test_cloth_far_from_its_natural_size_is_told_of() -> None:

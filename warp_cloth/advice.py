@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from warp_cloth.loading.raw import counted
@@ -16,6 +16,7 @@ STRETCHED = 0.5  # strain beyond which a seam is not closed, or a unit is wrong
 def notes_of(report: Mapping[str, Any]) -> list[str]:
     """What was guessed or mended, each with whose it is."""
     notes = [f"{garment['name']}: {note}" for garment in report.get("garments") or () for note in garment["notes"]]
+    notes += _unused_panels((report.get("settings") or {}).get("garment") or ())
     notes += [f"avatar: {note}" for note in (report.get("avatar") or {}).get("notes", ())]
     contact = report.get("contact") or {}
     sheets, lids = contact.get("sheets_left_out"), contact.get("lids_m2") or 0.0
@@ -29,6 +30,22 @@ def notes_of(report: Mapping[str, Any]) -> list[str]:
         told = counted(sheets, "loose sheet")
         notes.append(f"avatar: {told}, as of hair, left out: cloth meets only what has an inside")
     return [*notes, *report.get("map_notes", ())]
+
+
+def _unused_panels(garments: Sequence[Mapping[str, Any]]) -> list[str]:
+    """What panels would say of garments whose natural lengths are as modelled, where something speaks for panels."""
+    notes = []
+    for garment in garments:
+        if garment["rest"] != "mesh":
+            continue
+        if garment["uv_units"] != "m":
+            notes.append(
+                f'{garment["name"]}: uv_units is not used, as rest is "mesh"; if it has panels, say rest = "uv"'
+            )
+        elif (garment["shape"] or {}).get("kind") == "tshirt":
+            placed = 'its natural lengths are those of the panels as they are placed round the body, as rest is "mesh"'
+            notes.append(f'{garment["name"]}: {placed}; for those of the flat panels say rest = "uv"')
+    return notes
 
 
 def advice(report: Mapping[str, Any]) -> list[str]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from warp_cloth.export.map_picture import write_map_picture
+from warp_cloth.export.map_picture import MapPictures
 from warp_cloth.export.report import write_report
 from warp_cloth.export.stage import write_stage
 from warp_cloth.loading.result import WrittenFit
@@ -21,13 +21,14 @@ def save_comparison(found: Comparison, fits: tuple[WrittenFit, WrittenFit], fold
     colour = next(iter(found.ranges))
     write_stage(stage, garments=found.garments, avatar=first.avatar, name="compare", ranges=found.ranges, colour=colour)
     paths = [stage]
+    drawer = MapPictures(found.garments, first.avatar)
     for name, bounds in found.ranges.items():
         kind = kind_named(name)
         if kind is None:
             continue
         path = folder / f"{name}.png"
         sentence = f"{second.name} less {first.name}"
-        write_map_picture(path, kind, bounds, garments=found.garments, avatar=first.avatar, sentence=sentence)
+        drawer.write(path, kind, bounds, sentence)
         paths.append(path)
     report = folder / "compare.json"
     write_report(

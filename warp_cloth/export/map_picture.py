@@ -1,4 +1,4 @@
-"""A map as a picture: the worn garments in its colours from three sides, with a legend."""
+"""Maps as pictures: the worn garments in their colours from three sides, with a legend."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
-from warp_cloth.export.preview import BACKGROUND, FAINT_INK, INK, drawn, save_picture, text_height
+from warp_cloth.export.preview import BACKGROUND, FAINT_INK, INK, arranged, painted, save_picture, sights, text_height
 from warp_cloth.export.render import gathered
 from warp_cloth.export.surface import cloth_colour, require_sound
 from warp_cloth.maps.colour import colours, shown_value
@@ -23,38 +23,45 @@ INTERVALS = (4, 5)  # between the legend's values; a range about zero keeps its 
 AROUND = 0.06  # of the garments' largest extent, shown round them
 
 
-def write_map_picture(
-    path: Path,
-    kind: MapKind,
-    bounds: tuple[float, float],
-    *,
-    garments: Sequence[WornGarment],
-    avatar: Mesh | None,
-    device: str = "cpu",
-    size: tuple[int, int] = (1500, 900),
-    title: str = "",
-    sentence: str = "",
-) -> None:
-    """Writes a PNG of the map ``kind``, its colours spanning ``bounds``; garments without it keep their own colour."""
-    require_sound(garments, avatar)
-    painted = [
-        colours(kind, worn.fields[kind.name], bounds)
-        if kind.name in worn.fields
-        else np.tile(cloth_colour(index), (len(worn.points), 1))
-        for index, worn in enumerate(garments)
-    ]
-    legend_width = round(LEGEND_SHARE * size[0])
-    worn = np.concatenate([worn.points for worn in garments])
-    low, high = worn.min(axis=0), worn.max(axis=0)
-    margin = AROUND * float((high - low).max())  # the body is there for orientation only
-    subject = replace(gathered(garments, avatar, device, painted), low=low - margin, high=high + margin)
-    gap = text_height(size)  # a limb that the views cut off does not touch the legend
-    views = drawn(subject, (size[0] - legend_width - gap, size[1]), title or kind.label, sentence)
-    ground = tuple(round(255 * channel) for channel in BACKGROUND)
-    image = Image.new("RGB", size, ground)
-    image.paste(views, (0, 0))
-    _draw_legend(image, kind, bounds, legend_width)
-    save_picture(image, path)
+class MapPictures:
+    """Draws maps of one fit: its garments are looked at once, for all of them."""
+
+    def __init__(
+        self,
+        garments: Sequence[WornGarment],
+        avatar: Mesh | None,
+        *,
+        device: str = "cpu",
+        size: tuple[int, int] = (1500, 900),
+    ) -> None:
+        require_sound(garments, avatar)
+        self._garments, self._size = garments, size
+        self._legend_width = round(LEGEND_SHARE * size[0])
+        worn = np.concatenate([worn.points for worn in garments])
+        low, high = worn.min(axis=0), worn.max(axis=0)
+        margin = AROUND * float((high - low).max())  # the body is there for orientation only
+        self._subject = replace(gathered(garments, avatar, device), low=low - margin, high=high + margin)
+        gap = text_height(size)  # a limb that the views cut off does not touch the legend
+        self._views_size = (size[0] - self._legend_width - gap, size[1])
+        self._layout = arranged(self._subject.extent, self._views_size, True)
+        self._seen = sights(self._subject, self._layout)
+
+    def write(self, path: Path, kind: MapKind, bounds: tuple[float, float], sentence: str = "") -> None:
+        """Writes a PNG of a map, its colours spanning ``bounds``; garments without it keep their own colour."""
+        subject = self._subject.painted(
+            [
+                colours(kind, worn.fields[kind.name], bounds)
+                if kind.name in worn.fields
+                else np.tile(cloth_colour(index), (len(worn.points), 1))
+                for index, worn in enumerate(self._garments)
+            ]
+        )
+        views = painted(subject, self._layout, self._seen, self._views_size, kind.label, sentence)
+        ground = tuple(round(255 * channel) for channel in BACKGROUND)
+        image = Image.new("RGB", self._size, ground)
+        image.paste(views, (0, 0))
+        _draw_legend(image, kind, bounds, self._legend_width)
+        save_picture(image, path)
 
 
 def _draw_legend(image: Image.Image, kind: MapKind, bounds: tuple[float, float], width: int) -> None:

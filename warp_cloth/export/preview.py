@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
 from warp_cloth.export.files import whole_file
-from warp_cloth.export.render import Subject, gathered, rendered, view_axes
+from warp_cloth.export.render import Sight, Subject, gathered, looked_at, rendered, view_axes
 from warp_cloth.export.surface import linear, require_sound, srgb
 from warp_cloth.mesh import Mesh
 from warp_cloth.result import WornGarment
@@ -73,12 +73,23 @@ def drawn(
 ) -> Image.Image:
     """The views from some sides by one another, ``size`` wide and high [px]; title and sentence stand above."""
     layout = arranged(subject.extent, size, bool(title or sentence), sides)
+    return painted(subject, layout, sights(subject, layout), size, title, sentence)
+
+
+def sights(subject: Subject, layout: Layout) -> list[Sight]:
+    """What the windows show."""
+    return [looked_at(subject, window.toward, layout.pixel, window.width, layout.height) for window in layout.windows]
+
+
+def painted(
+    subject: Subject, layout: Layout, seen: Sequence[Sight], size: tuple[int, int], title: str, sentence: str
+) -> Image.Image:
+    """What the windows show in the subject's own colours, as ``drawn``."""
     background = linear(BACKGROUND)
     light = np.tile(background, (size[1], size[0], 1))
-    for window in layout.windows:
-        light[layout.top : layout.top + layout.height, window.left : window.left + window.width] = rendered(
-            subject, window.toward, layout.pixel, window.width, layout.height, background
-        )
+    for window, sight in zip(layout.windows, seen, strict=True):
+        columns = slice(window.left, window.left + window.width)
+        light[layout.top : layout.top + layout.height, columns] = rendered(subject, sight, background)
     image = Image.fromarray(np.round(srgb(light) * 255.0).astype(np.uint8), "RGB")
     letter(image, layout, title, sentence)
     return image

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -47,18 +47,18 @@ class Subject:
     def extent(self) -> Vector:
         return self.high - self.low
 
+    def painted(self, colours: Sequence[NDArray[np.float64]]) -> Subject:
+        """The same with the garments in these colours, sRGB, shape [V, 3] each; the avatar keeps its own."""
+        own = linear(np.concatenate(colours)).astype(np.float32)
+        rest = self.colours.numpy()[len(own) :]
+        return replace(self, colours=wp.array(np.concatenate([own, rest]), dtype=wp.vec3f, device=self.device))
 
-def gathered(
-    garments: Sequence[WornGarment],
-    avatar: Mesh | None,
-    device: str,
-    painted: Sequence[NDArray[np.float64]] | None = None,
-) -> Subject:
-    """Garments and avatar joined, with their looks; ``painted`` are the garments' own colours (sRGB, [V, 3] each)."""
-    plain = [np.tile(cloth_colour(i), (len(worn.points), 1)) for i, worn in enumerate(garments)]
+
+def gathered(garments: Sequence[WornGarment], avatar: Mesh | None, device: str) -> Subject:
+    """Garments and avatar joined, with their looks."""
     parts = [
-        (worn.points, worn.mesh.triangles, colour, INSIDE_SHARE)
-        for worn, colour in zip(garments, painted or plain, strict=True)
+        (worn.points, worn.mesh.triangles, np.tile(cloth_colour(index), (len(worn.points), 1)), INSIDE_SHARE)
+        for index, worn in enumerate(garments)
     ]
     if avatar is not None:
         parts.append((avatar.points, avatar.triangles, np.tile(AVATAR_COLOUR, (len(avatar.points), 1)), 1.0))
@@ -119,10 +119,19 @@ def light_direction(light: Sequence[float], toward: Vector) -> Vector:
     return direction / np.linalg.norm(direction)
 
 
-def rendered(
-    subject: Subject, toward: Vector, pixel: float, width: int, height: int, background: Vector
-) -> NDArray[np.float32]:
-    """Linear light seen along -toward, shape [height, width, 3], top row first; ``pixel`` in metres."""
+@dataclass(frozen=True, eq=False)
+class Sight:
+    """What a view shows of a subject, whatever its colours are."""
+
+    view: View
+    ids: (
+        wp.array
+    )  # triangle under every pixel, as many as there are triangles where there is none, shape [rows, columns]
+    light: NDArray[np.float32]  # on the surface there, shape [rows, columns, 3]
+
+
+def looked_at(subject: Subject, toward: Vector, pixel: float, width: int, height: int) -> Sight:
+    """What is seen along -toward in a picture of ``width`` by ``height`` pixels; ``pixel`` in metres."""
     view = view_from(toward, subject.centre, pixel / SUPERSAMPLING, width * SUPERSAMPLING, height * SUPERSAMPLING)
     depth = depth_image(subject, view)
     key, fill = (light_direction(light, toward) for light in (KEY_LIGHT, FILL_LIGHT))
@@ -132,22 +141,36 @@ def rendered(
 
     shape, device = depth.shape, subject.device
     ids = wp.full(shape, len(subject.triangles), dtype=wp.int32, device=device)
-    normal = wp.zeros(shape, dtype=wp.vec3f, device=device)
-    reflectance = wp.zeros(shape, dtype=wp.vec3f, device=device)
+    inputs = [subject.points, subject.triangles, view, depth]
+    wp.launch(draw_triangle_ids, len(subject.triangles), inputs=inputs, outputs=[ids], device=device)
+    normal, _ = surface(subject, view, ids)
     lit = wp.zeros(shape, dtype=wp.float32, device=device)
-    light = wp.full(shape, vector(background), dtype=wp.vec3f, device=device)
-    mesh = [subject.points, subject.triangles]
+    inputs = [depth, normal, view, key_view, key_depth]
+    wp.launch(cast_shadows, shape, inputs=inputs, outputs=[lit], device=device)
+    white = wp.full(shape, wp.vec3f(1.0), dtype=wp.vec3f, device=device)
+    light = wp.zeros(shape, dtype=wp.vec3f, device=device)
+    inputs = [depth, normal, white, lit, view, vector(key), vector(fill)]
+    wp.launch(light_pixels, shape, inputs=inputs, outputs=[light], device=device)
+    return Sight(view, ids, light.numpy())
 
-    def launch(kernel: Any, dim: Any, inputs: list[Any], outputs: list[Any]) -> None:
-        wp.launch(kernel, dim, inputs=inputs, outputs=outputs, device=device)
 
-    launch(draw_triangle_ids, len(subject.triangles), [*mesh, view, depth], [ids])
-    surface = [subject.points, subject.normals, subject.triangles, subject.owners, subject.looks, subject.colours]
-    launch(look_up_pixels, shape, [*surface, view, ids], [normal, reflectance])
-    launch(cast_shadows, shape, [depth, normal, view, key_view, key_depth], [lit])
-    launch(light_pixels, shape, [depth, normal, reflectance, lit, view, vector(key), vector(fill)], [light])
-    samples = light.numpy().reshape(height, SUPERSAMPLING, width, SUPERSAMPLING, 3)
-    return samples.mean(axis=(1, 3))[::-1]
+def rendered(subject: Subject, sight: Sight, background: Vector) -> NDArray[np.float32]:
+    """Linear light of a subject in its own colours, shape [height, width, 3], top row first."""
+    _, reflectance = surface(subject, sight.view, sight.ids)
+    drawn = sight.ids.numpy() < len(subject.triangles)
+    light = np.where(drawn[..., None], reflectance.numpy() * sight.light, background.astype(np.float32))
+    rows, columns, _ = light.shape
+    samples = light.reshape(rows // SUPERSAMPLING, SUPERSAMPLING, columns // SUPERSAMPLING, SUPERSAMPLING, 3)
+    return np.asarray(samples.mean(axis=(1, 3))[::-1])
+
+
+def surface(subject: Subject, view: View, ids: wp.array) -> tuple[wp.array, wp.array]:
+    """Normal and reflectance of the triangles under a view's pixels, zero where there is none."""
+    outputs = [wp.zeros(ids.shape, dtype=wp.vec3f, device=subject.device) for _ in range(2)]
+    inputs = [subject.points, subject.normals, subject.triangles, subject.owners, subject.looks, subject.colours]
+    wp.launch(look_up_pixels, ids.shape, inputs=[*inputs, view, ids], outputs=outputs, device=subject.device)
+    normal, reflectance = outputs
+    return normal, reflectance
 
 
 def depth_image(subject: Subject, view: View) -> wp.array:

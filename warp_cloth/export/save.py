@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from warp_cloth.export import preview, stage
 from warp_cloth.export.formats import check_inputs_kept
-from warp_cloth.export.map_picture import write_map_picture
+from warp_cloth.export.map_picture import MapPictures
 from warp_cloth.export.override import StagedGarment, write_override
 from warp_cloth.export.reference import AvatarAsset
 from warp_cloth.export.report import check_writable, result_paths, write_map, write_report
@@ -45,11 +45,12 @@ def save_fit(fit: Fit, folder: Path, *, colour: str, formats: Sequence[str]) -> 
     for name in set(MAPS) - set(ranges):  # an earlier run's would be taken for this one's
         (folder / f"map_{name}.png").unlink(missing_ok=True)
     pictures = {"preview": picture}
-    for name, bounds in ranges.items():
-        path = folder / f"map_{name}.png"
-        write_map_picture(path, MAPS[name], bounds, garments=fit.garments, avatar=fit.avatar, device=fit.device)
-        paths.append(path)
-        pictures[name] = path
+    if ranges:
+        drawer = MapPictures(fit.garments, fit.avatar, device=fit.device)
+        for name, bounds in ranges.items():
+            pictures[name] = folder / f"map_{name}.png"
+            drawer.write(pictures[name], MAPS[name], bounds)
+            paths.append(pictures[name])
     for worn in fit.garments:
         path = folder / f"{scene.name}_{worn.name}_map.npz"
         paths += [path] if write_map(path, worn.mesh) else []
