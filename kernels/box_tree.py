@@ -11,6 +11,7 @@ wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
 WIDTH = wp.constant(wp.int32(32))  # boxes to a group, and threads to a team
 LEAVES = wp.constant(wp.int32(1024))  # that a thread block boxes, with both levels above them
+MOST_THREADS = 256  # of a block whose teams ask which leaves meet
 FAR_OFF = wp.constant(wp.float32(3.0e38))  # lowest of nothing
 
 
@@ -104,28 +105,36 @@ _TEAM_MEETING = (
 _LEAVES_MEETING = (
     """
 #if defined(__CUDA_ARCH__)
+    // boxes that ask go through the block's own memory, which takes less than handing six numbers round for each
+    __shared__ float4 asked[2 * MOST_THREADS];
     const int lane = threadIdx.x & 31;
+    float4* const ask = asked + 2 * (threadIdx.x - lane);
     const float* box = bound.data + 192 * group + lane;
     const float x0 = box[0], y0 = box[32], z0 = box[64], x1 = box[96], y1 = box[128], z1 = box[160];
     const auto own = vertices.data[32 * group + lane];
-    unsigned int found = 0, left = __ballot_sync(0xffffffffu, may != 0);
-    while (left != 0) {  // one of those that may after another, its box against a box of each thread
-        const int asking = __ffs(left) - 1;
-        left &= left - 1;
-#define OF(value) __shfl_sync(0xffffffffu, value, asking)
-        bool meets = (x0 <= OF(upper[0])) & (y0 <= OF(upper[1])) & (z0 <= OF(upper[2]))
-            & (x1 >= OF(lower[0])) & (y1 >= OF(lower[1])) & (z1 >= OF(lower[2]));
+    const unsigned int all = __ballot_sync(0xffffffffu, may != 0);
+    const int count = __popc(all), rank = may != 0 ? __popc(all & ((1u << lane) - 1u)) : -1;
+    if (may != 0) {
+        ask[2 * rank] = make_float4(upper[0], upper[1], upper[2], lower[0]);
+        ask[2 * rank + 1] = make_float4(lower[1], lower[2], __int_as_float(first), __int_as_float(second));
+    }
+    __syncwarp();
+    unsigned int found = 0;
+#pragma unroll 2
+    for (int k = 0; k < count; ++k) {  // one of those that may after another, its box against a box of each thread
+        const float4 high = ask[2 * k], low = ask[2 * k + 1];
+        bool meets = (x0 <= high.x) & (y0 <= high.y) & (z0 <= high.z) & (x1 >= high.w) & (y1 >= low.x) & (z1 >= low.y);
         if (__ballot_sync(0xffffffffu, meets) == 0)
             continue;
-        const int p = OF(first), q = OF(second);
-#undef OF
+        const int p = __float_as_int(low.z), q = __float_as_int(low.w);
 #pragma unroll
-        for (int k = 0; k < CORNERS; ++k)
-            meets = meets & (own[k] != p) & (own[k] != q);
+        for (int c = 0; c < CORNERS; ++c)
+            meets = meets & (own[c] != p) & (own[c] != q);
         const unsigned int mask = __ballot_sync(0xffffffffu, meets);
-        if (lane == asking)
+        if (rank == k)
             found = mask;
     }
+    __syncwarp();
     return found;
 #else
     if (may == 0)
@@ -219,7 +228,7 @@ def bit_count(mask: wp.uint32) -> int:
 
 for _corners, _dtype in ((2, wp.vec2i), (3, wp.vec3i)):
 
-    @wp.func_native(_LEAVES_MEETING.replace("CORNERS", str(_corners)))
+    @wp.func_native(_LEAVES_MEETING.replace("CORNERS", str(_corners)).replace("MOST_THREADS", str(MOST_THREADS)))
     def boxes_meeting(
         bound: wp.array(dtype=wp.float32),
         vertices: wp.array(dtype=_dtype),

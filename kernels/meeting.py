@@ -12,6 +12,7 @@ from typing import Any
 import warp as wp
 
 from warp_cloth.kernels.box_tree import (
+    MOST_THREADS,
     WIDTH,
     BoxTree,
     BoxWalk,
@@ -27,7 +28,7 @@ wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
 # Threads in a block, and blocks that a core is to have registers for, of what lists leaves: a core keeps more threads
 # waiting for memory if what a full list asks for does not lie in registers.
-LISTING = (256, 4)
+LISTING = (MOST_THREADS, 4)
 
 GROUPS = wp.constant(wp.int32(0))  # where ``Meetings.count`` counts pairs of groups,
 LEAVES_MET = wp.constant(wp.int32(1))  # and from where on pairs of leaves, in each part of their list
