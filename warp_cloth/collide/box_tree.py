@@ -25,38 +25,38 @@ def near_order(places: Points, sheet: Indices) -> tuple[Indices, Indices]:
     order = np.full(starts[-1], -1, dtype=np.int32)
     by_sheet = np.split(np.argsort(sheet, kind="stable"), np.cumsum(counts)[:-1])
     for start, part in zip(starts, by_sheet, strict=False):
-        order[start : start + len(part)] = part[_halved(places[part].astype(np.float32))]
+        order[start : start + len(part)] = part[_halved(np.ascontiguousarray(places[part].T, dtype=np.float32))]
     return order, starts.astype(np.int32)
 
 
 def _halved(places: NDArray[np.float32]) -> NDArray[np.int64]:
     """An order of places: halved across their longest side, each half so again (Bentley 1975), down to groups.
 
-    Larger halves are of whole blocks of leaves.
+    Larger halves are of whole blocks of leaves. ``places`` [m], shape [3, N]: numpy goes along rows far faster.
     """
-    block, count = int(LEAVES), len(places)
+    block, count = int(LEAVES), places.shape[1]
     order = np.arange(count)
     halves = [(0, count)]
     while halves:
         first, last = halves.pop()
         blocks = -(-(last - first) // block)
         if blocks > 1:
-            here = places[order[first:last]]
-            along = here[:, (here.max(axis=0) - here.min(axis=0)).argmax()]
+            here = places.take(order[first:last], axis=1)
+            along = here[np.ptp(here, axis=1).argmax()]
             half = (blocks + 1) // 2 * block
             order[first:last] = order[first:last][np.argpartition(along, half)]
             halves += [(first, first + half), (first + half, last)]
     # what fills the last block comes last in every half
     number = np.arange(-(-count // block) * block)
-    here = places[order[np.minimum(number, count - 1)]]
+    here = places.take(order[np.minimum(number, count - 1)], axis=1)
     size = block
     while size > int(WIDTH):
-        apart = here.reshape(-1, size, 3)
-        longest = (apart.max(axis=1) - apart.min(axis=1)).argmax(axis=1)
-        along = np.take_along_axis(apart, longest[:, None, None], axis=2)[:, :, 0]
+        apart = here.reshape(3, -1, size)
+        longest = np.ptp(apart, axis=2).argmax(axis=0)
+        along = apart[longest, np.arange(len(longest))]
         along[number.reshape(-1, size) >= count] = np.inf
-        halved = (np.argpartition(along, size // 2, axis=1) + size * np.arange(len(apart))[:, None]).ravel()
-        here, number = here[halved], number[halved]
+        halved = (np.argpartition(along, size // 2, axis=1) + size * np.arange(len(along))[:, None]).ravel()
+        here, number = here.take(halved, axis=1), number[halved]
         size //= 2
     return np.asarray(order[number[number < count]])
 
