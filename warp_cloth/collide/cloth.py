@@ -70,7 +70,7 @@ FINDING = 2**18  # threads that go through the first of these lists, at most
 LOOKING_CLOSELY = 2**17  # threads that go through the second, at most: as many as a large GPU works on at a time
 PRESSING = 384  # blocks that press pairs, at most: the same
 LEAST_PRESSING = 64  # blocks, at least, that press while others move vertices, if there are pairs for so many
-BOXING = 512  # threads in a block that boxes what is in a tree
+BOXING = 1024  # threads in a block that boxes what is in a tree
 STRIDE_SHARE = 0.1  # of thickness and skin: longest untangling shift in an iteration
 
 
