@@ -203,6 +203,7 @@ def test_a_bad_statement_names_what_is_wrong_and_what_there_is(value: object, pl
     ("text", "line"),
     [
         ("weight = -1", "bad.toml: weight: must be a number from 0.001 to 100, not -1"),
+        ("weight = 160", "not 160; it is in kg/m2; weight_gsm takes g/m2"),
         ("wheight = 1", "bad.toml: wheight: unknown key; did you mean weight?"),
         ('base = "dennim"', 'bad.toml: base: unknown fabric "dennim"; did you mean "denim"?'),
         ('base = "absent.toml"', "absent.toml: no such fabric file; check the path"),

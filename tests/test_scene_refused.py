@@ -30,6 +30,11 @@ def refused(source: Any) -> str:
 @pytest.mark.parametrize(
     ("text", "line"),
     [
+        (
+            "fabric = 'silk'\n[garment]\nmesh = 'a.obj'",
+            "unknown key fabric; did you mean garment.fabric? allowed there",
+        ),
+        ("offset_mm = 2", "unknown key garment.offset_mm; did you mean collision.offset_mm? allowed there"),
         ("garment.grain_panels = {left = 400}", "garment.grain_panels.left: must be a number from -360 to 360"),
         ("colour = 1", "unknown key colour; allowed there: name, garment, avatar, collision, solver"),
         (
@@ -173,6 +178,8 @@ def test_two_garments_of_one_name_are_refused() -> None:
         (b"", "scene.toml: is empty; give a scene file in TOML"),
         (b" \n\t\n", "scene.toml: is empty"),
         (b"[garment]\nmesh = \n", "scene.toml:2: not TOML: Invalid value"),
+        (b"[garment]\nmesh = a.obj\n", 'not TOML: Invalid value; write texts in "quotes"'),
+        (b'[garment]\nmesh = "C:\\shirts\\a.obj"\n', "in a string; write paths with /"),
         (b"[garment]\nmesh = 'a.obj", "scene.toml:2: not TOML:"),
         (b"\x89PNG\r\n\x1a\n\x00\x00\xff\xfe", "scene.toml: is not text in UTF-8 (byte 0)"),
         (b"[garment]\0", "scene.toml: is a binary file"),

@@ -221,6 +221,22 @@ def test_a_fabric_of_the_scenes_own_is_offered_and_can_be_gone_back_to(change: d
         page.run()
 
 
+def test_the_innermost_of_several_garments_takes_the_size() -> None:
+    pytest.importorskip("viser")
+    from warp_cloth.view.page import Page
+
+    shirts = [{"shape": {"kind": "tshirt", "size": size, "edge_mm": 60}, "rest": "uv"} for size in "SL"]
+    live = LiveFit({"garment": shirts, "avatar": {"shape": {"kind": "mannequin"}}}, {}, "cpu")
+    page = Page(live, port=0)
+    try:
+        page._ask_size("M")
+        page._turn()
+        assert [garment.shape.size for garment in live.scene.garments] == ["M", "L"]
+    finally:
+        page.stop()
+        page.run()
+
+
 def test_the_page_is_served_on_this_machine_only_and_shows_pictures(page: object) -> None:
     import time
     import urllib.request

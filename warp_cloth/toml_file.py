@@ -16,6 +16,11 @@ else:
 
 LARGEST_FILE = 1_000_000  # [bytes]; these files are written by hand, so that a longer one is something else
 
+MENDED = {  # what the parser says of what is written most often for something else
+    "Invalid value": 'write texts in "quotes", and true or false in small letters',
+    "'\\'": "write paths with /, which every system understands",
+}
+
 
 def read_toml(path: Path, role: str, *, largest: int = LARGEST_FILE) -> dict[str, Any]:
     """The values of a TOML file of at most ``largest`` bytes; ``role`` says in messages what it should have been."""
@@ -26,7 +31,8 @@ def read_toml(path: Path, role: str, *, largest: int = LARGEST_FILE) -> dict[str
         return tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         problem, line = _problem(str(error), text)
-        raise InputError(f"{path}:{line}", f"not TOML: {problem}", f"a {role} is a TOML file") from None
+        remedy = next((way for mark, way in MENDED.items() if mark in problem), f"a {role} is a TOML file")
+        raise InputError(f"{path}:{line}", f"not TOML: {problem}", remedy) from None
     except RecursionError:
         raise InputError(path, "is nested too deeply", f"give a {role} in TOML") from None
     except ValueError as error:  # Python's own, of numbers with thousands of digits

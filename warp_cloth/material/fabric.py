@@ -30,6 +30,18 @@ BOUNDS: Mapping[str, tuple[float, float]] = MappingProxyType(
     }
 )
 
+UNITS: Mapping[str, str] = MappingProxyType(
+    {
+        "weight": "kg/m2; weight_gsm takes g/m2",
+        "stretch_warp": "N/m",
+        "stretch_weft": "N/m",
+        "shear": "N/m",
+        "bending_warp": "N m2",
+        "bending_weft": "N m2",
+        "thickness": "m; thickness_mm takes mm",
+    }
+)
+
 # Bias threads are pulled, too, where the cloth is pulled along warp or weft. Up to this share of the smaller stretch
 # they leave the threads there something to bear.
 LARGEST_SHEAR_SHARE = 0.25
@@ -62,7 +74,8 @@ class Fabric:
             number = isinstance(value, int | float) and not isinstance(value, bool)
             if not number or not low <= value <= high or not math.isfinite(value):
                 other = f', or "{laboratory.EDGES}"' if key == "shear" else ""
-                raise InputError(key, f"must be a number from {low:g} to {high:g}{other}, not {_shown(value)}")
+                problem = f"must be a number from {low:g} to {high:g}{other}, not {_shown(value)}"
+                raise InputError(key, problem, f"it is in {UNITS[key]}" if number and key in UNITS else "")
             object.__setattr__(self, key, float(value))
         for key in ("name", "source"):
             if not isinstance(getattr(self, key), str):

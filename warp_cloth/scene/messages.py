@@ -61,7 +61,7 @@ def scene_error(
     found.sort(key=lambda detail: detail["type"] == "missing")  # a key that is misspelt is missing as well
     first = found[0]
     key, allowed, keys = _look_up(model, first["loc"], many_garments)
-    problem, remedy = _tell(first, key, allowed, keys)
+    problem, remedy = _tell(first, key, allowed, keys, model)
     context = first.get("ctx", {})
     if first["type"].startswith("union_tag"):
         key += ".kind"
@@ -78,14 +78,15 @@ def _follows(detail: ErrorDetails, error: ValidationError) -> bool:
     return detail["type"] == "too_short" and bool(detail["input"]) and error.error_count() > 1
 
 
-def _tell(detail: ErrorDetails, key: str, allowed: str, keys: Sequence[str]) -> tuple[str, str]:
+def _tell(detail: ErrorDetails, key: str, allowed: str, keys: Sequence[str], model: type[BaseModel]) -> tuple[str, str]:
     """Problem and remedy of one pydantic error."""
     kind, value, context = detail["type"], detail["input"], detail.get("ctx", {})
     if kind == "refusal":
         return str(context["problem"]), str(context["remedy"])
     if kind == "extra_forbidden":
         table = key.rpartition(".")[0] + "." * ("." in key)
-        close = nearest(str(detail["loc"][-1]), keys, ask=f"did you mean {table}{{}}?")
+        name = str(detail["loc"][-1])
+        close = nearest(name, keys, ask=f"did you mean {table}{{}}?") or _elsewhere(name, model)
         return f"unknown key {key}", " ".join(filter(None, (close, f"allowed there: {', '.join(keys)}")))
     if kind == "missing":
         return "is missing", f"give {allowed}" if allowed else ""
@@ -99,6 +100,16 @@ def _tell(detail: ErrorDetails, key: str, allowed: str, keys: Sequence[str]) -> 
         return f"must be a table, not {show(value)}", ""
     close = nearest(value, allowed.split('"')[1::2]) if kind == "literal_error" and isinstance(value, str) else ""
     return f"must be {allowed}, not {show(value)}" if allowed else f"{show(value)} is not allowed", close
+
+
+def _elsewhere(name: str, model: type[BaseModel]) -> str:
+    """A question with the tables of a scene that have a key of this name, or nothing."""
+    homes = [
+        f"{table}.{name}"
+        for table, field in _fields(model).items()
+        if any(name in _fields(inner) for inner in _tables(field.annotation))
+    ]
+    return f"did you mean {' or '.join(homes)}?" if homes else ""
 
 
 def _tags(context: Mapping[str, Any]) -> str:

@@ -173,7 +173,7 @@ class Page:
     def _ask_size(self, size: str) -> None:
         held = self._live.body or {}
         with self._lock:
-            self._pending["garment.shape.size"] = size
+            self._pending[f"{self._live.scene.garment_keys[0]}.shape.size"] = size
             for name, value in held.items():
                 self._pending.setdefault(f"avatar.shape.{name}", f"{value:.3f}")
 
