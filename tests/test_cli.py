@@ -330,6 +330,13 @@ def test_kernels_that_cannot_be_kept_are_told_in_a_line(
     assert "Traceback" not in done.stderr
 
 
+def test_a_batch_without_any_result_is_a_failure(tmp_path: Path) -> None:
+    (tmp_path / "jobs.csv").write_text("name,scene\na,nosuch\nb,nosuch\n")
+    done = command("batch", "jobs.csv", "--device", "cpu", "--workers", "1", folder=tmp_path)
+    assert done.returncode == 1
+    assert '2 without result: "nosuch": no such scene file' in done.stdout
+
+
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device that is always full here")
 def test_an_output_that_takes_nothing_more_is_told_in_a_line() -> None:
     with Path("/dev/full").open("w") as full:

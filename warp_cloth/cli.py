@@ -229,7 +229,7 @@ def batch(
             )
     for line in summary(report):
         typer.echo(line)
-    if not report.whole:
+    if not report.whole or set(report.statuses) == {"invalid"}:
         raise typer.Exit(1)
 
 
