@@ -118,18 +118,18 @@ def fit(
     """
     with one_line_errors():
         from warp_cloth.export.formats import check_inputs_kept, chosen_formats
-        from warp_cloth.maps.kinds import chosen_maps
+        from warp_cloth.maps.kinds import chosen_colour, chosen_maps
         from warp_cloth.scene import load_scene
 
         suffixes = chosen_formats(formats)
         wanted = chosen_maps(maps)
-        painted = chosen_maps(colour, place="--colour")[:1]
+        painted = chosen_colour(colour, place="--colour")
         chosen = load_scene(scene, changes or ())
         check_inputs_kept(chosen, out, suffixes)
         with output_folder(out, chosen.name):
             start_warp(verbose)
-            worn = _fit(chosen, device, frames, (*wanted, *painted), start)
-            paths = worn.save(out, colour="".join(painted), formats=suffixes)
+            worn = _fit(chosen, device, frames, (*wanted, painted), start)
+            paths = worn.save(out, colour=painted, formats=suffixes)
     for line in summary(chosen.name, worn.report, paths):
         typer.echo(line)
     if worn.status.value in ("diverged", "invalid"):

@@ -22,7 +22,7 @@ from warp_cloth.dressing import started
 from warp_cloth.errors import InputError
 from warp_cloth.garment.wardrobe import Wardrobe
 from warp_cloth.kept import Kept
-from warp_cloth.maps import FitMaps, chosen_maps, measure_maps
+from warp_cloth.maps import FitMaps, chosen_colour, chosen_maps, measure_maps
 from warp_cloth.maps.measure import check_maps
 from warp_cloth.mesh import Mesh, Points
 from warp_cloth.result import Penetration, Status, Strain, WornGarment
@@ -93,7 +93,7 @@ class Fit:
         from warp_cloth.export.formats import chosen_formats
         from warp_cloth.export.save import save_fit
 
-        painted = "".join(chosen_maps(colour, place="colour")[:1])
+        painted = chosen_colour(colour, place="colour")
         if painted and self.maps is None:
             raise InputError("colour", "the fit has no maps", f'fit with maps="{painted}"')
         return save_fit(self, Path(directory), colour=painted, formats=chosen_formats(formats, place="formats"))

@@ -263,7 +263,7 @@ def _avatar_contact(scene: Scene, wardrobe: Wardrobe, device: str, kept: Kept) -
         device=device,
         reach=DEFAULT_REACH + highest_lift(scene),
         solid=solid,
-        place="avatar" if scene.avatar is None or scene.avatar.mesh is None else str(scene.avatar.mesh),
+        place=scene.avatar.place if scene.avatar is not None else "avatar",
     )
 
 

@@ -103,6 +103,7 @@ def run_avatar_bench(
             friction=0.0,
             error=scene.collision.error_mm * 1e-3,
             device=device,
+            place=scene.avatar.place if scene.avatar is not None else "avatar",
         )
         contact.collider(garment)  # loads the kernels
         began = time.perf_counter()

@@ -72,6 +72,13 @@ def chosen_maps(text: str | Sequence[str], *, place: str = "--maps") -> tuple[st
     return tuple(names)
 
 
+def chosen_colour(text: str, *, place: str) -> str:
+    """The map that paints a stage; empty where none is asked for."""
+    if text.strip() == "all" or len([name for name in text.split(",") if name.strip()]) > 1:
+        raise InputError(place, f'"{text}" names several maps', "choose one, which colours the stage")
+    return next(iter(chosen_maps(text, place=place)), "")
+
+
 def difference_of(kind: MapKind) -> MapKind:
     """The map of a difference between two fits."""
     label = f"difference in {kind.label}"

@@ -212,6 +212,11 @@ class AvatarSpec(Wearable):
             raise refusal("poses are of a mesh file, but a shape is given", "leave them out", below="poses")
         return self
 
+    @property
+    def place(self) -> str:
+        """Where its mesh comes from, for messages: the file, or the scene key."""
+        return "avatar" if self.mesh is None else str(self.mesh)
+
 
 class CollisionSpec(Table):
     """What the cloth may not pass through, and how that is found."""
