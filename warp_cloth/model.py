@@ -47,6 +47,7 @@ class ClothModel:
     hinges: Any | None  # kernels.cloth Hinges
     weave: Any | None  # kernels.cloth Weave
     patches: Patches | None  # where forces are gathered patch by patch
+    garments: tuple[Elements, ...]  # the elements of each, as the host has them
 
     @property
     def vertex_count(self) -> int:
@@ -160,6 +161,7 @@ def build_model(
         hinges=hinges,
         weave=weave,
         patches=patches,
+        garments=tuple(garments_elements),
     )
 
 

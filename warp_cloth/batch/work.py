@@ -93,6 +93,8 @@ class _Worker:
                 scenes.append((item, scene))
         if self._shelf is not None:  # while this process starts Warp and its device
             self._shelf.begin([scene for _, scene in scenes], patches=self._task.device != "cpu")
+        import warp_cloth.batch.many  # noqa: F401, while the driver begins with the device: Warp would wait for that
+
         start_warp()
         if not device_answers(self._task.device):
             raise DeviceLostError(f"{self._task.device} does not answer")

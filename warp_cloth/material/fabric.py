@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import functools
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
@@ -123,15 +124,21 @@ def generic_fabric() -> Fabric:
 
 def fabric_named(name: str) -> Fabric:
     """A shipped fabric."""
-    if name == "default":
-        return generic_fabric()
-    shipped = _shipped_files()
-    if name in shipped:
-        return load_fabric(shipped[name])
-    names = ["default", *shipped]
+    found = _shipped(name)
+    if found is not None:
+        return found
+    names = ["default", *_shipped_files()]
     close = difflib.get_close_matches(name.lower(), names, n=1, cutoff=0.6)
     hint = f'did you mean "{close[0]}"? ' if close else ""
     raise InputError("", f"unknown fabric {_shown(name)}", f"{hint}there are {', '.join(names)}, or name a .toml file")
+
+
+@functools.cache  # a batch names the same few a thousand times
+def _shipped(name: str) -> Fabric | None:
+    if name == "default":
+        return generic_fabric()
+    path = _shipped_files().get(name)
+    return None if path is None else load_fabric(path)
 
 
 def _shipped_files() -> dict[str, Path]:

@@ -13,8 +13,10 @@ from warp_cloth.kernels.cloth import cloth_types
 from warp_cloth.kernels.leeway import leeway_kernels
 from warp_cloth.kernels.leeway_eight import eight_leeway_kernels
 from warp_cloth.kernels.scatter_eight import eight_edges_kernel
+from warp_cloth.mesh import Indices
 from warp_cloth.model import ClothModel
 from warp_cloth.solver.forces import NormalsPass, pass_size, takes_eight
+from warp_cloth.threads import end_to_end, map_in_threads
 from warp_cloth.topology import ragged_rows
 
 
@@ -62,17 +64,25 @@ class _Gathered:
         self._bound = wp.empty(edges, dtype=types.real, device=model.device)
         self._rows = types.Rows()
         if terms.edges:
-            start, order = self._rows_of(model.edges.ends.numpy())
+            start, order = self._rows_of([garment.ends for garment in model.garments])
             self._rows.edge_start, self._rows.edge = self._uploaded(start), self._uploaded(order // 2)
         if terms.folds or terms.threads:
-            start, order = self._rows_of(model.triangles.corners.numpy())
+            start, order = self._rows_of([garment.corners for garment in model.garments])
             self._rows.triangle_start, self._rows.triangle = self._uploaded(start), self._uploaded(order)
 
-    def _rows_of(self, vertices: NDArray[np.int32]) -> tuple[NDArray[Any], NDArray[Any]]:
-        return ragged_rows(vertices.ravel(), self._model.vertex_count)
+    def _rows_of(self, tables: Sequence[Indices]) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+        """Where each vertex's entries start, and the entries, of the garments' tables end to end."""
+        counts = np.diff(self._model.vertex_start).tolist()
+        distinct = {id(table): (table.ravel(), count) for table, count in zip(tables, counts, strict=True)}
+        sorted_once = dict(zip(distinct, map_in_threads(lambda own: ragged_rows(*own), distinct.values()), strict=True))
+        starts, orders = zip(*(sorted_once[id(table)] for table in tables), strict=True)
+        first = np.cumsum([0, *(len(order) for order in orders)])
+        start = end_to_end([own[:-1] for own in starts], first.tolist())
+        order = end_to_end([own.astype(np.int32) for own in orders], first.tolist())
+        return np.append(start, first[-1].astype(np.int32)), order
 
-    def _uploaded(self, numbers: NDArray[Any]) -> wp.array:
-        return wp.array(numbers.astype(np.int32), dtype=wp.int32, device=self._model.device)
+    def _uploaded(self, numbers: NDArray[np.int32]) -> wp.array:
+        return wp.array(numbers, dtype=wp.int32, device=self._model.device)
 
     def kernels(self) -> list[wp.Kernel]:
         folds = [self._normals.kernel, self._kernels.bound_folds] if self._normals is not None else []
