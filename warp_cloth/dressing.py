@@ -69,14 +69,19 @@ def start_dressed(made: SetUp, dressing: Dressing) -> list[tuple[LevelRun, ...]]
     if dressing.made is not None:
         _dress(dressing.made, dressing)
     runs: list[tuple[LevelRun, ...]] = []
+    there: dict[_Dressed, tuple[Any, Points, Points]] = {}  # on the device, and its box [m]: once for all fabrics
     for item, (of, *more) in enumerate(dressing.asked):
         dressed = dressing.kept.once("dressed", of, _absent, *more)
         runs.append((dressed.run,))
-        if dressed.points is None:
+        points = dressed.points
+        if points is None:
             continue
-        made.model.set_points(dressed.points, item)
-        if not made.contacts[item].covers(dressed.points):
-            made.relaxation.meet(item, made.contacts[item].collider(dressed.points))
+        if dressed not in there:
+            there[dressed] = made.model.put_there(points), points.min(axis=0), points.max(axis=0)
+        lying, low, high = there[dressed]
+        made.model.set_points(lying, item)
+        if not made.contacts[item].covers_box(low, high):
+            made.relaxation.meet(item, made.contacts[item].collider(points))
     return runs
 
 

@@ -77,11 +77,15 @@ class ClothModel:
         position = self.cloth.position if item is None else self.cloth.position[self.of_item(item)]
         return np.array(position.numpy(), dtype=np.float64)
 
-    def set_points(self, points: Points, item: int = 0) -> None:
+    def put_there(self, points: Points) -> wp.array:
+        """Positions [m], shape [V, 3], on the device, as ``set_points`` takes them for several items."""
+        return wp.array(points, dtype=cloth_types(self.precision).point, device=self.device)
+
+    def set_points(self, points: Points | wp.array, item: int = 0) -> None:
         """Moves an item's vertices to these positions [m], shape [V, 3], and forgets their momentum."""
-        types = cloth_types(self.precision)
         part = self.of_item(item)
-        self.cloth.position[part].assign(wp.array(points, dtype=types.point, device=self.device))
+        there = points if isinstance(points, wp.array) else self.put_there(points)
+        wp.copy(self.cloth.position[part], there)
         self.cloth.move[part].zero_()
         self.look_again(item)
 

@@ -77,7 +77,7 @@ def _may_meet(scene: Scene, wardrobe: Wardrobe) -> bool:
     boxes = [wardrobe.avatar.bounds(), *((pose.min(axis=0), pose.max(axis=0)) for pose in wardrobe.poses)]
     low, high = np.min([box[0] for box in boxes], axis=0), np.max([box[1] for box in boxes], axis=0)
     for part in wardrobe.parts:
-        apart = (part.points.min(axis=0) > high + gap) | (part.points.max(axis=0) < low - gap)
+        apart = (part.box[0] > high + gap) | (part.box[1] < low - gap)
         box = reach_box(part) if apart.any() else None
         if box is None or not ((box[0] > high + gap) | (box[1] < low - gap)).any():
             return True

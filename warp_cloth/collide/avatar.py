@@ -258,8 +258,12 @@ class AvatarContact:
 
     def covers(self, points: Points) -> bool:
         """Whether the collider still answers wherever garments at these positions [m] may touch the avatar."""
+        return self.covers_box(points.min(axis=0), points.max(axis=0))
+
+    def covers_box(self, low: Points, high: Points) -> bool:
+        """Likewise, of garments within a box [m]."""
         lower, upper = self.room()
-        return bool((points.min(axis=0) >= lower).all() and (points.max(axis=0) <= upper).all())
+        return bool((low >= lower).all() and (high <= upper).all())
 
     def room(self) -> tuple[Points, Points]:
         """The box [m] that garments may not leave without a new collider; infinite where they may."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 from warp_cloth.garment.rest import RestShape
 from warp_cloth.kernels.limits import Terms
@@ -18,6 +19,11 @@ class GarmentPart:
     triangles: Indices  # shape [F, 3]
     rest: RestShape
     pins: Indices  # pinned vertices
+
+    @cached_property
+    def box(self) -> tuple[Points, Points]:
+        """Lowest and highest corner of where it starts [m], each shape [3]; asked for several times in a batch."""
+        return self.points.min(axis=0), self.points.max(axis=0)
 
 
 def terms_of(parts: Sequence[GarmentPart]) -> Terms:
