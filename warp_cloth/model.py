@@ -11,7 +11,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from warp_cloth.garment.elements import Elements, elements_of, garment_elements, joined_elements
+from warp_cloth.garment.elements import Elements, elements_of, garment_elements, joined_elements, winding_of
 from warp_cloth.garment.part import GarmentPart, terms_of
 from warp_cloth.garment.rest import RestShape
 from warp_cloth.kept import Kept
@@ -131,7 +131,9 @@ def build_model(
     vertex_start = _starts([len(part.points) for part in parts])
     rests = [part.rest for part in parts]
     kept = kept or Kept()
-    garments_elements = kept.each("elements", [(part.triangles, part.rest) for part in parts], garment_elements)
+    wound = kept.each("winding", [(part.triangles, part.rest.topology) for part in parts], winding_of)
+    asked = [(part.triangles, part.rest, winding) for part, winding in zip(parts, wound, strict=True)]
+    garments_elements = kept.each("elements", asked, garment_elements)
     real = wp.dtype_to_numpy(types.real)
     given = kept.each("given", [(each,) for each in garments_elements], partial(elements_of, real=real), precision)
     elements = joined_elements(given, vertex_start)

@@ -6,10 +6,12 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from warp_cloth.garment.rest import Floats, RestShape
 from warp_cloth.mesh import Indices
 from warp_cloth.threads import end_to_end
+from warp_cloth.topology import Topology
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,14 +29,22 @@ class Elements:
     threads: Floats  # their law, shape [F, 4]
 
 
-def garment_elements(triangles: Indices, rest: RestShape) -> Elements:
-    """A garment's edges and triangles."""
-    topology = rest.topology
+@dataclass(frozen=True, eq=False)
+class Winding:
+    """How a garment's triangles and hinges lie to one another: the same in every fabric whose hinges are all stiff."""
+
+    ends: Indices  # as of Elements,
+    beside: Indices
+    edges: Indices
+    hinge_edge: Indices  # edges of the hinges that are stiff
+    sign: Floats  # -1 where both triangles run along that edge (one-sided cloth), else 1
+
+
+def winding_of(triangles: Indices, topology: Topology, stiff: NDArray[np.bool_] | slice = slice(None)) -> Winding:
+    """That of a garment whose ``stiff`` hinges count."""
     ends = topology.edges.copy()
     beside = np.zeros((len(ends), 2), dtype=np.int32)
-    fold = np.zeros(len(ends))
     edges = topology.triangle_edges[:, [1, 2, 0]]
-    stiff = rest.hinge_stiffness > 0.0
     edge, axis = topology.hinge_edges[stiff], topology.hinges[stiff, :2]
     ends[edge] = axis  # as its first triangle is wound
     beside[edge] = topology.hinge_triangles[stiff]
@@ -42,19 +52,29 @@ def garment_elements(triangles: Indices, rest: RestShape) -> Elements:
     starts = np.roll(triangles, -1, axis=1)
     second = topology.hinge_triangles[stiff, 1]
     there = edges[second] == edge[:, None]
-    alike = (there & (starts[second] == axis[:, :1])).any(axis=1)  # one-sided cloth
-    fold[edge] = np.where(alike, -1.0, 1.0) * rest.hinge_stiffness[stiff]
-    turn = np.zeros(len(ends))
-    turn[edge] = rest.fold_angle[stiff]
+    alike = (there & (starts[second] == axis[:, :1])).any(axis=1)
     counted = edges.copy()
     rows, columns = np.nonzero(there & alike[:, None])
     counted[second[rows], columns] = -1 - edges[second[rows], columns]
+    return Winding(ends, beside, counted, edge, np.where(alike, -1.0, 1.0))
+
+
+def garment_elements(triangles: Indices, rest: RestShape, winding: Winding | None = None) -> Elements:
+    """A garment's edges and triangles; ``winding`` is that of all its hinges, where it is known."""
+    stiff = rest.hinge_stiffness > 0.0
+    if winding is None or not stiff.all():
+        winding = winding_of(triangles, rest.topology, stiff)
+    count, edge = len(winding.ends), winding.hinge_edge
+    fold, angles = np.zeros(count), np.zeros((count, 2))
+    fold[edge] = winding.sign * rest.hinge_stiffness[stiff]
+    angles[:, 0] = 1.0
+    if rest.hinge_angle is not None:
+        angles[edge, 0], angles[edge, 1] = np.cos(rest.hinge_angle[stiff]), np.sin(rest.hinge_angle[stiff])
     slope, threads = (np.zeros((len(triangles), 4)) for _ in range(2))
     if rest.weave is not None:
         slope[rest.weave.triangles], threads[rest.weave.triangles] = rest.weave.slope, rest.weave.law
     law = np.stack([rest.edge_length, rest.edge_pull, rest.edge_push], axis=1)
-    angles = np.stack([np.cos(turn), np.sin(turn)], axis=1)
-    return Elements(ends, law, beside, fold, angles, triangles, counted, slope, threads)
+    return Elements(winding.ends, law, winding.beside, fold, angles, triangles, winding.edges, slope, threads)
 
 
 def elements_of(elements: Elements, real: type[np.floating[Any]]) -> Elements:
