@@ -200,7 +200,8 @@ def _hinges(
     types: Any, upload: Any, rests: Sequence[RestShape], vertex_start: tuple[int, ...], angles: bool, kept: Kept
 ) -> tuple[Any | None, int]:
     """Hinges of all garments that are stiff, and their number."""
-    each = kept.each("hinges", [(rest,) for rest in rests], partial(_stiff_hinges, types=types), types.name)
+    make = partial(_stiff_hinges, types=types, angles=angles)
+    each = kept.each("hinges", [(rest,) for rest in rests], make, types.name, angles)
     count = sum(len(stiffness) for _, stiffness, _ in each)
     if not count:
         return None, 0
@@ -213,13 +214,17 @@ def _hinges(
     return hinges, count
 
 
-def _stiff_hinges(rest: RestShape, types: Any) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
-    """Corners, stiffness, and cosine and sine of the rest angle of a garment's hinges that are stiff."""
-    real = wp.dtype_to_numpy(types.real)
-    used = rest.hinge_stiffness > 0.0
-    angle = rest.fold_angle[used]
-    turns = np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    return rest.topology.hinges[used], rest.hinge_stiffness[used].astype(real), turns.astype(real)
+def _stiff_hinges(rest: RestShape, types: Any, angles: bool) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any] | None]:
+    """Corners and stiffness of a garment's hinges that are stiff; with ``angles`` cosine and sine of those at rest."""
+    real, used = wp.dtype_to_numpy(types.real), rest.hinge_stiffness > 0.0
+    corners, stiffness = rest.topology.hinges, rest.hinge_stiffness
+    if not used.all():
+        corners, stiffness = corners[used], stiffness[used]
+    turns = None
+    if angles:
+        angle = rest.fold_angle[used]
+        turns = np.stack([np.cos(angle), np.sin(angle)], axis=1).astype(real)
+    return corners, stiffness.astype(real), turns
 
 
 def _weave(
