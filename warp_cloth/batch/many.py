@@ -13,7 +13,7 @@ import warp as wp
 
 from warp_cloth.batch.ahead import load_kernels
 from warp_cloth.batch.loading import Shelf
-from warp_cloth.batch.memory import Need, available_bytes, cut_to_fit, need_of
+from warp_cloth.batch.memory import Need, available_bytes, cut_to_fit, need_of, side_by_side
 from warp_cloth.batch.turns import Turn
 from warp_cloth.device import device_named
 from warp_cloth.dressing import set_up_dressing, start_dressed
@@ -88,8 +88,9 @@ def fit_many(
 
     for numbers in groups.values():
         needs = _needs([chosen[n] for n in numbers], [loaded[n] for n in numbers], gpu)
-        for piece in cut_to_fit(needs, limit, most):
-            _halving([numbers[at] for at in piece], run, results)
+        order = side_by_side(needs)
+        for piece in cut_to_fit([needs[at] for at in order], limit, most):
+            _halving([numbers[order[at]] for at in piece], run, results)
     return [results[number] for number in range(len(scenes))]
 
 

@@ -81,6 +81,12 @@ def available_bytes(device: str, share: float = 1.0) -> int:
     return int(CPU_SHARE * os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"))
 
 
+def side_by_side(needs: Sequence[Need]) -> list[int]:
+    """An order in which scenes that meet their avatar alike follow one another: a GPU's cache holds few fields."""
+    ranks: dict[Hashable, int] = {}
+    return sorted(range(len(needs)), key=lambda at: ranks.setdefault(needs[at].key, len(ranks)))
+
+
 def cut_to_fit(needs: Sequence[Need], budget: int, most: int) -> list[range]:
     """Consecutive items that together stay within the budget [bytes], ``most`` of them at most.
 
