@@ -175,6 +175,7 @@ class Store:
     def get_ready(self) -> None:
         """Imports what tables are put together with, while others work."""
         _arrow()
+        import pyarrow.compute  # noqa: F401, by which rows are put in order
 
     def check_batch(self, items: Sequence[Item]) -> None:
         """Looks whether the folder is free, or holds some of these items, as they are or as they were.
@@ -234,7 +235,7 @@ class Store:
         if not path.exists():
             return None
         try:
-            table = _arrow().parquet.read_table(path)
+            table = _arrow().parquet.ParquetFile(path).read()  # read_table imports what reads many files
             marks = {key.decode(): value.decode() for key, value in (table.schema.metadata or {}).items()}
             inputs = json.loads(marks.get("inputs", ""))
         except (OSError, ValueError, _arrow().ArrowException):  # damaged
