@@ -15,7 +15,7 @@ from warp_cloth import set_up
 from warp_cloth.batch import many
 from warp_cloth.batch.loading import Shelf
 from warp_cloth.batch.many import fit_many
-from warp_cloth.batch.memory import Need, cut_to_fit, need_of
+from warp_cloth.batch.memory import Need, cut_to_fit, need_of, side_by_side
 from warp_cloth.collide.avatar import AvatarContact
 from warp_cloth.collide.exact import penetration, penetrations
 from warp_cloth.collide.garments import worn_crossings
@@ -191,6 +191,7 @@ def test_pieces_stay_within_the_budget_and_hold_every_item_once() -> None:
     assert [list(piece) for piece in pieces] == [[0, 1], [2], [3], [4, 5], [6]]
     on_two_bodies = [Need(20, 50, body) for body in "AAABBA"]
     assert [list(piece) for piece in cut_to_fit(on_two_bodies, 100, most=9)] == [[0, 1], [2], [3, 4], [5]]
+    assert side_by_side(on_two_bodies) == [0, 1, 2, 5, 3, 4]
     while_built = [Need(30, 0, None), Need(30, 0, None, passing=50), Need(30, 0, None, passing=20), Need(30, 0, None)]
     assert [list(piece) for piece in cut_to_fit(while_built, 110, most=9)] == [[0, 1], [2, 3]]
     assert cut_to_fit([], 100, most=2) == []
