@@ -45,6 +45,12 @@ def avatar_asked(item: Item) -> tuple[str, ...]:
     return item.scene, *sorted(change for change in item.changes if change.startswith(AVATAR_KEYS))
 
 
+def garments_asked(item: Item) -> tuple[str, ...]:
+    """What an item says of its garments' meshes, likewise."""
+    asked = (change for change in item.changes if change.startswith("garment"))
+    return tuple(sorted(change for change in asked if "fabric" not in change.partition("=")[0].split(".")))
+
+
 def read_jobs(path: str | Path) -> list[Item]:
     """The items of a job file, in its order.
 

@@ -41,7 +41,7 @@ log = logging.getLogger(__name__)
 
 WORTH = 8  # things to make that helpers are started for: that takes as long as making a few
 NICER = 4  # steps of priority from the first worker's helpers to those who fit,
-RANKED = 2  # and from each worker's helpers to the next one's
+RANKED = 5  # and from each worker's helpers to the next one's, whose garments wait for the first one's anyway
 ARENA = 1 << 32  # [bytes] that a worker shares with its helpers at most: rest shapes of MOST_KEPT vertices
 MOST_KEPT = 4_000_000  # vertices of the meshes that a shelf keeps from task to task; with rest shapes about 4 GB
 

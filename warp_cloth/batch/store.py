@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from warp_cloth.batch.jobs import Item, avatar_asked
+from warp_cloth.batch.jobs import Item, avatar_asked, garments_asked
 from warp_cloth.batch.rows import COLUMNS, FAILED, FIGURES, WHOLE_NUMBERS, ItemResult, empty_row
 from warp_cloth.errors import InputError
 from warp_cloth.export.files import unwritable, whole_file
@@ -66,8 +66,9 @@ class Shard:
 def cut(items: Sequence[Item], size: int) -> list[Shard]:
     """``size`` items to a shard, or somewhat more; those that meet the same avatar follow one another.
 
-    So a shard needs few avatars, and its worker begins when these are there. Of large shards the first and the last are
-    halved: what has to be done before a GPU begins, and after it has ended, nothing else hides.
+    So a shard needs few avatars, and its worker begins when these are there; of these it has some of the garments in
+    all their fabrics. Of large shards the first and the last are halved: what has to be done before a GPU begins, and
+    after it has ended, nothing else hides.
     """
     alike: dict[tuple[str, ...], list[int]] = {}
     most = int(MORE * size)
@@ -75,6 +76,7 @@ def cut(items: Sequence[Item], size: int) -> list[Shard]:
         alike.setdefault(avatar_asked(item), []).append(place)
     shards: list[list[int]] = []
     for places in alike.values():
+        places[:] = _by_garment(items, places)
         step = -(-len(places) // -(-len(places) // most))
         for first in range(0, len(places), step):
             some = places[first : first + step]
@@ -87,6 +89,18 @@ def cut(items: Sequence[Item], size: int) -> list[Shard]:
             half = -(-len(shards[at]) // 2)
             shards[at : at + 1] = [shards[at][:half], shards[at][half:]]
     return [Shard(number, tuple(items[at] for at in some), tuple(some)) for number, some in enumerate(shards)]
+
+
+def _by_garment(items: Sequence[Item], places: Sequence[int]) -> list[int]:
+    """Places of items, those of the same garment after one another, and every other garment first.
+
+    So a half of them has no more work than the other: jobs list garments by their size.
+    """
+    alike: dict[tuple[str, ...], list[int]] = {}
+    for place in places:
+        alike.setdefault(garments_asked(items[place]), []).append(place)
+    each = list(alike.values())
+    return [place for some in (*each[::2], *each[1::2]) for place in some]
 
 
 def _file_digest(path: str) -> str:
