@@ -109,7 +109,8 @@ def run_batch(
         with store.held():
             store.check_batch(items)
             size = store.shard_size(shard or _shard_size(len(items), pool.devices), shard is not None)
-            return _Drive(store, cut(items, size), pool, progress or (lambda _: None), began).run()
+            with store.common() as common:
+                return _Drive(store, cut(items, size), pool, progress or (lambda _: None), began, common).run()
     finally:
         pool.close()
 
@@ -160,9 +161,15 @@ class _Drive:
     """Has the shards of one batch done."""
 
     def __init__(
-        self, store: Store, shards: list[Shard], pool: Pool, tell: Callable[[Standing], None], began: float
+        self,
+        store: Store,
+        shards: list[Shard],
+        pool: Pool,
+        tell: Callable[[Standing], None],
+        began: float,
+        common: Path | None = None,
     ) -> None:
-        self._store, self._shards, self._pool, self._tell = store, shards, pool, tell
+        self._store, self._shards, self._pool, self._tell, self._common = store, shards, pool, tell, common
         self._began = began
         self._tries: collections.Counter[tuple[int, str]] = collections.Counter()
         self._parts: dict[int, dict[str, ItemResult]] = {}  # of shards that are done item by item
@@ -176,7 +183,7 @@ class _Drive:
         self._before = self._done = items - sum(len(shard.items) for shard in left)
         self._report()
         for shard in left:
-            self._pool.submit(Task(self._store, shard, ""))
+            self._pool.submit(Task(self._store, shard, "", common=self._common))
         threading.Thread(target=self._store.get_ready, daemon=True).start()
         for came in self._pool.finished():
             if isinstance(came, Lost):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import hashlib
 import logging
 import multiprocessing
 import os
@@ -12,9 +13,11 @@ from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, field
 from functools import partial
-from typing import Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from warp_cloth.batch.arena import Arena, Parcel
+from warp_cloth.batch.common import keep_in, kept_in
 from warp_cloth.batch.lifeline import begin_alone
 from warp_cloth.batch.processes import context, get_ready
 from warp_cloth.garment.elements import garment_elements
@@ -36,6 +39,9 @@ from warp_cloth.mesh import Indices, Mesh
 from warp_cloth.patches.cutting import garment_patches, takes_pairs
 from warp_cloth.scene import Scene
 from warp_cloth.scene.dressing import dressing_of
+
+if TYPE_CHECKING:
+    from warp_cloth.material.fabric import Fabric
 
 log = logging.getLogger(__name__)
 
@@ -82,6 +88,7 @@ class _Wanted:
     like: Hashable  # what has the same constants
     given: tuple[Scene, int, dict[Key, Any], Any]  # its scene and number there, what is known of it, its mesh as sent
     patches: bool  # whether to cut them, too
+    common: Path | None  # the file by which other workers have its constants, too
 
 
 class Shelf:
@@ -93,9 +100,9 @@ class Shelf:
         self.rack, self.kept = Rack(), Kept()
         self.fresh = True  # whether its process has fitted nothing yet
 
-    def begin(self, scenes: Sequence[Scene], *, patches: bool) -> None:
+    def begin(self, scenes: Sequence[Scene], *, patches: bool, common: Path | None = None) -> None:
         """Has its loaders begin with what scenes need, as of Loaders."""
-        self.loaders.begin(self.rack, scenes, patches=patches)
+        self.loaders.begin(self.rack, scenes, patches=patches, common=common)
 
     def tidied(self) -> Shelf:
         """The shelf, emptied where it holds too much."""
@@ -162,13 +169,18 @@ class Loaders:
             log.warning("helpers that load are gone: %s", self._broken)
             self._count, self._pool, self._broken = 0, None, None
 
-    def begin(self, rack: Rack, scenes: Sequence[Scene], *, patches: bool) -> threading.Thread:
-        """Has helpers begin with what ``fill`` of the same scenes then waits for."""
-        self._beginning = threading.Thread(target=self._ask, args=(rack, scenes, patches), daemon=True)
+    def begin(
+        self, rack: Rack, scenes: Sequence[Scene], *, patches: bool, common: Path | None = None
+    ) -> threading.Thread:
+        """Has helpers begin with what ``fill`` of the same scenes then waits for.
+
+        ``common`` is a folder in which constants of garments are kept for other workers' helpers, and found.
+        """
+        self._beginning = threading.Thread(target=self._ask, args=(rack, scenes, patches, common), daemon=True)
         self._beginning.start()
         return self._beginning
 
-    def _ask(self, rack: Rack, scenes: Sequence[Scene], patches: bool) -> None:
+    def _ask(self, rack: Rack, scenes: Sequence[Scene], patches: bool, common: Path | None) -> None:
         """Asks helpers for what the rack has not, each thing once."""
         if not self._count:
             return
@@ -195,7 +207,7 @@ class Loaders:
         if not orders or (self._pool is None and sum(order.count for order in orders.values()) < WORTH):
             return
         for bundle in bundles(list(orders.values()), self._count):
-            self._submit(_meshes, bundle, then=partial(self._dress, bundle))
+            self._submit(_meshes, bundle, then=partial(self._dress, bundle, common))
 
     def close(self) -> None:
         if self._pool is not None:
@@ -227,7 +239,7 @@ class Loaders:
             self._open -= 1
             self._changed.notify_all()
 
-    def _dress(self, bundle: Sequence[Order], found: Sequence[Any]) -> None:
+    def _dress(self, bundle: Sequence[Order], common: Path | None, found: Sequence[Any]) -> None:
         """Goes on from meshes to rest shapes; one that is woven, and one that is not, cut the patches for all such.
 
         The same panels on several bodies have the same constants, which are worked out once.
@@ -245,7 +257,8 @@ class Loaders:
                 patches = order.patches and spec.fabric.woven not in cut
                 cut.add(spec.fabric.woven)
                 like = (digest, spec.fabric) if not spec.pin else key
-                wanted = _Wanted(key, geometry, like, (scene, index, order.known, sent), patches)
+                file = None if common is None or spec.pin else common / _named(digest, spec.fabric)
+                wanted = _Wanted(key, geometry, like, (scene, index, order.known, sent), patches, file)
                 with self._changed:
                     there, waiting = self._constants.get(like), self._waiting.get(like)
                     if there is None and waiting is not None:
@@ -256,7 +269,7 @@ class Loaders:
                 if there is not None:
                     self._share(wanted, *there)
                 else:
-                    self._submit(_dressed, *wanted.given, patches, then=partial(self._take, wanted))
+                    self._submit(_dressed, *wanted.given, patches, file, then=partial(self._take, wanted))
 
     def _take(self, wanted: _Wanted, found: Any) -> None:
         """Keeps a garment's rest shape, in the geometry that all its fabrics have; others may be waiting for it."""
@@ -282,6 +295,11 @@ class Loaders:
         if self._pool is None:
             self._pool = ProcessPoolExecutor(self._count, context(), initializer=begin_alone)
         return self._pool
+
+
+def _named(digest: bytes, fabric: Fabric) -> str:
+    """A file's name for the constants of panels of this fingerprint in a fabric."""
+    return hashlib.sha256(digest + repr(fabric).encode()).hexdigest()
 
 
 def _begin(arena: Arena | None, nicer: int) -> None:
@@ -329,16 +347,26 @@ def _meshes(orders: Sequence[Order]) -> list[Any]:
     return found
 
 
-def _dressed(scene: Scene, index: int, known: dict[Key, Any], made: Any, patches: bool) -> Any:
+def _dressed(scene: Scene, index: int, known: dict[Key, Any], made: Any, patches: bool, common: Path | None) -> Any:
     """A garment's constants in its fabric and its pins, and patches as a model of many garments asks for them.
 
-    ``made`` is what ``_meshes`` sent of it. Returns Dressed, as it is sent.
+    ``made`` is what ``_meshes`` sent of it, ``common`` the file that has the constants, or gets them. Returns Dressed,
+    as it is sent.
     """
     rack = Rack()
     rack.put({**known, **_taken(made, _arena)})
-    rest, pins = rest_of(scene, index, rack)
-    mesh, _ = geometry_of(scene, index, rack)
-    dressed: Dressed = own_constants(rest), pins, _patches_of(scene, mesh, rest, pins) if patches else {}
+    own = None if common is None else kept_in(common)
+    if own is None:
+        rest, pins = rest_of(scene, index, rack)
+        own = own_constants(rest), pins
+        if common is not None:
+            keep_in(common, own)
+    constants, pins = own
+    cut: dict[Hashable, Any] = {}
+    if patches:
+        mesh, geometry = geometry_of(scene, index, rack)
+        cut = _patches_of(scene, mesh, in_geometry(constants, geometry), pins)
+    dressed: Dressed = constants, pins, cut
     return _sent(dressed)
 
 

@@ -88,7 +88,7 @@ class _Slot:
     """One place where a worker works, the task that it has, its device and its share of that, its helpers and rank."""
 
     def __init__(self, device: str, share: float, helpers: int, rank: int) -> None:
-        self.device, self.share, self._helpers, self.rank = device, share, helpers, rank
+        self.device, self.share, self.helpers, self.rank = device, share, helpers, rank
         self.task: Task | None = None
         self.had: Task | None = None  # the last one, whose meshes the worker has
         self.losses = 0  # of the device, one after another
@@ -99,7 +99,7 @@ class _Slot:
         starting = context()
         self.connection, theirs = starting.Pipe()
         # no daemon, as these may have no helpers; it ends with this process all the same
-        self.process = starting.Process(target=_serve, args=(theirs, self.device, self._helpers, self.rank))
+        self.process = starting.Process(target=_serve, args=(theirs, self.device, self.helpers, self.rank))
         self.process.start()
         self.had = None
         theirs.close()
@@ -263,7 +263,8 @@ class LocalPool:
         at = best_shared([task.shard.asks for task in self._waiting[:LOOKED_AT]], own, others)
         task = self._waiting.pop(at)
         turn = task.store.turn_file(slot.device) if slot.share < 1.0 and slot.device != "cpu" else None
-        return replace(task, device=slot.device, share=slot.share, turn=turn)
+        common = task.common if slot.helpers and len(self._slots) > 1 else None
+        return replace(task, device=slot.device, share=slot.share, turn=turn, common=common)
 
     def close(self) -> None:
         for slot in self._slots:

@@ -16,6 +16,7 @@ import hashlib
 import json
 import os
 import shutil
+import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -156,6 +157,19 @@ class Store:
     def stages(self) -> Path:
         return self.folder / "stages"
 
+    @contextlib.contextmanager
+    def common(self) -> Iterator[Path | None]:
+        """A folder by which this batch's workers share what they work out, while it runs; None where none can be."""
+        try:
+            place = tempfile.mkdtemp(prefix=".common-", dir=self.folder)  # which nobody else may write
+        except OSError:
+            yield None
+            return
+        try:
+            yield Path(place)
+        finally:
+            shutil.rmtree(place, ignore_errors=True)
+
     def turn_file(self, device: str) -> Path:
         """The file by which this batch's workers take turns on a device."""
         return self.folder / f".turn_{device.replace(':', '')}"
@@ -169,7 +183,7 @@ class Store:
         try:
             for place in (self.folder, self.shards, *((self.stages,) if self.keep == "stages" else ())):
                 place.mkdir(parents=True, exist_ok=True)
-                for left in place.glob(".*-*"):  # of whole_file
+                for left in place.glob(".*-*"):  # of whole_file, and of ``common``
                     shutil.rmtree(left, ignore_errors=True)
         except (OSError, ValueError) as error:
             raise unwritable(self.folder, error) from error

@@ -36,6 +36,7 @@ class Task:
     write: bool = True  # whether the worker writes the shard's file; otherwise its results go back to the asker
     share: float = 1.0  # of a GPU's memory, where other workers use it, too
     turn: Path | None = None  # by which they take turns there, as of fit_many
+    common: Path | None = None  # the folder by which their helpers share what they work out
 
 
 @dataclass(frozen=True)
@@ -92,7 +93,8 @@ class _Worker:
             else:
                 scenes.append((item, scene))
         if self._shelf is not None:  # while this process starts Warp and its device
-            self._shelf.begin([scene for _, scene in scenes], patches=self._task.device != "cpu")
+            patches, common = self._task.device != "cpu", self._task.common
+            self._shelf.begin([scene for _, scene in scenes], patches=patches, common=common)
         import warp_cloth.batch.many  # noqa: F401, while the driver begins with the device: Warp would wait for that
 
         start_warp()
