@@ -67,9 +67,9 @@ class Shard:
 def cut(items: Sequence[Item], size: int) -> list[Shard]:
     """``size`` items to a shard, or somewhat more; those that meet the same avatar follow one another.
 
-    So a shard needs few avatars, and its worker begins when these are there; of these it has some of the garments in
-    all their fabrics. Of large shards the first and the last are halved: what has to be done before a GPU begins, and
-    after it has ended, nothing else hides.
+    So a shard needs few avatars, and its worker begins when these are there. Large shards have some garments in all
+    their fabrics rather than all in some. Of them the first and the last are halved: what has to be done before a GPU
+    begins, and after it has ended, nothing else hides.
     """
     alike: dict[tuple[str, ...], list[int]] = {}
     most = int(MORE * size)
@@ -77,8 +77,8 @@ def cut(items: Sequence[Item], size: int) -> list[Shard]:
         alike.setdefault(avatar_asked(item), []).append(place)
     shards: list[list[int]] = []
     for places in alike.values():
-        places[:] = _by_garment(items, places)
         step = -(-len(places) // -(-len(places) // most))
+        places = _by_garment(items, places) if step >= LARGE else places
         for first in range(0, len(places), step):
             some = places[first : first + step]
             if shards and len(shards[-1]) + len(some) <= size:
