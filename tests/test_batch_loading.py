@@ -6,12 +6,14 @@ import os
 import signal
 from collections.abc import Iterator
 from multiprocessing.connection import Connection
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from warp_cloth.batch import ahead
 from warp_cloth.batch.arena import Arena
+from warp_cloth.batch.common import keep_in, kept_in
 from warp_cloth.batch.loading import WORTH, Loaders, Shelf
 from warp_cloth.batch.many import fit_many
 from warp_cloth.batch.processes import context
@@ -66,6 +68,33 @@ def test_helpers_make_what_the_worker_would_have_made_and_share_it_alike(loaders
     assert len({id(wardrobe.avatar) for wardrobe in opened}) == 1
     jersey, denim = opened[:2]
     assert jersey.parts[0].points is denim.parts[0].points, "one mesh in two fabrics meets its avatar alike"
+
+
+def test_constants_of_a_garment_are_worked_out_once_for_all_workers(loaders: Loaders, tmp_path: Path) -> None:
+    several, racks = scenes(), [Rack(), Rack()]
+    times = []
+    for rack in racks:
+        loaders.begin(rack, several, patches=False, common=tmp_path)
+        loaders.fill(rack, several)
+        times.append({file.name: file.stat().st_mtime_ns for file in tmp_path.iterdir()})
+    assert len(times[0]) == len(several)
+    assert times[1] == times[0], "the second one has found them"
+    for scene in several:
+        part, other = (open_wardrobe(scene, rack).parts[0].rest for rack in racks)
+        assert np.array_equal(part.hinge_stiffness, other.hinge_stiffness)
+        assert part.fabric == other.fabric
+
+
+def test_what_cannot_be_kept_for_others_or_read_is_worked_out_again(tmp_path: Path) -> None:
+    file = tmp_path / "own"
+    keep_in(tmp_path / "none" / "own", 1)
+    assert kept_in(tmp_path / "none" / "own") is None
+    keep_in(file, np.arange(1000))
+    assert kept_in(file).sum() == 499_500
+    file.write_bytes(file.read_bytes()[:500])
+    assert kept_in(file) is None
+    file.write_bytes(b"")
+    assert kept_in(file) is None
 
 
 def _forks_helpers(connection: Connection) -> None:
