@@ -67,6 +67,14 @@ class Mesh:
     def _box(self) -> tuple[Points, Points]:
         return self.points.min(axis=0), self.points.max(axis=0)
 
+    @cached_property
+    def inside_out(self) -> bool:
+        """Whether its triangles, as a whole, look inward: by the volume inside, six times, about its box's middle."""
+        low, high = self.bounds()
+        local = self.points - 0.5 * (low + high)
+        a, b, c = (local[self.triangles[:, corner]] for corner in range(3))
+        return float(np.einsum("ij,ij->", a, np.cross(b, c))) < 0.0
+
     def arrays(self) -> dict[str, Any]:
         """The map arrays that are present, by name, as they are written beside a result."""
         found = {"vertex_map": self.vertex_map, "triangle_source": self.triangle_source}

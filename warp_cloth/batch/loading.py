@@ -97,6 +97,7 @@ class Shelf:
     def __init__(self, helpers: int, *, fork: bool = False, rank: int = 0) -> None:
         """``fork`` and ``rank`` as of Loaders."""
         self.loaders = Loaders(helpers, fork=fork, rank=rank)
+        self.spare: Callable[[], None] = lambda: None  # what to do where there is time, while helpers work
         self.rack, self.kept = Rack(), Kept()
         self.fresh = True  # whether its process has fitted nothing yet
 
@@ -147,10 +148,12 @@ class Loaders:
         scenes: Sequence[Scene],
         kept: Kept | None = None,
         meanwhile: Callable[[], None] = lambda: None,
+        spare: Callable[[], None] = lambda: None,
     ) -> None:
         """Makes what the scenes' wardrobes are opened from and the rack has not; what fails is left to who opens.
 
-        ``kept``, where there is one, gets the garments' patches, too. ``meanwhile`` is done here while helpers work.
+        ``kept``, where there is one, gets the garments' patches, too. ``meanwhile`` is done here while helpers work,
+        and ``spare`` if they still do then.
         """
         if not self._count:
             return
@@ -158,6 +161,8 @@ class Loaders:
         self._beginning = None
         meanwhile()
         beginning.join()
+        if self._open:
+            spare()
         with self._changed:
             self._changed.wait_for(lambda: not self._open)
         rack.put(self._made)

@@ -72,7 +72,7 @@ def fit_many(
     if shelf is not None:
         every = list(chosen.values())
         ahead = partial(load_kernels, every[0], where) if gpu and shelf.fresh and every else lambda: None
-        shelf.loaders.fill(rack, every, kept if gpu else None, ahead)
+        shelf.loaders.fill(rack, every, kept if gpu else None, ahead, shelf.spare)
         shelf.fresh = False
     loaded: dict[int, Wardrobe] = {}
     groups: collections.defaultdict[tuple[Any, ...], list[int]] = collections.defaultdict(list)

@@ -93,6 +93,7 @@ class _Worker:
             else:
                 scenes.append((item, scene))
         if self._shelf is not None:  # while this process starts Warp and its device
+            self._shelf.spare = self._task.store.get_ready
             patches, common = self._task.device != "cpu", self._task.common
             self._shelf.begin([scene for _, scene in scenes], patches=patches, common=common)
         import warp_cloth.batch.many  # noqa: F401, while the driver begins with the device: Warp would wait for that

@@ -79,12 +79,6 @@ class ExactCollider:
         return sampled(kernels.sample_mesh, self.collider, points, self.device)
 
 
-def _enclosed_volume(points: Points, triangles: NDArray[np.int32]) -> float:
-    """Six times the volume inside [m3]; negative where the triangles look inward."""
-    a, b, c = (points[triangles[:, corner]] for corner in range(3))
-    return float(np.einsum("ij,ij->", a, np.cross(b, c)))
-
-
 def build_exact_collider(
     avatar: Mesh, device: wp.DeviceLike = None, depth: float = DEFAULT_DEPTH, reach: float = DEFAULT_REACH
 ) -> ExactCollider:
@@ -92,7 +86,7 @@ def build_exact_collider(
     lower, upper = avatar.bounds()
     origin = 0.5 * (lower + upper)
     points, triangles = avatar.points - origin, avatar.triangles
-    turn = -1.0 if _enclosed_volume(points, triangles) < 0.0 else 1.0
+    turn = -1.0 if avatar.inside_out else 1.0
     if turn < 0.0:
         triangles = np.ascontiguousarray(triangles[:, ::-1])
     mesh = wp.Mesh(
@@ -127,15 +121,20 @@ def signed_distances(
 
     ``exact`` is of that mesh, where there is one already.
     """
-    distances = np.full(len(points), np.nan, dtype=np.float32)
-    finite = np.isfinite(points).all(axis=1)
-    if not finite.any() or not avatar.triangle_count:
+    if not len(points) or not avatar.triangle_count:
+        return np.full(len(points), np.nan, dtype=np.float32)
+    low, high = points.min(axis=0), points.max(axis=0)
+    if not np.isfinite([low, high]).all():
+        distances = np.full(len(points), np.nan, dtype=np.float32)
+        finite = np.isfinite(points).all(axis=1)
+        if finite.any():
+            distances[finite] = signed_distances(points[finite], avatar, device, exact)
         return distances
     lower, upper = avatar.bounds()
-    far = float(np.linalg.norm(np.maximum(np.abs(points[finite] - lower), np.abs(points[finite] - upper)).max(axis=0)))
+    ways = [np.abs(point - corner) for point in (low, high) for corner in (lower, upper)]
+    far = float(np.linalg.norm(np.max(ways, axis=0)))
     asked = (exact or build_exact_collider(avatar, device)).within(2.0 * far)
-    distances[finite] = asked.sample(points[finite])[:, 3]
-    return distances
+    return np.ascontiguousarray(asked.sample(points)[:, 3])
 
 
 def penetration(

@@ -25,14 +25,19 @@ class GarmentPart:
         """Lowest and highest corner of where it starts [m], each shape [3]; asked for several times in a batch."""
         return self.points.min(axis=0), self.points.max(axis=0)
 
+    @cached_property
+    def terms(self) -> Terms:
+        """What acts in it."""
+        rest = self.rest
+        return Terms(
+            edges=bool(rest.edge_pull.any() or rest.edge_push.any()),
+            folds=bool(rest.hinge_stiffness.any()),
+            threads=rest.weave is not None,
+            angles=rest.hinge_angle is not None and bool(rest.hinge_angle[rest.hinge_stiffness > 0.0].any()),
+            pins=len(self.pins) > 0,
+        )
+
 
 def terms_of(parts: Sequence[GarmentPart]) -> Terms:
     """What acts in these garments."""
-    rests = [part.rest for part in parts]
-    return Terms(
-        edges=any(bool(rest.edge_pull.any() or rest.edge_push.any()) for rest in rests),
-        folds=any(bool(rest.hinge_stiffness.any()) for rest in rests),
-        threads=any(rest.weave is not None for rest in rests),
-        angles=any(bool(rest.fold_angle[rest.hinge_stiffness > 0.0].any()) for rest in rests),
-        pins=any(len(part.pins) > 0 for part in parts),
-    )
+    return Terms(*(any(each) for each in zip(*(part.terms for part in parts), strict=True)))
