@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from warp_cloth.garment.part import terms_of
 from warp_cloth.garment.reach import reach_box
 from warp_cloth.garment.wardrobe import Wardrobe
 from warp_cloth.scene import Scene
@@ -22,11 +23,8 @@ class Term:
 
 def make_plan(scene: Scene, wardrobe: Wardrobe) -> tuple[Term, ...]:
     """The terms of a scene, in the order in which an iteration meets them."""
-    rests = [part.rest for part in wardrobe.parts]
-    bends = any(bool((rest.hinge_stiffness > 0.0).any()) for rest in rests)
-    pulls = any(bool((rest.edge_pull > 0.0).any()) for rest in rests)
-    woven = any(rest.weave is not None for rest in rests)
-    folded = any(bool(rest.fold_angle[rest.hinge_stiffness > 0.0].any()) for rest in rests)
+    pulls = any(bool((part.rest.edge_pull > 0.0).any()) for part in wardrobe.parts)
+    _, bends, woven, folded, _ = terms_of(wardrobe.parts)
     pins = sum(len(part.pins) for part in wardrobe.parts)
     accelerated = scene.solver.method == "accelerated"
     return (
