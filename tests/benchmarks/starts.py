@@ -20,14 +20,13 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-from agreement import prepared
+from agreement import prepared, shake
 
 from warp_cloth.quiet import start_warp
 from warp_cloth.set_up import following, start_coarse, tolerance_of
 from warp_cloth.solver.loop import CHUNK, relax_to_rest
 from warp_cloth.study.methods_scenes import STIFFNESS, Case
 
-MOVED = 1e-8  # [m], standard deviation of each coordinate
 LIMIT = 20_000
 
 
@@ -36,10 +35,7 @@ def fitted(case: Case, device: str, start: int, further: int) -> str:
     start_warp(False)
     made = prepared(case, device, method="multilevel", iterations=LIMIT)
     if start:
-        random = np.random.default_rng(start)
-        for part in made.wardrobe.parts:
-            part.points[:] += MOVED * random.standard_normal(part.points.shape)
-        made.model.set_points(np.concatenate([part.points for part in made.wardrobe.parts]))
+        shake(made, start)
     levels = start_coarse(made)
     outcome = relax_to_rest(
         made.relaxation, made.certifier, tolerance_of(made.scenes[0]), LIMIT, follow=following(made), ahead=False
