@@ -25,6 +25,7 @@ from warp_cloth.kernels.contact_search import ContactSearch, box_kernel, box_res
 from warp_cloth.kernels.crossing_search import crossing_groups_kernel, crossing_leaves_kernel, crossings_kernel
 from warp_cloth.kernels.lean_memory import LeanMemory
 from warp_cloth.kernels.meeting import APART, LISTING, PARTS, Meetings
+from warp_cloth.kernels.press_queue import ROUNDS
 from warp_cloth.kernels.pressing import press_kernel
 from warp_cloth.kernels.untangle import forget_tangles, layers_kernel, settle_kernel, spare_tangled
 from warp_cloth.mesh import Indices, Points
@@ -123,6 +124,7 @@ class ClothTouch:
         self.least_skin = LEAST_SKIN * skin  # [m]; how far what stands still may go till the next search
         self._skin = skin  # [m]
         self.awake = False
+        self._pairs_seen = 0  # found by the last search before ``grow``
         self.settled = False  # whether forces have balanced
         self.untangles = True  # whether searches look for what crosses, too
         self._start, self._boxes = start_kernel(model.precision), box_kernel(model.precision)
@@ -303,7 +305,7 @@ class ClothTouch:
 
     def grow(self) -> bool:
         """Makes room for every pair that the last search found; whether it had to. Waits for the device."""
-        found = int(self.data.count.numpy()[0])
+        found = self._pairs_seen = int(self.data.count.numpy()[0])
         if found <= len(self.data.corners):
             return False
         self._hold_pairs(self.data, 2 * found)
@@ -413,8 +415,11 @@ class ClothTouch:
     def press_along(self, waiting: int) -> int:
         """How many blocks are to press pairs in the launch of so many others that move vertices, and wait for them."""
         self.data.waiting = waiting
-        room = int(self._device.sm_count) * FEW_PER_CORE - waiting  # that work at the same time
+        cores = int(self._device.sm_count)
+        room = cores * FEW_PER_CORE - waiting  # that work at the same time
         wanted = -(-len(self.data.corners) // BLOCK_THREADS)
+        if 0 < cores <= waiting and self._pairs_seen <= ROUNDS * BLOCK_THREADS * cores:
+            wanted = min(wanted, cores)  # which see all pairs at once: more would hold up the others on every core
         self.data.pressing = min(wanted, max(room, LEAST_PRESSING)) if self.awake else 0
         return int(self.data.pressing)
 
