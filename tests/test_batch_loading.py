@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from warp_cloth.batch import ahead
+from warp_cloth.batch import ahead, common
 from warp_cloth.batch.arena import Arena
 from warp_cloth.batch.common import keep_in, kept_in
 from warp_cloth.batch.loading import WORTH, Loaders, Shelf
@@ -85,7 +85,9 @@ def test_constants_of_a_garment_are_worked_out_once_for_all_workers(loaders: Loa
         assert part.fabric == other.fabric
 
 
-def test_what_cannot_be_kept_for_others_or_read_is_worked_out_again(tmp_path: Path) -> None:
+def test_what_cannot_be_kept_for_others_or_read_is_worked_out_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     file = tmp_path / "own"
     keep_in(tmp_path / "none" / "own", 1)
     assert kept_in(tmp_path / "none" / "own") is None
@@ -95,6 +97,10 @@ def test_what_cannot_be_kept_for_others_or_read_is_worked_out_again(tmp_path: Pa
     assert kept_in(file) is None
     file.write_bytes(b"")
     assert kept_in(file) is None
+    monkeypatch.setattr(common, "MOST", 100)
+    for name in "abc":
+        keep_in(tmp_path / name, bytes(80))
+    assert [kept_in(tmp_path / name) is not None for name in "abc"] == [True, True, False], "the folder is full"
 
 
 def _forks_helpers(connection: Connection) -> None:
