@@ -9,7 +9,8 @@ import numpy as np
 import warp as wp
 from cloths import NO_PINS, grid
 
-from warp_cloth.collide.cloth import ClothTouch, SheetKind
+from warp_cloth.collide.cloth import ClothTouch
+from warp_cloth.collide.sheets import SheetKind
 from warp_cloth.garment.part import GarmentPart
 from warp_cloth.garment.rest import build_rest_shape
 from warp_cloth.kernels.cloth import cloth_types

@@ -12,7 +12,7 @@ from cloths import NO_PINS, grid
 from sheets import THICKNESS, crumpled, iterate, look, moved, sheets_at
 
 import warp_cloth
-from warp_cloth.collide.cloth import lists_of
+from warp_cloth.collide.box_tree import lists_of
 from warp_cloth.collide.crossing import find_crossings
 from warp_cloth.collide.exact import signed_distances
 from warp_cloth.collide.placing import DEEP, clear_shift, way_told

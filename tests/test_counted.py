@@ -9,7 +9,8 @@ from typing import Any
 import pytest
 
 from warp_cloth import set_up
-from warp_cloth.collide.cloth import ClothTouch, lists_of
+from warp_cloth.collide.box_tree import lists_of
+from warp_cloth.collide.cloth import ClothTouch
 from warp_cloth.kernels.box_tree import WIDTH
 from warp_cloth.model import build_model
 from warp_cloth.patches import on_device

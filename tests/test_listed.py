@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import warp as wp
 
-from warp_cloth.collide.cloth import lists_of
+from warp_cloth.collide.box_tree import lists_of
 from warp_cloth.kernels.cloth_contact import ON_EDGE
 from warp_cloth.kernels.crossing_search import BY_TRIANGLE
 from warp_cloth.scene import load_scene

@@ -1,4 +1,4 @@
-"""Trees of boxes for what lies near each other: their order, and their memory on the device."""
+"""Trees of boxes for what lies near each other: their order, their memory on the device, and that of what meets."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import warp as wp
 from numpy.typing import NDArray
 
 from warp_cloth.kernels.box_tree import LEAVES, WIDTH, BoxTree
+from warp_cloth.kernels.meeting import APART, PARTS, Meetings
 from warp_cloth.mesh import Indices, Points
 
 MOST_TOP = 8  # groups of the third level that a walk goes through one after another; of more there is a fourth level
@@ -79,3 +80,12 @@ def box_tree(order: Indices) -> Any:
 def block_count(tree: Any) -> int:
     """Thread blocks that box a tree's leaves."""
     return int(tree.leaf.size) // int(LEAVES)
+
+
+def lists_of(groups: int, leaves: int) -> Any:
+    """Lists (kernels.meeting Meetings) of so much room."""
+    meetings = Meetings()
+    meetings.count = wp.zeros((1 + int(PARTS)) * int(APART), dtype=wp.int32)
+    meetings.group = wp.empty(groups, dtype=wp.vec3i)
+    meetings.leaf = wp.empty(leaves, dtype=wp.vec2i)
+    return meetings

@@ -5,16 +5,15 @@ from __future__ import annotations
 import logging
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from warp_cloth.collide.box_tree import block_count, box_tree, near_order
-from warp_cloth.collide.crossing import Sheets
+from warp_cloth.collide.box_tree import block_count, box_tree, lists_of, near_order
 from warp_cloth.collide.rest_near import rest_near_rows
+from warp_cloth.collide.sheets import SheetKind, sheets_of
 from warp_cloth.collide.untangling import sheet_untangling
 from warp_cloth.garment.part import GarmentPart
 from warp_cloth.kernels.block import BLOCK_THREADS, FEW_PER_CORE
@@ -24,7 +23,7 @@ from warp_cloth.kernels.contact_pairs import groups_kernel, leaves_kernel, pairs
 from warp_cloth.kernels.contact_search import ContactSearch, box_kernel, box_rest, start_kernel
 from warp_cloth.kernels.crossing_search import crossing_groups_kernel, crossing_leaves_kernel, crossings_kernel
 from warp_cloth.kernels.lean_memory import LeanMemory
-from warp_cloth.kernels.meeting import APART, LISTING, PARTS, Meetings
+from warp_cloth.kernels.meeting import LISTING, PARTS
 from warp_cloth.kernels.press_queue import ROUNDS
 from warp_cloth.kernels.pressing import press_kernel
 from warp_cloth.kernels.untangle import forget_tangles, layers_kernel, settle_kernel, spare_tangled
@@ -73,39 +72,6 @@ PRESSING = 384  # blocks that press pairs, at most: the same
 LEAST_PRESSING = 64  # blocks, at least, that press while others move vertices, if there are pairs for so many
 BOXING = 1024  # threads in a block that boxes what is in a tree
 STRIDE_SHARE = 0.1  # of thickness and skin: longest untangling shift in an iteration
-
-
-@dataclass(frozen=True)
-class SheetKind:
-    """What contact needs to know of a garment besides its mesh."""
-
-    thickness: float  # [m]
-    friction: float
-    item: int = 0  # garments of different items never meet
-    layer: int = 0  # of one item's garments, from the inside out
-
-
-def sheets_of(parts: Sequence[GarmentPart]) -> Sheets:
-    """Triangles and edges of all garments, over one array of vertices."""
-    first = np.concatenate([[0], np.cumsum([len(part.points) for part in parts])])
-    first_edge = np.concatenate([[0], np.cumsum([len(part.rest.topology.edges) for part in parts])])
-    topologies = [part.rest.topology for part in parts]
-    return Sheets(
-        np.concatenate([part.triangles + at for part, at in zip(parts, first, strict=False)]).astype(np.int32),
-        np.concatenate([each.edges + at for each, at in zip(topologies, first, strict=False)]).astype(np.int32),
-        np.concatenate([each.triangle_edges + at for each, at in zip(topologies, first_edge, strict=False)]),
-        np.repeat(np.arange(len(parts), dtype=np.int32), [len(part.triangles) for part in parts]),
-        tuple(int(at) for at in first),
-    )
-
-
-def lists_of(groups: int, leaves: int) -> Any:
-    """Lists (kernels.meeting Meetings) of so much room."""
-    meetings = Meetings()
-    meetings.count = wp.zeros((1 + int(PARTS)) * int(APART), dtype=wp.int32)
-    meetings.group = wp.empty(groups, dtype=wp.vec3i)
-    meetings.leaf = wp.empty(leaves, dtype=wp.vec2i)
-    return meetings
 
 
 class ClothTouch:

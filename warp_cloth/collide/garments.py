@@ -10,10 +10,11 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from warp_cloth.collide.cloth import ClothTouch, SheetKind, sheets_of
+from warp_cloth.collide.cloth import ClothTouch
 from warp_cloth.collide.crossing import find_crossings
 from warp_cloth.collide.exact import POINTS_AT_ONCE, pieces, signed_distances
 from warp_cloth.collide.placing import clear_shift, way_told
+from warp_cloth.collide.sheets import SheetKind, sheets_of
 from warp_cloth.collide.solid import solid_of
 from warp_cloth.garment.wardrobe import Wardrobe
 from warp_cloth.kept import Kept
