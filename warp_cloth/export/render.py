@@ -124,9 +124,7 @@ class Sight:
     """What a view shows of a subject, whatever its colours are."""
 
     view: View
-    ids: (
-        wp.array
-    )  # triangle under every pixel, as many as there are triangles where there is none, shape [rows, columns]
+    ids: wp.array  # triangle under every pixel, the number of triangles for none, shape [rows, columns]
     light: NDArray[np.float32]  # on the surface there, shape [rows, columns, 3]
 
 
