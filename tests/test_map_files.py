@@ -136,6 +136,26 @@ def test_another_mesh_is_compared_where_it_lies_nearest() -> None:
     assert np.allclose(found.garments[0].fields["pressure_difference"], 0.25, atol=1e-4)
 
 
+def test_garments_are_compared_by_their_names_and_strangers_are_told_of() -> None:
+    shirt, skirt = mapped("shirt"), mapped("skirt")
+    raised = replace(skirt, fields={"pressure": skirt.fields["pressure"] + np.float32(1.0)})
+    row = {"level": "waist", "body_girth": 1.0, "garment_girth": 1.0, "natural_girth": 1.0, "ease": 1.0}
+    first = WrittenFit("a", (shirt, raised), None, {"girths_mm": [{**row, "garment": "shirt"}]})
+    turned = compare_fits(first, WrittenFit("b", (raised, shirt), None, {}))
+    assert not any(worn.fields["pressure_difference"].any() for worn in turned.garments)
+    mesh = replace(shirt.mesh, triangles=shirt.mesh.triangles[::-1].copy(), panels=None, panel_names=())
+    other = replace(shirt, name="shirt_L", mesh=mesh)
+    found = compare_fits(
+        WrittenFit("a", (shirt,), None, first.report),
+        WrittenFit("b", (other,), None, {"girths_mm": [{**row, "garment": "shirt_L"}]}),
+    )
+    assert found.notes[0].startswith('"shirt" of a and "shirt_L" of b have neither mesh nor panels in common')
+    (girth,) = found.girths  # of one garment under two names
+    assert girth["first"] == girth["second"]
+    panelled = [replace(worn, mesh=replace(worn.mesh, panel_names=("front",))) for worn in (shirt, other)]
+    assert not compare_fits(*(WrittenFit("a", (worn,), None, {}) for worn in panelled)).notes
+
+
 def test_comparison_is_a_stage_pictures_and_figures(tmp_path: Path) -> None:
     row = {"garment": "shirt", "level": "waist", "body_girth": 800.0, "garment_girth": 900.0, "natural_girth": 890.0}
     reports = [{"status": "at_rest", "girths_mm": [{**row, "ease": ease}]} for ease in (90.0, 40.0)]

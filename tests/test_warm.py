@@ -10,8 +10,9 @@ import pytest
 import warp_cloth
 from warp_cloth.errors import InputError
 from warp_cloth.export.save import write_meshes
-from warp_cloth.fitting import Fit
+from warp_cloth.fitting import Fit, _earlier
 from warp_cloth.result import Status
+from warp_cloth.scene import load_scene
 
 # Each is within the rest error that it certifies, 0.2 mm, of rest; twice that lies between two.
 APART = 4e-4  # [m], rms
@@ -60,6 +61,31 @@ def test_a_saved_result_starts_a_fit_as_the_fit_itself_does(first: Fit, tmp_path
     change = "garment.fabric=denim"
     for file in (f"{name}.usdc", f"{name}.obj", f"{name}.glb"):
         assert apart(fitted(change, start=tmp_path / file), fitted(change, start=first)) <= APART
+
+
+def sheets(*heights: float) -> dict[str, object]:
+    """Two small sheets that hang side by side, called upper and lower."""
+    garments = [
+        {"name": name, "shape": {"kind": "square", "side": 0.2, "vertices_per_side": 5, "plane": "vertical",
+         "height": height}, "pin": {"loop": "top"}}
+        for name, height in zip(("upper", "lower"), heights, strict=False)
+    ]  # fmt: skip
+    return {"garment": garments, "solver": {"iterations": 100}}
+
+
+def test_garments_of_a_result_are_told_by_their_names(tmp_path: Path) -> None:
+    both = warp_cloth.fit(sheets(2.0, 1.0), device="cpu")
+    write_meshes(both, tmp_path, formats=("usdc", "glb", "obj"))
+    lower = load_scene({"garment": sheets(2.0, 1.0)["garment"][1]})  # type: ignore[index]
+    for start in (both, *(tmp_path / f"scene.{suffix}" for suffix in ("usdc", "glb"))):
+        (worn,) = _earlier(start, lower)
+        np.testing.assert_allclose(worn[1], both.garments[1].points, atol=1e-6)
+        for names in (["another"], ["upper", "lower", "third"]):
+            spec = {"garment": [{**sheets(1.0)["garment"][0], "name": name} for name in names]}  # type: ignore[index]
+            with pytest.raises(InputError, match=rf'holds "upper", "lower", the scene "{names[0]}".*garment\.name'):
+                _earlier(start, load_scene(spec))
+    with pytest.raises(InputError, match=r'scene\.obj: holds "scene", the scene "upper", "lower"'):
+        _earlier(tmp_path / "scene.obj", both.scene)
 
 
 def test_a_start_that_corresponds_to_nothing_is_refused(first: Fit, tmp_path: Path) -> None:

@@ -35,7 +35,8 @@ def compare(
 
             found = compare_fits(*fits)
             paths = save_comparison(found, fits, out)
-    for line in [*girth_lines(found), *(f"  wrote {path}" for path in paths)]:
+    notes = [f"  note {note}" for note in found.notes]
+    for line in [*girth_lines(found), *notes, *(f"  wrote {path}" for path in paths)]:
         typer.echo(line)
 
 

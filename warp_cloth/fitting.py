@@ -50,7 +50,7 @@ from warp_cloth.verdict import (
     unheld,
     verdict,
 )
-from warp_cloth.warm import Worn, saved_result, start_from
+from warp_cloth.warm import Worn, chosen_garments, saved_result, start_from
 
 MOST_FRAMES = 10_000  # shapes on the way; of a garment of 10,000 vertices that is 1.2 GB
 
@@ -177,14 +177,13 @@ def _with_maps(fitted: Fit, names: Sequence[str], made: SetUp) -> Fit:
 
 def _earlier(start: Fit | str | Path, scene: Scene) -> list[Worn]:
     """The garments of an earlier result that a scene's start from."""
+    names = [spec.name for spec in scene.garments]
     if isinstance(start, str | Path):
-        return saved_result(Path(start), len(scene.garments))
+        return saved_result(Path(start), names)
     if not isinstance(start, Fit):
         raise InputError("start", f"{type(start).__name__} is neither a fit nor its file", "give what fit returned")
-    if len(start.garments) != len(scene.garments):
-        problem = f"has {len(start.garments)} garments, the scene {len(scene.garments)}"
-        raise InputError("start", problem, "start from a result of the same garments")
-    return [(worn.mesh, worn.points) for worn in start.garments]
+    there = [(worn.mesh, worn.points) for worn in start.garments]
+    return [there[at] for at in chosen_garments([worn.name for worn in start.garments], names, "start")]
 
 
 class _Clock:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from enum import Enum
 from typing import TYPE_CHECKING
@@ -79,3 +80,13 @@ class WornGarment:
     fields: dict[str, NDArray[np.float32]] = field(default_factory=dict)  # per-vertex values by name, shape [V]
     fabric: Fabric | None = None  # where known, written with the stage's physics
     rest: RestShape | None = None
+
+
+def matched(there: Sequence[str], wanted: Sequence[str]) -> list[int] | None:
+    """Which of an earlier result's garments the wanted ones are: by name, or, where there are as many, by order.
+
+    None where neither tells.
+    """
+    if all(there.count(name) == 1 for name in wanted):
+        return [there.index(name) for name in wanted]
+    return list(range(len(there))) if len(there) == len(wanted) else None

@@ -11,11 +11,17 @@ import warp as wp
 from numpy.typing import NDArray
 
 from warp_cloth.errors import InputError
+from warp_cloth.export.meshes import AVATAR_NODE
 from warp_cloth.kernels.nearest import find_nearest
 from warp_cloth.loading import load_mesh
 from warp_cloth.loading.generic import gltf_mesh_names
 from warp_cloth.loading.load import GLTF_KINDS, read_raw
+from warp_cloth.loading.usd import opened_stage
+from warp_cloth.loading.usd_physics import SURFACE
+from warp_cloth.loading.usd_units import meshes_of
 from warp_cloth.mesh import Mesh, Points
+from warp_cloth.result import matched
+from warp_cloth.scene.messages import listed
 from warp_cloth.scene.stage import USD_SUFFIXES
 from warp_cloth.set_up import SetUp
 
@@ -27,30 +33,47 @@ TORN = 0.05
 Worn = tuple[Mesh, Points]  # a garment and its worn points [m], shape [V, 3]
 
 
-def saved_result(path: Path, count: int) -> list[Worn]:
-    """The first ``count`` garments of a result that a fit has saved, as they are worn there.
+def saved_result(path: Path, names: Sequence[str]) -> list[Worn]:
+    """The garments ``names`` of a result that a fit has saved, as they are worn there.
+
+    They are told by their names; where these are others, by their order, if the result has as many.
 
     Raises:
-        InputError: it cannot be read, or has fewer.
+        InputError: the file cannot be read, or it does not tell which of its garments are meant.
     """
     if not path.exists():
         raise InputError(path, "no such file", "name what an earlier fit has written")
-    prims: list[str | None] = [None]
     suffix = path.suffix.lower()
+    garments: Sequence[tuple[str, str | None]] = [(path.stem, None)]
     if suffix in GLTF_KINDS and path.is_file():
         read_raw(path, role="garment", key="start", prim=None)  # tells what is wrong with it
-        names = gltf_mesh_names(str(path), path.read_bytes())
-        prims = list(names) if len(names) > 1 else prims  # garments first, as listed, then the avatar
+        nodes = gltf_mesh_names(str(path), path.read_bytes())
+        cloths = [name for name in nodes if not name.endswith(AVATAR_NODE)] or nodes
+        garments = [(name, name) for name in cloths] or garments
     elif suffix in USD_SUFFIXES and path.is_file():
-        from warp_cloth.loading.usd import mesh_paths_of, opened_stage
-
-        with opened_stage(str(path)):
-            pass  # tells what is wrong with a file that is no stage
-        prims = list(mesh_paths_of(str(path)))  # garments first, as listed, then the avatar
-    if len(prims) < count:
-        raise InputError(path, f"holds {len(prims)} of the scene's {count} garments", "name a result of this scene")
-    found = [load_mesh(path, role="garment", key="start", prim=prim, units="m") for prim in prims[:count]]
+        garments = _stage_garments(path)
+    chosen = chosen_garments([name for name, _ in garments], names, path)
+    found = [load_mesh(path, role="garment", key="start", prim=garments[at][1], units="m") for at in chosen]
     return [(mesh, mesh.points) for mesh in found]
+
+
+def chosen_garments(there: Sequence[str], wanted: Sequence[str], place: str | Path) -> list[int]:
+    """Which of an earlier result's garments the scene's are; InputError where names and number do not tell."""
+    chosen = matched(there, wanted)
+    if chosen is None:
+        problem = f"holds {listed(there)}, the scene {listed(wanted)}"
+        raise InputError(place, problem, "start from a result of the same garments, or call them so (garment.name)")
+    return chosen
+
+
+def _stage_garments(path: Path) -> list[tuple[str, str | None]]:
+    """Name and prim path of each garment of a stage; of each mesh where none is marked as cloth."""
+    with opened_stage(str(path)) as stage:
+        meshes = meshes_of(stage)
+        cloths = [mesh for mesh in meshes if SURFACE in mesh.GetAppliedSchemas()] or meshes
+        parents = [mesh.GetParent() for mesh in cloths]
+        called = [parent.GetDisplayName() or parent.GetName() for parent in parents]
+        return [(name, str(mesh.GetPath())) for name, mesh in zip(called, cloths, strict=True)]
 
 
 def start_from(made: SetUp, earlier: Sequence[Worn]) -> bool:

@@ -44,6 +44,7 @@ def save_comparison(found: Comparison, fits: tuple[WrittenFit, WrittenFit], fold
                 for name in found.ranges
             },
             "girths_mm": list(found.girths),
+            "notes": list(found.notes),
         },
     )
     return [*paths, report]

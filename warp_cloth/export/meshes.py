@@ -14,6 +14,8 @@ from warp_cloth.maps.kinds import kind_named
 from warp_cloth.mesh import Mesh, vertex_normals
 from warp_cloth.result import WornGarment
 
+AVATAR_NODE = "_avatar"  # what the avatar's node is called in a .glb file, after its name
+
 
 def write_glb(
     path: Path,
@@ -48,7 +50,7 @@ def write_glb(
     if avatar is not None:
         body = trimesh.Trimesh(avatar.points, avatar.triangles, process=False, validate=False)
         body.visual = trimesh.visual.TextureVisuals(material=_material(linear(AVATAR_COLOUR)))
-        scene.add_geometry(body, geom_name=avatar.name, node_name=f"{avatar.name}_avatar")
+        scene.add_geometry(body, geom_name=avatar.name, node_name=f"{avatar.name}{AVATAR_NODE}")
     with whole_file(path) as place:
         place.write_bytes(scene.export(file_type="glb"))
 

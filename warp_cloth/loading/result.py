@@ -11,6 +11,7 @@ import numpy as np
 
 from warp_cloth.errors import InputError
 from warp_cloth.loading.load import load_mesh
+from warp_cloth.loading.usd import panels_of
 from warp_cloth.maps.kinds import MAPS
 from warp_cloth.mesh import Mesh
 from warp_cloth.result import WornGarment
@@ -50,11 +51,11 @@ def read_fit(place: Path) -> WrittenFit:
             bodies.append(str(prim.GetPath()))
             continue
         name = prim.GetParent().GetDisplayName() or prim.GetParent().GetName()
-        surface = Mesh(
-            name,
-            np.array(mesh.GetPointsAttr().Get(), dtype=np.float64).reshape(-1, 3),
-            np.array(mesh.GetFaceVertexIndicesAttr().Get(), dtype=np.int32).reshape(-1, 3),
-        )
+        points = np.array(mesh.GetPointsAttr().Get(), dtype=np.float64).reshape(-1, 3)
+        triangles = np.array(mesh.GetFaceVertexIndicesAttr().Get(), dtype=np.int32).reshape(-1, 3)
+        panels, called = panels_of(mesh, len(triangles))
+        parts = None if panels is None else panels.astype(np.int32)
+        surface = Mesh(name, points, triangles, panels=parts, panel_names=called)
         garments.append(WornGarment(name, surface, surface.points, thickness=0.0, fields=fields))
     if not garments:
         raise InputError(path, "holds no fit maps", FIT_AGAIN)

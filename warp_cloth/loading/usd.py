@@ -194,7 +194,7 @@ def _part(
         problem = f"faceVertexCounts add up to {counts.sum():,}, but there are {len(corners):,} faceVertexIndices"
         raise InputError(place, problem, EXPORT_AGAIN)
     texcoords = _texcoords(mesh, time, corners, len(points))
-    panel, names = _panels(mesh, len(counts)) if panels else (None, ())
+    panel, names = panels_of(mesh, len(counts)) if panels else (None, ())
     mirrored = bool(np.linalg.det(matrix[:3, :3]) < 0)
     turn = mirrored != (mesh.GetOrientationAttr().Get(time) == UsdGeom.Tokens.leftHanded)
     rest = rest_corners(mesh, counts, corners, matrix, place) if panels else None
@@ -288,7 +288,7 @@ def _texcoords(mesh: UsdGeom.Mesh, time: Usd.TimeCode, corners: Ints, vertex_cou
     return None
 
 
-def _panels(mesh: UsdGeom.Mesh, face_count: int) -> tuple[Ints | None, tuple[str, ...]]:
+def panels_of(mesh: UsdGeom.Mesh, face_count: int) -> tuple[Ints | None, tuple[str, ...]]:
     """Panel of each face, one for each subset of faces."""
     from pxr import UsdGeom
 

@@ -97,7 +97,7 @@ def measure_maps(
     levels = body_levels(avatar) if avatar is not None and girths else None
     taken: list[dict[str, Any]] = []
     if "ease" in names and avatar is not None and girths and levels is None:
-        notes.append("no girths: the avatar is no standing body, head on and arms apart from its trunk")
+        notes.append("no girths: the avatar is no standing body with head and feet and arms apart from its trunk")
     if avatar is not None and levels is not None:
         for name, part, points in zip(garment_names, parts, worn, strict=True):
             taken += garment_girths(name, points, part.rest.sheet, avatar, levels)
