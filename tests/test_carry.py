@@ -15,6 +15,7 @@ from warp_cloth.errors import InputError
 from warp_cloth.fitting import Fit
 from warp_cloth.garment.wardrobe import open_wardrobe
 from warp_cloth.result import Status
+from warp_cloth.view.live import LiveFit
 
 WAY = np.array([0.06, 0.02, -0.02])  # [m] that the ball goes: more than any garment could jump
 SLIPPED = 0.015  # [m] that the cloth's middle may lag behind: what hangs free is dragged
@@ -54,6 +55,23 @@ def test_cloth_goes_with_its_avatar(kind: str) -> None:
     carried = moved.report["contact"]["carried"]
     assert carried["poses"] == 2
     assert carried["steps"] == np.ceil(np.linalg.norm(WAY) / 0.01)
+
+
+def test_a_live_change_does_not_take_the_garment_through_the_poses_again() -> None:
+    live = LiveFit(scene(poses=["there.obj"]), {}, "cpu")
+    assert live.made.carried is not None
+    worn = live.points.copy()
+    live.change({"garment.fabric": "denim"})
+    assert live.made.carried is None
+    assert np.array_equal(live.made.model.points(), worn)
+    drawn = live.made.contact.kept
+    live.change({"collision.offset_mm": "2"})
+    assert live.made.contact.kept is drawn
+    for _ in range(20):
+        live.advance()
+    assert live.values("ease")[0][0].min() > -TOLERANCE
+    live.reset()
+    assert live.made.carried is not None
 
 
 def test_an_avatar_that_stays_is_not_carried() -> None:

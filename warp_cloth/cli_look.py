@@ -69,7 +69,7 @@ def view(
         from warp_cloth.view.page import serve
 
         pairs = dict(text.split("=", 1) for text in changes or ())
-        live = LiveFit(scene, pairs, device)
+        live = LiveFit(scene, pairs, device, tell=_tell_of_poses)
         serve(live, host=host, port=port, tell=typer.echo)
 
 
@@ -80,3 +80,9 @@ def _check_host(host: str) -> None:
             probe.bind((host, 0))
     except OSError as error:
         raise InputError("--host", f'"{host}" is no address of this machine', "use 127.0.0.1 or 0.0.0.0") from error
+
+
+def _tell_of_poses(stage: str) -> None:
+    """Says why the page is not there yet, where the garment is worn in one pose after the other first."""
+    if stage == "carry":
+        typer.echo("taking the garment through avatar.poses first, which may take a minute", err=True)

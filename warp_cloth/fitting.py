@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from warp_cloth import given
 from warp_cloth.cascade import LevelRun
 from warp_cloth.collide.exact import ExactCollider, distances_of_many, exact_colliders, penetrations
 from warp_cloth.collide.garments import worn_crossings
@@ -96,7 +97,9 @@ class Fit:
         painted = chosen_colour(colour, place="colour")
         if painted and self.maps is None:
             raise InputError("colour", "the fit has no maps", f'fit with maps="{painted}"')
-        return save_fit(self, Path(directory), colour=painted, formats=chosen_formats(formats, place="formats"))
+        return save_fit(
+            self, given.path(directory, "directory"), colour=painted, formats=chosen_formats(formats, place="formats")
+        )
 
 
 @in_turn
@@ -127,6 +130,8 @@ def fit(
     """
     if not isinstance(frames, Integral) or not 0 <= frames <= MOST_FRAMES:
         raise InputError("frames", f"{frames} shapes on the way cannot be kept", f"choose 0 to {MOST_FRAMES}")
+    if progress is not None and not callable(progress):
+        raise InputError("progress", f"must be a function, not {progress}", "give one, or None")
     tell = progress or (lambda _: None)
     if isinstance(scene, Scene) and overrides:
         raise InputError("overrides", "the scene is loaded already", "give them to load_scene")

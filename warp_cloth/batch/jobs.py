@@ -69,7 +69,18 @@ def read_jobs(path: str | Path) -> list[Item]:
         rows = _toml_rows(source)
     else:
         raise InputError(source, f'"{source.suffix}" is no kind of job file', REMEDY)
-    items = [_item(row, number, source.parent) for number, row in enumerate(rows, start=1)]
+    return _checked([_item(row, number, source.parent) for number, row in enumerate(rows, start=1)], source)
+
+
+def given_items(items: Sequence[Item]) -> list[Item]:
+    """Items as a caller gave them; InputError where they are none, or not such."""
+    if not isinstance(items, Sequence) or isinstance(items, str) or not all(isinstance(item, Item) for item in items):
+        raise InputError("jobs", "must be a job file or a list of items", "give a path, or what read_jobs returned")
+    return _checked(list(items), "jobs")
+
+
+def _checked(items: list[Item], source: str | Path) -> list[Item]:
+    """The items of a batch; InputError where there are none, or some have the same name."""
     if not items:
         raise InputError(source, "has no items", "give at least one row")
     _check_names(items, source)
@@ -218,9 +229,9 @@ def toml_text(value: Any) -> str:
     return json.dumps(str(value))
 
 
-def _check_names(items: Sequence[Item], path: Path) -> None:
+def _check_names(items: Sequence[Item], place: str | Path) -> None:
     seen: set[str] = set()
     for item in items:
         if item.name in seen:
-            raise InputError(path, f'two items have the name "{item.name}"', "give each its own: results go by it")
+            raise InputError(place, f'two items have the name "{item.name}"', "give each its own: results go by it")
         seen.add(item.name)

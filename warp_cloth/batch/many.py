@@ -17,6 +17,7 @@ from warp_cloth.batch.memory import Need, available_bytes, cut_to_fit, need_of, 
 from warp_cloth.batch.turns import Turn
 from warp_cloth.device import device_named
 from warp_cloth.dressing import set_up_dressing, start_dressed
+from warp_cloth.errors import InputError
 from warp_cloth.fitting import Fit, finished, tolerance_of
 from warp_cloth.garment.wardrobe import Rack, Wardrobe, open_wardrobe
 from warp_cloth.kept import Kept
@@ -55,6 +56,8 @@ def fit_many(
     Raises:
         InputError: there is no such device.
     """
+    if not isinstance(scenes, Sequence) or isinstance(scenes, str):
+        raise InputError("scenes", f"must be a list of scenes, not of type {type(scenes).__name__}", "give a list")
     where = device_named(device)
     gpu = wp.get_device(where).is_cuda
     most = together or (len(scenes) if gpu else 1)

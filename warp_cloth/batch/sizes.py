@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, get_args
 
+from warp_cloth import given
 from warp_cloth.batch.jobs import toml_text
 from warp_cloth.collide.solid import closing_of
 from warp_cloth.errors import InputError
@@ -145,7 +146,7 @@ def fit_sizes(
     Raises:
         InputError: the scene cannot be used in one of the sizes, or nothing in it depends on the size.
     """
-    changes = [overrides] if isinstance(overrides, str) else overrides
+    changes, sizes, ease = given.texts(overrides, "overrides"), given.texts(sizes, "sizes"), given.number(ease, "ease")
     plain = [change for change in changes if SIZE not in change]
     sized = [change for change in changes if SIZE in change]
     base = load_scene(scene, [*plain, *(change.replace(SIZE, sizes[0]) for change in sized if sizes)])

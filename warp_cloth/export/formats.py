@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from warp_cloth.errors import InputError
+from warp_cloth.given import texts
 from warp_cloth.scene import Scene
 
 FORMATS = ("usdc", "usda", "usdz", "glb", "obj")
@@ -13,7 +14,7 @@ FORMATS = ("usdc", "usda", "usdz", "glb", "obj")
 
 def chosen_formats(text: str | Sequence[str], *, place: str = "--format") -> tuple[str, ...]:
     """Formats from "usdc,glb", or one by one."""
-    asked = text.split(",") if isinstance(text, str) else text
+    asked = [name for given in texts(text, place) for name in given.split(",")]
     names = tuple(dict.fromkeys(name.strip().lstrip(".").lower() for name in asked if name.strip()))
     unknown = [name for name in names if name not in FORMATS]
     if unknown or not names:

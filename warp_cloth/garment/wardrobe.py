@@ -7,6 +7,7 @@ import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from pathlib import Path
 from typing import Any, TypeVar
 
 from warp_cloth.errors import InputError
@@ -103,9 +104,11 @@ def open_wardrobe(scene: Scene, rack: Rack | None = None) -> Wardrobe:
     garments, avatar = tuple(meshes[: len(scene.garments)]), meshes[-1] if scene.avatar is not None else None
     check_sizes(list(zip(scene.garment_keys, garments, strict=True)), avatar)
     parts, dressing = _parts(scene, garments, kept), dressing_of(scene)
-    poses = _poses(scene.avatar, avatar)
-    if avatar is not None and poses:
-        avatar = replace(avatar, points=poses[-1])
+    poses: tuple[Points, ...] = ()
+    if avatar is not None and scene.avatar is not None and scene.avatar.poses:
+        files = () if scene.avatar.poses == "samples" else scene.avatar.poses
+        keys = *avatar_recipe(scene)[0].key, _worked(scene.avatar, {"poses"}), _file_mark(*files)
+        avatar, poses = kept.once(partial(_posed, scene.avatar, avatar), "posed", *keys)
     return Wardrobe(garments, parts, avatar, poses, () if dressing is None else _parts(dressing, garments, kept))
 
 
@@ -133,7 +136,8 @@ def avatar_recipe(scene: Scene) -> list[Recipe]:
     """How to load or generate a scene's avatar; empty where it has none."""
     if scene.avatar is None:
         return []
-    key = "avatar", _where(scene), generated_body(scene), _worked(scene.avatar, MESH_KEYS), _file_mark(scene.avatar)
+    mark = _file_mark(scene.avatar.mesh)
+    key = "avatar", _where(scene), generated_body(scene), _worked(scene.avatar, MESH_KEYS), mark
     return [Recipe(key, partial(_avatar_mesh, scene.avatar, worn_size(scene)))]
 
 
@@ -141,7 +145,7 @@ def garment_keys(scene: Scene, index: int) -> tuple[Key, Key, Key]:
     """Under which a rack keeps a garment's mesh, its rest shape in every fabric, and that in its own, with pins."""
     spec, key = scene.garments[index], scene.garment_keys[index]
     told = _where(scene), key, str(_body(scene))
-    mark = _file_mark(spec)
+    mark = _file_mark(spec.mesh, spec.grain_texture)
     return (
         ("mesh", *told, _worked(spec, MESH_KEYS), mark),
         ("geometry", *told, _worked(spec, set(GarmentSpec.model_fields) - FABRIC_KEYS), mark),
@@ -190,21 +194,22 @@ def generated_body(scene: Scene) -> str:
     return str(_body(scene) or "")
 
 
-def _file_mark(spec: GarmentSpec | AvatarSpec) -> str:
-    """Size and time of the files that a mesh or garment is made from, which may change while a rack is kept."""
+def _file_mark(*paths: Path | None) -> str:
+    """Size and time of the files that something is made from, which may change while a rack is kept."""
     marks = []
-    for path in (spec.mesh, getattr(spec, "grain_texture", None)):
+    for path in paths:
         with contextlib.suppress(OSError, ValueError):  # what is not there is told when it is read
             status = os.stat(path) if path is not None else None
             marks.append(f"{status.st_size} {status.st_mtime_ns}" if status is not None else "")
     return " ".join(marks)
 
 
-def _poses(spec: AvatarSpec | None, avatar: Mesh | None) -> tuple[Points, ...]:
-    """Vertices of an avatar that moves, in each of its poses; none where it does not move."""
-    if spec is None or avatar is None or spec.mesh is None or not spec.poses:
-        return ()
-    return (avatar.points, *load_poses(avatar, spec.mesh, spec.poses, prim=spec.prim, units=spec.units, up=spec.up))
+def _posed(spec: AvatarSpec, avatar: Mesh) -> tuple[Mesh, tuple[Points, ...]]:
+    """A loaded avatar that moves in its last pose, and its vertices in each, also in that as loaded [m]."""
+    if spec.mesh is None:
+        return avatar, ()
+    later = load_poses(avatar, spec.mesh, spec.poses, prim=spec.prim, units=spec.units, up=spec.up)
+    return replace(avatar, points=later[-1]), (avatar.points, *later)
 
 
 def _worked(spec: GarmentSpec | AvatarSpec, keys: set[str] | None) -> str:

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warp_cloth.errors import InputError
+from warp_cloth.given import texts
 
 SHOWN_SHARE = 98.0  # percentile of a map that its colours reach; the few vertices beyond would hide all others
 NICE_STEPS = (1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0)  # ends of a colour range, times a power of ten
@@ -61,7 +62,7 @@ GROUPS: Mapping[str, tuple[str, ...]] = MappingProxyType(
 
 def chosen_maps(text: str | Sequence[str], *, place: str = "--maps") -> tuple[str, ...]:
     """Names of maps from "strain,pressure,ease"; "strain" stands for all strains and the shear, "all" for every map."""
-    asked = [name.strip() for name in text.split(",")] if isinstance(text, str) else list(text)
+    asked = [name.strip() for given in texts(text, place) for name in given.split(",")]
     names: dict[str, None] = {}
     for name in filter(None, asked):
         if name not in MAPS and name not in GROUPS:
@@ -74,6 +75,8 @@ def chosen_maps(text: str | Sequence[str], *, place: str = "--maps") -> tuple[st
 
 def chosen_colour(text: str, *, place: str) -> str:
     """The map that paints a stage; empty where none is asked for."""
+    if not isinstance(text, str):
+        raise InputError(place, f"{type(text).__name__} is no map's name", "give one name, or an empty text")
     if text.strip() == "all" or len([name for name in text.split(",") if name.strip()]) > 1:
         raise InputError(place, f'"{text}" names several maps', "choose one, which colours the stage")
     return next(iter(chosen_maps(text, place=place)), "")

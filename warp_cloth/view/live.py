@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -14,12 +14,12 @@ from numpy.typing import NDArray
 
 from warp_cloth.device import device_named
 from warp_cloth.fitting import tolerance_of
-from warp_cloth.garment.wardrobe import Rack
+from warp_cloth.garment.wardrobe import Rack, open_wardrobe
 from warp_cloth.maps import MAPS, measure_maps
 from warp_cloth.mesh import Points
 from warp_cloth.result import WornGarment
 from warp_cloth.scene import MannequinShape, Scene, TshirtShape, load_scene
-from warp_cloth.set_up import SetUp, set_up_one
+from warp_cloth.set_up import SetUp, set_up, set_up_one
 from warp_cloth.solver.certificate import Check
 from warp_cloth.warm import start_from
 
@@ -67,13 +67,20 @@ def changed(now: Mapping[str, str], asked: Mapping[str, str | None], first: Mapp
 class LiveFit:
     """A scene that relaxes chunk by chunk; changes keep the worn shape where they can."""
 
-    def __init__(self, source: str | Path | Mapping[str, Any], changes: Mapping[str, str], device: str | None) -> None:
+    def __init__(
+        self,
+        source: str | Path | Mapping[str, Any],
+        changes: Mapping[str, str],
+        device: str | None,
+        tell: Callable[[str], None] = lambda _: None,
+    ) -> None:
+        """``source`` and ``changes`` as of ``load_scene``; ``tell`` is told each stage of the first set-up."""
         self._source = source
         self._changes = self._first = dict(changes)
         self._rack = Rack()
         self.device = device_named(device)
         self.scene = self._load(self._changes)
-        self.made: SetUp = set_up_one(self.scene, self.device, rack=self._rack)
+        self.made: SetUp = set_up_one(self.scene, self.device, rack=self._rack, tell=tell)
         self._start()
 
     def _load(self, changes: Mapping[str, str]) -> Scene:
@@ -160,10 +167,15 @@ class LiveFit:
         together = changed(self._changes, changes, self._first)
         scene = self._load(together)
         old, worn = self.made, self.points
-        made = set_up_one(scene, self.device, rack=self._rack, earlier=old.contact)
+        wardrobe = open_wardrobe(scene, self._rack)
+        # what is worn has gone through the avatar's poses: it would take as long as all else to do so once more
+        standing = wardrobe if self.diverged else replace(wardrobe, poses=())
+        made = set_up([scene], [standing], self.device, earlier=old.contact)
         if not self.diverged:
             worn_parts = [worn[first:last] for first, last in itertools.pairwise(old.model.vertex_start)]
-            start_from(made, list(zip(old.wardrobe.garments, worn_parts, strict=True)))
+            taken = start_from(made, list(zip(old.wardrobe.garments, worn_parts, strict=True)))
+            if wardrobe.poses and not taken:
+                made = set_up([scene], [wardrobe], self.device)
         self.scene, self.made, self._changes = scene, made, together
         self._start()
 
