@@ -32,7 +32,7 @@ def write(folder: Path, name: str, text: str) -> Path:
 
 def test_csv_parquet_and_toml_give_the_same_items(tmp_path: Path) -> None:
     csv = write(
-        tmp_path, "jobs.csv", "name,scene,garment.fabric,solver.iterations\na,hanging,silk,100\n\nb,sphere,,200\n"
+        tmp_path, "jobs.csv", "name,scene,garment.fabric,solver.iterations\na,hanging,silk,100\n\n, ,,\nb,sphere,,200\n"
     )
     parquet = tmp_path / "jobs.parquet"
     pyarrow.parquet.write_table(pyarrow.Table.from_pylist(ROWS), parquet)

@@ -92,6 +92,7 @@ def test_the_command_writes_the_table_and_the_stages(tmp_path: Path) -> None:
         ("hanging", ["S"], [], "has no avatar"),
         ("tshirt", [], ["garment.mesh=shirt_{size}.obj"], "no sizes are named"),
         ("tshirt", ["S", "XXL"], [], "size"),
+        ("tshirt", ["S", "men/S"], ["garment.mesh={size}.obj"], '"men/S" names a stage'),
     ],
 )
 def test_what_has_no_sizes_is_refused(scene: str, sizes: list[str], overrides: list[str], told: str) -> None:

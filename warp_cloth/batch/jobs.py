@@ -16,6 +16,7 @@ from typing import Any
 
 from warp_cloth.batch.product import AXES, product_rows
 from warp_cloth.errors import InputError
+from warp_cloth.loading.raw import counted
 from warp_cloth.text import in_utf8
 from warp_cloth.toml_file import exists, read_toml
 
@@ -107,12 +108,12 @@ def _csv_rows(path: Path) -> list[dict[str, Any]]:
     _check_columns(header, path)
     rows: list[dict[str, Any]] = []
     for cells in table[1:]:
-        if not cells:  # an empty line
+        if not any(map(str.strip, cells)):  # an empty line, or one of a spreadsheet's beyond the last
             continue
         texts = {name: cell.strip() for name, cell in zip(header, cells, strict=False)}
         row: dict[str, Any] = {name: text if name in TEXTS else _whole(text) for name, text in texts.items() if text}
         if len(cells) != len(header):
-            row["problem"] = f"the row has {len(cells)} cells, the header {len(header)}"
+            row["problem"] = f"the row has {counted(len(cells), 'cell')}, the header {len(header)}"
         rows.append(row)
     return rows
 

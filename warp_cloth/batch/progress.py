@@ -6,6 +6,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from warp_cloth.batch.drive import BatchReport, Standing
+from warp_cloth.loading.raw import counted
 from warp_cloth.progress import LineDisplay
 
 MOST_REASONS = 3  # told of the items without result, the commonest
@@ -64,7 +65,8 @@ def summary(report: BatchReport) -> list[str]:
     lines = [f"{items} item{'s' * (items != 1)} in {report.standing.seconds:.3g} s: {counts}"]
     lines += [f"  {count} without result: {reason}" for reason, count in list(report.reasons.items())[:MOST_REASONS]]
     if len(report.reasons) > MOST_REASONS:
-        lines.append(f"  and {len(report.reasons) - MOST_REASONS} more reasons, in the column message")
+        more = len(report.reasons) - MOST_REASONS
+        lines.append(f"  and {counted(more, 'more reason')}, in the column message")
     lines.append(f"  wrote        {report.folder / 'results.parquet'}, results.csv")
     for reason, count in report.unwritten.items():
         lines.append(f"  {count} items not done: {reason}; start the same command again to do them")

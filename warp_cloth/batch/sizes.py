@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, get_args
 
 from warp_cloth import given
-from warp_cloth.batch.jobs import toml_text
+from warp_cloth.batch.jobs import PLAIN_NAME, toml_text
 from warp_cloth.collide.solid import closing_of
 from warp_cloth.errors import InputError
 from warp_cloth.fitting import Fit, fit
@@ -147,6 +147,10 @@ def fit_sizes(
         InputError: the scene cannot be used in one of the sizes, or nothing in it depends on the size.
     """
     changes, sizes, ease = given.texts(overrides, "overrides"), given.texts(sizes, "sizes"), given.number(ease, "ease")
+    for size in sizes:
+        if not PLAIN_NAME.fullmatch(size):
+            remedy = f"use no slashes; folders go before it: --set garment.mesh=FOLDER/{SIZE}.obj"
+            raise InputError("sizes", f'"{size}" names a stage, and cannot be part of a file name', remedy)
     plain = [change for change in changes if SIZE not in change]
     sized = [change for change in changes if SIZE in change]
     base = load_scene(scene, [*plain, *(change.replace(SIZE, sizes[0]) for change in sized if sizes)])
