@@ -104,13 +104,27 @@ def test_weight_is_the_clothes_weight_shared_by_the_vertices() -> None:
     assert np.ptp(rest.vertex_weight) == 0.0
 
 
-@pytest.mark.parametrize(("scale", "told"), [(0.4, True), (0.6, False), (1.0, False), (1.9, False), (4.0, True)])
-def test_panels_of_an_odd_size_are_told_of(scale: float, told: bool) -> None:
-    notes = rest_of(scale * PANEL).notes
-    assert len(notes) == told
-    if told:
-        assert f"{scale:g} times those in the mesh" in notes[0]
-        assert "garment.uv_units" in notes[0]
+@pytest.mark.parametrize(
+    ("across", "up", "told"),
+    [
+        (0.4, 0.4, "0.4 times those in the mesh"),
+        (4.0, 4.0, "4 times those in the mesh"),
+        (0.6, 0.6, "0.6 times as long along u and 0.6 along v"),
+        (0.9, 1.0, "0.9 times as long along u and 1 along v"),
+    ],
+)
+def test_panels_of_an_odd_size_are_told_of(across: float, up: float, told: str) -> None:
+    """Placed panels in the unit square are near their size where a garment's panels take about a metre."""
+    (note,) = rest_of(PANEL * (across, up)).notes
+    assert told in note
+    assert "set garment.uv_units" in note
+
+
+def test_panels_near_the_size_they_are_drawn_in_are_not_told_of() -> None:
+    assert rest_of(PANEL * 1.01).notes == ()
+    bent = MESH.points + np.sin(8.0 * MESH.points[:, :1]) * (0.0, 0.0, 0.1)  # as worn, in another size
+    worn = replace(MESH, points=bent, texcoords=0.9 * PANEL)
+    assert build_rest_shape(worn, Fabric(), rest="uv").notes == ()
 
 
 @pytest.mark.parametrize(("notes", "told"), [((GUESS_NOTE,), 'set garment.units = "in"'), ((), "garment.uv_units")])

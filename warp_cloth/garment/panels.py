@@ -30,6 +30,10 @@ EASED = 1.5
 # whose axes were each brought to the unit square are not.
 SQUEEZED = 1.5
 
+# Of placed panels both are the same all over: from the 10th to the 90th percentile within EVEN (of a worn shape 1.3),
+# and, if they were drawn in their size, within SAME of 1.
+EVEN, SAME = 1.01, 1.02
+
 # Area in texture space over the panels' median triangle below which a triangle was left out of the panels: exporters
 # put all its corners at one point. A few (buttons, trims) keep their lengths in the mesh; more, and panels are missing.
 LEFT_OUT_AREA = 1.0e-6
@@ -104,8 +108,8 @@ def _other_unit(mesh: Mesh, ratio: float) -> str:
     return next((unit for unit in fitting if low <= times[unit] * extent <= high), "")
 
 
-def check_proportions(mesh: Mesh) -> tuple[str, ...]:
-    """A note where texture space is drawn much longer along one of its axes than along the other."""
+def check_axes(mesh: Mesh, metres_per_uv: float, key: str) -> tuple[str, ...]:
+    """A note where texture space is drawn longer along one of its axes than along the other, or than the mesh is."""
     if mesh.texcoords is None:
         return ()
     drawn = mesh.points[mesh.triangles]
@@ -114,14 +118,27 @@ def check_proportions(mesh: Mesh) -> tuple[str, ...]:
     flat = (whole != 0.0)[:, 0]
     # by the mesh: what goes into one unit of u, and of v, each times the triangle's doubled area in texture space
     u, v = b[:, 1:] * p - a[:, 1:] * q, a[:, :1] * q - b[:, :1] * p
-    along = {axis: np.median(np.linalg.norm(each[flat] / whole[flat], axis=1)) for axis, each in (("u", u), ("v", v))}
-    long, short = sorted(along, key=along.__getitem__)
-    ratio = float(along[short] / along[long]) if along[long] > 0.0 else 1.0
-    if ratio <= SQUEEZED:
+    along = {axis: np.linalg.norm(each[flat] / whole[flat], axis=1) for axis, each in (("u", u), ("v", v))}
+    low, middle, high = np.quantile([along["u"], along["v"]], (0.1, 0.5, 0.9), axis=1)
+    if not (middle > 0.0).all():
+        return ()
+    long, short = ("u", "v") if middle[0] < middle[1] else ("v", "u")
+    squeezed = float(middle.max() / middle.min())
+    if squeezed > SQUEEZED:
+        return (
+            f"texture space is drawn {squeezed:.3g} times as long along {long} as along {short}, by the mesh; if that "
+            "is not meant, export texture coordinates in which both axes have one unit",
+        )
+    u_times, v_times = metres_per_uv / middle
+    even = (high <= EVEN * low).all() and 1.0 / SCALE_TOLD <= min(u_times, v_times) <= max(
+        u_times, v_times
+    ) <= SCALE_TOLD
+    if not even or max(u_times, v_times, 1.0 / u_times, 1.0 / v_times) <= SAME:
         return ()
     return (
-        f"texture space is drawn {ratio:.3g} times as long along {long} as along {short}, by the mesh; if that is not "
-        "meant, export texture coordinates in which both axes have one unit",
+        f"panels are cut {u_times:.3g} times as long along u and {v_times:.3g} along v as the mesh is drawn, the same "
+        "everywhere, as where texture coordinates were fitted into the unit square; if that is not meant, "
+        f"set {key}.uv_units to the metres in a unit of texture space",
     )
 
 

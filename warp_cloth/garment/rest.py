@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from warp_cloth.errors import InputError
 from warp_cloth.garment.folds import RestAngles, hinge_angles
 from warp_cloth.garment.grain import Grain
-from warp_cloth.garment.panels import check_proportions, check_scale, check_seams, panel_sides
+from warp_cloth.garment.panels import check_axes, check_scale, check_seams, panel_sides
 from warp_cloth.garment.triangles import triangle_areas, triangle_sides
 from warp_cloth.loading.repair import RestKind
 from warp_cloth.material.bending import hinge_constants
@@ -212,7 +212,7 @@ def build_rest_geometry(
         side_edge = topology.triangle_edges.ravel()
         initial = np.bincount(side_edge, drawn.ravel(), len(length)) / np.bincount(side_edge, minlength=len(length))
         notes += check_scale(mesh, length, initial, metres_per_uv, place, key)
-        notes += check_proportions(mesh) + check_seams(sides, topology)
+        notes += check_axes(mesh, metres_per_uv, key) + check_seams(sides, topology)
     return replace(
         made,
         notes=notes,
