@@ -223,6 +223,7 @@ def test_sheet_and_its_copy_stay_two_layers(tmp_path: Path) -> None:
     assert mesh.vertex_map is None
     assert edge_use(mesh)[0].max() == 2
     assert noted(mesh, "25 vertices", "left apart")
+    assert noted(mesh, "64 triangles lie on others", "twice as heavy", "remove one")
 
 
 def test_parts_that_touch_stay_apart(tmp_path: Path) -> None:

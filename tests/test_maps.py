@@ -27,7 +27,7 @@ from warp_cloth.maps.section import cut
 from warp_cloth.maps.strain import face_strains, vertex_areas, vertex_means
 from warp_cloth.material.constants import even_network
 from warp_cloth.material.fabric import Fabric
-from warp_cloth.mesh import Mesh
+from warp_cloth.mesh import Mesh, vertex_normals
 from warp_cloth.shapes import MannequinMeasures, mannequin, sphere, tshirt
 from warp_cloth.solver.certificate import Certifier
 from warp_cloth.solver.relax import Collider, Relaxation, StepOptions
@@ -230,6 +230,19 @@ def test_ease_at_the_waist_is_the_rest_girth_less_the_body(body: Mesh) -> None:
     assert rows["waist"]["garment_girth"] == pytest.approx(0.95 * rows["waist"]["natural_girth"], rel=1e-6)
     assert rows["waist"]["ease"] == pytest.approx(2e3 * np.pi * 0.2 - 860.0, abs=1e3 * GIRTH)
     assert rows["waist"]["closed"] is True
+
+
+@pytest.mark.parametrize("inset", [0.0, 0.01])
+def test_what_lies_within_the_trunk_is_no_arm(body: Mesh, inset: float) -> None:
+    """A body exported for both sides, or hollow: its inner skin is not what a sleeve would go round."""
+    inner = body.points - inset * vertex_normals(body.points, body.triangles)
+    twice = np.concatenate([body.triangles, body.triangles[:, ::-1] + body.vertex_count]).astype(np.int32)
+    hollow = Mesh("hollow", np.concatenate([body.points, inner]), twice)
+    rest = tube(0.2, 0.95, 1.25)
+    sheet = build_rest_shape(rest, Fabric(), rest="mesh").sheet
+    plain, double = (garment_girths("tube", rest.points, sheet, each, body_levels(each)) for each in (body, hollow))
+    assert plain[0]["closed"] is True
+    assert double == plain
 
 
 def test_half_a_garment_goes_not_round(body: Mesh) -> None:

@@ -22,6 +22,8 @@ RestKind = Literal["mesh", "uv", "physics"]
 # which no cloth has and which float32 positions one metre from the origin cannot hold.
 THINNEST = 1e-6
 
+TWO_SIDED = 0.9  # share of the faces that lie on others: not a pocket or a facing, but all of it twice
+
 FARTHEST = 1e12  # texture coordinates beyond this count as none: no panel lies there, in whatever unit
 
 CLOSED = (
@@ -98,6 +100,8 @@ def repaired(raw: RawMesh, points: Floats, *, role: Role, rest: RestKind) -> Rep
         )
     if closed:
         notes = (*notes, CLOSED)
+    if welded.apart and role == "garment":
+        notes += _two_sided(points[work.triangles])
     return Repaired(
         points=points[used],
         triangles=number[work.triangles],
@@ -115,6 +119,19 @@ def _pieces(triangles: Ints, count: int) -> int:
     a, b = triangles[:, [0, 1]].T, triangles[:, [1, 2]].T
     part = lowest_connected(count, np.concatenate([a[0], b[0]]), np.concatenate([a[1], b[1]]))
     return len(used_ids(part[triangles[:, 0]], count))
+
+
+def _two_sided(corners: Floats) -> tuple[str, ...]:
+    """A note where faces lie on each other throughout, as where each was exported once for either side.
+
+    ``corners`` [m], shape [F, 3, 3].
+    """
+    place = distinct(corners.reshape(-1, 3) + 0.0).number.reshape(-1, 3)
+    doubled = int((distinct(np.sort(place, axis=1)).count > 1).sum())
+    if 2 * doubled < TWO_SIDED * len(corners):
+        return ()
+    told = f"{counted(2 * doubled, 'triangle')} lie on others, as where every face was exported for either side"
+    return (f"{told}: two layers of cloth, twice as heavy and stiff; remove one of them",)
 
 
 def _refuse_empty(raw: RawMesh, work: _Work) -> None:

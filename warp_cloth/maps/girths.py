@@ -76,7 +76,7 @@ def _girth_row(
 
 def _ring(section: Section, level: Level) -> int | None:
     """The part of a garment's section that goes round the trunk and round no arm; the longest, where there are more."""
-    trunk, *others = _middles(level)
+    trunk, others = _middle(level, level.trunk), [_middle(level, part) for part in _limbs(level)]
     rings = []
     for part in set(range(section.part_count)) - section.open_parts:
         ends = section.ends[section.part == part]
@@ -85,11 +85,17 @@ def _ring(section: Section, level: Level) -> int | None:
     return max(rings)[1] if rings else None
 
 
-def _middles(level: Level) -> list[NDArray[np.float64]]:
-    """Middles of the body's section, the trunk's first, (x, z) [m]."""
-    section = level.section
-    order = sorted(range(section.part_count), key=lambda part: part != level.trunk)
-    return [section.ends[section.part == part].reshape(-1, 2).mean(axis=0) for part in order]
+def _middle(level: Level, part: int) -> NDArray[np.float64]:
+    """Middle of a part of the body's section, (x, z) [m]."""
+    middle: NDArray[np.float64] = level.section.ends[level.section.part == part].reshape(-1, 2).mean(axis=0)
+    return middle
+
+
+def _limbs(level: Level) -> list[int]:
+    """Parts of the body's section beside the trunk; what lies within it, as a second skin, is none."""
+    trunk = level.section.ends[level.section.part == level.trunk]
+    others = (part for part in range(level.section.part_count) if part != level.trunk)
+    return [part for part in others if not _encloses(trunk, _middle(level, part))]
 
 
 def _encloses(ends: NDArray[np.float64], spot: NDArray[np.float64]) -> bool:
@@ -102,12 +108,11 @@ def _encloses(ends: NDArray[np.float64], spot: NDArray[np.float64]) -> bool:
 
 
 def _near_the_trunk(ends: NDArray[np.float64], level: Level) -> NDArray[np.bool_]:
-    """Whether segments are nearer to the trunk than to any other part of the body (arms), shape [S]."""
+    """Whether segments are nearer to the trunk than to any limb, shape [S]."""
     middle = ends.mean(axis=1)
     spots, part = level.section.ends.mean(axis=1), level.section.part
     away = ((middle[:, None, :] - spots[None, :, :]) ** 2).sum(axis=2)
-    nearest: NDArray[np.bool_] = part[np.argmin(away, axis=1)] == level.trunk
-    return nearest
+    return ~np.isin(part[np.argmin(away, axis=1)], _limbs(level))
 
 
 def _covered(ends: NDArray[np.float64], level: Level) -> float:
