@@ -186,13 +186,13 @@ def test_what_is_no_body_has_no_levels() -> None:
     assert body_levels(box_avatar()) is None
 
 
-def tube(radius: float, low: float, high: float, around: int = 96) -> Mesh:
+def tube(radius: float, low: float, high: float, around: int = 96, rows: int = 9) -> Mesh:
     """An upright tube; its panels are its own strip."""
     turn = np.arange(around) / around * 2 * np.pi
     ring = np.stack([radius * np.cos(turn), np.zeros(around), radius * np.sin(turn)], axis=1)
-    rows = np.linspace(low, high, 9)
-    points = np.concatenate([ring + np.array((0.0, row, 0.0)) for row in rows])
-    a = np.arange(around * (len(rows) - 1))
+    heights = np.linspace(low, high, rows)
+    points = np.concatenate([ring + np.array((0.0, height, 0.0)) for height in heights])
+    a = np.arange(around * (rows - 1))
     b = a // around * around + (a + 1) % around
     triangles = np.concatenate([np.stack([a, b, b + around], 1), np.stack([a, b + around, a + around], 1)])
     return Mesh("tube", points, triangles.astype(np.int32))
@@ -243,6 +243,20 @@ def test_what_lies_within_the_trunk_is_no_arm(body: Mesh, inset: float) -> None:
     plain, double = (garment_girths("tube", rest.points, sheet, each, body_levels(each)) for each in (body, hollow))
     assert plain[0]["closed"] is True
     assert double == plain
+
+
+def test_a_fold_across_a_level_is_no_ease(body: Mesh) -> None:
+    """A tube that is turned up and down again at the waist, so that a plane goes through three layers of it."""
+    rest = tube(0.2, 0.85, 1.35, rows=51)
+    waist = body_levels(body)[1].height
+    lift = np.interp(
+        rest.points[:, 1], [waist - 0.04, waist - 0.01, waist + 0.01, waist + 0.04], [0.0, 0.03, -0.03, 0.0]
+    )
+    tilt = 0.02 * np.sin(12.0 * np.arctan2(rest.points[:, 2], rest.points[:, 0]))  # so that it goes along them, too
+    worn = rest.points + np.stack([np.zeros_like(lift), lift + tilt * (lift != 0.0), np.zeros_like(lift)], axis=1)
+    sheet = build_rest_shape(rest, Fabric(), rest="mesh").sheet
+    rows = {row["level"]: row for row in garment_girths("tube", worn, sheet, body, body_levels(body))}
+    assert rows["waist"]["natural_girth"] == pytest.approx(2e3 * np.pi * 0.2, rel=0.02)
 
 
 def test_half_a_garment_goes_not_round(body: Mesh) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -20,6 +21,17 @@ MILLIMETRES = 1e3
 # A garment's chest is measured a little below its armholes, and those of a wide garment hang low [m].
 LOWER = {"chest": 0.12}
 STEP = 0.01
+# A level lies across a fold where the garment is so much longer round than both above and below, within so many steps.
+FOLDED, ASIDE = 1.05, (1, 2, 3, 4, 5)
+
+
+@dataclass(frozen=True)
+class _Girth:
+    """The cloth round the trunk at a height."""
+
+    worn: float  # folds and all [m]
+    natural: float  # the same line in the rest shape [m]
+    closed: bool  # whether it goes all round
 
 
 def garment_girths(
@@ -29,49 +41,75 @@ def garment_girths(
 
     ``garment`` is the cloth's length round the trunk as worn, folds and all, ``natural`` that same line in the rest
     shape, ``ease`` natural less the body's: negative where the cloth must stretch to go round. Where sleeves join the
-    trunk at the chest, the garment is measured a little lower.
+    trunk at the chest, the garment is measured a little lower; where a fold lies across a level, beside it.
     """
     rows: list[dict[str, Any]] = []
     if sheet is None:
         return rows
+    floor = float(avatar.bounds()[0][1])
     for level in levels:
-        row = None
-        for drop in np.arange(0.0, LOWER.get(level.name, 0.0) + 0.5 * STEP, STEP):
-            lower = _girth_row(name, points, sheet, avatar, level, drop)
-            row = lower if row is None or (lower is not None and lower["closed"]) else row
-            if row is None or row["closed"]:
-                break
-        rows += [row] if row is not None else []
+        girth = _girth_near(points, sheet, avatar, level)
+        if girth is None:
+            continue
+        rows.append(
+            {
+                "garment": name,
+                "level": level.name,
+                "height": MILLIMETRES * (level.height - floor),
+                "body_girth": MILLIMETRES * level.girth,
+                "garment_girth": MILLIMETRES * girth.worn,
+                "natural_girth": MILLIMETRES * girth.natural,
+                "ease": MILLIMETRES * (girth.natural - level.girth) if girth.closed else None,
+                "closed": girth.closed,
+            }
+        )
     return rows
 
 
-def _girth_row(
-    name: str, points: Points, sheet: Sheet, avatar: Mesh, level: Level, drop: float
-) -> dict[str, Any] | None:
-    """The garment's girth ``drop`` [m] below a level; None where it does not reach."""
+def _girth_near(points: Points, sheet: Sheet, avatar: Mesh, level: Level) -> _Girth | None:
+    """The garment's girth where a level is measured; None where it does not reach."""
     low, high = avatar.bounds()
-    section = cut(points, sheet.triangles, level.height - drop)
-    here = trunk_level(avatar, level.height - drop, 0.5 * float(low[0] + high[0])) if drop > 0.0 else level
-    if not len(section.faces) or here is None:
+    here, height = level, level.height
+    found = _girth(points, sheet, here, height)
+    for drop in np.arange(0.0, LOWER.get(level.name, 0.0) + 0.5 * STEP, STEP)[1:]:
+        if found is None or found.closed:
+            break
+        body = trunk_level(avatar, level.height - drop, 0.5 * float(low[0] + high[0]))
+        lower = None if body is None else _girth(points, sheet, body, level.height - drop)
+        if body is not None and lower is not None and lower.closed:
+            found, here, height = lower, body, level.height - drop
+    if found is None or not found.closed:
+        return found
+    above, below = ([_girth(points, sheet, here, height + way * STEP * step) for step in ASIDE] for way in (1.0, -1.0))
+    return _beside_fold(found, above, below)
+
+
+def _beside_fold(found: _Girth, above: Sequence[_Girth | None], below: Sequence[_Girth | None]) -> _Girth:
+    """The girth, or the nearest one above or below (nearest first) where a fold lies across its level.
+
+    A plane goes along such a fold and through its layers, while a garment that flares grows one way only.
+    """
+    closed = [[girth for girth in side if girth is not None and girth.closed] for side in (above, below)]
+    if not all(closed):
+        return found
+    most = FOLDED * max(min(girth.natural for girth in side) for side in closed)
+    nearest = (girth for pair in zip(above, below, strict=True) for girth in pair if girth is not None and girth.closed)
+    return next(girth for girth in (found, *nearest) if girth.natural <= most)
+
+
+def _girth(points: Points, sheet: Sheet, body: Level, height: float) -> _Girth | None:
+    """The garment's girth at a height [m], round the body's section there; None where it does not reach."""
+    section = cut(points, sheet.triangles, height)
+    if not len(section.faces):
         return None
-    ring = _ring(section, here)
-    chosen = _near_the_trunk(section.ends, here) if ring is None else section.part == ring
+    ring = _ring(section, body)
+    chosen = _near_the_trunk(section.ends, body) if ring is None else section.part == ring
     ends = section.ends[chosen]
-    if ring is None and _covered(ends, here) < PRESENT:
+    if ring is None and _covered(ends, body) < PRESENT:
         return None
-    worn = float(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1).sum())
     flat = np.einsum("sek,skd->sed", section.weights[chosen], sheet.flat[section.faces[chosen]])
-    natural = float(np.linalg.norm(flat[:, 1] - flat[:, 0], axis=1).sum())
-    return {
-        "garment": name,
-        "level": level.name,
-        "height": MILLIMETRES * (level.height - float(low[1])),
-        "body_girth": MILLIMETRES * level.girth,
-        "garment_girth": MILLIMETRES * worn,
-        "natural_girth": MILLIMETRES * natural,
-        "ease": MILLIMETRES * (natural - level.girth) if ring is not None else None,
-        "closed": ring is not None,
-    }
+    worn, natural = (float(np.linalg.norm(each[:, 1] - each[:, 0], axis=1).sum()) for each in (ends, flat))
+    return _Girth(worn, natural, ring is not None)
 
 
 def _ring(section: Section, level: Level) -> int | None:
