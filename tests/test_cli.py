@@ -115,17 +115,19 @@ def test_the_exit_status_tells_whether_there_is_a_usable_result(stand_in: StandI
         (("fit", "sphere", "--set", "nonsense"), "error: --set nonsense: has no value"),
         (("fit", "sphere", "--set", "a=\x1b[31m"), "error: --set a=?[31m: unknown key a"),
         (("fit", "sphere", "--out", "taken"), "error: taken: is a file, not a folder"),
+        (("fit", "sphere", "--set", 'garment={mesh="g.obj"}', "--out", "circle"), "error: circle: cannot be written"),
     ],
 )
 def test_bad_input_is_one_line_exit_2_and_no_fit(stand_in: StandIn, arguments: tuple[str, ...], line: str) -> None:
     Path("taken").touch()
+    Path("circle").symlink_to("circle")
     result = call(*arguments)
     assert result.exit_code == 2
     assert result.stderr.count("\n") == 1
     assert line in result.stderr
     assert result.stdout == ""
     assert not stand_in.calls
-    assert [path.name for path in Path().iterdir()] == ["taken"]
+    assert sorted(path.name for path in Path().iterdir()) == ["circle", "taken"]
 
 
 def test_bad_input_found_by_the_fit_leaves_no_folder_behind(stand_in: StandIn) -> None:

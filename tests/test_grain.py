@@ -85,6 +85,15 @@ def test_what_is_wrong_with_a_grain_is_told(tmp_path: Path) -> None:
         Grain(texture=tmp_path / "text.png").of_triangles(replace(mesh, texcoords=None), "garment")
 
 
+@pytest.mark.parametrize("grain", [Grain(30.0), Grain(texture=Path("gone.png"))])
+def test_grain_of_a_mesh_that_has_no_warp_is_refused(grain: Grain) -> None:
+    mesh = two_panels()
+    bent = replace(mesh, points=mesh.points + np.sin(30.0 * mesh.points[:, :1]) * (0.0, 0.1, 0.1), texcoords=None)
+    assert not build_rest_shape(bent, fabric_named("denim"), rest="mesh").sheet.directed
+    with pytest.raises(InputError, match=r"garment\.grain_degrees: the mesh has no texture coordinates"):
+        build_rest_shape(bent, fabric_named("denim"), rest="mesh", grain=grain)
+
+
 def test_a_scene_states_grain_by_panel_and_by_image(tmp_path: Path) -> None:
     painted(tmp_path / "grain.png")
     (tmp_path / "scene.toml").write_text(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from os.path import realpath
 from pathlib import Path
 
 from warp_cloth.errors import InputError
@@ -25,10 +26,10 @@ def chosen_formats(text: str | Sequence[str], *, place: str = "--format") -> tup
 def check_inputs_kept(scene: Scene, folder: Path, formats: Sequence[str]) -> None:
     """Refuse a folder in which a file of the scene would be written over."""
     written = {folder / f"{scene.name}.{suffix}" for suffix in formats} | {folder / f"{scene.name}_over.usda"}
-    places = {path.resolve() for path in written}
+    places = {realpath(path) for path in written}  # unlike Path.resolve, links that go in circles are no error
     specs = [*scene.garments, *([scene.avatar] if scene.avatar is not None else [])]
     for file in (spec.mesh for spec in specs):
-        if isinstance(file, Path) and file.resolve() in places:
+        if isinstance(file, Path) and realpath(file) in places:
             raise InputError(
                 folder, f"{file.name} would be written over, which the scene reads", "choose another folder"
             )

@@ -95,6 +95,9 @@ def _drawn_flat(mesh: Mesh, grain: Grain, key: str, rest: RestKind) -> Floats | 
         total = normals.sum(axis=0)
         normal = total / max(float(np.linalg.norm(total)), np.finfo(float).tiny)
         if (np.linalg.norm(np.cross(normals, normal), axis=1) > FLATNESS * np.linalg.norm(normals, axis=1)).any():
+            if grain != Grain():
+                problem = "the mesh has no texture coordinates, from whose v axis grain is told"
+                raise InputError(f"{key}.grain_degrees", problem, f"export them, or leave {key}.grain_... out")
             return None
         up = np.array([0.0, 1.0, 0.0]) if abs(normal[1]) < np.sqrt(0.5) else np.array([0.0, 0.0, -1.0])
         warp = up - normal * (up @ normal)
