@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -66,6 +67,17 @@ def test_centimetres_with_z_up_give_the_same_garment(metres: tuple[Path, Fit], t
     assert other.scene.garments[0].fabric.weight == pytest.approx(0.18)
     assert other.scene.garments[0].fabric.bending_warp == pytest.approx(2 * 4e-6 / CURVATURE)
     assert np.abs(other.garments[0].points - metres[1].garments[0].points).max() < UNITS
+
+
+def test_the_layer_lasts_as_long_as_its_frames(metres: tuple[Path, Fit], tmp_path: Path) -> None:
+    """The user's stage has no times of its own."""
+    worn = metres[1]
+    frames = np.stack([worn.garments[0].points.astype(np.float32)] * 3)
+    write_meshes(replace(worn, garments=(replace(worn.garments[0], frames=frames),)), tmp_path)
+    over = Usd.Stage.Open(str(tmp_path / "user_over.usda"))
+    samples = UsdGeom.Mesh(over.GetPrimAtPath("/World/wardrobe/cloth")).GetPointsAttr().GetTimeSamples()
+    assert [over.GetStartTimeCode(), over.GetEndTimeCode()] == [samples[0], samples[-1]]
+    assert over.GetRootLayer().HasStartTimeCode()
 
 
 def test_the_users_files_stay_as_they_are_and_the_layer_wears_the_garment(metres: tuple[Path, Fit]) -> None:

@@ -58,6 +58,7 @@ def write_override(
             for prim in garment.prims:
                 _open_instances(stage, prim)
             _author_garment(stage, garment, ranges, colour)
+        _make_room([0 if each.worn.frames is None else len(each.worn.frames) for each in garments], stage)
     written = Sdf.Layer.CreateAnonymous(".usda")  # one that no stage composes, which would look for the relative path
     written.TransferContent(layer)
     written.subLayerPaths[0] = relative_asset(file, path.parent)
@@ -72,6 +73,14 @@ def _take_over_metadata(base: Usd.Stage, stage: Usd.Stage) -> None:
     for key in root.pseudoRoot.ListInfoKeys():
         if key not in ("subLayers", "subLayerOffsets"):
             stage.GetRootLayer().pseudoRoot.SetInfo(key, root.pseudoRoot.GetInfo(key))
+
+
+def _make_room(frame_counts: Sequence[int], stage: Usd.Stage) -> None:
+    """Has the stage last as long as the frames; a stage without times would show the first alone."""
+    if max(frame_counts):
+        first, last = stage.GetStartTimeCode(), stage.GetEndTimeCode()
+        stage.SetStartTimeCode(first)
+        stage.SetEndTimeCode(max(last, first + max(frame_counts) - 1))
 
 
 def _open_instances(stage: Usd.Stage, path: str) -> None:
