@@ -220,6 +220,18 @@ def test_a_body_without_its_head_or_feet_has_no_levels(body: Mesh, share: tuple[
     assert body_levels(closing_of(cropped).skin(cropped)) is None
 
 
+def test_feet_are_feet_wherever_their_toes_point(body: Mesh) -> None:
+    """Feet turned out by 80 degrees about their ankles."""
+    low, high = body.bounds()
+    turned = body.points.copy()
+    for side in (-1.0, 1.0):
+        foot = (side * body.points[:, 0] > 0.0) & (body.points[:, 1] < low[1] + 0.05 * (high[1] - low[1]))
+        ankle, turn = body.points[foot][body.points[foot, 1].argmax()], side * np.radians(80.0)
+        spin = np.array([[np.cos(turn), 0.0, -np.sin(turn)], [0.0, 1.0, 0.0], [np.sin(turn), 0.0, np.cos(turn)]])
+        turned[foot] = (body.points[foot] - ankle) @ spin + ankle
+    assert body_levels(replace(body, points=turned)) is not None
+
+
 def test_ease_at_the_waist_is_the_rest_girth_less_the_body(body: Mesh) -> None:
     rest = tube(0.2, 0.95, 1.25)
     worn = rest.points * (0.95, 1.0, 0.95)  # pushed together: what counts is the cloth there is

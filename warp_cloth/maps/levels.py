@@ -70,8 +70,19 @@ def body_levels(body: Mesh) -> tuple[Level, ...] | None:
     neck = trunk_level(body, low[1] + NECK * stature, middle)
     headed = neck is not None and len(good) > 0 and neck.girth <= NECK_WIDEST * good[0].girth
     soles = (cut(body.points, body.triangles, float(low[1]) + share * stature) for share in FOOT_HEIGHTS)
-    footed = any(len(sole.ends) and np.ptp(sole.ends[..., 1]) >= FOOT * stature for sole in soles)
+    footed = any(_longest(sole) >= FOOT * stature for sole in soles)
     return good if legs and headed and footed and len(good) == len(chosen) else None
+
+
+def _longest(sole: Section) -> float:
+    """How far a section reaches from back to front or, of one part, in any direction, as where toes turn out [m]."""
+    if not len(sole.ends):
+        return 0.0
+    ways = np.array([(0.0, 1.0), (1.0, 0.0), (np.sqrt(0.5), np.sqrt(0.5)), (np.sqrt(0.5), -np.sqrt(0.5))])
+    along = sole.ends.reshape(-1, 2) @ ways.T
+    part = np.repeat(sole.part, 2)
+    lengths = [np.ptp(along[part == number], axis=0).max() for number in range(sole.part_count)]
+    return float(max(np.ptp(along[:, 0]), *lengths))
 
 
 def trunk_level(body: Mesh, height: float, middle: float) -> Level | None:
