@@ -181,6 +181,14 @@ def test_real_bodies_have_levels(shared_data: Path) -> None:
         assert levels["hip"].height < levels["waist"].height < levels["chest"].height
 
 
+def test_a_bust_is_not_taken_for_arms(shared_data: Path) -> None:
+    """Her girth grows by 8 % within 2 cm below it; the fullest lies 1 cm above the levels looked at."""
+    from warp_cloth.loading import load_mesh
+
+    woman = load_mesh(shared_data / "anny/female_avg_A_pose.obj", role="avatar", key="avatar")
+    assert body_levels(woman)[0].girth == pytest.approx(0.914, rel=0.015)
+
+
 def test_what_is_no_body_has_no_levels() -> None:
     assert body_levels(sphere(radius=0.5)) is None
     assert body_levels(box_avatar()) is None

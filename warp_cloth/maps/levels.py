@@ -15,7 +15,9 @@ STEP = 0.01  # of the stature, between the sections looked at
 HIP_RANGE = (0.49, 0.55)
 WAIST_RANGE = (0.57, 0.67)
 CHEST_RANGE = (0.68, 0.73)
-ARMS_JOIN = 1.06  # a girth that grows by more than this in one step has taken in the arms
+# A trunk that is so many times as wide as one step below has taken in the arms (measured: 1.6 to 2.3; at a bust, which
+# adds to its girth in front, 1.04).
+ARMS_JOIN = 1.25
 # At this share of the stature a neck or chin is no wider than this share of the chest (measured: half of it, a child's
 # more). Where the head is cut off it is the shoulders, and all shares are wrong.
 NECK, NECK_WIDEST = 0.88, 0.9
@@ -54,7 +56,7 @@ def body_levels(body: Mesh) -> tuple[Level, ...] | None:
     waist_from = int(np.searchsorted(shares, WAIST_RANGE[0]))
     for index in range(waist_from + 1, len(shares)):
         below, here = levels[index - 1], levels[index]
-        if below is None or here is None or here.girth > ARMS_JOIN * below.girth:
+        if below is None or here is None or _width(here) > ARMS_JOIN * _width(below):
             top = index
             break
 
@@ -72,6 +74,12 @@ def body_levels(body: Mesh) -> tuple[Level, ...] | None:
     soles = (cut(body.points, body.triangles, float(low[1]) + share * stature) for share in FOOT_HEIGHTS)
     footed = any(_longest(sole) >= FOOT * stature for sole in soles)
     return good if legs and headed and footed and len(good) == len(chosen) else None
+
+
+def _width(level: Level) -> float:
+    """How far the trunk reaches at a level, from side to side or from back to front, whichever is more [m]."""
+    trunk = level.section.ends[level.section.part == level.trunk]
+    return float(np.ptp(trunk.reshape(-1, 2), axis=0).max())
 
 
 def _longest(sole: Section) -> float:
