@@ -39,9 +39,11 @@ def conjugate_types(precision: str) -> SimpleNamespace:
         drag: wp.array(dtype=real)  # with which friction resists its displacement there [N/m], shape [V]
         gap: wp.array(dtype=real)  # to the contact offset there [m], shape [V]
         pressed: wp.array(dtype=wp.uint8)  # whether contact bore on the vertex's last displacement, shape [V]
+        made_heavy: wp.bool  # whether what trembles is, at once
         share: real  # of the solution that is gone where forces are seen ahead; 0: they are not
         momentum: wp.array(dtype=real)  # share of the displacement that leads on there, shape [G]
         onward: wp.array(dtype=vec3)  # how much further momentum has led, to where forces are seen [m], shape [V]
+        force: wp.array(dtype=vec3)  # b, what drives the displacement [N], shape [V]
         displacement: wp.array(dtype=vec3)  # x [m], shape [V]
         residual: wp.array(dtype=vec3)  # b - A x [N], shape [V]
         correction: wp.array(dtype=vec3)  # the residual by the preconditioner [m], shape [V]

@@ -29,6 +29,13 @@ HEAVIEST = wp.constant(0.02)
 # what still slides then hardly moves.
 TREMBLES = wp.constant(0.3)
 
+# While folds still snap and slide, what trembles is ``made_heavy`` at once, and light again as soon: a fold's tip that
+# strikes the avatar trembles for ever else. Cloth that comes to rest is not: what is heavy would hold what has not
+# arrived yet (66,000 vertices over a ball were certified 1.1 and 1.4 mm rms too early).
+TREMBLES_EARLY = wp.constant(0.1)
+HEAVIER_EARLY, LIGHTER_EARLY = wp.constant(1.5), wp.constant(0.8)
+HEAVIEST_EARLY = wp.constant(0.5)
+
 
 @functools.cache
 def hold_function(precision: str) -> wp.Function:
@@ -134,11 +141,15 @@ def face_forces_kernel(precision: str, contact: wp.Function | None, collider_typ
             hold = int(STAYS)
             left = vec3()
         ahead = system.share > real(0.0)
+        early = system.made_heavy
         move = cloth.move[vertex]
-        bearable = wp.where(ahead, real(TREMBLES) * wp.dot(move, times(block, move)), real(0.0))
+        trembles = wp.where(early, real(TREMBLES_EARLY), real(TREMBLES))
+        bearable = wp.where(ahead, trembles * wp.dot(move, times(block, move)), real(0.0))
         turned = wp.dot(move, left) < -bearable
-        inertia = system.inertia[vertex] * wp.where(turned, real(HEAVIER), real(LIGHTER))
-        most = real(HEAVIEST) * (block[0] + block[1] + block[2])
+        heavier = wp.where(early, real(HEAVIER_EARLY), real(HEAVIER))
+        lighter = wp.where(early, real(LIGHTER_EARLY), real(LIGHTER))
+        inertia = system.inertia[vertex] * wp.where(turned, heavier, lighter)
+        most = wp.where(early, real(HEAVIEST_EARLY), real(HEAVIEST)) * (block[0] + block[1] + block[2])
         inertia = wp.max(wp.min(inertia, most), weight / system.fall[system.garment[vertex]])
         anchor = even(inertia + drag)
         if hold == SLIDES:
@@ -157,6 +168,7 @@ def face_forces_kernel(precision: str, contact: wp.Function | None, collider_typ
         system.normal[vertex] = normal
         system.inertia[vertex] = inertia
         system.divisor[vertex] = inverse(block + anchor)
+        system.force[vertex] = left
         system.residual[vertex] = left
         system.displacement[vertex] = kept
 
@@ -240,18 +252,20 @@ def ease_momentum_kernel(precision: str) -> wp.Kernel:
     def ease_momentum(
         least: real,
         most: real,
+        left: real,
         system: System,
     ):
-        """Every garment keeps n / (n + 3) of its displacement after n steps; half of them count that went too far.
+        """Every garment keeps n / (n + 3) of its displacement after n steps; one that went too far leaves a share.
 
-        So it is where the forces work against what the momentum leads on with.
+        So it is where the work that momentum took, b . onward, is more than what the solution gives back, b . x. By the
+        former alone a single fold's trembling would stop the sliding of all others.
         """
         garment = wp.tid()
         delay = real(3.0)
         kept = system.momentum[garment]
         steps = delay * kept / (real(1.0) - kept) + real(1.0)
-        if system.across[garment] < wp.float64(0.0):
-            steps = real(0.5) * steps
+        if system.across[garment] + system.along[garment] < wp.float64(0.0):
+            steps = left * steps
         system.momentum[garment] = wp.clamp(steps / (steps + delay), least, most)
 
     return ease_momentum

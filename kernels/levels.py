@@ -69,17 +69,24 @@ def level_kernels(precision: str) -> SimpleNamespace:
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def gather_anchors(
         down: Rows,  # of the coarse vertices, from the finer ones
+        together: bool,  # whether what the finer ones follow is anchored all around, as cloth on an avatar
         anchor: wp.array(dtype=vec6),  # stiffness of the finer vertices against the world [N/m]
         stiffness: wp.array(dtype=vec6),  # of the coarse vertices against each other [N/m]
         anchor_out: wp.array(dtype=vec6),
         inverse_out: wp.array(dtype=vec6),  # of both together [m/N]
     ):
-        """Anchors of the coarse vertices, P^2 times those of the finer ones, and what their blocks divide by."""
+        """Anchors of the coarse vertices, P^2 times those of the finer ones, and what their blocks divide by.
+
+        Anchors are kept for each vertex alone. Of a whole stretch of anchored vertices that leaves out what a coarse
+        displacement does to two finer ones at once: a share of all from level to level, and held cloth looks soft on
+        the coarsest. Where they are anchored ``together`` they count in full, P times.
+        """
         vertex = wp.tid()
         sum = vec6()
         for entry in range(down.start[vertex], down.start[vertex + 1]):
             weight = down.weight[entry]
-            sum += anchor[down.index[entry]] * (weight * weight)
+            share = wp.where(together, wp.abs(weight), weight * weight)
+            sum += anchor[down.index[entry]] * share
         anchor_out[vertex] = sum
         inverse_out[vertex] = inverse(stiffness[vertex] + sum)
 

@@ -20,7 +20,7 @@ from warp_cloth.set_up import following, set_up_one, start_coarse
 from warp_cloth.solver.certificate import Certifier, Tolerance, edge_strains
 from warp_cloth.solver.implicit import ImplicitOptions, Pace
 from warp_cloth.solver.loop import Outcome, relax_to_rest
-from warp_cloth.solver.multilevel import CALM, LOOK, STILL, MultilevelRelaxation
+from warp_cloth.solver.multilevel import BOUNDS, LOOK, MultilevelRelaxation
 from warp_cloth.solver.relax import TIGHTER, Collider, StepOptions
 from warp_cloth.solver.simplified import build_ladder
 
@@ -174,9 +174,9 @@ def test_cloth_on_a_body_goes_on_at_another_pace_once_forces_balance() -> None:
     overrides = ["garment.shape.vertices_per_side=9", "solver.method=multilevel"]
     relaxation = set_up_one(load_scene("sphere", overrides), "cpu").relaxation
     relaxation.run(10)  # nothing is overstretched
-    own = ImplicitOptions()
-    for residual, wanted in ((1.0, own.momentum_met), (0.9 * CALM, own.momentum_calm), (2.0 * CALM, own.momentum_calm),
-                             (1.1 * TIGHTER * CALM, own.momentum_met), (2.0 * CALM, own.momentum_met)):  # fmt: skip
+    own, calm = ImplicitOptions(), BOUNDS[Pace.CALM]
+    for residual, wanted in ((1.0, own.momentum_met), (0.9 * calm, own.momentum_calm), (2.0 * calm, own.momentum_calm),
+                             (1.1 * TIGHTER * calm, own.momentum_met), (2.0 * calm, own.momentum_met)):  # fmt: skip
         relaxation.loosen(np.array([residual]))
         assert relaxation.step.momentum == pytest.approx(wanted)
 
@@ -186,21 +186,33 @@ def test_cloth_on_a_body_sees_forces_ahead_once_it_hardly_moves() -> None:
     relaxation = set_up_one(load_scene("sphere", overrides), "cpu").relaxation
     assert isinstance(relaxation, MultilevelRelaxation)
     relaxation.run(10)
-    for residual, ahead in ((0.9 * CALM, False), (0.9 * STILL, True), (0.9 * TIGHTER * STILL, True),
-                            (1.1 * TIGHTER * STILL, False), (1.1 * STILL, False)):  # fmt: skip
+    calm, still, resting = (BOUNDS[pace] for pace in (Pace.CALM, Pace.STILL, Pace.RESTING))
+    for residual, pace in ((0.9 * calm, Pace.CALM), (0.9 * still, Pace.STILL), (0.9 * TIGHTER * still, Pace.STILL),
+                           (1.1 * TIGHTER * still, Pace.CALM), (1.1 * still, Pace.CALM), (0.9 * resting, Pace.RESTING),
+                           (0.9 * TIGHTER * resting, Pace.RESTING), (1.1 * TIGHTER * resting, Pace.STILL)):  # fmt: skip
         relaxation.loosen(np.array([residual]))
-        assert (relaxation.pace is Pace.STILL) is ahead
+        system = relaxation._implicit._system
+        assert relaxation.pace is pace
+        assert (system.share > 0.0) is (pace >= Pace.STILL)
+        assert bool(system.made_heavy) is (pace is Pace.STILL)  # what comes to rest is not made heavy
 
 
 @pytest.mark.parametrize(
-    ("kept", "power", "wanted"), [(0.5, 1.0, 4.0 / 7.0), (0.5, -1.0, 2.0 / 5.0), (0.99, 1.0, 0.9), (0.0, -1.0, 0.2)]
+    ("kept", "taken", "given", "wanted"),
+    [
+        (0.5, 1.0, 0.0, 4.0 / 7.0),
+        (0.5, -1.0, 2.0, 4.0 / 7.0),  # momentum led uphill, but the step repays it
+        (0.5, -2.0, 1.0, 0.5),
+        (0.99, 1.0, 0.0, 0.9),
+        (0.0, -1.0, 0.0, 0.2),
+    ],
 )
-def test_momentum_grows_till_forces_work_against_it(kept: float, power: float, wanted: float) -> None:
+def test_momentum_grows_till_steps_do_not_repay_it(kept: float, taken: float, given: float, wanted: float) -> None:
     kernel = ease_momentum_kernel("float64")
     system = conjugate_types("float64").System()
-    system.momentum = wp.array([kept], dtype=wp.float64, device="cpu")
-    system.across = wp.array([power], dtype=wp.float64, device="cpu")
-    wp.launch(kernel, dim=1, inputs=[0.2, 0.9, system], device="cpu")
+    for name, value in (("momentum", kept), ("across", taken), ("along", given)):
+        setattr(system, name, wp.array([value], dtype=wp.float64, device="cpu"))
+    wp.launch(kernel, dim=1, inputs=[0.2, 0.9, 0.75, system], device="cpu")
     assert system.momentum.numpy()[0] == pytest.approx(wanted)
 
 

@@ -10,6 +10,7 @@ from cloths import cloth_forces, deformed_model, grid, model_of, slopes, without
 from warp_cloth.garment.part import GarmentPart
 from warp_cloth.garment.rest import build_rest_shape
 from warp_cloth.kernels.displacement import NoCollider
+from warp_cloth.kernels.levels import level_kernels, level_types
 from warp_cloth.kernels.stiffness import stiffness_kernels, stiffness_types
 from warp_cloth.material.fabric import Fabric
 from warp_cloth.model import ClothModel
@@ -111,3 +112,18 @@ def test_coarse_blocks_are_those_of_the_dense_product() -> None:
     expected = np.stack([dense[:, a, b] for a, b in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))], axis=1)
     # weights below hierarchy.SMALLEST are left out
     assert found == pytest.approx(expected, abs=1e-3 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize(("together", "wanted"), [(False, 1.5), (True, 2.0)])
+def test_cloth_that_is_held_all_around_is_held_in_full_by_what_it_follows(together: bool, wanted: float) -> None:
+    rows = level_types("float64").Rows()
+    rows.start = wp.array([0, 3], dtype=wp.int32, device="cpu")
+    rows.index = wp.array([0, 1, 2], dtype=wp.int32, device="cpu")
+    rows.weight = wp.array([0.5, 1.0, 0.5], dtype=wp.float64, device="cpu")
+    vec6 = stiffness_types("float64").vec6
+    held, stiffness, found, inverse = (wp.zeros(count, dtype=vec6, device="cpu") for count in (3, 1, 1, 1))
+    held.fill_(vec6(1.0, 1.0, 1.0, 0.0, 0.0, 0.0))  # [N/m]
+    kernel = level_kernels("float64").gather_anchors
+    wp.launch(kernel, dim=1, inputs=[rows, together, held, stiffness, found, inverse], device="cpu")
+    assert found.numpy()[0] == pytest.approx([wanted] * 3 + [0.0] * 3)
+    assert inverse.numpy()[0][:3] == pytest.approx([1.0 / wanted] * 3, rel=1e-5)

@@ -30,11 +30,12 @@ PARTS = 128
 
 
 class Pace(IntEnum):
-    """How cloth that meets an avatar moves: it falls, its forces have balanced, it hardly moves any more."""
+    """How cloth that meets an avatar moves: it falls, its forces have balanced, it hardly moves, it comes to rest."""
 
     FALLING = 0
     CALM = 1
     STILL = 2
+    RESTING = 3
 
 
 @dataclass(frozen=True)
@@ -51,8 +52,9 @@ class ImplicitOptions:
     momentum: share of the last displacement that the solution starts from; with more, strips swing on and on.
     momentum_met: the same where an avatar is met: folds slide over it slowly, and what slides does not swing.
     momentum_calm: the same once its forces have balanced, and steps have half the rounds.
-    least_momentum, most_momentum: what is kept once it hardly moves: more and more from step to step, less where forces
-        work against it (Nesterov's way, with half a restart): slow folds slide far, and what swings comes to rest.
+    least_momentum, most_momentum: what is kept once it hardly moves: more and more from step to step, less where a step
+        does not repay it (Nesterov's way): slow folds slide far, and what swings comes to rest.
+    left_still, left_resting: share of its steps that momentum has left there, as long as folds snap and at rest.
     share_still: once it hardly moves, forces are seen where momentum leads, not where it begins (Nesterov's way): what
         the solution resists, though the cloth as a whole hardly does (the sliding of a fold), keeps all its momentum,
         and what is stiff none. Of the solution this share is gone: what is up to twice as stiff as it looks settles
@@ -77,6 +79,8 @@ class ImplicitOptions:
     momentum_calm: float = 0.975
     least_momentum: float = 0.9
     most_momentum: float = 0.995
+    left_still: float = 0.75
+    left_resting: float = 0.5
     share_still: float = 0.7
     swing_met: float = 0.5
     rounds: int = 10
@@ -143,7 +147,7 @@ class ImplicitStep:
             setattr(system, name, self._zeros(count, types.real))
         system.divisor = self._zeros(count, own.vec6)
         system.hold, system.pressed = self._zeros(count, wp.int32), self._zeros(count, wp.uint8)
-        for name in ("normal", "onward", "displacement", "residual", "correction", "direction", "product"):
+        for name in ("normal", "onward", "force", "displacement", "residual", "correction", "direction", "product"):
             setattr(system, name, self._zeros(count, types.vec3))
         for name in ("along", "before", "across"):
             setattr(system, name, self._zeros(self._groups, wp.float64))
@@ -177,12 +181,15 @@ class ImplicitStep:
         self._launch(self._ends.face_forces, model.vertex_count, inputs)
         for number, level in enumerate(self._levels):
             anchors, block = self._anchor[number : number + 2], self._block[number]
-            inputs = [level.down, anchors[0], block, anchors[1], self._divisor[number]]
+            together = self._met and number > 0
+            inputs = [level.down, together, anchors[0], block, anchors[1], self._divisor[number]]
             self._launch(self._level.gather_anchors, level.count, inputs)
-        if system.share:
-            self._dot(system.residual, system.onward, system.across, None)
-            self._launch(self._ends.ease_momentum, self._groups, [own.least_momentum, own.most_momentum, system])
         self._solve()
+        if system.share:
+            self._dot(system.force, system.onward, system.across, None)
+            self._dot(system.force, system.displacement, system.along, None)
+            inputs = [own.least_momentum, own.most_momentum, self._momentum_left, system]
+            self._launch(self._ends.ease_momentum, self._groups, inputs)
         self._launch(self._ends.take_step, model.vertex_count, [step, collider_data, model.cloth, system])
         self._launch(self._ends.ease_inertia, self._groups, [own.easing, self._most_fall, self._system])
 
@@ -194,7 +201,9 @@ class ImplicitStep:
             self._most_fall = own.most_fall
             return own.momentum
         self._most_fall = own.most_fall_calm if calm else own.most_fall_met
-        self._system.share = own.share_still if pace == Pace.STILL else 0.0
+        self._system.share = own.share_still if pace >= Pace.STILL else 0.0
+        self._system.made_heavy = pace == Pace.STILL
+        self._momentum_left = own.left_still if pace == Pace.STILL else own.left_resting
         return own.momentum_calm if calm else own.momentum_met
 
     def lengthen(self) -> None:

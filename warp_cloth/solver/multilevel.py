@@ -34,9 +34,9 @@ MOST_LOOKS = 10
 # by some percent along its folds, and solved for all vertices at once, that throws them about by centimetres. So it is
 # gone after a quarter of a millimetre (66,000 vertices, 200 kN/m).
 SETTLING_MOMENTUM = 0.9
-# Relative residuals below which the forces of cloth on an avatar have balanced, and below which it hardly moves any
-# more; above TIGHTER times these it is not so any longer.
-CALM, STILL = 0.02, 0.002
+# Relative residuals below which the forces of cloth on an avatar have balanced, below which it hardly moves any more,
+# and below which it comes to rest; above TIGHTER times these it is not so any longer.
+BOUNDS = {Pace.CALM: 0.02, Pace.STILL: 0.002, Pace.RESTING: 0.0005}
 
 
 class MultilevelRelaxation(Relaxation):
@@ -97,7 +97,7 @@ class MultilevelRelaxation(Relaxation):
         """Goes on at another pace once the forces of cloth that meets an avatar have balanced; see Relaxation."""
         super().loosen(relative_rms)
         pace = Pace.FALLING
-        for better, bound in ((Pace.CALM, CALM), (Pace.STILL, STILL)):
+        for better, bound in BOUNDS.items():
             if (relative_rms <= (TIGHTER * bound if self.pace >= better else bound)).all():
                 pace = better
         if self._implicit is not None and pace != self.pace:
