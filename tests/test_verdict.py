@@ -69,17 +69,30 @@ def test_cloth_far_from_its_natural_size_is_told_of() -> None:
     assert "64 %" in of_another_size(Strain(p50=0.64, p99=0.9, max=2.0, min=-0.5))
 
 
-@pytest.mark.parametrize(("height", "down", "told"), [(0.2, 0.2, False), (0.2, 0.25, True), (-0.3, 0.1, False)])
-def test_a_garment_that_has_slid_to_the_feet_is_told_of(height: float, down: float, told: bool) -> None:
-    """But not one that hangs below a bust from the start."""
+@pytest.mark.parametrize(
+    ("height", "down", "top", "pins", "told"),
+    [
+        (0.2, 0.2, 0.0, 0, False),
+        (0.2, 0.25, 0.0, 0, True),
+        (-0.3, 0.1, 0.0, 0, False),
+        (0.2, 0.25, 0.45, 0, False),
+        (0.2, 0.25, 0.0, 1, False),
+    ],
+)
+def test_a_garment_that_has_slid_to_the_feet_is_told_of(
+    height: float, down: float, top: float, pins: int, told: bool
+) -> None:
+    """But not one that hangs below a bust from the start, whose top is still worn, or that is pinned."""
     square = {"kind": "square", "vertices_per_side": 5, "side": 0.2, "height": height}
     scene = load_scene({"garment": {"shape": square}, "avatar": {"shape": {"kind": "sphere", "edge_mm": 100}}})
     wardrobe = open_wardrobe(scene)
     floor = wardrobe.avatar.points[:, 1].min() if wardrobe.avatar is not None else 0.0
     (part,) = wardrobe.parts
     began, down_by = part.points + np.array([0.0, floor, 0.0]), np.array([0.0, down, 0.0])
-    wardrobe = replace(wardrobe, parts=(replace(part, points=began),))
-    sentence = slid_off(scene, wardrobe, [began - down_by])
+    wardrobe = replace(wardrobe, parts=(replace(part, points=began, pins=np.arange(pins)),))
+    worn = began - down_by
+    worn[0, 1] += top
+    sentence = slid_off(scene, wardrobe, [worn])
     assert ('"square" has slid down to the avatar\'s feet' in sentence) == told
 
 

@@ -28,6 +28,7 @@ FAR_FROM_REST = 0.02  # [m]; what is farther than that from rest still falls or 
 SHOWN = 1.0  # [mm]; what shows less of itself is not seen
 HIDDEN = 5.0  # [mm]; where a hundredth of the skin is farther off than that, cloth hangs on what is not there
 BELOW = 0.15  # share of a garment that has come down below all of the avatar; less is a train, or a long hem
+HANGING = 0.5  # share of the avatar's height: what reaches up farther hangs there, as a gown, or a cloth over a ball
 FALLEN = 0.1  # [m]; a piece of a garment that comes down farther than the largest piece has come off
 CROSSED = 0.05  # share of faces that pass through others; of a T-shirt's, creased at the armpits, 0.03 do
 FINE, STIFF = 20_000, 2e5  # vertices, and stretch [N/m], from which on the default method takes long
@@ -94,8 +95,10 @@ def slid_off(scene: Scene, wardrobe: Wardrobe, worn: Sequence[Points]) -> str:
     """
     if wardrobe.avatar is None:
         return ""
-    floor = wardrobe.avatar.points[:, 1].min()
+    floor, top = wardrobe.avatar.points[:, 1].min(), wardrobe.avatar.points[:, 1].max()
     for spec, part, points in zip(scene.garments, wardrobe.parts, worn, strict=True):
+        if len(part.pins) or points[:, 1].max() > floor + HANGING * (top - floor):
+            continue
         below, before = ((place[:, 1] < floor).mean() for place in (points, part.points))
         if below - before > BELOW:
             return (
