@@ -70,18 +70,19 @@ def sheets(*heights: float) -> dict[str, object]:
          "height": height}, "pin": {"loop": "top"}}
         for name, height in zip(("upper", "lower"), heights, strict=False)
     ]  # fmt: skip
-    return {"garment": garments, "solver": {"iterations": 100}}
+    ball = {"shape": {"kind": "sphere", "radius": 0.2, "centre": [0.0, 0.4, 0.0]}}
+    return {"garment": garments, "avatar": ball, "collision": {"pixel_mm": 10}, "solver": {"iterations": 100}}
 
 
 def test_garments_of_a_result_are_told_by_their_names(tmp_path: Path) -> None:
-    both = warp_cloth.fit(sheets(2.0, 1.0), device="cpu")
+    both = warp_cloth.fit(sheets(0.9, 0.7), device="cpu")
     write_meshes(both, tmp_path, formats=("usdc", "glb", "obj"))
-    lower = load_scene({"garment": sheets(2.0, 1.0)["garment"][1]})  # type: ignore[index]
+    lower = load_scene({**sheets(), "garment": sheets(0.9, 0.7)["garment"][1]})  # type: ignore[index]
     for start in (both, *(tmp_path / f"scene.{suffix}" for suffix in ("usdc", "glb"))):
         (worn,) = _earlier(start, lower)
         np.testing.assert_allclose(worn[1], both.garments[1].points, atol=1e-6)
         for names in (["another"], ["upper", "lower", "third"]):
-            spec = {"garment": [{**sheets(1.0)["garment"][0], "name": name} for name in names]}  # type: ignore[index]
+            spec = {**sheets(), "garment": [{**sheets(0.9)["garment"][0], "name": name} for name in names]}  # type: ignore[index]
             with pytest.raises(InputError, match=rf'holds "upper", "lower", the scene "{names[0]}".*garment\.name'):
                 _earlier(start, load_scene(spec))
     with pytest.raises(InputError, match=r'scene\.obj: holds "scene", the scene "upper", "lower"'):

@@ -17,7 +17,7 @@ from warp_cloth.loading import load_mesh
 from warp_cloth.loading.generic import gltf_mesh_names
 from warp_cloth.loading.load import GLTF_KINDS, read_raw
 from warp_cloth.loading.usd import opened_stage
-from warp_cloth.loading.usd_physics import SURFACE
+from warp_cloth.loading.usd_physics import SURFACE, applied
 from warp_cloth.loading.usd_units import meshes_of
 from warp_cloth.mesh import Mesh, Points
 from warp_cloth.result import matched
@@ -70,7 +70,7 @@ def _stage_garments(path: Path) -> list[tuple[str, str | None]]:
     """Name and prim path of each garment of a stage; of each mesh where none is marked as cloth."""
     with opened_stage(str(path)) as stage:
         meshes = meshes_of(stage)
-        cloths = [mesh for mesh in meshes if SURFACE in mesh.GetAppliedSchemas()] or meshes
+        cloths = [mesh for mesh in meshes if SURFACE in applied(mesh)] or meshes
         parents = [mesh.GetParent() for mesh in cloths]
         called = [parent.GetDisplayName() or parent.GetName() for parent in parents]
         return [(name, str(mesh.GetPath())) for name, mesh in zip(called, cloths, strict=True)]
