@@ -19,6 +19,7 @@ from warp_cloth.material.fabric import (
     load_fabric,
     resolve_fabric,
     shipped_fabrics,
+    unlikely_values,
 )
 from warp_cloth.material.laboratory import (
     KES_BENDING,
@@ -218,3 +219,21 @@ def test_a_bad_fabric_file_is_named_with_its_key(tmp_path: Path, text: str, line
         load_fabric(tmp_path / "bad.toml")
     assert line in str(refused.value)
     assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "told"),
+    [
+        ("emt_warp_percent", 0.16, "stretch_warp 1.9e+08 N/m"),  # the share, not percent
+        ("bending_B_warp", 2e-6, "bending_warp 2.4e-13 N m2"),  # in N m
+        ("bending_B_weft", 20.0, "bending_weft 0.00051 N m2"),
+        ("thickness_mm", 7e-4, "thickness 7e-07 m"),  # in metres
+        ("weight_gsm", 16000.0, "weight 16 kg/m2"),
+    ],
+)
+def test_a_value_in_another_unit_is_told_of(key: str, value: float, told: str) -> None:
+    stated = {"weight_gsm": 160.0, "emt_warp_percent": 16.0, "bending_B_warp": 0.02, "bending_B_weft": 0.014}
+    assert not unlikely_values(resolve_fabric(stated))
+    (note,) = unlikely_values(resolve_fabric({**stated, key: value}))
+    assert told in note
+    assert not any(unlikely_values(fabric) for fabric in shipped_fabrics().values())

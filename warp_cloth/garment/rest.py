@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from dataclasses import dataclass, fields, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,13 +17,11 @@ from warp_cloth.garment.triangles import triangle_areas, triangle_sides
 from warp_cloth.loading.repair import RestKind
 from warp_cloth.material.bending import hinge_constants
 from warp_cloth.material.constants import Sheet, WeaveShape, edge_constants, lay_flat, thread_constants
+from warp_cloth.material.fabric import Fabric, unlikely_values
 from warp_cloth.mesh import Indices, Mesh
 from warp_cloth.parts import in_parts
 from warp_cloth.threads import end_to_end
 from warp_cloth.topology import Topology, build_topology
-
-if TYPE_CHECKING:
-    from warp_cloth.material.fabric import Fabric
 
 Floats = NDArray[np.float64]
 
@@ -171,7 +169,8 @@ def rest_in_fabric(geometry: RestGeometry, vertex_count: int, fabric: Fabric) ->
     """
     weight = fabric.weight * geometry.area * GRAVITY / vertex_count
     made = _constants(geometry, np.full(vertex_count, weight), fabric)
-    return replace(made, notes=geometry.notes + _check_directions(fabric, geometry.sheet.directed))
+    notes = unlikely_values(fabric) + _check_directions(fabric, geometry.sheet.directed)
+    return replace(made, notes=geometry.notes + notes)
 
 
 def build_rest_geometry(

@@ -31,6 +31,18 @@ BOUNDS: Mapping[str, tuple[float, float]] = MappingProxyType(
     }
 )
 
+# From a stocking's to a sail's, in the same units: what lies beyond is more often stated in another unit than meant.
+CLOTHS: Mapping[str, tuple[float, float]] = MappingProxyType(
+    {
+        "weight": (5e-3, 5.0),
+        "stretch_warp": (50.0, 1e7),
+        "stretch_weft": (50.0, 1e7),
+        "bending_warp": (1e-10, 1e-4),
+        "bending_weft": (1e-10, 1e-4),
+        "thickness": (2e-5, 0.02),
+    }
+)
+
 UNITS: Mapping[str, str] = MappingProxyType(
     {
         "weight": "kg/m2; weight_gsm takes g/m2",
@@ -110,6 +122,16 @@ class Fabric:
         c, stretch = self.compression, min(self.stretch_warp, self.stretch_weft)
         t = 1.0 / (1.0 + 2.0 * math.sqrt(c))  # what pulled cloth contracts by, of what it is pulled by
         return (1.0 + c) / 8.0 * stretch / (1.0 + 0.25 * (1.0 - t) ** 3 + c * t**3)
+
+
+def unlikely_values(fabric: Fabric) -> tuple[str, ...]:
+    """A note where a fabric's values are like no cloth's; 0 is taken as meant."""
+    told = []
+    for key, (low, high) in CLOTHS.items():
+        value = getattr(fabric, key)
+        if value and not low <= value <= high:
+            told.append(f"{key} {value:.2g} {UNITS[key].split(';')[0]} (cloths have {low:g} to {high:g})")
+    return (f'the fabric "{fabric.name}" is like no cloth: {", ".join(told)}; check its units',) if told else ()
 
 
 def shipped_fabrics() -> dict[str, Fabric]:
