@@ -257,7 +257,7 @@ def place_function(precision: str) -> wp.Function:
     @wp.func
     def at(position: wp.array(dtype=point), vertex: int):
         """Where a vertex is [m]."""
-        return wp.vec3d(position[vertex])
+        return wp.vec3d(element(position, vertex))
 
     return at
 

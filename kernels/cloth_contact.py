@@ -6,7 +6,7 @@ import warp as wp
 
 from warp_cloth.kernels.access import element
 from warp_cloth.kernels.arithmetic import inner, root, scaled_sum
-from warp_cloth.kernels.cloth import MODULE_OPTIONS, cloth_types
+from warp_cloth.kernels.cloth import cloth_types
 from warp_cloth.kernels.touch import NOTHING, nearest_functions
 
 # Sums are kept as whole numbers of these units: whole numbers add up to the same in every order, so that pairs may be
@@ -18,10 +18,6 @@ NO_LIMIT = wp.constant(wp.int32(2**31 - 1))  # room of a vertex with nothing nea
 
 # Of the distance between two bits of cloth, what each may move in an iteration: less than half, so they never pass.
 ROOM_SHARE = wp.constant(wp.float64(0.45))
-LONGER = wp.constant(1.000001)  # more than rounding makes a way shorter
-
-
-SHRUNK, GROWN = wp.constant(wp.float64(0.7)), wp.constant(wp.float64(1.5))  # of a skin, from search to search
 
 ON_TRIANGLE = wp.constant(wp.int32(0))  # a vertex and a triangle
 ON_EDGE = wp.constant(wp.int32(1))  # two edges
@@ -39,8 +35,7 @@ class ClothContact:
 
     # of the garments
     thickness: wp.array(dtype=wp.float32)  # [m], shape [V]
-    modulus: wp.array(dtype=wp.float32)  # of squeeze_energy [N/m], shape [V]
-    friction: wp.array(dtype=wp.float32)  # shape [V]
+    fabric: wp.array(dtype=wp.vec4f)  # thickness [m], modulus of squeeze_energy [N/m], friction, nothing, shape [V]
     thickest: wp.float64  # [m]
     least_skin: wp.float64  # of a vertex that stands still [m]
     most_skin: wp.float64  # [m]
@@ -51,7 +46,7 @@ class ClothContact:
     count: wp.array(dtype=wp.int32)  # pairs found, more than P where they did not fit, shape [1]
     corners: wp.array(dtype=wp.vec4i)  # vertex and triangle, or the ends of two edges, shape [P]
     kind: wp.array(dtype=wp.int32)  # ON_TRIANGLE or ON_EDGE, and NEIGHBOURS or not, shape [P]
-    lean: wp.array(dtype=wp.vec3f)  # how far the first has been dragged along the second [m], shape [P]
+    lean: wp.array(dtype=wp.vec4f)  # how far the first has been dragged along the second [m], nothing, shape [P]
     regions: wp.array(dtype=wp.uint64)  # of the four vertices, of pair_regions, shape [P]
     due: wp.array(dtype=wp.int64)  # how far its regions have gone when a pair may be near again, of due_of, shape [P]
     # how far vertices have gone, the farthest of each region in each iteration [ROOM_UNIT]: what a move reads of the
@@ -148,95 +143,6 @@ def contact_before(contact: ClothContact, vertex: int, position: wp.vec3d):
     return before
 
 
-_RAISE = f"""
-#if defined(__CUDA_ARCH__)
-    wp::int32* const to = numbers.data + {REGIONS} * row + which;
-    asm volatile("red.relaxed.gpu.global.max.s32 [%0], %1;" :: "l"(to), "r"(value) : "memory");
-#else
-    if (value > numbers.data[{REGIONS} * row + which])
-        numbers.data[{REGIONS} * row + which] = value;
-#endif
-"""
-
-
-@wp.func_native(_RAISE)
-def raise_to(numbers: wp.array2d(dtype=wp.int32), row: int, which: int, value: int):
-    """Raises a number to a value, if that is higher."""
-    ...
-
-
-_COUNT_ALL = """
-#if defined(__CUDA_ARCH__)
-    const unsigned int all = __activemask();
-    if ((threadIdx.x & 31) == __ffs(all) - 1)
-        asm volatile("red.relaxed.gpu.global.add.s32 [%0], %1;" :: "l"(count.data), "r"(__popc(all)) : "memory");
-#else
-    count.data[0] += 1;
-#endif
-"""
-
-
-@wp.func_native(_COUNT_ALL)
-def count_all(count: wp.array(dtype=wp.int32)):
-    """Counts the threads that call this."""
-    ...
-
-
-@wp.kernel(grid_stride=False)
-def weigh_asked(contact: ClothContact):
-    """Whether it is time for another search: where many ask, or few for long enough. One thread."""
-    asked = contact.asked[0]
-    waits = asked > 0 or contact.asked[1] > 0
-    contact.asked[0] = 0
-    if asked > contact.many or (waits and contact.turn[0] - contact.turn_then[0] >= contact.patience):
-        contact.moved[0] = 1
-        waits = False
-    contact.asked[1] = wp.where(waits, 1, 0)
-
-
-@wp.func
-def contact_turn(contact: ClothContact, vertex: int):
-    """After the last press, the contact's turn and how far the region has gone that has a vertex's number, if any.
-
-    To be asked for before anything is written, after which a GPU would wait for it.
-    """
-    gone = wp.int64(0)
-    if vertex < contact.region_count:
-        gone = contact.way[1, vertex]
-    return contact.turn[1], gone
-
-
-@wp.func
-def contact_watch(contact: ClothContact, vertex: int, before: ContactBefore, length: float, turn: int, gone: wp.int64):
-    """Notes how far a vertex went [m], and asks for another search where what it touches may not be known any more.
-
-    That is where it has used up its skin, or will have at the next look. The last two are of ``contact_turn``.
-    """
-    if before.gone + (float(1.0) + float(contact.ahead)) * length > before.skin:
-        count_all(contact.asked)
-    if before.region > 0:
-        raise_to(contact.stride, turn & 1, before.region, wp.int32(length * LONGER / float(ROOM_UNIT)) + 1)
-    if vertex < contact.region_count:  # of which there are fewer
-        contact.way[0, vertex] = gone
-    if vertex == 0:
-        contact.turn[0] = turn
-
-
-@wp.func
-def skin_worn(contact: ClothContact, vertex: int, position: wp.vec3d, move: wp.vec3d):
-    """What share of its skin a vertex has used up since the last search, or will have at the next look."""
-    gone = wp.length(position - contact.searched[vertex]) + contact.ahead * wp.length(move)
-    return gone / wp.float64(contact.skin[vertex])
-
-
-@wp.func
-def next_skin(contact: ClothContact, vertex: int, position: wp.vec3d, move: wp.vec3d):
-    """How far a vertex is to have room to go till the next search [m]: by and by twice what it goes."""
-    grown = wp.clamp(wp.float64(2.0) * skin_worn(contact, vertex, position, move), SHRUNK, GROWN)
-    skin = wp.float64(contact.skin[vertex]) * grown
-    return wp.float32(wp.clamp(skin, contact.least_skin, contact.most_skin))
-
-
 @wp.func
 def pair_reach(contact: ClothContact, corners: wp.vec4i, kind: int):
     """How near a pair must be to be kept [m]: the thickness and the larger skin of either side."""
@@ -300,82 +206,6 @@ def due_after(contact: ClothContact, kind: int, distance: wp.float64, thickness:
     return due_of(wp.where(apart > NOTHING, gone + wp.int64(apart), wp.int64(-2)), kind)
 
 
-_ROW = """
-    const wp::vec_t<2, wp::int64>* row = reinterpret_cast<const wp::vec_t<2, wp::int64>*>(
-        __builtin_assume_aligned(sum.data + 4 * vertex, 16));
-    const wp::vec_t<2, wp::int64> one = row[0], two = row[1];
-    return wp::vec_t<4, wp::int64>(one[0], one[1], two[0], two[1]);
-"""
-Row = wp.types.vector(length=4, dtype=wp.int64)
-
-
-@wp.func_native(_ROW)
-def sum_row(sum: wp.array2d(dtype=wp.int64), vertex: int) -> Row:
-    """A vertex's sum."""
-    return Row(sum[vertex, 0], sum[vertex, 1], sum[vertex, 2], sum[vertex, 3])
-
-
-@wp.func
-def leave_none(sum: wp.array2d(dtype=wp.int64), vertex: int, row: Row):
-    """Leaves a vertex's sum at zero."""
-    if (row[0] | row[1] | row[2] | row[3]) != wp.int64(0):
-        for column in range(4):
-            sum[vertex, column] = wp.int64(0)
-
-
-@functools.cache
-def row_function(precision: str) -> wp.Function:
-    """The function that makes force [N] and fourth part of a vertex's sum."""
-    types = cloth_types(precision)
-    real, vec4 = types.real, types.vec4
-    force, stiffness = wp.constant(real(float(FORCE_UNIT))), wp.constant(real(float(STIFFNESS_UNIT)))
-
-    @wp.func
-    def load_of(row: Row):
-        """Force [N] and fourth part of a sum."""
-        return vec4(real(row[0]) * force, real(row[1]) * force, real(row[2]) * force, real(row[3]) * stiffness)
-
-    return load_of
-
-
-@functools.cache
-def taken_function(precision: str) -> wp.Function:
-    """The function that takes what was pressed of a vertex."""
-    load_of = row_function(precision)
-
-    @wp.func
-    def contact_taken(contact: ClothContact, vertex: int, before: ContactBefore):
-        """Force [N] and fourth part that contact adds at a vertex, and how far this may move [m].
-
-        That is before it could meet something, known or not. Leaves the sum at zero and the room open.
-        """
-        row = sum_row(contact.sum, vertex)  # asked for together, before anything is written
-        nearest = element(contact.room, vertex)
-        leave_none(contact.sum, vertex, row)
-        room = before.room
-        if nearest != NO_LIMIT:
-            contact.room[vertex] = NO_LIMIT
-            room = wp.min(float(nearest) * float(ROOM_UNIT), before.room)
-        return load_of(row), room
-
-    return contact_taken
-
-
-@functools.cache
-def sum_function(precision: str) -> wp.Function:
-    """The function that reads a vertex's sum."""
-    load_of = row_function(precision)
-
-    @wp.func
-    def contact_sum(contact: ClothContact, vertex: int):
-        """Force [N] and fourth part that contact adds at a vertex; leaves the sum at zero."""
-        row = sum_row(contact.sum, vertex)
-        leave_none(contact.sum, vertex, row)
-        return load_of(row)
-
-    return contact_sum
-
-
 @wp.func
 def pair_thickness(contact: ClothContact, corners: wp.vec4i):
     """Thickness where two bits of cloth meet [m]: the mean of both."""
@@ -385,25 +215,6 @@ def pair_thickness(contact: ClothContact, corners: wp.vec4i):
 @wp.func
 def pair_cloth(contact: ClothContact, corners: wp.vec4i):
     """Thickness [m], modulus [N/m] and friction where two bits of cloth meet: the means of both."""
-    first, second = corners[0], corners[3]
-    modulus = contact.modulus[first] + contact.modulus[second]
-    friction = contact.friction[first] + contact.friction[second]
-    return wp.vec3f(pair_thickness(contact, corners), float(0.5) * modulus, float(0.5) * friction)
-
-
-@functools.cache
-def add_kernel(precision: str) -> wp.Kernel:
-    """Kernel ``add_contact``, which hands the sums on to what reads a load."""
-    types = cloth_types(precision)
-    vec4, contact_sum = types.vec4, sum_function(precision)
-
-    @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
-    def add_contact(
-        contact: ClothContact,
-        load: wp.array(dtype=vec4),  # force [N] and fourth part, shape [V]
-    ):
-        """Adds a vertex's sum to its load, and leaves the sum at zero."""
-        vertex = wp.tid()
-        load[vertex] = load[vertex] + contact_sum(contact, vertex)
-
-    return add_contact
+    one, other = element(contact.fabric, corners[0]), element(contact.fabric, corners[3])
+    half = float(0.5)
+    return wp.vec3f(half * (one[0] + other[0]), half * (one[1] + other[1]), half * (one[2] + other[2]))

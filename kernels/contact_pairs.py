@@ -82,7 +82,7 @@ def keep_pair(
         regions = pair_regions(contact, corners, kind)
         contact.regions[slot] = regions
         contact.due[slot] = due_after(contact, kind, distance, thickness, pair_gone(contact, regions))
-        lean = wp.vec3f()
+        lean = wp.vec4f()
         if distance < thickness:
             lean = remembered_lean(memory, corners, kind)
         contact.lean[slot] = lean

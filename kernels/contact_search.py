@@ -18,9 +18,11 @@ from warp_cloth.kernels.box_tree import (
     team_threads,
 )
 from warp_cloth.kernels.cloth import MODULE_OPTIONS, cloth_types, place_function
-from warp_cloth.kernels.cloth_contact import ClothContact, next_skin
+from warp_cloth.kernels.cloth_contact import ClothContact
+from warp_cloth.kernels.contact_watch import next_skin
 from warp_cloth.kernels.lean_memory import LeanMemory, forget_leans, remember_lean
 from warp_cloth.kernels.meeting import Meetings, forget_meetings
+from warp_cloth.kernels.packing import order_functions
 
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
@@ -69,9 +71,10 @@ def least_room(contact: ClothContact):
 
 
 @functools.cache
-def start_kernel(precision: str) -> wp.Kernel:
-    """Kernel ``start_search``."""
+def start_kernel(precision: str, in_order: bool = False) -> wp.Kernel:
+    """Kernel ``start_search``; ``in_order``: as of packing.order_functions."""
     Cloth, at = cloth_types(precision).Cloth, place_function(precision)
+    move_at = order_functions(precision, packed=False, in_order=in_order).move_at
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def start_search(cloth: Cloth, contact: ClothContact, memory: LeanMemory, meetings: Meetings):
@@ -85,7 +88,7 @@ def start_kernel(precision: str) -> wp.Kernel:
             contact.turn_then[0] = contact.turn[0]
         if thread < contact.searched.shape[0]:
             position = at(cloth.position, thread)
-            contact.skin[thread] = next_skin(contact, thread, position, wp.vec3d(cloth.move[thread]))
+            contact.skin[thread] = next_skin(contact, thread, position, wp.vec3d(move_at(cloth, thread)))
             contact.searched[thread] = position
         count = contact.count[0]
         if thread < count and count <= contact.corners.shape[0]:

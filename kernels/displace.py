@@ -19,7 +19,7 @@ from warp_cloth.kernels.block import (
     wait_for_block,
 )
 from warp_cloth.kernels.cloth import MODULE_OPTIONS, Patch, cloth_types, free_function
-from warp_cloth.kernels.cloth_contact import contact_turn, contact_watch
+from warp_cloth.kernels.contact_watch import contact_turn, contact_watch
 from warp_cloth.kernels.displacement import (
     AHEAD,
     before_functions,
@@ -39,11 +39,11 @@ from warp_cloth.kernels.pressing import press_function
 
 
 @functools.cache
-def held_function(precision: str, accelerated: bool, in_order: bool) -> wp.Function:
-    """The function that reads a vertex; ``in_order``: vertices are packed."""
+def held_function(precision: str, accelerated: bool, packed: bool, in_order: bool = True) -> wp.Function:
+    """The function that reads a vertex; ``packed`` and ``in_order``: as of packing.order_functions."""
     types = cloth_types(precision)
     Cloth, Vertex = types.Cloth, types.Vertex
-    order = order_functions(precision, in_order)
+    order = order_functions(precision, packed, in_order)
     position_at, move_at = order.position_at, order.move_at
 
     @wp.func
@@ -95,7 +95,7 @@ def displace_kernel(
     spares = spares_looks(contact, touches)
     vertex_displacement = displacement(precision, accelerated, contact, collider_type, touches, spares)
     Touch = touch_type(touches)
-    held_vertex = held_function(precision, accelerated, in_order=False)
+    held_vertex = held_function(precision, accelerated, packed=False, in_order=False)
     free = free_function(precision, pins)
     _, told_before = before_functions(precision, accelerated, contact, collider_type, touches)
 
@@ -154,7 +154,7 @@ def end_function(
     vertex_displacement = displacement(precision, accelerated, contact, collider_type, touches)
     Colliders, Touch = colliders_type(contact, collider_type), touch_type(touches)
     Before, _ = before_functions(precision, accelerated, contact, collider_type, touches)
-    order = order_functions(precision, in_order=not touches)
+    order = order_functions(precision, packed=not touches)
     put_position, put_move = order.put_position, order.put_move
 
     @wp.func
@@ -212,7 +212,7 @@ def advance_kernel(
     meets cloth and patches are few the first blocks press its pairs, while the others work out what they own.
     """
     presses = touches and few and fits
-    press_share = press_function(precision, "stiffness") if presses else None
+    press_share = press_function(precision, "stiffness", in_order=True) if presses else None
     threads, _, many, _ = block_for(paired)
     # what an avatar is looked up by finds more of the core's own memory where one block less works at a time
     bounds = threads, FEW_PER_CORE if few else many - (contact is not None)
@@ -223,12 +223,14 @@ def advance_kernel(
     Touch = touch_type(touches)
     bound = step_bound(accelerated, contact, touches)
     told = 0 if few or paired else threads
-    functions = patch_functions(precision, bound, terms, fits, in_order=not touches, paired=paired, threads=told)
+    functions = patch_functions(
+        precision, bound, terms, fits, in_order=True, paired=paired, threads=told, packed=not touches
+    )
     keeps = paired and fits  # registers for what is asked for before triangles are worked out
     own_vertex, two_vertices = functions.own_vertex, functions.two_vertices
     work_edges, work_corners = functions.work_edges, functions.work_corners
     vertex_slots, vertex_load = functions.vertex_slots, functions.vertex_load
-    held_vertex = held_function(precision, accelerated, in_order=not touches)
+    held_vertex = held_function(precision, accelerated, packed=not touches)
     kept_vertex = kept_function(precision, accelerated)
     free, next_patch = free_function(precision, terms.pins), next_functions(precision).next_patch
 

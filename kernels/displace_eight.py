@@ -10,11 +10,8 @@ from warp_cloth.kernels.arithmetic import inner, root, shaped
 from warp_cloth.kernels.cloth import MODULE_OPTIONS, cloth_types
 from warp_cloth.kernels.displacement import (
     AHEAD,
-    LONGER,
-    STEP,
     accelerated_move,
     colliders_type,
-    looking,
     momentum_function,
     spares_looks,
     steady_swing,
@@ -29,6 +26,7 @@ from warp_cloth.kernels.eight import (
     put_zeros,
 )
 from warp_cloth.kernels.field import fetch_field
+from warp_cloth.kernels.meet_avatar import LONGER, STEP, looking
 from warp_cloth.kernels.stiffness import symmetric_times
 from warp_cloth.kernels.words import above, alike, times
 

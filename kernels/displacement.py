@@ -7,19 +7,13 @@ import warp as wp
 
 from warp_cloth.kernels.arithmetic import inner, quotient, root, scaled_sum, shaped
 from warp_cloth.kernels.cloth import cloth_types
-from warp_cloth.kernels.cloth_contact import (
-    ClothContact,
-    ContactBefore,
-    contact_before,
-    taken_function,
-)
-from warp_cloth.kernels.field import field_clearance, field_contact
-from warp_cloth.kernels.friction import friction_slide
-from warp_cloth.kernels.leeway import changed_leeway_function
+from warp_cloth.kernels.cloth_contact import ClothContact, ContactBefore, contact_before
+from warp_cloth.kernels.contact_sums import taken_function
+from warp_cloth.kernels.field import field_contact
+from warp_cloth.kernels.meet_avatar import meeting
 from warp_cloth.kernels.stiffness import symmetric_functions, symmetric_times
 from warp_cloth.kernels.words import above, alike, least, most, part, scaled, spread, sums, three, times
 
-LONGER, STEP = wp.constant(1.0001), wp.constant(1.0e-9)  # more than rounding adds to a way, as a share and [m]
 AHEAD = wp.constant(16)  # vertices for which the CPU's memory is asked before it is needed
 
 
@@ -79,7 +73,7 @@ def before_functions(
     types = cloth_types(precision)
     real, vec6, Cloth, Item = types.real, types.vec6, types.Cloth, types.Item
     Colliders, Touch = colliders_type(contact, collider_type), touch_type(touches)
-    worn = wears(accelerated, contact, touches)
+    worn, inverse = wears(accelerated, contact, touches), symmetric_functions(precision).leeway_inverse
 
     @wp.struct
     class Before:
@@ -87,7 +81,7 @@ def before_functions(
 
         touch: ContactBefore
         loose: bool  # whether it has leeway
-        leeway: vec6  # of one that is loose
+        stiff: vec6  # inverse of the leeway of one that is loose
         collider: collider_type  # of its item
 
     @wp.func
@@ -101,8 +95,10 @@ def before_functions(
             before.collider = colliders[number]
         if wp.static(worn):
             if item.leeway > real(0.0):
-                before.leeway = cloth.leeway[vertex]
+                leeway = cloth.leeway[vertex]
                 before.loose = cloth.held[vertex] == wp.uint8(0)
+                if before.loose:
+                    before.stiff = inverse(leeway)
         return before
 
     @wp.func
@@ -137,16 +133,17 @@ def loose_way(precision: str) -> wp.Function:
     types = cloth_types(precision)
     real, vec3, vec6 = types.real, types.vec3, types.vec6
     symmetric = symmetric_functions(precision)
-    inverse, even = symmetric.inverse, symmetric.even
+    inverse, even = symmetric.leeway_inverse, symmetric.even
 
     @wp.func
-    def pressed_way(leeway: vec6, force: vec3, own: real, stiffness: real):
+    def pressed_way(stiff: vec6, force: vec3, own: real, stiffness: real):
         """Displacement (k L^-1 + (s - k) I)^-1 f: leeway L is of the cloth's ``own`` part k of the stiffness s [N/m].
 
-        What presses, and what was stiff before, is so in all directions: a vertex pressed hard has no leeway.
+        ``stiff`` is L^-1. What presses, and what was stiff before, is so in all directions: a vertex pressed hard has
+        no leeway.
         """
         share = wp.min(own, stiffness)
-        return symmetric_times(inverse(inverse(leeway) * share + even(stiffness - share)), force)
+        return symmetric_times(inverse(stiff * share + even(stiffness - share)), force)
 
     return pressed_way
 
@@ -235,7 +232,7 @@ def free_move(
                 if wp.static(touches):
                     if before.loose:
                         own = load[3] - pressed + quotient(weight, item.cap)
-                        way = pressed_way(before.leeway, force, own, stiffness)
+                        way = pressed_way(before.stiff, force, own, stiffness)
                 else:
                     if item.leeway > real(0.0) and cloth.held[vertex] == wp.uint8(0):
                         way = symmetric_times(cloth.leeway[vertex], way)
@@ -247,96 +244,6 @@ def free_move(
         return move, stiffness
 
     return own_move
-
-
-@functools.cache
-def looking(
-    precision: str, contact: wp.Function, collider_type: type, worn: bool, spares: bool, touches: bool = False
-) -> wp.Function:
-    """The function that looks up where a displaced vertex meets its item's avatar; arguments as of ``displacement``."""
-    types = cloth_types(precision)
-    real, point, vec3, Cloth, Item = types.real, types.point, types.vec3, types.Cloth, types.Item
-    even, changed_leeway = symmetric_functions(precision).even, changed_leeway_function(precision)
-
-    @wp.func
-    def pushed_move(at: wp.vec4f, push: float, move: vec3, item: Item):
-        """A displacement [m] that contact pushes out along the normal, at most by the cap, and friction shortens."""
-        normal = vec3(real(at[0]), real(at[1]), real(at[2]))
-        pushed = scaled_sum(normal, wp.min(real(push), item.cap), move)
-        return friction_slide(pushed, normal, real(push), real(item.friction))
-
-    @wp.func
-    def looked_move(
-        cloth: Cloth,
-        collider: collider_type,
-        known: bool,
-        lift: float,
-        vertex: int,
-        position: point,
-        move: vec3,
-        item: Item,
-    ):
-        """A vertex' displacement after contact and friction, and what of it has momentum.
-
-        ``known``: where cloth meets cloth, whether it is loose; ``lift`` is how much farther off it is met [m]. What
-        comes to be held goes on without leeway, as if it had become so much heavier; it is slowed as much, or contact
-        that comes and goes would feed a swing.
-        """
-        place = wp.vec3d(position) + wp.vec3d(move)
-        at = contact(collider, place)
-        push = item.offset - at[3] + lift
-        if wp.static(spares):
-            cloth.clear[vertex] = field_clearance(collider, place, at[3], item.offset)
-        kept = move
-        if push > 0.0:
-            move = pushed_move(at, push, move, item)
-            kept = move
-            if wp.static(worn):
-                if wp.static(touches):
-                    if known:
-                        kept = changed_leeway(cloth.leeway[vertex], even(real(1.0)), move)
-                else:
-                    if item.leeway > real(0.0) and cloth.held[vertex] == wp.uint8(0):
-                        kept = changed_leeway(cloth.leeway[vertex], even(real(1.0)), move)
-        if wp.static(worn):
-            cloth.held[vertex] = wp.where(push > 0.0, wp.uint8(1), wp.uint8(0))
-        return move, kept
-
-    return looked_move
-
-
-@functools.cache
-def meeting(
-    precision: str, accelerated: bool, contact: wp.Function | None, collider_type: type, touches: bool, spares: bool
-) -> wp.Function:
-    """The function that has a displaced vertex meet its item's avatar; arguments as of ``displacement``."""
-    types = cloth_types(precision)
-    point, vec3, Cloth, Item = types.point, types.vec3, types.Cloth, types.Item
-    worn = wears(accelerated, contact, touches)
-    looked_move = looking(precision, contact, collider_type, worn, spares, touches)
-
-    @wp.func
-    def met_move(
-        cloth: Cloth,
-        collider: collider_type,
-        known: bool,
-        lift: float,
-        vertex: int,
-        position: point,
-        move: vec3,
-        item: Item,
-    ):
-        """``looked_move`` of a vertex that may have come near."""
-        if wp.static(spares):
-            left = cloth.clear[vertex] - (LONGER * float(root(inner(move, move))) + STEP)
-            if left > 0.0:
-                cloth.clear[vertex] = left
-                if wp.static(worn):
-                    cloth.held[vertex] = wp.uint8(0)
-                return move, move
-        return looked_move(cloth, collider, known, lift, vertex, position, move, item)
-
-    return met_move
 
 
 @functools.cache
@@ -365,8 +272,8 @@ def displacement(
     own_move = free_move(precision, accelerated, contact, collider_type, touches)
     Before, _ = before_functions(precision, accelerated, contact, collider_type, touches)
     contact_taken = taken_function(precision)
-    meets = precision, accelerated, contact, collider_type, touches, spares
-    met_move = None if contact is None else meeting(*meets)
+    worn = wears(accelerated, contact, touches)
+    met_move = None if contact is None else meeting(precision, contact, collider_type, worn, spares, touches)
 
     @wp.func
     def vertex_displacement(

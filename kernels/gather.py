@@ -202,7 +202,14 @@ def work_type(precision: str) -> type:
 
 @functools.cache
 def patch_functions(
-    precision: str, fourth: str, terms: Terms, fits: bool, in_order: bool, paired: bool, threads: int = 0
+    precision: str,
+    fourth: str,
+    terms: Terms,
+    fits: bool,
+    in_order: bool,
+    paired: bool,
+    threads: int = 0,
+    packed: bool = False,
 ) -> SimpleNamespace:
     """Functions ``own_vertex``, ``two_vertices``, ``work_edges``, ``work_corners``, ``vertex_slots``, ``vertex_load``.
 
@@ -216,13 +223,14 @@ def patch_functions(
         in_order: whether vertices lie in the patches' order.
         paired: whether threads work on pairs of triangles, where a patch has such items.
         threads: as of block.threads_function.
+        packed: as of packing.order_functions.
     """
     types = cloth_types(precision)
     vec4, Cloth, Step, Patches = types.vec4, types.Cloth, types.Step, types.Patches
     PatchItem, PatchWork = item_type(precision), work_type(precision)
     patch_memory = layout_function(precision, terms, fits, paired)
     fetch_tables = fetch_function(precision, terms, paired)
-    vertices = vertices_step(precision, fourth, fits, in_order, threads)
+    vertices = vertices_step(precision, fourth, fits, in_order, packed, threads)
     read_vertices, work_normals = vertices.read_vertices, normals_step(precision, fits, paired, threads)
     asked_item, work_item_normals = item_functions(precision, fits).asked_item, item_normals_step(precision, fits)
     item_edges = item_edges_step(precision, fourth, terms, fits)
@@ -270,7 +278,7 @@ def patch_functions(
         read_vertices(cloth, patches, patch, beside, memory, lane, first, second)
         if wp.static((terms.folds or terms.edges) and not paired):
             end_word, law = edge_table(patches, patch, lane)
-        if wp.static(in_order and paired):
+        if wp.static(packed and paired):
             if fetches(NEXT_TURN):
                 fetch_next(patches, cloth, soon)
         wait_for_block()

@@ -25,7 +25,7 @@ class LeanMemory:
     place: wp.array(dtype=wp.int64)  # shape [H]
     corners: wp.array(dtype=wp.vec4i)  # shape [P]
     kind: wp.array(dtype=wp.int32)  # shape [P]
-    lean: wp.array(dtype=wp.vec3f)  # [m], shape [P]
+    lean: wp.array(dtype=wp.vec4f)  # as ClothContact.lean [m], shape [P]
 
 
 @wp.func
@@ -52,7 +52,7 @@ def remembered_lean(memory: LeanMemory, corners: wp.vec4i, kind: int):
             return memory.lean[pair]
         place = (place + 1) & last
         held = memory.place[place]
-    return wp.vec3f()
+    return wp.vec4f()
 
 
 @wp.func
@@ -65,7 +65,7 @@ def forget_leans(memory: LeanMemory):
 def remember_lean(contact: ClothContact, memory: LeanMemory, pair: int):
     """Puts a pair, if it leans, into the table, wherever a place is free: what is found there is the same."""
     lean = contact.lean[pair]
-    if lean == wp.vec3f():
+    if lean == wp.vec4f():
         return
     corners = contact.corners[pair]
     kind = contact.kind[pair] & 1

@@ -250,7 +250,7 @@ def changed_leeway_function(precision: str) -> wp.Function:
     """The function ``changed_leeway``."""
     types = cloth_types(precision)
     real, vec3, vec6 = types.real, types.vec3, types.vec6
-    inverse, half = symmetric_functions(precision).inverse, wp.constant(real(0.5))
+    inverse, half = symmetric_functions(precision).leeway_inverse, wp.constant(real(0.5))
 
     @wp.func
     def changed_leeway(old: vec6, new: vec6, move: vec3):

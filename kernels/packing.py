@@ -1,7 +1,8 @@
 """Vertices in the order in which patches own them, so that what a patch reads and writes lies together.
 
 A GPU reads and writes 16 bytes in one go, of neighbours side by side. So packed positions are first two coordinates of
-each vertex, then the third ones of all; and displacements have four numbers.
+each vertex, then the third ones of all; and displacements have four numbers. Where cloth meets cloth many others read
+single positions, which then lie as ever.
 """
 
 import functools
@@ -84,10 +85,11 @@ def three_function(precision: str) -> wp.Function:
 
 
 @functools.cache
-def order_functions(precision: str, in_order: bool) -> SimpleNamespace:
+def order_functions(precision: str, packed: bool, in_order: bool = True) -> SimpleNamespace:
     """Functions ``position_at``, ``sized_move``, ``move_at``, ``put_position``, ``put_move``, and the type ``move``.
 
-    ``in_order``: vertices are packed.
+    ``packed``: whether positions are; ``in_order``: whether vertices lie in the patches' order, and displacements have
+    four numbers.
     """
     types = cloth_types(precision)
     point, vec3, vec4, Cloth = types.point, types.vec3, types.vec4, types.Cloth
@@ -138,34 +140,38 @@ def order_functions(precision: str, in_order: bool) -> SimpleNamespace:
         """Writes where a vertex is."""
         put(position_out, vertex, position)
 
-    if in_order:
-        return SimpleNamespace(
-            position_at=packed_position_at, sized_move=packed_sized_move, move_at=packed_move_at,
-            put_position=put_packed_point, put_move=put_packed_move, move=vec4,
-        )  # fmt: skip
+    moves = (
+        (packed_sized_move, packed_move_at, put_packed_move, vec4)
+        if in_order
+        else (sized_move, move_at, put_move, vec3)
+    )
     return SimpleNamespace(
-        position_at=position_at, sized_move=sized_move, move_at=move_at, put_position=put_position, put_move=put_move,
-        move=vec3,
+        position_at=packed_position_at if packed else position_at,
+        put_position=put_packed_point if packed else put_position,
+        sized_move=moves[0], move_at=moves[1], put_move=moves[2], move=moves[3],
     )  # fmt: skip
 
 
 @functools.cache
-def packing_kernels(precision: str, accelerated: bool) -> SimpleNamespace:
+def packing_kernels(precision: str, accelerated: bool, packed: bool) -> SimpleNamespace:
     """Kernels ``pack_vertices``, ``pack_leeway``, ``unpack_vertices``; ``accelerated``: vertices have a stiffness.
 
+    ``packed``: as of ``order_functions``; if not, vertices are only put in order.
     Items that no longer iterate are left out. An item's vertices lie at the same places in both orders.
     """
     types = cloth_types(precision)
-    point, real, vec3, vec4, Cloth = types.point, types.real, types.vec3, types.vec4, types.Cloth
-    sized, first_three = sized_function(precision), three_function(precision)
-    rests = rest_function(precision)
+    point, real, vec3, Cloth = types.point, types.real, types.vec3, types.Cloth
+    rests, orders = rest_function(precision), order_functions(precision, packed)
+    put_there, put_move, position_at, move_at = (
+        orders.put_position, orders.put_move, orders.position_at, orders.move_at,
+    )  # fmt: skip
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def pack_vertices(
         order: wp.array(dtype=wp.int32),  # vertices as patches own them, shape [V]
         cloth: Cloth,
         position_out: wp.array(dtype=point),  # [m], shape [V]
-        moved_out: wp.array(dtype=vec4),  # [m], shape [V]
+        move_out: wp.array(dtype=orders.move),  # [m], shape [V]
         stiffness_out: wp.array(dtype=real),  # [N/m], shape [V]
     ):
         """Puts what iterations change in the patches' order."""
@@ -173,8 +179,8 @@ def packing_kernels(precision: str, accelerated: bool) -> SimpleNamespace:
         vertex = element(order, place)
         if rests(cloth, place):
             return
-        put_packed_point(position_out, place, element(cloth.position, vertex))
-        put(moved_out, place, sized(element(cloth.move, vertex)))
+        put_there(position_out, place, element(cloth.position, vertex))
+        put_move(move_out, place, element(cloth.move, vertex))
         if wp.static(accelerated):
             put(stiffness_out, place, element(cloth.stiffness, vertex))
 
@@ -193,7 +199,7 @@ def packing_kernels(precision: str, accelerated: bool) -> SimpleNamespace:
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def unpack_vertices(
         order: wp.array(dtype=wp.int32),  # vertices as patches own them, shape [V]
-        packed: Cloth,
+        there: Cloth,
         position_out: wp.array(dtype=point),  # [m], shape [V]
         move_out: wp.array(dtype=vec3),  # [m], shape [V]
         stiffness_out: wp.array(dtype=real),  # [N/m], shape [V]
@@ -201,11 +207,11 @@ def packing_kernels(precision: str, accelerated: bool) -> SimpleNamespace:
         """Puts it back in the garments' order."""
         place = wp.tid()
         vertex = element(order, place)
-        if rests(packed, place):
+        if rests(there, place):
             return
-        put(position_out, vertex, packed_point(packed.position, place))
-        put(move_out, vertex, first_three(element(packed.moved, place)))
+        put(position_out, vertex, position_at(there, place))
+        put(move_out, vertex, move_at(there, place))
         if wp.static(accelerated):
-            put(stiffness_out, vertex, element(packed.stiffness, place))
+            put(stiffness_out, vertex, element(there.stiffness, place))
 
     return SimpleNamespace(pack_vertices=pack_vertices, pack_leeway=pack_leeway, unpack_vertices=unpack_vertices)

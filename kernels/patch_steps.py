@@ -86,12 +86,14 @@ def point_functions(precision: str, fits: bool) -> SimpleNamespace:
 
 
 @functools.cache
-def vertices_step(precision: str, fourth: str, fits: bool, in_order: bool, threads: int) -> SimpleNamespace:
+def vertices_step(
+    precision: str, fourth: str, fits: bool, in_order: bool, packed: bool, threads: int
+) -> SimpleNamespace:
     """Functions ``own_vertex``, ``two_vertices`` and ``read_vertices``."""
     types, block_threads = cloth_types(precision), threads_function(threads)
     Cloth, Patches = types.Cloth, types.Patches
     own_vertex = own_function(precision, in_order)
-    order = order_functions(precision, in_order)
+    order = order_functions(precision, packed, in_order)
     position_at, sized_move = order.position_at, order.sized_move
     put_point, write_4 = point_functions(precision, fits).put_point, memory_functions(precision, fits).write_4
 

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import warp as wp
 
-from warp_cloth.kernels.access import element
+from warp_cloth.kernels.access import element, put
 from warp_cloth.kernels.arithmetic import inner, quotient, root, scaled_sum
 from warp_cloth.kernels.block import BLOCK_THREADS, own_memory
 from warp_cloth.kernels.cloth import MODULE_OPTIONS, cloth_types, place_function
@@ -21,6 +21,7 @@ from warp_cloth.kernels.cloth_contact import (
     pair_cloth,
 )
 from warp_cloth.kernels.friction import friction_slide
+from warp_cloth.kernels.packing import order_functions
 from warp_cloth.kernels.press_queue import ROUNDS, first_queued, look_due, queue_due, queue_room, queue_stride, queued
 from warp_cloth.kernels.region_ways import gone_together, turn_on
 from warp_cloth.kernels.touch import slant_functions, squeeze_functions
@@ -140,7 +141,7 @@ def turn_function(precision: str, fourth: str) -> wp.Function:
 
 
 @functools.cache
-def pair_function(precision: str, fourth: str, sort: int) -> wp.Function:
+def pair_function(precision: str, fourth: str, sort: int, in_order: bool) -> wp.Function:
     """The function that presses a pair of a sort (ON_TRIANGLE, ON_EDGE) apart; others as of ``press_kernel``."""
     types = cloth_types(precision)
     Cloth, Step, real, vec2, vec3 = types.Cloth, types.Step, types.real, types.vec2, types.vec3
@@ -149,6 +150,7 @@ def pair_function(precision: str, fourth: str, sort: int) -> wp.Function:
         turn_function(precision, fourth),
         apart_function(precision, sort),
     )
+    move_at = order_functions(precision, packed=False, in_order=in_order).move_at
     squeeze, slant_share, add_pair = squeeze_functions(real), slant_functions(real).share, add_functions(real).add_pair
     squeeze_force, squeeze_stiffness, squeeze_energy = squeeze.force, squeeze.stiffness, squeeze.energy
     one, nothing, least = wp.constant(real(1.0)), wp.constant(real(0.0)), wp.constant(real(LEAST_SHARE))
@@ -162,7 +164,8 @@ def pair_function(precision: str, fourth: str, sort: int) -> wp.Function:
         """
         corners = element(contact.corners, pair)
         kind = element(contact.kind, pair)
-        lean = vec3(element(contact.lean, pair))
+        leant = element(contact.lean, pair)
+        lean = vec3(real(leant[0]), real(leant[1]), real(leant[2]))
         gone = wp.int64(0)
         if wp.static(fourth != "size"):
             gone = gone_together(place, contact.way, element(contact.regions, pair))
@@ -171,15 +174,15 @@ def pair_function(precision: str, fourth: str, sort: int) -> wp.Function:
         cloth_there = pair_cloth(contact, corners)
         move0, move1, move2, move3 = vec3(), vec3(), vec3(), vec3()
         if wp.static(fourth != "size"):
-            move0, move1 = element(cloth.move, corners[0]), element(cloth.move, corners[1])
-            move2, move3 = element(cloth.move, corners[2]), element(cloth.move, corners[3])
+            move0, move1 = move_at(cloth, corners[0]), move_at(cloth, corners[1])
+            move2, move3 = move_at(cloth, corners[2]), move_at(cloth, corners[3])
         weights, way, square, distance = pair_apart(x0, x1, x2, x3)
         thickness, modulus = real(cloth_there[0]), real(cloth_there[1])
         if wp.static(fourth != "size"):
             leave_room(contact, pair, wp.static(sort), corners, wp.float64(distance), wp.float64(cloth_there[0]), gone)
         if kind >= NEIGHBOURS or distance >= thickness or distance <= nothing:
             if wp.static(fourth != "size"):
-                contact.lean[pair] = wp.vec3f()
+                contact.lean[pair] = wp.vec4f()
             return
         # few divisions, each of which takes as long as all else
         inverse, thinness = quotient(one, distance), quotient(one, thickness)  # [1/m]
@@ -213,7 +216,7 @@ def pair_function(precision: str, fourth: str, sort: int) -> wp.Function:
         if wp.static(fourth == "size"):
             part = push + grip * root(inner(lean, lean))
         if wp.static(fourth != "size"):
-            contact.lean[pair] = wp.vec3f(lean)
+            put(contact.lean, pair, wp.vec4f(float(lean[0]), float(lean[1]), float(lean[2]), 0.0))
         add_pair(contact.sum, corners, weights, force, part)
         if wp.static(sort == 1):
             if share[1] > nothing:  # nearly parallel edges also turn
@@ -224,11 +227,11 @@ def pair_function(precision: str, fourth: str, sort: int) -> wp.Function:
 
 
 @functools.cache
-def queued_function(precision: str, fourth: str, sort: int) -> wp.Function:
+def queued_function(precision: str, fourth: str, sort: int, in_order: bool) -> wp.Function:
     """The function that presses the queued pairs of a sort; arguments as of ``pair_function``."""
     types = cloth_types(precision)
     Cloth, Step = types.Cloth, types.Step
-    press_pair = pair_function(precision, fourth, sort)
+    press_pair = pair_function(precision, fourth, sort, in_order)
     all = int(fourth == "size")
 
     @wp.func
@@ -247,12 +250,12 @@ def queued_function(precision: str, fourth: str, sort: int) -> wp.Function:
 
 
 @functools.cache
-def press_function(precision: str, fourth: str) -> wp.Function:
+def press_function(precision: str, fourth: str, in_order: bool) -> wp.Function:
     """The function that presses a block's share of the pairs; arguments as of ``press_kernel``."""
     types = cloth_types(precision)
     Cloth, Step = types.Cloth, types.Step
-    press_on_triangles = queued_function(precision, fourth, 0)
-    press_on_edges = queued_function(precision, fourth, 1)
+    press_on_triangles = queued_function(precision, fourth, 0, in_order)
+    press_on_edges = queued_function(precision, fourth, 1, in_order)
     all = int(fourth == "size")
 
     @wp.func
@@ -288,11 +291,14 @@ def press_function(precision: str, fourth: str) -> wp.Function:
 
 
 @functools.cache
-def press_kernel(precision: str, fourth: str) -> wp.Kernel:
-    """Kernel ``press_pairs``; ``fourth`` is one of cloth.FOURTH_PARTS. "size", the certificate's, changes no lean."""
+def press_kernel(precision: str, fourth: str, in_order: bool = False) -> wp.Kernel:
+    """Kernel ``press_pairs``; ``fourth`` is one of cloth.FOURTH_PARTS. "size", the certificate's, changes no lean.
+
+    ``in_order``: as of packing.order_functions.
+    """
     types = cloth_types(precision)
     Cloth, Step = types.Cloth, types.Step
-    press_share = press_function(precision, fourth)
+    press_share = press_function(precision, fourth, in_order)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS, grid_stride=False, launch_bounds=BLOCK_THREADS)
     def press_pairs(step: Step, cloth: Cloth, contact: ClothContact, blocks: int):

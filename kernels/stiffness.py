@@ -11,7 +11,7 @@ from typing import Any
 
 import warp as wp
 
-from warp_cloth.kernels.arithmetic import shaped
+from warp_cloth.kernels.arithmetic import quotient, shaped
 from warp_cloth.kernels.bending import THINNEST, hinge_fold, turned_back
 from warp_cloth.kernels.cloth import MODULE_OPTIONS, cloth_types, difference_function, hinge_sides_function
 from warp_cloth.kernels.tension import tension_force, tension_stiffness
@@ -74,11 +74,16 @@ def matrix_functions(precision: str, eight: bool = False) -> SimpleNamespace:
     return SimpleNamespace(along=along, even=even)
 
 
+@wp.func
+def divided(a: Any, b: Any):
+    """a / b, whatever they are."""
+    return a / b
+
+
 @functools.cache
-def symmetric_functions(precision: str) -> SimpleNamespace:
-    """Functions on symmetric matrices as vec6: ``along``, ``even``, ``times``, ``inverse``."""
+def inverse_function(precision: str, over: wp.Function) -> wp.Function:
+    """The function that inverts a symmetric matrix; ``over``: ``divided``, or arithmetic.quotient in its bounds."""
     real, vec6 = cloth_types(precision).real, stiffness_types(precision).vec6
-    matrices = matrix_functions(precision)
     # of a block's mean stiffness; keeps a block with a direction that nothing resists solvable
     least = wp.constant(real(1.0e-6))
 
@@ -89,7 +94,10 @@ def symmetric_functions(precision: str) -> SimpleNamespace:
         mean = (m[0] + m[1] + m[2]) / real(3.0)
         result = vec6()
         if mean > real(0.0):
-            n = m / mean
+            n = vec6(
+                over(m[0], mean), over(m[1], mean), over(m[2], mean),
+                over(m[3], mean), over(m[4], mean), over(m[5], mean),
+            )  # fmt: skip
             xx = n[0] + least
             yy = n[1] + least
             zz = n[2] + least
@@ -101,10 +109,23 @@ def symmetric_functions(precision: str) -> SimpleNamespace:
             c22 = xx * yy - n[3] * n[3]
             determinant = xx * c00 + n[3] * c01 + n[4] * c02
             if determinant > real(0.0):
-                result = vec6(c00, c11, c22, c01, c02, c12) * (one / (determinant * mean))
+                result = vec6(c00, c11, c22, c01, c02, c12) * over(one, determinant * mean)
         return result
 
-    return SimpleNamespace(along=matrices.along, even=matrices.even, times=symmetric_times, inverse=inverse)
+    return inverse
+
+
+@functools.cache
+def symmetric_functions(precision: str) -> SimpleNamespace:
+    """Functions on symmetric matrices as vec6: ``along``, ``even``, ``times``, ``inverse``.
+
+    And ``leeway_inverse``, as quick as a GPU can be, of what is neither as small nor as large as stiffnesses may be.
+    """
+    matrices = matrix_functions(precision)
+    return SimpleNamespace(
+        along=matrices.along, even=matrices.even, times=symmetric_times,
+        inverse=inverse_function(precision, divided), leeway_inverse=inverse_function(precision, quotient),
+    )  # fmt: skip
 
 
 @functools.cache

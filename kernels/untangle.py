@@ -271,6 +271,6 @@ def spare_tangled(search: ContactSearch, contact: ClothContact):
         spared = contact.due[pair] > EVER
         if tangled > 0:
             contact.due[pair] = due_of(EVER + wp.int64(2), kind)
-            contact.lean[pair] = wp.vec3f()
+            contact.lean[pair] = wp.vec4f()
         elif spared:
             contact.due[pair] = due_of(wp.int64(-2), kind)

@@ -11,7 +11,8 @@ from cloths import NO_PINS, grid
 from sheets import FABRIC, THICKNESS, contact_forces, crumpled, iterate, look, lying, moved, sheets_at
 from touching import brute_energy, brute_forces, touching_pairs
 
-from warp_cloth.collide.cloth import LEAST_THICKNESS, ClothTouch
+from warp_cloth.collide.cloth import ClothTouch
+from warp_cloth.collide.cloth_arrays import LEAST_THICKNESS
 from warp_cloth.collide.crossing import find_crossings
 from warp_cloth.collide.sheets import SheetKind
 from warp_cloth.solver.certificate import Certifier

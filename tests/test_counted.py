@@ -84,5 +84,6 @@ def test_whatever_is_launched_moves_something(made: SetUp) -> None:
     launches_of(lambda: made.relaxation.iterate(40), see=see)
     assert "advance_vertices" in counted
     if touch is not None:
-        launches_of(lambda: touch.search(made.model.cloth), see=see)
+        cloth = touch.cloth_now()
+        launches_of(lambda: touch.search(cloth), see=see)
         assert {"find_near_leaves", "find_pairs", "find_crossing_leaves", "part_crossings"} <= counted

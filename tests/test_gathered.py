@@ -48,7 +48,8 @@ def tangled() -> dict[str, tuple[Launch, dict[str, Part]]]:
         name = launch.kernel.key.rpartition("__")[2]
         found[name] = launch, gathered_work(launch, launch.arrays(), array_uses(launch.kernel))
 
-    launches_of(lambda: touch.search(made.model.cloth), see=see)
+    cloth = touch.cloth_now()
+    launches_of(lambda: touch.search(cloth), see=see)
     return found
 
 

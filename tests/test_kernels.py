@@ -18,9 +18,9 @@ from warp_cloth.kernels.bake import bake_kernels
 from warp_cloth.kernels.certify import bending_energy_kernel, energy_kernels, residual_kernel
 from warp_cloth.kernels.closest import MeshCollider, mesh_contact
 from warp_cloth.kernels.cloth import BOUNDS, FOURTH_PARTS, PRECISIONS
-from warp_cloth.kernels.cloth_contact import add_kernel
 from warp_cloth.kernels.contact_pairs import groups_kernel, leaves_kernel, pairs_kernel
 from warp_cloth.kernels.contact_search import box_kernel, start_kernel
+from warp_cloth.kernels.contact_sums import add_kernel
 from warp_cloth.kernels.crossing_search import crossing_groups_kernel, crossing_leaves_kernel, crossings_kernel
 from warp_cloth.kernels.depth import DepthSolid, plain_contact, solid_level
 from warp_cloth.kernels.displace import advance_kernel, displace_kernel

@@ -13,6 +13,7 @@ from test_carried import floor
 from warp_cloth.garment.rest import build_rest_shape
 from warp_cloth.kernels.cloth import cloth_types
 from warp_cloth.kernels.displacement import loose_way
+from warp_cloth.kernels.stiffness import symmetric_functions
 from warp_cloth.material.fabric import Fabric
 from warp_cloth.mesh import Mesh
 from warp_cloth.model import ClothModel
@@ -108,6 +109,7 @@ def test_threads_drag_across_themselves_by_what_acts_there() -> None:
 
 SPARED = 1e-4  # of a matrix that is turned round, a millionth of its size is added: directions 20 times apart feel it
 pressed_way, SYMMETRIC = loose_way("float64"), cloth_types("float64").vec6
+inverse = symmetric_functions("float64").inverse
 
 
 @wp.kernel
@@ -119,7 +121,7 @@ def find_ways(
     way_out: wp.array(dtype=wp.vec3d),
 ):
     row = wp.tid()
-    way_out[row] = pressed_way(leeway, force, own[row], stiffness)
+    way_out[row] = pressed_way(inverse(leeway), force, own[row], stiffness)
 
 
 def test_what_is_pressed_hard_has_none() -> None:

@@ -23,7 +23,7 @@ from warp_cloth.study import sectors
 from warp_cloth.study.launches import Launch, launches_of
 from warp_cloth.study.pressed import block_of_pairs, looked_at, nearly_parallel, packets, stores
 from warp_cloth.study.sectors import BLOCKS, SECTOR, STORES, field_nodes, moved_bytes
-from warp_cloth.study.traffic import ANY, REGIONS, Uses, array_uses
+from warp_cloth.study.traffic import REGIONS, Uses, array_uses
 
 SQUARE = {"kind": "square", "side": 0.5, "vertices_per_side": 19, "plane": "vertical", "height": 1.5}
 WOVEN = {"stretch": 2e4, "shear": 50.0, "bending": 1e-6}
@@ -360,13 +360,13 @@ def test_blocks_of_a_core_that_press_share_what_they_read_and_store_each_by_itse
 
 def test_of_what_a_pair_has_of_its_cloth_the_first_and_the_last_corner_are_asked_for() -> None:
     launch, uses = pressed(0.0, 0.0005, 0.0015, 0.011)
-    assert uses.picked["contact.thickness"] == uses.picked["contact.friction"] == {0, 3}
-    assert ANY in uses.picked["cloth.position"]
+    assert uses.picked["contact.fabric"] == {0, 3}
+    assert uses.picked["cloth.position"] == {0, 1, 2, 3}
     arrays = {name: array.numpy() for name, array in launch.arrays().items() if name.startswith("contact.")}
     come = has_come(arrays)
     corners = arrays["contact.corners"][: len(come)][come][:, [0, 3]]
-    (found,) = asked(launch, uses, "contact.thickness").values()
-    assert {sector for _, sector in found} <= sectors_of(set(corners.ravel().tolist()), 4)
+    (found,) = asked(launch, uses, "contact.fabric").values()
+    assert {sector for _, sector in found} <= sectors_of(set(corners.ravel().tolist()), 16)
 
 
 def test_before_a_search_those_pairs_are_remembered_that_lean() -> None:
@@ -375,7 +375,7 @@ def test_before_a_search_those_pairs_are_remembered_that_lean() -> None:
     count = arrays["contact.count"][0]
     leaning = np.flatnonzero(arrays["contact.lean"][:count].any(axis=1)).tolist()
     assert 0 < len(leaning) < count
-    for name, pairs, size in (("contact.lean", range(count), 12), ("contact.corners", leaning, 16)):
+    for name, pairs, size in (("contact.lean", range(count), 16), ("contact.corners", leaning, 16)):
         (found,) = asked(launch, uses, name).values()
         assert {sector for _, sector in found} == sectors_of(pairs, size)
     (places,) = asked(launch, uses, "memory.place").values()

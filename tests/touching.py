@@ -62,7 +62,9 @@ def edge_weights(a: np.ndarray, b: np.ndarray, c: np.ndarray, d: np.ndarray) -> 
 
 def rest_neighbours(touch: ClothTouch) -> list[set[int]]:
     start, near = touch._search.near_start.numpy(), touch._search.near.numpy()
-    return [set(near[a:b].tolist()) for a, b in pairwise(start)]
+    order = touch._order.numpy() if touch._order else np.arange(len(start) - 1)
+    rows = [set(order[near[a:b]].tolist()) for a, b in pairwise(start)]
+    return [rows[place] for place in np.argsort(order)]
 
 
 def touching_pairs(points: Points, touch: ClothTouch, only: int | None = None) -> list[Pair]:
@@ -122,7 +124,7 @@ def pair_energy(points: Points, pair: Pair, thickness: float, modulus: float) ->
 
 def constants(touch: ClothTouch) -> tuple[float, float]:
     """Thickness [m] and modulus [N/m] of garments of one fabric."""
-    return float(touch.data.thickness.numpy()[0]), float(touch.data.modulus.numpy()[0])
+    return float(touch.data.thickness.numpy()[0]), float(touch.data.fabric.numpy()[0, 1])
 
 
 def brute_energy(points: Points, pairs: list[Pair], touch: ClothTouch) -> float:

@@ -94,20 +94,6 @@ class ClothModel:
         if self.cloth.clear:
             self.cloth.clear[self.of_item(item)].zero_()
 
-    def cloth_beside(self) -> Any:
-        """The cloth with positions and moves of its own, for iterations that write beside what they read."""
-        beside = cloth_types(self.precision).Cloth()
-        beside.position, beside.move = wp.empty_like(self.cloth.position), wp.empty_like(self.cloth.move)
-        beside.weight, beside.stiffness = self.cloth.weight, self.cloth.stiffness
-        if self.terms.pins:
-            beside.pinned = self.cloth.pinned
-        beside.item, beside.items = self.cloth.item, self.cloth.items
-        if self.cloth.held:
-            beside.held = self.cloth.held
-        if self.cloth.leeway:
-            beside.leeway = self.cloth.leeway
-        return beside
-
 
 def build_model(
     parts: Sequence[GarmentPart],

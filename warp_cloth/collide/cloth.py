@@ -1,9 +1,9 @@
-"""Cloth on cloth: the device arrays of its contact, the search for what is near, and what sets it going."""
+"""Cloth on cloth: its pairs, the search for what is near, and what sets it going."""
 
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
@@ -11,38 +11,39 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from warp_cloth.collide.box_tree import block_count, box_tree, lists_of, near_order
-from warp_cloth.collide.rest_near import rest_near_rows
+from warp_cloth.collide.box_tree import block_count, lists_of
+from warp_cloth.collide.cloth_arrays import (
+    Numbering,
+    contact_arrays,
+    part_regions,
+    per_vertex,
+    plant_trees,
+    search_arrays,
+    thicknesses,
+)
 from warp_cloth.collide.sheets import SheetKind, sheets_of
 from warp_cloth.collide.untangling import sheet_untangling
 from warp_cloth.garment.part import GarmentPart
 from warp_cloth.kernels.block import BLOCK_THREADS, FEW_PER_CORE
 from warp_cloth.kernels.box_tree import WIDTH
-from warp_cloth.kernels.cloth_contact import NO_LIMIT, REGIONS, ClothContact, add_kernel, weigh_asked
 from warp_cloth.kernels.contact_pairs import groups_kernel, leaves_kernel, pairs_kernel
-from warp_cloth.kernels.contact_search import ContactSearch, box_kernel, box_rest, start_kernel
+from warp_cloth.kernels.contact_search import box_kernel, box_rest, start_kernel
+from warp_cloth.kernels.contact_sums import add_kernel
+from warp_cloth.kernels.contact_watch import weigh_asked
 from warp_cloth.kernels.crossing_search import crossing_groups_kernel, crossing_leaves_kernel, crossings_kernel
 from warp_cloth.kernels.lean_memory import LeanMemory
 from warp_cloth.kernels.meeting import LISTING, PARTS
 from warp_cloth.kernels.press_queue import ROUNDS
 from warp_cloth.kernels.pressing import press_kernel
 from warp_cloth.kernels.untangle import forget_tangles, layers_kernel, settle_kernel, spare_tangled
-from warp_cloth.mesh import Indices, Points
 from warp_cloth.model import ClothModel
 
 log = logging.getLogger(__name__)
 
-LEAST_THICKNESS = 1e-4  # [m]; thinner fabrics count as that thick: gauze is
-# Pressure at which a fabric is half as thick [Pa]: KES compresses to 50 gf/cm2, 4.9 kPa, where most keep 60 to 70 %.
-HALVING_PRESSURE = 1e4
-FORCE_AT_HALF = 2.0  # squeeze_force over modulus times thickness, there
-# Cloth within this many thicknesses along itself cannot be folded onto itself: the half turn between is pi/2 of them.
-NEAR_SHARE = 1.6
 # How much farther than the thickness pairs are looked for: room to move between two searches. A share of the edges,
 # so that it names few more pairs than one would see, and at least two thicknesses.
 SKIN_OF_EDGE = 0.35
 SKIN_OF_THICKNESS = 2.0
-OPEN_STRETCH = 2.0  # length over rest length beyond which an edge is a seam that has yet to close
 # Each vertex has a skin of its own that wears off till the next search: what moves fastest half of that room, others as
 # much less as they move, but no less than this share.
 LARGEST_SKIN = 0.5
@@ -82,8 +83,12 @@ class ClothTouch:
 
     def __init__(self, model: ClothModel, parts: Sequence[GarmentPart], kinds: Sequence[SheetKind]) -> None:
         self._model, self._device = model, wp.get_device(model.device)
-        self.sheets = sheets_of(parts)
-        self._thickness = np.array([max(kind.thickness, LEAST_THICKNESS) for kind in kinds])
+        self.sheets, self._kinds = sheets_of(parts), tuple(kinds)
+        order = None if model.patches is None else model.patches.order
+        self._numbering = Numbering(None if order is None else order.numpy())
+        self._order = order or wp.empty(0, dtype=wp.int32, device=model.device)
+        self.cloth_now: Callable[[], Any] = lambda: model.cloth  # as contact numbers its vertices, where they are now
+        self._thickness = thicknesses(kinds)
         lengths = np.concatenate([part.rest.edge_length for part in parts])
         thickest = float(self._thickness.max())
         skin = max(SKIN_OF_EDGE * float(np.median(lengths)), SKIN_OF_THICKNESS * thickest)
@@ -91,27 +96,37 @@ class ClothTouch:
         self._skin = skin  # [m]
         self.awake = False
         self._pairs_seen = 0  # found by the last search before ``grow``
+        self._noted = wp.zeros(1, dtype=wp.int32, device="cpu", pinned=self._device.is_cuda)
+        self._kept: tuple[wp.array, ...] | None = None  # corners, kind and lean of the pairs that ``note`` saw
         self.settled = False  # whether forces have balanced
         self.untangles = True  # whether searches look for what crosses, too
-        self._start, self._boxes = start_kernel(model.precision), box_kernel(model.precision)
+        in_order = model.patches is not None
+        self._start, self._boxes = start_kernel(model.precision, in_order), box_kernel(model.precision)
         self._groups, self._leaves = groups_kernel(model.precision), leaves_kernel(model.precision)
         self._pairs = pairs_kernel(model.precision)
         self._crossing_groups = crossing_groups_kernel(model.precision)
         self._crossing_leaves = crossing_leaves_kernel(model.precision)
         self._part_crossings, self._part_layers = crossings_kernel(model.precision), layers_kernel(model.precision)
         self._settle = settle_kernel(model.precision)
-        self._press = press_kernel(model.precision, "stiffness")
-        self._measure = press_kernel(model.precision, "size")
+        self._press = press_kernel(model.precision, "stiffness", in_order)
+        self._measure = press_kernel(model.precision, "size", in_order)
         self._add = add_kernel(model.precision)
         with wp.ScopedDevice(model.device):
-            self.data = self._contact(parts, kinds)
-            self._search = self._sheet_search(parts, kinds)
-            self._untangling = sheet_untangling(self.sheets, parts)
-            self._untangling.layer = self._per_vertex([kind.layer for kind in kinds], wp.int32)
+            self.data = contact_arrays(self.sheets, parts, kinds, self._numbering)
+            self.data.least_skin, self.data.most_skin = self.least_skin, LARGEST_SKIN * skin
+            self._tell_patience()
+            self._hold_pairs(self.data, PAIRS_PER_VERTEX * self.sheets.vertex_count)
+            self._search = search_arrays(self.sheets, parts, kinds, self._numbering)
+            self._untangling = sheet_untangling(self.sheets, parts, self._numbering)
+            self._untangling.layer = wp.array(self._by_vertex([kind.layer for kind in kinds]), dtype=wp.int32)
             self._untangling.stride = STRIDE_SHARE * (thickest + skin)
             self._near_met, self._crossing_met = self._lists(), self._lists()
         self._aside = wp.Stream(self._device) if self._device.is_cuda else None  # to look for what crosses meanwhile
         self.layered = len({(kind.item, kind.layer) for kind in kinds}) > len({kind.item for kind in kinds})
+
+    def _by_vertex(self, values: Sequence[float]) -> NDArray[Any]:
+        """What each garment has, of each vertex as contact numbers them."""
+        return self._numbering.rows(per_vertex(self.sheets, values))
 
     @property
     def look_every(self) -> int:
@@ -120,41 +135,10 @@ class ClothTouch:
             return LOOK_UNTANGLING
         return LOOK_SETTLED if self.settled else LOOK_EVERY
 
-    def _per_vertex(self, values: Sequence[float] | NDArray[Any], dtype: Any) -> wp.array:
-        return wp.array(np.repeat(np.asarray(values), np.diff(self.sheets.vertex_start)), dtype=dtype)
-
-    def _contact(self, parts: Sequence[GarmentPart], kinds: Sequence[SheetKind]) -> Any:
-        count = self.sheets.vertex_count
-        area = np.array([part.rest.area / len(part.points) for part in parts])
-        data = ClothContact()
-        data.thickness = self._per_vertex(self._thickness, wp.float32)
-        data.modulus = self._per_vertex(HALVING_PRESSURE * area / (FORCE_AT_HALF * self._thickness), wp.float32)
-        data.friction = self._per_vertex([kind.friction for kind in kinds], wp.float32)
-        data.thickest = float(self._thickness.max())
-        data.least_skin, data.most_skin = self.least_skin, LARGEST_SKIN * self._skin
-        data.margin = data.far = np.inf  # asleep
-        data.ahead, data.patience, data.many = LOOK_EVERY, PATIENCE, int(MANY * LOOK_EVERY * count)
-        data.count = wp.zeros(1, dtype=wp.int32)
-        data.told = wp.zeros(2, dtype=wp.int32)
-        data.sum = wp.zeros((count, 4), dtype=wp.int64)
-        data.room = wp.full(count, int(NO_LIMIT), dtype=wp.int32)
-        data.lift = wp.zeros(count, dtype=wp.float32)
-        data.shift = wp.zeros(count, dtype=wp.vec3f)
-        data.searched = wp.zeros(count, dtype=wp.vec3d)
-        data.skin = wp.full(count, np.inf, dtype=wp.float32)  # asleep
-        data.moved = wp.ones(1, dtype=wp.int32)
-        data.asked, data.turn_then = wp.zeros(2, dtype=wp.int32), wp.zeros(1, dtype=wp.int32)
-        data.region = wp.zeros(count, dtype=wp.int32)
-        data.region_count = 1
-        data.way, data.stride = (wp.zeros((2, REGIONS), dtype=kind) for kind in (wp.int64, wp.int32))
-        data.turn = wp.zeros(2, wp.int32)
-        self._hold_pairs(data, PAIRS_PER_VERTEX * count)
-        return data
-
     def _hold_pairs(self, data: Any, capacity: int) -> None:
         data.corners = wp.zeros(capacity, dtype=wp.vec4i, device=self._model.device)
         data.kind = wp.zeros(capacity, dtype=wp.int32, device=self._model.device)
-        data.lean = wp.zeros(capacity, dtype=wp.vec3f, device=self._model.device)
+        data.lean = wp.zeros(capacity, dtype=wp.vec4f, device=self._model.device)
         data.due = wp.zeros(capacity, dtype=wp.int64, device=self._model.device)
         data.regions = wp.zeros(capacity, dtype=wp.uint64, device=self._model.device)
         memory = self._memory = LeanMemory()
@@ -163,64 +147,12 @@ class ClothTouch:
         memory.place = wp.zeros(places, dtype=wp.int64, device=self._model.device)
         memory.corners, memory.kind, memory.lean = (wp.zeros_like(of) for of in (data.corners, data.kind, data.lean))
 
-    def _sheet_search(self, parts: Sequence[GarmentPart], kinds: Sequence[SheetKind]) -> Any:
-        sheets, start = self.sheets, self.sheets.vertex_start
-        rows = [
-            rest_near_rows(part.triangles, part.rest, len(part.points), NEAR_SHARE * thickness)
-            for part, thickness in zip(parts, self._thickness, strict=True)
-        ]
-        counts = np.concatenate([np.diff(row_start) for row_start, _ in rows])
-        search = ContactSearch()
-        search.triangles = wp.array(sheets.triangles, dtype=wp.vec3i)
-        search.edges = wp.array(sheets.edges, dtype=wp.vec2i)
-        items = np.array([kind.item for kind in kinds], dtype=np.int32)
-        search.item = self._per_vertex(items, wp.int32)
-        search.near_start = wp.array(np.concatenate([[0], np.cumsum(counts)]), dtype=wp.int32)
-        near = [vertices + first for (_, vertices), first in zip(rows, start, strict=False)]
-        search.near = wp.array(np.concatenate(near), dtype=wp.int32)
-        lengths = np.concatenate([part.rest.edge_length for part in parts])
-        search.longest = wp.array(OPEN_STRETCH * lengths, dtype=wp.float32)
-        search.sides = wp.array(sheets.triangle_edges, dtype=wp.vec3i)
-        search.whole = wp.ones(1, dtype=wp.int32)
-        search.tangled = wp.zeros(sheets.vertex_count, dtype=wp.int32)
-        return search
-
     def _lists(self) -> Any:
         """Of what meets; of no room on the CPU, where one thread does everything in turn."""
         leaves = len(self.sheets.edges) + self.sheets.vertex_count
         if not self._device.is_cuda:
             leaves = 0
         return lists_of(GROUPS_MET * -(-leaves // int(WIDTH)), LEAVES_MET * leaves)
-
-    def _plant_trees(self, points: Points) -> None:
-        """Puts what is searched in an order for garments at these points [m], which only changes the search's speed."""
-        search, sheets, untangling = self._search, self.sheets, self._untangling
-        item, layer = search.item.numpy(), untangling.layer.numpy()
-        both, inverse = np.unique(np.stack([item, layer], axis=1), axis=0, return_inverse=True)
-        sheet = inverse.reshape(-1).astype(np.int32)
-        trees = [near_order(points[of].mean(axis=1), sheet[of[:, 0]]) for of in (sheets.triangles, sheets.edges)]
-        search.triangle_tree, search.edge_tree = (box_tree(order) for order, _ in trees)
-        search.corners = wp.array(sheets.triangles[trees[0][0]], dtype=wp.vec3i)  # where nothing is, any
-        search.ends = wp.array(sheets.edges[trees[1][0]], dtype=wp.vec2i)
-        order = near_order(points, sheet)[0]
-        search.vertex = wp.array(order, dtype=wp.int32)
-        self._part_regions(order)
-        of_item = np.searchsorted(both[:, 0], np.arange(both[-1, 0] + 2))  # first sheet of each item
-        leaves = [starts[of_item[at : len(of_item) - 1 + at]] for _, starts in trees for at in (0, 1)]
-        search.leaves = wp.array(np.stack(leaves, axis=1), dtype=wp.vec4i)
-        own = trees[0][1]
-        untangling.own = wp.array(np.stack([own[sheet], own[sheet + 1]], axis=1), dtype=wp.vec2i)
-
-    def _part_regions(self, order: Indices) -> None:
-        """Puts vertices in regions, groups of an order that keeps near what is near; -1 there stands for none."""
-        size = int(WIDTH)
-        while len(order) // size >= REGIONS:
-            size *= 2
-        region = np.empty(self.sheets.vertex_count, dtype=np.int32)
-        place = np.flatnonzero(order >= 0)
-        region[order[place]] = 1 + place // size
-        self.data.region.assign(region)
-        self.data.region_count = 1 + -(-len(order) // size)
 
     def kernels(self) -> list[wp.Kernel]:
         """Every kernel that contact launches."""
@@ -237,19 +169,23 @@ class ClothTouch:
         self.data.skin.fill_(self.least_skin)
         self._look_within(FAR_SHARE)
         self._search.whole.fill_(1)
-        cloth = self._model.cloth
+        cloth = self.cloth_now()
         with wp.ScopedDevice(self._model.device):
-            self._plant_trees(self._model.points())
+            points, where = self._model.points(), (self._search, self._untangling, self.sheets)
+            part_regions(self.data, plant_trees(*where, self._kinds, self._numbering, points))
         self.search(cloth)
         if self.grow():
             self.search(cloth)
 
     def _look_within(self, share: float) -> None:
         self.data.margin = share * self._skin
+        self.data.far = self.data.margin + float(self._thickness.min())
+        self._tell_patience()
+
+    def _tell_patience(self) -> None:
         self.data.ahead = LOOK_SETTLED if self.settled else LOOK_EVERY
         self.data.patience = PATIENCE_SETTLED if self.settled else PATIENCE
         self.data.many = int(MANY * self.data.ahead * self.sheets.vertex_count)
-        self.data.far = self.data.margin + float(self._thickness.min())
 
     def settle(self, *, balanced: bool) -> bool:
         """Looks at fewer pairs in every iteration once forces have ``balanced``; whether that changes anything."""
@@ -262,7 +198,7 @@ class ClothTouch:
 
     def face(self, outward: Sequence[float]) -> None:
         """Says of each garment whether its triangles face away from the body, 1, or to it, -1."""
-        self._untangling.outward.assign(self._per_vertex(outward, wp.float32).numpy())
+        self._untangling.outward.assign(self._by_vertex(outward).astype(np.float32))
 
     def lift(self, height: float) -> None:
         """Keeps each layer this much farther from the avatar [m] than the one inside it."""
@@ -279,6 +215,31 @@ class ClothTouch:
         log.info("room for %d pairs of cloth near cloth", 2 * found)
         return True
 
+    def note(self, *, whole: bool) -> None:
+        """Keeps how many pairs there are, for ``share_noted``; ``whole``: the pairs, too, for ``put_back``.
+
+        Does not wait for the device.
+        """
+        found, kept = self.data, self._kept
+        wp.copy(self._noted, found.count)
+        if whole:
+            if kept is None or len(kept[0]) < len(found.corners):
+                kept = self._kept = tuple(wp.empty_like(of) for of in (found.corners, found.kind, found.lean))
+            for to, of in zip(kept, (found.corners, found.kind, found.lean), strict=True):
+                wp.copy(to, of, count=len(of))
+
+    def put_back(self) -> None:
+        """Makes the pairs again what ``note`` saw, when that has come to the host."""
+        if self._kept is not None:
+            found = self.data
+            for to, of in zip((found.corners, found.kind, found.lean), self._kept, strict=True):
+                wp.copy(to, of, count=min(len(to), len(of)))
+            found.count.fill_(int(self._noted.numpy()[0]))
+
+    def share_noted(self) -> float:
+        """Share of the room for pairs that ``note`` saw taken, or wanted, once that has come to the host."""
+        return float(self._noted.numpy()[0]) / len(self.data.corners)
+
     def crossing_count(self) -> int:
         """Crossings, and vertices tangled or on the wrong side of a layer. Waits for the device.
 
@@ -286,8 +247,9 @@ class ClothTouch:
         """
         self._search.whole.fill_(1)
         if not self.untangles:
-            self._box(self._model.cloth, anew=False)
-            self._look_for_crossings(self._model.cloth, layered=False)
+            cloth = self.cloth_now()
+            self._box(cloth, anew=False)
+            self._look_for_crossings(cloth, layered=False)
         return int(self._untangling.count.numpy().sum())
 
     def search_where_due(self, cloth: Any) -> None:
@@ -398,8 +360,8 @@ class ClothTouch:
     def measure(self, step: Any, load: wp.array) -> None:
         """Adds the same to a certificate's load: forces as they stand, and their sizes."""
         if self.awake:
-            self._launch_press(self._measure, step, self._model.cloth)
-            self._launch(self._add, self.sheets.vertex_count, [self.data, load])
+            self._launch_press(self._measure, step, self.cloth_now())
+            self._launch(self._add, self.sheets.vertex_count, [self.data, self._order, load])
 
     def _launch(self, kernel: wp.Kernel, size: int, inputs: list[Any], block: int = LISTING[0]) -> None:
         wp.launch(kernel, dim=size, inputs=inputs, device=self._model.device, block_dim=block)

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
+from warp_cloth.collide.cloth_arrays import Numbering
 from warp_cloth.collide.crossing import Sheets
 from warp_cloth.garment.part import GarmentPart
 from warp_cloth.kernels.untangle import Untangling
@@ -16,7 +17,7 @@ from warp_cloth.topology import ragged_rows
 LAYER_REACH = 0.01  # [m]; how deep one garment may be inside another once both are sewn
 
 
-def sheet_untangling(sheets: Sheets, parts: Sequence[GarmentPart]) -> Any:
+def sheet_untangling(sheets: Sheets, parts: Sequence[GarmentPart], numbering: Numbering) -> Any:
     """What untangling (kernels.untangle Untangling) knows of garments; of one layer that faces outwards, at first."""
     count = sheets.vertex_count
     untangling = Untangling()
@@ -32,11 +33,11 @@ def sheet_untangling(sheets: Sheets, parts: Sequence[GarmentPart]) -> Any:
         of_edge[sides[order], rank] = third[order]
         wings.append(of_edge)
         rim[topology.edges[of_edge[:, 1] < 0].ravel() + first] = 1
-    untangling.wings = wp.array(np.concatenate(wings), dtype=wp.vec2i)
-    untangling.rim = wp.array(rim, dtype=wp.int32)
+    untangling.wings = wp.array(numbering.of(np.concatenate(wings)), dtype=wp.vec2i)
+    untangling.rim = wp.array(numbering.rows(rim), dtype=wp.int32)
     start, order = ragged_rows(sheets.edges.ravel(), count)
-    untangling.beside_start = wp.array(start, dtype=wp.int32)
-    untangling.beside = wp.array(sheets.edges[:, ::-1].ravel()[order], dtype=wp.int32)
+    start, beside = numbering.lists(start, sheets.edges[:, ::-1].ravel()[order])
+    untangling.beside_start, untangling.beside = wp.array(start, dtype=wp.int32), wp.array(beside, dtype=wp.int32)
     untangling.crosses, untangling.level = wp.zeros(count, dtype=wp.int32), wp.zeros(count, dtype=wp.int32)
     untangling.age, untangling.grown = wp.zeros(count, dtype=wp.int32), wp.zeros(count, dtype=wp.int32)
     untangling.outward = wp.full(count, 1.0, dtype=wp.float32)

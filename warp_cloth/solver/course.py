@@ -6,7 +6,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from warp_cloth.collide.cloth import OPEN_STRETCH, ClothTouch
+from warp_cloth.collide.cloth import ClothTouch
+from warp_cloth.collide.cloth_arrays import OPEN_STRETCH
 from warp_cloth.garment.rest import Floats
 from warp_cloth.mesh import Points
 from warp_cloth.solver.relax import Relaxation

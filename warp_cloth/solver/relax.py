@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -15,7 +16,7 @@ from warp_cloth.kernels.displace import advance_kernel, displace_kernel
 from warp_cloth.kernels.displace_eight import eight_displace_kernel
 from warp_cloth.kernels.displacement import NoClothContact, NoCollider, spares_looks, step_bound, wears
 from warp_cloth.model import ClothModel
-from warp_cloth.solver.forces import ForcePass, launch_patches, pass_size, takes_eight
+from warp_cloth.solver.forces import ForcePass, pass_size, takes_eight
 from warp_cloth.solver.leeway import Leeway
 from warp_cloth.solver.packed import PackedCloth
 from warp_cloth.solver.together import Together
@@ -134,7 +135,6 @@ class Relaxation:
         self._packed: PackedCloth | None = None
         self._eight = False  # whether eight vertices are moved at a time
         self._presses_along = False  # whether what moves vertices presses pairs of cloth, too
-        self._there: Any = None  # positions beside the model's, where cloth meets cloth in the garments' order
         if accelerated and not model.cloth.stiffness:
             model.cloth.stiffness = wp.zeros(model.vertex_count, dtype=types.real, device=model.device)
         if model.patches is not None:  # no sum of forces in memory, but a second set of positions to write to
@@ -142,10 +142,9 @@ class Relaxation:
             how = patches.few, patches.paired
             self._move = advance_kernel(model.precision, accelerated, model.terms, patches.fits, *asked, *how)
             self._presses_along = touch is not None and patches.fits and patches.few
-            if touch is None:
-                self._packed = PackedCloth(model, model.patches, accelerated)
-            else:
-                self._there = model.cloth_beside()
+            self._packed = PackedCloth(model, patches, accelerated, packed=touch is None)
+            if touch is not None:
+                touch.cloth_now = self._packed.brought
         else:
             self._load = wp.zeros(model.vertex_count, dtype=types.vec4, device=model.device)
             self._scatter = ForcePass(model, step_bound(accelerated, self.contact, touch is not None), self._load)
@@ -235,7 +234,7 @@ class Relaxation:
     @property
     def runs_long(self) -> bool:
         """Whether a long chunk takes less than several short ones, as vertices are packed, and changes nothing else."""
-        return self._packed is not None and self.contact is None
+        return self._packed is not None and self.contact is None and self.touch is None
 
     @property
     def active_share(self) -> float:
@@ -249,9 +248,6 @@ class Relaxation:
             return
         self._items["active"][list(items)] = 0
         self.tell_items()
-        if self._there is not None:  # iterations go to and fro between two sets of positions
-            wp.copy(self._there.position, self.model.cloth.position)
-            wp.copy(self._there.move, self.model.cloth.move)
         self._choose_patches()
 
     def _choose_patches(self) -> None:
@@ -315,26 +311,24 @@ class Relaxation:
                 size = pass_size(model.vertex_count, self._eight)
                 wp.launch(self._move, dim=size, inputs=inputs, device=model.device)
         if self._packed is not None:
-            while count > 0:
+            first = 0
+            while first < count:
                 self._look_up_leeway(here)
-                part = count
+                part = count - first
                 if self._leeway is not None:  # which is looked up where the model has the cloth
-                    part = min(count, self._renewal - (self._done - 1) % self._renewal)
-                self._packed.iterate(self._move, asked, part, loose=bool(self._items["leeway"].any()))
+                    part = min(part, self._renewal - (self._done - 1) % self._renewal)
+                before = partial(self._before_move, first) if self.touch is not None else None
+                loose = bool(self._items["leeway"].any())
+                self._packed.iterate(self._move, asked, part, loose=loose, before=before)
                 self._done += part - 1
-                count -= part
-        if model.patches is None or self._there is None:
-            return
-        there, patches = self._there, [model.patches.tables, model.patches.overflow]
-        for iteration in range(count):
-            self._look_up_leeway(here)
-            self._meet_cloth(iteration, here)
-            more = self.touch.press_along(model.patches.count) if self.touch and self._presses_along else 0
-            launch_patches(self._move, model, [*asked, *patches, here, there.position, there.move], more)
-            here, there = there, here
-        if count % 2:  # the shape is beside the model
-            wp.copy(there.position, here.position)
-            wp.copy(there.move, here.move)
+                first += part
+
+    def _before_move(self, first: int, iteration: int, cloth: Any) -> int:
+        """Contact of cloth with cloth, so many iterations after a first one; how many blocks are to press meanwhile."""
+        self._meet_cloth(first + iteration, cloth)
+        if self.touch is None or self.model.patches is None or not self._presses_along:
+            return 0
+        return self.touch.press_along(self.model.patches.count)
 
     def run(self, iterations: int) -> None:
         """Runs a chunk of iterations as one captured graph, without waiting for the device.

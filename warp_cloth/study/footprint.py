@@ -106,7 +106,7 @@ class Moved:
     """
 
     def __init__(self, made: SetUp) -> None:
-        self._touch, self._cloth = made.relaxation.touch, made.model.cloth
+        self._touch = made.relaxation.touch
         self._uses: dict[str, Uses] = {}
         self._seen: dict[str, list[tuple[int, Bytes]]] = {}  # after how many iterations
 
@@ -131,9 +131,10 @@ class Moved:
         last, touch = {launch.kernel.key: launch for launch in launches}, self._touch
         if touch is not None and touch.awake:
             self.see(list(last.values()), iteration)
+            cloth = touch.cloth_now()
             if touch.untangles:  # the first search after a look at crossings looks everywhere; most others do not
-                touch.search(self._cloth)
-            launches_of(lambda: touch.search(self._cloth), see=lambda launch: self._count(launch, iteration))
+                touch.search(cloth)
+            launches_of(lambda: touch.search(cloth), see=lambda launch: self._count(launch, iteration))
         for key, launch in last.items():
             if key not in self._seen:
                 self._count(launch, iteration)

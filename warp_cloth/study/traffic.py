@@ -70,6 +70,7 @@ class _Reader(ast.NodeVisitor):
         starts: dict[str, str] | None = None,
         elements: dict[str, str] | None = None,
         counts: dict[str, str] | None = None,
+        corners: dict[str, int] | None = None,
     ) -> None:
         closure = inspect.getclosurevars(function)
         self._known = {**closure.globals, **closure.nonlocals}
@@ -79,7 +80,7 @@ class _Reader(ast.NodeVisitor):
         self._counts = counts or {}  # names that stand for a count
         self._starts = starts or {}  # names of places that are counted from a patch's start
         self._elements = elements or {}  # names that stand for an element of an array
-        self._corners: dict[str, int] = {}  # names that stand for one of several, by its number
+        self._corners = corners or {}  # names that stand for one of several, by its number
 
     def read(self, tree: ast.AST) -> None:
         found = tree.body[0] if isinstance(tree, ast.Module) else tree
@@ -216,9 +217,11 @@ class _Reader(ast.NodeVisitor):
                 for label, value in given
                 if isinstance(value, ast.Name) and value.id in self._elements
             }
+            corners = {label: corner for label, value in given if (corner := self._corner(value)) != ANY}
             if paths:
                 chain = (*self._chain, REGIONS) if name in TURNS else self._chain
-                _Reader(called.func, paths, self._uses, chain, starts, elements, counts).read(called.adj.tree)
+                below = _Reader(called.func, paths, self._uses, chain, starts, elements, counts, corners)
+                below.read(called.adj.tree)
 
     def _note(self, path: str, use: dict[str, set[Chain]], index: ast.AST | None = None) -> None:
         if not path:
