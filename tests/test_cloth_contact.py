@@ -15,7 +15,9 @@ from warp_cloth.collide.cloth import ClothTouch
 from warp_cloth.collide.cloth_arrays import LEAST_THICKNESS
 from warp_cloth.collide.crossing import find_crossings
 from warp_cloth.collide.sheets import SheetKind
-from warp_cloth.solver.certificate import Certifier
+from warp_cloth.solver.certificate import Certifier, Tolerance
+from warp_cloth.solver.course import Course
+from warp_cloth.solver.loop import Goal, relax_items
 from warp_cloth.solver.relax import Collider, Relaxation, StepOptions
 
 # The sums are kept in units of 2^-36 N and 2^-16 N/m; a vertex of these sheets adds up at most 100 pairs.
@@ -166,6 +168,31 @@ def test_falling_cloth_is_caught_and_never_passes() -> None:
     middle = np.linalg.norm(points[36:, [0, 2]] - [0.05, -0.05], axis=1) < 0.03
     assert middle.any()
     assert (points[36:][middle, 1] > 0.2 * THICKNESS).all()
+
+
+def test_worn_cloth_gets_room_for_more_pairs_at_the_same_iteration_whether_or_not_the_loop_runs_ahead() -> None:
+    ends = []
+    for ahead in (False, True):
+        relaxation, touch = dropped(0.9995)
+        lengths = np.full(len(touch.sheets.edges), 1.0)
+        course = Course(relaxation, touch, lengths, lambda _: [1.0, 1.0])
+        seen = []
+
+        def squeeze(iteration: int, relaxation: Relaxation, touch: ClothTouch = touch, seen: list[int] = seen) -> None:
+            seen.append(len(touch.data.corners))
+            if iteration == 640:
+                touch._hold_pairs(touch.data, 5)
+                relaxation.forget_graphs()
+
+        goal = Goal(Tolerance(0.0, 0.0, 0.0), 900)
+        (outcome,) = relax_items(
+            relaxation, Certifier(relaxation), [goal], course=course, on_chunk=squeeze, ahead=ahead
+        )
+        assert 5 in seen
+        assert seen[-1] > 5
+        ends.append((outcome.points, seen))
+    assert np.array_equal(ends[0][0], ends[1][0])
+    assert ends[0][1] == ends[1][1]
 
 
 def test_cloth_stands_still_while_there_is_no_room_for_all_that_is_near_it() -> None:

@@ -18,6 +18,7 @@ CALM_MOMENTUM = 0.9
 MOST_SEWING = 1000  # iterations after which a seam that will not close is taken as it is
 LAYER_LIFT = 8e-3  # [m]; while it is sewn, each layer keeps clear of the folds of the one inside it
 LOOK_AGAIN = 500  # iterations after which it is looked whether nothing crosses still: a pose may have pushed through
+ROOMY = 0.5  # share of the room for pairs; where less is taken the next chunk does not wait for a look
 MOST_UNTANGLING = 2000  # iterations after which swinging may help where calm did not
 
 
@@ -36,6 +37,8 @@ class Course:
         self._outward = outward
         self._momentum = relaxation.step.momentum
         self._woken = 0
+        self._roomy = False  # whether at the last look pairs had room to become many more
+        self._crowded = False  # whether they are more than there is room for, all the same
         if touch.layered:
             touch.lift(LAYER_LIFT)
         self._set_momentum(min(CALM_MOMENTUM, self._momentum))
@@ -44,6 +47,31 @@ class Course:
     def calm(self) -> bool:
         """Whether momentum is still held back."""
         return bool(self._relaxation.step.momentum < self._momentum)
+
+    @property
+    def _through(self) -> bool:
+        """Whether nothing is left but to come to rest."""
+        return self._touch.awake and not self._touch.untangles and not self.calm
+
+    def hangs_on(self, iteration: int) -> bool:
+        """Whether what comes next may hang on what is seen after so many iterations."""
+        return not (self._through and self._roomy) or iteration % LOOK_AGAIN == 0
+
+    def note(self, *, ahead: bool) -> None:
+        """Asks what the next ``advance`` is to know, without waiting; ``ahead``: other iterations may come before."""
+        if self._through:
+            self._touch.note(whole=ahead)
+
+    def put_back(self) -> None:
+        """Makes contact again what it was when that was asked."""
+        self._touch.put_back()
+
+    def go_on(self) -> None:
+        """Makes room for more pairs where nobody expected them, a chunk after that was seen on every device."""
+        if self._crowded:
+            self._crowded = False
+            self._touch.grow()
+            self._relaxation.forget_graphs()
 
     def _set_momentum(self, momentum: float) -> None:
         self._relaxation.step.momentum = momentum
@@ -63,7 +91,12 @@ class Course:
             self._woken = iteration
             self._relaxation.forget_graphs()
             return False
-        if touch.grow():
+        share = touch.share_noted() if self._through else 1.0
+        self._crowded = self._roomy and share > 1.0
+        self._roomy = share < ROOMY
+        if self._crowded:
+            return False
+        if share >= 1.0 and touch.grow():
             self._relaxation.forget_graphs()
             return False
         crossings = touch.crossing_count() if touch.untangles or iteration % LOOK_AGAIN == 0 else 0

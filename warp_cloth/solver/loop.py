@@ -126,8 +126,9 @@ def relax_items(
     Every item is checked after the same iterations as it would be alone: that, and arithmetic that knows nothing of
     the other items, gives it the same bits in any company.
 
-    A GPU goes on with the next chunk while a check is read. An item that turns out to have ended goes back to where
-    the check saw it; new colliders come a chunk after what asked for them, on every device.
+    A GPU goes on with the next chunk while a check is read, unless what comes next hangs on that. An item that turns
+    out to have ended goes back to where the check saw it; new colliders, and room for more pairs of worn cloth, come a
+    chunk after what asked for them, on every device.
 
     Args:
         relaxation: what iterates.
@@ -183,8 +184,7 @@ class _Loop:
     ) -> None:
         self._relaxation, self._certifier = relaxation, certifier
         self._goals, self._follow, self._course, self._on_check = goals, follow, course, on_check
-        saves = wp.get_device(relaxation.model.device).is_cuda if ahead is None else ahead
-        self._runs_ahead = saves and course is None  # which changes what comes next by what is now
+        self._saves = wp.get_device(relaxation.model.device).is_cuda if ahead is None else ahead
         self._active = list(range(len(goals)))
         self._falling = list(self._active)
         self._boxes_seen: _BoxesSeen | None = None  # that is to be followed at the next chunk's end
@@ -200,7 +200,7 @@ class _Loop:
         iteration = 0
         while True:
             seen = self._see(iteration)
-            late = self._runs_ahead and not seen.ending
+            late = self._runs_ahead(seen)
             if not late:
                 self._decide(seen)
             if not self._active:
@@ -225,6 +225,12 @@ class _Loop:
                 outcome.points = points[relaxation.model.of_item(item)].copy()
         return [self._outcomes[item] for item in range(len(self._goals))]
 
+    def _runs_ahead(self, seen: _Seen) -> bool:
+        """Whether the next chunk may begin before what was seen is read."""
+        if not self._saves or seen.ending:
+            return False
+        return self._course is None or seen.glance is None or not self._course.hangs_on(seen.iteration)
+
     def _chunk(self, seen: _Seen, told: bool) -> int:
         """Iterations from here to where something may be to see or to do; ``told``: every chunk's end is told."""
         follows = self._follow is not None and bool(self._falling)
@@ -235,6 +241,8 @@ class _Loop:
         """Asks of the device what there is to decide after these iterations."""
         ending = frozenset(item for item in self._active if self._goals[item].limit <= iteration)
         if iteration % (CHUNK * CHUNKS_PER_CHECK) == 0:
+            if self._course is not None:
+                self._course.note(ahead=self._saves)
             glance = self._certifier.glance(iteration)
             self._certifier.turn_page(iteration)
             return _Seen(iteration, glance, None, ending)
@@ -260,6 +268,8 @@ class _Loop:
                 if status is not None:
                     if late:
                         self._certifier.put_back(item)
+                        if self._course is not None:
+                            self._course.put_back()
                     self._end(item, status, check)
                     ended.append(item)
         self._active = [item for item in self._active if item not in self._outcomes]
@@ -292,6 +302,8 @@ class _Loop:
     def _go_on(self) -> None:
         """Goes on with new colliders where cloth has left the old ones, or will have in a chunk."""
         seen, self._boxes_seen = self._boxes_seen, None
+        if self._course is not None:
+            self._course.go_on()
         if seen is None:
             return
         if seen.relative_rms is not None and seen.iteration > 0:
