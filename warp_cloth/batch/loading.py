@@ -11,6 +11,7 @@ import threading
 from collections.abc import Callable, Hashable, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
+from contextvars import ContextVar
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -54,7 +55,7 @@ MOST_KEPT = 4_000_000  # vertices of the meshes that a shelf keeps from task to 
 
 Dressed = tuple[dict[str, Any], Indices, dict[Hashable, Any]]  # constants of a garment in its fabric, pins, patches
 
-_arena: Arena | None = None  # of a helper that was forked: where it puts what it makes
+_ARENA: ContextVar[Arena | None] = ContextVar("arena", default=None)  # where a helper puts what it makes
 
 
 @dataclass(frozen=True, eq=False)
@@ -308,15 +309,16 @@ def _named(digest: bytes, fabric: Fabric) -> str:
 
 
 def _begin(arena: Arena | None, nicer: int) -> None:
-    global _arena
-    _arena = arena
+    """A helper's beginning: what is large it puts into the arena of the worker that it was forked from."""
+    _ARENA.set(arena)
     begin_alone()
     os.nice(nicer)
 
 
 def _sent(thing: Any) -> Any:
     """What a helper sends instead of something large."""
-    return thing if _arena is None else _arena.put(thing)
+    arena = _ARENA.get()
+    return thing if arena is None else arena.put(thing)
 
 
 def _taken(sent: Any, arena: Arena | None) -> Any:
@@ -359,7 +361,7 @@ def _dressed(scene: Scene, index: int, known: dict[Key, Any], made: Any, patches
     as it is sent.
     """
     rack = Rack()
-    rack.put({**known, **_taken(made, _arena)})
+    rack.put({**known, **_taken(made, _ARENA.get())})
     own = None if common is None else kept_in(common)
     if own is None:
         rest, pins = rest_of(scene, index, rack)
@@ -378,9 +380,9 @@ def _dressed(scene: Scene, index: int, known: dict[Key, Any], made: Any, patches
 def _cut(scene: Scene, index: int, known: dict[Key, Any], made: Any, dressed: Any) -> Any:
     """The patches of a garment whose constants and pins were ``dressed`` on another body, as they are sent."""
     rack = Rack()
-    rack.put({**known, **_taken(made, _arena)})
+    rack.put({**known, **_taken(made, _ARENA.get())})
     mesh, geometry = geometry_of(scene, index, rack)
-    constants, pins, _ = _taken(dressed, _arena)
+    constants, pins, _ = _taken(dressed, _ARENA.get())
     return _sent(_patches_of(scene, mesh, in_geometry(constants, geometry), pins))
 
 
