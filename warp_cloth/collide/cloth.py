@@ -70,6 +70,7 @@ LEAVES_MET = 8
 FINDING = 2**18  # threads that go through the first of these lists, at most
 LOOKING_CLOSELY = 2**17  # threads that go through the second, at most: as many as a large GPU works on at a time
 PRESSING = 384  # blocks that press pairs, at most: the same
+MANY_MORE = 1.25  # times as many pairs as few are, before they no longer count as few
 LEAST_PRESSING = 64  # blocks, at least, that press while others move vertices, if there are pairs for so many
 BOXING = 1024  # threads in a block that boxes what is in a tree
 STRIDE_SHARE = 0.1  # of thickness and skin: longest untangling shift in an iteration
@@ -95,7 +96,7 @@ class ClothTouch:
         self.least_skin = LEAST_SKIN * skin  # [m]; how far what stands still may go till the next search
         self._skin = skin  # [m]
         self.awake = False
-        self._pairs_seen = 0  # found by the last search before ``grow``
+        self.few_pairs = True  # whether a block on each core sees all pairs at once, as far as is known
         self._noted = wp.zeros(1, dtype=wp.int32, device="cpu", pinned=self._device.is_cuda)
         self._kept: tuple[wp.array, ...] | None = None  # corners, kind and lean of the pairs that ``note`` saw
         self.settled = False  # whether forces have balanced
@@ -207,13 +208,18 @@ class ClothTouch:
 
     def grow(self) -> bool:
         """Makes room for every pair that the last search found; whether it had to. Waits for the device."""
-        found = self._pairs_seen = int(self.data.count.numpy()[0])
+        found = int(self.data.count.numpy()[0])
+        self._tell_pairs(found)
         if found <= len(self.data.corners):
             return False
         self._hold_pairs(self.data, 2 * found)
         self.data.moved.fill_(1)
         log.info("room for %d pairs of cloth near cloth", 2 * found)
         return True
+
+    def _tell_pairs(self, found: int) -> None:
+        at_once = ROUNDS * BLOCK_THREADS * int(self._device.sm_count)
+        self.few_pairs = found <= (MANY_MORE * at_once if self.few_pairs else at_once)
 
     def note(self, *, whole: bool) -> None:
         """Keeps how many pairs there are, for ``share_noted``; ``whole``: the pairs, too, for ``put_back``.
@@ -238,7 +244,9 @@ class ClothTouch:
 
     def share_noted(self) -> float:
         """Share of the room for pairs that ``note`` saw taken, or wanted, once that has come to the host."""
-        return float(self._noted.numpy()[0]) / len(self.data.corners)
+        found = int(self._noted.numpy()[0])
+        self._tell_pairs(found)
+        return found / len(self.data.corners)
 
     def crossing_count(self) -> int:
         """Crossings, and vertices tangled or on the wrong side of a layer. Waits for the device.
@@ -346,8 +354,8 @@ class ClothTouch:
         cores = int(self._device.sm_count)
         room = cores * FEW_PER_CORE - waiting  # that work at the same time
         wanted = -(-len(self.data.corners) // BLOCK_THREADS)
-        if 0 < cores <= waiting and self._pairs_seen <= ROUNDS * BLOCK_THREADS * cores:
-            wanted = min(wanted, cores)  # which see all pairs at once: more would hold up the others on every core
+        if 0 < cores <= waiting and self.few_pairs:  # more blocks would hold up the others on every core
+            wanted = min(wanted, cores)
         self.data.pressing = min(wanted, max(room, LEAST_PRESSING)) if self.awake else 0
         return int(self.data.pressing)
 

@@ -91,7 +91,10 @@ class Course:
             self._woken = iteration
             self._relaxation.forget_graphs()
             return False
+        few = touch.few_pairs
         share = touch.share_noted() if self._through else 1.0
+        if touch.few_pairs != few:  # other blocks press them
+            self._relaxation.forget_graphs()
         self._crowded = self._roomy and share > 1.0
         self._roomy = share < ROOMY
         if self._crowded:
