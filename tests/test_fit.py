@@ -235,6 +235,23 @@ def test_saving_again_replaces_the_files(saved: tuple[Fit, Path], tmp_path: Path
     ]
 
 
+def test_an_older_report_does_not_stand_for_what_a_killed_run_leaves(
+    saved: tuple[Fit, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    saved[0].save(tmp_path)
+
+    def killed(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("warp_cloth.export.preview.write_preview", killed)
+    with pytest.raises(KeyboardInterrupt):
+        saved[0].save(tmp_path)
+    assert not (tmp_path / "report.json").exists()
+    with pytest.raises(InputError, match="is not written"):  # a refused one changes nothing
+        saved[0].save(saved[1], formats=["fbx"])
+    assert (saved[1] / "report.json").exists()
+
+
 def test_what_python_asks_for_in_vain_is_refused(tmp_path: Path) -> None:
     scene = warp_cloth.load_scene(Path("hanging"), ["solver.iterations=2", "garment.shape.vertices_per_side=5"])
     with pytest.raises(InputError, match="overrides: the scene is loaded already"):

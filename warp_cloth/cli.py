@@ -157,7 +157,7 @@ def fabric(
     warp-cloth fabric my_fabric.toml --out tested --device cuda --rings 140
     """
     with one_line_errors():
-        from warp_cloth.material.fabric import resolve_fabric
+        from warp_cloth.material.fabric import resolve_fabric, unlikely_values
 
         try:
             chosen = resolve_fabric(fabric)
@@ -180,7 +180,7 @@ def fabric(
                 discs=DISCS if discs is None else discs,
                 tell=lambda name: print(f"testing {name}", file=sys.stderr),
             )
-            lines = table(bench)
+            lines = [*table(bench), *unlikely_values(chosen)]
             paths = save_bench(bench, out, where, plots=plots)
     for line in [*lines, *(f"  wrote {path}" for path in paths)]:
         typer.echo(line)

@@ -114,6 +114,7 @@ class SizeRun:
 
         folder = Path(directory)
         check_writable(folder, self.name)
+        (folder / "sizes.json").unlink(missing_ok=True)  # an earlier run's, as this one's stages come first
         paths = []
         for each in self.sizes:
             if each.fit is not None:

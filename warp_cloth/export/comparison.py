@@ -17,7 +17,8 @@ from warp_cloth.maps.measure import percentiles
 def save_comparison(found: Comparison, fits: tuple[WrittenFit, WrittenFit], folder: Path) -> list[Path]:
     """Writes compare.usdc, a picture of each difference, and compare.json last."""
     first, second = fits
-    stage = folder / "compare.usdc"
+    stage, report = folder / "compare.usdc", folder / "compare.json"
+    report.unlink(missing_ok=True)  # an earlier run's
     colour = next(iter(found.ranges))
     write_stage(stage, garments=found.garments, avatar=first.avatar, name="compare", ranges=found.ranges, colour=colour)
     paths = [stage]
@@ -30,7 +31,6 @@ def save_comparison(found: Comparison, fits: tuple[WrittenFit, WrittenFit], fold
         sentence = f"{second.name} less {first.name}"
         drawer.write(path, kind, bounds, sentence)
         paths.append(path)
-    report = folder / "compare.json"
     write_report(
         report,
         {

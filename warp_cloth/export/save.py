@@ -31,6 +31,8 @@ def save_fit(fit: Fit, folder: Path, *, colour: str, formats: Sequence[str]) -> 
     check_writable(folder, scene.name)
     began = time.perf_counter()
     _, picture, page, report = result_paths(folder, scene.name)
+    check_inputs_kept(scene, folder, formats)
+    report.unlink(missing_ok=True)  # an earlier run's, which would stand for what this one leaves if it is killed
     ranges = fit.maps.ranges if fit.maps is not None else {}
     paths = write_meshes(fit, folder, colour=colour, formats=formats)
     preview.write_preview(
