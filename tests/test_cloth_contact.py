@@ -27,11 +27,13 @@ GRADIENT_STEP = 1e-7  # [m]; central differences of the energy
 GRADIENT_ERROR = 1e-5  # of the largest force: the force's third derivative over the step, and rounding
 
 
+@pytest.mark.parametrize("gathers", [False, True])
 @pytest.mark.parametrize("precision", ["float64", "mixed"])
 @pytest.mark.parametrize("seed", [1, 2])
-def test_forces_are_those_of_every_pair(seed: int, precision: str) -> None:
+def test_forces_are_those_of_every_pair(seed: int, precision: str, gathers: bool) -> None:
     flat, mesh = grid(12, 0.22), crumpled(seed)
-    model, touch, _ = sheets_at([flat], precision=precision)
+    model, touch, _ = sheets_at([flat], precision=precision, gathers=gathers)
+    Relaxation(model, Collider(), StepOptions(), touch)  # which knows where vertices are in the patches' order
     model.set_points(mesh.points)
     look(model, touch)
     pairs = touching_pairs(mesh.points, touch)

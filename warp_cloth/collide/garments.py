@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from warp_cloth.collide.cloth import ClothTouch
 from warp_cloth.collide.crossing import find_crossings
-from warp_cloth.collide.exact import POINTS_AT_ONCE, ExactCollider, build_exact_collider, pieces, signed_distances
+from warp_cloth.collide.exact import POINTS_AT_ONCE, build_exact_collider, pieces, signed_distances
 from warp_cloth.collide.placing import clear_shift, way_told
 from warp_cloth.collide.sheets import SheetKind, sheets_of
 from warp_cloth.collide.solid import solid_of
@@ -77,34 +77,37 @@ def highest_lift(scene: Scene) -> float:
 def cloth_course(wardrobe: Wardrobe, relaxation: Relaxation, touch: ClothTouch, device: str) -> Course:
     """The way of a scene's garments from where they are loaded."""
     lengths = np.concatenate([part.rest.edge_length for part in wardrobe.parts])
-    avatar = wardrobe.starting_avatar
-    exact = None if avatar is None else build_exact_collider(avatar, device)
-    return Course(relaxation, touch, lengths, partial(outward_signs, wardrobe, exact))
+    return Course(relaxation, touch, lengths, OutwardSigns(wardrobe, device))
 
 
-def outward_signs(wardrobe: Wardrobe, exact: ExactCollider | None, points: Points) -> list[float]:
-    """Of each garment, whether most of its area faces away from the body, 1, or to it, -1; ``points`` [m].
+class OutwardSigns:
+    """Tells of each garment whether most of its area faces away from the body, 1, or to it, -1."""
 
-    ``exact`` is of the avatar that the garments start on, if there is one.
-    """
-    avatar, first = wardrobe.starting_avatar, np.cumsum([0, *(len(part.points) for part in wardrobe.parts)])
-    corners = [points[start + part.triangles] for start, part in zip(first, wardrobe.parts, strict=False)]
-    normals = [np.cross(each[:, 1] - each[:, 0], each[:, 2] - each[:, 0]) for each in corners]
-    centres = [each.mean(axis=1) for each in corners]
-    if avatar is None or exact is None:  # away from its own middle
-        away = [
-            np.einsum("ij,ij->", normal, centre - points[start:end].mean(axis=0))
-            for normal, centre, (start, end) in zip(normals, centres, pairwise(first), strict=True)
-        ]
-    else:
-        area = [np.linalg.norm(normal, axis=1) for normal in normals]
-        step = FEELER * np.concatenate(normals) / np.maximum(np.concatenate(area), np.finfo(float).tiny)[:, None]
-        centre = np.concatenate(centres)
-        feelers = np.concatenate([centre + step, centre - step])
-        before, behind = np.split(signed_distances(feelers, avatar, exact.device, exact), 2)
-        sides = np.split(np.sign(before - behind), np.cumsum([len(each) for each in centres])[:-1])
-        away = [(own * side).sum() for own, side in zip(area, sides, strict=True)]
-    return [1.0 if float(each) >= 0.0 else -1.0 for each in away]
+    def __init__(self, wardrobe: Wardrobe, device: str) -> None:
+        self._parts, avatar = wardrobe.parts, wardrobe.starting_avatar
+        self._avatar, self._exact = avatar, None if avatar is None else build_exact_collider(avatar, device)
+
+    def __call__(self, points: Points) -> list[float]:
+        """Of garments at these points [m]."""
+        first = np.cumsum([0, *(len(part.points) for part in self._parts)])
+        corners = [points[start + part.triangles] for start, part in zip(first, self._parts, strict=False)]
+        normals = [np.cross(each[:, 1] - each[:, 0], each[:, 2] - each[:, 0]) for each in corners]
+        centres = [each.mean(axis=1) for each in corners]
+        if self._avatar is None or self._exact is None:  # away from its own middle
+            away = [
+                np.einsum("ij,ij->", normal, centre - points[start:end].mean(axis=0))
+                for normal, centre, (start, end) in zip(normals, centres, pairwise(first), strict=True)
+            ]
+        else:
+            area = [np.linalg.norm(normal, axis=1) for normal in normals]
+            step = FEELER * np.concatenate(normals) / np.maximum(np.concatenate(area), np.finfo(float).tiny)[:, None]
+            centre = np.concatenate(centres)
+            feelers = np.concatenate([centre + step, centre - step])
+            distances = signed_distances(feelers, self._avatar, self._exact.device, self._exact)
+            before, behind = np.split(distances, 2)
+            sides = np.split(np.sign(before - behind), np.cumsum([len(each) for each in centres])[:-1])
+            away = [(own * side).sum() for own, side in zip(area, sides, strict=True)]
+        return [1.0 if float(each) >= 0.0 else -1.0 for each in away]
 
 
 @dataclass(frozen=True, eq=False)
