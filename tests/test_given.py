@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+import numpy as np
 import pytest
 
 import warp_cloth
+from warp_cloth import given
 from warp_cloth.batch import fit_many, fit_sizes, run_batch
 from warp_cloth.errors import InputError
 from warp_cloth.view.live import LiveFit
@@ -21,6 +23,7 @@ from warp_cloth.view.live import LiveFit
         (lambda: warp_cloth.fit(["tshirt"]), "scene: must be a path, not something of type list"),
         (lambda: warp_cloth.fit("tshirt", overrides=5), "overrides: must be a text or a list of texts, not 5"),
         (lambda: warp_cloth.fit("tshirt", overrides=[5]), "overrides: must be a text or a list of texts"),
+        (lambda: warp_cloth.fit("tshirt", overrides={"a": "b"}), "overrides: must be a text or a list of texts"),
         (lambda: warp_cloth.fit("tshirt", maps=5), "--maps: must be a text or a list of texts, not 5"),
         (lambda: warp_cloth.fit("tshirt", maps=[None]), "--maps: must be a text or a list of texts"),
         (lambda: warp_cloth.fit("tshirt", frames="3"), "frames: 3 shapes on the way cannot be kept"),
@@ -42,3 +45,8 @@ def test_wrong_types_are_refused_in_one_line(call: Callable[[], Any], told: str)
         call()
     assert told in str(refused.value)
     assert "\n" not in str(refused.value)
+
+
+def test_several_texts_may_come_in_any_collection() -> None:
+    for several in (["ease"], ("ease",), {"ease"}, np.array(["ease"]), (name for name in ["ease"]), "ease"):
+        assert given.texts(several, "maps") == ("ease",)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping
 from numbers import Integral, Real
 from pathlib import Path
 from typing import Any
@@ -16,9 +16,10 @@ def texts(given: Any, place: str) -> tuple[str, ...]:
     """A text, or several, as several."""
     if isinstance(given, str):
         return (given,)
-    if not isinstance(given, Sequence) or not all(isinstance(each, str) for each in given):
+    several = tuple(given) if isinstance(given, Iterable) and not isinstance(given, Mapping) else (None,)
+    if not all(isinstance(each, str) for each in several):
         raise _refused(given, place, "a text or a list of texts")
-    return tuple(given)
+    return several
 
 
 def path(given: Any, place: str) -> Path:
