@@ -197,6 +197,21 @@ def test_worn_cloth_gets_room_for_more_pairs_at_the_same_iteration_whether_or_no
     assert ends[0][1] == ends[1][1]
 
 
+def test_what_is_measured_at_the_end_is_the_same_whether_or_not_the_loop_ran_ahead() -> None:
+    loads = []
+    for ahead in (False, True):
+        relaxation, touch = dropped(0.9995)
+        course = Course(relaxation, touch, np.full(len(touch.sheets.edges), 1.0), lambda _: [1.0, 1.0])
+        anything = Goal(Tolerance(np.inf, np.inf, np.inf, np.inf), 2000)
+        goal = Goal(Tolerance(0.0, 0.0, 0.0), 700)
+        relax_items(relaxation, Certifier(relaxation), [goal], course=course, ahead=ahead)  # till it is through
+        (outcome,) = relax_items(relaxation, Certifier(relaxation), [anything], course=course, ahead=ahead)
+        assert outcome.iterations % 500
+        loads.append(contact_forces(relaxation.model, touch))
+        assert loads[-1].any()
+    assert np.array_equal(*loads)
+
+
 def test_cloth_stands_still_while_there_is_no_room_for_all_that_is_near_it() -> None:
     relaxation, touch = dropped(0.9995)
     iterate(relaxation, 200)  # till it is near

@@ -98,7 +98,7 @@ class ClothTouch:
         self.awake = False
         self.few_pairs = True  # whether a block on each core sees all pairs at once, as far as is known
         self._noted = wp.zeros(1, dtype=wp.int32, device="cpu", pinned=self._device.is_cuda)
-        self._kept: tuple[wp.array, ...] | None = None  # corners, kind and lean of the pairs that ``note`` saw
+        self._kept: list[wp.array] = []  # what ``note`` saw of pairs
         self.settled = False  # whether forces have balanced
         self.untangles = True  # whether searches look for what crosses, too
         in_order = model.patches is not None
@@ -226,21 +226,25 @@ class ClothTouch:
 
         Does not wait for the device.
         """
-        found, kept = self.data, self._kept
-        wp.copy(self._noted, found.count)
+        kept, pairs = self._kept, self._measured()
+        wp.copy(self._noted, self.data.count)
         if whole:
-            if kept is None or len(kept[0]) < len(found.corners):
-                kept = self._kept = tuple(wp.empty_like(of) for of in (found.corners, found.kind, found.lean))
-            for to, of in zip(kept, (found.corners, found.kind, found.lean), strict=True):
+            if not kept or len(kept[0]) < len(pairs[0]):
+                kept = self._kept = [wp.empty_like(of) for of in pairs]
+            for to, of in zip(kept, pairs, strict=True):
                 wp.copy(to, of, count=len(of))
 
     def put_back(self) -> None:
-        """Makes the pairs again what ``note`` saw, when that has come to the host."""
-        if self._kept is not None:
-            found = self.data
-            for to, of in zip((found.corners, found.kind, found.lean), self._kept, strict=True):
+        """Makes the pairs again what ``note`` saw, when that has come to the host, as far as forces hang on them."""
+        if self._kept:
+            for to, of in zip(self._measured(), self._kept, strict=True):
                 wp.copy(to, of, count=min(len(to), len(of)))
-            found.count.fill_(int(self._noted.numpy()[0]))
+            self.data.count.fill_(int(self._noted.numpy()[0]))
+            self.data.sum.zero_()  # nobody takes what is pressed at pinned vertices but a measurement
+
+    def _measured(self) -> list[wp.array]:
+        """What ``measure`` reads of pairs; when one is due tells of which kind it is."""
+        return [self.data.corners, self.data.kind, self.data.lean, self.data.due]
 
     def share_noted(self) -> float:
         """Share of the room for pairs that ``note`` saw taken, or wanted, once that has come to the host."""
