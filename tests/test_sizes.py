@@ -37,7 +37,7 @@ def test_a_size_whose_cloth_is_strained_too_far_is_too_tight() -> None:
 def test_no_size_fits_is_said() -> None:
     taken, reason = recommendation([sized("S", -0.02), sized("M", 0.01)], 0.04)
     assert taken == "M"
-    assert reason.startswith("Even the largest size, M, is too tight")
+    assert reason.startswith("M is the largest size, though too tight")
     assert recommendation([sized("S", 0.0, status="invalid")], 0.04)[0] is None
 
 
@@ -47,7 +47,7 @@ def test_a_size_that_slides_down_is_not_taken_and_one_still_moving_is_told_of() 
     moving = sized("M", 0.01, status="iteration_limit")
     taken, reason = recommendation([sized("S", -0.01), moving, lost], 0.04)
     assert taken == "M"
-    assert reason.startswith("Even the largest size that the body holds, M, is too tight: 1.0 cm")
+    assert reason.startswith("M is the largest size that the body holds, though too tight: 1.0 cm")
     assert reason.endswith("did not come to rest, and may yet fit otherwise.")
     assert recommendation([lost], 0.04) == (None, "The body holds no size: each falls, or slides down to the feet.")
 

@@ -236,8 +236,8 @@ def recommendation(sizes: Sequence[SizeFit], wanted: float) -> tuple[str | None,
             why = f"; {usable[index - 1].size} is too tight: {before}" if before else "; it is the smallest size"
             return each.size, f"{each.size} {_told(each)}{why}.{_unsure(each)}"
     last = usable[-1]
-    largest = "Even the largest size" + (" that the body holds" if last is not sizes[-1] else "")
-    return last.size, f"{largest}, {last.size}, is too tight: {_too_tight(last, wanted)}.{_unsure(last)}"
+    largest = "the largest size" + (" that the body holds" if last is not sizes[-1] else "")
+    return last.size, f"{last.size} is {largest}, though too tight: {_too_tight(last, wanted)}.{_unsure(last)}"
 
 
 def _unsure(each: SizeFit) -> str:
