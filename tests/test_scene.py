@@ -115,6 +115,13 @@ def test_left_out_keys_take_the_schema_defaults(tmp_path: Path) -> None:
     assert scene.garment_keys == ("garment",)
 
 
+def test_a_whole_number_may_be_written_as_1e3() -> None:
+    assert load_scene("tshirt", ["solver.iterations=1e3"]).solver.iterations == 1000
+    for text in ("1000.5", "1e30", "inf", "true"):
+        with pytest.raises(InputError, match=r"must be a whole number from 0 to 10000000, not"):
+            load_scene("tshirt", [f"solver.iterations={text}"])
+
+
 def test_every_key_has_a_description() -> None:
     tables = (GarmentSpec, AvatarSpec, CollisionSpec, SolverSpec)
     shapes = (SquareShape, TshirtShape, SphereShape, MannequinShape)

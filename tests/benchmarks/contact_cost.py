@@ -3,12 +3,11 @@
     python tests/benchmarks/contact_cost.py --device cuda:0 L7.8:jersey shared1:jersey,shared1.1:denim
 
 A garment is a size, the length of its edges [mm] and a fabric, or the shared T-shirt, so many times as large, and a
-fabric; those of a scene go inner to outer. A fit with contact
-runs to rest, and one whose cloth passes through itself as many iterations: the difference is what contact costs, the
-latter is everything else. Both are told by the clock, from the first iteration to the last check, with and without the
-time in which graphs were captured, and by the device: of iterations only, between events. Then come the phases of the
-way, what each launch takes when it is timed by itself (which adds some microseconds to each), and whether anything
-crosses at rest.
+fabric; those of a scene go inner to outer. A fit with contact runs to rest, and one whose cloth passes through itself
+as many iterations: the difference is what contact costs, the latter is everything else. Both are told by the clock,
+from the first iteration to the last check, with and without the time in which graphs were captured, and by the device:
+of iterations only, between events. Then come the phases of the way, what each launch takes when it is timed by itself
+(which adds some microseconds to each), and whether anything crosses at rest.
 """
 
 from __future__ import annotations

@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
+
+
+def _whole(value: Any) -> Any:
+    """1e3 and a table's 1000.0 are whole numbers, too, as long as no digit of theirs is lost."""
+    return int(value) if isinstance(value, float) and value.is_integer() and abs(value) < 2**53 else value
+
 
 Real = Annotated[float, Field(strict=True, allow_inf_nan=False)]  # takes 3 for 3.0, but no text, no true
-Whole = Annotated[int, Field(strict=True)]
+Whole = Annotated[int, Field(strict=True), BeforeValidator(_whole)]
 Coordinate = Annotated[Real, Field(ge=-1e7, le=1e7)]  # [m]
 Point = tuple[Coordinate, Coordinate, Coordinate]
 VertexId = Annotated[Whole, Field(ge=0, le=2**31 - 1)]
