@@ -56,6 +56,22 @@ def opened(search: ContactSearch, edge: int, along: wp.vec3f):
     return wp.length(along) > search.longest[edge]
 
 
+@functools.cache
+def open_kernel(precision: str) -> wp.Kernel:
+    """Kernel ``count_open``."""
+    Cloth, at = cloth_types(precision).Cloth, place_function(precision)
+
+    @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
+    def count_open(cloth: Cloth, search: ContactSearch, count: wp.array(dtype=wp.int32)):
+        """Counts the edges that span seams which have yet to close."""
+        edge = wp.tid()
+        ends = search.edges[edge]
+        if opened(search, edge, wp.vec3f(at(cloth.position, ends[1])) - wp.vec3f(at(cloth.position, ends[0]))):
+            wp.atomic_add(count, 0, 1)
+
+    return count_open
+
+
 @wp.func
 def room_around(contact: ClothContact, skin: wp.float32):
     """By how much a box of cloth with such a skin is widened on all sides [m]: what it does not meet is not near."""

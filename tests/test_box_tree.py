@@ -9,6 +9,7 @@ import pytest
 import warp as wp
 
 from warp_cloth.collide import box_tree as trees
+from warp_cloth.collide.planting import Planting, first_order
 from warp_cloth.kernels.block import block_of, block_threads, lane_of
 from warp_cloth.kernels.box_tree import (
     LEAVES,
@@ -83,6 +84,14 @@ def find_all(
         walk = step_on(tree, walk)
 
 
+def planted(places: np.ndarray, sheet: np.ndarray, device: str) -> tuple[np.ndarray, np.ndarray]:
+    """An order of places by sheet that keeps near what is near, and where in it each sheet begins."""
+    order, starts = first_order(sheet)
+    with wp.ScopedDevice(device):
+        there = wp.array(places.astype(np.float32), dtype=wp.vec3f)
+        return Planting("mixed", order, starts).ordered(there).numpy(), starts
+
+
 def boxed(lower: np.ndarray, upper: np.ndarray, order: np.ndarray, device: str) -> tuple[Any, list[wp.array]]:
     """A tree of boxes on a device, and the boxes there."""
     with wp.ScopedDevice(device):
@@ -105,7 +114,7 @@ def test_walks_find_what_every_pair_finds(
     random = np.random.default_rng(7)
     lower = random.uniform(size=(COUNT, 3)).astype(np.float32)
     upper = lower + random.uniform(high=2.0 * SIZE, size=(COUNT, 3)).astype(np.float32)
-    order, _ = trees.near_order(lower, np.zeros(COUNT, dtype=np.int32))
+    order, _ = planted(lower, np.zeros(COUNT, dtype=np.int32), device)
     tree, given = boxed(lower, upper, order, device)
     assert tree.levels == (4 if most_top == 0 else 3)
     count = COUNT // int(WIDTH) * int(WIDTH)  # whole teams
@@ -124,12 +133,13 @@ def test_walks_find_what_every_pair_finds(
     assert np.array_equal(found.numpy(), expected)
 
 
-def test_an_order_keeps_sheets_apart_and_near_what_is_near() -> None:
+@pytest.mark.parametrize("device", DEVICES)
+def test_an_order_keeps_sheets_apart_and_near_what_is_near(device: str) -> None:
     random = np.random.default_rng(3)
     places = random.uniform(size=(9000, 3))
     places[:, 2] = 0.0
     sheet = random.integers(0, 3, size=len(places)).astype(np.int32)
-    order, starts = trees.near_order(places, sheet)
+    order, starts = planted(places, sheet, device)
     assert np.array_equal(np.sort(order[order >= 0]), np.arange(len(places)))
     for number in range(3):
         own = order[starts[number] : starts[number + 1]]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -176,8 +177,7 @@ def test_worn_cloth_gets_room_for_more_pairs_at_the_same_iteration_whether_or_no
     ends = []
     for ahead in (False, True):
         relaxation, touch = dropped(0.9995)
-        lengths = np.full(len(touch.sheets.edges), 1.0)
-        course = Course(relaxation, touch, lengths, lambda _: [1.0, 1.0])
+        course = Course(relaxation, touch, partial(touch.face, [1.0, 1.0]))
         seen = []
 
         def squeeze(iteration: int, relaxation: Relaxation, touch: ClothTouch = touch, seen: list[int] = seen) -> None:
@@ -201,7 +201,7 @@ def test_what_is_measured_at_the_end_is_the_same_whether_or_not_the_loop_ran_ahe
     loads = []
     for ahead in (False, True):
         relaxation, touch = dropped(0.9995)
-        course = Course(relaxation, touch, np.full(len(touch.sheets.edges), 1.0), lambda _: [1.0, 1.0])
+        course = Course(relaxation, touch, partial(touch.face, [1.0, 1.0]))
         anything = Goal(Tolerance(np.inf, np.inf, np.inf, np.inf), 2000)
         goal = Goal(Tolerance(0.0, 0.0, 0.0), 700)
         relax_items(relaxation, Certifier(relaxation), [goal], course=course, ahead=ahead)  # till it is through

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -89,7 +90,8 @@ def test_what_is_tangled_is_pressed_again_once_it_is_not() -> None:
     assert due(0)[tangled].all()
 
 
-def test_a_fold_that_passes_through_itself_comes_undone() -> None:
+def test_a_fold_that_passes_through_itself_comes_undone(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("warp_cloth.solver.course.MOST_SEWING", 0)  # no edge is a seam, however long
     mesh = grid(25, 0.24)
     points = mesh.points.copy()
     u = (points[:, 0] - 0.12) / 0.06
@@ -98,11 +100,11 @@ def test_a_fold_that_passes_through_itself_comes_undone() -> None:
     points[looped, 0] = 0.12 + 0.06 * (u**3 - 0.5 * u)[looped]
     points[looped, 2] = 0.03 * (1.0 - u**2)[looped]
     points += np.random.default_rng(1).normal(scale=1e-4, size=points.shape)
-    model, touch, parts = sheets_at([mesh], precision="mixed")
+    model, touch, _ = sheets_at([mesh], precision="mixed")
     model.set_points(points)
     assert len(find_crossings(points, touch.sheets, "cpu").pairs) > 20
     relaxation = Relaxation(model, Collider(), StepOptions(), touch)
-    course = Course(relaxation, touch, 5.0 * parts[0].rest.edge_length, lambda _: [1.0])
+    course = Course(relaxation, touch, partial(touch.face, [1.0]))
     for step in range(10):
         course.advance(100 * step)
         points = iterate(relaxation, 100)
@@ -121,11 +123,10 @@ def tube(radius: float, rows: int = 9) -> Mesh:
 def test_an_outer_layer_inside_the_inner_one_comes_out() -> None:
     inner, outer = tube(0.05, 13), tube(0.056, 13)
     pins = np.arange(inner.vertex_count, dtype=np.int32)
-    model, touch, parts = sheets_at([inner, outer], pins=[pins, NO_PINS], precision="mixed")
+    model, touch, _ = sheets_at([inner, outer], pins=[pins, NO_PINS], precision="mixed")
     model.set_points(np.concatenate([inner.points, outer.points * [0.8, 1.0, 0.8]]))
-    lengths = np.concatenate([part.rest.edge_length for part in parts])
     relaxation = Relaxation(model, Collider(), StepOptions(), touch)
-    course = Course(relaxation, touch, lengths, lambda _: [-1.0, -1.0])
+    course = Course(relaxation, touch, partial(touch.face, [-1.0, -1.0]))
     for step in range(6):
         course.advance(100 * step)
         points = iterate(relaxation, 100)

@@ -152,11 +152,11 @@ def set_up(
     )
     threads = thread_count(first.solver.threads, model.vertex_count)
     options = options or StepOptions(method=first.solver.method, threads=threads)
-    touch = cloth_touch(first, wardrobes[0], model) if first.collision.cloth else None
+    touch = cloth_touch(first, wardrobes[0], model, device) if first.collision.cloth else None
     parts = [part for each in wardrobes for part in each.parts]
     relaxation = relaxation_by(options, model, colliders, parts, touch, [scene.solver.cap for scene in scenes])
     certifier = Certifier(relaxation)
-    course = cloth_course(wardrobes[0], relaxation, touch, device) if touch is not None else None
+    course = cloth_course(wardrobes[0], relaxation, touch) if touch is not None else None
     wp.synchronize_device(device)
     lap("build")
     tell("compile")

@@ -15,22 +15,24 @@ from warp_cloth.collide.box_tree import block_count, lists_of
 from warp_cloth.collide.cloth_arrays import (
     Numbering,
     contact_arrays,
-    part_regions,
+    lay_out_trees,
     per_vertex,
-    plant_trees,
     search_arrays,
     thicknesses,
 )
+from warp_cloth.collide.exact import ExactCollider
+from warp_cloth.collide.planting import Planting
 from warp_cloth.collide.sheets import SheetKind, sheets_of
 from warp_cloth.collide.untangling import sheet_untangling
 from warp_cloth.garment.part import GarmentPart
 from warp_cloth.kernels.block import BLOCK_THREADS, FEW_PER_CORE
 from warp_cloth.kernels.box_tree import WIDTH
 from warp_cloth.kernels.contact_pairs import groups_kernel, leaves_kernel, pairs_kernel
-from warp_cloth.kernels.contact_search import box_kernel, box_rest, start_kernel
+from warp_cloth.kernels.contact_search import box_kernel, box_rest, open_kernel, start_kernel
 from warp_cloth.kernels.contact_sums import add_kernel
 from warp_cloth.kernels.contact_watch import weigh_asked
 from warp_cloth.kernels.crossing_search import crossing_groups_kernel, crossing_leaves_kernel, crossings_kernel
+from warp_cloth.kernels.facing import face_vertices, sides_kernel
 from warp_cloth.kernels.lean_memory import LeanMemory
 from warp_cloth.kernels.meeting import LISTING, PARTS
 from warp_cloth.kernels.press_queue import ROUNDS
@@ -73,6 +75,7 @@ PRESSING = 384  # blocks that press pairs, at most: the same
 MANY_MORE = 1.25  # times as many pairs as few are, before they no longer count as few
 LEAST_PRESSING = 64  # blocks, at least, that press while others move vertices, if there are pairs for so many
 BOXING = 1024  # threads in a block that boxes what is in a tree
+CROSSINGS = 3  # numbers of which crossings are the sum
 STRIDE_SHARE = 0.1  # of thickness and skin: longest untangling shift in an iteration
 
 
@@ -82,9 +85,15 @@ class ClothTouch:
     ``data`` is the kernels' view. Until ``awaken`` it lets everything pass, and launches nothing.
     """
 
-    def __init__(self, model: ClothModel, parts: Sequence[GarmentPart], kinds: Sequence[SheetKind]) -> None:
+    def __init__(
+        self,
+        model: ClothModel,
+        parts: Sequence[GarmentPart],
+        kinds: Sequence[SheetKind],
+        body: ExactCollider | None = None,
+    ) -> None:
         self._model, self._device = model, wp.get_device(model.device)
-        self.sheets, self._kinds = sheets_of(parts), tuple(kinds)
+        self.sheets, self.body = sheets_of(parts), body
         order = None if model.patches is None else model.patches.order
         self._numbering = Numbering(None if order is None else order.numpy())
         self._order = order or wp.empty(0, dtype=wp.int32, device=model.device)
@@ -97,12 +106,14 @@ class ClothTouch:
         self._skin = skin  # [m]
         self.awake = False
         self.few_pairs = True  # whether a block on each core sees all pairs at once, as far as is known
-        self._noted = wp.zeros(1, dtype=wp.int32, device="cpu", pinned=self._device.is_cuda)
+        # open seams or pairs, and crossings, once they have come to the host
+        self._noted = wp.zeros(1 + CROSSINGS, dtype=wp.int32, device="cpu", pinned=self._device.is_cuda)
         self._kept: list[wp.array] = []  # what ``note`` saw of pairs
         self.settled = False  # whether forces have balanced
         self.untangles = True  # whether searches look for what crosses, too
         in_order = model.patches is not None
         self._start, self._boxes = start_kernel(model.precision, in_order), box_kernel(model.precision)
+        self._count_open = open_kernel(model.precision)
         self._groups, self._leaves = groups_kernel(model.precision), leaves_kernel(model.precision)
         self._pairs = pairs_kernel(model.precision)
         self._crossing_groups = crossing_groups_kernel(model.precision)
@@ -111,7 +122,7 @@ class ClothTouch:
         self._settle = settle_kernel(model.precision)
         self._press = press_kernel(model.precision, "stiffness", in_order)
         self._measure = press_kernel(model.precision, "size", in_order)
-        self._add = add_kernel(model.precision)
+        self._add, self._weigh_sides = add_kernel(model.precision), sides_kernel(model.precision)
         with wp.ScopedDevice(model.device):
             self.data = contact_arrays(self.sheets, parts, kinds, self._numbering)
             self.data.least_skin, self.data.most_skin = self.least_skin, LARGEST_SKIN * skin
@@ -121,6 +132,8 @@ class ClothTouch:
             self._untangling = sheet_untangling(self.sheets, parts, self._numbering)
             self._untangling.layer = wp.array(self._by_vertex([kind.layer for kind in kinds]), dtype=wp.int32)
             self._untangling.stride = STRIDE_SHARE * (thickest + skin)
+            trees = lay_out_trees(self._search, self._untangling, self.sheets, kinds, self._numbering)
+            self._planting = Planting(model.precision, *trees)
             self._near_met, self._crossing_met = self._lists(), self._lists()
         self._aside = wp.Stream(self._device) if self._device.is_cuda else None  # to look for what crosses meanwhile
         self.layered = len({(kind.item, kind.layer) for kind in kinds}) > len({kind.item for kind in kinds})
@@ -157,11 +170,20 @@ class ClothTouch:
 
     def kernels(self) -> list[wp.Kernel]:
         """Every kernel that contact launches."""
-        found = [self._start, self._boxes, box_rest, self._groups, self._crossing_groups]  # the third for high trees
+        found = [
+            self._count_open,
+            self._start,
+            self._boxes,
+            box_rest,
+            self._groups,
+            self._crossing_groups,
+        ]  # the third for high trees
         if self._near_met.group.size:
             found += [self._leaves, self._pairs, self._crossing_leaves, self._part_crossings]
         untangling = [forget_tangles, self._part_layers, self._settle, spare_tangled]
-        return [*found, *untangling, weigh_asked, self._press, self._measure, self._add]
+        pressing = [weigh_asked, self._press, self._measure, self._add]
+        facing = [] if self.body is None else [self._weigh_sides, face_vertices]
+        return [*found, *untangling, *pressing, *facing, *self._planting.kernels()]
 
     def awaken(self) -> None:
         """From now on garments meet."""
@@ -171,9 +193,7 @@ class ClothTouch:
         self._look_within(FAR_SHARE)
         self._search.whole.fill_(1)
         cloth = self.cloth_now()
-        with wp.ScopedDevice(self._model.device):
-            points, where = self._model.points(), (self._search, self._untangling, self.sheets)
-            part_regions(self.data, plant_trees(*where, self._kinds, self._numbering, points))
+        self._planting.plant(cloth, self._search, self.data)
         self.search(cloth)
         if self.grow():
             self.search(cloth)
@@ -201,6 +221,18 @@ class ClothTouch:
         """Says of each garment whether its triangles face away from the body, 1, or to it, -1."""
         self._untangling.outward.assign(self._by_vertex(outward).astype(np.float32))
 
+    def face_from_body(self) -> None:
+        """The same, where there is a body, by where most of a garment's area faces. Does not wait for the device."""
+        if self.body is None:
+            return
+        device = self._model.device
+        away = wp.zeros(len(self.sheets.vertex_start) - 1, dtype=wp.int64, device=device)
+        garment = wp.array(self.sheets.garment, dtype=wp.int32, device=device)
+        asked = [self.cloth_now(), self._search, garment, self.body.collider, away]
+        self._launch(self._weigh_sides, len(garment), asked)
+        own = wp.array(self._by_vertex(range(len(away))), dtype=wp.int32, device=device)
+        self._launch(face_vertices, len(own), [own, away, self._untangling.outward])
+
     def lift(self, height: float) -> None:
         """Keeps each layer this much farther from the avatar [m] than the one inside it."""
         layers = self._untangling.layer.numpy()
@@ -221,13 +253,23 @@ class ClothTouch:
         at_once = ROUNDS * BLOCK_THREADS * int(self._device.sm_count)
         self.few_pairs = found <= (MANY_MORE * at_once if self.few_pairs else at_once)
 
+    def note_open(self) -> None:
+        """Keeps how many edges span seams that have yet to close, for ``open_noted``. Does not wait for the device."""
+        self.data.count.zero_()
+        self._launch(self._count_open, len(self.sheets.edges), [self.cloth_now(), self._search, self.data.count])
+        wp.copy(self._noted, self.data.count)
+
+    def open_noted(self) -> int:
+        """What ``note_open`` counted, once that has come to the host."""
+        return int(self._noted.numpy()[0])
+
     def note(self, *, whole: bool) -> None:
         """Keeps how many pairs there are, for ``share_noted``; ``whole``: the pairs, too, for ``put_back``.
 
         Does not wait for the device.
         """
         kept, pairs = self._kept, self._measured()
-        wp.copy(self._noted, self.data.count)
+        wp.copy(self._noted, self.data.count, count=1)
         if whole:
             if not kept or len(kept[0]) < len(pairs[0]):
                 kept = self._kept = [wp.empty_like(of) for of in pairs]
@@ -252,17 +294,27 @@ class ClothTouch:
         self._tell_pairs(found)
         return found / len(self.data.corners)
 
-    def crossing_count(self) -> int:
-        """Crossings, and vertices tangled or on the wrong side of a layer. Waits for the device.
+    def note_crossings(self) -> None:
+        """Keeps what crosses, for ``crossings_noted``. Does not wait for the device.
 
-        At the last search; where searches no longer look for that, now.
+        What did at the last search; where searches no longer look for that, what does now.
         """
         self._search.whole.fill_(1)
         if not self.untangles:
             cloth = self.cloth_now()
             self._box(cloth, anew=False)
             self._look_for_crossings(cloth, layered=False)
-        return int(self._untangling.count.numpy().sum())
+        wp.copy(self._noted, self._untangling.count, dest_offset=1, count=CROSSINGS)
+
+    def crossings_noted(self) -> int:
+        """Crossings, and vertices tangled or on the wrong side of a layer, once that has come to the host."""
+        return int(self._noted.numpy()[1:].sum())
+
+    def crossing_count(self) -> int:
+        """The same as it is. Waits for the device."""
+        self.note_crossings()
+        wp.synchronize_device(self._device)
+        return self.crossings_noted()
 
     def search_where_due(self, cloth: Any) -> None:
         """Looks for pairs anew where something moved too far since the last search; decided on the device.

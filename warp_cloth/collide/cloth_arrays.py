@@ -9,16 +9,15 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from warp_cloth.collide.box_tree import box_tree, near_order
+from warp_cloth.collide.box_tree import box_tree
 from warp_cloth.collide.crossing import Sheets
+from warp_cloth.collide.planting import first_order
 from warp_cloth.collide.rest_near import rest_near_rows
 from warp_cloth.collide.sheets import SheetKind
 from warp_cloth.garment.part import GarmentPart
-from warp_cloth.kernels.box_tree import WIDTH
 from warp_cloth.kernels.cloth_contact import NO_LIMIT, REGIONS, ClothContact
 from warp_cloth.kernels.contact_search import ContactSearch
-from warp_cloth.mesh import Indices, Points
-from warp_cloth.threads import map_in_threads
+from warp_cloth.mesh import Indices
 
 LEAST_THICKNESS = 1e-4  # [m]; thinner fabrics count as that thick: gauze is
 # Pressure at which a fabric is half as thick [Pa]: KES compresses to 50 gf/cm2, 4.9 kPa, where most keep 60 to 70 %.
@@ -127,42 +126,31 @@ def search_arrays(
     return search
 
 
-def plant_trees(
-    search: Any, untangling: Any, sheets: Sheets, kinds: Sequence[SheetKind], numbering: Numbering, points: Points
-) -> Indices:
-    """Puts what is searched in an order for garments at these points [m]; returns that of vertices.
+def lay_out_trees(
+    search: Any, untangling: Any, sheets: Sheets, kinds: Sequence[SheetKind], numbering: Numbering
+) -> tuple[Indices, Indices]:
+    """Gives what is searched its trees; returns what ``Planting`` puts in order there, once it is known where it is.
 
-    That changes the search's speed, and which of two crossings that are equally far is undone.
+    That is as of planting.first_order: triangles, then edges and vertices, one after another.
     """
     both, sheet_of = np.unique([(kind.item, kind.layer) for kind in kinds], axis=0, return_inverse=True)
     sheet = per_vertex(sheets, sheet_of.reshape(-1).astype(np.int32))
-
-    def ordered(of: Indices) -> tuple[Indices, Indices]:
-        return near_order(points[of].mean(axis=1), sheet[of[:, 0]])
-
     alone = np.arange(sheets.vertex_count, dtype=np.int32)[:, None]
-    triangles, edges, vertices = map_in_threads(ordered, (sheets.triangles, sheets.edges, alone))
+    all_of_it = (sheets.triangles, sheets.edges, alone)
+    triangles, edges, vertices = (first_order(sheet[of[:, 0]]) for of in all_of_it)
     search.triangle_tree, search.edge_tree = box_tree(triangles[0]), box_tree(edges[0])
-    search.corners = wp.array(numbering.of(sheets.triangles[triangles[0]]), dtype=wp.vec3i)  # where nothing is, any
-    search.ends = wp.array(numbering.of(sheets.edges[edges[0]]), dtype=wp.vec2i)
-    order = np.where(vertices[0] < 0, -1, numbering.of(vertices[0]))
-    search.vertex = wp.array(order, dtype=wp.int32)
+    search.corners = wp.zeros(len(triangles[0]), dtype=wp.vec3i)
+    search.ends = wp.zeros(len(edges[0]), dtype=wp.vec2i)
+    search.vertex = wp.full(len(vertices[0]), -1, dtype=wp.int32)
     of_item = np.searchsorted(both[:, 0], np.arange(both[-1, 0] + 2))  # first sheet of each item
     starts = (triangles[1], edges[1])
     leaves = [each[of_item[at : len(of_item) - 1 + at]] for each in starts for at in (0, 1)]
     search.leaves = wp.array(np.stack(leaves, axis=1), dtype=wp.vec4i)
     own = np.stack([triangles[1][sheet], triangles[1][sheet + 1]], axis=1)
     untangling.own = wp.array(numbering.rows(own), dtype=wp.vec2i)
-    return order
-
-
-def part_regions(data: Any, order: Indices) -> None:
-    """Puts vertices in regions, groups of an order that keeps near what is near; -1 there stands for none."""
-    size = int(WIDTH)
-    while len(order) // size >= REGIONS:
-        size *= 2
-    region = np.empty(len(data.region), dtype=np.int32)
-    place = np.flatnonzero(order >= 0)
-    region[order[place]] = 1 + place // size
-    data.region.assign(region)
-    data.region_count = 1 + -(-len(order) // size)
+    orders = [triangles[0], edges[0], np.where(vertices[0] < 0, -1, numbering.of(vertices[0]))]
+    first = np.cumsum([0, *(len(of) for of in all_of_it[:2])])
+    order = np.concatenate([np.where(own < 0, -1, own + at) for own, at in zip(orders, first, strict=True)])
+    ends = np.cumsum([0, *(len(own) for own in orders[:2])])
+    starts_of_all = [own[1] + at for own, at in zip((triangles, edges, vertices), ends, strict=True)]
+    return order.astype(np.int32), np.concatenate(starts_of_all)

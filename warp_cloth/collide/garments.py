@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 
 from warp_cloth.collide.cloth import ClothTouch
 from warp_cloth.collide.crossing import find_crossings
-from warp_cloth.collide.exact import POINTS_AT_ONCE, build_exact_collider, pieces, signed_distances
+from warp_cloth.collide.exact import POINTS_AT_ONCE, build_exact_collider, pieces
 from warp_cloth.collide.placing import clear_shift, way_told
 from warp_cloth.collide.sheets import SheetKind, sheets_of
 from warp_cloth.collide.solid import solid_of
+from warp_cloth.garment.part import GarmentPart
 from warp_cloth.garment.wardrobe import Wardrobe
 from warp_cloth.kept import Kept
 from warp_cloth.mesh import Indices, Mesh, Points
@@ -25,7 +26,7 @@ from warp_cloth.solver.course import LAYER_LIFT, Course
 from warp_cloth.solver.relax import Relaxation
 
 CROSSING_FIELD = "crossing"  # of a garment where some of it crosses: 1 at the corners of those faces
-FEELER = 5e-3  # [m]; how far before and behind the cloth its distance from the body is compared
+FAR_AWAY = 1e3  # [m]; farther from its body no garment is asked which way it faces
 
 
 def placed(scenes: Sequence[Scene], wardrobes: Sequence[Wardrobe], device: str, kept: Kept) -> list[Wardrobe]:
@@ -61,12 +62,14 @@ def _shifted(wardrobe: Wardrobe, shifts: Sequence[Points | None], kept: Kept) ->
     return replace(wardrobe, parts=tuple(parts), garments=tuple(meshes))
 
 
-def cloth_touch(scene: Scene, wardrobe: Wardrobe, model: ClothModel) -> ClothTouch:
+def cloth_touch(scene: Scene, wardrobe: Wardrobe, model: ClothModel, device: str) -> ClothTouch:
     """Contact between a scene's garments, inner to outer as listed."""
     kinds = [
         SheetKind(spec.fabric.thickness, spec.fabric.friction, layer=layer) for layer, spec in enumerate(scene.garments)
     ]
-    return ClothTouch(model, wardrobe.parts, kinds)
+    avatar = wardrobe.starting_avatar
+    body = None if avatar is None else build_exact_collider(avatar, device).within(FAR_AWAY)
+    return ClothTouch(model, wardrobe.parts, kinds, body)
 
 
 def highest_lift(scene: Scene) -> float:
@@ -74,40 +77,28 @@ def highest_lift(scene: Scene) -> float:
     return LAYER_LIFT * (len(scene.garments) - 1) if scene.collision.cloth else 0.0
 
 
-def cloth_course(wardrobe: Wardrobe, relaxation: Relaxation, touch: ClothTouch, device: str) -> Course:
+def cloth_course(wardrobe: Wardrobe, relaxation: Relaxation, touch: ClothTouch) -> Course:
     """The way of a scene's garments from where they are loaded."""
-    lengths = np.concatenate([part.rest.edge_length for part in wardrobe.parts])
-    return Course(relaxation, touch, lengths, OutwardSigns(wardrobe, device))
 
-
-class OutwardSigns:
-    """Tells of each garment whether most of its area faces away from the body, 1, or to it, -1."""
-
-    def __init__(self, wardrobe: Wardrobe, device: str) -> None:
-        self._parts, avatar = wardrobe.parts, wardrobe.starting_avatar
-        self._avatar, self._exact = avatar, None if avatar is None else build_exact_collider(avatar, device)
-
-    def __call__(self, points: Points) -> list[float]:
-        """Of garments at these points [m]."""
-        first = np.cumsum([0, *(len(part.points) for part in self._parts)])
-        corners = [points[start + part.triangles] for start, part in zip(first, self._parts, strict=False)]
-        normals = [np.cross(each[:, 1] - each[:, 0], each[:, 2] - each[:, 0]) for each in corners]
-        centres = [each.mean(axis=1) for each in corners]
-        if self._avatar is None or self._exact is None:  # away from its own middle
-            away = [
-                np.einsum("ij,ij->", normal, centre - points[start:end].mean(axis=0))
-                for normal, centre, (start, end) in zip(normals, centres, pairwise(first), strict=True)
-            ]
+    def face() -> None:
+        if touch.body is not None:
+            touch.face_from_body()
         else:
-            area = [np.linalg.norm(normal, axis=1) for normal in normals]
-            step = FEELER * np.concatenate(normals) / np.maximum(np.concatenate(area), np.finfo(float).tiny)[:, None]
-            centre = np.concatenate(centres)
-            feelers = np.concatenate([centre + step, centre - step])
-            distances = signed_distances(feelers, self._avatar, self._exact.device, self._exact)
-            before, behind = np.split(distances, 2)
-            sides = np.split(np.sign(before - behind), np.cumsum([len(each) for each in centres])[:-1])
-            away = [(own * side).sum() for own, side in zip(area, sides, strict=True)]
-        return [1.0 if float(each) >= 0.0 else -1.0 for each in away]
+            touch.face(signs_from_middle(wardrobe.parts, relaxation.model.points()))
+
+    return Course(relaxation, touch, face)
+
+
+def signs_from_middle(parts: Sequence[GarmentPart], points: Points) -> list[float]:
+    """Whether most of each garment's area faces away from its own middle, 1, or to it, -1, at these points [m]."""
+    signs, start = [], 0
+    for part in parts:
+        own = points[start : start + len(part.points)]
+        a, b, c = (own[part.triangles[:, corner]] for corner in range(3))
+        away = np.einsum("ij,ij->", np.cross(b - a, c - a), (a + b + c) / 3.0 - own.mean(axis=0))
+        signs.append(1.0 if float(away) >= 0.0 else -1.0)
+        start += len(own)
+    return signs
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,12 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-import numpy as np
+import warp as wp
 
 from warp_cloth.collide.cloth import ClothTouch
-from warp_cloth.collide.cloth_arrays import OPEN_STRETCH
-from warp_cloth.garment.rest import Floats
-from warp_cloth.mesh import Points
 from warp_cloth.solver.relax import Relaxation
 
 # Sewing and untangling are no time to swing: drawn together with full momentum, the panels of a T-shirt fold over
@@ -25,20 +22,19 @@ MOST_UNTANGLING = 2000  # iterations after which swinging may help where calm di
 class Course:
     """Wakes the contact of cloth with cloth once the seams have closed, and momentum once nothing crosses.
 
-    ``outward`` says of each garment, at given points, whether its triangles face away from the body (1) or to it (-1).
+    ``face`` tells garments, as they lie, whether their triangles face away from the body.
     """
 
-    def __init__(
-        self, relaxation: Relaxation, touch: ClothTouch, lengths: Floats, outward: Callable[[Points], list[float]]
-    ) -> None:
+    def __init__(self, relaxation: Relaxation, touch: ClothTouch, face: Callable[[], None]) -> None:
         self._relaxation = relaxation
         self._touch = touch
-        self._lengths = lengths  # of the edges at rest [m], shape [E]
-        self._outward = outward
+        self._face = face
         self._momentum = relaxation.step.momentum
         self._woken = 0
+        self._noted = False  # whether what the next ``advance`` is to know has been asked
         self._roomy = False  # whether at the last look pairs had room to become many more
         self._crowded = False  # whether they are more than there is room for, all the same
+        self._crossed = False  # whether something crosses that did not before
         if touch.layered:
             touch.lift(LAYER_LIFT)
         self._set_momentum(min(CALM_MOMENTUM, self._momentum))
@@ -53,24 +49,37 @@ class Course:
         """Whether nothing is left but to come to rest."""
         return self._touch.awake and not self._touch.untangles and not self.calm
 
-    def hangs_on(self, iteration: int) -> bool:
-        """Whether what comes next may hang on what is seen after so many iterations."""
-        return not (self._through and self._roomy) or iteration % LOOK_AGAIN == 0
+    @property
+    def hangs(self) -> bool:
+        """Whether what comes next hangs on what is seen now."""
+        return not (self._through and self._roomy)
 
-    def note(self, *, ahead: bool) -> None:
+    def note(self, iteration: int, *, ahead: bool) -> None:
         """Asks what the next ``advance`` is to know, without waiting; ``ahead``: other iterations may come before."""
-        if self._through:
-            self._touch.note(whole=ahead)
+        touch = self._touch
+        self._noted = True
+        if not touch.awake:
+            touch.note_open()
+            return
+        touch.note(whole=ahead and self._through)
+        if touch.untangles or iteration % LOOK_AGAIN == 0:
+            touch.note_crossings()
 
     def put_back(self) -> None:
         """Makes contact again what it was when that was asked."""
         self._touch.put_back()
 
     def go_on(self) -> None:
-        """Makes room for more pairs where nobody expected them, a chunk after that was seen on every device."""
+        """Makes room for more pairs where nobody expected them, and untangles what crosses again.
+
+        That is a chunk after it was seen on every device.
+        """
         if self._crowded:
-            self._crowded = False
             self._touch.grow()
+        if self._crossed:
+            self._touch.untangles = True
+        if self._crowded or self._crossed:
+            self._crowded = self._crossed = False
             self._relaxation.forget_graphs()
 
     def _set_momentum(self, momentum: float) -> None:
@@ -78,38 +87,51 @@ class Course:
         self._relaxation.forget_graphs()
 
     def advance(self, iteration: int) -> bool:
-        """Goes on to what comes next where it is time; whether what is now may be the rest shape."""
+        """Goes on to what comes next where it is time; whether what is now may be the rest shape.
+
+        By what was noted, once that has come to the host; else by what is now.
+        """
+        if self._noted:
+            self._noted = False
+            return self._advance(iteration)
+        self.note(iteration, ahead=False)
+        wp.synchronize_device(self._relaxation.model.device)
+        self._noted = False
+        settled = self._advance(iteration)
+        self.go_on()
+        return settled
+
+    def _advance(self, iteration: int) -> bool:
         touch = self._touch
         if not touch.awake:
-            points = self._relaxation.model.points()
-            ends = touch.sheets.edges
-            stretch = np.linalg.norm(points[ends[:, 1]] - points[ends[:, 0]], axis=1) / self._lengths
-            if stretch.max() > OPEN_STRETCH and iteration < MOST_SEWING:
+            if touch.open_noted() and iteration < MOST_SEWING:
                 return False
-            touch.face(self._outward(points))
+            self._face()
             touch.awaken()
             self._woken = iteration
             self._relaxation.forget_graphs()
             return False
         few = touch.few_pairs
-        share = touch.share_noted() if self._through else 1.0
+        share = touch.share_noted()
         if touch.few_pairs != few:  # other blocks press them
             self._relaxation.forget_graphs()
         self._crowded = self._roomy and share > 1.0
-        self._roomy = share < ROOMY
+        self._roomy = self._through and share < ROOMY
         if self._crowded:
             return False
-        if share >= 1.0 and touch.grow():
+        if share > 1.0:
+            touch.grow()
             self._relaxation.forget_graphs()
             return False
-        crossings = touch.crossing_count() if touch.untangles or iteration % LOOK_AGAIN == 0 else 0
+        crossings = touch.crossings_noted() if touch.untangles or iteration % LOOK_AGAIN == 0 else 0
         if self.calm and iteration > self._woken and (not crossings or iteration - self._woken >= MOST_UNTANGLING):
             self._set_momentum(self._momentum)
             touch.lift(0.0)
             touch.layered = touch.layered and crossings > 0
             touch.untangles = crossings > 0  # what does not cross now never will
             return False
-        if not self.calm and touch.untangles != (crossings > 0):
-            touch.untangles = crossings > 0
+        if not self.calm and touch.untangles and not crossings:
+            touch.untangles = False
             self._relaxation.forget_graphs()
+        self._crossed = not self.calm and not touch.untangles and crossings > 0
         return not crossings and not self.calm

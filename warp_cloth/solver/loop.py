@@ -229,7 +229,7 @@ class _Loop:
         """Whether the next chunk may begin before what was seen is read."""
         if not self._saves or seen.ending:
             return False
-        return self._course is None or seen.glance is None or not self._course.hangs_on(seen.iteration)
+        return self._course is None or seen.glance is None or not self._course.hangs
 
     def _chunk(self, seen: _Seen, told: bool) -> int:
         """Iterations from here to where something may be to see or to do; ``told``: every chunk's end is told."""
@@ -242,7 +242,7 @@ class _Loop:
         ending = frozenset(item for item in self._active if self._goals[item].limit <= iteration)
         if iteration % (CHUNK * CHUNKS_PER_CHECK) == 0:
             if self._course is not None:
-                self._course.note(ahead=self._saves)
+                self._course.note(iteration, ahead=self._saves)
             glance = self._certifier.glance(iteration)
             self._certifier.turn_page(iteration)
             return _Seen(iteration, glance, None, ending)
