@@ -17,6 +17,7 @@ from warp_cloth.kernels.cloth import MODULE_OPTIONS, cloth_types, difference_fun
 from warp_cloth.kernels.edge import edge_functions
 from warp_cloth.kernels.forces import square_functions
 from warp_cloth.kernels.limits import Terms
+from warp_cloth.kernels.packing import order_functions
 from warp_cloth.kernels.scatter import sides_function
 from warp_cloth.kernels.stiffness import matrix_functions, symmetric_functions, symmetric_times
 from warp_cloth.kernels.tension import share_across, tension_stiffness
@@ -120,8 +121,9 @@ def bound_functions(precision: str, eight: bool = False) -> SimpleNamespace:
     return SimpleNamespace(spring_matrix=spring_matrix, threads_bounds=threads_bounds, threads_matrix=threads_matrix)
 
 
-def _bound_folds_kernel(precision: str, terms: Terms) -> wp.Kernel:
+def _bound_folds_kernel(precision: str, terms: Terms, in_order: bool) -> wp.Kernel:
     types = cloth_types(precision)
+    move_at = order_functions(precision, packed=False, in_order=in_order).move_at
     real, vec2, vec4, Cloth, Edges, Step = types.real, types.vec2, types.vec4, types.Cloth, types.Edges, types.Step
     functions = edge_functions(precision, "leeway", terms.angles)
     edge_span, edge_fold = functions.edge_span, functions.edge_fold
@@ -144,9 +146,9 @@ def _bound_folds_kernel(precision: str, terms: Terms) -> wp.Kernel:
         rest = vec2()
         if wp.static(terms.angles):
             rest = edges.rest[edge]
-        move = cloth.move[ends[0]]
+        move = move_at(cloth, ends[0])
         span = edge_span(
-            cloth.position[ends[0]], cloth.position[ends[1]], move, cloth.move[ends[1]], root(inner(move, move))
+            cloth.position[ends[0]], cloth.position[ends[1]], move, move_at(cloth, ends[1]), root(inner(move, move))
         )
         fold = edge_fold(span, normal[beside[0]], normal[beside[1]], edges.fold[edge], rest, step)
         bound_out[edge] = fold[1]
@@ -173,8 +175,9 @@ def leeway_function(precision: str) -> wp.Function:
     return leeway_of
 
 
-def _find_leeway_kernel(precision: str, terms: Terms) -> wp.Kernel:
+def _find_leeway_kernel(precision: str, terms: Terms, in_order: bool) -> wp.Kernel:
     types = cloth_types(precision)
+    move_at = order_functions(precision, packed=False, in_order=in_order).move_at
     real, Cloth, Step = types.real, types.Cloth, types.Step
     Edges, Triangles, Rows = types.Edges, types.Triangles, types.Rows
     even, leeway_of = symmetric_functions(precision).even, leeway_function(precision)
@@ -182,7 +185,7 @@ def _find_leeway_kernel(precision: str, terms: Terms) -> wp.Kernel:
     spring_matrix, threads_bounds, threads_matrix = (
         functions.spring_matrix, functions.threads_bounds, functions.threads_matrix,
     )  # fmt: skip
-    sides_of = sides_function(precision, "leeway")
+    sides_of = sides_function(precision, "leeway", in_order)
     difference = difference_function(precision)
     rests = rest_function(precision)
     half = wp.constant(real(0.5))
@@ -219,7 +222,7 @@ def _find_leeway_kernel(precision: str, terms: Terms) -> wp.Kernel:
                 edge = rows.edge[row]
                 ends = edges.ends[edge]
                 way = difference(cloth.position[ends[1]], cloth.position[ends[0]])
-                change = cloth.move[ends[1]] - cloth.move[ends[0]]
+                change = move_at(cloth, ends[1]) - move_at(cloth, ends[0])
                 more, size = spring_matrix(way, change, edges.law[edge], step)
                 matrix += more
                 total += size
@@ -266,9 +269,9 @@ def changed_leeway_function(precision: str) -> wp.Function:
 
 
 @functools.cache
-def leeway_kernels(precision: str, terms: Terms) -> SimpleNamespace:
-    """Kernels ``bound_folds``, where cloth bends, and ``find_leeway``."""
+def leeway_kernels(precision: str, terms: Terms, in_order: bool = False) -> SimpleNamespace:
+    """Kernels ``bound_folds``, where cloth bends, and ``find_leeway``; ``in_order``: as of packing.order_functions."""
     return SimpleNamespace(
-        bound_folds=_bound_folds_kernel(precision, terms),
-        find_leeway=_find_leeway_kernel(precision, terms),
+        bound_folds=_bound_folds_kernel(precision, terms, in_order),
+        find_leeway=_find_leeway_kernel(precision, terms, in_order),
     )

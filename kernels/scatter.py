@@ -15,6 +15,7 @@ from warp_cloth.kernels.cloth import BOUNDS, MODULE_OPTIONS, cloth_types, rest_f
 from warp_cloth.kernels.edge import edge_functions
 from warp_cloth.kernels.forces import corner_function, triangle_functions
 from warp_cloth.kernels.limits import Terms
+from warp_cloth.kernels.packing import order_functions
 
 
 @functools.cache
@@ -90,10 +91,11 @@ def edges_kernel(precision: str, fourth: str, terms: Terms) -> wp.Kernel:
 
 
 @functools.cache
-def sides_function(precision: str, fourth: str) -> wp.Function:
-    """The function that reads a triangle as it lies."""
+def sides_function(precision: str, fourth: str, in_order: bool = False) -> wp.Function:
+    """The function that reads a triangle as it lies; ``in_order``: as of packing.order_functions."""
     types = cloth_types(precision)
     vec3, Cloth = types.vec3, types.Cloth
+    move_at = order_functions(precision, packed=False, in_order=in_order).move_at
     triangle_sides = triangle_functions(precision, fourth).triangle_sides
 
     @wp.func
@@ -101,8 +103,8 @@ def sides_function(precision: str, fourth: str) -> wp.Function:
         """A triangle as it lies, and what last moved it."""
         move_0, move_1, move_2 = vec3(), vec3(), vec3()
         if wp.static(fourth in BOUNDS):
-            move_0, move_1 = element(cloth.move, corners[0]), element(cloth.move, corners[1])
-            move_2 = element(cloth.move, corners[2])
+            move_0, move_1 = move_at(cloth, corners[0]), move_at(cloth, corners[1])
+            move_2 = move_at(cloth, corners[2])
         origin, second = element(cloth.position, corners[0]), element(cloth.position, corners[1])
         return triangle_sides(origin, second, element(cloth.position, corners[2]), move_0, move_1, move_2)
 

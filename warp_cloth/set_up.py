@@ -276,6 +276,7 @@ def following(made: SetUp) -> Follow:
         found = {}
         for at in np.flatnonzero(left).tolist():
             item = items[at]
+            made.relaxation.show()
             found[item] = made.contacts[item].collider(made.model.points(item))
             rooms[item] = made.contacts[item].room()
         return found

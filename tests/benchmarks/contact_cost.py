@@ -135,10 +135,10 @@ class Watch:
             return PHASES[0] if touch is not None else PHASES[3]
         return PHASES[1] if touch.untangles else PHASES[3] if touch.settled else PHASES[2]
 
-    def _timed(self, iterations: int) -> None:
+    def _timed(self, iterations: int, **how: bool) -> None:
         if not self._device.is_cuda:
             began = time.perf_counter()
-            self._run(iterations)
+            self._run(iterations, **how)
             seconds = time.perf_counter() - began
             self._chunks.append((self._phase(), iterations, lambda: seconds))
             return
@@ -147,14 +147,14 @@ class Watch:
         known = any(graph is other for other in self._launched_before)
         begin, end = (wp.Event(self._device, enable_timing=True) for _ in range(2))
         wp.record_event(begin)
-        self._run(iterations)
+        self._run(iterations, **how)
         wp.record_event(end)
         if not known:
             self._launched_before.append(graph)
             self.captured += time.perf_counter() - began
         self._chunks.append((self._phase(), iterations, lambda: 1e-3 * wp.get_event_elapsed_time(begin, end)))
 
-    def _launched(self, iterations: int) -> None:
+    def _launched(self, iterations: int, **_: bool) -> None:
         wp.timing_begin(cuda_filter=wp.TIMING_KERNEL)
         self._made.relaxation.iterate(iterations)
         results: list[Any] = wp.timing_end()

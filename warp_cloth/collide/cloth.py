@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from warp_cloth.collide.box_tree import block_count, lists_of
 from warp_cloth.collide.cloth_arrays import (
-    Numbering,
     contact_arrays,
     lay_out_trees,
     per_vertex,
@@ -39,6 +38,7 @@ from warp_cloth.kernels.press_queue import ROUNDS
 from warp_cloth.kernels.pressing import press_kernel
 from warp_cloth.kernels.untangle import forget_tangles, layers_kernel, settle_kernel, spare_tangled
 from warp_cloth.model import ClothModel
+from warp_cloth.numbering import Numbering
 
 log = logging.getLogger(__name__)
 

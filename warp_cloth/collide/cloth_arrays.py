@@ -18,6 +18,7 @@ from warp_cloth.garment.part import GarmentPart
 from warp_cloth.kernels.cloth_contact import NO_LIMIT, REGIONS, ClothContact
 from warp_cloth.kernels.contact_search import ContactSearch
 from warp_cloth.mesh import Indices
+from warp_cloth.numbering import Numbering
 
 LEAST_THICKNESS = 1e-4  # [m]; thinner fabrics count as that thick: gauze is
 # Pressure at which a fabric is half as thick [Pa]: KES compresses to 50 gf/cm2, 4.9 kPa, where most keep 60 to 70 %.
@@ -26,36 +27,6 @@ FORCE_AT_HALF = 2.0  # squeeze_force over modulus times thickness, there
 # Cloth within this many thicknesses along itself cannot be folded onto itself: the half turn between is pi/2 of them.
 NEAR_SHARE = 1.6
 OPEN_STRETCH = 2.0  # length over rest length beyond which an edge is a seam that has yet to close
-
-
-class Numbering:
-    """Numbers of vertices as contact has them on the device: the garments' own, or as patches own them.
-
-    ``order``: theirs in the garments, in the patches' order, shape [V]; None: they are the same.
-    """
-
-    def __init__(self, order: Indices | None) -> None:
-        self.order = order
-        if order is not None:
-            self._rank = np.full(len(order) + 1, -1, dtype=np.int32)  # the last one of what is none
-            self._rank[order] = np.arange(len(order), dtype=np.int32)
-
-    def of(self, vertices: Indices) -> Indices:
-        """The numbers of the garments' vertices; -1, none, stays so."""
-        return vertices if self.order is None else self._rank[vertices]
-
-    def rows(self, values: NDArray[Any]) -> NDArray[Any]:
-        """What the garments' vertices have, by those numbers."""
-        return values if self.order is None else values[self.order]
-
-    def lists(self, start: Indices, others: Indices) -> tuple[Indices, Indices]:
-        """Lists of others, one for each vertex, row v of which goes from start[v] to start[v + 1]."""
-        if self.order is None:
-            return start, others
-        counts = np.diff(start)[self.order]
-        ends = np.cumsum(counts)
-        place = np.arange(len(others)) + np.repeat(np.asarray(start[:-1])[self.order] - (ends - counts), counts)
-        return np.concatenate([[0], ends]).astype(np.int32), self.of(others[place])
 
 
 def per_vertex(sheets: Sheets, values: Sequence[float] | NDArray[Any]) -> NDArray[Any]:
@@ -116,7 +87,7 @@ def search_arrays(
     items = np.array([kind.item for kind in kinds], dtype=np.int32)
     search.item = wp.array(numbering.rows(per_vertex(sheets, items)), dtype=wp.int32)
     near = np.concatenate([vertices + first for (_, vertices), first in zip(rows, start, strict=False)])
-    near_start, near = numbering.lists(np.concatenate([[0], np.cumsum(counts)]), near)
+    near_start, near = numbering.lists(np.concatenate([[0], np.cumsum(counts)]), numbering.of(near))
     search.near_start, search.near = wp.array(near_start, dtype=wp.int32), wp.array(near, dtype=wp.int32)
     lengths = np.concatenate([part.rest.edge_length for part in parts])
     search.longest = wp.array(OPEN_STRETCH * lengths, dtype=wp.float32)

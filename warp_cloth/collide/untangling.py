@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from warp_cloth.collide.cloth_arrays import Numbering
 from warp_cloth.collide.crossing import Sheets
 from warp_cloth.garment.part import GarmentPart
 from warp_cloth.kernels.untangle import Untangling
+from warp_cloth.numbering import Numbering
 from warp_cloth.topology import ragged_rows
 
 LAYER_REACH = 0.01  # [m]; how deep one garment may be inside another once both are sewn
@@ -36,7 +36,7 @@ def sheet_untangling(sheets: Sheets, parts: Sequence[GarmentPart], numbering: Nu
     untangling.wings = wp.array(numbering.of(np.concatenate(wings)), dtype=wp.vec2i)
     untangling.rim = wp.array(numbering.rows(rim), dtype=wp.int32)
     start, order = ragged_rows(sheets.edges.ravel(), count)
-    start, beside = numbering.lists(start, sheets.edges[:, ::-1].ravel()[order])
+    start, beside = numbering.lists(start, numbering.of(sheets.edges[:, ::-1].ravel()[order]))
     untangling.beside_start, untangling.beside = wp.array(start, dtype=wp.int32), wp.array(beside, dtype=wp.int32)
     untangling.crosses, untangling.level = wp.zeros(count, dtype=wp.int32), wp.zeros(count, dtype=wp.int32)
     untangling.age, untangling.grown = wp.zeros(count, dtype=wp.int32), wp.zeros(count, dtype=wp.int32)

@@ -30,9 +30,9 @@ class NormalsPass:
         self.sides = wp.empty(sides, dtype=shaped(types.real, True).vec3, device=model.device)
         self.writes = [self.normal, self.sides] if eight else [self.normal]
 
-    def launch(self, step: Any, cloth: Any) -> None:
-        """Launches it; ``step`` is a kernels.cloth Step, ``cloth`` a Cloth."""
-        inputs = [cloth, self._model.triangles, step, *self.writes]
+    def launch(self, step: Any, cloth: Any, triangles: Any = None) -> None:
+        """Launches it; ``step`` is a kernels.cloth Step, ``cloth`` a Cloth, and ``triangles`` its, or the model's."""
+        inputs = [cloth, triangles or self._model.triangles, step, *self.writes]
         wp.launch(self.kernel, dim=self.size, inputs=inputs, device=self._model.device)
 
 

@@ -15,6 +15,7 @@ from warp_cloth.kernels.leeway_eight import eight_leeway_kernels
 from warp_cloth.kernels.scatter_eight import eight_edges_kernel
 from warp_cloth.mesh import Indices
 from warp_cloth.model import ClothModel
+from warp_cloth.numbering import Numbering
 from warp_cloth.solver.forces import NormalsPass, pass_size, takes_eight
 from warp_cloth.threads import end_to_end, map_in_threads
 from warp_cloth.topology import ragged_rows
@@ -23,14 +24,15 @@ from warp_cloth.topology import ragged_rows
 class Leeway:
     """Owns what a look needs; gives the model's cloth the array that the iterations read."""
 
-    def __init__(self, model: ClothModel) -> None:
+    def __init__(self, model: ClothModel, numbering: Numbering | None = None) -> None:
+        """``numbering``: of the vertices of the cloth that is looked at; None: the model's own."""
         self._model = model
         model.cloth.leeway = wp.zeros(model.vertex_count, dtype=cloth_types(model.precision).vec6, device=model.device)
         self.forget(range(model.item_count))
         terms = model.terms
         scatters = model.patches is None and terms.threads and not (terms.edges or terms.angles)
         eight = scatters and takes_eight(model, min(model.triangle_count, model.edge_count))
-        self._look: _Gathered | ScatteredLook = (ScatteredLook if eight else _Gathered)(model)
+        self._look: _Gathered | ScatteredLook = ScatteredLook(model) if eight else _Gathered(model, numbering)
 
     def kernels(self) -> list[wp.Kernel]:
         """The kernels that a look launches, in order."""
@@ -55,10 +57,15 @@ class Leeway:
 class _Gathered:
     """A look that sums at each vertex what bounds its step."""
 
-    def __init__(self, model: ClothModel) -> None:
+    def __init__(self, model: ClothModel, numbering: Numbering | None = None) -> None:
         types, terms = cloth_types(model.precision), model.terms
         self._model = model
-        self._kernels = leeway_kernels(model.precision, terms)
+        self._kernels = leeway_kernels(model.precision, terms, in_order=numbering is not None)
+        self._numbering = numbering or Numbering(None)
+        self._edges, self._triangles = model.edges, model.triangles
+        if numbering is not None:
+            self._edges = self._numbered(types.Edges, model.edges, "ends", wp.vec2i)
+            self._triangles = self._numbered(types.Triangles, model.triangles, "corners", wp.vec3i)
         self._normals = NormalsPass(model) if terms.folds else None
         edges = model.edge_count if terms.folds else 0
         self._bound = wp.empty(edges, dtype=types.real, device=model.device)
@@ -79,7 +86,16 @@ class _Gathered:
         first = np.cumsum([0, *(len(order) for order in orders)])
         start = end_to_end([own[:-1] for own in starts], first.tolist())
         order = end_to_end([own.astype(np.int32) for own in orders], first.tolist())
-        return np.append(start, first[-1].astype(np.int32)), order
+        return self._numbering.lists(np.append(start, first[-1].astype(np.int32)), order)
+
+    def _numbered(self, kind: Any, elements: Any, name: str, dtype: Any) -> Any:
+        """The model's edges or triangles by other numbers of their vertices."""
+        found = kind()
+        for each in kind.vars:
+            setattr(found, each, getattr(elements, each))
+        vertices = self._numbering.of(getattr(elements, name).numpy())
+        setattr(found, name, wp.array(vertices, dtype=dtype, device=self._model.device))
+        return found
 
     def _uploaded(self, numbers: NDArray[np.int32]) -> wp.array:
         return wp.array(numbers, dtype=wp.int32, device=self._model.device)
@@ -91,10 +107,10 @@ class _Gathered:
     def launch(self, step: Any, cloth: Any) -> None:
         model, device = self._model, self._model.device
         if self._normals is not None:
-            self._normals.launch(step, cloth)
-            read = [cloth, model.edges, self._normals.normal, step, self._bound]
+            self._normals.launch(step, cloth, self._triangles)
+            read = [cloth, self._edges, self._normals.normal, step, self._bound]
             wp.launch(self._kernels.bound_folds, dim=model.edge_count, inputs=read, device=device)
-        read = [cloth, model.edges, model.triangles, self._rows, self._bound, step]
+        read = [cloth, self._edges, self._triangles, self._rows, self._bound, step]
         wp.launch(self._kernels.find_leeway, dim=model.vertex_count, inputs=read, device=device)
 
 

@@ -208,8 +208,8 @@ class _Loop:
             # every item stops at its own limit, and nobody else looks there
             chunk = self._chunk(seen, on_chunk is not None)
             count = min(chunk, min(self._goals[item].limit for item in self._active) - iteration)
-            relaxation.run(count)
             iteration += count
+            relaxation.run(count, **self._shown(iteration, on_chunk is not None))
             if on_chunk is not None:
                 on_chunk(iteration, relaxation)
             if late:
@@ -237,6 +237,14 @@ class _Loop:
         whole = CHUNK if told or follows or not self._relaxation.runs_long else CHUNK * CHUNKS_PER_CHECK
         return whole - seen.iteration % whole
 
+    def _shown(self, iteration: int, told: bool) -> dict[str, bool]:
+        """How a chunk is to be run that ends after so many iterations: it need not be shown where nobody looks."""
+        at_limit = any(self._goals[item].limit <= iteration for item in self._active)
+        follows = self._follow is not None and bool(self._falling)
+        if told or follows or at_limit or iteration % (CHUNK * CHUNKS_PER_CHECK) == 0 or self._course is None:
+            return {}
+        return {"shown": False}
+
     def _see(self, iteration: int) -> _Seen:
         """Asks of the device what there is to decide after these iterations."""
         ending = frozenset(item for item in self._active if self._goals[item].limit <= iteration)
@@ -249,6 +257,8 @@ class _Loop:
         if ending:
             return _Seen(iteration, self._certifier.glance(iteration), None, ending)
         follows = self._follow is not None and self._falling and iteration % CHUNK == 0
+        if follows:
+            self._relaxation.show()
         return _Seen(iteration, None, self._certifier.ask_bounds() if follows else None, ending)
 
     def _decide(self, seen: _Seen, *, late: bool = False) -> None:

@@ -70,21 +70,21 @@ class MultilevelRelaxation(Relaxation):
         own = self._implicit.kernels() if self._implicit is not None else []
         return [*super().kernels(), *own, energy_kernels(self.model.precision).measure_tension]
 
-    def iterate(self, count: int = 1) -> None:
+    def _iterate(self, count: int) -> None:
         """Launches iterations, of implicit steps whole ones."""
         if self._drawing or self._implicit is None:
-            super().iterate(count)
+            super()._iterate(count)
             return
         for number in range(max(1, count // self._implicit.rounds)):
             renew = number % self.implicit_options.renewal == 0
             self._implicit.launch(self.step, self.collider_data, renew)
 
-    def run(self, iterations: int) -> None:
+    def run(self, iterations: int, *, shown: bool = True) -> None:
         """Runs a chunk of iterations as one captured graph; looks from time to time whether seams are closed yet."""
         if self._drawing:
             self._look()
         self._since += iterations
-        super().run(iterations)
+        super().run(iterations, shown=shown)
 
     def start_near_rest(self) -> None:
         """The cloth is where it hardly falls any more: steps are long from the first, on an avatar once it settled."""

@@ -17,7 +17,7 @@ from warp_cloth.solver.forces import launch_patches
 class PackedCloth:
     """The cloth twice as patches own it, to iterate to and fro; what iterations change comes from and to the model.
 
-    ``packed``: as of kernels.packing; not where cloth meets cloth.
+    ``packed``: as of kernels.packing; not where cloth meets cloth, whose leeway lies in the patches' order, too.
     """
 
     def __init__(self, model: ClothModel, patches: Patches, accelerated: bool, *, packed: bool = True) -> None:
@@ -26,8 +26,9 @@ class PackedCloth:
         types = cloth_types(model.precision)
         self._here, self._there = (types.Cloth() for _ in range(2))
         cloth, order = model.cloth, patches.order
+        self.ahead = False  # whether it has gone on where the model does not know
         self._stiffness = wp.empty_like(cloth.stiffness) if accelerated else None
-        self._leeway = wp.empty_like(cloth.leeway) if cloth.leeway else None
+        self._leeway = wp.empty_like(cloth.leeway) if cloth.leeway and packed else None
         weight = cloth.weight[order].contiguous()
         pinned = cloth.pinned[order].contiguous() if model.terms.pins else None
         for each in (self._here, self._there):
@@ -41,7 +42,7 @@ class PackedCloth:
             if cloth.held:  # which only iterations ask
                 each.held = cloth.held
             if cloth.leeway:
-                each.leeway = self._leeway
+                each.leeway = self._leeway or cloth.leeway
 
     def kernels(self, move: wp.Kernel) -> list[wp.Kernel]:
         """The kernels of an iteration by ``move`` alone, in order."""
@@ -49,7 +50,12 @@ class PackedCloth:
         return [self._kernels.pack_vertices, *leeway, move, self._kernels.unpack_vertices]
 
     def brought(self) -> Any:
-        """The cloth as patches own it, brought up to where the model has it."""
+        """The cloth as patches own it, brought up to where the model has it.
+
+        Where it is ``ahead`` it stays where it is.
+        """
+        if self.ahead:
+            return self._here
         model, here = self._model, self._here
         written = [here.position, here.moved, self._stiffness]
         inputs = [self._patches.order, model.cloth, *written]
@@ -64,16 +70,26 @@ class PackedCloth:
         ``loose``: whether any item has leeway. ``before`` each iteration, given its number and the cloth then: how many
         more blocks it takes.
         """
-        model, order, cloth = self._model, self._patches.order, self._model.cloth
-        here, there = self.brought(), self._there
-        size, device = model.vertex_count, model.device
-        if loose:
-            wp.launch(self._kernels.pack_leeway, dim=size, inputs=[order, cloth, self._leeway], device=device)
+        self.brought()
+        if loose and self._leeway is not None:
+            inputs = [self._patches.order, self._model.cloth, self._leeway]
+            wp.launch(self._kernels.pack_leeway, dim=len(self._leeway), inputs=inputs, device=self._model.device)
+        self.go(move, asked, count, before)
+        self.show(count)
+
+    def go(self, move: wp.Kernel, asked: list[Any], count: int, before: Callable[[int, Any], int] | None) -> None:
+        """Launches iterations of the cloth as patches own it, as of ``iterate``."""
+        here, there = self._here, self._there
         for number in range(count):  # to and fro: the cache still has what the last patches have read and written
             more = before(number, here) if before is not None else 0
             read = [self._patches.packed_tables[number % 2], self._patches.overflow]
-            launch_patches(move, model, [*asked, *read, here, there.position, there.moved], more)
+            launch_patches(move, self._model, [*asked, *read, here, there.position, there.moved], more)
             here, there = there, here
+
+    def show(self, count: int = 0) -> None:
+        """Has the model know where the cloth is after so many iterations since it was ``brought``."""
+        model, cloth = self._model, self._model.cloth
+        here = self._there if count % 2 else self._here
         stiffness = cloth.stiffness if self._stiffness is not None else None
-        inputs = [order, here, cloth.position, cloth.move, stiffness]
-        wp.launch(self._kernels.unpack_vertices, dim=size, inputs=inputs, device=device)
+        inputs = [self._patches.order, here, cloth.position, cloth.move, stiffness]
+        wp.launch(self._kernels.unpack_vertices, dim=model.vertex_count, inputs=inputs, device=model.device)

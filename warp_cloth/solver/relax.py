@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -16,6 +15,7 @@ from warp_cloth.kernels.displace import advance_kernel, displace_kernel
 from warp_cloth.kernels.displace_eight import eight_displace_kernel
 from warp_cloth.kernels.displacement import NoClothContact, NoCollider, spares_looks, step_bound, wears
 from warp_cloth.model import ClothModel
+from warp_cloth.numbering import Numbering
 from warp_cloth.solver.forces import ForcePass, pass_size, takes_eight
 from warp_cloth.solver.leeway import Leeway
 from warp_cloth.solver.packed import PackedCloth
@@ -129,7 +129,10 @@ class Relaxation:
         worn = wears(accelerated, self.contact, touch is not None)
         if worn and not model.cloth.held:
             model.cloth.held = wp.zeros(model.vertex_count, dtype=wp.uint8, device=model.device)
-        self._leeway = Leeway(model) if worn and options.leeway > 0.0 else None
+        self._leeway: Leeway | None = None
+        if worn and options.leeway > 0.0:  # cloth that meets cloth is looked at as patches own it
+            own = touch is not None and model.patches is not None
+            self._leeway = Leeway(model, Numbering(model.patches.order.numpy()) if own else None)
         self._strength, self._loose, self._renewal = strength, options.loose, options.renewal
         self._scatter: ForcePass | None = None
         self._packed: PackedCloth | None = None
@@ -222,8 +225,10 @@ class Relaxation:
         return np.asarray(relative_rms <= np.where(before, TIGHTER * self._loose, self._loose))
 
     def start_anew(self) -> None:
-        """Lets every item iterate, from the first iteration on."""
+        """Lets every item iterate, from the first iteration on, from where the model has it."""
         self._done = 0
+        if self._packed is not None:
+            self._packed.ahead = False
         self.loosen(np.full(self.model.item_count, np.inf))
         self._items["active"] = 1
         self.tell_items()
@@ -298,8 +303,20 @@ class Relaxation:
 
     def iterate(self, count: int = 1) -> None:
         """Launches iterations."""
+        if self._packed is not None and self.touch is not None:
+            self._packed.iterate(self._move, self._asked, count, loose=False, before=self._before_move)
+        else:
+            self._iterate(count)
+
+    @property
+    def _asked(self) -> list[Any]:
+        """What the kernel that moves vertices asks for besides the cloth."""
+        return [self.step, self.collider_data, self.touch_data]
+
+    def _iterate(self, count: int) -> None:
+        """Launches what a graph of iterations holds: where cloth meets cloth, of the cloth as patches own it."""
         model, here = self.model, self.model.cloth
-        asked = [self.step, self.collider_data, self.touch_data]
+        asked = self._asked
         if self._scatter is not None:
             for iteration in range(count):
                 self._look_up_leeway(here)
@@ -312,30 +329,43 @@ class Relaxation:
                 wp.launch(self._move, dim=size, inputs=inputs, device=model.device)
         if self._packed is not None:
             first = 0
+            if self.touch is not None:
+                self._packed.go(self._move, asked, count, self._before_move)
+                return
             while first < count:
                 self._look_up_leeway(here)
                 part = count - first
                 if self._leeway is not None:  # which is looked up where the model has the cloth
                     part = min(part, self._renewal - (self._done - 1) % self._renewal)
-                before = partial(self._before_move, first) if self.touch is not None else None
                 loose = bool(self._items["leeway"].any())
-                self._packed.iterate(self._move, asked, part, loose=loose, before=before)
+                self._packed.iterate(self._move, asked, part, loose=loose, before=None)
                 self._done += part - 1
                 first += part
 
-    def _before_move(self, first: int, iteration: int, cloth: Any) -> int:
-        """Contact of cloth with cloth, so many iterations after a first one; how many blocks are to press meanwhile."""
-        self._meet_cloth(first + iteration, cloth)
+    def _before_move(self, iteration: int, cloth: Any) -> int:
+        """Leeway, and contact of cloth with cloth, before an iteration; how many blocks are to press meanwhile."""
+        self._look_up_leeway(cloth)
+        self._meet_cloth(iteration, cloth)
         if self.touch is None or self.model.patches is None or not self._presses_along:
             return 0
         return self.touch.press_along(self.model.patches.count)
 
-    def run(self, iterations: int) -> None:
+    def run(self, iterations: int, *, shown: bool = True) -> None:
         """Runs a chunk of iterations as one captured graph, without waiting for the device.
 
-        The kernels must be loaded: capture records launches only.
+        The kernels must be loaded: capture records launches only. ``shown``: whether the model is to know where the
+        cloth is then; else nothing may ask it but after ``show``, and nothing move it but more iterations.
         """
         together = self._together
+        if self._packed is not None and self.touch is not None:
+            graph = self.capture(iterations)
+            self._packed.brought()
+            wp.capture_launch(graph)
+            self._done += iterations
+            self._packed.ahead = not shown and iterations % 2 == 0
+            if not self._packed.ahead:
+                self._packed.show(iterations)
+            return
         if together is None or not together.pays():
             wp.capture_launch(self.capture(iterations))
             self._done += iterations
@@ -345,6 +375,11 @@ class Relaxation:
             together.run(self._captured_shares(together, part))
             self._done += part
             iterations -= part
+
+    def show(self) -> None:
+        """Has the model know where the cloth is, in the midst of iterations that are not shown."""
+        if self._packed is not None and self._packed.ahead:
+            self._packed.show()
 
     def _captured_shares(self, together: Together, iterations: int) -> list[Any]:
         """The graphs of the next chunk's shares."""
@@ -361,6 +396,6 @@ class Relaxation:
         which = iterations, done % self._renewal
         if which not in self._graphs:
             with wp.ScopedCapture(device=self.model.device) as capture:
-                self.iterate(iterations)
+                self._iterate(iterations)
             self._graphs[which], self._done = capture.graph, done
         return self._graphs[which]
