@@ -34,12 +34,12 @@ def halvings(starts: Indices) -> list[Indices]:
     Halves of more than a block of leaves are of whole blocks. ``starts`` of ``first_order``.
     """
     block, width = int(LEAVES), int(WIDTH)
-    rounds = []
+    rounds: list[Indices] = []
     ends = np.unique(np.asarray(starts) // block)
     while len(ends) - 1 < ends[-1]:
-        rounds.append(np.repeat(np.arange(len(ends) - 1), np.diff(ends) * (block // width)))
+        rounds.append(np.repeat(np.arange(len(ends) - 1, dtype=np.int32), np.diff(ends) * (block // width)))
         ends = np.unique([*ends, *(ends[:-1] + (np.diff(ends) + 1) // 2)])
-    groups = np.arange(ends[-1] * (block // width))
+    groups = np.arange(ends[-1] * (block // width), dtype=np.int32)
     while block > width:
         rounds.append(groups // (block // width))
         block //= 2

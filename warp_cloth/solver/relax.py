@@ -131,8 +131,8 @@ class Relaxation:
             model.cloth.held = wp.zeros(model.vertex_count, dtype=wp.uint8, device=model.device)
         self._leeway: Leeway | None = None
         if worn and options.leeway > 0.0:  # cloth that meets cloth is looked at as patches own it
-            own = touch is not None and model.patches is not None
-            self._leeway = Leeway(model, Numbering(model.patches.order.numpy()) if own else None)
+            order = None if touch is None or model.patches is None else model.patches.order.numpy()
+            self._leeway = Leeway(model, None if order is None else Numbering(order))
         self._strength, self._loose, self._renewal = strength, options.loose, options.renewal
         self._scatter: ForcePass | None = None
         self._packed: PackedCloth | None = None

@@ -10,6 +10,11 @@ from warp_cloth.study.launches import Launch
 from warp_cloth.study.traffic import Uses
 
 TRIANGLE = 2**32 - 1  # the part of kernels.untangle's ``beyond`` that names one
+PLACED = (
+    "cloth.position",
+    "cloth.move",
+    "cloth.moved",
+)  # of vertices, whichever is asked for
 
 
 def gathered_work(launch: Launch, arrays: Arrays, uses: Uses) -> dict[str, Part]:
@@ -27,7 +32,7 @@ def gathered_work(launch: Launch, arrays: Arrays, uses: Uses) -> dict[str, Part]
         return _edges_work(arrays)
     if "triangles.corners" in arrays and threads == len(arrays["triangles.corners"]):
         of_triangles = _corners(arrays, np.arange(threads) // THREADS, np.arange(threads))
-        return dict.fromkeys(("cloth.position", "cloth.move"), of_triangles)
+        return dict.fromkeys(PLACED, of_triangles)
     if "search.sides" in uses.read:
         return _boxes_work(arrays)
     if "untangling.rim" in uses.read:
@@ -101,7 +106,7 @@ def _rows_work(arrays: Arrays) -> dict[str, Part]:
     start = integers(arrays["rows.triangle_start"])
     block = np.repeat(np.arange(len(start) - 1), np.diff(start)) // THREADS
     triangle = integers(arrays["rows.triangle"]) // 3
-    found = dict.fromkeys(("cloth.position", "cloth.move"), _corners(arrays, block, triangle))
+    found = dict.fromkeys(PLACED, _corners(arrays, block, triangle))
     of_triangles = ("triangles.corners", "triangles.edges", "triangles.slope", "triangles.threads")
     found |= dict.fromkeys(of_triangles, (block, triangle))
     if "triangles.edges" in arrays:
@@ -115,7 +120,7 @@ def _edges_work(arrays: Arrays) -> dict[str, Part]:
     ends, beside = (integers(arrays[f"edges.{name}"]) for name in ("ends", "beside"))
     block = np.repeat(np.arange(len(ends)) // THREADS, 2)
     inner = beside.ravel() >= 0
-    found = dict.fromkeys(("cloth.position", "cloth.move"), (block, ends.ravel()))
+    found = dict.fromkeys(PLACED, (block, ends.ravel()))
     return found | {"normal": (block[inner], beside.ravel()[inner])}
 
 
