@@ -232,6 +232,18 @@ def test_scattered_and_gathered_forces_meet_cloth_with_the_same_bits() -> None:
     assert np.array_equal(shapes[0], shapes[1])
 
 
+def test_cloth_that_goes_on_unseen_between_two_checks_ends_in_the_same_shape() -> None:
+    """Where patches own it, and its leeway is looked up in their order."""
+    shapes = []
+    for gathers in (False, True):
+        relaxation, touch = dropped(0.9995, gathers)
+        course = Course(relaxation, touch, partial(touch.face, [1.0, 1.0]))
+        goal = Goal(Tolerance(0.0, 0.0, 0.0), 950)
+        (outcome,) = relax_items(relaxation, Certifier(relaxation), [goal], course=course, ahead=gathers)
+        shapes.append(outcome.points)
+    assert np.array_equal(*shapes)
+
+
 def test_nothing_is_launched_nor_kept_where_cloth_does_not_meet_cloth() -> None:
     mesh = grid(5, 0.2)
     model, touch, _ = sheets_at([mesh])
