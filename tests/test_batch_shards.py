@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from warp_cloth.batch.jobs import Item
+from warp_cloth.batch.pool import alike
 from warp_cloth.batch.store import cut
 
 
@@ -28,6 +29,15 @@ def test_few_items_of_several_avatars_fill_a_shard() -> None:
 def test_what_is_not_the_avatars_mesh_leaves_the_order() -> None:
     items = [Item(f"i{at}", "tshirt", (f"avatar.friction={at % 2}",)) for at in range(4)]
     assert [shard.places for shard in cut(items, 2)] == [(0, 1), (2, 3)]
+
+
+def test_a_large_batch_begins_and_ends_with_small_shards() -> None:
+    sizes = [len(shard.items) for shard in cut(met_by(*["1.6"] * 1024, *["1.7"] * 1024, *["1.8"] * 1024), 1024)]
+    assert sizes == [128, 256, 640, 1024, 640, 256, 128]
+    assert [len(shard.items) for shard in cut(met_by(*["1.6"] * 1024), 256)] == [128, 128, 256, 256, 128, 128]
+    assert alike(sizes) == [0, 6]
+    assert alike(sizes[1:]) == [0, 4], "small ones wait till the large ones are done"
+    assert alike(sizes[2:]) == [0, 1, 2]
 
 
 def test_the_first_and_the_last_of_large_shards_are_halved() -> None:

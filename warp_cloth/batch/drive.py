@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     import pyarrow
 
 CPU_SHARD = 8  # items to a shard at most: what a killed run does again on each core
-GPU_SHARD = 512  # so many garments fill the largest GPU, and one reading of their avatars serves them all
+GPU_SHARD = 2048  # a GPU has little to do while the last of a shard come to rest
 WORKERS_PER_GPU = 4  # while one's garments relax, others load, or measure what they have fitted
 # At least so many, where there are items enough, as the last worker to end is waited for: half a shard in the mean.
 SHARDS_PER_CORE = 16

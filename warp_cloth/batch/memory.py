@@ -22,7 +22,6 @@ from warp_cloth.set_up import contact_key
 PER_VERTEX, PER_EDGE, PER_TRIANGLE, PER_HINGE = 704, 96, 192, 64
 SCATTERED = 0.5  # factor where forces are scattered: nothing is stored, and there is one set of positions
 DOUBLE = 2.0  # factor where everything is float64
-DRESSED = 2.0  # factor where there is each garment in the fabric that it is dressed in, too, at most
 GRID_NODE = 4  # bytes of one of a field's grids, while it is built
 FIELD_NODE = 8  # of the field's four bytes and the depth buffers'
 SHARE = 0.8  # of the free memory that a batch takes: the allocator and the kernels want some
@@ -34,7 +33,7 @@ class Need:
     """Bound of the device memory of one scene [bytes]."""
 
     own: int  # of its garments
-    shared: int  # of its avatar, held once for all scenes of the same ``key``
+    shared: int  # of its avatar and of dressing its garments, held once for all scenes of the same ``key``
     key: Hashable
     passing: int = 0  # of building that, for a while, one avatar after another
 
@@ -50,9 +49,9 @@ def need_of(scene: Scene, wardrobe: Wardrobe, *, gathers: bool) -> Need:
         total *= SCATTERED
     if scene.solver.precision == "float64":
         total *= DOUBLE
-    if scene.solver.start == "dressed":
-        total *= DRESSED
     held, passing = collider_bytes(scene, wardrobe)
+    if scene.solver.start == "dressed":  # in one fabric for all
+        held += int(total)
     return Need(int(total), held, contact_key(scene, wardrobe), passing)
 
 

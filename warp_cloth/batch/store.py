@@ -13,6 +13,7 @@ import contextlib
 import fcntl
 import functools
 import hashlib
+import itertools
 import json
 import os
 import shutil
@@ -35,7 +36,8 @@ if TYPE_CHECKING:
 
 Keep = Literal["arrays", "stages", "none"]
 MORE = 1.25  # times the items of a shard at most, where these meet the same avatar
-LARGE = 64  # items of a shard that is worth halving
+LARGE = 64  # items of a shard that is worth cutting further, where it is the first or the last,
+SMALL = 128  # and items of the smallest that it is cut into: with fewer a GPU's cores have little to do
 LAYOUT = 1  # of the output folder; files of another layout are done again
 
 
@@ -68,8 +70,8 @@ def cut(items: Sequence[Item], size: int) -> list[Shard]:
     """``size`` items to a shard, or somewhat more; those that meet the same avatar follow one another.
 
     So a shard needs few avatars, and its worker begins when these are there. Large shards have some garments in all
-    their fabrics rather than all in some. Of them the first and the last are halved: what has to be done before a GPU
-    begins, and after it has ended, nothing else hides.
+    their fabrics rather than all in some. The first of them begins with small ones that grow, and the last one ends so:
+    what has to be done before a GPU begins, and after it has ended, nothing else hides.
     """
     alike: dict[tuple[str, ...], list[int]] = {}
     most = int(MORE * size)
@@ -87,9 +89,20 @@ def cut(items: Sequence[Item], size: int) -> list[Shard]:
                 shards.append(some)
     for at in sorted({0, len(shards) - 1}.intersection(range(len(shards))), reverse=True):
         if len(shards[at]) >= LARGE:
-            half = -(-len(shards[at]) // 2)
-            shards[at : at + 1] = [shards[at][:half], shards[at][half:]]
+            counts = _growing(len(shards[at]))[:: -1 if at else 1]
+            ends = itertools.accumulate(counts)
+            shards[at : at + 1] = [shards[at][end - count : end] for end, count in zip(ends, counts, strict=True)]
     return [Shard(number, tuple(items[at] for at in some), tuple(some)) for number, some in enumerate(shards)]
+
+
+def _growing(count: int) -> list[int]:
+    """So many items as shards, each of about twice as many as the one before."""
+    size, counts = min(SMALL, -(-count // 2)), list[int]()
+    while count:
+        counts.append(size if count >= 2 * size else count)
+        count -= counts[-1]
+        size *= 2
+    return counts
 
 
 def _by_garment(items: Sequence[Item], places: Sequence[int]) -> list[int]:
