@@ -10,13 +10,14 @@ import warp as wp
 from cloths import cloth_forces, deformed_model, grid, model_of, slopes
 from test_carried import floor
 
+from warp_cloth.garment.part import GarmentPart
 from warp_cloth.garment.rest import build_rest_shape
 from warp_cloth.kernels.cloth import cloth_types
 from warp_cloth.kernels.displacement import loose_way
 from warp_cloth.kernels.stiffness import symmetric_functions
 from warp_cloth.material.fabric import Fabric
 from warp_cloth.mesh import Mesh
-from warp_cloth.model import ClothModel
+from warp_cloth.model import ClothModel, build_model
 from warp_cloth.solver.leeway import Leeway
 from warp_cloth.solver.relax import Collider, Relaxation, StepOptions
 
@@ -62,6 +63,17 @@ def test_taut_cloth_has_leeway_across_itself_only() -> None:
     leeway = leeway_of(deformed_model(MESH, MESH.points * 1.01, WOVEN))[MESH.vertex_count // 2]
     assert leeway[2, 2] > 0.5 * MOST
     assert np.linalg.eigvalsh(leeway[:2, :2]).max() < 4.0
+
+
+def test_items_forget_theirs_and_leave_the_others_alone() -> None:
+    part = GarmentPart(MESH.points, MESH.triangles, build_rest_shape(MESH, WOVEN, rest="mesh"), np.zeros(0, np.int32))
+    model = build_model([part] * 6, device="cpu", precision="float64", garments=[1] * 6)
+    leeway = Leeway(model)
+    model.cloth.leeway.fill_(7.0)
+    leeway.forget([4, 1, 2])
+    found = model.cloth.leeway.numpy().reshape(6, -1, 6)
+    assert (found[[0, 3, 5]] == 7.0).all()
+    assert (found[[1, 2, 4]] == [1.0, 1.0, 1.0, 0.0, 0.0, 0.0]).all()
 
 
 def test_it_turns_with_the_cloth() -> None:

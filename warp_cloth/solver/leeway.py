@@ -45,9 +45,11 @@ class Leeway:
 
     def forget(self, items: Sequence[int]) -> None:
         """Leaves the vertices of these items no leeway, till the next look."""
-        none = np.array([1.0, 1.0, 1.0, 0.0, 0.0, 0.0])
-        for item in items:
-            self._model.cloth.leeway[self._model.of_item(item)].fill_(none)
+        none, starts = np.array([1.0, 1.0, 1.0, 0.0, 0.0, 0.0]), self._model.item_start
+        some = np.sort(np.asarray(items, dtype=np.int64))
+        for run in np.split(some, np.flatnonzero(np.diff(some) != 1) + 1):  # neighbours in one go
+            if len(run):
+                self._model.cloth.leeway[starts[run[0]] : starts[run[-1] + 1]].fill_(none)
 
     def look_up(self, step: Any, cloth: Any) -> None:
         """Launches a look at the cloth as it lies; ``step`` is a kernels.cloth Step."""
