@@ -30,6 +30,7 @@ def looks_type(precision: str) -> type:
         before: wp.array(dtype=point)  # at the one before
         earlier: wp.array(dtype=point)  # at the one before that
         low: wp.array(dtype=wp.uint8)  # 1: of its item's lower half, which carries little and may fold, shape [V]
+        asked: wp.array(dtype=wp.uint8)  # 1: of this item figures are asked for, shape [items]
         marks: int  # how many of the earlier shapes are known: 3 or none
         mark_1: wp.array(dtype=wp.vec3f)  # [m], shape [V]
         mark_2: wp.array(dtype=wp.vec3f)
@@ -75,9 +76,9 @@ def chunk_kernel(precision: str) -> wp.Kernel:
         looks: Looks,
         sum_out: wp.array2d(dtype=wp.float64),  # shape [chunks, COLUMNS]
     ):
-        """Figures of each chunk of an item that still iterates."""
+        """Figures of each chunk of an item that still iterates and is asked for."""
         chunk = wp.tid()
-        if rests(cloth, first[chunk]):
+        if rests(cloth, first[chunk]) or looks.asked[cloth.item[first[chunk]]] == wp.uint8(0):
             return
         free = wp.float64(0.0)
         squares = wp.vec2d()

@@ -122,6 +122,8 @@ class Certifier:
         self._low = wp.array(_lower_half(model), dtype=wp.uint8, device=model.device)
         self._rest_error = RestError()
         self._spare: list[wp.array] = []  # shapes that are kept no longer
+        self._every = wp.full(model.item_count, 1, dtype=wp.uint8, device=model.device)  # item, and those that fall
+        self._falling = wp.zeros(model.item_count, dtype=wp.uint8, device=model.device)
         judged = relaxation.contact is not None and model.cloth.stiffness  # by which contact's share of a force is
         self._bounds: wp.array | None = wp.clone(model.cloth.stiffness) if judged else None  # at the last check
         self._beside: wp.Stream | None = None
@@ -145,7 +147,7 @@ class Certifier:
         asked = [relaxation.step, CONTACT_SLACK, relaxation.collider_data, model.cloth, self._load, self._left]
         wp.launch(self._residual, dim=model.vertex_count, inputs=asked, device=model.device)
         marks = self._rest_error.marks(iteration)
-        return Glance(iteration, marks, self._asked(marks))
+        return Glance(iteration, marks, self._asked(marks, self._every))
 
     def read(self, glance: Glance) -> Look:
         """What the last glance has seen. Waits for it, not for what was launched after it."""
@@ -178,9 +180,15 @@ class Certifier:
         wp.synchronize_stream(self._beside)
         return np.array(self._left_there.numpy()[: len(left)])
 
-    def ask_bounds(self) -> Answer:
-        """Asks where every item is that iterates, without waiting for the device; ``bounds`` takes the answer."""
-        return self._asked([])
+    def ask_bounds(self, items: Sequence[int]) -> Answer:
+        """Asks where those of these items are that iterate, without waiting for the device.
+
+        ``bounds`` takes the answer. Of the others it tells what the last look has seen.
+        """
+        asked = np.zeros(self._model.item_count, dtype=np.uint8)
+        asked[list(items)] = 1
+        self._falling.assign(asked)
+        return self._asked([], self._falling)
 
     def turn_page(self, iteration: int) -> None:
         """Goes on from a glance at all items: the shapes of now are what the next one compares with."""
@@ -216,8 +224,9 @@ class Certifier:
         if self._bounds is not None:
             wp.copy(self._model.cloth.stiffness[part], self._bounds[part])
 
-    def _asked(self, marks: Sequence[Mark]) -> Answer:
+    def _asked(self, marks: Sequence[Mark], items: wp.array) -> Answer:
         looks = self._summary.looks_type()
+        looks.asked = items
         looks.last, looks.before, looks.earlier = self._last, self._before, self._earlier
         looks.low, looks.marks = self._low, len(marks)
         for number, mark in enumerate(marks, start=1):

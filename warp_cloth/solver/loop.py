@@ -259,7 +259,7 @@ class _Loop:
         follows = self._follow is not None and self._falling and iteration % CHUNK == 0
         if follows:
             self._relaxation.show()
-        return _Seen(iteration, None, self._certifier.ask_bounds() if follows else None, ending)
+        return _Seen(iteration, None, self._certifier.ask_bounds(self._falling) if follows else None, ending)
 
     def _decide(self, seen: _Seen, *, late: bool = False) -> None:
         """Reads what was seen, and retires the items that had ended then; ``late``: they have iterated since."""

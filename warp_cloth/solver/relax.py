@@ -160,6 +160,7 @@ class Relaxation:
                 model.cloth.clear = wp.zeros(model.vertex_count, dtype=wp.float32, device=model.device)
         self._items = model.cloth.items.numpy().copy()
         self._items["active"] = 1
+        self._sizes = np.diff(model.item_start)  # of the items, in vertices
         largest = [options.largest_move if cap is None else cap for cap in caps or [None] * model.item_count]
         self._items["cap"] = largest
         self.collider_data: Any = NoCollider()
@@ -244,8 +245,7 @@ class Relaxation:
     @property
     def active_share(self) -> float:
         """Share of the vertices whose items iterate."""
-        sizes = np.diff(self.model.item_start)
-        return float(sizes[self._items["active"] == 1].sum() / sizes.sum())
+        return float(self._sizes[self._items["active"] == 1].sum() / self._sizes.sum())
 
     def retire(self, items: Sequence[int]) -> None:
         """Leaves these items as they are from now on."""

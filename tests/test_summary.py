@@ -1,0 +1,25 @@
+"""Where items are is asked for of some, without a look at the others."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from warp_cloth.garment.wardrobe import open_wardrobe
+from warp_cloth.scene import load_scene
+from warp_cloth.set_up import set_up
+from warp_cloth.solver.certificate import bounds
+
+CHANGES = ["garment.shape.vertices_per_side=9", "collision.pixel_mm=10"]
+
+
+def test_those_that_are_asked_for_are_where_they_are_now() -> None:
+    scene = load_scene("sphere", CHANGES)
+    made = set_up([scene] * 3, [open_wardrobe(scene)] * 3, "cpu")
+    before = made.certifier.look(0).boxes
+    for item in range(3):
+        made.model.set_points(made.model.points(item) + np.array([0.0, 0.1 * (item + 1), 0.0]), item)
+    made.relaxation.retire([2])
+    found = bounds(made.certifier.ask_bounds([1, 2]))
+    np.testing.assert_allclose(found[1] - before[1], [[0.0, 0.2, 0.0]] * 2, atol=1e-12)
+    np.testing.assert_array_equal(found[[0, 2]], before[[0, 2]])
+    np.testing.assert_allclose(made.certifier.look(0).boxes[0] - before[0], [[0.0, 0.1, 0.0]] * 2, atol=1e-12)
