@@ -15,6 +15,7 @@ from warp_cloth.kernels.limits import BLOCK_MEMORY, BLOCK_THREADS
 
 WARPS = BLOCK_THREADS // 32  # of threads that go together
 FEW_PER_CORE = 3  # where there are no more at all: threads then keep all in registers
+TOLD_APART = 128  # [bytes] that a core's own cache keeps together
 BESIDE = wp.constant(-2147483648)  # the sign bit
 
 _OWN_MEMORY = """
@@ -71,16 +72,27 @@ _TELL = """
 """
 
 _AWAIT = """
+    int came = 0;
 #if defined(__CUDA_ARCH__)
-    if (threadIdx.x == 0) {
-        int done;
-        do  // which leaves the core's cache to others
-            asm volatile("ld.relaxed.gpu.global.s32 %0, [%1];" : "=r"(done) : "l"(told.data) : "memory");
-        while (done < tellers);
-        asm volatile("ld.acquire.gpu.global.s32 %0, [%1];" : "=r"(done) : "l"(told.data) : "memory");
+    if (tellers > 0) {
+        if (threadIdx.x == 0) {
+            int done;
+            do  // which leaves the core's cache to others
+                asm volatile("ld.relaxed.gpu.global.s32 %0, [%1];" : "=r"(done) : "l"(told.data) : "memory");
+            while (done < tellers);
+        }
+        __syncthreads();
+        if (threadIdx.x == blockDim.x - 1)  // whose answer nobody waits for here
+            asm volatile("atom.relaxed.gpu.global.add.s32 %0, [%1], 1;"
+                : "=r"(came) : "l"(told.data + 1) : "memory");
     }
-    __syncthreads();
-    if (threadIdx.x == blockDim.x - 1 && atomicAdd(told.data + 1, 1) == waiting - 1) {
+#endif
+    return came;
+"""
+
+_LEAVE = """
+#if defined(__CUDA_ARCH__)
+    if (tellers > 0 && threadIdx.x == blockDim.x - 1 && came == waiting - 1) {
         told.data[0] = 0;
         told.data[1] = 0;
     }
@@ -168,12 +180,19 @@ def tell_blocks(told: wp.array(dtype=wp.int32)):
 
 
 @wp.func_native(_AWAIT)
-def await_blocks(told: wp.array(dtype=wp.int32), tellers: int, waiting: int):
-    """Until so many blocks have told; as many as are waiting must come here, once each.
+def await_blocks(told: wp.array(dtype=wp.int32), tellers: int) -> int:
+    """Until so many blocks have told; what ``leave_blocks`` is to know.
 
     A GPU begins blocks in the order of their numbers: tellers, who wait for none, must be the first. ``told`` holds two
-    zeros before, and the last to come leaves them so.
+    zeros before. What they have written may be read where nobody has read any of its TOLD_APART bytes before in the
+    launch: of all else a core's own cache may still hold what was, and to empty that takes as long as to ask memory.
     """
+    ...
+
+
+@wp.func_native(_LEAVE)
+def leave_blocks(told: wp.array(dtype=wp.int32), tellers: int, waiting: int, came: int):
+    """Of as many blocks as are ``waiting``, each of which has awaited ``tellers``, the last leaves ``told`` at zero."""
     ...
 
 

@@ -6,6 +6,7 @@ import warp as wp
 
 from warp_cloth.kernels.access import element
 from warp_cloth.kernels.arithmetic import inner, root, scaled_sum
+from warp_cloth.kernels.block import TOLD_APART
 from warp_cloth.kernels.cloth import cloth_types
 from warp_cloth.kernels.touch import NOTHING, nearest_functions
 
@@ -26,6 +27,7 @@ NEIGHBOURS = wp.constant(wp.int32(2))  # added where the two are near in the res
 EVER = wp.constant(wp.int64(2**62))  # farther than any vertex goes [ROOM_UNIT]; what is due beyond it never is
 
 REGIONS = 1024  # of vertices, at most; nothing is in that of number 0
+TURNED = TOLD_APART // 4  # so far apart that blocks which await a press do not read what it has read
 _REGION_BITS = 16  # of a word of four
 
 
@@ -55,7 +57,7 @@ class ClothContact:
     region_count: int  # that of number 0 included
     way: wp.array2d(dtype=wp.int64)  # before the last press, and after it, shape [2, REGIONS]
     stride: wp.array2d(dtype=wp.int32)  # of the last iteration and of this one, in turn, shape [2, REGIONS]
-    turn: wp.array(dtype=wp.int32)  # iterations before the last press, and after it, shape [2]
+    turn: wp.array(dtype=wp.int32)  # iterations before the last press, and from TURNED on after it, shape [2 TURNED]
     # blocks that press while others work out patches, in one launch
     pressing: int  # how many; 0: pairs are pressed by a launch of their own
     waiting: int  # how many others

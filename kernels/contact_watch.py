@@ -2,7 +2,7 @@
 
 import warp as wp
 
-from warp_cloth.kernels.cloth_contact import REGIONS, ROOM_UNIT, ClothContact, ContactBefore
+from warp_cloth.kernels.cloth_contact import REGIONS, ROOM_UNIT, TURNED, ClothContact, ContactBefore
 
 LONGER = wp.constant(1.000001)  # more than rounding makes a way shorter
 SHRUNK, GROWN = wp.constant(wp.float64(0.7)), wp.constant(wp.float64(1.5))  # of a skin, from search to search
@@ -63,7 +63,7 @@ def contact_turn(contact: ClothContact, vertex: int):
     gone = wp.int64(0)
     if vertex < contact.region_count:
         gone = contact.way[1, vertex]
-    return contact.turn[1], gone
+    return contact.turn[wp.static(TURNED)], gone
 
 
 @wp.func

@@ -14,6 +14,7 @@ from warp_cloth.kernels.block import (
     block_threads,
     fetches,
     lane_of,
+    leave_blocks,
     memory_functions,
     tell_blocks,
     wait_for_block,
@@ -264,7 +265,8 @@ def advance_kernel(
         first, second = two_vertices(patches, patch, lane)
         if leaves(item.active, patch, first, second):
             if wp.static(presses):
-                await_blocks(touch.told, touch.pressing, touch.waiting)
+                came = await_blocks(touch.told, touch.pressing)
+                leave_blocks(touch.told, touch.pressing, touch.waiting, came)
             return
         work = work_edges(cloth, patches, patch, beside, step, lane, first, second, soon)
         if wp.static(not keeps):
@@ -288,12 +290,13 @@ def advance_kernel(
             sum = vec4()
             if local < patch.owned_count:
                 sum = vertex_load(patches, patch, beside, work.memory, local, edges, triangles)
-            await_blocks(touch.told, touch.pressing, touch.waiting)
+            came = await_blocks(touch.told, touch.pressing)
             if local < patch.owned_count:
                 end_vertex(
                     step, colliders, touch, known, cloth, sum, held, vertex, moves, patch.item, item,
                     position_out, move_out,
                 )  # fmt: skip
+            leave_blocks(touch.told, touch.pressing, touch.waiting, came)
         elif wp.static(fits):
             if local < patch.owned_count:
                 load = vertex_load(patches, patch, beside, work.memory, local, edges, triangles)

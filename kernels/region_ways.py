@@ -3,7 +3,7 @@
 import warp as wp
 
 from warp_cloth.kernels.block import BLOCK_THREADS
-from warp_cloth.kernels.cloth_contact import REGIONS
+from warp_cloth.kernels.cloth_contact import REGIONS, TURNED
 
 REGION_TURNS = -(-REGIONS // BLOCK_THREADS)  # of a block's threads, a region each
 
@@ -49,13 +49,13 @@ _TURN_ON = f"""
         }}
     }}
     if (blockIdx.x == 0 && threadIdx.x == 0)
-        turn.data[1] = at + 1;
+        turn.data[{TURNED}] = at + 1;
 #else
     for (int region = 0; region < count; ++region) {{
         way.data[{REGIONS} + region] = way.data[region] + stride.data[{REGIONS} * odd + region];
         stride.data[{REGIONS} * (1 - odd) + region] = 0;
     }}
-    turn.data[1] = at + 1;
+    turn.data[{TURNED}] = at + 1;
 #endif
 """
 
@@ -77,7 +77,7 @@ def turn_on(
     """Has a block keep how far each of so many regions has gone; the first block notes it for the next iteration."""
     way[1, place] = way[0, place] + wp.int64(stride[turn[0] & 1, place])
     stride[1, place] = 0
-    turn[1] = turn[0] + 1
+    turn[TURNED] = turn[0] + 1
 
 
 @wp.func_native(_GONE_TOGETHER)

@@ -100,7 +100,7 @@ def test_few_that_have_used_up_their_skins_wait_for_a_search_and_many_do_not() -
     def searched(asked: int, turn: int) -> bool:
         """Whether a look finds that it is time, after so many iterations and requests."""
         data.asked.assign([data.asked.numpy()[0] + asked, data.asked.numpy()[1]])
-        data.turn.assign([turn, turn])
+        data.turn.fill_(turn)
         before = int(touch._memory.search.numpy()[0])
         touch.search_where_due(model.cloth)
         return int(touch._memory.search.numpy()[0]) > before

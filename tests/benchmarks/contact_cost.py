@@ -143,7 +143,7 @@ class Watch:
             self._chunks.append((self._phase(), iterations, lambda: seconds))
             return
         began = time.perf_counter()
-        graph = self._made.relaxation.capture(iterations)
+        graph = self._made.relaxation.capture(iterations, **how)
         known = any(graph is other for other in self._launched_before)
         begin, end = (wp.Event(self._device, enable_timing=True) for _ in range(2))
         wp.record_event(begin)

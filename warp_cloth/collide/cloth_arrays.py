@@ -15,7 +15,7 @@ from warp_cloth.collide.planting import first_order
 from warp_cloth.collide.rest_near import rest_near_rows
 from warp_cloth.collide.sheets import SheetKind
 from warp_cloth.garment.part import GarmentPart
-from warp_cloth.kernels.cloth_contact import NO_LIMIT, REGIONS, ClothContact
+from warp_cloth.kernels.cloth_contact import NO_LIMIT, REGIONS, TURNED, ClothContact
 from warp_cloth.kernels.contact_search import ContactSearch
 from warp_cloth.mesh import Indices
 from warp_cloth.numbering import Numbering
@@ -67,7 +67,7 @@ def contact_arrays(
     data.region = wp.zeros(count, dtype=wp.int32)
     data.region_count = 1
     data.way, data.stride = (wp.zeros((2, REGIONS), dtype=kind) for kind in (wp.int64, wp.int32))
-    data.turn = wp.zeros(2, wp.int32)
+    data.turn = wp.zeros(2 * TURNED, dtype=wp.int32)
     return data
 
 

@@ -263,7 +263,7 @@ class Relaxation:
 
     def forget_graphs(self) -> None:
         """Captures iterations anew: what they read or launch has changed."""
-        self._graphs: dict[tuple[int, int], Any] = {}
+        self._graphs: dict[tuple[int, int, bool], Any] = {}
         self._shares_graphs: dict[tuple[int, int], list[Any]] = {}  # of each share, where threads share iterations
 
     def tell_items(self) -> None:
@@ -358,12 +358,13 @@ class Relaxation:
         """
         together = self._together
         if self._packed is not None and self.touch is not None:
-            graph = self.capture(iterations)
-            self._packed.brought()
+            graph, whole = self.capture(iterations, shown=shown), self._whole(shown)
+            if not whole:
+                self._packed.brought()
             wp.capture_launch(graph)
             self._done += iterations
             self._packed.ahead = not shown and iterations % 2 == 0
-            if not self._packed.ahead:
+            if not whole and not self._packed.ahead:
                 self._packed.show(iterations)
             return
         if together is None or not together.pays():
@@ -390,12 +391,19 @@ class Relaxation:
             self._shares_graphs[which] = together.capture(self.step, self.collider_data, looks)
         return self._shares_graphs[which]
 
-    def capture(self, iterations: int) -> Any:
+    def _whole(self, shown: bool) -> bool:
+        """Whether the next chunk's graph begins and ends where the model has the cloth."""
+        return shown and not (self._packed is not None and self._packed.ahead)
+
+    def capture(self, iterations: int, *, shown: bool = True) -> Any:
         """The graph of the next chunk, which ``run`` would capture now if it had not been captured before."""
-        done = self._done
-        which = iterations, done % self._renewal
+        done, whole = self._done, self._whole(shown)
+        which = iterations, done % self._renewal, whole
         if which not in self._graphs:
             with wp.ScopedCapture(device=self.model.device) as capture:
-                self._iterate(iterations)
+                if whole:
+                    self.iterate(iterations)
+                else:
+                    self._iterate(iterations)
             self._graphs[which], self._done = capture.graph, done
         return self._graphs[which]
