@@ -16,11 +16,11 @@ from warp_cloth.kernels.box_tree import (
     WIDTH,
     BoxTree,
     BoxWalk,
-    below,
     bit_count,
     lowest_bit,
     step_on,
     team_lane,
+    team_last,
     team_threads,
 )
 
@@ -53,17 +53,6 @@ def forget_meetings(meetings: Meetings, thread: int):
             meetings.count[part * APART] = 0
 
 
-_TEAM_BASE = """
-#if defined(__CUDA_ARCH__)
-    int base = 0;
-    if ((threadIdx.x & 31) == 0)
-        base = atomicAdd(count.data + which, more);
-    return __shfl_sync(0xffffffffu, base, 0);
-#else
-    return wp::atomic_add(count, which, more);
-#endif
-"""
-
 _TEAM_SLOT = """
 #if defined(__CUDA_ARCH__)
     const int lane = threadIdx.x & 31;
@@ -82,6 +71,14 @@ _TEAM_SLOT = """
 #endif
 """
 
+_OF_TEAM = """
+#if defined(__CUDA_ARCH__)
+    return __shfl_sync(0xffffffffu, value, lane);
+#else
+    return value;
+#endif
+"""
+
 _TEAM_NUMBER = """
 #if defined(__CUDA_ARCH__)
     return (int)((blockIdx.x * blockDim.x + threadIdx.x) >> 5);
@@ -91,21 +88,21 @@ _TEAM_NUMBER = """
 """
 
 
+@wp.func_native(_OF_TEAM)
+def of_team(value: int, lane: int) -> int:
+    """What one of a team's threads has."""
+    ...
+
+
 @wp.func_native(_TEAM_NUMBER)
 def team_number() -> int:
     """A team's number among all of a launch; 0 on the CPU."""
     ...
 
 
-@wp.func_native(_TEAM_BASE)
-def team_base(count: wp.array(dtype=wp.int32), which: int, more: int) -> int:
-    """Adds a team's number of things to a list's, and returns how many there were."""
-    ...
-
-
 @wp.func_native(_TEAM_SLOT)
 def team_slot(count: wp.array(dtype=wp.int32), which: int, more: int) -> int:
-    """The same where each thread has a number of things of its own: where its first goes."""
+    """Adds numbers of a team's threads, each its own, to a list's count: where what a thread has begins."""
     ...
 
 
@@ -128,23 +125,26 @@ def meet_function(work: wp.Function, Cloth: Any, Search: Any, First: Any, Second
         met: int,
         mask: wp.uint32,
     ):
-        """Lists those of the groups from ``met`` on that a mask tells of, or works on them where the list is full."""
+        """Lists those of the groups from ``met`` on that a mask tells of, or works on them where the list is full.
+
+        Each of a team's threads has groups and a mask of its own.
+        """
         room = meetings.group.shape[0]
-        base = team_base(meetings.count, GROUPS, bit_count(mask))
-        if base < room:
-            place = team_lane()
-            while place < WIDTH:
-                slot = base + bit_count(mask & below(place))
-                if (mask >> wp.uint32(place)) & wp.uint32(1) != wp.uint32(0) and slot < room:
-                    meetings.group[slot] = wp.vec3i(kind, group, met + place)
-                place += team_threads()
+        count = bit_count(mask)
+        base = team_slot(meetings.count, GROUPS, count)
         left = wp.uint32(mask)
         slot = int(base)
-        while left != wp.uint32(0) and base + bit_count(mask) > room:
-            if slot >= room:
-                work(cloth, search, first, second, meetings, kind, group, met + lowest_bit(left))
+        while left != wp.uint32(0) and slot < room:
+            meetings.group[slot] = wp.vec3i(kind, group, met + lowest_bit(left))
             left = left & (left - wp.uint32(1))
             slot += 1
+        if team_last(base + count) > room:  # all work on what one after another found no room for
+            for lane in range(team_threads()):
+                theirs = wp.uint32(of_team(wp.int32(left), lane))
+                place = of_team(met, lane)
+                while theirs != wp.uint32(0):
+                    work(cloth, search, first, second, meetings, kind, group, place + lowest_bit(theirs))
+                    theirs = theirs & (theirs - wp.uint32(1))
 
     @wp.func
     def meet_groups(
@@ -158,11 +158,24 @@ def meet_function(work: wp.Function, Cloth: Any, Search: Any, First: Any, Second
         kind: int,
         group: int,
     ):
-        """Lists the groups of leaves that a walk finds for a group, or works on them where the list is full."""
+        """Lists the groups of leaves that a walk finds for a group, or works on them where the list is full.
+
+        A team lists what it has found on as many steps as it has threads: each time it waits for the list's count.
+        """
+        met = int(0)
+        mask = wp.uint32(0)
+        steps = int(0)
         walk = step_on(tree, start)
         while walk.group >= 0:
-            list_groups(cloth, search, first, second, meetings, kind, group, WIDTH * walk.group, walk.mask_1)
+            if team_lane() == steps:
+                met = WIDTH * walk.group
+                mask = walk.mask_1
+            steps += 1
             walk = step_on(tree, walk)
+            if walk.group < 0 or steps == team_threads():
+                list_groups(cloth, search, first, second, meetings, kind, group, met, mask)
+                mask = wp.uint32(0)
+                steps = 0
 
     return meet_groups
 

@@ -318,9 +318,13 @@ def _threads_of_leaves(part: Numbers, row: Numbers, threads: int) -> Part:
 
 
 def _put_groups(team: Numbers, met: Numbers) -> dict[str, Part]:
-    """The instructions that counted and listed pairs of groups, and the places of the count and in the list."""
-    step = team * (1 + met.max(initial=0) // TEAM) + met // TEAM
-    return {STORED + "meetings.count": _once(np.unique(step)), "meetings.group": (step, np.arange(len(team)))}
+    """The instructions that counted and listed pairs of groups, and the places of the count and in the list.
+
+    A thread of a team lists what it has found on a step of its walk, one after another.
+    """
+    step, place = team * (1 + met.max(initial=0) // TEAM) + met // TEAM, np.arange(len(team))
+    turn = place - np.maximum.accumulate(np.where(np.diff(step, prepend=-1) != 0, place, 0))
+    return {STORED + "meetings.count": _once(np.unique(team)), "meetings.group": (team * TEAM + turn, place)}
 
 
 def _put_leaves(arrays: Arrays) -> dict[str, Part]:
