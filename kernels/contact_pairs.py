@@ -41,13 +41,27 @@ from warp_cloth.kernels.meeting import (
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
 
-@wp.func
-def rest_near(search: ContactSearch, a: int, b: int):
-    """Whether two vertices are near in the rest shape."""
-    for row in range(search.near_start[a], search.near_start[a + 1]):
-        if search.near[row] == b:
-            return True
-    return False
+# Four at a time: a GPU waits for memory far longer than it compares.
+_REST_NEAR = """
+    const int end = start.data[vertex + 1];
+    bool found = false;
+    for (int row = start.data[vertex]; row < end && !found; row += 4) {
+#pragma unroll
+        for (int k = 0; k < 4; ++k) {
+            const int other = others.data[row + k < end ? row + k : end - 1];
+            found = found | (other == a) | (other == b) | (other == c);
+        }
+    }
+    return found;
+"""
+
+
+@wp.func_native(_REST_NEAR)
+def rest_near(
+    start: wp.array(dtype=wp.int32), others: wp.array(dtype=wp.int32), vertex: int, a: int, b: int, c: int
+) -> bool:
+    """Whether a vertex is near any of three others in the rest shape; ContactSearch has who is near whom."""
+    return others[start[vertex]] == a or others[start[vertex + 1] - 1] == b
 
 
 _NEXT_SLOT = """
@@ -119,8 +133,7 @@ def keep_function(precision: str) -> wp.Function:
         corners = wp.vec4i(vertex, t[0], t[1], t[2])
         distance = to_triangle(cloth, corners)
         if distance < pair_reach(contact, corners, ON_TRIANGLE):
-            near = rest_near(search, vertex, t[0]) or rest_near(search, vertex, t[1])
-            near = near or rest_near(search, vertex, t[2])
+            near = rest_near(search.near_start, search.near, vertex, t[0], t[1], t[2])
             keep_pair(contact, memory, corners, ON_TRIANGLE, near, distance)
 
     @wp.func
@@ -131,8 +144,8 @@ def keep_function(precision: str) -> wp.Function:
         corners = wp.vec4i(e[0], e[1], o[0], o[1])
         distance = to_edge(cloth, corners)
         if distance < pair_reach(contact, corners, ON_EDGE):
-            near = rest_near(search, e[0], o[0]) or rest_near(search, e[0], o[1])
-            near = near or rest_near(search, e[1], o[0]) or rest_near(search, e[1], o[1])
+            near = rest_near(search.near_start, search.near, e[0], o[0], o[1], o[1])
+            near = near or rest_near(search.near_start, search.near, e[1], o[0], o[1], o[1])
             keep_pair(contact, memory, corners, ON_EDGE, near, distance)
 
     @wp.func
