@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from warp_cloth.batch.jobs import Item
-from warp_cloth.batch.pool import alike
 from warp_cloth.batch.store import cut
 
 
@@ -31,20 +30,19 @@ def test_what_is_not_the_avatars_mesh_leaves_the_order() -> None:
     assert [shard.places for shard in cut(items, 2)] == [(0, 1), (2, 3)]
 
 
-def test_a_large_batch_begins_and_ends_with_small_shards() -> None:
-    sizes = [len(shard.items) for shard in cut(met_by(*["1.6"] * 1024, *["1.7"] * 1024, *["1.8"] * 1024), 1024)]
-    assert sizes == [128, 256, 640, 1024, 640, 256, 128]
-    assert [len(shard.items) for shard in cut(met_by(*["1.6"] * 1024), 256)] == [128, 128, 256, 256, 128, 128]
-    assert alike(sizes) == [0, 6]
-    assert alike(sizes[1:]) == [0, 4], "small ones wait till the large ones are done"
-    assert alike(sizes[2:]) == [0, 1, 2]
+def test_large_shards_are_small_at_first_and_at_last() -> None:
+    def sizes(count: int, size: int) -> list[int]:
+        shards = cut(met_by(*(f"1.{at // 1024}" for at in range(count))), size)
+        assert sorted(place for shard in shards for place in shard.places) == list(range(count))
+        return [len(shard.items) for shard in shards]
 
-
-def test_the_first_and_the_last_of_large_shards_are_halved() -> None:
-    bodies = ["1.6"] * 70 + ["1.7"] * 70 + ["1.8"] * 70
-    assert [len(shard.items) for shard in cut(met_by(*bodies), 70)] == [35, 35, 70, 35, 35]
-    assert [len(shard.items) for shard in cut(met_by(*bodies[:70]), 70)] == [35, 35]
-    assert [len(shard.items) for shard in cut(met_by(*bodies[:63]), 70)] == [63]
+    assert sizes(1024, 256) == [128, 204, 308, 256, 128]
+    assert sizes(4096, 1024) == [128, 204, 326, 521, 997, 1024, 512, 256, 128]
+    assert sizes(210, 70) == [35, 56, 84, 35]
+    assert sizes(70, 70) == [35, 35]
+    assert sizes(63, 70) == [63]
+    for count in range(64, 3000, 37):
+        assert max(sizes(count, 64 + count // 9)) <= 1.25 * (64 + count // 9)
 
 
 def test_large_shards_have_some_garments_in_all_fabrics_and_halves_every_other_one() -> None:

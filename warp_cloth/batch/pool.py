@@ -189,11 +189,6 @@ def best_shared(waiting: Sequence[frozenset[str]], own: frozenset[str], others: 
     return gains.index(max(gains))
 
 
-def alike(counts: Sequence[int]) -> list[int]:
-    """Which of several shards have about as many items as the first: a GPU's small ones come first, and last."""
-    return [place for place, count in enumerate(counts) if counts[0] < 2 * count < 4 * counts[0]]
-
-
 class LocalPool:
     """Worker processes, one for each device named; all but a GPU's first begin when they are given something.
 
@@ -265,11 +260,8 @@ class LocalPool:
     def _task_for(self, slot: _Slot) -> Task:
         own = slot.had.shard.asks if slot.had is not None else frozenset()
         others = [each.had.shard.asks for each in self._slots if each is not slot and each.had is not None]
-        some = self._waiting[:LOOKED_AT]
-        places = list(range(len(some)))
-        if slot.device != "cpu":
-            places = alike([len(task.shard.items) for task in some]) if own else places[:1]
-        at = places[best_shared([some[place].shard.asks for place in places], own, others)]
+        some = self._waiting[: LOOKED_AT if slot.device == "cpu" else 1]  # a GPU's shards have their order
+        at = best_shared([task.shard.asks for task in some], own, others)
         task = self._waiting.pop(at)
         turn = task.store.turn_file(slot.device) if slot.share < 1.0 and slot.device != "cpu" else None
         common = task.common if slot.helpers and len(self._slots) > 1 else None

@@ -35,9 +35,11 @@ if TYPE_CHECKING:
     import pyarrow
 
 Keep = Literal["arrays", "stages", "none"]
-MORE = 1.25  # times the items of a shard at most, where these meet the same avatar
-LARGE = 64  # items of a shard that is worth cutting further, where it is the first or the last,
-SMALL = 128  # and items of the smallest that it is cut into: with fewer a GPU's cores have little to do
+MORE = 1.25  # times the items of a shard at most
+LARGE = 64  # items of a shard of which some are smaller
+SMALL = 128  # items of the first of those and the last: with fewer a GPU's cores have little to do
+GROWTH = 1.6  # from one to the next at first, which is loaded while that one relaxes,
+SHRINKING = 2.0  # and at last, as measuring takes about as long as relaxing half as many
 LAYOUT = 1  # of the output folder; files of another layout are done again
 
 
@@ -70,39 +72,47 @@ def cut(items: Sequence[Item], size: int) -> list[Shard]:
     """``size`` items to a shard, or somewhat more; those that meet the same avatar follow one another.
 
     So a shard needs few avatars, and its worker begins when these are there. Large shards have some garments in all
-    their fabrics rather than all in some. The first of them begins with small ones that grow, and the last one ends so:
-    what has to be done before a GPU begins, and after it has ended, nothing else hides.
+    their fabrics rather than all in some; they are small at first and grow, and are small again at last: what has to be
+    done before a GPU begins, and after it has ended, nothing else hides.
     """
     alike: dict[tuple[str, ...], list[int]] = {}
-    most = int(MORE * size)
     for place, item in enumerate(items):
         alike.setdefault(avatar_asked(item), []).append(place)
-    shards: list[list[int]] = []
-    for places in alike.values():
-        step = -(-len(places) // -(-len(places) // most))
-        places = _by_garment(items, places) if step >= LARGE else places
-        for first in range(0, len(places), step):
-            some = places[first : first + step]
-            if shards and len(shards[-1]) + len(some) <= size:
-                shards[-1] += some
-            else:
-                shards.append(some)
-    for at in sorted({0, len(shards) - 1}.intersection(range(len(shards))), reverse=True):
-        if len(shards[at]) >= LARGE:
-            counts = _growing(len(shards[at]))[:: -1 if at else 1]
-            ends = itertools.accumulate(counts)
-            shards[at : at + 1] = [shards[at][end - count : end] for end, count in zip(ends, counts, strict=True)]
+    if min(size, len(items)) >= LARGE:
+        order = [place for places in alike.values() for place in _by_garment(items, places)]
+        counts = _growing(len(items), size)
+        ends = itertools.accumulate(counts)
+        shards = [order[end - count : end] for end, count in zip(ends, counts, strict=True)]
+    else:
+        shards = []
+        most = int(MORE * size)
+        for places in alike.values():
+            step = -(-len(places) // -(-len(places) // most))
+            for first in range(0, len(places), step):
+                some = places[first : first + step]
+                if shards and len(shards[-1]) + len(some) <= size:
+                    shards[-1] += some
+                else:
+                    shards.append(some)
     return [Shard(number, tuple(items[at] for at in some), tuple(some)) for number, some in enumerate(shards)]
 
 
-def _growing(count: int) -> list[int]:
-    """So many items as shards, each of about twice as many as the one before."""
-    size, counts = min(SMALL, -(-count // 2)), list[int]()
+def _growing(count: int, most: int) -> list[int]:
+    """So many items as shards that grow to ``most``, or somewhat more, and shrink again."""
+    first = min(SMALL, -(-min(count, most) // 2))
+    sizes = {"front": first, "back": first}
+    found: dict[str, list[int]] = {"front": [], "back": []}
     while count:
-        counts.append(size if count >= 2 * size else count)
-        count -= counts[-1]
-        size *= 2
-    return counts
+        for end, growth in (("front", GROWTH), ("back", SHRINKING)):
+            if not count or (end == "back" and sizes[end] > most):
+                continue
+            wanted = min(sizes[end], most, count)
+            if count - wanted < wanted / 2 and count <= MORE * most:  # no small one is left in the middle
+                wanted = count
+            found[end].append(wanted)
+            count -= wanted
+            sizes[end] = int(growth * sizes[end])
+    return found["front"] + found["back"][::-1]
 
 
 def _by_garment(items: Sequence[Item], places: Sequence[int]) -> list[int]:
