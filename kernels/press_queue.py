@@ -39,16 +39,16 @@ _QUEUE = f"""
     int* queue = (int*)(table + {REGIONS});  // of both kinds how many, and those, from either end
     if (anew != 0) {{
         __syncthreads();  // till those queued before are done, and it is known how far regions have gone
-        if (threadIdx.x < 2)
-            queue[threadIdx.x] = 0;
+        if (threadIdx.x == 0)
+            queue[0] = 0;
         __syncthreads();
     }}
     const unsigned int lower = (1u << lane) - 1u;
+    unsigned int masks[2][{ROUNDS}];
+    int counted = 0;  // of both kinds, which go to the counter together
 #pragma unroll
     for (int round = 0; round < {ROUNDS}; ++round) {{
         const int pair = own + round * ahead;
-        if (pair - lane >= count)  // for all of the warp
-            break;
         const bool edges = dues[round] & 1;
         wp::int64 limit = {int(EVER)}ll;
         if (all == 0) {{
@@ -56,21 +56,29 @@ _QUEUE = f"""
             limit = gone;
         }}
         const bool near = pair < count && dues[round] <= limit;
+        masks[0][round] = __ballot_sync(0xffffffffu, near && !edges);
+        masks[1][round] = __ballot_sync(0xffffffffu, near && edges);
+        counted += __popc(masks[0][round]) | __popc(masks[1][round]) << 16;
+    }}
+    if (counted != 0) {{
+        int base = 0;
+        if (lane == 0)
+            base = atomicAdd(queue, counted);
+        base = __shfl_sync(0xffffffffu, base, 0);
+        int places[2] = {{2 + (base & 65535), {QUEUED + 1} - (base >> 16)}};
 #pragma unroll
-        for (int kind = 0; kind < 2; ++kind) {{
-            const unsigned int mask = __ballot_sync(0xffffffffu, near && edges == (kind == 1));
-            if (mask == 0)
-                continue;
-            int base = 0;
-            if (lane == 0)
-                base = atomicAdd(queue + kind, __popc(mask));
-            base = __shfl_sync(0xffffffffu, base, 0) + __popc(mask & lower);
-            if (mask >> lane & 1)
-                queue[kind == 0 ? 2 + base : {QUEUED + 1} - base] = pair;
+        for (int round = 0; round < {ROUNDS}; ++round) {{
+            const int pair = own + round * ahead;
+            if (masks[0][round] >> lane & 1)
+                queue[places[0] + __popc(masks[0][round] & lower)] = pair;
+            if (masks[1][round] >> lane & 1)
+                queue[places[1] - __popc(masks[1][round] & lower)] = pair;
+            places[0] += __popc(masks[0][round]);
+            places[1] -= __popc(masks[1][round]);
         }}
     }}
     __syncthreads();
-    return wp::vec_t<2, int>(queue[0], queue[1]);
+    return wp::vec_t<2, int>(queue[0] & 65535, queue[0] >> 16);
 #else
     const int most = {ROUNDS * BLOCK_THREADS} * blocks, left = count - first < most ? count - first : most;
     return wp::vec_t<2, int>(left, left);
