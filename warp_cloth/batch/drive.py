@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     import pyarrow
 
 CPU_SHARD = 8  # items to a shard at most: what a killed run does again on each core
-GPU_SHARD = 2048  # a GPU has little to do while the last of a shard come to rest
+GPU_SHARD = 1024  # a GPU has little to do while the last of a shard come to rest, and a killed run does four again
 WORKERS_PER_GPU = 4  # while one's garments relax, others load, or measure what they have fitted
 # At least so many, where there are items enough, as the last worker to end is waited for: half a shard in the mean.
 SHARDS_PER_CORE = 16
