@@ -64,7 +64,7 @@ class Shard:
     def digest(self) -> str:
         """A fingerprint of what is asked: the items, and the scene files as they stand."""
         asked = [[item.name, item.scene, list(item.changes), item.problem] for item in self.items]
-        scenes = {item.scene: _file_digest(item.scene) for item in self.items}
+        scenes = {scene: _file_digest(scene) for scene in dict.fromkeys(item.scene for item in self.items)}
         return hashlib.sha256(json.dumps([LAYOUT, asked, scenes]).encode()).hexdigest()
 
 
@@ -226,6 +226,7 @@ class Store:
     def get_ready(self) -> None:
         """Imports what tables are put together with, while others work."""
         _arrow()
+        import numpy.ma  # noqa: F401, which pyarrow asks for
         import pyarrow.compute  # noqa: F401, by which rows are put in order
 
     def check_batch(self, items: Sequence[Item]) -> None:
