@@ -35,8 +35,9 @@ GARMENTS = (("L", 20), ("S", 17), ("M", 14), ("L", 14), ("M", 12), ("L", 12), ("
             ("M", 8))  # size and edge [mm]  # fmt: skip
 MEASURES = ("stature", "chest", "waist", "hip")
 BODIES = ((1.70, 0.92, 0.80, 0.96), (1.76, 0.98, 0.86, 1.00), (1.84, 1.06, 0.94, 1.06), (1.66, 1.04, 0.96, 1.08))
-FRICTIONS = (0.5, 0.4, 0.3, 0.6, 0.2, 0.45, 0.35, 0.55, 0.25, 0.65, 0.15, 0.33, 0.47, 0.28, 0.52, 0.22, 0.57, 0.38, 0.62,
-             0.18, 0.43)  # by turns for those that are otherwise alike  # fmt: skip
+# by turns for those that are otherwise alike
+FRICTIONS = (0.5, 0.4, 0.3, 0.6, 0.2, 0.45, 0.35, 0.55, 0.25, 0.65, 0.15,
+             0.33, 0.47, 0.28, 0.52, 0.22, 0.57, 0.38, 0.62, 0.18, 0.43)  # fmt: skip
 
 Row = dict[str, Any]
 
