@@ -108,7 +108,8 @@ def test_a_fold_that_passes_through_itself_comes_undone(monkeypatch: pytest.Monk
     for step in range(10):
         course.advance(100 * step)
         points = iterate(relaxation, 100)
-        if not touch.crossing_count():
+        touch.note_crossings()
+        if not touch.crossings_noted():
             break
     assert not len(find_crossings(points, touch.sheets, "cpu").pairs)
 

@@ -20,6 +20,7 @@ from warp_cloth.collide.cloth_arrays import (
     thicknesses,
 )
 from warp_cloth.collide.exact import ExactCollider
+from warp_cloth.collide.facing import Facing
 from warp_cloth.collide.planting import Planting
 from warp_cloth.collide.sheets import SheetKind, sheets_of
 from warp_cloth.collide.untangling import sheet_untangling
@@ -31,7 +32,6 @@ from warp_cloth.kernels.contact_search import box_kernel, box_rest, open_kernel,
 from warp_cloth.kernels.contact_sums import add_kernel
 from warp_cloth.kernels.contact_watch import weigh_asked
 from warp_cloth.kernels.crossing_search import crossing_groups_kernel, crossing_leaves_kernel, crossings_kernel
-from warp_cloth.kernels.facing import face_vertices, sides_kernel
 from warp_cloth.kernels.lean_memory import LeanMemory
 from warp_cloth.kernels.meeting import LISTING, PARTS
 from warp_cloth.kernels.press_queue import ROUNDS
@@ -93,7 +93,7 @@ class ClothTouch:
         body: ExactCollider | None = None,
     ) -> None:
         self._model, self._device = model, wp.get_device(model.device)
-        self.sheets, self.body = sheets_of(parts), body
+        self.sheets = sheets_of(parts)
         order = None if model.patches is None else model.patches.order
         self._numbering = Numbering(None if order is None else order.numpy())
         self._order = order or wp.empty(0, dtype=wp.int32, device=model.device)
@@ -122,7 +122,7 @@ class ClothTouch:
         self._settle = settle_kernel(model.precision)
         self._press = press_kernel(model.precision, "stiffness", in_order)
         self._measure = press_kernel(model.precision, "size", in_order)
-        self._add, self._weigh_sides = add_kernel(model.precision), sides_kernel(model.precision)
+        self._add = add_kernel(model.precision)
         with wp.ScopedDevice(model.device):
             self.data = contact_arrays(self.sheets, parts, kinds, self._numbering)
             self.data.least_skin, self.data.most_skin = self.least_skin, LARGEST_SKIN * skin
@@ -132,6 +132,8 @@ class ClothTouch:
             self._untangling = sheet_untangling(self.sheets, parts, self._numbering)
             self._untangling.layer = wp.array(self._by_vertex([kind.layer for kind in kinds]), dtype=wp.int32)
             self._untangling.stride = STRIDE_SHARE * (thickest + skin)
+            self.facing = None if body is None else Facing(model.precision, self.sheets, self._numbering, body)
+            self._open = wp.zeros(1, dtype=wp.int32)
             trees = lay_out_trees(self._search, self._untangling, self.sheets, kinds, self._numbering)
             self._planting = Planting(model.precision, *trees)
             self._near_met, self._crossing_met = self._lists(), self._lists()
@@ -170,19 +172,13 @@ class ClothTouch:
 
     def kernels(self) -> list[wp.Kernel]:
         """Every kernel that contact launches."""
-        found = [
-            self._count_open,
-            self._start,
-            self._boxes,
-            box_rest,
-            self._groups,
-            self._crossing_groups,
-        ]  # the third for high trees
+        found = [self._count_open, self._start, self._boxes, self._groups, self._crossing_groups]
+        found.append(box_rest)  # for high trees
         if self._near_met.group.size:
             found += [self._leaves, self._pairs, self._crossing_leaves, self._part_crossings]
         untangling = [forget_tangles, self._part_layers, self._settle, spare_tangled]
         pressing = [weigh_asked, self._press, self._measure, self._add]
-        facing = [] if self.body is None else [self._weigh_sides, face_vertices]
+        facing = [] if self.facing is None else self.facing.kernels()
         return [*found, *untangling, *pressing, *facing, *self._planting.kernels()]
 
     def awaken(self) -> None:
@@ -223,15 +219,8 @@ class ClothTouch:
 
     def face_from_body(self) -> None:
         """The same, where there is a body, by where most of a garment's area faces. Does not wait for the device."""
-        if self.body is None:
-            return
-        device = self._model.device
-        away = wp.zeros(len(self.sheets.vertex_start) - 1, dtype=wp.int64, device=device)
-        garment = wp.array(self.sheets.garment, dtype=wp.int32, device=device)
-        asked = [self.cloth_now(), self._search, garment, self.body.collider, away]
-        self._launch(self._weigh_sides, len(garment), asked)
-        own = wp.array(self._by_vertex(range(len(away))), dtype=wp.int32, device=device)
-        self._launch(face_vertices, len(own), [own, away, self._untangling.outward])
+        if self.facing is not None:
+            self.facing.tell(self.cloth_now(), self._search, self._untangling.outward)
 
     def lift(self, height: float) -> None:
         """Keeps each layer this much farther from the avatar [m] than the one inside it."""
@@ -255,9 +244,9 @@ class ClothTouch:
 
     def note_open(self) -> None:
         """Keeps how many edges span seams that have yet to close, for ``open_noted``. Does not wait for the device."""
-        self.data.count.zero_()
-        self._launch(self._count_open, len(self.sheets.edges), [self.cloth_now(), self._search, self.data.count])
-        wp.copy(self._noted, self.data.count)
+        self._open.zero_()
+        self._launch(self._count_open, len(self.sheets.edges), [self.cloth_now(), self._search, self._open])
+        wp.copy(self._noted, self._open)
 
     def open_noted(self) -> int:
         """What ``note_open`` counted, once that has come to the host."""
@@ -309,12 +298,6 @@ class ClothTouch:
     def crossings_noted(self) -> int:
         """Crossings, and vertices tangled or on the wrong side of a layer, once that has come to the host."""
         return int(self._noted.numpy()[1:].sum())
-
-    def crossing_count(self) -> int:
-        """The same as it is. Waits for the device."""
-        self.note_crossings()
-        wp.synchronize_device(self._device)
-        return self.crossings_noted()
 
     def search_where_due(self, cloth: Any) -> None:
         """Looks for pairs anew where something moved too far since the last search; decided on the device.

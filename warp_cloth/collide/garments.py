@@ -81,7 +81,7 @@ def cloth_course(wardrobe: Wardrobe, relaxation: Relaxation, touch: ClothTouch) 
     """The way of a scene's garments from where they are loaded."""
 
     def face() -> None:
-        if touch.body is not None:
+        if touch.facing is not None:
             touch.face_from_body()
         else:
             touch.face(signs_from_middle(wardrobe.parts, relaxation.model.points()))
