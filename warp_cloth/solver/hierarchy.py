@@ -93,7 +93,7 @@ def _side_by_side(matrices: Sequence[Sparse]) -> Sparse:
     )
 
 
-def _rows(matrix: Sparse, model: ClothModel) -> Any:
+def rows_of(matrix: Sparse, model: ClothModel) -> Any:
     """The matrix on the model's device."""
     start, order = ragged_rows(matrix.row, matrix.shape[0])
     rows = level_types(model.precision).Rows()
@@ -103,7 +103,7 @@ def _rows(matrix: Sparse, model: ClothModel) -> Any:
     return rows
 
 
-def _transposed(matrix: Sparse) -> Sparse:
+def transposed(matrix: Sparse) -> Sparse:
     order = np.argsort(matrix.column, kind="stable")
     return Sparse(matrix.column[order], matrix.row[order], matrix.value[order], matrix.shape[::-1])
 
@@ -130,11 +130,11 @@ def coarse_level(finer_pairs: Indices, follow: Sparse, model: ClothModel) -> tup
     to_blocks = Sparse(ends[own], own // 2, np.ones(len(own)), (coarse, len(pairs)))
     level = Level(
         count=coarse,
-        up=_rows(follow, model),
-        down=_rows(_transposed(follow), model),
-        pairs=_rows(to_pairs, model),
+        up=rows_of(follow, model),
+        down=rows_of(transposed(follow), model),
+        pairs=rows_of(to_pairs, model),
         pair_count=len(pairs),
-        blocks=_rows(to_blocks, model),
+        blocks=rows_of(to_blocks, model),
     )
     return level, pairs.astype(np.int32)
 

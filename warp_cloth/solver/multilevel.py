@@ -34,6 +34,8 @@ MOST_LOOKS = 10
 # by some percent along its folds, and solved for all vertices at once, that throws them about by centimetres. So it is
 # gone after a quarter of a millimetre (66,000 vertices, 200 kN/m).
 SETTLING_MOMENTUM = 0.9
+# Iterations after which the level that turns is renewed: what the avatar holds of the cloth changes from step to step.
+TURNED = 40
 # Relative residuals below which the forces of cloth on an avatar have balanced, below which it hardly moves any more,
 # and below which it comes to rest; above TIGHTER times these it is not so any longer.
 BOUNDS = {Pace.CALM: 0.02, Pace.STILL: 0.002, Pace.RESTING: 0.0005}
@@ -64,6 +66,7 @@ class MultilevelRelaxation(Relaxation):
         self._drawing, self.pace = True, Pace.FALLING
         self._looks, self._strain, self._since = 0, math.inf, 0
         self._settles = False
+        self._turned = 0  # iterations since the level that turns was last renewed
 
     def kernels(self) -> list[wp.Kernel]:
         """The kernels that iterations launch."""
@@ -83,7 +86,9 @@ class MultilevelRelaxation(Relaxation):
         """Runs a chunk of iterations as one captured graph; looks from time to time whether seams are closed yet."""
         if self._drawing:
             self._look()
-        self._since += iterations
+        elif self._implicit is not None and self._turned >= TURNED and self._implicit.renew_turns():
+            self._turned = 0
+        self._since, self._turned = self._since + iterations, self._turned + iterations
         super().run(iterations, shown=shown)
 
     def start_near_rest(self) -> None:
