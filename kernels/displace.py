@@ -152,7 +152,8 @@ def end_function(
     point, vec3, Cloth, Vertex, Step, Item = (
         types.point, types.vec3, types.Cloth, types.Vertex, types.Step, types.Item,
     )  # fmt: skip
-    vertex_displacement = displacement(precision, accelerated, contact, collider_type, touches)
+    spares = spares_looks(contact, touches)
+    vertex_displacement = displacement(precision, accelerated, contact, collider_type, touches, spares)
     Colliders, Touch = colliders_type(contact, collider_type), touch_type(touches)
     Before, _ = before_functions(precision, accelerated, contact, collider_type, touches)
     order = order_functions(precision, packed=not touches)

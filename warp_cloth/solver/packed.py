@@ -41,6 +41,8 @@ class PackedCloth:
                 each.pinned = pinned
             if cloth.held:  # which only iterations ask
                 each.held = cloth.held
+            if cloth.clear:
+                each.clear = cloth.clear
             if cloth.leeway:
                 each.leeway = self._leeway or cloth.leeway
 

@@ -140,6 +140,8 @@ class Relaxation:
         self._presses_along = False  # whether what moves vertices presses pairs of cloth, too
         if accelerated and not model.cloth.stiffness:
             model.cloth.stiffness = wp.zeros(model.vertex_count, dtype=types.real, device=model.device)
+        if spares_looks(self.contact, touch is not None):
+            model.cloth.clear = wp.zeros(model.vertex_count, dtype=wp.float32, device=model.device)
         if model.patches is not None:  # no sum of forces in memory, but a second set of positions to write to
             patches = model.patches
             how = patches.few, patches.paired
@@ -156,8 +158,6 @@ class Relaxation:
                 self._move = eight_displace_kernel(model.precision, self.contact, self.collider_type, model.terms.pins)
             else:
                 self._move = displace_kernel(model.precision, accelerated, *asked, model.terms.pins)
-            if spares_looks(self.contact, touch is not None):
-                model.cloth.clear = wp.zeros(model.vertex_count, dtype=wp.float32, device=model.device)
         self._items = model.cloth.items.numpy().copy()
         self._items["active"] = 1
         self._sizes = np.diff(model.item_start)  # of the items, in vertices

@@ -301,6 +301,10 @@ class _Moved:
         """The sectors of a table that vertices look up by place."""
         array = self._arrays[name]
         block, vertex = self._vertices_by_block()
+        clear = next((of for each, of in self._arrays.items() if each.endswith(".clear")), None)
+        if clear is not None:  # only of what may have come near
+            looks = clear.numpy()[vertex] == 0.0
+            block, vertex = block[looks], vertex[looks]
         fields = self._launch.arguments.get(name.partition(".")[0])
         if not isinstance(fields, wp.array) or fields.dtype is not ContactField:
             nodes = np.arange(min(TABLE_NODES**array.ndim * len(vertex), array.size))
