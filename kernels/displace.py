@@ -23,7 +23,8 @@ from warp_cloth.kernels.cloth import MODULE_OPTIONS, Patch, cloth_types, free_fu
 from warp_cloth.kernels.contact_watch import contact_turn, contact_watch
 from warp_cloth.kernels.displacement import (
     AHEAD,
-    before_functions,
+    before_function,
+    before_type,
     colliders_type,
     displacement,
     spares_looks,
@@ -93,12 +94,11 @@ def displace_kernel(
     """
     types = cloth_types(precision)
     point, vec3, vec4, Cloth, Step = types.point, types.vec3, types.vec4, types.Cloth, types.Step
-    spares = spares_looks(contact, touches)
-    vertex_displacement = displacement(precision, accelerated, contact, collider_type, touches, spares)
+    vertex_displacement = displacement(precision, accelerated, contact, collider_type, touches)
     Touch = touch_type(touches)
     held_vertex = held_function(precision, accelerated, packed=False, in_order=False)
     free = free_function(precision, pins)
-    _, told_before = before_functions(precision, accelerated, contact, collider_type, touches)
+    told_before = before_function(precision, accelerated, contact, collider_type, touches)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def displace_vertices(
@@ -116,7 +116,7 @@ def displace_kernel(
         if wp.static(contact is field_contact):
             if vertex + AHEAD < cloth.weight.shape[0]:
                 looks = True
-                if wp.static(spares):
+                if wp.static(spares_looks(contact, touches)):
                     looks = element(cloth.clear, vertex + AHEAD) == 0.0
                 if looks:
                     fetch_field(colliders[number], wp.vec3d(element(cloth.position, vertex + AHEAD)))
@@ -152,10 +152,9 @@ def end_function(
     point, vec3, Cloth, Vertex, Step, Item = (
         types.point, types.vec3, types.Cloth, types.Vertex, types.Step, types.Item,
     )  # fmt: skip
-    spares = spares_looks(contact, touches)
-    vertex_displacement = displacement(precision, accelerated, contact, collider_type, touches, spares)
+    vertex_displacement = displacement(precision, accelerated, contact, collider_type, touches)
     Colliders, Touch = colliders_type(contact, collider_type), touch_type(touches)
-    Before, _ = before_functions(precision, accelerated, contact, collider_type, touches)
+    Before = before_type(precision, contact, collider_type, touches)
     order = order_functions(precision, packed=not touches)
     put_position, put_move = order.put_position, order.put_move
 
@@ -220,7 +219,7 @@ def advance_kernel(
     bounds = threads, FEW_PER_CORE if few else many - (contact is not None)
     types = cloth_types(precision)
     point, vec4, Cloth, Step = types.point, types.vec4, types.Cloth, types.Step
-    _, told_before = before_functions(precision, accelerated, contact, collider_type, touches)
+    told_before = before_function(precision, accelerated, contact, collider_type, touches, packed=not touches)
     end_vertex = end_function(precision, accelerated, contact, collider_type, touches)
     Touch = touch_type(touches)
     bound = step_bound(accelerated, contact, touches)
@@ -285,6 +284,8 @@ def advance_kernel(
         if wp.static(keeps):
             work_corners(patches, patch, beside, step, lane, work)
         edges, triangles = wp.vec4i(work.edges), wp.vec4i(work.triangles)
+        if wp.static(fits and not touches):
+            known = told_before(touch, cloth, colliders, vertex, wp.vec3d(held.position), patch.item, item)
         wait_for_block()
         if wp.static(presses):  # all that need not wait for those that press
             known = told_before(touch, cloth, colliders, vertex, wp.vec3d(held.position), patch.item, item)
@@ -301,9 +302,10 @@ def advance_kernel(
         elif wp.static(fits):
             if local < patch.owned_count:
                 load = vertex_load(patches, patch, beside, work.memory, local, edges, triangles)
-                before = told_before(touch, cloth, colliders, vertex, wp.vec3d(held.position), patch.item, item)
+                if wp.static(touches):
+                    known = told_before(touch, cloth, colliders, vertex, wp.vec3d(held.position), patch.item, item)
                 end_vertex(
-                    step, colliders, touch, before, cloth, load, held, vertex, moves, patch.item, item,
+                    step, colliders, touch, known, cloth, load, held, vertex, moves, patch.item, item,
                     position_out, move_out,
                 )  # fmt: skip
         else:

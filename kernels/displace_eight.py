@@ -116,7 +116,8 @@ def eight_displace_kernel(precision: str, contact: wp.Function | None, collider_
     ``contact``, ``collider_type`` and ``pins`` as of displace.displace_kernel.
     """
     types, eights = cloth_types(precision), shaped(cloth_types(precision).real, True)
-    real, vec3, vec4, Cloth, Step, Item = types.real, types.vec3, types.vec4, types.Cloth, types.Step, types.Item
+    real, vec3, vec4, vec6, Cloth = types.real, types.vec3, types.vec4, types.vec6, types.Cloth
+    Step, Item = types.Step, types.Item
     worn, spares = wears(True, contact), spares_looks(contact, touches=False)
     force_way = way_function(precision, steady_swing(True, contact, touches=False), eight=True)
     kept_share = momentum_function(precision, steady_swing(True, contact, touches=False))
@@ -154,7 +155,7 @@ def eight_displace_kernel(precision: str, contact: wp.Function | None, collider_
             vertex = first + lane
             move = vec3(moves[lane], moves[WIDTH + lane], moves[2 * WIDTH + lane])
             position = element(cloth.position, vertex)
-            move, kept = looked_move(cloth, collider, False, float(0.0), vertex, position, move, item)
+            move, kept = looked_move(cloth, collider, False, vec6(), float(0.0), vertex, position, move, item)
             for axis in range(3):
                 met[WIDTH * axis + lane] = move[axis]
                 momentum[WIDTH * axis + lane] = kept[axis]

@@ -5,12 +5,14 @@ from typing import Any
 
 import warp as wp
 
+from warp_cloth.kernels.access import element
 from warp_cloth.kernels.arithmetic import inner, quotient, root, scaled_sum, shaped
 from warp_cloth.kernels.cloth import cloth_types
 from warp_cloth.kernels.cloth_contact import ClothContact, ContactBefore, contact_before
 from warp_cloth.kernels.contact_sums import taken_function
 from warp_cloth.kernels.field import field_contact
 from warp_cloth.kernels.meet_avatar import meeting
+from warp_cloth.kernels.packing import order_functions
 from warp_cloth.kernels.stiffness import symmetric_functions, symmetric_times
 from warp_cloth.kernels.words import above, alike, least, most, part, scaled, spread, sums, three, times
 
@@ -63,17 +65,13 @@ def touch_type(touches: bool) -> type:
 
 
 @functools.cache
-def before_functions(
-    precision: str, accelerated: bool, contact: wp.Function | None, collider_type: type, touches: bool
-) -> tuple[type, wp.Function]:
-    """The struct of what is known of a vertex before pairs of cloth are pressed, and the function that tells it.
+def before_type(precision: str, contact: wp.Function | None, collider_type: type, touches: bool) -> type:
+    """The struct of what is known of a vertex before its forces are; arguments as of ``displacement``.
 
-    Arguments as of ``displacement``. Where cloth meets cloth that is all that need not wait for those that press.
+    A GPU waits for memory far longer than it works: it asks for all that while forces are still worked out, or while
+    others press pairs of cloth.
     """
-    types = cloth_types(precision)
-    real, vec6, Cloth, Item = types.real, types.vec6, types.Cloth, types.Item
-    Colliders, Touch = colliders_type(contact, collider_type), touch_type(touches)
-    worn, inverse = wears(accelerated, contact, touches), symmetric_functions(precision).leeway_inverse
+    vec6 = cloth_types(precision).vec6
 
     @wp.struct
     class Before:
@@ -84,31 +82,60 @@ def before_functions(
         stiff: vec6  # inverse of the leeway of one that is loose
         collider: collider_type  # of its item
 
+    @wp.struct
+    class WornBefore:
+        """What is known of a vertex that may meet an avatar alone."""
+
+        loose: bool
+        leeway: vec6  # of one that is loose
+        clear: float  # as of Cloth [m]
+
+    if touches:
+        return Before
+    return NoClothContact if contact is None else WornBefore
+
+
+@functools.cache
+def before_function(
+    precision: str,
+    accelerated: bool,
+    contact: wp.Function | None,
+    collider_type: type,
+    touches: bool,
+    packed: bool = False,
+) -> wp.Function:
+    """The function that tells ``before_type``; ``packed`` as of packing.order_functions."""
+    types = cloth_types(precision)
+    real, Cloth, Item = types.real, types.Cloth, types.Item
+    Colliders, Touch = colliders_type(contact, collider_type), touch_type(touches)
+    Before = before_type(precision, contact, collider_type, touches)
+    worn, inverse = wears(accelerated, contact, touches), symmetric_functions(precision).leeway_inverse
+    spares, leeway_at = spares_looks(contact, touches), order_functions(precision, packed).leeway_at
+
     @wp.func
     def told_before(
         touch: Touch, cloth: Cloth, colliders: Colliders, vertex: int, position: wp.vec3d, number: int, item: Item
     ):
         """What is known of a vertex of an item of that number."""
         before = Before()
-        before.touch = contact_before(touch, vertex, position)
-        if wp.static(contact is not None):
-            before.collider = colliders[number]
+        if wp.static(touches):
+            before.touch = contact_before(touch, vertex, position)
+            if wp.static(contact is not None):
+                before.collider = colliders[number]
+        if wp.static(spares):
+            before.clear = element(cloth.clear, vertex)
         if wp.static(worn):
             if item.leeway > real(0.0):
-                leeway = cloth.leeway[vertex]
+                leeway = leeway_at(cloth, vertex)
                 before.loose = cloth.held[vertex] == wp.uint8(0)
-                if before.loose:
-                    before.stiff = inverse(leeway)
+                if wp.static(touches):
+                    if before.loose:
+                        before.stiff = inverse(leeway)
+                else:
+                    before.leeway = leeway
         return before
 
-    @wp.func
-    def nothing_before(
-        touch: Touch, cloth: Cloth, colliders: Colliders, vertex: int, position: wp.vec3d, number: int, item: Item
-    ):
-        """What is known where nothing is met."""
-        return NoClothContact()
-
-    return (Before, told_before) if touches else (NoClothContact, nothing_before)
+    return told_before
 
 
 def wears(accelerated: bool, contact: wp.Function | None, touches: bool = False) -> bool:
@@ -120,7 +147,7 @@ def wears(accelerated: bool, contact: wp.Function | None, touches: bool = False)
 
 
 def spares_looks(contact: wp.Function | None, touches: bool) -> bool:
-    """Whether ``displace_vertices`` looks up only what may have come near the avatar: where that may be told.
+    """Whether only what may have come near the avatar is looked up: where that may be told.
 
     Where cloth meets cloth it is lifted off the avatar here and there.
     """
@@ -214,7 +241,7 @@ def free_move(
     Step, Item = types.Step, types.Item
     worn, pressed_way = wears(accelerated, contact, touches), loose_way(precision)
     steady = steady_swing(accelerated, contact, touches)
-    Before, _ = before_functions(precision, accelerated, contact, collider_type, touches)
+    Before = before_type(precision, contact, collider_type, touches)
     force_way, kept_share = way_function(precision, steady), momentum_function(precision, steady)
 
     @wp.func
@@ -234,8 +261,8 @@ def free_move(
                         own = load[3] - pressed + quotient(weight, item.cap)
                         way = pressed_way(before.stiff, force, own, stiffness)
                 else:
-                    if item.leeway > real(0.0) and cloth.held[vertex] == wp.uint8(0):
-                        way = symmetric_times(cloth.leeway[vertex], way)
+                    if before.loose:
+                        way = symmetric_times(before.leeway, way)
             momentum, damping = kept_share(step, item)
             move = accelerated_move(force, way, held.move, momentum * kept, damping, item.cap)
         else:
@@ -253,7 +280,6 @@ def displacement(
     contact: wp.Function | None,
     collider_type: type,
     touches: bool,
-    spares: bool = False,
 ) -> wp.Function:
     """The function that turns a free vertex's load into its displacement [m], contact and friction included.
 
@@ -263,17 +289,26 @@ def displacement(
         contact: (collider, world position) -> (normal, distance [m]); None where the scene has no avatar.
         collider_type: the struct that it asks, one for each item; NoCollider without avatar.
         touches: whether cloth meets cloth.
-        spares: whether a vertex that surely cannot have come near the avatar is not looked up; the same bits.
     """
     types = cloth_types(precision)
-    real, vec3, vec4, Vertex, Step, Item = types.real, types.vec3, types.vec4, types.Vertex, types.Step, types.Item
+    real, vec3, vec4, vec6, Vertex, Step, Item = (
+        types.real,
+        types.vec3,
+        types.vec4,
+        types.vec6,
+        types.Vertex,
+        types.Step,
+        types.Item,
+    )
     Cloth = types.Cloth
     Colliders, Touch = colliders_type(contact, collider_type), touch_type(touches)
     own_move = free_move(precision, accelerated, contact, collider_type, touches)
-    Before, _ = before_functions(precision, accelerated, contact, collider_type, touches)
+    Before = before_type(precision, contact, collider_type, touches)
     contact_taken = taken_function(precision)
     worn = wears(accelerated, contact, touches)
-    met_move = None if contact is None else meeting(precision, contact, collider_type, worn, spares, touches)
+    met_move = None
+    if contact is not None:
+        met_move = meeting(precision, contact, collider_type, worn, spares_looks(contact, touches), touches)
 
     @wp.func
     def vertex_displacement(
@@ -290,7 +325,7 @@ def displacement(
     ):
         """Displacement of a vertex, the part of it that has momentum, and the stiffness that it went by.
 
-        ``before`` of ``before_functions``; ``number`` is of the item that the vertex belongs to.
+        ``before`` of ``before_function``; ``number`` is of the item that the vertex belongs to.
         """
         shift = vec3()
         lift = float(0.0)
@@ -307,9 +342,14 @@ def displacement(
         kept = move
         if wp.static(contact is not None):
             if wp.static(touches):
-                move, kept = met_move(cloth, before.collider, before.loose, lift, vertex, held.position, move, item)
+                move, kept = met_move(
+                    cloth, before.collider, before.loose, vec6(), 0.0, lift, vertex, held.position, move, item
+                )
             else:
-                move, kept = met_move(cloth, colliders[number], False, lift, vertex, held.position, move, item)
+                move, kept = met_move(
+                    cloth, colliders[number], before.loose, before.leeway, before.clear, lift, vertex, held.position,
+                    move, item,
+                )  # fmt: skip
         if wp.static(touches):
             move, kept = capped(move, room), capped(kept, room) - shift
         return move, kept, stiffness

@@ -125,7 +125,8 @@ def measure_slopes(
         slope = wp.max(slope, wp.abs(wp.vec3f(here, here, here) - beside))
         last = here
     for axis in range(3):
-        wp.atomic_max(slope_out, axis, slope[axis])
+        if slope[axis] > slope_out[axis]:  # else thousands wait for each other
+            wp.atomic_max(slope_out, axis, slope[axis])
 
 
 @wp.func

@@ -16,14 +16,22 @@ LONGER, STEP = wp.constant(1.0001), wp.constant(1.0e-9)  # more than rounding ad
 
 @functools.cache
 def looking(
-    precision: str, contact: wp.Function, collider_type: type, worn: bool, spares: bool, touches: bool = False
+    precision: str,
+    contact: wp.Function,
+    collider_type: type,
+    worn: bool,
+    spares: bool,
+    touches: bool = False,
+    told: bool = False,
 ) -> wp.Function:
     """The function that looks up where a displaced vertex meets its item's avatar.
 
-    Arguments as of displacement.displacement; ``worn``: whether cloth may be loose.
+    Arguments as of displacement.displacement; ``worn``: whether cloth may be loose; ``spares`` of spares_looks;
+    ``told``: whether it is known if a vertex is loose and, unless cloth meets cloth, its leeway; what is not is read
+    here.
     """
     types = cloth_types(precision)
-    real, point, vec3, Cloth, Item = types.real, types.point, types.vec3, types.Cloth, types.Item
+    real, point, vec3, vec6, Cloth, Item = types.real, types.point, types.vec3, types.vec6, types.Cloth, types.Item
     even, changed_leeway = symmetric_functions(precision).even, changed_leeway_function(precision)
 
     @wp.func
@@ -37,7 +45,8 @@ def looking(
     def looked_move(
         cloth: Cloth,
         collider: collider_type,
-        known: bool,
+        loose: bool,
+        leeway: vec6,
         lift: float,
         vertex: int,
         position: point,
@@ -46,9 +55,9 @@ def looking(
     ):
         """A vertex' displacement after contact and friction, and what of it has momentum.
 
-        ``known``: where cloth meets cloth, whether it is loose; ``lift`` is how much farther off it is met [m]. What
-        comes to be held goes on without leeway, as if it had become so much heavier; it is slowed as much, or contact
-        that comes and goes would feed a swing.
+        ``loose``: whether it has leeway; ``lift`` is how much farther off it is met [m]. What comes to be held goes on
+        without leeway, as if it had become so much heavier; it is slowed as much, or contact that comes and goes would
+        feed a swing.
         """
         place = wp.vec3d(position) + wp.vec3d(move)
         at = contact(collider, place)
@@ -60,9 +69,12 @@ def looking(
             move = pushed_move(at, push, move, item)
             kept = move
             if wp.static(worn):
-                if wp.static(touches):
-                    if known:
-                        kept = changed_leeway(cloth.leeway[vertex], even(real(1.0)), move)
+                if wp.static(told):
+                    if loose:
+                        before = leeway
+                        if wp.static(touches):
+                            before = cloth.leeway[vertex]
+                        kept = changed_leeway(before, even(real(1.0)), move)
                 else:
                     if item.leeway > real(0.0) and cloth.held[vertex] == wp.uint8(0):
                         kept = changed_leeway(cloth.leeway[vertex], even(real(1.0)), move)
@@ -79,28 +91,30 @@ def meeting(
 ) -> wp.Function:
     """The function that has a displaced vertex meet its item's avatar; arguments as of ``looking``."""
     types = cloth_types(precision)
-    point, vec3, Cloth, Item = types.point, types.vec3, types.Cloth, types.Item
-    looked_move = looking(precision, contact, collider_type, worn, spares, touches)
+    point, vec3, vec6, Cloth, Item = types.point, types.vec3, types.vec6, types.Cloth, types.Item
+    looked_move = looking(precision, contact, collider_type, worn, spares, touches, told=True)
 
     @wp.func
     def met_move(
         cloth: Cloth,
         collider: collider_type,
-        known: bool,
+        loose: bool,
+        leeway: vec6,
+        clear: float,
         lift: float,
         vertex: int,
         position: point,
         move: vec3,
         item: Item,
     ):
-        """``looked_move`` of a vertex that may have come near."""
+        """``looked_move`` of a vertex that may have come near; it is surely so ``clear`` of the avatar [m]."""
         if wp.static(spares):
-            left = cloth.clear[vertex] - (LONGER * float(root(inner(move, move))) + STEP)
+            left = clear - (LONGER * float(root(inner(move, move))) + STEP)
             if left > 0.0:
                 cloth.clear[vertex] = left
                 if wp.static(worn):
                     cloth.held[vertex] = wp.uint8(0)
                 return move, move
-        return looked_move(cloth, collider, known, lift, vertex, position, move, item)
+        return looked_move(cloth, collider, loose, leeway, lift, vertex, position, move, item)
 
     return met_move

@@ -1,7 +1,8 @@
 """Vertices in the order in which patches own them, so that what a patch reads and writes lies together.
 
 A GPU reads and writes 16 bytes in one go, of neighbours side by side. So packed positions are first two coordinates of
-each vertex, then the third ones of all; and displacements have four numbers. Where cloth meets cloth many others read
+each vertex, then the third ones of all; leeway first four numbers of each, then the last two of all; and displacements
+have four numbers. Where cloth meets cloth many others read
 single positions, which then lie as ever.
 """
 
@@ -33,6 +34,38 @@ for _dtype, _real in ((wp.vec3f, "wp::float32"), (wp.vec3d, "wp::float64")):
     @wp.func_native(_PUT_POINT % {"real": _real})
     def put_packed_point(array: wp.array(dtype=_dtype), index: int, value: _dtype):
         """Writes one of the packed positions."""
+        array[index] = value
+
+
+_SIX = """
+    auto* data = reinterpret_cast<%(real)s*>(array.data);
+    typedef wp::vec_t<4, %(real)s> Four;
+    typedef wp::vec_t<2, %(real)s> Two;
+    auto* four = static_cast<Four*>(__builtin_assume_aligned(data + 4 * index, 16));
+    auto* two = static_cast<Two*>(__builtin_assume_aligned(data + 4 * array.shape[0] + 2 * index, sizeof(Two)));
+"""
+_READ_SIX = (
+    _SIX
+    + """
+    wp::vec_t<6, %(real)s> value;
+    for (int k = 0; k < 6; ++k)
+        value.c[k] = k < 4 ? four->c[k] : two->c[k - 4];
+    return value;
+"""
+)
+_PUT_SIX = _SIX + "    *four = Four(value[0], value[1], value[2], value[3]);\n    *two = Two(value[4], value[5]);"
+
+for _dtype, _real in ((wp.float32, "wp::float32"), (wp.float64, "wp::float64")):
+    _six = wp.types.vector(length=6, dtype=_dtype)
+
+    @wp.func_native(_READ_SIX % {"real": _real})
+    def packed_six(array: wp.array(dtype=_six), index: int) -> _six:
+        """The packed leeway of a vertex."""
+        return array[index]
+
+    @wp.func_native(_PUT_SIX % {"real": _real})
+    def put_packed_six(array: wp.array(dtype=_six), index: int, value: _six):
+        """Writes the packed leeway of a vertex."""
         array[index] = value
 
 
@@ -86,13 +119,13 @@ def three_function(precision: str) -> wp.Function:
 
 @functools.cache
 def order_functions(precision: str, packed: bool, in_order: bool = True) -> SimpleNamespace:
-    """Functions ``position_at``, ``sized_move``, ``move_at``, ``put_position``, ``put_move``, and the type ``move``.
+    """Functions ``position_at``, ``sized_move``, ``move_at``, ``leeway_at``, as many that put, and the type ``move``.
 
     ``packed``: whether positions are; ``in_order``: whether vertices lie in the patches' order, and displacements have
     four numbers.
     """
     types = cloth_types(precision)
-    point, vec3, vec4, Cloth = types.point, types.vec3, types.vec4, types.Cloth
+    point, vec3, vec4, vec6, Cloth = types.point, types.vec3, types.vec4, types.vec6, types.Cloth
     sized, first_three = sized_function(precision), three_function(precision)
 
     @wp.func
@@ -140,6 +173,21 @@ def order_functions(precision: str, packed: bool, in_order: bool = True) -> Simp
         """Writes where a vertex is."""
         put(position_out, vertex, position)
 
+    @wp.func
+    def leeway_at(cloth: Cloth, vertex: int):
+        """A vertex' leeway."""
+        return cloth.leeway[vertex]
+
+    @wp.func
+    def packed_leeway_at(cloth: Cloth, vertex: int):
+        """A vertex' leeway."""
+        return packed_six(cloth.leeway, vertex)
+
+    @wp.func
+    def put_leeway(leeway_out: wp.array(dtype=vec6), vertex: int, leeway: vec6):
+        """Writes a vertex' leeway."""
+        leeway_out[vertex] = leeway
+
     moves = (
         (packed_sized_move, packed_move_at, put_packed_move, vec4)
         if in_order
@@ -149,6 +197,8 @@ def order_functions(precision: str, packed: bool, in_order: bool = True) -> Simp
         position_at=packed_position_at if packed else position_at,
         put_position=put_packed_point if packed else put_position,
         sized_move=moves[0], move_at=moves[1], put_move=moves[2], move=moves[3],
+        leeway_at=packed_leeway_at if packed else leeway_at,
+        put_leeway=put_packed_six if packed else put_leeway,
     )  # fmt: skip
 
 
@@ -162,9 +212,8 @@ def packing_kernels(precision: str, accelerated: bool, packed: bool) -> SimpleNa
     types = cloth_types(precision)
     point, real, vec3, Cloth = types.point, types.real, types.vec3, types.Cloth
     rests, orders = rest_function(precision), order_functions(precision, packed)
-    put_there, put_move, position_at, move_at = (
-        orders.put_position, orders.put_move, orders.position_at, orders.move_at,
-    )  # fmt: skip
+    put_there, put_move, put_leeway = orders.put_position, orders.put_move, orders.put_leeway
+    position_at, move_at = orders.position_at, orders.move_at
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def pack_vertices(
@@ -194,7 +243,7 @@ def packing_kernels(precision: str, accelerated: bool, packed: bool) -> SimpleNa
         place = wp.tid()
         if rests(cloth, place):
             return
-        leeway_out[place] = cloth.leeway[element(order, place)]
+        put_leeway(leeway_out, place, cloth.leeway[element(order, place)])
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def unpack_vertices(

@@ -38,7 +38,7 @@ class FieldBuild:
     origin: NDArray[np.float64]  # node (0, 0, 0) [m], shape [3]
     spacing: float  # [m]
     reach: float  # [m]
-    steepest: float  # slope that the distance has nowhere more of; 0: not measured
+    steepest: float  # slope that the distance has nowhere more of
     beyond: float  # distance that far nodes' surroundings have at least [m]
 
     @property
@@ -163,12 +163,7 @@ def build_contact_field(
 
 
 def _slope_bounds(values: wp.array, spacing: float, reach: float) -> tuple[float, float]:
-    """The steepest slope, and the least distance where a node tells that all is beyond ``reach`` [m].
-
-    Only where it saves looks to know them: on the CPU.
-    """
-    if wp.get_device(values.device).is_cuda:
-        return 0.0, reach
+    """The steepest slope, and the least distance where a node tells that all is beyond ``reach`` [m]."""
     slope = wp.zeros(3, dtype=wp.float32, device=values.device)
     wp.launch(measure_slopes, dim=values.shape[:2], inputs=[values], outputs=[slope], device=values.device)
     most = slope.numpy().astype(np.float64)
