@@ -12,6 +12,7 @@ from types import SimpleNamespace
 
 import warp as wp
 
+from warp_cloth.kernels.access import element
 from warp_cloth.kernels.arithmetic import inner, root, shaped
 from warp_cloth.kernels.cloth import MODULE_OPTIONS, cloth_types, difference_function, rest_function
 from warp_cloth.kernels.edge import edge_functions
@@ -139,18 +140,18 @@ def _bound_folds_kernel(precision: str, terms: Terms, in_order: bool) -> wp.Kern
     ):
         """Bounds the stiffness of each edge's hinge."""
         edge = wp.tid()
-        ends = edges.ends[edge]
+        ends = element(edges.ends, edge)
         if rests(cloth, ends[0]):
             return
-        beside = edges.beside[edge]
+        beside = element(edges.beside, edge)
         rest = vec2()
         if wp.static(terms.angles):
-            rest = edges.rest[edge]
-        move = move_at(cloth, ends[0])
-        span = edge_span(
-            cloth.position[ends[0]], cloth.position[ends[1]], move, move_at(cloth, ends[1]), root(inner(move, move))
-        )
-        fold = edge_fold(span, normal[beside[0]], normal[beside[1]], edges.fold[edge], rest, step)
+            rest = element(edges.rest, edge)
+        move, other = move_at(cloth, ends[0]), move_at(cloth, ends[1])
+        first, second = element(cloth.position, ends[0]), element(cloth.position, ends[1])
+        span = edge_span(first, second, move, other, root(inner(move, move)))
+        normal_0, normal_1 = element(normal, beside[0]), element(normal, beside[1])
+        fold = edge_fold(span, normal_0, normal_1, element(edges.fold, edge), rest, step)
         bound_out[edge] = fold[1]
 
     return bound_folds
@@ -196,7 +197,7 @@ def _find_leeway_kernel(precision: str, terms: Terms, in_order: bool) -> wp.Kern
         total = real(0.0)
         for k in range(3):
             edge = wp.where(sides[k] < 0, -1 - sides[k], sides[k])
-            total += bound[edge] * wp.where(k == corner, real(1.0), half)
+            total += element(bound, edge) * wp.where(k == corner, real(1.0), half)
         return total
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
@@ -212,31 +213,33 @@ def _find_leeway_kernel(precision: str, terms: Terms, in_order: bool) -> wp.Kern
         vertex = wp.tid()
         if rests(cloth, vertex):
             return
-        most = cloth.items[cloth.item[vertex]].leeway
+        item = cloth.items[element(cloth.item, vertex)]
+        most = item.leeway
         if most == real(0.0):
             return
-        total = cloth.weight[vertex] / cloth.items[cloth.item[vertex]].cap
+        total = element(cloth.weight, vertex) / item.cap
         matrix = even(total)
         if wp.static(terms.edges):
-            for row in range(rows.edge_start[vertex], rows.edge_start[vertex + 1]):
-                edge = rows.edge[row]
-                ends = edges.ends[edge]
-                way = difference(cloth.position[ends[1]], cloth.position[ends[0]])
+            for row in range(element(rows.edge_start, vertex), element(rows.edge_start, vertex + 1)):
+                edge = element(rows.edge, row)
+                ends = element(edges.ends, edge)
+                way = difference(element(cloth.position, ends[1]), element(cloth.position, ends[0]))
                 change = move_at(cloth, ends[1]) - move_at(cloth, ends[0])
-                more, size = spring_matrix(way, change, edges.law[edge], step)
+                more, size = spring_matrix(way, change, element(edges.law, edge), step)
                 matrix += more
                 total += size
         if wp.static(terms.folds or terms.threads):
-            for row in range(rows.triangle_start[vertex], rows.triangle_start[vertex + 1]):
-                triangle = rows.triangle[row] // 3
-                corner = rows.triangle[row] - 3 * triangle
+            for row in range(element(rows.triangle_start, vertex), element(rows.triangle_start, vertex + 1)):
+                entry = element(rows.triangle, row)
+                triangle = entry // 3
+                corner = entry - 3 * triangle
                 if wp.static(terms.folds):
-                    size = folds_bound(triangles.edges[triangle], bound, corner)
+                    size = folds_bound(element(triangles.edges, triangle), bound, corner)
                     matrix += even(size)
                     total += size
                 if wp.static(terms.threads):
-                    slope, law = triangles.slope[triangle], triangles.threads[triangle]
-                    sides = sides_of(cloth, triangles.corners[triangle])
+                    slope, law = element(triangles.slope, triangle), element(triangles.threads, triangle)
+                    sides = sides_of(cloth, element(triangles.corners, triangle))
                     weft, warp, bounds, share, shorter = threads_bounds(
                         sides.side_1, sides.side_2, sides.change_1, sides.change_2, slope, law, step
                     )

@@ -247,16 +247,16 @@ def packing_kernels(precision: str, accelerated: bool, packed: bool) -> SimpleNa
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def unpack_vertices(
-        order: wp.array(dtype=wp.int32),  # vertices as patches own them, shape [V]
+        rank: wp.array(dtype=wp.int32),  # where patches have each vertex, shape [V]
         there: Cloth,
         position_out: wp.array(dtype=point),  # [m], shape [V]
         move_out: wp.array(dtype=vec3),  # [m], shape [V]
         stiffness_out: wp.array(dtype=real),  # [N/m], shape [V]
     ):
         """Puts it back in the garments' order."""
-        place = wp.tid()
-        vertex = element(order, place)
-        if rests(there, place):
+        vertex = wp.tid()
+        place = element(rank, vertex)
+        if rests(there, vertex):
             return
         put(position_out, vertex, position_at(there, place))
         put(move_out, vertex, move_at(there, place))

@@ -40,6 +40,7 @@ class Patches:
         tables: Any,
         packed_tables: tuple[Any, Any],
         order: wp.array,
+        rank: wp.array,
         overflow: wp.array,
         few: bool,
     ) -> None:
@@ -48,6 +49,7 @@ class Patches:
         self.tables = tables  # kernels.cloth Patches
         self.packed_tables = packed_tables  # the same for vertices in the patches' order; and last patches first
         self.order = order  # that order: of each patch the vertices that it owns
+        self.rank = rank  # where each vertex is in it
         self.overflow = overflow  # memory of patches that are too large for a block's own
         self.fits = wp.get_device(overflow.device).is_cuda and not len(overflow)  # whether none is
         self.paired = bool(rows[:, list(Patch.vars).index("item_count")].any())  # whether threads work on pairs
@@ -161,7 +163,8 @@ def device_patches(
     back.patch = upload(_last_first(wide, len(wide)).reshape(-1, 4), wp.vec4i)
     overflow = wp.empty(cut.overflow, dtype=wp.uint8, device=device)
     few = max(len(rows), 0 if like is None else like // block.vertices) <= FEW
-    return Patches(wide, rows["item"], tables, (packed, back), upload(order, wp.int32), overflow, few)
+    places = upload(order, wp.int32), upload(rank, wp.int32)
+    return Patches(wide, rows["item"], tables, (packed, back), *places, overflow, few)
 
 
 def _last_first(rows: NDArray[np.int32], count: int) -> NDArray[np.int32]:

@@ -93,5 +93,5 @@ class PackedCloth:
         model, cloth = self._model, self._model.cloth
         here = self._there if count % 2 else self._here
         stiffness = cloth.stiffness if self._stiffness is not None else None
-        inputs = [self._patches.order, here, cloth.position, cloth.move, stiffness]
+        inputs = [self._patches.rank, here, cloth.position, cloth.move, stiffness]
         wp.launch(self._kernels.unpack_vertices, dim=model.vertex_count, inputs=inputs, device=model.device)
