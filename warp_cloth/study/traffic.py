@@ -10,7 +10,7 @@ from typing import Any
 import warp as wp
 
 ATOMICS = frozenset({"atomic_add", "atomic_sub", "atomic_min", "atomic_max", "atomic_cas", "atomic_exch"})
-PACKED = frozenset({"packed_point", "put_packed_point"})
+PACKED = frozenset({"packed_point", "put_packed_point", "packed_six", "put_packed_six"})
 LOOKS = frozenset({"look_due"})  # that read some of an array's elements at once
 QUEUES = frozenset({"queue_due"})  # that are given those, and say how many of them go on, of each kind
 COUNTERS = frozenset({"team_slot", "next_slot"})  # that add to a count, and are told what it was
