@@ -180,24 +180,23 @@ def field_contact(field: ContactField, p: wp.vec3d) -> wp.vec4f:
     wy = spline_weights(v)
     wz = spline_weights(w)
     sx = spline_slopes(u)
+    sy = spline_slopes(v)
     across = wp.vec3f()  # of the three nodes along z, summed across x and y; then by the slopes along x, along y
     across_x = wp.vec3f()
-    for a in range(3):
-        plane = wp.vec3f()
-        for b in range(3):
-            plane = scaled_sum(row_about(field.values, first + a * plane_nodes + b * nz), wy[b], plane)
-        across = scaled_sum(plane, wx[a], across)
-        across_x = scaled_sum(plane, sx[a], across_x)
-    distance = inner(wz, across)
-    if distance > field.near:
-        return far_contact(distance)
-    sy = spline_slopes(v)
     across_y = wp.vec3f()
     for a in range(3):
         plane = wp.vec3f()
+        plane_y = wp.vec3f()
         for b in range(3):
-            plane = scaled_sum(row_about(field.values, first + a * plane_nodes + b * nz), sy[b], plane)
-        across_y = scaled_sum(plane, wx[a], across_y)
+            row = row_about(field.values, first + a * plane_nodes + b * nz)
+            plane = scaled_sum(row, wy[b], plane)
+            plane_y = scaled_sum(row, sy[b], plane_y)
+        across = scaled_sum(plane, wx[a], across)
+        across_x = scaled_sum(plane, sx[a], across_x)
+        across_y = scaled_sum(plane_y, wx[a], across_y)
+    distance = inner(wz, across)
+    if distance > field.near:
+        return far_contact(distance)
     gx, gy, gz = inner(wz, across_x), inner(wz, across_y), inner(spline_slopes(w), across)
     gradient = wp.vec3f(gx, gy, gz)  # per spacing
     length = root(inner(gradient, gradient))
