@@ -94,11 +94,12 @@ def displace_kernel(
     """
     types = cloth_types(precision)
     point, vec3, vec4, Cloth, Step = types.point, types.vec3, types.vec4, types.Cloth, types.Step
-    vertex_displacement = displacement(precision, accelerated, contact, collider_type, touches)
+    spares = spares_looks(contact, touches)
+    vertex_displacement = displacement(precision, accelerated, contact, collider_type, touches, spares)
     Touch = touch_type(touches)
     held_vertex = held_function(precision, accelerated, packed=False, in_order=False)
     free = free_function(precision, pins)
-    told_before = before_function(precision, accelerated, contact, collider_type, touches)
+    told_before = before_function(precision, accelerated, contact, collider_type, touches, spares)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def displace_vertices(
@@ -116,7 +117,7 @@ def displace_kernel(
         if wp.static(contact is field_contact):
             if vertex + AHEAD < cloth.weight.shape[0]:
                 looks = True
-                if wp.static(spares_looks(contact, touches)):
+                if wp.static(spares):
                     looks = element(cloth.clear, vertex + AHEAD) == 0.0
                 if looks:
                     fetch_field(colliders[number], wp.vec3d(element(cloth.position, vertex + AHEAD)))
@@ -145,14 +146,19 @@ def displace_kernel(
 
 @functools.cache
 def end_function(
-    precision: str, accelerated: bool, contact: wp.Function | None, collider_type: type, touches: bool
+    precision: str,
+    accelerated: bool,
+    contact: wp.Function | None,
+    collider_type: type,
+    touches: bool,
+    spares: bool = False,
 ) -> wp.Function:
     """The function that ends a vertex' iteration, from one set of arrays to another; arguments of ``displacement``."""
     types = cloth_types(precision)
     point, vec3, Cloth, Vertex, Step, Item = (
         types.point, types.vec3, types.Cloth, types.Vertex, types.Step, types.Item,
     )  # fmt: skip
-    vertex_displacement = displacement(precision, accelerated, contact, collider_type, touches)
+    vertex_displacement = displacement(precision, accelerated, contact, collider_type, touches, spares)
     Colliders, Touch = colliders_type(contact, collider_type), touch_type(touches)
     Before = before_type(precision, contact, collider_type, touches)
     order = order_functions(precision, packed=not touches)
@@ -219,8 +225,9 @@ def advance_kernel(
     bounds = threads, FEW_PER_CORE if few else many - (contact is not None)
     types = cloth_types(precision)
     point, vec4, Cloth, Step = types.point, types.vec4, types.Cloth, types.Step
-    told_before = before_function(precision, accelerated, contact, collider_type, touches, packed=not touches)
-    end_vertex = end_function(precision, accelerated, contact, collider_type, touches)
+    spares = spares_looks(contact, touches, few)
+    told_before = before_function(precision, accelerated, contact, collider_type, touches, spares, packed=not touches)
+    end_vertex = end_function(precision, accelerated, contact, collider_type, touches, spares)
     Touch = touch_type(touches)
     bound = step_bound(accelerated, contact, touches)
     told = 0 if few or paired else threads

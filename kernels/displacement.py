@@ -102,6 +102,7 @@ def before_function(
     contact: wp.Function | None,
     collider_type: type,
     touches: bool,
+    spares: bool,
     packed: bool = False,
 ) -> wp.Function:
     """The function that tells ``before_type``; ``packed`` as of packing.order_functions."""
@@ -110,7 +111,7 @@ def before_function(
     Colliders, Touch = colliders_type(contact, collider_type), touch_type(touches)
     Before = before_type(precision, contact, collider_type, touches)
     worn, inverse = wears(accelerated, contact, touches), symmetric_functions(precision).leeway_inverse
-    spares, leeway_at = spares_looks(contact, touches), order_functions(precision, packed).leeway_at
+    leeway_at = order_functions(precision, packed).leeway_at
 
     @wp.func
     def told_before(
@@ -146,12 +147,13 @@ def wears(accelerated: bool, contact: wp.Function | None, touches: bool = False)
     return accelerated and (contact is not None or touches)
 
 
-def spares_looks(contact: wp.Function | None, touches: bool) -> bool:
-    """Whether only what may have come near the avatar is looked up: where that may be told.
+def spares_looks(contact: wp.Function | None, touches: bool, few: bool = False) -> bool:
+    """Whether only what may have come near the avatar is looked up: where that may be told, and saves time.
 
-    Where cloth meets cloth it is lifted off the avatar here and there.
+    Where cloth meets cloth it is lifted off the avatar here and there. Where patches are ``few`` (advance_kernel) each
+    takes as long as its vertices that are near.
     """
-    return contact is field_contact and not touches
+    return contact is field_contact and not touches and not few
 
 
 @functools.cache
@@ -280,6 +282,7 @@ def displacement(
     contact: wp.Function | None,
     collider_type: type,
     touches: bool,
+    spares: bool = False,
 ) -> wp.Function:
     """The function that turns a free vertex's load into its displacement [m], contact and friction included.
 
@@ -289,6 +292,7 @@ def displacement(
         contact: (collider, world position) -> (normal, distance [m]); None where the scene has no avatar.
         collider_type: the struct that it asks, one for each item; NoCollider without avatar.
         touches: whether cloth meets cloth.
+        spares: whether a vertex that surely cannot have come near the avatar is not looked up; the same bits.
     """
     types = cloth_types(precision)
     real, vec3, vec4, vec6, Vertex, Step, Item = (
@@ -306,9 +310,7 @@ def displacement(
     Before = before_type(precision, contact, collider_type, touches)
     contact_taken = taken_function(precision)
     worn = wears(accelerated, contact, touches)
-    met_move = None
-    if contact is not None:
-        met_move = meeting(precision, contact, collider_type, worn, spares_looks(contact, touches), touches)
+    met_move = None if contact is None else meeting(precision, contact, collider_type, worn, spares, touches)
 
     @wp.func
     def vertex_displacement(

@@ -83,6 +83,8 @@ def falling(field: FieldBuild, *, gathers: bool, spares: bool) -> tuple[Relaxati
     points = points - points.mean(axis=0) + np.array([0.0, RADIUS + 0.01, 0.0])
     flat = Mesh("sheet", points, square.triangles)
     model = model_of(flat, build_rest_shape(flat, WOVEN, rest="mesh"), precision="mixed", gathers=gathers)
+    if model.patches is not None:
+        model.patches.few = False  # as in large batches
     relaxation = Relaxation(model, collider(field, spares=spares), StepOptions())
     wp.force_load("cpu", modules=[kernel.module for kernel in relaxation.kernels() + relaxation.seldom_kernels()])
     relaxation.start_anew()

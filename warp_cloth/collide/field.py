@@ -67,7 +67,8 @@ class FieldBuild:
 def bake_modules(kind: type[DepthBuffers] | type[LayeredBuffers]) -> list[wp.Module]:
     """Kernel modules that fusing buffers of a kind launches from."""
     made = bake_kernels(kind.level, kind.solid_type)
-    return [wp.get_module(kernels.__name__), *(kernel.module for kernel in vars(made).values())]
+    fused = [wp.get_module(kernels.__name__), measure_slopes.module]
+    return [*fused, *(kernel.module for kernel in vars(made).values())]
 
 
 def _active_blocks(surface: wp.array, radius: int, also: wp.array) -> wp.array:

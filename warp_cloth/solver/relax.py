@@ -140,7 +140,8 @@ class Relaxation:
         self._presses_along = False  # whether what moves vertices presses pairs of cloth, too
         if accelerated and not model.cloth.stiffness:
             model.cloth.stiffness = wp.zeros(model.vertex_count, dtype=types.real, device=model.device)
-        if spares_looks(self.contact, touch is not None):
+        few = model.patches is not None and model.patches.few
+        if spares_looks(self.contact, touch is not None, few):
             model.cloth.clear = wp.zeros(model.vertex_count, dtype=wp.float32, device=model.device)
         if model.patches is not None:  # no sum of forces in memory, but a second set of positions to write to
             patches = model.patches
