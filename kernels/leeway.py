@@ -122,9 +122,9 @@ def bound_functions(precision: str, eight: bool = False) -> SimpleNamespace:
     return SimpleNamespace(spring_matrix=spring_matrix, threads_bounds=threads_bounds, threads_matrix=threads_matrix)
 
 
-def _bound_folds_kernel(precision: str, terms: Terms, in_order: bool) -> wp.Kernel:
-    types = cloth_types(precision)
-    move_at = order_functions(precision, packed=False, in_order=in_order).move_at
+def _bound_folds_kernel(precision: str, terms: Terms, packed: bool, in_order: bool) -> wp.Kernel:
+    types, order = cloth_types(precision), order_functions(precision, packed, in_order)
+    position_at, move_at = order.position_at, order.move_at
     real, vec2, vec4, Cloth, Edges, Step = types.real, types.vec2, types.vec4, types.Cloth, types.Edges, types.Step
     functions = edge_functions(precision, "leeway", terms.angles)
     edge_span, edge_fold = functions.edge_span, functions.edge_fold
@@ -148,7 +148,7 @@ def _bound_folds_kernel(precision: str, terms: Terms, in_order: bool) -> wp.Kern
         if wp.static(terms.angles):
             rest = element(edges.rest, edge)
         move, other = move_at(cloth, ends[0]), move_at(cloth, ends[1])
-        first, second = element(cloth.position, ends[0]), element(cloth.position, ends[1])
+        first, second = position_at(cloth, ends[0]), position_at(cloth, ends[1])
         span = edge_span(first, second, move, other, root(inner(move, move)))
         normal_0, normal_1 = element(normal, beside[0]), element(normal, beside[1])
         fold = edge_fold(span, normal_0, normal_1, element(edges.fold, edge), rest, step)
@@ -176,9 +176,9 @@ def leeway_function(precision: str) -> wp.Function:
     return leeway_of
 
 
-def _find_leeway_kernel(precision: str, terms: Terms, in_order: bool) -> wp.Kernel:
-    types = cloth_types(precision)
-    move_at = order_functions(precision, packed=False, in_order=in_order).move_at
+def _find_leeway_kernel(precision: str, terms: Terms, packed: bool, in_order: bool) -> wp.Kernel:
+    types, order = cloth_types(precision), order_functions(precision, packed, in_order)
+    position_at, move_at, put_leeway = order.position_at, order.move_at, order.put_leeway
     real, Cloth, Step = types.real, types.Cloth, types.Step
     Edges, Triangles, Rows = types.Edges, types.Triangles, types.Rows
     even, leeway_of = symmetric_functions(precision).even, leeway_function(precision)
@@ -186,7 +186,7 @@ def _find_leeway_kernel(precision: str, terms: Terms, in_order: bool) -> wp.Kern
     spring_matrix, threads_bounds, threads_matrix = (
         functions.spring_matrix, functions.threads_bounds, functions.threads_matrix,
     )  # fmt: skip
-    sides_of = sides_function(precision, "leeway", in_order)
+    sides_of = sides_function(precision, "leeway", packed, in_order)
     difference = difference_function(precision)
     rests = rest_function(precision)
     half = wp.constant(real(0.5))
@@ -223,7 +223,7 @@ def _find_leeway_kernel(precision: str, terms: Terms, in_order: bool) -> wp.Kern
             for row in range(element(rows.edge_start, vertex), element(rows.edge_start, vertex + 1)):
                 edge = element(rows.edge, row)
                 ends = element(edges.ends, edge)
-                way = difference(element(cloth.position, ends[1]), element(cloth.position, ends[0]))
+                way = difference(position_at(cloth, ends[1]), position_at(cloth, ends[0]))
                 change = move_at(cloth, ends[1]) - move_at(cloth, ends[0])
                 more, size = spring_matrix(way, change, element(edges.law, edge), step)
                 matrix += more
@@ -246,7 +246,7 @@ def _find_leeway_kernel(precision: str, terms: Terms, in_order: bool) -> wp.Kern
                     more, size = threads_matrix(weft, warp, bounds, share, shorter, slope, corner)
                     matrix += more
                     total += size
-        cloth.leeway[vertex] = leeway_of(matrix, total, most)
+        put_leeway(cloth.leeway, vertex, leeway_of(matrix, total, most))
 
     return find_leeway
 
@@ -272,9 +272,9 @@ def changed_leeway_function(precision: str) -> wp.Function:
 
 
 @functools.cache
-def leeway_kernels(precision: str, terms: Terms, in_order: bool = False) -> SimpleNamespace:
-    """Kernels ``bound_folds``, where cloth bends, and ``find_leeway``; ``in_order``: as of packing.order_functions."""
+def leeway_kernels(precision: str, terms: Terms, packed: bool = False, in_order: bool = False) -> SimpleNamespace:
+    """Kernels ``bound_folds``, where cloth bends, and ``find_leeway``; the rest as of packing.order_functions."""
     return SimpleNamespace(
-        bound_folds=_bound_folds_kernel(precision, terms, in_order),
-        find_leeway=_find_leeway_kernel(precision, terms, in_order),
+        bound_folds=_bound_folds_kernel(precision, terms, packed, in_order),
+        find_leeway=_find_leeway_kernel(precision, terms, packed, in_order),
     )

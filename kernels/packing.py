@@ -204,7 +204,7 @@ def order_functions(precision: str, packed: bool, in_order: bool = True) -> Simp
 
 @functools.cache
 def packing_kernels(precision: str, accelerated: bool, packed: bool) -> SimpleNamespace:
-    """Kernels ``pack_vertices``, ``pack_leeway``, ``unpack_vertices``; ``accelerated``: vertices have a stiffness.
+    """Kernels ``pack_vertices`` and ``unpack_vertices``; ``accelerated``: vertices have a stiffness.
 
     ``packed``: as of ``order_functions``; if not, vertices are only put in order.
     Items that no longer iterate are left out. An item's vertices lie at the same places in both orders.
@@ -212,8 +212,9 @@ def packing_kernels(precision: str, accelerated: bool, packed: bool) -> SimpleNa
     types = cloth_types(precision)
     point, real, vec3, Cloth = types.point, types.real, types.vec3, types.Cloth
     rests, orders = rest_function(precision), order_functions(precision, packed)
-    put_there, put_move, put_leeway = orders.put_position, orders.put_move, orders.put_leeway
-    position_at, move_at = orders.position_at, orders.move_at
+    put_there, put_move, position_at, move_at = (
+        orders.put_position, orders.put_move, orders.position_at, orders.move_at,
+    )  # fmt: skip
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def pack_vertices(
@@ -234,18 +235,6 @@ def packing_kernels(precision: str, accelerated: bool, packed: bool) -> SimpleNa
             put(stiffness_out, place, element(cloth.stiffness, vertex))
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
-    def pack_leeway(
-        order: wp.array(dtype=wp.int32),  # vertices as patches own them, shape [V]
-        cloth: Cloth,
-        leeway_out: wp.array(dtype=types.vec6),  # shape [V]
-    ):
-        """Puts the vertices' leeway, which iterations only read, in the patches' order."""
-        place = wp.tid()
-        if rests(cloth, place):
-            return
-        put_leeway(leeway_out, place, cloth.leeway[element(order, place)])
-
-    @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def unpack_vertices(
         rank: wp.array(dtype=wp.int32),  # where patches have each vertex, shape [V]
         there: Cloth,
@@ -263,4 +252,4 @@ def packing_kernels(precision: str, accelerated: bool, packed: bool) -> SimpleNa
         if wp.static(accelerated):
             put(stiffness_out, vertex, element(there.stiffness, place))
 
-    return SimpleNamespace(pack_vertices=pack_vertices, pack_leeway=pack_leeway, unpack_vertices=unpack_vertices)
+    return SimpleNamespace(pack_vertices=pack_vertices, unpack_vertices=unpack_vertices)

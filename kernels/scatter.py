@@ -19,9 +19,10 @@ from warp_cloth.kernels.packing import order_functions
 
 
 @functools.cache
-def normals_kernel(precision: str) -> wp.Kernel:
-    """Kernel ``measure_normals``, which goes first where cloth bends."""
+def normals_kernel(precision: str, packed: bool = False) -> wp.Kernel:
+    """Kernel ``measure_normals``, which goes first where cloth bends; ``packed``: as of packing.order_functions."""
     types = cloth_types(precision)
+    position_at = order_functions(precision, packed).position_at
     vec4, Cloth, Triangles, Step = types.vec4, types.Cloth, types.Triangles, types.Step
     triangle_normal = triangle_functions(precision, "none").triangle_normal
     rests = rest_function(precision)
@@ -38,8 +39,8 @@ def normals_kernel(precision: str) -> wp.Kernel:
         corners = element(triangles.corners, triangle)
         if rests(cloth, corners[0]):
             return
-        origin = element(cloth.position, corners[0])
-        second, third = element(cloth.position, corners[1]), element(cloth.position, corners[2])
+        origin = position_at(cloth, corners[0])
+        second, third = position_at(cloth, corners[1]), position_at(cloth, corners[2])
         normal_out[triangle] = triangle_normal(origin, second, third)
 
     return measure_normals
@@ -91,11 +92,12 @@ def edges_kernel(precision: str, fourth: str, terms: Terms) -> wp.Kernel:
 
 
 @functools.cache
-def sides_function(precision: str, fourth: str, in_order: bool = False) -> wp.Function:
-    """The function that reads a triangle as it lies; ``in_order``: as of packing.order_functions."""
+def sides_function(precision: str, fourth: str, packed: bool = False, in_order: bool = False) -> wp.Function:
+    """The function that reads a triangle as it lies; ``packed`` and ``in_order``: as of packing.order_functions."""
     types = cloth_types(precision)
     vec3, Cloth = types.vec3, types.Cloth
-    move_at = order_functions(precision, packed=False, in_order=in_order).move_at
+    order = order_functions(precision, packed, in_order)
+    position_at, move_at = order.position_at, order.move_at
     triangle_sides = triangle_functions(precision, fourth).triangle_sides
 
     @wp.func
@@ -105,8 +107,8 @@ def sides_function(precision: str, fourth: str, in_order: bool = False) -> wp.Fu
         if wp.static(fourth in BOUNDS):
             move_0, move_1 = move_at(cloth, corners[0]), move_at(cloth, corners[1])
             move_2 = move_at(cloth, corners[2])
-        origin, second = element(cloth.position, corners[0]), element(cloth.position, corners[1])
-        return triangle_sides(origin, second, element(cloth.position, corners[2]), move_0, move_1, move_2)
+        origin, second = position_at(cloth, corners[0]), position_at(cloth, corners[1])
+        return triangle_sides(origin, second, position_at(cloth, corners[2]), move_0, move_1, move_2)
 
     return sides_of
 

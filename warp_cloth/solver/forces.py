@@ -18,11 +18,12 @@ from warp_cloth.model import ClothModel
 class NormalsPass:
     """Measures the triangles' normals, one by one or eight at a time."""
 
-    def __init__(self, model: ClothModel) -> None:
+    def __init__(self, model: ClothModel, *, packed: bool = False) -> None:
+        """``packed``: whether the cloth's positions are (kernels.packing)."""
         types, count = cloth_types(model.precision), model.triangle_count
-        eight = takes_eight(model, count)
+        eight = takes_eight(model, count) and not packed
         self._model = model
-        self.kernel = (eight_normals_kernel if eight else normals_kernel)(model.precision)
+        self.kernel = eight_normals_kernel(model.precision) if eight else normals_kernel(model.precision, packed)
         self.size = pass_size(count, eight)
         self.normal = wp.empty(count, dtype=types.vec4, device=model.device)
         # the sides of eight triangles that kernels read after it, which lie as they are worked out

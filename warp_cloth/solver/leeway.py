@@ -24,15 +24,26 @@ from warp_cloth.topology import ragged_rows
 class Leeway:
     """Owns what a look needs; gives the model's cloth the array that the iterations read."""
 
-    def __init__(self, model: ClothModel, numbering: Numbering | None = None) -> None:
-        """``numbering``: of the vertices of the cloth that is looked at; None: the model's own."""
-        self._model = model
-        model.cloth.leeway = wp.zeros(model.vertex_count, dtype=cloth_types(model.precision).vec6, device=model.device)
+    def __init__(self, model: ClothModel, numbering: Numbering | None = None, *, packed: bool = False) -> None:
+        """``numbering``: of the vertices of the cloth that is looked at; None: the model's own.
+
+        ``packed``: whether its positions and leeway are packed (kernels.packing).
+        """
+        self._model, types = model, cloth_types(model.precision)
+        leeway = model.cloth.leeway = wp.zeros(model.vertex_count, dtype=types.vec6, device=model.device)
+        none = np.array([1.0, 1.0, 1.0, 0.0, 0.0, 0.0])
+        self._none = [(leeway, none)]  # by parts, what a vertex has that has no leeway
+        if packed:
+            fours, twos = (
+                wp.array(ptr=leeway.ptr + first, dtype=dtype, shape=leeway.shape, device=model.device, copy=False)
+                for first, dtype in ((0, types.vec4), (4 * types.real_size * len(leeway), types.vec2))
+            )
+            self._none = [(fours, none[:4]), (twos, none[4:])]
         self.forget(range(model.item_count))
         terms = model.terms
         scatters = model.patches is None and terms.threads and not (terms.edges or terms.angles)
         eight = scatters and takes_eight(model, min(model.triangle_count, model.edge_count))
-        self._look: _Gathered | ScatteredLook = ScatteredLook(model) if eight else _Gathered(model, numbering)
+        self._look: _Gathered | ScatteredLook = ScatteredLook(model) if eight else _Gathered(model, numbering, packed)
 
     def kernels(self) -> list[wp.Kernel]:
         """The kernels that a look launches, in order."""
@@ -45,11 +56,10 @@ class Leeway:
 
     def forget(self, items: Sequence[int]) -> None:
         """Leaves the vertices of these items no leeway, till the next look."""
-        none, starts = np.array([1.0, 1.0, 1.0, 0.0, 0.0, 0.0]), self._model.item_start
-        some = np.sort(np.asarray(items, dtype=np.int64))
+        some, starts = np.sort(np.asarray(items, dtype=np.int64)), self._model.item_start
         for run in np.split(some, np.flatnonzero(np.diff(some) != 1) + 1):  # neighbours in one go
-            if len(run):
-                self._model.cloth.leeway[starts[run[0]] : starts[run[-1] + 1]].fill_(none)
+            for part, none in self._none if len(run) else []:
+                part[starts[run[0]] : starts[run[-1] + 1]].fill_(none)
 
     def look_up(self, step: Any, cloth: Any) -> None:
         """Launches a look at the cloth as it lies; ``step`` is a kernels.cloth Step."""
@@ -59,16 +69,16 @@ class Leeway:
 class _Gathered:
     """A look that sums at each vertex what bounds its step."""
 
-    def __init__(self, model: ClothModel, numbering: Numbering | None = None) -> None:
+    def __init__(self, model: ClothModel, numbering: Numbering | None = None, packed: bool = False) -> None:
         types, terms = cloth_types(model.precision), model.terms
         self._model = model
-        self._kernels = leeway_kernels(model.precision, terms, in_order=numbering is not None)
+        self._kernels = leeway_kernels(model.precision, terms, packed, in_order=numbering is not None)
         self._numbering = numbering or Numbering(None)
         self._edges, self._triangles = model.edges, model.triangles
         if numbering is not None:
             self._edges = self._numbered(types.Edges, model.edges, "ends", wp.vec2i)
             self._triangles = self._numbered(types.Triangles, model.triangles, "corners", wp.vec3i)
-        self._normals = NormalsPass(model) if terms.folds else None
+        self._normals = NormalsPass(model, packed=packed) if terms.folds else None
         edges = model.edge_count if terms.folds else 0
         self._bound = wp.empty(edges, dtype=types.real, device=model.device)
         self._rows = types.Rows()

@@ -62,6 +62,7 @@ class FrameKeeper:
         """Keeps the shape after this iteration if it is due."""
         if self._due and iteration >= self._due[0]:
             self._due = [due for due in self._due if due > iteration]
+            relaxation.show()
             self.frames.append((iteration, relaxation.model.points().astype(np.float32)))
 
 
@@ -137,7 +138,7 @@ def relax_items(
         follow: given items and their bounding boxes, new colliders where the old ones no longer cover them.
         course: of garments that meet themselves and each other; such a scene is an item alone.
         on_check: told of every look at all items, and the seconds so far.
-        on_chunk: told of every chunk's last iteration.
+        on_chunk: told of every chunk's last iteration; who asks where the cloth is then has it shown (Relaxation.show).
         ahead: whether iterations go on while a check is read; None: where that saves time. Not where more iterations
             are to follow the end: displacements and stiffness bounds are not those that the check saw.
     """
@@ -209,7 +210,7 @@ class _Loop:
             chunk = self._chunk(seen, on_chunk is not None)
             count = min(chunk, min(self._goals[item].limit for item in self._active) - iteration)
             iteration += count
-            relaxation.run(count, **self._shown(iteration, on_chunk is not None))
+            relaxation.run(count, **self._shown(iteration))
             if on_chunk is not None:
                 on_chunk(iteration, relaxation)
             if late:
@@ -237,13 +238,12 @@ class _Loop:
         whole = CHUNK if told or follows or not self._relaxation.runs_long else CHUNK * CHUNKS_PER_CHECK
         return whole - seen.iteration % whole
 
-    def _shown(self, iteration: int, told: bool) -> dict[str, bool]:
+    def _shown(self, iteration: int) -> dict[str, bool]:
         """How a chunk is to be run that ends after so many iterations: it need not be shown where nobody looks."""
         at_limit = any(self._goals[item].limit <= iteration for item in self._active)
         follows = self._follow is not None and bool(self._falling)
-        if told or follows or at_limit or iteration % (CHUNK * CHUNKS_PER_CHECK) == 0 or self._course is None:
-            return {}
-        return {"shown": False}
+        looks = follows or at_limit or iteration % (CHUNK * CHUNKS_PER_CHECK) == 0
+        return {} if looks or not self._relaxation.stays_packed else {"shown": False}
 
     def _see(self, iteration: int) -> _Seen:
         """Asks of the device what there is to decide after these iterations."""

@@ -17,7 +17,7 @@ from warp_cloth.solver.forces import launch_patches
 class PackedCloth:
     """The cloth twice as patches own it, to iterate to and fro; what iterations change comes from and to the model.
 
-    ``packed``: as of kernels.packing; not where cloth meets cloth, whose leeway lies in the patches' order, too.
+    ``packed``: as of kernels.packing; not where cloth meets cloth. The model's leeway lies as this cloth's vertices do.
     """
 
     def __init__(self, model: ClothModel, patches: Patches, accelerated: bool, *, packed: bool = True) -> None:
@@ -28,7 +28,6 @@ class PackedCloth:
         cloth, order = model.cloth, patches.order
         self.ahead = False  # whether it has gone on where the model does not know
         self._stiffness = wp.empty_like(cloth.stiffness) if accelerated else None
-        self._leeway = wp.empty_like(cloth.leeway) if cloth.leeway and packed else None
         weight = cloth.weight[order].contiguous()
         pinned = cloth.pinned[order].contiguous() if model.terms.pins else None
         for each in (self._here, self._there):
@@ -44,12 +43,11 @@ class PackedCloth:
             if cloth.clear:
                 each.clear = cloth.clear
             if cloth.leeway:
-                each.leeway = self._leeway or cloth.leeway
+                each.leeway = cloth.leeway
 
     def kernels(self, move: wp.Kernel) -> list[wp.Kernel]:
         """The kernels of an iteration by ``move`` alone, in order."""
-        leeway = [] if self._leeway is None else [self._kernels.pack_leeway]
-        return [self._kernels.pack_vertices, *leeway, move, self._kernels.unpack_vertices]
+        return [self._kernels.pack_vertices, move, self._kernels.unpack_vertices]
 
     def brought(self) -> Any:
         """The cloth as patches own it, brought up to where the model has it.
@@ -64,18 +62,13 @@ class PackedCloth:
         wp.launch(self._kernels.pack_vertices, dim=model.vertex_count, inputs=inputs, device=model.device)
         return here
 
-    def iterate(
-        self, move: wp.Kernel, asked: list[Any], count: int, *, loose: bool, before: Callable[[int, Any], int] | None
-    ) -> None:
+    def iterate(self, move: wp.Kernel, asked: list[Any], count: int, before: Callable[[int, Any], int] | None) -> None:
         """Launches iterations by ``move``, of kernels.displace.advance_kernel; ``asked`` comes first there.
 
-        ``loose``: whether any item has leeway. ``before`` each iteration, given its number and the cloth then: how many
+        ``before`` each iteration, given its number and the cloth then: how many
         more blocks it takes.
         """
         self.brought()
-        if loose and self._leeway is not None:
-            inputs = [self._patches.order, self._model.cloth, self._leeway]
-            wp.launch(self._kernels.pack_leeway, dim=len(self._leeway), inputs=inputs, device=self._model.device)
         self.go(move, asked, count, before)
         self.show(count)
 

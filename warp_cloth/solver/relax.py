@@ -130,9 +130,9 @@ class Relaxation:
         if worn and not model.cloth.held:
             model.cloth.held = wp.zeros(model.vertex_count, dtype=wp.uint8, device=model.device)
         self._leeway: Leeway | None = None
-        if worn and options.leeway > 0.0:  # cloth that meets cloth is looked at as patches own it
-            order = None if touch is None or model.patches is None else model.patches.order.numpy()
-            self._leeway = Leeway(model, None if order is None else Numbering(order))
+        if worn and options.leeway > 0.0:  # which is looked at as patches own it
+            numbering = None if model.patches is None else Numbering(model.patches.order.numpy())
+            self._leeway = Leeway(model, numbering, packed=numbering is not None and touch is None)
         self._strength, self._loose, self._renewal = strength, options.loose, options.renewal
         self._scatter: ForcePass | None = None
         self._packed: PackedCloth | None = None
@@ -304,8 +304,8 @@ class Relaxation:
 
     def iterate(self, count: int = 1) -> None:
         """Launches iterations."""
-        if self._packed is not None and self.touch is not None:
-            self._packed.iterate(self._move, self._asked, count, loose=False, before=self._before_move)
+        if self._packed is not None and self.stays_packed:
+            self._packed.iterate(self._move, self._asked, count, self._before_move)
         else:
             self._iterate(count)
 
@@ -314,8 +314,13 @@ class Relaxation:
         """What the kernel that moves vertices asks for besides the cloth."""
         return [self.step, self.collider_data, self.touch_data]
 
+    @property
+    def stays_packed(self) -> bool:
+        """Whether the cloth stays as patches own it from graph to graph: where others read it between iterations."""
+        return self._packed is not None and (self.touch is not None or self._leeway is not None)
+
     def _iterate(self, count: int) -> None:
-        """Launches what a graph of iterations holds: where cloth meets cloth, of the cloth as patches own it."""
+        """Launches what a graph of iterations holds."""
         model, here = self.model, self.model.cloth
         asked = self._asked
         if self._scatter is not None:
@@ -328,20 +333,11 @@ class Relaxation:
                 )
                 size = pass_size(model.vertex_count, self._eight)
                 wp.launch(self._move, dim=size, inputs=inputs, device=model.device)
-        if self._packed is not None:
-            first = 0
-            if self.touch is not None:
-                self._packed.go(self._move, asked, count, self._before_move)
-                return
-            while first < count:
-                self._look_up_leeway(here)
-                part = count - first
-                if self._leeway is not None:  # which is looked up where the model has the cloth
-                    part = min(part, self._renewal - (self._done - 1) % self._renewal)
-                loose = bool(self._items["leeway"].any())
-                self._packed.iterate(self._move, asked, part, loose=loose, before=None)
-                self._done += part - 1
-                first += part
+        if self._packed is not None and self.stays_packed:
+            self._packed.go(self._move, asked, count, self._before_move)
+        elif self._packed is not None:
+            self._packed.iterate(self._move, asked, count, None)
+            self._done += count
 
     def _before_move(self, iteration: int, cloth: Any) -> int:
         """Leeway, and contact of cloth with cloth, before an iteration; how many blocks are to press meanwhile."""
@@ -358,7 +354,7 @@ class Relaxation:
         cloth is then; else nothing may ask it but after ``show``, and nothing move it but more iterations.
         """
         together = self._together
-        if self._packed is not None and self.touch is not None:
+        if self._packed is not None and self.stays_packed:
             graph, whole = self.capture(iterations, shown=shown), self._whole(shown)
             if not whole:
                 self._packed.brought()

@@ -120,6 +120,7 @@ class _Watch:
     def offer(self, iteration: int, relaxation: Relaxation) -> None:
         """Keeps the shape after this iteration if it is asked for."""
         if iteration in self._stops:
+            relaxation.show()
             wp.synchronize_device(relaxation.model.device)
             seconds, entered = self.elapsed(), time.perf_counter()
             self.seen[iteration] = seconds, relaxation.model.points()

@@ -201,7 +201,7 @@ class _Moved:
             led = self._listed.get(wanted, self._listed.get(name))
             return _keys(*led, size) if led is not None else np.zeros(0, dtype=np.int64)
         if wanted in self._gathered:
-            return _keys(*self._gathered[wanted], size)
+            return self._elements(name, *self._gathered[wanted], size)
         counters = self._counters(chain)
         known = self._known_of(name, chain)
         start = self._uses.starts.get(name, "")
@@ -216,11 +216,7 @@ class _Moved:
                 for each in self._chains_of_pairs(name):
                     added[self._of_pairs(name, _owner(name), each, self._known_of(name, each), by=STORES)[1]] = True
                 block, vertex = block[added[vertex]], vertex[added[vertex]]
-            pairs = size * self._vertices * 2 // 3 if name in self._uses.packed else 0
-            if pairs:  # two coordinates of each vertex, and behind them the third ones
-                apart = _keys(block, vertex, size * 2 // 3), _keys(block, vertex, size // 3) + -(-pairs // SECTOR)
-                return _distinct(np.concatenate(apart))
-            return _keys(block, vertex, size)
+            return self._elements(name, block, vertex, size)
         if counters and not loop:
             owner = _owner(counters[0])
             if f"{owner}.due" in self._arrays:
@@ -259,6 +255,15 @@ class _Moved:
         if loop == "normal_count":  # an item's normals are worked out from what its edges' table tells of its vertices
             beyond = beyond + np.where(self._patch[ITEMS] > 0, self._patch["triangle_count"], 0)
         return ranges(first + beyond, self._patch[loop] - beyond)
+
+    def _elements(self, name: str, block: Keys, vertex: Keys, size: int) -> Keys:
+        """The sectors of what an array has of vertices."""
+        if name not in self._uses.packed:
+            return _keys(block, vertex, size)
+        behind = -(-size * self._vertices * 2 // 3 // SECTOR)  # two thirds of each, and then the last third of all
+        return _distinct(
+            np.concatenate([_keys(block, vertex, size * 2 // 3), _keys(block, vertex, size // 3) + behind])
+        )
 
     def _vertices_by_block(self, loop: str = "owned_count") -> Part:
         """Blocks, and the vertices that each goes over."""
