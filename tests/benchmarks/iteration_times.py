@@ -1,12 +1,14 @@
 """What an iteration takes on a GPU with thousands to a million of vertices, and whether its bits stay the same.
 
-    python tests/benchmarks/iteration_times.py [edges:4k,65k,1m] [irregular:1m] [woven:1m] [worn:147] [--device cuda:0]
+    python tests/benchmarks/iteration_times.py [edges:4k,65k,1m] [irregular:1m] [woven:1m] [worn:147] [loose:147]
+        [--device cuda:0]
 
 ``edges`` and ``woven`` are hanging squares, a million of vertices as sixteen of them, ``irregular`` such of edges whose
-triangles are all different; ``worn`` are as many T-shirts on mannequins. Each line tells the median, least and most of
+triangles are all different; ``worn`` are as many T-shirts on mannequins, ``loose`` the same after 600 iterations, with
+leeway. Each line tells the median, least and most of
 five times in microseconds an iteration, and a hash of where the cloth is then: two versions of the code have the same
 hash where they have the same bits. Iterations run in graphs as between two checks of a fit; what packs and unpacks
-vertices before and after each counts, too.
+vertices before and after counts, too.
 """
 
 from __future__ import annotations
@@ -34,6 +36,7 @@ from warp_cloth.solver.relax import Collider, Relaxation, StepOptions
 
 FABRICS = {"edges": Fabric(), "irregular": Fabric(), "woven": replace(Fabric(), shear=800.0)}
 SIZES = {"4k": (64, 1), "65k": (256, 1), "1m": (256, 16)}  # vertices along a side, squares
+FALLING = 600  # iterations
 WARMING, ROUNDS, REPEATS = 3, 7, 5  # checks' intervals before the clock runs, for a median, medians
 
 
@@ -53,9 +56,14 @@ def irregular(vertices_per_side: int) -> Mesh:
 
 def relaxation_of(fabric: str, size: str, device: str) -> Relaxation:
     """Cloth on a device, ready to iterate."""
-    if fabric == "worn":
-        scene = load_scene("tshirt", [])
-        return set_up([scene] * int(size), [open_wardrobe(scene, None)] * int(size), device).relaxation
+    if fabric in ("worn", "loose"):
+        scene, count = load_scene("tshirt", []), int(size)
+        relaxation = set_up([scene] * count, [open_wardrobe(scene, None)] * count, device).relaxation
+        if fabric == "loose":
+            for _ in range(FALLING // CHUNK):
+                relaxation.run(CHUNK)
+            relaxation.loosen(np.zeros(count))
+        return relaxation
     side, count = SIZES[size]
     mesh = (irregular if fabric == "irregular" else partial(square, plane="vertical"))(vertices_per_side=side)
     rest = build_rest_shape(mesh, FABRICS[fabric], rest="mesh")
@@ -67,20 +75,23 @@ def relaxation_of(fabric: str, size: str, device: str) -> Relaxation:
 
 def microseconds(relaxation: Relaxation) -> float:
     """Median time of an iteration in a fit's graphs."""
-    device, taken = relaxation.model.device, []
+    device, taken, parts = relaxation.model.device, [], chunks(relaxation)
+
+    def interval() -> None:
+        for number, count in enumerate(parts, 1):
+            relaxation.run(count, shown=number == len(parts))
+
     relaxation.iterate(CHUNK)
-    graphs = [relaxation.capture(count) for count in chunks(relaxation)]
-    for graph in WARMING * graphs:
-        wp.capture_launch(graph)
+    for _ in range(WARMING):
+        interval()
     for _ in range(ROUNDS):
         start, end = (wp.Event(device, enable_timing=True) for _ in range(2))
         stream = wp.get_stream(device)
         stream.record_event(start)
-        for graph in graphs:
-            wp.capture_launch(graph)
+        interval()
         stream.record_event(end)
         taken.append(wp.get_event_elapsed_time(start, end))
-    return 1e3 * float(np.median(taken)) / sum(chunks(relaxation))
+    return 1e3 * float(np.median(taken)) / sum(parts)
 
 
 def main() -> None:
