@@ -13,14 +13,24 @@ from warp_cloth.mesh import Indices
 class Numbering:
     """Numbers of vertices as kernels have them: the garments' own, or as patches own them.
 
-    ``order``: theirs in the garments, in the patches' order, shape [V]; None: they are the same.
+    ``order``: theirs in the garments, in the patches' order, shape [V]; None: they are the same, ``count`` of them.
     """
 
-    def __init__(self, order: Indices | None) -> None:
+    def __init__(self, order: Indices | None, count: int = 0) -> None:
         self.order = order
+        self.count = count if order is None else len(order)
         if order is not None:
             self._rank = np.full(len(order) + 1, -1, dtype=np.int32)  # the last one of what is none
             self._rank[order] = np.arange(len(order), dtype=np.int32)
+
+    @property
+    def key(self) -> bytes:
+        """What tells it from others of as many vertices."""
+        return b"" if self.order is None else self.order.tobytes()
+
+    def part(self, first: int, end: int) -> Numbering:
+        """The numbers of a garment's vertices, which lie together in both, counted from its first one."""
+        return Numbering(None if self.order is None else self.order[first:end] - first, end - first)
 
     def of(self, vertices: Indices) -> Indices:
         """The numbers of the garments' vertices; -1, none, stays so."""

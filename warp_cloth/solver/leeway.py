@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from typing import Any
 
@@ -73,7 +74,7 @@ class _Gathered:
         types, terms = cloth_types(model.precision), model.terms
         self._model = model
         self._kernels = leeway_kernels(model.precision, terms, packed, in_order=numbering is not None)
-        self._numbering = numbering or Numbering(None)
+        self._numbering = numbering or Numbering(None, model.vertex_count)
         self._edges, self._triangles = model.edges, model.triangles
         if numbering is not None:
             self._edges = self._numbered(types.Edges, model.edges, "ends", wp.vec2i)
@@ -91,14 +92,21 @@ class _Gathered:
 
     def _rows_of(self, tables: Sequence[Indices]) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
         """Where each vertex's entries start, and the entries, of the garments' tables end to end."""
-        counts = np.diff(self._model.vertex_start).tolist()
-        distinct = {id(table): (table.ravel(), count) for table, count in zip(tables, counts, strict=True)}
-        sorted_once = dict(zip(distinct, map_in_threads(lambda own: ragged_rows(*own), distinct.values()), strict=True))
-        starts, orders = zip(*(sorted_once[id(table)] for table in tables), strict=True)
+        own = [self._numbering.part(*ends) for ends in itertools.pairwise(self._model.vertex_start)]
+        keys = [(id(table), part.key) for table, part in zip(tables, own, strict=True)]
+        distinct = dict(zip(keys, zip(tables, own, strict=True), strict=True))
+
+        def rows(garment: tuple[Indices, Numbering]) -> tuple[Indices, Indices]:
+            table, part = garment
+            start, order = ragged_rows(table.ravel(), part.count)
+            return part.lists(start, order.astype(np.int32))
+
+        sorted_once = dict(zip(distinct, map_in_threads(rows, distinct.values()), strict=True))
+        starts, orders = zip(*(sorted_once[key] for key in keys), strict=True)
         first = np.cumsum([0, *(len(order) for order in orders)])
         start = end_to_end([own[:-1] for own in starts], first.tolist())
-        order = end_to_end([own.astype(np.int32) for own in orders], first.tolist())
-        return self._numbering.lists(np.append(start, first[-1].astype(np.int32)), order)
+        order = end_to_end(orders, first.tolist())
+        return np.append(start, first[-1].astype(np.int32)), order
 
     def _numbered(self, kind: Any, elements: Any, name: str, dtype: Any) -> Any:
         """The model's edges or triangles by other numbers of their vertices."""
