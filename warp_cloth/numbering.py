@@ -20,8 +20,10 @@ class Numbering:
         self.order = order
         self.count = count if order is None else len(order)
         if order is not None:
-            self._rank = np.full(len(order) + 1, -1, dtype=np.int32)  # the last one of what is none
-            self._rank[order] = np.arange(len(order), dtype=np.int32)
+            self.rank = np.full(
+                len(order) + 1, -1, dtype=np.int32
+            )  # by the garments' numbers; the last one of what is none
+            self.rank[order] = np.arange(len(order), dtype=np.int32)
 
     @property
     def key(self) -> bytes:
@@ -34,7 +36,7 @@ class Numbering:
 
     def of(self, vertices: Indices) -> Indices:
         """The numbers of the garments' vertices; -1, none, stays so."""
-        return vertices if self.order is None else self._rank[vertices]
+        return vertices if self.order is None else self.rank[vertices]
 
     def rows(self, values: NDArray[Any]) -> NDArray[Any]:
         """What the garments' vertices have, by those numbers."""

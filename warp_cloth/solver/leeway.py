@@ -76,6 +76,7 @@ class _Gathered:
         self._kernels = leeway_kernels(model.precision, terms, packed, in_order=numbering is not None)
         self._numbering = numbering or Numbering(None, model.vertex_count)
         self._edges, self._triangles = model.edges, model.triangles
+        self._numbers: list[wp.array] = []
         if numbering is not None:
             self._edges = self._numbered(types.Edges, model.edges, "ends", wp.vec2i)
             self._triangles = self._numbered(types.Triangles, model.triangles, "corners", wp.vec3i)
@@ -110,11 +111,14 @@ class _Gathered:
 
     def _numbered(self, kind: Any, elements: Any, name: str, dtype: Any) -> Any:
         """The model's edges or triangles by other numbers of their vertices."""
-        found = kind()
+        found, given, device = kind(), getattr(elements, name), self._model.device
         for each in kind.vars:
             setattr(found, each, getattr(elements, each))
-        vertices = self._numbering.of(getattr(elements, name).numpy())
-        setattr(found, name, wp.array(vertices, dtype=dtype, device=self._model.device))
+        size = wp.types.type_size_in_bytes(dtype) // wp.types.type_size_in_bytes(wp.int32)
+        flat = wp.array(ptr=given.ptr, dtype=wp.int32, shape=size * len(given), device=device)
+        numbers = self._uploaded(self._numbering.rank)[flat].contiguous()
+        setattr(found, name, wp.array(ptr=numbers.ptr, dtype=dtype, shape=given.shape, device=device))
+        self._numbers.append(numbers)  # which that lies in
         return found
 
     def _uploaded(self, numbers: NDArray[np.int32]) -> wp.array:
