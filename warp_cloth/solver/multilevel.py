@@ -82,14 +82,22 @@ class MultilevelRelaxation(Relaxation):
             renew = number % self.implicit_options.renewal == 0
             self._implicit.launch(self.step, self.collider_data, renew)
 
+    @property
+    def stays_packed(self) -> bool:
+        """Whether the cloth stays as patches own it; implicit steps move it where the model has it."""
+        return super().stays_packed and (self._implicit is None or self._drawing)
+
     def run(self, iterations: int, *, shown: bool = True) -> None:
-        """Runs a chunk of iterations as one captured graph; looks from time to time whether seams are closed yet."""
+        """Runs a chunk of iterations as one captured graph; looks from time to time whether seams are closed yet.
+
+        The model always knows where the cloth is then.
+        """
         if self._drawing:
             self._look()
         elif self._implicit is not None and self._turned >= TURNED and self._implicit.renew_turns():
             self._turned = 0
         self._since, self._turned = self._since + iterations, self._turned + iterations
-        super().run(iterations, shown=shown)
+        super().run(iterations)
 
     def start_near_rest(self) -> None:
         """The cloth is where it hardly falls any more: steps are long from the first, on an avatar once it settled."""
