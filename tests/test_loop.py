@@ -79,3 +79,23 @@ def test_hanging_cloth_is_packed_once_between_two_checks(monkeypatch: pytest.Mon
     (count,) = chunks(made.relaxation)
     launches = launches_of(lambda: made.relaxation.iterate(count))
     assert len(launches) == count + 2
+
+
+@pytest.mark.parametrize("ahead", [False, True])
+def test_worn_cloth_that_stays_packed_between_checks_ends_with_the_same_bits(
+    monkeypatch: pytest.MonkeyPatch, ahead: bool
+) -> None:
+    changes = ["garment.shape.vertices_per_side=13", "solver.residual=0.05", "solver.residual_p99=0.5"]
+    scenes = [load_scene("sphere", [*changes, f"solver.iterations={count}"]) for count in (5000, 530)]
+    found = []
+    for gathers in (False, True):
+        monkeypatch.setattr(set_up_module, "build_model", partial(build_model, gathers=gathers))
+        made = set_up(scenes, [open_wardrobe(scene) for scene in scenes], "cpu")
+        goals = [Goal(tolerance_of(scene), scene.solver.iterations) for scene in scenes]
+        outcomes = relax_items(made.relaxation, made.certifier, goals, follow=following(made), ahead=ahead and gathers)
+        assert made.relaxation.stays_packed is gathers
+        found.append(outcomes)
+    for scattered, gathered in zip(*found, strict=True):
+        assert (gathered.status, gathered.iterations) == (scattered.status, scattered.iterations)
+        np.testing.assert_array_equal(gathered.points, scattered.points)
+    assert found[0][0].iterations != found[0][1].iterations
