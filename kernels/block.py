@@ -206,7 +206,7 @@ _FETCH = """
         asm volatile("cp.async.bulk.prefetch.L2.global [%0], %1;" :: "l"(start - skew), "r"(size + skew + 15 & -16));
     }
 #else
-    if (threadIdx.x >> 5 == turn)
+    if (threadIdx.x >> 5 == turn % (blockDim.x >> 5))
 #pragma unroll 1
         for (int at = 128 * (threadIdx.x & 31); at < size; at += 128 * 32)
             asm volatile("prefetch.global.L2 [%0];" :: "l"(start + at));

@@ -33,7 +33,7 @@ from warp_cloth.kernels.displacement import (
 )
 from warp_cloth.kernels.field import fetch_field, field_contact
 from warp_cloth.kernels.gather import patch_functions
-from warp_cloth.kernels.limits import Terms, block_for
+from warp_cloth.kernels.limits import WORN_THREADS, Terms, block_for
 from warp_cloth.kernels.packing import order_functions, three_function
 from warp_cloth.kernels.patch_memory import NEXT_TURN, PatchMemory, leaves, next_functions, patch_of
 from warp_cloth.kernels.patch_steps import point_functions
@@ -221,8 +221,11 @@ def advance_kernel(
     presses = touches and few and fits
     press_share = press_function(precision, "stiffness", in_order=True) if presses else None
     threads, _, many, _ = block_for(paired)
-    # what an avatar is looked up by finds more of the core's own memory where one block less works at a time
-    bounds = threads, FEW_PER_CORE if few else many - (contact is not None)
+    if contact is not None and (touches or few or paired):
+        many -= 1  # what an avatar is looked up by then finds more of the core's own memory
+    elif contact is not None:
+        threads = WORN_THREADS
+    bounds = threads, FEW_PER_CORE if few else many
     types = cloth_types(precision)
     point, vec4, Cloth, Step = types.point, types.vec4, types.Cloth, types.Step
     spares = spares_looks(contact, touches, few)

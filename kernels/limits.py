@@ -5,6 +5,7 @@ from typing import NamedTuple
 BLOCK_MEMORY = 36 * 1024  # [bytes] of a thread block; a core of a large GPU has room for six such blocks
 BLOCK_THREADS = 192  # that work on a patch
 BLOCKS_PER_CORE = 5  # that its registers are to suffice for: each fetches while others work
+WORN_THREADS = 160  # where an avatar is looked up: that takes registers, of which a core then has for as many blocks
 FEW = 264  # blocks, that a large GPU's cores work on by twos
 SLOTS = 3  # edges that a thread takes at most with its two triangles
 # What threads are told of triangles a, b, c and b, a, d, and of an edge that none takes with its triangles: numbers of

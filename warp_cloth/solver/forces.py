@@ -106,5 +106,11 @@ def launch_patches(kernel: wp.Kernel, model: ClothModel, inputs: list[Any], more
     """Launches a kernel whose blocks work on a patch each, and so many more."""
     if model.patches is None:
         return
-    threads = block_for(model.patches.paired).threads if wp.get_device(model.device).is_cuda else 1
+    threads = patch_threads(kernel, model.patches.paired) if wp.get_device(model.device).is_cuda else 1
     wp.launch(kernel, dim=(model.patches.count + more) * threads, inputs=inputs, device=model.device, block_dim=threads)
+
+
+def patch_threads(kernel: wp.Kernel, paired: bool) -> int:
+    """Threads of a block that works on a patch: as many as the kernel is made for, if it says so."""
+    bounds = kernel.options.get("launch_bounds")
+    return int(bounds[0]) if isinstance(bounds, tuple) else block_for(paired).threads

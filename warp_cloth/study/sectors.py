@@ -13,6 +13,7 @@ from warp_cloth.kernels.cloth import Patch
 from warp_cloth.kernels.cloth_contact import ON_EDGE
 from warp_cloth.kernels.field import ContactField
 from warp_cloth.kernels.limits import block_for
+from warp_cloth.solver.forces import patch_threads
 from warp_cloth.study.asked import SECTOR, STORED, THREADS, Part, ranges
 from warp_cloth.study.caches import core_bytes, spilled_bytes
 from warp_cloth.study.gathered import gathered_work
@@ -68,7 +69,9 @@ class _Moved:
             rows = self._arrays[PATCHES].numpy().reshape(-1, PATCH_WIDTH).astype(np.int64)
             self._patch = {name: rows[:, at] for at, name in enumerate(Patch.vars)}
             self._vertex = self._arrays["patches.vertex"].numpy().astype(np.int64)
-        self._block = block_for(bool(self._patch.get(ITEMS, np.zeros(0)).any()))
+        paired = bool(self._patch.get(ITEMS, np.zeros(0)).any())
+        self._block = block_for(paired)
+        self._threads = patch_threads(launch.kernel, paired) if self._patch else self._block.threads
         self._cores = max(self._device.sm_count, 1) if self._device.is_cuda else self._launch.threads
         self._known: dict[Any, dict[str, Keys]] = {}  # sectors by loop, of arrays that are used alike
         self._listed = work_on_lists(self._arrays, uses.read, uses.written, launch.threads)
@@ -105,7 +108,7 @@ class _Moved:
                 found = self._known_of(name, chain)
                 pairs = chosen_pairs(self._arrays, _owner(name), chain, found)
                 edges = int((self._arrays[f"{_owner(name)}.due"].numpy()[pairs] & 1 == int(ON_EDGE)).sum())
-                threads = self._launch.threads - self._block.threads * len(self._patch.get("place", ()))
+                threads = self._launch.threads - self._threads * len(self._patch.get("place", ()))
                 return unregistered(spilled, threads, found, edges)
             if name.endswith(".group") and name in self._arrays and self._device.is_cuda:
                 turns = int(WIDTH) * int(groups_that_go_on(self._arrays).sum())
@@ -141,12 +144,12 @@ class _Moved:
         local = np.arange(len(block)) - np.searchsorted(block, block)
         region = self._arrays[f"{_owner(name)}.region"].numpy()[vertex].astype(np.int64)
         size = wp.types.type_size_in_bytes(self._arrays[name].dtype)
-        return packets(block * self._block.threads + local // int(WIDTH), region, size)
+        return packets(block * self._threads + local // int(WIDTH), region, size)
 
     def _of_regions(self, name: str, size: int, *, by: str) -> Keys:
         """The sectors of a table with a number for each region: blocks that press read it, the first one writes."""
         count = self._launch.arguments[_owner(name)].region_count
-        blocks = self._launch.threads // self._block.threads - len(self._patch.get("place", ()))
+        blocks = self._launch.threads // self._threads - len(self._patch.get("place", ()))
         blocks = 1 if by == STORES else max(min(blocks, self._cores), 1)
         return _keys(np.repeat(np.arange(blocks), count), np.tile(np.arange(count), blocks), size)
 
@@ -158,7 +161,7 @@ class _Moved:
         """
         if not self._patch or not self._device.is_cuda:
             return True
-        patches, blocks = len(self._patch["place"]), max(self._launch.threads // self._block.threads, 1)
+        patches, blocks = len(self._patch["place"]), max(self._launch.threads // self._threads, 1)
         _, most = self._launch.kernel.options.get("launch_bounds") or (0, self._block.per_core)
         together = min(-(-blocks // self._device.sm_count), most)
         room = core_bytes(self._device.alias) - together * self._block.memory
@@ -280,7 +283,7 @@ class _Moved:
         """
         array, room = self._arrays[name], len(self._arrays[f"{contact}.corners"])
         others = len(self._patch.get("place", ()))  # blocks, which work on patches
-        blocks = self._launch.threads // self._block.threads - others
+        blocks = self._launch.threads // self._threads - others
         if name in self._uses.ahead and self._device.is_cuda and f"{contact}.due" not in chain:
             pair = np.arange(looked_at(found, room, blocks))
         else:
