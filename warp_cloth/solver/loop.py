@@ -239,11 +239,15 @@ class _Loop:
         return whole - seen.iteration % whole
 
     def _shown(self, iteration: int) -> dict[str, bool]:
-        """How a chunk is to be run that ends after so many iterations: it need not be shown where nobody looks."""
+        """How a chunk is to be run that ends after so many iterations: it need not be shown where nobody looks.
+
+        A lone garment is shown in less time than it takes to capture another graph.
+        """
         at_limit = any(self._goals[item].limit <= iteration for item in self._active)
         follows = self._follow is not None and bool(self._falling)
         looks = follows or at_limit or iteration % (CHUNK * CHUNKS_PER_CHECK) == 0
-        return {} if looks or not self._relaxation.stays_packed else {"shown": False}
+        lone = self._course is None and len(self._goals) == 1
+        return {} if looks or lone or not self._relaxation.stays_packed else {"shown": False}
 
     def _see(self, iteration: int) -> _Seen:
         """Asks of the device what there is to decide after these iterations."""
