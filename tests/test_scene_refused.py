@@ -94,7 +94,7 @@ def refused(source: Any) -> str:
         ("collision.offset_mm = -1", "collision.offset_mm: must be a number from 0 to 50, not -1"),
         ("collision.cloth = 1", "collision.cloth: must be true or false, not 1"),
         ("collision.avatar = 'depths'", 'not "depths"; did you mean depth?'),
-        ("solver.iterations = 3.0", "solver.iterations: must be a whole number from 0 to 10000000, not 3.0"),
+        ("solver.iterations = 3.5", "solver.iterations: must be a whole number from 0 to 10000000, not 3.5"),
         ("solver.iterations = '3'", 'solver.iterations: must be a whole number from 0 to 10000000, not "3"'),
         ("solver.tolerance_mm = 0", "solver.tolerance_mm: must be a number above 0 to 1000, not 0"),
         ("solver.residual = nan", "solver.residual: must be a number above 0 to 1, not nan"),
