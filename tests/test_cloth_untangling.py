@@ -15,12 +15,14 @@ from sheets import THICKNESS, crumpled, iterate, look, moved, sheets_at
 import warp_cloth
 from warp_cloth.collide.box_tree import lists_of
 from warp_cloth.collide.crossing import find_crossings
-from warp_cloth.collide.exact import signed_distances
+from warp_cloth.collide.exact import build_exact_collider, signed_distances
+from warp_cloth.collide.facing import Facing
 from warp_cloth.collide.placing import DEEP, clear_shift, way_told
 from warp_cloth.kernels.cloth_contact import EVER
 from warp_cloth.kernels.meeting import APART
 from warp_cloth.kernels.untangle import INSISTENCE, PATIENCE, spare_tangled
 from warp_cloth.mesh import Mesh
+from warp_cloth.numbering import Numbering
 from warp_cloth.scene import SphereShape
 from warp_cloth.shapes import build_avatar
 from warp_cloth.solver.course import Course
@@ -119,6 +121,20 @@ def tube(radius: float, rows: int = 9) -> Mesh:
     mesh = grid(rows, 0.16)
     angle = mesh.points[:, 0] / 0.16 * 6.2
     return replace(mesh, points=np.stack([radius * np.cos(angle), mesh.points[:, 1], radius * np.sin(angle)], axis=1))
+
+
+def test_garments_are_told_whether_they_face_the_body() -> None:
+    inward = tube(0.06)
+    outward = replace(tube(0.07), triangles=np.ascontiguousarray(tube(0.07).triangles[:, ::-1]))
+    model, touch, _ = sheets_at([inward, outward], precision="mixed")
+    ball = build_avatar(SphereShape(kind="sphere", radius=0.05))
+    body = build_exact_collider(moved(ball, *(-ball.points.mean(axis=0) + [0.0, 0.08, 0.0])), "cpu").within(1.0)
+    with wp.ScopedDevice("cpu"):
+        facing = Facing("mixed", touch.sheets, Numbering(None), body)
+    facing.tell(model.cloth, touch._search, touch._untangling.outward)
+    faces = np.split(touch._untangling.outward.numpy(), [inward.vertex_count])
+    assert (faces[0] == -1.0).all()
+    assert (faces[1] == 1.0).all()
 
 
 def test_an_outer_layer_inside_the_inner_one_comes_out() -> None:
