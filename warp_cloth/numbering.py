@@ -20,9 +20,8 @@ class Numbering:
         self.order = order
         self.count = count if order is None else len(order)
         if order is not None:
-            self.rank = np.full(
-                len(order) + 1, -1, dtype=np.int32
-            )  # by the garments' numbers; the last one of what is none
+            # by the garments' numbers; the last one is of what is none
+            self.rank = np.full(len(order) + 1, -1, dtype=np.int32)
             self.rank[order] = np.arange(len(order), dtype=np.int32)
 
     @property
