@@ -13,7 +13,7 @@ import pytest
 
 from warp_cloth.batch import ahead, common
 from warp_cloth.batch.arena import Arena
-from warp_cloth.batch.common import keep_in, kept_in
+from warp_cloth.batch.common import Drafts, keep_in, kept_in
 from warp_cloth.batch.loading import WORTH, Loaders, Shelf
 from warp_cloth.batch.many import fit_many
 from warp_cloth.batch.processes import context
@@ -83,6 +83,17 @@ def test_constants_of_a_garment_are_worked_out_once_for_all_workers(loaders: Loa
         part, other = (open_wardrobe(scene, rack).parts[0].rest for rack in racks)
         assert np.array_equal(part.hinge_stiffness, other.hinge_stiffness)
         assert part.fabric == other.fabric
+
+
+def test_what_shapes_are_drafted_from_is_worked_out_once_for_all_workers(tmp_path: Path) -> None:
+    scene = load_scene("tshirt", ["garment.shape.edge_mm=45"])
+    (recipe,) = avatar_recipe(scene)
+    alone, mesh = Rack().made(recipe), open_wardrobe(scene).garments[0]
+    for _ in range(2):
+        rack = Rack(Drafts(tmp_path))
+        assert np.array_equal(rack.made(recipe).points, alone.points)
+        assert np.array_equal(rack.made(mesh_recipes(scene)[0]).points, mesh.points)
+        assert len(list(tmp_path.iterdir())) == 3, "the body's form, the sleeve, the pattern"
 
 
 def test_what_cannot_be_kept_for_others_or_read_is_worked_out_again(

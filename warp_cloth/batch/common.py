@@ -1,12 +1,18 @@
-"""What one worker's helpers have worked out, for those of others: files that are whole or not there."""
+"""What one helper has worked out, for others and those of other workers: files that are whole or not there."""
 
 from __future__ import annotations
 
 import contextlib
+import hashlib
 import os
 import pickle
+from collections.abc import Callable, Hashable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
+
+from warp_cloth.kept import Kept
+
+T = TypeVar("T")
 
 MOST = 1 << 30  # [bytes] that a folder holds, or a little more: what has the same panels comes soon, or not at all
 
@@ -27,6 +33,39 @@ def kept_in(file: Path) -> Any:
     with contextlib.suppress(OSError, EOFError, pickle.UnpicklingError), file.open("rb") as kept:
         return pickle.load(kept)
     return None
+
+
+class Drafts(Kept):
+    """Keeps what shapes are drafted from; what is made of values alone is looked for, and kept, in a common folder.
+
+    Its files are told apart by how those values are written, which dataclasses of numbers do to the last bit.
+    """
+
+    def __init__(self, folder: Path | None) -> None:
+        super().__init__()
+        self._folder = folder
+
+    def once(
+        self,
+        name: str,
+        of: Sequence[Any],
+        make: Callable[[], T],
+        *more: Hashable,
+        size: Callable[[T], int] = lambda _: 0,
+    ) -> T:
+        folder = self._folder
+        if of or folder is None:
+            return super().once(name, of, make, *more, size=size)
+
+        def found() -> T:
+            file = folder / hashlib.sha256(repr((name, more)).encode()).hexdigest()
+            there: T | None = kept_in(file)
+            if there is None:
+                there = make()
+                keep_in(file, there)
+            return there
+
+        return super().once(name, of, found, *more, size=size)
 
 
 def _held(folder: Path) -> int:

@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from warp_cloth.batch.arena import Arena, Parcel
-from warp_cloth.batch.common import keep_in, kept_in
+from warp_cloth.batch.common import Drafts, keep_in, kept_in
 from warp_cloth.batch.lifeline import begin_alone
 from warp_cloth.batch.processes import context, get_ready
 from warp_cloth.garment.elements import garment_elements
@@ -213,7 +213,7 @@ class Loaders:
         if not orders or (self._pool is None and sum(order.count for order in orders.values()) < WORTH):
             return
         for bundle in bundles(list(orders.values()), self._count):
-            self._submit(_meshes, bundle, then=partial(self._dress, bundle, common))
+            self._submit(_meshes, bundle, common, then=partial(self._dress, bundle, common))
 
     def close(self) -> None:
         if self._pool is not None:
@@ -335,12 +335,12 @@ def bundles(orders: Sequence[Order], count: int) -> list[list[Order]]:
     return [some[first : first + most] for some in each.values() for first in range(0, len(some), most)]
 
 
-def _meshes(orders: Sequence[Order]) -> list[Any]:
+def _meshes(orders: Sequence[Order], common: Path | None) -> list[Any]:
     """The meshes that were ordered and the garments' geometries, as a rack keeps them; nothing of one that fails.
 
-    Each as it is sent, with a fingerprint of the garment's panels.
+    Each as it is sent, with a fingerprint of the garment's panels. ``common`` is the folder of what others drafted.
     """
-    found, drafts = [], Kept()
+    found, drafts = [], Drafts(common)
     for order in orders:
         rack, digest = Rack(drafts), b""
         rack.put(order.known)

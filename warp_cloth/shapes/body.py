@@ -133,11 +133,15 @@ class Form:
         """Approximate signed distance [m], negative inside, shape [N], of points in space, shape [N, 3]."""
         mirrored = points.copy()
         np.abs(mirrored[:, 0], out=mirrored[:, 0])
+        places = np.ascontiguousarray(mirrored.T)
         result = np.full(len(points), FAR)
         for part, blend in self.parts:
             margin = 2.5 * blend + 0.02  # beyond it the fillet has faded, even where distance is underestimated
             low, high = part.low - margin, part.high + margin
-            near = np.flatnonzero(np.all((mirrored > low) & (mirrored < high), axis=1))
+            within = np.ones(len(points), dtype=bool)
+            for place, first, last in zip(places, low, high, strict=True):
+                within &= (place > first) & (place < last)
+            near = np.flatnonzero(within)
             result[near] = smooth_minimum(result[near], part.value(mirrored[near]), blend)
         below = self.floor_blend - points[:, 1]
         near = np.flatnonzero(below > -0.1)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass
 from typing import Any
 
@@ -53,6 +54,11 @@ class Loft:
     low: Values  # bounding box in x >= 0 [m], shape [3]
     high: Values
 
+    @functools.cached_property
+    def steepness(self) -> Values:
+        """How steep each row but the first is after each knot; nothing follows the last one. Shape [7, TABLE_SIZE]."""
+        return np.diff(self.table[1:], append=self.table[1:, -1:]) / np.diff(self.table[0], append=np.inf)
+
     def value(self, points: Points) -> Values:
         """Approximate signed distance [m] of points with x >= 0."""
         folded = points - self.origin
@@ -60,9 +66,10 @@ class Loft:
         side, depth, along = self.axes @ folded.T
         knots = self.table[0]
         clamped = np.clip(along, knots[0], knots[-1])
-        size, slope, wide, front, back, side_centre, depth_centre = (
-            np.interp(clamped, knots, row) for row in self.table[1:]
-        )
+        at = np.searchsorted(knots, clamped, side="right") - 1
+        size, slope, wide, front, back, side_centre, depth_centre = np.take(self.steepness, at, axis=1) * (
+            clamped - knots[at]
+        ) + np.take(self.table[1:], at, axis=1)
         size = size + slope * (along - clamped)
         x = (side - side_centre) / wide
         z = depth - depth_centre
@@ -104,14 +111,10 @@ def loft(
     table = np.vstack([where, curves[0], np.gradient(curves[0], where), *curves[1:]])
     frame = np.asarray(axes, dtype=float)
     centre = np.asarray(origin, dtype=float)
-    corners = []
-    for _, wide, ahead, behind, middle, centre_depth in np.column_stack(
-        [where, *_half_axes(table), table[6], table[7]]
-    ):
-        for s in (-wide, wide):
-            for d in (-behind, ahead):
-                corners.append((middle + s, centre_depth + d))
-    spots = np.column_stack([np.array(corners), np.repeat(where, 4)]) @ frame + centre
+    (wide, ahead, behind), middle, depth = _half_axes(table), table[6], table[7]
+    sides = np.repeat(np.stack([middle - wide, middle + wide], axis=1), 2, axis=1)
+    depths = np.tile(np.stack([depth - behind, depth + ahead], axis=1), 2)
+    spots = np.column_stack([sides.ravel(), depths.ravel(), np.repeat(where, 4)]) @ frame + centre
     return Loft(centre, frame, exponent, mirrored, table, spots.min(axis=0), spots.max(axis=0))
 
 

@@ -14,7 +14,7 @@ from warp_cloth.mesh import Indices, Points
 from warp_cloth.shapes.triangulate import triangulate
 
 CURVE_SAMPLES = 400  # of a curve when its length is measured: chord error below 0.01 mm
-_ALONG = np.linspace(0, 1, CURVE_SAMPLES)[:, None]
+_ALONG = np.linspace(0, 1, CURVE_SAMPLES)
 # Shares of a cubic curve's handles, at all its samples.
 CUBIC = (
     (1 - _ALONG) ** 3,
@@ -115,7 +115,9 @@ def tshirt_pattern(measures: TshirtMeasures, edge: float, kept: Kept) -> Pattern
 
 def curve_length(curve: Points) -> float:
     """Length of a polyline [m]."""
-    return float(np.linalg.norm(np.diff(curve, axis=0), axis=1).sum())
+    x, y = curve[:, 0], curve[:, 1]
+    across, up = x[1:] - x[:-1], y[1:] - y[:-1]
+    return float(np.sqrt(across * across + up * up).sum())
 
 
 def _steps(edge: float, curve: Points) -> int:
@@ -124,9 +126,10 @@ def _steps(edge: float, curve: Points) -> int:
 
 def _bezier(*handles: ArrayLike) -> Points:
     """Cubic curve through its first and last handle, finely sampled."""
-    p0, p1, p2, p3 = (np.asarray(handle, dtype=float) for handle in handles)
     own, after, before, last = CUBIC
-    curve: Points = own * p0 + after * p1 + before * p2 + last * p3
+    curve = np.empty((CURVE_SAMPLES, 2))
+    for axis, (p0, p1, p2, p3) in enumerate(np.array(handles, dtype=float).T):
+        curve[:, axis] = own * p0 + after * p1 + before * p2 + last * p3
     return curve
 
 
