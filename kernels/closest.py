@@ -32,6 +32,12 @@ def directed_contact(mesh: wp.uint64, q: wp.vec3f, face: int, u: float, v: float
 
 
 @wp.func
+def covered(mesh: wp.uint64, q: wp.vec3f):
+    """Whether something is before a point, or behind it, where it is itself before or behind the middle."""
+    return wp.mesh_query_ray_anyhit(mesh, q, wp.vec3f(0.0, 0.0, wp.sign(q[2])), FARTHEST)
+
+
+@wp.func
 def mesh_contact(collider: MeshCollider, p: wp.vec3d) -> wp.vec4f:
     """Unit normal and signed distance [m] at a world point p: (normal, d), d > 0 outside the avatar.
 
@@ -42,7 +48,7 @@ def mesh_contact(collider: MeshCollider, p: wp.vec3d) -> wp.vec4f:
     """
     far = wp.vec4f(0.0, 0.0, 0.0, collider.reach)
     q = wp.vec3f(p - collider.origin)
-    if not wp.mesh_query_ray_anyhit(collider.mesh, q, wp.vec3f(0.0, 0.0, wp.sign(q[2])), FARTHEST):
+    if not covered(collider.mesh, q):
         near = wp.mesh_query_point_sign_normal(collider.mesh, q, collider.reach)
         if not near.result:
             return far
@@ -68,6 +74,60 @@ def sample_mesh(
     """What mesh_contact answers at points."""
     point = wp.tid()
     contact_out[point] = mesh_contact(collider, points[point])
+
+
+@wp.func
+def group_of(first: wp.array(dtype=wp.int32), point: int):
+    """The group that a point is of; ``first`` are the groups' first points, and the point count."""
+    return wp.lower_bound(first, point + 1) - 1
+
+
+@wp.kernel
+def find_covered(
+    points: wp.array(dtype=wp.vec3d),  # [m], shape [N], by groups
+    first: wp.array(dtype=wp.int32),  # first point of each group, and the point count
+    of: wp.array(dtype=wp.int32),  # the collider of each group; -1: none, and the depth is 0
+    colliders: wp.array(dtype=MeshCollider),
+    closed: wp.array(dtype=wp.uint8),  # whether the mesh of each is
+    depth_out: wp.array(dtype=wp.float32),  # [m], shape [N]
+    count_out: wp.array(dtype=wp.int32),
+    covered_out: wp.array(dtype=wp.int32),  # shape [N]
+):
+    """Lists the points that may lie inside; of the others the depth is 0, or NaN where they are not finite.
+
+    A point with nothing before it is outside a closed mesh: as mesh_contact would find, at ten times the work.
+    """
+    point = wp.tid()
+    p = points[point]
+    lost = float(wp.length(p - p))
+    depth_out[point] = lost
+    if not lost == 0.0:
+        return
+    which = of[group_of(first, point)]
+    if which < 0:
+        return
+    if closed[which] != wp.uint8(0) and not covered(colliders[which].mesh, wp.vec3f(p - colliders[which].origin)):
+        return
+    covered_out[wp.atomic_add(count_out, 0, 1)] = point
+
+
+@wp.kernel
+def measure_depths(
+    points: wp.array(dtype=wp.vec3d),  # as of find_covered
+    first: wp.array(dtype=wp.int32),
+    of: wp.array(dtype=wp.int32),
+    colliders: wp.array(dtype=MeshCollider),
+    count: wp.array(dtype=wp.int32),  # of the points that it listed
+    listed: wp.array(dtype=wp.int32),
+    depth_out: wp.array(dtype=wp.float32),  # [m], shape [N]
+):
+    """How deep the listed points lie inside; 0 outside."""
+    entry = wp.tid()
+    if entry >= count[0]:
+        return
+    point = listed[entry]
+    contact = mesh_contact(colliders[of[group_of(first, point)]], points[point])
+    depth_out[point] = wp.max(-contact[3], 0.0)
 
 
 @wp.kernel

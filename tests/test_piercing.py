@@ -19,11 +19,11 @@ BALL = sphere(radius=0.05, centre=(0.0, 0.0, 0.0), edge=0.01)
 
 def through(first: tuple[float, float, float], last: tuple[float, float, float], strain: float) -> tuple[int, float]:
     places, lengths = edge_places(np.array([first, last]), np.array([[0, 1]], dtype=np.int32), np.array([strain]))
-    return pierced(signed_distances(places, BALL, "cpu"), lengths)
+    return pierced(-signed_distances(places, BALL, "cpu"), lengths)
 
 
 def showing(points: np.ndarray, triangles: np.ndarray) -> tuple[int, float]:
-    return shown(signed_distances(face_places(points, triangles), BALL, "cpu"))
+    return shown(-signed_distances(face_places(points, triangles), BALL, "cpu"))
 
 
 def test_an_edge_through_the_middle_is_as_deep_as_the_ball() -> None:

@@ -11,11 +11,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import warp as wp
 from numpy.typing import NDArray
 
 from warp_cloth import given
 from warp_cloth.cascade import LevelRun
-from warp_cloth.collide.exact import ExactCollider, distances_of_many, exact_colliders, penetrations
+from warp_cloth.collide.exact import ExactCollider, depth_summary, depths_under, exact_colliders
 from warp_cloth.collide.garments import worn_crossings
 from warp_cloth.collide.piercing import edge_places, face_places, pierced, shown
 from warp_cloth.device import device_named
@@ -259,9 +260,7 @@ def finished(
     worn_points = [outcome.points for outcome in outcomes]
     skins = made.skins()
     exact_of = exact_colliders(skins, model.device)
-    depths = _drawn_through(
-        made, penetrations(worn_points, skins, model.device, exact_of), outcomes, skins, exact_of, strains
-    )
+    depths = _drawn_through(made, outcomes, exact_of, strains)
     crossings = worn_crossings(made.wardrobes, worn_points, model.device)
 
     def strains_of(item: int) -> tuple[Strain, dict[str, Strain]]:
@@ -313,17 +312,17 @@ def finished(
 
 def _drawn_through(
     made: SetUp,
-    depths: Sequence[Penetration | None],
     outcomes: Sequence[Outcome],
-    skins: Sequence[Mesh | None],
     exact_of: Sequence[ExactCollider | None],
     strains: NDArray[np.float64],
 ) -> list[Penetration | None]:
-    """Every scene's depth with what is told of edges and faces: ``strains`` are the edges', of all scenes.
+    """How deep every scene's vertices, edges and faces lie in its avatar; ``strains`` are the edges', of all scenes.
 
     All are asked for together, as a GPU answers a million places as soon as a few.
     """
     model = made.model
+    position = model.cloth.position if model.cloth.position.dtype is wp.vec3d else model.points()
+    under = depths_under(position, np.diff(model.item_start).tolist(), exact_of)
 
     def asked(item: int) -> tuple[Points, NDArray[np.float64], Points]:
         edges, triangles, first = [], [], 0
@@ -336,17 +335,16 @@ def _drawn_through(
         return *edge_places(points, np.concatenate(edges), strain), face_places(points, np.concatenate(triangles))
 
     asks = map_in_threads(asked, range(len(outcomes)))
-    places = [np.concatenate([along, within]) for along, _, within in asks]
+    places = np.concatenate([part for along, _, within in asks for part in (along, within)])
+    inside = depths_under(places, [len(along) + len(within) for along, _, within in asks], exact_of)
     told: list[Penetration | None] = []
-    for depth, (along, lengths, _), distances in zip(
-        depths, asks, distances_of_many(places, skins, model.device, exact_of), strict=True
-    ):
-        if depth is None or distances is None:
-            told.append(depth)
+    for exact, depths, (along, lengths, _), own in zip(exact_of, under, asks, inside, strict=True):
+        if exact is None:
+            told.append(None)
             continue
-        count, deepest = pierced(distances[: len(along)], lengths)
-        faces, most = shown(distances[len(along) :])
-        told.append(replace(depth, edges=count, edge_max=deepest, faces=faces, face_max=most))
+        count, deepest = pierced(own[: len(along)], lengths)
+        faces, most = shown(own[len(along) :])
+        told.append(replace(depth_summary(depths), edges=count, edge_max=deepest, faces=faces, face_max=most))
     return told
 
 

@@ -75,6 +75,16 @@ class Mesh:
         a, b, c = (local[self.triangles[:, corner]] for corner in range(3))
         return float(np.einsum("ij,ij->", a, np.cross(b, c))) < 0.0
 
+    @cached_property
+    def closed(self) -> bool:
+        """Whether every edge is run along as often one way as the other: then every ray leaves as often as it enters.
+
+        Where it has no triangles it is not.
+        """
+        start, end = (np.concatenate(np.roll(self.triangles, -turn, axis=1).T.astype(np.int64)) for turn in (0, 1))
+        count = self.vertex_count
+        return len(start) > 0 and np.array_equal(np.sort(start * count + end), np.sort(end * count + start))
+
     def arrays(self) -> dict[str, Any]:
         """The map arrays that are present, by name, as they are written beside a result."""
         found = {"vertex_map": self.vertex_map, "triangle_source": self.triangle_source}

@@ -29,12 +29,12 @@ def edge_places(
     return along, np.linalg.norm(last - first, axis=2)[:, 0]
 
 
-def pierced(distances: NDArray[np.float32], lengths: NDArray[np.float64]) -> tuple[int, float]:
+def pierced(depths: NDArray[np.float32], lengths: NDArray[np.float64]) -> tuple[int, float]:
     """How many edges are drawn through the avatar, and how deep they lie under its skin [mm].
 
-    By the signed distances [m] of ``edge_places`` from it.
+    By the depths of ``edge_places`` in it [m].
     """
-    depth = np.nan_to_num(-distances).reshape(len(lengths), len(PLACES)).max(axis=1)
+    depth = np.nan_to_num(depths).reshape(len(lengths), len(PLACES)).max(axis=1)
     through = depth > DEEP * lengths
     return int(through.sum()), 1e3 * float(depth[through].max(initial=0.0))
 
@@ -55,10 +55,10 @@ def face_places(points: Points, triangles: NDArray[np.int32]) -> Points:
     return np.asarray(((WITHIN / WITHIN.sum(axis=1, keepdims=True)) @ large).reshape(-1, 3))
 
 
-def shown(distances: NDArray[np.float32]) -> tuple[int, float]:
+def shown(depths: NDArray[np.float32]) -> tuple[int, float]:
     """Through how many triangles the avatar shows, and how deep they lie under its skin [mm].
 
-    By the signed distances [m] of ``face_places`` from it.
+    By the depths of ``face_places`` in it [m].
     """
-    depth = np.nan_to_num(-distances).reshape(-1, len(WITHIN)).max(axis=1)
+    depth = np.nan_to_num(depths).reshape(-1, len(WITHIN)).max(axis=1)
     return int((depth > 0.0).sum()), 1e3 * float(depth.max(initial=0.0))
