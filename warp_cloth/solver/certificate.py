@@ -303,12 +303,12 @@ def strain_summary(strain: NDArray[np.float64]) -> Strain:
 
 def edge_strains(model: ClothModel) -> NDArray[np.float64]:
     """Strain (r - L) / L of every edge, shape [E]."""
-    return _measure_tension(model)[1]
+    return _measure_tension(model)[1].numpy()
 
 
 def thread_strains(model: ClothModel) -> NDArray[np.float64]:
     """Strain of every woven triangle along weft, warp and both biases, shape [T, 4]."""
-    return _measure_weave(model)[1]
+    return _measure_weave(model)[1].numpy().reshape(-1, 4)
 
 
 def thread_summaries(strain: NDArray[np.float64]) -> dict[str, Strain]:
@@ -331,19 +331,21 @@ def element_energies(model: ClothModel) -> tuple[NDArray[np.float64], ...]:
     if model.hinges is not None:
         kernel = bending_energy_kernel(model.precision, model.terms.angles)
         wp.launch(kernel, dim=model.hinge_count, inputs=[model.cloth, model.hinges, fold], device=model.device)
-    return _measure_tension(model)[0], np.array(fold.numpy()), _measure_weave(model)[0]
+    return _measure_tension(model)[0].numpy(), fold.numpy(), _measure_weave(model)[0].numpy()
 
 
-def _measure_weave(model: ClothModel) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _measure_weave(model: ClothModel) -> tuple[wp.array, wp.array]:
+    """Energy [J] and strains of every woven triangle."""
     energy = wp.zeros(model.weave_count, dtype=wp.float64, device=model.device)
     strain = wp.zeros(model.weave_count, dtype=wp.vec4d, device=model.device)
     if model.weave is not None:
         kernel = energy_kernels(model.precision).measure_weave
         wp.launch(kernel, dim=model.weave_count, inputs=[model.cloth, model.weave, energy, strain], device=model.device)
-    return np.array(energy.numpy()), np.array(strain.numpy()).reshape(-1, 4)
+    return energy, strain
 
 
-def _measure_tension(model: ClothModel) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _measure_tension(model: ClothModel) -> tuple[wp.array, wp.array]:
+    """Energy [J] and strain of every edge."""
     energy = wp.zeros(model.edge_count, dtype=wp.float64, device=model.device)
     strain = wp.zeros(model.edge_count, dtype=wp.float64, device=model.device)
     wp.launch(
@@ -352,4 +354,4 @@ def _measure_tension(model: ClothModel) -> tuple[NDArray[np.float64], NDArray[np
         inputs=[model.cloth, model.edges, energy, strain],
         device=model.device,
     )
-    return np.array(energy.numpy()), np.array(strain.numpy())
+    return energy, strain
