@@ -18,6 +18,7 @@ from warp_cloth.kernels.cloth import MODULE_OPTIONS, cloth_types, difference_fun
 from warp_cloth.kernels.edge import edge_functions
 from warp_cloth.kernels.forces import square_functions
 from warp_cloth.kernels.limits import Terms
+from warp_cloth.kernels.listed import listed
 from warp_cloth.kernels.packing import order_functions
 from warp_cloth.kernels.scatter import sides_function
 from warp_cloth.kernels.stiffness import matrix_functions, symmetric_functions, symmetric_times
@@ -132,6 +133,7 @@ def _bound_folds_kernel(precision: str, terms: Terms, packed: bool, in_order: bo
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def bound_folds(
+        groups: wp.array(dtype=wp.int32),  # of kernels.listed, of edges
         cloth: Cloth,
         edges: Edges,
         normal: wp.array(dtype=vec4),  # of measure_normals, shape [F]
@@ -139,7 +141,9 @@ def _bound_folds_kernel(precision: str, terms: Terms, packed: bool, in_order: bo
         bound_out: wp.array(dtype=real),  # [N/m], shape [E]
     ):
         """Bounds the stiffness of each edge's hinge."""
-        edge = wp.tid()
+        edge = listed(groups, wp.tid())
+        if edge >= edges.ends.shape[0]:
+            return
         ends = element(edges.ends, edge)
         if rests(cloth, ends[0]):
             return
@@ -202,6 +206,7 @@ def _find_leeway_kernel(precision: str, terms: Terms, packed: bool, in_order: bo
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def find_leeway(
+        groups: wp.array(dtype=wp.int32),  # of kernels.listed, of vertices
         cloth: Cloth,
         edges: Edges,
         triangles: Triangles,
@@ -210,7 +215,9 @@ def _find_leeway_kernel(precision: str, terms: Terms, packed: bool, in_order: bo
         step: Step,
     ):
         """Has every vertex whose item is loose go on with the leeway that the matrix of what bounds its step leaves."""
-        vertex = wp.tid()
+        vertex = listed(groups, wp.tid())
+        if vertex >= cloth.item.shape[0]:
+            return
         if rests(cloth, vertex):
             return
         item = cloth.items[element(cloth.item, vertex)]

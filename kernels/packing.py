@@ -14,6 +14,7 @@ import warp as wp
 from warp_cloth.kernels.access import element, put
 from warp_cloth.kernels.arithmetic import inner, root
 from warp_cloth.kernels.cloth import MODULE_OPTIONS, cloth_types, rest_function
+from warp_cloth.kernels.listed import listed
 
 _POINT = """
     typedef wp::vec_t<2, %(real)s> Pair;
@@ -207,7 +208,8 @@ def packing_kernels(precision: str, accelerated: bool, packed: bool) -> SimpleNa
     """Kernels ``pack_vertices`` and ``unpack_vertices``; ``accelerated``: vertices have a stiffness.
 
     ``packed``: as of ``order_functions``; if not, vertices are only put in order.
-    Items that no longer iterate are left out. An item's vertices lie at the same places in both orders.
+    Items that no longer iterate are left out, or their groups are. An item's vertices lie at the same places in both
+    orders.
     """
     types = cloth_types(precision)
     point, real, vec3, Cloth = types.point, types.real, types.vec3, types.Cloth
@@ -218,6 +220,7 @@ def packing_kernels(precision: str, accelerated: bool, packed: bool) -> SimpleNa
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def pack_vertices(
+        groups: wp.array(dtype=wp.int32),  # of kernels.listed, of places
         order: wp.array(dtype=wp.int32),  # vertices as patches own them, shape [V]
         cloth: Cloth,
         position_out: wp.array(dtype=point),  # [m], shape [V]
@@ -225,7 +228,9 @@ def packing_kernels(precision: str, accelerated: bool, packed: bool) -> SimpleNa
         stiffness_out: wp.array(dtype=real),  # [N/m], shape [V]
     ):
         """Puts what iterations change in the patches' order."""
-        place = wp.tid()
+        place = listed(groups, wp.tid())
+        if place >= order.shape[0]:
+            return
         vertex = element(order, place)
         if rests(cloth, place):
             return
@@ -236,6 +241,7 @@ def packing_kernels(precision: str, accelerated: bool, packed: bool) -> SimpleNa
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def unpack_vertices(
+        groups: wp.array(dtype=wp.int32),  # of kernels.listed, of vertices
         rank: wp.array(dtype=wp.int32),  # where patches have each vertex, shape [V]
         there: Cloth,
         position_out: wp.array(dtype=point),  # [m], shape [V]
@@ -243,7 +249,9 @@ def packing_kernels(precision: str, accelerated: bool, packed: bool) -> SimpleNa
         stiffness_out: wp.array(dtype=real),  # [N/m], shape [V]
     ):
         """Puts it back in the garments' order."""
-        vertex = wp.tid()
+        vertex = listed(groups, wp.tid())
+        if vertex >= rank.shape[0]:
+            return
         place = element(rank, vertex)
         if rests(there, vertex):
             return

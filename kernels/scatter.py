@@ -15,6 +15,7 @@ from warp_cloth.kernels.cloth import BOUNDS, MODULE_OPTIONS, cloth_types, rest_f
 from warp_cloth.kernels.edge import edge_functions
 from warp_cloth.kernels.forces import corner_function, triangle_functions
 from warp_cloth.kernels.limits import Terms
+from warp_cloth.kernels.listed import listed
 from warp_cloth.kernels.packing import order_functions
 
 
@@ -32,10 +33,13 @@ def normals_kernel(precision: str, packed: bool = False) -> wp.Kernel:
         cloth: Cloth,
         triangles: Triangles,
         step: Step,
+        groups: wp.array(dtype=wp.int32),  # of kernels.listed, of triangles
         normal_out: wp.array(dtype=vec4),  # unit normal and inverse of twice the area [1/m2], shape [F]
     ):
         """Writes each triangle's normal."""
-        triangle = wp.tid()
+        triangle = listed(groups, wp.tid())
+        if triangle >= triangles.corners.shape[0]:
+            return
         corners = element(triangles.corners, triangle)
         if rests(cloth, corners[0]):
             return

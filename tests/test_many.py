@@ -22,10 +22,12 @@ from warp_cloth.collide.garments import worn_crossings
 from warp_cloth.errors import InputError
 from warp_cloth.fitting import Fit, tolerance_of
 from warp_cloth.garment.wardrobe import open_wardrobe
+from warp_cloth.kernels.listed import GROUP
 from warp_cloth.model import build_model
 from warp_cloth.result import Status
 from warp_cloth.scene import Scene, load_scene
 from warp_cloth.set_up import SetUp
+from warp_cloth.solver.at_work import Listed
 from warp_cloth.solver.loop import Goal, relax_items
 from warp_cloth.threads import ALONE
 
@@ -83,6 +85,34 @@ def test_an_item_has_the_same_bits_alone_in_company_and_in_any_order(
     shuffled = fit_many([scenes[at] for at in order], device, together=5)
     for fit, at in zip(shuffled, order, strict=True):
         assert_same(fit, alone[at])
+
+
+def test_those_left_have_the_same_bits_where_the_others_are_passed_over(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(set_up, "build_model", partial(build_model, gathers=True))
+    chosen: list[int] = []
+    choose = Listed.choose
+
+    def told(self: Listed, items: np.ndarray) -> None:
+        choose(self, items)
+        chosen.append(self.size)
+
+    monkeypatch.setattr(Listed, "choose", told)
+    ends = [(9, 900), (17, 200), (24, 300), (13, 1300), (20, 400)]
+    scenes = [
+        load_scene(
+            "sphere", ["collision.pixel_mm=10", f"garment.shape.vertices_per_side={n}", f"solver.iterations={k}"]
+        )
+        for n, k in ends
+    ]
+    alone = [warp_cloth.fit(scene, device="cpu") for scene in scenes]
+    assert not chosen
+    for fit, own in zip(fit_many(scenes, "cpu", together=len(scenes)), alone, strict=True):
+        assert_same(fit, own)
+    *some, every = chosen[::3]
+    assert every == sum(n * n for n, _ in ends), "to be measured at last"
+    assert some == sorted(some, reverse=True)
+    assert {size % GROUP for size in some} == {0}
+    assert some[-1] <= 2 * GROUP, "one is left"
 
 
 @pytest.mark.parametrize("gathers", [False, True])

@@ -13,27 +13,39 @@ from warp_cloth.kernels.limits import block_for
 from warp_cloth.kernels.scatter import edges_kernel, normals_kernel, triangles_kernel
 from warp_cloth.kernels.scatter_eight import eight_edges_kernel, eight_normals_kernel, eight_triangles_kernel
 from warp_cloth.model import ClothModel
+from warp_cloth.solver.at_work import Listed
 
 
 class NormalsPass:
     """Measures the triangles' normals, one by one or eight at a time."""
 
-    def __init__(self, model: ClothModel, *, packed: bool = False) -> None:
-        """``packed``: whether the cloth's positions are (kernels.packing)."""
+    def __init__(self, model: ClothModel, *, packed: bool = False, some: Listed | None = None) -> None:
+        """``packed``: whether the cloth's positions are (kernels.packing).
+
+        ``some`` of the triangles, where they are not worked out eight at a time; None: all.
+        """
         types, count = cloth_types(model.precision), model.triangle_count
-        eight = takes_eight(model, count) and not packed
-        self._model = model
-        self.kernel = eight_normals_kernel(model.precision) if eight else normals_kernel(model.precision, packed)
-        self.size = pass_size(count, eight)
+        self._eight = takes_eight(model, count) and not packed
+        self._model, self._some = model, some or Listed([0, count], model.device)
+        self.kernel = eight_normals_kernel(model.precision) if self._eight else normals_kernel(model.precision, packed)
         self.normal = wp.empty(count, dtype=types.vec4, device=model.device)
         # the sides of eight triangles that kernels read after it, which lie as they are worked out
-        sides = 2 * self.size if eight else 0
+        sides = 2 * self.size if self._eight else 0
         self.sides = wp.empty(sides, dtype=shaped(types.real, True).vec3, device=model.device)
-        self.writes = [self.normal, self.sides] if eight else [self.normal]
+
+    @property
+    def size(self) -> int:
+        """Threads that it takes."""
+        return pass_size(self._model.triangle_count, True) if self._eight else self._some.size
+
+    @property
+    def asks(self) -> list[Any]:
+        """What the kernel takes at last."""
+        return [self.normal, self.sides] if self._eight else [self._some.groups, self.normal]
 
     def launch(self, step: Any, cloth: Any, triangles: Any = None) -> None:
         """Launches it; ``step`` is a kernels.cloth Step, ``cloth`` a Cloth, and ``triangles`` its, or the model's."""
-        inputs = [cloth, triangles or self._model.triangles, step, *self.writes]
+        inputs = [cloth, triangles or self._model.triangles, step, *self.asks]
         wp.launch(self.kernel, dim=self.size, inputs=inputs, device=self._model.device)
 
 
@@ -65,7 +77,7 @@ class ForcePass:
         if terms.folds:
             first = NormalsPass(model)
             normal, sides = first.normal, first.sides
-            self._passes.append((first.kernel, first.size, [model.triangles], first.writes))
+            self._passes.append((first.kernel, first.size, [model.triangles], first.asks))
         iterates = fourth in BOUNDS
         if terms.edges or terms.folds:
             eight = iterates and not terms.angles and takes_eight(model, edges)

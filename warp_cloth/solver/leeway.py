@@ -17,6 +17,7 @@ from warp_cloth.kernels.scatter_eight import eight_edges_kernel
 from warp_cloth.mesh import Indices
 from warp_cloth.model import ClothModel
 from warp_cloth.numbering import Numbering
+from warp_cloth.solver.at_work import AtWork
 from warp_cloth.solver.forces import NormalsPass, pass_size, takes_eight
 from warp_cloth.threads import end_to_end, map_in_threads
 from warp_cloth.topology import ragged_rows
@@ -25,10 +26,18 @@ from warp_cloth.topology import ragged_rows
 class Leeway:
     """Owns what a look needs; gives the model's cloth the array that the iterations read."""
 
-    def __init__(self, model: ClothModel, numbering: Numbering | None = None, *, packed: bool = False) -> None:
+    def __init__(
+        self,
+        model: ClothModel,
+        numbering: Numbering | None = None,
+        *,
+        packed: bool = False,
+        at_work: AtWork | None = None,
+    ) -> None:
         """``numbering``: of the vertices of the cloth that is looked at; None: the model's own.
 
-        ``packed``: whether its positions and leeway are packed (kernels.packing).
+        ``packed``: whether its positions and leeway are packed (kernels.packing). ``at_work``: what is looked at where
+        it is not scattered; None: all.
         """
         self._model, types = model, cloth_types(model.precision)
         leeway = model.cloth.leeway = wp.zeros(model.vertex_count, dtype=types.vec6, device=model.device)
@@ -44,7 +53,9 @@ class Leeway:
         terms = model.terms
         scatters = model.patches is None and terms.threads and not (terms.edges or terms.angles)
         eight = scatters and takes_eight(model, min(model.triangle_count, model.edge_count))
-        self._look: _Gathered | ScatteredLook = ScatteredLook(model) if eight else _Gathered(model, numbering, packed)
+        self._look: _Gathered | ScatteredLook = (
+            ScatteredLook(model) if eight else _Gathered(model, numbering, packed, at_work)
+        )
 
     def kernels(self) -> list[wp.Kernel]:
         """The kernels that a look launches, in order."""
@@ -70,9 +81,15 @@ class Leeway:
 class _Gathered:
     """A look that sums at each vertex what bounds its step."""
 
-    def __init__(self, model: ClothModel, numbering: Numbering | None = None, packed: bool = False) -> None:
+    def __init__(
+        self,
+        model: ClothModel,
+        numbering: Numbering | None = None,
+        packed: bool = False,
+        at_work: AtWork | None = None,
+    ) -> None:
         types, terms = cloth_types(model.precision), model.terms
-        self._model = model
+        self._model, self._at_work = model, at_work or AtWork(model)
         self._kernels = leeway_kernels(model.precision, terms, packed, in_order=numbering is not None)
         self._numbering = numbering or Numbering(None, model.vertex_count)
         self._edges, self._triangles = model.edges, model.triangles
@@ -80,7 +97,7 @@ class _Gathered:
         if numbering is not None:
             self._edges = self._numbered(types.Edges, model.edges, "ends", wp.vec2i)
             self._triangles = self._numbered(types.Triangles, model.triangles, "corners", wp.vec3i)
-        self._normals = NormalsPass(model, packed=packed) if terms.folds else None
+        self._normals = NormalsPass(model, packed=packed, some=self._at_work.triangles) if terms.folds else None
         edges = model.edge_count if terms.folds else 0
         self._bound = wp.empty(edges, dtype=types.real, device=model.device)
         self._rows = types.Rows()
@@ -129,13 +146,15 @@ class _Gathered:
         return [*folds, self._kernels.find_leeway]
 
     def launch(self, step: Any, cloth: Any) -> None:
-        model, device = self._model, self._model.device
+        device, at_work = self._model.device, self._at_work
         if self._normals is not None:
             self._normals.launch(step, cloth, self._triangles)
-            read = [cloth, self._edges, self._normals.normal, step, self._bound]
-            wp.launch(self._kernels.bound_folds, dim=model.edge_count, inputs=read, device=device)
-        read = [cloth, self._edges, self._triangles, self._rows, self._bound, step]
-        wp.launch(self._kernels.find_leeway, dim=model.vertex_count, inputs=read, device=device)
+            edges = at_work.edges
+            read = [edges.groups, cloth, self._edges, self._normals.normal, step, self._bound]
+            wp.launch(self._kernels.bound_folds, dim=edges.size, inputs=read, device=device)
+        vertices = at_work.vertices
+        read = [vertices.groups, cloth, self._edges, self._triangles, self._rows, self._bound, step]
+        wp.launch(self._kernels.find_leeway, dim=vertices.size, inputs=read, device=device)
 
 
 class ScatteredLook:

@@ -11,17 +11,21 @@ from warp_cloth.kernels.cloth import cloth_types
 from warp_cloth.kernels.packing import packing_kernels
 from warp_cloth.model import ClothModel
 from warp_cloth.patches.on_device import Patches
+from warp_cloth.solver.at_work import Listed
 from warp_cloth.solver.forces import launch_patches
 
 
 class PackedCloth:
     """The cloth twice as patches own it, to iterate to and fro; what iterations change comes from and to the model.
 
-    ``packed``: as of kernels.packing; not where cloth meets cloth. The model's leeway lies as this cloth's vertices do.
+    ``some``: the vertices that come and go. ``packed``: as of kernels.packing; not where cloth meets cloth. The model's
+    leeway lies as this cloth's vertices do.
     """
 
-    def __init__(self, model: ClothModel, patches: Patches, accelerated: bool, *, packed: bool = True) -> None:
-        self._model, self._patches = model, patches
+    def __init__(
+        self, model: ClothModel, patches: Patches, accelerated: bool, some: Listed, *, packed: bool = True
+    ) -> None:
+        self._model, self._patches, self._some = model, patches, some
         self._kernels = packing_kernels(model.precision, accelerated, packed)
         types = cloth_types(model.precision)
         self._here, self._there = (types.Cloth() for _ in range(2))
@@ -58,8 +62,8 @@ class PackedCloth:
             return self._here
         model, here = self._model, self._here
         written = [here.position, here.moved, self._stiffness]
-        inputs = [self._patches.order, model.cloth, *written]
-        wp.launch(self._kernels.pack_vertices, dim=model.vertex_count, inputs=inputs, device=model.device)
+        inputs = [self._some.groups, self._patches.order, model.cloth, *written]
+        wp.launch(self._kernels.pack_vertices, dim=self._some.size, inputs=inputs, device=model.device)
         return here
 
     def iterate(self, move: wp.Kernel, asked: list[Any], count: int, before: Callable[[int, Any], int] | None) -> None:
@@ -86,5 +90,5 @@ class PackedCloth:
         model, cloth = self._model, self._model.cloth
         here = self._there if count % 2 else self._here
         stiffness = cloth.stiffness if self._stiffness is not None else None
-        inputs = [self._patches.rank, here, cloth.position, cloth.move, stiffness]
-        wp.launch(self._kernels.unpack_vertices, dim=model.vertex_count, inputs=inputs, device=model.device)
+        inputs = [self._some.groups, self._patches.rank, here, cloth.position, cloth.move, stiffness]
+        wp.launch(self._kernels.unpack_vertices, dim=self._some.size, inputs=inputs, device=model.device)

@@ -16,6 +16,7 @@ from warp_cloth.kernels.displace_eight import eight_displace_kernel
 from warp_cloth.kernels.displacement import NoClothContact, NoCollider, spares_looks, step_bound, wears
 from warp_cloth.model import ClothModel
 from warp_cloth.numbering import Numbering
+from warp_cloth.solver.at_work import AtWork
 from warp_cloth.solver.forces import ForcePass, pass_size, takes_eight
 from warp_cloth.solver.leeway import Leeway
 from warp_cloth.solver.packed import PackedCloth
@@ -129,10 +130,12 @@ class Relaxation:
         worn = wears(accelerated, self.contact, touch is not None)
         if worn and not model.cloth.held:
             model.cloth.held = wp.zeros(model.vertex_count, dtype=wp.uint8, device=model.device)
+        self._at_work = AtWork(model)
         self._leeway: Leeway | None = None
         if worn and options.leeway > 0.0:  # which is looked at as patches own it
             numbering = None if model.patches is None else Numbering(model.patches.order.numpy())
-            self._leeway = Leeway(model, numbering, packed=numbering is not None and touch is None)
+            packed = numbering is not None and touch is None
+            self._leeway = Leeway(model, numbering, packed=packed, at_work=self._at_work)
         self._strength, self._loose, self._renewal = strength, options.loose, options.renewal
         self._scatter: ForcePass | None = None
         self._packed: PackedCloth | None = None
@@ -148,7 +151,7 @@ class Relaxation:
             how = patches.few, patches.paired
             self._move = advance_kernel(model.precision, accelerated, model.terms, patches.fits, *asked, *how)
             self._presses_along = touch is not None and patches.fits and patches.few
-            self._packed = PackedCloth(model, patches, accelerated, packed=touch is None)
+            self._packed = PackedCloth(model, patches, accelerated, self._at_work.vertices, packed=touch is None)
             if touch is not None:
                 touch.cloth_now = self._packed.brought
         else:
@@ -260,6 +263,7 @@ class Relaxation:
         """Works on no more than the items that iterate."""
         patches = self.model.patches
         if patches is not None and patches.work_on(self._items["active"] == 1):
+            self._at_work.choose(self._items["active"] == 1)
             self.forget_graphs()
 
     def forget_graphs(self) -> None:
