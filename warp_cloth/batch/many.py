@@ -141,12 +141,13 @@ def _together(scenes: Sequence[Scene], wardrobes: Sequence[Wardrobe], device: st
     dressing = set_up_dressing(made, kept)
     lap("build")
     goals = [Goal(tolerance_of(scene), scene.solver.iterations) for scene in scenes]
+    # a few garments leave a GPU idle most of the time, for those whose turn it is
+    levels = [start_coarse(made)] * len(scenes) if dressing is None else start_dressed(made, dressing)
     for item in range(len(scenes)):
         if not turn.taken():
             break
         made.touched(item)  # measures what the report tells of its contact, for which there is time now
     with turn:
-        levels = [start_coarse(made)] * len(scenes) if dressing is None else start_dressed(made, dressing)
         outcomes = relax_items(
             made.relaxation,
             made.certifier,
