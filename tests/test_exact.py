@@ -7,7 +7,7 @@ import pytest
 import trimesh
 import warp as wp
 
-from warp_cloth.collide.exact import build_exact_collider, penetration, signed_distances
+from warp_cloth.collide.exact import build_exact_collider, depths_under, penetration, signed_distances
 from warp_cloth.mesh import Mesh
 
 ROUNDING = 2.0e-6  # [m]: float32 positions within a metre
@@ -115,6 +115,25 @@ def test_penetration_states_depth_in_millimetres() -> None:
     assert found.max == pytest.approx(5.0, abs=1.0e-3)
     assert 2.0 < found.p999 < 5.0
     assert found.fraction == pytest.approx(0.01)
+
+
+def test_depths_are_the_distances_of_what_is_inside() -> None:
+    neck, other = ball(subdivisions=4), ball(0.1, 3)
+    neck.update_faces(neck.triangles_center[:, 1] < 0.08)
+    other.apply_translation((0.07, 0.03, 0.0))
+    turned = trimesh.Trimesh(neck.vertices, neck.faces[:, ::-1])
+    shapes = [ball(), neck, turned, trimesh.util.concatenate([ball(), other]), trimesh.util.concatenate([neck, other])]
+    meshes = [as_mesh(shape) for shape in shapes]
+    assert [mesh.closed for mesh in meshes] == [True, False, False, True, False]
+    points = [np.random.default_rng(5 + n).uniform(-0.15, 0.15, (1500 - 100 * n, 3)) for n in range(5)]
+    exact = [build_exact_collider(mesh, "cpu") for mesh in meshes]
+    counts = [len(some) for some in points]
+    found = depths_under(np.concatenate([*points, points[0]]), [*counts, 0, counts[0]], [*exact, exact[1], None])
+    for mesh, some, depths in zip(meshes, points, found, strict=False):
+        np.testing.assert_array_equal(depths, np.maximum(-signed_distances(some, mesh, "cpu"), 0.0))
+        assert 0.05 < (depths > 0.0).mean() < 0.5
+    assert [len(depths) for depths in found[5:]] == [0, counts[0]]
+    assert not found[6].any(), "nothing is there"
 
 
 def test_penetration_of_a_shape_that_is_not_finite_is_not_a_number() -> None:
