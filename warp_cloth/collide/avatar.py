@@ -318,7 +318,7 @@ class AvatarContact:
     ) -> dict[str, Any]:
         """How good what was drawn is, for the report; ``near`` is the surface that garments may meet."""
         surface = near()
-        error = contact_error(sampled, exact, surface.worn(exact, self._offset))
+        error = contact_error(sampled, exact, *surface.worn_and_true(exact, self._offset))
         return {
             "buffers": buffers.names,
             "pixel_mm": 1e3 * buffers.pixel,

@@ -20,6 +20,7 @@ DEFAULT_DEPTH = 0.3  # [m]; deeper than the middle of any trunk
 TREE_TRIANGLE = 430  # bytes of a mesh and its search tree for each triangle, measured: 414
 DEEPEST = 0.999  # of the vertices are no deeper than what is told beside the deepest
 POINTS_AT_ONCE = 1 << 20  # of several garments: as many as fill a GPU
+DEPTHS_AT_ONCE = 1 << 22  # likewise, where those few that lie inside keep it waiting
 
 
 @dataclass(frozen=True, eq=False)
@@ -180,7 +181,7 @@ def depths_under(
     )
     closed = wp.array([exact.avatar.closed for exact in avatars], dtype=wp.uint8, device=device)
     found: list[NDArray[np.float32]] = []
-    for piece in pieces(counts, POINTS_AT_ONCE):
+    for piece in pieces(counts, DEPTHS_AT_ONCE):
         here = ends[piece.start : piece.stop + 1]
         some = points[here[0] : here[-1]]
         given = some if isinstance(some, wp.array) else wp.array(some, dtype=wp.vec3d, device=device)
