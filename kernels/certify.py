@@ -15,6 +15,7 @@ from warp_cloth.kernels.cloth import (
     hinge_sides_function,
 )
 from warp_cloth.kernels.displacement import colliders_type
+from warp_cloth.kernels.listed import listed
 from warp_cloth.kernels.tension import tension_energy
 from warp_cloth.kernels.weave import thread_energy, warp_vector, weft_vector
 
@@ -30,6 +31,7 @@ def residual_kernel(precision: str, contact: wp.Function | None, collider_type: 
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def measure_residual(
+        groups: wp.array(dtype=wp.int32),  # of kernels.listed, of vertices; of the others the last residual stays
         step: Step,
         slack: float,  # how far above the contact offset a vertex still counts as in contact [m]
         colliders: colliders_type(contact, collider_type),
@@ -38,7 +40,9 @@ def residual_kernel(precision: str, contact: wp.Function | None, collider_type: 
         residual_out: wp.array(dtype=wp.vec2f),  # force left, in weights and relative, shape [V]; -1 where pinned
     ):
         """Force left on a vertex after contact's push and friction's cone, over its weight, and over all that meets."""
-        vertex = wp.tid()
+        vertex = listed(groups, wp.tid())
+        if vertex >= load.shape[0]:
+            return
         sum = load[vertex]
         load[vertex] = vec4()
         item = cloth.items[cloth.item[vertex]]

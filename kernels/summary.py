@@ -5,6 +5,7 @@ import functools
 import warp as wp
 
 from warp_cloth.kernels.cloth import MODULE_OPTIONS, cloth_types, rest_function
+from warp_cloth.kernels.listed import listed
 
 CHUNK = 16  # vertices that one thread sums: a GPU has threads for them all, and each waits for its own in turn
 GROUP = 32  # sums that the next thread sums
@@ -70,6 +71,7 @@ def chunk_kernel(precision: str) -> wp.Kernel:
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def summarise_chunks(
+        groups: wp.array(dtype=wp.int32),  # of kernels.listed, of chunks
         first: wp.array(dtype=wp.int32),  # first vertex of each chunk, and the vertex count
         cloth: Cloth,
         left: wp.array(dtype=wp.vec2f),  # of measure_residual, shape [V]
@@ -77,7 +79,9 @@ def chunk_kernel(precision: str) -> wp.Kernel:
         sum_out: wp.array2d(dtype=wp.float64),  # shape [chunks, COLUMNS]
     ):
         """Figures of each chunk of an item that still iterates and is asked for."""
-        chunk = wp.tid()
+        chunk = listed(groups, wp.tid())
+        if chunk >= sum_out.shape[0]:
+            return
         if rests(cloth, first[chunk]) or looks.asked[cloth.item[first[chunk]]] == wp.uint8(0):
             return
         free = wp.float64(0.0)

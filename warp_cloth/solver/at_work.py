@@ -44,11 +44,17 @@ class AtWork:
             return [own[model.vertex_start.index(first)] for first in model.item_start]
 
         triangles = np.cumsum([0, *(len(each.corners) for each in model.garments)])
-        self.vertices = Listed(model.item_start, model.device)
-        self.edges = Listed(starts(model.edge_start), model.device)
-        self.triangles = Listed(starts(triangles.tolist()), model.device)
+        self._device, self._each = model.device, list[Listed]()
+        self.vertices = self.more(model.item_start)
+        self.edges = self.more(starts(model.edge_start))
+        self.triangles = self.more(starts(triangles.tolist()))
+
+    def more(self, starts: Sequence[int]) -> Listed:
+        """Something else that items have, as of Listed."""
+        self._each.append(Listed(starts, self._device))
+        return self._each[-1]
 
     def choose(self, items: NDArray[np.bool_]) -> None:
         """Lists those of some items, shape [items]; graphs that were captured before know nothing of it."""
-        for each in (self.vertices, self.edges, self.triangles):
+        for each in self._each:
             each.choose(items)

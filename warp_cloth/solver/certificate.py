@@ -114,7 +114,7 @@ class Certifier:
         asked = relaxation.contact, relaxation.collider_type, model.terms.pins
         self._residual = residual_kernel(model.precision, *asked)
         self._keep = keep_kernel(model.precision)
-        self._summary = Summary(model)
+        self._summary = Summary(model, relaxation.at_work)
         self._left = wp.zeros(model.vertex_count, dtype=wp.vec2f, device=model.device)
         self._last = wp.clone(model.cloth.position)  # at the last check
         self._before = wp.clone(model.cloth.position)  # at the one before
@@ -144,8 +144,9 @@ class Certifier:
         """Measures all items that iterate, as they stand, without waiting for the device."""
         relaxation, model = self._relaxation, self._model
         self._sum_forces()
+        some = relaxation.at_work.vertices
         asked = [relaxation.step, CONTACT_SLACK, relaxation.collider_data, model.cloth, self._load, self._left]
-        wp.launch(self._residual, dim=model.vertex_count, inputs=asked, device=model.device)
+        wp.launch(self._residual, dim=some.size, inputs=[some.groups, *asked], device=model.device)
         marks = self._rest_error.marks(iteration)
         return Glance(iteration, marks, self._asked(marks, self._every))
 

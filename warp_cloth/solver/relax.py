@@ -130,12 +130,12 @@ class Relaxation:
         worn = wears(accelerated, self.contact, touch is not None)
         if worn and not model.cloth.held:
             model.cloth.held = wp.zeros(model.vertex_count, dtype=wp.uint8, device=model.device)
-        self._at_work = AtWork(model)
+        self.at_work = AtWork(model)
         self._leeway: Leeway | None = None
         if worn and options.leeway > 0.0:  # which is looked at as patches own it
             numbering = None if model.patches is None else Numbering(model.patches.order.numpy())
             packed = numbering is not None and touch is None
-            self._leeway = Leeway(model, numbering, packed=packed, at_work=self._at_work)
+            self._leeway = Leeway(model, numbering, packed=packed, at_work=self.at_work)
         self._strength, self._loose, self._renewal = strength, options.loose, options.renewal
         self._scatter: ForcePass | None = None
         self._packed: PackedCloth | None = None
@@ -151,7 +151,7 @@ class Relaxation:
             how = patches.few, patches.paired
             self._move = advance_kernel(model.precision, accelerated, model.terms, patches.fits, *asked, *how)
             self._presses_along = touch is not None and patches.fits and patches.few
-            self._packed = PackedCloth(model, patches, accelerated, self._at_work.vertices, packed=touch is None)
+            self._packed = PackedCloth(model, patches, accelerated, self.at_work.vertices, packed=touch is None)
             if touch is not None:
                 touch.cloth_now = self._packed.brought
         else:
@@ -263,7 +263,7 @@ class Relaxation:
         """Works on no more than the items that iterate."""
         patches = self.model.patches
         if patches is not None and patches.work_on(self._items["active"] == 1):
-            self._at_work.choose(self._items["active"] == 1)
+            self.at_work.choose(self._items["active"] == 1)
             self.forget_graphs()
 
     def forget_graphs(self) -> None:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from warp_cloth.garment.rest import Floats
 from warp_cloth.kernels.summary import CHUNK, COLUMNS, GROUP, chunk_kernel, looks_type, summarise_groups
 from warp_cloth.model import ClothModel
+from warp_cloth.solver.at_work import AtWork
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,7 +33,7 @@ class Answer:
 class Summary:
     """Sums the items of a model, in an order that knows nothing of an item's company."""
 
-    def __init__(self, model: ClothModel) -> None:
+    def __init__(self, model: ClothModel, at_work: AtWork) -> None:
         self._model = model
         self._chunks = chunk_kernel(model.precision)
         self.looks_type = looks_type(model.precision)
@@ -40,6 +41,7 @@ class Summary:
         counts = np.array([len(each) for each in starts])
         first = np.concatenate([*starts, [model.vertex_count]])
         self._first_vertex = wp.array(first, dtype=wp.int32, device=model.device)
+        self._some = at_work.more(np.cumsum([0, *counts]).tolist())
         self._sums = self._rows(len(first) - 1)
         self._levels: list[tuple[wp.array, wp.array]] = []  # first rows of each group, and the groups' sums
         while not self._levels or counts.max() > 1:
@@ -64,8 +66,8 @@ class Summary:
         ``left`` is of kernels.certify, ``looks`` of ``looks_type``: shapes to compare with.
         """
         model, device = self._model, self._model.device
-        inputs = [self._first_vertex, model.cloth, left, looks, self._sums]
-        wp.launch(self._chunks, dim=len(self._sums), inputs=inputs, device=device)
+        inputs = [self._some.groups, self._first_vertex, model.cloth, left, looks, self._sums]
+        wp.launch(self._chunks, dim=self._some.size, inputs=inputs, device=device)
         sums = self._sums
         for first, groups in self._levels:
             wp.launch(summarise_groups, dim=groups.shape, inputs=[first, sums, groups], device=device)
