@@ -47,8 +47,9 @@ if TYPE_CHECKING:
 log = logging.getLogger(__name__)
 
 WORTH = 8  # things to make that helpers are started for: that takes as long as making a few
-NICER = 4  # steps of priority from the first worker's helpers to those who fit,
-RANKED = 5  # and from each worker's helpers to the next one's, whose garments wait for the first one's anyway
+# Steps of priority from each worker's helpers to those who fit: the garments of the second wait for the first one's
+# anyway, and where cores are few a few steps would still give it a third of their time.
+NICER = (1, 11, 15, 19)
 ARENA = 1 << 32  # [bytes] that a worker shares with its helpers at most: rest shapes of MOST_KEPT vertices
 MOST_KEPT = 4_000_000  # vertices of the meshes that a shelf keeps from task to task; with rest shapes about 4 GB
 
@@ -137,7 +138,7 @@ class Loaders:
         if count and fork:
             with contextlib.suppress(OSError):  # a machine that promises no memory which is not used
                 self._arena = Arena(ARENA)
-            begin = partial(_begin, self._arena, NICER + RANKED * rank)
+            begin = partial(_begin, self._arena, NICER[min(rank, len(NICER) - 1)])
             self._pool = ProcessPoolExecutor(count, multiprocessing.get_context("fork"), initializer=begin)
             self._pool.submit(os.getpid)  # forks all of them
         elif count:

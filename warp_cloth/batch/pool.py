@@ -234,11 +234,11 @@ class LocalPool:
                 if slot.task is None and self._waiting:
                     slot.give(self._task_for(slot))
             busy = {slot.connection: slot for slot in self._slots if slot.task is not None}
-            if not busy:
-                return
             for slot in self._slots:
                 if slot.task is None:
                     slot.dismiss()  # which takes a while; whatever else is to be done wakes it again
+            if not busy:
+                return
             for connection in wait(list(busy)):
                 slot = busy[connection]  # type: ignore[index]
                 came = slot.receive()

@@ -29,8 +29,6 @@ def get_ready(device: str | None = None) -> None:
     Where a GPU is likely to be used, what loads garments is ready first: who fits imports the rest meanwhile.
     """
     gpu = device != "cpu" and any(Path(file).exists() for file in GPU_FILES)
-    if gpu:
-        threading.Thread(target=gpu_count, daemon=True).start()  # which is asked for soon
     context().set_forkserver_preload([*LOADING, *(() if gpu else FITTING)])
     added = [name for name in ONE_THREAD if name not in os.environ]
     os.environ.update(dict.fromkeys(added, "1"))
@@ -40,3 +38,5 @@ def get_ready(device: str | None = None) -> None:
     finally:
         for name in added:
             del os.environ[name]
+    if gpu:
+        threading.Thread(target=gpu_count, daemon=True).start()  # which is asked for soon
