@@ -11,15 +11,15 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from warp_cloth.garment.elements import Elements, elements_of, garment_elements, joined_elements, winding_of
+from warp_cloth.garment.elements import Elements, elements_of, garment_elements, winding_of
 from warp_cloth.garment.part import GarmentPart, terms_of
 from warp_cloth.garment.rest import RestShape
+from warp_cloth.joining import joined
 from warp_cloth.kept import Kept
 from warp_cloth.kernels.cloth import cloth_types
 from warp_cloth.kernels.limits import Terms
 from warp_cloth.mesh import Points
 from warp_cloth.patches.on_device import Patches, device_patches
-from warp_cloth.threads import end_to_end
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,34 +122,36 @@ def build_model(
     garments_elements = kept.each("elements", asked, garment_elements)
     real = wp.dtype_to_numpy(types.real)
     given = kept.each("given", [(each,) for each in garments_elements], partial(elements_of, real=real), precision)
-    elements = joined_elements(given, vertex_start)
     terms = terms_of(parts)
+    lay = partial(joined, device=device)
 
     def upload(array: NDArray[Any], dtype: Any) -> wp.array:
         return wp.array(np.ascontiguousarray(array), dtype=dtype, device=device)
 
+    edge_start = _starts([len(rest.topology.edges) for rest in rests])
+    triangle_start = _starts([len(part.triangles) for part in parts])
     item_start = tuple(vertex_start[first] for first in _starts(list(garments or [len(parts)])))
-    hinges, hinge_count = _hinges(types, upload, rests, vertex_start, terms.angles, kept)
-    weave = _weave(types, upload, rests, vertex_start, kept)
+    hinges, hinge_count = _hinges(types, lay, rests, vertex_start, terms.angles, kept)
+    weave = _weave(types, lay, rests, vertex_start, kept)
     patches = None
     if wp.get_device(device).is_cuda if gathers is None else gathers:
         lying = [part.points for part in parts]
         patches = device_patches(
-            types, upload, garments_elements, given, lying, terms, item_start, device, kept, layered=layered, like=like
+            types, lay, garments_elements, given, lying, terms, item_start, device, kept, layered=layered, like=like
         )
     return ClothModel(
         device=device,
         precision=precision,
         item_start=item_start,
         vertex_start=vertex_start,
-        edge_start=_starts([len(rest.topology.edges) for rest in rests]),
-        triangle_count=len(elements.corners),
+        edge_start=edge_start,
+        triangle_count=triangle_start[-1],
         hinge_count=hinge_count,
         weave_start=_starts([0 if rest.weave is None else len(rest.weave.corners) for rest in rests]),
         terms=terms,
-        cloth=_cloth(types, upload, parts, vertex_start, item_start, terms.pins, device),
-        edges=_edges(types, upload, elements, terms),
-        triangles=_triangles(types, upload, elements, terms),
+        cloth=_cloth(types, upload, lay, parts, vertex_start, item_start, terms.pins, device),
+        edges=_edges(types, lay, given, vertex_start, triangle_start, terms),
+        triangles=_triangles(types, lay, given, vertex_start, edge_start, terms),
         hinges=hinges,
         weave=weave,
         patches=patches,
@@ -157,33 +159,47 @@ def build_model(
     )
 
 
-def _edges(types: Any, upload: Any, elements: Elements, terms: Terms) -> Any:
-    """Edges of all garments."""
+def _edges(
+    types: Any,
+    lay: Any,
+    garments: Sequence[Elements],
+    vertex_start: tuple[int, ...],
+    triangle_start: tuple[int, ...],
+    terms: Terms,
+) -> Any:
+    """Edges of all garments; ``lay`` puts their arrays end to end on the device, as ``joined``."""
     edges = types.Edges()
-    edges.ends = upload(elements.ends, wp.vec2i)
-    edges.law = upload(elements.law, types.vec3)
+    edges.ends = lay([each.ends for each in garments], wp.vec2i, starts=vertex_start)
+    edges.law = lay([each.law for each in garments], types.vec3)
     if terms.folds:
-        edges.beside = upload(elements.beside, wp.vec2i)
-        edges.fold = upload(elements.fold, types.real)
+        edges.beside = lay([each.beside for each in garments], wp.vec2i, starts=triangle_start)
+        edges.fold = lay([each.fold for each in garments], types.real)
     if terms.angles:
-        edges.rest = upload(elements.rest, types.vec2)
+        edges.rest = lay([each.rest for each in garments], types.vec2)
     return edges
 
 
-def _triangles(types: Any, upload: Any, elements: Elements, terms: Terms) -> Any:
+def _triangles(
+    types: Any,
+    lay: Any,
+    garments: Sequence[Elements],
+    vertex_start: tuple[int, ...],
+    edge_start: tuple[int, ...],
+    terms: Terms,
+) -> Any:
     """Triangles with the arrays of the terms that there are."""
     triangles = types.Triangles()
-    triangles.corners = upload(elements.corners, wp.vec3i)
+    triangles.corners = lay([each.corners for each in garments], wp.vec3i, starts=vertex_start)
     if terms.folds:
-        triangles.edges = upload(elements.edges, wp.vec3i)
+        triangles.edges = lay([each.edges for each in garments], wp.vec3i, starts=edge_start, signed=True)
     if terms.threads:
-        triangles.slope = upload(elements.slope, types.vec4)
-        triangles.threads = upload(elements.threads, types.vec4)
+        triangles.slope = lay([each.slope for each in garments], types.vec4)
+        triangles.threads = lay([each.threads for each in garments], types.vec4)
     return triangles
 
 
 def _hinges(
-    types: Any, upload: Any, rests: Sequence[RestShape], vertex_start: tuple[int, ...], angles: bool, kept: Kept
+    types: Any, lay: Any, rests: Sequence[RestShape], vertex_start: tuple[int, ...], angles: bool, kept: Kept
 ) -> tuple[Any | None, int]:
     """Hinges of all garments that are stiff, and their number."""
     make = partial(_stiff_hinges, types=types, angles=angles)
@@ -193,10 +209,10 @@ def _hinges(
         return None, 0
     corners, stiffness, turns = zip(*each, strict=True)
     hinges = types.Hinges()
-    hinges.corners = upload(end_to_end(corners, vertex_start), wp.vec4i)
-    hinges.stiffness = upload(end_to_end(stiffness), types.real)
+    hinges.corners = lay(corners, wp.vec4i, starts=vertex_start)
+    hinges.stiffness = lay(stiffness, types.real)
     if angles:
-        hinges.rest = upload(end_to_end(turns), types.vec2)
+        hinges.rest = lay(turns, types.vec2)
     return hinges, count
 
 
@@ -213,25 +229,24 @@ def _stiff_hinges(rest: RestShape, types: Any, angles: bool) -> tuple[NDArray[An
     return corners, stiffness.astype(real), turns
 
 
-def _weave(
-    types: Any, upload: Any, rests: Sequence[RestShape], vertex_start: tuple[int, ...], kept: Kept
-) -> Any | None:
+def _weave(types: Any, lay: Any, rests: Sequence[RestShape], vertex_start: tuple[int, ...], kept: Kept) -> Any | None:
     """Woven triangles of all garments."""
     woven = [(rest.weave, first) for rest, first in zip(rests, vertex_start, strict=False) if rest.weave is not None]
     if not woven:
         return None
     real = wp.dtype_to_numpy(types.real)
     weave = types.Weave()
-    weave.corners = upload(end_to_end([shape.corners for shape, _ in woven], [first for _, first in woven]), wp.vec3i)
+    weave.corners = lay([shape.corners for shape, _ in woven], wp.vec3i, starts=[first for _, first in woven])
     for name in ("slope", "law"):
         each = [kept.once(name, (shape,), partial(getattr(shape, name).astype, real), types.name) for shape, _ in woven]
-        setattr(weave, name, upload(end_to_end(each), types.vec4))
+        setattr(weave, name, lay(each, types.vec4))
     return weave
 
 
 def _cloth(
     types: Any,
     upload: Any,
+    lay: Any,
     parts: Sequence[GarmentPart],
     vertex_start: tuple[int, ...],
     item_start: tuple[int, ...],
@@ -241,9 +256,9 @@ def _cloth(
     """Vertices of all garments at rest where they are loaded."""
     count = vertex_start[-1]
     cloth = types.Cloth()
-    cloth.position = upload(end_to_end([part.points for part in parts]), types.point)
+    cloth.position = lay([part.points for part in parts], types.point)
     cloth.move = wp.zeros(count, dtype=types.vec3, device=device)
-    cloth.weight = upload(end_to_end([part.rest.vertex_weight for part in parts]), types.real)
+    cloth.weight = lay([part.rest.vertex_weight for part in parts], types.real)
     if pins:
         pinned = np.zeros(count, dtype=np.uint8)
         for part, first in zip(parts, vertex_start, strict=False):

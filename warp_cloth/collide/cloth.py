@@ -94,9 +94,10 @@ class ClothTouch:
     ) -> None:
         self._model, self._device = model, wp.get_device(model.device)
         self.sheets = sheets_of(parts)
-        order = None if model.patches is None else model.patches.order
-        self._numbering = Numbering(None if order is None else order.numpy())
-        self._order = order or wp.empty(0, dtype=wp.int32, device=model.device)
+        patches = model.patches
+        self._numbering = Numbering(None) if patches is None else patches.numbering
+        none = wp.empty(0, dtype=wp.int32, device=model.device)
+        self._order = none if patches is None else patches.order
         self.cloth_now: Callable[[], Any] = lambda: model.cloth  # as contact numbers its vertices, where they are now
         self._thickness = thicknesses(kinds)
         lengths = np.concatenate([part.rest.edge_length for part in parts])

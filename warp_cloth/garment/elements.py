@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from warp_cloth.garment.rest import Floats, RestShape
 from warp_cloth.mesh import Indices
-from warp_cloth.threads import end_to_end
 from warp_cloth.topology import Topology
 
 
@@ -81,19 +80,3 @@ def elements_of(elements: Elements, real: type[np.floating[Any]]) -> Elements:
     """The elements with numbers as a device takes them."""
     floats = {name: getattr(elements, name).astype(real) for name in ("law", "fold", "rest", "slope", "threads")}
     return replace(elements, **floats)
-
-
-def joined_elements(garments: list[Elements], vertex_start: tuple[int, ...]) -> Elements:
-    """Elements of all garments as one's."""
-    edge_start = np.cumsum([0, *(len(elements.ends) for elements in garments)])
-    triangle_start = np.cumsum([0, *(len(elements.corners) for elements in garments)])
-    starts: dict[str, Any] = {"ends": vertex_start, "corners": vertex_start, "beside": triangle_start}
-
-    def joined(name: str) -> Any:
-        arrays = [getattr(elements, name) for elements in garments]
-        if name == "edges":
-            there = zip(arrays, edge_start.astype(np.int32), strict=False)
-            arrays = [np.where(array < 0, array - start, array + start) for array, start in there]
-        return end_to_end(arrays, starts.get(name))
-
-    return Elements(**{name: joined(name) for name in Elements.__dataclass_fields__})

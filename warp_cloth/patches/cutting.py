@@ -129,15 +129,22 @@ def joined_patches(
     ``own_memory``: whether blocks have any; on the CPU they take turns at the same.
     """
     first = {"vertex": points, "edge": [part.ends for part in garments], "triangle": [g.corners for g in garments]}
+    patch, overflow = joined_rows(each, terms, precision=precision, own_memory=own_memory)
     tables = _end_to_end(each, {name: _starts(of) for name, of in first.items()})
-    memory = _memory(tables.patch, terms, precision)
+    return replace(tables, patch=patch, overflow=overflow)
+
+
+def joined_rows(
+    each: Sequence[PatchTables], terms: Terms, *, precision: str, own_memory: bool
+) -> tuple[dict[str, Keys], int]:
+    """Fields of the garments' patches as of one, with their "overflow", and the bytes of all that; else likewise."""
+    patch = _rows_end_to_end(each)
+    memory = _memory(patch, terms, precision)
     if not own_memory:
-        patch = {**tables.patch, "overflow": np.zeros_like(memory)}
-        return replace(tables, patch=patch, overflow=int(memory.max(initial=0)))
-    over = _too_large(tables.patch, terms, precision)
+        return {**patch, "overflow": np.zeros_like(memory)}, int(memory.max(initial=0))
+    over = _too_large(patch, terms, precision)
     place = np.cumsum(np.where(over, memory, 0)) - np.where(over, memory, 0)
-    patch = {**tables.patch, "overflow": np.where(over, place, -1)}
-    return replace(tables, patch=patch, overflow=int(memory[over].sum()))
+    return {**patch, "overflow": np.where(over, place, -1)}, int(memory[over].sum())
 
 
 def _shape(elements: Elements, points: Points) -> bytes:
@@ -238,16 +245,20 @@ def _end_to_end(parts: Sequence[PatchTables], first: Mapping[str, Sequence[int]]
     """Patches of several parts as of one; ``first``: each part's first vertex, edge and triangle, where they differ."""
     if len(parts) == 1:
         return parts[0]
+    names = [name for name in PatchTables.__dataclass_fields__ if name not in ("patch", "overflow")]
+    tables = {name: end_to_end([getattr(part, name) for part in parts], (first or {}).get(name)) for name in names}
+    return PatchTables(patch=_rows_end_to_end(parts), overflow=0, **tables)
+
+
+def _rows_end_to_end(parts: Sequence[PatchTables]) -> dict[str, Keys]:
+    """Fields of several parts' patches as of one's."""
     starts = {"vertex_start": "vertex", "edge_start": "ends", "triangle_start": "corners",
               "slot_start": "slot"}  # fmt: skip
-
     patch = {}
     for name in parts[0].patch:
         begin = _starts([getattr(part, starts[name]) for part in parts]) if name in starts else None
         patch[name] = end_to_end([part.patch[name] for part in parts], begin)
-    names = [name for name in PatchTables.__dataclass_fields__ if name not in ("patch", "overflow")]
-    tables = {name: end_to_end([getattr(part, name) for part in parts], (first or {}).get(name)) for name in names}
-    return PatchTables(patch=patch, overflow=0, **tables)
+    return patch
 
 
 Cluster = tuple[Indices, Floats, int]  # vertices, where they are, and into how many groups they go

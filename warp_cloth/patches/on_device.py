@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
@@ -15,12 +16,13 @@ from warp_cloth.kept import Kept
 from warp_cloth.kernels.cloth import Patch
 from warp_cloth.kernels.limits import FEW, Terms, block_for
 from warp_cloth.mesh import Points
+from warp_cloth.numbering import Numbering
 from warp_cloth.patches.cutting import (
     PatchTables,
     beyond_words,
     even_size,
     garment_patches,
-    joined_patches,
+    joined_rows,
     takes_pairs,
 )
 from warp_cloth.patches.triangle_pairs import with_laws
@@ -39,6 +41,7 @@ class Patches:
         item: NDArray[np.int32],
         tables: Any,
         packed_tables: tuple[Any, Any],
+        numbering: Numbering,
         order: wp.array,
         rank: wp.array,
         overflow: wp.array,
@@ -48,6 +51,7 @@ class Patches:
         self._rows, self._item = rows, item
         self.tables = tables  # kernels.cloth Patches
         self.packed_tables = packed_tables  # the same for vertices in the patches' order; and last patches first
+        self.numbering = numbering  # of the vertices in that order, on the host
         self.order = order  # that order: of each patch the vertices that it owns
         self.rank = rank  # where each vertex is in it
         self.overflow = overflow  # memory of patches that are too large for a block's own
@@ -74,7 +78,7 @@ class Patches:
 
 def device_patches(
     types: Any,
-    upload: Any,
+    lay: Any,
     garments: Sequence[Elements],
     given: Sequence[Elements],
     points: Sequence[Points],
@@ -90,7 +94,7 @@ def device_patches(
 
     Args:
         types: kernels.cloth types of a precision.
-        upload: puts an array on the device, given its dtype there.
+        lay: puts the garments' arrays end to end on the device, as ``joined``.
         garments: the elements of each garment.
         given: the same in the device's precision.
         points: where each garment's vertices lie as loaded [m].
@@ -112,59 +116,71 @@ def device_patches(
     each = cut_as(takes_pairs(terms, vertices))
     if any(beyond_words(own.patch).any() for own in each):
         each = cut_as(False)
-    cut = joined_patches(each, garments, points, terms, precision=types.name, own_memory=own_memory)
+    patch, overflowing = joined_rows(each, terms, precision=types.name, own_memory=own_memory)
     laws = kept.each("laws", list(zip(given, each, strict=True)), partial(_patch_laws, terms=terms), terms)
     table = "law" if terms.edges else "fold"
-    law = {name: end_to_end([own[name] for own in laws]) for name in laws[0] if name != "law_start"}
-    if table in law:
-        begin = [int(end) for end in np.cumsum([0, *(len(own[table]) for own in laws[:-1])])]
-        law["law_start"] = end_to_end([own["law_start"] for own in laws], begin)
-    rows = np.zeros(len(cut.patch["vertex_start"]), dtype=Patch.numpy_dtype())
-    for name, numbers in cut.patch.items():
+    rows = np.zeros(len(patch["vertex_start"]), dtype=Patch.numpy_dtype())
+    for name, numbers in patch.items():
         rows[name] = numbers
-    if table in law:
-        rows["law_start"], rows["law_count"] = law["law_start"], law["law_count"]
-    first = cut.vertex[rows["vertex_start"]]
-    rows["item"] = np.searchsorted(item_start, first, side="right") - 1
-    place, order = _packed_order(cut.vertex, rows)
-    rows["place"] = place
+    if table in laws[0]:
+        begin = [int(end) for end in np.cumsum([0, *(len(own[table]) for own in laws[:-1])])]
+        rows["law_start"] = end_to_end([own["law_start"] for own in laws], begin)
+        rows["law_count"] = end_to_end([own["law_count"] for own in laws])
+    start: list[int] = np.cumsum([0, *(len(part) for part in points)]).tolist()  # of each garment's vertices
+    of_garment = np.searchsorted(item_start, start[:-1], side="right") - 1
+    rows["item"] = np.repeat(of_garment, [len(own.patch["vertex_start"]) for own in each])
+    owned = rows["owned_count"]
+    rows["place"] = np.cumsum(owned, dtype=np.int32) - owned
+    packings = kept.each("packing", [(own,) for own in each], _packing)
+
+    def laid(name: str, dtype: Any, *, more: int = 0) -> wp.array:
+        """A table of all garments' patches; threads that find nothing left ask for ``more``, and do not use it."""
+        return lay([getattr(own, name) for own in each], dtype, more=more)
+
+    def law(name: str, dtype: Any, *, more: int = 0) -> wp.array:
+        """Likewise of what acts in them."""
+        return lay([own[name] for own in laws], dtype, more=more)
+
+    def packing(name: str) -> wp.array:
+        """Numbers of vertices, likewise."""
+        return lay([getattr(own, name) for own in packings], wp.int32, starts=start)
+
     tables = types.Patches()
     wide = np.zeros((len(rows), 16), dtype=np.int32)
     wide[:, : rows.dtype.itemsize // 4] = rows.view(np.int32).reshape(len(rows), -1)
-    tables.patch = upload(wide.reshape(-1, 4), wp.vec4i)
-    tables.vertex = upload(cut.vertex.astype(np.int32), wp.int32)
+    tables.patch = wp.array(wide.reshape(-1, 4), dtype=wp.vec4i, device=device)
+    tables.vertex = packing("vertex")
     if terms.edges or terms.folds:
-        tables.ends = upload(_and_one(law["ends"]), wp.uint64)
+        tables.ends = law("ends", wp.uint64, more=1)
     if terms.edges:
-        tables.law = upload(_and_one(law["law"]), types.vec4)
-        tables.edge_slot = upload(cut.edge_slot, wp.vec4i)
+        tables.law = law("law", types.vec4, more=1)
+        tables.edge_slot = laid("edge_slot", wp.vec4i)
     if terms.folds and not rows["item_count"].any():
-        tables.sides = upload(_and_one(cut.sides), wp.uint64)
+        tables.sides = laid("sides", wp.uint64, more=1)
     if terms.folds and not terms.edges:
-        tables.fold = upload(_and_one(law["fold"]), types.real)
+        tables.fold = law("fold", types.real, more=1)
     if terms.angles:
-        tables.rest = upload(law["rest"], types.vec2)
+        tables.rest = law("rest", types.vec2)
     if terms.folds or terms.threads:
-        tables.corners = upload(_and_one(cut.corners), wp.uint64)
-        tables.slot = upload(cut.slot, wp.vec4i)
+        tables.corners = laid("corners", wp.uint64, more=1)
+        tables.slot = laid("slot", wp.vec4i)
     if terms.threads:
-        tables.slope = upload(law["slope"], types.vec4)
-        tables.threads = upload(law["threads"], types.vec4)
+        tables.slope = law("slope", types.vec4)
+        tables.threads = law("threads", types.vec4)
     block = block_for(bool(rows["item_count"].any()))
     tables.ahead = wp.get_device(device).sm_count * block.per_core if own_memory else 0
-    rank = np.empty_like(order)
-    rank[order] = np.arange(len(order), dtype=order.dtype)
     packed, back = types.Patches(), types.Patches()
     for name in types.Patches.vars:
         if getattr(tables, name) is not None:
             setattr(packed, name, getattr(tables, name))
             setattr(back, name, getattr(tables, name))
-    packed.vertex = back.vertex = upload(rank[cut.vertex], wp.int32)
-    back.patch = upload(_last_first(wide, len(wide)).reshape(-1, 4), wp.vec4i)
-    overflow = wp.empty(cut.overflow, dtype=wp.uint8, device=device)
+    packed.vertex = back.vertex = packing("packed_vertex")
+    back.patch = wp.array(_last_first(wide, len(wide)).reshape(-1, 4), dtype=wp.vec4i, device=device)
+    overflow = wp.empty(overflowing, dtype=wp.uint8, device=device)
     few = max(len(rows), 0 if like is None else like // block.vertices) <= FEW
-    places = upload(order, wp.int32), upload(rank, wp.int32)
-    return Patches(wide, rows["item"], tables, (packed, back), *places, overflow, few)
+    numbering = Numbering(end_to_end([own.order for own in packings], start))
+    places = packing("order"), packing("rank")
+    return Patches(wide, rows["item"], tables, (packed, back), numbering, *places, overflow, few)
 
 
 def _last_first(rows: NDArray[np.int32], count: int) -> NDArray[np.int32]:
@@ -190,14 +206,21 @@ def _patch_laws(elements: Elements, tables: PatchTables, terms: Terms) -> dict[s
     return laws
 
 
-def _and_one(table: NDArray[Any]) -> NDArray[Any]:
-    """A table and one more entry: threads that find nothing left ask for what follows, and do not use it."""
-    return np.concatenate([table, np.zeros_like(table, shape=(1, *table.shape[1:]))])
+@dataclass(frozen=True, eq=False)
+class _Packing:
+    """Numbers of a garment's vertices, from its first one on."""
+
+    vertex: NDArray[np.int32]  # of each patch, one after another
+    packed_vertex: NDArray[np.int32]  # the same in the patches' order
+    order: NDArray[np.int32]  # that order: of each patch the vertices that it owns, shape [V]
+    rank: NDArray[np.int32]  # where each vertex is in it, shape [V]
 
 
-def _packed_order(vertex: NDArray[Any], rows: NDArray[Any]) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-    """Where each patch's own vertices start in the patches' order, and that order; ``vertex`` of all patches."""
-    owned = rows["owned_count"]
-    place = np.cumsum(owned, dtype=np.int32) - owned
-    lane = np.arange(owned.sum(), dtype=np.int64) - np.repeat(place, owned)
-    return place, vertex[np.repeat(rows["vertex_start"], owned) + lane].astype(np.int32)
+def _packing(tables: PatchTables) -> _Packing:
+    """That of a garment's patches, which own its vertices and no others."""
+    owned, vertex = tables.patch["owned_count"], tables.vertex.astype(np.int32)
+    lane = np.arange(owned.sum(), dtype=np.int64) - np.repeat(np.cumsum(owned) - owned, owned)
+    order = vertex[np.repeat(tables.patch["vertex_start"], owned) + lane]
+    rank = np.empty_like(order)
+    rank[order] = np.arange(len(order), dtype=order.dtype)
+    return _Packing(vertex, rank[vertex], order, rank)

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
+from warp_cloth.joining import joined
 from warp_cloth.kernels.cloth import cloth_types
 from warp_cloth.kernels.leeway import leeway_kernels
 from warp_cloth.kernels.leeway_eight import eight_leeway_kernels
@@ -19,7 +21,7 @@ from warp_cloth.model import ClothModel
 from warp_cloth.numbering import Numbering
 from warp_cloth.solver.at_work import AtWork
 from warp_cloth.solver.forces import NormalsPass, pass_size, takes_eight
-from warp_cloth.threads import end_to_end, map_in_threads
+from warp_cloth.threads import map_in_threads
 from warp_cloth.topology import ragged_rows
 
 
@@ -102,14 +104,19 @@ class _Gathered:
         self._bound = wp.empty(edges, dtype=types.real, device=model.device)
         self._rows = types.Rows()
         if terms.edges:
-            start, order = self._rows_of([garment.ends for garment in model.garments])
-            self._rows.edge_start, self._rows.edge = self._uploaded(start), self._uploaded(order // 2)
+            ends = [garment.ends for garment in model.garments]
+            self._rows.edge_start, self._rows.edge = self._rows_of(ends, lambda entries: entries // 2, 2)
         if terms.folds or terms.threads:
-            start, order = self._rows_of([garment.corners for garment in model.garments])
-            self._rows.triangle_start, self._rows.triangle = self._uploaded(start), self._uploaded(order)
+            corners = [garment.corners for garment in model.garments]
+            self._rows.triangle_start, self._rows.triangle = self._rows_of(corners)
 
-    def _rows_of(self, tables: Sequence[Indices]) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-        """Where each vertex's entries start, and the entries, of the garments' tables end to end."""
+    def _rows_of(
+        self, tables: Sequence[Indices], told: Callable[[Indices], Indices] = lambda entries: entries, each: int = 1
+    ) -> tuple[wp.array, wp.array]:
+        """Where each vertex's entries start, and what is ``told`` of them, of the garments' tables end to end.
+
+        ``each``: how many entries are told alike.
+        """
         own = [self._numbering.part(*ends) for ends in itertools.pairwise(self._model.vertex_start)]
         keys = [(id(table), part.key) for table, part in zip(tables, own, strict=True)]
         distinct = dict(zip(keys, zip(tables, own, strict=True), strict=True))
@@ -117,14 +124,15 @@ class _Gathered:
         def rows(garment: tuple[Indices, Numbering]) -> tuple[Indices, Indices]:
             table, part = garment
             start, order = ragged_rows(table.ravel(), part.count)
-            return part.lists(start, order.astype(np.int32))
+            start, entries = part.lists(start, order.astype(np.int32))
+            return start[:-1].astype(np.int32), told(entries)
 
         sorted_once = dict(zip(distinct, map_in_threads(rows, distinct.values()), strict=True))
         starts, orders = zip(*(sorted_once[key] for key in keys), strict=True)
         first = np.cumsum([0, *(len(order) for order in orders)])
-        start = end_to_end([own[:-1] for own in starts], first.tolist())
-        order = end_to_end(orders, first.tolist())
-        return np.append(start, first[-1].astype(np.int32)), order
+        lay = partial(joined, dtype=wp.int32, device=self._model.device)
+        end = np.zeros(1, dtype=np.int32)
+        return lay([*starts, end], starts=first.tolist()), lay(orders, starts=(first // each).tolist())
 
     def _numbered(self, kind: Any, elements: Any, name: str, dtype: Any) -> Any:
         """The model's edges or triangles by other numbers of their vertices."""

@@ -15,7 +15,6 @@ from warp_cloth.kernels.displace import advance_kernel, displace_kernel
 from warp_cloth.kernels.displace_eight import eight_displace_kernel
 from warp_cloth.kernels.displacement import NoClothContact, NoCollider, spares_looks, step_bound, wears
 from warp_cloth.model import ClothModel
-from warp_cloth.numbering import Numbering
 from warp_cloth.solver.at_work import AtWork
 from warp_cloth.solver.forces import ForcePass, pass_size, takes_eight
 from warp_cloth.solver.leeway import Leeway
@@ -133,7 +132,7 @@ class Relaxation:
         self.at_work = AtWork(model)
         self._leeway: Leeway | None = None
         if worn and options.leeway > 0.0:  # which is looked at as patches own it
-            numbering = None if model.patches is None else Numbering(model.patches.order.numpy())
+            numbering = None if model.patches is None else model.patches.numbering
             packed = numbering is not None and touch is None
             self._leeway = Leeway(model, numbering, packed=packed, at_work=self.at_work)
         self._strength, self._loose, self._renewal = strength, options.loose, options.renewal
