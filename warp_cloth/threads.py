@@ -22,6 +22,7 @@ P = ParamSpec("P")
 MOST_THREADS = 16  # memory gives no more
 ALONE = "WARP_CLOTH_ONE_THREAD"  # is set in the environment of a process among as many as there are cores
 WORTH_THREADS = 1 << 23  # [bytes] that take longer to copy than threads to start
+NAME = "warp_cloth_part"  # with which those threads' names begin
 LAUNCHES = threading.RLock()  # on the CPU Warp records in a graph whatever a process launches, whichever thread does
 
 
@@ -46,11 +47,16 @@ def in_turn(work: Callable[P, R]) -> Callable[P, R]:
 def map_in_threads(work: Callable[[T], R], parts: Iterable[T]) -> list[R]:
     """``work`` of every part, in the parts' order; one part, or one core, needs no threads."""
     parts = list(parts)
-    count = min(len(parts), core_count(), MOST_THREADS)
-    if count <= 1:
-        return [work(part) for part in parts]
-    with ThreadPoolExecutor(count) as pool:
-        return list(pool.map(work, parts))
+    count = min(core_count(), MOST_THREADS)
+    if min(count, len(parts)) <= 1 or threading.current_thread().name.startswith(NAME):
+        return [work(part) for part in parts]  # one of those threads that waited for others of them would wait for ever
+    return list(_threads(os.getpid(), count).map(work, parts))
+
+
+@functools.cache
+def _threads(process: int, count: int) -> ThreadPoolExecutor:
+    """So many threads of this ``process``, which wait for work: to start one takes as long as some work."""
+    return ThreadPoolExecutor(count, thread_name_prefix=NAME)
 
 
 def end_to_end(arrays: Sequence[NDArray[Any]], starts: Sequence[int] | None = None) -> NDArray[Any]:

@@ -101,7 +101,9 @@ def garment_patches(
         return _garment_tables(*distinct[shape], size, terms, precision, paired)
 
     missing = [shape for shape in distinct if kept.key("patches", (), shape, *how) not in kept]
-    cut = dict(zip(missing, map_in_threads(tables_of, missing), strict=True))
+    small = [shape for shape in missing if len(distinct[shape][1]) <= CHUNK * size]
+    cut = dict(zip(small, map_in_threads(tables_of, small), strict=True))
+    cut |= {shape: tables_of(shape) for shape in missing if shape not in cut}  # each in threads of its own
     made = {shape: kept.once("patches", (), partial(cut.__getitem__, shape), shape, *how) for shape in distinct}
     return [made[shape] for shape in shapes]
 
