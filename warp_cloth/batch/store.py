@@ -13,6 +13,7 @@ import contextlib
 import fcntl
 import functools
 import hashlib
+import io
 import itertools
 import json
 import os
@@ -224,10 +225,13 @@ class Store:
             ) from None
 
     def get_ready(self) -> None:
-        """Imports what tables are put together with, while others work."""
-        _arrow()
-        import numpy.ma  # noqa: F401, which pyarrow asks for
-        import pyarrow.compute  # noqa: F401, by which rows are put in order
+        """Imports what tables are put together with, and begins its threads, while others work."""
+        arrow, nowhere = _arrow(), io.BytesIO()
+        table = _table([empty_row("", FAILED, "")]).take(np.array([0]))
+        arrow.parquet.write_table(table, nowhere)
+        arrow.concat_tables([arrow.parquet.ParquetFile(nowhere).read(), table])
+        arrow.csv.write_csv(table, io.BytesIO())
+        np.savez(io.BytesIO(), **packed([]))
 
     def check_batch(self, items: Sequence[Item]) -> None:
         """Looks whether the folder is free, or holds some of these items, as they are or as they were.
@@ -333,9 +337,11 @@ def packed(results: Sequence[ItemResult]) -> dict[str, Any]:
     """
     names = [(result.row["name"], worn) for result in results for worn in result.worn]
     meshes: dict[bytes, int] = {}
+    told: dict[int, bytes] = {}  # of arrays that several have
     triangles, mesh = [], []
     for _, worn in names:
-        key = hashlib.sha256(np.ascontiguousarray(worn.triangles).tobytes()).digest()
+        key = told.get(id(worn.triangles)) or hashlib.sha256(np.ascontiguousarray(worn.triangles).tobytes()).digest()
+        told[id(worn.triangles)] = key
         if key not in meshes:
             meshes[key] = len(meshes)
             triangles.append(worn.triangles)
