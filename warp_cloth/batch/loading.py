@@ -104,8 +104,8 @@ class Shelf:
         self.fresh = True  # whether its process has fitted nothing yet
 
     def begin(self, scenes: Sequence[Scene], *, patches: bool, common: Path | None = None) -> None:
-        """Has its loaders begin with what scenes need, as of Loaders."""
-        self.loaders.begin(self.rack, scenes, patches=patches, common=common)
+        """Has its loaders begin with what scenes need, as of Loaders; they are asked before this process imports."""
+        self.loaders.begin(self.rack, scenes, patches=patches, common=common).join()
 
     def tidied(self) -> Shelf:
         """The shelf, emptied where it holds too much."""
