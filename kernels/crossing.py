@@ -57,6 +57,12 @@ def pierces(position: wp.array(dtype=wp.vec3d), ends: wp.vec2i, corners: wp.vec3
 
 
 @wp.func
+def lower_first(ends: wp.vec2i):
+    """An edge's ends in the order of their numbers: so what rounding makes of it does not hang on how it runs."""
+    return wp.vec2i(wp.min(ends[0], ends[1]), wp.max(ends[0], ends[1]))
+
+
+@wp.func
 def keep_crossing(
     edge: int,
     triangle: int,
@@ -80,7 +86,7 @@ def find_every_crossing(
 ):
     """Tests every edge against every triangle; the yardstick of find_crossings."""
     edge = wp.tid()
-    ends = edges[edge]
+    ends = lower_first(edges[edge])
     for triangle in range(triangles.shape[0]):
         corners = triangles[triangle]
         if item[ends[0]] == item[corners[0]] and pierces(position, ends, corners):
@@ -99,7 +105,7 @@ def find_crossings(
 ):
     """Tests every edge against the triangles whose boxes it meets."""
     edge = wp.tid()
-    ends = edges[edge]
+    ends = lower_first(edges[edge])
     p = wp.vec3f(position[ends[0]])
     q = wp.vec3f(position[ends[1]])
     query = wp.bvh_query_aabb(tree, wp.min(p, q), wp.max(p, q), wp.bvh_get_group_root(tree, item[ends[0]]))
@@ -113,8 +119,10 @@ def find_crossings(
 def box_triangles(
     position: wp.array(dtype=wp.vec3d),  # [m], shape [V]
     triangles: wp.array(dtype=wp.vec3i),  # shape [F]
+    item: wp.array(dtype=wp.int32),  # shape [V]
     lower_out: wp.array(dtype=wp.vec3f),  # [m], shape [F]
     upper_out: wp.array(dtype=wp.vec3f),  # [m], shape [F]
+    group_out: wp.array(dtype=wp.int32),  # its item, shape [F]
 ):
     """The box of each triangle."""
     triangle = wp.tid()
@@ -124,3 +132,4 @@ def box_triangles(
     c = wp.vec3f(position[corners[2]])
     lower_out[triangle] = wp.min(wp.min(a, b), c)
     upper_out[triangle] = wp.max(wp.max(a, b), c)
+    group_out[triangle] = item[corners[0]]

@@ -16,9 +16,10 @@ from warp_cloth.batch import many
 from warp_cloth.batch.loading import Shelf
 from warp_cloth.batch.many import fit_many
 from warp_cloth.batch.memory import Need, cut_to_fit, need_of, side_by_side
+from warp_cloth.collide import garments
 from warp_cloth.collide.avatar import AvatarContact
 from warp_cloth.collide.exact import penetration, penetrations
-from warp_cloth.collide.garments import worn_crossings
+from warp_cloth.collide.garments import model_crossings, worn_crossings
 from warp_cloth.errors import InputError
 from warp_cloth.fitting import Fit, tolerance_of
 from warp_cloth.garment.wardrobe import open_wardrobe
@@ -143,21 +144,28 @@ def test_a_batch_has_the_same_bits_on_both_devices() -> None:
         assert np.array_equal(gpu.garments[0].points, cpu.garments[0].points)
 
 
-def test_crossings_and_depths_of_many_are_those_of_each() -> None:
+def test_crossings_and_depths_of_many_are_those_of_each(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(garments, "POINTS_AT_ONCE", 300)
     rng = np.random.default_rng(2)
     wardrobes = [open_wardrobe(scene) for scene in mixture()[:5]]
-    worn = [part.points + rng.normal(scale=0.1, size=part.points.shape) for (part,) in (w.parts for w in wardrobes)]
+    parts = [part for wardrobe in wardrobes for part in wardrobe.parts]
+    model = build_model(parts, device="cpu", precision="mixed", garments=[1] * 5)
+    worn = [part.points + rng.normal(scale=0.1, size=part.points.shape) for part in parts]
+    worn[2] = parts[2].points
+    for item, points in enumerate(worn):
+        model.set_points(points, item)
+    together, alone = model_crossings(model, wardrobes), worn_crossings(wardrobes, worn, "cpu")
+    assert [found.pairs > 0 for found in together] == [True, True, False, True, True]
+    for one, other in zip(together, alone, strict=True):
+        assert (one.pairs, one.between) == (other.pairs, other.between)
+        assert [faces.tolist() for faces in one.faces] == [faces.tolist() for faces in other.faces]
     worn[3][0, 0] = np.nan
+    assert worn_crossings(wardrobes, worn, "cpu")[3].pairs == 0, "it is lost"
     avatars = [wardrobe.avatar for wardrobe in wardrobes]
-    together, depths = worn_crossings(wardrobes, worn, "cpu"), penetrations(worn, avatars, "cpu")
-    assert [found.pairs > 0 for found in together] == [True, True, True, False, True], "one is lost"
-    for wardrobe, points, found, depth in zip(wardrobes, worn, together, depths, strict=True):
-        (alone,) = worn_crossings([wardrobe], [points], "cpu")
-        assert (found.pairs, found.between) == (alone.pairs, alone.between)
-        assert [faces.tolist() for faces in found.faces] == [faces.tolist() for faces in alone.faces]
-        assert wardrobe.avatar is not None
+    for avatar, points, depth in zip(avatars, worn, penetrations(worn, avatars, "cpu"), strict=True):
+        assert avatar is not None
         assert depth is not None
-        np.testing.assert_equal(asdict(depth), asdict(penetration(points, wardrobe.avatar, "cpu")))
+        np.testing.assert_equal(asdict(depth), asdict(penetration(points, avatar, "cpu")))
 
 
 def test_one_whose_numbers_are_lost_leaves_the_others_their_bits(monkeypatch: pytest.MonkeyPatch) -> None:

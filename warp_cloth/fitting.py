@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from warp_cloth import given
 from warp_cloth.cascade import LevelRun
 from warp_cloth.collide.exact import ExactCollider, depth_summary, depths_under, exact_colliders
-from warp_cloth.collide.garments import worn_crossings
+from warp_cloth.collide.garments import model_crossings, worn_crossings
 from warp_cloth.collide.piercing import edge_places, face_places, pierced, shown
 from warp_cloth.device import device_named
 from warp_cloth.dressing import started
@@ -261,7 +261,10 @@ def finished(
     skins = made.skins()
     exact_of = exact_colliders(skins, model.device)
     depths = _drawn_through(made, outcomes, exact_of, strains)
-    crossings = worn_crossings(made.wardrobes, worn_points, model.device)
+    if all(np.isfinite(points).all() for points in worn_points):
+        crossings = model_crossings(model, made.wardrobes)
+    else:
+        crossings = worn_crossings(made.wardrobes, worn_points, model.device)
 
     def strains_of(item: int) -> tuple[Strain, dict[str, Strain]]:
         along = threads[model.of_item(item, model.weave_start)]

@@ -62,35 +62,51 @@ def find_crossings(
         items: of each garment; garments of different items never meet. None: all do.
         every_pair: search without a tree, testing every edge against every triangle.
     """
-    none = np.zeros((0, 2), dtype=np.int32)
     if not np.isfinite(points).all():
+        none = np.zeros((0, 2), dtype=np.int32)
         return Crossings(none, none)
+    of_garment = np.asarray(items if items is not None else [0] * (len(sheets.vertex_start) - 1), dtype=np.int32)
     with wp.ScopedDevice(device):
         position = wp.array(np.ascontiguousarray(points), dtype=wp.vec3d)
-        triangles = wp.array(sheets.triangles, dtype=wp.vec3i)
-        edges = wp.array(sheets.edges, dtype=wp.vec2i)
-        of_garment = np.asarray(items if items is not None else [0] * (len(sheets.vertex_start) - 1), dtype=np.int32)
+        triangles, edges = wp.array(sheets.triangles, dtype=wp.vec3i), wp.array(sheets.edges, dtype=wp.vec2i)
         item = wp.array(np.repeat(of_garment, np.diff(sheets.vertex_start)), dtype=wp.int32)
+    pierced = find_pierced(position, triangles, edges, item, every_pair=every_pair)
+    return Crossings(pierced, triangle_pairs(pierced, sheets))
+
+
+def find_pierced(
+    position: wp.array, triangles: wp.array, edges: wp.array, item: wp.array, *, every_pair: bool = False
+) -> Indices:
+    """Edges and the triangles that they pass through, in order, shape [N, 2].
+
+    Args:
+        position: vertices on a device [m], all finite, wp.vec3d.
+        triangles: their vertices, wp.vec3i.
+        edges: theirs, wp.vec2i.
+        item: of each vertex; those of different items never meet.
+        every_pair: as of ``find_crossings``.
+    """
+    with wp.ScopedDevice(position.device):
         given = [position, edges, triangles, item]
-        if every_pair:
-            kernel = kernels.find_every_crossing
-        else:
+        kernel = kernels.find_every_crossing
+        if not every_pair:
             kernel = kernels.find_crossings
-            lower, upper = (wp.empty(len(sheets.triangles), dtype=wp.vec3f) for _ in range(2))
-            wp.launch(kernels.box_triangles, dim=len(lower), inputs=[position, triangles], outputs=[lower, upper])
-            tree = wp.Bvh(lower, upper, groups=wp.array(of_garment[sheets.garment], dtype=wp.int32))
+            lower, upper = (wp.empty(len(triangles), dtype=wp.vec3f) for _ in range(2))
+            group = wp.empty(len(triangles), dtype=wp.int32)
+            inputs, boxes = [position, triangles, item], [lower, upper, group]
+            wp.launch(kernels.box_triangles, dim=len(triangles), inputs=inputs, outputs=boxes)
+            tree = wp.Bvh(lower, upper, groups=group)
             given = [tree.id, *given]
         capacity = FIRST_CAPACITY
         while True:
             count, crossing = wp.zeros(1, dtype=wp.int32), wp.empty(capacity, dtype=wp.vec2i)
-            wp.launch(kernel, dim=len(sheets.edges), inputs=given, outputs=[count, crossing])
+            wp.launch(kernel, dim=len(edges), inputs=given, outputs=[count, crossing])
             found = int(count.numpy()[0])
             if found <= capacity:
                 break
             capacity = found
         pierced = crossing.numpy().reshape(-1, 2)[:found]
-    pierced = pierced[np.lexsort((pierced[:, 1], pierced[:, 0]))]
-    return Crossings(pierced, _triangle_pairs(pierced, sheets))
+    return pierced[np.lexsort((pierced[:, 1], pierced[:, 0]))]
 
 
 def search_bytes(vertex_count: int, edge_count: int, triangle_count: int) -> int:
@@ -101,7 +117,7 @@ def search_bytes(vertex_count: int, edge_count: int, triangle_count: int) -> int
     return own + (triangle + 2 * box + item + TREE_BYTES) * triangle_count
 
 
-def _triangle_pairs(pierced: Indices, sheets: Sheets) -> Indices:
+def triangle_pairs(pierced: Indices, sheets: Sheets) -> Indices:
     """The triangles at each edge, each with the triangle that the edge passes through; every pair once."""
     if not len(pierced):
         return np.zeros((0, 2), dtype=np.int32)

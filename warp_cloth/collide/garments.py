@@ -8,10 +8,11 @@ from functools import partial
 from itertools import pairwise
 
 import numpy as np
+import warp as wp
 from numpy.typing import NDArray
 
 from warp_cloth.collide.cloth import ClothTouch
-from warp_cloth.collide.crossing import find_crossings
+from warp_cloth.collide.crossing import Sheets, find_crossings, find_pierced, triangle_pairs
 from warp_cloth.collide.exact import POINTS_AT_ONCE, build_exact_collider, pieces
 from warp_cloth.collide.placing import clear_shift, way_told
 from warp_cloth.collide.sheets import SheetKind, sheets_of
@@ -24,6 +25,7 @@ from warp_cloth.model import ClothModel
 from warp_cloth.scene import Scene
 from warp_cloth.solver.course import LAYER_LIFT, Course
 from warp_cloth.solver.relax import Relaxation
+from warp_cloth.threads import map_in_threads
 
 CROSSING_FIELD = "crossing"  # of a garment where some of it crosses: 1 at the corners of those faces
 FAR_AWAY = 1e3  # [m]; farther from its body no garment is asked which way it faces
@@ -126,34 +128,48 @@ class GarmentCrossings:
 def worn_crossings(wardrobes: Sequence[Wardrobe], worn: Sequence[Points], device: str) -> list[GarmentCrossings]:
     """What crosses of each scene's garments at these points [m], shape [V, 3], one after another.
 
-    Garments of different scenes do not meet; they are looked through together, which keeps a GPU busy.
+    Garments of different scenes do not meet. Of points that are not finite nothing is told.
     """
-    finite = [number for number, points in enumerate(worn) if np.isfinite(points).all()]
-    found: dict[int, GarmentCrossings] = {}
-    for piece in pieces([len(worn[number]) for number in finite], POINTS_AT_ONCE):
-        chosen = [finite[at] for at in piece]
-        several = _crossings_together([wardrobes[number] for number in chosen], [worn[n] for n in chosen], device)
-        found.update(zip(chosen, several, strict=True))
-    none = np.zeros(0, dtype=np.int32)
-    return [
-        found.get(number) or GarmentCrossings(0, 0, (none,) * len(wardrobe.parts))
-        for number, wardrobe in enumerate(wardrobes)
-    ]
+
+    def told(wardrobe: Wardrobe, points: Points) -> GarmentCrossings:
+        sheets = sheets_of(wardrobe.parts)
+        return _of_sheets(find_crossings(points, sheets, device).pairs, sheets)
+
+    return [told(wardrobe, points) for wardrobe, points in zip(wardrobes, worn, strict=True)]
 
 
-def _crossings_together(wardrobes: Sequence[Wardrobe], worn: Sequence[Points], device: str) -> list[GarmentCrossings]:
-    parts = [part for wardrobe in wardrobes for part in wardrobe.parts]
-    items = [item for item, wardrobe in enumerate(wardrobes) for _ in wardrobe.parts]
-    sheets = sheets_of(parts)
-    pairs = find_crossings(np.concatenate(worn), sheets, device, items=items).pairs
-    first = np.concatenate([[0], np.cumsum([len(part.triangles) for part in parts])])
-    item = np.asarray(items)[sheets.garment[pairs[:, 0]]]
-    found, garment = [], 0
-    for number, wardrobe in enumerate(wardrobes):
-        own, last = pairs[item == number], garment + len(wardrobe.parts)
-        faces, between = np.unique(own), np.diff(sheets.garment[own], axis=1) != 0
-        ends = pairwise(first[garment : last + 1])
-        listed = tuple(faces[(faces >= a) & (faces < b)] - a for a, b in ends)
-        found.append(GarmentCrossings(len(own), int(between.sum()), listed))
-        garment = last
-    return found
+def model_crossings(model: ClothModel, wardrobes: Sequence[Wardrobe]) -> list[GarmentCrossings]:
+    """The same of a model's garments where they lie now, all finite: looked through together, to keep a GPU busy."""
+    each = [[part.rest.topology for part in wardrobe.parts] for wardrobe in wardrobes]
+    edges = np.cumsum([0, *(sum(len(one.edges) for one in own) for own in each)])
+    triangles = np.cumsum([0, *(sum(len(one.triangle_edges) for one in own) for own in each)])
+    position, cloth = model.cloth.position, model.cloth
+    if position.dtype is not wp.vec3d:
+        position = wp.array(model.points(), dtype=wp.vec3d, device=model.device)
+    found: list[Indices] = []  # of each scene, by numbers of its own
+    for piece in pieces(np.diff(model.item_start).tolist(), POINTS_AT_ONCE):
+        (edge, last_edge), (triangle, last_triangle) = (
+            (ends[piece.start], ends[piece.stop]) for ends in (edges, triangles)
+        )
+        pierced = find_pierced(
+            position, model.triangles.corners[triangle:last_triangle], model.edges.ends[edge:last_edge], cloth.item
+        )
+        first = np.stack([edges, triangles], axis=1)[piece.start : piece.stop]
+        ends = np.searchsorted(pierced[:, 0], edges[piece.start + 1 : piece.stop] - edge)
+        found += [own - at + first[0] for own, at in zip(np.split(pierced, ends), first, strict=True)]
+
+    def told(item: int) -> GarmentCrossings:
+        if not len(found[item]):
+            return GarmentCrossings(0, 0, (np.zeros(0, dtype=np.int32),) * len(wardrobes[item].parts))
+        sheets = sheets_of(wardrobes[item].parts)
+        return _of_sheets(triangle_pairs(found[item], sheets), sheets)
+
+    return map_in_threads(told, range(len(wardrobes)))
+
+
+def _of_sheets(pairs: Indices, sheets: Sheets) -> GarmentCrossings:
+    """What is told of pairs of triangles that cross."""
+    faces, between = np.unique(pairs), np.diff(sheets.garment[pairs], axis=1) != 0
+    first = np.searchsorted(sheets.garment, np.arange(len(sheets.vertex_start)))
+    listed = tuple(faces[(faces >= a) & (faces < b)] - a for a, b in pairwise(first.tolist()))
+    return GarmentCrossings(len(pairs), int(between.sum()), listed)
