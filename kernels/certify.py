@@ -62,7 +62,7 @@ def residual_kernel(precision: str, contact: wp.Function | None, collider_type: 
 
 @functools.cache
 def energy_kernels(precision: str) -> SimpleNamespace:
-    """Kernels ``measure_tension`` and ``measure_weave``: energies and strains of edges and threads."""
+    """Kernels ``measure_tension`` and ``measure_weave``: energies, and strains of edges and stretches of threads."""
     types = cloth_types(precision)
     real, vec4 = types.real, types.vec4
     Cloth, Edges, Weave = types.Cloth, types.Edges, types.Weave
@@ -73,14 +73,14 @@ def energy_kernels(precision: str) -> SimpleNamespace:
         cloth: Cloth,
         edges: Edges,
         energy_out: wp.array(dtype=wp.float64),  # [J], shape [E]
-        strain_out: wp.array(dtype=wp.float64),  # (r - L) / L, shape [E]
+        strain_out: wp.array(dtype=real),  # (r - L) / L, shape [E]
     ):
         """Energy and strain of each edge."""
         edge = wp.tid()
         law = edges.law[edge]
         length = wp.length(difference(cloth.position[edges.ends[edge][1]], cloth.position[edges.ends[edge][0]]))
         energy_out[edge] = wp.float64(tension_energy(length, law[0], law[1], law[2]))
-        strain_out[edge] = wp.float64((length - law[0]) / law[0])
+        strain_out[edge] = (length - law[0]) / law[0]
 
     half = wp.constant(real(0.5**0.5))
 
@@ -89,9 +89,9 @@ def energy_kernels(precision: str) -> SimpleNamespace:
         cloth: Cloth,
         weave: Weave,
         energy_out: wp.array(dtype=wp.float64),  # [J], shape [T]
-        strain_out: wp.array(dtype=wp.vec4d),  # of weft, warp and both biases, shape [T]
+        stretch_out: wp.array(dtype=vec4),  # of weft, warp and both biases: r / L, shape [T]
     ):
-        """Energy and strains of each woven triangle."""
+        """Energy and stretches of each woven triangle."""
         triangle = wp.tid()
         corners = weave.corners[triangle]
         law = weave.law[triangle]
@@ -106,8 +106,7 @@ def energy_kernels(precision: str) -> SimpleNamespace:
         energy = thread_energy(along_u, law[0], push[0]) + thread_energy(along_v, law[1], push[1])
         energy += thread_energy(plus, law[2], push[2]) + thread_energy(minus, law[2], push[2])
         energy_out[triangle] = wp.float64(energy)
-        stretch = vec4(wp.length(along_u), wp.length(along_v), wp.length(plus), wp.length(minus))
-        strain_out[triangle] = wp.vec4d(stretch) - wp.vec4d(1.0, 1.0, 1.0, 1.0)
+        stretch_out[triangle] = vec4(wp.length(along_u), wp.length(along_v), wp.length(plus), wp.length(minus))
 
     return SimpleNamespace(measure_tension=measure_tension, measure_weave=measure_weave)
 

@@ -18,7 +18,7 @@ from warp_cloth.garment.rest import build_rest_shape
 from warp_cloth.kernels.cloth import cloth_types
 from warp_cloth.material.fabric import Fabric, fabric_named, resolve_fabric
 from warp_cloth.material.laboratory import MATCHED_FOLD, MATCHED_SHEAR_ANGLE, bending_length, rigidity_of_bending
-from warp_cloth.solver.certificate import Tolerance, element_energies, thread_strains, thread_summaries
+from warp_cloth.solver.certificate import Tolerance, element_energies, measured_strains, thread_summaries
 from warp_cloth.solver.forces import ForcePass
 from warp_cloth.solver.relax import StepOptions
 
@@ -150,9 +150,9 @@ def test_threads_tell_strain_along_weft_and_warp() -> None:
         rest = build_rest_shape(mesh, fabric_named("cotton"), rest="uv", grain=Grain(grain))
         model = model_of(mesh, rest)
         model.set_points(mesh.points * (1.02, 1.0, 0.99))
-        strains = thread_strains(model)[:, :2]
+        strains = measured_strains(model).of_threads()[:, :2]
         assert strains == pytest.approx(np.broadcast_to(expected, strains.shape), abs=1e-9)
-        found = thread_summaries(thread_strains(model))
+        found = thread_summaries(measured_strains(model).of_threads())
         assert (found["weft"].max, found["warp"].max) == pytest.approx(expected, abs=1e-9)
         bias = np.hypot(1.02, 0.99) / 2**0.5 - 1.0  # nothing is sheared
         assert (found["bias"].min, found["bias"].max) == pytest.approx((bias, bias), abs=1e-9)
@@ -197,7 +197,7 @@ def test_fabrics_without_threads_have_none_and_woven_edges_do_not_pull() -> None
     even = model_of(mesh, build_rest_shape(mesh, Fabric(), rest="uv"))
     woven = model_of(mesh, build_rest_shape(mesh, fabric_named("cotton"), rest="uv"))
     assert even.weave is None
-    assert thread_summaries(thread_strains(even)) == {}
+    assert thread_summaries(measured_strains(even).of_threads()) == {}
     assert (even.terms.edges, even.terms.threads) == (True, False)
     assert (woven.terms.edges, woven.terms.threads) == (False, True)
     assert even.triangles.slope is even.triangles.threads is None

@@ -32,9 +32,9 @@ from warp_cloth.scene import Scene, load_scene
 from warp_cloth.set_up import SetUp, following, set_up_one, tolerance_of
 from warp_cloth.solver.certificate import (
     Check,
-    edge_strains,
+    Strains,
+    measured_strains,
     strain_summary,
-    thread_strains,
     thread_summaries,
 )
 from warp_cloth.solver.loop import Outcome, relax_to_rest
@@ -256,7 +256,7 @@ def finished(
     for item, outcome in enumerate(outcomes):
         if outcome.status is Status.DIVERGED:
             model.set_points(outcome.points, item)
-    strains, threads = edge_strains(model), thread_strains(model)
+    strains = measured_strains(model)
     worn_points = [outcome.points for outcome in outcomes]
     skins = made.skins()
     exact_of = exact_colliders(skins, model.device)
@@ -267,8 +267,8 @@ def finished(
         crossings = worn_crossings(made.wardrobes, worn_points, model.device)
 
     def strains_of(item: int) -> tuple[Strain, dict[str, Strain]]:
-        along = threads[model.of_item(item, model.weave_start)]
-        return strain_summary(strains[model.of_item(item, model.edge_start)]), thread_summaries(along)
+        along = strains.of_threads(model.of_item(item, model.weave_start))
+        return strain_summary(strains.of_edges(model.of_item(item, model.edge_start))), thread_summaries(along)
 
     summaries = map_in_threads(strains_of, range(len(outcomes)))
     lap("measure")
@@ -317,9 +317,9 @@ def _drawn_through(
     made: SetUp,
     outcomes: Sequence[Outcome],
     exact_of: Sequence[ExactCollider | None],
-    strains: NDArray[np.float64],
+    strains: Strains,
 ) -> list[Penetration | None]:
-    """How deep every scene's vertices, edges and faces lie in its avatar; ``strains`` are the edges', of all scenes.
+    """How deep every scene's vertices, edges and faces lie in its avatar; ``strains`` are those of all scenes.
 
     All are asked for together, as a GPU answers a million places as soon as a few.
     """
@@ -334,7 +334,7 @@ def _drawn_through(
             triangles.append(part.triangles + first)
             first += len(part.points)
         points = outcomes[item].points
-        strain = strains[model.of_item(item, model.edge_start)]
+        strain = strains.of_edges(model.of_item(item, model.edge_start))
         return *edge_places(points, np.concatenate(edges), strain), face_places(points, np.concatenate(triangles))
 
     asks = map_in_threads(asked, range(len(outcomes)))

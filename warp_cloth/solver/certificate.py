@@ -6,6 +6,7 @@ import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import warp as wp
@@ -302,18 +303,34 @@ def strain_summary(strain: NDArray[np.float64]) -> Strain:
     return Strain(float(p50), float(p99), float(strain.max()), float(strain.min()))
 
 
+@dataclass(frozen=True, eq=False)
+class Strains:
+    """What a model's edges and threads are strained by, as the device has it: half as much to fetch as in float64."""
+
+    edge: NDArray[Any]  # strain (r - L) / L, shape [E]
+    stretch: NDArray[Any]  # r / L of every woven triangle along weft, warp and both biases, shape [T, 4]
+
+    def of_edges(self, some: slice = slice(None)) -> NDArray[np.float64]:
+        """Strain (r - L) / L of edges."""
+        return self.edge[some].astype(np.float64)
+
+    def of_threads(self, some: slice = slice(None)) -> NDArray[np.float64]:
+        """Strain of woven triangles along weft, warp and both biases, shape [N, 4]."""
+        return self.stretch[some].astype(np.float64) - 1.0
+
+
+def measured_strains(model: ClothModel) -> Strains:
+    """Those of all its edges and woven triangles."""
+    return Strains(_measure_tension(model)[1].numpy(), _measure_weave(model)[1].numpy().reshape(-1, 4))
+
+
 def edge_strains(model: ClothModel) -> NDArray[np.float64]:
     """Strain (r - L) / L of every edge, shape [E]."""
-    return _measure_tension(model)[1].numpy()
-
-
-def thread_strains(model: ClothModel) -> NDArray[np.float64]:
-    """Strain of every woven triangle along weft, warp and both biases, shape [T, 4]."""
-    return _measure_weave(model)[1].numpy().reshape(-1, 4)
+    return _measure_tension(model)[1].numpy().astype(np.float64)
 
 
 def thread_summaries(strain: NDArray[np.float64]) -> dict[str, Strain]:
-    """Strains along "warp", "weft" and both ways of the "bias", of ``thread_strains``; empty where nothing is woven."""
+    """Strains along "warp", "weft" and both ways of the "bias", as of ``Strains``; empty where nothing is woven."""
     if not len(strain):
         return {}
     ways = {"warp": strain[:, 1], "weft": strain[:, 0], "bias": strain[:, 2:].ravel()}
@@ -322,8 +339,9 @@ def thread_summaries(strain: NDArray[np.float64]) -> dict[str, Strain]:
 
 def strain_bytes(model: ClothModel) -> int:
     """Memory that strains take while they are measured."""
-    real, vec4 = (wp.types.type_size_in_bytes(kind) for kind in (wp.float64, wp.vec4d))
-    return max(2 * real * model.edge_count, (real + vec4) * model.weave_count)
+    types = cloth_types(model.precision)
+    energy, real, vec4 = (wp.types.type_size_in_bytes(kind) for kind in (wp.float64, types.real, types.vec4))
+    return max((energy + real) * model.edge_count, (energy + vec4) * model.weave_count)
 
 
 def element_energies(model: ClothModel) -> tuple[NDArray[np.float64], ...]:
@@ -336,19 +354,21 @@ def element_energies(model: ClothModel) -> tuple[NDArray[np.float64], ...]:
 
 
 def _measure_weave(model: ClothModel) -> tuple[wp.array, wp.array]:
-    """Energy [J] and strains of every woven triangle."""
+    """Energy [J] and stretches of every woven triangle."""
     energy = wp.zeros(model.weave_count, dtype=wp.float64, device=model.device)
-    strain = wp.zeros(model.weave_count, dtype=wp.vec4d, device=model.device)
+    stretch = wp.zeros(model.weave_count, dtype=cloth_types(model.precision).vec4, device=model.device)
     if model.weave is not None:
         kernel = energy_kernels(model.precision).measure_weave
-        wp.launch(kernel, dim=model.weave_count, inputs=[model.cloth, model.weave, energy, strain], device=model.device)
-    return energy, strain
+        wp.launch(
+            kernel, dim=model.weave_count, inputs=[model.cloth, model.weave, energy, stretch], device=model.device
+        )
+    return energy, stretch
 
 
 def _measure_tension(model: ClothModel) -> tuple[wp.array, wp.array]:
     """Energy [J] and strain of every edge."""
     energy = wp.zeros(model.edge_count, dtype=wp.float64, device=model.device)
-    strain = wp.zeros(model.edge_count, dtype=wp.float64, device=model.device)
+    strain = wp.zeros(model.edge_count, dtype=cloth_types(model.precision).real, device=model.device)
     wp.launch(
         energy_kernels(model.precision).measure_tension,
         dim=model.edge_count,
