@@ -9,8 +9,10 @@ from types import SimpleNamespace
 
 import warp as wp
 
+from warp_cloth.kernels.block import block_of, block_threads, lane_of
 from warp_cloth.kernels.cloth import MODULE_OPTIONS, cloth_types
 from warp_cloth.kernels.levels import level_types, row_function
+from warp_cloth.kernels.parts import Parts, ratio, sum_part
 from warp_cloth.kernels.stiffness import stiffness_types, symmetric_functions
 
 # What contact, friction and pins leave of a vertex's freedom: all, all but its normal, nothing.
@@ -49,9 +51,6 @@ def conjugate_types(precision: str) -> SimpleNamespace:
         correction: wp.array(dtype=vec3)  # the residual by the preconditioner [m], shape [V]
         direction: wp.array(dtype=vec3)  # [m], shape [V]
         product: wp.array(dtype=vec3)  # A direction [N], shape [V]
-        along: wp.array(dtype=wp.float64)  # residual . correction [J], shape [G]
-        before: wp.array(dtype=wp.float64)  # the last round's [J], shape [G]
-        across: wp.array(dtype=wp.float64)  # direction . product [J], shape [G]
 
     return SimpleNamespace(System=System)
 
@@ -82,10 +81,14 @@ def product_kernels(precision: str) -> SimpleNamespace:
 
     @wp.func
     def coupled(system: System, x: wp.array(dtype=vec3), vertex: int):
-        """Sum of S_ij (x_i - x_j) over the pairs at a vertex [N]."""
+        """Sum of S_ij (x_i - x_j) over the pairs at a vertex [N], by threes, which are asked for at once."""
         sum = vec3()
         own = x[vertex]
-        for row in range(system.start[vertex], system.start[vertex + 1]):
+        start, last = system.start[vertex], system.start[vertex + 1]
+        for row in range(start, last - 2, 3):
+            for i in range(3):
+                sum += system.coupling[row + i] * (own - x[system.other[row + i]])
+        for row in range(start + (last - start) // 3 * 3, last):
             sum += system.coupling[row] * (own - x[system.other[row]])
         return sum
 
@@ -104,15 +107,25 @@ def product_kernels(precision: str) -> SimpleNamespace:
             system.residual[vertex] = system.residual[vertex] - allowed(changed, system.normal[vertex], hold)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
-    def multiply_direction(system: System):
+    def multiply_direction(
+        system: System,
+        parts: Parts,
+        across_out: wp.array(dtype=wp.float64),  # direction . product of each part [J]
+    ):
         """product = A direction."""
-        vertex = wp.tid()
-        hold = system.hold[vertex]
-        sum = vec3()
-        if hold != STAYS:
-            against = system.inertia[vertex] + system.drag[vertex]
-            sum = coupled(system, system.direction, vertex) + system.direction[vertex] * against
-        system.product[vertex] = allowed(sum, system.normal[vertex], hold)
+        thread = wp.tid()
+        part, lane = block_of(thread), lane_of(thread)
+        for vertex in range(parts.first[part] + lane, parts.first[part + 1], block_threads()):
+            hold = system.hold[vertex]
+            direction = system.direction[vertex]
+            sum = vec3()
+            if hold != STAYS:
+                against = system.inertia[vertex] + system.drag[vertex]
+                sum = coupled(system, system.direction, vertex) + direction * against
+            product = allowed(sum, system.normal[vertex], hold)
+            system.product[vertex] = product
+            parts.dot[vertex] = wp.float64(wp.dot(direction, product))
+        sum_part(parts, part, lane, across_out)
 
     return SimpleNamespace(begin_solution=begin_solution, multiply_direction=multiply_direction)
 
@@ -123,25 +136,35 @@ def step_kernels(precision: str) -> SimpleNamespace:
     real, System = cloth_types(precision).real, conjugate_types(precision).System
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
-    def turn_direction(system: System):
+    def turn_direction(
+        system: System,
+        parts: Parts,
+        along: wp.array(dtype=wp.float64),  # residual . correction of each part [J]
+        before: wp.array(dtype=wp.float64),  # the last round's; None where directions begin anew
+    ):
         """The next direction: correction + along / before direction."""
-        vertex = wp.tid()
-        garment = system.garment[vertex]
+        thread = wp.tid()
+        part, lane = block_of(thread), lane_of(thread)
         share = real(0.0)
-        if system.before[garment] > wp.float64(0.0):
-            share = real(system.along[garment] / system.before[garment])
-        system.direction[vertex] = system.correction[vertex] + system.direction[vertex] * share
+        if before:
+            share = real(ratio(parts, along, before, parts.garment[part], False))
+        for vertex in range(parts.first[part] + lane, parts.first[part + 1], block_threads()):
+            system.direction[vertex] = system.correction[vertex] + system.direction[vertex] * share
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
-    def advance_solution(system: System):
+    def advance_solution(
+        system: System,
+        parts: Parts,
+        along: wp.array(dtype=wp.float64),  # residual . correction of each part [J]
+        across: wp.array(dtype=wp.float64),  # direction . product [J]
+    ):
         """displacement += step direction, residual -= step product, step = along / across."""
-        vertex = wp.tid()
-        garment = system.garment[vertex]
-        step = real(0.0)
-        if system.across[garment] > wp.float64(0.0):
-            step = real(system.along[garment] / system.across[garment])
-        system.displacement[vertex] = system.displacement[vertex] + system.direction[vertex] * step
-        system.residual[vertex] = system.residual[vertex] - system.product[vertex] * step
+        thread = wp.tid()
+        part, lane = block_of(thread), lane_of(thread)
+        step = real(ratio(parts, along, across, parts.garment[part], False))
+        for vertex in range(parts.first[part] + lane, parts.first[part + 1], block_threads()):
+            system.displacement[vertex] = system.displacement[vertex] + system.direction[vertex] * step
+            system.residual[vertex] = system.residual[vertex] - system.product[vertex] * step
 
     return SimpleNamespace(turn_direction=turn_direction, advance_solution=advance_solution)
 
@@ -156,18 +179,26 @@ def precondition_kernel(precision: str) -> wp.Kernel:
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def precondition_residual(
         system: System,
+        parts: Parts,
         up: Rows,  # from the coarser level
         coarser: wp.array(dtype=vec3),  # its displacements [m]; None without coarser levels
+        along_out: wp.array(dtype=wp.float64),  # residual . correction of each part [J]
     ):
         """Each vertex's residual by its own block, and what it follows."""
-        vertex = wp.tid()
-        hold = system.hold[vertex]
-        sum = vec3()
-        if hold != STAYS:
-            sum = times(system.divisor[vertex], system.residual[vertex])
-            if coarser:
-                sum = add_row(sum, up, vertex, coarser)
-        system.correction[vertex] = allowed(sum, system.normal[vertex], hold)
+        thread = wp.tid()
+        part, lane = block_of(thread), lane_of(thread)
+        for vertex in range(parts.first[part] + lane, parts.first[part + 1], block_threads()):
+            hold = system.hold[vertex]
+            residual = system.residual[vertex]
+            sum = vec3()
+            if hold != STAYS:
+                sum = times(system.divisor[vertex], residual)
+                if coarser:
+                    sum = add_row(sum, up, vertex, coarser)
+            correction = allowed(sum, system.normal[vertex], hold)
+            system.correction[vertex] = correction
+            parts.dot[vertex] = wp.float64(wp.dot(residual, correction))
+        sum_part(parts, part, lane, along_out)
 
     return precondition_residual
 
@@ -183,40 +214,3 @@ def conjugate_kernels(precision: str) -> SimpleNamespace:
         multiply_direction=products.multiply_direction,
         advance_solution=steps.advance_solution,
     )
-
-
-@functools.cache
-def dot_kernels(precision: str) -> SimpleNamespace:
-    """Kernels ``dot_parts`` and ``sum_parts``: a . b of every garment in one fixed order, in float64."""
-    vec3 = cloth_types(precision).vec3
-
-    @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
-    def dot_parts(
-        first: wp.array(dtype=wp.int32),  # vertex of each garment, shape [G + 1]
-        a: wp.array(dtype=vec3),
-        b: wp.array(dtype=vec3),
-        part_out: wp.array2d(dtype=wp.float64),  # shape [G, parts]
-    ):
-        """Sums of a . b, each over as many vertices as there are parts, that many apart."""
-        garment, part = wp.tid()
-        sum = wp.float64(0.0)
-        for vertex in range(first[garment] + part, first[garment + 1], part_out.shape[1]):
-            sum += wp.float64(wp.dot(a[vertex], b[vertex]))
-        part_out[garment, part] = sum
-
-    @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
-    def sum_parts(
-        part: wp.array2d(dtype=wp.float64),
-        dot_out: wp.array(dtype=wp.float64),  # shape [G]
-        last_out: wp.array(dtype=wp.float64),  # what dot_out held; None where nobody asks
-    ):
-        """a . b of each garment."""
-        garment = wp.tid()
-        sum = wp.float64(0.0)
-        for i in range(part.shape[1]):
-            sum += part[garment, i]
-        if last_out:
-            last_out[garment] = dot_out[garment]
-        dot_out[garment] = sum
-
-    return SimpleNamespace(dot_parts=dot_parts, sum_parts=sum_parts)

@@ -5,10 +5,12 @@ from types import SimpleNamespace
 
 import warp as wp
 
+from warp_cloth.kernels.block import block_of, block_threads, lane_of
 from warp_cloth.kernels.cloth import MODULE_OPTIONS, cloth_types, free_function, rest_function
 from warp_cloth.kernels.conjugate import FREE, SLIDES, STAYS, allowed_function, conjugate_types
 from warp_cloth.kernels.displacement import capped, colliders_type
 from warp_cloth.kernels.friction import friction_slide
+from warp_cloth.kernels.parts import Parts, sum_part, totals
 from warp_cloth.kernels.stiffness import stiffness_types, symmetric_functions
 
 # Up to this far above the contact offset a vertex that the force presses on to it counts as held by the avatar; one
@@ -94,19 +96,28 @@ def face_forces_kernel(precision: str, contact: wp.Function | None, collider_typ
     """Kernel ``face_forces``, with the contact of ``kernels.displace.displacement``."""
     types = cloth_types(precision)
     real, vec3, vec4, Cloth, Step = types.real, types.vec3, types.vec4, types.Cloth, types.Step
-    vec6, System = stiffness_types(precision).vec6, conjugate_types(precision).System
+    mat3, vec6 = stiffness_types(precision).mat3, stiffness_types(precision).vec6
+    System = conjugate_types(precision).System
     symmetric = symmetric_functions(precision)
     along, even, times, inverse = symmetric.along, symmetric.even, symmetric.times, symmetric.inverse
     allowed, hold_of, free = allowed_function(precision), hold_function(precision), free_function(precision, pins)
     meets, rests = meets_function(precision), rest_function(precision)
 
     @wp.func
+    def upper(s: mat3):
+        """A symmetric matrix as vec6."""
+        return vec6(s[0, 0], s[1, 1], s[2, 2], s[0, 1], s[0, 2], s[1, 2])
+
+    @wp.func
     def own_block(system: System, vertex: int):
         """Sum of the couplings at a vertex [N/m]."""
         block = vec6()
-        for row in range(system.start[vertex], system.start[vertex + 1]):
-            s = system.coupling[row]
-            block += vec6(s[0, 0], s[1, 1], s[2, 2], s[0, 1], s[0, 2], s[1, 2])
+        start, last = system.start[vertex], system.start[vertex + 1]
+        for row in range(start, last - 3, 4):
+            for i in range(4):
+                block += upper(system.coupling[row + i])
+        for row in range(start + (last - start) // 4 * 4, last):
+            block += upper(system.coupling[row])
         return block
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
@@ -244,9 +255,26 @@ def ease_inertia_kernel(precision: str) -> wp.Kernel:
 
 
 @functools.cache
-def ease_momentum_kernel(precision: str) -> wp.Kernel:
-    """Kernel ``ease_momentum``."""
+def momentum_kernels(precision: str) -> SimpleNamespace:
+    """Kernels ``weigh_momentum`` and ``ease_momentum``."""
     real, System = cloth_types(precision).real, conjugate_types(precision).System
+
+    @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
+    def weigh_momentum(
+        system: System,
+        parts: Parts,
+        taken_out: wp.array(dtype=wp.float64),  # force . onward of each part [J]
+        given_out: wp.array(dtype=wp.float64),  # force . displacement [J]
+    ):
+        """The work that momentum took, and what the solution gives back."""
+        thread = wp.tid()
+        part, lane = block_of(thread), lane_of(thread)
+        for vertex in range(parts.first[part] + lane, parts.first[part + 1], block_threads()):
+            parts.dot[vertex] = wp.float64(wp.dot(system.force[vertex], system.onward[vertex]))
+        sum_part(parts, part, lane, taken_out)
+        for vertex in range(parts.first[part] + lane, parts.first[part + 1], block_threads()):
+            parts.dot[vertex] = wp.float64(wp.dot(system.force[vertex], system.displacement[vertex]))
+        sum_part(parts, part, lane, given_out)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def ease_momentum(
@@ -254,29 +282,35 @@ def ease_momentum_kernel(precision: str) -> wp.Kernel:
         most: real,
         left: real,
         system: System,
+        parts: Parts,
+        taken: wp.array(dtype=wp.float64),
+        given: wp.array(dtype=wp.float64),
     ):
         """Every garment keeps n / (n + 3) of its displacement after n steps; one that went too far leaves a share.
 
         So it is where the work that momentum took, b . onward, is more than what the solution gives back, b . x. By the
         former alone a single fold's trembling would stop the sliding of all others.
         """
-        garment = wp.tid()
-        delay = real(3.0)
-        kept = system.momentum[garment]
-        steps = delay * kept / (real(1.0) - kept) + real(1.0)
-        if system.across[garment] + system.along[garment] < wp.float64(0.0):
-            steps = left * steps
-        system.momentum[garment] = wp.clamp(steps / (steps + delay), least, most)
+        thread = wp.tid()
+        garment = block_of(thread)
+        both = totals(parts, taken, given, garment, False)
+        if lane_of(thread) == 0:
+            delay = real(3.0)
+            kept = system.momentum[garment]
+            steps = delay * kept / (real(1.0) - kept) + real(1.0)
+            if both[0] + both[1] < wp.float64(0.0):
+                steps = left * steps
+            system.momentum[garment] = wp.clamp(steps / (steps + delay), least, most)
 
-    return ease_momentum
+    return SimpleNamespace(weigh_momentum=weigh_momentum, ease_momentum=ease_momentum)
 
 
 @functools.cache
 def implicit_kernels(precision: str, contact: wp.Function | None, collider_type: type, pins: bool) -> SimpleNamespace:
-    """The kernels of a step's two ends; ``ease_momentum`` goes between them."""
+    """The kernels of a step's two ends; those on momentum go between them."""
     return SimpleNamespace(
         face_forces=face_forces_kernel(precision, contact, collider_type, pins),
         take_step=take_step_kernel(precision, contact, collider_type, pins),
         ease_inertia=ease_inertia_kernel(precision),
-        ease_momentum=ease_momentum_kernel(precision),
+        **vars(momentum_kernels(precision)),
     )

@@ -9,8 +9,11 @@ from types import SimpleNamespace
 
 import warp as wp
 
+from warp_cloth.kernels.block import block_threads, lane_of, wait_for_block
 from warp_cloth.kernels.cloth import MODULE_OPTIONS, cloth_types
 from warp_cloth.kernels.stiffness import stiffness_types, symmetric_functions
+
+COARSEST = 1024  # threads of the block that works on the coarsest levels, on a GPU
 
 
 @functools.cache
@@ -30,14 +33,19 @@ def level_types(precision: str) -> SimpleNamespace:
 
 
 @functools.cache
-def row_function(precision: str) -> wp.Function:
-    """The function that adds a row of a sparse matrix times displacements [m], or forces [N], to a sum."""
-    vec3, Rows = cloth_types(precision).vec3, level_types(precision).Rows
+def row_function(precision: str, blocks: bool = False) -> wp.Function:
+    """The function that adds a row of a sparse matrix times displacements [m], forces [N] or ``blocks`` to a sum."""
+    types, Rows = cloth_types(precision), level_types(precision).Rows
+    kind = types.vec6 if blocks else types.vec3
 
     @wp.func
-    def add_row(sum: vec3, rows: Rows, row: int, x: wp.array(dtype=vec3)):
-        """sum + sum_j P_ij x_j, added in the order of the row."""
-        for entry in range(rows.start[row], rows.start[row + 1]):
+    def add_row(sum: kind, rows: Rows, row: int, x: wp.array(dtype=kind)):
+        """sum + sum_j P_ij x_j, added in the order of the row; by fours, which are asked for at once."""
+        start, last = rows.start[row], rows.start[row + 1]
+        for entry in range(start, last - 3, 4):
+            for i in range(4):
+                sum += x[rows.index[entry + i]] * rows.weight[entry + i]
+        for entry in range(start + (last - start) // 4 * 4, last):
             sum += x[rows.index[entry]] * rows.weight[entry]
         return sum
 
@@ -46,12 +54,12 @@ def row_function(precision: str) -> wp.Function:
 
 @functools.cache
 def level_kernels(precision: str) -> SimpleNamespace:
-    """Kernels ``gather_blocks``, ``gather_anchors``, ``restrict_residual``, ``correct_level``."""
+    """Kernels ``gather_blocks``, ``gather_anchors``, ``restrict_residual``, ``correct_level``, ``correct_coarsest``."""
     vec3 = cloth_types(precision).vec3
     vec6, Rows = stiffness_types(precision).vec6, level_types(precision).Rows
     symmetric = symmetric_functions(precision)
     inverse, times = symmetric.inverse, symmetric.times
-    add_row = row_function(precision)
+    add_row, add_blocks = row_function(precision), row_function(precision, blocks=True)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def gather_blocks(
@@ -61,10 +69,13 @@ def level_kernels(precision: str) -> SimpleNamespace:
     ):
         """Sums weighted symmetric blocks [N/m]: pairs to coarse pairs, or to the coarse vertices."""
         row = wp.tid()
-        sum = vec6()
-        for entry in range(rows.start[row], rows.start[row + 1]):
-            sum += fine[rows.index[entry]] * rows.weight[entry]
-        coarse_out[row] = sum
+        coarse_out[row] = add_blocks(vec6(), rows, row, fine)
+
+    @wp.func
+    def anchored(down: Rows, together: bool, anchor: wp.array(dtype=vec6), entry: int):
+        """What an entry of a row adds to its vertex's anchor."""
+        weight = down.weight[entry]
+        return anchor[down.index[entry]] * wp.where(together, wp.abs(weight), weight * weight)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def gather_anchors(
@@ -83,10 +94,12 @@ def level_kernels(precision: str) -> SimpleNamespace:
         """
         vertex = wp.tid()
         sum = vec6()
-        for entry in range(down.start[vertex], down.start[vertex + 1]):
-            weight = down.weight[entry]
-            share = wp.where(together, wp.abs(weight), weight * weight)
-            sum += anchor[down.index[entry]] * share
+        start, last = down.start[vertex], down.start[vertex + 1]
+        for entry in range(start, last - 3, 4):
+            for i in range(4):
+                sum += anchored(down, together, anchor, entry + i)
+        for entry in range(start + (last - start) // 4 * 4, last):
+            sum += anchored(down, together, anchor, entry)
         anchor_out[vertex] = sum
         inverse_out[vertex] = inverse(stiffness[vertex] + sum)
 
@@ -115,9 +128,33 @@ def level_kernels(precision: str) -> SimpleNamespace:
             sum = add_row(sum, up, vertex, coarser)
         correction_out[vertex] = sum
 
+    @wp.kernel(module="unique", module_options=MODULE_OPTIONS, launch_bounds=COARSEST)
+    def correct_coarsest(
+        level: wp.array(dtype=wp.int32),  # first vertex of each level, shape [levels + 1]
+        down: Rows,  # from the level before; of the first of these levels empty
+        up: Rows,  # from the level after
+        divisor: wp.array(dtype=vec6),
+        residual: wp.array(dtype=vec3),  # given on the first of these levels [N]
+        correction_out: wp.array(dtype=vec3),  # [m]
+    ):
+        """As ``restrict_residual`` to the last of these levels, then as ``correct_level`` on all, by a single block."""
+        thread = wp.tid()
+        lane, lanes = lane_of(thread), block_threads()
+        last = level.shape[0] - 2
+        for number in range(1, last + 1):
+            for vertex in range(level[number] + lane, level[number + 1], lanes):
+                residual[vertex] = add_row(vec3(), down, vertex, residual)
+            wait_for_block()
+        for number in range(last + 1):
+            for vertex in range(level[last - number] + lane, level[last - number + 1], lanes):
+                own = times(divisor[vertex], residual[vertex])
+                correction_out[vertex] = add_row(own, up, vertex, correction_out)
+            wait_for_block()
+
     return SimpleNamespace(
         gather_blocks=gather_blocks,
         gather_anchors=gather_anchors,
         restrict_residual=restrict_residual,
         correct_level=correct_level,
+        correct_coarsest=correct_coarsest,
     )

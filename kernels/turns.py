@@ -12,10 +12,14 @@ from types import SimpleNamespace
 
 import warp as wp
 
+from warp_cloth.kernels.block import block_of, block_threads, lane_of, wait_for_block
 from warp_cloth.kernels.cloth import MODULE_OPTIONS, cloth_types
 from warp_cloth.kernels.conjugate import allowed_function, conjugate_types
 from warp_cloth.kernels.levels import level_types
+from warp_cloth.kernels.parts import Parts, fresh_function, meet_blocks, ratio, sum_part
 from warp_cloth.kernels.stiffness import stiffness_types, symmetric_functions
+
+TOGETHER = wp.constant(32)  # blocks that threads which go together read side by side
 
 
 @functools.cache
@@ -34,11 +38,27 @@ def turn_types(precision: str) -> SimpleNamespace:
         two: wp.array(dtype=wp.vec2i)  # I and J of a block, shape [M]
         member_start: wp.array(dtype=wp.int32)  # rows of ``member``, shape [M + 1]
         member: wp.array(dtype=wp.int32)  # the pairs of a block; from N on, vertices with what holds them
-        block: wp.array2d(dtype=own.mat3)  # its quarters, of shifts and turns [N/m, N, N, N m], shape [M, 4]
-        start: wp.array(dtype=wp.int32)  # rows of ``slot``, shape [n + 1]
-        slot: wp.array(dtype=wp.int32)  # 2 block, + 1 where it is J's row
-        diagonal: wp.array(dtype=wp.int32)  # the block of a vertex with itself, shape [n]
+        slot: wp.array(dtype=wp.vec2i)  # where I keeps the block and where J does, or -1: I is J, shape [M]
+        start: wp.array(dtype=wp.int32)  # of each vertex's blocks, shape [n + 1]
+        beside: wp.array(dtype=wp.int32)  # the other vertex of each, shape [E]
+        block: wp.array3d(dtype=types.real)  # their numbers row by row, TOGETHER blocks at a time (``number``)
+        diagonal: wp.array(dtype=wp.int32)  # where a vertex keeps its block with itself, shape [n]
+        right: wp.array(dtype=own.mat3)  # that block's second quarter, shape [n]
         divisor: wp.array2d(dtype=own.vec6)  # inverses of its first quarter, and of what that leaves of the last
+        parts: Parts  # these vertices
+        owner: wp.array(dtype=wp.int32)  # the coarse vertex of each entry of ``down``, shape [D]
+        pull: wp.array2d(dtype=types.vec3)  # force and moment of each on it [N, N m], shape [D, 2]
+        term: wp.array2d(dtype=types.real)  # what of the product each block gives, shape [E, 6]
+        residual: wp.array(dtype=types.vec3)  # force and moment left on each vertex [N, N m], shape [2 n]
+        correction: wp.array(dtype=types.vec3)  # shift and turn of each by its own block [m, 1], shape [2 n]
+        direction: wp.array(dtype=types.vec3)
+        other: wp.array(dtype=types.vec3)  # the last round's direction; the two change places
+        product: wp.array(dtype=types.real)  # force and moment that resist the direction, shape [6 n]
+        displacement: wp.array(dtype=types.vec3)  # the solution
+        along: wp.array(dtype=wp.float64)  # residual . correction of each part [J]
+        before: wp.array(dtype=wp.float64)  # the last round's; the two change places
+        across: wp.array(dtype=wp.float64)  # direction . product of each part [J]
+        came: wp.array(dtype=wp.int32)  # how many blocks have met, shape [1]
 
     return SimpleNamespace(Turns=Turns)
 
@@ -64,6 +84,22 @@ def block_kernels(precision: str) -> SimpleNamespace:
             if up.index[entry] == coarse:
                 result = up.weight[entry]
         return result
+
+    @wp.func
+    def put(turns: Turns, entry: int, row: int, column: int, quarter: mat3):
+        """Puts a quarter of a block where it belongs."""
+        for i in range(3):
+            for j in range(3):
+                turns.block[entry // TOGETHER, 6 * (row + i) + column + j, entry % TOGETHER] = quarter[i, j]
+
+    @wp.func
+    def quarter_of(turns: Turns, entry: int, row: int, column: int):
+        """A quarter of a block."""
+        quarter = mat3()
+        for i in range(3):
+            for j in range(3):
+                quarter[i, j] = turns.block[entry // TOGETHER, 6 * (row + i) + column + j, entry % TOGETHER]
+        return quarter
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def find_centres(cloth: Cloth, turns: Turns):
@@ -110,10 +146,16 @@ def block_kernels(precision: str) -> SimpleNamespace:
             right -= s * turning * a
             below += turned * b
             turn -= turned * turning
-        turns.block[block, 0] = shift
-        turns.block[block, 1] = right
-        turns.block[block, 2] = below
-        turns.block[block, 3] = turn
+        slot = turns.slot[block]
+        put(turns, slot[0], 0, 0, shift)
+        put(turns, slot[0], 0, 3, right)
+        put(turns, slot[0], 3, 0, below)
+        put(turns, slot[0], 3, 3, turn)
+        if slot[1] >= 0:
+            put(turns, slot[1], 0, 0, wp.transpose(shift))
+            put(turns, slot[1], 0, 3, wp.transpose(below))
+            put(turns, slot[1], 3, 0, wp.transpose(right))
+            put(turns, slot[1], 3, 3, wp.transpose(turn))
 
     @wp.func
     def symmetric(m: mat3):
@@ -124,11 +166,12 @@ def block_kernels(precision: str) -> SimpleNamespace:
     def divide_turns(turns: Turns):
         """What each coarse vertex's own block divides by: shifts first, turns by what these leave."""
         vertex = wp.tid()
-        block = turns.diagonal[vertex]
-        by_shift = inverse(symmetric(turns.block[block, 0]))
-        right = turns.block[block, 1]
+        own = turns.diagonal[vertex]
+        by_shift = inverse(symmetric(quarter_of(turns, own, 0, 0)))
+        right = quarter_of(turns, own, 0, 3)
+        turns.right[vertex] = right
         turns.divisor[vertex, 0] = by_shift
-        left = turns.block[block, 3] - wp.transpose(right) * full(by_shift) * right
+        left = quarter_of(turns, own, 3, 3) - wp.transpose(right) * full(by_shift) * right
         turns.divisor[vertex, 1] = inverse(symmetric(left))
 
     return SimpleNamespace(find_centres=find_centres, gather_turns=gather_turns, divide_turns=divide_turns)
@@ -136,122 +179,188 @@ def block_kernels(precision: str) -> SimpleNamespace:
 
 @functools.cache
 def turn_kernels(precision: str) -> SimpleNamespace:
-    """Kernels of a solution: ``begin_turns``; each round ``lead_turns``, ``multiply_turns``, ``advance_turns``; and
-    ``follow_turns``.
+    """Kernels ``pull_turns``, ``solve_turns`` and ``follow_turns``.
 
-    Shift and turn of coarse vertex I are the vectors 2 I and 2 I + 1; so are the force and the moment on it. Sums over
-    a garment come in parts, which every vertex adds up for itself: that is quicker than a kernel more.
+    Shift and turn of coarse vertex I are the vectors 2 I and 2 I + 1; so are the force and the moment on it.
     """
     types, Turns = cloth_types(precision), turn_types(precision).Turns
     real, vec3, Cloth = types.real, types.vec3, types.Cloth
     System, allowed = conjugate_types(precision).System, allowed_function(precision)
-    times = symmetric_functions(precision).times
+    times, fresh = symmetric_functions(precision).times, fresh_function(precision)
+    sums, vectors = wp.array(dtype=wp.float64), wp.array(dtype=vec3)
 
     @wp.func
-    def total(part: wp.array2d(dtype=wp.float64), garment: int):
-        """Sum of a garment's parts."""
-        sum = wp.float64(0.0)
-        for i in range(part.shape[1]):
-            sum += part[garment, i]
+    def correct(turns: Turns, vertex: int):
+        """The coarse vertex's residual by its own block."""
+        force, moment = turns.residual[2 * vertex], turns.residual[2 * vertex + 1]
+        right = turns.right[vertex]
+        by_shift = turns.divisor[vertex, 0]
+        turn = times(turns.divisor[vertex, 1], moment - wp.transpose(right) * times(by_shift, force))
+        turns.correction[2 * vertex] = times(by_shift, force - right * turn)
+        turns.correction[2 * vertex + 1] = turn
+
+    @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
+    def pull_turns(cloth: Cloth, turns: Turns, fine: wp.array(dtype=vec3)):
+        """What the forces that are left [N] on each vertex pull at what it follows."""
+        entry = wp.tid()
+        if entry == 0:
+            turns.came[0] = 0
+        i = turns.down.index[entry]
+        force = fine[i] * turns.down.weight[entry]
+        turns.pull[entry, 0] = force
+        turns.pull[entry, 1] = wp.cross(vec3(cloth.position[i] - turns.centre[turns.owner[entry]]), force)
+
+    @wp.func
+    def resisted(turns: Turns, i: int):
+        """A vector of what resists the direction."""
+        return vec3(turns.product[3 * i], turns.product[3 * i + 1], turns.product[3 * i + 2])
+
+    @wp.func
+    def given(turns: Turns, vertex: int):
+        """What the correction gives back [J]."""
+        shift = wp.dot(turns.residual[2 * vertex], turns.correction[2 * vertex])
+        return wp.float64(shift) + wp.float64(wp.dot(turns.residual[2 * vertex + 1], turns.correction[2 * vertex + 1]))
+
+    @wp.func
+    def pull_of(turns: Turns, vertex: int, which: int):
+        """Force or moment on a coarse vertex, added in the order of its row; by eights, which are asked for at once."""
+        sum = vec3()
+        start, last = turns.down.start[vertex], turns.down.start[vertex + 1]
+        for entry in range(start, last - 7, 8):
+            for i in range(8):
+                sum += turns.pull[entry + i, which]
+        for entry in range(start + (last - start) // 8 * 8, last):
+            sum += turns.pull[entry, which]
         return sum
 
     @wp.func
-    def correct(turns: Turns, coarse: System, vertex: int):
-        """The coarse vertex's residual by its own block."""
-        force, moment = coarse.residual[2 * vertex], coarse.residual[2 * vertex + 1]
-        right = turns.block[turns.diagonal[vertex], 1]
-        by_shift = turns.divisor[vertex, 0]
-        turn = times(turns.divisor[vertex, 1], moment - wp.transpose(right) * times(by_shift, force))
-        coarse.correction[2 * vertex] = times(by_shift, force - right * turn)
-        coarse.correction[2 * vertex + 1] = turn
+    def begin_part(turns: Turns, part: int, lane: int, lanes: int):
+        """Force and moment of what is left; the solution begins with nothing."""
+        first, last = turns.parts.first[part], turns.parts.first[part + 1]
+        for i in range(2 * first + lane, 2 * last, lanes):
+            turns.residual[i] = pull_of(turns, i // 2, i % 2)
+            turns.displacement[i] = vec3()
+        wait_for_block()
+        for vertex in range(first + lane, last, lanes):
+            correct(turns, vertex)
+            turns.parts.dot[vertex] = given(turns, vertex)
+        sum_part(turns.parts, part, lane, turns.along)
 
-    @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
-    def begin_turns(cloth: Cloth, turns: Turns, fine: wp.array(dtype=vec3), coarse: System):
-        """Force [N] and moment [N m] of what is left on the vertices that follow; the solution begins with nothing."""
-        vertex = wp.tid()
-        force, moment = vec3(), vec3()
-        for entry in range(turns.down.start[vertex], turns.down.start[vertex + 1]):
-            i = turns.down.index[entry]
-            part = fine[i] * turns.down.weight[entry]
-            force += part
-            moment += wp.cross(vec3(cloth.position[i] - turns.centre[vertex]), part)
-        coarse.residual[2 * vertex] = force
-        coarse.residual[2 * vertex + 1] = moment
-        coarse.displacement[2 * vertex] = vec3()
-        coarse.displacement[2 * vertex + 1] = vec3()
-        correct(turns, coarse, vertex)
+    @wp.func
+    def product_of(turns: Turns, vertex: int, i: int):
+        """One of the six components of what resists the direction at a vertex, added in the order of its blocks."""
+        sum = real(0.0)
+        start, last = turns.start[vertex], turns.start[vertex + 1]
+        for entry in range(start, last - 3, 4):
+            for k in range(4):
+                sum += turns.term[entry + k, i]
+        for entry in range(start + (last - start) // 4 * 4, last):
+            sum += turns.term[entry, i]
+        return sum
 
-    @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
-    def lead_turns(
-        along: wp.array2d(dtype=wp.float64),  # parts of residual . correction [J]
-        before: wp.array2d(dtype=wp.float64),  # the last round's; None in the first
-        coarse: System,
-    ):
-        """The next direction: correction + along / before direction."""
-        i = wp.tid()
-        share = real(0.0)
-        if before:
-            garment = coarse.garment[i]
-            last = total(before, garment)
-            if last > wp.float64(0.0):
-                share = real(total(along, garment) / last)
-        coarse.direction[i] = coarse.correction[i] + coarse.direction[i] * share
+    @wp.func
+    def number(turns: Turns, entry: int, row: int, column: int):
+        """One of a block's."""
+        return turns.block[entry // TOGETHER, 6 * row + column, entry % TOGETHER]
 
-    @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
-    def multiply_turns(turns: Turns, coarse: System):
-        """product = K direction."""
-        vertex = wp.tid()
-        force, moment = vec3(), vec3()
-        for entry in range(turns.start[vertex], turns.start[vertex + 1]):
-            block, mirrored = turns.slot[entry] // 2, turns.slot[entry] % 2 == 1
-            two = turns.two[block]
-            beside = wp.where(mirrored, two[0], two[1])
-            shift, turn = coarse.direction[2 * beside], coarse.direction[2 * beside + 1]
-            if mirrored:
-                force += wp.transpose(turns.block[block, 0]) * shift + wp.transpose(turns.block[block, 2]) * turn
-                moment += wp.transpose(turns.block[block, 1]) * shift + wp.transpose(turns.block[block, 3]) * turn
-            else:
-                force += turns.block[block, 0] * shift + turns.block[block, 1] * turn
-                moment += turns.block[block, 2] * shift + turns.block[block, 3] * turn
-        coarse.product[2 * vertex] = force
-        coarse.product[2 * vertex + 1] = moment
+    @wp.func
+    def multiply_part(turns: Turns, part: int, lane: int, lanes: int, share: real, last: vectors, next: vectors):
+        """The next direction, correction + share last, found by all who ask for it, and product = K direction."""
+        first, end = turns.parts.first[part], turns.parts.first[part + 1]
+        for entry in range(turns.start[first] + lane, turns.start[end], lanes):
+            d = fresh(turns.correction, turns.beside[entry]) + fresh(last, turns.beside[entry]) * share
+            for k in range(6):
+                by_shift = number(turns, entry, k, 0) * d[0] + number(turns, entry, k, 1) * d[1]
+                by_shift += number(turns, entry, k, 2) * d[2]
+                by_turn = number(turns, entry, k, 3) * d[3] + number(turns, entry, k, 4) * d[4]
+                by_turn += number(turns, entry, k, 5) * d[5]
+                turns.term[entry, k] = by_shift + by_turn
+        wait_for_block()
+        for item in range(lane, 8 * (end - first), lanes):
+            if item % 8 < 6:
+                turns.product[6 * first + 6 * (item // 8) + item % 8] = product_of(turns, first + item // 8, item % 8)
+        wait_for_block()
+        for vertex in range(first + lane, end, lanes):
+            shift = turns.correction[2 * vertex] + last[2 * vertex] * share
+            turn = turns.correction[2 * vertex + 1] + last[2 * vertex + 1] * share
+            next[2 * vertex] = shift
+            next[2 * vertex + 1] = turn
+            taken = wp.float64(wp.dot(shift, resisted(turns, 2 * vertex)))
+            turns.parts.dot[vertex] = taken + wp.float64(wp.dot(turn, resisted(turns, 2 * vertex + 1)))
+        sum_part(turns.parts, part, lane, turns.across)
 
-    @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
-    def advance_turns(
-        along: wp.array2d(dtype=wp.float64),  # parts of residual . correction [J]
-        across: wp.array2d(dtype=wp.float64),  # of direction . product [J]
+    @wp.func
+    def advance_part(turns: Turns, part: int, lane: int, lanes: int, step: real, direction: vectors, along: sums):
+        """displacement += step direction, residual -= step product; and the next correction."""
+        for vertex in range(turns.parts.first[part] + lane, turns.parts.first[part + 1], lanes):
+            for i in range(2 * vertex, 2 * vertex + 2):
+                turns.displacement[i] = turns.displacement[i] + direction[i] * step
+                turns.residual[i] = turns.residual[i] - resisted(turns, i) * step
+            correct(turns, vertex)
+            turns.parts.dot[vertex] = given(turns, vertex)
+        sum_part(turns.parts, part, lane, along)
+
+    @wp.func
+    def go_round(
         turns: Turns,
-        coarse: System,
+        number: int,
+        block: int,
+        blocks: int,
+        thread: int,
+        along: sums,  # residual . correction of each part [J]
+        before: sums,  # the last round's; the next one's in the end
+        last: vectors,  # the last round's direction
+        next: vectors,
     ):
-        """displacement += step direction, residual -= step product, step = along / across; and the next correction."""
-        vertex = wp.tid()
-        garment = coarse.garment[2 * vertex]
-        step = real(0.0)
-        size = total(across, garment)
-        if size > wp.float64(0.0):
-            step = real(total(along, garment) / size)
-        for i in range(2 * vertex, 2 * vertex + 2):
-            coarse.displacement[i] = coarse.displacement[i] + coarse.direction[i] * step
-            coarse.residual[i] = coarse.residual[i] - coarse.product[i] * step
-        correct(turns, coarse, vertex)
+        """A round of a block; step = along / across, the last direction's share along / before."""
+        lane, lanes, parts = lane_of(thread), block_threads(), turns.parts.garment.shape[0]
+        meet_blocks(turns.came, (2 * number + 1) * blocks)
+        for part in range(block, parts, blocks):
+            share = real(0.0)
+            if number > 0:
+                share = real(ratio(turns.parts, along, before, turns.parts.garment[part], True))
+            multiply_part(turns, part, lane, lanes, share, last, next)
+        meet_blocks(turns.came, (2 * number + 2) * blocks)
+        for part in range(block, parts, blocks):
+            step = real(ratio(turns.parts, along, turns.across, turns.parts.garment[part], True))
+            advance_part(turns, part, lane, lanes, step, next, before)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
-    def follow_turns(weight: real, cloth: Cloth, turns: Turns, coarse: System, system: System):
-        """Adds ``weight`` times what each vertex follows to its correction."""
-        vertex = wp.tid()
-        sum = vec3()
-        for entry in range(turns.up.start[vertex], turns.up.start[vertex + 1]):
-            i = turns.up.index[entry]
-            arm = vec3(cloth.position[vertex] - turns.centre[i])
-            moved = coarse.displacement[2 * i] + wp.cross(coarse.displacement[2 * i + 1], arm)
-            sum += moved * turns.up.weight[entry]
-        hold = system.hold[vertex]
-        system.correction[vertex] = system.correction[vertex] + allowed(sum, system.normal[vertex], hold) * weight
+    def solve_turns(turns: Turns, rounds: int, blocks: int):
+        """Conjugate gradients, all rounds in one launch: blocks work on a part after another, and wait for all."""
+        thread = wp.tid()
+        block = block_of(thread)
+        for part in range(block, turns.parts.garment.shape[0], blocks):
+            begin_part(turns, part, lane_of(thread), block_threads())
+        for number in range(rounds):
+            if number % 2 == 0:
+                go_round(turns, number, block, blocks, thread, turns.along, turns.before, turns.direction, turns.other)
+            else:
+                go_round(turns, number, block, blocks, thread, turns.before, turns.along, turns.other, turns.direction)
 
-    return SimpleNamespace(
-        begin_turns=begin_turns,
-        lead_turns=lead_turns,
-        multiply_turns=multiply_turns,
-        advance_turns=advance_turns,
-        follow_turns=follow_turns,
-    )
+    @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
+    def follow_turns(
+        weight: real,
+        cloth: Cloth,
+        turns: Turns,
+        system: System,
+        parts: Parts,  # the fine vertices
+        along_out: sums,  # residual . correction of each part [J]
+    ):
+        """Adds ``weight`` times what each vertex follows to its correction."""
+        thread = wp.tid()
+        part, lane = block_of(thread), lane_of(thread)
+        for vertex in range(parts.first[part] + lane, parts.first[part + 1], block_threads()):
+            sum = vec3()
+            for entry in range(turns.up.start[vertex], turns.up.start[vertex + 1]):
+                i = turns.up.index[entry]
+                arm = vec3(cloth.position[vertex] - turns.centre[i])
+                moved = turns.displacement[2 * i] + wp.cross(turns.displacement[2 * i + 1], arm)
+                sum += moved * turns.up.weight[entry]
+            hold = system.hold[vertex]
+            correction = system.correction[vertex] + allowed(sum, system.normal[vertex], hold) * weight
+            system.correction[vertex] = correction
+            parts.dot[vertex] = wp.float64(wp.dot(system.residual[vertex], correction))
+        sum_part(parts, part, lane, along_out)
+
+    return SimpleNamespace(pull_turns=pull_turns, solve_turns=solve_turns, follow_turns=follow_turns)

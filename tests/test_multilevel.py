@@ -13,7 +13,7 @@ from warp_cloth import set_up as set_up_module
 from warp_cloth.garment.part import GarmentPart
 from warp_cloth.garment.rest import build_rest_shape
 from warp_cloth.kernels.conjugate import conjugate_types
-from warp_cloth.kernels.implicit import ease_momentum_kernel, hold_function, meets_function
+from warp_cloth.kernels.implicit import hold_function, meets_function, momentum_kernels
 from warp_cloth.kernels.stiffness import stiffness_types
 from warp_cloth.material.fabric import Fabric
 from warp_cloth.model import ClothModel, build_model
@@ -24,6 +24,7 @@ from warp_cloth.solver.certificate import Certifier, Tolerance, edge_strains
 from warp_cloth.solver.implicit import ImplicitOptions, Pace
 from warp_cloth.solver.loop import Outcome, relax_to_rest
 from warp_cloth.solver.multilevel import BOUNDS, LOOK, MultilevelRelaxation
+from warp_cloth.solver.parts import launch_blocks, split
 from warp_cloth.solver.relax import TIGHTER, Collider, StepOptions
 from warp_cloth.solver.simplified import build_ladder
 
@@ -227,11 +228,11 @@ def test_cloth_on_a_body_sees_forces_ahead_once_it_hardly_moves() -> None:
     ],
 )
 def test_momentum_grows_till_steps_do_not_repay_it(kept: float, taken: float, given: float, wanted: float) -> None:
-    kernel = ease_momentum_kernel("float64")
     system = conjugate_types("float64").System()
-    for name, value in (("momentum", kept), ("across", taken), ("along", given)):
-        setattr(system, name, wp.array([value], dtype=wp.float64, device="cpu"))
-    wp.launch(kernel, dim=1, inputs=[0.2, 0.9, 0.75, system], device="cpu")
+    system.momentum = wp.array([kept], dtype=wp.float64, device="cpu")
+    sums = [wp.array([value], dtype=wp.float64, device="cpu") for value in (taken, given)]
+    inputs = [0.2, 0.9, 0.75, system, split(np.array([0, 1]), 1, "cpu"), *sums]
+    launch_blocks(momentum_kernels("float64").ease_momentum, 1, inputs, "cpu")
     assert system.momentum.numpy()[0] == pytest.approx(wanted)
 
 

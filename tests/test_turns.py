@@ -14,6 +14,7 @@ from warp_cloth.material.fabric import Fabric
 from warp_cloth.model import ClothModel, build_model
 from warp_cloth.solver.hierarchy import Level, build_hierarchy
 from warp_cloth.solver.pairs import build_pairs
+from warp_cloth.solver.parts import split
 from warp_cloth.solver.simplified import build_ladder
 from warp_cloth.solver.turns import FOLLOWED, SHARE, Turning, followed, joined, turning_level
 
@@ -111,6 +112,9 @@ def test_springs_that_resist_no_turn_leave_most_of_a_wrinkled_cloths_force_to_it
         setattr(system, name, wp.zeros(len(points), dtype=wp.vec3d, device="cpu"))
     system.hold = wp.zeros(len(points), dtype=wp.int32, device="cpu")
     system.residual.assign(force.reshape(-1, 3))
-    turning.correct(system, weight=1.0, rounds=400)
+    parts = split(np.array([0, len(points)]), 100, "cpu")
+    given = wp.zeros(len(parts.garment), dtype=wp.float64, device="cpu")
+    turning.correct(system, parts, given, weight=1.0, rounds=400)
     found = system.correction.numpy().ravel()
     assert found == pytest.approx(wanted, abs=1e-3 * np.abs(wanted).max())
+    assert given.numpy().sum() == pytest.approx(force @ found)

@@ -45,6 +45,15 @@ class Level:
     blocks: Any  # Rows: each vertex's block from the couplings
 
 
+@dataclass(frozen=True, eq=False)
+class Coarsest:
+    """The coarsest levels one after another, each vertex numbered on from the last level's."""
+
+    start: wp.array  # first vertex of each level, and the end
+    down: Any  # Rows: vertices from the level before; of the first level empty
+    up: Any  # Rows: vertices from the level after
+
+
 def build_hierarchy(model: ClothModel, ladders: Sequence[Ladder], pairs: Indices) -> list[Level]:
     """Coarser levels of all garments, finest first. ``pairs`` [N, 2] are the model's own."""
     counts = [len(ladder.part.points) for ladder in ladders]
@@ -59,6 +68,37 @@ def build_hierarchy(model: ClothModel, ladders: Sequence[Ladder], pairs: Indices
         level, pairs = coarse_level(pairs, _side_by_side(follows), model)
         levels.append(level)
     return levels
+
+
+def coarsest(levels: Sequence[Level], model: ClothModel) -> Coarsest:
+    """These levels, of which each is the next one's finer."""
+    start = np.cumsum([0, *(level.count for level in levels)])
+    down, up = [_empty(start[-1])], [_empty(start[-1])]
+    for number, level in enumerate(levels[1:], 1):
+        down.append(_shifted(level.down, start[number], start[number - 1], start[-1]))
+        up.append(_shifted(level.up, start[number - 1], start[number], start[-1]))
+    numbers = wp.array(start, dtype=wp.int32, device=model.device)
+    return Coarsest(numbers, rows_of(_added(down), model), rows_of(_added(up), model))
+
+
+def _empty(count: int) -> Sparse:
+    none = np.zeros(0, dtype=np.int64)
+    return Sparse(none, none, np.zeros(0), (count, count))
+
+
+def _shifted(rows: Any, row: int, column: int, count: int) -> Sparse:
+    """Rows on the device, as part of a larger square matrix from this row and column on."""
+    start, index, weight = (getattr(rows, name).numpy() for name in ("start", "index", "weight"))
+    owner = np.repeat(np.arange(len(start) - 1), np.diff(start))
+    return Sparse(owner + row, index.astype(np.int64) + column, weight, (count, count))
+
+
+def _added(matrices: Sequence[Sparse]) -> Sparse:
+    """Matrices of one shape whose entries lie in different places, in order."""
+    row, column, value = (
+        np.concatenate([getattr(one, name) for one in matrices]) for name in ("row", "column", "value")
+    )
+    return Sparse(row, column, value, matrices[0].shape)
 
 
 def _chain(ladder: Ladder) -> list[Sparse]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum
+from itertools import pairwise
 from types import SimpleNamespace
 from typing import Any
 
@@ -16,18 +17,20 @@ import numpy as np
 import warp as wp
 
 from warp_cloth.kernels.cloth import cloth_types
-from warp_cloth.kernels.conjugate import conjugate_kernels, conjugate_types, dot_kernels
+from warp_cloth.kernels.conjugate import conjugate_kernels, conjugate_types
 from warp_cloth.kernels.implicit import implicit_kernels
-from warp_cloth.kernels.levels import level_kernels, level_types
+from warp_cloth.kernels.levels import COARSEST, level_kernels, level_types
 from warp_cloth.kernels.stiffness import stiffness_kernels, stiffness_types
 from warp_cloth.model import ClothModel
 from warp_cloth.solver.forces import ForcePass
-from warp_cloth.solver.hierarchy import Level
+from warp_cloth.solver.hierarchy import Level, coarsest
 from warp_cloth.solver.pairs import PairTable
+from warp_cloth.solver.parts import launch_blocks, split
 from warp_cloth.solver.turns import Turning, turning_level
 
-# Of a garment's sums, whatever its size: it ends in the same bits beside a larger one.
-PARTS = 128
+PART = 64  # vertices that a block works on, of a garment that is not large
+FEW = 512  # vertices of a level, that a single block works on along with all below: each launch takes as long
+SPREAD = 32  # threads of a block where rows are long and few
 
 
 class Pace(IntEnum):
@@ -119,20 +122,31 @@ class ImplicitStep:
         sizes = [model.vertex_count, *(level.count for level in levels)]
         self._pair = [self._zeros(n, own.vec6) for n in (self._pair_count, *(level.pair_count for level in levels))]
         self._anchor = [self._zeros(size, own.vec6) for size in sizes]
-        self._block, self._divisor = ([self._zeros(size, own.vec6) for size in sizes[1:]] for _ in range(2))
-        self._left, self._answer = ([self._zeros(size, types.vec3) for size in sizes[1:]] for _ in range(2))
+        self._block = [self._zeros(size, own.vec6) for size in sizes[1:]]
+        self._large = sum(level.count > FEW for level in levels)
+        self._few = coarsest(levels[self._large :], model) if self._large < len(levels) else None
+        self._divisor, self._few_divisor = self._of_levels(own.vec6)
+        self._left, self._few_left = self._of_levels(types.vec3)
+        self._answer, self._few_answer = self._of_levels(types.vec3)
         starts = np.array(model.vertex_start)
         self._groups = len(starts) - 1
-        self._first = wp.array(starts.astype(np.int32), dtype=wp.int32, device=model.device)
-        self._part = self._zeros((self._groups, PARTS), wp.float64)
+        self._parts = split(starts, PART, model.device)
+        self._along, self._before, self._across = (self._zeros(len(self._parts.garment), wp.float64) for _ in range(3))
         self._system = self._make_system(table)
         depth = turning_level(levels, model.vertex_count) if self._met else None
         self._turning = None if depth is None else Turning(model, table.ends, levels[:depth])
         self.go_at(Pace.FALLING)
         self._no_rows = level_types(precision).Rows()
         self._stiffness, self._level = stiffness_kernels(precision, model.terms.angles), level_kernels(precision)
-        self._conjugate, self._dots = conjugate_kernels(precision), dot_kernels(precision)
+        self._conjugate = conjugate_kernels(precision)
         self._ends = implicit_kernels(precision, contact, collider_type, model.terms.pins)
+
+    def _of_levels(self, dtype: Any) -> tuple[list[wp.array], wp.array]:
+        """What coarser vertices have, level by level; and of those of few vertices all in one array."""
+        start = np.cumsum([0, *(level.count for level in self._levels)]).tolist()
+        whole = self._zeros(start[-1], dtype)
+        levels = [whole[first:last] for first, last in pairwise(start)]
+        return levels, whole[start[self._large] :] if self._few is not None else None
 
     def _zeros(self, shape: Any, dtype: Any) -> wp.array:
         return wp.zeros(shape, dtype=dtype, device=self._model.device)
@@ -156,8 +170,6 @@ class ImplicitStep:
         system.hold, system.pressed = self._zeros(count, wp.int32), self._zeros(count, wp.uint8)
         for name in ("normal", "onward", "force", "displacement", "residual", "correction", "direction", "product"):
             setattr(system, name, self._zeros(count, types.vec3))
-        for name in ("along", "before", "across"):
-            setattr(system, name, self._zeros(self._groups, wp.float64))
         return system
 
     def kernels(self) -> list[wp.Kernel]:
@@ -175,7 +187,6 @@ class ImplicitStep:
             *stiffness,
             *levels,
             *used(self._conjugate),
-            *used(self._dots),
             *used(self._ends),
             *(self._turning.kernels() if self._turning is not None else ()),
         ]
@@ -191,13 +202,13 @@ class ImplicitStep:
             anchors, block = self._anchor[number : number + 2], self._block[number]
             together = self._met and number > 0
             inputs = [level.down, together, anchors[0], block, anchors[1], self._divisor[number]]
-            self._launch(self._level.gather_anchors, level.count, inputs)
+            self._launch_rows(self._level.gather_anchors, level.count, inputs)
         self._solve()
         if system.share:
-            self._dot(system.force, system.onward, system.across, None)
-            self._dot(system.force, system.displacement, system.along, None)
-            inputs = [own.least_momentum, own.most_momentum, self._momentum_left, system]
-            self._launch(self._ends.ease_momentum, self._groups, inputs)
+            sums = [system, self._parts, self._across, self._along]
+            self._launch_parts(self._ends.weigh_momentum, sums)
+            inputs = [own.least_momentum, own.most_momentum, self._momentum_left, *sums]
+            launch_blocks(self._ends.ease_momentum, self._groups, inputs, model.device)
         self._launch(self._ends.take_step, model.vertex_count, [step, collider_data, model.cloth, system])
         self._launch(self._ends.ease_inertia, self._groups, [own.easing, self._most_fall, self._system])
 
@@ -236,44 +247,49 @@ class ImplicitStep:
         self._launch(kernels.couple_pairs, self._pair_count, [*elements, self._system.coupling, self._pair[0]])
         for number, level in enumerate(self._levels if renew else ()):
             finer, pair = self._pair[number : number + 2]
-            self._launch(self._level.gather_blocks, level.pair_count, [level.pairs, finer, pair])
-            self._launch(self._level.gather_blocks, level.count, [level.blocks, pair, self._block[number]])
+            self._launch_rows(self._level.gather_blocks, level.pair_count, [level.pairs, finer, pair])
+            self._launch_rows(self._level.gather_blocks, level.count, [level.blocks, pair, self._block[number]])
 
     def _solve(self) -> None:
         system, kernels, count = self._system, self._conjugate, self._model.vertex_count
         if not system.share:  # else it begins with nothing
             self._launch(kernels.begin_solution, count, [1.0 - self._swing, system])
-        system.along.zero_()
+        before = None  # directions begin anew
+        along, other = self._along, self._before
         for number in range(self.rounds):
-            turns = self._turns if number == self._options.turning else None
-            if turns is not None:
-                system.along.zero_()  # corrected in another way, directions begin anew
-            self._precondition()
-            if turns is not None:
-                turns.correct(system)
-            self._dot(system.residual, system.correction, system.along, system.before)
-            self._launch(kernels.turn_direction, count, [system])
-            self._launch(kernels.multiply_direction, count, [system])
-            self._dot(system.direction, system.product, system.across, None)
-            self._launch(kernels.advance_solution, count, [system])
+            self._precondition(along)
+            if self._turns is not None and number == self._options.turning:
+                self._turns.correct(system, self._parts, along)
+                before = None  # what is corrected in another way leads another way
+            self._launch_parts(kernels.turn_direction, [system, self._parts, along, before])
+            self._launch_parts(kernels.multiply_direction, [system, self._parts, self._across])
+            self._launch_parts(kernels.advance_solution, [system, self._parts, along, self._across])
+            before, along, other = along, other, along
 
-    def _precondition(self) -> None:
-        levels = self._levels
+    def _precondition(self, along: wp.array) -> None:
+        large, kernels = self._large, self._level
         finer = self._system.residual
-        for level, left in zip(levels, self._left, strict=True):
-            self._launch(self._level.restrict_residual, level.count, [level.down, finer, left])
+        for level, left in zip(self._levels[: large + 1], self._left, strict=False):
+            self._launch_rows(kernels.restrict_residual, level.count, [level.down, finer, left])
             finer = left
         up, coarser = self._no_rows, None
-        for level, divisor, left, answer in reversed(
-            list(zip(levels, self._divisor, self._left, self._answer, strict=True))
-        ):
-            self._launch(self._level.correct_level, level.count, [up, divisor, left, coarser, answer])
+        few = self._few
+        if few is not None:
+            inputs = [few.start, few.down, few.up, self._few_divisor, self._few_left, self._few_answer]
+            launch_blocks(kernels.correct_coarsest, 1, inputs, self._model.device, COARSEST)
+            up, coarser = self._levels[large].up, self._answer[large]
+        for number in range(large - 1, -1, -1):
+            level, answer = self._levels[number], self._answer[number]
+            inputs = [up, self._divisor[number], self._left[number], coarser, answer]
+            self._launch_rows(kernels.correct_level, level.count, inputs)
             up, coarser = level.up, answer
-        self._launch(self._conjugate.precondition_residual, self._model.vertex_count, [self._system, up, coarser])
+        self._launch_parts(self._conjugate.precondition_residual, [self._system, self._parts, up, coarser, along])
 
-    def _dot(self, a: wp.array, b: wp.array, out: wp.array, last: wp.array | None) -> None:
-        self._launch(self._dots.dot_parts, self._part.shape, [self._first, a, b, self._part])
-        self._launch(self._dots.sum_parts, self._groups, [self._part, out, last])
+    def _launch_parts(self, kernel: wp.Kernel, inputs: list[Any]) -> None:
+        launch_blocks(kernel, len(self._parts.garment), inputs, self._model.device)
+
+    def _launch_rows(self, kernel: wp.Kernel, size: int, inputs: list[Any]) -> None:
+        wp.launch(kernel, dim=size, inputs=inputs, device=self._model.device, block_dim=SPREAD)
 
     def _launch(self, kernel: wp.Kernel, size: Any, inputs: list[Any]) -> None:
         wp.launch(kernel, dim=size, inputs=inputs, device=self._model.device)

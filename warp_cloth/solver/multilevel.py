@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import warp as wp
@@ -78,9 +78,13 @@ class MultilevelRelaxation(Relaxation):
         if self._drawing or self._implicit is None:
             super()._iterate(count)
             return
-        for number in range(max(1, count // self._implicit.rounds)):
+        for number in range(self._steps(count)):
             renew = number % self.implicit_options.renewal == 0
             self._implicit.launch(self.step, self.collider_data, renew)
+
+    def _steps(self, iterations: int) -> int:
+        """How many implicit steps that is."""
+        return max(1, iterations // self._implicit.rounds) if self._implicit is not None else 0
 
     @property
     def stays_packed(self) -> bool:
@@ -88,8 +92,9 @@ class MultilevelRelaxation(Relaxation):
         return super().stays_packed and (self._implicit is None or self._drawing)
 
     def run(self, iterations: int, *, shown: bool = True) -> None:
-        """Runs a chunk of iterations as one captured graph; looks from time to time whether seams are closed yet.
+        """Runs a chunk of iterations as captured graphs; looks from time to time whether seams are closed yet.
 
+        Implicit steps run as graphs from one renewal of the coarser levels to the next, each pace's captured once.
         The model always knows where the cloth is then.
         """
         if self._drawing:
@@ -97,7 +102,26 @@ class MultilevelRelaxation(Relaxation):
         elif self._implicit is not None and self._turned >= TURNED and self._implicit.renew_turns():
             self._turned = 0
         self._since, self._turned = self._since + iterations, self._turned + iterations
-        super().run(iterations)
+        if self._drawing or self._implicit is None:
+            super().run(iterations)
+            return
+        most, steps = self.implicit_options.renewal, self._steps(iterations)
+        for number in range(0, steps, most):
+            wp.capture_launch(self._captured_steps(min(most, steps - number)))
+        self._done += iterations
+
+    def _captured_steps(self, count: int) -> Any:
+        """The graph of so many implicit steps at this pace, the first of which renews the coarser levels."""
+        which = self.pace, count
+        if self._implicit is not None and which not in self._step_graphs:
+            with wp.ScopedCapture(device=self.model.device) as capture:
+                self._iterate(count * self._implicit.rounds)
+            self._step_graphs[which] = capture.graph
+        return self._step_graphs[which]
+
+    def forget_graphs(self) -> None:
+        super().forget_graphs()
+        self._step_graphs: dict[tuple[Pace, int], Any] = {}
 
     def start_near_rest(self) -> None:
         """The cloth is where it hardly falls any more: steps are long from the first, on an avatar once it settled."""
@@ -108,7 +132,9 @@ class MultilevelRelaxation(Relaxation):
 
     def loosen(self, relative_rms: NDArray[np.float64]) -> None:
         """Goes on at another pace once the forces of cloth that meets an avatar have balanced; see Relaxation."""
+        steps = self._step_graphs
         super().loosen(relative_rms)
+        self._step_graphs = steps  # leeway is nothing to implicit steps
         pace = Pace.FALLING
         for better, bound in BOUNDS.items():
             if (relative_rms <= (TIGHTER * bound if self.pace >= better else bound)).all():
@@ -116,7 +142,6 @@ class MultilevelRelaxation(Relaxation):
         if self._implicit is not None and pace != self.pace:
             self.pace = pace
             self._set_pace(self._implicit)
-            self.forget_graphs()
 
     def _set_pace(self, implicit: ImplicitStep) -> None:
         momentum = implicit.go_at(self.pace)

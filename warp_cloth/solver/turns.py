@@ -10,12 +10,12 @@ import warp as wp
 from numpy.typing import NDArray
 
 from warp_cloth.kernels.cloth import cloth_types
-from warp_cloth.kernels.conjugate import conjugate_types, dot_kernels
 from warp_cloth.kernels.stiffness import stiffness_types
-from warp_cloth.kernels.turns import block_kernels, turn_kernels, turn_types
+from warp_cloth.kernels.turns import TOGETHER, block_kernels, turn_kernels, turn_types
 from warp_cloth.mesh import Indices
 from warp_cloth.model import ClothModel
 from warp_cloth.solver.hierarchy import Level, Sparse, rows_of, transposed
+from warp_cloth.solver.parts import launch_blocks, split
 from warp_cloth.topology import ragged_rows
 
 # Vertices of the level that turns, at most, and as a share of all: its rounds count as three of all vertices at most.
@@ -26,7 +26,8 @@ ROUNDS = 30  # of conjugate gradients on that level
 # What solves the residual there counts so many times in the correction. The other levels' parts overlap, and a step as
 # long as suits them, a quarter, would leave three quarters of it.
 WEIGHT = 4.0
-PARTS = 64  # of a garment's sums
+PART = 32  # vertices that a block works on at a time
+SPREAD = 64  # threads of a block where rows are long and few
 
 
 def turning_level(levels: Sequence[Level], vertices: int) -> int | None:
@@ -76,11 +77,7 @@ class Turning:
         follow = followed(levels, model.vertex_count)
         self._model, self._count = model, follow.shape[1]
         self.turns = self._make_turns(pairs, follow)
-        self._system, self._first = self._make_system(follow)
-        groups = len(model.vertex_start) - 1
-        self._parts = [self._zeros((groups, PARTS), wp.float64) for _ in range(3)]
-        self._blocks, self._kernels = block_kernels(model.precision), turn_kernels(model.precision)
-        self._dot_parts = dot_kernels(model.precision).dot_parts
+        self._gathers, self._kernels = block_kernels(model.precision), turn_kernels(model.precision)
 
     def _zeros(self, shape: Any, dtype: Any) -> wp.array:
         return wp.zeros(shape, dtype=dtype, device=self._model.device)
@@ -88,25 +85,14 @@ class Turning:
     def _upload(self, array: NDArray[Any], dtype: Any = wp.int32) -> wp.array:
         return wp.array(np.ascontiguousarray(array, dtype=np.int32), dtype=dtype, device=self._model.device)
 
-    def _make_system(self, follow: Sparse) -> tuple[Any, wp.array]:
-        """What conjugate gradients need there, and the first vector of each garment."""
-        model = self._model
-        groups = len(model.vertex_start) - 1
-        garment = np.zeros(self._count, dtype=np.int64)
-        garment[follow.column] = np.repeat(np.arange(groups), np.diff(model.vertex_start))[follow.row]
-        system = conjugate_types(model.precision).System()
-        system.garment = self._upload(np.repeat(garment, 2))
-        for name in ("residual", "correction", "direction", "product", "displacement"):
-            setattr(system, name, self._zeros(2 * self._count, cloth_types(model.precision).vec3))
-        return system, self._upload(2 * np.searchsorted(garment, np.arange(groups + 1)))
-
     def _make_turns(self, pairs: Indices, follow: Sparse) -> Any:
         model, own = self._model, stiffness_types(self._model.precision)
+        types = cloth_types(model.precision)
         vertices, count = follow.shape
         turns = turn_types(model.precision).Turns()
         turns.up, turns.down = rows_of(follow, model), rows_of(transposed(follow), model)
         turns.ends = self._upload(pairs, wp.vec2i)
-        turns.centre = self._zeros(count, cloth_types(model.precision).point)
+        turns.centre = self._zeros(count, types.point)
         # pairs, and after them vertices, each with all coarse ones that they follow
         start, order = ragged_rows(follow.row, vertices)
         ends = np.concatenate([pairs.astype(np.int64), np.repeat(np.arange(vertices)[:, None], 2, axis=1)])
@@ -119,44 +105,66 @@ class Turning:
         turns.two = self._upload(np.stack([one, other], axis=1), wp.vec2i)
         start, order = ragged_rows(number, len(block))
         turns.member_start, turns.member = self._upload(start), self._upload(member[order])
-        turns.block = self._zeros((len(block), 4), own.mat3)
         apart = np.flatnonzero(one != other)
-        slot = np.concatenate([2 * np.arange(len(block)), 2 * apart + 1])
         start, order = ragged_rows(np.concatenate([one, other[apart]]), count)
-        turns.start, turns.slot = self._upload(start), self._upload(slot[order])
-        turns.diagonal = self._upload(np.flatnonzero(one == other))
-        turns.divisor = self._zeros((count, 2), own.vec6)
+        place = np.argsort(order)
+        slot = np.stack([place[: len(block)], np.full(len(block), -1)], axis=1)
+        slot[apart, 1] = place[len(block) :]
+        turns.start, turns.slot = self._upload(start), self._upload(slot, wp.vec2i)
+        turns.beside = self._upload(np.concatenate([other, one[apart]])[order])
+        turns.block = self._zeros((-(-len(order) // TOGETHER), 36, TOGETHER), types.real)
+        turns.diagonal = self._upload(slot[one == other, 0])
+        turns.divisor, turns.right = self._zeros((count, 2), own.vec6), self._zeros(count, own.mat3)
+        self._make_solution(turns, follow)
         return turns
+
+    def _make_solution(self, turns: Any, follow: Sparse) -> None:
+        """What conjugate gradients need there."""
+        model, count, types = self._model, self._count, cloth_types(self._model.precision)
+        groups = len(model.vertex_start) - 1
+        garment = np.zeros(count, dtype=np.int64)
+        garment[follow.column] = np.repeat(np.arange(groups), np.diff(model.vertex_start))[follow.row]
+        turns.parts = split(np.searchsorted(garment, np.arange(groups + 1)), PART, model.device)
+        parts = len(turns.parts.garment)
+        for name in ("residual", "correction", "direction", "other", "displacement"):
+            setattr(turns, name, self._zeros(2 * count, types.vec3))
+        turns.product, turns.term = self._zeros(6 * count, types.real), self._zeros((len(turns.beside), 6), types.real)
+        turns.owner = self._upload(np.sort(follow.column))
+        turns.pull = self._zeros((len(follow.column), 2), types.vec3)
+        for name in ("along", "before", "across"):
+            setattr(turns, name, self._zeros(parts, wp.float64))
+        turns.came = self._zeros(1, wp.int32)
+        device = wp.get_device(model.device)
+        self._blocks = min(parts, device.sm_count) if device.is_cuda else 1
 
     def kernels(self) -> list[wp.Kernel]:
         """The kernels of its own that it launches."""
-        return [*vars(self._blocks).values(), *vars(self._kernels).values()]
+        return [*vars(self._gathers).values(), *vars(self._kernels).values()]
 
     def renew(self, coupling: wp.array, anchor: wp.array) -> None:
         """Sums its stiffness anew: of the model's pairs, and of what holds its vertices, both as vec6 [N/m]."""
         cloth, turns = self._model.cloth, self.turns
-        self._launch(self._blocks.find_centres, self._count, [cloth, turns])
-        self._launch(self._blocks.gather_turns, len(turns.two), [cloth, coupling, anchor, turns])
-        self._launch(self._blocks.divide_turns, self._count, [turns])
+        self._launch(self._gathers.find_centres, self._count, [cloth, turns])
+        self._launch(self._gathers.gather_turns, len(turns.two), [cloth, coupling, anchor, turns])
+        self._launch(self._gathers.divide_turns, self._count, [turns])
 
-    def correct(self, system: Any, weight: float = WEIGHT, rounds: int = ROUNDS) -> None:
-        """Adds to a system's correction what solves its residual on this level."""
-        cloth, turns, own, kernels = self._model.cloth, self.turns, self._system, self._kernels
-        self._launch(kernels.begin_turns, self._count, [cloth, turns, system.residual, own])
-        before = None
-        for number in range(rounds):
-            along = self._dot(own.residual, own.correction, number % 2)
-            self._launch(kernels.lead_turns, 2 * self._count, [along, before, own])
-            self._launch(kernels.multiply_turns, self._count, [turns, own])
-            across = self._dot(own.direction, own.product, 2)
-            self._launch(kernels.advance_turns, self._count, [along, across, turns, own])
-            before = along
-        self._launch(kernels.follow_turns, self._model.vertex_count, [weight, cloth, turns, own, system])
+    def correct(
+        self, system: Any, parts: Any, along: wp.array, *, weight: float = WEIGHT, rounds: int = ROUNDS
+    ) -> None:
+        """Adds to a system's correction what solves its residual on this level.
 
-    def _dot(self, a: wp.array, b: wp.array, which: int) -> wp.array:
-        part = self._parts[which]
-        self._launch(self._dot_parts, part.shape, [self._first, a, b, part])
-        return part
+        Args:
+            system: a kernels.conjugate System.
+            parts: its vertices' (kernels.parts).
+            along: residual . correction of each part [J], written.
+            weight: times this level's solution.
+            rounds: of conjugate gradients.
+        """
+        cloth, turns, kernels, device = self._model.cloth, self.turns, self._kernels, self._model.device
+        self._launch(kernels.pull_turns, len(turns.owner), [cloth, turns, system.residual])
+        launch_blocks(kernels.solve_turns, self._blocks, [turns, rounds, self._blocks], device)
+        inputs = [weight, cloth, turns, system, parts, along]
+        launch_blocks(kernels.follow_turns, len(parts.garment), inputs, device)
 
-    def _launch(self, kernel: wp.Kernel, size: Any, inputs: list[Any]) -> None:
-        wp.launch(kernel, dim=size, inputs=inputs, device=self._model.device)
+    def _launch(self, kernel: wp.Kernel, size: int, inputs: list[Any]) -> None:
+        wp.launch(kernel, dim=size, inputs=inputs, device=self._model.device, block_dim=SPREAD)
