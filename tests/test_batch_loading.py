@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import fcntl
 import os
 import signal
+import time
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from multiprocessing.connection import Connection
 from pathlib import Path
 
@@ -13,7 +17,7 @@ import pytest
 
 from warp_cloth.batch import ahead, common
 from warp_cloth.batch.arena import Arena
-from warp_cloth.batch.common import Drafts, keep_in, kept_in
+from warp_cloth.batch.common import Drafts, keep_in, kept_in, once_for_all
 from warp_cloth.batch.loading import WORTH, Loaders, Shelf
 from warp_cloth.batch.many import fit_many
 from warp_cloth.batch.processes import context
@@ -48,6 +52,11 @@ def loaders() -> Iterator[Loaders]:
     made.close()
 
 
+def made_in(folder: Path) -> list[Path]:
+    """The files of things that are kept there."""
+    return [file for file in folder.iterdir() if file.suffix != ".claim"]
+
+
 def forbidden(*_: object) -> None:
     raise AssertionError("it is on the rack")
 
@@ -76,7 +85,7 @@ def test_constants_of_a_garment_are_worked_out_once_for_all_workers(loaders: Loa
     for rack in racks:
         loaders.begin(rack, several, patches=False, common=tmp_path)
         loaders.fill(rack, several)
-        times.append({file.name: file.stat().st_mtime_ns for file in tmp_path.iterdir()})
+        times.append({file.name: file.stat().st_mtime_ns for file in made_in(tmp_path)})
     assert len(times[0]) == len(several)
     assert times[1] == times[0], "the second one has found them"
     for scene in several:
@@ -93,7 +102,41 @@ def test_what_shapes_are_drafted_from_is_worked_out_once_for_all_workers(tmp_pat
         rack = Rack(Drafts(tmp_path))
         assert np.array_equal(rack.made(recipe).points, alone.points)
         assert np.array_equal(rack.made(mesh_recipes(scene)[0]).points, mesh.points)
-        assert len(list(tmp_path.iterdir())) == 3, "the body's form, the sleeve, the pattern"
+        assert len(made_in(tmp_path)) == 4, "the body, its form, the sleeve, the pattern"
+
+
+def test_who_comes_while_another_makes_something_waits_for_it(tmp_path: Path) -> None:
+    file, made = tmp_path / "own", []
+
+    def make(number: int) -> int:
+        made.append(number)
+        time.sleep(0.2)
+        return number
+
+    with ThreadPoolExecutor(4) as pool:
+        found = list(pool.map(lambda number: once_for_all(file, partial(make, number)), range(4)))
+    assert len(made) == 1
+    assert found == 4 * made
+    with pytest.raises(ZeroDivisionError):
+        once_for_all(tmp_path / "other", lambda: 1 // 0)
+    assert once_for_all(tmp_path / "other", lambda: 5) == 5, "who fails gives its claim up"
+    assert once_for_all(tmp_path / "none" / "own", lambda: 7) == 7, "where nothing can be kept"
+
+
+@pytest.mark.parametrize(("nicer", "waits"), [(0, True), (1, False)])
+def test_nobody_waits_for_who_gives_way(tmp_path: Path, nicer: int, waits: bool) -> None:
+    file = tmp_path / "own"
+    with open(tmp_path / "own.claim", "w") as claim:
+        fcntl.flock(claim, fcntl.LOCK_EX)
+        claim.write(str(os.nice(0) + nicer))
+        claim.flush()
+        with ThreadPoolExecutor(1) as pool:
+            coming = pool.submit(once_for_all, file, lambda: "its own")
+            time.sleep(0.2)
+            assert coming.done() != waits
+            keep_in(file, "made here")
+            claim.close()
+            assert coming.result() == ("made here" if waits else "its own")
 
 
 def test_what_cannot_be_kept_for_others_or_read_is_worked_out_again(

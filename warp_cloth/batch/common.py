@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import contextlib
+import fcntl
 import hashlib
 import os
 import pickle
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Callable, Hashable, Iterator, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -35,6 +37,50 @@ def kept_in(file: Path) -> Any:
     return None
 
 
+def once_for_all(file: Path, make: Callable[[], T]) -> T:
+    """What was kept there, or is made now, and kept; who comes while another one makes it waits for that.
+
+    Unless that one gives way to it (os.nice): then it makes it, too, rather than wait for who waits for it.
+    """
+    found: T | None = kept_in(file)
+    if found is None:
+        with _claimed(file):
+            found = kept_in(file)
+            if found is None:
+                found = make()
+                keep_in(file, found)
+    return found
+
+
+@contextlib.contextmanager
+def _claimed(file: Path) -> Iterator[None]:
+    """Has a claim to make a file, if nobody else has, or once that one's has ended, with its process at the latest."""
+    try:
+        claim = os.open(file.with_name(f"{file.name}.claim"), os.O_RDWR | os.O_CREAT, 0o600)
+    except OSError:  # no claims can be made there
+        yield
+        return
+    try:
+        _claim(claim)
+        yield
+    finally:
+        os.close(claim)
+
+
+def _claim(claim: int) -> None:
+    """Waits for a claim, or goes without."""
+    own = os.nice(0)
+    with contextlib.suppress(OSError):
+        try:
+            fcntl.flock(claim, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            told = os.pread(claim, 4, 0)
+            if not told or int(told) > own:
+                return
+            fcntl.flock(claim, fcntl.LOCK_EX)
+        os.pwrite(claim, b"%4d" % own, 0)
+
+
 class Drafts(Kept):
     """Keeps what shapes are drafted from; what is made of values alone is looked for, and kept, in a common folder.
 
@@ -57,15 +103,8 @@ class Drafts(Kept):
         if of or folder is None:
             return super().once(name, of, make, *more, size=size)
 
-        def found() -> T:
-            file = folder / hashlib.sha256(repr((name, more)).encode()).hexdigest()
-            there: T | None = kept_in(file)
-            if there is None:
-                there = make()
-                keep_in(file, there)
-            return there
-
-        return super().once(name, of, found, *more, size=size)
+        file = folder / hashlib.sha256(repr((name, more)).encode()).hexdigest()
+        return super().once(name, of, partial(once_for_all, file, make), *more, size=size)
 
 
 def _held(folder: Path) -> int:

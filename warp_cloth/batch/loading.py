@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from warp_cloth.batch.arena import Arena, Parcel
-from warp_cloth.batch.common import Drafts, keep_in, kept_in
+from warp_cloth.batch.common import Drafts, once_for_all
 from warp_cloth.batch.lifeline import begin_alone
 from warp_cloth.batch.processes import context, get_ready
 from warp_cloth.garment.elements import garment_elements
@@ -49,7 +49,7 @@ log = logging.getLogger(__name__)
 WORTH = 8  # things to make that helpers are started for: that takes as long as making a few
 # Steps of priority from each worker's helpers to those who fit: the garments of the second wait for the first one's
 # anyway, and where cores are few a few steps would still give it a third of their time.
-NICER = (1, 11, 15, 19)
+NICER = (1, 6, 14, 19)
 ARENA = 1 << 32  # [bytes] that a worker shares with its helpers at most: rest shapes of MOST_KEPT vertices
 MOST_KEPT = 4_000_000  # vertices of the meshes that a shelf keeps from task to task; with rest shapes about 4 GB
 
@@ -363,13 +363,12 @@ def _dressed(scene: Scene, index: int, known: dict[Key, Any], made: Any, patches
     """
     rack = Rack()
     rack.put({**known, **_taken(made, _ARENA.get())})
-    own = None if common is None else kept_in(common)
-    if own is None:
+
+    def own() -> tuple[dict[str, Any], Indices]:
         rest, pins = rest_of(scene, index, rack)
-        own = own_constants(rest), pins
-        if common is not None:
-            keep_in(common, own)
-    constants, pins = own
+        return own_constants(rest), pins
+
+    constants, pins = own() if common is None else once_for_all(common, own)
     cut: dict[Hashable, Any] = {}
     if patches:
         mesh, geometry = geometry_of(scene, index, rack)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 from warp_cloth.errors import InputError
@@ -45,7 +46,8 @@ def build_avatar(shape: Any, *, size: str = "M", kept: Kept | None = None) -> Me
     if shape.kind == "sphere":
         return sphere(radius=shape.radius, centre=shape.centre, edge=shape.edge_mm / 1000)
     if shape.kind == "mannequin":
-        return mannequin(mannequin_measures(shape, size=size), kept=kept)
+        measures, kept = mannequin_measures(shape, size=size), kept or Kept()
+        return kept.once("mannequin", (), partial(mannequin, measures, kept=kept), measures)
     raise InputError("avatar.shape", f"kind {shape.kind!r} is unknown", 'use "sphere" or "mannequin"')
 
 
