@@ -51,3 +51,13 @@ def test_large_shards_have_some_garments_in_all_fabrics_and_halves_every_other_o
     items = [Item(f"i{at}", "tshirt", change) for at, change in enumerate(changes)]
     halves = [{"ABCD"[place % 4] for place in shard.places} for shard in cut(items, 64)]
     assert halves == [{"A", "C"}, {"B", "D"}]
+
+
+def test_the_first_garments_come_on_the_first_few_avatars_before_others_come() -> None:
+    asked = [(avatar, size) for avatar in range(6) for size in "ABCD" for _ in range(16)]
+    changes = [(f"avatar.shape.stature=1.{avatar}", f"garment.shape.size={size}") for avatar, size in asked]
+    shards = cut([Item(f"i{at}", "tshirt", change) for at, change in enumerate(changes)], 64)
+    order = list(dict.fromkeys(asked[place] for shard in shards for place in shard.places))
+    assert order[:8] == [(avatar, size) for avatar in range(4) for size in "AC"]
+    assert order[8:16] == [(avatar, size) for avatar in (3, 2, 1, 0) for size in "BD"]
+    assert order[16:] == [(avatar, size) for avatar in (4, 5) for size in "ACBD"]

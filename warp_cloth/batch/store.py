@@ -41,6 +41,7 @@ LARGE = 64  # items of a shard of which some are smaller
 SMALL = 128  # items of the first of those and the last: with fewer a GPU's cores have little to do
 GROWTH = 1.6  # from one to the next at first, which is loaded while that one relaxes,
 SHRINKING = 2.0  # and at last, as measuring takes about as long as relaxing half as many
+TOGETHER = 4  # avatars that the first garments are met by before others come
 LAYOUT = 1  # of the output folder; files of another layout are done again
 
 
@@ -80,7 +81,7 @@ def cut(items: Sequence[Item], size: int) -> list[Shard]:
     for place, item in enumerate(items):
         alike.setdefault(avatar_asked(item), []).append(place)
     if min(size, len(items)) >= LARGE:
-        order = [place for places in alike.values() for place in _by_garment(items, places)]
+        order = _in_halves([_by_garment(items, places) for places in alike.values()])
         counts = _growing(len(items), size)
         ends = itertools.accumulate(counts)
         shards = [order[end - count : end] for end, count in zip(ends, counts, strict=True)]
@@ -116,8 +117,19 @@ def _growing(count: int, most: int) -> list[int]:
     return found["front"] + found["back"][::-1]
 
 
-def _by_garment(items: Sequence[Item], places: Sequence[int]) -> list[int]:
-    """Places of items, those of the same garment after one another, and every other garment first.
+def _in_halves(avatars: Sequence[tuple[list[int], list[int]]]) -> list[int]:
+    """Places of items on several avatars, in two halves each, in an order in which a batch begins early.
+
+    Constants of garments take the longest to work out, and are the same on all avatars: so the first few avatars meet
+    the garments of the first half before those of the second one.
+    """
+    first, later = avatars[:TOGETHER], avatars[TOGETHER:]
+    halves = [*(early for early, _ in first), *(late for _, late in reversed(first)), *itertools.chain(*later)]
+    return list(itertools.chain(*halves))
+
+
+def _by_garment(items: Sequence[Item], places: Sequence[int]) -> tuple[list[int], list[int]]:
+    """Places of items, those of the same garment after one another: of every other garment, and of the rest.
 
     So a half of them has no more work than the other: jobs list garments by their size.
     """
@@ -125,7 +137,8 @@ def _by_garment(items: Sequence[Item], places: Sequence[int]) -> list[int]:
     for place in places:
         alike.setdefault(garments_asked(items[place]), []).append(place)
     each = list(alike.values())
-    return [place for some in (*each[::2], *each[1::2]) for place in some]
+    even, odd = (list(itertools.chain(*some)) for some in (each[::2], each[1::2]))
+    return even, odd
 
 
 def _file_digest(path: str) -> str:
