@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import collections
+import gc
 import time
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
@@ -76,6 +77,7 @@ def fit_many(
         every = list(chosen.values())
         ahead = partial(load_kernels, every[0], where) if gpu and shelf.fresh and every else lambda: None
         shelf.loaders.fill(rack, every, kept if gpu else None, ahead, shelf.spare)
+        gc.enable()  # which a worker does without while it begins
         shelf.fresh = False
     loaded: dict[int, Wardrobe] = {}
     groups: collections.defaultdict[tuple[Any, ...], list[int]] = collections.defaultdict(list)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import collections
 import contextlib
+import gc
 import logging
 import multiprocessing
 import os
@@ -68,6 +69,7 @@ def _serve(connection: Connection, device: str, helpers: int, rank: int) -> None
     shelf = Shelf(helpers, fork=True, rank=rank)  # before this process has threads and a device
     (end_with_parent if helpers else begin_alone)()
     sys.setswitchinterval(SWITCH)
+    gc.disable()  # until what it imports and loads at first is there: nothing of that is garbage
     if device != "cpu":
         threading.Thread(target=wake_gpu, args=(device,), daemon=True).start()  # while this one reads and imports
     while True:
@@ -82,6 +84,7 @@ def _serve(connection: Connection, device: str, helpers: int, rank: int) -> None
         except DeviceLostError as error:
             connection.send(str(error))  # its device may be well again in another process
             return
+        gc.enable()
 
 
 class _Slot:

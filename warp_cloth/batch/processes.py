@@ -12,7 +12,7 @@ from pathlib import Path
 from warp_cloth.batch.lifeline import uninterrupted
 from warp_cloth.device import gpu_count
 
-LOADING = ("__main__", "warp_cloth.batch.pool", "warp_cloth.batch.loading")  # before any process is forked
+LOADING = ("__main__", "warp_cloth.batch.preload")  # before any process is forked
 FITTING = ("warp_cloth.batch.many",)  # likewise, where all fit
 GPU_FILES = ("/dev/nvidiactl", "/dev/dxg")  # of the driver, under Linux and its Windows subsystem
 ONE_THREAD = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OMP_NUM_THREADS")  # in each: there are many of them
