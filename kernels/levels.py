@@ -11,6 +11,7 @@ import warp as wp
 
 from warp_cloth.kernels.block import block_threads, lane_of, wait_for_block
 from warp_cloth.kernels.cloth import MODULE_OPTIONS, cloth_types
+from warp_cloth.kernels.parts import lanes_together, order_function
 from warp_cloth.kernels.stiffness import stiffness_types, symmetric_functions
 
 COARSEST = 1024  # threads of the block that works on the coarsest levels, on a GPU
@@ -33,13 +34,12 @@ def level_types(precision: str) -> SimpleNamespace:
 
 
 @functools.cache
-def row_function(precision: str, blocks: bool = False) -> wp.Function:
-    """The function that adds a row of a sparse matrix times displacements [m], forces [N] or ``blocks`` to a sum."""
-    types, Rows = cloth_types(precision), level_types(precision).Rows
-    kind = types.vec6 if blocks else types.vec3
+def row_function(precision: str) -> wp.Function:
+    """The function that adds a row of a sparse matrix times displacements [m], or forces [N], to a sum."""
+    vec3, Rows = cloth_types(precision).vec3, level_types(precision).Rows
 
     @wp.func
-    def add_row(sum: kind, rows: Rows, row: int, x: wp.array(dtype=kind)):
+    def add_row(sum: vec3, rows: Rows, row: int, x: wp.array(dtype=vec3)):
         """sum + sum_j P_ij x_j, added in the order of the row; by fours, which are asked for at once."""
         start, last = rows.start[row], rows.start[row + 1]
         for entry in range(start, last - 3, 4):
@@ -59,7 +59,8 @@ def level_kernels(precision: str) -> SimpleNamespace:
     vec6, Rows = stiffness_types(precision).vec6, level_types(precision).Rows
     symmetric = symmetric_functions(precision)
     inverse, times = symmetric.inverse, symmetric.times
-    add_row, add_blocks = row_function(precision), row_function(precision, blocks=True)
+    add_row, add_forces = row_function(precision), order_function(precision, vec3)
+    add_blocks = order_function(precision, vec6)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def gather_blocks(
@@ -68,14 +69,16 @@ def level_kernels(precision: str) -> SimpleNamespace:
         coarse_out: wp.array(dtype=vec6),
     ):
         """Sums weighted symmetric blocks [N/m]: pairs to coarse pairs, or to the coarse vertices."""
-        row = wp.tid()
-        coarse_out[row] = add_blocks(vec6(), rows, row, fine)
-
-    @wp.func
-    def anchored(down: Rows, together: bool, anchor: wp.array(dtype=vec6), entry: int):
-        """What an entry of a row adds to its vertex's anchor."""
-        weight = down.weight[entry]
-        return anchor[down.index[entry]] * wp.where(together, wp.abs(weight), weight * weight)
+        row, lane = wp.tid() // lanes_together(), wp.tid() % lanes_together()
+        sum = vec6()
+        last = rows.start[row + 1]
+        for first in range(rows.start[row], last, lanes_together()):
+            part = vec6()
+            if first + lane < last:
+                part = fine[rows.index[first + lane]] * rows.weight[first + lane]
+            sum = add_blocks(sum, part, wp.min(last - first, lanes_together()))
+        if lane == 0:
+            coarse_out[row] = sum
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def gather_anchors(
@@ -92,16 +95,31 @@ def level_kernels(precision: str) -> SimpleNamespace:
         displacement does to two finer ones at once: a share of all from level to level, and held cloth looks soft on
         the coarsest. Where they are anchored ``together`` they count in full, P times.
         """
-        vertex = wp.tid()
+        vertex, lane = wp.tid() // lanes_together(), wp.tid() % lanes_together()
         sum = vec6()
-        start, last = down.start[vertex], down.start[vertex + 1]
-        for entry in range(start, last - 3, 4):
-            for i in range(4):
-                sum += anchored(down, together, anchor, entry + i)
-        for entry in range(start + (last - start) // 4 * 4, last):
-            sum += anchored(down, together, anchor, entry)
-        anchor_out[vertex] = sum
-        inverse_out[vertex] = inverse(stiffness[vertex] + sum)
+        last = down.start[vertex + 1]
+        for first in range(down.start[vertex], last, lanes_together()):
+            part = vec6()
+            if first + lane < last:
+                weight = down.weight[first + lane]
+                share = wp.where(together, wp.abs(weight), weight * weight)
+                part = anchor[down.index[first + lane]] * share
+            sum = add_blocks(sum, part, wp.min(last - first, lanes_together()))
+        if lane == 0:
+            anchor_out[vertex] = sum
+            inverse_out[vertex] = inverse(stiffness[vertex] + sum)
+
+    @wp.func
+    def restrict(down: Rows, residual: wp.array(dtype=vec3), vertex: int, lane: int):
+        """Force left on a coarse vertex [N]; all threads that go together ask."""
+        sum = vec3()
+        last = down.start[vertex + 1]
+        for first in range(down.start[vertex], last, lanes_together()):
+            part = vec3()
+            if first + lane < last:
+                part = residual[down.index[first + lane]] * down.weight[first + lane]
+            sum = add_forces(sum, part, wp.min(last - first, lanes_together()))
+        return sum
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def restrict_residual(
@@ -110,8 +128,10 @@ def level_kernels(precision: str) -> SimpleNamespace:
         residual_out: wp.array(dtype=vec3),
     ):
         """Forces left on the coarse vertices."""
-        vertex = wp.tid()
-        residual_out[vertex] = add_row(vec3(), down, vertex, residual)
+        vertex, lane = wp.tid() // lanes_together(), wp.tid() % lanes_together()
+        restricted = restrict(down, residual, vertex, lane)
+        if lane == 0:
+            residual_out[vertex] = restricted
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def correct_level(
@@ -142,8 +162,11 @@ def level_kernels(precision: str) -> SimpleNamespace:
         lane, lanes = lane_of(thread), block_threads()
         last = level.shape[0] - 2
         for number in range(1, last + 1):
-            for vertex in range(level[number] + lane, level[number + 1], lanes):
-                residual[vertex] = add_row(vec3(), down, vertex, residual)
+            row, rows = lane // lanes_together(), lanes // lanes_together()
+            for vertex in range(level[number] + row, level[number + 1], rows):
+                restricted = restrict(down, residual, vertex, lane % lanes_together())
+                if lane % lanes_together() == 0:
+                    residual[vertex] = restricted
             wait_for_block()
         for number in range(last + 1):
             for vertex in range(level[last - number] + lane, level[last - number + 1], lanes):

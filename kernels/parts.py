@@ -70,8 +70,8 @@ _MEET = """
     if (threadIdx.x == 0) {
         asm volatile("red.release.gpu.global.add.s32 [%0], 1;" :: "l"(came.data) : "memory");
         int now;
-        do
-            asm volatile("ld.acquire.gpu.global.s32 %0, [%1];" : "=r"(now) : "l"(came.data) : "memory");
+        do  // which leaves the core's cache to others
+            asm volatile("ld.relaxed.gpu.global.s32 %0, [%1];" : "=r"(now) : "l"(came.data) : "memory");
         while (now < expected);
     }
     __syncthreads();
@@ -92,6 +92,29 @@ _FRESH = """
 #endif
     return six;
 """
+_IN_ORDER = """
+    auto result = sum;
+#if defined(__CUDA_ARCH__)
+    const auto* own = reinterpret_cast<const %(real)s*>(&value);
+    auto* total = reinterpret_cast<%(real)s*>(&result);
+    for (int lane = 0; lane < count; ++lane)
+#pragma unroll
+        for (int i = 0; i < %(length)d; ++i)
+            total[i] += __shfl_sync(0xffffffff, own[i], lane);
+#else
+    result = wp::add(sum, value);
+#endif
+    return result;
+"""
+
+_TOGETHER = """
+#if defined(__CUDA_ARCH__)
+    return 32;
+#else
+    return 1;
+#endif
+"""
+
 _SINGLE = {"real": "wp::float32", "kind": "f32", "letter": "f"}
 _DOUBLE = {"real": "wp::float64", "kind": "f64", "letter": "d"}
 
@@ -122,7 +145,10 @@ def two_block_sums(
 
 @wp.func_native(_MEET)
 def meet_blocks(came: wp.array(dtype=wp.int32), expected: int):
-    """Until so many blocks have come, each as often as it has met the others; all must have room on the GPU at once."""
+    """Until so many blocks have come, each as often as it has met the others; all must have room on the GPU at once.
+
+    What others have written since is to be read as ``fresh`` or ``elsewhere``: a core's own cache may hold what was.
+    """
     ...
 
 
@@ -162,14 +188,38 @@ def ratio(
     return result
 
 
+def _words(precision: str) -> dict[str, str]:
+    """How a number is called in C++ and by a GPU."""
+    return _DOUBLE if real_size(precision) == 8 else _SINGLE
+
+
 @functools.cache
 def fresh_function(precision: str) -> wp.Function:
     """The function ``fresh``: both vectors of a vertex as another block last wrote them in this launch."""
     vec3, vec6 = cloth_types(precision).vec3, cloth_types(precision).vec6
 
-    @wp.func_native(_FRESH % (_DOUBLE if real_size(precision) == 8 else _SINGLE))
+    @wp.func_native(_FRESH % _words(precision))
     def fresh(array: wp.array(dtype=vec3), vertex: int) -> vec6:
         """The vectors 2 vertex and 2 vertex + 1."""
         ...
 
     return fresh
+
+
+@wp.func_native(_TOGETHER)
+def lanes_together() -> int:
+    """How many threads go together: so many work on a row, and add in its order."""
+    ...
+
+
+@functools.cache
+def order_function(precision: str, kind: type) -> wp.Function:
+    """The function ``add_in_order``, of vectors or matrices of this type."""
+    how = {**_words(precision), "length": wp.types.type_size(kind)}
+
+    @wp.func_native(_IN_ORDER % how)
+    def add_in_order(sum: kind, value: kind, count: int) -> kind:
+        """sum and the values of the first so many threads that go together, added one after another."""
+        ...
+
+    return add_in_order

@@ -16,7 +16,15 @@ from warp_cloth.kernels.block import block_of, block_threads, lane_of, wait_for_
 from warp_cloth.kernels.cloth import MODULE_OPTIONS, cloth_types
 from warp_cloth.kernels.conjugate import allowed_function, conjugate_types
 from warp_cloth.kernels.levels import level_types
-from warp_cloth.kernels.parts import Parts, fresh_function, meet_blocks, ratio, sum_part
+from warp_cloth.kernels.parts import (
+    Parts,
+    fresh_function,
+    lanes_together,
+    meet_blocks,
+    order_function,
+    ratio,
+    sum_part,
+)
 from warp_cloth.kernels.stiffness import stiffness_types, symmetric_functions
 
 TOGETHER = wp.constant(32)  # blocks that threads which go together read side by side
@@ -69,7 +77,7 @@ def block_kernels(precision: str) -> SimpleNamespace:
     types, own, Rows = cloth_types(precision), stiffness_types(precision), level_types(precision).Rows
     real, vec3, point, mat3, vec6 = types.real, types.vec3, types.point, own.mat3, own.vec6
     Cloth, Turns = types.Cloth, turn_types(precision).Turns
-    inverse = symmetric_functions(precision).inverse
+    inverse, add_in_order = symmetric_functions(precision).inverse, order_function(precision, mat3)
 
     @wp.func
     def full(m: vec6):
@@ -120,32 +128,42 @@ def block_kernels(precision: str) -> SimpleNamespace:
         turns: Turns,
     ):
         """The blocks."""
-        block = wp.tid()
+        block, lane = wp.tid() // lanes_together(), wp.tid() % lanes_together()
         one, other = turns.two[block][0], turns.two[block][1]
         pairs = coupling.shape[0]
         shift, right, below, turn = mat3(), mat3(), mat3(), mat3()
-        for entry in range(turns.member_start[block], turns.member_start[block + 1]):
-            member = turns.member[entry]
-            first, second = member - pairs, -1
-            if member < pairs:
-                first, second = turns.ends[member][0], turns.ends[member][1]
-                s = full(coupling[member])
-            else:
-                s = full(anchor[first])
-            a, b = share(turns.up, first, one), share(turns.up, first, other)
-            v = vec3(cloth.position[first] - turns.centre[one]) * a
-            w = vec3(cloth.position[first] - turns.centre[other]) * b
-            if second >= 0:
-                less, fewer = share(turns.up, second, one), share(turns.up, second, other)
-                v -= vec3(cloth.position[second] - turns.centre[one]) * less
-                w -= vec3(cloth.position[second] - turns.centre[other]) * fewer
-                a -= less
-                b -= fewer
-            turned, turning = wp.skew(v) * s, wp.skew(w)
-            shift += s * (a * b)
-            right -= s * turning * a
-            below += turned * b
-            turn -= turned * turning
+        last = turns.member_start[block + 1]
+        for begin in range(turns.member_start[block], last, lanes_together()):
+            shift_part, right_part, below_part, turn_part = mat3(), mat3(), mat3(), mat3()
+            if begin + lane < last:
+                member = turns.member[begin + lane]
+                first, second = member - pairs, -1
+                if member < pairs:
+                    first, second = turns.ends[member][0], turns.ends[member][1]
+                    s = full(coupling[member])
+                else:
+                    s = full(anchor[first])
+                a, b = share(turns.up, first, one), share(turns.up, first, other)
+                v = vec3(cloth.position[first] - turns.centre[one]) * a
+                w = vec3(cloth.position[first] - turns.centre[other]) * b
+                if second >= 0:
+                    less, fewer = share(turns.up, second, one), share(turns.up, second, other)
+                    v -= vec3(cloth.position[second] - turns.centre[one]) * less
+                    w -= vec3(cloth.position[second] - turns.centre[other]) * fewer
+                    a -= less
+                    b -= fewer
+                turned, turning = wp.skew(v) * s, wp.skew(w)
+                shift_part = s * (a * b)
+                right_part = -(s * turning * a)
+                below_part = turned * b
+                turn_part = -(turned * turning)
+            count = wp.min(last - begin, lanes_together())
+            shift = add_in_order(shift, shift_part, count)
+            right = add_in_order(right, right_part, count)
+            below = add_in_order(below, below_part, count)
+            turn = add_in_order(turn, turn_part, count)
+        if lane > 0:
+            return
         slot = turns.slot[block]
         put(turns, slot[0], 0, 0, shift)
         put(turns, slot[0], 0, 3, right)
@@ -190,14 +208,17 @@ def turn_kernels(precision: str) -> SimpleNamespace:
     sums, vectors = wp.array(dtype=wp.float64), wp.array(dtype=vec3)
 
     @wp.func
-    def correct(turns: Turns, vertex: int):
-        """The coarse vertex's residual by its own block."""
-        force, moment = turns.residual[2 * vertex], turns.residual[2 * vertex + 1]
+    def correct(turns: Turns, vertex: int, force: vec3, moment: vec3):
+        """Puts the coarse vertex's residual, and by its own block the correction, and what that gives back."""
         right = turns.right[vertex]
         by_shift = turns.divisor[vertex, 0]
         turn = times(turns.divisor[vertex, 1], moment - wp.transpose(right) * times(by_shift, force))
-        turns.correction[2 * vertex] = times(by_shift, force - right * turn)
+        shift = times(by_shift, force - right * turn)
+        turns.residual[2 * vertex] = force
+        turns.residual[2 * vertex + 1] = moment
+        turns.correction[2 * vertex] = shift
         turns.correction[2 * vertex + 1] = turn
+        turns.parts.dot[vertex] = wp.float64(wp.dot(force, shift)) + wp.float64(wp.dot(moment, turn))
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def pull_turns(cloth: Cloth, turns: Turns, fine: wp.array(dtype=vec3)):
@@ -214,12 +235,6 @@ def turn_kernels(precision: str) -> SimpleNamespace:
     def resisted(turns: Turns, i: int):
         """A vector of what resists the direction."""
         return vec3(turns.product[3 * i], turns.product[3 * i + 1], turns.product[3 * i + 2])
-
-    @wp.func
-    def given(turns: Turns, vertex: int):
-        """What the correction gives back [J]."""
-        shift = wp.dot(turns.residual[2 * vertex], turns.correction[2 * vertex])
-        return wp.float64(shift) + wp.float64(wp.dot(turns.residual[2 * vertex + 1], turns.correction[2 * vertex + 1]))
 
     @wp.func
     def pull_of(turns: Turns, vertex: int, which: int):
@@ -242,8 +257,7 @@ def turn_kernels(precision: str) -> SimpleNamespace:
             turns.displacement[i] = vec3()
         wait_for_block()
         for vertex in range(first + lane, last, lanes):
-            correct(turns, vertex)
-            turns.parts.dot[vertex] = given(turns, vertex)
+            correct(turns, vertex, turns.residual[2 * vertex], turns.residual[2 * vertex + 1])
         sum_part(turns.parts, part, lane, turns.along)
 
     @wp.func
@@ -293,11 +307,11 @@ def turn_kernels(precision: str) -> SimpleNamespace:
     def advance_part(turns: Turns, part: int, lane: int, lanes: int, step: real, direction: vectors, along: sums):
         """displacement += step direction, residual -= step product; and the next correction."""
         for vertex in range(turns.parts.first[part] + lane, turns.parts.first[part + 1], lanes):
-            for i in range(2 * vertex, 2 * vertex + 2):
-                turns.displacement[i] = turns.displacement[i] + direction[i] * step
-                turns.residual[i] = turns.residual[i] - resisted(turns, i) * step
-            correct(turns, vertex)
-            turns.parts.dot[vertex] = given(turns, vertex)
+            shift, turn = 2 * vertex, 2 * vertex + 1
+            turns.displacement[shift] = turns.displacement[shift] + direction[shift] * step
+            turns.displacement[turn] = turns.displacement[turn] + direction[turn] * step
+            force = turns.residual[shift] - resisted(turns, shift) * step
+            correct(turns, vertex, force, turns.residual[turn] - resisted(turns, turn) * step)
         sum_part(turns.parts, part, lane, along)
 
     @wp.func

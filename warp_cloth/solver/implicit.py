@@ -25,12 +25,11 @@ from warp_cloth.model import ClothModel
 from warp_cloth.solver.forces import ForcePass
 from warp_cloth.solver.hierarchy import Level, coarsest
 from warp_cloth.solver.pairs import PairTable
-from warp_cloth.solver.parts import launch_blocks, split
+from warp_cloth.solver.parts import launch_blocks, launch_rows, split
 from warp_cloth.solver.turns import Turning, turning_level
 
 PART = 64  # vertices that a block works on, of a garment that is not large
 FEW = 512  # vertices of a level, that a single block works on along with all below: each launch takes as long
-SPREAD = 32  # threads of a block where rows are long and few
 
 
 class Pace(IntEnum):
@@ -281,15 +280,15 @@ class ImplicitStep:
         for number in range(large - 1, -1, -1):
             level, answer = self._levels[number], self._answer[number]
             inputs = [up, self._divisor[number], self._left[number], coarser, answer]
-            self._launch_rows(kernels.correct_level, level.count, inputs)
+            self._launch(kernels.correct_level, level.count, inputs)
             up, coarser = level.up, answer
         self._launch_parts(self._conjugate.precondition_residual, [self._system, self._parts, up, coarser, along])
 
     def _launch_parts(self, kernel: wp.Kernel, inputs: list[Any]) -> None:
         launch_blocks(kernel, len(self._parts.garment), inputs, self._model.device)
 
-    def _launch_rows(self, kernel: wp.Kernel, size: int, inputs: list[Any]) -> None:
-        wp.launch(kernel, dim=size, inputs=inputs, device=self._model.device, block_dim=SPREAD)
+    def _launch_rows(self, kernel: wp.Kernel, rows: int, inputs: list[Any]) -> None:
+        launch_rows(kernel, rows, inputs, self._model.device)
 
     def _launch(self, kernel: wp.Kernel, size: Any, inputs: list[Any]) -> None:
         wp.launch(kernel, dim=size, inputs=inputs, device=self._model.device)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from warp_cloth.kernels.parts import SUMMED, Parts
 
+TOGETHER = 32  # threads, on a GPU
 MOST = 1_024  # parts of a garment: every block that asks for a garment's sum adds them up
 
 
@@ -34,3 +35,9 @@ def launch_blocks(kernel: wp.Kernel, blocks: int, inputs: list[Any], device: str
     """Launches a kernel of so many blocks, each of so many threads on a GPU."""
     threads = of if wp.get_device(device).is_cuda else 1
     wp.launch(kernel, dim=blocks * threads, inputs=inputs, device=device, block_dim=threads)
+
+
+def launch_rows(kernel: wp.Kernel, rows: int, inputs: list[Any], device: str) -> None:
+    """Launches a kernel whose threads go together, on a GPU, to work on so many rows."""
+    together = TOGETHER if wp.get_device(device).is_cuda else 1
+    wp.launch(kernel, dim=rows * together, inputs=inputs, device=device, block_dim=4 * together)

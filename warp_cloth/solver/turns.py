@@ -15,7 +15,7 @@ from warp_cloth.kernels.turns import TOGETHER, block_kernels, turn_kernels, turn
 from warp_cloth.mesh import Indices
 from warp_cloth.model import ClothModel
 from warp_cloth.solver.hierarchy import Level, Sparse, rows_of, transposed
-from warp_cloth.solver.parts import launch_blocks, split
+from warp_cloth.solver.parts import launch_blocks, launch_rows, split
 from warp_cloth.topology import ragged_rows
 
 # Vertices of the level that turns, at most, and as a share of all: its rounds count as three of all vertices at most.
@@ -145,7 +145,7 @@ class Turning:
         """Sums its stiffness anew: of the model's pairs, and of what holds its vertices, both as vec6 [N/m]."""
         cloth, turns = self._model.cloth, self.turns
         self._launch(self._gathers.find_centres, self._count, [cloth, turns])
-        self._launch(self._gathers.gather_turns, len(turns.two), [cloth, coupling, anchor, turns])
+        launch_rows(self._gathers.gather_turns, len(turns.two), [cloth, coupling, anchor, turns], self._model.device)
         self._launch(self._gathers.divide_turns, self._count, [turns])
 
     def correct(
