@@ -67,12 +67,12 @@ _BLOCK = {"summed": SUMMED, "warps": SUMMED // 32}
 _MEET = """
 #if defined(__CUDA_ARCH__)
     __syncthreads();
-    if (threadIdx.x == 0) {
+    if (blocks > 1 && threadIdx.x == 0) {
         asm volatile("red.release.gpu.global.add.s32 [%0], 1;" :: "l"(came.data) : "memory");
         int now;
         do  // which leaves the core's cache to others
             asm volatile("ld.relaxed.gpu.global.s32 %0, [%1];" : "=r"(now) : "l"(came.data) : "memory");
-        while (now < expected);
+        while (now < meetings * blocks);
     }
     __syncthreads();
 #endif
@@ -82,14 +82,16 @@ _FRESH = """
     wp::vec_t<6, %(real)s> six;
     const %(real)s* source = &array.data[2 * vertex].c[0];
 #if defined(__CUDA_ARCH__)
+    if (elsewhere) {
 #pragma unroll
-    for (int i = 0; i < 6; i += 2)
-        asm volatile("ld.relaxed.gpu.global.v2.%(kind)s {%%0, %%1}, [%%2];"
-            : "=%(letter)s"(six.c[i]), "=%(letter)s"(six.c[i + 1]) : "l"(source + i) : "memory");
-#else
+        for (int i = 0; i < 6; i += 2)
+            asm volatile("ld.relaxed.gpu.global.v2.%(kind)s {%%0, %%1}, [%%2];"
+                : "=%(letter)s"(six.c[i]), "=%(letter)s"(six.c[i + 1]) : "l"(source + i) : "memory");
+        return six;
+    }
+#endif
     for (int i = 0; i < 6; ++i)
         six.c[i] = source[i];
-#endif
     return six;
 """
 _IN_ORDER = """
@@ -144,8 +146,8 @@ def two_block_sums(
 
 
 @wp.func_native(_MEET)
-def meet_blocks(came: wp.array(dtype=wp.int32), expected: int):
-    """Until so many blocks have come, each as often as it has met the others; all must have room on the GPU at once.
+def meet_blocks(came: wp.array(dtype=wp.int32), blocks: int, meetings: int):
+    """Until so many blocks have met so many times; all must have room on the GPU at once.
 
     What others have written since is to be read as ``fresh`` or ``elsewhere``: a core's own cache may hold what was.
     """
@@ -195,12 +197,12 @@ def _words(precision: str) -> dict[str, str]:
 
 @functools.cache
 def fresh_function(precision: str) -> wp.Function:
-    """The function ``fresh``: both vectors of a vertex as another block last wrote them in this launch."""
+    """The function ``fresh``: both vectors of a vertex, which another block may have written in this launch."""
     vec3, vec6 = cloth_types(precision).vec3, cloth_types(precision).vec6
 
     @wp.func_native(_FRESH % _words(precision))
-    def fresh(array: wp.array(dtype=vec3), vertex: int) -> vec6:
-        """The vectors 2 vertex and 2 vertex + 1."""
+    def fresh(array: wp.array(dtype=vec3), vertex: int, elsewhere: bool) -> vec6:
+        """The vectors 2 vertex and 2 vertex + 1; ``elsewhere``: another block may have written them in this launch."""
         ...
 
     return fresh

@@ -278,11 +278,13 @@ def turn_kernels(precision: str) -> SimpleNamespace:
         return turns.block[entry // TOGETHER, 6 * row + column, entry % TOGETHER]
 
     @wp.func
-    def multiply_part(turns: Turns, part: int, lane: int, lanes: int, share: real, last: vectors, next: vectors):
+    def multiply_part(turns: Turns, part: int, blocks: int, thread: int, share: real, last: vectors, next: vectors):
         """The next direction, correction + share last, found by all who ask for it, and product = K direction."""
         first, end = turns.parts.first[part], turns.parts.first[part + 1]
+        lane, lanes, elsewhere = lane_of(thread), block_threads(), blocks > 1
         for entry in range(turns.start[first] + lane, turns.start[end], lanes):
-            d = fresh(turns.correction, turns.beside[entry]) + fresh(last, turns.beside[entry]) * share
+            beside = turns.beside[entry]
+            d = fresh(turns.correction, beside, elsewhere) + fresh(last, beside, elsewhere) * share
             for k in range(6):
                 by_shift = number(turns, entry, k, 0) * d[0] + number(turns, entry, k, 1) * d[1]
                 by_shift += number(turns, entry, k, 2) * d[2]
@@ -328,15 +330,15 @@ def turn_kernels(precision: str) -> SimpleNamespace:
     ):
         """A round of a block; step = along / across, the last direction's share along / before."""
         lane, lanes, parts = lane_of(thread), block_threads(), turns.parts.garment.shape[0]
-        meet_blocks(turns.came, (2 * number + 1) * blocks)
+        meet_blocks(turns.came, blocks, 2 * number + 1)
         for part in range(block, parts, blocks):
             share = real(0.0)
             if number > 0:
-                share = real(ratio(turns.parts, along, before, turns.parts.garment[part], True))
-            multiply_part(turns, part, lane, lanes, share, last, next)
-        meet_blocks(turns.came, (2 * number + 2) * blocks)
+                share = real(ratio(turns.parts, along, before, turns.parts.garment[part], blocks > 1))
+            multiply_part(turns, part, blocks, thread, share, last, next)
+        meet_blocks(turns.came, blocks, 2 * number + 2)
         for part in range(block, parts, blocks):
-            step = real(ratio(turns.parts, along, turns.across, turns.parts.garment[part], True))
+            step = real(ratio(turns.parts, along, turns.across, turns.parts.garment[part], blocks > 1))
             advance_part(turns, part, lane, lanes, step, next, before)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)

@@ -27,6 +27,7 @@ ROUNDS = 30  # of conjugate gradients on that level
 # long as suits them, a quarter, would leave three quarters of it.
 WEIGHT = 4.0
 PART = 32  # vertices that a block works on at a time
+ALONE = 128  # or so many, where a single block does and waits for no other
 SPREAD = 64  # threads of a block where rows are long and few
 
 
@@ -124,7 +125,9 @@ class Turning:
         groups = len(model.vertex_start) - 1
         garment = np.zeros(count, dtype=np.int64)
         garment[follow.column] = np.repeat(np.arange(groups), np.diff(model.vertex_start))[follow.row]
-        turns.parts = split(np.searchsorted(garment, np.arange(groups + 1)), PART, model.device)
+        turns.parts = split(
+            np.searchsorted(garment, np.arange(groups + 1)), ALONE if count <= ALONE else PART, model.device
+        )
         parts = len(turns.parts.garment)
         for name in ("residual", "correction", "direction", "other", "displacement"):
             setattr(turns, name, self._zeros(2 * count, types.vec3))
