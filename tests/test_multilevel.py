@@ -255,3 +255,18 @@ def test_hanging_cloth_keeps_its_pace() -> None:
     relaxation.run(10)
     relaxation.loosen(np.zeros(1))
     assert relaxation.step.momentum == pytest.approx(ImplicitOptions().momentum)
+
+
+def test_steps_are_captured_from_renewal_to_renewal_and_once_for_every_pace(monkeypatch: pytest.MonkeyPatch) -> None:
+    relaxation = relaxation_of([hanging(9)])
+    captured = list[int]()
+    launch = relaxation._iterate
+    monkeypatch.setattr(relaxation, "_iterate", lambda count: (captured.append(count), launch(count)))
+    own = ImplicitOptions()
+    relaxation.run(2 * own.renewal * own.rounds)
+    relaxation.loosen(np.zeros(1))
+    relaxation.run(own.renewal * own.rounds)
+    assert captured == [own.renewal * own.rounds]
+    once = relaxation_of([hanging(9)])
+    once.run(3 * own.renewal * own.rounds)
+    assert (relaxation.model.points() == once.model.points()).all()

@@ -135,6 +135,8 @@ class MultilevelRelaxation(Relaxation):
         steps = self._step_graphs
         super().loosen(relative_rms)
         self._step_graphs = steps  # leeway is nothing to implicit steps
+        if self.contact is None:
+            return
         pace = Pace.FALLING
         for better, bound in BOUNDS.items():
             if (relative_rms <= (TIGHTER * bound if self.pace >= better else bound)).all():
