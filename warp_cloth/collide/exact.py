@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from warp_cloth.collide.depth import DEFAULT_REACH, sampled
 from warp_cloth.kernels import closest as kernels
 from warp_cloth.mesh import Mesh, Points
+from warp_cloth.pieces import pieces
 from warp_cloth.result import Penetration
 
 FARTHEST = 1e6  # [m]; across any avatar
@@ -195,17 +196,6 @@ def depths_under(
         wp.launch(kernels.measure_depths, dim=size, inputs=then, device=device)
         found += np.split(depth.numpy(), grouped[0][1:-1])
     return found
-
-
-def pieces(sizes: Sequence[int], most: int) -> list[range]:
-    """Consecutive numbers whose sizes add up to ``most`` at most, or one by itself."""
-    found, first, total = [], 0, 0
-    for at, size in enumerate(sizes):
-        if at > first and total + size > most:
-            found.append(range(first, at))
-            first, total = at, 0
-        total += size
-    return [*found, range(first, len(sizes))] if sizes else []
 
 
 def depth_summary(depths: NDArray[np.float32]) -> Penetration:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from warp_cloth.collide.cloth import ClothTouch
 from warp_cloth.collide.crossing import Sheets, find_crossings, find_pierced, triangle_pairs
-from warp_cloth.collide.exact import POINTS_AT_ONCE, build_exact_collider, pieces
+from warp_cloth.collide.exact import POINTS_AT_ONCE, build_exact_collider
 from warp_cloth.collide.placing import clear_shift, way_told
 from warp_cloth.collide.sheets import SheetKind, sheets_of
 from warp_cloth.collide.solid import solid_of
@@ -22,6 +22,7 @@ from warp_cloth.garment.wardrobe import Wardrobe
 from warp_cloth.kept import Kept
 from warp_cloth.mesh import Indices, Mesh, Points
 from warp_cloth.model import ClothModel
+from warp_cloth.pieces import pieces
 from warp_cloth.scene import Scene
 from warp_cloth.solver.course import LAYER_LIFT, Course
 from warp_cloth.solver.relax import Relaxation

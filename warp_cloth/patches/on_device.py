@@ -61,17 +61,17 @@ class Patches:
         self.count = len(rows)
 
     def work_on(self, active: NDArray[np.bool_]) -> bool:
-        """Puts the patches of active items first and the others out of work; whether their number has changed.
+        """Puts the patches of active items first, the others out of work; whether their number has changed.
 
         Where few of those at work are of other items that is not worth it, as a patch at rest takes little time.
         """
-        chosen = active[self._item]
-        wanted = int(chosen.sum())
+        chosen = np.flatnonzero(active[self._item])
+        wanted = len(chosen)
         if not wanted or wanted <= self.count <= wanted + SHARE_AT_REST * wanted:
             return False
-        rows = self._rows[np.argsort(~chosen, kind="stable")]
-        self.tables.patch.assign(rows.reshape(-1, 4))
-        self.packed_tables[1].patch.assign(_last_first(rows, wanted).reshape(-1, 4))
+        rows = self._rows[chosen].reshape(wanted, -1, 4)
+        for tables, some in ((self.tables, rows), (self.packed_tables[1], rows[::-1])):
+            tables.patch[: 4 * wanted].assign(np.ascontiguousarray(some).reshape(-1, 4))
         self.count = wanted
         return True
 

@@ -19,6 +19,7 @@ from warp_cloth.kernels.pressure import push_kernel
 from warp_cloth.kernels.summary import FASTER, FREE, LOWER, MOVED, RELATIVE, WAYS, WEIGHTS, keep_kernel
 from warp_cloth.mesh import Points
 from warp_cloth.model import ClothModel
+from warp_cloth.pieces import pieces
 from warp_cloth.result import Residual, Strain
 from warp_cloth.solver.forces import ForcePass
 from warp_cloth.solver.relax import Relaxation
@@ -28,6 +29,7 @@ from warp_cloth.solver.summary import Answer, Summary
 # A vertex at rest on the avatar stands at the contact offset to within the rounding of a float32 distance and one
 # iteration's fall; this far above it still counts as held.
 CONTACT_SLACK = 2e-5  # [m]
+ROOM = 1 << 18  # vertices whose residuals a host has room for
 
 
 @dataclass(frozen=True)
@@ -128,10 +130,11 @@ class Certifier:
         judged = relaxation.contact is not None and model.cloth.stiffness  # by which contact's share of a force is
         self._bounds: wp.array | None = wp.clone(model.cloth.stiffness) if judged else None  # at the last check
         self._beside: wp.Stream | None = None
+        self._room = model.vertex_count
         if wp.get_device(model.device).is_cuda:
             self._beside = wp.Stream(model.device)
-            largest = int(np.diff(model.item_start).max())
-            self._left_there = wp.empty(largest, dtype=wp.vec2f, device="cpu", pinned=True)
+            self._room = max(int(np.diff(model.item_start).max()), min(model.vertex_count, ROOM))
+            self._left_there = wp.empty(self._room, dtype=wp.vec2f, device="cpu", pinned=True)
 
     def kernels(self) -> list[wp.Kernel]:
         """The kernels that a check launches."""
@@ -167,20 +170,35 @@ class Certifier:
 
     def check(self, look: Look, item: int) -> Check:
         """All figures of one item, as it stood at that look, the last one. Waits for what it saw."""
-        if not look.finite[item]:
-            return Check(look.iteration, Residual(*([math.inf] * 5)), math.inf, False)
-        left = self._residuals(item)
-        residual = residual_summary(left, float(look.rms[item]), float(look.relative_rms[item]))
-        return Check(look.iteration, residual, float(look.rest_error[item]), True, float(look.growing[item]))
+        return self.checks(look, [item])[item]
 
-    def _residuals(self, item: int) -> NDArray[np.float32]:
+    def checks(self, look: Look, items: Sequence[int]) -> dict[int, Check]:
+        """The same of several items: what they wait for comes in one go."""
+        lost = Check(look.iteration, Residual(*([math.inf] * 5)), math.inf, False)
+        found = dict.fromkeys(items, lost)
+        for some in self._piecewise([item for item in items if look.finite[item]]):
+            for item, left in zip(some, self._residuals(some), strict=True):
+                residual = residual_summary(left, float(look.rms[item]), float(look.relative_rms[item]))
+                error, growing = float(look.rest_error[item]), float(look.growing[item])
+                found[item] = Check(look.iteration, residual, error, True, growing)
+        return found
+
+    def _piecewise(self, items: Sequence[int]) -> list[list[int]]:
+        """Items so many at a time that their residuals have room on the host."""
+        sizes = [self._model.item_start[item + 1] - self._model.item_start[item] for item in items]
+        return [[items[at] for at in piece] for piece in pieces(sizes, self._room)]
+
+    def _residuals(self, items: Sequence[int]) -> list[NDArray[np.float32]]:
         """What ``residual_summary`` takes, of the last look, which has been read: on a stream of its own."""
-        left = self._left[self._model.of_item(item)]
+        left = [self._left[self._model.of_item(item)] for item in items]
         if self._beside is None:
-            return np.array(left.numpy())
-        wp.copy(self._left_there, left, count=len(left), stream=self._beside)
+            return [own.numpy() for own in left]
+        ends = np.cumsum([0, *(len(own) for own in left)]).tolist()
+        for own, first in zip(left, ends, strict=False):
+            wp.copy(self._left_there, own, dest_offset=first, count=len(own), stream=self._beside)
         wp.synchronize_stream(self._beside)
-        return np.array(self._left_there.numpy()[: len(left)])
+        there = self._left_there.numpy()
+        return [there[first:end] for first, end in itertools.pairwise(ends)]
 
     def ask_bounds(self, items: Sequence[int]) -> Answer:
         """Asks where those of these items are that iterate, without waiting for the device.
@@ -279,11 +297,14 @@ def bounds(answer: Answer) -> Floats:
 
 def residual_summary(left: NDArray[np.float32], rms: float, relative_rms: float) -> Residual:
     """The residual with what needs all vertices; ``left`` [V, 2] holds weights and relative, -1 where pinned."""
-    free = left[left[:, 0] >= 0.0]
-    if not len(free):
+    weights, relative = np.ascontiguousarray(left.T)  # side by side, which NumPy is quicker with
+    free = weights >= 0.0
+    if not free.all():
+        weights, relative = weights[free], relative[free]
+    if not len(weights):
         return Residual(0.0, 0.0, 0.0, 0.0, 0.0)
-    p99, relative_p99 = (_percentile(each, 0.99) for each in free.T)
-    return Residual(rms, p99, float(free[:, 0].max()), relative_rms, relative_p99)
+    p99, relative_p99 = (_percentile(each, 0.99) for each in (weights, relative))
+    return Residual(rms, p99, float(weights.max()), relative_rms, relative_p99)
 
 
 def _percentile(figures: NDArray[np.float32], share: float) -> float:

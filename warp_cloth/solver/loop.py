@@ -275,17 +275,17 @@ class _Loop:
         settled = self._advance(look)
         near = look.nearly_within(self._tolerances) | ~look.finite
         ended = []
-        for item in self._active if seen.whole else sorted(seen.ending):
-            if item in seen.ending or (near[item] and look.iteration > 0):
-                check = self._certifier.check(look, item)
-                status = self._status(item, check, settled, item in seen.ending)
-                if status is not None:
-                    if late:
-                        self._certifier.put_back(item)
-                        if self._course is not None:
-                            self._course.put_back()
-                    self._end(item, status, check)
-                    ended.append(item)
+        asked = self._active if seen.whole else sorted(seen.ending)
+        asked = [item for item in asked if item in seen.ending or (near[item] and look.iteration > 0)]
+        for item, check in self._certifier.checks(look, asked).items():
+            status = self._status(item, check, settled, item in seen.ending)
+            if status is not None:
+                if late:
+                    self._certifier.put_back(item)
+                    if self._course is not None:
+                        self._course.put_back()
+                self._end(item, status, check)
+                ended.append(item)
         self._active = [item for item in self._active if item not in self._outcomes]
         if seen.whole:
             self._boxes_seen = _BoxesSeen(look.iteration, look.boxes, look.moved, look.relative_rms)
