@@ -150,7 +150,7 @@ def test_threads_tell_strain_along_weft_and_warp() -> None:
         rest = build_rest_shape(mesh, fabric_named("cotton"), rest="uv", grain=Grain(grain))
         model = model_of(mesh, rest)
         model.set_points(mesh.points * (1.02, 1.0, 0.99))
-        strains = measured_strains(model).of_threads()[:, :2]
+        strains = measured_strains(model).of_threads()[:2].T
         assert strains == pytest.approx(np.broadcast_to(expected, strains.shape), abs=1e-9)
         found = thread_summaries(measured_strains(model).of_threads())
         assert (found["weft"].max, found["warp"].max) == pytest.approx(expected, abs=1e-9)

@@ -18,7 +18,7 @@ from warp_cloth import given
 from warp_cloth.cascade import LevelRun
 from warp_cloth.collide.exact import ExactCollider, depth_summary, depths_under, exact_colliders
 from warp_cloth.collide.garments import model_crossings, worn_crossings
-from warp_cloth.collide.piercing import edge_places, face_places, pierced, shown
+from warp_cloth.collide.piercing import edge_places, face_places, may_show, pierced, shown
 from warp_cloth.device import device_named
 from warp_cloth.dressing import started
 from warp_cloth.errors import InputError
@@ -268,7 +268,7 @@ def finished(
 
     def strains_of(item: int) -> tuple[Strain, dict[str, Strain]]:
         along = strains.of_threads(model.of_item(item, model.weave_start))
-        return strain_summary(strains.of_edges(model.of_item(item, model.edge_start))), thread_summaries(along)
+        return strain_summary(strains.edge[model.of_item(item, model.edge_start)]), thread_summaries(along)
 
     summaries = map_in_threads(strains_of, range(len(outcomes)))
     lap("measure")
@@ -328,14 +328,16 @@ def _drawn_through(
     under = depths_under(position, np.diff(model.item_start).tolist(), exact_of)
 
     def asked(item: int) -> tuple[Points, NDArray[np.float64], Points]:
-        edges, triangles, first = [], [], 0
-        for part in made.wardrobes[item].parts:
-            edges.append(part.rest.topology.edges + first)
-            triangles.append(part.triangles + first)
-            first += len(part.points)
-        points = outcomes[item].points
-        strain = strains.of_edges(model.of_item(item, model.edge_start))
-        return *edge_places(points, np.concatenate(edges), strain), face_places(points, np.concatenate(triangles))
+        parts, points = made.wardrobes[item].parts, outcomes[item].points
+        first = np.cumsum([0, *(len(part.points) for part in parts)]).tolist()
+        strain = strains.edge[model.of_item(item, model.edge_start)].astype(np.float64)
+        edges = np.concatenate([part.rest.topology.edges + start for part, start in zip(parts, first, strict=False)])
+        along = edge_places(points, edges, strain)
+        longest = float(((1.0 + strain) * np.concatenate([part.rest.edge_length for part in parts])).max())
+        if not may_show(longest):
+            return *along, np.zeros((0, 3))
+        triangles = np.concatenate([part.triangles + start for part, start in zip(parts, first, strict=False)])
+        return *along, face_places(points, triangles)
 
     asks = map_in_threads(asked, range(len(outcomes)))
     places = np.concatenate([part for along, _, within in asks for part in (along, within)])

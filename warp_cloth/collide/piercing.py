@@ -11,6 +11,7 @@ STRETCHED = 0.2  # strain of an edge from which on it is asked for: one through 
 DEEP = 0.2  # of an edge's length, that it runs under the skin: over a round limb a long edge dips less than that
 PLACES = np.linspace(0.0, 1.0, 9)[1:-1]  # along an edge
 LARGE = 0.018  # [m]; over a nose or a finger, 14 mm in radius, a shorter edge at the usual offset stays outside
+ROUNDING = 1e-3  # of a length that is told by a float32 strain, and more
 WITHIN = np.array([[4, 1, 1], [1, 4, 1], [1, 1, 4], [1, 1, 0], [0, 1, 1], [1, 0, 1], [1, 1, 1]])  # of a face
 
 
@@ -37,6 +38,11 @@ def pierced(depths: NDArray[np.float32], lengths: NDArray[np.float64]) -> tuple[
     depth = np.nan_to_num(depths).reshape(len(lengths), len(PLACES)).max(axis=1)
     through = depth > DEEP * lengths
     return int(through.sum()), 1e3 * float(depth[through].max(initial=0.0))
+
+
+def may_show(longest: float) -> bool:
+    """Whether a triangle may be that large, by the length of the longest edge [m], give or take its rounding."""
+    return not longest * (1.0 + ROUNDING) < LARGE
 
 
 def face_places(points: Points, triangles: NDArray[np.int32]) -> Points:

@@ -308,20 +308,27 @@ def residual_summary(left: NDArray[np.float32], rms: float, relative_rms: float)
 
 
 def _percentile(figures: NDArray[np.float32], share: float) -> float:
-    """What so many of the figures are below, between two of them as ``np.quantile`` has it, in a fifth of its time."""
-    place = share * (len(figures) - 1)
-    first = math.floor(place)
-    some = np.partition(figures, [first, min(first + 1, len(figures) - 1)])[first : first + 2]
-    low, high = float(some[0]), float(some[-1])
-    way = place - first
-    return high - (high - low) * (1.0 - way) if way >= 0.5 else low + (high - low) * way
+    """What so many of the figures are below, as of ``_percentiles``."""
+    return _percentiles(figures, share)[0]
 
 
-def strain_summary(strain: NDArray[np.float64]) -> Strain:
+def _percentiles(figures: NDArray[Any], *shares: float) -> list[float]:
+    """What such shares of the figures are below, between two as ``np.quantile`` of float64 has it, in less time."""
+    last = len(figures) - 1
+    around = [(math.floor(share * last), min(math.floor(share * last) + 1, last)) for share in shares]
+    some = np.partition(figures, sorted({place for both in around for place in both}))
+    found = []
+    for share, (first, second) in zip(shares, around, strict=True):
+        low, high, way = float(some[first]), float(some[second]), share * last - first
+        found.append(high - (high - low) * (1.0 - way) if way >= 0.5 else low + (high - low) * way)
+    return found
+
+
+def strain_summary(strain: NDArray[Any]) -> Strain:
     """Percentiles of |strain| and the extremes of strain."""
-    size = np.abs(strain)
-    p50, p99 = np.quantile(size, [0.5, 0.99])
-    return Strain(float(p50), float(p99), float(strain.max()), float(strain.min()))
+    most, least = float(strain.max()), float(strain.min())
+    p50, p99 = _percentiles(np.abs(strain), 0.5, 0.99) if not math.isnan(most) else (most, most)
+    return Strain(p50, p99, most, least)
 
 
 @dataclass(frozen=True, eq=False)
@@ -331,13 +338,9 @@ class Strains:
     edge: NDArray[Any]  # strain (r - L) / L, shape [E]
     stretch: NDArray[Any]  # r / L of every woven triangle along weft, warp and both biases, shape [T, 4]
 
-    def of_edges(self, some: slice = slice(None)) -> NDArray[np.float64]:
-        """Strain (r - L) / L of edges."""
-        return self.edge[some].astype(np.float64)
-
     def of_threads(self, some: slice = slice(None)) -> NDArray[np.float64]:
-        """Strain of woven triangles along weft, warp and both biases, shape [N, 4]."""
-        return self.stretch[some].astype(np.float64) - 1.0
+        """Strain of woven triangles along weft, warp and both biases, shape [4, N]."""
+        return np.ascontiguousarray(self.stretch[some].T, dtype=np.float64) - 1.0
 
 
 def measured_strains(model: ClothModel) -> Strains:
@@ -352,9 +355,9 @@ def edge_strains(model: ClothModel) -> NDArray[np.float64]:
 
 def thread_summaries(strain: NDArray[np.float64]) -> dict[str, Strain]:
     """Strains along "warp", "weft" and both ways of the "bias", as of ``Strains``; empty where nothing is woven."""
-    if not len(strain):
+    if not strain.size:
         return {}
-    ways = {"warp": strain[:, 1], "weft": strain[:, 0], "bias": strain[:, 2:].ravel()}
+    ways = {"warp": strain[1], "weft": strain[0], "bias": strain[2:].ravel()}
     return {way: strain_summary(along) for way, along in ways.items()}
 
 
