@@ -338,9 +338,12 @@ class Strains:
     edge: NDArray[Any]  # strain (r - L) / L, shape [E]
     stretch: NDArray[Any]  # r / L of every woven triangle along weft, warp and both biases, shape [T, 4]
 
-    def of_threads(self, some: slice = slice(None)) -> NDArray[np.float64]:
-        """Strain of woven triangles along weft, warp and both biases, shape [4, N]."""
-        return np.ascontiguousarray(self.stretch[some].T, dtype=np.float64) - 1.0
+    def of_threads(self, some: slice = slice(None)) -> NDArray[Any]:
+        """Strain of woven triangles along weft, warp and both biases, shape [4, N], as float64 would tell it."""
+        own = np.ascontiguousarray(self.stretch[some].T)
+        if own.size and not (own.min() >= 0.5 and own.max() <= 2.0):  # within, taking 1 from it is exact
+            own = own.astype(np.float64)
+        return own - own.dtype.type(1.0)
 
 
 def measured_strains(model: ClothModel) -> Strains:
@@ -353,7 +356,7 @@ def edge_strains(model: ClothModel) -> NDArray[np.float64]:
     return _measure_tension(model)[1].numpy().astype(np.float64)
 
 
-def thread_summaries(strain: NDArray[np.float64]) -> dict[str, Strain]:
+def thread_summaries(strain: NDArray[Any]) -> dict[str, Strain]:
     """Strains along "warp", "weft" and both ways of the "bias", as of ``Strains``; empty where nothing is woven."""
     if not strain.size:
         return {}
