@@ -1,0 +1,109 @@
+"""How many garments a second does a GPU fit once they are set up, together and one by one?
+
+    python tests/benchmarks/shard_rate.py --items 1024 --alone 8 --device cuda:0
+
+The items of batch_rate.py, with dressed starts, as one shard in this process: seconds from where all is set up to the
+last certificate, of dressing and relaxing. They are fitted twice, so that kernels and meshes are there; what was
+dressed the first time is forgotten. Then some of them likewise one by one: are their shapes the same?
+"""
+
+from __future__ import annotations
+
+import argparse
+import functools
+import os
+import sys
+import time
+from typing import Any
+
+import batch_rate
+import numpy as np
+import warp as wp
+
+HELPERS = 14  # processes that load
+
+
+class Watch:
+    """Seconds of dressing and relaxing of what ``fit_many`` fits next."""
+
+    def __init__(self, many: Any) -> None:
+        self.dressing = self.relaxing = 0.0
+        many.start_dressed = self._timed(many.start_dressed, "dressing")
+        many.relax_items = self._timed(many.relax_items, "relaxing")
+
+    def _timed(self, work: Any, name: str) -> Any:
+        @functools.wraps(work)
+        def timed(*given: Any, **named: Any) -> Any:
+            wp.synchronize()
+            began = time.perf_counter()
+            found = work(*given, **named)
+            wp.synchronize()
+            setattr(self, name, getattr(self, name) + time.perf_counter() - began)
+            return found
+
+        return timed
+
+    def taken(self) -> tuple[float, float]:
+        """Both, to begin with the next."""
+        found = self.dressing, self.relaxing
+        self.dressing = self.relaxing = 0.0
+        return found
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--device", default="cuda:0")
+    parser.add_argument("--items", type=int, default=1024)
+    parser.add_argument("--alone", type=int, default=8, metavar="N", help="so many of them one by one")
+    asked = parser.parse_args()
+    from warp_cloth.batch.loading import Shelf
+
+    shelf = Shelf(HELPERS, fork=True)  # before this process has threads and a device
+    from warp_cloth.scene import load_scene
+
+    rows = batch_rate.jobs(asked.items, len(batch_rate.GARMENTS), "dressed")
+    scenes = [
+        load_scene(row["scene"], [f"{key}={value}" for key, value in row.items() if key not in ("name", "scene")])
+        for row in rows
+    ]
+    shelf.begin(scenes, patches=True)
+    from warp_cloth.batch import many
+    from warp_cloth.kept import Kept
+
+    watch = Watch(many)
+
+    def fitted(some: list[Any]) -> tuple[list[Any], float, float]:
+        """Fits of scenes whose meshes are there, and the seconds of dressing and relaxing."""
+        kept = Kept()
+        kept.put(shelf.kept.of_values())  # patches; not what was dressed
+        shelf.kept = kept
+        found = many.fit_many(some, asked.device, shelf=shelf)
+        return found, *watch.taken()
+
+    def told(label: str, count: int, dressing: float, relaxing: float) -> None:
+        whole = dressing + relaxing
+        print(
+            f"{label}: dressing {dressing:.3f} s, relaxing {relaxing:.3f} s: {count / whole:.2f} a second", flush=True
+        )
+
+    for label in ("the first time", "again"):
+        together, *seconds = fitted(scenes)
+        told(f"{len(scenes)} items at once, {label}", len(scenes), *seconds)
+    statuses = [fit.status.value for fit in together]
+    print(f"{100 * statuses.count('at_rest') / len(statuses):.1f} % at rest", flush=True)
+    at = list(range(0, len(scenes), max(len(scenes) // asked.alone, 1)))[: asked.alone]
+    fitted([scenes[at[0]]])  # loads the kernels of a lone garment
+    dressing, relaxing, same = 0.0, 0.0, 0
+    for number in at:
+        (alone,), *seconds = fitted([scenes[number]])
+        dressing, relaxing = dressing + seconds[0], relaxing + seconds[1]
+        same += np.array_equal(alone.garments[0].points, together[number].garments[0].points)
+    told(f"{len(at)} one by one", len(at), dressing, relaxing)
+    print(f"{same} of {len(at)} the same", flush=True)
+    return 0 if same == len(at) else 1
+
+
+if __name__ == "__main__":
+    code = main()
+    sys.stdout.flush()
+    os._exit(code)  # the helpers end with it
