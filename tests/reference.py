@@ -16,9 +16,9 @@ from warp_cloth.kernels.cloth import cloth_types
 from warp_cloth.kernels.stiffness import stiffness_kernels, stiffness_types
 from warp_cloth.mesh import Mesh, Points
 from warp_cloth.model import build_model
-from warp_cloth.solver.certificate import element_energies
 from warp_cloth.solver.forces import ForcePass
 from warp_cloth.solver.pairs import build_pairs
+from warp_cloth.solver.strains import element_energies
 
 UNBALANCED = 3e-4  # vertex weights, rms; of the small garments here within 3 micrometres of ten times less
 

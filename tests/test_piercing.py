@@ -11,7 +11,7 @@ from meshfiles import write_obj
 
 import warp_cloth
 from warp_cloth.collide.exact import signed_distances
-from warp_cloth.collide.piercing import edge_places, face_places, pierced, shown
+from warp_cloth.collide.piercing import edge_places, face_places, may_show, pierced, shown
 from warp_cloth.shapes import sphere
 
 BALL = sphere(radius=0.05, centre=(0.0, 0.0, 0.0), edge=0.01)
@@ -77,3 +77,11 @@ def test_cloth_too_coarse_for_the_body_under_it_says_so(tmp_path: Path) -> None:
     assert worn.report["penetration_mm"]["max"] == 0.0
     assert worn.report["penetration_mm"]["face_max"] > 1.0
     assert "divide them to edges of 15 mm" in worn.message
+
+
+def test_where_all_edges_are_short_no_face_is_asked_for() -> None:
+    for size, asked in ((0.0125, False), (0.03, True)):
+        mesh = grid(5, 4.0 * size)
+        longest = float(np.linalg.norm(np.ptp(mesh.points[mesh.triangles], axis=1), axis=1).max())
+        assert may_show(longest) == asked
+        assert (len(face_places(mesh.points, mesh.triangles)) > 0) == asked

@@ -19,10 +19,11 @@ from warp_cloth.mesh import Mesh, Points
 from warp_cloth.model import ClothModel
 from warp_cloth.result import Status
 from warp_cloth.scene import load_scene
-from warp_cloth.solver.certificate import Certifier, Tolerance, element_energies
+from warp_cloth.solver.certificate import Certifier, Tolerance
 from warp_cloth.solver.forces import ForcePass
 from warp_cloth.solver.loop import relax_to_rest
 from warp_cloth.solver.relax import Collider, Relaxation, StepOptions
+from warp_cloth.solver.strains import element_energies
 from warp_cloth.topology import build_topology
 
 FLAT = grid(5, 0.2)

@@ -30,14 +30,9 @@ from warp_cloth.mesh import Mesh, Points
 from warp_cloth.result import Penetration, Status, Strain, WornGarment
 from warp_cloth.scene import Scene, load_scene
 from warp_cloth.set_up import SetUp, following, set_up_one, tolerance_of
-from warp_cloth.solver.certificate import (
-    Check,
-    Strains,
-    measured_strains,
-    strain_summary,
-    thread_summaries,
-)
+from warp_cloth.solver.certificate import Check
 from warp_cloth.solver.loop import Outcome, relax_to_rest
+from warp_cloth.solver.strains import Strains, measured_strains, strain_summary, thread_summaries
 from warp_cloth.threads import in_turn, map_in_threads
 from warp_cloth.verdict import (
     crossed,

@@ -1,4 +1,4 @@
-"""The certificate of rest: residual, rest error, strain (model: rest: a certificate, not a guess)."""
+"""The certificate of rest: residual and rest error (model: rest: a certificate, not a guess)."""
 
 from __future__ import annotations
 
@@ -6,21 +6,21 @@ import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
 from warp_cloth.garment.rest import Floats
-from warp_cloth.kernels.certify import bending_energy_kernel, energy_kernels, residual_kernel
+from warp_cloth.kernels.certify import residual_kernel
 from warp_cloth.kernels.cloth import cloth_types
 from warp_cloth.kernels.pressure import push_kernel
 from warp_cloth.kernels.summary import FASTER, FREE, LOWER, MOVED, RELATIVE, WAYS, WEIGHTS, keep_kernel
 from warp_cloth.mesh import Points
 from warp_cloth.model import ClothModel
+from warp_cloth.percentiles import percentiles
 from warp_cloth.pieces import pieces
-from warp_cloth.result import Residual, Strain
+from warp_cloth.result import Residual
 from warp_cloth.solver.forces import ForcePass
 from warp_cloth.solver.relax import Relaxation
 from warp_cloth.solver.rest_error import GROWING, Mark, RestError, rest_error
@@ -303,103 +303,5 @@ def residual_summary(left: NDArray[np.float32], rms: float, relative_rms: float)
         weights, relative = weights[free], relative[free]
     if not len(weights):
         return Residual(0.0, 0.0, 0.0, 0.0, 0.0)
-    p99, relative_p99 = (_percentile(each, 0.99) for each in (weights, relative))
+    (p99,), (relative_p99,) = (percentiles(each, 0.99) for each in (weights, relative))
     return Residual(rms, p99, float(weights.max()), relative_rms, relative_p99)
-
-
-def _percentile(figures: NDArray[np.float32], share: float) -> float:
-    """What so many of the figures are below, as of ``_percentiles``."""
-    return _percentiles(figures, share)[0]
-
-
-def _percentiles(figures: NDArray[Any], *shares: float) -> list[float]:
-    """What such shares of the figures are below, between two as ``np.quantile`` of float64 has it, in less time."""
-    last = len(figures) - 1
-    around = [(math.floor(share * last), min(math.floor(share * last) + 1, last)) for share in shares]
-    some = np.partition(figures, sorted({place for both in around for place in both}))
-    found = []
-    for share, (first, second) in zip(shares, around, strict=True):
-        low, high, way = float(some[first]), float(some[second]), share * last - first
-        found.append(high - (high - low) * (1.0 - way) if way >= 0.5 else low + (high - low) * way)
-    return found
-
-
-def strain_summary(strain: NDArray[Any]) -> Strain:
-    """Percentiles of |strain| and the extremes of strain."""
-    most, least = float(strain.max()), float(strain.min())
-    p50, p99 = _percentiles(np.abs(strain), 0.5, 0.99) if not math.isnan(most) else (most, most)
-    return Strain(p50, p99, most, least)
-
-
-@dataclass(frozen=True, eq=False)
-class Strains:
-    """What a model's edges and threads are strained by, as the device has it: half as much to fetch as in float64."""
-
-    edge: NDArray[Any]  # strain (r - L) / L, shape [E]
-    stretch: NDArray[Any]  # r / L of every woven triangle along weft, warp and both biases, shape [T, 4]
-
-    def of_threads(self, some: slice = slice(None)) -> NDArray[Any]:
-        """Strain of woven triangles along weft, warp and both biases, shape [4, N], as float64 would tell it."""
-        own = np.ascontiguousarray(self.stretch[some].T)
-        if own.size and not (own.min() >= 0.5 and own.max() <= 2.0):  # within, taking 1 from it is exact
-            own = own.astype(np.float64)
-        return own - own.dtype.type(1.0)
-
-
-def measured_strains(model: ClothModel) -> Strains:
-    """Those of all its edges and woven triangles."""
-    return Strains(_measure_tension(model)[1].numpy(), _measure_weave(model)[1].numpy().reshape(-1, 4))
-
-
-def edge_strains(model: ClothModel) -> NDArray[np.float64]:
-    """Strain (r - L) / L of every edge, shape [E]."""
-    return _measure_tension(model)[1].numpy().astype(np.float64)
-
-
-def thread_summaries(strain: NDArray[Any]) -> dict[str, Strain]:
-    """Strains along "warp", "weft" and both ways of the "bias", as of ``Strains``; empty where nothing is woven."""
-    if not strain.size:
-        return {}
-    ways = {"warp": strain[1], "weft": strain[0], "bias": strain[2:].ravel()}
-    return {way: strain_summary(along) for way, along in ways.items()}
-
-
-def strain_bytes(model: ClothModel) -> int:
-    """Memory that strains take while they are measured."""
-    types = cloth_types(model.precision)
-    energy, real, vec4 = (wp.types.type_size_in_bytes(kind) for kind in (wp.float64, types.real, types.vec4))
-    return max((energy + real) * model.edge_count, (energy + vec4) * model.weave_count)
-
-
-def element_energies(model: ClothModel) -> tuple[NDArray[np.float64], ...]:
-    """Energy of every edge, shape [E], hinge, shape [H], and woven triangle, shape [T] [J]."""
-    fold = wp.zeros(model.hinge_count, dtype=wp.float64, device=model.device)
-    if model.hinges is not None:
-        kernel = bending_energy_kernel(model.precision, model.terms.angles)
-        wp.launch(kernel, dim=model.hinge_count, inputs=[model.cloth, model.hinges, fold], device=model.device)
-    return _measure_tension(model)[0].numpy(), fold.numpy(), _measure_weave(model)[0].numpy()
-
-
-def _measure_weave(model: ClothModel) -> tuple[wp.array, wp.array]:
-    """Energy [J] and stretches of every woven triangle."""
-    energy = wp.zeros(model.weave_count, dtype=wp.float64, device=model.device)
-    stretch = wp.zeros(model.weave_count, dtype=cloth_types(model.precision).vec4, device=model.device)
-    if model.weave is not None:
-        kernel = energy_kernels(model.precision).measure_weave
-        wp.launch(
-            kernel, dim=model.weave_count, inputs=[model.cloth, model.weave, energy, stretch], device=model.device
-        )
-    return energy, stretch
-
-
-def _measure_tension(model: ClothModel) -> tuple[wp.array, wp.array]:
-    """Energy [J] and strain of every edge."""
-    energy = wp.zeros(model.edge_count, dtype=wp.float64, device=model.device)
-    strain = wp.zeros(model.edge_count, dtype=cloth_types(model.precision).real, device=model.device)
-    wp.launch(
-        energy_kernels(model.precision).measure_tension,
-        dim=model.edge_count,
-        inputs=[model.cloth, model.edges, energy, strain],
-        device=model.device,
-    )
-    return energy, strain

@@ -14,12 +14,12 @@ from numpy.typing import NDArray
 from warp_cloth.garment.part import GarmentPart
 from warp_cloth.kernels.certify import energy_kernels
 from warp_cloth.model import ClothModel
-from warp_cloth.solver.certificate import edge_strains
 from warp_cloth.solver.hierarchy import build_hierarchy
 from warp_cloth.solver.implicit import ImplicitOptions, ImplicitStep, Pace
 from warp_cloth.solver.pairs import build_pairs
 from warp_cloth.solver.relax import DEFAULT_CAP, TIGHTER, Collider, Relaxation, StepOptions
 from warp_cloth.solver.simplified import Ladder, build_ladder
+from warp_cloth.solver.strains import edge_strains
 
 if TYPE_CHECKING:
     from warp_cloth.collide.cloth import ClothTouch

@@ -18,9 +18,9 @@ from warp_cloth.mesh import Mesh, Points
 from warp_cloth.result import Penetration, Status
 from warp_cloth.scene import Scene, load_scene
 from warp_cloth.set_up import SetUp, following, set_up_one, tolerance_of
-from warp_cloth.solver.certificate import edge_strains, strain_summary
 from warp_cloth.solver.loop import Goal, relax_items
 from warp_cloth.solver.relax import Relaxation
+from warp_cloth.solver.strains import edge_strains, strain_summary
 from warp_cloth.verdict import more_iterations, verdict
 
 
