@@ -10,8 +10,6 @@ import threading
 from collections.abc import Iterator
 from multiprocessing import resource_tracker
 
-from warp_cloth.threads import ALONE
-
 
 def end_with_parent() -> None:
     """Lets this process end as soon as its parent has."""
@@ -21,6 +19,8 @@ def end_with_parent() -> None:
 def begin_alone() -> None:
     """Likewise, and keeps to one thread: there are as many such processes as cores."""
     end_with_parent()
+    from warp_cloth.threads import ALONE  # and NumPy, for which who starts processes does not wait
+
     os.environ[ALONE] = "1"
 
 

@@ -77,7 +77,9 @@ def fit_many(
         every = list(chosen.values())
         ahead = partial(load_kernels, every[0], where) if gpu and shelf.fresh and every else lambda: None
         shelf.loaders.fill(rack, every, kept if gpu else None, ahead, shelf.spare)
-        gc.enable()  # which a worker does without while it begins
+        if not gc.isenabled():  # as in a worker that begins: what it has imported and loaded stays
+            gc.freeze()
+            gc.enable()
         shelf.fresh = False
     loaded: dict[int, Wardrobe] = {}
     groups: collections.defaultdict[tuple[Any, ...], list[int]] = collections.defaultdict(list)

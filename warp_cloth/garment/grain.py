@@ -9,7 +9,6 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
 
 from warp_cloth.errors import InputError
 from warp_cloth.mesh import Mesh
@@ -51,6 +50,8 @@ class Grain:
     def _painted(self, mesh: Mesh, path: Path, key: str) -> NDArray[np.float64]:
         if mesh.texcoords is None:
             raise InputError(f"{key}.grain_texture", "the mesh has no texture coordinates", "use grain_degrees")
+        from PIL import Image  # which few garments need
+
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")  # of damage beside the pixels, such as a camera's remarks
