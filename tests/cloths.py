@@ -8,14 +8,14 @@ from typing import Any
 import numpy as np
 import warp as wp
 
+from warp_cloth.base.mesh import Mesh, Points
+from warp_cloth.base.topology import Topology
 from warp_cloth.garment.part import GarmentPart
 from warp_cloth.garment.rest import RestShape, build_rest_shape
-from warp_cloth.kernels.cloth import cloth_types
+from warp_cloth.kernels.base.types import cloth_types
 from warp_cloth.material.fabric import Fabric
-from warp_cloth.mesh import Mesh, Points
-from warp_cloth.model import ClothModel, build_model
+from warp_cloth.model.model import ClothModel, build_model
 from warp_cloth.solver.forces import ForcePass
-from warp_cloth.topology import Topology
 
 STEP = 1e-7  # [m]; central differences of a smooth force: relative error near 1e-8
 NO_PINS = np.zeros(0, dtype=np.int32)

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from warp_cloth.mesh import Indices, Points
+from warp_cloth.base.mesh import Indices, Points
 
 SHEET_GAP = 0.012  # [m] between the halves of the sheet
 SLEEVE_GAP = 0.006  # [m]

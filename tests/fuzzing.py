@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 
 from hypothesis import strategies as st
 
-from warp_cloth.errors import InputError
+from warp_cloth.base.errors import InputError
 
 LONGEST_LINE = 1000  # letters; a message quotes at most a path, a value and some names
 T = TypeVar("T")

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import warp_cloth
-from warp_cloth.fitting import Fit
+from warp_cloth.fitting.fit import Fit
 
 SMALL = ("garment.shape.vertices_per_side=9",)  # the shipped hanging square, 81 vertices: at rest in 0.02 s
 

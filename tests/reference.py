@@ -10,14 +10,14 @@ from scipy.optimize import minimize
 from scipy.sparse import coo_matrix
 from scipy.sparse.linalg import splu
 
+from warp_cloth.base.mesh import Mesh, Points
 from warp_cloth.garment.part import GarmentPart
 from warp_cloth.garment.rest import RestShape
-from warp_cloth.kernels.cloth import cloth_types
-from warp_cloth.kernels.stiffness import stiffness_kernels, stiffness_types
-from warp_cloth.mesh import Mesh, Points
-from warp_cloth.model import build_model
+from warp_cloth.kernels.base.types import cloth_types
+from warp_cloth.kernels.elements.stiffness import stiffness_kernels, stiffness_types
+from warp_cloth.model.model import build_model
+from warp_cloth.solver.couplings import build_pairs
 from warp_cloth.solver.forces import ForcePass
-from warp_cloth.solver.pairs import build_pairs
 from warp_cloth.solver.strains import element_energies
 
 UNBALANCED = 3e-4  # vertex weights, rms; of the small garments here within 3 micrometres of ten times less

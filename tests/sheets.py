@@ -9,14 +9,14 @@ import numpy as np
 import warp as wp
 from cloths import NO_PINS, grid
 
-from warp_cloth.collide.cloth import ClothTouch
-from warp_cloth.collide.sheets import SheetKind
+from warp_cloth.base.mesh import Mesh, Points
+from warp_cloth.contact.cloth import ClothTouch
+from warp_cloth.contact.sheets import SheetKind
 from warp_cloth.garment.part import GarmentPart
 from warp_cloth.garment.rest import build_rest_shape
-from warp_cloth.kernels.cloth import cloth_types
+from warp_cloth.kernels.base.types import cloth_types
 from warp_cloth.material.fabric import Fabric
-from warp_cloth.mesh import Mesh, Points
-from warp_cloth.model import ClothModel, build_model
+from warp_cloth.model.model import ClothModel, build_model
 from warp_cloth.solver.relax import Relaxation
 
 THICKNESS = 2e-3  # [m]; thick beside the meshes' 20 mm edges, so that small sheets touch in many places

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial import Delaunay
 
-from warp_cloth.mesh import Mesh
+from warp_cloth.base.mesh import Mesh
 
 MESHINGS = ("alternating", "parallel", "turned", "random")
 

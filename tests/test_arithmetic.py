@@ -7,19 +7,7 @@ import numpy as np
 import pytest
 import warp as wp
 
-from warp_cloth.kernels.arithmetic import (
-    WIDTH,
-    chosen,
-    fused,
-    inner,
-    inverses,
-    quotient,
-    root,
-    roots,
-    scaled_sum,
-    shaped,
-)
-from warp_cloth.kernels.words import (
+from warp_cloth.kernels.math.packet import (
     above,
     alike,
     any_above,
@@ -39,6 +27,18 @@ from warp_cloth.kernels.words import (
     sums,
     three,
     times,
+)
+from warp_cloth.kernels.math.real import (
+    WIDTH,
+    chosen,
+    fused,
+    inner,
+    inverses,
+    quotient,
+    root,
+    roots,
+    scaled_sum,
+    shaped,
 )
 
 

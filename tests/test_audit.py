@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 import trimesh
 
-from warp_cloth.collide import field
-from warp_cloth.collide.audit import contact_error, near_surface, unseen_share
-from warp_cloth.collide.avatar import AvatarContact
-from warp_cloth.collide.exact import build_exact_collider
-from warp_cloth.errors import InputError
-from warp_cloth.mesh import Mesh
+from warp_cloth.avatar import field
+from warp_cloth.avatar.collider import AvatarContact
+from warp_cloth.avatar.error import contact_error, near_surface, unseen_share
+from warp_cloth.avatar.exact import build_exact_collider
+from warp_cloth.base.errors import InputError
+from warp_cloth.base.mesh import Mesh
 
 OFFSET = 0.003  # [m]
 SHARE_ERROR = 0.01  # of a share of area told by 10,000 samples

@@ -10,14 +10,14 @@ import pytest
 from typer.testing import CliRunner
 
 import warp_cloth
+from warp_cloth.avatar.depth import build_depth_buffers
+from warp_cloth.avatar.error import NearSurface, near_surface
+from warp_cloth.avatar.exact import build_exact_collider
+from warp_cloth.avatar.field import build_contact_field
+from warp_cloth.avatar.layers import build_layered_buffers
 from warp_cloth.bench.avatar import AvatarBench, named_places, run_avatar_bench, save_avatar_bench, table, walked
-from warp_cloth.cli import app
-from warp_cloth.collide.audit import NearSurface, near_surface
-from warp_cloth.collide.depth import build_depth_buffers
-from warp_cloth.collide.exact import build_exact_collider
-from warp_cloth.collide.field import build_contact_field
-from warp_cloth.collide.layers import build_layered_buffers
-from warp_cloth.garment.wardrobe import open_wardrobe
+from warp_cloth.cli.main import app
+from warp_cloth.garment.scene_garments import open_wardrobe
 from warp_cloth.loading import load_mesh
 
 JUMP = 0.002  # [mm] beyond a walk of 0.0008 mm: slopes of 1.4, as in creases, and float32's rounding

@@ -17,6 +17,7 @@ import pyarrow.parquet
 import pytest
 
 import warp_cloth
+from warp_cloth.base.errors import InputError
 from warp_cloth.batch import Item, run_batch
 from warp_cloth.batch.drive import Standing, _Drive
 from warp_cloth.batch.pool import LocalPool, Lost, best_shared
@@ -24,7 +25,6 @@ from warp_cloth.batch.progress import summary
 from warp_cloth.batch.rows import FAILED, ItemResult, empty_row
 from warp_cloth.batch.store import Keep, Store, cut
 from warp_cloth.batch.work import Done, Task, do_task
-from warp_cloth.errors import InputError
 from warp_cloth.export import stage
 from warp_cloth.export.files import whole_file
 

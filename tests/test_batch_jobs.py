@@ -10,8 +10,8 @@ import pyarrow
 import pyarrow.parquet
 import pytest
 
+from warp_cloth.base.errors import InputError
 from warp_cloth.batch import Item, read_jobs
-from warp_cloth.errors import InputError
 from warp_cloth.scene import load_scene
 
 ROWS: list[dict[str, Any]] = [

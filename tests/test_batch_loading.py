@@ -15,21 +15,22 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from warp_cloth.batch import ahead, common
+from warp_cloth.base.cache import Kept
+from warp_cloth.base.errors import InputError
+from warp_cloth.batch import shared_results as common
+from warp_cloth.batch import warm_kernels as ahead
 from warp_cloth.batch.arena import Arena
-from warp_cloth.batch.common import Drafts, keep_in, kept_in, once_for_all
 from warp_cloth.batch.loading import WORTH, Loaders, Shelf
 from warp_cloth.batch.many import fit_many
 from warp_cloth.batch.processes import context
-from warp_cloth.errors import InputError
-from warp_cloth.fitting import Fit
-from warp_cloth.garment.wardrobe import Rack, Recipe, avatar_recipe, mesh_recipes, open_wardrobe
-from warp_cloth.kept import Kept
-from warp_cloth.kernels.limits import SINGLE
-from warp_cloth.model import build_model
-from warp_cloth.patches import cutting
+from warp_cloth.batch.shared_results import Drafts, keep_in, kept_in, once_for_all
+from warp_cloth.fitting.fit import Fit
+from warp_cloth.fitting.problem import kind_of
+from warp_cloth.garment.scene_garments import Rack, Recipe, avatar_recipe, mesh_recipes, open_wardrobe
+from warp_cloth.kernels.base.options import SINGLE
+from warp_cloth.model.model import build_model
+from warp_cloth.model.patches import cutting
 from warp_cloth.scene import Scene, load_scene
-from warp_cloth.set_up import kind_of
 
 
 def scenes() -> list[Scene]:

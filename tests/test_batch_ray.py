@@ -11,10 +11,10 @@ import pyarrow.parquet
 import pytest
 import warp as wp
 
+from warp_cloth.base.errors import InputError
 from warp_cloth.batch import Item, run_batch
 from warp_cloth.batch.cluster import task_resources
 from warp_cloth.batch.drive import Standing
-from warp_cloth.errors import InputError
 
 ray = pytest.importorskip("ray")
 

@@ -6,7 +6,7 @@ import fcntl
 from pathlib import Path
 from types import SimpleNamespace
 
-from warp_cloth.batch.turns import FEW, Turn
+from warp_cloth.batch.gpu_queue import FEW, Turn
 
 
 def free(path: Path) -> bool:

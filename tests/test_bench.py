@@ -17,7 +17,7 @@ from warp_cloth.bench.save import save_bench, table
 from warp_cloth.bench.specimen import Specimen, weights_by_area
 from warp_cloth.bench.swatch import disc, on_finer_disc, strip
 from warp_cloth.bench.trials import SUPPORT_RADIUS, drape, drape_coefficient, drape_disc, held_by_support
-from warp_cloth.cli import app
+from warp_cloth.cli.main import app
 from warp_cloth.garment.triangles import triangle_areas
 from warp_cloth.material.fabric import fabric_named
 from warp_cloth.solver.certificate import Tolerance

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 import warp as wp
 
-from warp_cloth.collide import box_tree as trees
-from warp_cloth.collide.planting import Planting, first_order
-from warp_cloth.kernels.block import block_of, block_threads, lane_of
-from warp_cloth.kernels.box_tree import (
+from warp_cloth.contact import box_tree as trees
+from warp_cloth.contact.leaf_order import Planting, first_order
+from warp_cloth.kernels.base.block import block_of, block_threads, lane_of
+from warp_cloth.kernels.contact.box_tree import (
     LEAVES,
     WIDTH,
     BoxTree,

@@ -7,11 +7,11 @@ import pytest
 import warp as wp
 from cloths import bare_rest, grid, model_of
 
-from warp_cloth.collide.exact import build_exact_collider
+from warp_cloth.avatar.exact import build_exact_collider
+from warp_cloth.base.mesh import Mesh
 from warp_cloth.garment.rest import build_rest_shape
-from warp_cloth.kernels.closest import MeshCollider, mesh_contact
+from warp_cloth.kernels.avatar.closest import MeshCollider, mesh_contact
 from warp_cloth.material.fabric import Fabric
-from warp_cloth.mesh import Mesh
 from warp_cloth.shapes import sphere
 from warp_cloth.solver.certificate import CONTACT_SLACK, Certifier
 from warp_cloth.solver.relax import Collider, Relaxation, StepOptions

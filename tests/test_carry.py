@@ -11,10 +11,10 @@ from meshfiles import ball, write_obj, write_usd
 from pxr import Usd, UsdGeom, Vt
 
 import warp_cloth
-from warp_cloth.errors import InputError
-from warp_cloth.fitting import Fit
-from warp_cloth.garment.wardrobe import open_wardrobe
-from warp_cloth.result import Status
+from warp_cloth.base.errors import InputError
+from warp_cloth.fitting.fit import Fit
+from warp_cloth.garment.scene_garments import open_wardrobe
+from warp_cloth.model.result import Status
 from warp_cloth.view.live import LiveFit
 
 WAY = np.array([0.06, 0.02, -0.02])  # [m] that the ball goes: more than any garment could jump

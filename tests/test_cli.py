@@ -16,12 +16,12 @@ import pytest
 from rich.console import Console
 from typer.testing import CliRunner, Result
 
-from warp_cloth.cli import app, main, summary
-from warp_cloth.errors import InputError
-from warp_cloth.progress import ProgressDisplay
-from warp_cloth.result import Status
+from warp_cloth.base.errors import InputError
+from warp_cloth.cli.main import app, main, summary
+from warp_cloth.cli.progress import ProgressDisplay
+from warp_cloth.cli.terminal import keep_interrupts
+from warp_cloth.model.result import Status
 from warp_cloth.scene import Scene
-from warp_cloth.terminal import keep_interrupts
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ class Step:
 
 @dataclass
 class StandIn:
-    """Takes the place of warp_cloth.fitting: remembers how it was called, writes one file."""
+    """Takes the place of warp_cloth.fitting.fit: remembers how it was called, writes one file."""
 
     status: Status = Status.AT_REST
     error: BaseException | None = None
@@ -63,9 +63,9 @@ class StandIn:
 @pytest.fixture
 def stand_in(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> StandIn:
     stand_in = StandIn()
-    module = ModuleType("warp_cloth.fitting")
+    module = ModuleType("warp_cloth.fitting.fit")
     module.fit = stand_in.fit  # type: ignore[attr-defined]
-    monkeypatch.setitem(sys.modules, "warp_cloth.fitting", module)
+    monkeypatch.setitem(sys.modules, "warp_cloth.fitting.fit", module)
     monkeypatch.chdir(tmp_path)
     return stand_in
 
@@ -203,7 +203,7 @@ def test_the_command_itself_refuses_without_a_traceback(tmp_path: Path) -> None:
 
 def test_help_and_version_import_nothing_heavy(tmp_path: Path) -> None:
     code = (
-        "import sys\nsys.argv = ['warp-cloth', '{}']\nfrom warp_cloth.cli import main\n"
+        "import sys\nsys.argv = ['warp-cloth', '{}']\nfrom warp_cloth.cli.main import main\n"
         "try:\n    main()\nexcept SystemExit as end:\n    assert not end.code\n"
         "heavy = {{'warp', 'pxr', 'trimesh', 'numpy', 'pydantic'}} & set(sys.modules)\n"
         "assert not heavy, heavy\n"

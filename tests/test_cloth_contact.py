@@ -12,12 +12,12 @@ from cloths import NO_PINS, grid
 from sheets import FABRIC, THICKNESS, contact_forces, crumpled, iterate, look, lying, moved, sheets_at
 from touching import brute_energy, brute_forces, touching_pairs
 
-from warp_cloth.collide.cloth import ClothTouch
-from warp_cloth.collide.cloth_arrays import LEAST_THICKNESS
-from warp_cloth.collide.crossing import find_crossings
-from warp_cloth.collide.sheets import SheetKind
+from warp_cloth.contact.arrays import LEAST_THICKNESS
+from warp_cloth.contact.cloth import ClothTouch
+from warp_cloth.contact.crossing import find_crossings
+from warp_cloth.contact.sheets import SheetKind
 from warp_cloth.solver.certificate import Certifier, Tolerance
-from warp_cloth.solver.course import Course
+from warp_cloth.solver.contact_schedule import Course
 from warp_cloth.solver.loop import Goal, relax_items
 from warp_cloth.solver.relax import Collider, Relaxation, StepOptions
 

@@ -13,11 +13,11 @@ import warp as wp
 from folds import BALL, HANGING, Folded, folded_sheet, pleated_skirt, turned_sleeve, write_folded
 from touching import FORCE_ROUNDING, RELATIVE_ROUNDING, brute_forces, touching_pairs
 
-from warp_cloth.collide.crossing import find_crossings
-from warp_cloth.kernels.cloth import cloth_types
-from warp_cloth.result import Status
+from warp_cloth.contact.crossing import find_crossings
+from warp_cloth.fitting.problem import SetUp, following, set_up_one
+from warp_cloth.kernels.base.types import cloth_types
+from warp_cloth.model.result import Status
 from warp_cloth.scene import load_scene
-from warp_cloth.set_up import SetUp, following, set_up_one
 from warp_cloth.solver.certificate import Tolerance
 from warp_cloth.solver.loop import relax_to_rest
 

@@ -13,19 +13,19 @@ from cloths import NO_PINS, grid
 from sheets import THICKNESS, crumpled, iterate, look, moved, sheets_at
 
 import warp_cloth
-from warp_cloth.collide.box_tree import lists_of
-from warp_cloth.collide.crossing import find_crossings
-from warp_cloth.collide.exact import build_exact_collider, signed_distances
-from warp_cloth.collide.facing import Facing
-from warp_cloth.collide.placing import DEEP, clear_shift, way_told
-from warp_cloth.kernels.cloth_contact import EVER
-from warp_cloth.kernels.meeting import APART
-from warp_cloth.kernels.untangle import INSISTENCE, PATIENCE, spare_tangled
-from warp_cloth.mesh import Mesh
-from warp_cloth.numbering import Numbering
+from warp_cloth.avatar.exact import build_exact_collider, signed_distances
+from warp_cloth.avatar.placement import DEEP, clear_shift, way_told
+from warp_cloth.base.mesh import Mesh
+from warp_cloth.contact.box_tree import lists_of
+from warp_cloth.contact.crossing import find_crossings
+from warp_cloth.contact.facing import Facing
+from warp_cloth.kernels.contact.arrays import EVER
+from warp_cloth.kernels.contact.broad_phase import APART
+from warp_cloth.kernels.contact.untangle import INSISTENCE, PATIENCE, spare_tangled
+from warp_cloth.model.permutation import Numbering
 from warp_cloth.scene import SphereShape
 from warp_cloth.shapes import build_avatar
-from warp_cloth.solver.course import Course
+from warp_cloth.solver.contact_schedule import Course
 from warp_cloth.solver.relax import Collider, Relaxation, StepOptions
 
 
@@ -93,7 +93,7 @@ def test_what_is_tangled_is_pressed_again_once_it_is_not() -> None:
 
 
 def test_a_fold_that_passes_through_itself_comes_undone(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("warp_cloth.solver.course.MOST_SEWING", 0)  # no edge is a seam, however long
+    monkeypatch.setattr("warp_cloth.solver.contact_schedule.MOST_SEWING", 0)  # no edge is a seam, however long
     mesh = grid(25, 0.24)
     points = mesh.points.copy()
     u = (points[:, 0] - 0.12) / 0.06

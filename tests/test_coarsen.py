@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from cloths import grid
 
-from warp_cloth.mesh import Mesh
+from warp_cloth.base.mesh import Mesh
 from warp_cloth.scene.shapes import TshirtShape
 from warp_cloth.shapes import build_garment
 from warp_cloth.solver.coarsen import Coarse, coarsen, rest_pattern

@@ -8,14 +8,14 @@ from typing import Any
 
 import pytest
 
-from warp_cloth import set_up
-from warp_cloth.collide.box_tree import lists_of
-from warp_cloth.collide.cloth import ClothTouch
-from warp_cloth.kernels.box_tree import WIDTH
-from warp_cloth.model import build_model
-from warp_cloth.patches import on_device
+from warp_cloth.contact.box_tree import lists_of
+from warp_cloth.contact.cloth import ClothTouch
+from warp_cloth.fitting import problem as set_up
+from warp_cloth.fitting.problem import SetUp, set_up_one
+from warp_cloth.kernels.contact.box_tree import WIDTH
+from warp_cloth.model.model import build_model
+from warp_cloth.model.patches import on_device
 from warp_cloth.scene import load_scene
-from warp_cloth.set_up import SetUp, set_up_one
 from warp_cloth.study import sectors
 from warp_cloth.study.launches import Launch, launches_of
 from warp_cloth.study.traffic import Uses, array_uses

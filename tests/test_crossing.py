@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from cloths import grid
 
-from warp_cloth.collide.crossing import Sheets, find_crossings
+from warp_cloth.base.mesh import Indices, Mesh, Points
+from warp_cloth.base.topology import build_topology
+from warp_cloth.contact.crossing import Sheets, find_crossings
 from warp_cloth.loading import load_mesh
-from warp_cloth.mesh import Indices, Mesh, Points
-from warp_cloth.topology import build_topology
 
 SOUP_SIZE = 60  # triangles, in a box not much wider than each: they cross in many places
 TSHIRT_FACES = 217  # of the shared T-shirt that cross as it is loaded, counted by others, too

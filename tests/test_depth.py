@@ -9,8 +9,8 @@ import pytest
 import trimesh
 import warp as wp
 
-from warp_cloth.collide.depth import DepthBuffers, build_depth_buffers, contact_bounds
-from warp_cloth.errors import InputError
+from warp_cloth.avatar.depth import DepthBuffers, build_depth_buffers, contact_bounds
+from warp_cloth.base.errors import InputError
 
 PIXEL = 0.002  # [m]
 RADIUS = 0.15  # of the test sphere [m]

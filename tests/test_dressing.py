@@ -9,16 +9,16 @@ import pytest
 import warp as wp
 
 import warp_cloth
-from warp_cloth import dressing
+from warp_cloth.base.errors import InputError
 from warp_cloth.batch.loading import Shelf
 from warp_cloth.batch.many import fit_many
 from warp_cloth.batch.memory import need_of
-from warp_cloth.errors import InputError
-from warp_cloth.fitting import Fit
-from warp_cloth.garment.wardrobe import Rack, open_wardrobe
-from warp_cloth.result import Status
+from warp_cloth.fitting import predrape as dressing
+from warp_cloth.fitting.fit import Fit
+from warp_cloth.garment.scene_garments import Rack, open_wardrobe
+from warp_cloth.model.result import Status
 from warp_cloth.scene import Scene, load_scene
-from warp_cloth.scene.dressing import FABRIC, FRICTION, ITERATIONS, dressing_of
+from warp_cloth.scene.predrape import FABRIC, FRICTION, ITERATIONS, dressing_of
 from warp_cloth.solver.loop import relax_items
 
 CLOTH = ["garment.shape.vertices_per_side=9", "collision.pixel_mm=10", "solver.iterations=400"]

@@ -7,8 +7,8 @@ import pytest
 import trimesh
 import warp as wp
 
-from warp_cloth.collide.exact import build_exact_collider, depths_under, penetration, signed_distances
-from warp_cloth.mesh import Mesh
+from warp_cloth.avatar.exact import build_exact_collider, depths_under, penetration, signed_distances
+from warp_cloth.base.mesh import Mesh
 
 ROUNDING = 2.0e-6  # [m]: float32 positions within a metre
 

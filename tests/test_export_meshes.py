@@ -9,7 +9,7 @@ import pytest
 import trimesh
 from worn import box_avatar, worn
 
-from warp_cloth.errors import InputError
+from warp_cloth.base.errors import InputError
 from warp_cloth.export.formats import chosen_formats
 from warp_cloth.export.meshes import write_glb, write_obj
 from warp_cloth.loading import load_mesh

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 from worn import worn
 
-from warp_cloth.errors import InputError
+from warp_cloth.base.errors import InputError
 from warp_cloth.export.report import check_writable, write_map, write_report
-from warp_cloth.result import Status
+from warp_cloth.model.result import Status
 
 
 def test_report_reads_back(tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from warp_cloth.cli import app
+from warp_cloth.cli.main import app
 from warp_cloth.study import extremes
 from warp_cloth.study.extreme_meshes import caps, needles, square, torn, tube
 from warp_cloth.study.extremes import Case, Outcome, hanging, run_case, single_cases, theory_cap

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from warp_cloth.errors import InputError
+from warp_cloth.base.errors import InputError
 from warp_cloth.material.constants import thread_stretches
 from warp_cloth.material.fabric import (
     BOUNDS,

@@ -9,10 +9,10 @@ import pytest
 import trimesh
 import warp as wp
 
-from warp_cloth.collide.depth import build_depth_buffers
-from warp_cloth.collide.exact import build_exact_collider
-from warp_cloth.collide.field import FieldBuild, build_contact_field
-from warp_cloth.mesh import Mesh
+from warp_cloth.avatar.depth import build_depth_buffers
+from warp_cloth.avatar.exact import build_exact_collider
+from warp_cloth.avatar.field import FieldBuild, build_contact_field
+from warp_cloth.base.mesh import Mesh
 
 PIXEL = 0.002  # [m]; the grid is 5 mm then
 RADIUS = 0.15  # of the test sphere [m]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 import warp_cloth
-from warp_cloth.set_up import following, set_up_one
+from warp_cloth.fitting.problem import following, set_up_one
 from warp_cloth.solver.certificate import Look, Tolerance
 from warp_cloth.solver.loop import Goal, relax_items
 

@@ -16,10 +16,10 @@ from pxr import Usd, UsdGeom
 from quick import SMALL, hanging, quick
 
 import warp_cloth
-from warp_cloth.errors import InputError
+from warp_cloth.base.errors import InputError
 from warp_cloth.export import preview
-from warp_cloth.fitting import Fit, Progress
-from warp_cloth.result import Status
+from warp_cloth.fitting.fit import Fit, Progress
+from warp_cloth.model.result import Status
 from warp_cloth.scene import load_scene
 
 

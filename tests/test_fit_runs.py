@@ -13,9 +13,10 @@ import pytest
 from meshfiles import ball, sheet, write_obj
 from quick import SMALL, hanging, quick
 
-from warp_cloth import fitting, set_up
-from warp_cloth.collide import avatar as avatar_contact
-from warp_cloth.result import Status
+from warp_cloth.avatar import collider as avatar_contact
+from warp_cloth.fitting import fit as fitting
+from warp_cloth.fitting import problem as set_up
+from warp_cloth.model.result import Status
 from warp_cloth.solver.relax import StepOptions
 
 # Both are within the tolerance of 1 mm from the true rest shape, on either side of it.

@@ -10,11 +10,11 @@ import pytest
 import warp as wp
 from cloths import cloth_forces, grid, model_of, without
 
+from warp_cloth.base.mesh import Mesh, Points
 from warp_cloth.garment.rest import build_rest_shape
 from warp_cloth.material.fabric import resolve_fabric
-from warp_cloth.mesh import Mesh, Points
-from warp_cloth.model import ClothModel
-from warp_cloth.patches import on_device
+from warp_cloth.model.model import ClothModel
+from warp_cloth.model.patches import on_device
 from warp_cloth.solver.strains import element_energies
 
 # Central differences of fourth order with a step of 1e-3 of the shape's own detail leave a truncation near 1e-9 and

@@ -10,9 +10,9 @@ import pytest
 from meshfiles import write_obj
 
 import warp_cloth
-from warp_cloth.fitting import tolerance_of
-from warp_cloth.result import Status
-from warp_cloth.set_up import SetUp, following, set_up_one
+from warp_cloth.fitting.fit import tolerance_of
+from warp_cloth.fitting.problem import SetUp, following, set_up_one
+from warp_cloth.model.result import Status
 from warp_cloth.solver.loop import relax_to_rest
 
 WITHIN = 2.0  # [degrees] of the angle of friction, on either side

@@ -18,12 +18,12 @@ from hypothesis import strategies as st
 from meshfiles import WRITERS, sheet, write_obj
 from PIL import Image
 
+from warp_cloth.base.mesh import Mesh
 from warp_cloth.garment.grain import Grain
 from warp_cloth.garment.pins import select_pins
 from warp_cloth.garment.rest import build_rest_shape
 from warp_cloth.loading import load_mesh
 from warp_cloth.material.fabric import Fabric
-from warp_cloth.mesh import Mesh
 
 POINTS, TRIANGLES = sheet(4)
 UV = POINTS[:, :2]

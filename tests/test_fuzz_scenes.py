@@ -19,12 +19,12 @@ from hypothesis import strategies as st
 from meshfiles import ball, sheet, write_obj
 from typer.testing import CliRunner
 
-from warp_cloth.cli import app
+from warp_cloth.base.mesh import Mesh
+from warp_cloth.cli.main import app
 from warp_cloth.export import preview, stage
 from warp_cloth.garment.rest import build_rest_shape
 from warp_cloth.material.fabric import BOUNDS, Fabric, resolve_fabric
 from warp_cloth.material.laboratory import KEYS as LABORATORY
-from warp_cloth.mesh import Mesh
 from warp_cloth.scene import Scene, load_scene
 
 SCENE = """

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from warp_cloth.fitting.problem import set_up_one
 from warp_cloth.scene import load_scene
-from warp_cloth.set_up import set_up_one
-from warp_cloth.solver.leeway import _Gathered
+from warp_cloth.solver.anisotropic_step import _Gathered
 from warp_cloth.study.asked import STORED, Part
 from warp_cloth.study.gathered import gathered_work
 from warp_cloth.study.launches import Launch, launches_of

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 import warp_cloth
-from warp_cloth import given
+from warp_cloth.base import arguments as given
+from warp_cloth.base.errors import InputError
 from warp_cloth.batch import fit_many, fit_sizes, run_batch
-from warp_cloth.errors import InputError
 from warp_cloth.view.live import LiveFit
 
 

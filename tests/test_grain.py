@@ -10,12 +10,12 @@ import pytest
 from PIL import Image
 from swatches import swatch
 
-from warp_cloth.errors import InputError
+from warp_cloth.base.errors import InputError
+from warp_cloth.base.mesh import Mesh
 from warp_cloth.garment.grain import Grain
 from warp_cloth.garment.rest import build_rest_shape
-from warp_cloth.garment.wardrobe import open_wardrobe
+from warp_cloth.garment.scene_garments import open_wardrobe
 from warp_cloth.material.fabric import fabric_named
-from warp_cloth.mesh import Mesh
 from warp_cloth.scene import load_scene
 
 HUE_STEP = np.radians(180 / 255)  # an 8-bit image's

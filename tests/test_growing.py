@@ -7,10 +7,10 @@ from dataclasses import replace
 
 import pytest
 
-from warp_cloth.kernels.summary import ONCE
-from warp_cloth.result import Residual
+from warp_cloth.fitting.problem import SetUp, set_up_one, tolerance_of
+from warp_cloth.kernels.certificate.summary import ONCE
+from warp_cloth.model.result import Residual
 from warp_cloth.scene import load_scene
-from warp_cloth.set_up import SetUp, set_up_one, tolerance_of
 from warp_cloth.solver.certificate import Check, Tolerance
 
 STEP = 1e-5  # [m]

@@ -15,7 +15,7 @@ import pytest
 from meshfiles import WRITERS, ball, sheet, write_obj
 from typer.testing import CliRunner, Result
 
-from warp_cloth.cli import app
+from warp_cloth.cli.main import app
 from warp_cloth.export import preview
 
 STAGES = ("loading", "building", "compiling", "relaxing", "writing")

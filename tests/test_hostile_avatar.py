@@ -11,17 +11,17 @@ import trimesh
 from meshfiles import sheet, write_obj
 
 import warp_cloth
-from warp_cloth.advice import notes_of
-from warp_cloth.collide.avatar import AvatarContact
-from warp_cloth.collide.depth import build_depth_buffers
-from warp_cloth.collide.exact import build_exact_collider, penetration
-from warp_cloth.collide.field import build_contact_field
-from warp_cloth.collide.layers import build_layered_buffers
-from warp_cloth.collide.solid import closing_of
-from warp_cloth.errors import InputError
+from warp_cloth.avatar.collider import AvatarContact
+from warp_cloth.avatar.depth import build_depth_buffers
+from warp_cloth.avatar.exact import build_exact_collider, penetration
+from warp_cloth.avatar.field import build_contact_field
+from warp_cloth.avatar.layers import build_layered_buffers
+from warp_cloth.avatar.solid import closing_of
+from warp_cloth.base.errors import InputError
+from warp_cloth.base.mesh import Mesh
 from warp_cloth.loading import load_mesh
-from warp_cloth.mesh import Mesh
-from warp_cloth.result import Status
+from warp_cloth.model.result import Status
+from warp_cloth.report.advice import notes_of
 
 RADIUS = 0.08  # [m]
 CUT = 0.06  # height of the open neck [m]

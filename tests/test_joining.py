@@ -9,8 +9,8 @@ import pytest
 import warp as wp
 from numpy.typing import NDArray
 
-from warp_cloth import joining
-from warp_cloth.joining import joined
+from warp_cloth.model import upload as joining
+from warp_cloth.model.upload import joined
 
 NO_GPU = pytest.mark.skipif(not wp.is_cuda_available(), reason="no CUDA device")
 NUMBERS = np.arange(12, dtype=np.int32).reshape(4, 3)

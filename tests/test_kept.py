@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from warp_cloth.kept import Kept
+from warp_cloth.base.cache import Kept
 
 
 def maker(log: list[str], name: str) -> Callable[[], str]:

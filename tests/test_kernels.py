@@ -14,31 +14,38 @@ import pytest
 import warp as wp
 
 import warp_cloth.kernels
-from warp_cloth.kernels.bake import bake_kernels
-from warp_cloth.kernels.certify import bending_energy_kernel, energy_kernels, residual_kernel
-from warp_cloth.kernels.closest import MeshCollider, mesh_contact
-from warp_cloth.kernels.cloth import BOUNDS, FOURTH_PARTS, PRECISIONS
-from warp_cloth.kernels.contact_pairs import groups_kernel, leaves_kernel, pairs_kernel
-from warp_cloth.kernels.contact_search import box_kernel, start_kernel
-from warp_cloth.kernels.contact_sums import add_kernel
-from warp_cloth.kernels.crossing_search import crossing_groups_kernel, crossing_leaves_kernel, crossings_kernel
-from warp_cloth.kernels.depth import DepthSolid, plain_contact, solid_level
-from warp_cloth.kernels.displace import advance_kernel, displace_kernel
-from warp_cloth.kernels.displacement import NoCollider
-from warp_cloth.kernels.field import ContactField, field_contact
-from warp_cloth.kernels.gather import gather_kernel
-from warp_cloth.kernels.layers import LayeredSolid, layered_level
-from warp_cloth.kernels.limits import Terms
-from warp_cloth.kernels.pressing import press_kernel
-from warp_cloth.kernels.pressure import push_kernel
-from warp_cloth.kernels.scatter import edges_kernel, normals_kernel, triangles_kernel
-from warp_cloth.kernels.scatter_eight import eight_edges_kernel, eight_normals_kernel, eight_triangles_kernel
-from warp_cloth.kernels.untangle import layers_kernel, settle_kernel
+from warp_cloth.kernels.avatar.bake import bake_kernels
+from warp_cloth.kernels.avatar.closest import MeshCollider, mesh_contact
+from warp_cloth.kernels.avatar.depth import DepthSolid, plain_contact, solid_level
+from warp_cloth.kernels.avatar.field import ContactField, field_contact
+from warp_cloth.kernels.avatar.layers import LayeredSolid, layered_level
+from warp_cloth.kernels.base.options import Terms
+from warp_cloth.kernels.base.types import BOUNDS, FOURTH_PARTS, PRECISIONS
+from warp_cloth.kernels.certificate.pressure import push_kernel
+from warp_cloth.kernels.certificate.residual import bending_energy_kernel, energy_kernels, residual_kernel
+from warp_cloth.kernels.contact.crossing_search import crossing_groups_kernel, crossing_leaves_kernel, crossings_kernel
+from warp_cloth.kernels.contact.force import press_kernel
+from warp_cloth.kernels.contact.pairs import groups_kernel, leaves_kernel, pairs_kernel
+from warp_cloth.kernels.contact.search import box_kernel, start_kernel
+from warp_cloth.kernels.contact.sums import add_kernel
+from warp_cloth.kernels.contact.untangle import layers_kernel, settle_kernel
+from warp_cloth.kernels.passes.gather import gather_kernel
+from warp_cloth.kernels.passes.move import advance_kernel, displace_kernel
+from warp_cloth.kernels.passes.scatter import edges_kernel, normals_kernel, triangles_kernel
+from warp_cloth.kernels.passes.scatter_packets import eight_edges_kernel, eight_normals_kernel, eight_triangles_kernel
+from warp_cloth.kernels.passes.step import NoCollider
 
 FOLDER = Path(warp_cloth.kernels.__path__[0])
-FILES = sorted(path for path in FOLDER.glob("*.py") if path.name != "__init__.py")
+FILES = sorted(path for path in FOLDER.rglob("*.py") if path.name != "__init__.py")
 COLLIDERS = ((None, None), (field_contact, ContactField), (mesh_contact, MeshCollider), (plain_contact, DepthSolid))
 SOLIDS = ((solid_level, DepthSolid), (layered_level, LayeredSolid))
+
+
+def module_name(path: Path) -> str:
+    """The dotted name of a kernel file below ``warp_cloth.kernels``."""
+    return ".".join(path.relative_to(FOLDER).with_suffix("").parts)
+
+
 # Kernels may use these besides Warp and each other: they are written in a language of their own.
 STANDARD = {"functools", "math", "types", "typing"}
 
@@ -62,7 +69,7 @@ def device_code(tree: ast.AST) -> Iterator[tuple[str, ast.FunctionDef | ast.Clas
                     yield maker.attr, node
 
 
-@pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", FILES, ids=module_name)
 def test_every_kernel_function_and_struct_has_a_docstring(path: Path) -> None:
     tree = ast.parse(path.read_text(encoding="utf-8"))
     assert ast.get_docstring(tree), "the file itself"
@@ -70,7 +77,7 @@ def test_every_kernel_function_and_struct_has_a_docstring(path: Path) -> None:
         assert ast.get_docstring(node), f"{node.name}, line {node.lineno}"
 
 
-@pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", FILES, ids=module_name)
 def test_kernels_import_warp_and_each_other_only(path: Path) -> None:
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
         names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
@@ -79,7 +86,7 @@ def test_kernels_import_warp_and_each_other_only(path: Path) -> None:
             assert name in {"warp", *STANDARD} or name.startswith("warp_cloth.kernels."), name
 
 
-@pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", FILES, ids=module_name)
 def test_kernels_are_named_by_a_verb_and_write_to_outputs_named_so(path: Path) -> None:
     for kind, node in device_code(ast.parse(path.read_text(encoding="utf-8"))):
         if kind == "kernel":
@@ -97,9 +104,9 @@ def loaded(*kernels: Any) -> None:
     wp.force_load("cpu", modules=list(modules))
 
 
-@pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", FILES, ids=module_name)
 def test_kernels_outside_factories_compile(path: Path) -> None:
-    module = importlib.import_module(f"warp_cloth.kernels.{path.stem}")
+    module = importlib.import_module(f"warp_cloth.kernels.{module_name(path)}")
     kernels = [value for value in vars(module).values() if isinstance(value, wp.Kernel)]
     if kernels:
         loaded(*kernels)

@@ -9,13 +9,13 @@ import pytest
 import trimesh
 import warp as wp
 
-from warp_cloth.collide.depth import build_depth_buffers
-from warp_cloth.collide.exact import build_exact_collider
-from warp_cloth.collide.field import FieldBuild, build_contact_field
-from warp_cloth.collide.layers import LayeredBuffers, build_layered_buffers
-from warp_cloth.kernels.layers import UNBALANCED
+from warp_cloth.avatar.depth import build_depth_buffers
+from warp_cloth.avatar.exact import build_exact_collider
+from warp_cloth.avatar.field import FieldBuild, build_contact_field
+from warp_cloth.avatar.layers import LayeredBuffers, build_layered_buffers
+from warp_cloth.base.mesh import Mesh
+from warp_cloth.kernels.avatar.layers import UNBALANCED
 from warp_cloth.loading import load_mesh
-from warp_cloth.mesh import Mesh
 
 PIXEL = 0.002  # [m]
 RADIUS = 0.05  # of the test's limbs [m]

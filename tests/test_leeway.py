@@ -10,15 +10,15 @@ import warp as wp
 from cloths import cloth_forces, deformed_model, grid, model_of, slopes
 from test_carried import floor
 
+from warp_cloth.base.mesh import Mesh
 from warp_cloth.garment.part import GarmentPart
 from warp_cloth.garment.rest import build_rest_shape
-from warp_cloth.kernels.cloth import cloth_types
-from warp_cloth.kernels.displacement import loose_way
-from warp_cloth.kernels.stiffness import symmetric_functions
+from warp_cloth.kernels.base.types import cloth_types
+from warp_cloth.kernels.elements.stiffness import symmetric_functions
+from warp_cloth.kernels.passes.step import loose_way
 from warp_cloth.material.fabric import Fabric
-from warp_cloth.mesh import Mesh
-from warp_cloth.model import ClothModel, build_model
-from warp_cloth.solver.leeway import Leeway
+from warp_cloth.model.model import ClothModel, build_model
+from warp_cloth.solver.anisotropic_step import Leeway
 from warp_cloth.solver.relax import Collider, Relaxation, StepOptions
 
 MOST = 100.0

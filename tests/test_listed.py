@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 import warp as wp
 
-from warp_cloth.collide.box_tree import lists_of
-from warp_cloth.kernels.cloth_contact import ON_EDGE
-from warp_cloth.kernels.crossing_search import BY_TRIANGLE
+from warp_cloth.contact.box_tree import lists_of
+from warp_cloth.fitting.problem import set_up_one
+from warp_cloth.kernels.contact.arrays import ON_EDGE
+from warp_cloth.kernels.contact.crossing_search import BY_TRIANGLE
 from warp_cloth.scene import load_scene
-from warp_cloth.set_up import set_up_one
 from warp_cloth.study import sectors
 from warp_cloth.study.asked import STORED
 from warp_cloth.study.launches import Launch, launches_of

@@ -10,9 +10,9 @@ import pytest
 import trimesh
 from pxr import Usd, UsdGeom, Vt
 
-from warp_cloth.errors import InputError
+from warp_cloth.base.errors import InputError
+from warp_cloth.base.mesh import Mesh
 from warp_cloth.loading import load_mesh
-from warp_cloth.mesh import Mesh
 
 CASES = {"obj": 40, "ply": 40, "stl": 40, "glb": 40, "gltf": 30, "usda": 8, "usdc": 12}  # USD: a process each
 POINTS = np.array([[x, y, 0.0] for y in range(3) for x in range(3)]) / 2.0

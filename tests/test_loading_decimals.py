@@ -10,11 +10,11 @@ from meshfiles import sheet, write_obj
 from pxr import Gf, Sdf, Usd, UsdGeom, Vt
 from stages import add_mesh, local
 
+from warp_cloth.base.mesh import Mesh
 from warp_cloth.garment.rest import build_rest_shape
 from warp_cloth.loading import load_mesh
 from warp_cloth.loading.decimals import float32_doubt, half_step, shortest_decimals
 from warp_cloth.material.fabric import fabric_named
-from warp_cloth.mesh import Mesh
 
 DECIMALS = 6  # as exporters write metres; float32 near 2 m holds them, a step being 0.2 um
 WRITTEN = np.round(np.random.default_rng(7).uniform(-2.0, 2.0, (500, 3)), DECIMALS)

@@ -11,9 +11,9 @@ import pytest
 import trimesh
 from pxr import Gf, Sdf, Usd, UsdGeom, Vt
 
-from warp_cloth.errors import InputError
+from warp_cloth.base.errors import InputError
+from warp_cloth.base.mesh import Mesh
 from warp_cloth.loading import load_mesh
-from warp_cloth.mesh import Mesh
 
 FLOAT32_AT_ONE_METRE = 1e-7  # most formats store float32
 POINTS = np.array([[x, y, 0.1 * x * y] for y in range(4) for x in range(4)]) / 3.0

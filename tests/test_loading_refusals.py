@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from meshfiles import sheet, write_ply
 
-from warp_cloth.errors import InputError
+from warp_cloth.base.errors import InputError
 from warp_cloth.loading import load_mesh
 
 SQUARE = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n"

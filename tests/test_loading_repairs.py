@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from warp_cloth.errors import InputError
+from warp_cloth.base.errors import InputError
+from warp_cloth.base.mesh import Mesh
 from warp_cloth.loading import load_mesh
-from warp_cloth.mesh import Mesh
 
 SQUARE = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n"
 TRIANGLES = "f 1 2 3\nf 1 3 4\n"

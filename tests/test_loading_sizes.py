@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from meshfiles import sheet, write_obj
 
-from warp_cloth.errors import InputError
+from warp_cloth.base.errors import InputError
+from warp_cloth.base.mesh import Mesh
 from warp_cloth.loading import check_sizes, load_mesh
-from warp_cloth.mesh import Mesh
 
 
 def load(tmp_path: Path, extent: float, role: str = "garment", units: str | None = None, low: float = 0.0) -> Mesh:

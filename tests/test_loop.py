@@ -8,12 +8,12 @@ from functools import partial
 import numpy as np
 import pytest
 
-from warp_cloth import set_up as set_up_module
-from warp_cloth.fitting import tolerance_of
-from warp_cloth.garment.wardrobe import open_wardrobe
-from warp_cloth.model import build_model
+from warp_cloth.fitting import problem as set_up_module
+from warp_cloth.fitting.fit import tolerance_of
+from warp_cloth.fitting.problem import following, set_up
+from warp_cloth.garment.scene_garments import open_wardrobe
+from warp_cloth.model.model import build_model
 from warp_cloth.scene import load_scene
-from warp_cloth.set_up import following, set_up
 from warp_cloth.solver.loop import Goal, Outcome, chunks, relax_items
 from warp_cloth.study.launches import launches_of
 

@@ -11,26 +11,26 @@ import pytest
 import warp as wp
 
 import warp_cloth
-from warp_cloth import set_up
+from warp_cloth.avatar.collider import AvatarContact
+from warp_cloth.avatar.exact import penetration, penetrations
+from warp_cloth.base.errors import InputError
+from warp_cloth.base.threads import ALONE
 from warp_cloth.batch import many
 from warp_cloth.batch.loading import Shelf
 from warp_cloth.batch.many import fit_many
 from warp_cloth.batch.memory import Need, cut_to_fit, need_of, side_by_side
-from warp_cloth.collide import garments
-from warp_cloth.collide.avatar import AvatarContact
-from warp_cloth.collide.exact import penetration, penetrations
-from warp_cloth.collide.garments import model_crossings, worn_crossings
-from warp_cloth.errors import InputError
-from warp_cloth.fitting import Fit, tolerance_of
-from warp_cloth.garment.wardrobe import open_wardrobe
-from warp_cloth.kernels.listed import GROUP
-from warp_cloth.model import build_model
-from warp_cloth.result import Status
+from warp_cloth.contact import garments
+from warp_cloth.contact.garments import model_crossings, worn_crossings
+from warp_cloth.fitting import problem as set_up
+from warp_cloth.fitting.fit import Fit, tolerance_of
+from warp_cloth.fitting.problem import SetUp
+from warp_cloth.garment.scene_garments import open_wardrobe
+from warp_cloth.kernels.base.subset import GROUP
+from warp_cloth.model.model import build_model
+from warp_cloth.model.result import Status
 from warp_cloth.scene import Scene, load_scene
-from warp_cloth.set_up import SetUp
-from warp_cloth.solver.at_work import AtWork
+from warp_cloth.solver.active_set import AtWork
 from warp_cloth.solver.loop import Goal, relax_items
-from warp_cloth.threads import ALONE
 
 ON_SPHERE = ["solver.iterations=330", "collision.pixel_mm=10"]
 HANGING = ["garment.shape.vertices_per_side=6", "solver.iterations=250"]

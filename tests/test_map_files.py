@@ -12,7 +12,7 @@ from PIL import Image
 from pxr import Usd, UsdGeom, UsdShade, UsdValidation
 from worn import box_avatar, worn
 
-from warp_cloth.errors import InputError
+from warp_cloth.base.errors import InputError
 from warp_cloth.export.comparison import save_comparison
 from warp_cloth.export.map_picture import MapPictures, ticks
 from warp_cloth.export.stage import write_stage
@@ -21,7 +21,7 @@ from warp_cloth.loading.result import WrittenFit, read_fit
 from warp_cloth.maps import MAPS
 from warp_cloth.maps.colour import colours, shown_value
 from warp_cloth.maps.compare import compare_fits
-from warp_cloth.result import WornGarment
+from warp_cloth.model.result import WornGarment
 
 RANGES = {"pressure": (0.0, 2.0), "strain_warp": (-0.1, 0.1)}
 

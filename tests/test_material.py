@@ -15,7 +15,7 @@ from warp_cloth.bench.specimen import Specimen
 from warp_cloth.bench.trials import bend, drape, pull, released, shear
 from warp_cloth.garment.grain import Grain
 from warp_cloth.garment.rest import build_rest_shape
-from warp_cloth.kernels.cloth import cloth_types
+from warp_cloth.kernels.base.types import cloth_types
 from warp_cloth.material.fabric import Fabric, fabric_named, resolve_fabric
 from warp_cloth.material.laboratory import MATCHED_FOLD, MATCHED_SHEAR_ANGLE, bending_length, rigidity_of_bending
 from warp_cloth.solver.certificate import Tolerance

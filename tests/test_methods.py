@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from warp_cloth.cli import app
-from warp_cloth.garment.wardrobe import open_wardrobe
+from warp_cloth.cli.main import app
+from warp_cloth.garment.scene_garments import open_wardrobe
 from warp_cloth.scene import load_scene
 from warp_cloth.study import methods
 from warp_cloth.study.methods import Look, Run, run_case

@@ -9,22 +9,22 @@ import pytest
 import warp as wp
 from cloths import grid
 
-from warp_cloth import set_up as set_up_module
+from warp_cloth.fitting import problem as set_up_module
+from warp_cloth.fitting.problem import following, set_up_one, start_coarse
 from warp_cloth.garment.part import GarmentPart
 from warp_cloth.garment.rest import build_rest_shape
-from warp_cloth.kernels.conjugate import conjugate_types
-from warp_cloth.kernels.implicit import hold_function, meets_function, momentum_kernels
-from warp_cloth.kernels.stiffness import stiffness_types
+from warp_cloth.kernels.elements.stiffness import stiffness_types
+from warp_cloth.kernels.implicit.conjugate_gradient import conjugate_types
+from warp_cloth.kernels.implicit.step import hold_function, meets_function, momentum_kernels
 from warp_cloth.material.fabric import Fabric
-from warp_cloth.model import ClothModel, build_model
-from warp_cloth.result import Status
+from warp_cloth.model.model import ClothModel, build_model
+from warp_cloth.model.result import Status
 from warp_cloth.scene import load_scene
-from warp_cloth.set_up import following, set_up_one, start_coarse
 from warp_cloth.solver.certificate import Certifier, Tolerance
 from warp_cloth.solver.implicit import ImplicitOptions, Pace
 from warp_cloth.solver.loop import Outcome, relax_to_rest
 from warp_cloth.solver.multilevel import BOUNDS, LOOK, MultilevelRelaxation
-from warp_cloth.solver.parts import launch_blocks, split
+from warp_cloth.solver.reduction import launch_blocks, split
 from warp_cloth.solver.relax import TIGHTER, Collider, StepOptions
 from warp_cloth.solver.simplified import build_ladder
 from warp_cloth.solver.strains import edge_strains
@@ -32,7 +32,7 @@ from warp_cloth.solver.strains import edge_strains
 MOST_GROWTH = 2.0  # of the iterations where the vertices become 10 times as many; one level needs 3 times as many
 LIMIT = 10_000
 STRAY = 5e-3  # [m], a third of an edge
-STAYS, SLIDES = 2, 1  # as in kernels.conjugate
+STAYS, SLIDES = 2, 1  # as in kernels.implicit.conjugate_gradient
 FABRIC = Fabric(stretch_warp=2e5, stretch_weft=2e5)
 
 

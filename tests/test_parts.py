@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import warp as wp
 
-from warp_cloth.kernels.parts import SUMMED, Parts, sum_part, totals
-from warp_cloth.solver.parts import MOST, launch_blocks, split
+from warp_cloth.kernels.base.reduction import SUMMED, Parts, sum_part, totals
+from warp_cloth.solver.reduction import MOST, launch_blocks, split
 
 
 @wp.kernel

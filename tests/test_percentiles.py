@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from warp_cloth.percentiles import percentiles
+from warp_cloth.base.percentiles import percentiles
 
 
 @pytest.mark.parametrize("count", [1, 2, 3, 5, 100, 101, 7421])

@@ -10,8 +10,8 @@ from cloths import grid
 from meshfiles import write_obj
 
 import warp_cloth
-from warp_cloth.collide.exact import signed_distances
-from warp_cloth.collide.piercing import edge_places, face_places, may_show, pierced, shown
+from warp_cloth.avatar.exact import signed_distances
+from warp_cloth.avatar.penetration import edge_places, face_places, may_show, pierced, shown
 from warp_cloth.shapes import sphere
 
 BALL = sphere(radius=0.05, centre=(0.0, 0.0, 0.0), edge=0.01)

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from warp_cloth.errors import InputError
+from warp_cloth.base.errors import InputError
+from warp_cloth.base.mesh import Mesh
 from warp_cloth.garment.pins import boundary_loops, select_pins
-from warp_cloth.mesh import Mesh
 
 
 @dataclass

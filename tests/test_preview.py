@@ -11,10 +11,10 @@ import warp as wp
 from PIL import Image
 from worn import box_avatar, worn
 
+from warp_cloth.base.mesh import Mesh
 from warp_cloth.export.preview import BACKGROUND, write_preview
 from warp_cloth.export.surface import cloth_colour, linear, srgb, winds_outward
-from warp_cloth.mesh import Mesh
-from warp_cloth.result import WornGarment
+from warp_cloth.model.result import WornGarment
 
 SIZE = (360, 200)
 # sRGB bytes between the colour of a blue or a red cloth in any light and the avatar's grey

@@ -12,12 +12,12 @@ import warp as wp
 from cloths import grid
 from reference import true_rest
 
+from warp_cloth.base.mesh import Mesh
 from warp_cloth.garment.part import GarmentPart
 from warp_cloth.garment.rest import build_rest_shape
 from warp_cloth.material.fabric import Fabric
-from warp_cloth.mesh import Mesh
-from warp_cloth.model import build_model
-from warp_cloth.result import Status
+from warp_cloth.model.model import build_model
+from warp_cloth.model.result import Status
 from warp_cloth.solver.certificate import Certifier, Tolerance
 from warp_cloth.solver.loop import relax_to_rest
 from warp_cloth.solver.multilevel import relaxation_by

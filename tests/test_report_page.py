@@ -10,9 +10,9 @@ from typing import Any
 import pytest
 from PIL import Image
 
-from warp_cloth.advice import advice
 from warp_cloth.export.report_page import certificate_rows, write_report_page
-from warp_cloth.fitting import fit
+from warp_cloth.fitting.fit import fit
+from warp_cloth.report.advice import advice
 
 
 @pytest.fixture(scope="module")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from warp_cloth.result import Residual
+from warp_cloth.model.result import Residual
 from warp_cloth.solver.certificate import residual_summary
 
 

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 from cloths import grid
 
-from warp_cloth.errors import InputError
+from warp_cloth.base.errors import InputError
+from warp_cloth.base.mesh import Mesh
+from warp_cloth.base.topology import build_topology
 from warp_cloth.garment.rest import RestShape, build_rest_shape
 from warp_cloth.garment.triangles import triangle_areas
 from warp_cloth.loading.sizes import GUESS_NOTE
 from warp_cloth.material.fabric import Fabric, shipped_fabrics
-from warp_cloth.mesh import Mesh
-from warp_cloth.topology import build_topology
 
 # Lengths and areas of a few operations on float64 numbers near 1.
 ROUNDING = 1e-12

@@ -10,21 +10,21 @@ import pytest
 import warp as wp
 from cloths import cloth_forces, grid, model_of
 
+from warp_cloth.base.mesh import Mesh, Points
+from warp_cloth.base.topology import build_topology
 from warp_cloth.garment.folds import fold_angles
 from warp_cloth.garment.rest import build_rest_shape
-from warp_cloth.garment.wardrobe import open_wardrobe
-from warp_cloth.kernels.cloth import cloth_types
+from warp_cloth.garment.scene_garments import open_wardrobe
+from warp_cloth.kernels.base.types import cloth_types
 from warp_cloth.material.fabric import Fabric, fabric_named
-from warp_cloth.mesh import Mesh, Points
-from warp_cloth.model import ClothModel
-from warp_cloth.result import Status
+from warp_cloth.model.model import ClothModel
+from warp_cloth.model.result import Status
 from warp_cloth.scene import load_scene
 from warp_cloth.solver.certificate import Certifier, Tolerance
 from warp_cloth.solver.forces import ForcePass
 from warp_cloth.solver.loop import relax_to_rest
 from warp_cloth.solver.relax import Collider, Relaxation, StepOptions
 from warp_cloth.solver.strains import element_energies
-from warp_cloth.topology import build_topology
 
 FLAT = grid(5, 0.2)
 BOARD = Fabric(stretch_warp=2e3, stretch_weft=2e3, bending_warp=1e-5, bending_weft=1e-5)  # it turns soon

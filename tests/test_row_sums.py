@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from cloths import grid
 
-from warp_cloth import parts
-from warp_cloth.material.row_sums import LONGEST, RowSums
-from warp_cloth.topology import build_topology
+from warp_cloth.base import chunks as parts
+from warp_cloth.base.row_sums import LONGEST, RowSums
+from warp_cloth.base.topology import build_topology
 
 WIDTH = 41  # of a grid whose rows take several parts
 

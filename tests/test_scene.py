@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from warp_cloth.errors import InputError
+from warp_cloth.base.errors import InputError
 from warp_cloth.material.fabric import fabric_named, generic_fabric
 from warp_cloth.scene import GarmentSpec, Scene, load_scene, shipped_scenes
 from warp_cloth.scene.schema import AvatarSpec, CollisionSpec, SolverSpec

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from warp_cloth.errors import InputError
+from warp_cloth.base.errors import InputError
 from warp_cloth.scene import load_scene
 
 MINIMAL = 'garment.mesh = "shirt.obj"\n'

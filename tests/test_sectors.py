@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 import warp as wp
 
-from warp_cloth.kernels.block import BLOCK_THREADS
-from warp_cloth.kernels.cloth import Patch
-from warp_cloth.kernels.field import ContactField, sample_field
-from warp_cloth.kernels.limits import SINGLE
-from warp_cloth.kernels.press_queue import ROUNDS
-from warp_cloth.model import build_model
-from warp_cloth.patches import on_device
+from warp_cloth.fitting.problem import set_up_one
+from warp_cloth.kernels.avatar.field import ContactField, sample_field
+from warp_cloth.kernels.base.block import BLOCK_THREADS
+from warp_cloth.kernels.base.options import SINGLE
+from warp_cloth.kernels.base.types import Patch
+from warp_cloth.kernels.contact.narrow_phase_queue import ROUNDS
+from warp_cloth.model.model import build_model
+from warp_cloth.model.patches import on_device
 from warp_cloth.scene import load_scene
-from warp_cloth.set_up import set_up_one
 from warp_cloth.solver.relax import Collider, Relaxation, StepOptions
 from warp_cloth.study import sectors
 from warp_cloth.study.launches import Launch, launches_of

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 import trimesh
 
-from warp_cloth.errors import InputError
-from warp_cloth.mesh import Mesh
+from warp_cloth.base.errors import InputError
+from warp_cloth.base.mesh import Mesh
 from warp_cloth.shapes import (
     SIZE_BODIES,
     MannequinMeasures,

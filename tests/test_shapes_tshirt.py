@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 import trimesh
 
-from warp_cloth.errors import InputError
-from warp_cloth.kept import Kept
-from warp_cloth.mesh import Mesh
+from warp_cloth.base.cache import Kept
+from warp_cloth.base.errors import InputError
+from warp_cloth.base.mesh import Mesh
 from warp_cloth.shapes import SIZE_BODIES, MannequinMeasures, tshirt
 from warp_cloth.shapes.body import calibrated_form
 from warp_cloth.shapes.pattern import SIZE_MEASURES, Panel, Pattern, curve_length, tshirt_pattern

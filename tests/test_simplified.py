@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from cloths import NO_PINS, grid
 
-from warp_cloth.fitting import fit
+from warp_cloth.base.mesh import Mesh
+from warp_cloth.fitting.fit import fit
 from warp_cloth.garment.grain import Grain
 from warp_cloth.garment.part import GarmentPart
 from warp_cloth.garment.rest import build_rest_shape
 from warp_cloth.material.fabric import Fabric, shipped_fabrics
-from warp_cloth.mesh import Mesh
-from warp_cloth.result import Status
+from warp_cloth.model.result import Status
 from warp_cloth.scene.shapes import TshirtShape
 from warp_cloth.shapes import build_garment
 from warp_cloth.solver import simplified

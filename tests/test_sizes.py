@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from warp_cloth.base.errors import InputError
 from warp_cloth.batch.sizes import LevelFit, SizeFit, fit_sizes, recommendation
-from warp_cloth.cli import app
-from warp_cloth.errors import InputError
+from warp_cloth.cli.main import app
 
 QUICK = ["garment.shape.edge_mm=55", "solver.iterations=600", "collision.pixel_mm=10"]
 

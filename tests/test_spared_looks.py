@@ -8,12 +8,12 @@ import trimesh
 import warp as wp
 from cloths import grid, model_of
 
-from warp_cloth.collide.depth import build_depth_buffers
-from warp_cloth.collide.field import FieldBuild, build_contact_field
+from warp_cloth.avatar.depth import build_depth_buffers
+from warp_cloth.avatar.field import FieldBuild, build_contact_field
+from warp_cloth.base.mesh import Mesh
 from warp_cloth.garment.rest import build_rest_shape
-from warp_cloth.kernels.field import ContactField, field_clearance, field_contact
+from warp_cloth.kernels.avatar.field import ContactField, field_clearance, field_contact
 from warp_cloth.material.fabric import Fabric
-from warp_cloth.mesh import Mesh
 from warp_cloth.solver.relax import Collider, Relaxation, StepOptions
 
 RADIUS = 0.1  # of the avatar, a ball [m]

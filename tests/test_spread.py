@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 from cloths import grid
 
+from warp_cloth.base.mesh import Points
+from warp_cloth.base.topology import build_topology
 from warp_cloth.garment.elements import garment_elements
 from warp_cloth.garment.rest import build_rest_shape
-from warp_cloth.kernels.limits import Terms
+from warp_cloth.kernels.base.options import Terms
 from warp_cloth.material.fabric import resolve_fabric
-from warp_cloth.mesh import Points
-from warp_cloth.patches.cutting import cut_patches
-from warp_cloth.patches.spread import spread_places
-from warp_cloth.topology import build_topology
+from warp_cloth.model.patches.cutting import cut_patches
+from warp_cloth.model.patches.spread import spread_places
 
 COUNT = 40  # vertices a side
 FABRIC = resolve_fabric({"stretch": 20e3, "bending": 1e-5})

@@ -11,10 +11,10 @@ import pytest
 from pxr import Kind, Usd, UsdGeom, UsdShade, UsdValidation
 from worn import FRAME_COUNT, box_avatar, worn
 
-from warp_cloth.errors import InputError
+from warp_cloth.base.errors import InputError
 from warp_cloth.export.stage import FIRST_FRAME, write_stage
 from warp_cloth.export.surface import cloth_colour, linear
-from warp_cloth.result import WornGarment
+from warp_cloth.model.result import WornGarment
 
 # Sums of at most eight float32 cross products, normalised in float64 and rounded once.
 NORMAL_TOLERANCE = 2e-7

@@ -9,14 +9,14 @@ from cloths import cloth_forces, deformed_model, grid, model_of, slopes, without
 
 from warp_cloth.garment.part import GarmentPart
 from warp_cloth.garment.rest import build_rest_shape
-from warp_cloth.kernels.displacement import NoCollider
-from warp_cloth.kernels.levels import level_kernels, level_types
-from warp_cloth.kernels.stiffness import stiffness_kernels, stiffness_types
+from warp_cloth.kernels.elements.stiffness import stiffness_kernels, stiffness_types
+from warp_cloth.kernels.implicit.coarse_levels import level_kernels, level_types
+from warp_cloth.kernels.passes.step import NoCollider
 from warp_cloth.material.fabric import Fabric
-from warp_cloth.model import ClothModel
+from warp_cloth.model.model import ClothModel
+from warp_cloth.solver.couplings import build_pairs
 from warp_cloth.solver.hierarchy import build_hierarchy
 from warp_cloth.solver.implicit import ImplicitOptions, ImplicitStep
-from warp_cloth.solver.pairs import build_pairs
 from warp_cloth.solver.simplified import build_ladder
 
 DIFFERENCE = 1e-6

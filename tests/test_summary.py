@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from warp_cloth.garment.wardrobe import open_wardrobe
+from warp_cloth.fitting.problem import set_up
+from warp_cloth.garment.scene_garments import open_wardrobe
 from warp_cloth.scene import load_scene
-from warp_cloth.set_up import set_up
 from warp_cloth.solver.certificate import bounds
 
 CHANGES = ["garment.shape.vertices_per_side=9", "collision.pixel_mm=10"]

@@ -10,20 +10,20 @@ import warp as wp
 from cloths import grid, model_of
 from test_carried import floor
 
-from warp_cloth.errors import InputError
+from warp_cloth.base.errors import InputError
+from warp_cloth.base.mesh import Mesh
+from warp_cloth.base.threads import ALONE
+from warp_cloth.fitting.problem import set_up_one
 from warp_cloth.garment.rest import build_rest_shape
-from warp_cloth.kernels.cloth import cloth_types
-from warp_cloth.kernels.sharing import APART, meet_threads
+from warp_cloth.kernels.base.types import cloth_types
+from warp_cloth.kernels.passes.domains import APART, meet_threads
 from warp_cloth.material.fabric import Fabric
-from warp_cloth.mesh import Mesh
-from warp_cloth.model import ClothModel, GarmentPart, build_model
+from warp_cloth.model.model import ClothModel, GarmentPart, build_model
 from warp_cloth.scene import load_scene
-from warp_cloth.set_up import set_up_one
-from warp_cloth.solver import together
+from warp_cloth.solver import parallel_domains as together
+from warp_cloth.solver.domains import CONSTANT, ITERATED, cut_model
+from warp_cloth.solver.parallel_domains import LONGEST_PAUSE, Pause, thread_count
 from warp_cloth.solver.relax import Collider, Relaxation, StepOptions
-from warp_cloth.solver.shares import CONSTANT, ITERATED, cut_model
-from warp_cloth.solver.together import LONGEST_PAUSE, Pause, thread_count
-from warp_cloth.threads import ALONE
 
 WOVEN = Fabric(stretch_warp=2e4, stretch_weft=1e4, shear=100.0, bending_warp=1e-5, bending_weft=1e-5)
 EDGES = Fabric(stretch_warp=2e4, stretch_weft=1e4, bending_warp=1e-5, bending_weft=1e-5)

@@ -7,8 +7,8 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from warp_cloth import topology
-from warp_cloth.topology import ragged_rows, sorted_keys, stable_order
+from warp_cloth.base import topology
+from warp_cloth.base.topology import ragged_rows, sorted_keys, stable_order
 
 
 @pytest.mark.parametrize("share", [4, 1 << 15])

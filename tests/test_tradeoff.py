@@ -12,9 +12,9 @@ import pytest
 from cloths import grid
 from typer.testing import CliRunner
 
-from warp_cloth.cli import app
-from warp_cloth.errors import InputError
-from warp_cloth.fitting import fit
+from warp_cloth.base.errors import InputError
+from warp_cloth.cli.main import app
+from warp_cloth.fitting.fit import fit
 from warp_cloth.scene import load_scene
 from warp_cloth.shapes import square
 from warp_cloth.study import knobs, tradeoff
@@ -179,7 +179,7 @@ def measured(settings: dict[str, str]) -> Measured:
 def test_the_snippet_can_be_pasted_into_a_scene_file() -> None:
     best = measured({"solver.method": "direct", "solver.iterations": "500", "collision.pixel_mm": "4"})
     text = snippet(Trade("scene", "cpu", 2.0, "", True, 0.1, (best,), (best,), best))
-    from warp_cloth.toml_file import tomllib
+    from warp_cloth.base.toml_file import tomllib
 
     assert tomllib.loads(text) == {"solver": {"method": "direct", "iterations": 500}, "collision": {"pixel_mm": 4}}
 

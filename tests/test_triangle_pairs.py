@@ -7,16 +7,16 @@ import pytest
 from cloths import cloth_forces, grid, model_of
 from scipy.spatial import Delaunay
 
+from warp_cloth.base.cache import Kept
+from warp_cloth.base.mesh import Mesh
+from warp_cloth.base.topology import build_topology
 from warp_cloth.garment.elements import garment_elements
 from warp_cloth.garment.rest import RestShape, build_rest_shape
-from warp_cloth.kept import Kept
-from warp_cloth.kernels.limits import CODE_BITS, NUMBER_BITS, SLOTS, WORD_CODE, WORD_LAW, Terms
+from warp_cloth.kernels.base.options import CODE_BITS, NUMBER_BITS, SLOTS, WORD_CODE, WORD_LAW, Terms
 from warp_cloth.material.fabric import resolve_fabric
-from warp_cloth.mesh import Mesh
-from warp_cloth.patches import cutting, on_device
-from warp_cloth.patches.cutting import PatchTables, cut_patches, garment_patches
-from warp_cloth.patches.triangle_pairs import SHARE, find_pairs, share_edges, with_laws
-from warp_cloth.topology import build_topology
+from warp_cloth.model.patches import cutting, on_device
+from warp_cloth.model.patches.cutting import PatchTables, cut_patches, garment_patches
+from warp_cloth.model.patches.triangle_pairs import SHARE, find_pairs, share_edges, with_laws
 
 FABRIC = resolve_fabric({"stretch": 20e3, "compression": 0.1, "bending": 1e-5})
 BENT = Terms(edges=True, folds=True, threads=False)

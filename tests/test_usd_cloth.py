@@ -11,13 +11,13 @@ from meshfiles import write_obj
 from pxr import Sdf, Usd, Vt
 from stages import COUNT, SIDE, cloth_points, write_users_stage
 
-from warp_cloth.errors import InputError
+from warp_cloth.base.errors import InputError
+from warp_cloth.base.topology import build_topology
 from warp_cloth.export.save import write_meshes
-from warp_cloth.fitting import Fit, fit
+from warp_cloth.fitting.fit import Fit, fit
 from warp_cloth.garment.folds import fold_angles
 from warp_cloth.garment.rest import RestShape
 from warp_cloth.scene import load_scene
-from warp_cloth.topology import build_topology
 
 CLOTH = "/World/wardrobe/cloth"
 AS_IT_IS = ("solver.iterations=0", "collision.pixel_mm=8")

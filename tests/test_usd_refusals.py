@@ -10,10 +10,10 @@ import pytest
 from pxr import Gf, Usd, UsdGeom, Vt
 from stages import write_users_stage
 
-from warp_cloth.errors import InputError
+from warp_cloth.base.errors import InputError
 from warp_cloth.export.save import write_meshes
-from warp_cloth.fitting import fit
-from warp_cloth.garment.wardrobe import open_wardrobe
+from warp_cloth.fitting.fit import fit
+from warp_cloth.garment.scene_garments import open_wardrobe
 from warp_cloth.loading import load_mesh
 from warp_cloth.scene import load_scene
 

@@ -10,9 +10,9 @@ import pytest
 from pxr import Usd, UsdGeom, UsdUtils, UsdValidation, Vt
 from stages import COUNT, RADIUS, add_mesh, write_users_stage
 
-from warp_cloth.errors import InputError
+from warp_cloth.base.errors import InputError
 from warp_cloth.export.save import write_meshes
-from warp_cloth.fitting import Fit, fit
+from warp_cloth.fitting.fit import Fit, fit
 from warp_cloth.material.fabric import Fabric
 from warp_cloth.material.linearised import CURVATURE, STRAIN, fabric_table, linear_constants
 from warp_cloth.scene import load_scene

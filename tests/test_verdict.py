@@ -11,12 +11,12 @@ import pytest
 import trimesh
 from meshfiles import sheet, write_obj
 
-from warp_cloth.advice import advice, notes_of
-from warp_cloth.fitting import fit
-from warp_cloth.garment.wardrobe import open_wardrobe
-from warp_cloth.result import Strain
+from warp_cloth.fitting.fit import fit
+from warp_cloth.garment.scene_garments import open_wardrobe
+from warp_cloth.model.result import Strain
+from warp_cloth.report.advice import advice, notes_of
+from warp_cloth.report.status import crossed, fallen_pieces, hidden, of_another_size, slid_off
 from warp_cloth.scene import load_scene
-from warp_cloth.verdict import crossed, fallen_pieces, hidden, of_another_size, slid_off
 
 
 def contact(p99: float) -> dict[str, Any]:

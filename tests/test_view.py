@@ -17,13 +17,13 @@ import trimesh
 from cloths import grid
 from pxr import Usd, UsdGeom
 
-from warp_cloth.errors import InputError
+from warp_cloth.base.errors import InputError
+from warp_cloth.base.mesh import Mesh
+from warp_cloth.fitting.warm_start import carried_over
 from warp_cloth.maps import MAPS
-from warp_cloth.mesh import Mesh
 from warp_cloth.shapes import SIZE_BODIES, tshirt
 from warp_cloth.view.live import CHUNK, PLOT_POINTS, History, LiveFit, changed
 from warp_cloth.view.picture import glb_bytes, legend_html
-from warp_cloth.warm import carried_over
 
 DRAPED = {
     "garment": {"shape": {"kind": "square", "vertices_per_side": 11, "height": 0.91}, "fabric": "jersey"},

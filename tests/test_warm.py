@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 import warp_cloth
-from warp_cloth.errors import InputError
+from warp_cloth.base.errors import InputError
 from warp_cloth.export.save import write_meshes
-from warp_cloth.fitting import Fit, _earlier
-from warp_cloth.result import Status
+from warp_cloth.fitting.fit import Fit, _earlier
+from warp_cloth.model.result import Status
 from warp_cloth.scene import load_scene
 
 # Each is within the rest error that it certifies, 0.2 mm, of rest; twice that lies between two.

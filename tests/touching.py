@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from warp_cloth.collide.cloth import ClothTouch
-from warp_cloth.mesh import Points
+from warp_cloth.base.mesh import Points
+from warp_cloth.contact.cloth import ClothTouch
 
 PARALLEL = 0.01  # squared sine below which two edges count less
 # The sums are kept in units of 2^-36 N; a vertex here adds up at most 200 pairs, each worked out in float32.

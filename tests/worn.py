@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 from cloths import grid
 
-from warp_cloth.mesh import Mesh
-from warp_cloth.result import WornGarment
+from warp_cloth.base.mesh import Mesh
+from warp_cloth.model.result import WornGarment
 
 FRAME_COUNT = 4
 RNG_SEED = 5

@@ -8,26 +8,32 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from warp_cloth.errors import InputError
+from warp_cloth.base.errors import InputError
 
 if TYPE_CHECKING:
-    from warp_cloth.fitting import Fit, Progress, fit
-    from warp_cloth.mesh import Mesh
-    from warp_cloth.result import Status, WornGarment
+    from warp_cloth.base.mesh import Mesh
+    from warp_cloth.fitting.fit import Fit, Progress, fit
+    from warp_cloth.model.result import Status, WornGarment
     from warp_cloth.scene import Scene, load_scene
+
+_FOLDER = Path(__file__).resolve().parent
+if not (_FOLDER / "kernels").is_dir():
+    # in a checkout kernels/ and scenes/ lie next to this package; an installed package has them inside
+    __path__.append(str(_FOLDER.parent))
 
 __all__ = ["Fit", "InputError", "Mesh", "Progress", "Scene", "Status", "WornGarment", "fit", "load_scene"]
 
 _HOMES = {
-    "Fit": "fitting",
-    "Mesh": "mesh",
-    "Progress": "fitting",
+    "Fit": "fitting.fit",
+    "Mesh": "base.mesh",
+    "Progress": "fitting.fit",
     "Scene": "scene",
-    "Status": "result",
-    "WornGarment": "result",
-    "fit": "fitting",
+    "Status": "model.result",
+    "WornGarment": "model.result",
+    "fit": "fitting.fit",
     "load_scene": "scene",
 }
 

@@ -6,7 +6,7 @@ import sys
 def main() -> None:
     """Runs the command; an interrupt while it is still imported ends it with one line, too."""
     try:
-        from warp_cloth.cli import main as run
+        from warp_cloth.cli.main import main as run
     except KeyboardInterrupt:
         print("interrupted", file=sys.stderr)
         sys.exit(130)  # as a shell's Ctrl-C; its name is not imported yet

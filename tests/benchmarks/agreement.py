@@ -33,10 +33,10 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from reference import Potential, preconditioned_rest
 
-from warp_cloth.mesh import Points
-from warp_cloth.quiet import start_warp
+from warp_cloth.base.mesh import Points
+from warp_cloth.base.warp_setup import start_warp
+from warp_cloth.fitting.problem import SetUp, following, set_up, set_up_one, start_coarse, tolerance_of
 from warp_cloth.scene import load_scene
-from warp_cloth.set_up import SetUp, following, set_up, set_up_one, start_coarse, tolerance_of
 from warp_cloth.solver.certificate import Check, Tolerance
 from warp_cloth.solver.loop import relax_to_rest
 from warp_cloth.solver.multilevel import MultilevelRelaxation

@@ -56,7 +56,7 @@ def scenes() -> dict[str, tuple[str | dict[str, Any], list[str]]]:
 def hashed(name: str, device: str, iterations: int) -> tuple[str, int]:
     """The hash of a scene's worn shapes, and the iterations that it took."""
     import warp_cloth
-    from warp_cloth.quiet import start_warp
+    from warp_cloth.base.warp_setup import start_warp
 
     start_warp()
     scene, changes = scenes()[name]

@@ -23,19 +23,19 @@ import numpy as np
 import warp as wp
 from wearing import BODIES, NEVER, SHARED_SHIRT, dressed, keep, moved_starts, several, shirt, side_by_side
 
+from warp_cloth.avatar.collider import AvatarContact
+from warp_cloth.avatar.error import NearSurface, near_surface
+from warp_cloth.avatar.exact import build_exact_collider, penetration
+from warp_cloth.avatar.solid import solid_of
+from warp_cloth.base.cache import Kept
+from warp_cloth.base.mesh import Indices, Mesh, Points
+from warp_cloth.base.warp_setup import start_warp
 from warp_cloth.bench.avatar import named_places, walked
-from warp_cloth.collide.audit import NearSurface, near_surface
-from warp_cloth.collide.avatar import AvatarContact
-from warp_cloth.collide.exact import build_exact_collider, penetration
-from warp_cloth.collide.solid import solid_of
-from warp_cloth.fitting import fit
-from warp_cloth.garment.wardrobe import open_wardrobe
-from warp_cloth.kept import Kept
-from warp_cloth.mesh import Indices, Mesh, Points
-from warp_cloth.quiet import start_warp
-from warp_cloth.result import Status
+from warp_cloth.fitting.fit import fit
+from warp_cloth.fitting.problem import SetUp, following, tolerance_of
+from warp_cloth.garment.scene_garments import open_wardrobe
+from warp_cloth.model.result import Status
 from warp_cloth.scene import Scene
-from warp_cloth.set_up import SetUp, following, tolerance_of
 from warp_cloth.shapes.body import calibrated_form
 from warp_cloth.shapes.measures import MannequinMeasures
 from warp_cloth.shapes.surface import grid_values, split_quads, surface_nets, without_saddles

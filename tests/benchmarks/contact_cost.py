@@ -25,13 +25,13 @@ import numpy as np
 import warp as wp
 from wearing import BODIES, SHARED_SHIRT, Tree, shirt
 
-from warp_cloth.collide.crossing import find_crossings
-from warp_cloth.garment.wardrobe import Wardrobe, open_wardrobe
-from warp_cloth.kept import Kept
-from warp_cloth.mesh import Points
-from warp_cloth.quiet import start_warp
+from warp_cloth.base.cache import Kept
+from warp_cloth.base.mesh import Points
+from warp_cloth.base.warp_setup import start_warp
+from warp_cloth.contact.crossing import find_crossings
+from warp_cloth.fitting.problem import SetUp, following, set_up, tolerance_of
+from warp_cloth.garment.scene_garments import Wardrobe, open_wardrobe
 from warp_cloth.scene import Scene, load_scene
-from warp_cloth.set_up import SetUp, following, set_up, tolerance_of
 from warp_cloth.solver.certificate import Tolerance
 from warp_cloth.solver.loop import relax_to_rest
 

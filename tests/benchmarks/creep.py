@@ -20,11 +20,11 @@ from typing import Any
 import numpy as np
 from wearing import NEVER, SHARED_SHIRT, dressed, keep, several, shirt, side_by_side
 
-from warp_cloth.garment.wardrobe import Rack, open_wardrobe
-from warp_cloth.mesh import Points
-from warp_cloth.quiet import start_warp
+from warp_cloth.base.mesh import Points
+from warp_cloth.base.warp_setup import start_warp
+from warp_cloth.fitting.problem import SetUp, following, kind_of, tolerance_of
+from warp_cloth.garment.scene_garments import Rack, open_wardrobe
 from warp_cloth.scene import Scene, load_scene
-from warp_cloth.set_up import SetUp, following, kind_of, tolerance_of
 from warp_cloth.solver.certificate import Look
 from warp_cloth.solver.loop import Goal, relax_items
 

@@ -16,8 +16,8 @@ from pathlib import Path
 import numpy as np
 
 import warp_cloth
-from warp_cloth.connected import lowest_connected
-from warp_cloth.mesh import Points
+from warp_cloth.base.connected import lowest_connected
+from warp_cloth.base.mesh import Points
 from warp_cloth.shapes.triangulate import triangulate
 
 APART = 0.2  # [m] of front and back from the body's middle

@@ -22,14 +22,14 @@ import numpy as np
 import warp as wp
 from scipy.spatial import Delaunay
 
+from warp_cloth.base.mesh import Mesh
+from warp_cloth.fitting.problem import set_up
 from warp_cloth.garment.part import GarmentPart
 from warp_cloth.garment.rest import build_rest_shape
-from warp_cloth.garment.wardrobe import open_wardrobe
+from warp_cloth.garment.scene_garments import open_wardrobe
 from warp_cloth.material.fabric import Fabric
-from warp_cloth.mesh import Mesh
-from warp_cloth.model import build_model
+from warp_cloth.model.model import build_model
 from warp_cloth.scene import load_scene
-from warp_cloth.set_up import set_up
 from warp_cloth.shapes import square
 from warp_cloth.solver.loop import CHUNK, chunks
 from warp_cloth.solver.relax import Collider, Relaxation, StepOptions

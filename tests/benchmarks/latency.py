@@ -18,9 +18,9 @@ import numpy as np
 import warp as wp
 from wearing import BODIES, SHARED_SHIRT
 
-from warp_cloth.quiet import start_warp
+from warp_cloth.base.warp_setup import start_warp
+from warp_cloth.fitting.problem import following, set_up_one, tolerance_of
 from warp_cloth.scene import load_scene
-from warp_cloth.set_up import following, set_up_one, tolerance_of
 from warp_cloth.solver.loop import chunks, relax_to_rest
 
 

@@ -12,10 +12,10 @@ import time
 
 import warp as wp
 
-from warp_cloth.fitting import finished
-from warp_cloth.quiet import start_warp
+from warp_cloth.base.warp_setup import start_warp
+from warp_cloth.fitting.fit import finished
+from warp_cloth.fitting.problem import following, set_up_one, tolerance_of
 from warp_cloth.scene import load_scene
-from warp_cloth.set_up import following, set_up_one, tolerance_of
 from warp_cloth.solver.loop import relax_to_rest
 from warp_cloth.study.footprint import memory_of
 

@@ -14,7 +14,7 @@ import time
 import numpy as np
 import warp as wp
 
-from warp_cloth.quiet import start_warp
+from warp_cloth.base.warp_setup import start_warp
 from warp_cloth.solver.loop import CHUNK
 from warp_cloth.solver.multilevel import MultilevelRelaxation
 from warp_cloth.study.launches import launches_of

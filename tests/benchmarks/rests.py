@@ -26,12 +26,12 @@ from folds import BALL, HANGING, Folded, folded_sheet, pleated_skirt, turned_sle
 from touching import FORCE_ROUNDING, RELATIVE_ROUNDING, brute_forces, touching_pairs
 from wearing import BODIES, SHARED_SHIRT, Tree, keep, side_by_side
 
-from warp_cloth.collide.crossing import find_crossings
-from warp_cloth.kernels.cloth import cloth_types
-from warp_cloth.mesh import Points
-from warp_cloth.quiet import start_warp
+from warp_cloth.base.mesh import Points
+from warp_cloth.base.warp_setup import start_warp
+from warp_cloth.contact.crossing import find_crossings
+from warp_cloth.fitting.problem import SetUp, following, set_up_one, tolerance_of
+from warp_cloth.kernels.base.types import cloth_types
 from warp_cloth.scene import load_scene
-from warp_cloth.set_up import SetUp, following, set_up_one, tolerance_of
 from warp_cloth.solver.loop import relax_to_rest
 
 FOLDED: dict[str, tuple[Callable[[], Folded], Tree, Tree]] = {

@@ -67,8 +67,8 @@ def main() -> int:
         for row in rows
     ]
     shelf.begin(scenes, patches=True)
+    from warp_cloth.base.cache import Kept
     from warp_cloth.batch import many
-    from warp_cloth.kept import Kept
 
     watch = Watch(many)
 

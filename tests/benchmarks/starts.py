@@ -22,8 +22,8 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 from agreement import prepared, shake
 
-from warp_cloth.quiet import start_warp
-from warp_cloth.set_up import following, start_coarse, tolerance_of
+from warp_cloth.base.warp_setup import start_warp
+from warp_cloth.fitting.problem import following, start_coarse, tolerance_of
 from warp_cloth.solver.loop import CHUNK, relax_to_rest
 from warp_cloth.study.methods_scenes import STIFFNESS, Case
 

@@ -19,12 +19,12 @@ import numpy as np
 import pytest
 import warp as wp
 
+from warp_cloth.fitting.problem import set_up_one
 from warp_cloth.garment.part import GarmentPart
 from warp_cloth.garment.rest import build_rest_shape
 from warp_cloth.material.fabric import Fabric
-from warp_cloth.model import build_model
+from warp_cloth.model.model import build_model
 from warp_cloth.scene import load_scene
-from warp_cloth.set_up import set_up_one
 from warp_cloth.shapes import square
 from warp_cloth.solver.relax import Collider, Relaxation, StepOptions
 from warp_cloth.study.footprint import iteration_bytes

@@ -28,9 +28,9 @@ from typing import Any
 
 import warp as wp
 
-from warp_cloth.quiet import start_warp
+from warp_cloth.base.warp_setup import start_warp
+from warp_cloth.fitting.problem import set_up_one
 from warp_cloth.scene import load_scene
-from warp_cloth.set_up import set_up_one
 from warp_cloth.solver.loop import CHUNK
 from warp_cloth.study.footprint import footprint_of
 from warp_cloth.study.timing import TIMED, Way

@@ -11,12 +11,12 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from warp_cloth.garment.wardrobe import Wardrobe
-from warp_cloth.kept import Kept
-from warp_cloth.mesh import Points
-from warp_cloth.quiet import start_warp
+from warp_cloth.base.cache import Kept
+from warp_cloth.base.mesh import Points
+from warp_cloth.base.warp_setup import start_warp
+from warp_cloth.fitting.problem import SetUp, set_up
+from warp_cloth.garment.scene_garments import Wardrobe
 from warp_cloth.scene import Scene, load_scene
-from warp_cloth.set_up import SetUp, set_up
 from warp_cloth.shapes.measures import SIZE_BODIES
 from warp_cloth.solver.certificate import Tolerance
 

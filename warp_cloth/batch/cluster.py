@@ -6,9 +6,9 @@ import socket
 from collections.abc import Iterator, Sequence
 from typing import Any
 
+from warp_cloth.base.errors import InputError
 from warp_cloth.batch.pool import Lost
 from warp_cloth.batch.work import DeviceLostError, Done, Task, do_task
-from warp_cloth.errors import InputError
 
 RETRIES = 3  # of a task whose worker or node is lost
 MOST_WAITING = 4096  # tasks handed to Ray at a time

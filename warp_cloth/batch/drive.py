@@ -11,17 +11,17 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, get_args
 
-from warp_cloth import given
+from warp_cloth.base import arguments as given
+from warp_cloth.base.device import device_named, likely_gpus
+from warp_cloth.base.errors import InputError
+from warp_cloth.base.threads import core_count
+from warp_cloth.base.warp_setup import start_warp
 from warp_cloth.batch.jobs import Item, given_items, read_jobs
 from warp_cloth.batch.pool import LocalPool, Lost, Pool
 from warp_cloth.batch.processes import get_ready
 from warp_cloth.batch.rows import FAILED, ItemResult, empty_row
 from warp_cloth.batch.store import Keep, Shard, Store, cut
 from warp_cloth.batch.work import Done, Task
-from warp_cloth.device import device_named, likely_gpus
-from warp_cloth.errors import InputError
-from warp_cloth.quiet import start_warp
-from warp_cloth.threads import core_count
 
 if TYPE_CHECKING:
     import pyarrow

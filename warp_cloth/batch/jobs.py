@@ -14,11 +14,11 @@ from decimal import Decimal
 from pathlib import Path
 from typing import Any
 
+from warp_cloth.base.errors import InputError
+from warp_cloth.base.text import in_utf8
+from warp_cloth.base.toml_file import exists, read_toml
 from warp_cloth.batch.product import AXES, product_rows
-from warp_cloth.errors import InputError
 from warp_cloth.loading.raw import counted
-from warp_cloth.text import in_utf8
-from warp_cloth.toml_file import exists, read_toml
 
 REMEDY = "give a table as .csv, .parquet or .toml, with the columns scene, name and scene keys such as garment.fabric"
 LARGEST_JOB_FILE = 200_000_000  # [bytes]; a million tables

@@ -19,7 +19,7 @@ def end_with_parent() -> None:
 def begin_alone() -> None:
     """Likewise, and keeps to one thread: there are as many such processes as cores."""
     end_with_parent()
-    from warp_cloth.threads import ALONE  # and NumPy, for which who starts processes does not wait
+    from warp_cloth.base.threads import ALONE  # and NumPy, for which who starts processes does not wait
 
     os.environ[ALONE] = "1"
 

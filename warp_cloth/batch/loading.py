@@ -17,14 +17,16 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from warp_cloth.base.cache import Kept
+from warp_cloth.base.mesh import Indices, Mesh
 from warp_cloth.batch.arena import Arena, Parcel
-from warp_cloth.batch.common import Drafts, once_for_all
 from warp_cloth.batch.lifeline import begin_alone
 from warp_cloth.batch.processes import context, get_ready
+from warp_cloth.batch.shared_results import Drafts, once_for_all
 from warp_cloth.garment.elements import garment_elements
 from warp_cloth.garment.part import GarmentPart, terms_of
 from warp_cloth.garment.rest import RestGeometry, RestShape, in_geometry, own_constants, sheet_digest
-from warp_cloth.garment.wardrobe import (
+from warp_cloth.garment.scene_garments import (
     Key,
     Rack,
     Recipe,
@@ -34,12 +36,10 @@ from warp_cloth.garment.wardrobe import (
     geometry_of,
     rest_of,
 )
-from warp_cloth.kept import Kept
-from warp_cloth.kernels.limits import block_for
-from warp_cloth.mesh import Indices, Mesh
-from warp_cloth.patches.cutting import garment_patches, takes_pairs
+from warp_cloth.kernels.base.options import block_for
+from warp_cloth.model.patches.cutting import garment_patches, takes_pairs
 from warp_cloth.scene import Scene
-from warp_cloth.scene.dressing import dressing_of
+from warp_cloth.scene.predrape import dressing_of
 
 if TYPE_CHECKING:
     from warp_cloth.material.fabric import Fabric

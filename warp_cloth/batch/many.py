@@ -12,21 +12,21 @@ from typing import Any
 
 import warp as wp
 
-from warp_cloth.batch.ahead import load_kernels
+from warp_cloth.base.cache import Kept
+from warp_cloth.base.device import device_named
+from warp_cloth.base.errors import InputError
+from warp_cloth.base.threads import in_turn
+from warp_cloth.batch.gpu_queue import Turn
 from warp_cloth.batch.loading import Shelf
 from warp_cloth.batch.memory import Need, available_bytes, cut_to_fit, need_of, side_by_side
-from warp_cloth.batch.turns import Turn
-from warp_cloth.device import device_named
-from warp_cloth.dressing import set_up_dressing, start_dressed
-from warp_cloth.errors import InputError
-from warp_cloth.fitting import Fit, finished, tolerance_of
-from warp_cloth.garment.wardrobe import Rack, Wardrobe, open_wardrobe
-from warp_cloth.kept import Kept
-from warp_cloth.plan import contact_kind
+from warp_cloth.batch.warm_kernels import load_kernels
+from warp_cloth.fitting.fit import Fit, finished, tolerance_of
+from warp_cloth.fitting.plan import contact_kind
+from warp_cloth.fitting.predrape import set_up_dressing, start_dressed
+from warp_cloth.fitting.problem import following, kind_of, set_up, start_coarse
+from warp_cloth.garment.scene_garments import Rack, Wardrobe, open_wardrobe
 from warp_cloth.scene import Scene, load_scene
-from warp_cloth.set_up import following, kind_of, set_up, start_coarse
 from warp_cloth.solver.loop import Goal, relax_items
-from warp_cloth.threads import in_turn
 
 KEPT_SHARE = 0.05  # of the memory, for avatars' fields that the next scenes may meet, too
 

@@ -9,13 +9,13 @@ from dataclasses import dataclass
 import numpy as np
 import warp as wp
 
-from warp_cloth.collide.avatar import MARGIN
-from warp_cloth.collide.exact import tree_bytes
-from warp_cloth.collide.field import GRIDS_AT_ONCE, LEAST_SPACING, PIXELS_PER_SPACING
-from warp_cloth.garment.wardrobe import Wardrobe
-from warp_cloth.plan import contact_kind
+from warp_cloth.avatar.collider import MARGIN
+from warp_cloth.avatar.exact import tree_bytes
+from warp_cloth.avatar.field import GRIDS_AT_ONCE, LEAST_SPACING, PIXELS_PER_SPACING
+from warp_cloth.fitting.plan import contact_kind
+from warp_cloth.fitting.problem import contact_key
+from warp_cloth.garment.scene_garments import Wardrobe
 from warp_cloth.scene import Scene
-from warp_cloth.set_up import contact_key
 
 # Bytes for each vertex, edge, triangle and hinge of model, iterations, certificate and the shapes that it keeps, in
 # the "mixed" precision; measured by adding up the arrays, and rounded up.

@@ -18,11 +18,11 @@ from multiprocessing.process import BaseProcess
 from types import TracebackType
 from typing import Protocol
 
+from warp_cloth.base.device import wake_gpu
+from warp_cloth.base.threads import core_count
 from warp_cloth.batch.lifeline import begin_alone, end_with_parent
 from warp_cloth.batch.processes import context
 from warp_cloth.batch.work import DeviceLostError, Done, Task, do_task
-from warp_cloth.device import wake_gpu
-from warp_cloth.threads import core_count
 
 log = logging.getLogger(__name__)
 

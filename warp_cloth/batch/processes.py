@@ -9,8 +9,8 @@ from multiprocessing import forkserver
 from multiprocessing.context import ForkServerContext
 from pathlib import Path
 
+from warp_cloth.base.device import gpu_count
 from warp_cloth.batch.lifeline import uninterrupted
-from warp_cloth.device import gpu_count
 
 LOADING = ("__main__", "warp_cloth.batch.preload")  # before any process is forked
 FITTING = ("warp_cloth.batch.many",)  # likewise, where all fit

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from warp_cloth.errors import InputError
+from warp_cloth.base.errors import InputError
 from warp_cloth.scene import shipped_scenes
 
 AXES = ("garments", "sizes", "avatars", "fabrics")  # in the order in which names are put together

@@ -6,8 +6,8 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from warp_cloth.batch.drive import BatchReport, Standing
+from warp_cloth.cli.progress import LineDisplay
 from warp_cloth.loading.raw import counted
-from warp_cloth.progress import LineDisplay
 
 MOST_REASONS = 3  # told of the items without result, the commonest
 

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from warp_cloth.mesh import Indices, Points
+from warp_cloth.base.mesh import Indices, Points
 
 if TYPE_CHECKING:
-    from warp_cloth.fitting import Fit
+    from warp_cloth.fitting.fit import Fit
 
 FAILED = "failed"  # status of an item that the machine could not finish; one whose input is bad is "invalid"
 

@@ -7,16 +7,16 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, get_args
 
-from warp_cloth import given
+from warp_cloth.avatar.solid import closing_of
+from warp_cloth.base import arguments as given
+from warp_cloth.base.errors import InputError
 from warp_cloth.batch.jobs import PLAIN_NAME, toml_text
-from warp_cloth.collide.solid import closing_of
-from warp_cloth.errors import InputError
-from warp_cloth.fitting import Fit, fit
+from warp_cloth.fitting.fit import Fit, fit
 from warp_cloth.garment.part import GarmentPart
-from warp_cloth.garment.wardrobe import open_wardrobe, worn_size
+from warp_cloth.garment.scene_garments import open_wardrobe, worn_size
 from warp_cloth.maps.girths import garment_girths
 from warp_cloth.maps.levels import body_levels
-from warp_cloth.result import Status
+from warp_cloth.model.result import Status
 from warp_cloth.scene import MannequinShape, Scene, TshirtShape, load_scene
 from warp_cloth.scene.shapes import Size
 from warp_cloth.shapes import mannequin_measures

@@ -27,9 +27,9 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
+from warp_cloth.base.errors import InputError
 from warp_cloth.batch.jobs import Item, avatar_asked, garments_asked
 from warp_cloth.batch.rows import COLUMNS, FAILED, FIGURES, WHOLE_NUMBERS, ItemResult, empty_row
-from warp_cloth.errors import InputError
 from warp_cloth.export.files import unwritable, whole_file
 
 if TYPE_CHECKING:

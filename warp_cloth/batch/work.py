@@ -7,16 +7,16 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from warp_cloth.base.errors import InputError, OutputError
+from warp_cloth.base.warp_setup import start_warp
 from warp_cloth.batch.rows import FAILED, ItemResult, WornPoints, empty_row, row_of
 from warp_cloth.batch.store import Shard, Store, file_marks
-from warp_cloth.errors import InputError, OutputError
-from warp_cloth.quiet import start_warp
-from warp_cloth.result import Status
+from warp_cloth.model.result import Status
 
 if TYPE_CHECKING:
     from warp_cloth.batch.jobs import Item
     from warp_cloth.batch.loading import Shelf
-    from warp_cloth.fitting import Fit
+    from warp_cloth.fitting.fit import Fit
     from warp_cloth.scene import Scene
 
 SMALLER = "use fewer vertices, or a device with more memory"

@@ -11,18 +11,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from warp_cloth.avatar.collider import AvatarContact
+from warp_cloth.avatar.error import NearSurface, Sampled, contact_error, near_surface
+from warp_cloth.avatar.exact import ExactCollider, build_exact_collider
+from warp_cloth.avatar.solid import closing_of
+from warp_cloth.base.errors import InputError
+from warp_cloth.base.mesh import Mesh, Points
 from warp_cloth.bench.save import figure_class
-from warp_cloth.collide.audit import NearSurface, Sampled, contact_error, near_surface
-from warp_cloth.collide.avatar import AvatarContact
-from warp_cloth.collide.exact import ExactCollider, build_exact_collider
-from warp_cloth.collide.solid import closing_of
-from warp_cloth.errors import InputError
 from warp_cloth.export.files import whole_file
 from warp_cloth.export.report import check_writable, write_report
-from warp_cloth.mesh import Mesh, Points
 
 if TYPE_CHECKING:
-    from warp_cloth.garment.wardrobe import Wardrobe
+    from warp_cloth.garment.scene_garments import Wardrobe
     from warp_cloth.scene import Scene
 
 Contacts = NDArray[np.float32]  # unit normals and distances [m], shape [N, 4]

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from warp_cloth.base.errors import InputError
 from warp_cloth.bench.swatch import strip
 from warp_cloth.bench.trials import (
     DISCS,
@@ -22,7 +23,6 @@ from warp_cloth.bench.trials import (
     released,
     shear,
 )
-from warp_cloth.errors import InputError
 from warp_cloth.material.laboratory import (
     KES_BENDING,
     KES_FORCE,
@@ -32,7 +32,7 @@ from warp_cloth.material.laboratory import (
     bending_length,
     rigidity_of_bending,
 )
-from warp_cloth.result import WornGarment
+from warp_cloth.model.result import WornGarment
 
 if TYPE_CHECKING:
     from warp_cloth.material.fabric import Fabric

@@ -9,8 +9,8 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from warp_cloth.base.errors import InputError
 from warp_cloth.bench.bench import Bench, Curve
-from warp_cloth.errors import InputError
 from warp_cloth.export.files import whole_file
 from warp_cloth.export.preview import drawn, save_picture
 from warp_cloth.export.render import gathered

@@ -10,12 +10,12 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
+from warp_cloth.base.mesh import Indices, Mesh, Points
 from warp_cloth.garment.grain import Grain
 from warp_cloth.garment.part import GarmentPart
 from warp_cloth.garment.rest import GRAVITY, Floats, build_rest_shape
-from warp_cloth.kernels.cloth import cloth_types
-from warp_cloth.mesh import Indices, Mesh, Points
-from warp_cloth.model import build_model
+from warp_cloth.kernels.base.types import cloth_types
+from warp_cloth.model.model import build_model
 from warp_cloth.solver.certificate import Certifier, Check, Tolerance
 from warp_cloth.solver.forces import ForcePass
 from warp_cloth.solver.loop import Goal, relax_items

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from warp_cloth.mesh import Mesh, Points
+from warp_cloth.base.mesh import Mesh, Points
 from warp_cloth.shapes import square
 
 RING_SIDES = 6  # a ring has six vertices more than the next inner one

@@ -11,9 +11,9 @@ import numpy as np
 import warp as wp
 from PIL import Image, ImageDraw
 
+from warp_cloth.base.mesh import Indices, Mesh, Points
 from warp_cloth.bench.specimen import Settled, Specimen
 from warp_cloth.bench.swatch import along, disc, on_finer_disc
-from warp_cloth.mesh import Indices, Mesh, Points
 from warp_cloth.solver.certificate import Tolerance
 from warp_cloth.solver.relax import StepOptions
 

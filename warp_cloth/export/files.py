@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from warp_cloth.errors import OutputError
+from warp_cloth.base.errors import OutputError
 
 REMEDY = "choose an output folder that can be written"
 

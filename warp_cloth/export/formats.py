@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from os.path import realpath
 from pathlib import Path
 
-from warp_cloth.errors import InputError
-from warp_cloth.given import texts
+from warp_cloth.base.arguments import texts
+from warp_cloth.base.errors import InputError
 from warp_cloth.scene import Scene
 
 FORMATS = ("usdc", "usda", "usdz", "glb", "obj")

@@ -9,13 +9,13 @@ from pathlib import Path
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
+from warp_cloth.base.mesh import Mesh
 from warp_cloth.export.preview import BACKGROUND, FAINT_INK, INK, arranged, painted, save_picture, sights, text_height
 from warp_cloth.export.render import gathered
 from warp_cloth.export.surface import cloth_colour, require_sound
 from warp_cloth.maps.colour import colours, shown_value
 from warp_cloth.maps.kinds import MapKind
-from warp_cloth.mesh import Mesh
-from warp_cloth.result import WornGarment
+from warp_cloth.model.result import WornGarment
 
 LEGEND_SHARE = 0.13  # of the picture's width
 BAR_WIDTH = 0.2  # of the legend's width

@@ -7,12 +7,12 @@ from pathlib import Path
 
 import numpy as np
 
+from warp_cloth.base.mesh import Mesh, vertex_normals
 from warp_cloth.export.files import whole_file
 from warp_cloth.export.surface import AVATAR_COLOUR, cloth_colour, linear, require_sound
 from warp_cloth.maps.colour import colours
 from warp_cloth.maps.kinds import kind_named
-from warp_cloth.mesh import Mesh, vertex_normals
-from warp_cloth.result import WornGarment
+from warp_cloth.model.result import WornGarment
 
 AVATAR_NODE = "_avatar"  # what the avatar's node is called in a .glb file, after its name
 

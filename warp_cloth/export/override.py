@@ -11,15 +11,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 from pxr import Sdf, Usd, UsdGeom, Vt
 
-from warp_cloth.errors import InputError
+from warp_cloth.base.errors import InputError
+from warp_cloth.base.mesh import Points, vertex_normals
+from warp_cloth.base.units import LengthUnit
+from warp_cloth.base.warp_setup import quiet_usd
 from warp_cloth.export.fields import Ranges, author_colours, author_fields
 from warp_cloth.export.files import whole_file
 from warp_cloth.export.reference import relative_asset, to_metres
 from warp_cloth.export.surface import require_sound
-from warp_cloth.mesh import Points, vertex_normals
-from warp_cloth.quiet import quiet_usd
-from warp_cloth.result import WornGarment
-from warp_cloth.units import LengthUnit
+from warp_cloth.model.result import WornGarment
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

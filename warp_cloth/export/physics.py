@@ -15,7 +15,7 @@ from warp_cloth.garment.rest import GRAVITY, RestShape
 from warp_cloth.loading.usd_physics import COLLISION, OWN, SURFACE
 from warp_cloth.material.fabric import Fabric
 from warp_cloth.material.linearised import linear_constants
-from warp_cloth.result import WornGarment
+from warp_cloth.model.result import WornGarment
 
 BODY = "PhysicsDeformableBodyAPI"
 MATERIAL = "PhysicsSurfaceDeformableMaterialAPI"

@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
+from warp_cloth.base.mesh import Mesh
 from warp_cloth.export.files import whole_file
 from warp_cloth.export.render import Sight, Subject, gathered, looked_at, rendered, view_axes
 from warp_cloth.export.surface import linear, require_sound, srgb
-from warp_cloth.mesh import Mesh
-from warp_cloth.result import WornGarment
+from warp_cloth.model.result import WornGarment
 
 BACKGROUND = (0.94, 0.94, 0.945)  # sRGB
 INK = (70, 72, 76)  # sRGB bytes, of the title

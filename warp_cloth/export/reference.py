@@ -10,10 +10,10 @@ from pathlib import Path
 import numpy as np
 from pxr import Gf, Kind, Sdf, Usd, UsdGeom
 
+from warp_cloth.base.mesh import Points
+from warp_cloth.base.units import METRES_PER, LengthUnit
+from warp_cloth.base.warp_setup import quiet_usd
 from warp_cloth.loading.usd_units import standing_time
-from warp_cloth.mesh import Points
-from warp_cloth.quiet import quiet_usd
-from warp_cloth.units import METRES_PER, LengthUnit
 
 
 @dataclass(frozen=True)

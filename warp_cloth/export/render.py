@@ -10,11 +10,11 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
+from warp_cloth.base.mesh import Mesh, vertex_normals
 from warp_cloth.export.surface import AVATAR_COLOUR, cloth_colour, linear, winds_outward
-from warp_cloth.kernels.raster import View, draw_depth, draw_triangle_ids
-from warp_cloth.kernels.shading import Look, cast_shadows, light_pixels, look_up_pixels
-from warp_cloth.mesh import Mesh, vertex_normals
-from warp_cloth.result import WornGarment
+from warp_cloth.kernels.avatar.raster import View, draw_depth, draw_triangle_ids
+from warp_cloth.kernels.picture.shading import Look, cast_shadows, light_pixels, look_up_pixels
+from warp_cloth.model.result import WornGarment
 
 Vector = NDArray[np.float64]
 

@@ -13,9 +13,9 @@ from typing import Any
 
 import numpy as np
 
-from warp_cloth.errors import InputError
+from warp_cloth.base.errors import InputError
+from warp_cloth.base.mesh import Mesh
 from warp_cloth.export.files import REMEDY, unwritable, whole_file
-from warp_cloth.mesh import Mesh
 
 SIGNIFICANT_DIGITS = 6  # beyond what any measured figure here is good for
 

@@ -10,13 +10,13 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-from warp_cloth.advice import advice, notes_of
 from warp_cloth.export.files import whole_file
 from warp_cloth.export.report import plain
 from warp_cloth.maps.colour import shown_value
 from warp_cloth.maps.kinds import MAPS
+from warp_cloth.report.advice import advice, notes_of
+from warp_cloth.report.status import figure
 from warp_cloth.solver.rest_error import GROWING
-from warp_cloth.verdict import figure
 
 
 def write_report_page(path: Path, name: str, report: Mapping[str, Any], pictures: Mapping[str, Path]) -> None:

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from warp_cloth.base.threads import in_turn
 from warp_cloth.export import preview, stage
 from warp_cloth.export.formats import check_inputs_kept
 from warp_cloth.export.map_picture import MapPictures
@@ -18,10 +19,9 @@ from warp_cloth.loading.usd import mesh_paths_of
 from warp_cloth.maps.kinds import MAPS
 from warp_cloth.scene import Scene
 from warp_cloth.scene.stage import USD_SUFFIXES
-from warp_cloth.threads import in_turn
 
 if TYPE_CHECKING:
-    from warp_cloth.fitting import Fit
+    from warp_cloth.fitting.fit import Fit
 
 
 @in_turn

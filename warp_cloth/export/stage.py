@@ -11,7 +11,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pxr import Gf, Kind, Sdf, Tf, Usd, UsdGeom, UsdPhysics, UsdShade, UsdUtils, Vt
 
-from warp_cloth.errors import InputError
+from warp_cloth.base.errors import InputError
+from warp_cloth.base.mesh import Mesh, Points, vertex_normals
+from warp_cloth.base.warp_setup import usd_sentence
 from warp_cloth.export.fields import Ranges, author_colours, author_fields, contiguous, unique_identifier
 from warp_cloth.export.files import whole_file
 from warp_cloth.export.physics import author_collider, author_physics
@@ -23,9 +25,7 @@ from warp_cloth.export.surface import (
     linear,
     require_sound,
 )
-from warp_cloth.mesh import Mesh, Points, vertex_normals
-from warp_cloth.quiet import usd_sentence
-from warp_cloth.result import WornGarment
+from warp_cloth.model.result import WornGarment
 
 FIRST_FRAME = 1  # where Blender, Maya and most film tools start counting
 SUFFIXES = (".usdc", ".usda", ".usd", ".usdz")

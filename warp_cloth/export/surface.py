@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from warp_cloth.mesh import Indices, Mesh
-from warp_cloth.result import WornGarment
+from warp_cloth.base.mesh import Indices, Mesh
+from warp_cloth.model.result import WornGarment
 
 Colour = tuple[float, float, float]
 

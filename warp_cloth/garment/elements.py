@@ -8,14 +8,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from warp_cloth.base.mesh import Indices
+from warp_cloth.base.topology import Topology
 from warp_cloth.garment.rest import Floats, RestShape
-from warp_cloth.mesh import Indices
-from warp_cloth.topology import Topology
 
 
 @dataclass(frozen=True, eq=False)
 class Elements:
-    """What acts in E edges and F triangles (kernels.cloth: Edges, Triangles)."""
+    """What acts in E edges and F triangles (kernels.base.types: Edges, Triangles)."""
 
     ends: Indices  # shape [E, 2]
     law: Floats  # rest length [m], pull [N/m2], push [N/m2], shape [E, 3]

@@ -6,9 +6,9 @@ from typing import Literal
 
 import numpy as np
 
-from warp_cloth.errors import InputError
-from warp_cloth.mesh import Indices, Mesh, Points
-from warp_cloth.topology import Topology
+from warp_cloth.base.errors import InputError
+from warp_cloth.base.mesh import Indices, Mesh, Points
+from warp_cloth.base.topology import Topology
 
 RestAngles = Literal["flat", "mesh", "physics"]
 
@@ -70,7 +70,7 @@ def fold_angles(points: Points, topology: Topology) -> Points:
 
 
 def _angles(start: Points, end: Points, wing_0: Points, wing_1: Points) -> Points:
-    """Angle between the normals of two triangles on an axis; positive where (n0 x n1) . axis is (kernels.bending)."""
+    """Angle between the normals of two triangles on an axis; positive where (n0 x n1) . axis is (laws.bending)."""
     axis = end - start
     normal_0, normal_1 = np.cross(axis, wing_0 - start), np.cross(wing_1 - start, axis)
     length = np.maximum(np.linalg.norm(axis, axis=1), np.finfo(float).tiny)

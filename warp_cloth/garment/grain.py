@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from warp_cloth.errors import InputError
-from warp_cloth.mesh import Mesh
+from warp_cloth.base.errors import InputError
+from warp_cloth.base.mesh import Mesh
 
 # A whole turn of hue is half a turn of the warp, whose two ends are alike: red 0, yellow 30, green 60, cyan 90,
 # blue 120 and magenta 150 degrees. Below this saturation (of 255) a colour has no hue to speak of: 0 degrees.

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from warp_cloth.errors import InputError
+from warp_cloth.base.errors import InputError
+from warp_cloth.base.mesh import Mesh
+from warp_cloth.base.topology import Topology
+from warp_cloth.base.units import LENGTH_UNITS, METRES_PER
 from warp_cloth.garment.triangles import triangle_areas, triangle_sides
 from warp_cloth.loading.raw import counted
 from warp_cloth.loading.sizes import PLAUSIBLE, was_guessed
-from warp_cloth.mesh import Mesh
-from warp_cloth.topology import Topology
-from warp_cloth.units import LENGTH_UNITS, METRES_PER
 
 Floats = NDArray[np.float64]
 

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
+from warp_cloth.base.mesh import Indices, Points
 from warp_cloth.garment.rest import RestShape
-from warp_cloth.kernels.limits import Terms
-from warp_cloth.mesh import Indices, Points
+from warp_cloth.kernels.base.options import Terms
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,9 +8,9 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from warp_cloth.connected import lowest_connected
-from warp_cloth.errors import InputError
-from warp_cloth.mesh import Indices, Mesh
+from warp_cloth.base.connected import lowest_connected
+from warp_cloth.base.errors import InputError
+from warp_cloth.base.mesh import Indices, Mesh
 
 # Axis and sign in which a loop lies furthest. Left and right are the wearer's, who faces +z: left is +x.
 _SIDES = {

@@ -9,7 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from warp_cloth.errors import InputError
+from warp_cloth.base.chunks import in_parts
+from warp_cloth.base.errors import InputError
+from warp_cloth.base.mesh import Indices, Mesh
+from warp_cloth.base.threads import end_to_end
+from warp_cloth.base.topology import Topology, build_topology
 from warp_cloth.garment.folds import RestAngles, hinge_angles
 from warp_cloth.garment.grain import Grain
 from warp_cloth.garment.panels import check_axes, check_scale, check_seams, panel_sides
@@ -18,10 +22,6 @@ from warp_cloth.loading.repair import RestKind
 from warp_cloth.material.bending import hinge_constants
 from warp_cloth.material.constants import Sheet, WeaveShape, edge_constants, lay_flat, thread_constants
 from warp_cloth.material.fabric import Fabric, unlikely_values
-from warp_cloth.mesh import Indices, Mesh
-from warp_cloth.parts import in_parts
-from warp_cloth.threads import end_to_end
-from warp_cloth.topology import Topology, build_topology
 
 Floats = NDArray[np.float64]
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from warp_cloth.parts import by_parts, in_parts
-from warp_cloth.threads import end_to_end
+from warp_cloth.base.chunks import by_parts, in_parts
+from warp_cloth.base.threads import end_to_end
 
 Floats = NDArray[np.float64]
 

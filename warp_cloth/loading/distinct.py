@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from warp_cloth.base.topology import stable_order
 from warp_cloth.loading.raw import Ints
-from warp_cloth.topology import stable_order
 
 LONGEST_KEY = 63  # bits of a whole row in one number
 

@@ -12,10 +12,10 @@ from typing import Any
 
 import numpy as np
 
-from warp_cloth.errors import InputError
+from warp_cloth.base.errors import InputError
+from warp_cloth.base.text import in_utf8
 from warp_cloth.loading.decimals import float32_doubt
 from warp_cloth.loading.raw import EXPORT_AGAIN, POSED, RawMesh, joined
-from warp_cloth.text import in_utf8
 
 _CUT_OFF = "the file is cut off or damaged: export it again"
 _GLB_HEADER, _GLB_CHUNK = struct.Struct("<4sII"), struct.Struct("<I4s")

@@ -9,8 +9,10 @@ from pathlib import Path
 
 import numpy as np
 
-from warp_cloth.connected import lowest_connected
-from warp_cloth.errors import InputError
+from warp_cloth.base.connected import lowest_connected
+from warp_cloth.base.errors import InputError
+from warp_cloth.base.mesh import Folds, Mesh
+from warp_cloth.base.units import LengthUnit, UpAxis
 from warp_cloth.loading.decimals import half_step, shortest_decimals
 from warp_cloth.loading.distinct import used_ids
 from warp_cloth.loading.generic import read_gltf, read_stl
@@ -20,8 +22,6 @@ from warp_cloth.loading.raw import Floats, Ints, RawMesh, Role, check
 from warp_cloth.loading.repair import Repaired, RestKind, repaired
 from warp_cloth.loading.sizes import choose_unit, refuse_far
 from warp_cloth.loading.usd import read_usd
-from warp_cloth.mesh import Folds, Mesh
-from warp_cloth.units import LengthUnit, UpAxis
 
 _READERS: dict[str, Callable[[str, bytes], RawMesh]] = {
     ".obj": read_obj,

@@ -8,9 +8,9 @@ from itertools import pairwise
 
 import numpy as np
 
-from warp_cloth.errors import InputError
+from warp_cloth.base.errors import InputError
+from warp_cloth.base.text import in_utf8
 from warp_cloth.loading.raw import EXPORT_AGAIN, Floats, Ints, RawMesh
-from warp_cloth.text import in_utf8
 
 # Statements of the format (and "vc", which some tools add for colours) that say nothing about faces.
 _IGNORED = frozenset(

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from warp_cloth.errors import InputError
+from warp_cloth.base.errors import InputError
 from warp_cloth.loading.distinct import distinct
 from warp_cloth.loading.raw import Floats, Ints, RawMesh, counted
 

@@ -8,12 +8,12 @@ from typing import Literal
 
 import numpy as np
 
-from warp_cloth.errors import InputError
+from warp_cloth.base.errors import InputError
+from warp_cloth.base.mesh import Mesh, Points
+from warp_cloth.base.units import METRES_PER, LengthUnit, UpAxis
 from warp_cloth.loading.load import USD_KINDS, in_metres, read_raw
 from warp_cloth.loading.raw import RawMesh, check
 from warp_cloth.loading.usd import read_usd_samples
-from warp_cloth.mesh import Mesh, Points
-from warp_cloth.units import METRES_PER, LengthUnit, UpAxis
 
 KEY = "avatar.poses"
 OTHER = 5.0  # times as long, or as short, are a tenth of a body's edges in no pose and at no age

@@ -9,8 +9,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from warp_cloth.errors import InputError
-from warp_cloth.mesh import Folds
+from warp_cloth.base.errors import InputError
+from warp_cloth.base.mesh import Folds
 
 Role = Literal["garment", "avatar"]
 Ints = NDArray[np.int64]

@@ -8,8 +8,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from warp_cloth.connected import lowest_connected
-from warp_cloth.errors import InputError
+from warp_cloth.base.connected import lowest_connected
+from warp_cloth.base.errors import InputError
 from warp_cloth.loading.distinct import distinct, edges_of, used_ids
 from warp_cloth.loading.polygons import triangulated
 from warp_cloth.loading.raw import Floats, Ints, RawMesh, Role, counted

@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from warp_cloth.errors import InputError
+from warp_cloth.base.errors import InputError
+from warp_cloth.base.mesh import Mesh
 from warp_cloth.loading.load import load_mesh
 from warp_cloth.loading.usd import panels_of
 from warp_cloth.maps.kinds import MAPS
-from warp_cloth.mesh import Mesh
-from warp_cloth.result import WornGarment
+from warp_cloth.model.result import WornGarment
 
 FIT_AGAIN = "name the .usdc file, or the --out folder, of `warp-cloth fit ... --maps all`"
 SUFFIXES = (".usdc", ".usda", ".usd", ".usdz")

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from warp_cloth.errors import InputError
+from warp_cloth.base.errors import InputError
+from warp_cloth.base.mesh import Mesh
+from warp_cloth.base.units import LENGTH_UNITS, METRES_PER, LengthUnit
 from warp_cloth.loading.raw import Floats, Role, counted
-from warp_cloth.mesh import Mesh
-from warp_cloth.units import LENGTH_UNITS, METRES_PER, LengthUnit
 
 # Largest extent [m] of what is worn and of who wears it: from a hat and a baby to a bridal train and a giant.
 PLAUSIBLE: dict[Role, tuple[float, float]] = {"garment": (0.2, 3.5), "avatar": (0.3, 3.5)}

@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from warp_cloth.errors import InputError
+from warp_cloth.base.errors import InputError
+from warp_cloth.base.warp_setup import quiet_usd, usd_sentence
 from warp_cloth.loading.decimals import float32_doubt
 from warp_cloth.loading.raw import EXPORT_AGAIN, POSED, Floats, Ints, RawMesh, Role, joined
 from warp_cloth.loading.usd_folds import stated_folds
@@ -26,7 +27,6 @@ from warp_cloth.loading.usd_units import (
     to_stage,
     why_missing,
 )
-from warp_cloth.quiet import quiet_usd, usd_sentence
 
 if TYPE_CHECKING:
     from pxr import Usd, UsdGeom

@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from warp_cloth.errors import InputError
+from warp_cloth.base.errors import InputError
+from warp_cloth.base.mesh import Folds
 from warp_cloth.loading.raw import EXPORT_AGAIN, Ints
 from warp_cloth.loading.usd_physics import SURFACE, applied, states_folds, value_of
-from warp_cloth.mesh import Folds
 
 if TYPE_CHECKING:
     from pxr import Usd

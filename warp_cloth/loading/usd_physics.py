@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from warp_cloth.errors import InputError
+from warp_cloth.base.errors import InputError
 from warp_cloth.loading.decimals import half_step
 from warp_cloth.loading.raw import EXPORT_AGAIN, Floats, Ints
 from warp_cloth.loading.usd_units import kilograms_per_unit, meshes_of, metres_per_unit

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from warp_cloth.connected import lowest_connected
+from warp_cloth.base.connected import lowest_connected
 from warp_cloth.loading.distinct import distinct, edges_of, used_ids
 from warp_cloth.loading.raw import Floats, Ints
 

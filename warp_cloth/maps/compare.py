@@ -10,12 +10,12 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from warp_cloth.errors import InputError
-from warp_cloth.kernels.nearest import find_nearest
+from warp_cloth.base.errors import InputError
+from warp_cloth.base.mesh import Mesh
+from warp_cloth.kernels.avatar.nearest import find_nearest
 from warp_cloth.loading.result import WrittenFit
 from warp_cloth.maps.kinds import MAPS, difference_of, shown_range
-from warp_cloth.mesh import Mesh
-from warp_cloth.result import WornGarment, matched
+from warp_cloth.model.result import WornGarment, matched
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from warp_cloth.base.mesh import Mesh, Points
 from warp_cloth.maps.levels import Level, trunk_level
 from warp_cloth.maps.section import Section, cut
 from warp_cloth.material.constants import Sheet
-from warp_cloth.mesh import Mesh, Points
 
 SECTORS = 72  # of 5 degrees round the trunk
 ALONG = 9  # spots looked at along each piece of a section

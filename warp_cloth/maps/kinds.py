@@ -11,8 +11,8 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from warp_cloth.errors import InputError
-from warp_cloth.given import texts
+from warp_cloth.base.arguments import texts
+from warp_cloth.base.errors import InputError
 
 SHOWN_SHARE = 98.0  # percentile of a map that its colours reach; the few vertices beyond would hide all others
 NICE_STEPS = (1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0)  # ends of a colour range, times a power of ten

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from warp_cloth.base.mesh import Mesh
 from warp_cloth.maps.section import Section, cut
-from warp_cloth.mesh import Mesh
 
 STEP = 0.01  # of the stature, between the sections looked at
 # Where each level is looked for, as shares of the stature (after ISO 8559-1: the hip at the fullest of the seat, the

@@ -9,14 +9,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from warp_cloth.collide.exact import signed_distances
-from warp_cloth.errors import InputError
+from warp_cloth.avatar.exact import signed_distances
+from warp_cloth.base.errors import InputError
+from warp_cloth.base.mesh import Mesh, Points
 from warp_cloth.garment.part import GarmentPart
 from warp_cloth.maps.girths import garment_girths
 from warp_cloth.maps.kinds import MAPS, shown_range
 from warp_cloth.maps.levels import body_levels
 from warp_cloth.maps.strain import face_strains, vertex_areas, vertex_means
-from warp_cloth.mesh import Mesh, Points
 
 PASCALS = 1e3  # in a kPa
 MILLIMETRES = 1e3  # in a metre

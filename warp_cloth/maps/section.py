@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from warp_cloth.connected import lowest_connected
-from warp_cloth.mesh import Indices, Points
+from warp_cloth.base.connected import lowest_connected
+from warp_cloth.base.mesh import Indices, Points
 from warp_cloth.shapes.body import convex_girth
 
 Floats = NDArray[np.float64]

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from warp_cloth.base.mesh import Indices, Points
 from warp_cloth.material.constants import THINNEST_SHARE, Sheet
-from warp_cloth.mesh import Indices, Points
 
 Floats = NDArray[np.float64]
 

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from warp_cloth.base.chunks import by_parts, in_parts
+from warp_cloth.base.mesh import Indices
+from warp_cloth.base.threads import end_to_end
 from warp_cloth.material.constants import Sheet
 from warp_cloth.material.patch_factors import Fit, Patches
-from warp_cloth.mesh import Indices
-from warp_cloth.parts import by_parts, in_parts
-from warp_cloth.threads import end_to_end
 
 if TYPE_CHECKING:
     from warp_cloth.material.fabric import Fabric

@@ -13,11 +13,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from warp_cloth.mesh import Indices
+from warp_cloth.base.mesh import Indices
 
 if TYPE_CHECKING:
+    from warp_cloth.base.topology import Topology
     from warp_cloth.material.fabric import Fabric
-    from warp_cloth.topology import Topology
 
 Floats = NDArray[np.float64]
 
@@ -35,7 +35,7 @@ THINNEST_SHARE = 1e-6  # of the median triangle's area; thinner ones carry no th
 
 @dataclass(frozen=True, eq=False)
 class WeaveShape:
-    """Threads of woven triangles (kernels.weave), T triangles."""
+    """Threads of woven triangles (kernels.laws.yarn), T triangles."""
 
     triangles: Indices  # of the garment's triangles those that carry threads, shape [T]
     corners: Indices  # shape [T, 3]

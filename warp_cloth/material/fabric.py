@@ -12,10 +12,10 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from warp_cloth.errors import InputError
+from warp_cloth.base.errors import InputError
+from warp_cloth.base.toml_file import read_toml
 from warp_cloth.material import laboratory
 from warp_cloth.material.laboratory import si_values
-from warp_cloth.toml_file import read_toml
 
 BOUNDS: Mapping[str, tuple[float, float]] = MappingProxyType(
     {

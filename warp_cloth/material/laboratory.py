@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any
 
-from warp_cloth.errors import InputError
+from warp_cloth.base.errors import InputError
 
 GRAVITY = 9.80665  # standard gravity [m/s2]
 KES_FORCE = 490.3325  # [N/m], 500 gf/cm: the force per width at which KES-F reads the elongation EMT

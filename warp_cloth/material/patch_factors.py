@@ -9,9 +9,9 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from warp_cloth.base.chunks import by_parts, in_parts
+from warp_cloth.base.row_sums import RowSums
 from warp_cloth.material.constants import Sheet
-from warp_cloth.material.row_sums import RowSums
-from warp_cloth.parts import by_parts, in_parts
 
 Floats = NDArray[np.float64]
 

@@ -13,13 +13,13 @@ from typing import Any
 import numpy as np
 from pydantic import ValidationError
 
-from warp_cloth import given
-from warp_cloth.errors import InputError
+from warp_cloth.base import arguments as given
+from warp_cloth.base.errors import InputError
+from warp_cloth.base.toml_file import exists, read_toml
 from warp_cloth.scene.messages import scene_error, show
 from warp_cloth.scene.overrides import apply_override, set_place, still_stated
 from warp_cloth.scene.schema import Scene
 from warp_cloth.scene.stage import USD_SUFFIXES, check_prims, stage_values
-from warp_cloth.toml_file import exists, read_toml
 
 MESH_SUFFIXES = (".obj", ".ply", ".stl", ".glb", ".gltf")
 

@@ -11,7 +11,7 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails, PydanticCustomError, ValidationError
 
-from warp_cloth.errors import InputError
+from warp_cloth.base.errors import InputError
 
 Location = tuple[str | int, ...]
 

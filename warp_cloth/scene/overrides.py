@@ -6,9 +6,9 @@ import re
 from pathlib import Path
 from typing import Any
 
-from warp_cloth.errors import InputError
+from warp_cloth.base.errors import InputError
+from warp_cloth.base.toml_file import exists, toml_value
 from warp_cloth.scene.messages import show
-from warp_cloth.toml_file import exists, toml_value
 
 PART = re.compile(r"([A-Za-z_][\w-]*)((?:\[\d{1,6}\])*)")
 

@@ -17,14 +17,14 @@ from pydantic import (
     model_validator,
 )
 
-from warp_cloth.errors import InputError
+from warp_cloth.base.errors import InputError
+from warp_cloth.base.units import LENGTH_UNITS, METRES_PER, LengthUnit, UpAxis
 from warp_cloth.garment.folds import RestAngles
 from warp_cloth.material.fabric import Fabric, resolve_fabric
 from warp_cloth.scene.messages import listed, refusal, show
 from warp_cloth.scene.paths import checked_name, directory_of, path_from
 from warp_cloth.scene.shapes import AvatarShape, GarmentShape, Point, Real, Table, VertexId, Whole
 from warp_cloth.scene.stage import USD_SUFFIXES
-from warp_cloth.units import LENGTH_UNITS, METRES_PER, LengthUnit, UpAxis
 
 RestShape = Literal["mesh", "uv", "physics"]
 AvatarCollision = Literal["depth", "auto", "mesh", "plain", "none"]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from warp_cloth.errors import InputError
+from warp_cloth.base.errors import InputError
 
 USD_SUFFIXES = (".usd", ".usda", ".usdc", ".usdz")
 

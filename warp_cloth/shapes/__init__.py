@@ -5,9 +5,9 @@ from __future__ import annotations
 from functools import partial
 from typing import Any
 
-from warp_cloth.errors import InputError
-from warp_cloth.kept import Kept
-from warp_cloth.mesh import Mesh
+from warp_cloth.base.cache import Kept
+from warp_cloth.base.errors import InputError
+from warp_cloth.base.mesh import Mesh
 from warp_cloth.shapes.mannequin import mannequin, trunk_girth
 from warp_cloth.shapes.measures import SIZE_BODIES, MannequinMeasures
 from warp_cloth.shapes.simple import sphere, square

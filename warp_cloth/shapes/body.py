@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from warp_cloth.mesh import Points
+from warp_cloth.base.mesh import Points
 from warp_cloth.shapes.loft import Loft, Values, loft, natural_spline, smooth_minimum
 from warp_cloth.shapes.measures import CHEST_LEVEL, HIP_LEVEL, WAIST_LEVEL, MannequinMeasures
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from warp_cloth.mesh import Points
+from warp_cloth.base.mesh import Points
 
 Values = NDArray[np.float64]
 TABLE_SIZE = 400  # samples of each profile along the axis: linear between them, so dense enough not to show

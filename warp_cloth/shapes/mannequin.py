@@ -6,9 +6,9 @@ from functools import partial
 
 import numpy as np
 
-from warp_cloth.errors import InputError
-from warp_cloth.kept import Kept
-from warp_cloth.mesh import Mesh
+from warp_cloth.base.cache import Kept
+from warp_cloth.base.errors import InputError
+from warp_cloth.base.mesh import Mesh
 from warp_cloth.shapes.body import calibrated_form, convex_girth
 from warp_cloth.shapes.measures import MannequinMeasures
 from warp_cloth.shapes.surface import (

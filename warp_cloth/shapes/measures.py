@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, fields
 
-from warp_cloth.errors import InputError
+from warp_cloth.base.errors import InputError
 
 # What each measure may be [m; degrees]: generous for grown-ups, tight enough to catch centimetres or inches.
 LIMITS: dict[str, tuple[float, float]] = {

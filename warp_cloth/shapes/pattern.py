@@ -9,8 +9,8 @@ from functools import partial
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from warp_cloth.kept import Kept
-from warp_cloth.mesh import Indices, Points
+from warp_cloth.base.cache import Kept
+from warp_cloth.base.mesh import Indices, Points
 from warp_cloth.shapes.triangulate import triangulate
 
 CURVE_SAMPLES = 400  # of a curve when its length is measured: chord error below 0.01 mm

@@ -9,8 +9,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from warp_cloth.errors import InputError
-from warp_cloth.mesh import Mesh
+from warp_cloth.base.errors import InputError
+from warp_cloth.base.mesh import Mesh
 
 MOST_DIVISIONS = 512  # of an icosahedron's edge: 2.6 million vertices; beyond it a stated edge is a slip of the unit
 ICOSAHEDRON_ARC = math.atan(2)  # angle of an edge seen from the centre

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from warp_cloth.mesh import Indices, Points
+from warp_cloth.base.mesh import Indices, Points
 from warp_cloth.shapes.loft import Values
 
 Quads = NDArray[np.int64]

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from warp_cloth.errors import InputError
-from warp_cloth.mesh import Indices, Points
+from warp_cloth.base.errors import InputError
+from warp_cloth.base.mesh import Indices, Points
 
 REACH = 2.0  # spacings: no empty circle in such a point set is wider, so Delaunay partners are this near
 CLEARANCE = 0.62  # spacings between lattice and outline: less makes slivers, more makes wide triangles

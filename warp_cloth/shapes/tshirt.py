@@ -9,9 +9,9 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from warp_cloth.errors import InputError
-from warp_cloth.kept import Kept
-from warp_cloth.mesh import Mesh, Points
+from warp_cloth.base.cache import Kept
+from warp_cloth.base.errors import InputError
+from warp_cloth.base.mesh import Mesh, Points
 from warp_cloth.shapes.body import Form, calibrated_form, convex_girth, section
 from warp_cloth.shapes.loft import Values
 from warp_cloth.shapes.measures import SIZE_BODIES, MannequinMeasures

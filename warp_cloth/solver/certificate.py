@@ -11,16 +11,16 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
+from warp_cloth.base.bins import pieces
+from warp_cloth.base.mesh import Points
+from warp_cloth.base.percentiles import percentiles
 from warp_cloth.garment.rest import Floats
-from warp_cloth.kernels.certify import residual_kernel
-from warp_cloth.kernels.cloth import cloth_types
-from warp_cloth.kernels.pressure import push_kernel
-from warp_cloth.kernels.summary import FASTER, FREE, LOWER, MOVED, RELATIVE, WAYS, WEIGHTS, keep_kernel
-from warp_cloth.mesh import Points
-from warp_cloth.model import ClothModel
-from warp_cloth.percentiles import percentiles
-from warp_cloth.pieces import pieces
-from warp_cloth.result import Residual
+from warp_cloth.kernels.base.types import cloth_types
+from warp_cloth.kernels.certificate.pressure import push_kernel
+from warp_cloth.kernels.certificate.residual import residual_kernel
+from warp_cloth.kernels.certificate.summary import FASTER, FREE, LOWER, MOVED, RELATIVE, WAYS, WEIGHTS, keep_kernel
+from warp_cloth.model.model import ClothModel
+from warp_cloth.model.result import Residual
 from warp_cloth.solver.forces import ForcePass
 from warp_cloth.solver.relax import Relaxation
 from warp_cloth.solver.rest_error import GROWING, Mark, RestError, rest_error
@@ -57,7 +57,7 @@ class Check:
     residual: Residual
     rest_error: float  # [m]; inf while nothing is known of it
     finite: bool
-    growing: float = 0.0  # longest way since the last look that grows, by kernels.summary [m]
+    growing: float = 0.0  # longest way since the last look that grows, by kernels.certificate.summary [m]
 
     def within(self, tolerance: Tolerance) -> bool:
         """Whether this is rest."""

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from warp_cloth.base.mesh import Indices
+from warp_cloth.base.topology import ragged_rows
 from warp_cloth.garment.rest import Floats
-from warp_cloth.mesh import Indices
-from warp_cloth.topology import ragged_rows
 
 Ints = NDArray[np.int64]
 Flags = NDArray[np.bool_]

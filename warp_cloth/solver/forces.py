@@ -6,21 +6,21 @@ from typing import Any
 
 import warp as wp
 
-from warp_cloth.kernels.arithmetic import WIDTH, shaped
-from warp_cloth.kernels.cloth import BOUNDS, cloth_types
-from warp_cloth.kernels.gather import gather_kernel
-from warp_cloth.kernels.limits import block_for
-from warp_cloth.kernels.scatter import edges_kernel, normals_kernel, triangles_kernel
-from warp_cloth.kernels.scatter_eight import eight_edges_kernel, eight_normals_kernel, eight_triangles_kernel
-from warp_cloth.model import ClothModel
-from warp_cloth.solver.at_work import Listed
+from warp_cloth.kernels.base.options import block_for
+from warp_cloth.kernels.base.types import BOUNDS, cloth_types
+from warp_cloth.kernels.math.real import WIDTH, shaped
+from warp_cloth.kernels.passes.gather import gather_kernel
+from warp_cloth.kernels.passes.scatter import edges_kernel, normals_kernel, triangles_kernel
+from warp_cloth.kernels.passes.scatter_packets import eight_edges_kernel, eight_normals_kernel, eight_triangles_kernel
+from warp_cloth.model.model import ClothModel
+from warp_cloth.solver.active_set import Listed
 
 
 class NormalsPass:
     """Measures the triangles' normals, one by one or eight at a time."""
 
     def __init__(self, model: ClothModel, *, packed: bool = False, some: Listed | None = None) -> None:
-        """``packed``: whether the cloth's positions are (kernels.packing).
+        """``packed``: whether the cloth's positions are (kernels.patches.packing).
 
         ``some`` of the triangles, where they are not worked out eight at a time; None: all.
         """
@@ -44,13 +44,13 @@ class NormalsPass:
         return [self.normal, self.sides] if self._eight else [self._some.groups, self.normal]
 
     def launch(self, step: Any, cloth: Any, triangles: Any = None) -> None:
-        """Launches it; ``step`` is a kernels.cloth Step, ``cloth`` a Cloth, and ``triangles`` its, or the model's."""
+        """Launches it; ``step`` is a base.types Step, ``cloth`` a Cloth, and ``triangles`` its, or the model's."""
         inputs = [cloth, triangles or self._model.triangles, step, *self.asks]
         wp.launch(self.kernel, dim=self.size, inputs=inputs, device=self._model.device)
 
 
 class ForcePass:
-    """Sums the cloth's forces into ``load``: force [N] and a fourth part (kernels.cloth.FOURTH_PARTS) per vertex.
+    """Sums the cloth's forces into ``load``: force [N] and a fourth part (kernels.base.types.FOURTH_PARTS) per vertex.
 
     ``load`` must be at zero before a pass; the kernels that read it leave it so.
     """
@@ -94,7 +94,7 @@ class ForcePass:
         return [entry[0] for entry in self._passes]
 
     def launch(self, step: Any) -> None:
-        """Launches the pass; ``step`` is a kernels.cloth Step."""
+        """Launches the pass; ``step`` is a kernels.base.types Step."""
         model = self._model
         for kernel, size, read, written in self._passes:
             inputs = [model.cloth, *read, step, *written]

@@ -10,12 +10,12 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from warp_cloth.kernels.cloth import cloth_types
-from warp_cloth.kernels.levels import level_types
-from warp_cloth.mesh import Indices
-from warp_cloth.model import ClothModel
+from warp_cloth.base.mesh import Indices
+from warp_cloth.base.topology import ragged_rows
+from warp_cloth.kernels.base.types import cloth_types
+from warp_cloth.kernels.implicit.coarse_levels import level_types
+from warp_cloth.model.model import ClothModel
 from warp_cloth.solver.simplified import Ladder
-from warp_cloth.topology import ragged_rows
 
 Ints = NDArray[np.int64]
 Floats = NDArray[np.float64]

@@ -16,17 +16,17 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from warp_cloth.kernels.cloth import cloth_types
-from warp_cloth.kernels.conjugate import conjugate_kernels, conjugate_types
-from warp_cloth.kernels.implicit import implicit_kernels
-from warp_cloth.kernels.levels import COARSEST, level_kernels, level_types
-from warp_cloth.kernels.stiffness import stiffness_kernels, stiffness_types
-from warp_cloth.model import ClothModel
+from warp_cloth.kernels.base.types import cloth_types
+from warp_cloth.kernels.elements.stiffness import stiffness_kernels, stiffness_types
+from warp_cloth.kernels.implicit.coarse_levels import COARSEST, level_kernels, level_types
+from warp_cloth.kernels.implicit.conjugate_gradient import conjugate_kernels, conjugate_types
+from warp_cloth.kernels.implicit.step import implicit_kernels
+from warp_cloth.model.model import ClothModel
+from warp_cloth.solver.couplings import PairTable
 from warp_cloth.solver.forces import ForcePass
 from warp_cloth.solver.hierarchy import Level, coarsest
-from warp_cloth.solver.pairs import PairTable
-from warp_cloth.solver.parts import launch_blocks, launch_rows, split
-from warp_cloth.solver.turns import Turning, turning_level
+from warp_cloth.solver.reduction import launch_blocks, launch_rows, split
+from warp_cloth.solver.rigid_level import Turning, turning_level
 
 PART = 64  # vertices that a block works on, of a garment that is not large
 FEW = 512  # vertices of a level, that a single block works on along with all below: each launch takes as long
@@ -191,7 +191,7 @@ class ImplicitStep:
         ]
 
     def launch(self, step: Any, collider_data: Any, renew: bool) -> None:
-        """One step. ``step`` is a kernels.cloth Step; ``renew`` sums the coarser levels' stiffness anew."""
+        """One step. ``step`` is a kernels.base.types Step; ``renew`` sums the coarser levels' stiffness anew."""
         model, system, own = self._model, self._system, self._options
         self._forces.launch(step)
         self._linearise(renew)

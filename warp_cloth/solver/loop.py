@@ -10,11 +10,11 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
+from warp_cloth.base.mesh import Points
 from warp_cloth.garment.rest import Floats
-from warp_cloth.mesh import Points
-from warp_cloth.result import Status
+from warp_cloth.model.result import Status
 from warp_cloth.solver.certificate import Certifier, Check, Glance, Look, Tolerance, bounds
-from warp_cloth.solver.course import Course
+from warp_cloth.solver.contact_schedule import Course
 from warp_cloth.solver.relax import Collider, Relaxation
 from warp_cloth.solver.summary import Answer
 

@@ -12,17 +12,17 @@ import warp as wp
 from numpy.typing import NDArray
 
 from warp_cloth.garment.part import GarmentPart
-from warp_cloth.kernels.certify import energy_kernels
-from warp_cloth.model import ClothModel
+from warp_cloth.kernels.certificate.residual import energy_kernels
+from warp_cloth.model.model import ClothModel
+from warp_cloth.solver.couplings import build_pairs
 from warp_cloth.solver.hierarchy import build_hierarchy
 from warp_cloth.solver.implicit import ImplicitOptions, ImplicitStep, Pace
-from warp_cloth.solver.pairs import build_pairs
 from warp_cloth.solver.relax import DEFAULT_CAP, TIGHTER, Collider, Relaxation, StepOptions
 from warp_cloth.solver.simplified import Ladder, build_ladder
 from warp_cloth.solver.strains import edge_strains
 
 if TYPE_CHECKING:
-    from warp_cloth.collide.cloth import ClothTouch
+    from warp_cloth.contact.cloth import ClothTouch
 
 # Forces grow with the square of the strain: what starts 48 times too long tears at its neighbours far beyond where
 # they may be linearised. Per-vertex steps with their bound of the stiffness close a seam in some hundred iterations.

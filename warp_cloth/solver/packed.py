@@ -7,19 +7,19 @@ from typing import Any
 
 import warp as wp
 
-from warp_cloth.kernels.cloth import cloth_types
-from warp_cloth.kernels.packing import packing_kernels
-from warp_cloth.model import ClothModel
-from warp_cloth.patches.on_device import Patches
-from warp_cloth.solver.at_work import Listed
+from warp_cloth.kernels.base.types import cloth_types
+from warp_cloth.kernels.patches.packing import packing_kernels
+from warp_cloth.model.model import ClothModel
+from warp_cloth.model.patches.on_device import Patches
+from warp_cloth.solver.active_set import Listed
 from warp_cloth.solver.forces import launch_patches
 
 
 class PackedCloth:
     """The cloth twice as patches own it, to iterate to and fro; what iterations change comes from and to the model.
 
-    ``some``: the vertices that come and go. ``packed``: as of kernels.packing; not where cloth meets cloth. The model's
-    leeway lies as this cloth's vertices do.
+    ``some``: the vertices that come and go. ``packed``: as of kernels.patches.packing; not where cloth meets cloth.
+    The model's leeway lies as this cloth's vertices do.
     """
 
     def __init__(
@@ -67,7 +67,7 @@ class PackedCloth:
         return here
 
     def iterate(self, move: wp.Kernel, asked: list[Any], count: int, before: Callable[[int, Any], int] | None) -> None:
-        """Launches iterations by ``move``, of kernels.displace.advance_kernel; ``asked`` comes first there.
+        """Launches iterations by ``move``, of kernels.passes.move.advance_kernel; ``asked`` comes first there.
 
         ``before`` each iteration, given its number and the cloth then: how many
         more blocks it takes.

@@ -10,19 +10,19 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from warp_cloth.kernels.cloth import cloth_types
-from warp_cloth.kernels.displace import advance_kernel, displace_kernel
-from warp_cloth.kernels.displace_eight import eight_displace_kernel
-from warp_cloth.kernels.displacement import NoClothContact, NoCollider, spares_looks, step_bound, wears
-from warp_cloth.model import ClothModel
-from warp_cloth.solver.at_work import AtWork
+from warp_cloth.kernels.base.types import cloth_types
+from warp_cloth.kernels.passes.move import advance_kernel, displace_kernel
+from warp_cloth.kernels.passes.move_packets import eight_displace_kernel
+from warp_cloth.kernels.passes.step import NoClothContact, NoCollider, spares_looks, step_bound, wears
+from warp_cloth.model.model import ClothModel
+from warp_cloth.solver.active_set import AtWork
+from warp_cloth.solver.anisotropic_step import Leeway
 from warp_cloth.solver.forces import ForcePass, pass_size, takes_eight
-from warp_cloth.solver.leeway import Leeway
 from warp_cloth.solver.packed import PackedCloth
-from warp_cloth.solver.together import Together
+from warp_cloth.solver.parallel_domains import Together
 
 if TYPE_CHECKING:
-    from warp_cloth.collide.cloth import ClothTouch
+    from warp_cloth.contact.cloth import ClothTouch
 
 Method = Literal["multilevel", "accelerated", "direct"]
 

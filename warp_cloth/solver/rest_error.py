@@ -22,7 +22,7 @@ SLOWEST = 0.98  # largest share of a span's way that the next one is taken to co
 FASTEST = 0.75  # smallest such share: a span that happens to be quiet promises too much
 SAFETY = 3.0  # what is left of soft modes shrinks more slowly than what has been seen
 GROWTH = 1.03  # shapes are kept when the iterations have grown by this factor
-# Longest way of a vertex from one look to the next that may grow, by kernels.summary [m]. A fold that is about to snap
+# Longest way of a vertex from one look to the next that may grow, by the summary [m]. A fold about to snap
 # goes slowly first, ever faster, and so is no rest shape, though its way is short. Of 118 worn T-shirts five moved by
 # more than 0.1 mm at the shoulders in the 1,000 iterations after a certificate without this, one after one with it;
 # it costs 4 % of the iterations. Half as much costs 8 and does not see the last one coming, either.

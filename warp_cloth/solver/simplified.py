@@ -8,12 +8,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from warp_cloth.base.mesh import Points, vertex_normals
 from warp_cloth.garment.folds import fold_angles
 from warp_cloth.garment.part import GarmentPart
 from warp_cloth.garment.rest import constants_of
 from warp_cloth.material.constants import Sheet
 from warp_cloth.material.fabric import Fabric
-from warp_cloth.mesh import Points, vertex_normals
 from warp_cloth.solver.coarsen import Coarse, Pattern, coarsen, rest_pattern
 
 Floats = NDArray[np.float64]

@@ -10,11 +10,11 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from warp_cloth.kernels.certify import bending_energy_kernel, energy_kernels
-from warp_cloth.kernels.cloth import cloth_types
-from warp_cloth.model import ClothModel
-from warp_cloth.percentiles import percentiles
-from warp_cloth.result import Strain
+from warp_cloth.base.percentiles import percentiles
+from warp_cloth.kernels.base.types import cloth_types
+from warp_cloth.kernels.certificate.residual import bending_energy_kernel, energy_kernels
+from warp_cloth.model.model import ClothModel
+from warp_cloth.model.result import Strain
 
 
 def strain_summary(strain: NDArray[Any]) -> Strain:

@@ -11,9 +11,9 @@ import warp as wp
 from numpy.typing import NDArray
 
 from warp_cloth.garment.rest import Floats
-from warp_cloth.kernels.summary import CHUNK, COLUMNS, GROUP, chunk_kernel, looks_type, summarise_groups
-from warp_cloth.model import ClothModel
-from warp_cloth.solver.at_work import AtWork
+from warp_cloth.kernels.certificate.summary import CHUNK, COLUMNS, GROUP, chunk_kernel, looks_type, summarise_groups
+from warp_cloth.model.model import ClothModel
+from warp_cloth.solver.active_set import AtWork
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +63,7 @@ class Summary:
     def ask(self, left: wp.array, looks: Any) -> Answer:
         """Figures of all items as they stand; of those that do not iterate what they last were.
 
-        ``left`` is of kernels.certify, ``looks`` of ``looks_type``: shapes to compare with.
+        ``left`` is of kernels.certificate.residual, ``looks`` of ``looks_type``: shapes to compare with.
         """
         model, device = self._model, self._model.device
         inputs = [self._some.groups, self._first_vertex, model.cloth, left, looks, self._sums]

@@ -13,12 +13,12 @@ from typing import Any
 
 import numpy as np
 
-from warp_cloth.errors import InputError
-from warp_cloth.fitting import Fit, fit
+from warp_cloth.base.errors import InputError
+from warp_cloth.base.threads import core_count
+from warp_cloth.fitting.fit import Fit, fit
 from warp_cloth.study import extreme_meshes as meshes
 from warp_cloth.study.extreme_meshes import Drawn, write_garment
 from warp_cloth.study.workers import run_jobs
-from warp_cloth.threads import core_count
 
 STIFFNESS = tuple(10.0**power for power in range(9))  # [N/m]
 CAPS = tuple(10.0**power for power in range(-7, 1))  # [m]

@@ -10,9 +10,9 @@ from statistics import mean
 import numpy as np
 import warp as wp
 
-from warp_cloth.collide.crossing import search_bytes
-from warp_cloth.fitting import SetUp
-from warp_cloth.garment.wardrobe import Wardrobe
+from warp_cloth.contact.crossing import search_bytes
+from warp_cloth.fitting.fit import SetUp
+from warp_cloth.garment.scene_garments import Wardrobe
 from warp_cloth.solver.strains import strain_bytes
 from warp_cloth.study.caches import cache_bytes, spilled_bytes
 from warp_cloth.study.launches import Launch, arrays_in, bytes_of, launches_of

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from warp_cloth.kernels.box_tree import LEAVES, WIDTH
+from warp_cloth.kernels.contact.box_tree import LEAVES, WIDTH
 from warp_cloth.study.asked import STORED, THREADS, Arrays, Numbers, Part, integers, joined
 from warp_cloth.study.launches import Launch
 from warp_cloth.study.traffic import Uses
 
-TRIANGLE = 2**32 - 1  # the part of kernels.untangle's ``beyond`` that names one
+TRIANGLE = 2**32 - 1  # the part of kernels.contact.untangle's ``beyond`` that names one
 PLACED = (
     "cloth.position",
     "cloth.move",
@@ -20,7 +20,7 @@ PLACED = (
 def gathered_work(launch: Launch, arrays: Arrays, uses: Uses) -> dict[str, Part]:
     """What a launch asks for beyond what is its threads' own; as of ``STORED``, what its threads store one by one.
 
-    Of kernels.leeway, of what measures normals, boxes cloth, or keeps what is tangled from being pressed and layers in
+    Of leeway, of what measures normals, boxes cloth, or keeps what is tangled from being pressed and layers in
     their order.
     """
     if "patches.patch" in arrays:

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 
-from warp_cloth.errors import InputError
+from warp_cloth.base.errors import InputError
 from warp_cloth.scene import Scene, SquareShape, TshirtShape
 from warp_cloth.solver.relax import DEFAULT_CAP, Method
 

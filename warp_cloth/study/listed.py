@@ -1,6 +1,6 @@
 """What each block of threads asks for that works on lists of what may be near, or cross: groups, then leaves.
 
-The lists (kernels.meeting) are read where they lie, after each launch of a search.
+The lists (kernels.contact.broad_phase) are read where they lie, after each launch of a search.
 """
 
 from __future__ import annotations
@@ -10,12 +10,12 @@ from collections.abc import Collection
 import numpy as np
 from numpy.typing import NDArray
 
-from warp_cloth.collide.cloth import LOOKING
-from warp_cloth.kernels.box_tree import WIDTH
-from warp_cloth.kernels.cloth_contact import ON_EDGE, ON_TRIANGLE
-from warp_cloth.kernels.crossing_search import BY_TRIANGLE
-from warp_cloth.kernels.lean_memory import SPREAD_1, SPREAD_2, SPREAD_3, SPREAD_4, SPREAD_5
-from warp_cloth.kernels.meeting import APART, GROUPS, LEAVES_MET, LISTING, PARTS
+from warp_cloth.contact.cloth import LOOKING
+from warp_cloth.kernels.contact.arrays import ON_EDGE, ON_TRIANGLE
+from warp_cloth.kernels.contact.box_tree import WIDTH
+from warp_cloth.kernels.contact.broad_phase import APART, GROUPS, LEAVES_MET, LISTING, PARTS
+from warp_cloth.kernels.contact.crossing_search import BY_TRIANGLE
+from warp_cloth.kernels.contact.stick_memory import SPREAD_1, SPREAD_2, SPREAD_3, SPREAD_4, SPREAD_5
 from warp_cloth.study.asked import STORED, Arrays, Numbers, Part, integers, joined, ranges
 
 TEAM, TEAMS = int(WIDTH), LISTING[0] // int(WIDTH)  # threads of a team, and teams of a block

@@ -19,11 +19,11 @@ from typing import Any
 
 import numpy as np
 
+from warp_cloth.base.mesh import Points
+from warp_cloth.base.warp_setup import start_warp
 from warp_cloth.batch.lifeline import uninterrupted
-from warp_cloth.mesh import Points
-from warp_cloth.quiet import start_warp
+from warp_cloth.fitting.problem import SetUp, following, set_up_one, start_coarse, tolerance_of
 from warp_cloth.scene import load_scene
-from warp_cloth.set_up import SetUp, following, set_up_one, start_coarse, tolerance_of
 from warp_cloth.solver.certificate import Check, Tolerance
 from warp_cloth.solver.loop import CHUNK, relax_to_rest
 from warp_cloth.solver.relax import StepOptions

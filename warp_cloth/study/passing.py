@@ -10,18 +10,18 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from warp_cloth.collide.exact import penetrations
-from warp_cloth.dressing import started
-from warp_cloth.errors import InputError
-from warp_cloth.kept import Kept
-from warp_cloth.mesh import Mesh, Points
-from warp_cloth.result import Penetration, Status
+from warp_cloth.avatar.exact import penetrations
+from warp_cloth.base.cache import Kept
+from warp_cloth.base.errors import InputError
+from warp_cloth.base.mesh import Mesh, Points
+from warp_cloth.fitting.predrape import started
+from warp_cloth.fitting.problem import SetUp, following, set_up_one, tolerance_of
+from warp_cloth.model.result import Penetration, Status
+from warp_cloth.report.status import more_iterations, verdict
 from warp_cloth.scene import Scene, load_scene
-from warp_cloth.set_up import SetUp, following, set_up_one, tolerance_of
 from warp_cloth.solver.loop import Goal, relax_items
 from warp_cloth.solver.relax import Relaxation
 from warp_cloth.solver.strains import edge_strains, strain_summary
-from warp_cloth.verdict import more_iterations, verdict
 
 
 @dataclass(frozen=True, eq=False)

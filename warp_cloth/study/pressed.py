@@ -1,14 +1,14 @@
-"""Which pairs of cloth blocks of threads look at and press, as kernels.press_queue shares them out."""
+"""Which pairs of cloth blocks of threads look at and press, as kernels.contact.narrow_phase_queue shares them out."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 
-from warp_cloth.kernels.block import BLOCK_THREADS
-from warp_cloth.kernels.cloth_contact import ON_EDGE, REGIONS
-from warp_cloth.kernels.press_queue import ROUNDS
-from warp_cloth.kernels.touch import PARALLEL
+from warp_cloth.kernels.base.block import BLOCK_THREADS
+from warp_cloth.kernels.contact.arrays import ON_EDGE, REGIONS
+from warp_cloth.kernels.contact.narrow_phase_queue import ROUNDS
+from warp_cloth.kernels.contact.squeeze import PARALLEL
 from warp_cloth.study.asked import SECTOR, Arrays, Numbers
 from warp_cloth.study.traffic import SEVERAL, Chain, Uses
 
@@ -30,7 +30,9 @@ def chosen_pairs(arrays: Arrays, contact: str, chain: Chain, found: int) -> Numb
     )
     pair = np.arange(min(found, len(due)))
     if f"{contact}.due" in chain:
-        pair = come_pairs(arrays, contact, pair, way[0] + stride[turn[0] & 1])  # as kernels.cloth_contact's region_gone
+        pair = come_pairs(
+            arrays, contact, pair, way[0] + stride[turn[0] & 1]
+        )  # as kernels.contact.arrays's region_gone
     if f"{contact}.lean" in chain:
         pair = pair[lean[pair].any(axis=1)]
         if f"{contact}.due" in chain and SEVERAL not in chain:  # what turns edges away from each other
@@ -54,7 +56,7 @@ def near_pairs(arrays: Arrays, contact: str, pair: Numbers) -> Numbers:
 
 
 def nearly_parallel(arrays: Arrays, contact: str, pair: Numbers) -> NDArray[np.bool_]:
-    """Whether pairs of edges turn, by kernels.touch's ``share``."""
+    """Whether pairs of edges turn, by kernels.contact.squeeze's ``share``."""
     positions = next(array for name, array in arrays.items() if name.endswith(".position")).numpy()
     ends = positions[arrays[f"{contact}.corners"].numpy()[pair]].astype(np.float64)
     one, other = ends[:, 1] - ends[:, 0], ends[:, 3] - ends[:, 2]
@@ -63,7 +65,7 @@ def nearly_parallel(arrays: Arrays, contact: str, pair: Numbers) -> NDArray[np.b
 
 
 def four_regions(words: NDArray[np.uint64]) -> Numbers:
-    """The regions in each word of kernels.cloth_contact's pair_regions, shape [N, 4]."""
+    """The regions in each word of kernels.contact.arrays's pair_regions, shape [N, 4]."""
     shift = np.array([0, 16, 32, 48], dtype=np.uint64)
     return ((words[:, None] >> shift) & np.uint64(REGIONS - 1)).astype(np.int64)
 

@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from warp_cloth.garment.wardrobe import Wardrobe
-from warp_cloth.plan import make_plan
+from warp_cloth.fitting.plan import make_plan
+from warp_cloth.fitting.problem import set_up
+from warp_cloth.garment.scene_garments import Wardrobe
 from warp_cloth.scene import Scene
-from warp_cloth.set_up import set_up
 from warp_cloth.study.timing import FEWEST_ROUNDS, LONG, SHORTEST_RUN, Way
 
 Variant = tuple[Scene, Wardrobe]

@@ -8,11 +8,11 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from warp_cloth.kernels.box_tree import WIDTH
-from warp_cloth.kernels.cloth import Patch
-from warp_cloth.kernels.cloth_contact import ON_EDGE
-from warp_cloth.kernels.field import ContactField
-from warp_cloth.kernels.limits import block_for
+from warp_cloth.kernels.avatar.field import ContactField
+from warp_cloth.kernels.base.options import block_for
+from warp_cloth.kernels.base.types import Patch
+from warp_cloth.kernels.contact.arrays import ON_EDGE
+from warp_cloth.kernels.contact.box_tree import WIDTH
 from warp_cloth.solver.forces import patch_threads
 from warp_cloth.study.asked import SECTOR, STORED, THREADS, Part, ranges
 from warp_cloth.study.caches import core_bytes, spilled_bytes
@@ -34,7 +34,7 @@ from warp_cloth.study.traffic import ANY, FROM, REGIONS, SEVERAL, Chain, Uses
 ITEMS = "item_count"  # which take, with what is left over, all edges or triangles that a patch has
 LAWS = "law_start"  # from which on edges find how they pull and bend, in any order
 OF_ITEMS = {"edge_start": "edge_count", "triangle_start": "triangle_count", LAWS: "law_count"}
-PATCHES, PATCH_WIDTH = "patches.patch", 16  # kernels.cloth's Patch, one after another, and the numbers of each
+PATCHES, PATCH_WIDTH = "patches.patch", 16  # kernels.base.types's Patch, one after another, and the numbers of each
 TABLE_NODES = 3  # along each axis of a table, that a thread reads round its place
 AT_A_TIME = 1 << 16  # vertices whose places in a table are looked up together
 
@@ -236,7 +236,7 @@ class _Moved:
     def _known_of(self, name: str, chain: Chain) -> int:
         """How many elements counters on the device bound; 1 where there are none."""
         counts = [self._arrays[each].numpy() for each in self._counters(chain)]
-        if len(counts) == 1 and len(counts[0]) > 1:  # kernels.meeting's: groups, then leaves in parts
+        if len(counts) == 1 and len(counts[0]) > 1:  # kernels.contact.broad_phase's: groups, then leaves in parts
             return int(counts[0][0] if name.endswith(".group") else counts[0][1:].sum())
         return min((int(count.max()) for count in counts), default=1)
 
@@ -331,7 +331,7 @@ class _Moved:
 
 
 def field_nodes(field: Any, values: NDArray[np.float32], block: Keys, points: NDArray[Any]) -> Part:
-    """Blocks, and the nodes of a field's ``values`` that kernels.field's ``field_contact`` reads at each point."""
+    """Blocks, and the nodes of a field's ``values`` that ``field_contact`` reads at each point."""
     shape = np.array(values.shape)
     node = np.floor((points - field["origin"]) / field["spacing"] + 0.5).astype(np.int64)
     inside = ((node >= 1) & (node <= shape - 2)).all(axis=1)

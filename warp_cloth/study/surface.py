@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from warp_cloth.mesh import Mesh, Points
+from warp_cloth.base.mesh import Mesh, Points
 
 CHUNK = 2_000_000  # pairs of a place and a triangle that are looked at in one go
 

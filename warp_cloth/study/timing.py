@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from warp_cloth.set_up import SetUp, following
+from warp_cloth.fitting.problem import SetUp, following
 from warp_cloth.solver.loop import CHUNK, CHUNKS_PER_CHECK, chunks
 from warp_cloth.study.launches import Launch, launches_of
 

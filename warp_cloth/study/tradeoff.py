@@ -16,17 +16,17 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from warp_cloth.errors import InputError
+from warp_cloth.base.errors import InputError
+from warp_cloth.base.mesh import Mesh, Points
+from warp_cloth.base.threads import core_count
 from warp_cloth.export.files import unwritable, whole_file
-from warp_cloth.garment.wardrobe import mesh_recipes, open_wardrobe
-from warp_cloth.mesh import Mesh, Points
-from warp_cloth.result import Status
+from warp_cloth.garment.scene_garments import mesh_recipes, open_wardrobe
+from warp_cloth.model.result import Status
 from warp_cloth.scene import Scene, load_scene
 from warp_cloth.study.knobs import Settings, Trial, budget_trials, nothing_holds, reference_of, single_trials, twin_of
 from warp_cloth.study.passing import Passage, Passed, run_through
 from warp_cloth.study.surface import distances
 from warp_cloth.study.workers import run_jobs
-from warp_cloth.threads import core_count
 
 COMBINED = ("mesh", "precision", "pixel", "collider", "cloth contact")  # knobs whose cheapest settings are put together
 STOPPED = ("scene", "together", *COMBINED)  # knobs whose trials tell of shorter runs; of COMBINED only good ones

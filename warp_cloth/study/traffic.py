@@ -44,7 +44,7 @@ class Uses:
     ahead: set[str] = field(default_factory=set)  # that are looked at before it is known how many there are
     picked: dict[str, set[int]] = field(default_factory=dict)  # which of a pair's corners; ANY: no certain one
     members: dict[str, str] = field(default_factory=dict)  # of structs made on the way: "collider", of "colliders"
-    packed: set[str] = field(default_factory=set)  # whose elements lie as kernels.packing packs positions
+    packed: set[str] = field(default_factory=set)  # whose elements lie as kernels.patches.packing packs positions
 
 
 def array_uses(kernel: wp.Kernel) -> Uses:

@@ -10,9 +10,9 @@ from collections.abc import Iterator, Sequence
 from multiprocessing.connection import Connection, wait
 from typing import Any, Generic, Protocol, TypeVar
 
+from warp_cloth.base.warp_setup import start_warp
 from warp_cloth.batch.lifeline import begin_alone, uninterrupted
 from warp_cloth.batch.pool import ended
-from warp_cloth.quiet import start_warp
 
 STARTED = "started"  # what a worker says before it runs a job
 GRACE = 4.0  # [s] that a worker gets to end

@@ -12,16 +12,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from warp_cloth.device import device_named
-from warp_cloth.fitting import tolerance_of
-from warp_cloth.garment.wardrobe import Rack, open_wardrobe
+from warp_cloth.base.device import device_named
+from warp_cloth.base.mesh import Points
+from warp_cloth.fitting.fit import tolerance_of
+from warp_cloth.fitting.problem import SetUp, set_up, set_up_one
+from warp_cloth.fitting.warm_start import start_from
+from warp_cloth.garment.scene_garments import Rack, open_wardrobe
 from warp_cloth.maps import MAPS, measure_maps
-from warp_cloth.mesh import Points
-from warp_cloth.result import WornGarment
+from warp_cloth.model.result import WornGarment
 from warp_cloth.scene import MannequinShape, Scene, TshirtShape, load_scene
-from warp_cloth.set_up import SetUp, set_up, set_up_one
 from warp_cloth.solver.certificate import Check
-from warp_cloth.warm import start_from
 
 CHUNK = 20  # iterations between two pictures, where they take no longer than a picture may
 LEAST_CHUNK = 5
@@ -114,7 +114,7 @@ class LiveFit:
         shape = self.scene.avatar.shape if self.scene.avatar is not None else None
         if not isinstance(shape, MannequinShape):
             return None
-        from warp_cloth.garment.wardrobe import worn_size
+        from warp_cloth.garment.scene_garments import worn_size
         from warp_cloth.shapes import mannequin_measures
 
         measures = mannequin_measures(shape, size=worn_size(self.scene))

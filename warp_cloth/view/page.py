@@ -11,11 +11,11 @@ from typing import Any
 
 import numpy as np
 
-from warp_cloth.errors import InputError
+from warp_cloth.base.errors import InputError
+from warp_cloth.base.topology import build_topology
 from warp_cloth.export.surface import AVATAR_COLOUR, cloth_colour
 from warp_cloth.maps import MAPS
 from warp_cloth.material.fabric import shipped_fabrics
-from warp_cloth.topology import build_topology
 from warp_cloth.view.live import BODY_MEASURES, LiveFit
 from warp_cloth.view.picture import legend_html, map_colours
 from warp_cloth.view.surfaces import Surfaces

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from warp_cloth.base.mesh import Indices, Points
 from warp_cloth.export.surface import linear
 from warp_cloth.maps.colour import colours, shown_value
 from warp_cloth.maps.kinds import MapKind
-from warp_cloth.mesh import Indices, Points
 
 FLOAT, BYTE, SHORT, UNSIGNED = 5126, 5121, 5123, 5125  # glTF's names of number types
 VERTICES, ELEMENTS = 34962, 34963  # and of buffers

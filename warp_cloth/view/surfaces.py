@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from warp_cloth.base.mesh import Indices, Points
 from warp_cloth.export.surface import Colour
-from warp_cloth.mesh import Indices, Points
 from warp_cloth.view.picture import glb_bytes
 
 FILES = 3  # in turn: one is being read, the one before it is shown, and the one before that until it is

@@ -1,0 +1,293 @@
+"""Device arrays of a garment in one precision, as structs that the force and displacement kernels share."""
+
+import functools
+from types import SimpleNamespace
+
+import warp as wp
+
+from warp_cloth.kernels.base.access import element
+from warp_cloth.kernels.base.options import point_size, real_size
+
+PRECISIONS = ("float32", "mixed", "float64")
+
+# Compilers fuse no multiplication and addition of their own choice: so the CPU and CUDA round alike, operation by
+# operation, and a fit gives the same bits on both. Where fusing pays, ``arithmetic`` has it written out for both.
+MODULE_OPTIONS = {"enable_backward": False, "fuse_fp": False}
+
+# What the force kernels sum beside the force: nothing, a bound of the stiffness [N/m] for the accelerated step, the
+# same for a step that may go further across threads (kernels.passes.anisotropic_step), or the magnitudes of the
+# forces that meet at the vertex [N] for the certificate.
+FOURTH_PARTS = ("none", "stiffness", "leeway", "size")
+BOUNDS = ("stiffness", "leeway")
+
+
+def takes_exact_stretch(precision: str, fourth: str) -> bool:
+    """Whether forces take r - L out of squares in the positions' own float64.
+
+    Of threads drawn out by a thousandth a float32 length keeps no more than four digits of the stretch: 0.03 vertex
+    weights on 66,000 vertices of 200 kN/m. A step that goes by a bound ends by the certificate long before that tells.
+    """
+    return precision == "mixed" and fourth not in BOUNDS
+
+
+@wp.struct
+class Patch:
+    """Where a patch has its parts, and how many. Arrays have four vec4i of it."""
+
+    vertex_start: int
+    vertex_count: int
+    owned_count: int  # of its vertices
+    item: int  # that it is of
+    edge_start: int
+    edge_count: int
+    law_start: int
+    law_count: int  # of its edges' laws, where threads work on pairs of triangles: each counts once
+    triangle_start: int
+    triangle_count: int  # those at its vertices, which come first
+    normal_count: int  # and those beyond its edges
+    slot_start: int
+    ranks: int  # edges or triangles at a vertex, at most
+    overflow: int  # where its memory is if a block's own is too small; else -1
+    place: int  # of its first own vertex where vertices are in the patches' order
+    item_count: int  # pairs of triangles and single ones that threads work on (patches.triangle_pairs); where it bends
+
+
+@functools.cache
+def cloth_types(precision: str) -> SimpleNamespace:
+    """Types and structs of one precision: ``real``, ``point`` (of positions), ``vec3``, ``vec4``, ``Cloth`` and others.
+
+    ``wide`` is what a coordinate of a position is kept in.
+    ``vec6`` is xx, yy, zz, xy, xz, yz of a symmetric matrix.
+
+    "mixed" keeps positions in float64, takes their differences there and computes everything else in float32: near
+    1 m float32 positions are 6e-8 m apart, which on fine stiff cloth is more force noise than a vertex weighs.
+    """
+    real = wp.float64 if precision == "float64" else wp.float32
+    point = wp.vec3f if precision == "float32" else wp.vec3d
+    wide = wp.float32 if precision == "float32" else wp.float64
+    vec2 = wp.vec2d if precision == "float64" else wp.vec2f
+    vec3 = wp.vec3d if precision == "float64" else wp.vec3f
+    vec4 = wp.vec4d if precision == "float64" else wp.vec4f
+    vec6 = wp.types.vector(length=6, dtype=real)
+
+    @wp.struct
+    class Step:
+        """What one iteration needs besides the garments; the same for all items."""
+
+        gravity: vec3  # unit vector
+        reach: real  # change of length that the step allows for, as a share of the vertex's own last move
+        momentum: real  # share of the last displacement that is kept
+        momentum_loose: real  # the same for worn cloth that is loose, whose displacements nothing else damps
+        damping: real  # that share's factor where the displacement points against the force
+        viscosity: real  # share of an edge's stiffness that resists its ends' moving apart
+        buckling: real  # share of that which acts across an edge that is shorter than at rest; worn cloth only
+        memory: real  # share of a vertex's stiffness bound that is kept from one iteration to the next
+        memory_falling: real  # the same for worn cloth that is not loose yet
+        horizon: real  # how many last displacements ahead a leeway is good for
+
+    @wp.struct
+    class Item:
+        """What one fit of a batch has of its own; a single fit is a batch of one."""
+
+        cap: real  # largest displacement in an iteration [m]
+        offset: float  # contact offset [m]
+        friction: float  # of the avatar
+        leeway: real  # how many times the bound's step a step may be at most where cloth is soft; 0: no more than once
+        active: int  # 0: at rest, or given up; its vertices stay and cost nothing
+
+    @wp.struct
+    class Cloth:
+        """Vertices of all garments of all items, one after another; V vertices."""
+
+        position: wp.array(dtype=point)  # [m]
+        move: wp.array(dtype=vec3)  # last displacement [m]
+        moved: wp.array(dtype=vec4)  # the same and how long it is, where vertices are packed (kernels.patches.packing)
+        weight: wp.array(dtype=real)  # [N]
+        pinned: wp.array(dtype=wp.uint8)  # where any is
+        stiffness: wp.array(dtype=real)  # that the last step went by [N/m]; accelerated method only
+        leeway: wp.array(dtype=vec6)  # of kernels.passes.anisotropic_step; worn cloth only
+        held: wp.array(dtype=wp.uint8)  # whether the avatar pushed it in the last iteration; likewise
+        clear: wp.array(dtype=wp.float32)  # [m] that it may go and surely not meet the avatar; where looks are spared
+        item: wp.array(dtype=wp.int32)  # which fit each vertex belongs to
+        items: wp.array(dtype=Item)
+
+    @wp.struct
+    class Vertex:
+        """A vertex as an iteration finds it; units as of Cloth."""
+
+        position: point
+        move: vec3
+        weight: real
+        stiffness: real
+
+    @wp.struct
+    class Edges:
+        """E edges; ``beside`` and ``fold`` only where cloth bends, ``rest`` only where it is not flat at rest."""
+
+        ends: wp.array(dtype=wp.vec2i)
+        law: wp.array(dtype=vec3)  # rest length [m], pull [N/m2], push [N/m2]
+        beside: wp.array(dtype=wp.vec2i)  # both triangles; the edge runs as the first is wound
+        fold: wp.array(dtype=real)  # C of its hinge [N m], negative where the second triangle is wound likewise
+        rest: wp.array(dtype=vec2)  # cosine and sine of its hinge's rest angle
+
+    @wp.struct
+    class Triangles:
+        """F triangles; arrays of the terms that the scene has."""
+
+        corners: wp.array(dtype=wp.vec3i)
+        edges: wp.array(dtype=wp.vec3i)  # opposite to each corner; -1 - edge where its turn counts the other way round
+        slope: wp.array(dtype=vec4)  # as Weave.slope; zero where there are no threads
+        threads: wp.array(dtype=vec4)  # as Weave.law
+
+    @wp.struct
+    class Rows:
+        """What meets at each vertex: row v of ``edge`` and of ``triangle`` goes from start[v] to start[v + 1]."""
+
+        edge_start: wp.array(dtype=wp.int32)
+        edge: wp.array(dtype=wp.int32)
+        triangle_start: wp.array(dtype=wp.int32)
+        triangle: wp.array(dtype=wp.int32)  # three times the triangle, and which of its corners the vertex is
+
+    @wp.struct
+    class Hinges:
+        """H hinges, as the certificate measures them."""
+
+        corners: wp.array(dtype=wp.vec4i)  # axis start, axis end, two wings
+        stiffness: wp.array(dtype=real)  # C [N m]
+        rest: wp.array(dtype=vec2)  # cosine and sine of the rest angle, where cloth is not flat at rest
+
+    @wp.struct
+    class Weave:
+        """T woven triangles, as the certificate measures them."""
+
+        corners: wp.array(dtype=wp.vec3i)
+        slope: wp.array(dtype=vec4)  # of the second and third corner along weft, then along warp [1/m]
+        law: wp.array(dtype=vec4)  # area times pull of weft, warp and bias threads [N m], and c
+
+    @wp.struct
+    class Span:
+        """An edge as it lies."""
+
+        side: vec3  # from its first end to its second [m]
+        length: real  # [m], and never 0
+        inverse: real  # of that
+        change: vec3  # what the last displacements changed that by [m]
+        move: real  # the first end's last displacement [m]
+        exact: point  # the side in the positions' own precision, where that is asked for
+
+    @wp.struct
+    class Sides:
+        """A triangle's sides as they leave its first corner [m]."""
+
+        side_1: vec3
+        side_2: vec3
+        side_0: vec3  # from the second corner to the third, where hinges ask for it
+        change_1: vec3  # what the last displacements changed them by [m]
+        change_2: vec3
+        exact_1: point  # as of Span
+        exact_2: point
+
+    @wp.struct
+    class Patches:
+        """The cloth cut into patches, for a kernel per patch. A patch counts its own vertices, edges, triangles.
+
+        Words pack four numbers below 65536, or eight. What a vertex sums lies word by word: its first eight edges and
+        all its neighbours' first ones, then the next ones; where it has no more, what counts nothing. Where
+        threads work on pairs of triangles ``ends`` and ``law`` are as warp_cloth.model.patches.triangle_pairs says.
+        """
+
+        patch: wp.array(dtype=wp.vec4i)  # as Patch
+        vertex: wp.array(dtype=wp.int32)  # of all garments; of each patch those that it owns first
+        ends: wp.array(dtype=wp.uint64)  # of an edge, and its two triangles
+        law: wp.array(dtype=vec4)  # as Edges.law and Edges.fold; where there are edges
+        fold: wp.array(dtype=real)  # as Edges.fold, where there are folds only
+        rest: wp.array(dtype=vec2)  # as Edges.rest
+        corners: wp.array(dtype=wp.uint64)  # of a triangle
+        sides: wp.array(dtype=wp.uint64)  # its edges, opposite to the corners; bits: whose turn counts the other way
+        slope: wp.array(dtype=vec4)  # as Triangles.slope
+        threads: wp.array(dtype=vec4)
+        edge_slot: wp.array(dtype=wp.vec4i)  # twice the edge, and 1 where the vertex is its second end
+        slot: wp.array(dtype=wp.vec4i)  # the triangle; after all normals come second corners, then third ones
+        ahead: int  # how many patches a GPU works on at a time
+
+    return SimpleNamespace(
+        name=precision, real=real, wide=wide, point=point, vec2=vec2, vec3=vec3, vec4=vec4, vec6=vec6,
+        Step=Step, Item=Item, Cloth=Cloth, Vertex=Vertex, Edges=Edges, Triangles=Triangles, Rows=Rows, Hinges=Hinges,
+        Weave=Weave, Span=Span, Sides=Sides, Patches=Patches,
+        real_size=real_size(precision), point_size=point_size(precision),
+    )  # fmt: skip
+
+
+@functools.cache
+def rest_function(precision: str) -> wp.Function:
+    """The function that tells whether a vertex is of an item that no longer iterates."""
+    Cloth = cloth_types(precision).Cloth
+
+    @wp.func
+    def rests(cloth: Cloth, vertex: int):
+        """Whether the item of a vertex is at rest, or given up."""
+        return cloth.items[element(cloth.item, vertex)].active == 0
+
+    return rests
+
+
+@functools.cache
+def free_function(precision: str, pins: bool) -> wp.Function:
+    """The function that tells whether a vertex may move: where nothing is pinned, without a look."""
+    Cloth = cloth_types(precision).Cloth
+
+    @wp.func
+    def unpinned(cloth: Cloth, vertex: int):
+        """Whether a vertex is not pinned."""
+        return cloth.pinned[vertex] == wp.uint8(0)
+
+    @wp.func
+    def always(cloth: Cloth, vertex: int):
+        """True."""
+        return True
+
+    return unpinned if pins else always
+
+
+@functools.cache
+def place_function(precision: str) -> wp.Function:
+    """The function that reads where a vertex is, in float64 whatever the positions are kept in."""
+    point = cloth_types(precision).point
+
+    @wp.func
+    def at(position: wp.array(dtype=point), vertex: int):
+        """Where a vertex is [m]."""
+        return wp.vec3d(element(position, vertex))
+
+    return at
+
+
+@functools.cache
+def difference_function(precision: str) -> wp.Function:
+    """The function that subtracts two positions, exact in their own type, and returns the types' ``vec3``."""
+    types = cloth_types(precision)
+    point, real, vec3 = types.point, types.real, types.vec3
+
+    @wp.func
+    def difference(a: point, b: point):
+        """a - b [m], subtracted in the positions' own precision."""
+        d = a - b
+        return vec3(real(d[0]), real(d[1]), real(d[2]))
+
+    return difference
+
+
+@functools.cache
+def hinge_sides_function(precision: str) -> wp.Function:
+    """The function that reads a hinge where its cloth is."""
+    types, difference = cloth_types(precision), difference_function(precision)
+    point = types.point
+
+    @wp.func
+    def hinge_sides(position: wp.array(dtype=point), corners: wp.vec4i):
+        """Axis and both wings of a hinge: from its first corner to the others [m]."""
+        start = position[corners[0]]
+        axis = difference(position[corners[1]], start)
+        return axis, difference(position[corners[2]], start), difference(position[corners[3]], start)
+
+    return hinge_sides

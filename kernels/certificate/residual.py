@@ -1,0 +1,139 @@
+"""The certificate's figures per vertex and per edge (model: rest)."""
+
+import functools
+from types import SimpleNamespace
+
+import warp as wp
+
+from warp_cloth.kernels.base.subset import listed
+from warp_cloth.kernels.base.types import (
+    MODULE_OPTIONS,
+    cloth_types,
+    difference_function,
+    free_function,
+    hinge_sides_function,
+)
+from warp_cloth.kernels.certificate.reaction import carried_function
+from warp_cloth.kernels.laws.bending import fold_energy, hinge_fold, turned_back
+from warp_cloth.kernels.laws.tension import tension_energy
+from warp_cloth.kernels.laws.yarn import thread_energy, warp_vector, weft_vector
+from warp_cloth.kernels.passes.step import colliders_type
+
+
+@functools.cache
+def residual_kernel(precision: str, contact: wp.Function | None, collider_type: type, pins: bool) -> wp.Kernel:
+    """Kernel ``measure_residual`` in one precision, with the contact that the iteration uses, with or without pins."""
+    types = cloth_types(precision)
+    vec3, vec4, Cloth, Step = types.vec3, types.vec4, types.Cloth, types.Step
+    free = free_function(precision, pins)
+    if contact is not None:
+        carried_force = carried_function(precision, contact, collider_type)
+
+    @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
+    def measure_residual(
+        groups: wp.array(dtype=wp.int32),  # of kernels.base.subset, of vertices; of the others the last residual stays
+        step: Step,
+        slack: float,  # how far above the contact offset a vertex still counts as in contact [m]
+        colliders: colliders_type(contact, collider_type),
+        cloth: Cloth,
+        load: wp.array(dtype=vec4),  # forces of the cloth and the sum of their magnitudes [N], shape [V]; left at zero
+        residual_out: wp.array(dtype=wp.vec2f),  # force left, in weights and relative, shape [V]; -1 where pinned
+    ):
+        """Force left on a vertex after contact's push and friction's cone, over its weight, and over all that meets."""
+        vertex = listed(groups, wp.tid())
+        if vertex >= load.shape[0]:
+            return
+        sum = load[vertex]
+        load[vertex] = vec4()
+        item = cloth.items[cloth.item[vertex]]
+        if item.active == 0:
+            return
+        residual_out[vertex] = wp.vec2f(-1.0, -1.0)
+        if free(cloth, vertex):
+            weight = cloth.weight[vertex]
+            force = vec3(sum[0], sum[1], sum[2]) + step.gravity * weight
+            left = wp.length(force)
+            if wp.static(contact is not None):
+                left, _push = carried_force(cloth, vertex, force, colliders[cloth.item[vertex]], slack)
+            residual_out[vertex] = wp.vec2f(float(left / weight), float(left / (weight + sum[3])))
+
+    return measure_residual
+
+
+@functools.cache
+def energy_kernels(precision: str) -> SimpleNamespace:
+    """Kernels ``measure_tension`` and ``measure_weave``: energies, and strains of edges and stretches of threads."""
+    types = cloth_types(precision)
+    real, vec4 = types.real, types.vec4
+    Cloth, Edges, Weave = types.Cloth, types.Edges, types.Weave
+    difference = difference_function(precision)
+
+    @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
+    def measure_tension(
+        cloth: Cloth,
+        edges: Edges,
+        energy_out: wp.array(dtype=wp.float64),  # [J], shape [E]
+        strain_out: wp.array(dtype=real),  # (r - L) / L, shape [E]
+    ):
+        """Energy and strain of each edge."""
+        edge = wp.tid()
+        law = edges.law[edge]
+        length = wp.length(difference(cloth.position[edges.ends[edge][1]], cloth.position[edges.ends[edge][0]]))
+        energy_out[edge] = wp.float64(tension_energy(length, law[0], law[1], law[2]))
+        strain_out[edge] = (length - law[0]) / law[0]
+
+    half = wp.constant(real(0.5**0.5))
+
+    @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
+    def measure_weave(
+        cloth: Cloth,
+        weave: Weave,
+        energy_out: wp.array(dtype=wp.float64),  # [J], shape [T]
+        stretch_out: wp.array(dtype=vec4),  # of weft, warp and both biases: r / L, shape [T]
+    ):
+        """Energy and stretches of each woven triangle."""
+        triangle = wp.tid()
+        corners = weave.corners[triangle]
+        law = weave.law[triangle]
+        push = law * law[3]
+        slope = weave.slope[triangle]
+        side_1 = difference(cloth.position[corners[1]], cloth.position[corners[0]])
+        side_2 = difference(cloth.position[corners[2]], cloth.position[corners[0]])
+        along_u = weft_vector(slope, side_1, side_2)
+        along_v = warp_vector(slope, side_1, side_2)
+        plus = half * (along_u + along_v)
+        minus = half * (along_u - along_v)
+        energy = thread_energy(along_u, law[0], push[0]) + thread_energy(along_v, law[1], push[1])
+        energy += thread_energy(plus, law[2], push[2]) + thread_energy(minus, law[2], push[2])
+        energy_out[triangle] = wp.float64(energy)
+        stretch_out[triangle] = vec4(wp.length(along_u), wp.length(along_v), wp.length(plus), wp.length(minus))
+
+    return SimpleNamespace(measure_tension=measure_tension, measure_weave=measure_weave)
+
+
+@functools.cache
+def bending_energy_kernel(precision: str, angles: bool) -> wp.Kernel:
+    """Kernel ``measure_bending``, of hinges with rest angles or flat ones."""
+    types = cloth_types(precision)
+    real, Cloth, Hinges = types.real, types.Cloth, types.Hinges
+    hinge_sides = hinge_sides_function(precision)
+
+    @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
+    def measure_bending(
+        cloth: Cloth,
+        hinges: Hinges,
+        energy_out: wp.array(dtype=wp.float64),  # [J], shape [H]
+    ):
+        """Energy of each hinge; none where a triangle has no area."""
+        hinge = wp.tid()
+        corners = hinges.corners[hinge]
+        axis, wing_0, wing_1 = hinge_sides(cloth.position, corners)
+        normal_0, normal_1, area_0, area_1 = hinge_fold(axis, wing_0, wing_1)
+        if wp.static(angles):
+            normal_1 = turned_back(normal_1, axis, hinges.rest[hinge])
+        energy = real(0.0)
+        if area_0 > real(0.0) and area_1 > real(0.0):
+            energy = fold_energy(normal_0, normal_1, hinges.stiffness[hinge])
+        energy_out[hinge] = wp.float64(energy)
+
+    return measure_bending

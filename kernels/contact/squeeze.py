@@ -1,0 +1,156 @@
+"""Two bits of cloth that touch: where they are nearest, and how hard their fabric pushes back when squeezed.
+
+In float32 where forces are: how far apart two bits are is subtracted in float64, and where they are nearest need not be
+known so well, as the distance is least there.
+"""
+
+import functools
+from types import SimpleNamespace
+
+import warp as wp
+
+from warp_cloth.kernels.math.real import inner, quotient, scaled_sum
+
+wp.set_module_options({"enable_backward": False, "fuse_fp": False})  # the same bits on CPU and CUDA
+
+# Squared sine of the angle between two edges below which they count less and less: parallel edges have no single
+# nearest point, and a jump there would be a jump in the force. Their ends still meet the triangles.
+PARALLEL = 0.01
+NOTHING = wp.constant(wp.float64(0.0))
+WHOLE = wp.constant(wp.float64(1.0))
+LEAST = 1e-30  # what is divided by is no less: only where an edge or a triangle has no size would it be
+
+
+@functools.cache
+def nearest_functions(real: type) -> SimpleNamespace:
+    """Functions ``on_triangle`` and ``on_edges`` in float32 or float64, in which vectors are given, too."""
+    vec2, vec3 = wp.types.vector(2, real), wp.types.vector(3, real)
+    nothing, whole_one, least = wp.constant(real(0.0)), wp.constant(real(1.0)), wp.constant(real(LEAST))
+
+    @wp.func
+    def clamped(value: real):
+        """The value, kept in [0, 1]."""
+        return wp.clamp(value, nothing, whole_one)
+
+    @wp.func
+    def on_triangle(p: vec3, ab: vec3, ac: vec3):
+        """Barycentric coordinates of the point of the triangle a b c nearest to a point; all vectors from a.
+
+        Ericson, Real-Time Collision Detection, 5.1.5: by the Voronoi region in which the point lies.
+        """
+        d1 = inner(ab, p)
+        d2 = inner(ac, p)
+        bp = p - ab
+        d3 = inner(ab, bp)
+        d4 = inner(ac, bp)
+        cp = p - ac
+        d5 = inner(ab, cp)
+        d6 = inner(ac, cp)
+        va = d3 * d6 - d5 * d4
+        vb = d5 * d2 - d1 * d6
+        vc = d1 * d4 - d3 * d2
+        at_a = d1 <= nothing and d2 <= nothing
+        at_b = d3 >= nothing and d4 <= d3
+        at_c = d6 >= nothing and d5 <= d6
+        on_ab = vc <= nothing and d1 >= nothing and d3 <= nothing
+        on_ac = vb <= nothing and d2 >= nothing and d6 <= nothing
+        on_bc = va <= nothing and d4 - d3 >= nothing and d5 - d6 >= nothing
+        # threads that go together take one way through all: a GPU's would wait for each other's
+        whole = wp.where(on_bc, (d4 - d3) + (d5 - d6), va + vb + vc)
+        whole = wp.where(on_ac, d2 - d6, whole)
+        whole = wp.where(on_ab, d1 - d3, whole)
+        share = quotient(whole_one, wp.max(whole, least))
+        v = wp.where(on_ab, d1, vb) * share
+        w = wp.where(on_ac, d2, wp.where(on_bc, d4 - d3, vc)) * share
+        on = vec3(va * share, v, w)
+        on = wp.where(on_bc, vec3(nothing, whole_one - w, w), on)
+        on = wp.where(on_ac, vec3(whole_one - w, nothing, w), on)
+        on = wp.where(at_c, vec3(nothing, nothing, whole_one), on)
+        on = wp.where(on_ab, vec3(whole_one - v, v, nothing), on)
+        on = wp.where(at_b, vec3(nothing, whole_one, nothing), on)
+        return wp.where(at_a, vec3(whole_one, nothing, nothing), on)
+
+    @wp.func
+    def on_edges(along_0: vec3, along_1: vec3, between: vec3):
+        """Shares s, t of the way along two edges where they are nearest; ``between`` is first start less second start.
+
+        Ericson, Real-Time Collision Detection, 5.1.9; by cross products, which lose fewer digits where edges are
+        nearly parallel than the difference of their lengths' product and their dot product's square.
+        """
+        a = inner(along_0, along_0)
+        e = inner(along_1, along_1)
+        b = inner(along_0, along_1)
+        c = inner(along_0, between)
+        f = inner(along_1, between)
+        share_0, share_1 = quotient(whole_one, wp.max(a, least)), quotient(whole_one, wp.max(e, least))
+        cross = wp.cross(along_0, along_1)
+        slant = inner(cross, cross)
+        s = clamped(quotient(inner(wp.cross(along_1, between), cross), wp.max(slant, least)))
+        t = (b * s + f) * share_1
+        beyond = clamped(wp.where(t < nothing, -c, b - c) * share_0)
+        return vec2(wp.where(t < nothing or t > whole_one, beyond, s), clamped(t))
+
+    return SimpleNamespace(on_triangle=on_triangle, on_edges=on_edges)
+
+
+nearest_on_triangle = nearest_functions(wp.float64).on_triangle
+
+
+@functools.cache
+def squeeze_functions(real: type) -> SimpleNamespace:
+    """Functions ``energy``, ``force`` and ``stiffness`` of two bits of cloth nearer than their thickness h.
+
+    E = m h^2 (1/x + 3 x - x^2 - 3) = m h^2 y^3 / x, x = d / h, y = 1 - x: zero with zero slope and curvature at x = 1,
+    without bound towards x = 0; ``modulus`` m [N/m], ``inverse`` 1/x. As products, which lose no digits near x = 1
+    where y is known as well.
+    """
+    one, two, three = wp.constant(real(1.0)), wp.constant(real(2.0)), wp.constant(real(3.0))
+
+    @wp.func
+    def energy(y: real, inverse: real, thickness: real, modulus: real):
+        """Energy [J]."""
+        return modulus * thickness * thickness * (y * y * y * inverse)
+
+    @wp.func
+    def force(y: real, inverse: real, thickness: real, modulus: real):
+        """Force [N] that pushes them apart, -dE/dd = m h (1/x^2 - 3 + 2 x) = m h (y/x)^2 (3 - 2 y)."""
+        steep = y * inverse
+        return modulus * thickness * (steep * steep * (three - two * y))
+
+    @wp.func
+    def stiffness(inverse: real, modulus: real):
+        """Stiffness [N/m], d2E/dd2 = 2 m (1/x^3 - 1)."""
+        return two * modulus * (inverse * inverse * inverse - one)
+
+    return SimpleNamespace(energy=energy, force=force, stiffness=stiffness)
+
+
+@functools.cache
+def slant_functions(real: type) -> SimpleNamespace:
+    """Functions ``share`` and ``slope`` of two edges that are nearly parallel."""
+    vec2, vec3 = wp.types.vector(2, real), wp.types.vector(3, real)
+    one, two, least = wp.constant(real(1.0)), wp.constant(real(2.0)), wp.constant(real(LEAST))
+    by_parallel = wp.constant(real(1.0 / PARALLEL))
+
+    @wp.func
+    def share(along_0: vec3, along_1: vec3):
+        """What a pair of edges counts for, 0 to 1, and its derivative by the squared sine q of the angle between them.
+
+        m = (q/e) (2 - q/e) below e = PARALLEL, 1 above (after Li et al. 2020, Incremental Potential Contact, eq. 24).
+        """
+        cross = wp.cross(along_0, along_1)
+        size = wp.max(inner(along_0, along_0) * inner(along_1, along_1), least)
+        share = quotient(inner(cross, cross), size) * by_parallel
+        if share >= one:
+            return vec2(one, real(0.0))
+        return vec2(share * (two - share), two * (one - share) * by_parallel)
+
+    @wp.func
+    def slope(along: vec3, other: vec3):
+        """Gradient by ``along`` of the squared sine of the angle between two edges [1/m]."""
+        a = wp.max(inner(along, along), least)
+        dot = inner(along, other)
+        scale = quotient(two * dot, wp.max(a * inner(other, other), least))
+        return scaled_sum(along, quotient(dot, a), -other) * scale
+
+    return SimpleNamespace(share=share, slope=slope)

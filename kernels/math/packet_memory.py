@@ -1,0 +1,349 @@
+"""Eight elements at a time, which the CPU works out in one go: how they are read, and how they are written.
+
+Of eight vectors all first components lie together, then all second ones. Eight elements follow one another in their
+arrays, from ``first`` on; their places are what these hold: the ends of edges, the corners or the sides of triangles.
+"""
+
+import functools
+from typing import Any
+
+import warp as wp
+
+from warp_cloth.kernels.base.access import element
+from warp_cloth.kernels.base.types import cloth_types, rest_function
+from warp_cloth.kernels.math.real import WIDTH as EIGHT
+from warp_cloth.kernels.math.real import shaped
+
+WIDTH = wp.constant(EIGHT)
+
+# x, four vectors of two fours each, turned so that what lay across lies along, in y
+_SHUFFLES = """
+        const Eight a = __builtin_shufflevector(x[0], x[1], 0, 8, 1, 9, 4, 12, 5, 13);
+        const Eight b = __builtin_shufflevector(x[2], x[3], 0, 8, 1, 9, 4, 12, 5, 13);
+        const Eight d = __builtin_shufflevector(x[0], x[1], 2, 10, 3, 11, 6, 14, 7, 15);
+        const Eight e = __builtin_shufflevector(x[2], x[3], 2, 10, 3, 11, 6, 14, 7, 15);
+        const Eight y[] = {
+            __builtin_shufflevector(a, b, 0, 1, 8, 9, 4, 5, 12, 13),
+            __builtin_shufflevector(a, b, 2, 3, 10, 11, 6, 7, 14, 15),
+            __builtin_shufflevector(d, e, 0, 1, 8, 9, 4, 5, 12, 13),
+            __builtin_shufflevector(d, e, 2, 3, 10, 11, 6, 7, 14, 15)};
+"""
+# what lies at four addresses, element by element, component by component, and back
+_TURNED = (
+    """
+    typedef %(real)s Eight __attribute__((ext_vector_type(8)));
+    Eight c[4];
+    {
+        Eight x[4];
+        for (int k = 0; k < 4; ++k)
+            x[k] = __builtin_shufflevector(rows[k], rows[k + 4], 0, 1, 2, 3, 4, 5, 6, 7);
+"""
+    + _SHUFFLES
+    + """
+        __builtin_memcpy(c, y, sizeof(c));
+    }
+"""
+)
+_TURN_BACK = (
+    """
+    typedef %(real)s Row __attribute__((ext_vector_type(4)));
+    typedef %(real)s Eight __attribute__((ext_vector_type(8)));
+    auto turn_back = [](const %(real)s* from, Row* rows) {
+        Eight x[4];
+        __builtin_memcpy(x, from, sizeof(x));
+"""
+    + _SHUFFLES
+    + """
+        for (int k = 0; k < 4; ++k) {
+            rows[k] = __builtin_shufflevector(y[k], y[k], 0, 1, 2, 3);
+            rows[k + 4] = __builtin_shufflevector(y[k], y[k], 4, 5, 6, 7);
+        }
+    };
+"""
+)
+_TYPES = """
+    typedef %(held)s Held __attribute__((ext_vector_type(4)));
+    typedef %(real)s Row __attribute__((ext_vector_type(4)));
+"""
+_ROWS = (
+    _TYPES
+    + """
+    %(at)s
+    Row rows[8];
+    for (int lane = 0; lane < 8; ++lane) {
+        const int place = %(place)s;
+        Held held = {};
+        __builtin_memcpy(&held, array.data + place, sizeof(array.data[0]));
+        rows[lane] = __builtin_convertvector(held, Row);
+    }
+"""
+    + _TURNED
+    + """
+    wp::vec_t<%(count)d, %(real)s> eight;
+    __builtin_memcpy(eight.c, c, sizeof(eight));
+    return eight;
+"""
+)
+_SIDES = (
+    _TYPES
+    + """
+    %(at)s
+    Row rows[8];
+    for (int lane = 0; lane < 8; ++lane) {
+        Held start = {}, end = {};
+        __builtin_memcpy(&start, array.data + at[lane][from_], sizeof(array.data[0]));
+        __builtin_memcpy(&end, array.data + at[lane][to], sizeof(array.data[0]));
+        rows[lane] = __builtin_convertvector(end - start, Row);
+    }
+"""
+    + _TURNED
+    + """
+    wp::vec_t<24, %(real)s> eight;
+    __builtin_memcpy(eight.c, c, sizeof(eight));
+    return eight;
+"""
+)
+_PUT_NUMBERS = """
+    for (int lane = 0; lane < 8; ++lane)
+        array.data[first + lane] = lanes >> lane & 1 ? a.c[lane] : array.data[first + lane];
+"""
+_MOVE = (
+    _TURN_BACK
+    + """
+    typedef %(held)s Held __attribute__((ext_vector_type(4)));
+    %(real)s columns[32] = {}, momenta[32] = {};
+    __builtin_memcpy(columns, a.c, sizeof(a));
+    __builtin_memcpy(momenta, b.c, sizeof(b));
+    Row rows[8], kept[8];
+    turn_back(columns, rows);
+    turn_back(momenta, kept);
+    for (int lane = 0; lane < 8; ++lane)
+        if (lanes >> lane & 1) {
+            Held there = {};
+            __builtin_memcpy(&there, &position.data[first + lane], sizeof(position.data[0]));
+            there += __builtin_convertvector(rows[lane], Held);
+            __builtin_memcpy(&position.data[first + lane], &there, sizeof(position.data[0]));
+            __builtin_memcpy(&move.data[first + lane], &kept[lane], sizeof(move.data[0]));
+        }
+"""
+)
+_NUMBERS = """
+    wp::vec_t<8, %(real)s> eight;
+    __builtin_memcpy(eight.c, array.data + first, sizeof(eight));
+    return eight;
+"""
+_SIGNS = """
+    const auto* const at = places.data + first;
+    wp::vec_t<8, %(real)s> signs;
+    for (int lane = 0; lane < 8; ++lane)
+        signs.c[lane] = at[lane][which] < 0 ? -1 : 1;
+    return signs;
+"""
+_ADD = (
+    _TURN_BACK
+    + """
+    const auto* const at = places.data + first;
+    Row rows[%(stride)d][8];
+    %(turns)s
+    for (int lane = 0; lane < 8; ++lane)
+        if (lanes >> lane & 1)
+            for (int k = 0; k < %(stride)d; ++k) {
+                auto* const sum = &array.data[at[lane][k]];
+                Row now;
+                __builtin_memcpy(&now, sum, sizeof(now));
+                now += rows[k][lane];
+                __builtin_memcpy(sum, &now, sizeof(now));
+            }
+"""
+)
+_ADD_PAIRS = (
+    _TURN_BACK
+    + """
+    const auto* const at = places.data + first;
+    Row rows[6][8];
+    %(turns)s
+    for (int lane = 0; lane < 8; ++lane)
+        if (lanes >> lane & 1)
+            for (int k = 0; k < 3; ++k) {
+                auto* const sum = &array.data[at[lane][k]];
+                Row now;
+                __builtin_memcpy(&now, sum, sizeof(now));
+                now = (now + rows[k][lane]) + rows[3 + k][lane];
+                __builtin_memcpy(sum, &now, sizeof(now));
+            }
+"""
+)
+_PUT = (
+    _TURN_BACK
+    + """
+    Row rows[8];
+    turn_back(a.c, rows);
+    for (int lane = 0; lane < 8; ++lane)
+        __builtin_memcpy(&array.data[first + lane], &rows[lane], sizeof(array.data[0]));
+"""
+)
+_SIX = (
+    _TYPES
+    + """
+    wp::vec_t<48, %(real)s> eight;
+    Row rows[8];
+    for (int from = 0; from < 3; from += 2) {  // components 2 to 5 after 0 to 3
+        for (int lane = 0; lane < 8; ++lane)
+            __builtin_memcpy(&rows[lane], &array.data[first + lane].c[from], sizeof(Row));
+"""
+    + _TURNED
+    + """
+        __builtin_memcpy(&eight.c[8 * from], c, sizeof(c));
+    }
+    return eight;
+"""
+)
+_AT = "const auto* const at = places.data + first;"
+
+for _real, _name in ((wp.float32, "float"), (wp.float64, "double")):
+    _types, _alone = shaped(_real, True), shaped(_real, False)
+    _one, _three, _four = _types.real, _types.vec3, _types.vec4
+
+    @wp.func_native(_NUMBERS % {"real": _name})
+    def eight_elements(array: wp.array(dtype=_real), first: int) -> _one:
+        """Eight that follow one another in an array."""
+        return array[first]
+
+    for _dtype, _eight in ((_alone.vec3, _three), (_alone.vec4, _four)):
+        _told = {"held": _name, "real": _name, "count": _eight._length_}
+
+        @wp.func_native(_ROWS % {**_told, "at": "", "place": "first + lane"})
+        def eight_elements(array: wp.array(dtype=_dtype), first: int) -> _eight:  # noqa: F811
+            """Eight vectors that do."""
+            return array[first]
+
+        @wp.func_native(_ROWS % {**_told, "at": _AT, "place": "at[lane][which]"})
+        def eight_at(array: wp.array(dtype=_dtype), places: wp.array(dtype=wp.vec2i), first: int, which: int) -> _eight:
+            """Vectors at one of two places of eight elements."""
+            return array[places[first][which]]
+
+    @wp.func_native(_SIX % {"held": _name, "real": _name})
+    def eight_elements(array: wp.array(dtype=_alone.vec6), first: int) -> _types.vec6:  # noqa: F811
+        """Eight symmetric matrices that do."""
+        return array[first]
+
+    _told = {"held": _name, "real": _name, "count": 4 * EIGHT, "at": _AT}
+
+    @wp.func_native(_ROWS % {**_told, "place": "wp::max(at[lane][which], -1 - at[lane][which])"})
+    def eight_either(
+        array: wp.array(dtype=_alone.vec4), places: wp.array(dtype=wp.vec3i), first: int, which: int
+    ) -> _four:
+        """Vectors at one of three places of eight elements, where place p may be stated as -1 - p."""
+        return array[places[first][which]]
+
+    @wp.func_native(_SIGNS % {"real": _name})
+    def eight_signs(like: _one, places: wp.array(dtype=wp.vec3i), first: int, which: int) -> _one:
+        """-1 where it is, else 1."""
+        return places[first][which]
+
+    for _dtype, _held in ((_alone.vec3, _name), *(((wp.vec3d, "double"),) if _real is wp.float32 else ())):
+        for _kind in (wp.vec2i, wp.vec3i):
+
+            @wp.func_native(_SIDES % {"held": _held, "real": _name, "at": _AT})
+            def eight_sides(
+                like: _real,
+                array: wp.array(dtype=_dtype),
+                places: wp.array(dtype=_kind),
+                first: int,
+                from_: int,
+                to: int,
+            ) -> _three:
+                """From one place to another, of eight elements; subtracted as the array has it."""
+                return array[places[first][to]]
+
+        @wp.func_native(_MOVE % {"held": _held, "real": _name})
+        def move_eight(
+            position: wp.array(dtype=_dtype),
+            move: wp.array(dtype=_alone.vec3),
+            first: int,
+            lanes: int,
+            a: _three,
+            b: _three,
+        ):
+            """Moves by a those of eight points whose bits are in ``lanes``, and notes b as their move."""
+            position[first] = position[first]
+            move[first] = move.dtype()
+
+    @wp.func_native(_PUT_NUMBERS)
+    def put_some(array: wp.array(dtype=_real), first: int, lanes: int, a: _one):
+        """Writes what those of eight are to hold."""
+        array[first] = array.dtype(0.0)
+
+    @wp.func_native("__builtin_memset(array.data + first, 0, 8 * sizeof(array.data[0]));")
+    def put_zeros(array: wp.array(dtype=_alone.vec4), first: int):
+        """Writes zeros to eight."""
+        array[first] = array.dtype()
+
+    _turns = [f"turn_back({name}.c, rows[{k}]);" for k, name in enumerate("abcdef")]
+
+    @wp.func_native(_ADD % {"real": _name, "stride": 2, "turns": " ".join(_turns[:2])})
+    def add_eight(
+        array: wp.array(dtype=_alone.vec4), places: wp.array(dtype=wp.vec2i), first: int, lanes: int, a: _four, b: _four
+    ):
+        """Adds, one element after another, at both places of those of eight whose bits are in ``lanes``."""
+        array[places[first][0]] = array[places[first][0]]
+
+    @wp.func_native(_ADD % {"real": _name, "stride": 3, "turns": " ".join(_turns[:3])})
+    def add_eight(  # noqa: F811
+        array: wp.array(dtype=_alone.vec4),
+        places: wp.array(dtype=wp.vec3i),
+        first: int,
+        lanes: int,
+        a: _four,
+        b: _four,
+        c: _four,
+    ):
+        """Likewise at three places."""
+        array[places[first][0]] = array[places[first][0]]
+
+    @wp.func_native(_ADD_PAIRS % {"real": _name, "turns": " ".join(_turns)})
+    def add_pairs(
+        array: wp.array(dtype=_alone.vec4),
+        places: wp.array(dtype=wp.vec3i),
+        first: int,
+        lanes: int,
+        a: _four,
+        b: _four,
+        c: _four,
+        d: _four,
+        e: _four,
+        f: _four,
+    ):
+        """Adds a and then d at the first of three places, b and e at the second, c and f at the third."""
+        array[places[first][0]] = array[places[first][0]]
+
+    @wp.func_native(_PUT % {"real": _name})
+    def put_eight(array: wp.array(dtype=_alone.vec4), first: int, a: _four):
+        """Writes what eight that follow one another are to hold."""
+        array[first] = array.dtype()
+
+
+@wp.func
+def first_of_eight(number: int, count: int) -> int:
+    """Where eight of ``count`` elements begin: one after another, the last ones so that they end with the last."""
+    return wp.min(WIDTH * number, count - WIDTH)
+
+
+@functools.cache
+def lanes_function(precision: str) -> wp.Function:
+    """The function that tells which of eight elements are to be worked out."""
+    Cloth, rests = cloth_types(precision).Cloth, rest_function(precision)
+
+    @wp.func
+    def busy_lanes(cloth: Cloth, places: Any, number: int):
+        """Bits of those of items that iterate, and that those before do not have."""
+        first = first_of_eight(number, places.shape[0])
+        lanes = 255 & ~((1 << (WIDTH * number - first)) - 1)
+        if cloth.items.shape[0] == 1:
+            return wp.where(cloth.items[0].active == 0, 0, lanes)
+        for lane in range(WIDTH):
+            if rests(cloth, element(places, first + lane)[0]):
+                lanes &= ~(1 << lane)
+        return lanes
+
+    return busy_lanes

@@ -1,0 +1,153 @@
+"""Leeway (passes.anisotropic_step) of woven cloth, its bounds summed eight triangles at a time: CPU, same bits.
+
+What is summed at a vertex lies in two arrays: xx, yy, zz of the matrix and its size; xy, xz, yz and nothing.
+"""
+
+import functools
+from types import SimpleNamespace
+
+import warp as wp
+
+from warp_cloth.kernels.base.options import Terms
+from warp_cloth.kernels.base.types import MODULE_OPTIONS, cloth_types, rest_function
+from warp_cloth.kernels.math.packet import alike, four, part, sums, times
+from warp_cloth.kernels.math.packet_memory import (
+    add_eight,
+    add_pairs,
+    eight_either,
+    eight_elements,
+    eight_sides,
+    first_of_eight,
+    lanes_function,
+)
+from warp_cloth.kernels.math.real import shaped
+from warp_cloth.kernels.passes.anisotropic_step import bound_functions, leeway_function
+
+
+def _begin_kernel(precision: str) -> wp.Kernel:
+    types = cloth_types(precision)
+    vec4, Cloth = types.vec4, types.Cloth
+
+    @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
+    def begin_bounds(
+        cloth: Cloth,
+        straight_out: wp.array(dtype=vec4),  # shape [V]
+        crossed_out: wp.array(dtype=vec4),
+    ):
+        """Begins each vertex' sum with what bounds its fall."""
+        vertex = wp.tid()
+        own = cloth.weight[vertex] / cloth.items[cloth.item[vertex]].cap
+        straight_out[vertex] = vec4(own, own, own, own)
+        crossed_out[vertex] = vec4()
+
+    return begin_bounds
+
+
+def _sum_kernel(precision: str, terms: Terms) -> wp.Kernel:
+    types, eights = cloth_types(precision), shaped(cloth_types(precision).real, True)
+    real, vec4, Cloth, Step, Triangles = types.real, types.vec4, types.Cloth, types.Step, types.Triangles
+    like, half = wp.constant(real(0.0)), wp.constant(real(0.5))
+    functions = bound_functions(precision, eight=True)
+    threads_bounds, threads_matrix = functions.threads_bounds, functions.threads_matrix
+    busy_lanes = lanes_function(precision)
+
+    @wp.func
+    def corner_bound(first: eights.real, second: eights.real, third: eights.real):
+        """What hinges bound at the corner opposite to one of three, as forces.corner_folds says; in their order."""
+        return sums(sums(first, second), third)
+
+    @wp.func
+    def folds_bounds(fold: wp.array(dtype=vec4), edges: wp.array(dtype=wp.vec3i), start: int):
+        """What the hinges of eight triangles bound at their corners."""
+        whole_0 = part(eight_either(fold, edges, start, 0), 1)
+        whole_1 = part(eight_either(fold, edges, start, 1), 1)
+        whole_2 = part(eight_either(fold, edges, start, 2), 1)
+        half_0, half_1, half_2 = times(whole_0, half), times(whole_1, half), times(whole_2, half)
+        first, second = corner_bound(whole_0, half_1, half_2), corner_bound(half_0, whole_1, half_2)
+        third = corner_bound(half_0, half_1, whole_2)
+        return (
+            four(first, first, first, first),
+            four(second, second, second, second),
+            four(third, third, third, third),
+        )
+
+    @wp.func
+    def straight(matrix: eights.vec6, size: eights.real):
+        """What goes to the first array."""
+        return four(part(matrix, 0), part(matrix, 1), part(matrix, 2), size)
+
+    @wp.func
+    def crossed(matrix: eights.vec6):
+        """What goes to the second."""
+        last = part(matrix, 5)
+        return four(part(matrix, 3), part(matrix, 4), last, alike(last, real(0.0)))
+
+    @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
+    def sum_bounds(
+        cloth: Cloth,
+        triangles: Triangles,
+        fold: wp.array(dtype=vec4),  # of scatter_eight.add_edges, shape [E]
+        step: Step,
+        straight_out: wp.array(dtype=vec4),  # shape [V]
+        crossed_out: wp.array(dtype=vec4),
+    ):
+        """Adds the bounds of eight triangles' hinges and threads to their corners."""
+        number = wp.tid()
+        lanes = busy_lanes(cloth, triangles.corners, number)
+        if lanes == 0:
+            return
+        start = first_of_eight(number, triangles.corners.shape[0])
+        folds_0, folds_1, folds_2 = eights.vec4(), eights.vec4(), eights.vec4()
+        if wp.static(terms.folds):
+            folds_0, folds_1, folds_2 = folds_bounds(fold, triangles.edges, start)
+        side_1 = eight_sides(like, cloth.position, triangles.corners, start, 0, 1)
+        side_2 = eight_sides(like, cloth.position, triangles.corners, start, 0, 2)
+        change_1 = eight_sides(like, cloth.move, triangles.corners, start, 0, 1)
+        change_2 = eight_sides(like, cloth.move, triangles.corners, start, 0, 2)
+        slope, law = eight_elements(triangles.slope, start), eight_elements(triangles.threads, start)
+        weft, warp, bounds, share, inverse = threads_bounds(side_1, side_2, change_1, change_2, slope, law, step)
+        first, size_0 = threads_matrix(weft, warp, bounds, share, inverse, slope, 0)
+        second, size_1 = threads_matrix(weft, warp, bounds, share, inverse, slope, 1)
+        third, size_2 = threads_matrix(weft, warp, bounds, share, inverse, slope, 2)
+        add_pairs(
+            straight_out, triangles.corners, start, lanes,
+            folds_0, folds_1, folds_2, straight(first, size_0), straight(second, size_1), straight(third, size_2),
+        )  # fmt: skip
+        add_eight(crossed_out, triangles.corners, start, lanes, crossed(first), crossed(second), crossed(third))
+
+    return sum_bounds
+
+
+def _end_kernel(precision: str) -> wp.Kernel:
+    types = cloth_types(precision)
+    real, vec4, vec6, Cloth = types.real, types.vec4, types.vec6, types.Cloth
+    leeway_of = leeway_function(precision)
+    rests = rest_function(precision)
+
+    @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
+    def take_bounds(
+        cloth: Cloth,
+        straight: wp.array(dtype=vec4),  # of sum_bounds, shape [V]
+        crossed: wp.array(dtype=vec4),
+    ):
+        """Has every vertex whose item is loose go on with the leeway that its bounds leave."""
+        vertex = wp.tid()
+        if rests(cloth, vertex):
+            return
+        most = cloth.items[cloth.item[vertex]].leeway
+        if most == real(0.0):
+            return
+        a, b = straight[vertex], crossed[vertex]
+        cloth.leeway[vertex] = leeway_of(vec6(a[0], a[1], a[2], b[0], b[1], b[2]), a[3], most)
+
+    return take_bounds
+
+
+@functools.cache
+def eight_leeway_kernels(precision: str, terms: Terms) -> SimpleNamespace:
+    """Kernels ``begin_bounds``, ``sum_bounds`` and ``take_bounds``."""
+    return SimpleNamespace(
+        begin_bounds=_begin_kernel(precision),
+        sum_bounds=_sum_kernel(precision, terms),
+        take_bounds=_end_kernel(precision),
+    )

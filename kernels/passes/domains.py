@@ -1,0 +1,97 @@
+"""Shares of the cloth that threads of the host iterate side by side: taken, given back, and waited for.
+
+A launch on the CPU takes one thread. So each thread has launches of its own, of its vertices and of the edges and
+triangles around them; what threads need of each other are positions and displacements, which change at one moment.
+"""
+
+import functools
+from types import SimpleNamespace
+
+import warp as wp
+
+from warp_cloth.kernels.base.types import MODULE_OPTIONS, cloth_types
+
+APART = 16  # numbers of four bytes from one thread's counter to the next one's: they share no line of a cache
+SPINS = 6000  # looks at another's counter before this thread leaves its core to whatever else wants it
+NAP = 50  # [us] from look to look then
+
+_WAIT = """
+    int* const gave_up = arrivals.data;
+    int* const counters = arrivals.data + %(apart)d;
+    const int count = arrivals.shape[0] / %(apart)d - 1;
+    if (__atomic_load_n(gave_up, __ATOMIC_RELAXED))
+        return;
+    const unsigned now = 1u + (unsigned)counters[%(apart)d * number];
+    __atomic_store_n(&counters[%(apart)d * number], (int)now, __ATOMIC_RELEASE);
+    for (int other = 0; other < count; ++other) {
+        int looks = 0;
+        while ((int)((unsigned)__atomic_load_n(&counters[%(apart)d * other], __ATOMIC_ACQUIRE) - now) < 0) {
+            if (++looks < %(spins)d) {
+#if defined(__x86_64__)
+                __builtin_ia32_pause();
+#endif
+            } else if (looks - %(spins)d < naps && !__atomic_load_n(gave_up, __ATOMIC_RELAXED)) {
+                reinterpret_cast<void (*)(unsigned)>(usleep)(%(nap)du);
+            } else {
+                __atomic_store_n(gave_up, 1, __ATOMIC_RELAXED);
+                return;
+            }
+        }
+    }
+"""
+
+
+@wp.func_native(_WAIT % {"apart": APART, "spins": SPINS, "nap": NAP})
+def wait_for_all(arrivals: wp.array(dtype=wp.int32), number: int, usleep: wp.uint64, naps: int):
+    """Goes on when all threads have come as often as this one; takes no part where one has given up."""
+    arrivals[number] = arrivals[number] + 1
+
+
+@wp.kernel(module="unique", module_options=MODULE_OPTIONS)
+def meet_threads(
+    arrivals: wp.array(dtype=wp.int32),  # whether one gave up, and how often each came; APART apart
+    number: int,  # of this thread
+    usleep: wp.uint64,  # where the system has that function
+    naps: int,  # before this thread gives up
+):
+    """Waits till all threads have written what the others read next."""
+    wait_for_all(arrivals, number, usleep, naps)
+
+
+@functools.cache
+def sharing_kernels(precision: str) -> SimpleNamespace:
+    """Kernels ``take_share`` and ``give_share``, of what iterations change."""
+    Cloth = cloth_types(precision).Cloth
+
+    @wp.func
+    def copy_vertex(cloth: Cloth, vertex: int, cloth_out: Cloth, place: int):
+        """Copies what iterations change of a vertex."""
+        cloth_out.position[place] = cloth.position[vertex]
+        cloth_out.move[place] = cloth.move[vertex]
+        cloth_out.stiffness[place] = cloth.stiffness[vertex]
+        if cloth.leeway.shape[0] > 0:
+            cloth_out.leeway[place] = cloth.leeway[vertex]
+        if cloth.held.shape[0] > 0:
+            cloth_out.held[place] = cloth.held[vertex]
+        if cloth.clear.shape[0] > 0:
+            cloth_out.clear[place] = cloth.clear[vertex]
+
+    @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
+    def take_share(
+        order: wp.array(dtype=wp.int32),  # the share's vertices
+        cloth: Cloth,
+        share_out: Cloth,
+    ):
+        """Copies the vertices of a share to where they lie together."""
+        copy_vertex(cloth, order[wp.tid()], share_out, wp.tid())
+
+    @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
+    def give_share(
+        order: wp.array(dtype=wp.int32),
+        share: Cloth,
+        cloth_out: Cloth,
+    ):
+        """Copies them back."""
+        copy_vertex(share, wp.tid(), cloth_out, order[wp.tid()])
+
+    return SimpleNamespace(take_share=take_share, give_share=give_share)

@@ -1,0 +1,365 @@
+"""Forces patch by patch: a thread block works out all that meets at the vertices that it owns.
+
+For CUDA. A block reads the vertices of its patch and those around into its own memory, works out there, one after
+another, normals, edges and triangles, and sums what meets at each of its vertices in the order of the edges, then of
+the triangles. That is the order of ``scatter``, and what borders on two patches is worked out in both from the same
+numbers: so every way of cutting patches, and every device, gives the same bits. No atomics, one launch.
+"""
+
+import functools
+from types import SimpleNamespace
+
+import warp as wp
+
+from warp_cloth.kernels.base.access import element
+from warp_cloth.kernels.base.block import (
+    block_of,
+    block_threads,
+    fetches,
+    lane_of,
+    memory_functions,
+    wait_for_block,
+)
+from warp_cloth.kernels.base.options import RANKS, SLOTS, Terms
+from warp_cloth.kernels.base.types import MODULE_OPTIONS, Patch, cloth_types
+from warp_cloth.kernels.math.real import signed_sum
+from warp_cloth.kernels.patches.corners import triangle_table_function, triangles_step
+from warp_cloth.kernels.patches.memory import (
+    NEXT_TURN,
+    PatchMemory,
+    fetch_function,
+    layout_function,
+    leaves,
+    next_functions,
+    patch_of,
+    stride_function,
+    words_of,
+)
+from warp_cloth.kernels.patches.steps import (
+    edge_table_functions,
+    edges_step,
+    last_first,
+    normals_step,
+    vertices_step,
+)
+from warp_cloth.kernels.patches.triangle_pairs import (
+    item_corners_step,
+    item_edges_step,
+    item_functions,
+    item_normals_step,
+    item_type,
+)
+
+FEWEST = 4  # of what meets at a vertex, at least at most of them
+USUAL = 6  # of what meets at a vertex; only patches where more does look further
+
+EDGES, TRIANGLES = "edges", "triangles"  # which meet at vertices, and what they do there is summed
+
+_RANKED = """
+    const unsigned int part = (unsigned int)word[rank >> 1];
+    return (int)(rank & 1 ? part >> 16 : part & 65535u);
+"""
+
+
+@wp.func_native(_RANKED)
+def ranked(word: wp.vec4i, rank: int) -> int:
+    """One of the eight numbers below 65536 in a word of what meets at a vertex."""
+    ...
+
+
+@functools.cache
+def ranks_sum(precision: str, fits: bool, kind: str, first: int, last: int) -> wp.Function:
+    """Function that adds what meets at a vertex to its load: the ranks from ``first`` to before ``last`` of a word."""
+    types = cloth_types(precision)
+    read_4 = memory_functions(precision, fits).read_4
+
+    @wp.func
+    def edges_sum(beside: wp.array(dtype=wp.uint8), memory: PatchMemory, word: wp.vec4i, load: types.vec4):
+        """A load and those of edges."""
+        sum = load
+        for rank in range(wp.static(first), wp.static(last)):
+            entry = ranked(word, rank)
+            pull = read_4(beside, memory.edge_load + wp.static(4 * types.real_size) * (entry >> 1))
+            sum = signed_sum(sum, pull, entry & 1)  # from the edge's first end, or its second
+        return sum
+
+    @wp.func
+    def triangles_sum(beside: wp.array(dtype=wp.uint8), memory: PatchMemory, word: wp.vec4i, load: types.vec4):
+        """A load and those of triangles' corners."""
+        sum = load
+        for rank in range(wp.static(first), wp.static(last)):
+            sum += read_4(beside, memory.corner_load + wp.static(4 * types.real_size) * ranked(word, rank))
+        return sum
+
+    return edges_sum if kind == EDGES else triangles_sum
+
+
+@functools.cache
+def words_sum(precision: str, fits: bool, kind: str, by_kind: bool) -> wp.Function:
+    """Function that adds all of a kind that meets at a vertex to its load; arguments as of ``load_functions``."""
+    types = cloth_types(precision)
+    vec4 = types.vec4
+    fewest, between = ranks_sum(precision, fits, kind, 0, FEWEST), ranks_sum(precision, fits, kind, FEWEST, USUAL)
+    usual, further = ranks_sum(precision, fits, kind, 0, USUAL), ranks_sum(precision, fits, kind, USUAL, RANKS)
+    whole = ranks_sum(precision, fits, kind, 0, RANKS)
+
+    @wp.func
+    def sum_of_words(
+        slot: wp.array(dtype=wp.vec4i),
+        patch: Patch,
+        beside: wp.array(dtype=wp.uint8),
+        memory: PatchMemory,
+        local: int,
+        word: wp.vec4i,
+        nothing: int,
+        load: vec4,
+    ):
+        """``word`` is the first of ``slot``'s words of the vertex; what is not there is ``nothing``, or after it."""
+        sum = load
+        if wp.static(by_kind):
+            sum = fewest(beside, memory, word, sum)
+            if ranked(word, wp.static(FEWEST)) < nothing:
+                sum = between(beside, memory, word, sum)
+            if ranked(word, wp.static(USUAL)) < nothing:
+                sum = further(beside, memory, word, sum)
+        else:
+            sum = usual(beside, memory, word, sum)
+            if patch.ranks > wp.static(USUAL):
+                sum = further(beside, memory, word, sum)
+        for eight in range(1, words_of(patch.ranks)):
+            other = element(slot, patch.slot_start + eight * patch.owned_count + local)
+            sum = whole(beside, memory, other, sum)
+        return sum
+
+    return sum_of_words
+
+
+@functools.cache
+def load_functions(precision: str, terms: Terms, fits: bool, by_kind: bool) -> SimpleNamespace:
+    """Functions ``vertex_slots`` and ``vertex_load``; ``by_kind``: where as much meets at vertices they come together.
+
+    The other arguments are as of ``patch_functions``.
+    """
+    types = cloth_types(precision)
+    vec4, Patches = types.vec4, types.Patches
+    all_edges, all_triangles = (words_sum(precision, fits, kind, by_kind) for kind in (EDGES, TRIANGLES))
+    corner_stride = stride_function(terms)
+
+    @wp.func
+    def vertex_slots(patches: Patches, patch: Patch, local: int):
+        """Where a vertex' first edges and triangles have their loads; beyond the last own vertex, those of any."""
+        edges, triangles = wp.vec4i(), wp.vec4i()
+        own = wp.min(local, patch.owned_count - 1)
+        if wp.static(terms.edges):
+            edges = element(patches.edge_slot, patch.slot_start + own)
+        if wp.static(terms.folds or terms.threads):
+            triangles = element(patches.slot, patch.slot_start + own)
+        return edges, triangles
+
+    @wp.func
+    def vertex_load(
+        patches: Patches,
+        patch: Patch,
+        beside: wp.array(dtype=wp.uint8),
+        memory: PatchMemory,
+        local: int,
+        edges: wp.vec4i,
+        triangles: wp.vec4i,
+    ):
+        """Sum over the edges, then over the triangles at a vertex that the patch owns; what is not there is nothing.
+
+        The last two are of ``vertex_slots``.
+        """
+        load = vec4()
+        if wp.static(terms.edges):
+            nothing = 2 * patch.edge_count
+            load = all_edges(patches.edge_slot, patch, beside, memory, local, edges, nothing, load)
+        if wp.static(terms.folds or terms.threads):
+            nothing = corner_stride(patch) + 2 * patch.triangle_count
+            load = all_triangles(patches.slot, patch, beside, memory, local, triangles, nothing, load)
+        return load
+
+    return SimpleNamespace(vertex_slots=vertex_slots, vertex_load=vertex_load)
+
+
+@functools.cache
+def work_type(precision: str) -> type:
+    """The struct of what a thread hands on from one half of its work on a patch to the other."""
+
+    @wp.struct
+    class PatchWork:
+        """Places in the block's memory, the thread's item, and what was asked for ahead."""
+
+        memory: PatchMemory
+        item: item_type(precision)
+        sides: wp.uint64  # ``triangle_table`` of the thread's first triangle
+        corners: wp.uint64
+        edges: wp.vec4i  # ``vertex_slots`` of its first vertex
+        triangles: wp.vec4i
+
+    return PatchWork
+
+
+@functools.cache
+def patch_functions(
+    precision: str,
+    fourth: str,
+    terms: Terms,
+    fits: bool,
+    in_order: bool,
+    paired: bool,
+    threads: int = 0,
+    packed: bool = False,
+) -> SimpleNamespace:
+    """Functions ``own_vertex``, ``two_vertices``, ``work_edges``, ``work_corners``, ``vertex_slots``, ``vertex_load``.
+
+    The last sums a vertex' load once the whole block is through the two before.
+
+    Args:
+        precision: of positions and forces.
+        fourth: one of cloth.FOURTH_PARTS.
+        terms: what there is to gather.
+        fits: whether no patch is too large for a block's own memory and threads.
+        in_order: whether vertices lie in the patches' order.
+        paired: whether threads work on pairs of triangles, where a patch has such items.
+        threads: as of block.threads_function.
+        packed: as of packing.order_functions.
+    """
+    types = cloth_types(precision)
+    vec4, Cloth, Step, Patches = types.vec4, types.Cloth, types.Step, types.Patches
+    PatchItem, PatchWork = item_type(precision), work_type(precision)
+    patch_memory = layout_function(precision, terms, fits, paired)
+    fetch_tables = fetch_function(precision, terms, paired)
+    vertices = vertices_step(precision, fourth, fits, in_order, packed, threads)
+    read_vertices, work_normals = vertices.read_vertices, normals_step(precision, fits, paired, threads)
+    asked_item, work_item_normals = item_functions(precision, fits).asked_item, item_normals_step(precision, fits)
+    item_edges = item_edges_step(precision, fourth, terms, fits)
+    asked_laws, work_item_edges = item_edges.asked_laws, item_edges.work_item_edges
+    work_other_edges = edges_step(precision, fourth, terms, fits, paired, threads)
+    edge_table = edge_table_functions(precision, terms, paired).edge_table
+    work_item_corners = item_corners_step(precision, fourth, terms, fits)
+    work_triangles = triangles_step(precision, fourth, terms, fits, threads)
+    triangle_table, own = triangle_table_function(precision, terms), load_functions(precision, terms, fits, paired)
+    vertex_slots, fetch_next = own.vertex_slots, next_functions(precision).fetch_next
+
+    @wp.func
+    def first_triangle(patch: Patch, lane: int):
+        """The thread's first triangle of those whose normals no item tells."""
+        if wp.static(paired):
+            return patch.triangle_count + last_first(lane)
+        return lane
+
+    @wp.func
+    def work_edges(
+        cloth: Cloth,
+        patches: Patches,
+        patch: Patch,
+        beside: wp.array(dtype=wp.uint8),
+        step: Step,
+        lane: int,
+        first: int,
+        second: int,
+        soon: Patch,
+    ):
+        """Vertices, normals and edges of a patch, in the block's memory; every thread of the block calls it.
+
+        ``first`` and ``second`` are of ``two_vertices``, ``soon`` of ``next_patch`` where that is asked for. What a
+        step begins with is asked for a step ahead.
+        """
+        fetch_tables(patches, patch)
+        memory, asked, item = patch_memory(patch), PatchItem(), PatchItem()
+        corner_word = wp.uint64(0)
+        end_word, law = wp.uint64(0), vec4()
+        if wp.static(terms.folds):
+            other = wp.min(first_triangle(patch, lane), patch.normal_count)
+            corner_word = element(patches.corners, patch.triangle_start + other)
+        if wp.static(paired):
+            asked = asked_item(patches, patch, lane)
+        read_vertices(cloth, patches, patch, beside, memory, lane, first, second)
+        if wp.static((terms.folds or terms.edges) and not paired):
+            end_word, law = edge_table(patches, patch, lane)
+        if wp.static(packed and paired):
+            if fetches(NEXT_TURN):
+                fetch_next(patches, cloth, soon)
+        wait_for_block()
+        if wp.static(paired):
+            item = work_item_normals(patches, patch, beside, memory, lane, asked)
+        if wp.static(terms.folds):
+            work_normals(patches, patch, beside, memory, lane, corner_word)
+        if wp.static(paired and fits):
+            item = asked_laws(patches, patch, item)
+        sides, corners = wp.uint64(0), wp.uint64(0)
+        if wp.static(not paired):
+            sides, corners = triangle_table(patches, patch.triangle_start + wp.min(lane, patch.normal_count))
+        if wp.static(terms.folds):
+            wait_for_block()
+        if wp.static(paired):
+            item = work_item_edges(patches, patch, beside, memory, step, lane, item)
+            end_word, law = edge_table(patches, patch, wp.static(SLOTS) * patch.item_count + last_first(lane))
+        if wp.static(terms.folds or terms.edges):
+            work_other_edges(patches, patch, beside, memory, step, lane, end_word, law)
+        work = PatchWork()
+        work.memory = memory
+        work.item = item
+        work.sides = sides
+        work.corners = corners
+        edges, triangles = vertex_slots(patches, patch, lane)
+        work.edges = edges
+        work.triangles = triangles
+        return work
+
+    @wp.func
+    def work_corners(
+        patches: Patches, patch: Patch, beside: wp.array(dtype=wp.uint8), step: Step, lane: int, work: PatchWork
+    ):
+        """What the patch's triangles do to their corners, after ``work_edges``; every thread of the block calls it."""
+        if wp.static(terms.folds or terms.threads):
+            wait_for_block()
+            if wp.static(paired):
+                work_item_corners(patches, patch, beside, work.memory, step, lane, work.item)
+            else:
+                work_triangles(patches, patch, beside, work.memory, step, lane, work.sides, work.corners)
+
+    return SimpleNamespace(
+        own_vertex=vertices.own_vertex, two_vertices=vertices.two_vertices, work_edges=work_edges,
+        work_corners=work_corners, vertex_slots=vertex_slots, vertex_load=own.vertex_load,
+    )  # fmt: skip
+
+
+@functools.cache
+def gather_kernel(precision: str, fourth: str, terms: Terms, fits: bool, paired: bool = False) -> wp.Kernel:
+    """Kernel ``gather_forces``; arguments as of ``patch_functions``."""
+    types = cloth_types(precision)
+    vec4, Cloth, Step, Patches = types.vec4, types.Cloth, types.Step, types.Patches
+    functions = patch_functions(precision, fourth, terms, fits, in_order=False, paired=paired)
+    own_vertex, two_vertices = functions.own_vertex, functions.two_vertices
+    work_edges, work_corners = functions.work_edges, functions.work_corners
+    vertex_slots, vertex_load = functions.vertex_slots, functions.vertex_load
+
+    @wp.kernel(module="unique", module_options=MODULE_OPTIONS, grid_stride=False)
+    def gather_forces(
+        cloth: Cloth,
+        patches: Patches,
+        beside: wp.array(dtype=wp.uint8),  # memory of patches that are too large for a block's own
+        step: Step,
+        load_out: wp.array(dtype=vec4),  # force [N] and the fourth part, shape [V]
+    ):
+        """Sums the forces that meet at each vertex."""
+        thread = wp.tid()
+        patch = patch_of(patches.patch, block_of(thread))
+        lane = lane_of(thread)
+        first, second = two_vertices(patches, patch, lane)
+        if leaves(cloth.items[patch.item].active, patch, first, second):
+            return
+        work = work_edges(cloth, patches, patch, beside, step, lane, first, second, patch)
+        work_corners(patches, patch, beside, step, lane, work)
+        edges, triangles = wp.vec4i(work.edges), wp.vec4i(work.triangles)
+        local = int(lane)
+        wait_for_block()
+        while local < patch.owned_count:
+            vertex = own_vertex(patches, patch, local)
+            load_out[vertex] = vertex_load(patches, patch, beside, work.memory, local, edges, triangles)
+            local += block_threads()
+            edges, triangles = vertex_slots(patches, patch, local)
+
+    return gather_forces

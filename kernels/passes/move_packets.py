@@ -1,0 +1,201 @@
+"""A kernel that moves eight vertices at a time by ``displacement``, where they lie; for the CPU's iterations."""
+
+import functools
+
+import warp as wp
+
+from warp_cloth.kernels.avatar.field import fetch_field
+from warp_cloth.kernels.base.access import element
+from warp_cloth.kernels.base.types import MODULE_OPTIONS, cloth_types
+from warp_cloth.kernels.elements.stiffness import symmetric_times
+from warp_cloth.kernels.math.packet import above, alike, times
+from warp_cloth.kernels.math.packet_memory import (
+    eight_elements,
+    first_of_eight,
+    move_eight,
+    put_some,
+    put_zeros,
+)
+from warp_cloth.kernels.math.real import WIDTH as EIGHT
+from warp_cloth.kernels.math.real import inner, root, shaped
+from warp_cloth.kernels.passes.avatar_contact import LONGER, STEP, looking
+from warp_cloth.kernels.passes.step import (
+    AHEAD,
+    accelerated_move,
+    colliders_type,
+    momentum_function,
+    spares_looks,
+    steady_swing,
+    way_function,
+    wears,
+)
+
+WIDTH = wp.constant(EIGHT)
+
+_OF_ITEM = """
+    int lanes = 0;
+    for (int lane = 0; lane < 8; ++lane)
+        lanes |= (array.data[first + lane] == number) << lane;
+    return lanes;
+"""
+_UNPINNED = """
+    int lanes = 0;
+    for (int lane = 0; lane < 8; ++lane)
+        lanes |= (array.data[first + lane] == 0) << lane;
+    return lanes;
+"""
+_LOOSE = """
+    wp::vec_t<8, %s> loose;
+    for (int lane = 0; lane < 8; ++lane)
+        loose.c[lane] = held.data[first + lane] == 0;
+    return loose;
+"""
+_FAR = """
+    int lanes = 0;
+    float left[8];
+    for (int lane = 0; lane < 8; ++lane)
+        left[lane] = clear.data[first + lane] - (longer * (wp::float32)way.c[lane] + step);
+    for (int lane = 0; lane < 8; ++lane)
+        lanes |= (left[lane] > 0.0f) << lane;
+    lanes &= which;
+    for (int lane = 0; lane < 8; ++lane)
+        clear.data[first + lane] = lanes >> lane & 1 ? left[lane] : clear.data[first + lane];
+    return lanes;
+"""
+_CLEAR_FLAGS = """
+    for (int lane = 0; lane < 8; ++lane)
+        array.data[first + lane] = lanes >> lane & 1 ? 0 : array.data[first + lane];
+"""
+
+
+@wp.func_native(_OF_ITEM)
+def lanes_of(array: wp.array(dtype=wp.int32), first: int, number: int) -> int:
+    """Bits of those of eight that are this number."""
+    return array[first]
+
+
+@wp.func_native(_UNPINNED)
+def lanes_free(array: wp.array(dtype=wp.uint8), first: int) -> int:
+    """Bits of those of eight that are 0."""
+    return array[first]
+
+
+@wp.func_native(_CLEAR_FLAGS)
+def put_none(array: wp.array(dtype=wp.uint8), first: int, lanes: int):
+    """Writes 0 to those of eight."""
+    array[first] = wp.uint8(0)
+
+
+@wp.func_native("return __builtin_ctz(lanes);")
+def first_lane(lanes: int) -> int:
+    """The first of some lanes."""
+    ...
+
+
+for _real, _name in ((wp.float32, "float"), (wp.float64, "double")):
+    _one = shaped(_real, True).real
+
+    @wp.func_native(_LOOSE % _name)
+    def loose_lanes(like: _one, held: wp.array(dtype=wp.uint8), first: int) -> _one:
+        """1 for those of eight vertices that nothing holds, else 0."""
+        return held[first]
+
+    @wp.func_native(_FAR)
+    def far_lanes(
+        clear: wp.array(dtype=wp.float32), first: int, which: int, way: _one, longer: wp.float32, step: wp.float32
+    ) -> int:
+        """Bits of those ``which`` of eight vertices that surely meet nothing on their way [m], and are less clear."""
+        clear[first] = clear[first]
+        return which
+
+
+@functools.cache
+def eight_displace_kernel(precision: str, contact: wp.Function | None, collider_type: type, pins: bool) -> wp.Kernel:
+    """Kernel ``displace_vertices`` of the accelerated step, of cloth that passes through itself.
+
+    ``contact``, ``collider_type`` and ``pins`` as of displace.displace_kernel.
+    """
+    types, eights = cloth_types(precision), shaped(cloth_types(precision).real, True)
+    real, vec3, vec4, vec6, Cloth = types.real, types.vec3, types.vec4, types.vec6, types.Cloth
+    Step, Item = types.Step, types.Item
+    worn, spares = wears(True, contact), spares_looks(contact, touches=False)
+    force_way = way_function(precision, steady_swing(True, contact, touches=False), eight=True)
+    kept_share = momentum_function(precision, steady_swing(True, contact, touches=False))
+    Colliders = colliders_type(contact, collider_type)
+    looked_move = None if contact is None else looking(precision, contact, collider_type, worn, spares)
+
+    @wp.func
+    def own_moves(cloth: Cloth, step: Step, load: eights.vec4, first: int, item: Item):
+        """Displacements of eight vertices by their forces, and the stiffness that they go by."""
+        force, way, stiffness, kept = force_way(
+            step, load, eight_elements(cloth.weight, first), eight_elements(cloth.stiffness, first), item
+        )
+        if wp.static(worn):
+            if item.leeway > real(0.0):
+                loose = loose_lanes(kept, cloth.held, first)
+                further = symmetric_times(eight_elements(cloth.leeway, first), way)
+                way = above(loose, alike(kept, real(0.0)), further, way)
+        last = eight_elements(cloth.move, first)
+        momentum, damping = kept_share(step, item)
+        return accelerated_move(force, way, last, times(kept, momentum), damping, item.cap), stiffness
+
+    @wp.func
+    def met_moves(cloth: Cloth, collider: collider_type, first: int, lanes: int, moves: eights.vec3, item: Item):
+        """Their displacements after contact and friction, and what of them has momentum; those of ``lanes`` only."""
+        met = moves
+        momentum = moves
+        near = lanes
+        if wp.static(spares):
+            far = far_lanes(cloth.clear, first, lanes, root(inner(moves, moves)), LONGER, STEP)
+            near = lanes & ~far
+            if wp.static(worn):
+                put_none(cloth.held, first, far)
+        while near != 0:
+            lane = first_lane(near)
+            vertex = first + lane
+            move = vec3(moves[lane], moves[WIDTH + lane], moves[2 * WIDTH + lane])
+            position = element(cloth.position, vertex)
+            move, kept = looked_move(cloth, collider, False, vec6(), float(0.0), vertex, position, move, item)
+            for axis in range(3):
+                met[WIDTH * axis + lane] = move[axis]
+                momentum[WIDTH * axis + lane] = kept[axis]
+            near &= near - 1
+        return met, momentum
+
+    @wp.func
+    def fetch_ahead(cloth: Cloth, colliders: Colliders, first: int):
+        """Has the memory asked for what vertices will need that are looked up soon."""
+        if first + AHEAD + WIDTH <= cloth.weight.shape[0]:
+            for lane in range(WIDTH):
+                vertex = first + AHEAD + lane
+                if element(cloth.clear, vertex) == 0.0:
+                    fetch_field(colliders[element(cloth.item, vertex)], wp.vec3d(element(cloth.position, vertex)))
+
+    @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
+    def displace_vertices(
+        step: Step,
+        colliders: Colliders,
+        load: wp.array(dtype=vec4),  # forces of the cloth [N] and stiffness bounds [N/m], shape [V]; left at zero
+        cloth: Cloth,
+    ):
+        """Moves those of eight vertices that are free and of items that are not at rest."""
+        first = first_of_eight(wp.tid(), cloth.weight.shape[0])
+        lanes = 256 - (1 << (WIDTH * wp.tid() - first))  # the others are moved already
+        if wp.static(pins):
+            lanes &= lanes_free(cloth.pinned, first)
+        loads = eight_elements(load, first)
+        put_zeros(load, first)
+        if wp.static(spares):
+            fetch_ahead(cloth, colliders, first)
+        for number in range(element(cloth.item, first), element(cloth.item, first + WIDTH - 1) + 1):
+            item = cloth.items[number]
+            own = lanes & lanes_of(cloth.item, first, number)
+            if item.active != 0 and own != 0:
+                moves, stiffness = own_moves(cloth, step, loads, first, item)
+                momentum = moves
+                if wp.static(contact is not None):
+                    moves, momentum = met_moves(cloth, colliders[number], first, own, moves, item)
+                move_eight(cloth.position, cloth.move, first, own, moves, momentum)
+                put_some(cloth.stiffness, first, own, stiffness)
+
+    return displace_vertices

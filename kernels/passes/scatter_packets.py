@@ -1,0 +1,174 @@
+"""Forces by kernels that work eight edges or eight triangles out at a time and add to their vertices, one by one.
+
+For the CPU's iterations; the same bits as of ``scatter``.
+"""
+
+import functools
+
+import warp as wp
+
+from warp_cloth.kernels.base.options import Terms
+from warp_cloth.kernels.base.types import MODULE_OPTIONS, cloth_types
+from warp_cloth.kernels.elements.edge import edge_functions, edge_length, spans_type
+from warp_cloth.kernels.elements.triangle import corner_fold_function, thread_function
+from warp_cloth.kernels.laws.bending import unit_normal
+from warp_cloth.kernels.math.packet import alike, four, opposite, part, products, three
+from warp_cloth.kernels.math.packet_memory import (
+    add_eight,
+    eight_at,
+    eight_either,
+    eight_elements,
+    eight_sides,
+    eight_signs,
+    first_of_eight,
+    lanes_function,
+    put_eight,
+)
+from warp_cloth.kernels.math.real import inner, quotient, root, shaped
+
+
+@functools.cache
+def eight_normals_kernel(precision: str) -> wp.Kernel:
+    """Kernel ``measure_normals``, which goes first where cloth bends."""
+    types = cloth_types(precision)
+    vec4, Cloth, Triangles, Step = types.vec4, types.Cloth, types.Triangles, types.Step
+    like, eights = wp.constant(types.real(0.0)), shaped(types.real, True)
+    busy_lanes = lanes_function(precision)
+
+    @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
+    def measure_normals(
+        cloth: Cloth,
+        triangles: Triangles,
+        step: Step,
+        normal_out: wp.array(dtype=vec4),  # unit normal and inverse of twice the area [1/m2], shape [F]
+        sides_out: wp.array(dtype=eights.vec3),  # both sides of eight triangles' first corners [m], shape [F / 8, 2]
+    ):
+        """Writes eight triangles' normals and sides."""
+        number = wp.tid()
+        if busy_lanes(cloth, triangles.corners, number) == 0:
+            return
+        first = first_of_eight(number, triangles.corners.shape[0])
+        side_1 = eight_sides(like, cloth.position, triangles.corners, first, 0, 1)
+        side_2 = eight_sides(like, cloth.position, triangles.corners, first, 0, 2)
+        sides_out[2 * number] = side_1
+        sides_out[2 * number + 1] = side_2
+        normal, inverse = unit_normal(side_1, side_2)
+        put_eight(normal_out, first, four(part(normal, 0), part(normal, 1), part(normal, 2), inverse))
+
+    return measure_normals
+
+
+@functools.cache
+def eight_edges_kernel(precision: str, fourth: str, terms: Terms) -> wp.Kernel:
+    """Kernel ``add_edges``, of edges that are flat at rest; ``fourth`` is one of cloth.BOUNDS."""
+    types, Spans = cloth_types(precision), spans_type(precision)
+    real, vec2, vec4, Cloth, Step, Edges = types.real, types.vec2, types.vec4, types.Cloth, types.Step, types.Edges
+    like = wp.constant(real(0.0))
+    functions = edge_functions(precision, fourth, angles=False, eight=True)
+    edge_load, edge_fold = functions.edge_load, functions.edge_fold
+    busy_lanes = lanes_function(precision)
+
+    @wp.func
+    def spans_of(cloth: Cloth, ends: wp.array(dtype=wp.vec2i), first: int):
+        """Eight edges as they lie, and what last moved them."""
+        spans = Spans()
+        spans.side = eight_sides(like, cloth.position, ends, first, 0, 1)
+        spans.length = edge_length(spans.side)
+        spans.inverse = quotient(alike(spans.length, real(1.0)), spans.length)
+        spans.change = eight_sides(like, cloth.move, ends, first, 0, 1)
+        move = eight_at(cloth.move, ends, first, 0)
+        spans.move = root(inner(move, move))
+        return spans
+
+    @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
+    def add_edges(
+        cloth: Cloth,
+        edges: Edges,
+        normal: wp.array(dtype=vec4),  # of measure_normals, shape [F]
+        step: Step,
+        fold_out: wp.array(dtype=vec4),  # turn [N], bound [N/m] and L^2 [m2] of each edge's hinge, shape [E]
+        load_out: wp.array(dtype=vec4),  # force [N] and the fourth part, shape [V]
+    ):
+        """Adds eight edges' tensions to their ends, and works out their hinges."""
+        number = wp.tid()
+        lanes = busy_lanes(cloth, edges.ends, number)
+        if lanes == 0:
+            return
+        start = first_of_eight(number, edges.ends.shape[0])
+        spans = spans_of(cloth, edges.ends, start)
+        if wp.static(terms.edges):
+            load = edge_load(spans, eight_elements(edges.law, start), step)
+            back = four(opposite(part(load, 0)), opposite(part(load, 1)), opposite(part(load, 2)), part(load, 3))
+            add_eight(load_out, edges.ends, start, lanes, load, back)
+        if wp.static(terms.folds):
+            first, second = eight_at(normal, edges.beside, start, 0), eight_at(normal, edges.beside, start, 1)
+            fold = edge_fold(spans, first, second, eight_elements(edges.fold, start), vec2(), step)
+            put_eight(fold_out, start, four(part(fold, 0), part(fold, 1), part(fold, 2), spans.length))
+
+    return add_edges
+
+
+@functools.cache
+def eight_triangles_kernel(precision: str, fourth: str, terms: Terms) -> wp.Kernel:
+    """Kernel ``add_triangles``; ``fourth`` is one of cloth.BOUNDS."""
+    types, eights = cloth_types(precision), shaped(cloth_types(precision).real, True)
+    vec4, Cloth, Step, Triangles = types.vec4, types.Cloth, types.Step, types.Triangles
+    like = wp.constant(types.real(0.0))
+    thread_loads, with_folds = thread_function(precision, fourth, True), corner_fold_function(precision, fourth, True)
+    busy_lanes = lanes_function(precision)
+
+    @wp.func
+    def thread_corners(
+        cloth: Cloth, triangles: Triangles, start: int, side_1: eights.vec3, side_2: eights.vec3, step: Step
+    ):
+        """Loads of eight triangles' threads on their corners."""
+        change_1 = eight_sides(like, cloth.move, triangles.corners, start, 0, 1)
+        change_2 = eight_sides(like, cloth.move, triangles.corners, start, 0, 2)
+        slope, law = eight_elements(triangles.slope, start), eight_elements(triangles.threads, start)
+        force_0, force_1, force_2, parts = thread_loads(
+            side_1, side_2, eights.vec4(), change_1, change_2, slope, law, step
+        )
+        first = four(part(force_0, 0), part(force_0, 1), part(force_0, 2), part(parts, 0))
+        second = four(part(force_1, 0), part(force_1, 1), part(force_1, 2), part(parts, 1))
+        third = four(part(force_2, 0), part(force_2, 1), part(force_2, 2), part(parts, 2))
+        return first, second, third
+
+    @wp.func
+    def side_folds(fold: wp.array(dtype=vec4), edges: wp.array(dtype=wp.vec3i), start: int, which: int):
+        """Hinges of a side of eight triangles, their turns as these are wound."""
+        found = eight_either(fold, edges, start, which)
+        turn = part(found, 0)
+        return three(products(turn, eight_signs(turn, edges, start, which)), part(found, 1), part(found, 2))
+
+    @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
+    def add_triangles(
+        cloth: Cloth,
+        triangles: Triangles,
+        normal: wp.array(dtype=vec4),  # of measure_normals, shape [F]
+        sides: wp.array(dtype=eights.vec3),  # likewise, where cloth bends
+        fold: wp.array(dtype=vec4),  # of add_edges, shape [E]
+        step: Step,
+        load_out: wp.array(dtype=vec4),  # force [N] and the fourth part, shape [V]
+    ):
+        """Adds the hinges and threads of eight triangles to their corners."""
+        number = wp.tid()
+        lanes = busy_lanes(cloth, triangles.corners, number)
+        if lanes == 0:
+            return
+        start = first_of_eight(number, triangles.corners.shape[0])
+        first, second, third = eights.vec4(), eights.vec4(), eights.vec4()
+        if wp.static(terms.threads):
+            if wp.static(terms.folds):
+                side_1, side_2 = sides[2 * number], sides[2 * number + 1]
+            else:
+                side_1 = eight_sides(like, cloth.position, triangles.corners, start, 0, 1)
+                side_2 = eight_sides(like, cloth.position, triangles.corners, start, 0, 2)
+            first, second, third = thread_corners(cloth, triangles, start, side_1, side_2, step)
+        if wp.static(terms.folds):
+            own = eight_elements(normal, start)
+            fold_0, fold_1 = side_folds(fold, triangles.edges, start, 0), side_folds(fold, triangles.edges, start, 1)
+            fold_2 = side_folds(fold, triangles.edges, start, 2)
+            first, second, third = with_folds(own, fold_0, fold_1, fold_2, first, second, third)
+        add_eight(load_out, triangles.corners, start, lanes, first, second, third)
+
+    return add_triangles

@@ -1,0 +1,187 @@
+"""What the threads of a block do for a patch of cloth after ``patch_steps``: what its triangles do to their corners."""
+
+import functools
+from types import SimpleNamespace
+
+import warp as wp
+
+from warp_cloth.kernels.base.access import element
+from warp_cloth.kernels.base.block import memory_functions, threads_function
+from warp_cloth.kernels.base.options import Terms, fold_numbers
+from warp_cloth.kernels.base.types import BOUNDS, Patch, cloth_types
+from warp_cloth.kernels.elements.triangle import corner_function, triangle_functions
+from warp_cloth.kernels.math.real import inner
+from warp_cloth.kernels.patches.memory import PatchMemory, stride_function
+from warp_cloth.kernels.patches.packing import three_function
+from warp_cloth.kernels.patches.steps import packed, point_functions
+
+
+@functools.cache
+def sides_functions(precision: str, fourth: str, terms: Terms, fits: bool) -> SimpleNamespace:
+    """Functions ``fold_at``, ``turned``, ``side_fold`` and ``sides_of``, by which a triangle is worked out."""
+    types = cloth_types(precision)
+    vec3 = types.vec3
+    functions = memory_functions(precision, fits)
+    point_at, read_4 = point_functions(precision, fits).point_at, functions.read_4
+    read_2, read_3 = functions.read_2, functions.read_3
+    triangle_sides = triangle_functions(precision, fourth).triangle_sides
+    numbers, size_4 = fold_numbers(terms), 4 * types.real_size
+    first_three = three_function(precision)
+
+    @wp.func
+    def fold_at(beside: wp.array(dtype=wp.uint8), memory: PatchMemory, edge: int, along: vec3):
+        """An edge's hinge; ``along`` the edge, where that is known."""
+        place = memory.fold + wp.static(numbers * types.real_size) * edge
+        fold = vec3()
+        if wp.static(numbers == 2):
+            two = read_2(beside, place)
+            fold = vec3(two[0], two[1], inner(along, along))
+        else:
+            fold = read_3(beside, place)
+        return fold
+
+    @wp.func
+    def turned(fold: vec3, otherwise: int):
+        """A hinge, its turn the other way round where that is 1."""
+        return vec3(wp.where(otherwise == 1, -fold[0], fold[0]), fold[1], fold[2])
+
+    @wp.func
+    def side_fold(beside: wp.array(dtype=wp.uint8), memory: PatchMemory, word: wp.uint64, side: int, along: vec3):
+        """``fold_at`` of a triangle's side, its turn as the triangle is wound."""
+        return turned(fold_at(beside, memory, packed(word, side), along), (packed(word, 3) >> side) & 1)
+
+    @wp.func
+    def sides_of(beside: wp.array(dtype=wp.uint8), memory: PatchMemory, word: wp.uint64):
+        """A triangle as it lies."""
+        a, b, c = packed(word, 0), packed(word, 1), packed(word, 2)
+        move_0, move_1, move_2 = vec3(), vec3(), vec3()
+        if wp.static(fourth in BOUNDS):
+            move_0 = first_three(read_4(beside, memory.move + wp.static(size_4) * a))
+            move_1 = first_three(read_4(beside, memory.move + wp.static(size_4) * b))
+            move_2 = first_three(read_4(beside, memory.move + wp.static(size_4) * c))
+        origin = point_at(beside, memory, a)
+        second = point_at(beside, memory, b)
+        third = point_at(beside, memory, c)
+        return triangle_sides(origin, second, third, move_0, move_1, move_2)
+
+    return SimpleNamespace(fold_at=fold_at, turned=turned, side_fold=side_fold, sides_of=sides_of)
+
+
+@functools.cache
+def triangle_table_function(precision: str, terms: Terms) -> wp.Function:
+    """The function that reads what a patch's tables tell of a triangle."""
+
+    @wp.func
+    def triangle_table(patches: cloth_types(precision).Patches, at: int):
+        """The words of a triangle's sides and corners, as far as they are asked for."""
+        sides, corners = wp.uint64(0), wp.uint64(0)
+        if wp.static(terms.folds):
+            sides = element(patches.sides, at)
+        if wp.static(terms.threads):
+            corners = element(patches.corners, at)
+        return sides, corners
+
+    return triangle_table
+
+
+@functools.cache
+def corners_function(precision: str, fourth: str, terms: Terms, fits: bool) -> wp.Function:
+    """The function that works out a triangle from what is known of it."""
+    types = cloth_types(precision)
+    vec3, vec4, Patches, Step, Sides = types.vec3, types.vec4, types.Patches, types.Step, types.Sides
+    write_4, size_4 = memory_functions(precision, fits).write_4, 4 * types.real_size
+    corner_loads, corner_stride = corner_function(precision, fourth, terms), stride_function(terms)
+
+    @wp.func
+    def put_corners(
+        patches: Patches,
+        patch: Patch,
+        beside: wp.array(dtype=wp.uint8),
+        memory: PatchMemory,
+        step: Step,
+        triangle: int,
+        normal: vec4,
+        sides: Sides,
+        fold_0: vec3,
+        fold_1: vec3,
+        fold_2: vec3,
+    ):
+        """What threads of a triangle and hinges of its sides do to its corners."""
+        slope, law = vec4(), vec4()
+        if wp.static(terms.threads):
+            at = patch.triangle_start + triangle
+            slope, law = element(patches.slope, at), element(patches.threads, at)
+        first, second, third = corner_loads(normal, fold_0, fold_1, fold_2, sides, slope, law, step)
+        others = memory.corner_load + wp.static(size_4) * (corner_stride(patch) + triangle)
+        write_4(beside, memory.corner_load + wp.static(size_4) * triangle, first)
+        write_4(beside, others, second)
+        write_4(beside, others + wp.static(size_4) * patch.triangle_count, third)
+
+    return put_corners
+
+
+@functools.cache
+def nothing_step(precision: str, terms: Terms, fits: bool) -> wp.Function:
+    """The function that puts nothing after what triangles do."""
+    types = cloth_types(precision)
+    vec4, size_4 = types.vec4, 4 * types.real_size
+    write_4, corner_stride = memory_functions(precision, fits).write_4, stride_function(terms)
+
+    @wp.func
+    def put_nothing(patch: Patch, beside: wp.array(dtype=wp.uint8), memory: PatchMemory, lane: int):
+        """For vertices where no more triangles meet."""
+        if lane == 0:
+            after = corner_stride(patch) + 2 * patch.triangle_count
+            write_4(beside, memory.corner_load + wp.static(size_4) * after, vec4())
+
+    return put_nothing
+
+
+@functools.cache
+def triangles_step(precision: str, fourth: str, terms: Terms, fits: bool, threads: int) -> wp.Function:
+    """The function that works out triangles."""
+    types, block_threads = cloth_types(precision), threads_function(threads)
+    vec3, vec4, Patches, Step, Sides = types.vec3, types.vec4, types.Patches, types.Step, types.Sides
+    read_4, size_4 = memory_functions(precision, fits).read_4, 4 * types.real_size
+    functions, put_corners = (
+        sides_functions(precision, fourth, terms, fits),
+        corners_function(precision, fourth, terms, fits),
+    )
+    sides_of, side_fold = functions.sides_of, functions.side_fold
+    put_nothing = nothing_step(precision, terms, fits)
+    triangle_table = triangle_table_function(precision, terms)
+
+    @wp.func
+    def work_triangles(
+        patches: Patches,
+        patch: Patch,
+        beside: wp.array(dtype=wp.uint8),
+        memory: PatchMemory,
+        step: Step,
+        lane: int,
+        first_sides: wp.uint64,
+        first_corners: wp.uint64,
+    ):
+        """What hinges and threads of triangles do to their corners; the last two are of the thread's first one."""
+        count = patch.triangle_count
+        local = int(lane)
+        next_sides, next_corners = first_sides, first_corners
+        while local < count:
+            at = patch.triangle_start + local
+            word, corners = next_sides, next_corners
+            if local + block_threads() < count:
+                next_sides, next_corners = triangle_table(patches, at + block_threads())
+            normal, sides = vec4(), Sides()
+            if wp.static(terms.threads):
+                sides = sides_of(beside, memory, corners)
+            fold_0, fold_1, fold_2 = vec3(), vec3(), vec3()
+            if wp.static(terms.folds):
+                normal = read_4(beside, memory.normal + wp.static(size_4) * local)
+                fold_0 = side_fold(beside, memory, word, 0, sides.side_0)
+                fold_1 = side_fold(beside, memory, word, 1, sides.side_2)
+                fold_2 = side_fold(beside, memory, word, 2, sides.side_1)
+            put_corners(patches, patch, beside, memory, step, local, normal, sides, fold_0, fold_1, fold_2)
+            local += block_threads()
+        put_nothing(patch, beside, memory, lane)
+
+    return work_triangles

@@ -1,0 +1,194 @@
+"""A patch of cloth: what it has, where its block's memory holds it, and what it asks for ahead."""
+
+import functools
+from types import SimpleNamespace
+
+import warp as wp
+
+from warp_cloth.kernels.base.access import element
+from warp_cloth.kernels.base.block import BESIDE, fetch_ahead, fetches, own_memory_function
+from warp_cloth.kernels.base.options import RANKS, Terms, block_for
+from warp_cloth.kernels.base.types import Patch, cloth_types
+from warp_cloth.kernels.patches.packing import fetch_points
+
+SLOTS_TURN, NEXT_TURN = wp.constant(1), wp.constant(2)  # which of a block's last warps asks ahead for what
+
+
+@wp.struct
+class PatchMemory:
+    """Places in the block's memory; vectors of four reals unless said otherwise."""
+
+    edge_load: int  # on each edge's first end, and nothing after the last
+    corner_load: int  # on the triangles' first corners, the second, the third, and nothing after the last
+    normal: int  # unit normal and inverse of twice the area [1/m2] of each triangle
+    fold: int  # of ``fold_numbers``: turn [N], bound [N/m] and L^2 [m2] of each edge's hinge
+    position: int  # two coordinates of each vertex, in the positions' own precision
+    third: int  # the third ones
+    move: int  # and how long it is
+
+
+@wp.func
+def words_of(ranks: int):
+    """Words of RANKS numbers that so many take."""
+    return (ranks + wp.static(RANKS - 1)) >> wp.static(RANKS.bit_length() - 1)
+
+
+@wp.func
+def patch_of(patches: wp.array(dtype=wp.vec4i), number: int):
+    """A patch, which is read in four pieces."""
+    one, two = element(patches, 4 * number), element(patches, 4 * number + 1)
+    three, four = element(patches, 4 * number + 2), element(patches, 4 * number + 3)
+    patch = Patch()
+    patch.vertex_start = one[0]
+    patch.vertex_count = one[1]
+    patch.owned_count = one[2]
+    patch.item = one[3]
+    patch.edge_start = two[0]
+    patch.edge_count = two[1]
+    patch.law_start = two[2]
+    patch.law_count = two[3]
+    patch.triangle_start = three[0]
+    patch.triangle_count = three[1]
+    patch.normal_count = three[2]
+    patch.slot_start = three[3]
+    patch.ranks = four[0]
+    patch.overflow = four[1]
+    patch.place = four[2]
+    patch.item_count = four[3]
+    return patch
+
+
+@wp.func
+def leaves(active: int, patch: Patch, first: int, second: int):
+    """Whether a patch's item is at rest; the last two are vertices.
+
+    The answer hangs on all that is asked for at first, none of it ever negative: else a compiler would put off the
+    rest, for which threads would wait once more.
+    """
+    return wp.min(active - 1, first | second | patch.edge_start | patch.triangle_start) < 0
+
+
+@functools.cache
+def stride_function(terms: Terms) -> wp.Function:
+    """The function that tells after how many loads of first corners the second ones come."""
+
+    @wp.func
+    def corner_stride(patch: Patch):
+        """As many as there are normals, each of which a first corner's load replaces."""
+        count = patch.triangle_count
+        if wp.static(terms.folds):
+            count = patch.normal_count
+        return count
+
+    return corner_stride
+
+
+@functools.cache
+def layout_function(precision: str, terms: Terms, fits: bool, paired: bool) -> wp.Function:
+    """The function that lays out the block's memory; the host counts the same bytes."""
+    types, own_memory = cloth_types(precision), own_memory_function(block_for(paired).memory)
+    size_4, wide = 4 * types.real_size, types.point_size // 3
+    corner_stride = stride_function(terms)
+
+    @wp.func
+    def patch_memory(patch: Patch):
+        """Places in the block's memory. Corners' loads come to lie where normals lay, without threads vertices, too."""
+        memory = PatchMemory()
+        at = own_memory()
+        if wp.static(not fits):
+            if patch.overflow >= 0:
+                at = patch.overflow | BESIDE
+        if wp.static(terms.edges):
+            memory.edge_load = at
+            at += wp.static(size_4) * (patch.edge_count + 1)
+        memory.normal = at
+        memory.corner_load = at
+        if wp.static(terms.folds or terms.threads):
+            at += wp.static(size_4) * corner_stride(patch)
+        others = at + wp.static(size_4) * (2 * patch.triangle_count + 1)
+        if wp.static(terms.threads):
+            at = others
+        memory.move = at
+        at += wp.static(size_4) * patch.vertex_count
+        memory.position = at
+        at += (wp.static(2 * wide) * patch.vertex_count + 15) & -16
+        memory.third = at + wp.static(wide) * (patch.place & 1)  # as they lie in the patches' order
+        at += (wp.static(wide) * (patch.vertex_count + 1) + 15) & -16
+        if wp.static(terms.folds and not terms.threads):
+            at = wp.max(at, others)
+        memory.fold = at
+        return memory
+
+    return patch_memory
+
+
+@functools.cache
+def fetch_function(precision: str, terms: Terms, paired: bool) -> wp.Function:
+    """The function that asks for the tables of all steps; ``paired``: of threads that work on pairs of triangles."""
+    Patches = cloth_types(precision).Patches
+    slots_turn = SLOTS_TURN if paired else wp.constant(0)  # where the next patch is asked for, too, warps share that
+
+    @wp.func
+    def fetch_slots(patches: Patches, patch: Patch):
+        """Asks for what vertices sum."""
+        if wp.static(terms.edges):
+            fetch_ahead(patches.edge_slot, patch.slot_start, words_of(patch.ranks) * patch.owned_count, 3)
+        if wp.static(terms.folds or terms.threads):
+            fetch_ahead(patches.slot, patch.slot_start, words_of(patch.ranks) * patch.owned_count, 3)
+
+    @wp.func
+    def fetch_steps(patches: Patches, patch: Patch):
+        """Asks for what edges and triangles are worked out from."""
+        if wp.static(terms.folds or terms.threads):
+            fetch_ahead(patches.corners, patch.triangle_start, patch.normal_count, 4)
+        if wp.static(terms.folds or terms.edges):
+            fetch_ahead(patches.ends, patch.edge_start, patch.edge_count, 1)
+        if wp.static(terms.edges):
+            fetch_ahead(patches.law, patch.law_start, patch.law_count, 0)
+        if wp.static(terms.folds and not terms.edges):
+            fetch_ahead(patches.fold, patch.law_start, patch.law_count, 5)
+        if wp.static(terms.folds and not paired):
+            fetch_ahead(patches.sides, patch.triangle_start, patch.triangle_count, 5)
+        if wp.static(terms.threads):
+            fetch_ahead(patches.slope, patch.triangle_start, patch.triangle_count, 0)
+            fetch_ahead(patches.threads, patch.triangle_start, patch.triangle_count, 2)
+
+    @wp.func
+    def fetch_tables(patches: Patches, patch: Patch):
+        """Asks for what later steps read, while the vertices are on their way."""
+        if fetches(0):
+            fetch_steps(patches, patch)
+        if fetches(slots_turn):
+            fetch_slots(patches, patch)
+
+    return fetch_tables
+
+
+@functools.cache
+def next_functions(precision: str) -> SimpleNamespace:
+    """Functions ``next_patch`` and ``fetch_next``: of the patch that a GPU turns to when it is through with a block's.
+
+    Its vertices are asked for while a block works on others; where they lie is known by then.
+    """
+    types = cloth_types(precision)
+    Patches, Cloth = types.Patches, types.Cloth
+
+    @wp.func
+    def next_patch(patches: Patches, number: int):
+        """That patch, or of the last ones none, which has no vertices."""
+        soon = Patch()
+        last = patches.patch.shape[0] // 4 - 1
+        if number + patches.ahead <= last:
+            soon = patch_of(patches.patch, number + patches.ahead)
+            fetch_ahead(patches.patch, 4 * wp.min(number + 2 * patches.ahead, last), 4, 0)
+        return soon
+
+    @wp.func
+    def fetch_next(patches: Patches, cloth: Cloth, soon: Patch):
+        """Has memory bring what a block reads first."""
+        if soon.owned_count > 0:
+            fetch_ahead(patches.vertex, soon.vertex_start + soon.owned_count, soon.vertex_count - soon.owned_count, 0)
+            fetch_points(cloth.position, soon.place, soon.owned_count)
+            fetch_ahead(cloth.moved, soon.place, soon.owned_count, 0)
+
+    return SimpleNamespace(next_patch=next_patch, fetch_next=fetch_next)

@@ -1,0 +1,263 @@
+"""Vertices in the order in which patches own them, so that what a patch reads and writes lies together.
+
+A GPU reads and writes 16 bytes in one go, of neighbours side by side. So packed positions are first two coordinates of
+each vertex, then the third ones of all; leeway first four numbers of each, then the last two of all; and displacements
+have four numbers. Where cloth meets cloth many others read
+single positions, which then lie as ever.
+"""
+
+import functools
+from types import SimpleNamespace
+
+import warp as wp
+
+from warp_cloth.kernels.base.access import element, put
+from warp_cloth.kernels.base.subset import listed
+from warp_cloth.kernels.base.types import MODULE_OPTIONS, cloth_types, rest_function
+from warp_cloth.kernels.math.real import inner, root
+
+_POINT = """
+    typedef wp::vec_t<2, %(real)s> Pair;
+    auto* data = reinterpret_cast<%(real)s*>(array.data);
+    auto* pair = static_cast<Pair*>(__builtin_assume_aligned(data + 2 * index, 2 * sizeof(%(real)s)));
+    auto* third = data + 2 * array.shape[0] + index;
+"""
+_READ_POINT = _POINT + "    const Pair first = *pair;\n    return {first[0], first[1], *third};"
+_PUT_POINT = _POINT + "    *pair = Pair(value[0], value[1]);\n    *third = value[2];"
+
+for _dtype, _real in ((wp.vec3f, "wp::float32"), (wp.vec3d, "wp::float64")):
+
+    @wp.func_native(_READ_POINT % {"real": _real})
+    def packed_point(array: wp.array(dtype=_dtype), index: int) -> _dtype:
+        """One of the packed positions."""
+        return array[index]
+
+    @wp.func_native(_PUT_POINT % {"real": _real})
+    def put_packed_point(array: wp.array(dtype=_dtype), index: int, value: _dtype):
+        """Writes one of the packed positions."""
+        array[index] = value
+
+
+_SIX = """
+    auto* data = reinterpret_cast<%(real)s*>(array.data);
+    typedef wp::vec_t<4, %(real)s> Four;
+    typedef wp::vec_t<2, %(real)s> Two;
+    auto* four = static_cast<Four*>(__builtin_assume_aligned(data + 4 * index, 16));
+    auto* two = static_cast<Two*>(__builtin_assume_aligned(data + 4 * array.shape[0] + 2 * index, sizeof(Two)));
+"""
+_READ_SIX = (
+    _SIX
+    + """
+    wp::vec_t<6, %(real)s> value;
+    for (int k = 0; k < 6; ++k)
+        value.c[k] = k < 4 ? four->c[k] : two->c[k - 4];
+    return value;
+"""
+)
+_PUT_SIX = _SIX + "    *four = Four(value[0], value[1], value[2], value[3]);\n    *two = Two(value[4], value[5]);"
+
+for _dtype, _real in ((wp.float32, "wp::float32"), (wp.float64, "wp::float64")):
+    _six = wp.types.vector(length=6, dtype=_dtype)
+
+    @wp.func_native(_READ_SIX % {"real": _real})
+    def packed_six(array: wp.array(dtype=_six), index: int) -> _six:
+        """The packed leeway of a vertex."""
+        return array[index]
+
+    @wp.func_native(_PUT_SIX % {"real": _real})
+    def put_packed_six(array: wp.array(dtype=_six), index: int, value: _six):
+        """Writes the packed leeway of a vertex."""
+        array[index] = value
+
+
+_FETCH_POINTS = """
+#if defined(__CUDA_ARCH__) && __CUDA_ARCH__ >= 900
+    const char* pairs = (const char*)array.data;
+    const long long single = sizeof(array.data->c[0]), thirds = 2 * single * array.shape[0];
+    const long long starts[] = {2 * single * first, thirds + single * first};
+    for (int part = 0; part < 2; ++part) {
+        const int skew = (int)((unsigned long long)(pairs + starts[part]) & 15);
+        const int size = (2 - part) * (int)single * count + skew + 15 & -16;
+        asm volatile("cp.async.bulk.prefetch.L2.global [%0], %1;" :: "l"(pairs + starts[part] - skew), "r"(size));
+    }
+#endif
+"""
+
+for _dtype in (wp.vec3f, wp.vec3d):
+
+    @wp.func_native(_FETCH_POINTS)
+    def fetch_points(array: wp.array(dtype=_dtype), first: int, count: int):
+        """Has memory bring so many packed positions nearer, at least one."""
+        ...
+
+
+@functools.cache
+def sized_function(precision: str) -> wp.Function:
+    """The function that adds to a displacement how long it is."""
+    types = cloth_types(precision)
+    vec3, vec4 = types.vec3, types.vec4
+
+    @wp.func
+    def sized(move: vec3):
+        """A displacement and how long it is [m]."""
+        return vec4(move[0], move[1], move[2], root(inner(move, move)))
+
+    return sized
+
+
+@functools.cache
+def three_function(precision: str) -> wp.Function:
+    """The function that takes the first three of four."""
+    types = cloth_types(precision)
+
+    @wp.func
+    def first_three(four: types.vec4):
+        """The first three of four."""
+        return types.vec3(four[0], four[1], four[2])
+
+    return first_three
+
+
+@functools.cache
+def order_functions(precision: str, packed: bool, in_order: bool = True) -> SimpleNamespace:
+    """Functions ``position_at``, ``sized_move``, ``move_at``, ``leeway_at``, as many that put, and the type ``move``.
+
+    ``packed``: whether positions are; ``in_order``: whether vertices lie in the patches' order, and displacements have
+    four numbers.
+    """
+    types = cloth_types(precision)
+    point, vec3, vec4, vec6, Cloth = types.point, types.vec3, types.vec4, types.vec6, types.Cloth
+    sized, first_three = sized_function(precision), three_function(precision)
+
+    @wp.func
+    def position_at(cloth: Cloth, vertex: int):
+        """Where a vertex is [m]."""
+        return element(cloth.position, vertex)
+
+    @wp.func
+    def packed_position_at(cloth: Cloth, vertex: int):
+        """Where a vertex is [m]."""
+        return packed_point(cloth.position, vertex)
+
+    @wp.func
+    def sized_move(cloth: Cloth, vertex: int):
+        """What last moved a vertex, and how long it is [m]."""
+        return sized(element(cloth.move, vertex))
+
+    @wp.func
+    def packed_sized_move(cloth: Cloth, vertex: int):
+        """What last moved a vertex, and how long it is [m]."""
+        return element(cloth.moved, vertex)
+
+    @wp.func
+    def move_at(cloth: Cloth, vertex: int):
+        """What last moved a vertex [m]."""
+        return element(cloth.move, vertex)
+
+    @wp.func
+    def packed_move_at(cloth: Cloth, vertex: int):
+        """What last moved a vertex [m]."""
+        return first_three(element(cloth.moved, vertex))
+
+    @wp.func
+    def put_move(move_out: wp.array(dtype=vec3), vertex: int, move: vec3):
+        """Writes what moves a vertex."""
+        put(move_out, vertex, move)
+
+    @wp.func
+    def put_packed_move(move_out: wp.array(dtype=vec4), vertex: int, move: vec3):
+        """Writes what moves a vertex."""
+        put(move_out, vertex, sized(move))
+
+    @wp.func
+    def put_position(position_out: wp.array(dtype=point), vertex: int, position: point):
+        """Writes where a vertex is."""
+        put(position_out, vertex, position)
+
+    @wp.func
+    def leeway_at(cloth: Cloth, vertex: int):
+        """A vertex' leeway."""
+        return cloth.leeway[vertex]
+
+    @wp.func
+    def packed_leeway_at(cloth: Cloth, vertex: int):
+        """A vertex' leeway."""
+        return packed_six(cloth.leeway, vertex)
+
+    @wp.func
+    def put_leeway(leeway_out: wp.array(dtype=vec6), vertex: int, leeway: vec6):
+        """Writes a vertex' leeway."""
+        leeway_out[vertex] = leeway
+
+    moves = (
+        (packed_sized_move, packed_move_at, put_packed_move, vec4)
+        if in_order
+        else (sized_move, move_at, put_move, vec3)
+    )
+    return SimpleNamespace(
+        position_at=packed_position_at if packed else position_at,
+        put_position=put_packed_point if packed else put_position,
+        sized_move=moves[0], move_at=moves[1], put_move=moves[2], move=moves[3],
+        leeway_at=packed_leeway_at if packed else leeway_at,
+        put_leeway=put_packed_six if packed else put_leeway,
+    )  # fmt: skip
+
+
+@functools.cache
+def packing_kernels(precision: str, accelerated: bool, packed: bool) -> SimpleNamespace:
+    """Kernels ``pack_vertices`` and ``unpack_vertices``; ``accelerated``: vertices have a stiffness.
+
+    ``packed``: as of ``order_functions``; if not, vertices are only put in order.
+    Items that no longer iterate are left out, or their groups are. An item's vertices lie at the same places in both
+    orders.
+    """
+    types = cloth_types(precision)
+    point, real, vec3, Cloth = types.point, types.real, types.vec3, types.Cloth
+    rests, orders = rest_function(precision), order_functions(precision, packed)
+    put_there, put_move, position_at, move_at = (
+        orders.put_position, orders.put_move, orders.position_at, orders.move_at,
+    )  # fmt: skip
+
+    @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
+    def pack_vertices(
+        groups: wp.array(dtype=wp.int32),  # of kernels.base.subset, of places
+        order: wp.array(dtype=wp.int32),  # vertices as patches own them, shape [V]
+        cloth: Cloth,
+        position_out: wp.array(dtype=point),  # [m], shape [V]
+        move_out: wp.array(dtype=orders.move),  # [m], shape [V]
+        stiffness_out: wp.array(dtype=real),  # [N/m], shape [V]
+    ):
+        """Puts what iterations change in the patches' order."""
+        place = listed(groups, wp.tid())
+        if place >= order.shape[0]:
+            return
+        vertex = element(order, place)
+        if rests(cloth, place):
+            return
+        put_there(position_out, place, element(cloth.position, vertex))
+        put_move(move_out, place, element(cloth.move, vertex))
+        if wp.static(accelerated):
+            put(stiffness_out, place, element(cloth.stiffness, vertex))
+
+    @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
+    def unpack_vertices(
+        groups: wp.array(dtype=wp.int32),  # of kernels.base.subset, of vertices
+        rank: wp.array(dtype=wp.int32),  # where patches have each vertex, shape [V]
+        there: Cloth,
+        position_out: wp.array(dtype=point),  # [m], shape [V]
+        move_out: wp.array(dtype=vec3),  # [m], shape [V]
+        stiffness_out: wp.array(dtype=real),  # [N/m], shape [V]
+    ):
+        """Puts it back in the garments' order."""
+        vertex = listed(groups, wp.tid())
+        if vertex >= rank.shape[0]:
+            return
+        place = element(rank, vertex)
+        if rests(there, vertex):
+            return
+        put(position_out, vertex, position_at(there, place))
+        put(move_out, vertex, move_at(there, place))
+        if wp.static(accelerated):
+            put(stiffness_out, vertex, element(there.stiffness, place))
+
+    return SimpleNamespace(pack_vertices=pack_vertices, unpack_vertices=unpack_vertices)

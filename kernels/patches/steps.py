@@ -1,0 +1,333 @@
+"""What the threads of a block do for a patch of cloth, step by step: vertices, normals, edges; then patch_triangles.
+
+What a step reads first it asks for before it waits for the step before, and what its next turn reads while it works.
+"""
+
+import functools
+from types import SimpleNamespace
+
+import warp as wp
+
+from warp_cloth.kernels.base.access import element
+from warp_cloth.kernels.base.block import block_threads, memory_functions, threads_function
+from warp_cloth.kernels.base.options import NUMBER_BITS, SLOTS, WORD_LAW, Terms, fold_numbers
+from warp_cloth.kernels.base.types import BOUNDS, Patch, cloth_types, difference_function, takes_exact_stretch
+from warp_cloth.kernels.elements.edge import edge_functions
+from warp_cloth.kernels.elements.triangle import triangle_functions
+from warp_cloth.kernels.patches.memory import PatchMemory
+from warp_cloth.kernels.patches.packing import order_functions, three_function
+
+_PACKED = """
+    const unsigned int part = (unsigned int)(place < 2 ? word : word >> 32);
+    return (int)(place & 1 ? part >> 16 : part & 65535u);
+"""
+
+
+@wp.func_native(_PACKED)
+def packed(word: wp.uint64, place: int) -> int:
+    """One of the four numbers below 65536 in a word."""
+    ...
+
+
+@wp.func_native("return (int)(word >> start) & ((1 << bits) - 1);")
+def bits_of(word: wp.uint64, start: int, bits: int) -> int:
+    """The number in so many bits of a word, from a certain bit on."""
+    ...
+
+
+@wp.func
+def number_of(word: wp.uint64, place: int):
+    """One of the numbers in a word of an item or of a loose edge."""
+    return bits_of(word, wp.static(NUMBER_BITS) * place, wp.static(NUMBER_BITS))
+
+
+@wp.func
+def last_first(lane: int):
+    """A thread's number, counted from the block's last one; the first ones items keep busy."""
+    return block_threads() - 1 - lane
+
+
+@functools.cache
+def own_function(precision: str, in_order: bool) -> wp.Function:
+    """The function that tells a patch's own vertices; ``in_order``: these lie in the patches' order."""
+    Patches = cloth_types(precision).Patches
+
+    @wp.func
+    def own_vertex(patches: Patches, patch: Patch, local: int):
+        """One of the vertices that a patch owns."""
+        vertex = patch.place + local
+        if wp.static(not in_order):
+            vertex = element(patches.vertex, patch.vertex_start + local)
+        return vertex
+
+    return own_vertex
+
+
+@functools.cache
+def point_functions(precision: str, fits: bool) -> SimpleNamespace:
+    """Functions ``point_at`` and ``put_point`` of a patch's vertices in the block's memory."""
+    types = cloth_types(precision)
+    wide, functions = types.point_size // 3, memory_functions(precision, fits)
+    read_point, write_point = functions.read_point, functions.write_point
+
+    @wp.func
+    def point_at(beside: wp.array(dtype=wp.uint8), memory: PatchMemory, local: int):
+        """Where a vertex is [m]."""
+        return read_point(beside, memory.position + wp.static(2 * wide) * local, memory.third + wp.static(wide) * local)
+
+    @wp.func
+    def put_point(beside: wp.array(dtype=wp.uint8), memory: PatchMemory, local: int, position: types.point):
+        """Keeps where a vertex is."""
+        write_point(
+            beside, memory.position + wp.static(2 * wide) * local, memory.third + wp.static(wide) * local, position
+        )
+
+    return SimpleNamespace(point_at=point_at, put_point=put_point)
+
+
+@functools.cache
+def vertices_step(
+    precision: str, fourth: str, fits: bool, in_order: bool, packed: bool, threads: int
+) -> SimpleNamespace:
+    """Functions ``own_vertex``, ``two_vertices`` and ``read_vertices``."""
+    types, block_threads = cloth_types(precision), threads_function(threads)
+    Cloth, Patches = types.Cloth, types.Patches
+    own_vertex = own_function(precision, in_order)
+    order = order_functions(precision, packed, in_order)
+    position_at, sized_move = order.position_at, order.sized_move
+    put_point, write_4 = point_functions(precision, fits).put_point, memory_functions(precision, fits).write_4
+
+    @wp.func
+    def keep(cloth: Cloth, beside: wp.array(dtype=wp.uint8), memory: PatchMemory, local: int, vertex: int):
+        """Keeps a vertex in the block's memory."""
+        position = position_at(cloth, vertex)
+        if wp.static(fourth in BOUNDS):
+            write_4(beside, memory.move + wp.static(4 * types.real_size) * local, sized_move(cloth, vertex))
+        put_point(beside, memory, local, position)
+
+    @wp.func
+    def vertex_at(patches: Patches, patch: Patch, local: int):
+        """One of the vertices that a patch has; beyond the last, any."""
+        vertex = own_vertex(patches, patch, wp.min(local, patch.owned_count - 1))
+        if local >= patch.owned_count and local < patch.vertex_count:
+            vertex = element(patches.vertex, patch.vertex_start + local)
+        return vertex
+
+    @wp.func
+    def two_vertices(patches: Patches, patch: Patch, local: int):
+        """The vertices that a thread brings in a turn."""
+        return vertex_at(patches, patch, local), vertex_at(patches, patch, local + block_threads())
+
+    @wp.func
+    def read_vertices(
+        cloth: Cloth,
+        patches: Patches,
+        patch: Patch,
+        beside: wp.array(dtype=wp.uint8),
+        memory: PatchMemory,
+        lane: int,
+        first: int,
+        second: int,
+    ):
+        """Brings the vertices that the patch needs into the block's memory, two of each thread at a time.
+
+        The last two are of ``two_vertices``, which is called as early as may be.
+        """
+        local = int(lane)
+        while local < patch.vertex_count:
+            other = local + block_threads()
+            keep(cloth, beside, memory, local, first)
+            if other < patch.vertex_count:
+                keep(cloth, beside, memory, other, second)
+            local = other + block_threads()
+            first, second = two_vertices(patches, patch, local)
+
+    return SimpleNamespace(own_vertex=own_vertex, two_vertices=two_vertices, read_vertices=read_vertices)
+
+
+@functools.cache
+def normals_step(precision: str, fits: bool, paired: bool, threads: int) -> wp.Function:
+    """The function that works out normals; ``paired``: of triangles that no item has."""
+    types, block_threads = cloth_types(precision), threads_function(threads)
+    functions = memory_functions(precision, fits)
+    point_at, write_4 = point_functions(precision, fits).point_at, functions.write_4
+    triangle_normal = triangle_functions(precision, "none").triangle_normal
+
+    @wp.func
+    def work_normals(
+        patches: types.Patches,
+        patch: Patch,
+        beside: wp.array(dtype=wp.uint8),
+        memory: PatchMemory,
+        lane: int,
+        first: wp.uint64,
+    ):
+        """Normals of the patch's triangles and of those beyond its edges; ``first``: corners of a thread's first."""
+        local = int(lane)
+        if wp.static(paired):
+            local = patch.triangle_count + last_first(lane)
+        following = first
+        while local < patch.normal_count:
+            word = following
+            if local + block_threads() < patch.normal_count:
+                following = element(patches.corners, patch.triangle_start + local + block_threads())
+            origin = point_at(beside, memory, packed(word, 0))
+            second = point_at(beside, memory, packed(word, 1))
+            third = point_at(beside, memory, packed(word, 2))
+            normal = triangle_normal(origin, second, third)
+            write_4(beside, memory.normal + wp.static(4 * types.real_size) * local, normal)
+            local += block_threads()
+
+    return work_normals
+
+
+@functools.cache
+def edge_table_functions(precision: str, terms: Terms, paired: bool) -> SimpleNamespace:
+    """Functions ``law_at`` and ``edge_table``; ``paired`` as of ``edges_step``."""
+    types = cloth_types(precision)
+
+    @wp.func
+    def law_at(patches: types.Patches, at: int):
+        """How an edge pulls, and C of its hinge."""
+        law = types.vec4()
+        if wp.static(terms.edges):
+            law = element(patches.law, at)
+        if wp.static(terms.folds and not terms.edges):
+            law[3] = element(patches.fold, at)
+        return law
+
+    @wp.func
+    def edge_table(patches: types.Patches, patch: Patch, local: int):
+        """An edge's word, and ``law_at``; beyond the last edge, any."""
+        at = patch.edge_start + wp.min(local, patch.edge_count)
+        word = element(patches.ends, at)
+        if wp.static(paired):
+            law = bits_of(word, wp.static(WORD_LAW), wp.static(NUMBER_BITS))
+            at = patch.law_start + wp.min(law, patch.law_count)
+        return word, law_at(patches, at)
+
+    return SimpleNamespace(law_at=law_at, edge_table=edge_table)
+
+
+@functools.cache
+def ends_function(paired: bool) -> wp.Function:
+    """The function that takes an edge's word apart; ``paired`` as of ``edges_step``."""
+
+    @wp.func
+    def ends_of(word: wp.uint64):
+        """An edge's ends and its two triangles."""
+        return packed(word, 0), packed(word, 1), packed(word, 2), packed(word, 3)
+
+    @wp.func
+    def loose_ends_of(word: wp.uint64):
+        """An edge's ends and its two triangles."""
+        return number_of(word, 0), number_of(word, 1), number_of(word, 2), number_of(word, 3)
+
+    return loose_ends_of if paired else ends_of
+
+
+@functools.cache
+def edge_functions_of_patch(precision: str, fourth: str, terms: Terms, fits: bool) -> SimpleNamespace:
+    """Functions ``work_edge``, which works out an edge from what is known of it, and ``put_fold``."""
+    types = cloth_types(precision)
+    vec2, vec3, vec4, Patches, Step = types.vec2, types.vec3, types.vec4, types.Patches, types.Step
+    functions = memory_functions(precision, fits)
+    point_at, read_4 = point_functions(precision, fits).point_at, functions.read_4
+    write_2, write_3, write_4 = functions.write_2, functions.write_3, functions.write_4
+    edge = edge_functions(precision, fourth, terms.angles)
+    side_span, edge_load, edge_fold = edge.side_span, edge.edge_load, edge.edge_fold
+    first_three = three_function(precision)
+    exact = takes_exact_stretch(precision, fourth)
+
+    @wp.func
+    def work_edge(
+        patches: Patches,
+        patch: Patch,
+        beside: wp.array(dtype=wp.uint8),
+        memory: PatchMemory,
+        step: Step,
+        local: int,
+        first: int,
+        second: int,
+        side: vec3,
+        normal_0: vec4,
+        normal_1: vec4,
+        law: vec4,
+    ):
+        """Tension of an edge between two vertices, and two triangles with these normals; returns its hinge."""
+        move_0 = vec4()
+        move_1 = vec4()
+        if wp.static(fourth in BOUNDS):
+            move_0 = read_4(beside, memory.move + wp.static(4 * types.real_size) * first)
+            move_1 = read_4(beside, memory.move + wp.static(4 * types.real_size) * second)
+        span = side_span(side, first_three(move_0), first_three(move_1), move_0[3])
+        if wp.static(exact):
+            span.exact = point_at(beside, memory, second) - point_at(beside, memory, first)
+        if wp.static(terms.edges):
+            load = edge_load(span, vec3(law[0], law[1], law[2]), step)
+            write_4(beside, memory.edge_load + wp.static(4 * types.real_size) * local, load)
+        fold = vec3()
+        if wp.static(terms.folds):
+            rest = vec2()
+            if wp.static(terms.angles):
+                rest = element(patches.rest, patch.edge_start + local)
+            fold = edge_fold(span, normal_0, normal_1, law[3], rest, step)
+        return fold
+
+    @wp.func
+    def put_fold(beside: wp.array(dtype=wp.uint8), memory: PatchMemory, local: int, fold: vec3):
+        """Keeps what ``work_edge`` told of a hinge for the triangles beside it."""
+        if wp.static(terms.folds and fold_numbers(terms) == 2):
+            write_2(beside, memory.fold + wp.static(2 * types.real_size) * local, vec2(fold[0], fold[1]))
+        if wp.static(terms.folds and fold_numbers(terms) != 2):
+            write_3(beside, memory.fold + wp.static(3 * types.real_size) * local, fold)
+
+    return SimpleNamespace(work_edge=work_edge, put_fold=put_fold)
+
+
+@functools.cache
+def edges_step(precision: str, fourth: str, terms: Terms, fits: bool, paired: bool, threads: int) -> wp.Function:
+    """The function that works out edges; ``paired``: those that no item has."""
+    types, block_threads = cloth_types(precision), threads_function(threads)
+    vec4, Patches, Step = types.vec4, types.Patches, types.Step
+    functions = memory_functions(precision, fits)
+    point_at, read_4, write_4 = point_functions(precision, fits).point_at, functions.read_4, functions.write_4
+    edge_table = edge_table_functions(precision, terms, paired).edge_table
+    edge, ends_of = edge_functions_of_patch(precision, fourth, terms, fits), ends_function(paired)
+    work_edge, put_fold = edge.work_edge, edge.put_fold
+    difference = difference_function(precision)
+
+    @wp.func
+    def work_edges(
+        patches: Patches,
+        patch: Patch,
+        beside: wp.array(dtype=wp.uint8),
+        memory: PatchMemory,
+        step: Step,
+        lane: int,
+        first_word: wp.uint64,
+        first_law: vec4,
+    ):
+        """Tensions and hinges of the patch's edges; the last two are of the thread's first edge."""
+        local = int(lane)
+        if wp.static(paired):
+            local = wp.static(SLOTS) * patch.item_count + last_first(lane)
+        next_word, next_law = first_word, first_law
+        while local < patch.edge_count:
+            word, law = next_word, next_law
+            if local + block_threads() < patch.edge_count:
+                next_word, next_law = edge_table(patches, patch, local + block_threads())
+            first, second, one, other = ends_of(word)
+            side = difference(point_at(beside, memory, second), point_at(beside, memory, first))
+            normal_0, normal_1 = vec4(), vec4()
+            if wp.static(terms.folds):
+                normal_0 = read_4(beside, memory.normal + wp.static(4 * types.real_size) * one)
+                normal_1 = read_4(beside, memory.normal + wp.static(4 * types.real_size) * other)
+            fold = work_edge(patches, patch, beside, memory, step, local, first, second, side, normal_0, normal_1, law)
+            put_fold(beside, memory, local, fold)
+            local += block_threads()
+        if wp.static(terms.edges):
+            if lane == 0:
+                write_4(beside, memory.edge_load + wp.static(4 * types.real_size) * patch.edge_count, vec4())
+
+    return work_edges

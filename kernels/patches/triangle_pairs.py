@@ -1,0 +1,359 @@
+"""What a thread does for its item: two triangles that share an edge, or a single one (patches.triangle_pairs).
+
+Triangles are a, b, c and b, a, d, each wound like that, of cloth without threads. What a thread has read of their
+vertices serves both normals and the edges that it works out. Where every item has a thread of its own, this keeps that
+while the block waits; else it is worked out again.
+"""
+
+import functools
+from types import SimpleNamespace
+
+import warp as wp
+
+from warp_cloth.kernels.base.access import element
+from warp_cloth.kernels.base.block import block_threads, memory_functions
+from warp_cloth.kernels.base.options import (
+    CODE_AFTER,
+    CODE_BACK,
+    CODE_BITS,
+    NUMBER_BITS,
+    SIDE_AD,
+    SIDE_BC,
+    SIDE_CA,
+    SIDE_DB,
+    SLOTS,
+    TURN_BITS,
+    TURNED_BITS,
+    WORD_ACROSS,
+    WORD_CODE,
+    WORD_TURN,
+    WORD_TURNED,
+    Terms,
+)
+from warp_cloth.kernels.base.types import Patch, cloth_types, difference_function
+from warp_cloth.kernels.laws.bending import unit_normal
+from warp_cloth.kernels.patches.corners import corners_function, nothing_step, sides_functions
+from warp_cloth.kernels.patches.memory import PatchMemory
+from warp_cloth.kernels.patches.steps import (
+    bits_of,
+    edge_functions_of_patch,
+    edge_table_functions,
+    number_of,
+    point_functions,
+)
+
+
+@functools.cache
+def item_type(precision: str) -> type:
+    """The struct of what a thread knows of its item."""
+    types = cloth_types(precision)
+
+    @wp.struct
+    class PatchItem:
+        """An item, its triangles' sides as these are wound [m] and their normals (``triangle_normal``)."""
+
+        vertices: wp.uint64  # two of its words, the third is ``laws``
+        sides: wp.uint64
+        laws: wp.uint64
+        last_law: int  # which of its patch's laws the second of them has
+        law: types.vec4  # of the edge that its triangles share
+        first_law: types.vec4  # and of the first of the others that it takes
+        side_ab: types.vec3
+        side_bc: types.vec3
+        side_ca: types.vec3
+        side_ad: types.vec3
+        side_db: types.vec3
+        normal_0: types.vec4
+        normal_1: types.vec4
+        fold: types.vec3  # ``edge_fold`` of the shared edge
+
+    return PatchItem
+
+
+@wp.func
+def turn_of(sides: wp.uint64, which: int):
+    """At which of a, b, c the mesh's first triangle begins, or at which of b, a, d its second one."""
+    return bits_of(sides, wp.static(WORD_TURN) + wp.static(TURN_BITS) * which, wp.static(TURN_BITS))
+
+
+@functools.cache
+def item_functions(precision: str, fits: bool) -> SimpleNamespace:
+    """Functions ``asked_item``, ``lying_item``, ``item_side``."""
+    types = cloth_types(precision)
+    vec3, vec4, Patches, PatchItem = types.vec3, types.vec4, types.Patches, item_type(precision)
+    point_at, difference = point_functions(precision, fits).point_at, difference_function(precision)
+
+    @wp.func
+    def asked_item(patches: Patches, patch: Patch, local: int):
+        """What tables tell of an item; beyond the last one, of any."""
+        at = patch.edge_start + wp.max(wp.min(local, patch.item_count - 1), 0)
+        item = PatchItem()
+        item.vertices = element(patches.ends, at)
+        item.sides = element(patches.ends, at + patch.item_count)
+        item.laws = element(patches.ends, at + wp.static(SLOTS - 1) * patch.item_count)
+        return item
+
+    @wp.func
+    def normal_of(turn: int, one: vec3, two: vec3, three: vec3):
+        """``triangle_normal`` of a triangle with these sides, as the mesh begins it."""
+        first = wp.where(turn == 0, one, wp.where(turn == 1, two, three))
+        last = -wp.where(turn == 0, three, wp.where(turn == 1, one, two))
+        normal, inverse = unit_normal(first, last)
+        return vec4(normal[0], normal[1], normal[2], inverse)
+
+    @wp.func
+    def lying_item(beside: wp.array(dtype=wp.uint8), memory: PatchMemory, asked: PatchItem):
+        """An item as it lies."""
+        item = PatchItem()
+        item.vertices = asked.vertices
+        item.sides = asked.sides
+        item.laws = asked.laws
+        a = point_at(beside, memory, number_of(item.vertices, 0))
+        b = point_at(beside, memory, number_of(item.vertices, 1))
+        c = point_at(beside, memory, number_of(item.vertices, 2))
+        d = point_at(beside, memory, number_of(item.vertices, 3))
+        item.side_ab = difference(b, a)
+        item.side_bc = difference(c, b)
+        item.side_ca = difference(a, c)
+        item.side_ad = difference(d, a)
+        item.side_db = difference(b, d)
+        item.normal_0 = normal_of(turn_of(item.sides, 0), item.side_ab, item.side_bc, item.side_ca)
+        item.normal_1 = normal_of(turn_of(item.sides, 1), -item.side_ab, item.side_ad, item.side_db)
+        return item
+
+    @wp.func
+    def item_side(item: PatchItem, code: int):
+        """The side that an edge is, as the edge runs, and the edge's ends."""
+        which = code & 7
+        a, b = number_of(item.vertices, 0), number_of(item.vertices, 1)
+        c, d = number_of(item.vertices, 2), number_of(item.vertices, 3)
+        is_bc, is_ca = which == wp.static(SIDE_BC), which == wp.static(SIDE_CA)
+        is_ad, is_db = which == wp.static(SIDE_AD), which == wp.static(SIDE_DB)
+        side = wp.where(is_bc, item.side_bc, item.side_ab)
+        side = wp.where(is_ca, item.side_ca, side)
+        side = wp.where(is_ad, item.side_ad, side)
+        side = wp.where(is_db, item.side_db, side)
+        first = wp.where(is_bc, b, wp.where(is_ca, c, wp.where(is_db, d, a)))
+        second = wp.where(is_bc, c, wp.where(is_ca, a, wp.where(is_ad, d, b)))
+        back = (code & wp.static(CODE_BACK)) != 0
+        return wp.where(back, -side, side), wp.where(back, second, first), wp.where(back, first, second)
+
+    return SimpleNamespace(asked_item=asked_item, lying_item=lying_item, item_side=item_side)
+
+
+@functools.cache
+def item_normals_step(precision: str, fits: bool) -> wp.Function:
+    """The function that works out items as they lie."""
+    types = cloth_types(precision)
+    Patches, PatchItem, size_4 = types.Patches, item_type(precision), 4 * types.real_size
+    functions, write_4 = item_functions(precision, fits), memory_functions(precision, fits).write_4
+    asked_item, lying_item = functions.asked_item, functions.lying_item
+
+    @wp.func
+    def put_normals(beside: wp.array(dtype=wp.uint8), memory: PatchMemory, patch: Patch, local: int, item: PatchItem):
+        """Keeps an item's normals for others."""
+        write_4(beside, memory.normal + wp.static(size_4) * local, item.normal_0)
+        if local < patch.triangle_count - patch.item_count:
+            write_4(beside, memory.normal + wp.static(size_4) * (patch.item_count + local), item.normal_1)
+
+    @wp.func
+    def work_item_normals(
+        patches: Patches,
+        patch: Patch,
+        beside: wp.array(dtype=wp.uint8),
+        memory: PatchMemory,
+        lane: int,
+        asked: PatchItem,
+    ):
+        """Normals of the items' triangles; returns the thread's item as it lies, ``asked`` of ``asked_item``."""
+        item = PatchItem()
+        if wp.static(fits):
+            item = lying_item(beside, memory, asked)
+            if lane < patch.item_count:
+                put_normals(beside, memory, patch, lane, item)
+        else:
+            local = int(lane)
+            while local < patch.item_count:
+                put_normals(beside, memory, patch, local, lying_item(beside, memory, asked_item(patches, patch, local)))
+                local += block_threads()
+        return item
+
+    return work_item_normals
+
+
+@functools.cache
+def item_edges_step(precision: str, fourth: str, terms: Terms, fits: bool) -> SimpleNamespace:
+    """Functions ``asked_laws`` and ``work_item_edges``."""
+    types = cloth_types(precision)
+    vec4, Patches, Step, PatchItem = types.vec4, types.Patches, types.Step, item_type(precision)
+    functions, read_4 = item_functions(precision, fits), memory_functions(precision, fits).read_4
+    asked_item, lying_item, item_side = functions.asked_item, functions.lying_item, functions.item_side
+    edge = edge_functions_of_patch(precision, fourth, terms, fits)
+    work_edge, put_fold = edge.work_edge, edge.put_fold
+    law_at = edge_table_functions(precision, terms, paired=True).law_at
+
+    @wp.func
+    def asked_laws(patches: Patches, patch: Patch, item: PatchItem):
+        """An item, and how the first of its edges pull and bend."""
+        item.law = law_at(patches, patch.law_start + wp.min(number_of(item.laws, 0), patch.law_count))
+        item.first_law = law_at(patches, patch.law_start + wp.min(number_of(item.laws, 1), patch.law_count))
+        item.last_law = patch.law_start + wp.min(number_of(item.laws, 2), patch.law_count)
+        return item
+
+    @wp.func
+    def taken_edge(
+        patches: Patches,
+        patch: Patch,
+        beside: wp.array(dtype=wp.uint8),
+        memory: PatchMemory,
+        step: Step,
+        local: int,
+        item: PatchItem,
+        code: int,
+        beyond: int,
+        law: vec4,
+    ):
+        """An edge that an item takes, and the triangle beyond; where it takes none, no one looks what comes of it."""
+        which = code & 7
+        on_second = which == wp.static(SIDE_AD) or which == wp.static(SIDE_DB)
+        own = wp.where(on_second, item.normal_1, item.normal_0)
+        across = read_4(beside, memory.normal + wp.static(4 * types.real_size) * beyond)
+        after = (code & wp.static(CODE_AFTER)) != 0
+        one, other = wp.where(after, across, own), wp.where(after, own, across)
+        side, first, second = item_side(item, code)
+        fold = work_edge(patches, patch, beside, memory, step, local, first, second, side, one, other, law)
+        put_fold(beside, memory, local, fold)
+
+    @wp.func
+    def edges_of(
+        patches: Patches,
+        patch: Patch,
+        beside: wp.array(dtype=wp.uint8),
+        memory: PatchMemory,
+        step: Step,
+        local: int,
+        item: PatchItem,
+    ):
+        """Tensions and hinges of an item's edges; returns the shared one's hinge, or any where there is none."""
+        law = law_at(patches, item.last_law)
+        a, b = number_of(item.vertices, 0), number_of(item.vertices, 1)
+        fold = work_edge(
+            patches, patch, beside, memory, step, local, a, b, item.side_ab, item.normal_0, item.normal_1, item.law
+        )
+        other = patch.item_count + local
+        code = bits_of(item.vertices, wp.static(WORD_CODE), wp.static(CODE_BITS))
+        beyond = bits_of(item.vertices, wp.static(WORD_ACROSS), wp.static(NUMBER_BITS))
+        taken_edge(patches, patch, beside, memory, step, other, item, code, beyond, item.first_law)
+        other += patch.item_count
+        code = bits_of(item.vertices, wp.static(WORD_CODE + CODE_BITS), wp.static(CODE_BITS))
+        beyond = bits_of(item.sides, wp.static(WORD_ACROSS), wp.static(NUMBER_BITS))
+        taken_edge(patches, patch, beside, memory, step, other, item, code, beyond, law)
+        return fold
+
+    @wp.func
+    def work_item_edges(
+        patches: Patches,
+        patch: Patch,
+        beside: wp.array(dtype=wp.uint8),
+        memory: PatchMemory,
+        step: Step,
+        lane: int,
+        item: PatchItem,
+    ):
+        """Edges of the patch's items; the last is the thread's own, with ``asked_laws``, and is returned."""
+        if wp.static(fits):
+            if lane < patch.item_count:
+                item.fold = edges_of(patches, patch, beside, memory, step, lane, item)
+        else:
+            local = int(lane)
+            while local < patch.item_count:
+                lying = lying_item(beside, memory, asked_item(patches, patch, local))
+                fold = edges_of(patches, patch, beside, memory, step, local, asked_laws(patches, patch, lying))
+                put_fold(beside, memory, local, fold)
+                local += block_threads()
+        return item
+
+    return SimpleNamespace(asked_laws=asked_laws, work_item_edges=work_item_edges)
+
+
+@functools.cache
+def item_corners_step(precision: str, fourth: str, terms: Terms, fits: bool) -> wp.Function:
+    """The function that works out what the triangles of items do."""
+    types = cloth_types(precision)
+    vec3, vec4, Patches, Step, Sides = types.vec3, types.vec4, types.Patches, types.Step, types.Sides
+    PatchItem, size_4 = item_type(precision), 4 * types.real_size
+    asked_item, read_4 = item_functions(precision, fits).asked_item, memory_functions(precision, fits).read_4
+    functions, put_nothing = sides_functions(precision, fourth, terms, fits), nothing_step(precision, terms, fits)
+    fold_at, turned = functions.fold_at, functions.turned
+    put_corners = corners_function(precision, fourth, terms, fits)
+
+    @wp.func
+    def triangle_corners(
+        patches: Patches,
+        patch: Patch,
+        beside: wp.array(dtype=wp.uint8),
+        memory: PatchMemory,
+        step: Step,
+        item: PatchItem,
+        which: int,
+        triangle: int,
+        shared: vec3,
+        normal: vec4,
+    ):
+        """What the first or the second triangle of an item does; ``shared``: the hinge of the side opposite c or d."""
+        turn = turn_of(item.sides, which)
+        one, other = number_of(item.sides, 2 * which), number_of(item.sides, 2 * which + 1)
+        bits = bits_of(item.sides, wp.static(WORD_TURNED) + wp.static(TURNED_BITS) * which, wp.static(TURNED_BITS))
+        fold_1, fold_2 = fold_at(beside, memory, one, vec3()), fold_at(beside, memory, other, vec3())
+        fold_0 = turned(wp.where(turn == 2, shared, fold_1), bits & 1)
+        fold_1 = turned(wp.where(turn == 1, shared, wp.where(turn == 2, fold_1, fold_2)), (bits >> 1) & 1)
+        fold_2 = turned(wp.where(turn == 0, shared, fold_2), bits >> 2)
+        put_corners(patches, patch, beside, memory, step, triangle, normal, Sides(), fold_0, fold_1, fold_2)
+
+    @wp.func
+    def corners_of(
+        patches: Patches,
+        patch: Patch,
+        beside: wp.array(dtype=wp.uint8),
+        memory: PatchMemory,
+        step: Step,
+        local: int,
+        item: PatchItem,
+    ):
+        """What an item's triangles do to their corners."""
+        other = patch.item_count + local
+        paired = other < patch.triangle_count
+        shared = item.fold
+        if not paired:
+            shared = fold_at(beside, memory, number_of(item.sides, 2), vec3())
+        triangle_corners(patches, patch, beside, memory, step, item, 0, local, shared, item.normal_0)
+        if paired:
+            triangle_corners(patches, patch, beside, memory, step, item, 1, other, shared, item.normal_1)
+
+    @wp.func
+    def work_item_corners(
+        patches: Patches,
+        patch: Patch,
+        beside: wp.array(dtype=wp.uint8),
+        memory: PatchMemory,
+        step: Step,
+        lane: int,
+        item: PatchItem,
+    ):
+        """What the items' triangles do to their corners; the last is the thread's own."""
+        if wp.static(fits):
+            if lane < patch.item_count:
+                corners_of(patches, patch, beside, memory, step, lane, item)
+        else:
+            local = int(lane)
+            while local < patch.item_count:
+                again = asked_item(patches, patch, local)
+                again.normal_0 = read_4(beside, memory.normal + wp.static(size_4) * local)
+                if patch.item_count + local < patch.triangle_count:
+                    again.normal_1 = read_4(beside, memory.normal + wp.static(size_4) * (patch.item_count + local))
+                again.fold = fold_at(beside, memory, local, vec3())
+                corners_of(patches, patch, beside, memory, step, local, again)
+                local += block_threads()
+        put_nothing(patch, beside, memory, lane)
+
+    return work_item_corners

@@ -1,0 +1,168 @@
+"""Shaded pictures from z-buffers: smooth normals, a key light with soft shadows, a sky that folds hide."""
+
+import warp as wp
+
+from warp_cloth.kernels.avatar.raster import View, barycentric, pixel_position
+
+# unrolled, the occlusion loops take long to compile; nobody differentiates a picture
+wp.set_module_options({"max_unroll": 1, "enable_backward": False})
+
+OCCLUSION_DIRECTIONS = wp.constant(wp.int32(6))
+OCCLUSION_STEPS = wp.constant(wp.int32(6))
+OCCLUSION_REACH = wp.constant(wp.float32(0.06))  # [m], a sleeve's width: folds and hems darken, limbs do not
+OCCLUSION_BIAS = wp.constant(wp.float32(0.08))  # sine of the elevation below which facets are not folds
+OCCLUSION_STRENGTH = wp.constant(wp.float32(2.0))
+SHADOW_TAPS = wp.constant(wp.int32(12))
+SHADOW_BLUR = wp.constant(wp.float32(0.012))  # [m], radius of the soft edge
+SHADOW_LIFT = wp.constant(wp.float32(0.006))  # [m], off the surface, so that it does not shade itself
+GOLDEN_ANGLE = wp.constant(wp.float32(2.39996))  # [rad]
+
+
+@wp.struct
+class Look:
+    """Which side of a thing's surface is out, and what the other looks like."""
+
+    outside: float  # 1 where triangles wind outward, -1 where inward
+    inside: float  # share of the reflectance left on the inside
+
+
+@wp.func
+def turned_to_viewer(normal: wp.vec3f, toward: wp.vec3f) -> wp.vec3f:
+    """Unit normal with at least a little of it toward the viewer, as everything seen has."""
+    least = 0.05
+    short = wp.max(least - wp.dot(normal, toward), 0.0)
+    return wp.normalize(normal + short * toward)
+
+
+@wp.func
+def light_on(normal: wp.vec3f, key: wp.vec3f, fill: wp.vec3f, up: wp.vec3f, lit: float, open: float):
+    """Light on a surface: a warm key where ``lit``, a cool fill and the sky where ``open``; both 0..1."""
+    sky = 0.5 + 0.5 * wp.dot(normal, up)
+    ambient = wp.lerp(wp.vec3f(0.24, 0.23, 0.22), wp.vec3f(0.44, 0.45, 0.48), sky)
+    soft = ambient + wp.max(wp.dot(normal, fill), 0.0) * wp.vec3f(0.14, 0.15, 0.17)
+    return open * soft + lit * wp.max(wp.dot(normal, key), 0.0) * wp.vec3f(0.78, 0.76, 0.72)
+
+
+@wp.func
+def horizon(normal: wp.vec3f, offset: wp.vec3f, reach: float) -> float:
+    """How far a neighbour at ``offset`` [m] rises over the tangent plane, 0..1; fades at ``reach`` [m]."""
+    distance = wp.max(wp.length(offset), 1.0e-6)
+    fade = wp.max(1.0 - distance / reach, 0.0)
+    return wp.max(wp.dot(normal, offset) / distance - OCCLUSION_BIAS, 0.0) * fade
+
+
+@wp.kernel
+def look_up_pixels(
+    points: wp.array(dtype=wp.vec3f),  # [m], shape [V]
+    normals: wp.array(dtype=wp.vec3f),  # unit, shape [V]
+    triangles: wp.array2d(dtype=wp.int32),  # shape [F, 3]
+    owners: wp.array(dtype=wp.int32),  # whose triangle it is, an index of looks, shape [F]
+    looks: wp.array(dtype=Look),
+    colours: wp.array(dtype=wp.vec3f),  # reflectance in linear light, 0..1, shape [V]
+    view: View,
+    ids: wp.array2d(dtype=wp.int32),  # from draw_triangle_ids, shape [rows, columns]
+    normal_out: wp.array2d(dtype=wp.vec3f),  # turned to the viewer, shape [rows, columns]
+    reflectance_out: wp.array2d(dtype=wp.vec3f),  # linear, 0..1; left as it is where nothing is drawn
+):
+    """Looks up the surface under every pixel: normal and colour interpolated over the triangle, the inside darker."""
+    row, column = wp.tid()
+    triangle = ids[row, column]
+    if triangle >= triangles.shape[0]:
+        return
+    i = triangles[triangle, 0]
+    j = triangles[triangle, 1]
+    k = triangles[triangle, 2]
+    a = pixel_position(view, points[i])
+    b = pixel_position(view, points[j])
+    c = pixel_position(view, points[k])
+    w = barycentric(a, b, c, float(column), float(row))
+    normal = w[0] * normals[i] + w[1] * normals[j] + w[2] * normals[k]
+    # the flat triangle decides which side is seen; the smooth normal may waver at a silhouette
+    facing = wp.sign((b[0] - a[0]) * (c[1] - a[1]) - (c[0] - a[0]) * (b[1] - a[1]))
+    look = looks[owners[triangle]]
+    normal_out[row, column] = turned_to_viewer(facing * normal, view.toward)
+    colour = w[0] * colours[i] + w[1] * colours[j] + w[2] * colours[k]
+    reflectance_out[row, column] = colour * wp.where(facing * look.outside < 0.0, look.inside, 1.0)
+
+
+@wp.func
+def pixel_point(view: View, row: int, column: int, depth: float) -> wp.vec3f:
+    """The point [m] that a pixel shows at a depth [m]: the inverse of pixel_position."""
+    aside = float(column) * view.right + float(row) * view.up
+    return view.origin + view.pixel * aside + depth * view.toward
+
+
+@wp.func
+def pattern_turn(row: int, column: int) -> float:
+    """Turn of a pixel's sampling pattern, 0..1, its own in a 2 x 2 block; supersampling averages the four."""
+    return 0.25 * float(2 * (row % 2) + column % 2)
+
+
+@wp.kernel
+def cast_shadows(
+    depth: wp.array2d(dtype=wp.float32),  # from draw_depth [m], -inf where empty, shape [rows, columns]
+    normal: wp.array2d(dtype=wp.vec3f),  # from look_up_pixels, shape [rows, columns]
+    view: View,
+    key: View,  # from the key light
+    key_depth: wp.array2d(dtype=wp.float32),  # from draw_depth [m], shape [key.rows, key.columns]
+    lit_out: wp.array2d(dtype=wp.float32),  # share of the key's light, 0..1, shape [rows, columns]
+):
+    """Share of a disc of the key's depth image round each drawn pixel's point that is not before it."""
+    row, column = wp.tid()
+    if depth[row, column] <= -wp.inf:
+        return
+    point = pixel_point(view, row, column, depth[row, column]) + SHADOW_LIFT * normal[row, column]
+    place = pixel_position(key, point)
+    lit = float(0.0)
+    for tap in range(SHADOW_TAPS):
+        share = (float(tap) + 0.5) / float(SHADOW_TAPS)
+        angle = float(tap) * GOLDEN_ANGLE + 2.0 * wp.pi * pattern_turn(row, column)
+        away = SHADOW_BLUR / key.pixel * wp.sqrt(share)
+        x = int(wp.round(place[0] + away * wp.cos(angle)))
+        y = int(wp.round(place[1] + away * wp.sin(angle)))
+        if x < 0 or x >= key.columns or y < 0 or y >= key.rows:
+            lit += 1.0
+        elif key_depth[y, x] <= place[2] + SHADOW_LIFT:
+            lit += 1.0
+    lit_out[row, column] = lit / float(SHADOW_TAPS)
+
+
+@wp.kernel
+def light_pixels(
+    depth: wp.array2d(dtype=wp.float32),  # from draw_depth [m], shape [rows, columns]
+    normal: wp.array2d(dtype=wp.vec3f),  # from look_up_pixels, shape [rows, columns]
+    reflectance: wp.array2d(dtype=wp.vec3f),  # linear, shape [rows, columns]
+    lit: wp.array2d(dtype=wp.float32),  # from cast_shadows, shape [rows, columns]
+    view: View,
+    key: wp.vec3f,  # unit vector to the key light
+    fill: wp.vec3f,  # unit vector to the fill light
+    colour_out: wp.array2d(dtype=wp.vec3f),  # linear light, shape [rows, columns]
+):
+    """Lights every drawn pixel, darkened where its surroundings rise over it.
+
+    open = 1 - strength * mean over directions of the highest horizon.
+    """
+    row, column = wp.tid()
+    if depth[row, column] <= -wp.inf:
+        return
+    n = normal[row, column]
+    here = depth[row, column]
+    risen = float(0.0)
+    for direction in range(OCCLUSION_DIRECTIONS):
+        angle = 2.0 * wp.pi * (float(direction) + pattern_turn(row, column)) / float(OCCLUSION_DIRECTIONS)
+        highest = float(0.0)
+        for step in range(OCCLUSION_STEPS):
+            # steps widen quadratically: folds are near, hems far
+            share = (float(step) + 1.0) / float(OCCLUSION_STEPS)
+            away = wp.max(OCCLUSION_REACH * share * share / view.pixel, 1.5 * (float(step) + 1.0))
+            x = int(wp.round(wp.cos(angle) * away))
+            y = int(wp.round(wp.sin(angle) * away))
+            if row + y >= 0 and row + y < view.rows and column + x >= 0 and column + x < view.columns:
+                rise = depth[row + y, column + x] - here
+                if rise > -OCCLUSION_REACH:  # false for the background, too
+                    run = (float(x) * view.right + float(y) * view.up) * view.pixel
+                    highest = wp.max(highest, horizon(n, run + rise * view.toward, OCCLUSION_REACH))
+        risen += highest
+    open = wp.clamp(1.0 - OCCLUSION_STRENGTH * risen / float(OCCLUSION_DIRECTIONS), 0.0, 1.0)
+    light = light_on(n, key, fill, view.up, lit[row, column], open)
+    colour_out[row, column] = wp.cw_mul(reflectance[row, column], light)

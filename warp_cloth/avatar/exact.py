@@ -1,0 +1,208 @@
+"""The exact collider: distances to the avatar's own triangles, for fitting and for every report."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import warp as wp
+from numpy.typing import NDArray
+
+from warp_cloth.avatar.depth import DEFAULT_REACH, sampled
+from warp_cloth.base.bins import pieces
+from warp_cloth.base.mesh import Mesh, Points
+from warp_cloth.kernels.avatar import closest as kernels
+from warp_cloth.model.result import Penetration
+
+FARTHEST = 1e6  # [m]; across any avatar
+DEFAULT_DEPTH = 0.3  # [m]; deeper than the middle of any trunk
+TREE_TRIANGLE = 430  # bytes of a mesh and its search tree for each triangle, measured: 414
+DEEPEST = 0.999  # of the vertices are no deeper than what is told beside the deepest
+POINTS_AT_ONCE = 1 << 20  # of several garments: as many as fill a GPU
+DEPTHS_AT_ONCE = 1 << 22  # likewise, where those few that lie inside keep it waiting
+
+
+@dataclass(frozen=True, eq=False)
+class Closest:
+    """Closest points of an avatar."""
+
+    points: Points  # [m], shape [N, 3]
+    corners: NDArray[np.int32]  # vertices of the triangles that they lie on, shape [N, 3]
+    weights: Points  # of those vertices, shape [N, 3]
+
+
+@dataclass(frozen=True, eq=False)
+class ExactCollider:
+    """An exact collider for kernels, and what keeps its mesh alive."""
+
+    collider: kernels.MeshCollider
+    mesh: wp.Mesh
+    avatar: Mesh
+    turn: float = 1.0  # -1 where the avatar was inside out
+
+    @property
+    def device(self) -> wp.Device:
+        return self.mesh.device
+
+    @property
+    def reach(self) -> float:
+        """Distance outside up to which it answers [m]."""
+        return float(self.collider.reach)
+
+    def local(self, points: Points) -> wp.array:
+        """Points [m], shape [N, 3], as the mesh has them."""
+        near = (points - np.array(self.collider.origin)).astype(np.float32)
+        return wp.array(near, dtype=wp.vec3f, device=self.device)
+
+    def closest(self, points: Points) -> Closest:
+        """The surface nearest to points [m], shape [N, 3], however far."""
+        given = self.local(points)
+        found = wp.empty_like(given)
+        face = wp.empty(len(given), dtype=wp.int32, device=self.device)
+        weights = wp.empty_like(given)
+        wp.launch(
+            kernels.find_closest,
+            dim=len(given),
+            inputs=[self.mesh.id, given],
+            outputs=[found, face, weights],
+            device=self.device,
+        )
+        corners = self.mesh.indices.numpy().reshape(-1, 3)[face.numpy()]
+        place = found.numpy().astype(np.float64) + np.array(self.collider.origin)
+        return Closest(place, corners, weights.numpy().astype(np.float64))
+
+    def within(self, distance: float) -> ExactCollider:
+        """The same mesh, answering up to this distance inside and outside [m]."""
+        collider = kernels.MeshCollider()
+        collider.mesh, collider.origin = self.collider.mesh, self.collider.origin
+        collider.depth = collider.reach = distance
+        return replace(self, collider=collider)
+
+    def sample(self, points: Points) -> NDArray[np.float32]:
+        """Unit normal and signed distance at points [m], shape [N, 3]; shape [N, 4]. Far ones have no normal."""
+        return sampled(kernels.sample_mesh, self.collider, points, self.device)
+
+
+def build_exact_collider(
+    avatar: Mesh, device: wp.DeviceLike = None, depth: float = DEFAULT_DEPTH, reach: float = DEFAULT_REACH
+) -> ExactCollider:
+    """Builds the search tree of the avatar's triangles; a mesh that is inside out as a whole is turned."""
+    lower, upper = avatar.bounds()
+    origin = 0.5 * (lower + upper)
+    points, triangles = avatar.points - origin, avatar.triangles
+    turn = -1.0 if avatar.inside_out else 1.0
+    if turn < 0.0:
+        triangles = np.ascontiguousarray(triangles[:, ::-1])
+    mesh = wp.Mesh(
+        points=wp.array(points.astype(np.float32), dtype=wp.vec3f, device=device),
+        indices=wp.array(triangles.reshape(-1), dtype=wp.int32, device=device),
+        support_winding_number=True,
+    )
+    collider = kernels.MeshCollider()
+    collider.mesh, collider.origin = mesh.id, wp.vec3d(*origin)
+    collider.depth, collider.reach = depth, reach
+    return ExactCollider(collider, mesh, avatar, turn)
+
+
+def tree_bytes(avatar: Mesh) -> int:
+    """Bound of the device memory of an avatar's mesh and its search tree."""
+    return TREE_TRIANGLE * avatar.triangle_count
+
+
+def exact_colliders(avatars: Sequence[Mesh | None], device: wp.DeviceLike = None) -> list[ExactCollider | None]:
+    """The exact collider of each avatar, None without one; the same of those that are the same."""
+    built: dict[int, ExactCollider] = {}
+    for avatar in avatars:
+        if avatar is not None and id(avatar) not in built:
+            built[id(avatar)] = build_exact_collider(avatar, device)
+    return [built[id(avatar)] if avatar is not None else None for avatar in avatars]
+
+
+def signed_distances(
+    points: Points, avatar: Mesh, device: wp.DeviceLike = None, exact: ExactCollider | None = None
+) -> NDArray[np.float32]:
+    """Signed distance to the avatar's mesh [m], positive outside, shape [N]; NaN where a point is not finite.
+
+    ``exact`` is of that mesh, where there is one already.
+    """
+    if not len(points) or not avatar.triangle_count:
+        return np.full(len(points), np.nan, dtype=np.float32)
+    low, high = points.min(axis=0), points.max(axis=0)
+    if not np.isfinite([low, high]).all():
+        distances = np.full(len(points), np.nan, dtype=np.float32)
+        finite = np.isfinite(points).all(axis=1)
+        if finite.any():
+            distances[finite] = signed_distances(points[finite], avatar, device, exact)
+        return distances
+    lower, upper = avatar.bounds()
+    ways = [np.abs(point - corner) for point in (low, high) for corner in (lower, upper)]
+    far = float(np.linalg.norm(np.max(ways, axis=0)))
+    asked = (exact or build_exact_collider(avatar, device)).within(2.0 * far)
+    return np.ascontiguousarray(asked.sample(points)[:, 3])
+
+
+def penetration(
+    points: Points, avatar: Mesh, device: wp.DeviceLike = None, exact: ExactCollider | None = None
+) -> Penetration:
+    """How deep points lie under the avatar's surface; NaN where a point is not finite."""
+    (depths,) = depths_under(points, [len(points)], [exact or build_exact_collider(avatar, device)])
+    return depth_summary(depths)
+
+
+def penetrations(
+    worn: Sequence[Points], avatars: Sequence[Mesh | None], device: wp.DeviceLike = None
+) -> list[Penetration | None]:
+    """``penetration`` of garments in their own avatars, None without one; asked together."""
+    counts = [len(points) for points in worn]
+    found = depths_under(np.concatenate(worn), counts, exact_colliders(avatars, device))
+    return [None if avatar is None else depth_summary(own) for avatar, own in zip(avatars, found, strict=True)]
+
+
+def depths_under(
+    points: Points | wp.array, counts: Sequence[int], exact_of: Sequence[ExactCollider | None]
+) -> list[NDArray[np.float32]]:
+    """How deep points lie under an avatar's surface [m], 0 outside; NaN where one is not finite.
+
+    Args:
+        points: of several garments one after another [m], shape [N, 3]; or on the avatars' device.
+        counts: how many of them each garment has.
+        exact_of: each garment's avatar; None: nothing is asked, and told is 0.
+    """
+    avatars = list({id(exact): exact for exact in exact_of if exact is not None}.values())
+    ends = np.cumsum([0, *counts])
+    if not avatars:
+        return [np.zeros(count, dtype=np.float32) for count in counts]
+    device = avatars[0].device
+    number = {id(exact): at for at, exact in enumerate(avatars)}
+    of = np.array([number.get(id(exact), -1) for exact in exact_of], dtype=np.int32)
+    colliders = wp.array(
+        [exact.within(FARTHEST).collider for exact in avatars], dtype=kernels.MeshCollider, device=device
+    )
+    closed = wp.array([exact.avatar.closed for exact in avatars], dtype=wp.uint8, device=device)
+    found: list[NDArray[np.float32]] = []
+    for piece in pieces(counts, DEPTHS_AT_ONCE):
+        here = ends[piece.start : piece.stop + 1]
+        some = points[here[0] : here[-1]]
+        given = some if isinstance(some, wp.array) else wp.array(some, dtype=wp.vec3d, device=device)
+        grouped = here - here[0], of[piece.start : piece.stop]
+        groups = [wp.array(each, dtype=wp.int32, device=device) for each in grouped]
+        size, asked = len(given), [given, *groups, colliders]
+        depth, listed = (wp.empty(size, dtype=kind, device=device) for kind in (wp.float32, wp.int32))
+        count = wp.zeros(1, dtype=wp.int32, device=device)
+        first, then = [*asked, closed, depth, count, listed], [*asked, count, listed, depth]
+        wp.launch(kernels.find_covered, dim=size, inputs=first, device=device)
+        wp.launch(kernels.measure_depths, dim=size, inputs=then, device=device)
+        found += np.split(depth.numpy(), grouped[0][1:-1])
+    return found
+
+
+def depth_summary(depths: NDArray[np.float32]) -> Penetration:
+    """What a report tells of the depths of a garment's vertices [m]."""
+    if not np.isfinite(depths).all():
+        return Penetration(*(float("nan"),) * 3)
+    inside, depth = np.count_nonzero(depths), 1000.0 * depths.astype(np.float64)
+    few = inside < len(depths) - 1 - math.ceil(DEEPEST * (len(depths) - 1))  # that all below the percentile are 0
+    p999 = 0.0 if few else float(np.percentile(depth, 100.0 * DEEPEST))
+    return Penetration(max=float(depth.max()), p999=p999, fraction=inside / len(depths))

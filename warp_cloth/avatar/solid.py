@@ -1,0 +1,130 @@
+"""The solid that an avatar's surface encloses: holes closed, so that every ray leaves as often as it enters."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warp_cloth.base.connected import lowest_connected
+from warp_cloth.base.mesh import Indices, Mesh, Points
+
+THINNEST = 1e-3  # [m]; a part of less volume over area is a sheet: thinner than the offset that cloth keeps
+MOSTLY_OPEN = 0.75  # a part whose lids are larger than this share of it is a sheet: a lock of hair, a cape
+
+
+@dataclass(frozen=True, eq=False)
+class Closing:
+    """What makes a surface a solid: a cone over each of its holes, parts turned outwards, loose sheets left out.
+
+    The tip of each cone is one more vertex, the middle of the hole's rim, wherever the vertices move.
+    """
+
+    triangles: Indices  # of the closed surface, shape [F, 3]
+    rims: tuple[NDArray[np.int64], ...]  # vertices round each hole, those of sheets too
+    holes: int  # closed, without those of sheets
+    lid_area: float  # of the cones over them [m2]
+    sheets: int  # parts left out
+    encloses: bool  # whether there is a solid at all
+
+    def points(self, vertices: Points) -> Points:
+        """The avatar's vertices [m], shape [V, 3], and the tips."""
+        return _with_tips(vertices, self.rims)
+
+    def closed(self, mesh: Mesh) -> Mesh:
+        """The mesh as a solid; without what belongs to single triangles."""
+        return replace(
+            mesh, points=self.points(mesh.points), triangles=self.triangles, texcoords=None, panels=None, panel_names=()
+        )
+
+    def skin(self, mesh: Mesh) -> Mesh:
+        """What distances and girths of the mesh are measured from: what cloth meets, without holes and loose sheets."""
+        if not self.encloses or not (self.sheets or self.holes):
+            return mesh
+        used, corners = np.unique(self.triangles, return_inverse=True)
+        solid = self.closed(mesh)
+        triangles = corners.reshape(-1, 3).astype(np.int32)
+        return replace(solid, points=solid.points[used], triangles=triangles)
+
+
+def closing_of(mesh: Mesh) -> Closing:
+    """How a mesh becomes a solid.
+
+    Cones over its holes close it; what then encloses hardly anything, or is mostly lid, is a sheet and left out, as
+    long as there is something else.
+    """
+    cones, rims = _cones(mesh.triangles.astype(np.int64), mesh.vertex_count)
+    triangles = np.concatenate([mesh.triangles.astype(np.int64), cones])
+    points = _with_tips(mesh.points, rims)
+    part = _parts(triangles, len(points))
+    corners = points[triangles] - points[part][:, None]  # about the part's own vertex: it may be far from the origin
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    face_area = 0.5 * np.linalg.norm(normal, axis=1)
+
+    def of_parts(values: NDArray[np.float64], first: int = 0) -> NDArray[np.float64]:
+        sums = np.bincount(part[first:], weights=values[first:], minlength=len(points))
+        return np.asarray(sums[part], dtype=np.float64)
+
+    volume = of_parts(np.einsum("ij,ij->i", corners[:, 0], normal) / 6.0)
+    area, lids = of_parts(face_area), of_parts(face_area, mesh.triangle_count)
+    sheet = (np.abs(volume) <= THINNEST * area) | (lids > MOSTLY_OPEN * (area - lids))
+    encloses = not sheet.all()
+    kept = ~sheet if encloses else np.ones(len(triangles), dtype=bool)
+    lid = kept & (np.arange(len(triangles)) >= mesh.triangle_count)
+    turned = np.where((volume < 0.0)[:, None], triangles[:, ::-1], triangles)[kept]
+    return Closing(
+        np.ascontiguousarray(turned, dtype=np.int32),
+        rims,
+        holes=len(np.unique(triangles[lid, 2])),
+        lid_area=float(face_area[lid].sum()),
+        sheets=len(np.unique(part[~kept])),
+        encloses=encloses,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Solid:
+    """An avatar as what it encloses, or as it is where that is nothing."""
+
+    closing: Closing
+    mesh: Mesh
+
+
+def solid_of(avatar: Mesh) -> Solid:
+    """The avatar with its holes closed; a sheet stays as it is, for the collider that can deal with one."""
+    closing = closing_of(avatar)
+    return Solid(closing, closing.closed(avatar) if closing.encloses else avatar)
+
+
+def _with_tips(vertices: Points, rims: Sequence[NDArray[np.int64]]) -> Points:
+    tips = [vertices[rim].mean(axis=0) for rim in rims]
+    return np.concatenate([vertices, np.reshape(tips, (-1, 3))])
+
+
+def _cones(triangles: NDArray[np.int64], count: int) -> tuple[NDArray[np.int64], tuple[NDArray[np.int64], ...]]:
+    """Triangles that close a surface of ``count`` vertices, with tips numbered from there on, and their rims.
+
+    An edge that its triangles run along more often one way than the other gets that many triangles of a cone the
+    other way. Where the triangles are wound alike these are the rims of holes, and the cones close them.
+    """
+    start, end = triangles.ravel(), np.roll(triangles, -1, axis=1).ravel()
+    edges, edge = np.unique(np.minimum(start, end) * count + np.maximum(start, end), return_inverse=True)
+    excess = np.zeros(len(edges), dtype=np.int64)
+    np.add.at(excess, edge.ravel(), np.where(start < end, 1, -1))
+    open_edges = np.repeat(np.flatnonzero(excess), np.abs(excess[excess != 0]))
+    low, high = edges[open_edges] // count, edges[open_edges] % count
+    forward = excess[open_edges] > 0
+    rim = lowest_connected(count, low, high)[low]
+    _, tip = np.unique(rim, return_inverse=True)
+    cones = np.stack([np.where(forward, high, low), np.where(forward, low, high), count + tip.ravel()], axis=1)
+    order = np.argsort(tip.ravel(), kind="stable")
+    parts = np.split(order, np.flatnonzero(np.diff(tip.ravel()[order])) + 1) if len(order) else []
+    return cones, tuple(np.unique(np.concatenate([low[part], high[part]])) for part in parts)
+
+
+def _parts(triangles: NDArray[np.int64], count: int) -> NDArray[np.int64]:
+    """Lowest vertex of the connected part that each triangle belongs to."""
+    a, b, c = triangles.T
+    return lowest_connected(count, np.concatenate([a, b]), np.concatenate([b, c]))[a]

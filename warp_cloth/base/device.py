@@ -1,0 +1,56 @@
+"""Devices by their names, as Warp knows them, and as the driver does before Warp is there."""
+
+from __future__ import annotations
+
+import ctypes
+import functools
+
+from warp_cloth.base.errors import InputError
+from warp_cloth.base.warp_setup import init_warp
+
+
+def device_named(name: str | None) -> str:
+    """Warp's name of a device that is there, and may be one of Warp's own.
+
+    Raises:
+        InputError: it is not.
+    """
+    import warp as wp
+
+    init_warp()
+    if name is None:
+        return str(wp.get_preferred_device().alias)
+    name = str(name)
+    try:
+        if name.startswith("cuda") and not wp.get_cuda_device_count():  # Warp would say more than that
+            raise ValueError
+        return str(wp.get_device(name).alias)
+    except (RuntimeError, ValueError):
+        devices = ", ".join(str(device.alias) for device in wp.get_devices())
+        raise InputError("--device", f'there is no device "{name}" here', f"use one of: {devices}") from None
+
+
+def likely_gpus(name: str | None) -> list[str]:
+    """The GPUs that "cuda", "cuda:N" or None seem to mean, asked of the driver: importing Warp takes a second."""
+    gpus = [f"cuda:{number}" for number in range(gpu_count())]
+    return gpus if name in (None, "cuda") else [gpu for gpu in gpus if gpu == name]
+
+
+@functools.cache
+def gpu_count() -> int:
+    """The GPUs that the driver has, which takes part of a second; other threads go on meanwhile."""
+    try:
+        driver = ctypes.CDLL("libcuda.so.1")
+        count = ctypes.c_int()
+        there = not driver.cuInit(0) and not driver.cuDeviceGetCount(ctypes.byref(count))
+    except (OSError, AttributeError):
+        return 0
+    return count.value if there else 0
+
+
+def wake_gpu(name: str) -> None:
+    """Has the driver begin with a GPU, "cuda:N", as Warp will ask: other threads go on meanwhile, and import."""
+    number = name.removeprefix("cuda:")
+    if number.isdecimal() and int(number) < gpu_count():
+        context = ctypes.c_void_p()
+        ctypes.CDLL("libcuda.so.1").cuDevicePrimaryCtxRetain(ctypes.byref(context), int(number))

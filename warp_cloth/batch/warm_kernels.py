@@ -1,0 +1,57 @@
+"""Kernels that are loaded while others load meshes: those of a small scene of the same kind."""
+
+from __future__ import annotations
+
+import logging
+from typing import Any
+
+import numpy as np
+
+from warp_cloth.fitting.problem import set_up
+from warp_cloth.garment.scene_garments import open_wardrobe
+from warp_cloth.kernels.base.options import FEW
+from warp_cloth.scene import Scene
+from warp_cloth.scene.schema import AvatarSpec
+from warp_cloth.scene.shapes import SphereShape, SquareShape
+from warp_cloth.solver.loop import CHUNK
+
+log = logging.getLogger(__name__)
+
+MANY = FEW + 1  # small garments, a patch each, whose kernels are those of a large batch
+
+
+def load_kernels(scene: Scene, device: str) -> None:
+    """Loads the kernels with which a batch of scenes like this one relaxes, and launches each once.
+
+    A GPU's driver loads them for good when they are first launched. What fails is told by who fits the scenes.
+    """
+    try:
+        small = _small(scene)
+        wardrobe = open_wardrobe(small)
+        made = set_up([small] * MANY, [wardrobe] * MANY, device)
+        for balanced in (False, True):
+            made.relaxation.loosen(np.full(MANY, 0.0 if balanced else np.inf))
+            made.relaxation.run(CHUNK)
+            made.certifier.look(CHUNK)
+            made.certifier.turn_page(CHUNK)
+    except Exception as error:
+        log.info("kernels are not loaded ahead: %s", error)
+
+
+def _small(scene: Scene) -> Scene:
+    """A few vertices in the scene's fabric over a small ball, met as its avatar is."""
+    nothing: dict[str, Any] = {
+        "mesh": None,
+        "prim": None,
+        "pin": (),
+        "grain_panels": {},
+        "grain_texture": None,
+        "rest_angles": "flat",
+    }
+    cloth = SquareShape(kind="square", side=0.05, vertices_per_side=3)
+    garment = scene.garments[0].model_copy(update={**nothing, "rest": "mesh", "shape": cloth})
+    ball = SphereShape(kind="sphere", radius=0.05, centre=(0.0, cloth.height - 0.06, 0.0))
+    avatar = None if scene.avatar is None else AvatarSpec(shape=ball)
+    collision = scene.collision.model_copy(update={"pixel_mm": max(scene.collision.pixel_mm, 5.0), "cloth": False})
+    solver = scene.solver.model_copy(update={"method": "accelerated", "start": "placed"})
+    return scene.model_copy(update={"garments": (garment,), "avatar": avatar, "collision": collision, "solver": solver})

@@ -1,0 +1,88 @@
+"""Commands that look at fits: ``warp-cloth compare``, ``warp-cloth view``."""
+
+from __future__ import annotations
+
+import importlib.util
+import socket
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from warp_cloth.base.errors import InputError
+from warp_cloth.base.warp_setup import start_warp
+from warp_cloth.cli.terminal import one_line_errors, output_folder
+
+
+def compare(
+    first: Annotated[Path, typer.Argument(help="A fit's stage, or its folder; made with --maps.")],
+    second: Annotated[Path, typer.Argument(help="The fit to compare it with.")],
+    out: Annotated[Path, typer.Option(help="Folder for compare.usdc, compare.json and pictures.")] = Path("out"),
+) -> None:
+    """Show the difference between two fits, of sizes, fabrics or bodies: the second less the first.
+
+    \b
+    warp-cloth compare out_M out_L --out difference
+    """
+    with one_line_errors():
+        from warp_cloth.loading.result import read_fit
+
+        fits = read_fit(first), read_fit(second)
+        with output_folder(out, "compare"):
+            start_warp(False)
+            from warp_cloth.export.comparison import girth_lines, save_comparison
+            from warp_cloth.maps.compare import compare_fits
+
+            found = compare_fits(*fits)
+            paths = save_comparison(found, fits, out)
+    notes = [f"  note {note}" for note in found.notes]
+    for line in [*girth_lines(found), *notes, *(f"  wrote {path}" for path in paths)]:
+        typer.echo(line)
+
+
+def view(
+    scene: Annotated[str, typer.Argument(help="Scene file, shipped scene, or USD stage, a fit's own too.")],
+    changes: Annotated[
+        list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Change one scene key. May be repeated.")
+    ] = None,
+    device: Annotated[
+        str | None, typer.Option(help="cpu, cuda or cuda:N.", show_default="a GPU if there is one")
+    ] = None,
+    host: Annotated[str, typer.Option(help="Address to serve at; 0.0.0.0 lets other machines in.")] = "127.0.0.1",
+    port: Annotated[int, typer.Option(help="Port; the next free one if it is taken.", min=1, max=65535)] = 8080,
+) -> None:
+    """Show a garment draping live on a page, with sliders for size, fabric, body and offset.
+
+    \b
+    warp-cloth view tshirt
+    warp-cloth view scene.toml --set garment.fabric=denim --port 8090
+    """
+    with one_line_errors():
+        if importlib.util.find_spec("viser") is None:
+            raise InputError("view", "needs the package viser", "pip install 'warp-cloth[view]'")
+        for text in changes or ():
+            if "=" not in text:
+                raise InputError(f"--set {text}", "has no value", "write KEY=VALUE")
+        _check_host(host)
+        start_warp(False)
+        from warp_cloth.view.live import LiveFit
+        from warp_cloth.view.page import serve
+
+        pairs = dict(text.split("=", 1) for text in changes or ())
+        live = LiveFit(scene, pairs, device, tell=_tell_of_poses)
+        serve(live, host=host, port=port, tell=typer.echo)
+
+
+def _check_host(host: str) -> None:
+    """Refuse an address at which this machine cannot serve."""
+    try:
+        with socket.socket() as probe:
+            probe.bind((host, 0))
+    except OSError as error:
+        raise InputError("--host", f'"{host}" is no address of this machine', "use 127.0.0.1 or 0.0.0.0") from error
+
+
+def _tell_of_poses(stage: str) -> None:
+    """Says why the page is not there yet, where the garment is worn in one pose after the other first."""
+    if stage == "carry":
+        typer.echo("taking the garment through avatar.poses first, which may take a minute", err=True)

@@ -1,0 +1,180 @@
+"""The commands of the studies: ``warp-cloth plan``, ``tradeoff``, ``extremes``, ``methods``."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from warp_cloth.base.errors import InputError
+from warp_cloth.base.warp_setup import start_warp
+from warp_cloth.cli.terminal import INTERRUPTED, one_line_errors, output_folder
+
+SceneName = Annotated[str, typer.Argument(help="Scene file (TOML), or a shipped scene: see `warp-cloth scenes`.")]
+Device = Annotated[str | None, typer.Option(help="cpu, cuda or cuda:N.", show_default="a GPU if there is one")]
+Changes = Annotated[
+    list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Change one scene key. May be repeated.")
+]
+
+
+def plan(
+    scene: SceneName,
+    device: Device = None,
+    changes: Changes = None,
+    savings: Annotated[
+        bool, typer.Option("--savings", help="Run it without each term, too, to tell what an iteration takes less.")
+    ] = False,
+    out: Annotated[Path | None, typer.Option(help="File for the same as JSON.", dir_okay=False)] = None,
+) -> None:
+    """Say which terms a scene needs and why, which kernels and arrays that means, and what each costs.
+
+    \b
+    warp-cloth plan tshirt --savings
+    warp-cloth plan scene.toml --set collision.cloth=true
+    """
+    with one_line_errors():
+        from warp_cloth.scene import load_scene
+
+        chosen = load_scene(scene, changes or ())
+        start_warp(False)
+        from warp_cloth.base.device import device_named
+        from warp_cloth.fitting.plan import make_plan
+        from warp_cloth.fitting.problem import set_up_one
+        from warp_cloth.study.footprint import footprint_of
+        from warp_cloth.study.planning import plan_lines, write_plan
+        from warp_cloth.study.savings import savings_of
+
+        made = set_up_one(chosen, device_named(device))
+        terms, cost = make_plan(chosen, made.wardrobe), footprint_of(made)
+        saved = savings_of(chosen, made.wardrobe, made.model.device) if savings else ()
+        lines = plan_lines(chosen.name, terms, cost, saved)
+        if out is not None:
+            write_plan(out, terms, cost, saved)
+            lines.append(f"  wrote {out}")
+    _show(lines, typer.echo)
+
+
+def tradeoff(
+    scene: SceneName,
+    within: Annotated[str, typer.Option(help="Error wanted: rms distance from the reference.")] = "2mm",
+    out: Annotated[Path, typer.Option(help="Folder for NAME_tradeoff.json, .csv, .toml and .png.")] = Path("out"),
+    device: Device = None,
+    changes: Changes = None,
+    plots: Annotated[bool, typer.Option(help="Draw the plot, with matplotlib.")] = True,
+) -> None:
+    """Run a scene over its knobs against a tight reference of it: what does accuracy cost, what is cheap enough?
+
+    Results are kept as they come: interrupted, the same command goes on where it was.
+
+    \b
+    warp-cloth tradeoff scene.toml --within 2mm --out study
+    """
+    with one_line_errors():
+        from warp_cloth.scene import load_scene
+        from warp_cloth.study.tradeoff import TradeStudy, millimetres
+        from warp_cloth.study.tradeoff_files import save_trade, trade_lines
+
+        wanted, chosen = millimetres(within), load_scene(scene, changes or ())
+        with output_folder(out, f"{chosen.name}_tradeoff"):
+            start_warp(False)
+            from warp_cloth.base.device import device_named
+            from warp_cloth.bench.save import figure_class
+
+            if plots:
+                figure_class()
+            study = TradeStudy(
+                chosen,
+                device=device_named(device),
+                within_mm=wanted,
+                folder=out,
+                tell=lambda line: print(line, file=sys.stderr),
+            )
+            try:
+                trade = study.run()
+            except KeyboardInterrupt:
+                known = study.trade()
+                if known.measured:
+                    save_trade(known, out, plots=plots)
+                told = "interrupted: the same command goes on from here" if known.measured else "interrupted"
+                print(told, file=sys.stderr)
+                raise typer.Exit(INTERRUPTED) from None
+            paths = save_trade(trade, out, plots=plots)
+    _show([*trade_lines(trade), *(f"  wrote {path}" for path in paths)], typer.echo)
+
+
+def extremes(
+    out: Annotated[Path, typer.Option(help="Folder for extremes.json, .csv and .png.")] = Path("out"),
+    device: Annotated[str, typer.Option(help="cpu, cuda or cuda:N.")] = "cpu",
+    only: Annotated[list[str] | None, typer.Option(help='"cases", "map" or "precision"; all by default.')] = None,
+    plots: Annotated[bool, typer.Option(help="Draw the map, with matplotlib.")] = True,
+) -> None:
+    """Fit what no tailor would cut: where does the solver come to rest, where does it say that it does not?
+
+    \b
+    warp-cloth extremes --only precision --out study
+    """
+    with one_line_errors():
+        from warp_cloth.study.extremes import GROUPS, run_extremes
+        from warp_cloth.study.extremes_files import extremes_lines, save_extremes
+
+        parts = _parts(only, GROUPS)
+        with output_folder(out, "extremes"):
+            start_warp(False)
+            from warp_cloth.base.device import device_named
+            from warp_cloth.bench.save import figure_class
+
+            if plots:
+                figure_class()
+            where = device_named(device)
+            found = run_extremes(where, lambda line: print(line, file=sys.stderr), parts)
+            paths = save_extremes(found, out, plots=plots)
+    _show([*extremes_lines(found), *(f"  wrote {path}" for path in paths)], typer.echo)
+    if not all(outcome.kept for outcome in found):
+        raise typer.Exit(1)
+
+
+def methods(
+    out: Annotated[Path, typer.Option(help="Folder for methods.json, .csv, .png and rest_error.png.")] = Path("out"),
+    device: Device = None,
+    only: Annotated[list[str] | None, typer.Option(help='"methods", "sizes" or "truth"; all by default.')] = None,
+    plots: Annotated[bool, typer.Option(help="Draw the plots, with matplotlib.")] = True,
+    processes: Annotated[int, typer.Option(min=1, max=256, help="Runs at a time of what is not timed.")] = 1,
+) -> None:
+    """Run every method on the same cloth: how fast is each at rest, at every stiffness and size, and is it true?
+
+    Results are kept as they come: interrupted, the same command goes on where it was.
+    """
+    with one_line_errors():
+        from warp_cloth.study.methods import MethodStudy
+        from warp_cloth.study.methods_files import methods_lines, save_methods
+        from warp_cloth.study.methods_scenes import GROUPS
+
+        parts = _parts(only, GROUPS)
+        with output_folder(out, "methods"):
+            start_warp(False)
+            from warp_cloth.base.device import device_named
+            from warp_cloth.bench.save import figure_class
+
+            if plots:
+                figure_class()
+            where, kept = device_named(device), out / "methods.jsonl"
+            study = MethodStudy(kept, where, lambda line: print(line, file=sys.stderr), processes)
+            runs = study.run(parts)
+            paths = save_methods(runs, out, plots=plots)
+    _show([*methods_lines(runs), *(f"  wrote {path}" for path in paths)], typer.echo)
+
+
+def _parts(only: Sequence[str] | None, groups: Sequence[str]) -> Sequence[str]:
+    """The parts of a study that were asked for; all of them where none was named."""
+    unknown = set(only or ()) - set(groups)
+    if unknown:
+        raise InputError("--only", f'"{min(unknown)}" is no part of the study', f"use {', '.join(groups)}")
+    return only or groups
+
+
+def _show(lines: Sequence[str], say: Callable[[str], None]) -> None:
+    for line in lines:
+        say(line)

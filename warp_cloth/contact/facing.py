@@ -1,0 +1,38 @@
+"""Tells garments that are to meet which way they face."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from warp_cloth.avatar.exact import ExactCollider
+from warp_cloth.contact.crossing import Sheets
+from warp_cloth.kernels.contact.facing import face_vertices, sides_kernel
+from warp_cloth.model.permutation import Numbering
+
+
+class Facing:
+    """Tells vertices whether most of their garment's area faces away from the body, 1, or to it, -1."""
+
+    def __init__(self, precision: str, sheets: Sheets, numbering: Numbering, body: ExactCollider) -> None:
+        """On Warp's default device, that of the body."""
+        self._body, self._weigh = body, sides_kernel(precision)
+        counts = np.diff(sheets.vertex_start)
+        of_vertex = np.repeat(np.arange(len(counts), dtype=np.int32), counts)
+        self._of_triangle = wp.array(sheets.garment, dtype=wp.int32)
+        self._of_vertex = wp.array(numbering.rows(of_vertex), dtype=wp.int32)
+        self._away = wp.zeros(len(counts), dtype=wp.int64)
+
+    def kernels(self) -> list[wp.Kernel]:
+        """The kernels that this launches."""
+        return [self._weigh, face_vertices]
+
+    def tell(self, cloth: Any, search: Any, outward: wp.array) -> None:
+        """Tells them, as the cloth lies. Does not wait for the device."""
+        device, away = self._away.device, self._away
+        away.zero_()
+        asked = [cloth, search, self._of_triangle, self._body.collider, away]
+        wp.launch(self._weigh, dim=len(self._of_triangle), inputs=asked, device=device)
+        wp.launch(face_vertices, dim=len(outward), inputs=[self._of_vertex, away, outward], device=device)

@@ -1,0 +1,176 @@
+"""A scene's garments as they meet themselves and each other."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from itertools import pairwise
+
+import numpy as np
+import warp as wp
+from numpy.typing import NDArray
+
+from warp_cloth.avatar.exact import POINTS_AT_ONCE, build_exact_collider
+from warp_cloth.avatar.placement import clear_shift, way_told
+from warp_cloth.avatar.solid import solid_of
+from warp_cloth.base.bins import pieces
+from warp_cloth.base.cache import Kept
+from warp_cloth.base.mesh import Indices, Mesh, Points
+from warp_cloth.base.threads import map_in_threads
+from warp_cloth.contact.cloth import ClothTouch
+from warp_cloth.contact.crossing import Sheets, find_crossings, find_pierced, triangle_pairs
+from warp_cloth.contact.sheets import SheetKind, sheets_of
+from warp_cloth.garment.part import GarmentPart
+from warp_cloth.garment.scene_garments import Wardrobe
+from warp_cloth.model.model import ClothModel
+from warp_cloth.scene import Scene
+from warp_cloth.solver.contact_schedule import LAYER_LIFT, Course
+from warp_cloth.solver.relax import Relaxation
+
+CROSSING_FIELD = "crossing"  # of a garment where some of it crosses: 1 at the corners of those faces
+FAR_AWAY = 1e3  # [m]; farther from its body no garment is asked which way it faces
+
+
+def placed(scenes: Sequence[Scene], wardrobes: Sequence[Wardrobe], device: str, kept: Kept) -> list[Wardrobe]:
+    """The wardrobes with every garment to be sewn clear of its avatar, as far as moving it up or forward does that.
+
+    The panels say what the garment is; where they start does not matter, unless they start on both sides of a limb.
+    """
+
+    def shift_of(scene: Scene, wardrobe: Wardrobe, index: int) -> Points | None:
+        part, avatar = wardrobe.parts[index], wardrobe.starting_avatar
+        if avatar is None or scene.collision.avatar == "none" or scene.garments[index].rest != "uv" or len(part.pins):
+            return None
+        skin = kept.once("solid", (avatar,), partial(solid_of, avatar)).closing.skin(avatar)
+        return kept.once("shift", (part.points, avatar), partial(clear_shift, part.points, skin, device))
+
+    return [
+        _shifted(wardrobe, [shift_of(scene, wardrobe, index) for index in range(len(wardrobe.parts))], kept)
+        for scene, wardrobe in zip(scenes, wardrobes, strict=True)
+    ]
+
+
+def _shifted(wardrobe: Wardrobe, shifts: Sequence[Points | None], kept: Kept) -> Wardrobe:
+    if all(shift is None for shift in shifts):
+        return wardrobe
+    parts, meshes = list(wardrobe.parts), list(wardrobe.garments)
+    for index, shift in enumerate(shifts):
+        if shift is not None:
+            note = f"some of it started inside the avatar: moved {way_told(shift)} before it was sewn"
+            loaded = parts[index].points
+            points = kept.once("shifted", (loaded, shift), partial(np.add, loaded, shift))
+            parts[index] = replace(parts[index], points=points)
+            meshes[index] = replace(meshes[index], notes=(*meshes[index].notes, note))
+    return replace(wardrobe, parts=tuple(parts), garments=tuple(meshes))
+
+
+def cloth_touch(scene: Scene, wardrobe: Wardrobe, model: ClothModel, device: str) -> ClothTouch:
+    """Contact between a scene's garments, inner to outer as listed."""
+    kinds = [
+        SheetKind(spec.fabric.thickness, spec.fabric.friction, layer=layer) for layer, spec in enumerate(scene.garments)
+    ]
+    avatar = wardrobe.starting_avatar
+    body = None if avatar is None else build_exact_collider(avatar, device).within(FAR_AWAY)
+    return ClothTouch(model, wardrobe.parts, kinds, body)
+
+
+def highest_lift(scene: Scene) -> float:
+    """How much farther from the avatar than its offset a scene's outermost garment is sewn [m]."""
+    return LAYER_LIFT * (len(scene.garments) - 1) if scene.collision.cloth else 0.0
+
+
+def cloth_course(wardrobe: Wardrobe, relaxation: Relaxation, touch: ClothTouch) -> Course:
+    """The way of a scene's garments from where they are loaded."""
+
+    def face() -> None:
+        if touch.facing is not None:
+            touch.face_from_body()
+        else:
+            touch.face(signs_from_middle(wardrobe.parts, relaxation.model.points()))
+
+    return Course(relaxation, touch, face)
+
+
+def signs_from_middle(parts: Sequence[GarmentPart], points: Points) -> list[float]:
+    """Whether most of each garment's area faces away from its own middle, 1, or to it, -1, at these points [m]."""
+    signs, start = [], 0
+    for part in parts:
+        own = points[start : start + len(part.points)]
+        a, b, c = (own[part.triangles[:, corner]] for corner in range(3))
+        away = np.einsum("ij,ij->", np.cross(b - a, c - a), (a + b + c) / 3.0 - own.mean(axis=0))
+        signs.append(1.0 if float(away) >= 0.0 else -1.0)
+        start += len(own)
+    return signs
+
+
+@dataclass(frozen=True, eq=False)
+class GarmentCrossings:
+    """Where worn garments pass through themselves and each other."""
+
+    pairs: int  # of triangles that cross
+    between: int  # of those, how many belong to two garments
+    faces: tuple[Indices, ...]  # of each garment, in order
+
+    @property
+    def face_count(self) -> int:
+        return sum(len(faces) for faces in self.faces)
+
+    def marked(self, garment: int, mesh: Mesh) -> dict[str, NDArray[np.float32]]:
+        """The field that shows where a garment crosses; none where it does not."""
+        faces = self.faces[garment]
+        if not len(faces):
+            return {}
+        at = np.zeros(mesh.vertex_count, dtype=np.float32)
+        at[mesh.triangles[faces]] = 1.0
+        return {CROSSING_FIELD: at}
+
+
+def worn_crossings(wardrobes: Sequence[Wardrobe], worn: Sequence[Points], device: str) -> list[GarmentCrossings]:
+    """What crosses of each scene's garments at these points [m], shape [V, 3], one after another.
+
+    Garments of different scenes do not meet. Of points that are not finite nothing is told.
+    """
+
+    def told(wardrobe: Wardrobe, points: Points) -> GarmentCrossings:
+        sheets = sheets_of(wardrobe.parts)
+        return _of_sheets(find_crossings(points, sheets, device).pairs, sheets)
+
+    return [told(wardrobe, points) for wardrobe, points in zip(wardrobes, worn, strict=True)]
+
+
+def model_crossings(model: ClothModel, wardrobes: Sequence[Wardrobe]) -> list[GarmentCrossings]:
+    """The same of a model's garments where they lie now, all finite: looked through together, to keep a GPU busy."""
+    each = [[part.rest.topology for part in wardrobe.parts] for wardrobe in wardrobes]
+    edges = np.cumsum([0, *(sum(len(one.edges) for one in own) for own in each)])
+    triangles = np.cumsum([0, *(sum(len(one.triangle_edges) for one in own) for own in each)])
+    position, cloth = model.cloth.position, model.cloth
+    if position.dtype is not wp.vec3d:
+        position = wp.array(model.points(), dtype=wp.vec3d, device=model.device)
+    found: list[Indices] = []  # of each scene, by numbers of its own
+    for piece in pieces(np.diff(model.item_start).tolist(), POINTS_AT_ONCE):
+        (edge, last_edge), (triangle, last_triangle) = (
+            (ends[piece.start], ends[piece.stop]) for ends in (edges, triangles)
+        )
+        pierced = find_pierced(
+            position, model.triangles.corners[triangle:last_triangle], model.edges.ends[edge:last_edge], cloth.item
+        )
+        first = np.stack([edges, triangles], axis=1)[piece.start : piece.stop]
+        ends = np.searchsorted(pierced[:, 0], edges[piece.start + 1 : piece.stop] - edge)
+        found += [own - at + first[0] for own, at in zip(np.split(pierced, ends), first, strict=True)]
+
+    def told(item: int) -> GarmentCrossings:
+        if not len(found[item]):
+            return GarmentCrossings(0, 0, (np.zeros(0, dtype=np.int32),) * len(wardrobes[item].parts))
+        sheets = sheets_of(wardrobes[item].parts)
+        return _of_sheets(triangle_pairs(found[item], sheets), sheets)
+
+    return map_in_threads(told, range(len(wardrobes)))
+
+
+def _of_sheets(pairs: Indices, sheets: Sheets) -> GarmentCrossings:
+    """What is told of pairs of triangles that cross."""
+    faces, between = np.unique(pairs), np.diff(sheets.garment[pairs], axis=1) != 0
+    first = np.searchsorted(sheets.garment, np.arange(len(sheets.vertex_start)))
+    listed = tuple(faces[(faces >= a) & (faces < b)] - a for a, b in pairwise(first.tolist()))
+    return GarmentCrossings(len(pairs), int(between.sum()), listed)

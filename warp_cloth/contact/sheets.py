@@ -1,0 +1,35 @@
+"""What cloth on cloth needs to know of garments: their triangles and edges over one array of vertices."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from warp_cloth.contact.crossing import Sheets
+from warp_cloth.garment.part import GarmentPart
+
+
+@dataclass(frozen=True)
+class SheetKind:
+    """What contact needs to know of a garment besides its mesh."""
+
+    thickness: float  # [m]
+    friction: float
+    item: int = 0  # garments of different items never meet
+    layer: int = 0  # of one item's garments, from the inside out
+
+
+def sheets_of(parts: Sequence[GarmentPart]) -> Sheets:
+    """Triangles and edges of all garments, over one array of vertices."""
+    first = np.concatenate([[0], np.cumsum([len(part.points) for part in parts])])
+    first_edge = np.concatenate([[0], np.cumsum([len(part.rest.topology.edges) for part in parts])])
+    topologies = [part.rest.topology for part in parts]
+    return Sheets(
+        np.concatenate([part.triangles + at for part, at in zip(parts, first, strict=False)]).astype(np.int32),
+        np.concatenate([each.edges + at for each, at in zip(topologies, first, strict=False)]).astype(np.int32),
+        np.concatenate([each.triangle_edges + at for each, at in zip(topologies, first_edge, strict=False)]),
+        np.repeat(np.arange(len(parts), dtype=np.int32), [len(part.triangles) for part in parts]),
+        tuple(int(at) for at in first),
+    )

@@ -1,0 +1,48 @@
+"""What untangling needs of garments that may pass through themselves and each other."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import warp as wp
+
+from warp_cloth.base.topology import ragged_rows
+from warp_cloth.contact.crossing import Sheets
+from warp_cloth.garment.part import GarmentPart
+from warp_cloth.kernels.contact.untangle import Untangling
+from warp_cloth.model.permutation import Numbering
+
+LAYER_REACH = 0.01  # [m]; how deep one garment may be inside another once both are sewn
+
+
+def sheet_untangling(sheets: Sheets, parts: Sequence[GarmentPart], numbering: Numbering) -> Any:
+    """What kernels.contact.untangle knows of garments; of one layer that faces outwards, at first."""
+    count = sheets.vertex_count
+    untangling = Untangling()
+    rim = np.zeros(count, dtype=np.int32)
+    wings = []
+    for part, first in zip(parts, sheets.vertex_start, strict=False):
+        topology = part.rest.topology
+        of_edge = np.full((len(topology.edges), 2), -1, dtype=np.int32)
+        sides = topology.triangle_edges.ravel()
+        third = np.roll(part.triangles, -2, axis=1).ravel() + first
+        order = np.argsort(sides, kind="stable")
+        rank = np.arange(len(sides)) - np.searchsorted(sides[order], sides[order])
+        of_edge[sides[order], rank] = third[order]
+        wings.append(of_edge)
+        rim[topology.edges[of_edge[:, 1] < 0].ravel() + first] = 1
+    untangling.wings = wp.array(numbering.of(np.concatenate(wings)), dtype=wp.vec2i)
+    untangling.rim = wp.array(numbering.rows(rim), dtype=wp.int32)
+    start, order = ragged_rows(sheets.edges.ravel(), count)
+    start, beside = numbering.lists(start, numbering.of(sheets.edges[:, ::-1].ravel()[order]))
+    untangling.beside_start, untangling.beside = wp.array(start, dtype=wp.int32), wp.array(beside, dtype=wp.int32)
+    untangling.crosses, untangling.level = wp.zeros(count, dtype=wp.int32), wp.zeros(count, dtype=wp.int32)
+    untangling.age, untangling.grown = wp.zeros(count, dtype=wp.int32), wp.zeros(count, dtype=wp.int32)
+    untangling.outward = wp.full(count, 1.0, dtype=wp.float32)
+    untangling.layer_reach = LAYER_REACH
+    untangling.sum = wp.zeros((count, 4), dtype=wp.int64)
+    untangling.count = wp.zeros(3, dtype=wp.int32)
+    untangling.beyond = wp.zeros(count, dtype=wp.int64)
+    return untangling

@@ -1,0 +1,275 @@
+"""Device arrays of a scene's garments: what stays constant (ClothModel) and what an iteration changes (its cloth)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+import warp as wp
+from numpy.typing import NDArray
+
+from warp_cloth.base.cache import Kept
+from warp_cloth.base.mesh import Points
+from warp_cloth.garment.elements import Elements, elements_of, garment_elements, winding_of
+from warp_cloth.garment.part import GarmentPart, terms_of
+from warp_cloth.garment.rest import RestShape
+from warp_cloth.kernels.base.options import Terms
+from warp_cloth.kernels.base.types import cloth_types
+from warp_cloth.model.patches.on_device import Patches, device_patches
+from warp_cloth.model.upload import joined
+
+
+@dataclass(frozen=True, eq=False)
+class ClothModel:
+    """All garments of all items, concatenated. A term that no scene uses has no arrays (None).
+
+    An item is one fit. Nothing in the arithmetic of its vertices depends on what else is there.
+
+    Forces act in edges and triangles, from which they are scattered or gathered by vertex (see the kernels). Hinges
+    and weave are what the certificate measures.
+    """
+
+    device: str
+    precision: str
+    item_start: tuple[int, ...]  # first vertex of each item, and the vertex count
+    vertex_start: tuple[int, ...]  # first vertex of each garment, and the vertex count
+    edge_start: tuple[int, ...]
+    triangle_count: int
+    hinge_count: int
+    weave_start: tuple[int, ...]  # first woven triangle of each garment, and their number
+    terms: Terms
+    cloth: Any  # kernels.base.types Cloth
+    edges: Any  # kernels.base.types Edges
+    triangles: Any  # kernels.base.types Triangles
+    hinges: Any | None  # kernels.base.types Hinges
+    weave: Any | None  # kernels.base.types Weave
+    patches: Patches | None  # where forces are gathered patch by patch
+    garments: tuple[Elements, ...]  # the elements of each, as the host has them
+
+    @property
+    def vertex_count(self) -> int:
+        return self.vertex_start[-1]
+
+    @property
+    def edge_count(self) -> int:
+        return self.edge_start[-1]
+
+    @property
+    def item_count(self) -> int:
+        return len(self.item_start) - 1
+
+    @property
+    def weave_count(self) -> int:
+        return self.weave_start[-1]
+
+    def of_item(self, item: int, starts: tuple[int, ...] | None = None) -> slice:
+        """The vertices of an item, or what else ``starts`` counts by garment."""
+        first, last = self.item_start[item], self.item_start[item + 1]
+        if starts is None:
+            return slice(first, last)
+        return slice(starts[self.vertex_start.index(first)], starts[self.vertex_start.index(last)])
+
+    def points(self, item: int | None = None) -> NDArray[np.float64]:
+        """Positions now [m] of all vertices or of an item's, shape [V, 3]. Waits for the device."""
+        position = self.cloth.position if item is None else self.cloth.position[self.of_item(item)]
+        return np.array(position.numpy(), dtype=np.float64)
+
+    def put_there(self, points: Points) -> wp.array:
+        """Positions [m], shape [V, 3], on the device, as ``set_points`` takes them for several items."""
+        return wp.array(points, dtype=cloth_types(self.precision).point, device=self.device)
+
+    def set_points(self, points: Points | wp.array, item: int = 0) -> None:
+        """Moves an item's vertices to these positions [m], shape [V, 3], and forgets their momentum."""
+        part = self.of_item(item)
+        there = points if isinstance(points, wp.array) else self.put_there(points)
+        wp.copy(self.cloth.position[part], there)
+        self.cloth.move[part].zero_()
+        self.look_again(item)
+
+    def look_again(self, item: int) -> None:
+        """Has iterations look where an item's vertices meet the avatar, whatever they knew: it or they were moved."""
+        if self.cloth.clear:
+            self.cloth.clear[self.of_item(item)].zero_()
+
+
+def build_model(
+    parts: Sequence[GarmentPart],
+    *,
+    device: str,
+    precision: str,
+    gathers: bool | None = None,
+    garments: Sequence[int] | None = None,
+    kept: Kept | None = None,
+    layered: bool = False,
+    like: int | None = None,
+) -> ClothModel:
+    """Concatenates garments and puts them on a device.
+
+    ``garments`` is how many of the parts belong to each item; None: all to one. ``gathers`` says how forces are
+    summed; None: gathered on CUDA, scattered on the CPU, which is fastest on each. ``kept`` has what earlier models of
+    the same garments left. ``layered``: whether garments lie on each other and meet. ``like``: of how many vertices the
+    model is to be cut like one, where it is gathered.
+    """
+    types = cloth_types(precision)
+    vertex_start = _starts([len(part.points) for part in parts])
+    rests = [part.rest for part in parts]
+    kept = kept or Kept()
+    wound = kept.each("winding", [(part.triangles, part.rest.topology) for part in parts], winding_of)
+    asked = [(part.triangles, part.rest, winding) for part, winding in zip(parts, wound, strict=True)]
+    garments_elements = kept.each("elements", asked, garment_elements)
+    real = wp.dtype_to_numpy(types.real)
+    given = kept.each("given", [(each,) for each in garments_elements], partial(elements_of, real=real), precision)
+    terms = terms_of(parts)
+    lay = partial(joined, device=device)
+
+    def upload(array: NDArray[Any], dtype: Any) -> wp.array:
+        return wp.array(np.ascontiguousarray(array), dtype=dtype, device=device)
+
+    edge_start = _starts([len(rest.topology.edges) for rest in rests])
+    triangle_start = _starts([len(part.triangles) for part in parts])
+    item_start = tuple(vertex_start[first] for first in _starts(list(garments or [len(parts)])))
+    hinges, hinge_count = _hinges(types, lay, rests, vertex_start, terms.angles, kept)
+    weave = _weave(types, lay, rests, vertex_start, kept)
+    patches = None
+    if wp.get_device(device).is_cuda if gathers is None else gathers:
+        lying = [part.points for part in parts]
+        patches = device_patches(
+            types, lay, garments_elements, given, lying, terms, item_start, device, kept, layered=layered, like=like
+        )
+    return ClothModel(
+        device=device,
+        precision=precision,
+        item_start=item_start,
+        vertex_start=vertex_start,
+        edge_start=edge_start,
+        triangle_count=triangle_start[-1],
+        hinge_count=hinge_count,
+        weave_start=_starts([0 if rest.weave is None else len(rest.weave.corners) for rest in rests]),
+        terms=terms,
+        cloth=_cloth(types, upload, lay, parts, vertex_start, item_start, terms.pins, device),
+        edges=_edges(types, lay, given, vertex_start, triangle_start, terms),
+        triangles=_triangles(types, lay, given, vertex_start, edge_start, terms),
+        hinges=hinges,
+        weave=weave,
+        patches=patches,
+        garments=tuple(garments_elements),
+    )
+
+
+def _edges(
+    types: Any,
+    lay: Any,
+    garments: Sequence[Elements],
+    vertex_start: tuple[int, ...],
+    triangle_start: tuple[int, ...],
+    terms: Terms,
+) -> Any:
+    """Edges of all garments; ``lay`` puts their arrays end to end on the device, as ``joined``."""
+    edges = types.Edges()
+    edges.ends = lay([each.ends for each in garments], wp.vec2i, starts=vertex_start)
+    edges.law = lay([each.law for each in garments], types.vec3)
+    if terms.folds:
+        edges.beside = lay([each.beside for each in garments], wp.vec2i, starts=triangle_start)
+        edges.fold = lay([each.fold for each in garments], types.real)
+    if terms.angles:
+        edges.rest = lay([each.rest for each in garments], types.vec2)
+    return edges
+
+
+def _triangles(
+    types: Any,
+    lay: Any,
+    garments: Sequence[Elements],
+    vertex_start: tuple[int, ...],
+    edge_start: tuple[int, ...],
+    terms: Terms,
+) -> Any:
+    """Triangles with the arrays of the terms that there are."""
+    triangles = types.Triangles()
+    triangles.corners = lay([each.corners for each in garments], wp.vec3i, starts=vertex_start)
+    if terms.folds:
+        triangles.edges = lay([each.edges for each in garments], wp.vec3i, starts=edge_start, signed=True)
+    if terms.threads:
+        triangles.slope = lay([each.slope for each in garments], types.vec4)
+        triangles.threads = lay([each.threads for each in garments], types.vec4)
+    return triangles
+
+
+def _hinges(
+    types: Any, lay: Any, rests: Sequence[RestShape], vertex_start: tuple[int, ...], angles: bool, kept: Kept
+) -> tuple[Any | None, int]:
+    """Hinges of all garments that are stiff, and their number."""
+    make = partial(_stiff_hinges, types=types, angles=angles)
+    each = kept.each("hinges", [(rest,) for rest in rests], make, types.name, angles)
+    count = sum(len(stiffness) for _, stiffness, _ in each)
+    if not count:
+        return None, 0
+    corners, stiffness, turns = zip(*each, strict=True)
+    hinges = types.Hinges()
+    hinges.corners = lay(corners, wp.vec4i, starts=vertex_start)
+    hinges.stiffness = lay(stiffness, types.real)
+    if angles:
+        hinges.rest = lay(turns, types.vec2)
+    return hinges, count
+
+
+def _stiff_hinges(rest: RestShape, types: Any, angles: bool) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any] | None]:
+    """Corners and stiffness of a garment's hinges that are stiff; with ``angles`` cosine and sine of those at rest."""
+    real, used = wp.dtype_to_numpy(types.real), rest.hinge_stiffness > 0.0
+    corners, stiffness = rest.topology.hinges, rest.hinge_stiffness
+    if not used.all():
+        corners, stiffness = corners[used], stiffness[used]
+    turns = None
+    if angles:
+        angle = rest.fold_angle[used]
+        turns = np.stack([np.cos(angle), np.sin(angle)], axis=1).astype(real)
+    return corners, stiffness.astype(real), turns
+
+
+def _weave(types: Any, lay: Any, rests: Sequence[RestShape], vertex_start: tuple[int, ...], kept: Kept) -> Any | None:
+    """Woven triangles of all garments."""
+    woven = [(rest.weave, first) for rest, first in zip(rests, vertex_start, strict=False) if rest.weave is not None]
+    if not woven:
+        return None
+    real = wp.dtype_to_numpy(types.real)
+    weave = types.Weave()
+    weave.corners = lay([shape.corners for shape, _ in woven], wp.vec3i, starts=[first for _, first in woven])
+    for name in ("slope", "law"):
+        each = [kept.once(name, (shape,), partial(getattr(shape, name).astype, real), types.name) for shape, _ in woven]
+        setattr(weave, name, lay(each, types.vec4))
+    return weave
+
+
+def _cloth(
+    types: Any,
+    upload: Any,
+    lay: Any,
+    parts: Sequence[GarmentPart],
+    vertex_start: tuple[int, ...],
+    item_start: tuple[int, ...],
+    pins: bool,
+    device: str,
+) -> Any:
+    """Vertices of all garments at rest where they are loaded."""
+    count = vertex_start[-1]
+    cloth = types.Cloth()
+    cloth.position = lay([part.points for part in parts], types.point)
+    cloth.move = wp.zeros(count, dtype=types.vec3, device=device)
+    cloth.weight = lay([part.rest.vertex_weight for part in parts], types.real)
+    if pins:
+        pinned = np.zeros(count, dtype=np.uint8)
+        for part, first in zip(parts, vertex_start, strict=False):
+            pinned[part.pins + first] = 1
+        cloth.pinned = upload(pinned, wp.uint8)
+    cloth.item = upload(np.repeat(np.arange(len(item_start) - 1), np.diff(item_start)), wp.int32)
+    items = np.zeros(len(item_start) - 1, dtype=types.Item.numpy_dtype())
+    items["active"] = 1
+    cloth.items = upload(items, types.Item)
+    return cloth
+
+
+def _starts(counts: list[int]) -> tuple[int, ...]:
+    return (0, *(int(end) for end in np.cumsum(counts)))

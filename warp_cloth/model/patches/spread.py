@@ -1,0 +1,62 @@
+"""Where vertices lie in a mesh as its edges join them, whatever its shape: sheets that touch lie far apart."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warp_cloth.base.mesh import Indices, Points
+from warp_cloth.base.topology import ragged_rows
+from warp_cloth.garment.rest import Floats
+
+LANDMARKS = 8  # vertices from which edges are counted; more of them tell little more
+AXES = 3  # directions in which these counts differ most
+SLIGHT = 1e-3  # weight of the loaded shape, which tells apart what no edges join
+
+
+def spread_places(ends: Indices, points: Points) -> Floats:
+    """Coordinates of vertices in which near means few edges between, shape [V, AXES + 3].
+
+    Edges are counted from vertices as far from each other as can be; the counts' principal axes are the coordinates.
+    """
+    neighbours = _Neighbours(ends, len(points))
+    seed = int(neighbours.hops(0).argmax())
+    counts = np.empty((LANDMARKS, len(points)), dtype=np.float32)
+    nearest = np.full(len(points), np.inf, dtype=np.float32)
+    for row in counts:
+        row[:] = neighbours.hops(seed)
+        np.minimum(nearest, row, out=nearest)
+        seed = int(nearest.argmax())
+    counts -= counts.mean(axis=1, keepdims=True)
+    _, axes = np.linalg.eigh(counts @ counts.T)
+    places = counts.T @ axes[:, -AXES:]
+    shape = points - points.mean(axis=0)
+    scale = SLIGHT * max(float(np.ptp(places, axis=0).max()), 1.0) / max(float(np.ptp(shape, axis=0).max()), 1e-30)
+    return np.concatenate([places.astype(np.float64), shape * scale], axis=1)
+
+
+class _Neighbours:
+    """Which vertices edges join."""
+
+    def __init__(self, ends: Indices, vertex_count: int) -> None:
+        self._start, order = ragged_rows(ends.ravel(), vertex_count)
+        self._other = ends[:, ::-1].ravel()[order]
+        self._found_by = np.empty(vertex_count, dtype=np.int64)
+
+    def hops(self, vertex: int) -> NDArray[np.int32]:
+        """Edges from a vertex to each; where none lead, twice as many as to the farthest, and one more."""
+        hops = np.full(len(self._found_by), -1, dtype=np.int32)
+        front, hop = np.array([vertex]), 0
+        hops[front] = 0
+        while len(front):
+            first = self._start[front].astype(np.int64)
+            count = self._start[front + 1] - first
+            rank = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
+            found = self._other[np.repeat(first, count) + rank]
+            found = found[hops[found] < 0]
+            self._found_by[found] = np.arange(len(found))  # of those that found the same vertex the last
+            front = found[self._found_by[found] == np.arange(len(found))]
+            hop += 1
+            hops[front] = hop
+        hops[hops < 0] = 2 * hops.max() + 1
+        return hops

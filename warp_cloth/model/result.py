@@ -1,0 +1,92 @@
+"""What a fit gives back: a status with its sentence, the certificate's figures, the worn garments."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from enum import Enum
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from warp_cloth.base.mesh import Mesh, Points
+
+if TYPE_CHECKING:
+    from warp_cloth.garment.rest import RestShape
+    from warp_cloth.material.fabric import Fabric
+
+
+class Status(str, Enum):
+    """How a fit ended. A failure is a value with a sentence, not an exception."""
+
+    AT_REST = "at_rest"
+    ITERATION_LIMIT = "iteration_limit"
+    DIVERGED = "diverged"
+    INVALID = "invalid"
+
+
+@dataclass(frozen=True)
+class Residual:
+    """Net force left on free vertices after what contact and pins carry (model: certificate).
+
+    ``rms``, ``p99``, ``max`` in vertex weights; the relative ones divided by the vertex's weight plus the sum of the
+    magnitudes of the forces that meet there.
+    """
+
+    rms: float
+    p99: float
+    max: float
+    relative_rms: float
+    relative_p99: float
+
+
+@dataclass(frozen=True)
+class Strain:
+    """Strain (r - L) / L of edges or threads: percentiles of its magnitude, and its signed extremes."""
+
+    p50: float
+    p99: float
+    max: float
+    min: float
+
+
+@dataclass(frozen=True)
+class Penetration:
+    """Depth of garment vertices under the exact avatar mesh [mm]: deepest, 99.9th percentile, share of vertices.
+
+    ``edges`` are drawn through the avatar, as deep as ``edge_max`` [mm]; through ``faces``, whose vertices may all be
+    outside, it shows, ``face_max`` [mm] at most.
+    """
+
+    max: float
+    p999: float
+    fraction: float
+    edges: int = 0
+    edge_max: float = 0.0
+    faces: int = 0
+    face_max: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class WornGarment:
+    """One garment as worn."""
+
+    name: str
+    mesh: Mesh  # as loaded
+    points: Points  # worn shape [m], shape [V, 3]
+    thickness: float  # fabric thickness [m]
+    frames: NDArray[np.float32] | None = None  # shapes on the way [m], shape [N, V, 3], the last is the worn shape
+    fields: dict[str, NDArray[np.float32]] = field(default_factory=dict)  # per-vertex values by name, shape [V]
+    fabric: Fabric | None = None  # where known, written with the stage's physics
+    rest: RestShape | None = None
+
+
+def matched(there: Sequence[str], wanted: Sequence[str]) -> list[int] | None:
+    """Which of an earlier result's garments the wanted ones are: by name, or, where there are as many, by order.
+
+    None where neither tells.
+    """
+    if all(there.count(name) == 1 for name in wanted):
+        return [there.index(name) for name in wanted]
+    return list(range(len(there))) if len(there) == len(wanted) else None

@@ -1,0 +1,197 @@
+"""Looks up from time to time in which directions vertices have leeway (kernels.passes.anisotropic_step)."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import Any
+
+import numpy as np
+import warp as wp
+from numpy.typing import NDArray
+
+from warp_cloth.base.mesh import Indices
+from warp_cloth.base.threads import map_in_threads
+from warp_cloth.base.topology import ragged_rows
+from warp_cloth.kernels.base.types import cloth_types
+from warp_cloth.kernels.passes.anisotropic_step import leeway_kernels
+from warp_cloth.kernels.passes.anisotropic_step_packets import eight_leeway_kernels
+from warp_cloth.kernels.passes.scatter_packets import eight_edges_kernel
+from warp_cloth.model.model import ClothModel
+from warp_cloth.model.permutation import Numbering
+from warp_cloth.model.upload import joined
+from warp_cloth.solver.active_set import AtWork
+from warp_cloth.solver.forces import NormalsPass, pass_size, takes_eight
+
+
+class Leeway:
+    """Owns what a look needs; gives the model's cloth the array that the iterations read."""
+
+    def __init__(
+        self,
+        model: ClothModel,
+        numbering: Numbering | None = None,
+        *,
+        packed: bool = False,
+        at_work: AtWork | None = None,
+    ) -> None:
+        """``numbering``: of the vertices of the cloth that is looked at; None: the model's own.
+
+        ``packed``: whether its positions and leeway are packed (kernels.patches.packing). ``at_work``: what is looked
+        at where it is not scattered; None: all.
+        """
+        self._model, types = model, cloth_types(model.precision)
+        leeway = model.cloth.leeway = wp.zeros(model.vertex_count, dtype=types.vec6, device=model.device)
+        none = np.array([1.0, 1.0, 1.0, 0.0, 0.0, 0.0])
+        self._none = [(leeway, none)]  # by parts, what a vertex has that has no leeway
+        if packed:
+            fours, twos = (
+                wp.array(ptr=leeway.ptr + first, dtype=dtype, shape=leeway.shape, device=model.device, copy=False)
+                for first, dtype in ((0, types.vec4), (4 * types.real_size * len(leeway), types.vec2))
+            )
+            self._none = [(fours, none[:4]), (twos, none[4:])]
+        self.forget(range(model.item_count))
+        terms = model.terms
+        scatters = model.patches is None and terms.threads and not (terms.edges or terms.angles)
+        eight = scatters and takes_eight(model, min(model.triangle_count, model.edge_count))
+        self._look: _Gathered | ScatteredLook = (
+            ScatteredLook(model) if eight else _Gathered(model, numbering, packed, at_work)
+        )
+
+    def kernels(self) -> list[wp.Kernel]:
+        """The kernels that a look launches, in order."""
+        return self._look.kernels()
+
+    @property
+    def scatters(self) -> bool:
+        """Whether a look adds to vertices triangle by triangle, which can be shared out."""
+        return isinstance(self._look, ScatteredLook)
+
+    def forget(self, items: Sequence[int]) -> None:
+        """Leaves the vertices of these items no leeway, till the next look."""
+        some, starts = np.sort(np.asarray(items, dtype=np.int64)), self._model.item_start
+        for run in np.split(some, np.flatnonzero(np.diff(some) != 1) + 1):  # neighbours in one go
+            for part, none in self._none if len(run) else []:
+                part[starts[run[0]] : starts[run[-1] + 1]].fill_(none)
+
+    def look_up(self, step: Any, cloth: Any) -> None:
+        """Launches a look at the cloth as it lies; ``step`` is a kernels.base.types Step."""
+        self._look.launch(step, cloth)
+
+
+class _Gathered:
+    """A look that sums at each vertex what bounds its step."""
+
+    def __init__(
+        self,
+        model: ClothModel,
+        numbering: Numbering | None = None,
+        packed: bool = False,
+        at_work: AtWork | None = None,
+    ) -> None:
+        types, terms = cloth_types(model.precision), model.terms
+        self._model, self._at_work = model, at_work or AtWork(model)
+        self._kernels = leeway_kernels(model.precision, terms, packed, in_order=numbering is not None)
+        self._numbering = numbering or Numbering(None, model.vertex_count)
+        self._edges, self._triangles = model.edges, model.triangles
+        self._numbers: list[wp.array] = []
+        if numbering is not None:
+            self._edges = self._numbered(types.Edges, model.edges, "ends", wp.vec2i)
+            self._triangles = self._numbered(types.Triangles, model.triangles, "corners", wp.vec3i)
+        self._normals = NormalsPass(model, packed=packed, some=self._at_work.triangles) if terms.folds else None
+        edges = model.edge_count if terms.folds else 0
+        self._bound = wp.empty(edges, dtype=types.real, device=model.device)
+        self._rows = types.Rows()
+        if terms.edges:
+            ends = [garment.ends for garment in model.garments]
+            self._rows.edge_start, self._rows.edge = self._rows_of(ends, lambda entries: entries // 2, 2)
+        if terms.folds or terms.threads:
+            corners = [garment.corners for garment in model.garments]
+            self._rows.triangle_start, self._rows.triangle = self._rows_of(corners)
+
+    def _rows_of(
+        self, tables: Sequence[Indices], told: Callable[[Indices], Indices] = lambda entries: entries, each: int = 1
+    ) -> tuple[wp.array, wp.array]:
+        """Where each vertex's entries start, and what is ``told`` of them, of the garments' tables end to end.
+
+        ``each``: how many entries are told alike.
+        """
+        own = [self._numbering.part(*ends) for ends in itertools.pairwise(self._model.vertex_start)]
+        keys = [(id(table), part.key) for table, part in zip(tables, own, strict=True)]
+        distinct = dict(zip(keys, zip(tables, own, strict=True), strict=True))
+
+        def rows(garment: tuple[Indices, Numbering]) -> tuple[Indices, Indices]:
+            table, part = garment
+            start, order = ragged_rows(table.ravel(), part.count)
+            start, entries = part.lists(start, order.astype(np.int32))
+            return start[:-1].astype(np.int32), told(entries)
+
+        sorted_once = dict(zip(distinct, map_in_threads(rows, distinct.values()), strict=True))
+        starts, orders = zip(*(sorted_once[key] for key in keys), strict=True)
+        first = np.cumsum([0, *(len(order) for order in orders)])
+        lay = partial(joined, dtype=wp.int32, device=self._model.device)
+        end = np.zeros(1, dtype=np.int32)
+        return lay([*starts, end], starts=first.tolist()), lay(orders, starts=(first // each).tolist())
+
+    def _numbered(self, kind: Any, elements: Any, name: str, dtype: Any) -> Any:
+        """The model's edges or triangles by other numbers of their vertices."""
+        found, given, device = kind(), getattr(elements, name), self._model.device
+        for each in kind.vars:
+            setattr(found, each, getattr(elements, each))
+        size = wp.types.type_size_in_bytes(dtype) // wp.types.type_size_in_bytes(wp.int32)
+        flat = wp.array(ptr=given.ptr, dtype=wp.int32, shape=size * len(given), device=device)
+        numbers = self._uploaded(self._numbering.rank)[flat].contiguous()
+        setattr(found, name, wp.array(ptr=numbers.ptr, dtype=dtype, shape=given.shape, device=device))
+        self._numbers.append(numbers)  # which that lies in
+        return found
+
+    def _uploaded(self, numbers: NDArray[np.int32]) -> wp.array:
+        return wp.array(numbers, dtype=wp.int32, device=self._model.device)
+
+    def kernels(self) -> list[wp.Kernel]:
+        folds = [self._normals.kernel, self._kernels.bound_folds] if self._normals is not None else []
+        return [*folds, self._kernels.find_leeway]
+
+    def launch(self, step: Any, cloth: Any) -> None:
+        device, at_work = self._model.device, self._at_work
+        if self._normals is not None:
+            self._normals.launch(step, cloth, self._triangles)
+            edges = at_work.edges
+            read = [edges.groups, cloth, self._edges, self._normals.normal, step, self._bound]
+            wp.launch(self._kernels.bound_folds, dim=edges.size, inputs=read, device=device)
+        vertices = at_work.vertices
+        read = [vertices.groups, cloth, self._edges, self._triangles, self._rows, self._bound, step]
+        wp.launch(self._kernels.find_leeway, dim=vertices.size, inputs=read, device=device)
+
+
+class ScatteredLook:
+    """A look at woven cloth, or a ``span`` of it, that adds eight triangles' bounds at a time to their corners'."""
+
+    def __init__(self, model: ClothModel, span: slice = slice(None)) -> None:
+        types, terms = cloth_types(model.precision), model.terms
+        self._model = model
+        self._kernels = eight_leeway_kernels(model.precision, terms)
+        self._normals = NormalsPass(model) if terms.folds else None
+        self._edges = eight_edges_kernel(model.precision, "leeway", terms)  # that only bend: nothing is added
+        edges = model.edge_count if terms.folds else 0
+        self._fold = wp.empty(edges, dtype=types.vec4, device=model.device)
+        self._bounds = [wp.zeros(model.vertex_count, dtype=types.vec4, device=model.device) for _ in range(2)]
+        self._own_bounds = [bounds[span] for bounds in self._bounds]
+
+    def kernels(self) -> list[wp.Kernel]:
+        folds = [self._normals.kernel, self._edges] if self._normals is not None else []
+        return [*folds, self._kernels.begin_bounds, self._kernels.sum_bounds, self._kernels.take_bounds]
+
+    def launch(self, step: Any, cloth: Any, own: Any = None) -> None:
+        """Launches it; ``own`` are the vertices of the span alone, where that is not all."""
+        model, device, kernels = self._model, self._model.device, self._kernels
+        if self._normals is not None:
+            self._normals.launch(step, cloth)
+            asked = [cloth, model.edges, self._normals.normal, step, self._fold, self._bounds[0]]
+            wp.launch(self._edges, dim=pass_size(model.edge_count, True), inputs=asked, device=device)
+        every, count = [cloth if own is None else own, *self._own_bounds], len(self._own_bounds[0])
+        wp.launch(kernels.begin_bounds, dim=count, inputs=every, device=device)
+        asked = [cloth, model.triangles, self._fold, step, *self._bounds]
+        wp.launch(kernels.sum_bounds, dim=pass_size(model.triangle_count, True), inputs=asked, device=device)
+        wp.launch(kernels.take_bounds, dim=count, inputs=every, device=device)

@@ -1,0 +1,179 @@
+"""Iterations that several threads of the host run side by side, each of its share; the same bits as of one thread."""
+
+from __future__ import annotations
+
+import concurrent.futures
+import ctypes
+import os
+import time
+from collections.abc import Sequence
+from typing import Any
+
+import warp as wp
+
+from warp_cloth.base.threads import core_count
+from warp_cloth.kernels.base.types import cloth_types
+from warp_cloth.kernels.passes.domains import APART, NAP, meet_threads, sharing_kernels
+from warp_cloth.model.model import ClothModel
+from warp_cloth.solver.anisotropic_step import Leeway, ScatteredLook
+from warp_cloth.solver.domains import Share, cut_model
+from warp_cloth.solver.forces import ForcePass, pass_size
+
+LEAST = 1500  # vertices of a share: with fewer, starting and waiting take as long as they save
+MOST = 8  # threads, where none are asked for
+PATIENCE = 120.0  # [s] at least that a thread waits for another one, for what takes milliseconds
+AT_WORK = 2 / 3  # share of the time that threads must have their cores, or they wait for each other in vain
+LONGEST_PAUSE = 64  # chunks
+
+
+def thread_count(asked: int | None, vertex_count: int) -> int:
+    """How many threads iterate so many vertices on a CPU; ``asked`` at most, None: as many as are worth their while."""
+    if os.name != "posix":
+        return 1
+    return max(1, min(MOST if asked is None else asked, core_count(), vertex_count // LEAST))
+
+
+class Together:
+    """The shares of a relaxation's model, and the threads that iterate them.
+
+    Between chunks of iterations the model has everything: each begins with a copy of the shares and ends with one back.
+    """
+
+    def __init__(self, model: ClothModel, count: int, fourth: str, move: wp.Kernel, leeway: Leeway | None) -> None:
+        self._model, self._move, self._leeway = model, move, leeway
+        looks = leeway is not None and leeway.scatters
+        self._kernels = sharing_kernels(model.precision)
+        self._shares = [_Working(share, fourth, looks=looks) for share in cut_model(model, count)]
+        self._arrivals = wp.zeros(APART * (1 + count), dtype=wp.int32, device=model.device)
+        self._usleep = ctypes.cast(ctypes.CDLL(None).usleep, ctypes.c_void_p).value
+        self._pool = concurrent.futures.ThreadPoolExecutor(count - 1)
+        self._pause = Pause()
+        self._others: list[concurrent.futures.Future[float]] = []  # of the last chunk that was iterated together
+        self._at_work, self._seconds = 0.0, 0.0  # of this thread in it
+
+    @property
+    def count(self) -> int:
+        """How many threads."""
+        return len(self._shares)
+
+    @property
+    def looks_first(self) -> bool:
+        """Whether leeway is looked up by one thread, before a chunk of iterations only."""
+        return self._leeway is not None and not self._leeway.scatters
+
+    def kernels(self) -> list[wp.Kernel]:
+        """The kernels that a chunk launches besides those of one thread."""
+        return [self._kernels.take_share, meet_threads, self._kernels.give_share]
+
+    def capture(self, step: Any, collider_data: Any, looks: Sequence[bool]) -> list[Any]:
+        """A graph of iterations for every share; ``looks``: before which of them leeway is looked up."""
+        graphs = []
+        for number in range(self.count):
+            with wp.ScopedCapture(device=self._model.device) as capture:
+                self._iterate(number, step, collider_data, looks)
+            graphs.append(capture.graph)
+        return graphs
+
+    def _iterate(self, number: int, step: Any, collider_data: Any, looks: Sequence[bool]) -> None:
+        """Launches iterations of a share."""
+        working, model, device = self._shares[number], self._model, self._model.device
+        share, size = working.share, len(working.share.order)
+        taken, given = [share.order, model.cloth, share.own], [share.order, share.own, model.cloth]
+        if self.looks_first and looks[0]:
+            if self._leeway is not None and number == 0:
+                self._leeway.look_up(step, model.cloth)
+            self._meet(number)
+        wp.launch(self._kernels.take_share, dim=size, inputs=taken, device=device)
+        self._meet(number)
+        for look in looks:
+            if look and working.look is not None:
+                working.look.launch(step, share.model.cloth, share.own)
+            working.forces.launch(step)
+            self._meet(number)
+            inputs = [step, collider_data, working.load, share.own]
+            wp.launch(self._move, dim=pass_size(size, True), inputs=inputs, device=device)
+            self._meet(number)
+        wp.launch(self._kernels.give_share, dim=size, inputs=given, device=device)
+        self._meet(number)
+
+    def _meet(self, number: int) -> None:
+        inputs = [self._arrivals, number, self._usleep, round(PATIENCE / (1e-6 * NAP))]
+        wp.launch(meet_threads, dim=1, inputs=inputs, device=self._model.device)
+
+    def pays(self) -> bool:
+        """Whether the next chunk is to be iterated together: not for a while where cores were busy with other work."""
+        self._end()
+        return self._pause.over()
+
+    def run(self, graphs: Sequence[Any]) -> None:
+        """Replays the graphs of the shares side by side; they end with a meeting, so that none is waited for here."""
+        self._check()
+        began = time.perf_counter()
+        try:
+            for graph in graphs[1:]:
+                self._others.append(self._pool.submit(self._replay, graph))
+            self._at_work = self._replay(graphs[0])
+        except BaseException:
+            self._give_up()
+            concurrent.futures.wait(self._others)
+            raise
+        self._seconds = time.perf_counter() - began
+        self._check()
+
+    def _replay(self, graph: Any) -> float:
+        """Replays a graph; the seconds that its thread had a core."""
+        began = time.thread_time()
+        try:
+            wp.capture_launch(graph)
+        except BaseException:
+            self._give_up()
+            raise
+        return time.thread_time() - began
+
+    def _give_up(self) -> None:
+        """Lets nobody wait for what does not come."""
+        self._arrivals.numpy()[0] = 1
+
+    def _check(self) -> None:
+        if self._arrivals.numpy()[0]:
+            for other in self._others:
+                other.result()  # raises what went wrong there
+            raise RuntimeError(f"a thread waited {PATIENCE:.0f} s for another one; choose solver.threads = 1")
+
+    def _end(self) -> None:
+        """Looks at how the last chunk went, whose threads have ended by now."""
+        if self._others:
+            at_work = self._at_work + sum(other.result() for other in self._others)
+            self._others.clear()
+            self._pause.tell(at_work / (self.count * self._seconds))
+
+
+class Pause:
+    """When threads go together again that had to wait for each other: a pause twice as long each time that they do."""
+
+    def __init__(self) -> None:
+        self._left, self._next = 0, 1
+
+    def over(self) -> bool:
+        """Whether they are to go together now; else one chunk less is left of the pause."""
+        self._left = max(self._left - 1, -1)
+        return self._left < 0
+
+    def tell(self, at_work: float) -> None:
+        """Notes what share of the time the threads had their cores."""
+        if at_work >= AT_WORK:
+            self._next = max(self._next // 2, 1)
+        else:
+            self._left, self._next = self._next, min(2 * self._next, LONGEST_PAUSE)
+
+
+class _Working:
+    """What a thread needs to iterate its share."""
+
+    def __init__(self, share: Share, fourth: str, *, looks: bool) -> None:
+        model = share.model
+        load = wp.zeros(model.vertex_count, dtype=cloth_types(model.precision).vec4, device=model.device)
+        self.share = share
+        self.load = load[share.span]
+        self.forces = ForcePass(model, fourth, load)
+        self.look = ScatteredLook(model, share.span) if looks else None
