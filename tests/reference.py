@@ -16,9 +16,9 @@ from warp_cloth.garment.rest import RestShape
 from warp_cloth.kernels.base.types import cloth_types
 from warp_cloth.kernels.elements.stiffness import stiffness_kernels, stiffness_types
 from warp_cloth.model.model import build_model
-from warp_cloth.solver.couplings import build_pairs
+from warp_cloth.solver.certificate.strains import element_energies
 from warp_cloth.solver.forces import ForcePass
-from warp_cloth.solver.strains import element_energies
+from warp_cloth.solver.implicit.vertex_pairs import build_pairs
 
 UNBALANCED = 3e-4  # vertex weights, rms; of the small garments here within 3 micrometres of ten times less
 

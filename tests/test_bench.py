@@ -20,7 +20,7 @@ from warp_cloth.bench.trials import SUPPORT_RADIUS, drape, drape_coefficient, dr
 from warp_cloth.cli.main import app
 from warp_cloth.garment.triangles import triangle_areas
 from warp_cloth.material.fabric import fabric_named
-from warp_cloth.solver.certificate import Tolerance
+from warp_cloth.solver.certificate.certifier import Tolerance
 from warp_cloth.solver.relax import StepOptions
 
 MESH_TOLERANCE = 1.0  # [points], of drape; half a coarse edge beyond the rim or the support would make 5

@@ -13,7 +13,7 @@ from warp_cloth.garment.rest import build_rest_shape
 from warp_cloth.kernels.avatar.closest import MeshCollider, mesh_contact
 from warp_cloth.material.fabric import Fabric
 from warp_cloth.shapes import sphere
-from warp_cloth.solver.certificate import CONTACT_SLACK, Certifier
+from warp_cloth.solver.certificate.certifier import CONTACT_SLACK, Certifier
 from warp_cloth.solver.relax import Collider, Relaxation, StepOptions
 
 OFFSET = 0.003  # [m]

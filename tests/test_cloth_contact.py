@@ -16,7 +16,7 @@ from warp_cloth.contact.arrays import LEAST_THICKNESS
 from warp_cloth.contact.cloth import ClothTouch
 from warp_cloth.contact.crossing import find_crossings
 from warp_cloth.contact.sheets import SheetKind
-from warp_cloth.solver.certificate import Certifier, Tolerance
+from warp_cloth.solver.certificate.certifier import Certifier, Tolerance
 from warp_cloth.solver.contact_schedule import Course
 from warp_cloth.solver.loop import Goal, relax_items
 from warp_cloth.solver.relax import Collider, Relaxation, StepOptions

@@ -18,7 +18,7 @@ from warp_cloth.fitting.problem import SetUp, following, set_up_one
 from warp_cloth.kernels.base.types import cloth_types
 from warp_cloth.model.result import Status
 from warp_cloth.scene import load_scene
-from warp_cloth.solver.certificate import Tolerance
+from warp_cloth.solver.certificate.certifier import Tolerance
 from warp_cloth.solver.loop import relax_to_rest
 
 LIMIT = 8000  # iterations; they take 1,800 to 5,700

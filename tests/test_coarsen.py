@@ -11,7 +11,7 @@ from cloths import grid
 from warp_cloth.base.mesh import Mesh
 from warp_cloth.scene.shapes import TshirtShape
 from warp_cloth.shapes import build_garment
-from warp_cloth.solver.coarsen import Coarse, coarsen, rest_pattern
+from warp_cloth.solver.implicit.coarsen import Coarse, coarsen, rest_pattern
 
 ROUNDING = 1e-12
 MESH = grid(21, 1.0)

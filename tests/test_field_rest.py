@@ -6,7 +6,7 @@ import numpy as np
 
 import warp_cloth
 from warp_cloth.fitting.problem import following, set_up_one
-from warp_cloth.solver.certificate import Look, Tolerance
+from warp_cloth.solver.certificate.certifier import Look, Tolerance
 from warp_cloth.solver.loop import Goal, relax_items
 
 # Felt is too stiff to choose between folds. Where softer cloth falls from one fold into another the residual leaps, at

@@ -15,7 +15,7 @@ from warp_cloth.garment.rest import build_rest_shape
 from warp_cloth.material.fabric import resolve_fabric
 from warp_cloth.model.model import ClothModel
 from warp_cloth.model.patches import on_device
-from warp_cloth.solver.strains import element_energies
+from warp_cloth.solver.certificate.strains import element_energies
 
 # Central differences of fourth order with a step of 1e-3 of the shape's own detail leave a truncation near 1e-9 and
 # a rounding near 1e-10 in float64; the issue asks for 1e-6.

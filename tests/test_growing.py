@@ -11,7 +11,7 @@ from warp_cloth.fitting.problem import SetUp, set_up_one, tolerance_of
 from warp_cloth.kernels.certificate.summary import ONCE
 from warp_cloth.model.result import Residual
 from warp_cloth.scene import load_scene
-from warp_cloth.solver.certificate import Check, Tolerance
+from warp_cloth.solver.certificate.certifier import Check, Tolerance
 
 STEP = 1e-5  # [m]
 ROUNDING = 1e-12  # [m], of float64 positions near 1 m

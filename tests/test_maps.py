@@ -29,7 +29,7 @@ from warp_cloth.maps.strain import face_strains, vertex_areas, vertex_means
 from warp_cloth.material.constants import even_network
 from warp_cloth.material.fabric import Fabric
 from warp_cloth.shapes import MannequinMeasures, mannequin, sphere, tshirt
-from warp_cloth.solver.certificate import Certifier
+from warp_cloth.solver.certificate.certifier import Certifier
 from warp_cloth.solver.relax import Collider, Relaxation, StepOptions
 
 ROUNDING = 1e-9  # of float64 strains

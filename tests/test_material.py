@@ -18,10 +18,10 @@ from warp_cloth.garment.rest import build_rest_shape
 from warp_cloth.kernels.base.types import cloth_types
 from warp_cloth.material.fabric import Fabric, fabric_named, resolve_fabric
 from warp_cloth.material.laboratory import MATCHED_FOLD, MATCHED_SHEAR_ANGLE, bending_length, rigidity_of_bending
-from warp_cloth.solver.certificate import Tolerance
+from warp_cloth.solver.certificate.certifier import Tolerance
+from warp_cloth.solver.certificate.strains import element_energies, measured_strains, thread_summaries
 from warp_cloth.solver.forces import ForcePass
 from warp_cloth.solver.relax import StepOptions
-from warp_cloth.solver.strains import element_energies, measured_strains, thread_summaries
 
 # 5 % is asked for on regular grids and 10 % on others. Threads are exact on all of them; the clamps, between
 # which the cloth cannot narrow, leave 1 % of the softest cloth's force.

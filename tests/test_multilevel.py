@@ -20,14 +20,14 @@ from warp_cloth.material.fabric import Fabric
 from warp_cloth.model.model import ClothModel, build_model
 from warp_cloth.model.result import Status
 from warp_cloth.scene import load_scene
-from warp_cloth.solver.certificate import Certifier, Tolerance
-from warp_cloth.solver.implicit import ImplicitOptions, Pace
+from warp_cloth.solver.certificate.certifier import Certifier, Tolerance
+from warp_cloth.solver.certificate.strains import edge_strains
+from warp_cloth.solver.implicit.coarse_garments import build_ladder
+from warp_cloth.solver.implicit.multilevel import BOUNDS, LOOK, MultilevelRelaxation
+from warp_cloth.solver.implicit.step import ImplicitOptions, Pace
 from warp_cloth.solver.loop import Outcome, relax_to_rest
-from warp_cloth.solver.multilevel import BOUNDS, LOOK, MultilevelRelaxation
 from warp_cloth.solver.reduction import launch_blocks, split
 from warp_cloth.solver.relax import TIGHTER, Collider, StepOptions
-from warp_cloth.solver.simplified import build_ladder
-from warp_cloth.solver.strains import edge_strains
 
 MOST_GROWTH = 2.0  # of the iterations where the vertices become 10 times as many; one level needs 3 times as many
 LIMIT = 10_000

@@ -18,9 +18,9 @@ from warp_cloth.garment.rest import build_rest_shape
 from warp_cloth.material.fabric import Fabric
 from warp_cloth.model.model import build_model
 from warp_cloth.model.result import Status
-from warp_cloth.solver.certificate import Certifier, Tolerance
+from warp_cloth.solver.certificate.certifier import Certifier, Tolerance
+from warp_cloth.solver.implicit.multilevel import relaxation_by
 from warp_cloth.solver.loop import relax_to_rest
-from warp_cloth.solver.multilevel import relaxation_by
 from warp_cloth.solver.relax import Collider, Method, StepOptions
 
 APART = 1e-4  # [m, rms], what issue 3 asks of a garment that touches nothing

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from warp_cloth.model.result import Residual
-from warp_cloth.solver.certificate import residual_summary
+from warp_cloth.solver.certificate.certifier import residual_summary
 
 
 @pytest.mark.parametrize("count", [1, 2, 3, 50, 101, 200, 7420])

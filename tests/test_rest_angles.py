@@ -20,11 +20,11 @@ from warp_cloth.material.fabric import Fabric, fabric_named
 from warp_cloth.model.model import ClothModel
 from warp_cloth.model.result import Status
 from warp_cloth.scene import load_scene
-from warp_cloth.solver.certificate import Certifier, Tolerance
+from warp_cloth.solver.certificate.certifier import Certifier, Tolerance
+from warp_cloth.solver.certificate.strains import element_energies
 from warp_cloth.solver.forces import ForcePass
 from warp_cloth.solver.loop import relax_to_rest
 from warp_cloth.solver.relax import Collider, Relaxation, StepOptions
-from warp_cloth.solver.strains import element_energies
 
 FLAT = grid(5, 0.2)
 BOARD = Fabric(stretch_warp=2e3, stretch_weft=2e3, bending_warp=1e-5, bending_weft=1e-5)  # it turns soon

@@ -9,7 +9,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from warp_cloth.solver.rest_error import Mark, RestError, rest_error
+from warp_cloth.solver.certificate.rest_error import Mark, RestError, rest_error
 
 STEP = 100  # iterations between two looks
 AWAY = np.array([[0.3, -0.2, 0.1], [0.1, 0.4, 0.2], [-0.1, 0.0, 0.5]])  # [m], from rest at the start

@@ -14,10 +14,10 @@ from warp_cloth.kernels.implicit.coarse_levels import level_kernels, level_types
 from warp_cloth.kernels.passes.step import NoCollider
 from warp_cloth.material.fabric import Fabric
 from warp_cloth.model.model import ClothModel
-from warp_cloth.solver.couplings import build_pairs
-from warp_cloth.solver.hierarchy import build_hierarchy
-from warp_cloth.solver.implicit import ImplicitOptions, ImplicitStep
-from warp_cloth.solver.simplified import build_ladder
+from warp_cloth.solver.implicit.coarse_garments import build_ladder
+from warp_cloth.solver.implicit.coarse_levels import build_hierarchy
+from warp_cloth.solver.implicit.step import ImplicitOptions, ImplicitStep
+from warp_cloth.solver.implicit.vertex_pairs import build_pairs
 
 DIFFERENCE = 1e-6
 ROUNDING = 1e-12
@@ -110,7 +110,7 @@ def test_coarse_blocks_are_those_of_the_dense_product() -> None:
     dense = np.einsum("ia,iujv,ja->auv", follow, fine, follow, optimize=True)
     found = step._block[0].numpy()
     expected = np.stack([dense[:, a, b] for a, b in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))], axis=1)
-    # weights below hierarchy.SMALLEST are left out
+    # weights below coarse_levels.SMALLEST are left out
     assert found == pytest.approx(expected, abs=1e-3 * np.abs(expected).max())
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from warp_cloth.fitting.problem import set_up
 from warp_cloth.garment.scene_garments import open_wardrobe
 from warp_cloth.scene import load_scene
-from warp_cloth.solver.certificate import bounds
+from warp_cloth.solver.certificate.certifier import bounds
 
 CHANGES = ["garment.shape.vertices_per_side=9", "collision.pixel_mm=10"]
 

@@ -37,9 +37,9 @@ from warp_cloth.base.mesh import Points
 from warp_cloth.base.warp_setup import start_warp
 from warp_cloth.fitting.problem import SetUp, following, set_up, set_up_one, start_coarse, tolerance_of
 from warp_cloth.scene import load_scene
-from warp_cloth.solver.certificate import Check, Tolerance
+from warp_cloth.solver.certificate.certifier import Check, Tolerance
+from warp_cloth.solver.implicit.multilevel import MultilevelRelaxation
 from warp_cloth.solver.loop import relax_to_rest
-from warp_cloth.solver.multilevel import MultilevelRelaxation
 from warp_cloth.study.methods_scenes import KINDS, SIZES, STIFFNESS, Case, case_tree
 
 WITHIN_MM = {"hanging": 0.1, "strip": 0.1, "ball": 0.5}  # rms

@@ -32,7 +32,7 @@ from warp_cloth.contact.crossing import find_crossings
 from warp_cloth.fitting.problem import SetUp, following, set_up, tolerance_of
 from warp_cloth.garment.scene_garments import Wardrobe, open_wardrobe
 from warp_cloth.scene import Scene, load_scene
-from warp_cloth.solver.certificate import Tolerance
+from warp_cloth.solver.certificate.certifier import Tolerance
 from warp_cloth.solver.loop import relax_to_rest
 
 NEVER = Tolerance(0.0, 0.0, 0.0)

@@ -25,7 +25,7 @@ from warp_cloth.base.warp_setup import start_warp
 from warp_cloth.fitting.problem import SetUp, following, kind_of, tolerance_of
 from warp_cloth.garment.scene_garments import Rack, open_wardrobe
 from warp_cloth.scene import Scene, load_scene
-from warp_cloth.solver.certificate import Look
+from warp_cloth.solver.certificate.certifier import Look
 from warp_cloth.solver.loop import Goal, relax_items
 
 FURTHER = 1000  # iterations

@@ -15,8 +15,8 @@ import numpy as np
 import warp as wp
 
 from warp_cloth.base.warp_setup import start_warp
+from warp_cloth.solver.implicit.multilevel import MultilevelRelaxation
 from warp_cloth.solver.loop import CHUNK
-from warp_cloth.solver.multilevel import MultilevelRelaxation
 from warp_cloth.study.launches import launches_of
 from warp_cloth.study.methods import prepared
 from warp_cloth.study.methods_scenes import SIZES, Case

@@ -18,7 +18,7 @@ from warp_cloth.fitting.problem import SetUp, set_up
 from warp_cloth.garment.scene_garments import Wardrobe
 from warp_cloth.scene import Scene, load_scene
 from warp_cloth.shapes.measures import SIZE_BODIES
-from warp_cloth.solver.certificate import Tolerance
+from warp_cloth.solver.certificate.certifier import Tolerance
 
 SHARED = Path(os.environ.get("WARP_CLOTH_DATA", Path(__file__).parents[3] / "shared" / "data"))
 NEVER = Tolerance(0.0, 0.0, 0.0)

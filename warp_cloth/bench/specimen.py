@@ -16,10 +16,10 @@ from warp_cloth.garment.part import GarmentPart
 from warp_cloth.garment.rest import GRAVITY, Floats, build_rest_shape
 from warp_cloth.kernels.base.types import cloth_types
 from warp_cloth.model.model import build_model
-from warp_cloth.solver.certificate import Certifier, Check, Tolerance
+from warp_cloth.solver.certificate.certifier import Certifier, Check, Tolerance
 from warp_cloth.solver.forces import ForcePass
+from warp_cloth.solver.implicit.multilevel import MultilevelRelaxation, relaxation_by
 from warp_cloth.solver.loop import Goal, relax_items
-from warp_cloth.solver.multilevel import MultilevelRelaxation, relaxation_by
 from warp_cloth.solver.relax import Collider, StepOptions
 
 if TYPE_CHECKING:

@@ -14,7 +14,7 @@ from PIL import Image, ImageDraw
 from warp_cloth.base.mesh import Indices, Mesh, Points
 from warp_cloth.bench.specimen import Settled, Specimen
 from warp_cloth.bench.swatch import along, disc, on_finer_disc
-from warp_cloth.solver.certificate import Tolerance
+from warp_cloth.solver.certificate.certifier import Tolerance
 from warp_cloth.solver.relax import StepOptions
 
 if TYPE_CHECKING:

@@ -16,7 +16,7 @@ from warp_cloth.maps.colour import shown_value
 from warp_cloth.maps.kinds import MAPS
 from warp_cloth.report.advice import advice, notes_of
 from warp_cloth.report.status import figure
-from warp_cloth.solver.rest_error import GROWING
+from warp_cloth.solver.certificate.rest_error import GROWING
 
 
 def write_report_page(path: Path, name: str, report: Mapping[str, Any], pictures: Mapping[str, Path]) -> None:

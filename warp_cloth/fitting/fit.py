@@ -45,9 +45,9 @@ from warp_cloth.report.status import (
     verdict,
 )
 from warp_cloth.scene import Scene, load_scene
-from warp_cloth.solver.certificate import Check
+from warp_cloth.solver.certificate.certifier import Check
+from warp_cloth.solver.certificate.strains import Strains, measured_strains, strain_summary, thread_summaries
 from warp_cloth.solver.loop import Outcome, relax_to_rest
-from warp_cloth.solver.strains import Strains, measured_strains, strain_summary, thread_summaries
 
 MOST_FRAMES = 10_000  # shapes on the way; of a garment of 10,000 vertices that is 1.2 GB
 

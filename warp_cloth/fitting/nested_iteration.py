@@ -17,11 +17,11 @@ from warp_cloth.base.mesh import Points, vertex_normals
 from warp_cloth.garment.part import GarmentPart
 from warp_cloth.model.model import ClothModel, build_model
 from warp_cloth.model.result import Status
-from warp_cloth.solver.certificate import Certifier, Tolerance
+from warp_cloth.solver.certificate.certifier import Certifier, Tolerance
+from warp_cloth.solver.implicit.coarse_garments import Ladder, carried
+from warp_cloth.solver.implicit.multilevel import MultilevelRelaxation
 from warp_cloth.solver.loop import Boxes, Follow, relax_to_rest
-from warp_cloth.solver.multilevel import MultilevelRelaxation
 from warp_cloth.solver.relax import Collider
-from warp_cloth.solver.simplified import Ladder, carried
 
 if TYPE_CHECKING:
     from warp_cloth.avatar.collider import AvatarContact

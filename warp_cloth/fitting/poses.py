@@ -14,7 +14,7 @@ import numpy as np
 from warp_cloth.avatar.collider import AvatarContact
 from warp_cloth.base.mesh import Points
 from warp_cloth.model.model import ClothModel
-from warp_cloth.solver.certificate import Certifier, Tolerance
+from warp_cloth.solver.certificate.certifier import Certifier, Tolerance
 from warp_cloth.solver.contact_schedule import Course
 from warp_cloth.solver.loop import CHUNK, Follow, relax_to_rest
 from warp_cloth.solver.relax import Relaxation

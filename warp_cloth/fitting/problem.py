@@ -25,13 +25,13 @@ from warp_cloth.garment.part import terms_of
 from warp_cloth.garment.scene_garments import Rack, Wardrobe, open_wardrobe
 from warp_cloth.model.model import ClothModel, build_model
 from warp_cloth.scene import Scene
-from warp_cloth.solver.certificate import Certifier, Tolerance
+from warp_cloth.solver.certificate.certifier import Certifier, Tolerance
+from warp_cloth.solver.certificate.rest_error import GROWING
 from warp_cloth.solver.contact_schedule import Course
+from warp_cloth.solver.implicit.multilevel import MultilevelRelaxation, relaxation_by
 from warp_cloth.solver.loop import Boxes, Follow
-from warp_cloth.solver.multilevel import MultilevelRelaxation, relaxation_by
 from warp_cloth.solver.parallel_domains import thread_count
 from warp_cloth.solver.relax import Collider, Relaxation, StepOptions
-from warp_cloth.solver.rest_error import GROWING
 
 
 @dataclass(frozen=True, eq=False)

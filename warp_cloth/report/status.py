@@ -13,7 +13,7 @@ from warp_cloth.base.connected import lowest_connected
 from warp_cloth.fitting.plan import make_plan
 from warp_cloth.loading.raw import counted
 from warp_cloth.model.result import Penetration, Status, Strain
-from warp_cloth.solver.certificate import Tolerance
+from warp_cloth.solver.certificate.certifier import Tolerance
 from warp_cloth.solver.loop import Outcome
 
 if TYPE_CHECKING:

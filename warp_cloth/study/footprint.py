@@ -13,7 +13,7 @@ import warp as wp
 from warp_cloth.contact.crossing import search_bytes
 from warp_cloth.fitting.fit import SetUp
 from warp_cloth.garment.scene_garments import Wardrobe
-from warp_cloth.solver.strains import strain_bytes
+from warp_cloth.solver.certificate.strains import strain_bytes
 from warp_cloth.study.caches import cache_bytes, spilled_bytes
 from warp_cloth.study.launches import Launch, arrays_in, bytes_of, launches_of
 from warp_cloth.study.pressed import presses

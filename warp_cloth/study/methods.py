@@ -24,7 +24,7 @@ from warp_cloth.base.warp_setup import start_warp
 from warp_cloth.batch.lifeline import uninterrupted
 from warp_cloth.fitting.problem import SetUp, following, set_up_one, start_coarse, tolerance_of
 from warp_cloth.scene import load_scene
-from warp_cloth.solver.certificate import Check, Tolerance
+from warp_cloth.solver.certificate.certifier import Check, Tolerance
 from warp_cloth.solver.loop import CHUNK, relax_to_rest
 from warp_cloth.solver.relax import StepOptions
 from warp_cloth.study.methods_scenes import Case, all_cases, case_tree

@@ -19,9 +19,9 @@ from warp_cloth.fitting.problem import SetUp, following, set_up_one, tolerance_o
 from warp_cloth.model.result import Penetration, Status
 from warp_cloth.report.status import more_iterations, verdict
 from warp_cloth.scene import Scene, load_scene
+from warp_cloth.solver.certificate.strains import edge_strains, strain_summary
 from warp_cloth.solver.loop import Goal, relax_items
 from warp_cloth.solver.relax import Relaxation
-from warp_cloth.solver.strains import edge_strains, strain_summary
 
 
 @dataclass(frozen=True, eq=False)

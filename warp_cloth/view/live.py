@@ -21,7 +21,7 @@ from warp_cloth.garment.scene_garments import Rack, open_wardrobe
 from warp_cloth.maps import MAPS, measure_maps
 from warp_cloth.model.result import WornGarment
 from warp_cloth.scene import MannequinShape, Scene, TshirtShape, load_scene
-from warp_cloth.solver.certificate import Check
+from warp_cloth.solver.certificate.certifier import Check
 
 CHUNK = 20  # iterations between two pictures, where they take no longer than a picture may
 LEAST_CHUNK = 5

@@ -21,10 +21,10 @@ from warp_cloth.kernels.certificate.residual import residual_kernel
 from warp_cloth.kernels.certificate.summary import FASTER, FREE, LOWER, MOVED, RELATIVE, WAYS, WEIGHTS, keep_kernel
 from warp_cloth.model.model import ClothModel
 from warp_cloth.model.result import Residual
+from warp_cloth.solver.certificate.rest_error import GROWING, Mark, RestError, rest_error
+from warp_cloth.solver.certificate.summary import Answer, Summary
 from warp_cloth.solver.forces import ForcePass
 from warp_cloth.solver.relax import Relaxation
-from warp_cloth.solver.rest_error import GROWING, Mark, RestError, rest_error
-from warp_cloth.solver.summary import Answer, Summary
 
 # A vertex at rest on the avatar stands at the contact offset to within the rounding of a float32 distance and one
 # iteration's fall; this far above it still counts as held.

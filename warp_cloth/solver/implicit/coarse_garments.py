@@ -14,7 +14,7 @@ from warp_cloth.garment.part import GarmentPart
 from warp_cloth.garment.rest import constants_of
 from warp_cloth.material.constants import Sheet
 from warp_cloth.material.fabric import Fabric
-from warp_cloth.solver.coarsen import Coarse, Pattern, coarsen, rest_pattern
+from warp_cloth.solver.implicit.coarsen import Coarse, Pattern, coarsen, rest_pattern
 
 Floats = NDArray[np.float64]
 

@@ -15,7 +15,7 @@ from warp_cloth.base.topology import ragged_rows
 from warp_cloth.kernels.base.types import cloth_types
 from warp_cloth.kernels.implicit.coarse_levels import level_types
 from warp_cloth.model.model import ClothModel
-from warp_cloth.solver.simplified import Ladder
+from warp_cloth.solver.implicit.coarse_garments import Ladder
 
 Ints = NDArray[np.int64]
 Floats = NDArray[np.float64]

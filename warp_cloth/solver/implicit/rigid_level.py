@@ -15,7 +15,7 @@ from warp_cloth.kernels.base.types import cloth_types
 from warp_cloth.kernels.elements.stiffness import stiffness_types
 from warp_cloth.kernels.implicit.rigid_level import TOGETHER, block_kernels, turn_kernels, turn_types
 from warp_cloth.model.model import ClothModel
-from warp_cloth.solver.hierarchy import Level, Sparse, rows_of, transposed
+from warp_cloth.solver.implicit.coarse_levels import Level, Sparse, rows_of, transposed
 from warp_cloth.solver.reduction import launch_blocks, launch_rows, split
 
 # Vertices of the level that turns, at most, and as a share of all: its rounds count as three of all vertices at most.

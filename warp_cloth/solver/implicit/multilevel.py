@@ -14,12 +14,12 @@ from numpy.typing import NDArray
 from warp_cloth.garment.part import GarmentPart
 from warp_cloth.kernels.certificate.residual import energy_kernels
 from warp_cloth.model.model import ClothModel
-from warp_cloth.solver.couplings import build_pairs
-from warp_cloth.solver.hierarchy import build_hierarchy
-from warp_cloth.solver.implicit import ImplicitOptions, ImplicitStep, Pace
+from warp_cloth.solver.certificate.strains import edge_strains
+from warp_cloth.solver.implicit.coarse_garments import Ladder, build_ladder
+from warp_cloth.solver.implicit.coarse_levels import build_hierarchy
+from warp_cloth.solver.implicit.step import ImplicitOptions, ImplicitStep, Pace
+from warp_cloth.solver.implicit.vertex_pairs import build_pairs
 from warp_cloth.solver.relax import DEFAULT_CAP, TIGHTER, Collider, Relaxation, StepOptions
-from warp_cloth.solver.simplified import Ladder, build_ladder
-from warp_cloth.solver.strains import edge_strains
 
 if TYPE_CHECKING:
     from warp_cloth.contact.cloth import ClothTouch

@@ -12,11 +12,11 @@ from warp_cloth.garment.rest import build_rest_shape
 from warp_cloth.kernels.implicit.conjugate_gradient import conjugate_types
 from warp_cloth.material.fabric import Fabric
 from warp_cloth.model.model import ClothModel, build_model
-from warp_cloth.solver.couplings import build_pairs
-from warp_cloth.solver.hierarchy import Level, build_hierarchy
+from warp_cloth.solver.implicit.coarse_garments import build_ladder
+from warp_cloth.solver.implicit.coarse_levels import Level, build_hierarchy
+from warp_cloth.solver.implicit.rigid_level import FOLLOWED, SHARE, Turning, followed, joined, turning_level
+from warp_cloth.solver.implicit.vertex_pairs import build_pairs
 from warp_cloth.solver.reduction import split
-from warp_cloth.solver.rigid_level import FOLLOWED, SHARE, Turning, followed, joined, turning_level
-from warp_cloth.solver.simplified import build_ladder
 
 COUNT = 25  # vertices along a side
 

@@ -17,8 +17,8 @@ from warp_cloth.material.fabric import Fabric, shipped_fabrics
 from warp_cloth.model.result import Status
 from warp_cloth.scene.shapes import TshirtShape
 from warp_cloth.shapes import build_garment
-from warp_cloth.solver import simplified
-from warp_cloth.solver.simplified import LIMP, Ladder, build_ladder, carried, limp_fabric
+from warp_cloth.solver.implicit import coarse_garments
+from warp_cloth.solver.implicit.coarse_garments import LIMP, Ladder, build_ladder, carried, limp_fabric
 
 ROUNDING = 1e-12
 AREA = 0.01  # what a coarse outline may lose of a T-shirt's curved seams, as a share of its area
@@ -85,7 +85,7 @@ def test_what_is_carried_from_a_bent_cloth_is_round(monkeypatch: pytest.MonkeyPa
         return float(np.sqrt(np.mean(np.sum(way**2, axis=1))))
 
     rounded = off()
-    monkeypatch.setattr(simplified, "ROUND", 0.0)
+    monkeypatch.setattr(coarse_garments, "ROUND", 0.0)
     assert rounded < ROUNDER * off()
 
 

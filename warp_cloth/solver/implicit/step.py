@@ -22,11 +22,11 @@ from warp_cloth.kernels.implicit.coarse_levels import COARSEST, level_kernels, l
 from warp_cloth.kernels.implicit.conjugate_gradient import conjugate_kernels, conjugate_types
 from warp_cloth.kernels.implicit.step import implicit_kernels
 from warp_cloth.model.model import ClothModel
-from warp_cloth.solver.couplings import PairTable
 from warp_cloth.solver.forces import ForcePass
-from warp_cloth.solver.hierarchy import Level, coarsest
+from warp_cloth.solver.implicit.coarse_levels import Level, coarsest
+from warp_cloth.solver.implicit.rigid_level import Turning, turning_level
+from warp_cloth.solver.implicit.vertex_pairs import PairTable
 from warp_cloth.solver.reduction import launch_blocks, launch_rows, split
-from warp_cloth.solver.rigid_level import Turning, turning_level
 
 PART = 64  # vertices that a block works on, of a garment that is not large
 FEW = 512  # vertices of a level, that a single block works on along with all below: each launch takes as long
