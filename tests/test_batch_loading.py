@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from warp_cloth.base.cache import Kept
+from warp_cloth.base.cache import Cache
 from warp_cloth.base.errors import InputError
 from warp_cloth.batch import shared_results as common
 from warp_cloth.batch import warm_kernels as ahead
@@ -161,7 +161,7 @@ def test_what_cannot_be_kept_for_others_or_read_is_worked_out_again(
 def _forks_helpers(connection: Connection) -> None:
     """As a worker does: tells of each scene whether its garment is as alone, and lies in what it shares."""
     shelf, rack = Shelf(2, fork=True), Rack()
-    shelf.loaders.fill(rack, scenes(), Kept())
+    shelf.loaders.fill(rack, scenes(), Cache())
     alike = []
     for scene in scenes():
         part, own = open_wardrobe(scene, rack).parts[0], open_wardrobe(scene).parts[0]
@@ -245,8 +245,8 @@ def test_the_same_panels_on_two_bodies_have_the_same_constants_worked_out_once(
         for girth in (0.92, 1.0)
         for fabric in ("silk", "jersey", "denim")
     ]
-    rack, kept = Rack(), Kept()
-    loaders.fill(rack, several, kept)
+    rack, cache = Rack(), Cache()
+    loaders.fill(rack, several, cache)
     parts = [open_wardrobe(scene, rack).parts[0] for scene in several]
     for scene, part in zip(several, parts, strict=True):
         own = open_wardrobe(scene).parts[0]
@@ -260,16 +260,16 @@ def test_the_same_panels_on_two_bodies_have_the_same_constants_worked_out_once(
         assert (one.rest.hinge_stiffness is other.rest.hinge_stiffness) == (not pin)
     monkeypatch.setattr(cutting, "SMALLEST", SINGLE.vertices)
     monkeypatch.setattr(cutting, "_garment_tables", forbidden)
-    build_model(parts, device="cpu", precision="mixed", gathers=True, garments=[1] * len(parts), kept=kept)
+    build_model(parts, device="cpu", precision="mixed", gathers=True, garments=[1] * len(parts), cache=cache)
 
 
 def test_helpers_cut_the_patches_that_a_large_model_asks_for(loaders: Loaders, monkeypatch: pytest.MonkeyPatch) -> None:
-    several, rack, kept = scenes(), Rack(), Kept()
-    loaders.fill(rack, several, kept)
+    several, rack, cache = scenes(), Rack(), Cache()
+    loaders.fill(rack, several, cache)
     parts = [open_wardrobe(scene, rack).parts[0] for scene in several]
     monkeypatch.setattr(cutting, "SMALLEST", SINGLE.vertices)  # as if there were thousands of garments
     monkeypatch.setattr(cutting, "_garment_tables", forbidden)
-    model = build_model(parts, device="cpu", precision="mixed", gathers=True, garments=[1] * len(parts), kept=kept)
+    model = build_model(parts, device="cpu", precision="mixed", gathers=True, garments=[1] * len(parts), cache=cache)
     assert model.patches is not None
 
 

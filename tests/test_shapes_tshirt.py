@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from warp_cloth.base.cache import Kept
+from warp_cloth.base.cache import Cache
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.mesh import Mesh
 from warp_cloth.shapes import SIZE_BODIES, MannequinMeasures, tshirt
@@ -29,7 +29,7 @@ def shirts() -> dict[str, Mesh]:
 
 @pytest.fixture(scope="session")
 def patterns() -> dict[str, Pattern]:
-    return {size: tshirt_pattern(SIZE_MEASURES[size], EDGE, Kept()) for size in SIZES}
+    return {size: tshirt_pattern(SIZE_MEASURES[size], EDGE, Cache()) for size in SIZES}
 
 
 def seam_length(panel: Panel, seam: str) -> float:
@@ -154,7 +154,7 @@ def test_left_and_right_are_alike(patterns: dict[str, Pattern], size: str) -> No
 
 @pytest.mark.parametrize("edge", [0.008, 0.012, 0.025, 0.06])
 def test_panel_triangles_are_well_shaped(edge: float) -> None:
-    for panel in tshirt_pattern(SIZE_MEASURES["M"], edge, Kept()).panels:
+    for panel in tshirt_pattern(SIZE_MEASURES["M"], edge, Cache()).panels:
         smallest = angles(panel.points[panel.triangles])
         assert (smallest > 20).mean() > 0.98
         assert smallest.min() > 12

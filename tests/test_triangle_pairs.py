@@ -7,7 +7,7 @@ import pytest
 from cloths import cloth_forces, grid, model_of
 from scipy.spatial import Delaunay
 
-from warp_cloth.base.cache import Kept
+from warp_cloth.base.cache import Cache
 from warp_cloth.base.mesh import Mesh
 from warp_cloth.base.topology import build_topology
 from warp_cloth.garment.elements import garment_elements
@@ -131,7 +131,9 @@ def test_irregular_cloth_is_cut_a_little_smaller_rather_than_in_halves() -> None
     flat = np.random.default_rng(1).uniform(size=(4000, 2))
     mesh = Mesh("irregular", np.column_stack([flat, np.zeros(len(flat))]), Delaunay(flat).simplices.astype(np.int32))
     elements = garment_elements(mesh.triangles, build_rest_shape(mesh, FABRIC, rest="mesh"))
-    (tables,) = garment_patches([elements], [mesh.points], BENT, precision="mixed", kept=Kept(), size=152, paired=True)
+    (tables,) = garment_patches(
+        [elements], [mesh.points], BENT, precision="mixed", cache=Cache(), size=152, paired=True
+    )
     owned = tables.patch["owned_count"]
     assert owned.sum() == len(flat)
     assert (owned < 100).mean() < 0.2

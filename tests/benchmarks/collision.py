@@ -27,7 +27,7 @@ from warp_cloth.avatar.collider import AvatarContact
 from warp_cloth.avatar.error import NearSurface, near_surface
 from warp_cloth.avatar.exact import build_exact_collider, penetration
 from warp_cloth.avatar.solid import solid_of
-from warp_cloth.base.cache import Kept
+from warp_cloth.base.cache import Cache
 from warp_cloth.base.mesh import Indices, Mesh, Points
 from warp_cloth.base.warp_setup import start_warp
 from warp_cloth.bench.avatar import named_places, walked
@@ -151,13 +151,13 @@ def relaxed(made: SetUp, goals: Sequence[Goal], on_check: Any = None) -> list[Ou
 def posed(pose: str, pixels: Sequence[float], limit: int, device: str) -> dict[str, Any]:
     """Rest shapes of a T-shirt in a pose: by the exact collider; at every pixel anew, and from that one's."""
     exact, depth = _posed_scenes(pose, pixels, limit)
-    wardrobe, kept, start = open_wardrobe(exact), Kept(), _start(pose, device)
+    wardrobe, cache, start = open_wardrobe(exact), Cache(), _start(pose, device)
     avatar = wardrobe.avatar
     assert avatar is not None
     (rest,) = relaxed(several([exact], [wardrobe], device, [start]), [_goal(exact)])
     (again,) = relaxed(several([exact], [wardrobe], device, [rest.points]), [_goal(exact)])
     goals, wardrobes = [_goal(scene) for scene in depth], [wardrobe] * len(depth)
-    cold_made = several(depth, wardrobes, device, [start] * len(depth), kept)
+    cold_made = several(depth, wardrobes, device, [start] * len(depth), cache)
     cold = relaxed(cold_made, goals)
     rows = [
         {
@@ -172,7 +172,7 @@ def posed(pose: str, pixels: Sequence[float], limit: int, device: str) -> dict[s
     ]
     rows.append({"pose": pose, "collider": "mesh", "pixel_mm": 0.0, "buffers": ["all triangles"]})
     del cold_made
-    warm = relaxed(several(depth, wardrobes, device, [rest.points] * len(depth), kept), goals)
+    warm = relaxed(several(depth, wardrobes, device, [rest.points] * len(depth), cache), goals)
     for row, first, second in zip(rows, [*cold, rest], [*warm, again], strict=True):
         for name, outcome in (("", first), ("warm_", second)):
             depths = penetration(outcome.points, avatar, device)

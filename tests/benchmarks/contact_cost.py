@@ -25,7 +25,7 @@ import numpy as np
 import warp as wp
 from wearing import BODIES, SHARED_SHIRT, Tree, shirt
 
-from warp_cloth.base.cache import Kept
+from warp_cloth.base.cache import Cache
 from warp_cloth.base.mesh import Points
 from warp_cloth.base.warp_setup import start_warp
 from warp_cloth.contact.crossing import find_crossings
@@ -94,13 +94,13 @@ class Fits:
 
     def __init__(self, garments: str, device: str, iterations: int) -> None:
         self.scene = scene_of(garments, iterations)
-        self._device, self._kept = device, Kept()
+        self._device, self._cache = device, Cache()
         self._wardrobe: Wardrobe = open_wardrobe(self.scene)
 
     def made(self, *, contact: bool) -> SetUp:
         """The scene, ready to relax; ``contact``: of cloth with cloth."""
         scene = self.scene.model_copy(update={"collision": self.scene.collision.model_copy(update={"cloth": contact})})
-        return set_up([scene], [self._wardrobe], self._device, kept=self._kept)
+        return set_up([scene], [self._wardrobe], self._device, cache=self._cache)
 
     def rest(self, made: SetUp, iterations: int | None = None, *, by_kernel: bool = False) -> Ended:
         """Lets it come to rest, or runs so many iterations."""

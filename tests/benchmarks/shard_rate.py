@@ -67,16 +67,16 @@ def main() -> int:
         for row in rows
     ]
     shelf.begin(scenes, patches=True)
-    from warp_cloth.base.cache import Kept
+    from warp_cloth.base.cache import Cache
     from warp_cloth.batch import many
 
     watch = Watch(many)
 
     def fitted(some: list[Any]) -> tuple[list[Any], float, float]:
         """Fits of scenes whose meshes are there, and the seconds of dressing and relaxing."""
-        kept = Kept()
-        kept.put(shelf.kept.of_values())  # patches; not what was dressed
-        shelf.kept = kept
+        cache = Cache()
+        cache.add_entries(shelf.cache.portable_entries())  # patches; not what was dressed
+        shelf.cache = cache
         found = many.fit_many(some, asked.device, shelf=shelf)
         return found, *watch.taken()
 

@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from warp_cloth.base.cache import Kept
+from warp_cloth.base.cache import Cache
 from warp_cloth.base.mesh import Points
 from warp_cloth.base.warp_setup import start_warp
 from warp_cloth.fitting.problem import SetUp, set_up
@@ -59,10 +59,10 @@ def several(
     wardrobes: Sequence[Wardrobe],
     device: str,
     starts: Sequence[Points | None] = (),
-    kept: Kept | None = None,
+    cache: Cache | None = None,
 ) -> SetUp:
     """Scenes that relax together, those with ``starts`` [m] from there."""
-    made = set_up(scenes, wardrobes, device, kept=kept)
+    made = set_up(scenes, wardrobes, device, cache=cache)
     for item, points in enumerate(starts):
         if points is not None:
             made.model.set_points(points, item)

@@ -1,4 +1,4 @@
-"""What set-ups that follow one another share: worked out once, as long as what it was made of is there."""
+"""A cache of derived data, keyed by the objects that it was derived from, for problems built one after another."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, eq=False)
 class _Entry:
-    made: Any
-    of: Sequence[Any]  # kept alive, so that no other object takes its place in the key
-    size: int  # of the device's memory [bytes]
+    value: Any
+    sources: Sequence[Any]  # referenced here, so that no other object can get the same id() and thus the same key
+    size: int  # of its device memory [bytes]
 
 
-class Kept:
-    """Keeps what was made of some objects, which never change, for whoever asks for the same again.
+class Cache:
+    """Values derived from immutable objects and hashable parameters, each derived once.
 
-    What is of the host stays as long as this; of the device's memory no more than ``limit`` [bytes] is kept beyond
-    what is asked for at a time, the latest used.
+    Values in host memory stay as long as the cache. Values in device memory are evicted, least recently used first,
+    beyond ``limit`` [bytes]; see ``evict_except``.
     """
 
     def __init__(self, limit: int = 0) -> None:
@@ -30,51 +30,53 @@ class Kept:
         self._entries: dict[Hashable, _Entry] = {}
 
     @staticmethod
-    def key(name: str, of: Sequence[Any], *more: Hashable) -> Hashable:
-        """Under which something of that name is kept that is made of these objects, and of values besides."""
-        return name, *map(id, of), *more
+    def key(name: str, sources: Sequence[Any], *parameters: Hashable) -> Hashable:
+        """The key of a value called ``name``: sources count by identity, parameters by value."""
+        return name, *map(id, sources), *parameters
 
-    def once(
+    def get_or_make(
         self,
         name: str,
-        of: Sequence[Any],
+        sources: Sequence[Any],
         make: Callable[[], T],
-        *more: Hashable,
+        *parameters: Hashable,
         size: Callable[[T], int] = lambda _: 0,
     ) -> T:
-        """What was made of these objects before, or is made now; ``size`` is what it takes on the device [bytes]."""
-        key = self.key(name, of, *more)
+        """The cached value, or that of ``make()``, which is then cached; ``size`` is its device memory [bytes]."""
+        key = self.key(name, sources, *parameters)
         entry = self._entries.pop(key, None)
         if entry is None:
             made = make()
-            entry = _Entry(made, tuple(of), size(made))
-        self._entries[key] = entry  # last, as the latest used
-        found: T = entry.made
-        return found
+            entry = _Entry(made, tuple(sources), size(made))
+        self._entries[key] = entry  # at the end: most recently used
+        value: T = entry.value
+        return value
 
-    def each(self, name: str, of: Sequence[tuple[Any, ...]], make: Callable[..., T], *more: Hashable) -> list[T]:
-        """What was made of each of these, as ``once``; ``make`` is given the objects, of several ones in threads."""
-        missing = {self.key(name, given, *more): given for given in of}
-        missing = {key: given for key, given in missing.items() if key not in self._entries}
-        made = map_in_threads(lambda given: make(*given), missing.values())
-        for key, given, one in zip(missing, missing.values(), made, strict=True):
-            self._entries[key] = _Entry(one, given, 0)
-        return [self._entries[self.key(name, given, *more)].made for given in of]
+    def get_or_make_each(
+        self, name: str, sources: Sequence[tuple[Any, ...]], make: Callable[..., T], *parameters: Hashable
+    ) -> list[T]:
+        """``get_or_make`` for each tuple of sources, in order; missing values are ``make(*sources)``, in threads."""
+        missing = {self.key(name, own, *parameters): own for own in sources}
+        missing = {key: own for key, own in missing.items() if key not in self._entries}
+        made = map_in_threads(lambda own: make(*own), missing.values())
+        for key, own, value in zip(missing, missing.values(), made, strict=True):
+            self._entries[key] = _Entry(value, own, 0)
+        return [self._entries[self.key(name, own, *parameters)].value for own in sources]
 
-    def of_values(self) -> dict[Hashable, Any]:
-        """What was made of no object, but of values: what another process may keep, too."""
-        return {key: entry.made for key, entry in self._entries.items() if not entry.of}
+    def portable_entries(self) -> dict[Hashable, Any]:
+        """Values without source objects, by key: those that another process can cache, too."""
+        return {key: entry.value for key, entry in self._entries.items() if not entry.sources}
 
-    def put(self, made: Mapping[Hashable, Any]) -> None:
-        """Keeps what was made elsewhere, of values alone, and is not here."""
-        self._entries = {**{key: _Entry(each, (), 0) for key, each in made.items()}, **self._entries}
+    def add_entries(self, portable: Mapping[Hashable, Any]) -> None:
+        """Adds another process's ``portable_entries``; an entry that is here already stays."""
+        self._entries = {**{key: _Entry(value, (), 0) for key, value in portable.items()}, **self._entries}
 
     def __contains__(self, key: Hashable) -> bool:
         return key in self._entries
 
-    def make_room(self, wanted: set[Hashable]) -> None:
-        """Lets go of device memory that is not wanted now, the longest unused first, beyond the limit."""
-        spare = [key for key, entry in self._entries.items() if entry.size and key not in wanted]
+    def evict_except(self, needed: set[Hashable]) -> None:
+        """Frees device memory beyond the limit, least recently used first; ``needed`` keys stay and do not count."""
+        spare = [key for key, entry in self._entries.items() if entry.size and key not in needed]
         total = sum(self._entries[key].size for key in spare)
         for key in spare:
             if total <= self.limit:

@@ -17,7 +17,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from warp_cloth.base.cache import Kept
+from warp_cloth.base.cache import Cache
 from warp_cloth.base.mesh import Indices, Mesh
 from warp_cloth.batch.arena import Arena, Parcel
 from warp_cloth.batch.lifeline import begin_alone
@@ -100,7 +100,7 @@ class Shelf:
         """``fork`` and ``rank`` as of Loaders."""
         self.loaders = Loaders(helpers, fork=fork, rank=rank)
         self.spare: Callable[[], None] = lambda: None  # what to do where there is time, while helpers work
-        self.rack, self.kept = Rack(), Kept()
+        self.rack, self.cache = Rack(), Cache()
         self.fresh = True  # whether its process has fitted nothing yet
 
     def begin(self, scenes: Sequence[Scene], *, patches: bool, common: Path | None = None) -> None:
@@ -110,7 +110,7 @@ class Shelf:
     def tidied(self) -> Shelf:
         """The shelf, emptied where it holds too much."""
         if self.rack.vertex_count > MOST_KEPT:
-            self.rack, self.kept = Rack(), Kept()
+            self.rack, self.cache = Rack(), Cache()
         return self
 
 
@@ -148,18 +148,18 @@ class Loaders:
         self,
         rack: Rack,
         scenes: Sequence[Scene],
-        kept: Kept | None = None,
+        cache: Cache | None = None,
         meanwhile: Callable[[], None] = lambda: None,
         spare: Callable[[], None] = lambda: None,
     ) -> None:
         """Makes what the scenes' wardrobes are opened from and the rack has not; what fails is left to who opens.
 
-        ``kept``, where there is one, gets the garments' patches, too. ``meanwhile`` is done here while helpers work,
+        ``cache``, where there is one, gets the garments' patches, too. ``meanwhile`` is done here while helpers work,
         and ``spare`` if they still do then.
         """
         if not self._count:
             return
-        beginning = self._beginning or self.begin(rack, scenes, patches=kept is not None)
+        beginning = self._beginning or self.begin(rack, scenes, patches=cache is not None)
         self._beginning = None
         meanwhile()
         beginning.join()
@@ -168,8 +168,8 @@ class Loaders:
         with self._changed:
             self._changed.wait_for(lambda: not self._open)
         rack.put(self._made)
-        if kept is not None:
-            kept.put(self._patches)
+        if cache is not None:
+            cache.add_entries(self._patches)
         self._made, self._patches, self._constants = {}, {}, {}
         self._waiting.clear()
         if self._broken is not None:
@@ -388,10 +388,10 @@ def _cut(scene: Scene, index: int, known: dict[Key, Any], made: Any, dressed: An
 
 def _patches_of(scene: Scene, mesh: Mesh, rest: RestShape, pins: Indices) -> dict[Hashable, Any]:
     """A garment's patches as a model of many garments asks for them."""
-    kept = Kept()
+    cache = Cache()
     part = GarmentPart(mesh.points, mesh.triangles, rest, pins)
     elements, terms = garment_elements(part.triangles, rest), terms_of([part])
     paired = takes_pairs(terms)
     how: dict[str, Any] = {"precision": scene.solver.precision, "size": block_for(paired).vertices, "paired": paired}
-    garment_patches([elements], [part.points], terms, kept=kept, **how)
-    return kept.of_values()
+    garment_patches([elements], [part.points], terms, cache=cache, **how)
+    return cache.portable_entries()

@@ -12,7 +12,7 @@ from typing import Any
 
 import warp as wp
 
-from warp_cloth.base.cache import Kept
+from warp_cloth.base.cache import Cache
 from warp_cloth.base.device import device_named
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.threads import in_turn
@@ -63,9 +63,9 @@ def fit_many(
     gpu = wp.get_device(where).is_cuda
     most = together or (len(scenes) if gpu else 1)
     limit = available_bytes(where) if budget is None else budget
-    rack, kept = (Rack(), Kept()) if shelf is None else (shelf.rack, shelf.kept)
-    kept.limit = int(KEPT_SHARE * limit)
-    limit -= kept.limit
+    rack, cache = (Rack(), Cache()) if shelf is None else (shelf.rack, shelf.cache)
+    cache.limit = int(KEPT_SHARE * limit)
+    limit -= cache.limit
     results: dict[int, Fit | Exception] = {}
     chosen: dict[int, Scene] = {}
     for number, source in enumerate(scenes):
@@ -76,7 +76,7 @@ def fit_many(
     if shelf is not None:
         every = list(chosen.values())
         ahead = partial(load_kernels, every[0], where) if gpu and shelf.fresh and every else lambda: None
-        shelf.loaders.fill(rack, every, kept if gpu else None, ahead, shelf.spare)
+        shelf.loaders.fill(rack, every, cache if gpu else None, ahead, shelf.spare)
         if not gc.isenabled():  # as in a worker that begins: what it has imported and loaded stays
             gc.freeze()
             gc.enable()
@@ -91,7 +91,7 @@ def fit_many(
             results[number] = error
 
     def run(numbers: Sequence[int]) -> list[Fit]:
-        return _together([chosen[n] for n in numbers], [loaded[n] for n in numbers], where, kept, Turn(turn))
+        return _together([chosen[n] for n in numbers], [loaded[n] for n in numbers], where, cache, Turn(turn))
 
     for numbers in groups.values():
         needs = _needs([chosen[n] for n in numbers], [loaded[n] for n in numbers], gpu)
@@ -103,12 +103,14 @@ def fit_many(
 
 def _needs(scenes: Sequence[Scene], wardrobes: Sequence[Wardrobe], gpu: bool) -> list[Need]:
     """What scenes need, worked out once for those of the same garments on the same avatar, in whatever fabric."""
-    kept = Kept()
+    cache = Cache()
 
     def need(scene: Scene, wardrobe: Wardrobe) -> Need:
         alike = wardrobe.avatar, *(of for part in wardrobe.parts for of in (part.points, part.rest.topology))
         make = partial(need_of, scene, wardrobe, gathers=gpu)
-        return kept.once("need", alike, make, contact_kind(scene, wardrobe), scene.collision, scene.solver.precision)
+        return cache.get_or_make(
+            "need", alike, make, contact_kind(scene, wardrobe), scene.collision, scene.solver.precision
+        )
 
     return [need(scene, wardrobe) for scene, wardrobe in zip(scenes, wardrobes, strict=True)]
 
@@ -130,7 +132,9 @@ def _halving(
     _halving(numbers[middle:], run, results)
 
 
-def _together(scenes: Sequence[Scene], wardrobes: Sequence[Wardrobe], device: str, kept: Kept, turn: Turn) -> list[Fit]:
+def _together(
+    scenes: Sequence[Scene], wardrobes: Sequence[Wardrobe], device: str, cache: Cache, turn: Turn
+) -> list[Fit]:
     """Relaxes scenes of one kind together."""
     seconds = dict.fromkeys(("load", "compile", "build", "carry", "relax", "measure", "export"), 0.0)
     last = time.perf_counter()
@@ -141,8 +145,8 @@ def _together(scenes: Sequence[Scene], wardrobes: Sequence[Wardrobe], device: st
         seconds[stage] += now - last
         last = now
 
-    made = set_up(scenes, wardrobes, device, kept=kept, lap=lap)
-    dressing = set_up_dressing(made, kept)
+    made = set_up(scenes, wardrobes, device, cache=cache, lap=lap)
+    dressing = set_up_dressing(made, cache)
     lap("build")
     goals = [Goal(tolerance_of(scene), scene.solver.iterations) for scene in scenes]
     # a few garments leave a GPU idle most of the time, for those whose turn it is

@@ -12,7 +12,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
-from warp_cloth.base.cache import Kept
+from warp_cloth.base.cache import Cache
 
 T = TypeVar("T")
 
@@ -81,30 +81,30 @@ def _claim(claim: int) -> None:
         os.pwrite(claim, b"%4d" % own, 0)
 
 
-class Drafts(Kept):
-    """Keeps what shapes are drafted from; what is made of values alone is looked for, and kept, in a common folder.
+class Drafts(Cache):
+    """A cache of what shapes are drafted from; values without source objects are shared through files in a folder.
 
-    Its files are told apart by how those values are written, which dataclasses of numbers do to the last bit.
+    A file's name is the hash of the parameters' repr, which for dataclasses of numbers is exact to the last bit.
     """
 
     def __init__(self, folder: Path | None) -> None:
         super().__init__()
         self._folder = folder
 
-    def once(
+    def get_or_make(
         self,
         name: str,
-        of: Sequence[Any],
+        sources: Sequence[Any],
         make: Callable[[], T],
-        *more: Hashable,
+        *parameters: Hashable,
         size: Callable[[T], int] = lambda _: 0,
     ) -> T:
         folder = self._folder
-        if of or folder is None:
-            return super().once(name, of, make, *more, size=size)
+        if sources or folder is None:
+            return super().get_or_make(name, sources, make, *parameters, size=size)
 
-        file = folder / hashlib.sha256(repr((name, more)).encode()).hexdigest()
-        return super().once(name, of, partial(once_for_all, file, make), *more, size=size)
+        file = folder / hashlib.sha256(repr((name, parameters)).encode()).hexdigest()
+        return super().get_or_make(name, sources, partial(once_for_all, file, make), *parameters, size=size)
 
 
 def _held(folder: Path) -> int:

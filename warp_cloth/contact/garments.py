@@ -15,7 +15,7 @@ from warp_cloth.avatar.exact import POINTS_AT_ONCE, build_exact_collider
 from warp_cloth.avatar.placement import clear_shift, way_told
 from warp_cloth.avatar.solid import solid_of
 from warp_cloth.base.bins import pieces
-from warp_cloth.base.cache import Kept
+from warp_cloth.base.cache import Cache
 from warp_cloth.base.mesh import Indices, Mesh, Points
 from warp_cloth.base.threads import map_in_threads
 from warp_cloth.contact.cloth import ClothTouch
@@ -32,7 +32,7 @@ CROSSING_FIELD = "crossing"  # of a garment where some of it crosses: 1 at the c
 FAR_AWAY = 1e3  # [m]; farther from its body no garment is asked which way it faces
 
 
-def placed(scenes: Sequence[Scene], wardrobes: Sequence[Wardrobe], device: str, kept: Kept) -> list[Wardrobe]:
+def placed(scenes: Sequence[Scene], wardrobes: Sequence[Wardrobe], device: str, cache: Cache) -> list[Wardrobe]:
     """The wardrobes with every garment to be sewn clear of its avatar, as far as moving it up or forward does that.
 
     The panels say what the garment is; where they start does not matter, unless they start on both sides of a limb.
@@ -42,16 +42,16 @@ def placed(scenes: Sequence[Scene], wardrobes: Sequence[Wardrobe], device: str, 
         part, avatar = wardrobe.parts[index], wardrobe.starting_avatar
         if avatar is None or scene.collision.avatar == "none" or scene.garments[index].rest != "uv" or len(part.pins):
             return None
-        skin = kept.once("solid", (avatar,), partial(solid_of, avatar)).closing.skin(avatar)
-        return kept.once("shift", (part.points, avatar), partial(clear_shift, part.points, skin, device))
+        skin = cache.get_or_make("solid", (avatar,), partial(solid_of, avatar)).closing.skin(avatar)
+        return cache.get_or_make("shift", (part.points, avatar), partial(clear_shift, part.points, skin, device))
 
     return [
-        _shifted(wardrobe, [shift_of(scene, wardrobe, index) for index in range(len(wardrobe.parts))], kept)
+        _shifted(wardrobe, [shift_of(scene, wardrobe, index) for index in range(len(wardrobe.parts))], cache)
         for scene, wardrobe in zip(scenes, wardrobes, strict=True)
     ]
 
 
-def _shifted(wardrobe: Wardrobe, shifts: Sequence[Points | None], kept: Kept) -> Wardrobe:
+def _shifted(wardrobe: Wardrobe, shifts: Sequence[Points | None], cache: Cache) -> Wardrobe:
     if all(shift is None for shift in shifts):
         return wardrobe
     parts, meshes = list(wardrobe.parts), list(wardrobe.garments)
@@ -59,7 +59,7 @@ def _shifted(wardrobe: Wardrobe, shifts: Sequence[Points | None], kept: Kept) ->
         if shift is not None:
             note = f"some of it started inside the avatar: moved {way_told(shift)} before it was sewn"
             loaded = parts[index].points
-            points = kept.once("shifted", (loaded, shift), partial(np.add, loaded, shift))
+            points = cache.get_or_make("shifted", (loaded, shift), partial(np.add, loaded, shift))
             parts[index] = replace(parts[index], points=points)
             meshes[index] = replace(meshes[index], notes=(*meshes[index].notes, note))
     return replace(wardrobe, parts=tuple(parts), garments=tuple(meshes))

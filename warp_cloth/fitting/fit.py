@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from warp_cloth.avatar.exact import ExactCollider, depth_summary, depths_under, exact_colliders
 from warp_cloth.avatar.penetration import edge_places, face_places, may_show, pierced, shown
 from warp_cloth.base import arguments as given
-from warp_cloth.base.cache import Kept
+from warp_cloth.base.cache import Cache
 from warp_cloth.base.device import device_named
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.mesh import Mesh, Points
@@ -137,11 +137,11 @@ def fit(
     if start is not None and chosen.avatar is not None and chosen.avatar.poses:
         raise InputError("avatar.poses", "a garment that goes along with an avatar has its start", "leave one out")
     earlier = None if start is None else _earlier(start, chosen)
-    clock, kept = _Clock(), Kept()
-    made = set_up_one(chosen, where, kept=kept, tell=lambda stage: tell(Progress(stage)), lap=clock.lap)
+    clock, cache = _Clock(), Cache()
+    made = set_up_one(chosen, where, cache=cache, tell=lambda stage: tell(Progress(stage)), lap=clock.lap)
     if chosen.solver.start == "dressed" and earlier is None:
         tell(Progress("dress"))
-    levels = started(made, kept) if earlier is None else ()
+    levels = started(made, cache) if earlier is None else ()
     if earlier is not None and not start_from(made, earlier):
         place = start if isinstance(start, str | Path) else "start"
         problem = "its garments have neither the mesh nor the panels of the scene's"

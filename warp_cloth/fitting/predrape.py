@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
-from warp_cloth.base.cache import Kept
+from warp_cloth.base.cache import Cache
 from warp_cloth.base.mesh import Points
 from warp_cloth.fitting.nested_iteration import LevelRun
 from warp_cloth.fitting.problem import SetUp, following, set_up, start_coarse, tolerance_of
@@ -30,14 +30,14 @@ class _Dressed:
 class Dressing:
     """What fits are dressed by: what was dressed before is kept, the rest is ready to relax."""
 
-    asked: tuple[tuple[Any, ...], ...]  # what each item's dressing is kept by, as of Kept.once
+    asked: tuple[tuple[Any, ...], ...]  # what each item's dressing is kept by, as of Cache.get_or_make
     missing: tuple[tuple[Any, ...], ...]  # those that are not there yet, each once,
     made: SetUp | None  # and these garments, in the fabric that they are dressed in
-    kept: Kept
+    cache: Cache
 
 
-def set_up_dressing(made: SetUp, kept: Kept) -> Dressing | None:
-    """What the scenes are dressed by; None where they start as they are placed. ``kept`` as of ``set_up``."""
+def set_up_dressing(made: SetUp, cache: Cache) -> Dressing | None:
+    """What the scenes are dressed by; None where they start as they are placed. ``cache`` as of ``set_up``."""
     device = made.model.device
     asked: list[tuple[Any, ...]] = []
     missing: dict[Hashable, tuple[tuple[Any, ...], Scene, Wardrobe]] = {}
@@ -46,18 +46,18 @@ def set_up_dressing(made: SetUp, kept: Kept) -> Dressing | None:
         if dressing is None:
             return None
         asked.append(((wardrobe.avatar, *wardrobe.dressing), dressing.collision, dressing.solver, device))
-        key = Kept.key("dressed", *asked[-1])
-        if key not in kept:
+        key = Cache.key("dressed", *asked[-1])
+        if key not in cache:
             missing[key] = asked[-1], dressing, replace(wardrobe, parts=wardrobe.dressing, dressing=())
     by, scenes, wardrobes = zip(*missing.values(), strict=True) if missing else ((), (), ())
     like = made.model.vertex_count
-    first = set_up(scenes, wardrobes, device, kept=kept, like=like) if missing else None
-    return Dressing(tuple(asked), by, first, kept)
+    first = set_up(scenes, wardrobes, device, cache=cache, like=like) if missing else None
+    return Dressing(tuple(asked), by, first, cache)
 
 
-def started(made: SetUp, kept: Kept) -> tuple[LevelRun, ...]:
+def started(made: SetUp, cache: Cache) -> tuple[LevelRun, ...]:
     """Brings a lone scene's garments to where its fit begins, by its method and its start; tells what it came to."""
-    dressing = set_up_dressing(made, kept)
+    dressing = set_up_dressing(made, cache)
     return start_coarse(made) if dressing is None else start_dressed(made, dressing)[0]
 
 
@@ -71,7 +71,7 @@ def start_dressed(made: SetUp, dressing: Dressing) -> list[tuple[LevelRun, ...]]
     runs: list[tuple[LevelRun, ...]] = []
     there: dict[_Dressed, tuple[Any, Points, Points]] = {}  # on the device, and its box [m]: once for all fabrics
     for item, (of, *more) in enumerate(dressing.asked):
-        dressed = dressing.kept.once("dressed", of, _absent, *more)
+        dressed = dressing.cache.get_or_make("dressed", of, _absent, *more)
         runs.append((dressed.run,))
         points = dressed.points
         if points is None:
@@ -91,7 +91,7 @@ def _dress(first: SetUp, dressing: Dressing) -> None:
     for (of, *more), outcome in zip(dressing.missing, outcomes, strict=True):
         points = None if outcome.status is Status.DIVERGED else outcome.points
         run = LevelRun(len(outcome.points), outcome.iterations, outcome.status)
-        dressing.kept.once("dressed", of, partial(_Dressed, points, run), *more)
+        dressing.cache.get_or_make("dressed", of, partial(_Dressed, points, run), *more)
 
 
 def _absent() -> _Dressed:

@@ -14,7 +14,7 @@ import warp as wp
 from warp_cloth.avatar.collider import AvatarContact, avatar_modules
 from warp_cloth.avatar.depth import DEFAULT_REACH
 from warp_cloth.avatar.solid import solid_of
-from warp_cloth.base.cache import Kept
+from warp_cloth.base.cache import Cache
 from warp_cloth.base.mesh import Mesh
 from warp_cloth.base.warp_setup import keeping_kernels
 from warp_cloth.contact.garments import cloth_course, cloth_touch, highest_lift, placed
@@ -92,7 +92,7 @@ def set_up_one(
     *,
     rack: Rack | None = None,
     earlier: AvatarContact | None = None,
-    kept: Kept | None = None,
+    cache: Cache | None = None,
     options: StepOptions | None = None,
     tell: Callable[[str], None] = lambda _: None,
     lap: Callable[[str], None] = lambda _: None,
@@ -104,7 +104,7 @@ def set_up_one(
     tell("load")
     wardrobe = open_wardrobe(scene, rack)
     lap("load")
-    return set_up([scene], [wardrobe], device, earlier=earlier, kept=kept, options=options, tell=tell, lap=lap)
+    return set_up([scene], [wardrobe], device, earlier=earlier, cache=cache, options=options, tell=tell, lap=lap)
 
 
 def set_up(
@@ -113,7 +113,7 @@ def set_up(
     device: str,
     *,
     earlier: AvatarContact | None = None,
-    kept: Kept | None = None,
+    cache: Cache | None = None,
     like: int | None = None,
     options: StepOptions | None = None,
     tell: Callable[[str], None] = lambda _: None,
@@ -126,7 +126,7 @@ def set_up(
         wardrobes: theirs.
         device: Warp's name of it.
         earlier: a contact that may serve again.
-        kept: what earlier set-ups left of the same garments and avatars.
+        cache: what earlier set-ups left of the same garments and avatars.
         like: as of build_model: what a larger set-up of the same garments was cut into serves again.
         options: how an iteration moves the cloth; None: the method's defaults.
         tell: told at every stage.
@@ -138,15 +138,15 @@ def set_up(
         _compile(avatar_modules(contact_kind(first, wardrobes[0])), device)
         lap("compile")
     tell("build")
-    kept = kept or Kept()
-    wardrobes = placed(scenes, wardrobes, device, kept)
-    contacts, colliders = _avatar_contacts(scenes, wardrobes, device, earlier, kept)
+    cache = cache or Cache()
+    wardrobes = placed(scenes, wardrobes, device, cache)
+    contacts, colliders = _avatar_contacts(scenes, wardrobes, device, earlier, cache)
     model = build_model(
         [part for each in wardrobes for part in each.parts],
         device=device,
         precision=first.solver.precision,
         garments=[len(each.parts) for each in wardrobes],
-        kept=kept,
+        cache=cache,
         layered=first.collision.cloth and len(wardrobes[0].parts) > 1,
         like=like,
     )
@@ -216,24 +216,26 @@ def contact_key(scene: Scene, wardrobe: Wardrobe) -> Hashable:
 
 
 def _avatar_contacts(
-    scenes: Sequence[Scene], wardrobes: Sequence[Wardrobe], device: str, earlier: AvatarContact | None, kept: Kept
+    scenes: Sequence[Scene], wardrobes: Sequence[Wardrobe], device: str, earlier: AvatarContact | None, cache: Cache
 ) -> tuple[list[AvatarContact], list[Collider]]:
     """Every scene's contact and first collider; built once for scenes whose garments start alike on one avatar."""
 
     def built(scene: Scene, wardrobe: Wardrobe) -> tuple[AvatarContact, Collider]:
-        contact = _avatar_contact(scene, wardrobe, device, kept)
+        contact = _avatar_contact(scene, wardrobe, device, cache)
         points = np.concatenate([part.points for part in wardrobe.parts])
         taken = contact.taken_over(earlier, points) if earlier is not None else None
         return contact, taken or contact.collider(points)
 
     of = [(wardrobe.avatar, earlier, *(part.points for part in wardrobe.parts)) for wardrobe in wardrobes]
-    keys = {kept.key("contact", met, scene.collision, device) for met, scene in zip(of, scenes, strict=True)}
-    kept.make_room(keys)
+    keys = {cache.key("contact", met, scene.collision, device) for met, scene in zip(of, scenes, strict=True)}
+    cache.evict_except(keys)
     contacts, colliders = [], []
     for met, scene, wardrobe in zip(of, scenes, wardrobes, strict=True):
         friction = scene.avatar.friction if scene.avatar is not None else 0.0
         make = partial(built, scene, wardrobe)
-        contact, collider = kept.once("contact", met, make, scene.collision, device, size=lambda made: made[0].bytes)
+        contact, collider = cache.get_or_make(
+            "contact", met, make, scene.collision, device, size=lambda made: made[0].bytes
+        )
         contacts.append(contact.alike(friction))
         colliders.append(replace(collider, friction=friction))
     return contacts, colliders
@@ -248,11 +250,11 @@ def _compile(modules: list[wp.Module], device: str) -> None:
         wp.force_load(device, modules=modules, max_workers=0 if wp.get_device(device).is_cpu else None)
 
 
-def _avatar_contact(scene: Scene, wardrobe: Wardrobe, device: str, kept: Kept) -> AvatarContact:
+def _avatar_contact(scene: Scene, wardrobe: Wardrobe, device: str, cache: Cache) -> AvatarContact:
     avatar, kind = wardrobe.starting_avatar, contact_kind(scene, wardrobe)
     solid = None
     if avatar is not None and kind != "none":
-        solid = kept.once("solid", (avatar,), partial(solid_of, avatar))
+        solid = cache.get_or_make("solid", (avatar,), partial(solid_of, avatar))
     return AvatarContact(
         avatar,
         kind,

@@ -10,7 +10,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
-from warp_cloth.base.cache import Kept
+from warp_cloth.base.cache import Cache
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.mesh import Indices, Mesh, Points
 from warp_cloth.garment.grain import Grain
@@ -51,15 +51,15 @@ class Recipe:
     """How something that scenes share is made, and the key under which a rack keeps it."""
 
     key: Key
-    make: Callable[[Kept], Any]  # in any process, with what is kept there of other shapes
+    make: Callable[[Cache], Any]  # in any process, with what is kept there of other shapes
 
 
 class Rack:
     """Keeps what scenes share: meshes, and garments of the same fabric and pins; ``drafts`` of generated shapes."""
 
-    def __init__(self, drafts: Kept | None = None) -> None:
+    def __init__(self, drafts: Cache | None = None) -> None:
         self._kept: dict[Key, Any] = {}
-        self.drafts = drafts or Kept()
+        self.drafts = drafts or Cache()
 
     def __contains__(self, key: Key) -> bool:
         return key in self._kept
@@ -239,18 +239,18 @@ def _rest(mesh: Mesh, geometry: RestGeometry, spec: GarmentSpec, key: str) -> tu
     return rest, pins
 
 
-def _garment_mesh(spec: GarmentSpec, key: str, body: MannequinMeasures | None, drafts: Kept) -> Mesh:
+def _garment_mesh(spec: GarmentSpec, key: str, body: MannequinMeasures | None, drafts: Cache) -> Mesh:
     if spec.mesh is not None:
         return load_mesh(
             spec.mesh, role="garment", key=key, prim=spec.prim, units=spec.units, up=spec.up, rest=spec.rest
         )
-    return build_garment(spec.shape, body=body, kept=drafts)
+    return build_garment(spec.shape, body=body, cache=drafts)
 
 
-def _avatar_mesh(spec: AvatarSpec, size: str, drafts: Kept) -> Mesh:
+def _avatar_mesh(spec: AvatarSpec, size: str, drafts: Cache) -> Mesh:
     if spec.mesh is not None:
         return load_mesh(spec.mesh, role="avatar", key="avatar", prim=spec.prim, units=spec.units, up=spec.up)
-    return build_avatar(spec.shape, size=size, kept=drafts)
+    return build_avatar(spec.shape, size=size, cache=drafts)
 
 
 def worn_size(scene: Scene) -> str:

@@ -11,7 +11,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from warp_cloth.base.cache import Kept
+from warp_cloth.base.cache import Cache
 from warp_cloth.base.mesh import Points
 from warp_cloth.garment.elements import Elements, elements_of, garment_elements, winding_of
 from warp_cloth.garment.part import GarmentPart, terms_of
@@ -102,26 +102,28 @@ def build_model(
     precision: str,
     gathers: bool | None = None,
     garments: Sequence[int] | None = None,
-    kept: Kept | None = None,
+    cache: Cache | None = None,
     layered: bool = False,
     like: int | None = None,
 ) -> ClothModel:
     """Concatenates garments and puts them on a device.
 
     ``garments`` is how many of the parts belong to each item; None: all to one. ``gathers`` says how forces are
-    summed; None: gathered on CUDA, scattered on the CPU, which is fastest on each. ``kept`` has what earlier models of
+    summed; None: gathered on CUDA, scattered on the CPU, which is fastest on each. ``cache`` has what earlier models of
     the same garments left. ``layered``: whether garments lie on each other and meet. ``like``: of how many vertices the
     model is to be cut like one, where it is gathered.
     """
     types = cloth_types(precision)
     vertex_start = _starts([len(part.points) for part in parts])
     rests = [part.rest for part in parts]
-    kept = kept or Kept()
-    wound = kept.each("winding", [(part.triangles, part.rest.topology) for part in parts], winding_of)
+    cache = cache or Cache()
+    wound = cache.get_or_make_each("winding", [(part.triangles, part.rest.topology) for part in parts], winding_of)
     asked = [(part.triangles, part.rest, winding) for part, winding in zip(parts, wound, strict=True)]
-    garments_elements = kept.each("elements", asked, garment_elements)
+    garments_elements = cache.get_or_make_each("elements", asked, garment_elements)
     real = wp.dtype_to_numpy(types.real)
-    given = kept.each("given", [(each,) for each in garments_elements], partial(elements_of, real=real), precision)
+    given = cache.get_or_make_each(
+        "given", [(each,) for each in garments_elements], partial(elements_of, real=real), precision
+    )
     terms = terms_of(parts)
     lay = partial(joined, device=device)
 
@@ -131,13 +133,13 @@ def build_model(
     edge_start = _starts([len(rest.topology.edges) for rest in rests])
     triangle_start = _starts([len(part.triangles) for part in parts])
     item_start = tuple(vertex_start[first] for first in _starts(list(garments or [len(parts)])))
-    hinges, hinge_count = _hinges(types, lay, rests, vertex_start, terms.angles, kept)
-    weave = _weave(types, lay, rests, vertex_start, kept)
+    hinges, hinge_count = _hinges(types, lay, rests, vertex_start, terms.angles, cache)
+    weave = _weave(types, lay, rests, vertex_start, cache)
     patches = None
     if wp.get_device(device).is_cuda if gathers is None else gathers:
         lying = [part.points for part in parts]
         patches = device_patches(
-            types, lay, garments_elements, given, lying, terms, item_start, device, kept, layered=layered, like=like
+            types, lay, garments_elements, given, lying, terms, item_start, device, cache, layered=layered, like=like
         )
     return ClothModel(
         device=device,
@@ -199,11 +201,11 @@ def _triangles(
 
 
 def _hinges(
-    types: Any, lay: Any, rests: Sequence[RestShape], vertex_start: tuple[int, ...], angles: bool, kept: Kept
+    types: Any, lay: Any, rests: Sequence[RestShape], vertex_start: tuple[int, ...], angles: bool, cache: Cache
 ) -> tuple[Any | None, int]:
     """Hinges of all garments that are stiff, and their number."""
     make = partial(_stiff_hinges, types=types, angles=angles)
-    each = kept.each("hinges", [(rest,) for rest in rests], make, types.name, angles)
+    each = cache.get_or_make_each("hinges", [(rest,) for rest in rests], make, types.name, angles)
     count = sum(len(stiffness) for _, stiffness, _ in each)
     if not count:
         return None, 0
@@ -229,7 +231,7 @@ def _stiff_hinges(rest: RestShape, types: Any, angles: bool) -> tuple[NDArray[An
     return corners, stiffness.astype(real), turns
 
 
-def _weave(types: Any, lay: Any, rests: Sequence[RestShape], vertex_start: tuple[int, ...], kept: Kept) -> Any | None:
+def _weave(types: Any, lay: Any, rests: Sequence[RestShape], vertex_start: tuple[int, ...], cache: Cache) -> Any | None:
     """Woven triangles of all garments."""
     woven = [(rest.weave, first) for rest, first in zip(rests, vertex_start, strict=False) if rest.weave is not None]
     if not woven:
@@ -238,7 +240,10 @@ def _weave(types: Any, lay: Any, rests: Sequence[RestShape], vertex_start: tuple
     weave = types.Weave()
     weave.corners = lay([shape.corners for shape, _ in woven], wp.vec3i, starts=[first for _, first in woven])
     for name in ("slope", "law"):
-        each = [kept.once(name, (shape,), partial(getattr(shape, name).astype, real), types.name) for shape, _ in woven]
+        each = [
+            cache.get_or_make(name, (shape,), partial(getattr(shape, name).astype, real), types.name)
+            for shape, _ in woven
+        ]
         setattr(weave, name, lay(each, types.vec4))
     return weave
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import partial
 from typing import Any
 
-from warp_cloth.base.cache import Kept
+from warp_cloth.base.cache import Cache
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.mesh import Mesh
 from warp_cloth.shapes.mannequin import mannequin, trunk_girth
@@ -27,27 +27,27 @@ __all__ = [
 ]
 
 
-def build_garment(shape: Any, *, body: MannequinMeasures | None = None, kept: Kept | None = None) -> Mesh:
+def build_garment(shape: Any, *, body: MannequinMeasures | None = None, cache: Cache | None = None) -> Mesh:
     """Mesh of a scene's garment shape (square or tshirt); ``body`` is the mannequin that wears it.
 
-    ``kept`` has what was drafted of other shapes.
+    ``cache`` has what was drafted of other shapes.
     """
     if shape.kind == "square":
         return square(
             side=shape.side, vertices_per_side=shape.vertices_per_side, height=shape.height, plane=shape.plane
         )
     if shape.kind == "tshirt":
-        return tshirt(size=shape.size, edge=shape.edge_mm / 1000, body=body, kept=kept)
+        return tshirt(size=shape.size, edge=shape.edge_mm / 1000, body=body, cache=cache)
     raise InputError("garment.shape", f"kind {shape.kind!r} is unknown", 'use "square" or "tshirt"')
 
 
-def build_avatar(shape: Any, *, size: str = "M", kept: Kept | None = None) -> Mesh:
-    """Mesh of a scene's avatar shape (sphere or mannequin); ``size`` fills in measures left out, ``kept`` likewise."""
+def build_avatar(shape: Any, *, size: str = "M", cache: Cache | None = None) -> Mesh:
+    """Mesh of a scene's avatar shape (sphere or mannequin); ``size`` fills in measures left out, ``cache`` likewise."""
     if shape.kind == "sphere":
         return sphere(radius=shape.radius, centre=shape.centre, edge=shape.edge_mm / 1000)
     if shape.kind == "mannequin":
-        measures, kept = mannequin_measures(shape, size=size), kept or Kept()
-        return kept.once("mannequin", (), partial(mannequin, measures, kept=kept), measures)
+        measures, cache = mannequin_measures(shape, size=size), cache or Cache()
+        return cache.get_or_make("mannequin", (), partial(mannequin, measures, cache=cache), measures)
     raise InputError("avatar.shape", f"kind {shape.kind!r} is unknown", 'use "sphere" or "mannequin"')
 
 

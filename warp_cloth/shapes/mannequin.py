@@ -6,7 +6,7 @@ from functools import partial
 
 import numpy as np
 
-from warp_cloth.base.cache import Kept
+from warp_cloth.base.cache import Cache
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.mesh import Mesh
 from warp_cloth.shapes.body import calibrated_form, convex_girth
@@ -26,16 +26,16 @@ GRIDS_TRIED = 4  # where a grid cuts a narrow gap in two, a slightly finer one d
 
 
 def mannequin(
-    measures: MannequinMeasures | None = None, *, edge: float = MANNEQUIN_EDGE, kept: Kept | None = None
+    measures: MannequinMeasures | None = None, *, edge: float = MANNEQUIN_EDGE, cache: Cache | None = None
 ) -> Mesh:
     """Closed mannequin in A-pose with the given girths, feet on y = 0, facing +z, its left to +x.
 
-    ``edge`` is its mean edge length [m]; ``kept`` has what was drafted of other shapes.
+    ``edge`` is its mean edge length [m]; ``cache`` has what was drafted of other shapes.
     """
     if not 0.004 <= edge <= 0.015:
         raise InputError("mannequin edge", f"{edge!r} m is out of range", "allowed: 0.004 to 0.015 m")
     measures = measures or MannequinMeasures()
-    form = (kept or Kept()).once("form", (), partial(calibrated_form, measures), measures)
+    form = (cache or Cache()).get_or_make("form", (), partial(calibrated_form, measures), measures)
     for spacing in edge * np.linspace(1, 0.9, GRIDS_TRIED):
         values, origin = grid_values(form.value, *form.bounds, spacing)
         points, quads = surface_nets(without_saddles(values), origin, spacing)

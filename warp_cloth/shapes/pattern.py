@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from warp_cloth.base.cache import Kept
+from warp_cloth.base.cache import Cache
 from warp_cloth.base.mesh import Indices, Points
 from warp_cloth.shapes.triangulate import triangulate
 
@@ -77,14 +77,14 @@ class Pattern:
         return next(panel for panel in self.panels if panel.name == name)
 
 
-def tshirt_pattern(measures: TshirtMeasures, edge: float, kept: Kept) -> Pattern:
+def tshirt_pattern(measures: TshirtMeasures, edge: float, cache: Cache) -> Pattern:
     """Front, back and two sleeves, with as many vertices on each side of a seam, about ``edge`` [m] apart.
 
-    ``kept`` has the sleeves that were drafted before.
+    ``cache`` has the sleeves that were drafted before.
     """
     front, back = (_trunk_curves(measures, is_front) for is_front in (True, False))
     armholes = curve_length(front["armhole"]), curve_length(back["armhole"])
-    sleeve = kept.once("sleeve", (), partial(_sleeve_curves, measures, *armholes), measures)
+    sleeve = cache.get_or_make("sleeve", (), partial(_sleeve_curves, measures, *armholes), measures)
     counts = {
         "hem": _steps(edge, front["hem"]),
         "side": _steps(edge, front["side"]),

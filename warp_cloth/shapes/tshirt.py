@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from warp_cloth.base.cache import Kept
+from warp_cloth.base.cache import Cache
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.mesh import Mesh, Points
 from warp_cloth.shapes.body import Form, calibrated_form, convex_girth, section
@@ -25,12 +25,12 @@ FADE_ROUNDS = 60
 
 
 def tshirt(
-    *, size: str = "M", edge: float = TSHIRT_EDGE, body: MannequinMeasures | None = None, kept: Kept | None = None
+    *, size: str = "M", edge: float = TSHIRT_EDGE, body: MannequinMeasures | None = None, cache: Cache | None = None
 ) -> Mesh:
     """T-shirt of a size, with edges of about ``edge`` [m], as stitched panels round a mannequin.
 
     ``body`` is the mannequin that wears it, by default the size's own standard body. The rest shape is in the
-    texture coordinates, in metres; the 3-D shape only says where the panels start. ``kept`` has what was drafted of
+    texture coordinates, in metres; the 3-D shape only says where the panels start. ``cache`` has what was drafted of
     other shapes.
     """
     if size not in SIZE_MEASURES:
@@ -38,9 +38,9 @@ def tshirt(
     if not 0.002 <= edge <= 0.06:
         raise InputError("tshirt edge", f"{edge!r} m is out of range", "allowed: 0.002 to 0.06 m")
     measures = SIZE_MEASURES[size]
-    kept, worn_by = kept or Kept(), body or SIZE_BODIES[size]
-    pattern = kept.once("pattern", (), partial(tshirt_pattern, measures, edge, kept), measures, edge)
-    form = kept.once("form", (), partial(calibrated_form, worn_by), worn_by)
+    cache, worn_by = cache or Cache(), body or SIZE_BODIES[size]
+    pattern = cache.get_or_make("pattern", (), partial(tshirt_pattern, measures, edge, cache), measures, edge)
+    form = cache.get_or_make("form", (), partial(calibrated_form, worn_by), worn_by)
     return _sew(pattern, _place(pattern, measures, worn_by, form), form)
 
 

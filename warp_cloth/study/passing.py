@@ -11,7 +11,7 @@ import numpy as np
 import warp as wp
 
 from warp_cloth.avatar.exact import penetrations
-from warp_cloth.base.cache import Kept
+from warp_cloth.base.cache import Cache
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.mesh import Mesh, Points
 from warp_cloth.fitting.predrape import started
@@ -60,10 +60,10 @@ class Passage:
 
 def run_through(scene: Scene, device: str, stops: Collection[int]) -> list[Passed]:
     """Runs a scene to its end; tells of those iterations on the way, which end chunks of the loop, and of the end."""
-    loading, kept = _Laps(), Kept()
-    made = set_up_one(scene, device, kept=kept, lap=loading.lap)
+    loading, cache = _Laps(), Cache()
+    made = set_up_one(scene, device, cache=cache, lap=loading.lap)
     watch = _Watch(stops)
-    started(made, kept)
+    started(made, cache)
     goal = Goal(tolerance_of(scene), scene.solver.iterations)
     (outcome,) = relax_items(
         made.relaxation, made.certifier, [goal], follow=following(made), course=made.course, on_chunk=watch.offer

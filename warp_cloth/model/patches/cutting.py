@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from warp_cloth.base.cache import Kept
+from warp_cloth.base.cache import Cache
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.mesh import Indices, Points
 from warp_cloth.base.threads import end_to_end, map_in_threads
@@ -70,7 +70,7 @@ def cut_patches(
     paired: bool = False,
 ) -> PatchTables:
     """The patches of several garments; ``own_memory`` as of ``joined_patches``, the rest as of ``garment_patches``."""
-    each = garment_patches(garments, points, terms, precision=precision, kept=Kept(), paired=paired)
+    each = garment_patches(garments, points, terms, precision=precision, cache=Cache(), paired=paired)
     return joined_patches(each, garments, points, terms, precision=precision, own_memory=own_memory)
 
 
@@ -80,31 +80,31 @@ def garment_patches(
     terms: Terms,
     *,
     precision: str,
-    kept: Kept,
+    cache: Cache,
     size: int | None = None,
     paired: bool = False,
 ) -> list[PatchTables]:
     """Each garment's patches of neighbouring vertices, none larger than a block's memory holds, if it need not be.
 
-    ``kept`` has what was cut before. ``size``: vertices that a patch owns; None: as keeps a large GPU busy. ``paired``:
+    ``cache`` has earlier ones. ``size``: vertices that a patch owns; None: as keeps a large GPU busy. ``paired``:
     whether threads work on pairs of triangles (triangle_pairs).
 
     Raises:
         InputError: more meets at one vertex than a patch can count.
     """
     size = size or even_size(sum(len(part) for part in points), block_for(paired))
-    shapes = kept.each("shape", list(zip(garments, points, strict=True)), _shape)
+    shapes = cache.get_or_make_each("shape", list(zip(garments, points, strict=True)), _shape)
     distinct = dict(zip(shapes, zip(garments, points, strict=True), strict=True))
     how = size, terms, precision, paired
 
     def tables_of(shape: bytes) -> PatchTables:
         return _garment_tables(*distinct[shape], size, terms, precision, paired)
 
-    missing = [shape for shape in distinct if kept.key("patches", (), shape, *how) not in kept]
+    missing = [shape for shape in distinct if cache.key("patches", (), shape, *how) not in cache]
     small = [shape for shape in missing if len(distinct[shape][1]) <= CHUNK * size]
     cut = dict(zip(small, map_in_threads(tables_of, small), strict=True))
     cut |= {shape: tables_of(shape) for shape in missing if shape not in cut}  # each in threads of its own
-    made = {shape: kept.once("patches", (), partial(cut.__getitem__, shape), shape, *how) for shape in distinct}
+    made = {shape: cache.get_or_make("patches", (), partial(cut.__getitem__, shape), shape, *how) for shape in distinct}
     return [made[shape] for shape in shapes]
 
 

@@ -11,7 +11,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from warp_cloth.base.cache import Kept
+from warp_cloth.base.cache import Cache
 from warp_cloth.base.mesh import Points
 from warp_cloth.base.threads import end_to_end
 from warp_cloth.garment.elements import Elements
@@ -85,7 +85,7 @@ def device_patches(
     terms: Terms,
     item_start: tuple[int, ...],
     device: str,
-    kept: Kept,
+    cache: Cache,
     *,
     layered: bool = False,
     like: int | None = None,
@@ -101,7 +101,7 @@ def device_patches(
         terms: what there is to work out.
         item_start: first vertex of each item, and the number of all.
         device: Warp's name of it.
-        kept: what garments share with earlier models.
+        cache: what garments share with earlier models.
         layered: whether garments lie on each other and meet: while patches are worked out, a core's other blocks press.
         like: vertices of a model that they are cut, and worked out, as if they were of; None: as many as there are.
     """
@@ -111,13 +111,13 @@ def device_patches(
     def cut_as(paired: bool) -> list[PatchTables]:
         block = block_for(paired)
         size = even_size(vertices, block, PER_CORE_LAYERED) if layered else even_size(vertices, block)
-        return garment_patches(garments, points, terms, precision=types.name, kept=kept, size=size, paired=paired)
+        return garment_patches(garments, points, terms, precision=types.name, cache=cache, size=size, paired=paired)
 
     each = cut_as(takes_pairs(terms, vertices))
     if any(beyond_words(own.patch).any() for own in each):
         each = cut_as(False)
     patch, overflowing = joined_rows(each, terms, precision=types.name, own_memory=own_memory)
-    laws = kept.each("laws", list(zip(given, each, strict=True)), partial(_patch_laws, terms=terms), terms)
+    laws = cache.get_or_make_each("laws", list(zip(given, each, strict=True)), partial(_patch_laws, terms=terms), terms)
     table = "law" if terms.edges else "fold"
     rows = np.zeros(len(patch["vertex_start"]), dtype=Patch.numpy_dtype())
     for name, numbers in patch.items():
@@ -131,7 +131,7 @@ def device_patches(
     rows["item"] = np.repeat(of_garment, [len(own.patch["vertex_start"]) for own in each])
     owned = rows["owned_count"]
     rows["place"] = np.cumsum(owned, dtype=np.int32) - owned
-    packings = kept.each("packing", [(own,) for own in each], _packing)
+    packings = cache.get_or_make_each("packing", [(own,) for own in each], _packing)
 
     def laid(name: str, dtype: Any, *, more: int = 0) -> wp.array:
         """A table of all garments' patches; threads that find nothing left ask for ``more``, and do not use it."""
