@@ -25,7 +25,7 @@ from warp_cloth.batch.many import fit_many
 from warp_cloth.batch.processes import context
 from warp_cloth.batch.shared_results import Drafts, keep_in, kept_in, once_for_all
 from warp_cloth.fitting.fit import Fit
-from warp_cloth.fitting.problem import kind_of
+from warp_cloth.fitting.problem import problem_kind
 from warp_cloth.garment.scene_garments import Rack, Recipe, avatar_recipe, mesh_recipes, open_wardrobe
 from warp_cloth.kernels.base.options import SINGLE
 from warp_cloth.model.model import build_model
@@ -299,7 +299,7 @@ def test_kernels_loaded_ahead_are_those_of_the_batch(fabric: str) -> None:
     small = ahead._small(scene)
     parts = [open_wardrobe(small).parts[0]] * ahead.MANY
     model = build_model(parts, device="cpu", precision="mixed", gathers=True, garments=[1] * ahead.MANY)
-    assert kind_of(small, open_wardrobe(small)) == kind_of(scene, open_wardrobe(scene))
+    assert problem_kind(small, open_wardrobe(small)) == problem_kind(scene, open_wardrobe(scene))
     assert model.patches is not None
     assert not model.patches.few
     assert model.item_count > 1

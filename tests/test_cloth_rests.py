@@ -14,7 +14,7 @@ from folds import BALL, HANGING, Folded, folded_sheet, pleated_skirt, turned_sle
 from touching import FORCE_ROUNDING, RELATIVE_ROUNDING, brute_forces, touching_pairs
 
 from warp_cloth.contact.crossing import find_crossings
-from warp_cloth.fitting.problem import SetUp, following, set_up_one
+from warp_cloth.fitting.problem import Problem, collider_updates, load_problem
 from warp_cloth.kernels.base.types import cloth_types
 from warp_cloth.model.result import Status
 from warp_cloth.scene import load_scene
@@ -34,13 +34,13 @@ FOLDED: dict[str, tuple[Callable[[], Folded], dict[str, Any], dict[str, Any]]] =
 }
 
 
-def at_rest(folder: Path, name: str) -> SetUp:
+def at_rest(folder: Path, name: str) -> Problem:
     """The scene, relaxed until its certificate holds."""
     build, of_garment, of_scene = FOLDED[name]
     write_folded(folder / "cloth.obj", build())
     garment = {"mesh": str(folder / "cloth.obj"), "rest": "uv", "units": "m", "fabric": "jersey", **of_garment}
-    made = set_up_one(load_scene({"garment": garment, "collision": {"cloth": True}, **of_scene}), "cpu")
-    follow = following(made)
+    made = load_problem(load_scene({"garment": garment, "collision": {"cloth": True}, **of_scene}), "cpu")
+    follow = collider_updates(made)
     outcome = relax_to_rest(made.relaxation, made.certifier, SETTLED, LIMIT, follow=follow, course=made.course)
     assert outcome.status is Status.AT_REST
     return made

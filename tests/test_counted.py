@@ -10,8 +10,8 @@ import pytest
 
 from warp_cloth.contact.box_tree import lists_of
 from warp_cloth.contact.cloth import ClothTouch
-from warp_cloth.fitting import problem as set_up
-from warp_cloth.fitting.problem import SetUp, set_up_one
+from warp_cloth.fitting import problem
+from warp_cloth.fitting.problem import Problem, load_problem
 from warp_cloth.kernels.contact.box_tree import WIDTH
 from warp_cloth.model.model import build_model
 from warp_cloth.model.patches import on_device
@@ -53,22 +53,22 @@ class OnGpu(sectors._Moved):
 
 
 @pytest.fixture(params=SCENES)
-def made(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> SetUp:
+def made(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Problem:
     """A scene whose forces are gathered, and whose searches fill lists, as on a GPU."""
 
     def lists(touch: ClothTouch) -> Any:
         leaves = len(touch.sheets.edges) + touch.sheets.vertex_count
         return lists_of(int(WIDTH) * leaves, 1024 * leaves // 32 * 32)
 
-    monkeypatch.setattr(set_up, "build_model", partial(build_model, gathers=True))
+    monkeypatch.setattr(problem, "build_model", partial(build_model, gathers=True))
     monkeypatch.setattr(ClothTouch, "_lists", lists)
     monkeypatch.setattr(on_device, "takes_pairs", lambda terms, vertices: terms.edges)
     monkeypatch.setattr(sectors, "spilled_bytes", lambda command, device: 100)
     monkeypatch.setattr(sectors, "core_bytes", lambda device: 228 * 1024)
-    return set_up_one(load_scene(SCENES[request.param]), "cpu")
+    return load_problem(load_scene(SCENES[request.param]), "cpu")
 
 
-def test_whatever_is_launched_moves_something(made: SetUp) -> None:
+def test_whatever_is_launched_moves_something(made: Problem) -> None:
     touch, counted = made.relaxation.touch, set[str]()
     if touch is not None:
         touch.awaken()

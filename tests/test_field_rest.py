@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 import warp_cloth
-from warp_cloth.fitting.problem import following, set_up_one
+from warp_cloth.fitting.problem import collider_updates, load_problem
 from warp_cloth.solver.certificate.certifier import Look, Tolerance
 from warp_cloth.solver.loop import Goal, relax_items
 
@@ -21,14 +21,14 @@ NEVER = 0.2  # what is left on the plain look-up; measured 0.3 to 0.5
 
 def residuals(avatar: str) -> np.ndarray:
     """Relative residuals of a T-shirt on a mannequin after every hundred iterations."""
-    made = set_up_one(warp_cloth.load_scene("tshirt", [*COARSE_FELT, f"collision.avatar={avatar}"]), "cpu")
+    made = load_problem(warp_cloth.load_scene("tshirt", [*COARSE_FELT, f"collision.avatar={avatar}"]), "cpu")
     left = []
 
     def told(look: Look, seconds: float) -> None:
         left.append(look.relative_rms[0])
 
     goal = Goal(Tolerance(0.0, 0.0, 0.0), ITERATIONS)
-    relax_items(made.relaxation, made.certifier, [goal], follow=following(made), on_check=told)
+    relax_items(made.relaxation, made.certifier, [goal], follow=collider_updates(made), on_check=told)
     return np.array(left)
 
 

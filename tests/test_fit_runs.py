@@ -15,7 +15,7 @@ from quick import SMALL, hanging, quick
 
 from warp_cloth.avatar import collider as avatar_contact
 from warp_cloth.fitting import fit as fitting
-from warp_cloth.fitting import problem as set_up
+from warp_cloth.fitting import problem
 from warp_cloth.model.result import Status
 from warp_cloth.solver.relax import StepOptions
 
@@ -78,7 +78,7 @@ def test_what_is_seen_beside_rest_does_not_hide_what_it_takes_to_rest(monkeypatc
 def test_numbers_that_run_away_are_diverged_with_the_last_finite_shape(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    monkeypatch.setattr(set_up, "StepOptions", partial(StepOptions, momentum=math.nan))
+    monkeypatch.setattr(problem, "StepOptions", partial(StepOptions, momentum=math.nan))
     worn = quick("sphere", "garment.shape.vertices_per_side=5", "avatar.shape.edge_mm=100", frames=3)
     assert worn.status is Status.DIVERGED
     assert "solver.cap" in worn.message

@@ -11,7 +11,7 @@ from meshfiles import write_obj
 
 import warp_cloth
 from warp_cloth.fitting.fit import tolerance_of
-from warp_cloth.fitting.problem import SetUp, following, set_up_one
+from warp_cloth.fitting.problem import Problem, collider_updates, load_problem
 from warp_cloth.model.result import Status
 from warp_cloth.solver.loop import relax_to_rest
 
@@ -71,18 +71,18 @@ def test_sheet_holds_below_the_angle_of_friction_and_slides_above(tmp_path: Path
     assert way_down(tmp_path, kind, friction, angle + WITHIN) > SLID
 
 
-def worn_t_shirt(*overrides: str) -> tuple[SetUp, np.ndarray]:
+def worn_t_shirt(*overrides: str) -> tuple[Problem, np.ndarray]:
     """A coarse T-shirt, relaxed until its certificate holds, and its points [m]."""
     scene = warp_cloth.load_scene("tshirt", ["garment.shape.edge_mm=30", "collision.pixel_mm=4", *overrides])
-    made = set_up_one(scene, "cpu")
+    made = load_problem(scene, "cpu")
     outcome = relax_to_rest(
-        made.relaxation, made.certifier, tolerance_of(scene), scene.solver.iterations, follow=following(made)
+        made.relaxation, made.certifier, tolerance_of(scene), scene.solver.iterations, follow=collider_updates(made)
     )
     assert outcome.status is Status.AT_REST
     return made, outcome.points
 
 
-def way_on(made: SetUp, points: np.ndarray) -> np.ndarray:
+def way_on(made: Problem, points: np.ndarray) -> np.ndarray:
     """How far each vertex goes in 1,000 further iterations [m]."""
     for _ in range(10):
         made.relaxation.run(100)

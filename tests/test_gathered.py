@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from warp_cloth.fitting.problem import set_up_one
+from warp_cloth.fitting.problem import load_problem
 from warp_cloth.scene import load_scene
 from warp_cloth.solver.anisotropic_step import _Gathered
 from warp_cloth.study.asked import STORED, Part
@@ -23,7 +23,7 @@ SHAPE = {"kind": "square", "side": 0.5, "vertices_per_side": 21}
 def look() -> dict[str, Launch]:
     """The launches of a look at leeway, thread by thread, as on a GPU; and of an iteration."""
     fabric = {"stretch": 2e4, "shear": 50.0, "bending": 1e-6}
-    made = set_up_one(load_scene({"garment": {"shape": SHAPE, "fabric": fabric}}), "cpu")
+    made = load_problem(load_scene({"garment": {"shape": SHAPE, "fabric": fabric}}), "cpu")
     gathers = _Gathered(made.model)
     launches = launches_of(lambda: gathers.launch(made.relaxation.step, made.model.cloth))
     launches += launches_of(made.relaxation.iterate)
@@ -35,7 +35,7 @@ def tangled() -> dict[str, tuple[Launch, dict[str, Part]]]:
     """The launches of a search of two layers, of which one's rim lies under the other, and what they ask for then."""
     sheets = [{"shape": {**SHAPE, "height": height}} for height in (1.0, 0.9995)]
     tree = {"garment": sheets, "collision": {"cloth": True}, "avatar": {"shape": {"kind": "sphere", "radius": 0.2}}}
-    made = set_up_one(load_scene(tree), "cpu")
+    made = load_problem(load_scene(tree), "cpu")
     touch = made.relaxation.touch
     assert touch is not None
     touch._untangling.layer.assign(np.repeat([0, 1], touch.sheets.vertex_count // 2).astype(np.int32))

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import pytest
 
-from warp_cloth.fitting.problem import SetUp, set_up_one, tolerance_of
+from warp_cloth.fitting.problem import Problem, load_problem, tolerance_of
 from warp_cloth.kernels.certificate.summary import ONCE
 from warp_cloth.model.result import Residual
 from warp_cloth.scene import load_scene
@@ -18,14 +18,14 @@ ROUNDING = 1e-12  # [m], of float64 positions near 1 m
 
 
 @pytest.fixture(scope="module")
-def hung() -> SetUp:
+def hung() -> Problem:
     """A square that hangs, and is only looked at here."""
-    return set_up_one(
+    return load_problem(
         load_scene({"garment": {"shape": {"kind": "square", "vertices_per_side": 5, "plane": "vertical"}}}), "cpu"
     )
 
 
-def seen(made: SetUp, vertex: int, ways: list[list[float]]) -> float:
+def seen(made: Problem, vertex: int, ways: list[list[float]]) -> float:
     """The growing motion [m] at the last of the looks between which a vertex goes these ways [m]."""
     points = made.model.points().copy()
     start = points.copy()
@@ -38,7 +38,7 @@ def seen(made: SetUp, vertex: int, ways: list[list[float]]) -> float:
     return float(growing)
 
 
-def highest(made: SetUp) -> int:
+def highest(made: Problem) -> int:
     return int(made.model.points()[:, 1].argmax())
 
 
@@ -57,12 +57,12 @@ WAYS = {
 
 
 @pytest.mark.parametrize("name", list(WAYS))
-def test_growing_is_a_way_that_is_longer_than_those_before_and_runs_along_them(hung: SetUp, name: str) -> None:
+def test_growing_is_a_way_that_is_longer_than_those_before_and_runs_along_them(hung: Problem, name: str) -> None:
     ways, expected = WAYS[name]
     assert seen(hung, highest(hung), ways) == pytest.approx(expected, abs=ROUNDING)
 
 
-def test_what_hangs_low_may_fold(hung: SetUp) -> None:
+def test_what_hangs_low_may_fold(hung: Problem) -> None:
     lowest = int(hung.model.points()[:, 1].argmin())
     assert seen(hung, lowest, WAYS["grown twice"][0]) == 0.0
 

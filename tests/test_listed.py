@@ -10,7 +10,7 @@ import pytest
 import warp as wp
 
 from warp_cloth.contact.box_tree import lists_of
-from warp_cloth.fitting.problem import set_up_one
+from warp_cloth.fitting.problem import load_problem
 from warp_cloth.kernels.contact.arrays import ON_EDGE
 from warp_cloth.kernels.contact.crossing_search import BY_TRIANGLE
 from warp_cloth.scene import load_scene
@@ -32,7 +32,7 @@ Asked = dict[str, set[tuple[int, int]]]  # by array blocks and elements
 def search() -> dict[str, Launch]:
     """The launches of a search of two sheets that lie on each other."""
     sheets = [{"shape": {**SHEET, "height": height}} for height in (1.0, 1.0004)]
-    made = set_up_one(load_scene({"garment": sheets, "collision": {"cloth": True}}), "cpu")
+    made = load_problem(load_scene({"garment": sheets, "collision": {"cloth": True}}), "cpu")
     touch = made.relaxation.touch
     assert touch is not None
     touch.untangles = False
@@ -206,7 +206,7 @@ def test_what_found_no_room_does_not_count_nor_do_kernels_without_lists(search: 
 
 def test_what_may_cross_is_counted_while_its_lists_last() -> None:
     sheets = [{"shape": {**SHEET, "height": height}} for height in (1.0, 1.0004)]
-    made = set_up_one(load_scene({"garment": sheets, "collision": {"cloth": True}}), "cpu")
+    made = load_problem(load_scene({"garment": sheets, "collision": {"cloth": True}}), "cpu")
     touch, cloth = made.relaxation.touch, made.model.cloth
     assert touch is not None
     touch._near_met, touch._crossing_met = lists_of(GROUPS, LEAVES), lists_of(GROUPS, LEAVES)

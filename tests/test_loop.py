@@ -10,7 +10,7 @@ import pytest
 
 from warp_cloth.fitting import problem as set_up_module
 from warp_cloth.fitting.fit import tolerance_of
-from warp_cloth.fitting.problem import following, set_up
+from warp_cloth.fitting.problem import build_problem, collider_updates
 from warp_cloth.garment.scene_garments import open_wardrobe
 from warp_cloth.model.model import build_model
 from warp_cloth.scene import load_scene
@@ -26,9 +26,9 @@ def ended(changes: Sequence[Sequence[str]], *, ahead: bool) -> tuple[list[Outcom
     The last shape is what the model holds.
     """
     scenes = [load_scene("sphere", [*FALLING, *change]) for change in changes]
-    made = set_up(scenes, [open_wardrobe(scene) for scene in scenes], "cpu")
+    made = build_problem(scenes, [open_wardrobe(scene) for scene in scenes], "cpu")
     goals = [Goal(tolerance_of(scene), scene.solver.iterations) for scene in scenes]
-    outcomes = relax_items(made.relaxation, made.certifier, goals, follow=following(made), ahead=ahead)
+    outcomes = relax_items(made.relaxation, made.certifier, goals, follow=collider_updates(made), ahead=ahead)
     for item, outcome in enumerate(outcomes):
         np.testing.assert_array_equal(made.model.points(item), outcome.points)
     return outcomes, np.stack([np.asarray(made.certifier.pushes()), made.model.cloth.stiffness.numpy()])
@@ -58,7 +58,7 @@ def test_cloth_that_hangs_goes_from_check_to_check_in_fewer_graphs(monkeypatch: 
     scene = load_scene("hanging", ["garment.shape.vertices_per_side=9", "solver.iterations=230"])
     shapes, graphs = [], list[list[int]]()
     for told in (None, lambda iteration, relaxation: None):
-        made = set_up([scene], [open_wardrobe(scene)], "cpu")
+        made = build_problem([scene], [open_wardrobe(scene)], "cpu")
         run, counts = made.relaxation.run, list[int]()
         monkeypatch.setattr(
             made.relaxation, "run", lambda count, run=run, counts=counts: (counts.append(count), run(count))
@@ -75,7 +75,7 @@ def test_cloth_that_hangs_goes_from_check_to_check_in_fewer_graphs(monkeypatch: 
 def test_hanging_cloth_is_packed_once_between_two_checks(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(set_up_module, "build_model", partial(build_model, gathers=True))
     scene = load_scene("hanging", ["garment.shape.vertices_per_side=9"])
-    made = set_up([scene], [open_wardrobe(scene)], "cpu")
+    made = build_problem([scene], [open_wardrobe(scene)], "cpu")
     (count,) = chunks(made.relaxation)
     launches = launches_of(lambda: made.relaxation.iterate(count))
     assert len(launches) == count + 2
@@ -90,9 +90,11 @@ def test_worn_cloth_that_stays_packed_between_checks_ends_with_the_same_bits(
     found = []
     for gathers in (False, True):
         monkeypatch.setattr(set_up_module, "build_model", partial(build_model, gathers=gathers))
-        made = set_up(scenes, [open_wardrobe(scene) for scene in scenes], "cpu")
+        made = build_problem(scenes, [open_wardrobe(scene) for scene in scenes], "cpu")
         goals = [Goal(tolerance_of(scene), scene.solver.iterations) for scene in scenes]
-        outcomes = relax_items(made.relaxation, made.certifier, goals, follow=following(made), ahead=ahead and gathers)
+        outcomes = relax_items(
+            made.relaxation, made.certifier, goals, follow=collider_updates(made), ahead=ahead and gathers
+        )
         assert made.relaxation.stays_packed is gathers
         found.append(outcomes)
     for scattered, gathered in zip(*found, strict=True):

@@ -21,9 +21,9 @@ from warp_cloth.batch.many import fit_many
 from warp_cloth.batch.memory import Need, cut_to_fit, need_of, side_by_side
 from warp_cloth.contact import garments
 from warp_cloth.contact.garments import model_crossings, worn_crossings
-from warp_cloth.fitting import problem as set_up
+from warp_cloth.fitting import problem
 from warp_cloth.fitting.fit import Fit, tolerance_of
-from warp_cloth.fitting.problem import SetUp
+from warp_cloth.fitting.problem import Problem
 from warp_cloth.garment.scene_garments import open_wardrobe
 from warp_cloth.kernels.base.subset import GROUP
 from warp_cloth.model.model import build_model
@@ -75,7 +75,7 @@ def assert_same(fit: Fit | Exception, alone: Fit) -> None:
 def test_an_item_has_the_same_bits_alone_in_company_and_in_any_order(
     device: str, gathers: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(set_up, "build_model", partial(build_model, gathers=gathers))
+    monkeypatch.setattr(problem, "build_model", partial(build_model, gathers=gathers))
     scenes = mixture()
     alone = [warp_cloth.fit(scene, device=device) for scene in scenes]
     assert len({fit.report["iterations"] for fit in alone}) >= 4, "they end at different times"
@@ -89,7 +89,7 @@ def test_an_item_has_the_same_bits_alone_in_company_and_in_any_order(
 
 
 def test_those_left_have_the_same_bits_where_the_others_are_passed_over(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(set_up, "build_model", partial(build_model, gathers=True))
+    monkeypatch.setattr(problem, "build_model", partial(build_model, gathers=True))
     chosen: list[int] = []
     choose = AtWork.choose
 
@@ -118,10 +118,10 @@ def test_those_left_have_the_same_bits_where_the_others_are_passed_over(monkeypa
 
 @pytest.mark.parametrize("gathers", [False, True])
 def test_what_a_batch_takes_over_of_earlier_ones_changes_no_bit(gathers: bool, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(set_up, "build_model", partial(build_model, gathers=gathers))
+    monkeypatch.setattr(problem, "build_model", partial(build_model, gathers=gathers))
     built = []
     monkeypatch.setattr(
-        set_up, "AvatarContact", lambda *given, **named: built.append(1) or AvatarContact(*given, **named)
+        problem, "AvatarContact", lambda *given, **named: built.append(1) or AvatarContact(*given, **named)
     )
     shelf = Shelf(0)
     scenes = mixture()[:7]
@@ -171,16 +171,16 @@ def test_crossings_and_depths_of_many_are_those_of_each(monkeypatch: pytest.Monk
 def test_one_whose_numbers_are_lost_leaves_the_others_their_bits(monkeypatch: pytest.MonkeyPatch) -> None:
     scenes = [load_scene("hanging", [*HANGING, f"solver.iterations={240 + n}"]) for n in range(3)]
     alone = [warp_cloth.fit(scene, device="cpu") for scene in scenes]
-    build = many.set_up
+    build = many.build_problem
 
-    def with_a_hole(*given: Any, **options: Any) -> SetUp:
+    def with_a_hole(*given: Any, **options: Any) -> Problem:
         made = build(*given, **options)
         weight = made.model.cloth.weight.numpy().copy()
         weight[made.model.item_start[1] + 3] = np.nan
         made.model.cloth.weight.assign(weight)
         return made
 
-    monkeypatch.setattr(many, "set_up", with_a_hole)
+    monkeypatch.setattr(many, "build_problem", with_a_hole)
     first, lost, third = fit_many(scenes, "cpu", together=3)
     assert_same(first, alone[0])
     assert_same(third, alone[2])
@@ -260,12 +260,12 @@ def held(thing: Any, seen: set[int]) -> int:
 @pytest.mark.parametrize("gathers", [False, True])
 @pytest.mark.parametrize("fabric", ["cotton", "jersey", "default"])
 def test_the_planned_memory_bounds_what_is_held(gathers: bool, fabric: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(set_up, "build_model", partial(build_model, gathers=gathers))
+    monkeypatch.setattr(problem, "build_model", partial(build_model, gathers=gathers))
     monkeypatch.setenv(ALONE, "1")  # as processes of a batch are
     changes = ["garment.shape.vertices_per_side=60", f"garment.fabric={fabric}", "solver.iterations=4000"]
     scene = load_scene("sphere", [*changes, "collision.pixel_mm=10"])
     wardrobe = open_wardrobe(scene)
-    made = set_up.set_up([scene], [wardrobe], "cpu")
+    made = problem.build_problem([scene], [wardrobe], "cpu")
     relax_items(made.relaxation, made.certifier, [Goal(tolerance_of(scene), 1500)])
     used = held([made.model, made.relaxation, made.certifier, made.contacts], set())
     need = need_of(scene, wardrobe, gathers=gathers)

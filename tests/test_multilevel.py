@@ -10,7 +10,7 @@ import warp as wp
 from cloths import grid
 
 from warp_cloth.fitting import problem as set_up_module
-from warp_cloth.fitting.problem import following, set_up_one, start_coarse
+from warp_cloth.fitting.problem import collider_updates, load_problem, start_coarse
 from warp_cloth.garment.part import GarmentPart
 from warp_cloth.garment.rest import build_rest_shape
 from warp_cloth.kernels.elements.stiffness import stiffness_types
@@ -166,8 +166,8 @@ def test_what_is_balanced_above_the_avatar_is_not_held_by_it(push: float, gap: f
 
 def test_cloth_at_rest_on_a_ball_stays_there() -> None:
     overrides = ["garment.shape.vertices_per_side=17", "solver.method=multilevel", "garment.fabric={stretch = 20000}"]
-    made = set_up_one(load_scene("sphere", overrides), "cpu")
-    outcome = relax_to_rest(made.relaxation, made.certifier, Tolerance(), LIMIT, follow=following(made))
+    made = load_problem(load_scene("sphere", overrides), "cpu")
+    outcome = relax_to_rest(made.relaxation, made.certifier, Tolerance(), LIMIT, follow=collider_updates(made))
     assert outcome.status is Status.AT_REST
     for _ in range(outcome.iterations // 100):
         made.relaxation.run(100)
@@ -180,10 +180,10 @@ def test_on_a_ball_scattered_and_gathered_forces_give_the_same_bits(monkeypatch:
     shapes = []
     for gathers in (False, True):
         monkeypatch.setattr(set_up_module, "build_model", partial(build_model, gathers=gathers))
-        made = set_up_one(load_scene("sphere", changes), "cpu")
+        made = load_problem(load_scene("sphere", changes), "cpu")
         start_coarse(made)
         outcome = relax_to_rest(
-            made.relaxation, made.certifier, Tolerance(0.0, 0.0, 0.0), 900, follow=following(made), ahead=gathers
+            made.relaxation, made.certifier, Tolerance(0.0, 0.0, 0.0), 900, follow=collider_updates(made), ahead=gathers
         )
         assert isinstance(made.relaxation, MultilevelRelaxation)
         assert not made.relaxation.stays_packed  # steps are implicit by now
@@ -193,7 +193,7 @@ def test_on_a_ball_scattered_and_gathered_forces_give_the_same_bits(monkeypatch:
 
 def test_cloth_on_a_body_goes_on_at_another_pace_once_forces_balance() -> None:
     overrides = ["garment.shape.vertices_per_side=9", "solver.method=multilevel"]
-    relaxation = set_up_one(load_scene("sphere", overrides), "cpu").relaxation
+    relaxation = load_problem(load_scene("sphere", overrides), "cpu").relaxation
     relaxation.run(10)  # nothing is overstretched
     own, calm = ImplicitOptions(), BOUNDS[Pace.CALM]
     for residual, wanted in ((1.0, own.momentum_met), (0.9 * calm, own.momentum_calm), (2.0 * calm, own.momentum_calm),
@@ -204,7 +204,7 @@ def test_cloth_on_a_body_goes_on_at_another_pace_once_forces_balance() -> None:
 
 def test_cloth_on_a_body_sees_forces_ahead_once_it_hardly_moves() -> None:
     overrides = ["garment.shape.vertices_per_side=9", "solver.method=multilevel"]
-    relaxation = set_up_one(load_scene("sphere", overrides), "cpu").relaxation
+    relaxation = load_problem(load_scene("sphere", overrides), "cpu").relaxation
     assert isinstance(relaxation, MultilevelRelaxation)
     relaxation.run(10)
     calm, still, resting = (BOUNDS[pace] for pace in (Pace.CALM, Pace.STILL, Pace.RESTING))
@@ -240,7 +240,7 @@ def test_momentum_grows_till_steps_do_not_repay_it(kept: float, taken: float, gi
 def test_a_shape_carried_over_settles_vertex_by_vertex_on_a_body() -> None:
     overrides = ["solver.method=multilevel", "garment.fabric={stretch = 200000}", "garment.shape.vertices_per_side=33",
                  "garment.shape.side=0.5", "garment.shape.height=0.71", "avatar.shape.radius=0.1"]  # fmt: skip
-    made = set_up_one(load_scene("sphere", overrides), "cpu")
+    made = load_problem(load_scene("sphere", overrides), "cpu")
     assert start_coarse(made)
     carried, stretched = made.model.points(), stretch(made.model)
     made.relaxation.run(LOOK)

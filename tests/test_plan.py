@@ -15,7 +15,7 @@ from warp_cloth.base.errors import InputError
 from warp_cloth.cli.main import app
 from warp_cloth.fitting.fit import fit
 from warp_cloth.fitting.plan import contact_kind, make_plan
-from warp_cloth.fitting.problem import SetUp, set_up_one
+from warp_cloth.fitting.problem import Problem, load_problem
 from warp_cloth.garment.reach import reach_box
 from warp_cloth.scene import load_scene
 from warp_cloth.study import footprint, planning, savings, timing
@@ -29,14 +29,14 @@ WOVEN = {"stretch": 2e4, "shear": 50.0, "bending": 1e-6}
 TOP = {"box": [[-1, 1.499, -1], [1, 2, 1]]}
 
 
-def ready(fabric: object = None, **more: object) -> SetUp:
+def ready(fabric: object = None, **more: object) -> Problem:
     tree = {"garment": {"shape": SQUARE, "fabric": fabric or PLAIN, "pin": TOP}, "collision": {"pixel_mm": 20}, **more}
     if "avatar" not in tree:
         del tree["collision"]
-    return set_up_one(load_scene(tree), "cpu")
+    return load_problem(load_scene(tree), "cpu")
 
 
-def seen(made: SetUp) -> tuple[list[Launch], set[str]]:
+def seen(made: Problem) -> tuple[list[Launch], set[str]]:
     """Launches of an iteration, and the names of the arrays that they are given."""
     launches = launches_of(made.relaxation.iterate)
     return launches, {name for launch in launches for name in launch.arrays()}
@@ -63,7 +63,7 @@ def test_without_pins_or_steps_of_its_own_a_vertex_keeps_neither() -> None:
     assert {"cloth.pinned", "cloth.stiffness"} <= names
     shape = {"kind": "sphere", "radius": 0.2, "centre": [0.0, 1.0, 0.0], "edge_mm": 80}
     tree = {"garment": {"shape": SQUARE, "fabric": PLAIN}, "avatar": {"shape": shape}, "solver": {"method": "direct"}}
-    _, names = seen(set_up_one(load_scene(tree), "cpu"))
+    _, names = seen(load_problem(load_scene(tree), "cpu"))
     assert not {"cloth.pinned", "cloth.stiffness"} & names
 
 
@@ -152,7 +152,7 @@ def test_a_garment_that_cannot_reach_the_avatar_does_not_ask_it_and_one_that_may
     kinds = {}
     for away in (0.8, 2.1):
         made = load_scene(scene(away))
-        kinds[away] = contact_kind(made, set_up_one(made, "cpu").wardrobe)
+        kinds[away] = contact_kind(made, load_problem(made, "cpu").wardrobe)
     assert kinds == {0.8: "depth", 2.1: "none"}
 
 
@@ -160,7 +160,7 @@ def test_a_garment_that_cannot_reach_the_avatar_does_not_ask_it_and_one_that_may
 def test_a_pinned_garment_stays_within_its_reach_all_the_way(fabric: dict[str, object]) -> None:
     tree = {"garment": {"shape": SQUARE, "fabric": {**fabric, "weight": 5.0}, "pin": {"vertices": [0]}}}
     scene = load_scene(tree, ["solver.iterations=3000"])
-    made = set_up_one(scene, "cpu")
+    made = load_problem(scene, "cpu")
     box = reach_box(made.wardrobe.parts[0])
     assert box is not None
     worn = fit(scene, device="cpu", frames=20)
@@ -171,7 +171,7 @@ def test_a_pinned_garment_stays_within_its_reach_all_the_way(fabric: dict[str, o
 
 
 def test_nothing_is_proved_of_a_garment_that_nothing_holds() -> None:
-    made = set_up_one(load_scene({"garment": {"shape": SQUARE, "fabric": PLAIN}}), "cpu")
+    made = load_problem(load_scene({"garment": {"shape": SQUARE, "fabric": PLAIN}}), "cpu")
     assert reach_box(made.wardrobe.parts[0]) is None
 
 
@@ -213,7 +213,7 @@ def test_a_plan_is_written_whole_or_not_at_all(tmp_path: Path, monkeypatch: pyte
 def test_what_is_saved_without_a_term_is_told_of_those_in_use_and_adds_up(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(savings, "SHORTEST_RUN", 0.01)
     scene = load_scene({"garment": {"shape": SQUARE, "fabric": PLAIN, "pin": TOP}})
-    made = set_up_one(scene, "cpu")
+    made = load_problem(scene, "cpu")
     told = savings.savings_of(scene, made.wardrobe, "cpu")
     assert [each.term for each in told] == ["bending", savings.REST]
     assert sum(each.share for each in told) == pytest.approx(1.0)
@@ -224,7 +224,9 @@ def test_cloth_that_meets_cloth_is_timed_with_its_searches(monkeypatch: pytest.M
     monkeypatch.setattr(timing, "SHORTEST_RUN", 0.01)
     flat = {**SQUARE, "plane": "horizontal"}
     sheets = [{"shape": {**flat, "height": height}, "fabric": PLAIN} for height in (1.45, 1.452)]
-    made = set_up_one(load_scene({"garment": sheets, "avatar": {"shape": SPHERE}, "collision": {"cloth": True}}), "cpu")
+    made = load_problem(
+        load_scene({"garment": sheets, "avatar": {"shape": SPHERE}, "collision": {"cloth": True}}), "cpu"
+    )
     cost = footprint.footprint_of(made)
     assert {"press_pairs", "start_search"} <= {kernel.name for kernel in cost.kernels}
     assert cost.iterations[0] < cost.iterations[1]
@@ -240,7 +242,7 @@ def test_what_a_clock_adds_is_told_by_launches_that_follow_each_other() -> None:
 def test_searches_that_go_side_by_side_do_so_again_after_they_were_timed_in_turn() -> None:
     flat = {**SQUARE, "plane": "horizontal"}
     sheets = [{"shape": {**flat, "height": height}, "fabric": PLAIN} for height in (1.45, 1.452)]
-    made = set_up_one(load_scene({"garment": sheets, "collision": {"cloth": True}}), "cpu")
+    made = load_problem(load_scene({"garment": sheets, "collision": {"cloth": True}}), "cpu")
     touch = made.relaxation.touch
     assert touch is not None
     way = timing.Way(made)
@@ -259,7 +261,7 @@ def test_searches_that_go_side_by_side_do_so_again_after_they_were_timed_in_turn
 def test_what_is_pressed_is_counted_on_the_way_and_a_search_while_it_goes_on(monkeypatch: pytest.MonkeyPatch) -> None:
     flat = {**SQUARE, "plane": "horizontal"}
     sheets = [{"shape": {**flat, "height": height}, "fabric": PLAIN} for height in (1.45, 1.452)]
-    made = set_up_one(load_scene({"garment": sheets, "collision": {"cloth": True}}), "cpu")
+    made = load_problem(load_scene({"garment": sheets, "collision": {"cloth": True}}), "cpu")
     touch, counted = made.relaxation.touch, footprint.Moved(made)
     assert touch is not None
     touch.untangles = False

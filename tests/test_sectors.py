@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import warp as wp
 
-from warp_cloth.fitting.problem import set_up_one
+from warp_cloth.fitting.problem import load_problem
 from warp_cloth.kernels.avatar.field import ContactField, sample_field
 from warp_cloth.kernels.base.block import BLOCK_THREADS
 from warp_cloth.kernels.base.options import SINGLE
@@ -34,7 +34,7 @@ EDGED = {"stretch": 2e4, "shear": "edges", "bending": 1e-6}
 def advance() -> tuple[Launch, Uses]:
     """A launch whose blocks work on patches, and what it uses."""
     scene = load_scene({"garment": {"shape": SQUARE, "fabric": WOVEN}})
-    part = set_up_one(scene, "cpu").wardrobe.parts[0]
+    part = load_problem(scene, "cpu").wardrobe.parts[0]
     model = build_model([part], device="cpu", precision="mixed", gathers=True)
     relaxation = Relaxation(model, Collider(), StepOptions())
     _pack, launch, _unpack = launches_of(relaxation.iterate)
@@ -101,7 +101,7 @@ def test_threads_that_work_on_pairs_ask_for_all_edges_and_for_corners_of_other_t
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(on_device, "takes_pairs", lambda terms, vertices: True)
-    part = set_up_one(load_scene({"garment": {"shape": SQUARE, "fabric": EDGED}}), "cpu").wardrobe.parts[0]
+    part = load_problem(load_scene({"garment": {"shape": SQUARE, "fabric": EDGED}}), "cpu").wardrobe.parts[0]
     model = build_model([part], device="cpu", precision="mixed", gathers=True)
     _pack, launch, _unpack = launches_of(Relaxation(model, Collider(), StepOptions()).iterate)
     uses = array_uses(launch.kernel)
@@ -145,7 +145,7 @@ def test_memory_counts_each_sector_once_and_the_cache_once_for_each_block(advanc
 
 
 def test_patches_move_the_same_last_first() -> None:
-    part = set_up_one(load_scene({"garment": {"shape": SQUARE, "fabric": WOVEN}}), "cpu").wardrobe.parts[0]
+    part = load_problem(load_scene({"garment": {"shape": SQUARE, "fabric": WOVEN}}), "cpu").wardrobe.parts[0]
     model = build_model([part], device="cpu", precision="mixed", gathers=True)
     relaxation = Relaxation(model, Collider(), StepOptions())
     _pack, there, back, _unpack = launches_of(lambda: relaxation.iterate(2))
@@ -191,7 +191,7 @@ def pressed(*heights: float, name: str = "press_pairs") -> tuple[Launch, Uses]:
     shape = {**SQUARE, "vertices_per_side": 9, "plane": "horizontal"}
     held = {"vertices": list(range(80))}  # all but one
     sheets = [{"shape": {**shape, "height": 1.0 + height}, "pin": held} for height in heights]
-    made = set_up_one(load_scene({"garment": sheets, "collision": {"cloth": True}}), "cpu")
+    made = load_problem(load_scene({"garment": sheets, "collision": {"cloth": True}}), "cpu")
     assert made.relaxation.touch is not None
     made.relaxation.touch.untangles = False
     made.relaxation.touch.awaken()
@@ -218,7 +218,7 @@ def has_come(arrays: dict[str, np.ndarray]) -> np.ndarray:
 def test_leeway_is_asked_for_by_cloth_that_has_some() -> None:
     sphere = {"kind": "sphere", "radius": 0.2, "centre": [0.0, 1.2, -0.1], "edge_mm": 80}
     tree = {"garment": {"shape": SQUARE, "fabric": WOVEN}, "avatar": {"shape": sphere}, "collision": {"pixel_mm": 20}}
-    made = set_up_one(load_scene(tree), "cpu")
+    made = load_problem(load_scene(tree), "cpu")
     found = []
     for residual in (1.0, 0.0):
         made.relaxation.loosen(np.array([residual]))

@@ -13,7 +13,7 @@ from test_carried import floor
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.mesh import Mesh
 from warp_cloth.base.threads import ALONE
-from warp_cloth.fitting.problem import set_up_one
+from warp_cloth.fitting.problem import load_problem
 from warp_cloth.garment.rest import build_rest_shape
 from warp_cloth.kernels.base.types import cloth_types
 from warp_cloth.kernels.passes.domains import APART, meet_threads
@@ -198,7 +198,7 @@ def test_a_scene_says_how_many(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(together, "core_count", lambda: 2)
     monkeypatch.setattr(together, "LEAST", 100)
     scene = {"garment": {"shape": {"kind": "square", "vertices_per_side": 20}, "pin": [{"vertices": [0, 19]}]}}
-    assert set_up_one(load_scene(scene), "cpu").relaxation.thread_count == 2
-    assert set_up_one(load_scene(scene, ["solver.threads=1"]), "cpu").relaxation.thread_count == 1
+    assert load_problem(load_scene(scene), "cpu").relaxation.thread_count == 2
+    assert load_problem(load_scene(scene, ["solver.threads=1"]), "cpu").relaxation.thread_count == 1
     with pytest.raises(InputError, match="threads"):
         load_scene(scene, ["solver.threads=0"])

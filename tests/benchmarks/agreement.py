@@ -35,7 +35,14 @@ from reference import Potential, preconditioned_rest
 
 from warp_cloth.base.mesh import Points
 from warp_cloth.base.warp_setup import start_warp
-from warp_cloth.fitting.problem import SetUp, following, set_up, set_up_one, start_coarse, tolerance_of
+from warp_cloth.fitting.problem import (
+    Problem,
+    build_problem,
+    collider_updates,
+    load_problem,
+    start_coarse,
+    tolerance_of,
+)
 from warp_cloth.scene import load_scene
 from warp_cloth.solver.certificate.certifier import Check, Tolerance
 from warp_cloth.solver.implicit.multilevel import MultilevelRelaxation
@@ -73,7 +80,7 @@ class ReachedError(Exception):
 class Watch:
     """Sees a fit through its first certificate to what is asked for beyond."""
 
-    made: SetUp
+    made: Problem
     wanted: Tolerance
     beyond: Tolerance
     weights: float
@@ -95,14 +102,14 @@ class Watch:
         return found is not None and found.within(self.beyond) and found.residual.rms <= self.weights
 
 
-def prepared(case: Case, device: str, **solver: Any) -> SetUp:
+def prepared(case: Case, device: str, **solver: Any) -> Problem:
     """A case on the device."""
     with TemporaryDirectory() as folder:
         tree = {**case_tree(case, Path(folder)), "solver": {"iterations": LIMIT, **solver}}
-        return set_up_one(load_scene(tree), device)
+        return load_problem(load_scene(tree), device)
 
 
-def shake(made: SetUp, start: int) -> None:
+def shake(made: Problem, start: int) -> None:
     """Moves the garments by MOVED where they start, by the random numbers of that start."""
     random = np.random.default_rng(start)
     for part in made.wardrobe.parts:
@@ -110,7 +117,7 @@ def shake(made: SetUp, start: int) -> None:
     made.model.set_points(np.concatenate([part.points for part in made.wardrobe.parts]))
 
 
-def fitted(case: Case, made: SetUp, row: dict[str, Any]) -> Watch:
+def fitted(case: Case, made: Problem, row: dict[str, Any]) -> Watch:
     """The fit, beyond its certificate."""
     began = time.perf_counter()
     levels = start_coarse(made)
@@ -120,7 +127,13 @@ def fitted(case: Case, made: SetUp, row: dict[str, Any]) -> Watch:
     watch = Watch(made, wanted, beyond, math.inf if case.kind == "ball" else WEIGHTS)
     with suppress(ReachedError):
         relax_to_rest(
-            made.relaxation, made.certifier, NEVER, LIMIT, follow=following(made), on_check=watch.see, ahead=False
+            made.relaxation,
+            made.certifier,
+            NEVER,
+            LIMIT,
+            follow=collider_updates(made),
+            on_check=watch.see,
+            ahead=False,
         )
     check, coarse = watch.check, sum(level.iterations * level.vertices for level in levels) / made.model.vertex_count
     row |= {
@@ -134,11 +147,11 @@ def fitted(case: Case, made: SetUp, row: dict[str, Any]) -> Watch:
     return watch
 
 
-def beside(made: SetUp, method: str) -> SetUp:
+def beside(made: Problem, method: str) -> Problem:
     """The same garments once more, by a method and in float64."""
     (scene,) = made.scenes
     solver = scene.solver.model_copy(update={"method": method, "precision": "float64"})
-    return set_up([scene.model_copy(update={"solver": solver})], made.wardrobes, made.model.device)
+    return build_problem([scene.model_copy(update={"solver": solver})], made.wardrobes, made.model.device)
 
 
 def apart(a: Points, b: Points) -> tuple[float, float]:
@@ -147,7 +160,7 @@ def apart(a: Points, b: Points) -> tuple[float, float]:
     return float(np.sqrt(np.mean(way**2))), float(way.max())
 
 
-def run_on(case: Case, asked: Asked, other: SetUp, made: SetUp) -> tuple[Points, float, str]:
+def run_on(case: Case, asked: Asked, other: Problem, made: Problem) -> tuple[Points, float, str]:
     """The float64 kernels from where a fit ended far past the tolerance: where, the force left in weights, in words.
 
     They meet the body as that fit has it drawn in the end: drawn anew it would differ by micrometres.
@@ -171,7 +184,9 @@ def run_on(case: Case, asked: Asked, other: SetUp, made: SetUp) -> tuple[Points,
                 flush=True,
             )
 
-    outcome = relax_to_rest(other.relaxation, other.certifier, BEYOND, most, follow=following(other), on_check=tell)
+    outcome = relax_to_rest(
+        other.relaxation, other.certifier, BEYOND, most, follow=collider_updates(other), on_check=tell
+    )
     words = f"float64 {method}, {outcome.iterations} iterations, {1e3 * outcome.check.rest_error:.3g} mm left"
     return outcome.points, outcome.check.residual.rms, words
 

@@ -32,7 +32,7 @@ from warp_cloth.base.mesh import Indices, Mesh, Points
 from warp_cloth.base.warp_setup import start_warp
 from warp_cloth.bench.avatar import named_places, walked
 from warp_cloth.fitting.fit import fit
-from warp_cloth.fitting.problem import SetUp, following, tolerance_of
+from warp_cloth.fitting.problem import Problem, collider_updates, tolerance_of
 from warp_cloth.garment.scene_garments import open_wardrobe
 from warp_cloth.model.result import Status
 from warp_cloth.scene import Scene
@@ -143,9 +143,9 @@ def tell_residuals(rows: Sequence[dict[str, Any]]) -> None:
     print("residual of all, mean ratio:", *(f"{mean:.3f}" for mean in np.exp(np.log(ratio).mean(axis=(0, 2)))))
 
 
-def relaxed(made: SetUp, goals: Sequence[Goal], on_check: Any = None) -> list[Outcome]:
+def relaxed(made: Problem, goals: Sequence[Goal], on_check: Any = None) -> list[Outcome]:
     """The items, run to their goals."""
-    return relax_items(made.relaxation, made.certifier, goals, follow=following(made), on_check=on_check)
+    return relax_items(made.relaxation, made.certifier, goals, follow=collider_updates(made), on_check=on_check)
 
 
 def posed(pose: str, pixels: Sequence[float], limit: int, device: str) -> dict[str, Any]:
@@ -216,14 +216,14 @@ def add_times(rows: Sequence[dict[str, Any]], rest: Points, pixels: Sequence[flo
         (row["microseconds"],) = microseconds([several([scene], [wardrobe], device, [rest])])
 
 
-def microseconds(made: Sequence[SetUp]) -> list[float]:
+def microseconds(made: Sequence[Problem]) -> list[float]:
     """Medians of an iteration's time in each set-up, which take turns."""
     for one in made:
         one.relaxation.start_anew()
         one.relaxation.loosen(np.zeros(1))  # as worn cloth iterates
         one.relaxation.run(10 * CHUNK)
 
-    def timed(one: SetUp) -> float:
+    def timed(one: Problem) -> float:
         wp.synchronize_device(one.model.device)
         began = time.perf_counter()
         for _ in range(TIMED // CHUNK):

@@ -29,7 +29,7 @@ from warp_cloth.base.cache import Cache
 from warp_cloth.base.mesh import Points
 from warp_cloth.base.warp_setup import start_warp
 from warp_cloth.contact.crossing import find_crossings
-from warp_cloth.fitting.problem import SetUp, following, set_up, tolerance_of
+from warp_cloth.fitting.problem import Problem, build_problem, collider_updates, tolerance_of
 from warp_cloth.garment.scene_garments import Wardrobe, open_wardrobe
 from warp_cloth.scene import Scene, load_scene
 from warp_cloth.solver.certificate.certifier import Tolerance
@@ -97,12 +97,12 @@ class Fits:
         self._device, self._cache = device, Cache()
         self._wardrobe: Wardrobe = open_wardrobe(self.scene)
 
-    def made(self, *, contact: bool) -> SetUp:
+    def made(self, *, contact: bool) -> Problem:
         """The scene, ready to relax; ``contact``: of cloth with cloth."""
         scene = self.scene.model_copy(update={"collision": self.scene.collision.model_copy(update={"cloth": contact})})
-        return set_up([scene], [self._wardrobe], self._device, cache=self._cache)
+        return build_problem([scene], [self._wardrobe], self._device, cache=self._cache)
 
-    def rest(self, made: SetUp, iterations: int | None = None, *, by_kernel: bool = False) -> Ended:
+    def rest(self, made: Problem, iterations: int | None = None, *, by_kernel: bool = False) -> Ended:
         """Lets it come to rest, or runs so many iterations."""
         watch = Watch(made, by_kernel=by_kernel)
         tolerance = tolerance_of(self.scene) if iterations is None else NEVER
@@ -110,7 +110,7 @@ class Fits:
         wp.synchronize_device(self._device)
         began = time.perf_counter()
         out = relax_to_rest(
-            made.relaxation, made.certifier, tolerance, limit, follow=following(made), course=made.course
+            made.relaxation, made.certifier, tolerance, limit, follow=collider_updates(made), course=made.course
         )
         wp.synchronize_device(self._device)
         seconds = time.perf_counter() - began
@@ -120,7 +120,7 @@ class Fits:
 class Watch:
     """Sees a relaxation's chunks: in which phase each is, and what it takes the device, or what its launches do."""
 
-    def __init__(self, made: SetUp, *, by_kernel: bool) -> None:
+    def __init__(self, made: Problem, *, by_kernel: bool) -> None:
         self._made, self._run = made, made.relaxation.run
         self._device = wp.get_device(made.model.device)
         self.captured = 0.0  # seconds in which graphs were captured, and launched for the first time

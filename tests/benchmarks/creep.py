@@ -22,7 +22,7 @@ from wearing import NEVER, SHARED_SHIRT, dressed, keep, several, shirt, side_by_
 
 from warp_cloth.base.mesh import Points
 from warp_cloth.base.warp_setup import start_warp
-from warp_cloth.fitting.problem import SetUp, following, kind_of, tolerance_of
+from warp_cloth.fitting.problem import Problem, collider_updates, problem_kind, tolerance_of
 from warp_cloth.garment.scene_garments import Rack, open_wardrobe
 from warp_cloth.scene import Scene, load_scene
 from warp_cloth.solver.certificate.certifier import Look
@@ -55,7 +55,7 @@ def crept(body: str, errors: Sequence[float], fabrics: Sequence[str], limit: int
     wardrobes = [open_wardrobe(scene, rack) for _, scene in named]
     kinds = collections.defaultdict[Any, list[int]](list)
     for at, (_, scene) in enumerate(named):
-        kinds[kind_of(scene, wardrobes[at])].append(at)
+        kinds[problem_kind(scene, wardrobes[at])].append(at)
     rows: list[dict[str, Any]] = []
     for group in kinds.values():
         made = several([named[at][1] for at in group], [wardrobes[at] for at in group], device)
@@ -63,7 +63,7 @@ def crept(body: str, errors: Sequence[float], fabrics: Sequence[str], limit: int
     return rows
 
 
-def _crept(made: SetUp, names: Sequence[str], errors: Sequence[float], limit: int) -> list[dict[str, Any]]:
+def _crept(made: Problem, names: Sequence[str], errors: Sequence[float], limit: int) -> list[dict[str, Any]]:
     """Those that relax together."""
     asked = {
         error: [replace(tolerance_of(scene), rest_error=1e-3 * error) for scene in made.scenes] for error in errors
@@ -93,7 +93,7 @@ def _crept(made: SetUp, names: Sequence[str], errors: Sequence[float], limit: in
 
     goals = [Goal(NEVER, limit + FURTHER)] * len(names)
     # not ahead: what is kept is what the check has seen
-    relax_items(made.relaxation, made.certifier, goals, follow=following(made), on_check=watch, ahead=False)
+    relax_items(made.relaxation, made.certifier, goals, follow=collider_updates(made), on_check=watch, ahead=False)
     return list(rows.values())
 
 

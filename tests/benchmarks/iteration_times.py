@@ -23,7 +23,7 @@ import warp as wp
 from scipy.spatial import Delaunay
 
 from warp_cloth.base.mesh import Mesh
-from warp_cloth.fitting.problem import set_up
+from warp_cloth.fitting.problem import build_problem
 from warp_cloth.garment.part import GarmentPart
 from warp_cloth.garment.rest import build_rest_shape
 from warp_cloth.garment.scene_garments import open_wardrobe
@@ -58,7 +58,7 @@ def relaxation_of(fabric: str, size: str, device: str) -> Relaxation:
     """Cloth on a device, ready to iterate."""
     if fabric in ("worn", "loose"):
         scene, count = load_scene("tshirt", []), int(size)
-        relaxation = set_up([scene] * count, [open_wardrobe(scene, None)] * count, device).relaxation
+        relaxation = build_problem([scene] * count, [open_wardrobe(scene, None)] * count, device).relaxation
         if fabric == "loose":
             for _ in range(FALLING // CHUNK):
                 relaxation.run(CHUNK)

@@ -19,7 +19,7 @@ import warp as wp
 from wearing import BODIES, SHARED_SHIRT
 
 from warp_cloth.base.warp_setup import start_warp
-from warp_cloth.fitting.problem import following, set_up_one, tolerance_of
+from warp_cloth.fitting.problem import collider_updates, load_problem, tolerance_of
 from warp_cloth.scene import load_scene
 from warp_cloth.solver.loop import chunks, relax_to_rest
 
@@ -30,14 +30,14 @@ def timed(name: str, scene: str | dict[str, Any], changes: list[str], device: st
     built, seconds, ends = list[float](), list[float](), set[str]()
     for _ in range(runs + 1):  # the first compiles
         began = time.perf_counter()
-        made = set_up_one(chosen, device)
+        made = load_problem(chosen, device)
         for count in set(chunks(made.relaxation)):
             made.relaxation.capture(count)
         wp.synchronize_device(device)
         built.append(time.perf_counter() - began)
         tolerance, limit = tolerance_of(chosen), chosen.solver.iterations
         outcome = relax_to_rest(
-            made.relaxation, made.certifier, tolerance, limit, follow=following(made), course=made.course
+            made.relaxation, made.certifier, tolerance, limit, follow=collider_updates(made), course=made.course
         )
         seconds.append(outcome.seconds)
         ends.add(f"{hashlib.sha256(outcome.points.tobytes()).hexdigest()[:12]} after {outcome.iterations:,}")

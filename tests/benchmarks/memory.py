@@ -13,8 +13,8 @@ import time
 import warp as wp
 
 from warp_cloth.base.warp_setup import start_warp
-from warp_cloth.fitting.fit import finished
-from warp_cloth.fitting.problem import following, set_up_one, tolerance_of
+from warp_cloth.fitting.fit import finish_fits
+from warp_cloth.fitting.problem import collider_updates, load_problem, tolerance_of
 from warp_cloth.scene import load_scene
 from warp_cloth.solver.loop import relax_to_rest
 from warp_cloth.study.footprint import memory_of
@@ -43,7 +43,7 @@ def main() -> None:
         last = now
 
     scene = load_scene(asked.scene, [*asked.changes, f"solver.iterations={asked.iterations}"])
-    made = set_up_one(scene, asked.device)
+    made = load_problem(scene, asked.device)
     planned = memory_of(made)
     whole = 1e-9 * sum(planned.values())
     print(
@@ -55,12 +55,12 @@ def main() -> None:
         made.certifier,
         tolerance_of(scene),
         asked.iterations,
-        follow=following(made),
+        follow=collider_updates(made),
         course=made.course,
     )
     print(f"{outcome.status.value} after {outcome.iterations:,} iterations, {outcome.seconds:.2f} s")
     tell("relaxed", whole - 1e-9 * planned["report"])
-    finished(made, [outcome], levels=[()], lap=lambda _: None, seconds={"relax": outcome.seconds})
+    finish_fits(made, [outcome], levels=[()], lap=lambda _: None, seconds={"relax": outcome.seconds})
     tell("reported", whole)
     print(f"{time.perf_counter() - began:.1f} s in all")
 

@@ -29,7 +29,7 @@ from wearing import BODIES, SHARED_SHIRT, Tree, keep, side_by_side
 from warp_cloth.base.mesh import Points
 from warp_cloth.base.warp_setup import start_warp
 from warp_cloth.contact.crossing import find_crossings
-from warp_cloth.fitting.problem import SetUp, following, set_up_one, tolerance_of
+from warp_cloth.fitting.problem import Problem, collider_updates, load_problem, tolerance_of
 from warp_cloth.kernels.base.types import cloth_types
 from warp_cloth.scene import load_scene
 from warp_cloth.solver.loop import relax_to_rest
@@ -63,10 +63,10 @@ def rested(name: str, tolerance: float, limit: int, device: str) -> dict[str, An
     with TemporaryDirectory() as folder:
         solver = {"tolerance_mm": tolerance, "iterations": limit}
         scene = load_scene({**scene_of(name, Path(folder)), "collision": {"cloth": True}, "solver": solver})
-        made = set_up_one(scene, device)
+        made = load_problem(scene, device)
     began = time.perf_counter()
     goal = tolerance_of(scene), scene.solver.iterations
-    outcome = relax_to_rest(made.relaxation, made.certifier, *goal, follow=following(made), course=made.course)
+    outcome = relax_to_rest(made.relaxation, made.certifier, *goal, follow=collider_updates(made), course=made.course)
     seconds = time.perf_counter() - began
     touch = made.relaxation.touch
     assert touch is not None
@@ -81,7 +81,7 @@ def rested(name: str, tolerance: float, limit: int, device: str) -> dict[str, An
     return row
 
 
-def forces(made: SetUp, points: Points) -> dict[str, Any]:
+def forces(made: Problem, points: Points) -> dict[str, Any]:
     """Pairs in contact, the largest difference of a force from that of every pair, and what rounding allows [N]."""
     touch, device = made.relaxation.touch, made.model.device
     assert touch is not None

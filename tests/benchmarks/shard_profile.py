@@ -123,7 +123,7 @@ def main() -> None:
     shelf.begin(scenes, patches=True)
     from warp_cloth.batch import many
 
-    for name in ("set_up", "set_up_dressing", "start_dressed", "finished"):
+    for name in ("build_problem", "build_predrape", "start_predraped", "finish_fits"):
         watched(many, name)
     watch_relaxing(many)
     for label in ("a fresh process", "again"):

@@ -28,7 +28,7 @@ class Watch:
 
     def __init__(self, many: Any) -> None:
         self.dressing = self.relaxing = 0.0
-        many.start_dressed = self._timed(many.start_dressed, "dressing")
+        many.start_predraped = self._timed(many.start_predraped, "dressing")
         many.relax_items = self._timed(many.relax_items, "relaxing")
 
     def _timed(self, work: Any, name: str) -> Any:

@@ -23,7 +23,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 from agreement import prepared, shake
 
 from warp_cloth.base.warp_setup import start_warp
-from warp_cloth.fitting.problem import following, start_coarse, tolerance_of
+from warp_cloth.fitting.problem import collider_updates, start_coarse, tolerance_of
 from warp_cloth.solver.loop import CHUNK, relax_to_rest
 from warp_cloth.study.methods_scenes import STIFFNESS, Case
 
@@ -38,7 +38,7 @@ def fitted(case: Case, device: str, start: int, further: int) -> str:
         shake(made, start)
     levels = start_coarse(made)
     outcome = relax_to_rest(
-        made.relaxation, made.certifier, tolerance_of(made.scenes[0]), LIMIT, follow=following(made), ahead=False
+        made.relaxation, made.certifier, tolerance_of(made.scenes[0]), LIMIT, follow=collider_updates(made), ahead=False
     )
     for _ in range(further // CHUNK):
         made.relaxation.run(CHUNK)

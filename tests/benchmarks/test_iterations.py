@@ -19,7 +19,7 @@ import numpy as np
 import pytest
 import warp as wp
 
-from warp_cloth.fitting.problem import set_up_one
+from warp_cloth.fitting.problem import load_problem
 from warp_cloth.garment.part import GarmentPart
 from warp_cloth.garment.rest import build_rest_shape
 from warp_cloth.material.fabric import Fabric
@@ -106,14 +106,14 @@ def test_batch_of_hanging_squares(benchmark: Any, device: str, items: int) -> No
 @pytest.mark.parametrize("fabric", ["default", "jersey"])
 @pytest.mark.parametrize("device", DEVICES)
 def test_worn_tshirt(benchmark: Any, device: str, fabric: str) -> None:
-    worn = set_up_one(load_scene("tshirt", [f"garment.fabric={fabric}"]), device)
+    worn = load_problem(load_scene("tshirt", [f"garment.fabric={fabric}"]), device)
     benchmark.group = f"T-shirt on the mannequin, {device}"
     timed(benchmark, worn.relaxation)
 
 
 @pytest.mark.parametrize("device", DEVICES)
 def test_tshirt_in_contact_with_itself(benchmark: Any, device: str) -> None:
-    worn = set_up_one(load_scene("tshirt", ["collision.cloth=true"]), device)
+    worn = load_problem(load_scene("tshirt", ["collision.cloth=true"]), device)
     benchmark.group = f"T-shirt on the mannequin, {device}"
     worn.relaxation.touch.awaken()
     timed(benchmark, worn.relaxation)

@@ -29,7 +29,7 @@ from typing import Any
 import warp as wp
 
 from warp_cloth.base.warp_setup import start_warp
-from warp_cloth.fitting.problem import set_up_one
+from warp_cloth.fitting.problem import load_problem
 from warp_cloth.scene import load_scene
 from warp_cloth.solver.loop import CHUNK
 from warp_cloth.study.footprint import footprint_of
@@ -173,7 +173,7 @@ def rounds_apart(plan: dict[str, Any], rounds: int, watched: int, samples: int) 
 
 def planned(tree: dict[str, Any], device: str) -> dict[str, Any]:
     """The plan of a scene, as figures."""
-    cost = footprint_of(set_up_one(load_scene(tree), device))
+    cost = footprint_of(load_problem(load_scene(tree), device))
     kernels = [{**asdict(kernel), "share": cost.share(kernel)} for kernel in cost.kernels]
     return {"vertices": cost.vertices, "iterations": cost.iterations, "from_memory": cost.from_memory,
             "bytes": cost.bytes, "seconds": cost.seconds, "kernels": kernels}  # fmt: skip
@@ -268,7 +268,7 @@ def compared(name: str, plan: dict[str, Any], found: dict[str, dict[str, float]]
 def retrace(tree: dict[str, Any], plan: dict[str, Any], asked: argparse.Namespace) -> None:
     """Goes a plan's way, for ncu to see."""
     (begin, end), began = plan["iterations"], time.perf_counter()
-    way = Retraced(set_up_one(load_scene(tree), asked.device))
+    way = Retraced(load_problem(load_scene(tree), asked.device))
     way.retrace(begin)
     rounds = (end - begin) // (TIMED + way.watched)
     every = rounds_apart(plan, rounds, way.watched, asked.samples)

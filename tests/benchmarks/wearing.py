@@ -14,7 +14,7 @@ import numpy as np
 from warp_cloth.base.cache import Cache
 from warp_cloth.base.mesh import Points
 from warp_cloth.base.warp_setup import start_warp
-from warp_cloth.fitting.problem import SetUp, set_up
+from warp_cloth.fitting.problem import Problem, build_problem
 from warp_cloth.garment.scene_garments import Wardrobe
 from warp_cloth.scene import Scene, load_scene
 from warp_cloth.shapes.measures import SIZE_BODIES
@@ -60,9 +60,9 @@ def several(
     device: str,
     starts: Sequence[Points | None] = (),
     cache: Cache | None = None,
-) -> SetUp:
+) -> Problem:
     """Scenes that relax together, those with ``starts`` [m] from there."""
-    made = set_up(scenes, wardrobes, device, cache=cache)
+    made = build_problem(scenes, wardrobes, device, cache=cache)
     for item, points in enumerate(starts):
         if points is not None:
             made.model.set_points(points, item)

@@ -20,10 +20,10 @@ from warp_cloth.batch.gpu_queue import Turn
 from warp_cloth.batch.loading import Shelf
 from warp_cloth.batch.memory import Need, available_bytes, cut_to_fit, need_of, side_by_side
 from warp_cloth.batch.warm_kernels import load_kernels
-from warp_cloth.fitting.fit import Fit, finished, tolerance_of
+from warp_cloth.fitting.fit import Fit, finish_fits, tolerance_of
 from warp_cloth.fitting.plan import contact_kind
-from warp_cloth.fitting.predrape import set_up_dressing, start_dressed
-from warp_cloth.fitting.problem import following, kind_of, set_up, start_coarse
+from warp_cloth.fitting.predrape import build_predrape, start_predraped
+from warp_cloth.fitting.problem import build_problem, collider_updates, problem_kind, start_coarse
 from warp_cloth.garment.scene_garments import Rack, Wardrobe, open_wardrobe
 from warp_cloth.scene import Scene, load_scene
 from warp_cloth.solver.loop import Goal, relax_items
@@ -86,7 +86,7 @@ def fit_many(
     for number, scene in chosen.items():
         try:
             loaded[number] = open_wardrobe(scene, rack)
-            groups[kind_of(scene, loaded[number])].append(number)
+            groups[problem_kind(scene, loaded[number])].append(number)
         except Exception as error:
             results[number] = error
 
@@ -145,12 +145,12 @@ def _together(
         seconds[stage] += now - last
         last = now
 
-    made = set_up(scenes, wardrobes, device, cache=cache, lap=lap)
-    dressing = set_up_dressing(made, cache)
+    made = build_problem(scenes, wardrobes, device, cache=cache, lap=lap)
+    dressing = build_predrape(made, cache)
     lap("build")
     goals = [Goal(tolerance_of(scene), scene.solver.iterations) for scene in scenes]
     # a few garments leave a GPU idle most of the time, for those whose turn it is
-    levels = [start_coarse(made)] * len(scenes) if dressing is None else start_dressed(made, dressing)
+    levels = [start_coarse(made)] * len(scenes) if dressing is None else start_predraped(made, dressing)
     for item in range(len(scenes)):
         if not turn.taken():
             break
@@ -160,9 +160,9 @@ def _together(
             made.relaxation,
             made.certifier,
             goals,
-            follow=following(made),
+            follow=collider_updates(made),
             course=made.course,
             on_chunk=turn.offer,
         )
     lap("relax")
-    return finished(made, outcomes, levels=levels, lap=lap, seconds=seconds)
+    return finish_fits(made, outcomes, levels=levels, lap=lap, seconds=seconds)

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from warp_cloth.fitting.problem import set_up
+from warp_cloth.fitting.problem import build_problem
 from warp_cloth.garment.scene_garments import open_wardrobe
 from warp_cloth.kernels.base.options import FEW
 from warp_cloth.scene import Scene
@@ -28,7 +28,7 @@ def load_kernels(scene: Scene, device: str) -> None:
     try:
         small = _small(scene)
         wardrobe = open_wardrobe(small)
-        made = set_up([small] * MANY, [wardrobe] * MANY, device)
+        made = build_problem([small] * MANY, [wardrobe] * MANY, device)
         for balanced in (False, True):
             made.relaxation.loosen(np.full(MANY, 0.0 if balanced else np.inf))
             made.relaxation.run(CHUNK)

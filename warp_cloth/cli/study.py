@@ -42,12 +42,12 @@ def plan(
         start_warp(False)
         from warp_cloth.base.device import device_named
         from warp_cloth.fitting.plan import make_plan
-        from warp_cloth.fitting.problem import set_up_one
+        from warp_cloth.fitting.problem import load_problem
         from warp_cloth.study.footprint import footprint_of
         from warp_cloth.study.planning import plan_lines, write_plan
         from warp_cloth.study.savings import savings_of
 
-        made = set_up_one(chosen, device_named(device))
+        made = load_problem(chosen, device_named(device))
         terms, cost = make_plan(chosen, made.wardrobe), footprint_of(made)
         saved = savings_of(chosen, made.wardrobe, made.model.device) if savings else ()
         lines = plan_lines(chosen.name, terms, cost, saved)

@@ -24,8 +24,8 @@ from warp_cloth.base.mesh import Mesh, Points
 from warp_cloth.base.threads import in_turn, map_in_threads
 from warp_cloth.contact.garments import model_crossings, worn_crossings
 from warp_cloth.fitting.nested_iteration import LevelRun
-from warp_cloth.fitting.predrape import started
-from warp_cloth.fitting.problem import SetUp, following, set_up_one, tolerance_of
+from warp_cloth.fitting.predrape import prepare_start
+from warp_cloth.fitting.problem import Problem, collider_updates, load_problem, tolerance_of
 from warp_cloth.fitting.warm_start import Worn, chosen_garments, saved_result, start_from
 from warp_cloth.garment.scene_garments import Wardrobe
 from warp_cloth.maps import FitMaps, chosen_colour, chosen_maps, measure_maps
@@ -66,7 +66,7 @@ class Progress:
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """A finished fit: how it ended, the worn garments, the report."""
+    """A finish_fits fit: how it ended, the worn garments, the report."""
 
     scene: Scene
     status: Status
@@ -138,21 +138,21 @@ def fit(
         raise InputError("avatar.poses", "a garment that goes along with an avatar has its start", "leave one out")
     earlier = None if start is None else _earlier(start, chosen)
     clock, cache = _Clock(), Cache()
-    made = set_up_one(chosen, where, cache=cache, tell=lambda stage: tell(Progress(stage)), lap=clock.lap)
+    made = load_problem(chosen, where, cache=cache, tell=lambda stage: tell(Progress(stage)), lap=clock.lap)
     if chosen.solver.start == "dressed" and earlier is None:
         tell(Progress("dress"))
-    levels = started(made, cache) if earlier is None else ()
+    levels = prepare_start(made, cache) if earlier is None else ()
     if earlier is not None and not start_from(made, earlier):
         place = start if isinstance(start, str | Path) else "start"
         problem = "its garments have neither the mesh nor the panels of the scene's"
         raise InputError(place, problem, "start from a result of the same pattern, or leave it out")
     outcome = _relax(chosen, made, frames, progress)
     clock.lap("relax")
-    (fitted,) = finished(made, [outcome], levels=[levels], lap=clock.lap, seconds=clock.seconds, frames=frames)
+    (fitted,) = finish_fits(made, [outcome], levels=[levels], lap=clock.lap, seconds=clock.seconds, frames=frames)
     return _with_maps(fitted, wanted, made) if wanted else fitted
 
 
-def _with_maps(fitted: Fit, names: Sequence[str], made: SetUp) -> Fit:
+def _with_maps(fitted: Fit, names: Sequence[str], made: Problem) -> Fit:
     """The fit with its maps, which its report tells of, too."""
     push = made.certifier.pushes()
     starts = made.model.vertex_start
@@ -202,7 +202,7 @@ class _Clock:
 
 def _relax(
     scene: Scene,
-    made: SetUp,
+    made: Problem,
     frames: int,
     progress: Callable[[Progress], None] | None,
 ) -> Outcome:
@@ -228,14 +228,14 @@ def _relax(
         tolerance_of(scene),
         limit,
         frames=frames,
-        follow=following(made),
+        follow=collider_updates(made),
         course=made.course,
         on_check=told if progress is not None else None,
     )
 
 
-def finished(
-    made: SetUp,
+def finish_fits(
+    made: Problem,
     outcomes: Sequence[Outcome],
     *,
     levels: Sequence[Sequence[LevelRun]],
@@ -309,7 +309,7 @@ def finished(
 
 
 def _drawn_through(
-    made: SetUp,
+    made: Problem,
     outcomes: Sequence[Outcome],
     exact_of: Sequence[ExactCollider | None],
     strains: Strains,

@@ -10,7 +10,7 @@ from typing import Any
 from warp_cloth.base.cache import Cache
 from warp_cloth.base.mesh import Points
 from warp_cloth.fitting.nested_iteration import LevelRun
-from warp_cloth.fitting.problem import SetUp, following, set_up, start_coarse, tolerance_of
+from warp_cloth.fitting.problem import Problem, build_problem, collider_updates, start_coarse, tolerance_of
 from warp_cloth.garment.scene_garments import Wardrobe
 from warp_cloth.model.result import Status
 from warp_cloth.scene import Scene
@@ -27,17 +27,17 @@ class _Dressed:
 
 
 @dataclass(frozen=True, eq=False)
-class Dressing:
+class Predrape:
     """What fits are dressed by: what was dressed before is kept, the rest is ready to relax."""
 
     asked: tuple[tuple[Any, ...], ...]  # what each item's dressing is kept by, as of Cache.get_or_make
     missing: tuple[tuple[Any, ...], ...]  # those that are not there yet, each once,
-    made: SetUp | None  # and these garments, in the fabric that they are dressed in
+    made: Problem | None  # and these garments, in the fabric that they are dressed in
     cache: Cache
 
 
-def set_up_dressing(made: SetUp, cache: Cache) -> Dressing | None:
-    """What the scenes are dressed by; None where they start as they are placed. ``cache`` as of ``set_up``."""
+def build_predrape(made: Problem, cache: Cache) -> Predrape | None:
+    """What the scenes are dressed by; None where they start as they are placed. ``cache`` as of ``build_problem``."""
     device = made.model.device
     asked: list[tuple[Any, ...]] = []
     missing: dict[Hashable, tuple[tuple[Any, ...], Scene, Wardrobe]] = {}
@@ -51,17 +51,17 @@ def set_up_dressing(made: SetUp, cache: Cache) -> Dressing | None:
             missing[key] = asked[-1], dressing, replace(wardrobe, parts=wardrobe.dressing, dressing=())
     by, scenes, wardrobes = zip(*missing.values(), strict=True) if missing else ((), (), ())
     like = made.model.vertex_count
-    first = set_up(scenes, wardrobes, device, cache=cache, like=like) if missing else None
-    return Dressing(tuple(asked), by, first, cache)
+    first = build_problem(scenes, wardrobes, device, cache=cache, like=like) if missing else None
+    return Predrape(tuple(asked), by, first, cache)
 
 
-def started(made: SetUp, cache: Cache) -> tuple[LevelRun, ...]:
+def prepare_start(made: Problem, cache: Cache) -> tuple[LevelRun, ...]:
     """Brings a lone scene's garments to where its fit begins, by its method and its start; tells what it came to."""
-    dressing = set_up_dressing(made, cache)
-    return start_coarse(made) if dressing is None else start_dressed(made, dressing)[0]
+    dressing = build_predrape(made, cache)
+    return start_coarse(made) if dressing is None else start_predraped(made, dressing)[0]
 
 
-def start_dressed(made: SetUp, dressing: Dressing) -> list[tuple[LevelRun, ...]]:
+def start_predraped(made: Problem, dressing: Predrape) -> list[tuple[LevelRun, ...]]:
     """Dresses the garments, and puts those of the fits where they lie then; tells what it came to for each fit.
 
     What lost itself on the way starts as it is placed.
@@ -85,9 +85,9 @@ def start_dressed(made: SetUp, dressing: Dressing) -> list[tuple[LevelRun, ...]]
     return runs
 
 
-def _dress(first: SetUp, dressing: Dressing) -> None:
+def _dress(first: Problem, dressing: Predrape) -> None:
     goals = [Goal(tolerance_of(scene), scene.solver.iterations) for scene in first.scenes]
-    outcomes = relax_items(first.relaxation, first.certifier, goals, follow=following(first))
+    outcomes = relax_items(first.relaxation, first.certifier, goals, follow=collider_updates(first))
     for (of, *more), outcome in zip(dressing.missing, outcomes, strict=True):
         points = None if outcome.status is Status.DIVERGED else outcome.points
         run = LevelRun(len(outcome.points), outcome.iterations, outcome.status)

@@ -35,8 +35,8 @@ from warp_cloth.solver.relax import Collider, Relaxation, StepOptions
 
 
 @dataclass(frozen=True, eq=False)
-class SetUp:
-    """Scenes on a device, ready to relax together; each is an item. All are of one ``kind_of``."""
+class Problem:
+    """Scenes on a device, ready to relax together; each is an item. All are of one ``problem_kind``."""
 
     scenes: tuple[Scene, ...]
     wardrobes: tuple[Wardrobe, ...]
@@ -73,7 +73,7 @@ class SetUp:
         return {**(self.contacts[item].report or {}), "carried": carried}
 
 
-def kind_of(scene: Scene, wardrobe: Wardrobe) -> tuple[Any, ...]:
+def problem_kind(scene: Scene, wardrobe: Wardrobe) -> tuple[Any, ...]:
     """What scenes must have in common to relax together: then their kernels are those of each alone.
 
     One whose cloth meets cloth is of a kind of its own: what it launches depends on how its garments lie. So is one
@@ -86,7 +86,7 @@ def kind_of(scene: Scene, wardrobe: Wardrobe) -> tuple[Any, ...]:
     return solver.method, solver.start, solver.precision, contact, alone, terms_of(wardrobe.parts)
 
 
-def set_up_one(
+def load_problem(
     scene: Scene,
     device: str,
     *,
@@ -96,18 +96,19 @@ def set_up_one(
     options: StepOptions | None = None,
     tell: Callable[[str], None] = lambda _: None,
     lap: Callable[[str], None] = lambda _: None,
-) -> SetUp:
-    """Loads a scene and sets it up alone; ``rack`` has what earlier scenes share with it, the rest as of ``set_up``.
+) -> Problem:
+    """Loads one scene and builds its problem; ``rack`` caches what earlier scenes share with it.
 
-    ``earlier``: a contact that may serve again, so that a change of fabric or offset need not draw the avatar anew.
+    ``earlier`` is a contact to reuse, so that a change of fabric or offset need not sample the avatar again. The other
+    arguments are those of ``build_problem``.
     """
     tell("load")
     wardrobe = open_wardrobe(scene, rack)
     lap("load")
-    return set_up([scene], [wardrobe], device, earlier=earlier, cache=cache, options=options, tell=tell, lap=lap)
+    return build_problem([scene], [wardrobe], device, earlier=earlier, cache=cache, options=options, tell=tell, lap=lap)
 
 
-def set_up(
+def build_problem(
     scenes: Sequence[Scene],
     wardrobes: Sequence[Wardrobe],
     device: str,
@@ -118,11 +119,11 @@ def set_up(
     options: StepOptions | None = None,
     tell: Callable[[str], None] = lambda _: None,
     lap: Callable[[str], None] = lambda _: None,
-) -> SetUp:
+) -> Problem:
     """Builds what the scenes' plans ask for on the device, and compiles the kernels.
 
     Args:
-        scenes: loaded scenes of one ``kind_of``.
+        scenes: loaded scenes of one ``problem_kind``.
         wardrobes: theirs.
         device: Warp's name of it.
         earlier: a contact that may serve again.
@@ -164,7 +165,7 @@ def set_up(
         [kernel.module for kernel in relaxation.kernels() + relaxation.seldom_kernels() + certifier.kernels()], device
     )
     lap("compile")
-    made = SetUp(tuple(scenes), tuple(wardrobes), tuple(contacts), model, relaxation, certifier, course)
+    made = Problem(tuple(scenes), tuple(wardrobes), tuple(contacts), model, relaxation, certifier, course)
     if not wardrobes[0].poses:
         return made
     tell("carry")
@@ -180,7 +181,7 @@ def tolerance_of(scene: Scene) -> Tolerance:
     return Tolerance(solver.residual, solver.residual_p99, solver.tolerance_mm * 1e-3, growing)
 
 
-def start_coarse(made: SetUp) -> tuple[LevelRun, ...]:
+def start_coarse(made: Problem) -> tuple[LevelRun, ...]:
     """Lets simplified garments come to rest first, where the method has them; the relaxation goes on from there."""
     relaxation = made.relaxation
     if not isinstance(relaxation, MultilevelRelaxation) or made.wardrobe.poses:
@@ -195,7 +196,7 @@ def start_coarse(made: SetUp) -> tuple[LevelRun, ...]:
     )
 
 
-def _carry(made: SetUp) -> Carried:
+def _carry(made: Problem) -> Carried:
     """Takes a lone scene's garments along to its avatar's last pose."""
     (scene,) = made.scenes
     return carry(
@@ -205,7 +206,7 @@ def _carry(made: SetUp) -> Carried:
         made.wardrobe.poses,
         tolerance=tolerance_of(scene),
         limit=scene.solver.iterations,
-        follow=following(made),
+        follow=collider_updates(made),
         course=made.course,
     )
 
@@ -269,7 +270,7 @@ def _avatar_contact(scene: Scene, wardrobe: Wardrobe, device: str, cache: Cache)
     )
 
 
-def following(made: SetUp) -> Follow:
+def collider_updates(made: Problem) -> Follow:
     """What gives items new colliders where their garments leave the region of the old ones."""
     rooms = np.array([contact.room() for contact in made.contacts])
 

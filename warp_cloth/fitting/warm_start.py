@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.mesh import Mesh, Points
 from warp_cloth.export.meshes import AVATAR_NODE
-from warp_cloth.fitting.problem import SetUp
+from warp_cloth.fitting.problem import Problem
 from warp_cloth.kernels.avatar.nearest import find_nearest
 from warp_cloth.loading import load_mesh
 from warp_cloth.loading.generic import gltf_mesh_names
@@ -76,7 +76,7 @@ def _stage_garments(path: Path) -> list[tuple[str, str | None]]:
         return [(name, str(mesh.GetPath())) for name, mesh in zip(called, cloths, strict=True)]
 
 
-def start_from(made: SetUp, earlier: Sequence[Worn]) -> bool:
+def start_from(made: Problem, earlier: Sequence[Worn]) -> bool:
     """Puts a lone scene's garments where earlier ones were worn, pins apart; whether any could be.
 
     What corresponds to nothing starts as it was loaded. The collider goes with the garments.

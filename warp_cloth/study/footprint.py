@@ -11,7 +11,7 @@ import numpy as np
 import warp as wp
 
 from warp_cloth.contact.crossing import search_bytes
-from warp_cloth.fitting.fit import SetUp
+from warp_cloth.fitting.fit import Problem
 from warp_cloth.garment.scene_garments import Wardrobe
 from warp_cloth.solver.certificate.strains import strain_bytes
 from warp_cloth.study.caches import cache_bytes, spilled_bytes
@@ -73,7 +73,7 @@ class Footprint:
         return kernel.seconds / max(sum(other.seconds for other in self.kernels), 1e-30)
 
 
-def footprint_of(made: SetUp) -> Footprint:
+def footprint_of(made: Problem) -> Footprint:
     """Watches and times some hundreds or thousands of iterations from the start; the cloth has moved on then."""
     model, moved = made.model, Moved(made)
     times = times_of(made, moved.see)
@@ -105,7 +105,7 @@ class Moved:
     others in place of: pressing is counted several times, and a search while it goes on.
     """
 
-    def __init__(self, made: SetUp) -> None:
+    def __init__(self, made: Problem) -> None:
         self._touch = made.relaxation.touch
         self._uses: dict[str, Uses] = {}
         self._seen: dict[str, list[tuple[int, Bytes]]] = {}  # after how many iterations
@@ -179,7 +179,7 @@ def _used(launch: Launch, uses: Uses) -> list[wp.array]:
     return [array for name, array in launch.arrays().items() if name in uses.read | uses.written and array.ndim == 1]
 
 
-def memory_of(made: SetUp) -> dict[str, int]:
+def memory_of(made: Problem) -> dict[str, int]:
     """Bytes of the arrays that a scene holds on its device: of the avatar, of the cloth, more for the checks.
 
     The report's are taken at the end, besides the others; shapes on the way are as many as can be.

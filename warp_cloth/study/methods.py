@@ -22,7 +22,7 @@ import numpy as np
 from warp_cloth.base.mesh import Points
 from warp_cloth.base.warp_setup import start_warp
 from warp_cloth.batch.lifeline import uninterrupted
-from warp_cloth.fitting.problem import SetUp, following, set_up_one, start_coarse, tolerance_of
+from warp_cloth.fitting.problem import Problem, collider_updates, load_problem, start_coarse, tolerance_of
 from warp_cloth.scene import load_scene
 from warp_cloth.solver.certificate.certifier import Check, Tolerance
 from warp_cloth.solver.loop import CHUNK, relax_to_rest
@@ -105,12 +105,12 @@ def step_options(method: str) -> StepOptions:
     return StepOptions(method="multilevel" if method == "multilevel" else "accelerated")
 
 
-def prepared(case: Case, method: str, device: str, limit: int) -> SetUp:
+def prepared(case: Case, method: str, device: str, limit: int) -> Problem:
     """The case on the device, ready to relax."""
     with TemporaryDirectory() as folder:
         own = "accelerated" if method == "momentum" else method
         tree = {**case_tree(case, Path(folder)), "solver": {"method": own, "iterations": limit}}
-        return set_up_one(load_scene(tree), device, options=step_options(method))
+        return load_problem(load_scene(tree), device, options=step_options(method))
 
 
 def run_case(case: Case, method: str, device: str, limit: int | None = None) -> Run:
@@ -137,7 +137,7 @@ def run_case(case: Case, method: str, device: str, limit: int | None = None) -> 
         idle += time.perf_counter() - entered
 
     outcome = relax_to_rest(
-        made.relaxation, made.certifier, BEYOND, limit, follow=following(made), on_check=seen, ahead=False
+        made.relaxation, made.certifier, BEYOND, limit, follow=collider_updates(made), on_check=seen, ahead=False
     )
     end = outcome.points
     further = int(FURTHER * rest) - outcome.iterations

@@ -14,8 +14,8 @@ from warp_cloth.avatar.exact import penetrations
 from warp_cloth.base.cache import Cache
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.mesh import Mesh, Points
-from warp_cloth.fitting.predrape import started
-from warp_cloth.fitting.problem import SetUp, following, set_up_one, tolerance_of
+from warp_cloth.fitting.predrape import prepare_start
+from warp_cloth.fitting.problem import Problem, collider_updates, load_problem, tolerance_of
 from warp_cloth.model.result import Penetration, Status
 from warp_cloth.report.status import more_iterations, verdict
 from warp_cloth.scene import Scene, load_scene
@@ -61,12 +61,12 @@ class Passage:
 def run_through(scene: Scene, device: str, stops: Collection[int]) -> list[Passed]:
     """Runs a scene to its end; tells of those iterations on the way, which end chunks of the loop, and of the end."""
     loading, cache = _Laps(), Cache()
-    made = set_up_one(scene, device, cache=cache, lap=loading.lap)
+    made = load_problem(scene, device, cache=cache, lap=loading.lap)
     watch = _Watch(stops)
-    started(made, cache)
+    prepare_start(made, cache)
     goal = Goal(tolerance_of(scene), scene.solver.iterations)
     (outcome,) = relax_items(
-        made.relaxation, made.certifier, [goal], follow=following(made), course=made.course, on_chunk=watch.offer
+        made.relaxation, made.certifier, [goal], follow=collider_updates(made), course=made.course, on_chunk=watch.offer
     )
     spent = watch.elapsed()
     way = [(count, *seen) for count, seen in watch.seen.items() if count < outcome.iterations]
@@ -79,7 +79,9 @@ def run_through(scene: Scene, device: str, stops: Collection[int]) -> list[Passe
     return _measured(made, ends, loading.seconds, message)
 
 
-def _measured(made: SetUp, ends: list[tuple[Status, int, float, Points]], loading: float, message: str) -> list[Passed]:
+def _measured(
+    made: Problem, ends: list[tuple[Status, int, float, Points]], loading: float, message: str
+) -> list[Passed]:
     model, wardrobe = made.model, made.wardrobe
     depths = penetrations([end[3] for end in ends], [wardrobe.avatar] * len(ends), model.device)
     starts = np.cumsum([mesh.vertex_count for mesh in wardrobe.garments])[:-1]

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from warp_cloth.fitting.plan import make_plan
-from warp_cloth.fitting.problem import set_up
+from warp_cloth.fitting.problem import build_problem
 from warp_cloth.garment.scene_garments import Wardrobe
 from warp_cloth.scene import Scene
 from warp_cloth.study.timing import FEWEST_ROUNDS, LONG, SHORTEST_RUN, Way
@@ -65,7 +65,7 @@ WITHOUT: dict[str, Callable[[Scene, Wardrobe], Variant]] = {
 
 def _seconds_beside(one: Variant, other: Variant, device: str) -> tuple[float, float]:
     """Seconds of an iteration of two scenes that take turns, from the start on: whatever else a machine does."""
-    ways = [Way(set_up([scene], [wardrobe], device)) for scene, wardrobe in (one, other)]
+    ways = [Way(build_problem([scene], [wardrobe], device)) for scene, wardrobe in (one, other)]
     rates: list[list[float]] = [[], []]
     passed = 0.0
     while passed < 2.0 * SHORTEST_RUN or (len(rates[0]) < FEWEST_ROUNDS and passed < 2.0 * LONG):

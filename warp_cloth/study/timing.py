@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from warp_cloth.fitting.problem import SetUp, following
+from warp_cloth.fitting.problem import Problem, collider_updates
 from warp_cloth.solver.loop import CHUNK, CHUNKS_PER_CHECK, chunks
 from warp_cloth.study.launches import Launch, launches_of
 
@@ -43,7 +43,7 @@ class Times:
     launches: list[Launch] = field(default_factory=list)  # the last ones of every kernel
 
 
-def times_of(made: SetUp, see: Callable[[list[Launch], int], None] = lambda _launches, _iteration: None) -> Times:
+def times_of(made: Problem, see: Callable[[list[Launch], int], None] = lambda _launches, _iteration: None) -> Times:
     """Runs some hundreds of iterations from the start, and times some of them whole and others launch by launch.
 
     ``see``: told now and then of the launches in some iterations, when these are done, and of how many are.
@@ -110,8 +110,8 @@ def _sum(seconds: Sequence[float]) -> float:
 class Way:
     """A fit's way from the start: iterations, and a look at the cloth every so many."""
 
-    def __init__(self, made: SetUp) -> None:
-        self._made, self._follow = made, following(made)
+    def __init__(self, made: Problem) -> None:
+        self._made, self._follow = made, collider_updates(made)
         self.iteration = 0
         self._chunks = chunks(made.relaxation)
         at_once = WATCHED if made.course is None else WATCHED_TOUCHING

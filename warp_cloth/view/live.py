@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from warp_cloth.base.device import device_named
 from warp_cloth.base.mesh import Points
 from warp_cloth.fitting.fit import tolerance_of
-from warp_cloth.fitting.problem import SetUp, set_up, set_up_one
+from warp_cloth.fitting.problem import Problem, build_problem, load_problem
 from warp_cloth.fitting.warm_start import start_from
 from warp_cloth.garment.scene_garments import Rack, open_wardrobe
 from warp_cloth.maps import MAPS, measure_maps
@@ -80,7 +80,7 @@ class LiveFit:
         self._rack = Rack()
         self.device = device_named(device)
         self.scene = self._load(self._changes)
-        self.made: SetUp = set_up_one(self.scene, self.device, rack=self._rack, tell=tell)
+        self.made: Problem = load_problem(self.scene, self.device, rack=self._rack, tell=tell)
         self._start()
 
     def _load(self, changes: Mapping[str, str]) -> Scene:
@@ -170,18 +170,18 @@ class LiveFit:
         wardrobe = open_wardrobe(scene, self._rack)
         # what is worn has gone through the avatar's poses: it would take as long as all else to do so once more
         standing = wardrobe if self.diverged else replace(wardrobe, poses=())
-        made = set_up([scene], [standing], self.device, earlier=old.contact)
+        made = build_problem([scene], [standing], self.device, earlier=old.contact)
         if not self.diverged:
             worn_parts = [worn[first:last] for first, last in itertools.pairwise(old.model.vertex_start)]
             taken = start_from(made, list(zip(old.wardrobe.garments, worn_parts, strict=True)))
             if wardrobe.poses and not taken:
-                made = set_up([scene], [wardrobe], self.device)
+                made = build_problem([scene], [wardrobe], self.device)
         self.scene, self.made, self._changes = scene, made, together
         self._start()
 
     def reset(self) -> None:
         """Back to where the garments are loaded."""
-        self.made = set_up_one(self.scene, self.device, rack=self._rack, earlier=self.made.contact)
+        self.made = load_problem(self.scene, self.device, rack=self._rack, earlier=self.made.contact)
         self._start()
 
     def values(self, name: str) -> tuple[list[NDArray[np.float32]], tuple[float, float]] | None:
