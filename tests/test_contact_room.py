@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 from cloths import NO_PINS, grid
 from sheets import crumpled, iterate, lying, moved, sheets_at
-from touching import edge_weights, triangle_weights
+from touching import edge_weights, four_regions, triangle_weights
 
 from warp_cloth.solver.relax import Collider, Relaxation, StepOptions
-from warp_cloth.study.pressed import four_regions
 
 
 @pytest.mark.parametrize("share", [0.3, 0.9])

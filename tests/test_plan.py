@@ -1,4 +1,4 @@
-"""The plan tells what an iteration really launches and touches; what is left out is truly absent."""
+"""The plan shows what an iteration really launches and takes; what is left out is truly absent."""
 
 from __future__ import annotations
 
@@ -20,7 +20,6 @@ from warp_cloth.garment.reach import reach_box
 from warp_cloth.scene import load_scene
 from warp_cloth.study import footprint, planning, savings, timing
 from warp_cloth.study.launches import Launch, bytes_of, launches_of
-from warp_cloth.study.traffic import array_uses
 
 SQUARE = {"kind": "square", "side": 0.5, "vertices_per_side": 7, "plane": "vertical", "height": 1.5}
 SPHERE = {"kind": "sphere", "radius": 0.2, "centre": [0.0, 1.2, -0.1], "edge_mm": 80}
@@ -78,48 +77,27 @@ def test_bending_off_launches_less_and_its_memory_is_free(more: dict[str, object
 def test_no_avatar_no_collider() -> None:
     _, names = seen(ready())
     assert not {name for name in names if name.startswith("collider")}
-    launches, names = seen(ready(avatar={"shape": SPHERE}))
+    _, names = seen(ready(avatar={"shape": SPHERE}))
     assert {name for name in names if name.startswith("collider")}
-    assert (
-        "colliders.values" in array_uses(launches[-1].kernel).read.keys() & names
-    )  # the field, in a struct in an array
+    assert "colliders.values" in names  # the field, in a struct in an array
 
 
 @pytest.mark.parametrize("method", ["accelerated", "direct"])
 @pytest.mark.parametrize("avatar", [None, SPHERE])
-def test_the_arrays_that_change_are_those_that_a_kernel_is_said_to_write(
+def test_compulsory_bytes_are_those_of_the_arrays_of_a_launch_each_counted_once(
     method: str, avatar: dict[str, object] | None
 ) -> None:
     more = {"avatar": {"shape": avatar}} if avatar else {}
     made = ready("cotton", solver={"method": method}, **more)
-    made.relaxation.iterate(5)
-    for launch in launches_of(made.relaxation.iterate):
-        uses, arrays = array_uses(launch.kernel), launch.arrays()
-        before = {name: array.numpy().copy() for name, array in arrays.items()}
+    launches = launches_of(made.relaxation.iterate)
+    for launch in launches:
+        arrays = {array.ptr: array for array in launch.arrays().values() if array.ndim == 1}
+        assert footprint.compulsory_bytes(launch) == sum(array.capacity for array in arrays.values()) > 0
+        before = {name: array.numpy().copy() for name, array in launch.arrays().items()}
         launch.command.launch()
-        changed = {name for name, array in arrays.items() if not np.array_equal(before[name], array.numpy())}
-        assert changed <= uses.written.keys()
-        assert uses.written.keys() & arrays.keys()
-
-
-def test_what_a_kernel_does_not_read_cannot_change_what_it_writes() -> None:
-    made = ready("cotton")
-    made.relaxation.iterate(5)
-    for launch in launches_of(made.relaxation.iterate):
-        kept = {name: wp.clone(array) for name, array in launch.arrays().items()}
-        clean, poisoned = written_by(launch, kept, False), written_by(launch, kept, True)
-        assert all(np.array_equal(clean[name], poisoned[name]) for name in clean)
-
-
-def written_by(launch: Launch, given: dict[str, wp.array], poison: bool) -> dict[str, np.ndarray]:
-    """What a launch writes if its arrays hold what is given, those that it is said not to use nonsense."""
-    uses, arrays = array_uses(launch.kernel), launch.arrays()
-    for name, array in arrays.items():
-        wp.copy(array, given[name])
-        if poison and name not in uses.read | uses.written:
-            array.fill_(1)
-    launch.command.launch()
-    return {name: arrays[name].numpy().copy() for name in uses.written.keys() & arrays.keys()}
+        changed = {name for name, array in launch.arrays().items() if not np.array_equal(before[name], array.numpy())}
+        assert all(launch.arrays()[name].ptr in arrays for name in changed)  # what a launch writes counts
+    assert footprint.iteration_bytes(launches) == sum(footprint.compulsory_bytes(launch) for launch in launches)
 
 
 def test_memory_that_two_arrays_share_counts_once() -> None:
@@ -133,7 +111,7 @@ def test_shares_are_of_the_kernels_that_are_launched(monkeypatch: pytest.MonkeyP
     made = ready("cotton", avatar={"shape": SPHERE})
     cost = footprint.footprint_of(made)
     assert cost.launches == len(made.relaxation.kernels()) == len(cost.kernels)
-    assert sum(cost.share(kernel) for kernel in cost.kernels) == pytest.approx(1.0)
+    assert sum(cost.fraction(kernel) for kernel in cost.kernels) == pytest.approx(1.0)
     assert sum(kernel.seconds for kernel in cost.kernels) == pytest.approx(cost.seconds)
     assert all(kernel.bytes > 0 and kernel.seconds > 0 and kernel.purpose for kernel in cost.kernels)
     assert cost.memory["avatar"] > 0
@@ -191,7 +169,14 @@ def test_the_command_tells_terms_kernels_and_memory(tmp_path: Path, monkeypatch:
     options = ["--set", "garment.shape.vertices_per_side=9", "--device", "cpu", "--out", str(out)]
     result = CliRunner().invoke(app, ["plan", "hanging", *options])
     assert result.exit_code == 0, result.output
-    for words in ("Terms:", "An iteration", "Memory:", "displace_vertices", "the scene has no avatar"):
+    for words in (
+        "Terms:",
+        "An iteration",
+        "compulsory bytes",
+        "Memory:",
+        "displace_vertices",
+        "the scene has no avatar",
+    ):
         assert words in result.stdout
     values = json.loads(out.read_text())
     assert values["vertices"] == 81
@@ -210,14 +195,14 @@ def test_a_plan_is_written_whole_or_not_at_all(tmp_path: Path, monkeypatch: pyte
     assert not list((tmp_path / "new").iterdir())
 
 
-def test_what_is_saved_without_a_term_is_told_of_those_in_use_and_adds_up(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_savings_are_of_the_terms_in_use_and_add_up(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(savings, "SHORTEST_RUN", 0.01)
     scene = load_scene({"garment": {"shape": SQUARE, "fabric": PLAIN, "pin": TOP}})
     made = load_problem(scene, "cpu")
-    told = savings.savings_of(scene, made.wardrobe, "cpu")
-    assert [each.term for each in told] == ["bending", savings.REST]
-    assert sum(each.share for each in told) == pytest.approx(1.0)
-    assert told[0].share < 1.0
+    saved = savings.savings_of(scene, made.wardrobe, "cpu")
+    assert [each.term for each in saved] == ["bending", savings.REST]
+    assert sum(each.share for each in saved) == pytest.approx(1.0)
+    assert saved[0].share < 1.0
 
 
 def test_cloth_that_meets_cloth_is_timed_with_its_searches(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -233,57 +218,29 @@ def test_cloth_that_meets_cloth_is_timed_with_its_searches(monkeypatch: pytest.M
     assert sum(kernel.seconds for kernel in cost.kernels) == pytest.approx(cost.seconds)
 
 
-def test_what_a_clock_adds_is_told_by_launches_that_follow_each_other() -> None:
+def test_what_a_timer_adds_follows_from_launches_that_run_one_after_another() -> None:
     times = timing.Times(seconds=20.0)
-    timing._share_out(times, {("search", 1): [10.0], ("move", 1): [9.0, 11.0]}, 1, in_turn=24.0)
+    timing._attribute(times, {("search", 1): [10.0], ("move", 1): [9.0, 11.0]}, 1, serial=24.0)
     assert times.spent == pytest.approx({"search": 20.0 * 8.0 / 24.0, "move": 20.0 * 16.0 / 24.0})
 
 
-def test_searches_that_go_side_by_side_do_so_again_after_they_were_timed_in_turn() -> None:
+def test_searches_that_overlap_do_so_again_after_they_were_timed_one_after_another() -> None:
     flat = {**SQUARE, "plane": "horizontal"}
     sheets = [{"shape": {**flat, "height": height}, "fabric": PLAIN} for height in (1.45, 1.452)]
     made = load_problem(load_scene({"garment": sheets, "collision": {"cloth": True}}), "cpu")
     touch = made.relaxation.touch
     assert touch is not None
-    way = timing.Way(made)
-    assert not way.beside
+    run = timing.TimedFit(made)
+    assert not run.overlaps
     touch.awaken()
     touch._aside = object()
     seen = []
     made.relaxation.run = lambda count: seen.append(touch._aside)
     made.relaxation.capture = lambda count: None
-    assert way.beside
-    assert way.in_turn() > 0.0
+    assert run.overlaps
+    assert run.serial_seconds() > 0.0
     assert set(seen) == {None}
     assert touch._aside is not None
-
-
-def test_what_is_pressed_is_counted_on_the_way_and_a_search_while_it_goes_on(monkeypatch: pytest.MonkeyPatch) -> None:
-    flat = {**SQUARE, "plane": "horizontal"}
-    sheets = [{"shape": {**flat, "height": height}, "fabric": PLAIN} for height in (1.45, 1.452)]
-    made = load_problem(load_scene({"garment": sheets, "collision": {"cloth": True}}), "cpu")
-    touch, counted = made.relaxation.touch, footprint.Moved(made)
-    assert touch is not None
-    touch.untangles = False
-    touch.awaken()
-    launches = launches_of(lambda: made.relaxation.iterate(2))
-    pressing, moved = [], footprint.moved_bytes
-
-    def counts(launch: Launch, uses: object) -> tuple[float, float]:
-        bytes_of_it = moved(launch, uses)
-        if launch.kernel.key.endswith("press_pairs"):
-            pressing.append(bytes_of_it[1])
-        return bytes_of_it
-
-    monkeypatch.setattr(footprint, "moved_bytes", counts)
-    counted.see(launches, 2)
-    made.relaxation.iterate(30)
-    counted.see(launches, 32)
-    made.relaxation.iterate(60)
-    bytes_by_kernel = {key.rpartition("__")[2]: both for key, both in counted.of(launches, 92).items()}
-    first, second, last = pressing
-    assert bytes_by_kernel["press_pairs"][1] == pytest.approx((first + 3 * second + 2 * last) / 6)
-    assert {"start_search", "meet_near", "displace_vertices"} <= bytes_by_kernel.keys()
 
 
 def test_the_command_refuses_in_one_line() -> None:

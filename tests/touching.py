@@ -9,6 +9,7 @@ import numpy as np
 
 from warp_cloth.base.mesh import Points
 from warp_cloth.contact.cloth import ClothTouch
+from warp_cloth.kernels.contact.arrays import REGIONS
 
 PARALLEL = 0.01  # squared sine below which two edges count less
 # The sums are kept in units of 2^-36 N; a vertex here adds up at most 200 pairs, each worked out in float32.
@@ -22,6 +23,12 @@ class Pair(NamedTuple):
     corners: np.ndarray  # four vertices
     weights: np.ndarray  # whose sum is the way from the second's nearest point to the first's
     on_edge: bool
+
+
+def four_regions(packed: np.ndarray) -> np.ndarray:
+    """Regions of four vertices, packed in a word each as kernels.contact.arrays's pair_regions does, shape [N, 4]."""
+    shift = np.array([0, 16, 32, 48], dtype=np.uint64)
+    return ((packed[:, None] >> shift) & np.uint64(REGIONS - 1)).astype(np.int64)
 
 
 def on_segment(p: np.ndarray, a: np.ndarray, b: np.ndarray) -> float:

@@ -1,12 +1,14 @@
-"""Bytes and time of an iteration on an NVIDIA GPU: as `warp-cloth plan` tells them, and as ncu measures them.
+"""Traffic and time of each kernel on an NVIDIA GPU: compulsory bytes and seconds of a plan, beside what ncu measures.
 
     python tests/benchmarks/traffic.py --data ../shared/data --out traffic --scene layers4k --scene ball
 
-Each scene is planned as the command does it. It then goes the same way under ncu, iteration for iteration, and some
-launches of each kernel, evenly over the way, are measured: of the iterations that the plan watched launch by launch
-some rounds are gone launch by launch again, all others as captured graphs, which ncu does not see into. How often a
-kernel is launched is as the plan counted it; what a launch moves, and how long it takes, is held against the mean of
-those measured. Beside the table the plans, and each launch that was measured, are kept in the folder.
+Each scene is planned as `warp-cloth plan` does it. The same iterations then run under ncu, and some launches of each
+kernel, evenly spread, are measured: of the iterations that the plan recorded launch by launch some rounds run launch by
+launch again, all others as captured graphs, into which ncu does not see. How often a kernel is launched is taken from
+the plan; bytes and time of a launch are the mean of those measured. Plans and measured launches are kept in the folder.
+
+Columns: compulsory bytes (the sizes of the arrays that a launch takes), bytes between the L2 cache and the cores, bytes
+to and from memory, and the kernel's fraction of the time by the plan and by ncu.
 """
 
 from __future__ import annotations
@@ -33,12 +35,12 @@ from warp_cloth.fitting.problem import load_problem
 from warp_cloth.scene import load_scene
 from warp_cloth.solver.loop import CHUNK
 from warp_cloth.study.footprint import footprint_of
-from warp_cloth.study.timing import TIMED, Way
+from warp_cloth.study.timing import TIMED, TimedFit
 
-ASKED = ("l1tex__m_xbar2l1tex_read_bytes.sum", "l1tex__m_l1tex2xbar_write_bytes.sum")  # between the cache and the cores
+CACHE = ("l1tex__m_xbar2l1tex_read_bytes.sum", "l1tex__m_l1tex2xbar_write_bytes.sum")  # between L2 and the cores
 MEMORY = ("dram__bytes_read.sum", "dram__bytes_write.sum")
 DURATION = "gpu__time_duration.sum"
-# What tells where these come from: loads, stores, what is added to, and what registers do not hold.
+# Where these come from: loads, stores, atomics, and spilled registers.
 KINDS = (
     *(f"l1tex__m_xbar2l1tex_read_bytes_mem_{what}.sum" for what in ("lg_op_ld", "global_op_atom")),
     *(f"l1tex__m_l1tex2xbar_write_bytes_mem_{what}.sum" for what in ("lg_op_st", "global_op_red", "global_op_atom")),
@@ -92,7 +94,7 @@ def shirt(data: Path, *, cloth: bool) -> dict[str, Any]:
 
 
 def scenes(data: Path) -> dict[str, dict[str, Any]]:
-    """All that may be asked for."""
+    """All scenes, by name."""
     return {
         "layers4k": layers(65, 2),
         "layers2k": layers(45, 2),
@@ -107,11 +109,11 @@ def scenes(data: Path) -> dict[str, dict[str, Any]]:
     }
 
 
-class Retraced(Way):
-    """The way that a plan went, iteration for iteration."""
+class Replay(TimedFit):
+    """The iterations of a plan once more."""
 
-    def retrace(self, end: int, every: int = 0, samples: Samples | None = None) -> None:
-        """Goes it up to an iteration, and takes samples in every so many of the rounds that the plan watched."""
+    def replay(self, end: int, every: int = 0, samples: Samples | None = None) -> None:
+        """Runs up to an iteration, and samples every so many of the rounds that the plan recorded."""
         rounds = 0
         while self.iteration < end:
             warm = self.warm
@@ -120,9 +122,9 @@ class Retraced(Way):
                 rounds += 1
                 if samples is not None and rounds % every == every // 2:
                     with samples.taken():
-                        self.iterate_watched()
+                        self.iterate_recorded()
                 else:
-                    self._run(self.watched)
+                    self._run(self.recorded)
             self.check()
 
     def _run(self, count: int) -> None:
@@ -132,7 +134,7 @@ class Retraced(Way):
 
 
 class Samples:
-    """Launches of each kernel that the driver's profiler sees, and so what watches it."""
+    """Launches of each kernel that are shown to the driver's profiler, and so to ncu."""
 
     def __init__(self, plan: dict[str, Any], iterations: int, count: int) -> None:
         """About so many of each in so many iterations, evenly."""
@@ -143,51 +145,52 @@ class Samples:
 
     @contextmanager
     def taken(self) -> Iterator[None]:
-        """Takes those that come due."""
+        """Shows those that are due."""
         launch = wp.launch
 
-        def watch(kernel: wp.Kernel, *given: Any, **more: Any) -> Any:
+        def launch_sampled(kernel: wp.Kernel, *arguments: Any, **more: Any) -> Any:
             name = kernel.key.rpartition("__")[2]
             every = self._every.get(name, 0)
             self._seen[name] += 1
             if not every or self._seen[name] % every != every // 2:
-                return launch(kernel, *given, **more)
+                return launch(kernel, *arguments, **more)
             self._driver.cuProfilerStart()
-            launch(kernel, *given, **more)
+            launch(kernel, *arguments, **more)
             self._driver.cuCtxSynchronize()
             self._driver.cuProfilerStop()
             return None
 
-        wp.launch = watch
+        wp.launch = launch_sampled
         try:
             yield
         finally:
             wp.launch = launch
 
 
-def rounds_apart(plan: dict[str, Any], rounds: int, watched: int, samples: int) -> int:
+def rounds_apart(plan: dict[str, Any], rounds: int, recorded: int, samples: int) -> int:
     """Every how many of the rounds, of so many iterations, are enough for the samples, of the rarest kernel, too."""
-    rarest = min(each["launches"] for each in plan["kernels"] if each["asked"])
-    return max(int(rounds * min(watched * rarest, 1.0) / samples), 1)
+    rarest = min(each["launches"] for each in plan["kernels"] if each["bytes"])
+    return max(int(rounds * min(recorded * rarest, 1.0) / samples), 1)
 
 
 def planned(tree: dict[str, Any], device: str) -> dict[str, Any]:
-    """The plan of a scene, as figures."""
+    """The plan of a scene, as numbers."""
     cost = footprint_of(load_problem(load_scene(tree), device))
-    kernels = [{**asdict(kernel), "share": cost.share(kernel)} for kernel in cost.kernels]
-    return {"vertices": cost.vertices, "iterations": cost.iterations, "from_memory": cost.from_memory,
-            "bytes": cost.bytes, "seconds": cost.seconds, "kernels": kernels}  # fmt: skip
+    kernels = [{**asdict(kernel), "share": cost.fraction(kernel)} for kernel in cost.kernels]
+    return {"vertices": cost.vertices, "iterations": cost.iterations, "bytes": cost.bytes, "seconds": cost.seconds,
+            "kernels": kernels}  # fmt: skip
 
 
-def measured(name: str, plan: dict[str, Any], asked: argparse.Namespace) -> dict[str, dict[str, float]]:
-    """Sums of what ncu measures of a scene's kernels, by the plan's names, and of how many "launches" they are."""
-    table, way = Path(asked.out) / f"{name}.csv", Path(asked.out) / f"{name}.plan.json"
-    way.write_text(json.dumps(plan))
-    metrics = [*level_of(plan)[0], DURATION, *(KINDS if asked.kinds else ())]
-    command = [asked.ncu, "--profile-from-start", "off", "--cache-control", "none", "--clock-control", "none",
+def measured(name: str, plan: dict[str, Any], options: argparse.Namespace) -> dict[str, dict[str, float]]:
+    """Sums of what ncu measures of a scene's kernels, by the plan's names, and the number of "launches" summed."""
+    table, replayed = Path(options.out) / f"{name}.csv", Path(options.out) / f"{name}.plan.json"
+    replayed.write_text(json.dumps(plan))
+    metrics = [*CACHE, *MEMORY, DURATION, *(KINDS if options.kinds else ())]
+    command = [options.ncu, "--profile-from-start", "off", "--cache-control", "none", "--clock-control", "none",
                "--csv", "--page", "raw", "--print-units", "base", "--metrics", ",".join(metrics),
-               "--log-file", str(table), sys.executable, __file__, "--data", asked.data, "--device", asked.device,
-               "--scene", name, "--out", asked.out, "--samples", str(asked.samples), "--retrace", str(way)]  # fmt: skip
+               "--log-file", str(table), sys.executable, __file__, "--data", options.data, "--device", options.device,
+               "--scene", name, "--out", options.out, "--samples", str(options.samples),
+               "--replay", str(replayed)]  # fmt: skip
     done = subprocess.run(command, stderr=subprocess.PIPE, text=True, check=False)
     lines = table.read_text().splitlines() if table.exists() else []
     if done.returncode:
@@ -204,11 +207,6 @@ def measured(name: str, plan: dict[str, Any], asked: argparse.Namespace) -> dict
     return found
 
 
-def level_of(plan: dict[str, Any]) -> tuple[tuple[str, ...], str]:
-    """What ncu calls the bytes that matter, and what the plan does."""
-    return (MEMORY, "bytes") if plan["from_memory"] else (ASKED, "asked")
-
-
 def kernel_named(mangled: str, names: list[str]) -> str:
     """Which of the plan's kernels one is by the driver's name; else that name."""
     fitting = (name for name in names if f"__{name}_" in f"__{mangled}")
@@ -221,88 +219,85 @@ class Row:
 
     name: str
     launches: float  # per iteration
-    planned: float  # bytes of a launch
-    measured: float
+    compulsory: float  # bytes of a launch
+    cache: float  # bytes of a launch between L2 and the cores
+    memory: float  # bytes of a launch to and from memory
     seconds: float  # of an iteration
     nanoseconds: float  # of a launch, by ncu
 
 
-def compared(name: str, plan: dict[str, Any], found: dict[str, dict[str, float]]) -> dict[str, Any]:
-    """Prints plan against measurement; returns what is planned and measured of an iteration, and how shares differ."""
-    level, which = level_of(plan)
-    rows, missing = list[Row](), list[str]()
-    for each in plan["kernels"]:
-        sums = found.get(each["name"])
-        if sums is None:
-            missing.append(each["name"])
-            continue
-        count, moved = sums["launches"], sum(sums[metric] for metric in level)
-        rows.append(Row(each["name"], each["launches"], each[which] / each["launches"], moved / count,
-                        each["seconds"], sums[DURATION] / count))  # fmt: skip
-    planned, measured = (sum(row.launches * getattr(row, which) for row in rows) for which in ("planned", "measured"))
+def row_of(kernel: dict[str, Any], sums: dict[str, float]) -> Row:
+    """Mean of the measured launches of a kernel."""
+    count = sums["launches"]
+    cache, memory = (sum(sums[metric] for metric in metrics) / count for metrics in (CACHE, MEMORY))
+    launches = kernel["launches"]
+    return Row(kernel["name"], launches, kernel["bytes"] / launches, cache, memory, kernel["seconds"],
+               sums[DURATION] / count)  # fmt: skip
+
+
+def compared(name: str, plan: dict[str, Any], found: dict[str, dict[str, float]]) -> dict[str, float]:
+    """Prints compulsory bytes beside measured traffic; returns those of an iteration, and how time fractions differ."""
+    rows = [row_of(kernel, found[kernel["name"]]) for kernel in plan["kernels"] if kernel["name"] in found]
+    missing = [kernel["name"] for kernel in plan["kernels"] if kernel["name"] not in found]
+    unplanned = sorted(found.keys() - {row.name for row in rows})
+    levels = ("compulsory", "cache", "memory")
+    total = {level: sum(row.launches * getattr(row, level) for row in rows) for level in levels}
     seconds, profile = sum(row.seconds for row in rows), sum(row.launches * row.nanoseconds for row in rows)
-    apart = [abs(row.seconds / seconds - row.launches * row.nanoseconds / profile) for row in rows]
+    apart = max(abs(row.seconds / seconds - row.launches * row.nanoseconds / profile) for row in rows)
     begin, end = plan["iterations"]
-    where = "to and from memory" if plan["from_memory"] else "between cache and cores"
-    print(f"{name}: {plan['vertices']:,} vertices, iterations {begin:,} to {end:,}, {where}")
-    heads = (("MB each", 8), ("ratio", 6), ("MB", 8), ("time", 6))
-    columns = [f"{head:>{wide}}" + ("" if head == "ratio" else f" {'ncu':>{wide}}") for head, wide in heads]
-    print(f"  {'kernel':<24} {'launches':>8} {' '.join(columns)}")
+    print(f"{name}: {plan['vertices']:,} vertices, iterations {begin:,} to {end:,}, MB of an iteration")
+    heads = " ".join(f"{head:>10}" for head in (*levels, "time", "by ncu"))
+    print(f"  {'kernel':<24} {'launches':>8} {heads}")
     for row in rows:
-        here, there = row.launches * row.planned, row.launches * row.measured
-        print(
-            f"  {row.name:<24} {row.launches:>8.4f} {row.planned / 1e6:>8.4f} {row.measured / 1e6:>8.4f} "
-            f"{here / max(there, 1.0):>6.2f} {1e-6 * here:>8.4f} {1e-6 * there:>8.4f} "
-            f"{row.seconds / seconds:>6.1%} {row.launches * row.nanoseconds / profile:>6.1%}"
-        )
-    print(
-        f"  {'all':<24} {'':>26} {planned / measured:>6.3f} {1e-6 * planned:>8.4f} {1e-6 * measured:>8.4f}"
-        f"  shares within {100 * max(apart):.1f} points"
-    )
-    for what, names in (("not measured", missing), ("not planned", sorted(found.keys() - {row.name for row in rows}))):
+        moved = " ".join(f"{1e-6 * row.launches * getattr(row, level):>10.4f}" for level in levels)
+        by_ncu = row.launches * row.nanoseconds / profile
+        print(f"  {row.name:<24} {row.launches:>8.4f} {moved} {row.seconds / seconds:>10.1%} {by_ncu:>10.1%}")
+    moved = " ".join(f"{1e-6 * total[level]:>10.4f}" for level in levels)
+    print(f"  {'all':<24} {'':>8} {moved}  time fractions within {100 * apart:.1f} points")
+    for what, names in (("not measured", missing), ("not planned", unplanned)):
         if names:
             print(f"  {what}: {', '.join(names)}")
-    return {"planned": planned, "measured": measured, "ratio": planned / measured, "shares_apart": max(apart)}
+    return {**total, "time_fractions_apart": apart}
 
 
-def retrace(tree: dict[str, Any], plan: dict[str, Any], asked: argparse.Namespace) -> None:
-    """Goes a plan's way, for ncu to see."""
+def replay(tree: dict[str, Any], plan: dict[str, Any], options: argparse.Namespace) -> None:
+    """Runs the iterations of a plan once more, under ncu."""
     (begin, end), began = plan["iterations"], time.perf_counter()
-    way = Retraced(load_problem(load_scene(tree), asked.device))
-    way.retrace(begin)
-    rounds = (end - begin) // (TIMED + way.watched)
-    every = rounds_apart(plan, rounds, way.watched, asked.samples)
-    print(f"  iteration {begin:,} in {time.perf_counter() - began:.0f} s; watches 1 of {every} rounds")
-    way.retrace(end, every, Samples(plan, rounds // every * way.watched, asked.samples))
+    run = Replay(load_problem(load_scene(tree), options.device))
+    run.replay(begin)
+    rounds = (end - begin) // (TIMED + run.recorded)
+    every = rounds_apart(plan, rounds, run.recorded, options.samples)
+    print(f"  iteration {begin:,} in {time.perf_counter() - began:.0f} s; samples 1 of {every} rounds")
+    run.replay(end, every, Samples(plan, rounds // every * run.recorded, options.samples))
     print(f"  iteration {end:,} in {time.perf_counter() - began:.0f} s")
 
 
 def main() -> None:
-    """Plans and measures what is asked for."""
+    """Plans and measures the chosen scenes."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--scene", action="append", default=[], help="of those in `scenes`; may be repeated; else all")
+    parser.add_argument("--scene", action="append", default=[], help="name of a scene; may be repeated; default: all")
     parser.add_argument("--data", default=os.environ.get("WARP_CLOTH_DATA", "../shared/data"))
-    parser.add_argument("--out", default="traffic", help="folder for what is kept")
+    parser.add_argument("--out", default="traffic", help="folder for plans and measured launches")
     parser.add_argument("--device", default="cuda:0")
     parser.add_argument("--ncu", default="ncu")
     parser.add_argument("--samples", type=int, default=16, help="launches of each kernel to measure; each takes 0.1 s")
     parser.add_argument("--kinds", action="store_true", help="measure by kind of access, too")
-    parser.add_argument("--retrace", type=Path, help="used by itself: the plan whose way is to be gone")
-    asked = parser.parse_args()
-    folder = Path(asked.out)
+    parser.add_argument("--replay", type=Path, help="internal: the plan to run once more, under ncu")
+    options = parser.parse_args()
+    folder = Path(options.out)
     folder.mkdir(parents=True, exist_ok=True)
     sys.stdout.reconfigure(line_buffering=True)  # type: ignore[union-attr]
     start_warp(False)
-    known, results = scenes(Path(asked.data)), {}
-    for name in asked.scene or known:
+    known, results = scenes(Path(options.data)), {}
+    for name in options.scene or known:
         began = time.perf_counter()
-        if asked.retrace:
-            retrace(known[name], json.loads(asked.retrace.read_text()), asked)
+        if options.replay:
+            replay(known[name], json.loads(options.replay.read_text()), options)
             continue
-        plan = planned(known[name], asked.device)
+        plan = planned(known[name], options.device)
         seconds = time.perf_counter() - began
         print(f"{name}: planned in {seconds:.0f} s")
-        found = measured(name, plan, asked)
+        found = measured(name, plan, options)
         results[name] = {"plan": plan, "measured": found, **compared(name, plan, found)}
         print(f"  measured in {time.perf_counter() - began - seconds:.0f} s")
         (folder / "traffic.json").write_text(json.dumps(results, indent=1))

@@ -1,4 +1,4 @@
-"""Which kernels an action launches, over which arrays: seen from outside, so that it is what really happens."""
+"""Records which kernels an action launches, over which arrays, by wrapping wp.launch."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ class Launch:
     command: Any  # Warp's Launch, which repeats it without looking at the arguments again
 
     def arrays(self) -> dict[str, wp.array]:
-        """The arrays that it is given, by name; those in structs as "struct.member"; unused ones left out.
+        """Its array arguments by name, members of structs as "struct.member"; empty ones left out.
 
-        Of structs that lie in an array, that in which a batch's items keep theirs, the first one's.
+        Of an array of structs (a batch has one element per item) the members of the first element.
         """
         return dict(chain.from_iterable(_arrays(name, value) for name, value in self.arguments.items()))
 
@@ -41,52 +41,47 @@ def _arrays(name: str, value: Any) -> Iterator[tuple[str, wp.array]]:
 
 
 def _within(name: str, structs: wp.array) -> Iterator[tuple[str, wp.array]]:
-    """Arrays that the first struct of an array holds."""
+    """Arrays in the first element of an array of structs."""
     members = getattr(structs.dtype, "vars", {})
     inner = {member: var.type for member, var in members.items() if isinstance(var.type, wp.array)}
     if not inner:
         return
     first = structs[:1].numpy()[0]
     for member, kind in inner.items():
-        told = first[member]
-        shape = tuple(int(count) for count in told["shape"][: kind.ndim])
-        if int(told["data"]) and all(shape):
-            yield (
-                f"{name}.{member}",
-                wp.array(ptr=int(told["data"]), shape=shape, dtype=kind.dtype, device=structs.device),
-            )
+        descriptor = first[member]
+        shape = tuple(int(count) for count in descriptor["shape"][: kind.ndim])
+        pointer = int(descriptor["data"])
+        if pointer and all(shape):
+            yield f"{name}.{member}", wp.array(ptr=pointer, shape=shape, dtype=kind.dtype, device=structs.device)
 
 
-def launches_of(
-    action: Callable[[], Any], seconds: list[float] | None = None, see: Callable[[Launch], None] = lambda _: None
-) -> list[Launch]:
-    """Does the action, and tells what it launched, in order. One such call at a time in a process.
+def launches_of(action: Callable[[], Any], seconds: list[float] | None = None) -> list[Launch]:
+    """Runs the action and returns its launches, in order. One such call at a time in a process.
 
-    ``seconds``: takes how long each launch kept the host; ``see``: told of each launch before the next one.
+    ``seconds``: receives the time for which each launch kept the host.
     """
-    found: list[Launch] = []
-    with _watched(found, [] if seconds is None else seconds, see):
+    launches: list[Launch] = []
+    with _recorded(launches, [] if seconds is None else seconds):
         action()
-    return found
+    return launches
 
 
 @contextmanager
-def _watched(found: list[Launch], seconds: list[float], see: Callable[[Launch], None]) -> Iterator[None]:
+def _recorded(launches: list[Launch], seconds: list[float]) -> Iterator[None]:
     launch = wp.launch
 
-    def watch(
+    def record(
         kernel: wp.Kernel, dim: Any, inputs: Sequence[Any] = (), outputs: Sequence[Any] = (), **more: Any
     ) -> None:
-        given = launch(kernel, dim, inputs, outputs, **{**more, "record_cmd": True})
+        command = launch(kernel, dim, inputs, outputs, **{**more, "record_cmd": True})
         names = (argument.label for argument in kernel.adj.args)
         values = dict(zip(names, [*inputs, *outputs], strict=False))
-        found.append(Launch(kernel, int(given.bounds.size), values, given))
+        launches.append(Launch(kernel, int(command.bounds.size), values, command))
         began = time.perf_counter()
-        given.launch()
+        command.launch()
         seconds.append(time.perf_counter() - began)
-        see(found[-1])
 
-    wp.launch = watch
+    wp.launch = record
     try:
         yield
     finally:
@@ -98,7 +93,7 @@ def arrays_in(thing: Any, seen: dict[int, Any] | None = None) -> list[wp.array]:
     seen = {} if seen is None else seen
     if id(thing) in seen:
         return []
-    seen[id(thing)] = thing  # kept, so that nothing else gets its id
+    seen[id(thing)] = thing  # a reference, so that no other object gets its id
     if isinstance(thing, wp.array):
         return [thing]
     if isinstance(thing, Mapping):
@@ -115,7 +110,7 @@ def arrays_in(thing: Any, seen: dict[int, Any] | None = None) -> list[wp.array]:
 
 
 def bytes_of(arrays: Sequence[wp.array]) -> int:
-    """Memory that arrays take [bytes], each byte once, however many of them share it."""
+    """Memory of arrays [bytes]; memory that several arrays share counts once."""
     spans = sorted((array.ptr, array.ptr + array.capacity) for array in arrays if array.ptr)
     total, end = 0, 0
     for first, last in spans:

@@ -1,4 +1,4 @@
-"""A plan as people read it, and as programs do."""
+"""A plan as text and as JSON."""
 
 from __future__ import annotations
 
@@ -13,31 +13,28 @@ from warp_cloth.fitting.plan import Term
 from warp_cloth.study.footprint import Footprint
 from warp_cloth.study.savings import Saving
 
+COMPULSORY = "compulsory bytes: the sizes of all arrays that a launch takes, each counted once; not measured traffic"
+
 
 def plan_lines(name: str, terms: Sequence[Term], cost: Footprint, savings: Sequence[Saving] = ()) -> list[str]:
-    """Terms with their reasons, kernels with their costs, what is saved without a term, memory."""
-    shared = f", shared by {cost.threads} threads" if cost.threads > 1 else ""
+    """Terms with their reasons, kernels with their costs, savings without a term, memory."""
+    shared = f", {cost.threads} threads" if cost.threads > 1 else ""
     lines = [f"{name}: {cost.vertices:,} vertices on {cost.device}{shared}", "Terms:"]
     lines += [f"  {'+' if term.used else '-'} {term.name:<16} {term.reason}" for term in terms]
-    lines.append(f"An iteration (mean of those from {cost.iterations[0]:,} to {cost.iterations[1]:,}):")
+    lines.append(f"An iteration (mean over iterations {cost.iterations[0]:,} to {cost.iterations[1]:,}):")
     lines.append(f"  {'kernel':<24} {'launches':>8} {'threads':>10} {'MB':>9} {'us':>9} {'time':>6}")
     for kernel in cost.kernels:
         lines.append(
-            f"  {kernel.name:<24} {kernel.launches:>8.3g} {kernel.threads:>10,} {1e-6 * cost.moved(kernel):>9.3f} "
-            f"{1e6 * kernel.seconds:>9.1f} {cost.share(kernel):>6.0%}"
+            f"  {kernel.name:<24} {kernel.launches:>8.3g} {kernel.threads:>10,} {1e-6 * kernel.bytes:>9.3f} "
+            f"{1e6 * kernel.seconds:>9.1f} {cost.fraction(kernel):>6.0%}"
         )
     lines.append(
         f"  {'as a fit runs it':<24} {cost.launches:>8.3g} {'':>10} {1e-6 * cost.bytes:>9.3f} "
         f"{1e6 * cost.seconds:>9.1f}        {1e-9 * cost.bytes / cost.seconds:.3g} GB/s"
     )
-    lines.append(f"  MB: {level(cost)}")
-    lines += [
-        f"  {kernel.name}: {kernel.spilled} bytes of each thread are not in registers"
-        for kernel in cost.kernels
-        if kernel.spilled
-    ]
+    lines.append(f"  MB: {COMPULSORY}")
     if savings:
-        lines.append("It would take less without:")
+        lines.append("Time saved without:")
         lines += [
             f"  {each.term:<24} {'':>8} {'':>10} {'':>9} {1e6 * each.share * cost.seconds:>9.1f} {each.share:>6.0%}"
             for each in savings
@@ -48,24 +45,18 @@ def plan_lines(name: str, terms: Sequence[Term], cost: Footprint, savings: Seque
     return lines
 
 
-def level(cost: Footprint) -> str:
-    """Between which parts of the device the bytes of an iteration move."""
-    touched = f"an iteration touches {1e-6 * cost.touched:,.3g} MB"
-    if not cost.cache:
-        return f"{touched}; these move to and from memory"
-    if cost.from_memory:
-        return f"{touched}, more than the cache of {1e-6 * cost.cache:,.3g} MB holds; these move to and from memory"
-    return f"{touched}, which the cache of {1e-6 * cost.cache:,.3g} MB holds; these move between it and the cores"
-
-
 def plan_values(terms: Sequence[Term], cost: Footprint, savings: Sequence[Saving] = ()) -> dict[str, Any]:
     """The same for JSON; bytes and seconds are of one iteration."""
     values = asdict(cost)
     for row, kernel in zip(values["kernels"], cost.kernels, strict=True):
-        row["share"] = cost.share(kernel)
-    told: dict[str, Any] = {"bytes": cost.bytes, "from_memory": cost.from_memory}
-    told["savings"] = [asdict(saving) for saving in savings]
-    return {"terms": [asdict(term) for term in terms], **told, **values}
+        row["share"] = cost.fraction(kernel)
+    return {
+        "terms": [asdict(term) for term in terms],
+        "bytes": cost.bytes,
+        "bytes_meaning": COMPULSORY,
+        "savings": [asdict(saving) for saving in savings],
+        **values,
+    }
 
 
 def write_plan(path: Path, terms: Sequence[Term], cost: Footprint, savings: Sequence[Saving] = ()) -> None:

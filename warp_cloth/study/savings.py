@@ -1,4 +1,4 @@
-"""What each term of a scene costs: the time that an iteration takes less without it."""
+"""What each term of a scene costs: how much shorter an iteration is without it."""
 
 from __future__ import annotations
 
@@ -12,32 +12,32 @@ from warp_cloth.fitting.plan import make_plan
 from warp_cloth.fitting.problem import build_problem
 from warp_cloth.garment.scene_garments import Wardrobe
 from warp_cloth.scene import Scene
-from warp_cloth.study.timing import FEWEST_ROUNDS, LONG, SHORTEST_RUN, Way
+from warp_cloth.study.timing import FEWEST_ROUNDS, LONG, SHORTEST_RUN, TimedFit
 
 Variant = tuple[Scene, Wardrobe]
-REST = "the others"  # terms that no cloth can do without
+REST = "the others"  # terms that cloth cannot be without
 
 
 @dataclass(frozen=True)
 class Saving:
-    """A term, and the share of its time that an iteration takes less without it."""
+    """A term, and the fraction of an iteration's time that is saved without it."""
 
     term: str
     share: float
 
 
 def savings_of(scene: Scene, wardrobe: Wardrobe, device: str) -> tuple[Saving, ...]:
-    """Runs the scene beside itself without each of its terms that it can do without; the last one is what remains.
+    """Runs the scene against variants of it, each without one term; the last saving is what remains.
 
-    The kernels without a term are others, which are compiled first. Forces and displacement are worked out in one go,
-    so that no clock tells them apart.
+    The kernels of a variant are compiled first. One kernel computes forces and displacement, so that a timer of
+    launches cannot tell terms apart.
     """
     used = {term.name for term in make_plan(scene, wardrobe) if term.used}
     savings = []
     for term, without in WITHOUT.items():
         if term in used:
-            seconds, less = _seconds_beside((scene, wardrobe), without(scene, wardrobe), device)
-            savings.append(Saving(term, 1.0 - less / seconds))
+            seconds, shorter = _alternated((scene, wardrobe), without(scene, wardrobe), device)
+            savings.append(Saving(term, 1.0 - shorter / seconds))
     return *savings, Saving(REST, 1.0 - sum(saving.share for saving in savings))
 
 
@@ -63,17 +63,17 @@ WITHOUT: dict[str, Callable[[Scene, Wardrobe], Variant]] = {
 }
 
 
-def _seconds_beside(one: Variant, other: Variant, device: str) -> tuple[float, float]:
-    """Seconds of an iteration of two scenes that take turns, from the start on: whatever else a machine does."""
-    ways = [Way(build_problem([scene], [wardrobe], device)) for scene, wardrobe in (one, other)]
+def _alternated(one: Variant, other: Variant, device: str) -> tuple[float, float]:
+    """Seconds of an iteration of two scenes that alternate from the start, so that other load falls on both alike."""
+    runs = [TimedFit(build_problem([scene], [wardrobe], device)) for scene, wardrobe in (one, other)]
     rates: list[list[float]] = [[], []]
     passed = 0.0
     while passed < 2.0 * SHORTEST_RUN or (len(rates[0]) < FEWEST_ROUNDS and passed < 2.0 * LONG):
-        rounds = [way.go() for way in ways]
-        if all(way.warm for way in ways):
+        rounds = [run.advance() for run in runs]
+        if all(run.warm for run in runs):
             passed += sum(seconds for _, seconds in rounds)
             for rate, (done, seconds) in zip(rates, rounds, strict=True):
                 rate.append(seconds / done)
-        for way in ways:
-            way.check()
+        for run in runs:
+            run.check()
     return float(np.median(rates[0])), float(np.median(rates[1]))
