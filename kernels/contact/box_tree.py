@@ -1,6 +1,11 @@
-"""A tree of boxes, 32 to a node: its shape stays, and its boxes are brought up to where their cloth is.
+"""A bounding volume hierarchy (BVH) of boxes, 32 to a node: its topology stays, its boxes are refitted to the cloth.
 
-On a GPU a warp is a team: its threads look at a node's boxes together, one each. On the CPU a thread is a team.
+On a GPU a warp is a team: its threads test a node's boxes together, one each. On the CPU a thread is a team.
+
+Why not ``wp.Bvh``: tests/benchmarks/broad_phase.py runs both over the same garments. Times of one search, ``wp.Bvh``
+(refit, a thread for each query) over this tree, which lists the same pairs:
+
+    one core of a CPU, 4,000 vertices   one T-shirt 3.1, two layers 2.3
 """
 
 import warp as wp

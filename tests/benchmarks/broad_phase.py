@@ -1,0 +1,353 @@
+"""The broad phase of cloth contact: the solver's own box tree against ``wp.Bvh``, over the same worn garments.
+
+    python tests/benchmarks/broad_phase.py --device cuda:0 --vertices 4000 16000 64000
+
+One T-shirt that hangs by its neck, front on back, and one over another on a mannequin. The solver sews them; then every
+search starts from the same positions: it updates the boxes of all triangles and edges, widened by the search margin,
+tests vertices against triangles and edges against edges, and lists what passes the exact distance test.
+
+- ``box_tree``: the solver's own launches;
+- ``bvh_refit``: ``wp.Bvh.refit`` and a thread for each vertex and edge (``wp.bvh_query_aabb``);
+- ``bvh_rebuild``: the same with ``wp.Bvh.rebuild``;
+- ``bvh_tiled``: refit, and a block of 32 threads for each vertex and edge (``wp.tile_bvh_query_aabb``), on CUDA only.
+
+All boxes are the same to the bit, and so must the lists be; the script exits with 1 where they are not. On CUDA each
+search is one captured graph, timed by events in rounds that take turns; ratios are of medians of one run.
+"""
+
+import argparse
+import functools
+import sys
+import time
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+import warp as wp
+from numpy.typing import NDArray
+from wearing import NEVER, Tree, mannequin, shirt
+
+from warp_cloth.base.warp_setup import start_warp
+from warp_cloth.contact.cloth import ClothTouch
+from warp_cloth.fitting.problem import Problem, collider_updates, load_problem
+from warp_cloth.kernels.base.types import MODULE_OPTIONS, cloth_types, place_function
+from warp_cloth.kernels.contact.arrays import ClothContact
+from warp_cloth.kernels.contact.box_tree import FAR_OFF
+from warp_cloth.kernels.contact.crossing import has_vertex
+from warp_cloth.kernels.contact.pairs import keep_function
+from warp_cloth.kernels.contact.search import ContactSearch, opened, room_around
+from warp_cloth.kernels.contact.stick_memory import LeanMemory, forget_leans
+from warp_cloth.scene import load_scene
+from warp_cloth.solver.loop import relax_to_rest
+
+TILE = 32  # threads of a tiled query
+EDGE_MM, VERTICES_THERE = 12.0, 6200  # the edge length at which a T-shirt has about so many vertices
+Search = Callable[[], None]
+
+
+@wp.struct
+class Boxes:
+    """What ``wp.Bvh`` is built over: F triangles and E edges, in the order of the box tree's leaves."""
+
+    triangle_leaf: wp.array(dtype=wp.int32)  # which leaf of the box tree each is, shape [F]
+    triangle_lower: wp.array(dtype=wp.vec3f)  # [m], shape [F]; above the upper corner where the box is empty
+    triangle_upper: wp.array(dtype=wp.vec3f)
+    edge_leaf: wp.array(dtype=wp.int32)  # shape [E]
+    edge_lower: wp.array(dtype=wp.vec3f)  # [m], shape [E]
+    edge_upper: wp.array(dtype=wp.vec3f)
+
+
+@functools.cache
+def box_kernel(precision: str) -> wp.Kernel:
+    """Kernel ``update_boxes``."""
+    Cloth, at = cloth_types(precision).Cloth, place_function(precision)
+
+    @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
+    def update_boxes(cloth: Cloth, search: ContactSearch, contact: ClothContact, memory: LeanMemory, boxes: Boxes):
+        """Boxes a triangle or an edge as ``box_functions`` of kernels.contact.search does, and empties the list."""
+        thread = wp.tid()
+        if thread == 0:
+            contact.count[0] = 0
+            forget_leans(memory)
+        lower = wp.vec3f(FAR_OFF, FAR_OFF, FAR_OFF)
+        upper = -lower
+        row = thread - boxes.triangle_leaf.shape[0]
+        if row < 0:
+            leaf = boxes.triangle_leaf[thread]
+            corners = search.corners[leaf]
+            sides = search.sides[search.triangle_tree.leaf[leaf]]
+            a = wp.vec3f(at(cloth.position, corners[0]))
+            b = wp.vec3f(at(cloth.position, corners[1]))
+            c = wp.vec3f(at(cloth.position, corners[2]))
+            if not (
+                opened(search, sides[0], b - a) or opened(search, sides[1], c - b) or opened(search, sides[2], a - c)
+            ):
+                skin = wp.max(contact.skin[corners[0]], wp.max(contact.skin[corners[1]], contact.skin[corners[2]]))
+                wide = room_around(contact, skin)
+                lower = wp.min(wp.min(a, b), c) - wide
+                upper = wp.max(wp.max(a, b), c) + wide
+            boxes.triangle_lower[thread] = lower
+            boxes.triangle_upper[thread] = upper
+        else:
+            leaf = boxes.edge_leaf[row]
+            ends = search.ends[leaf]
+            p = wp.vec3f(at(cloth.position, ends[0]))
+            q = wp.vec3f(at(cloth.position, ends[1]))
+            if not opened(search, search.edge_tree.leaf[leaf], q - p):
+                wide = room_around(contact, wp.max(contact.skin[ends[0]], contact.skin[ends[1]]))
+                lower = wp.min(p, q) - wide
+                upper = wp.max(p, q) + wide
+            boxes.edge_lower[row] = lower
+            boxes.edge_upper[row] = upper
+
+    return update_boxes
+
+
+@functools.cache
+def near_functions(precision: str) -> tuple[wp.Function, wp.Function]:
+    """Functions that test a vertex against a triangle, and two edges, whose boxes meet, and list them where near."""
+    Cloth = cloth_types(precision).Cloth
+    keep_near = keep_function(precision)
+
+    @wp.func
+    def test_triangle(
+        cloth: Cloth, search: ContactSearch, contact: ClothContact, memory: LeanMemory, vertex: int, leaf: int
+    ):
+        """Lists a vertex and a triangle without it, if they are near each other."""
+        if not has_vertex(search.corners[leaf], vertex):
+            keep_near(cloth, search, contact, memory, -1 - vertex, leaf)
+
+    @wp.func
+    def test_edge(
+        cloth: Cloth, search: ContactSearch, contact: ClothContact, memory: LeanMemory, leaf: int, other: int
+    ):
+        """Lists two edges without a common end, if they are near each other."""
+        ends, others = search.ends[leaf], search.ends[other]
+        if ends[0] != others[0] and ends[0] != others[1] and ends[1] != others[0] and ends[1] != others[1]:
+            keep_near(cloth, search, contact, memory, leaf, other)
+
+    return test_triangle, test_edge
+
+
+@functools.cache
+def query_kernel(precision: str) -> wp.Kernel:
+    """Kernel ``query_bvh``."""
+    Cloth, at = cloth_types(precision).Cloth, place_function(precision)
+    test_triangle, test_edge = near_functions(precision)
+
+    @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
+    def query_bvh(
+        cloth: Cloth,
+        search: ContactSearch,
+        contact: ClothContact,
+        memory: LeanMemory,
+        boxes: Boxes,
+        triangles: wp.uint64,  # wp.Bvh of the triangles' boxes
+        edges: wp.uint64,
+    ):
+        """Lists what is near an edge, or a vertex: a thread for each."""
+        row = wp.tid()
+        vertex_row = row - boxes.edge_leaf.shape[0]
+        other = wp.int32(0)
+        if vertex_row < 0:
+            query = wp.bvh_query_aabb(edges, boxes.edge_lower[row], boxes.edge_upper[row])
+            while wp.bvh_query_next(query, other):
+                if other > row:
+                    test_edge(cloth, search, contact, memory, boxes.edge_leaf[row], boxes.edge_leaf[other])
+        else:
+            vertex = search.vertex[vertex_row]
+            if vertex >= 0:
+                x = wp.vec3f(at(cloth.position, vertex))
+                wide = room_around(contact, contact.skin[vertex])
+                query = wp.bvh_query_aabb(triangles, x - wide, x + wide)
+                while wp.bvh_query_next(query, other):
+                    test_triangle(cloth, search, contact, memory, vertex, boxes.triangle_leaf[other])
+
+    return query_bvh
+
+
+@functools.cache
+def tiled_kernel(precision: str) -> wp.Kernel:
+    """Kernel ``query_bvh_tiled``."""
+    Cloth, at = cloth_types(precision).Cloth, place_function(precision)
+    test_triangle, test_edge = near_functions(precision)
+
+    @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
+    def query_bvh_tiled(
+        cloth: Cloth,
+        search: ContactSearch,
+        contact: ClothContact,
+        memory: LeanMemory,
+        boxes: Boxes,
+        triangles: wp.uint64,  # as of query_bvh
+        edges: wp.uint64,
+    ):
+        """Lists what is near an edge, or a vertex: a block of TILE threads for each."""
+        row = wp.tid()
+        vertex_row = row - boxes.edge_leaf.shape[0]
+        if vertex_row < 0:
+            query = wp.tile_bvh_query_aabb(edges, boxes.edge_lower[row], boxes.edge_upper[row])
+            while wp.tile_query_valid(query):
+                other = wp.untile(wp.tile_bvh_query_next(query))
+                if other > row:  # and there is one
+                    test_edge(cloth, search, contact, memory, boxes.edge_leaf[row], boxes.edge_leaf[other])
+        else:
+            vertex = search.vertex[vertex_row]
+            if vertex >= 0:
+                x = wp.vec3f(at(cloth.position, vertex))
+                wide = room_around(contact, contact.skin[vertex])
+                query = wp.tile_bvh_query_aabb(triangles, x - wide, x + wide)
+                while wp.tile_query_valid(query):
+                    other = wp.untile(wp.tile_bvh_query_next(query))
+                    if other >= 0:
+                        test_triangle(cloth, search, contact, memory, vertex, boxes.triangle_leaf[other])
+
+    return query_bvh_tiled
+
+
+class BvhSearch:
+    """The same search by ``wp.Bvh``."""
+
+    def __init__(self, touch: ClothTouch, cloth: Any, precision: str) -> None:
+        self._precision, self._search, self._device = precision, touch._search, touch.data.skin.device
+        self._inputs = [cloth, touch._search, touch.data, touch._memory]
+        self._boxes = boxes = Boxes()
+        with wp.ScopedDevice(self._device):
+            for name, tree in (("triangle", self._search.triangle_tree), ("edge", self._search.edge_tree)):
+                leaves = np.flatnonzero(tree.leaf.numpy() >= 0).astype(np.int32)
+                setattr(boxes, f"{name}_leaf", wp.array(leaves, dtype=wp.int32))
+                for corner in ("lower", "upper"):
+                    setattr(boxes, f"{name}_{corner}", wp.zeros(len(leaves), dtype=wp.vec3f))
+            self._update()
+            self._triangles = wp.Bvh(boxes.triangle_lower, boxes.triangle_upper)
+            self._edges = wp.Bvh(boxes.edge_lower, boxes.edge_upper)
+
+    def _update(self) -> None:
+        count = len(self._boxes.triangle_leaf) + len(self._boxes.edge_leaf)
+        wp.launch(box_kernel(self._precision), count, [*self._inputs, self._boxes], device=self._device)
+
+    def run(self, *, rebuild: bool = False, tiled: bool = False) -> None:
+        """One search."""
+        self._update()
+        for tree in (self._triangles, self._edges):
+            tree.rebuild() if rebuild else tree.refit()
+        queries = len(self._boxes.edge_leaf) + self._search.vertex.size
+        inputs = [*self._inputs, self._boxes, self._triangles.id, self._edges.id]
+        if tiled:
+            kernel = tiled_kernel(self._precision)
+            wp.launch_tiled(kernel, [queries], inputs, device=self._device, block_dim=TILE)
+        else:
+            wp.launch(query_kernel(self._precision), queries, inputs, device=self._device)
+
+
+def worn(layers: int, vertices: int, iterations: int, device: str) -> Problem:
+    """T-shirts over each other of so many vertices together, after so many iterations."""
+    edge = EDGE_MM * (VERTICES_THERE * layers / vertices) ** 0.5
+    if layers == 1:  # on a body it hardly meets itself
+        scene: Tree = {"garment": {**shirt("M", edge), "pin": {"loop": "top"}}}
+    else:
+        scene = {"garment": [shirt("M", edge), shirt("L", edge, "denim")], "avatar": mannequin("M")}
+    problem = load_problem(load_scene({**scene, "collision": {"cloth": True}}), device)
+    relax_to_rest(
+        problem.relaxation,
+        problem.certifier,
+        NEVER,
+        iterations,
+        follow=collider_updates(problem),
+        course=problem.course,
+    )
+    return problem
+
+
+def listed(contact: Any) -> NDArray[np.int32]:
+    """The pairs found, in an order of their own, shape [N, 5]."""
+    count = int(contact.count.numpy()[0])
+    assert count <= len(contact.corners), "no room for all pairs"
+    rows = np.column_stack([contact.kind.numpy()[:count], contact.corners.numpy()[:count]])
+    return rows[np.lexsort(rows.T)]
+
+
+def timed(searches: dict[str, Search], rounds: int, device: wp.Device) -> dict[str, float]:
+    """Median seconds of each search; they take turns."""
+    graphs: dict[str, Any] = {}
+    if device.is_cuda:
+        for name, search in searches.items():
+            with wp.ScopedCapture(device=device) as capture:
+                search()
+            graphs[name] = capture.graph
+    seconds: dict[str, list[float]] = {name: [] for name in searches}
+    for _ in range(rounds + 1):  # the first is not counted
+        for name, search in searches.items():
+            if device.is_cuda:
+                begin, end = (wp.Event(device, enable_timing=True) for _ in range(2))
+                wp.record_event(begin)
+                wp.capture_launch(graphs[name])
+                wp.record_event(end)
+                seconds[name].append(1e-3 * wp.get_event_elapsed_time(begin, end))
+            else:
+                began = time.perf_counter()
+                search()
+                seconds[name].append(time.perf_counter() - began)
+    return {name: float(np.median(spent[1:])) for name, spent in seconds.items()}
+
+
+def compare(name: str, problem: Problem, rounds: int, *, tiled: bool) -> bool:
+    """Prints the time of each search of a scene; whether all found the same pairs."""
+    touch, device = problem.relaxation.touch, wp.get_device(problem.model.device)
+    assert touch is not None
+    if not touch.awake:
+        touch.awaken()
+    cloth = touch.cloth_now()
+    touch.search(cloth)
+    while touch.grow():
+        touch.search(cloth)
+    bvh = BvhSearch(touch, cloth, problem.model.precision)
+
+    def box_tree() -> None:
+        touch._box(cloth)
+        touch._list_near(cloth)
+
+    searches: dict[str, Search] = {
+        "box_tree": box_tree,
+        "bvh_refit": bvh.run,
+        "bvh_rebuild": functools.partial(bvh.run, rebuild=True),
+    }
+    if tiled:
+        searches["bvh_tiled"] = functools.partial(bvh.run, tiled=True)
+    found = {}
+    for search, run in searches.items():
+        run()
+        found[search] = listed(touch.data)
+    print(f"broad_phase.{name}.vertices {problem.model.vertex_count}")
+    print(f"broad_phase.{name}.pairs {len(found['box_tree'])}")
+    same = {search: bool(np.array_equal(rows, found["box_tree"])) for search, rows in found.items()}
+    seconds = timed(searches, rounds, device)
+    for search, spent in seconds.items():
+        ratio = spent / seconds["box_tree"]
+        agrees = "the same pairs" if same[search] else f"OTHER PAIRS: {len(found[search])}"
+        print(f"broad_phase.{name}.{search} {1e6 * spent:.1f} us  {ratio:.2f} times box_tree, {agrees}", flush=True)
+    return all(same.values())
+
+
+def main(given: Sequence[str] | None = None) -> int:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--device", default="cpu")
+    parser.add_argument("--vertices", type=int, nargs="+", default=[4000], help="of all garments of a scene")
+    parser.add_argument("--layers", type=int, nargs="+", choices=(1, 2), default=[1, 2], help="T-shirts")
+    parser.add_argument("--iterations", type=int, default=6000, help="before the searches are timed")
+    parser.add_argument("--rounds", type=int, default=50, help="searches of each kind")
+    parser.add_argument("--no-tiled", action="store_true", help="leave out the tiled query")
+    options = parser.parse_args(given)
+    agree = True
+    tiled = wp.get_device(options.device).is_cuda and not options.no_tiled
+    for layers in options.layers:
+        for vertices in options.vertices:
+            problem = worn(layers, vertices, options.iterations, options.device)
+            name = f"{('one_shirt', 'two_layers')[layers - 1]}.{round(vertices / 1000)}k"
+            agree &= compare(name, problem, options.rounds, tiled=tiled)
+    return 0 if agree else 1
+
+
+if __name__ == "__main__":
+    start_warp()
+    sys.exit(main())
