@@ -51,10 +51,10 @@ def write_users_stage(
     UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.z if z_up else UsdGeom.Tokens.y)
     world = UsdGeom.Xform.Define(stage, "/World")
     stage.SetDefaultPrim(world.GetPrim())
-    wardrobe = UsdGeom.Xform.Define(stage, "/World/wardrobe")
+    outfit = UsdGeom.Xform.Define(stage, "/World/wardrobe")
     lift = np.array([0.0, 0.0, 0.1]) if z_up else np.array([0.0, 0.1, 0.0])
-    wardrobe.AddTranslateOp().Set(Gf.Vec3d(*(lift / metres).tolist()))
-    wardrobe.AddScaleOp().Set(Gf.Vec3f(2.0))
+    outfit.AddTranslateOp().Set(Gf.Vec3d(*(lift / metres).tolist()))
+    outfit.AddScaleOp().Set(Gf.Vec3f(2.0))
     down = (cloth_points() - (0.0, 0.1, 0.0)) / 2.0
     cloth = add_mesh(stage, "/World/wardrobe/cloth", local(down, metres, z_up), grid(COUNT, SIDE).triangles)
     normals = UsdGeom.PrimvarsAPI(cloth).CreatePrimvar(

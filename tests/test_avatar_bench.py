@@ -17,7 +17,7 @@ from warp_cloth.avatar.field import build_contact_field
 from warp_cloth.avatar.layers import build_layered_buffers
 from warp_cloth.bench.avatar import AvatarBench, named_places, run_avatar_bench, save_avatar_bench, table, walked
 from warp_cloth.cli.main import app
-from warp_cloth.garment.scene_garments import open_wardrobe
+from warp_cloth.garment.outfit import load_outfit
 from warp_cloth.loading import load_mesh
 
 JUMP = 0.002  # [mm] beyond a walk of 0.0008 mm: slopes of 1.4, as in creases, and float32's rounding
@@ -36,7 +36,7 @@ SCENE = {
 @pytest.fixture(scope="module")
 def bench() -> AvatarBench:
     scene = warp_cloth.load_scene(SCENE)
-    return run_avatar_bench(scene, open_wardrobe(scene), device="cpu")
+    return run_avatar_bench(scene, load_outfit(scene), device="cpu")
 
 
 def test_fields_have_no_jumps_and_the_plain_look_up_has(bench: AvatarBench) -> None:

@@ -26,7 +26,7 @@ from warp_cloth.batch.processes import context
 from warp_cloth.batch.shared_results import Drafts, keep_in, kept_in, once_for_all
 from warp_cloth.fitting.fit import Fit
 from warp_cloth.fitting.problem import problem_kind
-from warp_cloth.garment.scene_garments import Rack, Recipe, avatar_recipe, mesh_recipes, open_wardrobe
+from warp_cloth.garment.outfit import MeshCache, Recipe, avatar_recipe, load_outfit, mesh_recipes
 from warp_cloth.kernels.base.options import SINGLE
 from warp_cloth.model.model import build_model
 from warp_cloth.model.patches import cutting
@@ -59,38 +59,38 @@ def made_in(folder: Path) -> list[Path]:
 
 
 def forbidden(*_: object) -> None:
-    raise AssertionError("it is on the rack")
+    raise AssertionError("it is in the cache")
 
 
 def test_helpers_make_what_the_worker_would_have_made_and_share_it_alike(loaders: Loaders) -> None:
-    several, rack = scenes(), Rack()
-    loaders.fill(rack, several)
+    several, mesh_cache = scenes(), MeshCache()
+    loaders.fill(mesh_cache, several)
     for scene in several:
         for recipe in mesh_recipes(scene):
-            rack.made(Recipe(recipe.key, forbidden))
-    opened = [open_wardrobe(scene, rack) for scene in several]
-    for scene, wardrobe in zip(several, opened, strict=True):
-        alone = open_wardrobe(scene)
-        for part, own in zip(wardrobe.parts, alone.parts, strict=True):
+            mesh_cache.make(Recipe(recipe.key, forbidden))
+    opened = [load_outfit(scene, mesh_cache) for scene in several]
+    for scene, outfit in zip(several, opened, strict=True):
+        alone = load_outfit(scene)
+        for part, own in zip(outfit.parts, alone.parts, strict=True):
             assert np.array_equal(part.points, own.points)
             assert np.array_equal(part.rest.hinge_stiffness, own.rest.hinge_stiffness)
             assert np.array_equal(part.pins, own.pins)
-    assert len({id(wardrobe.avatar) for wardrobe in opened}) == 1
+    assert len({id(outfit.avatar) for outfit in opened}) == 1
     jersey, denim = opened[:2]
     assert jersey.parts[0].points is denim.parts[0].points, "one mesh in two fabrics meets its avatar alike"
 
 
 def test_constants_of_a_garment_are_worked_out_once_for_all_workers(loaders: Loaders, tmp_path: Path) -> None:
-    several, racks = scenes(), [Rack(), Rack()]
+    several, mesh_caches = scenes(), [MeshCache(), MeshCache()]
     times = []
-    for rack in racks:
-        loaders.begin(rack, several, patches=False, common=tmp_path)
-        loaders.fill(rack, several)
+    for mesh_cache in mesh_caches:
+        loaders.begin(mesh_cache, several, patches=False, common=tmp_path)
+        loaders.fill(mesh_cache, several)
         times.append({file.name: file.stat().st_mtime_ns for file in made_in(tmp_path)})
     assert len(times[0]) == len(several)
     assert times[1] == times[0], "the second one has found them"
     for scene in several:
-        part, other = (open_wardrobe(scene, rack).parts[0].rest for rack in racks)
+        part, other = (load_outfit(scene, mesh_cache).parts[0].rest for mesh_cache in mesh_caches)
         assert np.array_equal(part.hinge_stiffness, other.hinge_stiffness)
         assert part.fabric == other.fabric
 
@@ -98,11 +98,11 @@ def test_constants_of_a_garment_are_worked_out_once_for_all_workers(loaders: Loa
 def test_what_shapes_are_drafted_from_is_worked_out_once_for_all_workers(tmp_path: Path) -> None:
     scene = load_scene("tshirt", ["garment.shape.edge_mm=45"])
     (recipe,) = avatar_recipe(scene)
-    alone, mesh = Rack().made(recipe), open_wardrobe(scene).garments[0]
+    alone, mesh = MeshCache().make(recipe), load_outfit(scene).garments[0]
     for _ in range(2):
-        rack = Rack(Drafts(tmp_path))
-        assert np.array_equal(rack.made(recipe).points, alone.points)
-        assert np.array_equal(rack.made(mesh_recipes(scene)[0]).points, mesh.points)
+        mesh_cache = MeshCache(Drafts(tmp_path))
+        assert np.array_equal(mesh_cache.make(recipe).points, alone.points)
+        assert np.array_equal(mesh_cache.make(mesh_recipes(scene)[0]).points, mesh.points)
         assert len(made_in(tmp_path)) == 4, "the body, its form, the sleeve, the pattern"
 
 
@@ -160,11 +160,11 @@ def test_what_cannot_be_kept_for_others_or_read_is_worked_out_again(
 
 def _forks_helpers(connection: Connection) -> None:
     """As a worker does: tells of each scene whether its garment is as alone, and lies in what it shares."""
-    shelf, rack = Shelf(2, fork=True), Rack()
-    shelf.loaders.fill(rack, scenes(), Cache())
+    shelf, mesh_cache = Shelf(2, fork=True), MeshCache()
+    shelf.loaders.fill(mesh_cache, scenes(), Cache())
     alike = []
     for scene in scenes():
-        part, own = open_wardrobe(scene, rack).parts[0], open_wardrobe(scene).parts[0]
+        part, own = load_outfit(scene, mesh_cache).parts[0], load_outfit(scene).parts[0]
         pairs = [(part.points, own.points), (part.rest.hinge_stiffness, own.rest.hinge_stiffness)]
         alike.append(all(np.array_equal(one, other) for one, other in pairs) and not part.points.flags.owndata)
     shelf.loaders.close()
@@ -222,10 +222,10 @@ def test_what_an_arena_has_no_room_for_is_sent_as_it_is() -> None:
 def test_one_mesh_of_two_grains_has_the_rest_shapes_of_both(loaders: Loaders) -> None:
     changes = ["collision.pixel_mm=10", "garment.fabric=denim", "garment.shape.vertices_per_side=9"]
     several = [load_scene("sphere", [*changes, f"garment.grain_degrees={turn}"]) for turn in (0, 30)]
-    rack = Rack()
-    loaders.fill(rack, several)
+    mesh_cache = MeshCache()
+    loaders.fill(mesh_cache, several)
     for scene in several:
-        found, alone = open_wardrobe(scene, rack).parts[0].rest, open_wardrobe(scene).parts[0].rest
+        found, alone = load_outfit(scene, mesh_cache).parts[0].rest, load_outfit(scene).parts[0].rest
         assert found.weave is not None
         assert alone.weave is not None
         assert np.array_equal(found.weave.slope, alone.weave.slope)
@@ -245,11 +245,11 @@ def test_the_same_panels_on_two_bodies_have_the_same_constants_worked_out_once(
         for girth in (0.92, 1.0)
         for fabric in ("silk", "jersey", "denim")
     ]
-    rack, cache = Rack(), Cache()
-    loaders.fill(rack, several, cache)
-    parts = [open_wardrobe(scene, rack).parts[0] for scene in several]
+    mesh_cache, cache = MeshCache(), Cache()
+    loaders.fill(mesh_cache, several, cache)
+    parts = [load_outfit(scene, mesh_cache).parts[0] for scene in several]
     for scene, part in zip(several, parts, strict=True):
-        own = open_wardrobe(scene).parts[0]
+        own = load_outfit(scene).parts[0]
         assert np.array_equal(part.points, own.points)
         assert np.array_equal(part.pins, own.pins)
         assert np.array_equal(part.rest.hinge_stiffness, own.rest.hinge_stiffness)
@@ -264,9 +264,9 @@ def test_the_same_panels_on_two_bodies_have_the_same_constants_worked_out_once(
 
 
 def test_helpers_cut_the_patches_that_a_large_model_asks_for(loaders: Loaders, monkeypatch: pytest.MonkeyPatch) -> None:
-    several, rack, cache = scenes(), Rack(), Cache()
-    loaders.fill(rack, several, cache)
-    parts = [open_wardrobe(scene, rack).parts[0] for scene in several]
+    several, mesh_cache, cache = scenes(), MeshCache(), Cache()
+    loaders.fill(mesh_cache, several, cache)
+    parts = [load_outfit(scene, mesh_cache).parts[0] for scene in several]
     monkeypatch.setattr(cutting, "SMALLEST", SINGLE.vertices)  # as if there were thousands of garments
     monkeypatch.setattr(cutting, "_garment_tables", forbidden)
     model = build_model(parts, device="cpu", precision="mixed", gathers=True, garments=[1] * len(parts), cache=cache)
@@ -283,23 +283,23 @@ def test_what_helpers_cannot_load_is_told_in_its_place(loaders: Loaders) -> None
 
 
 def test_without_its_helpers_a_worker_loads_by_itself(loaders: Loaders) -> None:
-    rack = Rack()
-    loaders.fill(rack, scenes())
+    mesh_cache = MeshCache()
+    loaders.fill(mesh_cache, scenes())
     assert loaders._pool is not None
     for process in loaders._pool._processes.values():
         os.kill(process.pid, signal.SIGKILL)
     more = load_scene("sphere", ["garment.shape.vertices_per_side=30"])
-    loaders.fill(rack, [more])
-    assert open_wardrobe(more, rack).garments[0].vertex_count == 900
+    loaders.fill(mesh_cache, [more])
+    assert load_outfit(more, mesh_cache).garments[0].vertex_count == 900
 
 
 @pytest.mark.parametrize("fabric", ["jersey", "silk"])
 def test_kernels_loaded_ahead_are_those_of_the_batch(fabric: str) -> None:
     scene = load_scene("tshirt", [f"garment.fabric={fabric}", "garment.shape.edge_mm=40"])
     small = ahead._small(scene)
-    parts = [open_wardrobe(small).parts[0]] * ahead.MANY
+    parts = [load_outfit(small).parts[0]] * ahead.MANY
     model = build_model(parts, device="cpu", precision="mixed", gathers=True, garments=[1] * ahead.MANY)
-    assert problem_kind(small, open_wardrobe(small)) == problem_kind(scene, open_wardrobe(scene))
+    assert problem_kind(small, load_outfit(small)) == problem_kind(scene, load_outfit(scene))
     assert model.patches is not None
     assert not model.patches.few
     assert model.item_count > 1

@@ -13,7 +13,7 @@ from pxr import Usd, UsdGeom, Vt
 import warp_cloth
 from warp_cloth.base.errors import InputError
 from warp_cloth.fitting.fit import Fit
-from warp_cloth.garment.scene_garments import open_wardrobe
+from warp_cloth.garment.outfit import load_outfit
 from warp_cloth.model.result import Status
 from warp_cloth.view.live import LiveFit
 
@@ -83,13 +83,13 @@ def test_an_avatar_that_stays_is_not_carried() -> None:
 def test_poses_are_visited_in_order() -> None:
     points, faces = ball()
     write_obj(Path("up.obj"), points + np.array([0.0, 0.1, 0.0]), faces)
-    wardrobe = open_wardrobe(warp_cloth.load_scene(scene(poses=["up.obj", "there.obj"])))
-    assert len(wardrobe.poses) == 3
-    assert wardrobe.avatar is not None
-    assert wardrobe.starting_avatar is not None
-    np.testing.assert_allclose(wardrobe.starting_avatar.points, wardrobe.poses[0])
-    np.testing.assert_allclose(wardrobe.poses[1] - wardrobe.poses[0], [[0.0, 0.1, 0.0]] * len(points), atol=1e-9)
-    np.testing.assert_allclose(wardrobe.avatar.points, wardrobe.poses[2])
+    outfit = load_outfit(warp_cloth.load_scene(scene(poses=["up.obj", "there.obj"])))
+    assert len(outfit.poses) == 3
+    assert outfit.avatar is not None
+    assert outfit.starting_avatar is not None
+    np.testing.assert_allclose(outfit.starting_avatar.points, outfit.poses[0])
+    np.testing.assert_allclose(outfit.poses[1] - outfit.poses[0], [[0.0, 0.1, 0.0]] * len(points), atol=1e-9)
+    np.testing.assert_allclose(outfit.avatar.points, outfit.poses[2])
 
 
 def test_pose_of_a_mesh_that_loading_welds_keeps_its_vertices() -> None:
@@ -98,9 +98,9 @@ def test_pose_of_a_mesh_that_loading_welds_keeps_its_vertices() -> None:
     apart, own = points[faces].reshape(-1, 3), np.arange(3 * len(faces)).reshape(-1, 3)
     write_obj(Path("apart.obj"), apart, own)
     write_obj(Path("apart_there.obj"), apart + WAY, own)
-    wardrobe = open_wardrobe(warp_cloth.load_scene(scene("apart.obj", poses="apart_there.obj")))
-    assert len(wardrobe.poses[0]) < len(apart)
-    np.testing.assert_allclose(wardrobe.poses[1] - wardrobe.poses[0], [WAY] * len(wardrobe.poses[0]), atol=1e-9)
+    outfit = load_outfit(warp_cloth.load_scene(scene("apart.obj", poses="apart_there.obj")))
+    assert len(outfit.poses[0]) < len(apart)
+    np.testing.assert_allclose(outfit.poses[1] - outfit.poses[0], [WAY] * len(outfit.poses[0]), atol=1e-9)
 
 
 def test_time_samples_of_a_usd_mesh_are_its_poses() -> None:
@@ -113,14 +113,14 @@ def test_time_samples_of_a_usd_mesh_are_its_poses() -> None:
     stage.Save()
     values = scene("ball.usda", poses="samples")
     del values["avatar"]["units"]
-    wardrobe = open_wardrobe(warp_cloth.load_scene(values))
-    shift = [pose[0] - points[0] for pose in wardrobe.poses]
+    outfit = load_outfit(warp_cloth.load_scene(values))
+    shift = [pose[0] - points[0] for pose in outfit.poses]
     np.testing.assert_allclose(shift, [0.0 * WAY, 0.0 * WAY, 0.5 * WAY, WAY], atol=1e-6)
 
 
 def refused(values: dict[str, Any], *words: str) -> None:
     with pytest.raises(InputError) as error:
-        open_wardrobe(warp_cloth.load_scene(values))
+        load_outfit(warp_cloth.load_scene(values))
     for word in words:
         assert word in str(error.value)
     assert "\n" not in str(error.value)

@@ -15,7 +15,7 @@ from warp_cloth.batch.many import fit_many
 from warp_cloth.batch.memory import need_of
 from warp_cloth.fitting import predrape as dressing
 from warp_cloth.fitting.fit import Fit
-from warp_cloth.garment.scene_garments import Rack, open_wardrobe
+from warp_cloth.garment.outfit import MeshCache, load_outfit
 from warp_cloth.model.result import Status
 from warp_cloth.scene import Scene, load_scene
 from warp_cloth.scene.predrape import FABRIC, FRICTION, ITERATIONS, dressing_of
@@ -55,12 +55,12 @@ def test_what_is_dressed_alike_differs_in_fabric_friction_and_goals_only() -> No
 
 
 def test_a_dressed_garment_shares_its_mesh_with_the_one_that_it_is_dressed_in() -> None:
-    rack = Rack()
-    one, other = (open_wardrobe(draped(f"garment.fabric={fabric}"), rack) for fabric in ("silk", "denim"))
+    mesh_cache = MeshCache()
+    one, other = (load_outfit(draped(f"garment.fabric={fabric}"), mesh_cache) for fabric in ("silk", "denim"))
     assert one.dressing[0] is other.dressing[0]
     assert one.dressing[0].points is one.parts[0].points
     assert one.dressing[0].rest.fabric != one.parts[0].rest.fabric
-    assert not open_wardrobe(load_scene("sphere", CLOTH), rack).dressing
+    assert not load_outfit(load_scene("sphere", CLOTH), mesh_cache).dressing
 
 
 @pytest.mark.parametrize("device", DEVICES)
@@ -128,7 +128,7 @@ def test_an_earlier_result_is_a_start_of_its_own() -> None:
 
 def test_a_dressed_garment_needs_the_memory_of_two_and_one_more_in_another_fabric_its_own() -> None:
     one, two = load_scene("sphere", CLOTH), draped()
-    needs = [need_of(scene, open_wardrobe(scene), gathers=True) for scene in (one, two)]
+    needs = [need_of(scene, load_outfit(scene), gathers=True) for scene in (one, two)]
     assert needs[1].own == needs[0].own
     assert needs[1].shared == needs[0].shared + needs[0].own
 

@@ -13,8 +13,8 @@ from swatches import swatch
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.mesh import Mesh
 from warp_cloth.garment.grain import Grain
+from warp_cloth.garment.outfit import load_outfit
 from warp_cloth.garment.rest import build_rest_shape
-from warp_cloth.garment.scene_garments import open_wardrobe
 from warp_cloth.material.fabric import fabric_named
 from warp_cloth.scene import load_scene
 
@@ -101,8 +101,8 @@ def test_a_scene_states_grain_by_panel_and_by_image(tmp_path: Path) -> None:
         'grain_degrees = 30\ngrain_panels = {square = 45}\ngrain_texture = "grain.png"\n'
     )
     scene = load_scene(tmp_path / "scene.toml")
-    part = open_wardrobe(scene).parts[0]
-    mesh = open_wardrobe(scene).garments[0]
+    part = load_outfit(scene).parts[0]
+    mesh = load_outfit(scene).garments[0]
     wanted = build_rest_shape(
         mesh, fabric_named("denim"), rest="mesh", grain=Grain(30.0, {"square": 45.0}, tmp_path / "grain.png")
     )

@@ -11,7 +11,7 @@ import pytest
 from warp_cloth.fitting import problem as set_up_module
 from warp_cloth.fitting.fit import tolerance_of
 from warp_cloth.fitting.problem import build_problem, collider_updates
-from warp_cloth.garment.scene_garments import open_wardrobe
+from warp_cloth.garment.outfit import load_outfit
 from warp_cloth.model.model import build_model
 from warp_cloth.scene import load_scene
 from warp_cloth.solver.loop import Goal, Outcome, chunks, relax_items
@@ -26,7 +26,7 @@ def ended(changes: Sequence[Sequence[str]], *, ahead: bool) -> tuple[list[Outcom
     The last shape is what the model holds.
     """
     scenes = [load_scene("sphere", [*FALLING, *change]) for change in changes]
-    made = build_problem(scenes, [open_wardrobe(scene) for scene in scenes], "cpu")
+    made = build_problem(scenes, [load_outfit(scene) for scene in scenes], "cpu")
     goals = [Goal(tolerance_of(scene), scene.solver.iterations) for scene in scenes]
     outcomes = relax_items(made.relaxation, made.certifier, goals, follow=collider_updates(made), ahead=ahead)
     for item, outcome in enumerate(outcomes):
@@ -58,7 +58,7 @@ def test_cloth_that_hangs_goes_from_check_to_check_in_fewer_graphs(monkeypatch: 
     scene = load_scene("hanging", ["garment.shape.vertices_per_side=9", "solver.iterations=230"])
     shapes, graphs = [], list[list[int]]()
     for told in (None, lambda iteration, relaxation: None):
-        made = build_problem([scene], [open_wardrobe(scene)], "cpu")
+        made = build_problem([scene], [load_outfit(scene)], "cpu")
         run, counts = made.relaxation.run, list[int]()
         monkeypatch.setattr(
             made.relaxation, "run", lambda count, run=run, counts=counts: (counts.append(count), run(count))
@@ -75,7 +75,7 @@ def test_cloth_that_hangs_goes_from_check_to_check_in_fewer_graphs(monkeypatch: 
 def test_hanging_cloth_is_packed_once_between_two_checks(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(set_up_module, "build_model", partial(build_model, gathers=True))
     scene = load_scene("hanging", ["garment.shape.vertices_per_side=9"])
-    made = build_problem([scene], [open_wardrobe(scene)], "cpu")
+    made = build_problem([scene], [load_outfit(scene)], "cpu")
     (count,) = chunks(made.relaxation)
     launches = launches_of(lambda: made.relaxation.iterate(count))
     assert len(launches) == count + 2
@@ -90,7 +90,7 @@ def test_worn_cloth_that_stays_packed_between_checks_ends_with_the_same_bits(
     found = []
     for gathers in (False, True):
         monkeypatch.setattr(set_up_module, "build_model", partial(build_model, gathers=gathers))
-        made = build_problem(scenes, [open_wardrobe(scene) for scene in scenes], "cpu")
+        made = build_problem(scenes, [load_outfit(scene) for scene in scenes], "cpu")
         goals = [Goal(tolerance_of(scene), scene.solver.iterations) for scene in scenes]
         outcomes = relax_items(
             made.relaxation, made.certifier, goals, follow=collider_updates(made), ahead=ahead and gathers

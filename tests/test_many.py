@@ -24,7 +24,7 @@ from warp_cloth.contact.garments import model_crossings, worn_crossings
 from warp_cloth.fitting import problem
 from warp_cloth.fitting.fit import Fit, tolerance_of
 from warp_cloth.fitting.problem import Problem
-from warp_cloth.garment.scene_garments import open_wardrobe
+from warp_cloth.garment.outfit import load_outfit
 from warp_cloth.kernels.base.subset import GROUP
 from warp_cloth.model.model import build_model
 from warp_cloth.model.result import Status
@@ -147,21 +147,21 @@ def test_a_batch_has_the_same_bits_on_both_devices() -> None:
 def test_crossings_and_depths_of_many_are_those_of_each(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(garments, "POINTS_AT_ONCE", 300)
     rng = np.random.default_rng(2)
-    wardrobes = [open_wardrobe(scene) for scene in mixture()[:5]]
-    parts = [part for wardrobe in wardrobes for part in wardrobe.parts]
+    outfits = [load_outfit(scene) for scene in mixture()[:5]]
+    parts = [part for outfit in outfits for part in outfit.parts]
     model = build_model(parts, device="cpu", precision="mixed", garments=[1] * 5)
     worn = [part.points + rng.normal(scale=0.1, size=part.points.shape) for part in parts]
     worn[2] = parts[2].points
     for item, points in enumerate(worn):
         model.set_points(points, item)
-    together, alone = model_crossings(model, wardrobes), worn_crossings(wardrobes, worn, "cpu")
+    together, alone = model_crossings(model, outfits), worn_crossings(outfits, worn, "cpu")
     assert [found.pairs > 0 for found in together] == [True, True, False, True, True]
     for one, other in zip(together, alone, strict=True):
         assert (one.pairs, one.between) == (other.pairs, other.between)
         assert [faces.tolist() for faces in one.faces] == [faces.tolist() for faces in other.faces]
     worn[3][0, 0] = np.nan
-    assert worn_crossings(wardrobes, worn, "cpu")[3].pairs == 0, "it is lost"
-    avatars = [wardrobe.avatar for wardrobe in wardrobes]
+    assert worn_crossings(outfits, worn, "cpu")[3].pairs == 0, "it is lost"
+    avatars = [outfit.avatar for outfit in outfits]
     for avatar, points, depth in zip(avatars, worn, penetrations(worn, avatars, "cpu"), strict=True):
         assert avatar is not None
         assert depth is not None
@@ -264,10 +264,10 @@ def test_the_planned_memory_bounds_what_is_held(gathers: bool, fabric: str, monk
     monkeypatch.setenv(ALONE, "1")  # as processes of a batch are
     changes = ["garment.shape.vertices_per_side=60", f"garment.fabric={fabric}", "solver.iterations=4000"]
     scene = load_scene("sphere", [*changes, "collision.pixel_mm=10"])
-    wardrobe = open_wardrobe(scene)
-    made = problem.build_problem([scene], [wardrobe], "cpu")
+    outfit = load_outfit(scene)
+    made = problem.build_problem([scene], [outfit], "cpu")
     relax_items(made.relaxation, made.certifier, [Goal(tolerance_of(scene), 1500)])
     used = held([made.model, made.relaxation, made.certifier, made.contacts], set())
-    need = need_of(scene, wardrobe, gathers=gathers)
+    need = need_of(scene, outfit, gathers=gathers)
     planned = need.own + need.shared
     assert used <= planned <= 2.5 * used

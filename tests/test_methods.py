@@ -11,7 +11,7 @@ import pytest
 from typer.testing import CliRunner
 
 from warp_cloth.cli.main import app
-from warp_cloth.garment.scene_garments import open_wardrobe
+from warp_cloth.garment.outfit import load_outfit
 from warp_cloth.scene import load_scene
 from warp_cloth.study import methods
 from warp_cloth.study.methods import Look, Run, run_case
@@ -35,18 +35,18 @@ RUN = Run(
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("friction", [0.5, 0.0])
 def test_scenes_have_the_size_and_pins_that_they_should(tmp_path: Path, kind: str, friction: float) -> None:
-    wardrobe = open_wardrobe(load_scene(case_tree(Case(kind, 1000, 2e4, friction), tmp_path)))
-    (part,) = wardrobe.parts
+    outfit = load_outfit(load_scene(case_tree(Case(kind, 1000, 2e4, friction), tmp_path)))
+    (part,) = outfit.parts
     assert len(part.points) == pytest.approx(1000, rel=0.15)
     assert part.rest.area == pytest.approx(0.03 if kind == "strip" else 1.0, rel=1e-9)
-    assert (wardrobe.avatar is not None) == (kind == "ball")
+    assert (outfit.avatar is not None) == (kind == "ball")
     columns = round(math.sqrt(len(part.points) / 3.0))
     wanted = {"hanging": 2, "strip": columns * 3, "ball": 0 if friction else 5}[kind]
     assert len(part.pins) == pytest.approx(wanted, rel=0.4 if kind == "strip" else 0.0)
 
 
 def test_a_disc_is_held_by_its_support_and_hangs_over_it(tmp_path: Path) -> None:
-    (part,) = open_wardrobe(load_scene(case_tree(Case("disc", 2000, fabric=TRUE_FABRICS[0]), tmp_path))).parts
+    (part,) = load_outfit(load_scene(case_tree(Case("disc", 2000, fabric=TRUE_FABRICS[0]), tmp_path))).parts
     assert len(part.points) == pytest.approx(2000, rel=0.15)
     radius = np.hypot(part.points[:, 0], part.points[:, 2])
     assert radius[part.pins].max() == pytest.approx(0.09)

@@ -130,7 +130,7 @@ def test_a_garment_that_cannot_reach_the_avatar_does_not_ask_it_and_one_that_may
     kinds = {}
     for away in (0.8, 2.1):
         made = load_scene(scene(away))
-        kinds[away] = contact_kind(made, load_problem(made, "cpu").wardrobe)
+        kinds[away] = contact_kind(made, load_problem(made, "cpu").outfit)
     assert kinds == {0.8: "depth", 2.1: "none"}
 
 
@@ -139,7 +139,7 @@ def test_a_pinned_garment_stays_within_its_reach_all_the_way(fabric: dict[str, o
     tree = {"garment": {"shape": SQUARE, "fabric": {**fabric, "weight": 5.0}, "pin": {"vertices": [0]}}}
     scene = load_scene(tree, ["solver.iterations=3000"])
     made = load_problem(scene, "cpu")
-    box = reach_box(made.wardrobe.parts[0])
+    box = reach_box(made.outfit.parts[0])
     assert box is not None
     worn = fit(scene, device="cpu", frames=20)
     shapes = worn.garments[0].frames
@@ -150,13 +150,13 @@ def test_a_pinned_garment_stays_within_its_reach_all_the_way(fabric: dict[str, o
 
 def test_nothing_is_proved_of_a_garment_that_nothing_holds() -> None:
     made = load_problem(load_scene({"garment": {"shape": SQUARE, "fabric": PLAIN}}), "cpu")
-    assert reach_box(made.wardrobe.parts[0]) is None
+    assert reach_box(made.outfit.parts[0]) is None
 
 
 def test_every_term_says_why() -> None:
     made = ready("cotton", avatar={"shape": SPHERE, "friction": 0.0})
     scene = load_scene({"garment": {"shape": SQUARE, "fabric": "cotton"}, "avatar": {"shape": SPHERE, "friction": 0}})
-    terms = {term.name: term for term in make_plan(scene, made.wardrobe)}
+    terms = {term.name: term for term in make_plan(scene, made.outfit)}
     assert all(term.reason for term in terms.values())
     assert not terms["avatar friction"].used
     assert terms["weave"].used
@@ -199,7 +199,7 @@ def test_savings_are_of_the_terms_in_use_and_add_up(monkeypatch: pytest.MonkeyPa
     monkeypatch.setattr(savings, "SHORTEST_RUN", 0.01)
     scene = load_scene({"garment": {"shape": SQUARE, "fabric": PLAIN, "pin": TOP}})
     made = load_problem(scene, "cpu")
-    saved = savings.savings_of(scene, made.wardrobe, "cpu")
+    saved = savings.savings_of(scene, made.outfit, "cpu")
     assert [each.term for each in saved] == ["bending", savings.REST]
     assert sum(each.share for each in saved) == pytest.approx(1.0)
     assert saved[0].share < 1.0

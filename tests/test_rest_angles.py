@@ -13,8 +13,8 @@ from cloths import cloth_forces, grid, model_of
 from warp_cloth.base.mesh import Mesh, Points
 from warp_cloth.base.topology import build_topology
 from warp_cloth.garment.folds import fold_angles
+from warp_cloth.garment.outfit import load_outfit
 from warp_cloth.garment.rest import build_rest_shape
-from warp_cloth.garment.scene_garments import open_wardrobe
 from warp_cloth.kernels.base.types import cloth_types
 from warp_cloth.material.fabric import Fabric, fabric_named
 from warp_cloth.model.model import ClothModel
@@ -108,5 +108,5 @@ def test_a_scene_says_whether_folds_are_pressed(tmp_path: Path) -> None:
     (tmp_path / "pleat.obj").write_text(corners + "f 1 3 4\nf 1 4 2\nf 3 5 6\nf 3 6 4\n")
     for said, expected in (("", 0.0), ('rest_angles = "flat"\n', 0.0), ('rest_angles = "mesh"\n', 90.0)):
         (tmp_path / "scene.toml").write_text(f'[garment]\nmesh = "pleat.obj"\n{said}')
-        rest = open_wardrobe(load_scene(tmp_path / "scene.toml")).parts[0].rest
+        rest = load_outfit(load_scene(tmp_path / "scene.toml")).parts[0].rest
         assert np.degrees(np.abs(rest.fold_angle)).max() == pytest.approx(expected)

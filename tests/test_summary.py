@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from warp_cloth.fitting.problem import build_problem
-from warp_cloth.garment.scene_garments import open_wardrobe
+from warp_cloth.garment.outfit import load_outfit
 from warp_cloth.scene import load_scene
 from warp_cloth.solver.certificate.certifier import bounds
 
@@ -14,7 +14,7 @@ CHANGES = ["garment.shape.vertices_per_side=9", "collision.pixel_mm=10"]
 
 def test_those_that_are_asked_for_are_where_they_are_now() -> None:
     scene = load_scene("sphere", CHANGES)
-    made = build_problem([scene] * 3, [open_wardrobe(scene)] * 3, "cpu")
+    made = build_problem([scene] * 3, [load_outfit(scene)] * 3, "cpu")
     before = made.certifier.look(0).boxes
     for item in range(3):
         made.model.set_points(made.model.points(item) + np.array([0.0, 0.1 * (item + 1), 0.0]), item)

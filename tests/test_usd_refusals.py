@@ -13,7 +13,7 @@ from stages import write_users_stage
 from warp_cloth.base.errors import InputError
 from warp_cloth.export.save import write_meshes
 from warp_cloth.fitting.fit import fit
-from warp_cloth.garment.scene_garments import open_wardrobe
+from warp_cloth.garment.outfit import load_outfit
 from warp_cloth.loading import load_mesh
 from warp_cloth.scene import load_scene
 
@@ -94,7 +94,7 @@ def test_what_cannot_be_meant_is_refused(
     path = spoilt(tmp_path, spoil)
     capfd.readouterr()
     with pytest.raises(InputError, match=words) as refused:
-        open_wardrobe(load_scene(path))
+        load_outfit(load_scene(path))
     assert "\n" not in str(refused.value)
     assert capfd.readouterr().err == ""
 
@@ -102,7 +102,7 @@ def test_what_cannot_be_meant_is_refused(
 def test_a_prim_without_a_mesh_is_told_of_its_lost_file(tmp_path: Path) -> None:
     path = spoilt(tmp_path, lost, physics=False)
     with pytest.raises(InputError, match=r"no mesh at /World/ball .the reference .*nowhere.usda cannot be opened"):
-        open_wardrobe(load_scene(path, (f"garment.prim={CLOTH}", f"avatar.prim={BALL}")))
+        load_outfit(load_scene(path, (f"garment.prim={CLOTH}", f"avatar.prim={BALL}")))
 
 
 def test_what_a_point_instancer_scatters_is_refused_and_told(tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ import trimesh
 from meshfiles import sheet, write_obj
 
 from warp_cloth.fitting.fit import fit
-from warp_cloth.garment.scene_garments import open_wardrobe
+from warp_cloth.garment.outfit import load_outfit
 from warp_cloth.model.result import Strain
 from warp_cloth.report.advice import advice, notes_of
 from warp_cloth.report.status import crossed, fallen_pieces, hidden, of_another_size, slid_off
@@ -85,14 +85,14 @@ def test_a_garment_that_has_slid_to_the_feet_is_told_of(
     """But not one that hangs below a bust from the start, whose top is still worn, or that is pinned."""
     square = {"kind": "square", "vertices_per_side": 5, "side": 0.2, "height": height}
     scene = load_scene({"garment": {"shape": square}, "avatar": {"shape": {"kind": "sphere", "edge_mm": 100}}})
-    wardrobe = open_wardrobe(scene)
-    floor = wardrobe.avatar.points[:, 1].min() if wardrobe.avatar is not None else 0.0
-    (part,) = wardrobe.parts
+    outfit = load_outfit(scene)
+    floor = outfit.avatar.points[:, 1].min() if outfit.avatar is not None else 0.0
+    (part,) = outfit.parts
     began, down_by = part.points + np.array([0.0, floor, 0.0]), np.array([0.0, down, 0.0])
-    wardrobe = replace(wardrobe, parts=(replace(part, points=began, pins=np.arange(pins)),))
+    outfit = replace(outfit, parts=(replace(part, points=began, pins=np.arange(pins)),))
     worn = began - down_by
     worn[0, 1] += top
-    sentence = slid_off(scene, wardrobe, [worn])
+    sentence = slid_off(scene, outfit, [worn])
     assert ('"square" has slid down to the avatar\'s feet' in sentence) == told
 
 
@@ -101,11 +101,11 @@ def test_a_button_that_falls_off_is_told_of(tmp_path: Path) -> None:
     button = np.array([[0.0, 1.2, 0.31], [0.02, 1.2, 0.31], [0.0, 1.22, 0.31]])
     write_obj(tmp_path / "coat.obj", np.concatenate([points, button]), np.concatenate([faces, [[25, 26, 27]]]))
     scene = load_scene({"garment": {"mesh": str(tmp_path / "coat.obj"), "units": "m"}})
-    wardrobe = open_wardrobe(scene)
-    worn = wardrobe.parts[0].points - np.array([0.0, 0.3, 0.0])  # all of it came down, the button not farther
-    assert fallen_pieces(scene, wardrobe, [worn]) == ""
+    outfit = load_outfit(scene)
+    worn = outfit.parts[0].points - np.array([0.0, 0.3, 0.0])  # all of it came down, the button not farther
+    assert fallen_pieces(scene, outfit, [worn]) == ""
     worn[25:] -= [0.0, 0.2, 0.0]
-    assert fallen_pieces(scene, wardrobe, [worn]).startswith('1 of the 2 pieces of "coat" fall off')
+    assert fallen_pieces(scene, outfit, [worn]).startswith('1 of the 2 pieces of "coat" fall off')
 
 
 def test_a_gap_that_no_view_shows_is_told_of_until_all_layers_are_drawn(tmp_path: Path) -> None:

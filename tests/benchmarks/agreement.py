@@ -112,9 +112,9 @@ def prepared(case: Case, device: str, **solver: Any) -> Problem:
 def shake(made: Problem, start: int) -> None:
     """Moves the garments by MOVED where they start, by the random numbers of that start."""
     random = np.random.default_rng(start)
-    for part in made.wardrobe.parts:
+    for part in made.outfit.parts:
         part.points[:] += MOVED * random.standard_normal(part.points.shape)
-    made.model.set_points(np.concatenate([part.points for part in made.wardrobe.parts]))
+    made.model.set_points(np.concatenate([part.points for part in made.outfit.parts]))
 
 
 def fitted(case: Case, made: Problem, row: dict[str, Any]) -> Watch:
@@ -151,7 +151,7 @@ def beside(made: Problem, method: str) -> Problem:
     """The same garments once more, by a method and in float64."""
     (scene,) = made.scenes
     solver = scene.solver.model_copy(update={"method": method, "precision": "float64"})
-    return build_problem([scene.model_copy(update={"solver": solver})], made.wardrobes, made.model.device)
+    return build_problem([scene.model_copy(update={"solver": solver})], made.outfits, made.model.device)
 
 
 def apart(a: Points, b: Points) -> tuple[float, float]:
@@ -218,7 +218,7 @@ def judged(job: tuple[Case, Asked, AbstractContextManager]) -> dict[str, Any]:
         with turn:
             true, row["left"], row["reference"] = run_on(case, asked, other, made)
     else:
-        (mesh,), (part,) = made.wardrobe.garments, made.wardrobe.parts
+        (mesh,), (part,) = made.outfit.garments, made.outfit.parts
         true, row["left"], rounds = preconditioned_rest(Potential(mesh, part.rest, part.pins), points)
         row["reference"] = f"L-BFGS, {rounds} rounds"
     row["rms_mm"], row["max_mm"] = apart(points, true)

@@ -33,7 +33,7 @@ from warp_cloth.base.warp_setup import start_warp
 from warp_cloth.bench.avatar import named_places, walked
 from warp_cloth.fitting.fit import fit
 from warp_cloth.fitting.problem import Problem, collider_updates, tolerance_of
-from warp_cloth.garment.scene_garments import open_wardrobe
+from warp_cloth.garment.outfit import load_outfit
 from warp_cloth.model.result import Status
 from warp_cloth.scene import Scene
 from warp_cloth.shapes.body import calibrated_form
@@ -66,7 +66,7 @@ TIMED, ROUNDS = 400, 9  # iterations at a time, and how often
 
 def jumps(body: str, device: str) -> dict[str, Any]:
     """Largest changes that no halving of a step takes away, by collider and place."""
-    avatar = open_wardrobe(dressed(shirt(edge_mm=40.0), body)).avatar
+    avatar = load_outfit(dressed(shirt(edge_mm=40.0), body)).avatar
     assert avatar is not None
     height = (avatar.points[:, 1] - avatar.points[:, 1].min()) / np.ptp(avatar.points[:, 1])
     skin = avatar.points[(height > SKIN[0]) & (height < SKIN[1])]
@@ -111,8 +111,8 @@ def residuals(pair: tuple[str, str, str], starts: int, device: str) -> dict[str,
     row: dict[str, Any] = {"pair": " ".join(pair)}
     for name, collider in (("depth", kind), ("exact", "mesh")):
         scene = dressed(GARMENTS[garment], body, {"avatar": collider})
-        wardrobe = open_wardrobe(scene)
-        made = several([scene] * starts, [wardrobe] * starts, device)
+        outfit = load_outfit(scene)
+        made = several([scene] * starts, [outfit] * starts, device)
         for item, points in enumerate(moved_starts(made.model.points(0), starts)):
             made.model.set_points(points, item)
         left: dict[int, list[float]] = {}
@@ -151,13 +151,13 @@ def relaxed(made: Problem, goals: Sequence[Goal], on_check: Any = None) -> list[
 def posed(pose: str, pixels: Sequence[float], limit: int, device: str) -> dict[str, Any]:
     """Rest shapes of a T-shirt in a pose: by the exact collider; at every pixel anew, and from that one's."""
     exact, depth = _posed_scenes(pose, pixels, limit)
-    wardrobe, cache, start = open_wardrobe(exact), Cache(), _start(pose, device)
-    avatar = wardrobe.avatar
+    outfit, cache, start = load_outfit(exact), Cache(), _start(pose, device)
+    avatar = outfit.avatar
     assert avatar is not None
-    (rest,) = relaxed(several([exact], [wardrobe], device, [start]), [_goal(exact)])
-    (again,) = relaxed(several([exact], [wardrobe], device, [rest.points]), [_goal(exact)])
-    goals, wardrobes = [_goal(scene) for scene in depth], [wardrobe] * len(depth)
-    cold_made = several(depth, wardrobes, device, [start] * len(depth), cache)
+    (rest,) = relaxed(several([exact], [outfit], device, [start]), [_goal(exact)])
+    (again,) = relaxed(several([exact], [outfit], device, [rest.points]), [_goal(exact)])
+    goals, outfits = [_goal(scene) for scene in depth], [outfit] * len(depth)
+    cold_made = several(depth, outfits, device, [start] * len(depth), cache)
     cold = relaxed(cold_made, goals)
     rows = [
         {
@@ -172,7 +172,7 @@ def posed(pose: str, pixels: Sequence[float], limit: int, device: str) -> dict[s
     ]
     rows.append({"pose": pose, "collider": "mesh", "pixel_mm": 0.0, "buffers": ["all triangles"]})
     del cold_made
-    warm = relaxed(several(depth, wardrobes, device, [rest.points] * len(depth), cache), goals)
+    warm = relaxed(several(depth, outfits, device, [rest.points] * len(depth), cache), goals)
     for row, first, second in zip(rows, [*cold, rest], [*warm, again], strict=True):
         for name, outcome in (("", first), ("warm_", second)):
             depths = penetration(outcome.points, avatar, device)
@@ -211,9 +211,9 @@ def _goal(scene: Scene) -> Goal:
 def add_times(rows: Sequence[dict[str, Any]], rest: Points, pixels: Sequence[float], device: str) -> None:
     """Microseconds of an iteration of worn cloth, alone on the device, written to each row of a pose."""
     exact, depth = _posed_scenes(rows[0]["pose"], pixels, 1)
-    wardrobe = open_wardrobe(exact)
+    outfit = load_outfit(exact)
     for row, scene in zip(rows, [*depth, exact], strict=True):
-        (row["microseconds"],) = microseconds([several([scene], [wardrobe], device, [rest])])
+        (row["microseconds"],) = microseconds([several([scene], [outfit], device, [rest])])
 
 
 def microseconds(made: Sequence[Problem]) -> list[float]:
@@ -276,15 +276,14 @@ def split(mesh: Mesh, parts: int) -> Mesh:
 def cost(device: str, splits: Sequence[int]) -> dict[str, Any]:
     """Microseconds of an iteration of a worn T-shirt by the triangles of its avatar; of one without, and exact."""
     depth = dressed(shirt(), "mannequin M")
-    wardrobe, base = open_wardrobe(depth), coarse_body()
-    worn_by = [replace(wardrobe, avatar=split(base, parts)) for parts in splits]
+    outfit, base = load_outfit(depth), coarse_body()
+    worn_by = [replace(outfit, avatar=split(base, parts)) for parts in splits]
     (rest,) = relaxed(several([depth], worn_by[:1], device), [_goal(depth)])
     exact = dressed(shirt(), "mannequin M", {"avatar": "mesh"})
     none = dressed(shirt(), "mannequin M", {"avatar": "none"})
     scenes = [depth] * len(splits) + [none]
     made = [
-        several([scene], [worn], device, [rest.points])
-        for scene, worn in zip(scenes, [*worn_by, wardrobe], strict=True)
+        several([scene], [worn], device, [rest.points]) for scene, worn in zip(scenes, [*worn_by, outfit], strict=True)
     ]
     *spent, without = microseconds(made)
     about = splits.index(ABOUT_100K) if ABOUT_100K in splits else 0

@@ -30,7 +30,7 @@ from warp_cloth.base.mesh import Points
 from warp_cloth.base.warp_setup import start_warp
 from warp_cloth.contact.crossing import find_crossings
 from warp_cloth.fitting.problem import Problem, build_problem, collider_updates, tolerance_of
-from warp_cloth.garment.scene_garments import Wardrobe, open_wardrobe
+from warp_cloth.garment.outfit import Outfit, load_outfit
 from warp_cloth.scene import Scene, load_scene
 from warp_cloth.solver.certificate.certifier import Tolerance
 from warp_cloth.solver.loop import relax_to_rest
@@ -95,12 +95,12 @@ class Fits:
     def __init__(self, garments: str, device: str, iterations: int) -> None:
         self.scene = scene_of(garments, iterations)
         self._device, self._cache = device, Cache()
-        self._wardrobe: Wardrobe = open_wardrobe(self.scene)
+        self._outfit: Outfit = load_outfit(self.scene)
 
     def made(self, *, contact: bool) -> Problem:
         """The scene, ready to relax; ``contact``: of cloth with cloth."""
         scene = self.scene.model_copy(update={"collision": self.scene.collision.model_copy(update={"cloth": contact})})
-        return build_problem([scene], [self._wardrobe], self._device, cache=self._cache)
+        return build_problem([scene], [self._outfit], self._device, cache=self._cache)
 
     def rest(self, made: Problem, iterations: int | None = None, *, by_kernel: bool = False) -> Ended:
         """Lets it come to rest, or runs so many iterations."""

@@ -23,7 +23,7 @@ from wearing import NEVER, SHARED_SHIRT, dressed, keep, several, shirt, side_by_
 from warp_cloth.base.mesh import Points
 from warp_cloth.base.warp_setup import start_warp
 from warp_cloth.fitting.problem import Problem, collider_updates, problem_kind, tolerance_of
-from warp_cloth.garment.scene_garments import Rack, open_wardrobe
+from warp_cloth.garment.outfit import MeshCache, load_outfit
 from warp_cloth.scene import Scene, load_scene
 from warp_cloth.solver.certificate.certifier import Look
 from warp_cloth.solver.loop import Goal, relax_items
@@ -51,14 +51,14 @@ def scenes_of(body: str, fabrics: Sequence[str]) -> list[tuple[str, Scene]]:
 def crept(body: str, errors: Sequence[float], fabrics: Sequence[str], limit: int, device: str) -> list[dict[str, Any]]:
     """Everything on one body: iterations to each rest error [mm], and how far the top fifth goes after that [mm]."""
     named = scenes_of(body, fabrics)
-    rack = Rack()
-    wardrobes = [open_wardrobe(scene, rack) for _, scene in named]
+    mesh_cache = MeshCache()
+    outfits = [load_outfit(scene, mesh_cache) for _, scene in named]
     kinds = collections.defaultdict[Any, list[int]](list)
     for at, (_, scene) in enumerate(named):
-        kinds[problem_kind(scene, wardrobes[at])].append(at)
+        kinds[problem_kind(scene, outfits[at])].append(at)
     rows: list[dict[str, Any]] = []
     for group in kinds.values():
-        made = several([named[at][1] for at in group], [wardrobes[at] for at in group], device)
+        made = several([named[at][1] for at in group], [outfits[at] for at in group], device)
         rows += _crept(made, [named[at][0] for at in group], errors, limit)
     return rows
 

@@ -24,9 +24,9 @@ from scipy.spatial import Delaunay
 
 from warp_cloth.base.mesh import Mesh
 from warp_cloth.fitting.problem import build_problem
+from warp_cloth.garment.outfit import load_outfit
 from warp_cloth.garment.part import GarmentPart
 from warp_cloth.garment.rest import build_rest_shape
-from warp_cloth.garment.scene_garments import open_wardrobe
 from warp_cloth.material.fabric import Fabric
 from warp_cloth.model.model import build_model
 from warp_cloth.scene import load_scene
@@ -58,7 +58,7 @@ def relaxation_of(fabric: str, size: str, device: str) -> Relaxation:
     """Cloth on a device, ready to iterate."""
     if fabric in ("worn", "loose"):
         scene, count = load_scene("tshirt", []), int(size)
-        relaxation = build_problem([scene] * count, [open_wardrobe(scene, None)] * count, device).relaxation
+        relaxation = build_problem([scene] * count, [load_outfit(scene, None)] * count, device).relaxation
         if fabric == "loose":
             for _ in range(FALLING // CHUNK):
                 relaxation.run(CHUNK)

@@ -15,7 +15,7 @@ from warp_cloth.base.cache import Cache
 from warp_cloth.base.mesh import Points
 from warp_cloth.base.warp_setup import start_warp
 from warp_cloth.fitting.problem import Problem, build_problem
-from warp_cloth.garment.scene_garments import Wardrobe
+from warp_cloth.garment.outfit import Outfit
 from warp_cloth.scene import Scene, load_scene
 from warp_cloth.shapes.measures import SIZE_BODIES
 from warp_cloth.solver.certificate.certifier import Tolerance
@@ -56,13 +56,13 @@ def dressed(garment: Tree | Sequence[Tree], body: str, collision: Tree | None = 
 
 def several(
     scenes: Sequence[Scene],
-    wardrobes: Sequence[Wardrobe],
+    outfits: Sequence[Outfit],
     device: str,
     starts: Sequence[Points | None] = (),
     cache: Cache | None = None,
 ) -> Problem:
     """Scenes that relax together, those with ``starts`` [m] from there."""
-    made = build_problem(scenes, wardrobes, device, cache=cache)
+    made = build_problem(scenes, outfits, device, cache=cache)
     for item, points in enumerate(starts):
         if points is not None:
             made.model.set_points(points, item)

@@ -67,7 +67,7 @@ class Cache:
         """Values without source objects, by key: those that another process can cache, too."""
         return {key: entry.value for key, entry in self._entries.items() if not entry.sources}
 
-    def add_entries(self, portable: Mapping[Hashable, Any]) -> None:
+    def add_entries(self, portable: Mapping[Any, Any]) -> None:
         """Adds another process's ``portable_entries``; an entry that is here already stays."""
         self._entries = {**{key: _Entry(value, (), 0) for key, value in portable.items()}, **self._entries}
 

@@ -24,11 +24,10 @@ from warp_cloth.batch.lifeline import begin_alone
 from warp_cloth.batch.processes import context, get_ready
 from warp_cloth.batch.shared_results import Drafts, once_for_all
 from warp_cloth.garment.elements import garment_elements
-from warp_cloth.garment.part import GarmentPart, terms_of
-from warp_cloth.garment.rest import RestGeometry, RestShape, in_geometry, own_constants, sheet_digest
-from warp_cloth.garment.scene_garments import (
+from warp_cloth.garment.outfit import (
+    GarmentKeys,
     Key,
-    Rack,
+    MeshCache,
     Recipe,
     avatar_recipe,
     garment_keys,
@@ -36,6 +35,8 @@ from warp_cloth.garment.scene_garments import (
     geometry_of,
     rest_of,
 )
+from warp_cloth.garment.part import GarmentPart, terms_of
+from warp_cloth.garment.rest import RestGeometry, RestShape, in_geometry, own_constants, sheet_digest
 from warp_cloth.kernels.base.options import block_for
 from warp_cloth.model.patches.cutting import garment_patches, takes_pairs
 from warp_cloth.scene import Scene
@@ -85,7 +86,7 @@ class Order:
 class _Wanted:
     """A garment's rest shape in a fabric that helpers are to make."""
 
-    key: Key  # under which a rack keeps it
+    key: Key  # in a MeshCache
     geometry: RestGeometry
     like: Hashable  # what has the same constants
     given: tuple[Scene, int, dict[Key, Any], Any]  # its scene and number there, what is known of it, its mesh as sent
@@ -100,22 +101,22 @@ class Shelf:
         """``fork`` and ``rank`` as of Loaders."""
         self.loaders = Loaders(helpers, fork=fork, rank=rank)
         self.spare: Callable[[], None] = lambda: None  # what to do where there is time, while helpers work
-        self.rack, self.cache = Rack(), Cache()
+        self.mesh_cache, self.cache = MeshCache(), Cache()
         self.fresh = True  # whether its process has fitted nothing yet
 
     def begin(self, scenes: Sequence[Scene], *, patches: bool, common: Path | None = None) -> None:
         """Has its loaders begin with what scenes need, as of Loaders; they are asked before this process imports."""
-        self.loaders.begin(self.rack, scenes, patches=patches, common=common).join()
+        self.loaders.begin(self.mesh_cache, scenes, patches=patches, common=common).join()
 
     def tidied(self) -> Shelf:
         """The shelf, emptied where it holds too much."""
-        if self.rack.vertex_count > MOST_KEPT:
-            self.rack, self.cache = Rack(), Cache()
+        if self.mesh_cache.vertex_count > MOST_KEPT:
+            self.mesh_cache, self.cache = MeshCache(), Cache()
         return self
 
 
 class Loaders:
-    """Fills racks with what scenes need, each thing once; ``count`` helpers are started when first needed.
+    """Fills mesh caches with what scenes need, each thing once; ``count`` helpers are started when first needed.
 
     A garment's mesh comes first, then its rest shapes, each a task of its own, as the finest garment is waited for.
 
@@ -146,20 +147,20 @@ class Loaders:
 
     def fill(
         self,
-        rack: Rack,
+        mesh_cache: MeshCache,
         scenes: Sequence[Scene],
         cache: Cache | None = None,
         meanwhile: Callable[[], None] = lambda: None,
         spare: Callable[[], None] = lambda: None,
     ) -> None:
-        """Makes what the scenes' wardrobes are opened from and the rack has not; what fails is left to who opens.
+        """Makes what the scenes' outfits are made of and the cache lacks; ``load_outfit`` reports what fails.
 
         ``cache``, where there is one, gets the garments' patches, too. ``meanwhile`` is done here while helpers work,
         and ``spare`` if they still do then.
         """
         if not self._count:
             return
-        beginning = self._beginning or self.begin(rack, scenes, patches=cache is not None)
+        beginning = self._beginning or self.begin(mesh_cache, scenes, patches=cache is not None)
         self._beginning = None
         meanwhile()
         beginning.join()
@@ -167,7 +168,7 @@ class Loaders:
             spare()
         with self._changed:
             self._changed.wait_for(lambda: not self._open)
-        rack.put(self._made)
+        mesh_cache.add_entries(self._made)
         if cache is not None:
             cache.add_entries(self._patches)
         self._made, self._patches, self._constants = {}, {}, {}
@@ -177,38 +178,38 @@ class Loaders:
             self._count, self._pool, self._broken = 0, None, None
 
     def begin(
-        self, rack: Rack, scenes: Sequence[Scene], *, patches: bool, common: Path | None = None
+        self, mesh_cache: MeshCache, scenes: Sequence[Scene], *, patches: bool, common: Path | None = None
     ) -> threading.Thread:
         """Has helpers begin with what ``fill`` of the same scenes then waits for.
 
         ``common`` is a folder in which constants of garments are kept for other workers' helpers, and found.
         """
-        self._beginning = threading.Thread(target=self._ask, args=(rack, scenes, patches, common), daemon=True)
+        self._beginning = threading.Thread(target=self._ask, args=(mesh_cache, scenes, patches, common), daemon=True)
         self._beginning.start()
         return self._beginning
 
-    def _ask(self, rack: Rack, scenes: Sequence[Scene], patches: bool, common: Path | None) -> None:
-        """Asks helpers for what the rack has not, each thing once."""
+    def _ask(self, mesh_cache: MeshCache, scenes: Sequence[Scene], patches: bool, common: Path | None) -> None:
+        """Asks helpers for what the cache lacks, each thing once."""
         if not self._count:
             return
         orders: dict[Key, Order] = {}
         dressed: set[Key] = set()  # what garments are dressed in is asked for, too, once for all fabrics
 
-        def ask(scene: Scene, index: int, keys: tuple[Key, Key, Key]) -> None:
+        def ask(scene: Scene, index: int, keys: GarmentKeys) -> None:
             mesh, geometry, rest = keys
-            if rest not in rack:
-                known = rack.some((mesh, geometry))
+            if rest not in mesh_cache:
+                known = mesh_cache.subset((mesh, geometry))
                 order = Order(geometry=geometry, known=known, body=generated_body(scene), patches=patches)
                 orders.setdefault(geometry, order).garments[rest] = scene, index
 
         for scene in scenes:
             for recipe in avatar_recipe(scene):
-                if recipe.key not in rack:
+                if recipe.key not in mesh_cache:
                     orders[recipe.key] = Order(recipe, body=generated_body(scene))
             for index in range(len(scene.garments)):
                 keys = garment_keys(scene, index)
-                if keys[1] not in dressed and (dressing := dressing_of(scene)) is not None:
-                    dressed.add(keys[1])
+                if keys.geometry not in dressed and (dressing := dressing_of(scene)) is not None:
+                    dressed.add(keys.geometry)
                     ask(dressing, index, garment_keys(dressing, index))
                 ask(scene, index, keys)
         if not orders or (self._pool is None and sum(order.count for order in orders.values()) < WORTH):
@@ -337,21 +338,21 @@ def bundles(orders: Sequence[Order], count: int) -> list[list[Order]]:
 
 
 def _meshes(orders: Sequence[Order], common: Path | None) -> list[Any]:
-    """The meshes that were ordered and the garments' geometries, as a rack keeps them; nothing of one that fails.
+    """The meshes that were ordered and the garments' geometries, as MeshCache entries; nothing of one that fails.
 
     Each as it is sent, with a fingerprint of the garment's panels. ``common`` is the folder of what others drafted.
     """
     found, drafts = [], Drafts(common)
     for order in orders:
-        rack, digest = Rack(drafts), b""
-        rack.put(order.known)
-        with contextlib.suppress(Exception):  # who opens the wardrobe tells why
+        mesh_cache, digest = MeshCache(drafts), b""
+        mesh_cache.add_entries(order.known)
+        with contextlib.suppress(Exception):  # load_outfit reports why
             if order.avatar is not None:
-                rack.made(order.avatar)
+                mesh_cache.make(order.avatar)
             else:
-                mesh, geometry = geometry_of(*order.first, rack)
+                mesh, geometry = geometry_of(*order.first, mesh_cache)
                 digest = sheet_digest(geometry, mesh.vertex_count)
-        found.append((_sent(rack.without(order.known)), digest))
+        found.append((_sent(mesh_cache.without(order.known)), digest))
     return found
 
 
@@ -361,17 +362,17 @@ def _dressed(scene: Scene, index: int, known: dict[Key, Any], made: Any, patches
     ``made`` is what ``_meshes`` sent of it, ``common`` the file that has the constants, or gets them. Returns Dressed,
     as it is sent.
     """
-    rack = Rack()
-    rack.put({**known, **_taken(made, _ARENA.get())})
+    mesh_cache = MeshCache()
+    mesh_cache.add_entries({**known, **_taken(made, _ARENA.get())})
 
     def own() -> tuple[dict[str, Any], Indices]:
-        rest, pins = rest_of(scene, index, rack)
+        rest, pins = rest_of(scene, index, mesh_cache)
         return own_constants(rest), pins
 
     constants, pins = own() if common is None else once_for_all(common, own)
     cut: dict[Hashable, Any] = {}
     if patches:
-        mesh, geometry = geometry_of(scene, index, rack)
+        mesh, geometry = geometry_of(scene, index, mesh_cache)
         cut = _patches_of(scene, mesh, in_geometry(constants, geometry), pins)
     dressed: Dressed = constants, pins, cut
     return _sent(dressed)
@@ -379,9 +380,9 @@ def _dressed(scene: Scene, index: int, known: dict[Key, Any], made: Any, patches
 
 def _cut(scene: Scene, index: int, known: dict[Key, Any], made: Any, dressed: Any) -> Any:
     """The patches of a garment whose constants and pins were ``dressed`` on another body, as they are sent."""
-    rack = Rack()
-    rack.put({**known, **_taken(made, _ARENA.get())})
-    mesh, geometry = geometry_of(scene, index, rack)
+    mesh_cache = MeshCache()
+    mesh_cache.add_entries({**known, **_taken(made, _ARENA.get())})
+    mesh, geometry = geometry_of(scene, index, mesh_cache)
     constants, pins, _ = _taken(dressed, _ARENA.get())
     return _sent(_patches_of(scene, mesh, in_geometry(constants, geometry), pins))
 

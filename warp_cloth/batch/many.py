@@ -24,7 +24,7 @@ from warp_cloth.fitting.fit import Fit, finish_fits, tolerance_of
 from warp_cloth.fitting.plan import contact_kind
 from warp_cloth.fitting.predrape import build_predrape, start_predraped
 from warp_cloth.fitting.problem import build_problem, collider_updates, problem_kind, start_coarse
-from warp_cloth.garment.scene_garments import Rack, Wardrobe, open_wardrobe
+from warp_cloth.garment.outfit import MeshCache, Outfit, load_outfit
 from warp_cloth.scene import Scene, load_scene
 from warp_cloth.solver.loop import Goal, relax_items
 
@@ -63,7 +63,7 @@ def fit_many(
     gpu = wp.get_device(where).is_cuda
     most = together or (len(scenes) if gpu else 1)
     limit = available_bytes(where) if budget is None else budget
-    rack, cache = (Rack(), Cache()) if shelf is None else (shelf.rack, shelf.cache)
+    mesh_cache, cache = (MeshCache(), Cache()) if shelf is None else (shelf.mesh_cache, shelf.cache)
     cache.limit = int(KEPT_SHARE * limit)
     limit -= cache.limit
     results: dict[int, Fit | Exception] = {}
@@ -76,16 +76,16 @@ def fit_many(
     if shelf is not None:
         every = list(chosen.values())
         ahead = partial(load_kernels, every[0], where) if gpu and shelf.fresh and every else lambda: None
-        shelf.loaders.fill(rack, every, cache if gpu else None, ahead, shelf.spare)
+        shelf.loaders.fill(mesh_cache, every, cache if gpu else None, ahead, shelf.spare)
         if not gc.isenabled():  # as in a worker that begins: what it has imported and loaded stays
             gc.freeze()
             gc.enable()
         shelf.fresh = False
-    loaded: dict[int, Wardrobe] = {}
+    loaded: dict[int, Outfit] = {}
     groups: collections.defaultdict[tuple[Any, ...], list[int]] = collections.defaultdict(list)
     for number, scene in chosen.items():
         try:
-            loaded[number] = open_wardrobe(scene, rack)
+            loaded[number] = load_outfit(scene, mesh_cache)
             groups[problem_kind(scene, loaded[number])].append(number)
         except Exception as error:
             results[number] = error
@@ -101,18 +101,18 @@ def fit_many(
     return [results[number] for number in range(len(scenes))]
 
 
-def _needs(scenes: Sequence[Scene], wardrobes: Sequence[Wardrobe], gpu: bool) -> list[Need]:
+def _needs(scenes: Sequence[Scene], outfits: Sequence[Outfit], gpu: bool) -> list[Need]:
     """What scenes need, worked out once for those of the same garments on the same avatar, in whatever fabric."""
     cache = Cache()
 
-    def need(scene: Scene, wardrobe: Wardrobe) -> Need:
-        alike = wardrobe.avatar, *(of for part in wardrobe.parts for of in (part.points, part.rest.topology))
-        make = partial(need_of, scene, wardrobe, gathers=gpu)
+    def need(scene: Scene, outfit: Outfit) -> Need:
+        alike = outfit.avatar, *(of for part in outfit.parts for of in (part.points, part.rest.topology))
+        make = partial(need_of, scene, outfit, gathers=gpu)
         return cache.get_or_make(
-            "need", alike, make, contact_kind(scene, wardrobe), scene.collision, scene.solver.precision
+            "need", alike, make, contact_kind(scene, outfit), scene.collision, scene.solver.precision
         )
 
-    return [need(scene, wardrobe) for scene, wardrobe in zip(scenes, wardrobes, strict=True)]
+    return [need(scene, outfit) for scene, outfit in zip(scenes, outfits, strict=True)]
 
 
 def _halving(
@@ -132,9 +132,7 @@ def _halving(
     _halving(numbers[middle:], run, results)
 
 
-def _together(
-    scenes: Sequence[Scene], wardrobes: Sequence[Wardrobe], device: str, cache: Cache, turn: Turn
-) -> list[Fit]:
+def _together(scenes: Sequence[Scene], outfits: Sequence[Outfit], device: str, cache: Cache, turn: Turn) -> list[Fit]:
     """Relaxes scenes of one kind together."""
     seconds = dict.fromkeys(("load", "compile", "build", "carry", "relax", "measure", "export"), 0.0)
     last = time.perf_counter()
@@ -145,7 +143,7 @@ def _together(
         seconds[stage] += now - last
         last = now
 
-    made = build_problem(scenes, wardrobes, device, cache=cache, lap=lap)
+    made = build_problem(scenes, outfits, device, cache=cache, lap=lap)
     dressing = build_predrape(made, cache)
     lap("build")
     goals = [Goal(tolerance_of(scene), scene.solver.iterations) for scene in scenes]

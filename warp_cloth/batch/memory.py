@@ -14,7 +14,7 @@ from warp_cloth.avatar.exact import tree_bytes
 from warp_cloth.avatar.field import GRIDS_AT_ONCE, LEAST_SPACING, PIXELS_PER_SPACING
 from warp_cloth.fitting.plan import contact_kind
 from warp_cloth.fitting.problem import contact_key
-from warp_cloth.garment.scene_garments import Wardrobe
+from warp_cloth.garment.outfit import Outfit
 from warp_cloth.scene import Scene
 
 # Bytes for each vertex, edge, triangle and hinge of model, iterations, certificate and the shapes that it keeps, in
@@ -38,10 +38,10 @@ class Need:
     passing: int = 0  # of building that, for a while, one avatar after another
 
 
-def need_of(scene: Scene, wardrobe: Wardrobe, *, gathers: bool) -> Need:
+def need_of(scene: Scene, outfit: Outfit, *, gathers: bool) -> Need:
     """What a scene needs whose forces are gathered (on GPUs) or scattered."""
     total = 0.0
-    for part in wardrobe.parts:
+    for part in outfit.parts:
         topology = part.rest.topology
         total += PER_VERTEX * len(part.points) + PER_EDGE * len(topology.edges)
         total += PER_TRIANGLE * len(part.triangles) + PER_HINGE * len(topology.hinges)
@@ -49,22 +49,22 @@ def need_of(scene: Scene, wardrobe: Wardrobe, *, gathers: bool) -> Need:
         total *= SCATTERED
     if scene.solver.precision == "float64":
         total *= DOUBLE
-    held, passing = collider_bytes(scene, wardrobe)
+    held, passing = collider_bytes(scene, outfit)
     if scene.solver.start == "dressed":  # in one fabric for all
         held += int(total)
-    return Need(int(total), held, contact_key(scene, wardrobe), passing)
+    return Need(int(total), held, contact_key(scene, outfit), passing)
 
 
-def collider_bytes(scene: Scene, wardrobe: Wardrobe) -> tuple[int, int]:
+def collider_bytes(scene: Scene, outfit: Outfit) -> tuple[int, int]:
     """Bound of the memory of an avatar as a scene meets it, and of what building it takes for a while [bytes]."""
-    avatar = wardrobe.avatar
-    kind = contact_kind(scene, wardrobe)
+    avatar = outfit.avatar
+    kind = contact_kind(scene, outfit)
     if avatar is None or kind == "none":
         return 0, 0
     mesh = tree_bytes(avatar)
     if kind == "mesh":
         return mesh, 0
-    points = np.concatenate([part.points for part in wardrobe.parts])
+    points = np.concatenate([part.points for part in outfit.parts])
     lower, upper = avatar.bounds()
     low, high = np.maximum(points.min(axis=0), lower) - MARGIN, np.minimum(points.max(axis=0), upper) + MARGIN
     spacing = max(PIXELS_PER_SPACING * scene.collision.pixel_mm * 1e-3, LEAST_SPACING)

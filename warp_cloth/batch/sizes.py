@@ -12,8 +12,8 @@ from warp_cloth.base import arguments as given
 from warp_cloth.base.errors import InputError
 from warp_cloth.batch.jobs import PLAIN_NAME, toml_text
 from warp_cloth.fitting.fit import Fit, fit
+from warp_cloth.garment.outfit import load_outfit, worn_size
 from warp_cloth.garment.part import GarmentPart
-from warp_cloth.garment.scene_garments import open_wardrobe, worn_size
 from warp_cloth.maps.girths import garment_girths
 from warp_cloth.maps.levels import body_levels
 from warp_cloth.model.result import Status
@@ -198,7 +198,7 @@ def _fit_size(size: str, scene: Scene, device: str | None) -> SizeFit:
         return SizeFit(size, Status.INVALID.value, str(error), {}, None, None, None)
     levels = {}
     if worn.avatar is not None and worn.status is not Status.DIVERGED:
-        levels = _levels(worn, open_wardrobe(scene).parts[0])
+        levels = _levels(worn, load_outfit(scene).parts[0])
     strain, held = worn.report["strain"], worn.report["unheld"] is None
     return SizeFit(size, worn.status.value, worn.message, levels, strain["p50"], strain["p99"], worn, held)
 

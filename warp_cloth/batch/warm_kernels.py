@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from warp_cloth.fitting.problem import build_problem
-from warp_cloth.garment.scene_garments import open_wardrobe
+from warp_cloth.garment.outfit import load_outfit
 from warp_cloth.kernels.base.options import FEW
 from warp_cloth.scene import Scene
 from warp_cloth.scene.schema import AvatarSpec
@@ -27,8 +27,8 @@ def load_kernels(scene: Scene, device: str) -> None:
     """
     try:
         small = _small(scene)
-        wardrobe = open_wardrobe(small)
-        made = build_problem([small] * MANY, [wardrobe] * MANY, device)
+        outfit = load_outfit(small)
+        made = build_problem([small] * MANY, [outfit] * MANY, device)
         for balanced in (False, True):
             made.relaxation.loosen(np.full(MANY, 0.0 if balanced else np.inf))
             made.relaxation.run(CHUNK)

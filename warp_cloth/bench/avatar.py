@@ -22,7 +22,7 @@ from warp_cloth.export.files import whole_file
 from warp_cloth.export.report import check_writable, write_report
 
 if TYPE_CHECKING:
-    from warp_cloth.garment.scene_garments import Wardrobe
+    from warp_cloth.garment.outfit import Outfit
     from warp_cloth.scene import Scene
 
 Contacts = NDArray[np.float32]  # unit normals and distances [m], shape [N, 4]
@@ -74,19 +74,19 @@ class AvatarBench:
 
 
 def run_avatar_bench(
-    scene: Scene, wardrobe: Wardrobe, *, device: str, tell: Callable[[str], None] | None = None
+    scene: Scene, outfit: Outfit, *, device: str, tell: Callable[[str], None] | None = None
 ) -> AvatarBench:
     """Builds every collider round a scene's garments as they start, and samples it near the avatar.
 
     Raises:
         InputError: the scene has no avatar, or one that encloses nothing.
     """
-    if wardrobe.avatar is None:
+    if outfit.avatar is None:
         raise InputError(scene.name, "the scene has no avatar to look at", "add an [avatar]")
-    avatar = wardrobe.starting_avatar or wardrobe.avatar
+    avatar = outfit.starting_avatar or outfit.avatar
     closing = closing_of(avatar)
     avatar = closing.closed(avatar) if closing.encloses else avatar
-    garment = np.concatenate([mesh.points for mesh in wardrobe.garments])
+    garment = np.concatenate([mesh.points for mesh in outfit.garments])
     offset = scene.collision.offset_mm * 1e-3
     exact = build_exact_collider(avatar, device)
     surface = near_surface(avatar, exact, garment, *_bounds(garment, avatar))

@@ -313,14 +313,14 @@ def avatar(
             from warp_cloth.base.device import device_named
             from warp_cloth.bench.avatar import run_avatar_bench, save_avatar_bench, table
             from warp_cloth.bench.save import figure_class
-            from warp_cloth.garment.scene_garments import open_wardrobe
+            from warp_cloth.garment.outfit import load_outfit
 
             if plots:
                 figure_class()
             where = device_named(device)
-            wardrobe = open_wardrobe(chosen)
+            outfit = load_outfit(chosen)
             found = run_avatar_bench(
-                chosen, wardrobe, device=where, tell=lambda kind: print(f"building {kind}", file=sys.stderr)
+                chosen, outfit, device=where, tell=lambda kind: print(f"building {kind}", file=sys.stderr)
             )
             lines, paths = table(found), save_avatar_bench(found, out, plots=plots)
     for line in [*lines, *(f"  wrote {path}" for path in paths)]:

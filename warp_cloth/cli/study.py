@@ -48,8 +48,8 @@ def plan(
         from warp_cloth.study.savings import savings_of
 
         made = load_problem(chosen, device_named(device))
-        terms, cost = make_plan(chosen, made.wardrobe), footprint_of(made)
-        saved = savings_of(chosen, made.wardrobe, made.model.device) if savings else ()
+        terms, cost = make_plan(chosen, made.outfit), footprint_of(made)
+        saved = savings_of(chosen, made.outfit, made.model.device) if savings else ()
         lines = plan_lines(chosen.name, terms, cost, saved)
         if out is not None:
             write_plan(out, terms, cost, saved)

@@ -21,8 +21,8 @@ from warp_cloth.base.threads import map_in_threads
 from warp_cloth.contact.cloth import ClothTouch
 from warp_cloth.contact.crossing import Sheets, find_crossings, find_pierced, triangle_pairs
 from warp_cloth.contact.sheets import SheetKind, sheets_of
+from warp_cloth.garment.outfit import Outfit
 from warp_cloth.garment.part import GarmentPart
-from warp_cloth.garment.scene_garments import Wardrobe
 from warp_cloth.model.model import ClothModel
 from warp_cloth.scene import Scene
 from warp_cloth.solver.contact_schedule import LAYER_LIFT, Course
@@ -32,29 +32,29 @@ CROSSING_FIELD = "crossing"  # of a garment where some of it crosses: 1 at the c
 FAR_AWAY = 1e3  # [m]; farther from its body no garment is asked which way it faces
 
 
-def placed(scenes: Sequence[Scene], wardrobes: Sequence[Wardrobe], device: str, cache: Cache) -> list[Wardrobe]:
-    """The wardrobes with every garment to be sewn clear of its avatar, as far as moving it up or forward does that.
+def placed(scenes: Sequence[Scene], outfits: Sequence[Outfit], device: str, cache: Cache) -> list[Outfit]:
+    """The outfits with every garment to be sewn clear of its avatar, as far as moving it up or forward does that.
 
     The panels say what the garment is; where they start does not matter, unless they start on both sides of a limb.
     """
 
-    def shift_of(scene: Scene, wardrobe: Wardrobe, index: int) -> Points | None:
-        part, avatar = wardrobe.parts[index], wardrobe.starting_avatar
+    def shift_of(scene: Scene, outfit: Outfit, index: int) -> Points | None:
+        part, avatar = outfit.parts[index], outfit.starting_avatar
         if avatar is None or scene.collision.avatar == "none" or scene.garments[index].rest != "uv" or len(part.pins):
             return None
         skin = cache.get_or_make("solid", (avatar,), partial(solid_of, avatar)).closing.skin(avatar)
         return cache.get_or_make("shift", (part.points, avatar), partial(clear_shift, part.points, skin, device))
 
     return [
-        _shifted(wardrobe, [shift_of(scene, wardrobe, index) for index in range(len(wardrobe.parts))], cache)
-        for scene, wardrobe in zip(scenes, wardrobes, strict=True)
+        _shifted(outfit, [shift_of(scene, outfit, index) for index in range(len(outfit.parts))], cache)
+        for scene, outfit in zip(scenes, outfits, strict=True)
     ]
 
 
-def _shifted(wardrobe: Wardrobe, shifts: Sequence[Points | None], cache: Cache) -> Wardrobe:
+def _shifted(outfit: Outfit, shifts: Sequence[Points | None], cache: Cache) -> Outfit:
     if all(shift is None for shift in shifts):
-        return wardrobe
-    parts, meshes = list(wardrobe.parts), list(wardrobe.garments)
+        return outfit
+    parts, meshes = list(outfit.parts), list(outfit.garments)
     for index, shift in enumerate(shifts):
         if shift is not None:
             note = f"some of it started inside the avatar: moved {way_told(shift)} before it was sewn"
@@ -62,17 +62,17 @@ def _shifted(wardrobe: Wardrobe, shifts: Sequence[Points | None], cache: Cache) 
             points = cache.get_or_make("shifted", (loaded, shift), partial(np.add, loaded, shift))
             parts[index] = replace(parts[index], points=points)
             meshes[index] = replace(meshes[index], notes=(*meshes[index].notes, note))
-    return replace(wardrobe, parts=tuple(parts), garments=tuple(meshes))
+    return replace(outfit, parts=tuple(parts), garments=tuple(meshes))
 
 
-def cloth_touch(scene: Scene, wardrobe: Wardrobe, model: ClothModel, device: str) -> ClothTouch:
+def cloth_touch(scene: Scene, outfit: Outfit, model: ClothModel, device: str) -> ClothTouch:
     """Contact between a scene's garments, inner to outer as listed."""
     kinds = [
         SheetKind(spec.fabric.thickness, spec.fabric.friction, layer=layer) for layer, spec in enumerate(scene.garments)
     ]
-    avatar = wardrobe.starting_avatar
+    avatar = outfit.starting_avatar
     body = None if avatar is None else build_exact_collider(avatar, device).within(FAR_AWAY)
-    return ClothTouch(model, wardrobe.parts, kinds, body)
+    return ClothTouch(model, outfit.parts, kinds, body)
 
 
 def highest_lift(scene: Scene) -> float:
@@ -80,14 +80,14 @@ def highest_lift(scene: Scene) -> float:
     return LAYER_LIFT * (len(scene.garments) - 1) if scene.collision.cloth else 0.0
 
 
-def cloth_course(wardrobe: Wardrobe, relaxation: Relaxation, touch: ClothTouch) -> Course:
+def cloth_course(outfit: Outfit, relaxation: Relaxation, touch: ClothTouch) -> Course:
     """The way of a scene's garments from where they are loaded."""
 
     def face() -> None:
         if touch.facing is not None:
             touch.face_from_body()
         else:
-            touch.face(signs_from_middle(wardrobe.parts, relaxation.model.points()))
+            touch.face(signs_from_middle(outfit.parts, relaxation.model.points()))
 
     return Course(relaxation, touch, face)
 
@@ -126,22 +126,22 @@ class GarmentCrossings:
         return {CROSSING_FIELD: at}
 
 
-def worn_crossings(wardrobes: Sequence[Wardrobe], worn: Sequence[Points], device: str) -> list[GarmentCrossings]:
+def worn_crossings(outfits: Sequence[Outfit], worn: Sequence[Points], device: str) -> list[GarmentCrossings]:
     """What crosses of each scene's garments at these points [m], shape [V, 3], one after another.
 
     Garments of different scenes do not meet. Of points that are not finite nothing is told.
     """
 
-    def told(wardrobe: Wardrobe, points: Points) -> GarmentCrossings:
-        sheets = sheets_of(wardrobe.parts)
+    def told(outfit: Outfit, points: Points) -> GarmentCrossings:
+        sheets = sheets_of(outfit.parts)
         return _of_sheets(find_crossings(points, sheets, device).pairs, sheets)
 
-    return [told(wardrobe, points) for wardrobe, points in zip(wardrobes, worn, strict=True)]
+    return [told(outfit, points) for outfit, points in zip(outfits, worn, strict=True)]
 
 
-def model_crossings(model: ClothModel, wardrobes: Sequence[Wardrobe]) -> list[GarmentCrossings]:
+def model_crossings(model: ClothModel, outfits: Sequence[Outfit]) -> list[GarmentCrossings]:
     """The same of a model's garments where they lie now, all finite: looked through together, to keep a GPU busy."""
-    each = [[part.rest.topology for part in wardrobe.parts] for wardrobe in wardrobes]
+    each = [[part.rest.topology for part in outfit.parts] for outfit in outfits]
     edges = np.cumsum([0, *(sum(len(one.edges) for one in own) for own in each)])
     triangles = np.cumsum([0, *(sum(len(one.triangle_edges) for one in own) for own in each)])
     position, cloth = model.cloth.position, model.cloth
@@ -161,11 +161,11 @@ def model_crossings(model: ClothModel, wardrobes: Sequence[Wardrobe]) -> list[Ga
 
     def told(item: int) -> GarmentCrossings:
         if not len(found[item]):
-            return GarmentCrossings(0, 0, (np.zeros(0, dtype=np.int32),) * len(wardrobes[item].parts))
-        sheets = sheets_of(wardrobes[item].parts)
+            return GarmentCrossings(0, 0, (np.zeros(0, dtype=np.int32),) * len(outfits[item].parts))
+        sheets = sheets_of(outfits[item].parts)
         return _of_sheets(triangle_pairs(found[item], sheets), sheets)
 
-    return map_in_threads(told, range(len(wardrobes)))
+    return map_in_threads(told, range(len(outfits)))
 
 
 def _of_sheets(pairs: Indices, sheets: Sheets) -> GarmentCrossings:

@@ -27,7 +27,7 @@ from warp_cloth.fitting.nested_iteration import LevelRun
 from warp_cloth.fitting.predrape import prepare_start
 from warp_cloth.fitting.problem import Problem, collider_updates, load_problem, tolerance_of
 from warp_cloth.fitting.warm_start import Worn, chosen_garments, saved_result, start_from
-from warp_cloth.garment.scene_garments import Wardrobe
+from warp_cloth.garment.outfit import Outfit
 from warp_cloth.maps import FitMaps, chosen_colour, chosen_maps, measure_maps
 from warp_cloth.maps.measure import check_maps
 from warp_cloth.model.result import Penetration, Status, Strain, WornGarment
@@ -159,7 +159,7 @@ def _with_maps(fitted: Fit, names: Sequence[str], made: Problem) -> Fit:
     called = [worn.name for worn in fitted.garments]
     maps = measure_maps(
         names,
-        parts=made.wardrobe.parts,
+        parts=made.outfit.parts,
         worn=[worn.points for worn in fitted.garments],
         pushes=None if push is None else [push[a:b] for a, b in itertools.pairwise(starts)],
         avatar=made.skins()[0],
@@ -257,9 +257,9 @@ def finish_fits(
     exact_of = exact_colliders(skins, model.device)
     depths = _drawn_through(made, outcomes, exact_of, strains)
     if all(np.isfinite(points).all() for points in worn_points):
-        crossings = model_crossings(model, made.wardrobes)
+        crossings = model_crossings(model, made.outfits)
     else:
-        crossings = worn_crossings(made.wardrobes, worn_points, model.device)
+        crossings = worn_crossings(made.outfits, worn_points, model.device)
 
     def strains_of(item: int) -> tuple[Strain, dict[str, Strain]]:
         along = strains.of_threads(model.of_item(item, model.weave_start))
@@ -268,30 +268,30 @@ def finish_fits(
     summaries = map_in_threads(strains_of, range(len(outcomes)))
     lap("measure")
     fits = []
-    for item, (scene, wardrobe, outcome) in enumerate(zip(made.scenes, made.wardrobes, outcomes, strict=True)):
+    for item, (scene, outfit, outcome) in enumerate(zip(made.scenes, made.outfits, outcomes, strict=True)):
         crossing = crossings[item]
         garments = tuple(
             replace(worn, fields=crossing.marked(index, worn.mesh))
-            for index, worn in enumerate(_worn(scene, wardrobe, outcome, frames))
+            for index, worn in enumerate(_worn(scene, outfit, outcome, frames))
         )
         depth = depths[item]
         contact, kind = made.touched(item), scene.collision.avatar
         last = [worn.points for worn in garments]
         met = depth if kind != "none" else None
-        loss = slid_off(scene, wardrobe, last)
+        loss = slid_off(scene, outfit, last)
         if outcome.status is not Status.AT_REST:  # what falls is not
-            loss = unheld(scene, wardrobe, last) or loss or fallen_pieces(scene, wardrobe, last)
+            loss = unheld(scene, outfit, last) or loss or fallen_pieces(scene, outfit, last)
         wrong = [loss] if loss else [misplaced(met), of_another_size(summaries[item][0])]
         seen = [hidden(contact, kind), too_coarse(met)]
         if not any(wrong):
-            faces = sum(len(part.triangles) for part in wardrobe.parts)
+            faces = sum(len(part.triangles) for part in outfit.parts)
             seen.append(crossed(crossing.face_count / faces, scene.collision.cloth))
         longer = [] if any(wrong) else [more_iterations(scene, outcome)]
         advice, flaw = ("; and ".join(filter(None, told)) for told in ([*wrong, *longer, *seen], [*wrong, *seen]))
         message = verdict(outcome, tolerance_of(scene), advice, flaw)
         report = report_of(
             scene,
-            wardrobe,
+            outfit,
             outcome,
             message=message,
             loss=loss,
@@ -304,7 +304,7 @@ def finish_fits(
             contact=contact,
             levels=levels[item],
         )
-        fits.append(Fit(scene, outcome.status, message, garments, wardrobe.avatar, report, model.device))
+        fits.append(Fit(scene, outcome.status, message, garments, outfit.avatar, report, model.device))
     return fits
 
 
@@ -323,7 +323,7 @@ def _drawn_through(
     under = depths_under(position, np.diff(model.item_start).tolist(), exact_of)
 
     def asked(item: int) -> tuple[Points, NDArray[np.float64], Points]:
-        parts, points = made.wardrobes[item].parts, outcomes[item].points
+        parts, points = made.outfits[item].parts, outcomes[item].points
         first = np.cumsum([0, *(len(part.points) for part in parts)]).tolist()
         strain = strains.edge[model.of_item(item, model.edge_start)].astype(np.float64)
         edges = np.concatenate([part.rest.topology.edges + start for part, start in zip(parts, first, strict=False)])
@@ -348,10 +348,10 @@ def _drawn_through(
     return told
 
 
-def _worn(scene: Scene, wardrobe: Wardrobe, outcome: Outcome, frames: int) -> tuple[WornGarment, ...]:
+def _worn(scene: Scene, outfit: Outfit, outcome: Outcome, frames: int) -> tuple[WornGarment, ...]:
     worn = []
     first = 0
-    for spec, mesh, loaded in zip(scene.garments, wardrobe.garments, wardrobe.parts, strict=True):
+    for spec, mesh, loaded in zip(scene.garments, outfit.garments, outfit.parts, strict=True):
         part = slice(first, first + mesh.vertex_count)
         first = part.stop
         points: Points = outcome.points[part]

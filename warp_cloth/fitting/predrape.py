@@ -11,7 +11,7 @@ from warp_cloth.base.cache import Cache
 from warp_cloth.base.mesh import Points
 from warp_cloth.fitting.nested_iteration import LevelRun
 from warp_cloth.fitting.problem import Problem, build_problem, collider_updates, start_coarse, tolerance_of
-from warp_cloth.garment.scene_garments import Wardrobe
+from warp_cloth.garment.outfit import Outfit
 from warp_cloth.model.result import Status
 from warp_cloth.scene import Scene
 from warp_cloth.scene.predrape import dressing_of
@@ -40,18 +40,18 @@ def build_predrape(made: Problem, cache: Cache) -> Predrape | None:
     """What the scenes are dressed by; None where they start as they are placed. ``cache`` as of ``build_problem``."""
     device = made.model.device
     asked: list[tuple[Any, ...]] = []
-    missing: dict[Hashable, tuple[tuple[Any, ...], Scene, Wardrobe]] = {}
-    for scene, wardrobe in zip(made.scenes, made.wardrobes, strict=True):
+    missing: dict[Hashable, tuple[tuple[Any, ...], Scene, Outfit]] = {}
+    for scene, outfit in zip(made.scenes, made.outfits, strict=True):
         dressing = dressing_of(scene)
         if dressing is None:
             return None
-        asked.append(((wardrobe.avatar, *wardrobe.dressing), dressing.collision, dressing.solver, device))
+        asked.append(((outfit.avatar, *outfit.dressing), dressing.collision, dressing.solver, device))
         key = Cache.key("dressed", *asked[-1])
         if key not in cache:
-            missing[key] = asked[-1], dressing, replace(wardrobe, parts=wardrobe.dressing, dressing=())
-    by, scenes, wardrobes = zip(*missing.values(), strict=True) if missing else ((), (), ())
+            missing[key] = asked[-1], dressing, replace(outfit, parts=outfit.dressing, dressing=())
+    by, scenes, outfits = zip(*missing.values(), strict=True) if missing else ((), (), ())
     like = made.model.vertex_count
-    first = build_problem(scenes, wardrobes, device, cache=cache, like=like) if missing else None
+    first = build_problem(scenes, outfits, device, cache=cache, like=like) if missing else None
     return Predrape(tuple(asked), by, first, cache)
 
 

@@ -21,8 +21,8 @@ from warp_cloth.contact.garments import cloth_course, cloth_touch, highest_lift,
 from warp_cloth.fitting.nested_iteration import LevelRun, start_from_coarse
 from warp_cloth.fitting.plan import contact_kind
 from warp_cloth.fitting.poses import Carried, carry
+from warp_cloth.garment.outfit import MeshCache, Outfit, load_outfit
 from warp_cloth.garment.part import terms_of
-from warp_cloth.garment.scene_garments import Rack, Wardrobe, open_wardrobe
 from warp_cloth.model.model import ClothModel, build_model
 from warp_cloth.scene import Scene
 from warp_cloth.solver.certificate.certifier import Certifier, Tolerance
@@ -39,7 +39,7 @@ class Problem:
     """Scenes on a device, ready to relax together; each is an item. All are of one ``problem_kind``."""
 
     scenes: tuple[Scene, ...]
-    wardrobes: tuple[Wardrobe, ...]
+    outfits: tuple[Outfit, ...]
     contacts: tuple[AvatarContact, ...]
     model: ClothModel
     relaxation: Relaxation
@@ -48,9 +48,9 @@ class Problem:
     carried: Carried | None = None  # what it took to bring the garments along, where the avatar moves
 
     @property
-    def wardrobe(self) -> Wardrobe:
+    def outfit(self) -> Outfit:
         """That of the first scene, or of a lone one."""
-        return self.wardrobes[0]
+        return self.outfits[0]
 
     @property
     def contact(self) -> AvatarContact:
@@ -60,57 +60,57 @@ class Problem:
     def skins(self) -> list[Mesh | None]:
         """What each item's distances to its avatar are measured from; the same of those whose avatars are the same."""
         found: dict[int, Mesh] = {}
-        for wardrobe, contact in zip(self.wardrobes, self.contacts, strict=True):
-            if wardrobe.avatar is not None and id(wardrobe.avatar) not in found:
-                found[id(wardrobe.avatar)] = contact.skin(wardrobe.avatar)
-        return [None if each.avatar is None else found[id(each.avatar)] for each in self.wardrobes]
+        for outfit, contact in zip(self.outfits, self.contacts, strict=True):
+            if outfit.avatar is not None and id(outfit.avatar) not in found:
+                found[id(outfit.avatar)] = contact.skin(outfit.avatar)
+        return [None if each.avatar is None else found[id(each.avatar)] for each in self.outfits]
 
     def touched(self, item: int) -> dict[str, Any] | None:
         """What an item's avatar is met by, and how good that is; None without avatar."""
-        if self.wardrobes[item].avatar is None:
+        if self.outfits[item].avatar is None:
             return None
         carried = asdict(self.carried) if self.carried is not None else None
         return {**(self.contacts[item].report or {}), "carried": carried}
 
 
-def problem_kind(scene: Scene, wardrobe: Wardrobe) -> tuple[Any, ...]:
+def problem_kind(scene: Scene, outfit: Outfit) -> tuple[Any, ...]:
     """What scenes must have in common to relax together: then their kernels are those of each alone.
 
     One whose cloth meets cloth is of a kind of its own: what it launches depends on how its garments lie. So is one
     whose avatar moves, and one of the multilevel method.
     """
     solver = scene.solver
-    contact = contact_kind(scene, wardrobe)
-    by_itself = scene.collision.cloth or wardrobe.poses or solver.method == "multilevel"
+    contact = contact_kind(scene, outfit)
+    by_itself = scene.collision.cloth or outfit.poses or solver.method == "multilevel"
     alone = id(scene) if by_itself else 0
-    return solver.method, solver.start, solver.precision, contact, alone, terms_of(wardrobe.parts)
+    return solver.method, solver.start, solver.precision, contact, alone, terms_of(outfit.parts)
 
 
 def load_problem(
     scene: Scene,
     device: str,
     *,
-    rack: Rack | None = None,
+    mesh_cache: MeshCache | None = None,
     earlier: AvatarContact | None = None,
     cache: Cache | None = None,
     options: StepOptions | None = None,
     tell: Callable[[str], None] = lambda _: None,
     lap: Callable[[str], None] = lambda _: None,
 ) -> Problem:
-    """Loads one scene and builds its problem; ``rack`` caches what earlier scenes share with it.
+    """Loads one scene and builds its problem; ``mesh_cache`` caches what earlier scenes share with it.
 
     ``earlier`` is a contact to reuse, so that a change of fabric or offset need not sample the avatar again. The other
     arguments are those of ``build_problem``.
     """
     tell("load")
-    wardrobe = open_wardrobe(scene, rack)
+    outfit = load_outfit(scene, mesh_cache)
     lap("load")
-    return build_problem([scene], [wardrobe], device, earlier=earlier, cache=cache, options=options, tell=tell, lap=lap)
+    return build_problem([scene], [outfit], device, earlier=earlier, cache=cache, options=options, tell=tell, lap=lap)
 
 
 def build_problem(
     scenes: Sequence[Scene],
-    wardrobes: Sequence[Wardrobe],
+    outfits: Sequence[Outfit],
     device: str,
     *,
     earlier: AvatarContact | None = None,
@@ -124,7 +124,7 @@ def build_problem(
 
     Args:
         scenes: loaded scenes of one ``problem_kind``.
-        wardrobes: theirs.
+        outfits: theirs.
         device: Warp's name of it.
         earlier: a contact that may serve again.
         cache: what earlier set-ups left of the same garments and avatars.
@@ -134,30 +134,30 @@ def build_problem(
         lap: told the name of every stage at its end.
     """
     first = scenes[0]
-    if wardrobes[0].avatar is not None:
+    if outfits[0].avatar is not None:
         tell("compile")
-        _compile(avatar_modules(contact_kind(first, wardrobes[0])), device)
+        _compile(avatar_modules(contact_kind(first, outfits[0])), device)
         lap("compile")
     tell("build")
     cache = cache or Cache()
-    wardrobes = placed(scenes, wardrobes, device, cache)
-    contacts, colliders = _avatar_contacts(scenes, wardrobes, device, earlier, cache)
+    outfits = placed(scenes, outfits, device, cache)
+    contacts, colliders = _avatar_contacts(scenes, outfits, device, earlier, cache)
     model = build_model(
-        [part for each in wardrobes for part in each.parts],
+        [part for each in outfits for part in each.parts],
         device=device,
         precision=first.solver.precision,
-        garments=[len(each.parts) for each in wardrobes],
+        garments=[len(each.parts) for each in outfits],
         cache=cache,
-        layered=first.collision.cloth and len(wardrobes[0].parts) > 1,
+        layered=first.collision.cloth and len(outfits[0].parts) > 1,
         like=like,
     )
     threads = thread_count(first.solver.threads, model.vertex_count)
     options = options or StepOptions(method=first.solver.method, threads=threads)
-    touch = cloth_touch(first, wardrobes[0], model, device) if first.collision.cloth else None
-    parts = [part for each in wardrobes for part in each.parts]
+    touch = cloth_touch(first, outfits[0], model, device) if first.collision.cloth else None
+    parts = [part for each in outfits for part in each.parts]
     relaxation = relaxation_by(options, model, colliders, parts, touch, [scene.solver.cap for scene in scenes])
     certifier = Certifier(relaxation)
-    course = cloth_course(wardrobes[0], relaxation, touch) if touch is not None else None
+    course = cloth_course(outfits[0], relaxation, touch) if touch is not None else None
     wp.synchronize_device(device)
     lap("build")
     tell("compile")
@@ -165,8 +165,8 @@ def build_problem(
         [kernel.module for kernel in relaxation.kernels() + relaxation.seldom_kernels() + certifier.kernels()], device
     )
     lap("compile")
-    made = Problem(tuple(scenes), tuple(wardrobes), tuple(contacts), model, relaxation, certifier, course)
-    if not wardrobes[0].poses:
+    made = Problem(tuple(scenes), tuple(outfits), tuple(contacts), model, relaxation, certifier, course)
+    if not outfits[0].poses:
         return made
     tell("carry")
     carried = _carry(made)
@@ -184,12 +184,12 @@ def tolerance_of(scene: Scene) -> Tolerance:
 def start_coarse(made: Problem) -> tuple[LevelRun, ...]:
     """Lets simplified garments come to rest first, where the method has them; the relaxation goes on from there."""
     relaxation = made.relaxation
-    if not isinstance(relaxation, MultilevelRelaxation) or made.wardrobe.poses:
+    if not isinstance(relaxation, MultilevelRelaxation) or made.outfit.poses:
         return ()
     (scene,) = made.scenes
     return start_from_coarse(
         relaxation,
-        made.contact if made.wardrobe.avatar is not None else None,
+        made.contact if made.outfit.avatar is not None else None,
         tolerance=tolerance_of(scene),
         limit=scene.solver.iterations,
         load=lambda kernels: _compile([kernel.module for kernel in kernels], made.model.device),
@@ -203,7 +203,7 @@ def _carry(made: Problem) -> Carried:
         made.relaxation,
         made.certifier,
         made.contact,
-        made.wardrobe.poses,
+        made.outfit.poses,
         tolerance=tolerance_of(scene),
         limit=scene.solver.iterations,
         follow=collider_updates(made),
@@ -211,29 +211,29 @@ def _carry(made: Problem) -> Carried:
     )
 
 
-def contact_key(scene: Scene, wardrobe: Wardrobe) -> Hashable:
+def contact_key(scene: Scene, outfit: Outfit) -> Hashable:
     """What scenes have in common that meet their avatar alike to begin with."""
-    return id(wardrobe.avatar), scene.collision, *(id(part.points) for part in wardrobe.parts)
+    return id(outfit.avatar), scene.collision, *(id(part.points) for part in outfit.parts)
 
 
 def _avatar_contacts(
-    scenes: Sequence[Scene], wardrobes: Sequence[Wardrobe], device: str, earlier: AvatarContact | None, cache: Cache
+    scenes: Sequence[Scene], outfits: Sequence[Outfit], device: str, earlier: AvatarContact | None, cache: Cache
 ) -> tuple[list[AvatarContact], list[Collider]]:
     """Every scene's contact and first collider; built once for scenes whose garments start alike on one avatar."""
 
-    def built(scene: Scene, wardrobe: Wardrobe) -> tuple[AvatarContact, Collider]:
-        contact = _avatar_contact(scene, wardrobe, device, cache)
-        points = np.concatenate([part.points for part in wardrobe.parts])
+    def built(scene: Scene, outfit: Outfit) -> tuple[AvatarContact, Collider]:
+        contact = _avatar_contact(scene, outfit, device, cache)
+        points = np.concatenate([part.points for part in outfit.parts])
         taken = contact.taken_over(earlier, points) if earlier is not None else None
         return contact, taken or contact.collider(points)
 
-    of = [(wardrobe.avatar, earlier, *(part.points for part in wardrobe.parts)) for wardrobe in wardrobes]
+    of = [(outfit.avatar, earlier, *(part.points for part in outfit.parts)) for outfit in outfits]
     keys = {cache.key("contact", met, scene.collision, device) for met, scene in zip(of, scenes, strict=True)}
     cache.evict_except(keys)
     contacts, colliders = [], []
-    for met, scene, wardrobe in zip(of, scenes, wardrobes, strict=True):
+    for met, scene, outfit in zip(of, scenes, outfits, strict=True):
         friction = scene.avatar.friction if scene.avatar is not None else 0.0
-        make = partial(built, scene, wardrobe)
+        make = partial(built, scene, outfit)
         contact, collider = cache.get_or_make(
             "contact", met, make, scene.collision, device, size=lambda made: made[0].bytes
         )
@@ -251,8 +251,8 @@ def _compile(modules: list[wp.Module], device: str) -> None:
         wp.force_load(device, modules=modules, max_workers=0 if wp.get_device(device).is_cpu else None)
 
 
-def _avatar_contact(scene: Scene, wardrobe: Wardrobe, device: str, cache: Cache) -> AvatarContact:
-    avatar, kind = wardrobe.starting_avatar, contact_kind(scene, wardrobe)
+def _avatar_contact(scene: Scene, outfit: Outfit, device: str, cache: Cache) -> AvatarContact:
+    avatar, kind = outfit.starting_avatar, contact_kind(scene, outfit)
     solid = None
     if avatar is not None and kind != "none":
         solid = cache.get_or_make("solid", (avatar,), partial(solid_of, avatar))

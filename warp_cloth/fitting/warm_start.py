@@ -83,14 +83,14 @@ def start_from(made: Problem, earlier: Sequence[Worn]) -> bool:
     """
     taken = [
         carried_over(mesh, worn, new, made.model.device)
-        for (mesh, worn), new in zip(earlier, made.wardrobe.garments, strict=True)
+        for (mesh, worn), new in zip(earlier, made.outfit.garments, strict=True)
     ]
     if all(points is None for points in taken):
         return False
     loaded = made.model.points()
     points = loaded.copy()
     for (first, last), part, there in zip(
-        itertools.pairwise(made.model.vertex_start), made.wardrobe.parts, taken, strict=True
+        itertools.pairwise(made.model.vertex_start), made.outfit.parts, taken, strict=True
     ):
         if there is not None:
             points[first:last] = there

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from warp_cloth.base.mesh import Points
     from warp_cloth.contact.garments import GarmentCrossings
     from warp_cloth.fitting.nested_iteration import LevelRun
-    from warp_cloth.garment.scene_garments import Wardrobe
+    from warp_cloth.garment.outfit import Outfit
     from warp_cloth.scene import Scene
 
 
@@ -69,17 +69,17 @@ def more_iterations(scene: Scene, outcome: Outcome) -> str:
     return "raise solver.iterations"
 
 
-def unheld(scene: Scene, wardrobe: Wardrobe, worn: Sequence[Points]) -> str:
+def unheld(scene: Scene, outfit: Outfit, worn: Sequence[Points]) -> str:
     """What to change where a garment falls because nothing holds it; empty where all are held.
 
     ``worn`` are the garments' points [m], each shape [V, 3].
     """
-    for spec, part, points in zip(scene.garments, wardrobe.parts, worn, strict=True):
+    for spec, part, points in zip(scene.garments, outfit.parts, worn, strict=True):
         if len(part.pins):
             continue
-        if wardrobe.avatar is None or scene.collision.avatar == "none":
+        if outfit.avatar is None or scene.collision.avatar == "none":
             return f'nothing holds "{spec.name}": pin some of its vertices, or let it meet an avatar'
-        low, high = wardrobe.avatar.bounds()
+        low, high = outfit.avatar.bounds()
         beside = (points.min(axis=0) > high) | (points.max(axis=0) < low)
         if beside[0] or beside[2]:
             return f'"{spec.name}" is beside the avatar, which cannot hold it: place it round or above it'
@@ -88,15 +88,15 @@ def unheld(scene: Scene, wardrobe: Wardrobe, worn: Sequence[Points]) -> str:
     return ""
 
 
-def slid_off(scene: Scene, wardrobe: Wardrobe, worn: Sequence[Points]) -> str:
+def slid_off(scene: Scene, outfit: Outfit, worn: Sequence[Points]) -> str:
     """What to change where a garment has come down to the avatar's feet; empty where all are held above.
 
     ``worn`` are the garments' points [m], each shape [V, 3].
     """
-    if wardrobe.avatar is None:
+    if outfit.avatar is None:
         return ""
-    floor, top = wardrobe.avatar.points[:, 1].min(), wardrobe.avatar.points[:, 1].max()
-    for spec, part, points in zip(scene.garments, wardrobe.parts, worn, strict=True):
+    floor, top = outfit.avatar.points[:, 1].min(), outfit.avatar.points[:, 1].max()
+    for spec, part, points in zip(scene.garments, outfit.parts, worn, strict=True):
         if len(part.pins) or points[:, 1].max() > floor + HANGING * (top - floor):
             continue
         below, before = ((place[:, 1] < floor).mean() for place in (points, part.points))
@@ -108,12 +108,12 @@ def slid_off(scene: Scene, wardrobe: Wardrobe, worn: Sequence[Points]) -> str:
     return ""
 
 
-def fallen_pieces(scene: Scene, wardrobe: Wardrobe, worn: Sequence[Points]) -> str:
+def fallen_pieces(scene: Scene, outfit: Outfit, worn: Sequence[Points]) -> str:
     """What to change where pieces of a garment that nothing joins to the rest fall off it; empty where none do.
 
     ``worn`` are the garments' points [m], each shape [V, 3].
     """
-    for spec, part, points in zip(scene.garments, wardrobe.parts, worn, strict=True):
+    for spec, part, points in zip(scene.garments, outfit.parts, worn, strict=True):
         a, b, c = part.triangles.T
         piece = lowest_connected(len(points), np.concatenate([a, b]), np.concatenate([b, c]))
         kinds, number, count = np.unique(piece, return_inverse=True, return_counts=True)
@@ -222,7 +222,7 @@ def verdict(outcome: Outcome, tolerance: Tolerance, advice: str, flaw: str = "")
 
 def report_of(
     scene: Scene,
-    wardrobe: Wardrobe,
+    outfit: Outfit,
     outcome: Outcome,
     *,
     message: str,
@@ -241,13 +241,13 @@ def report_of(
     ``strain`` is that of edges; ``threads`` those along "warp", "weft" and "bias", of woven garments only.
     """
     relaxing = seconds["relax"]
-    topologies = [part.rest.topology for part in wardrobe.parts]
+    topologies = [part.rest.topology for part in outfit.parts]
     return {
         "status": outcome.status.value,
         "message": message,
         "unheld": loss or None,
-        "vertices": sum(len(part.points) for part in wardrobe.parts),
-        "faces": sum(len(part.triangles) for part in wardrobe.parts),
+        "vertices": sum(len(part.points) for part in outfit.parts),
+        "faces": sum(len(part.triangles) for part in outfit.parts),
         "edges": sum(len(topology.edges) for topology in topologies),
         "hinges": sum(len(topology.hinges) for topology in topologies),
         "iterations": outcome.iterations,
@@ -273,10 +273,10 @@ def report_of(
                 "crossing_faces": faces.tolist(),
             }
             for spec, mesh, part, faces in zip(
-                scene.garments, wardrobe.garments, wardrobe.parts, crossing.faces, strict=True
+                scene.garments, outfit.garments, outfit.parts, crossing.faces, strict=True
             )
         ],
-        "avatar": {"unit": wardrobe.avatar.unit, "notes": list(wardrobe.avatar.notes)} if wardrobe.avatar else None,
-        "plan": [asdict(term) for term in make_plan(scene, wardrobe)],
+        "avatar": {"unit": outfit.avatar.unit, "notes": list(outfit.avatar.notes)} if outfit.avatar else None,
+        "plan": [asdict(term) for term in make_plan(scene, outfit)],
         "settings": scene.settings(),
     }

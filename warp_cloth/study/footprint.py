@@ -10,7 +10,7 @@ import warp as wp
 
 from warp_cloth.contact.crossing import search_bytes
 from warp_cloth.fitting.fit import Problem
-from warp_cloth.garment.scene_garments import Wardrobe
+from warp_cloth.garment.outfit import Outfit
 from warp_cloth.solver.certificate.strains import strain_bytes
 from warp_cloth.study.launches import Launch, arrays_in, bytes_of
 from warp_cloth.study.timing import Times, times_of
@@ -118,11 +118,11 @@ def memory_of(made: Problem) -> dict[str, int]:
         "cloth": bytes_of(cloth) - bytes_of(avatar),
         "avatar": bytes_of(avatar),
         "checks": whole - bytes_of(cloth) - now + most,
-        "report": max(strain_bytes(made.model), *(_crossing_bytes(wardrobe) for wardrobe in made.wardrobes)),
+        "report": max(strain_bytes(made.model), *(_crossing_bytes(outfit) for outfit in made.outfits)),
     }
 
 
-def _crossing_bytes(wardrobe: Wardrobe) -> int:
-    parts = wardrobe.parts
+def _crossing_bytes(outfit: Outfit) -> int:
+    parts = outfit.parts
     sizes = [(len(part.points), len(part.rest.topology.edges), len(part.triangles)) for part in parts]
     return search_bytes(*(sum(column) for column in zip(*sizes, strict=True)))

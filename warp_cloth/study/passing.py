@@ -82,15 +82,15 @@ def run_through(scene: Scene, device: str, stops: Collection[int]) -> list[Passe
 def _measured(
     made: Problem, ends: list[tuple[Status, int, float, Points]], loading: float, message: str
 ) -> list[Passed]:
-    model, wardrobe = made.model, made.wardrobe
-    depths = penetrations([end[3] for end in ends], [wardrobe.avatar] * len(ends), model.device)
-    starts = np.cumsum([mesh.vertex_count for mesh in wardrobe.garments])[:-1]
+    model, outfit = made.model, made.outfit
+    depths = penetrations([end[3] for end in ends], [outfit.avatar] * len(ends), model.device)
+    starts = np.cumsum([mesh.vertex_count for mesh in outfit.garments])[:-1]
     passed = []
     for (status, count, seconds, points), depth in zip(ends, depths, strict=True):
         model.set_points(points)
         strain = strain_summary(edge_strains(model)).p99
         worn = tuple(np.split(points, starts))
-        passed.append(Passed(status, count, loading, seconds, wardrobe.garments, worn, depth, strain, message))
+        passed.append(Passed(status, count, loading, seconds, outfit.garments, worn, depth, strain, message))
     return passed
 
 

@@ -10,11 +10,11 @@ import numpy as np
 
 from warp_cloth.fitting.plan import make_plan
 from warp_cloth.fitting.problem import build_problem
-from warp_cloth.garment.scene_garments import Wardrobe
+from warp_cloth.garment.outfit import Outfit
 from warp_cloth.scene import Scene
 from warp_cloth.study.timing import FEWEST_ROUNDS, LONG, SHORTEST_RUN, TimedFit
 
-Variant = tuple[Scene, Wardrobe]
+Variant = tuple[Scene, Outfit]
 REST = "the others"  # terms that cloth cannot be without
 
 
@@ -26,37 +26,37 @@ class Saving:
     share: float
 
 
-def savings_of(scene: Scene, wardrobe: Wardrobe, device: str) -> tuple[Saving, ...]:
+def savings_of(scene: Scene, outfit: Outfit, device: str) -> tuple[Saving, ...]:
     """Runs the scene against variants of it, each without one term; the last saving is what remains.
 
     The kernels of a variant are compiled first. One kernel computes forces and displacement, so that a timer of
     launches cannot tell terms apart.
     """
-    used = {term.name for term in make_plan(scene, wardrobe) if term.used}
+    used = {term.name for term in make_plan(scene, outfit) if term.used}
     savings = []
     for term, without in WITHOUT.items():
         if term in used:
-            seconds, shorter = _alternated((scene, wardrobe), without(scene, wardrobe), device)
+            seconds, shorter = _alternated((scene, outfit), without(scene, outfit), device)
             savings.append(Saving(term, 1.0 - shorter / seconds))
     return *savings, Saving(REST, 1.0 - sum(saving.share for saving in savings))
 
 
-def _without_bending(scene: Scene, wardrobe: Wardrobe) -> Variant:
+def _without_bending(scene: Scene, outfit: Outfit) -> Variant:
     parts = (
         replace(part, rest=replace(part.rest, hinge_stiffness=np.zeros_like(part.rest.hinge_stiffness)))
-        for part in wardrobe.parts
+        for part in outfit.parts
     )
-    return scene, replace(wardrobe, parts=tuple(parts))
+    return scene, replace(outfit, parts=tuple(parts))
 
 
-def _without_collision(**changes: Any) -> Callable[[Scene, Wardrobe], Variant]:
-    def without(scene: Scene, wardrobe: Wardrobe) -> Variant:
-        return scene.model_copy(update={"collision": scene.collision.model_copy(update=changes)}), wardrobe
+def _without_collision(**changes: Any) -> Callable[[Scene, Outfit], Variant]:
+    def without(scene: Scene, outfit: Outfit) -> Variant:
+        return scene.model_copy(update={"collision": scene.collision.model_copy(update=changes)}), outfit
 
     return without
 
 
-WITHOUT: dict[str, Callable[[Scene, Wardrobe], Variant]] = {
+WITHOUT: dict[str, Callable[[Scene, Outfit], Variant]] = {
     "bending": _without_bending,
     "avatar contact": _without_collision(avatar="none"),
     "cloth contact": _without_collision(cloth=False),
@@ -65,7 +65,7 @@ WITHOUT: dict[str, Callable[[Scene, Wardrobe], Variant]] = {
 
 def _alternated(one: Variant, other: Variant, device: str) -> tuple[float, float]:
     """Seconds of an iteration of two scenes that alternate from the start, so that other load falls on both alike."""
-    runs = [TimedFit(build_problem([scene], [wardrobe], device)) for scene, wardrobe in (one, other)]
+    runs = [TimedFit(build_problem([scene], [outfit], device)) for scene, outfit in (one, other)]
     rates: list[list[float]] = [[], []]
     passed = 0.0
     while passed < 2.0 * SHORTEST_RUN or (len(rates[0]) < FEWEST_ROUNDS and passed < 2.0 * LONG):

@@ -20,7 +20,7 @@ from warp_cloth.base.errors import InputError
 from warp_cloth.base.mesh import Mesh, Points
 from warp_cloth.base.threads import core_count
 from warp_cloth.export.files import unwritable, whole_file
-from warp_cloth.garment.scene_garments import mesh_recipes, open_wardrobe
+from warp_cloth.garment.outfit import load_outfit, mesh_recipes
 from warp_cloth.model.result import Status
 from warp_cloth.scene import Scene, load_scene
 from warp_cloth.study.knobs import Settings, Trial, budget_trials, nothing_holds, reference_of, single_trials, twin_of
@@ -166,7 +166,7 @@ class TradeStudy:
     def _refer(self) -> None:
         """The reference shape, and how far a second one as tight comes to rest from it."""
         if not self._worn:
-            open_wardrobe(self._scene)  # which says what is wrong with a file
+            load_outfit(self._scene)  # which says what is wrong with a file
             both = [reference_of(self._scene), twin_of(self._scene)]
             ends = dict(self._passages([(trial, {}) for trial in both]))
             # again in this process where it came to nothing, which says why
@@ -199,7 +199,7 @@ class TradeStudy:
             self.scatter_mm, self._strain = known["scatter_mm"], known["strain"]
         except (OSError, ValueError, KeyError, TypeError, zipfile.BadZipFile):
             return
-        self._worn, self._meshes = worn, open_wardrobe(load_scene(self._scene.settings())).garments
+        self._worn, self._meshes = worn, load_outfit(load_scene(self._scene.settings())).garments
         for line in rest:
             try:
                 self._measured.append(Measured(**json.loads(line)))

@@ -17,7 +17,7 @@ from warp_cloth.base.mesh import Points
 from warp_cloth.fitting.fit import tolerance_of
 from warp_cloth.fitting.problem import Problem, build_problem, load_problem
 from warp_cloth.fitting.warm_start import start_from
-from warp_cloth.garment.scene_garments import Rack, open_wardrobe
+from warp_cloth.garment.outfit import MeshCache, load_outfit
 from warp_cloth.maps import MAPS, measure_maps
 from warp_cloth.model.result import WornGarment
 from warp_cloth.scene import MannequinShape, Scene, TshirtShape, load_scene
@@ -77,10 +77,10 @@ class LiveFit:
         """``source`` and ``changes`` as of ``load_scene``; ``tell`` is told each stage of the first set-up."""
         self._source = source
         self._changes = self._first = dict(changes)
-        self._rack = Rack()
+        self._mesh_cache = MeshCache()
         self.device = device_named(device)
         self.scene = self._load(self._changes)
-        self.made: Problem = load_problem(self.scene, self.device, rack=self._rack, tell=tell)
+        self.made: Problem = load_problem(self.scene, self.device, mesh_cache=self._mesh_cache, tell=tell)
         self._start()
 
     def _load(self, changes: Mapping[str, str]) -> Scene:
@@ -114,7 +114,7 @@ class LiveFit:
         shape = self.scene.avatar.shape if self.scene.avatar is not None else None
         if not isinstance(shape, MannequinShape):
             return None
-        from warp_cloth.garment.scene_garments import worn_size
+        from warp_cloth.garment.outfit import worn_size
         from warp_cloth.shapes import mannequin_measures
 
         measures = mannequin_measures(shape, size=worn_size(self.scene))
@@ -167,37 +167,37 @@ class LiveFit:
         together = changed(self._changes, changes, self._first)
         scene = self._load(together)
         old, worn = self.made, self.points
-        wardrobe = open_wardrobe(scene, self._rack)
+        outfit = load_outfit(scene, self._mesh_cache)
         # what is worn has gone through the avatar's poses: it would take as long as all else to do so once more
-        standing = wardrobe if self.diverged else replace(wardrobe, poses=())
+        standing = outfit if self.diverged else replace(outfit, poses=())
         made = build_problem([scene], [standing], self.device, earlier=old.contact)
         if not self.diverged:
             worn_parts = [worn[first:last] for first, last in itertools.pairwise(old.model.vertex_start)]
-            taken = start_from(made, list(zip(old.wardrobe.garments, worn_parts, strict=True)))
-            if wardrobe.poses and not taken:
-                made = build_problem([scene], [wardrobe], self.device)
+            taken = start_from(made, list(zip(old.outfit.garments, worn_parts, strict=True)))
+            if outfit.poses and not taken:
+                made = build_problem([scene], [outfit], self.device)
         self.scene, self.made, self._changes = scene, made, together
         self._start()
 
     def reset(self) -> None:
         """Back to where the garments are loaded."""
-        self.made = load_problem(self.scene, self.device, rack=self._rack, earlier=self.made.contact)
+        self.made = load_problem(self.scene, self.device, mesh_cache=self._mesh_cache, earlier=self.made.contact)
         self._start()
 
     def values(self, name: str) -> tuple[list[NDArray[np.float32]], tuple[float, float]] | None:
         """A map of every garment as it lies now, and the range of its colours; None where there is none."""
-        if name not in MAPS or (MAPS[name].needs_avatar and self.made.wardrobe.avatar is None):
+        if name not in MAPS or (MAPS[name].needs_avatar and self.made.outfit.avatar is None):
             return None
         made = self.made
         push = made.certifier.pushes() if name == "pressure" else None
-        parts, starts = made.wardrobe.parts, made.model.vertex_start
+        parts, starts = made.outfit.parts, made.model.vertex_start
         spans = list(itertools.pairwise(starts))
         found = measure_maps(
             (name,),
             parts=parts,
             worn=[self.points[a:b] for a, b in spans],
             pushes=None if push is None else [push[a:b] for a, b in spans],
-            avatar=made.wardrobe.avatar,
+            avatar=made.outfit.avatar,
             garment_names=[spec.name for spec in self.scene.garments],
             device=self.device,
             girths=False,
@@ -216,7 +216,7 @@ class LiveFit:
                 fabric=spec.fabric, rest=part.rest,
             )
             for index, (spec, mesh, part) in enumerate(
-                zip(self.scene.garments, self.made.wardrobe.garments, self.made.wardrobe.parts, strict=True)
+                zip(self.scene.garments, self.made.outfit.garments, self.made.outfit.parts, strict=True)
             )
         )  # fmt: skip
 
@@ -233,7 +233,7 @@ class LiveFit:
                 for worn, values in zip(garments, shown[0], strict=True)
             )
         path = folder / f"{self.scene.name}.usdz"
-        avatar = self.made.wardrobe.avatar
+        avatar = self.made.outfit.avatar
         write_stage(path, garments=garments, avatar=avatar, name=self.scene.name, ranges=ranges, colour=map_name)
         return path
 

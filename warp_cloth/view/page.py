@@ -228,11 +228,11 @@ class Page:
         self._stale = True
 
     def _body_bounds(self) -> tuple[Any, Any]:
-        avatar = self._live.made.wardrobe.avatar
+        avatar = self._live.made.outfit.avatar
         return avatar.bounds() if avatar is not None else (self._live.points.min(axis=0), self._live.points.max(axis=0))
 
     def _show_avatar(self) -> None:
-        avatar = self._live.made.wardrobe.avatar
+        avatar = self._live.made.outfit.avatar
         if avatar is not None:
             topology = build_topology(avatar.triangles, avatar.vertex_count)
             closed = len(topology.hinges) == len(topology.edges)

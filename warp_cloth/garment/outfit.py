@@ -1,0 +1,267 @@
+"""The outfit of a scene: meshes, rest shapes and pins of its garments, and the avatar, made from a checked scene."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import Any, NamedTuple, TypeVar
+
+from warp_cloth.base.cache import Cache
+from warp_cloth.base.errors import InputError
+from warp_cloth.base.mesh import Indices, Mesh, Points
+from warp_cloth.garment.grain import Grain
+from warp_cloth.garment.part import GarmentPart
+from warp_cloth.garment.pins import select_pins
+from warp_cloth.garment.rest import RestGeometry, RestShape, build_rest_geometry, rest_in_fabric
+from warp_cloth.loading import check_sizes, load_mesh, load_poses
+from warp_cloth.scene import AvatarSpec, GarmentSpec, MannequinShape, Scene, TshirtShape
+from warp_cloth.scene.predrape import dressing_of
+from warp_cloth.shapes import MannequinMeasures, build_avatar, build_garment, mannequin_measures
+
+DEFAULT_SIZE = "M"
+FABRIC_KEYS = {"fabric", "pin", "name"}  # keys of a garment that its rest geometry does not depend on
+MESH_KEYS = {"mesh", "shape", "prim", "units", "up", "rest"}  # keys of a garment or an avatar that its mesh depends on
+
+T = TypeVar("T")
+Key = tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Outfit:
+    """The garments of a scene, inner to outer, and the avatar that wears them, loaded or generated, in metres."""
+
+    garments: tuple[Mesh, ...]
+    parts: tuple[GarmentPart, ...]  # what the model needs of each garment
+    avatar: Mesh | None  # in its last pose
+    poses: tuple[Points, ...] = ()  # vertices of a moving avatar, first pose to last [m], each shape [V, 3]
+    dressing: tuple[GarmentPart, ...] = ()  # the garments in the fabric of their predrape; empty: they start as placed
+
+    @property
+    def starting_avatar(self) -> Mesh | None:
+        """The avatar in its first pose, in which the garments start."""
+        return replace(self.avatar, points=self.poses[0]) if self.avatar is not None and self.poses else self.avatar
+
+
+class GarmentKeys(NamedTuple):
+    """Cache keys of what is made of one garment of a scene."""
+
+    mesh: Key
+    geometry: Key  # the rest geometry, the same in every fabric
+    rest: Key  # the rest shape in the garment's own fabric, with its pins
+
+
+@dataclass(frozen=True, eq=False)
+class Recipe:
+    """How to make a mesh that scenes can share, and its cache key."""
+
+    key: Key
+    make: Callable[[Cache], Any]  # in any process, from that process's cache of drafts
+
+
+class MeshCache(Cache):
+    """Meshes, rest shapes and garment parts, keyed by the scene values and files that they are made from.
+
+    ``drafts`` caches what generated shapes are made from.
+    """
+
+    def __init__(self, drafts: Cache | None = None) -> None:
+        super().__init__()
+        self.drafts = drafts or Cache()
+
+    def make(self, recipe: Recipe) -> Any:
+        """The mesh of a recipe, made at the first call."""
+        return self.get(recipe.key, partial(recipe.make, self.drafts))
+
+    def get(self, key: Key, make: Callable[[], T]) -> T:
+        """The value of a key, made at the first call."""
+        return self.get_or_make(key[0], (), make, *key[1:])
+
+    def subset(self, keys: Iterable[Key]) -> dict[Key, Any]:
+        """The entries of those keys that are cached."""
+        entries = self.portable_entries()
+        return {key: entries[key] for key in keys if key in entries}
+
+    def without(self, known: Iterable[Key]) -> dict[Any, Any]:
+        """All entries but those of the known keys."""
+        excluded = set(known)
+        return {key: made for key, made in self.portable_entries().items() if key not in excluded}
+
+    @property
+    def vertex_count(self) -> int:
+        """Vertices of all cached meshes together."""
+        return sum(made.vertex_count for made in self.portable_entries().values() if isinstance(made, Mesh))
+
+
+def load_outfit(scene: Scene, mesh_cache: MeshCache | None = None) -> Outfit:
+    """Loads or generates every mesh of a scene and computes rest shapes and pins; cached ones are reused.
+
+    Raises:
+        InputError: a file, a rest shape or a pin cannot be used.
+    """
+    cache = mesh_cache or MeshCache()
+    meshes = [cache.make(recipe) for recipe in mesh_recipes(scene)]
+    garments, avatar = tuple(meshes[: len(scene.garments)]), meshes[-1] if scene.avatar is not None else None
+    check_sizes(list(zip(scene.garment_keys, garments, strict=True)), avatar)
+    parts, dressing = _parts(scene, garments, cache), dressing_of(scene)
+    poses: tuple[Points, ...] = ()
+    if avatar is not None and scene.avatar is not None and scene.avatar.poses:
+        files = () if scene.avatar.poses == "samples" else scene.avatar.poses
+        key = "posed", *avatar_recipe(scene)[0].key, _values(scene.avatar, {"poses"}), _file_stamp(*files)
+        avatar, poses = cache.get(key, partial(_posed, scene.avatar, avatar))
+    return Outfit(garments, parts, avatar, poses, () if dressing is None else _parts(dressing, garments, cache))
+
+
+def _parts(scene: Scene, garments: Sequence[Mesh], mesh_cache: MeshCache) -> tuple[GarmentPart, ...]:
+    """What the model needs of each garment."""
+    parts = []
+    for index, mesh in enumerate(garments):
+        keys = garment_keys(scene, index)
+        rest, pins = _rest_of(scene, index, keys, mesh_cache)
+        make = partial(GarmentPart, mesh.points, mesh.triangles, rest, pins)
+        parts.append(mesh_cache.get(("part", *keys.rest), make))
+    return tuple(parts)
+
+
+def mesh_recipes(scene: Scene) -> list[Recipe]:
+    """Recipes of the meshes of a scene's garments, inner to outer, then of its avatar, if it has one."""
+    body = _body(scene)
+    recipes = [
+        Recipe(garment_keys(scene, index).mesh, partial(_garment_mesh, spec, key, body))
+        for index, (spec, key) in enumerate(zip(scene.garments, scene.garment_keys, strict=True))
+    ]
+    return [*recipes, *avatar_recipe(scene)]
+
+
+def avatar_recipe(scene: Scene) -> list[Recipe]:
+    """The recipe of a scene's avatar mesh; empty without an avatar."""
+    if scene.avatar is None:
+        return []
+    stamp = _file_stamp(scene.avatar.mesh)
+    key = "avatar", _directory(scene), generated_body(scene), _values(scene.avatar, MESH_KEYS), stamp
+    return [Recipe(key, partial(_avatar_mesh, scene.avatar, worn_size(scene)))]
+
+
+def garment_keys(scene: Scene, index: int) -> GarmentKeys:
+    """Cache keys of a scene's garment."""
+    spec, key = scene.garments[index], scene.garment_keys[index]
+    common = _directory(scene), key, str(_body(scene))
+    stamp = _file_stamp(spec.mesh, spec.grain_texture)
+    return GarmentKeys(
+        ("mesh", *common, _values(spec, MESH_KEYS), stamp),
+        ("geometry", *common, _values(spec, set(GarmentSpec.model_fields) - FABRIC_KEYS), stamp),
+        ("rest", *common, _values(spec, None), stamp),
+    )
+
+
+def rest_of(scene: Scene, index: int, mesh_cache: MeshCache) -> tuple[RestShape, Indices]:
+    """Rest shape and pinned vertices of a scene's garment, from the cache or made and cached.
+
+    Raises:
+        InputError: its file, rest shape or pins cannot be used.
+    """
+    return _rest_of(scene, index, garment_keys(scene, index), mesh_cache)
+
+
+def geometry_of(scene: Scene, index: int, mesh_cache: MeshCache) -> tuple[Mesh, RestGeometry]:
+    """Mesh and rest geometry of a scene's garment, from the cache or made and cached.
+
+    Raises:
+        InputError: its file or rest shape cannot be used.
+    """
+    return _geometry_of(scene, index, garment_keys(scene, index), mesh_cache)
+
+
+def _rest_of(scene: Scene, index: int, keys: GarmentKeys, mesh_cache: MeshCache) -> tuple[RestShape, Indices]:
+    mesh, geometry = _geometry_of(scene, index, keys, mesh_cache)
+    spec, key = scene.garments[index], scene.garment_keys[index]
+    return mesh_cache.get(keys.rest, partial(_rest, mesh, geometry, spec, key))
+
+
+def _geometry_of(scene: Scene, index: int, keys: GarmentKeys, mesh_cache: MeshCache) -> tuple[Mesh, RestGeometry]:
+    spec, key = scene.garments[index], scene.garment_keys[index]
+    mesh = mesh_cache.get(keys.mesh, partial(_garment_mesh, spec, key, _body(scene), mesh_cache.drafts))
+    return mesh, mesh_cache.get(keys.geometry, partial(_geometry, mesh, spec, key))
+
+
+def _directory(scene: Scene) -> str:
+    return str(scene.directory.absolute())
+
+
+def _body(scene: Scene) -> MannequinMeasures | None:
+    """The mannequin that generated garments are placed round."""
+    worn_by = scene.avatar.shape if scene.avatar is not None else None
+    return mannequin_measures(worn_by, size=worn_size(scene)) if isinstance(worn_by, MannequinShape) else None
+
+
+def generated_body(scene: Scene) -> str:
+    """A key of the mannequin that a scene's generated meshes are made for; empty without one."""
+    return str(_body(scene) or "")
+
+
+def _file_stamp(*paths: Path | None) -> str:
+    """Size and time of source files, which may change during the life of a cache."""
+    stamps = []
+    for path in paths:
+        with contextlib.suppress(OSError, ValueError):  # a missing file is reported when it is read
+            status = os.stat(path) if path is not None else None
+            stamps.append(f"{status.st_size} {status.st_mtime_ns}" if status is not None else "")
+    return " ".join(stamps)
+
+
+def _posed(spec: AvatarSpec, avatar: Mesh) -> tuple[Mesh, tuple[Points, ...]]:
+    """A loaded avatar in its last pose, and its vertices in every pose, the loaded one first [m]."""
+    if spec.mesh is None:
+        return avatar, ()
+    later = load_poses(avatar, spec.mesh, spec.poses, prim=spec.prim, units=spec.units, up=spec.up)
+    return replace(avatar, points=later[-1]), (avatar.points, *later)
+
+
+def _values(spec: GarmentSpec | AvatarSpec, keys: set[str] | None) -> str:
+    """The values of these keys of a scene table (None: all but its name), as JSON."""
+    return spec.model_dump_json(include=keys, exclude={"name"})
+
+
+def _geometry(mesh: Mesh, spec: GarmentSpec, key: str) -> RestGeometry:
+    place = key if spec.mesh is None else str(spec.mesh)
+    grain = Grain(spec.grain_degrees, spec.grain_panels, spec.grain_texture)
+    return build_rest_geometry(
+        mesh,
+        rest=spec.rest,
+        metres_per_uv=spec.uv_metres,
+        grain=grain,
+        rest_angles=spec.rest_angles,
+        place=place,
+        key=key,
+    )
+
+
+def _rest(mesh: Mesh, geometry: RestGeometry, spec: GarmentSpec, key: str) -> tuple[RestShape, Indices]:
+    rest = rest_in_fabric(geometry, mesh.vertex_count, spec.fabric)
+    pins = select_pins(mesh, spec.pin, f"{key}.pin")
+    if len(pins) == mesh.vertex_count:
+        raise InputError(f"{key}.pin", "every vertex is pinned, so nothing can move", "pin fewer vertices")
+    return rest, pins
+
+
+def _garment_mesh(spec: GarmentSpec, key: str, body: MannequinMeasures | None, drafts: Cache) -> Mesh:
+    if spec.mesh is not None:
+        return load_mesh(
+            spec.mesh, role="garment", key=key, prim=spec.prim, units=spec.units, up=spec.up, rest=spec.rest
+        )
+    return build_garment(spec.shape, body=body, cache=drafts)
+
+
+def _avatar_mesh(spec: AvatarSpec, size: str, drafts: Cache) -> Mesh:
+    if spec.mesh is not None:
+        return load_mesh(spec.mesh, role="avatar", key="avatar", prim=spec.prim, units=spec.units, up=spec.up)
+    return build_avatar(spec.shape, size=size, cache=drafts)
+
+
+def worn_size(scene: Scene) -> str:
+    """The size whose standard body gives the mannequin measures left out: that of the innermost garment with a size."""
+    sizes = [garment.shape.size for garment in scene.garments if isinstance(garment.shape, TshirtShape)]
+    return sizes[0] if sizes else DEFAULT_SIZE
