@@ -14,9 +14,9 @@ from meshfiles import ball, sheet, write_obj
 from quick import SMALL, hanging, quick
 
 from warp_cloth.avatar import collider as avatar_contact
-from warp_cloth.fitting import fit as fitting
 from warp_cloth.fitting import problem
 from warp_cloth.model.result import Status
+from warp_cloth.report import status
 from warp_cloth.solver.relax import StepOptions
 
 # Both are within the tolerance of 1 mm from the true rest shape, on either side of it.
@@ -40,7 +40,9 @@ def test_at_rest_and_out_of_iterations_are_told_with_a_sentence() -> None:
     assert stopped.message.startswith("Not at rest after 60 iterations: ")
     assert stopped.message.endswith("raise solver.iterations.")
     stiff = quick("hanging", *SMALL, "solver.iterations=60", "garment.fabric.stretch=1e6")
-    assert stiff.message.endswith('"multilevel", made for fine meshes and stiff cloth, or raise solver.iterations.')
+    assert stiff.message.endswith(
+        '"multilevel", which is faster for fine meshes and stiff cloth, or raise solver.iterations.'
+    )
 
 
 @pytest.mark.parametrize(
@@ -60,7 +62,7 @@ def test_at_rest_and_out_of_iterations_are_told_with_a_sentence() -> None:
                 "garment": {"shape": {"kind": "square", "vertices_per_side": 5, "side": 0.2}},
                 "avatar": {"shape": {"kind": "sphere", "edge_mm": 100, "centre": [0.6, 0.8, 0.0]}},
             },
-            '"square" is beside the avatar, which cannot hold it: place it round or above it',
+            '"square" is beside the avatar, which cannot hold it: place it around or above the avatar',
         ),
     ],
 )
@@ -71,7 +73,7 @@ def test_a_garment_that_falls_for_ever_is_told_of(scene: dict[str, Any], words: 
 
 
 def test_what_is_seen_beside_rest_does_not_hide_what_it_takes_to_rest(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(fitting, "hidden", lambda *_: "much is hidden")
+    monkeypatch.setattr(status, "unseen_avatar", lambda *_: "much is hidden")
     assert quick("sphere", "solver.iterations=20").message.endswith("raise solver.iterations; and much is hidden.")
 
 

@@ -10,8 +10,7 @@ import pytest
 from meshfiles import write_obj
 
 import warp_cloth
-from warp_cloth.fitting.fit import tolerance_of
-from warp_cloth.fitting.problem import Problem, collider_updates, load_problem
+from warp_cloth.fitting.problem import Problem, collider_updates, load_problem, tolerance_of
 from warp_cloth.model.result import Status
 from warp_cloth.solver.loop import relax_to_rest
 

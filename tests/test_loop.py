@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from warp_cloth.fitting import problem as set_up_module
-from warp_cloth.fitting.fit import tolerance_of
-from warp_cloth.fitting.problem import build_problem, collider_updates
+from warp_cloth.fitting.problem import build_problem, collider_updates, tolerance_of
 from warp_cloth.garment.outfit import load_outfit
 from warp_cloth.model.model import build_model
 from warp_cloth.scene import load_scene

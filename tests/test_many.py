@@ -22,8 +22,8 @@ from warp_cloth.batch.memory import Need, cut_to_fit, need_of, side_by_side
 from warp_cloth.contact import garments
 from warp_cloth.contact.garments import model_crossings, worn_crossings
 from warp_cloth.fitting import problem
-from warp_cloth.fitting.fit import Fit, tolerance_of
-from warp_cloth.fitting.problem import Problem
+from warp_cloth.fitting.fit import Fit
+from warp_cloth.fitting.problem import Problem, tolerance_of
 from warp_cloth.garment.outfit import load_outfit
 from warp_cloth.kernels.base.subset import GROUP
 from warp_cloth.model.model import build_model

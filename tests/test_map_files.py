@@ -17,10 +17,10 @@ from warp_cloth.export.comparison import save_comparison
 from warp_cloth.export.map_picture import MapPictures, ticks
 from warp_cloth.export.stage import write_stage
 from warp_cloth.export.surface import linear
-from warp_cloth.loading.result import WrittenFit, read_fit
 from warp_cloth.maps import MAPS
 from warp_cloth.maps.colour import colours, shown_value
 from warp_cloth.maps.compare import compare_fits
+from warp_cloth.maps.read import WrittenFit, read_fit
 from warp_cloth.model.result import WornGarment
 
 RANGES = {"pressure": (0.0, 2.0), "strain_warp": (-0.1, 0.1)}

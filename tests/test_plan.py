@@ -14,9 +14,9 @@ from typer.testing import CliRunner
 from warp_cloth.base.errors import InputError
 from warp_cloth.cli.main import app
 from warp_cloth.fitting.fit import fit
-from warp_cloth.fitting.plan import contact_kind, make_plan
 from warp_cloth.fitting.problem import Problem, load_problem
 from warp_cloth.garment.reach import reach_box
+from warp_cloth.model.plan import contact_kind, make_plan
 from warp_cloth.scene import load_scene
 from warp_cloth.study import footprint, planning, savings, timing
 from warp_cloth.study.launches import Launch, bytes_of, launches_of

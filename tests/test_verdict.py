@@ -15,7 +15,7 @@ from warp_cloth.fitting.fit import fit
 from warp_cloth.garment.outfit import load_outfit
 from warp_cloth.model.result import Strain
 from warp_cloth.report.advice import advice, notes_of
-from warp_cloth.report.status import crossed, fallen_pieces, hidden, of_another_size, slid_off
+from warp_cloth.report.faults import crossing_faces, detached_pieces, slid_off, unseen_avatar, wrong_size
 from warp_cloth.scene import load_scene
 
 
@@ -25,16 +25,16 @@ def contact(p99: float) -> dict[str, Any]:
 
 @pytest.mark.parametrize(("kind", "remedy"), [("depth", '"auto"'), ("auto", '"mesh"'), ("plain", ""), ("mesh", "")])
 def test_an_avatar_that_is_not_seen_names_the_collider_that_does(kind: str, remedy: str) -> None:
-    sentence = hidden(contact(12.0), kind)
+    sentence = unseen_avatar(contact(12.0), kind)
     assert remedy in sentence
     assert bool(sentence) == bool(remedy)
-    assert hidden(contact(1.0), kind) == hidden(None, kind) == ""
+    assert unseen_avatar(contact(1.0), kind) == unseen_avatar(None, kind) == ""
 
 
 def test_cloth_that_passes_through_itself_is_told_how_not_to() -> None:
-    sentence = crossed(0.104, cloth_contact=False)
+    sentence = crossing_faces(0.104, cloth_contact=False)
     assert sentence.startswith("10 % of the faces pass through others: set collision.cloth = true")
-    assert crossed(0.03, cloth_contact=False) == crossed(0.104, cloth_contact=True) == ""
+    assert crossing_faces(0.03, cloth_contact=False) == crossing_faces(0.104, cloth_contact=True) == ""
 
 
 def test_a_folded_sheet_says_in_its_sentence_that_it_passes_through_itself(tmp_path: Path) -> None:
@@ -65,8 +65,8 @@ def test_panels_that_are_not_taken_though_something_speaks_for_them_are_told_of(
 
 
 def test_cloth_far_from_its_natural_size_is_told_of() -> None:
-    assert of_another_size(Strain(p50=0.05, p99=0.9, max=2.0, min=-0.5)) == ""
-    assert "64 %" in of_another_size(Strain(p50=0.64, p99=0.9, max=2.0, min=-0.5))
+    assert wrong_size(Strain(p50=0.05, p99=0.9, max=2.0, min=-0.5)) == ""
+    assert "64 %" in wrong_size(Strain(p50=0.64, p99=0.9, max=2.0, min=-0.5))
 
 
 @pytest.mark.parametrize(
@@ -103,9 +103,9 @@ def test_a_button_that_falls_off_is_told_of(tmp_path: Path) -> None:
     scene = load_scene({"garment": {"mesh": str(tmp_path / "coat.obj"), "units": "m"}})
     outfit = load_outfit(scene)
     worn = outfit.parts[0].points - np.array([0.0, 0.3, 0.0])  # all of it came down, the button not farther
-    assert fallen_pieces(scene, outfit, [worn]) == ""
+    assert detached_pieces(scene, outfit, [worn]) == ""
     worn[25:] -= [0.0, 0.2, 0.0]
-    assert fallen_pieces(scene, outfit, [worn]).startswith('1 of the 2 pieces of "coat" fall off')
+    assert detached_pieces(scene, outfit, [worn]).startswith('1 of the 2 pieces of "coat" fall off')
 
 
 def test_a_gap_that_no_view_shows_is_told_of_until_all_layers_are_drawn(tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ import time
 import warp as wp
 
 from warp_cloth.base.warp_setup import start_warp
-from warp_cloth.fitting.fit import finish_fits
+from warp_cloth.fitting.finish import finish_fits
 from warp_cloth.fitting.problem import collider_updates, load_problem, tolerance_of
 from warp_cloth.scene import load_scene
 from warp_cloth.solver.loop import relax_to_rest

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import collections
 import gc
-import time
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
@@ -20,11 +19,13 @@ from warp_cloth.batch.gpu_queue import Turn
 from warp_cloth.batch.loading import Shelf
 from warp_cloth.batch.memory import Need, available_bytes, cut_to_fit, need_of, side_by_side
 from warp_cloth.batch.warm_kernels import load_kernels
-from warp_cloth.fitting.fit import Fit, finish_fits, tolerance_of
-from warp_cloth.fitting.plan import contact_kind
+from warp_cloth.fitting.clock import StageClock
+from warp_cloth.fitting.finish import finish_fits
+from warp_cloth.fitting.fit import Fit
 from warp_cloth.fitting.predrape import build_predrape, start_predraped
-from warp_cloth.fitting.problem import build_problem, collider_updates, problem_kind, start_coarse
+from warp_cloth.fitting.problem import build_problem, collider_updates, problem_kind, start_coarse, tolerance_of
 from warp_cloth.garment.outfit import MeshCache, Outfit, load_outfit
+from warp_cloth.model.plan import contact_kind
 from warp_cloth.scene import Scene, load_scene
 from warp_cloth.solver.loop import Goal, relax_items
 
@@ -134,25 +135,17 @@ def _halving(
 
 def _together(scenes: Sequence[Scene], outfits: Sequence[Outfit], device: str, cache: Cache, turn: Turn) -> list[Fit]:
     """Relaxes scenes of one kind together."""
-    seconds = dict.fromkeys(("load", "compile", "build", "carry", "relax", "measure", "export"), 0.0)
-    last = time.perf_counter()
-
-    def lap(stage: str) -> None:
-        nonlocal last
-        now = time.perf_counter()
-        seconds[stage] += now - last
-        last = now
-
-    made = build_problem(scenes, outfits, device, cache=cache, lap=lap)
+    clock = StageClock()
+    made = build_problem(scenes, outfits, device, cache=cache, lap=clock.lap)
     dressing = build_predrape(made, cache)
-    lap("build")
+    clock.lap("build")
     goals = [Goal(tolerance_of(scene), scene.solver.iterations) for scene in scenes]
     # a few garments leave a GPU idle most of the time, for those whose turn it is
     levels = [start_coarse(made)] * len(scenes) if dressing is None else start_predraped(made, dressing)
     for item in range(len(scenes)):
         if not turn.taken():
             break
-        made.touched(item)  # measures what the report tells of its contact, for which there is time now
+        made.contact_report(item)  # measures what the report tells of its contact, for which there is time now
     with turn:
         outcomes = relax_items(
             made.relaxation,
@@ -162,5 +155,6 @@ def _together(scenes: Sequence[Scene], outfits: Sequence[Outfit], device: str, c
             course=made.course,
             on_chunk=turn.offer,
         )
-    lap("relax")
-    return finish_fits(made, outcomes, levels=levels, lap=lap, seconds=seconds)
+    clock.lap("relax")
+    results = finish_fits(made, outcomes, levels=levels, lap=clock.lap, seconds=clock.seconds)
+    return [Fit.of(result) for result in results]

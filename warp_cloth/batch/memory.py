@@ -12,9 +12,9 @@ import warp as wp
 from warp_cloth.avatar.collider import MARGIN
 from warp_cloth.avatar.exact import tree_bytes
 from warp_cloth.avatar.field import GRIDS_AT_ONCE, LEAST_SPACING, PIXELS_PER_SPACING
-from warp_cloth.fitting.plan import contact_kind
 from warp_cloth.fitting.problem import contact_key
 from warp_cloth.garment.outfit import Outfit
+from warp_cloth.model.plan import contact_kind
 from warp_cloth.scene import Scene
 
 # Bytes for each vertex, edge, triangle and hinge of model, iterations, certificate and the shapes that it keeps, in

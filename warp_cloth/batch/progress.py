@@ -5,14 +5,14 @@ from __future__ import annotations
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
+from warp_cloth.base.progress_line import ProgressLine
 from warp_cloth.batch.drive import BatchReport, Standing
-from warp_cloth.cli.progress import LineDisplay
 from warp_cloth.loading.raw import counted
 
 MOST_REASONS = 3  # told of the items without result, the commonest
 
 
-class BatchDisplay(LineDisplay):
+class BatchDisplay(ProgressLine):
     """Shows where a batch stands."""
 
     def __init__(self, console: Console) -> None:

@@ -17,8 +17,8 @@ from warp_cloth.avatar.exact import ExactCollider, build_exact_collider
 from warp_cloth.avatar.solid import closing_of
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.mesh import Mesh, Points
-from warp_cloth.bench.save import figure_class
 from warp_cloth.export.files import whole_file
+from warp_cloth.export.plots import figure_class
 from warp_cloth.export.report import check_writable, write_report
 
 if TYPE_CHECKING:

@@ -7,11 +7,10 @@ import io
 import textwrap
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
 
-from warp_cloth.base.errors import InputError
 from warp_cloth.bench.bench import Bench, Curve
 from warp_cloth.export.files import whole_file
+from warp_cloth.export.plots import figure_class
 from warp_cloth.export.preview import drawn, save_picture
 from warp_cloth.export.render import gathered
 from warp_cloth.export.report import check_writable, write_report
@@ -69,19 +68,6 @@ def _csv(curves: tuple[Curve, ...]) -> str:
         for x, measured, own in zip(curve.x, curve.measured, stated, strict=True):
             rows.writerow([curve.name, x, curve.x_unit, measured, own, curve.y_unit])
     return text.getvalue()
-
-
-def figure_class() -> Any:
-    """Matplotlib's Figure.
-
-    Raises:
-        InputError: matplotlib is not installed.
-    """
-    try:
-        from matplotlib.figure import Figure
-    except ImportError:
-        raise InputError("matplotlib", "is needed for plots", "pip install 'warp-cloth[plot]', or --no-plots") from None
-    return Figure
 
 
 def _plot(path: Path, bench: Bench) -> None:

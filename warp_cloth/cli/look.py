@@ -25,7 +25,7 @@ def compare(
     warp-cloth compare out_M out_L --out difference
     """
     with one_line_errors():
-        from warp_cloth.loading.result import read_fit
+        from warp_cloth.maps.read import read_fit
 
         fits = read_fit(first), read_fit(second)
         with output_folder(out, "compare"):

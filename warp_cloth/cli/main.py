@@ -168,7 +168,8 @@ def fabric(
             from warp_cloth.base.device import device_named
             from warp_cloth.bench import run_bench
             from warp_cloth.bench.bench import DISC_RINGS, DISCS
-            from warp_cloth.bench.save import figure_class, save_bench, table
+            from warp_cloth.bench.save import save_bench, table
+            from warp_cloth.export.plots import figure_class
 
             if plots:
                 figure_class()
@@ -312,7 +313,7 @@ def avatar(
             start_warp(False)
             from warp_cloth.base.device import device_named
             from warp_cloth.bench.avatar import run_avatar_bench, save_avatar_bench, table
-            from warp_cloth.bench.save import figure_class
+            from warp_cloth.export.plots import figure_class
             from warp_cloth.garment.outfit import load_outfit
 
             if plots:
@@ -375,15 +376,15 @@ def _figures(text: str, values: Mapping[str, Any], *keys: str) -> str:
     found = [None if isinstance(value, float) and not math.isfinite(value) else value for value in found]
     if all(value is None for value in found):
         return ""
-    from warp_cloth.report.status import figure
+    from warp_cloth.report.numbers import short_number
 
-    return text.format(*("?" if v is None else f"{v:,}" if isinstance(v, int) else figure(v) for v in found))
+    return text.format(*("?" if v is None else f"{v:,}" if isinstance(v, int) else short_number(v) for v in found))
 
 
 def _fit(scene: Scene, device: str | None, frames: int, maps: Sequence[str], start: Path | None) -> Fit:
     from rich.console import Console
 
-    from warp_cloth.cli.progress import ProgressDisplay
+    from warp_cloth.cli.fit_progress import ProgressDisplay
     from warp_cloth.fitting.fit import fit as run
 
     with ProgressDisplay(Console(stderr=True)) as display:

@@ -41,8 +41,8 @@ def plan(
         chosen = load_scene(scene, changes or ())
         start_warp(False)
         from warp_cloth.base.device import device_named
-        from warp_cloth.fitting.plan import make_plan
         from warp_cloth.fitting.problem import load_problem
+        from warp_cloth.model.plan import make_plan
         from warp_cloth.study.footprint import footprint_of
         from warp_cloth.study.planning import plan_lines, write_plan
         from warp_cloth.study.savings import savings_of
@@ -81,7 +81,7 @@ def tradeoff(
         with output_folder(out, f"{chosen.name}_tradeoff"):
             start_warp(False)
             from warp_cloth.base.device import device_named
-            from warp_cloth.bench.save import figure_class
+            from warp_cloth.export.plots import figure_class
 
             if plots:
                 figure_class()
@@ -124,7 +124,7 @@ def extremes(
         with output_folder(out, "extremes"):
             start_warp(False)
             from warp_cloth.base.device import device_named
-            from warp_cloth.bench.save import figure_class
+            from warp_cloth.export.plots import figure_class
 
             if plots:
                 figure_class()
@@ -156,7 +156,7 @@ def methods(
         with output_folder(out, "methods"):
             start_warp(False)
             from warp_cloth.base.device import device_named
-            from warp_cloth.bench.save import figure_class
+            from warp_cloth.export.plots import figure_class
 
             if plots:
                 figure_class()

@@ -8,10 +8,10 @@ from typing import Any
 from warp_cloth.export.map_picture import MapPictures
 from warp_cloth.export.report import write_report
 from warp_cloth.export.stage import write_stage
-from warp_cloth.loading.result import WrittenFit
 from warp_cloth.maps.compare import Comparison
 from warp_cloth.maps.kinds import kind_named
 from warp_cloth.maps.measure import percentiles
+from warp_cloth.maps.read import WrittenFit
 
 
 def save_comparison(found: Comparison, fits: tuple[WrittenFit, WrittenFit], folder: Path) -> list[Path]:

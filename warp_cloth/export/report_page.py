@@ -15,7 +15,7 @@ from warp_cloth.export.report import plain
 from warp_cloth.maps.colour import shown_value
 from warp_cloth.maps.kinds import MAPS
 from warp_cloth.report.advice import advice, notes_of
-from warp_cloth.report.status import figure
+from warp_cloth.report.numbers import short_number
 from warp_cloth.solver.certificate.rest_error import GROWING
 
 
@@ -70,7 +70,7 @@ def certificate_rows(report: Mapping[str, Any]) -> list[dict[str, Any]]:
     if solver["method"] != "direct":
         wanted.append(("growing motion [mm]", report["growing_mm"], 1e3 * GROWING, "of a fold that may snap"))
     rows = [
-        {"name": name, "value": figure(value), "wanted": f"{limit:g}", "met": value <= limit, "meaning": meaning}
+        {"name": name, "value": short_number(value), "wanted": f"{limit:g}", "met": value <= limit, "meaning": meaning}
         for name, value, limit, meaning in wanted
     ]
     strain, depth = report["strain"], report.get("penetration_mm")
@@ -83,6 +83,6 @@ def certificate_rows(report: Mapping[str, Any]) -> list[dict[str, Any]]:
     if depth is not None:
         told.append(("penetration, deepest [mm]", depth["max"], "under the exact body mesh"))
     return rows + [
-        {"name": name, "value": figure(value), "wanted": "", "met": True, "meaning": meaning}
+        {"name": name, "value": short_number(value), "wanted": "", "met": True, "meaning": meaning}
         for name, value, meaning in told
     ]

@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from warp_cloth.base.threads import in_turn
 from warp_cloth.export import preview, stage
@@ -17,15 +16,13 @@ from warp_cloth.export.report import check_writable, result_paths, write_map, wr
 from warp_cloth.export.report_page import write_report_page
 from warp_cloth.loading.usd import mesh_paths_of
 from warp_cloth.maps.kinds import MAPS
+from warp_cloth.model.result import FitResult
 from warp_cloth.scene import Scene
 from warp_cloth.scene.stage import USD_SUFFIXES
 
-if TYPE_CHECKING:
-    from warp_cloth.fitting.fit import Fit
-
 
 @in_turn
-def save_fit(fit: Fit, folder: Path, *, colour: str, formats: Sequence[str]) -> list[Path]:
+def save_fit(fit: FitResult, folder: Path, *, colour: str, formats: Sequence[str]) -> list[Path]:
     """Writes what ``Fit.save`` says; the report last."""
     scene = fit.scene
     check_writable(folder, scene.name)
@@ -63,7 +60,7 @@ def save_fit(fit: Fit, folder: Path, *, colour: str, formats: Sequence[str]) -> 
     return paths
 
 
-def write_meshes(fit: Fit, folder: Path, *, colour: str = "", formats: Sequence[str] = ("usdc",)) -> list[Path]:
+def write_meshes(fit: FitResult, folder: Path, *, colour: str = "", formats: Sequence[str] = ("usdc",)) -> list[Path]:
     """The worn garments in every format, and the layer over the user's stage."""
     from warp_cloth.export.meshes import write_glb, write_obj
 
@@ -113,7 +110,7 @@ def avatar_asset(scene: Scene) -> AvatarAsset | None:
     return AvatarAsset(file, tuple(meshes), tuple(worn), avatar.units)
 
 
-def staged_garments(fit: Fit) -> list[StagedGarment]:
+def staged_garments(fit: FitResult) -> list[StagedGarment]:
     """The garments that came from the first garment's USD file, if it is one."""
     specs = fit.scene.garments
     if not _is_stage(specs[0].mesh):

@@ -7,7 +7,7 @@ folds, and takes many times as many iterations.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,7 +16,7 @@ import warp as wp
 from warp_cloth.base.mesh import Points, vertex_normals
 from warp_cloth.garment.part import GarmentPart
 from warp_cloth.model.model import ClothModel, build_model
-from warp_cloth.model.result import Status
+from warp_cloth.model.result import LevelRun, Status
 from warp_cloth.solver.certificate.certifier import Certifier, Tolerance
 from warp_cloth.solver.implicit.coarse_garments import Ladder, carried
 from warp_cloth.solver.implicit.multilevel import MultilevelRelaxation
@@ -34,15 +34,6 @@ LOOSER = 4.0
 # Of the mean edge, standard deviation. A shape carried over is smooth: it balances between the folds that only the
 # finer garment has, and would stand there for thousands of iterations until rounding tells it which way to fold.
 NUDGE = 0.02
-
-
-@dataclass(frozen=True)
-class LevelRun:
-    """What it came to before: a simplified garment's relaxation, or one in another fabric."""
-
-    vertices: int
-    iterations: int
-    status: Status
 
 
 def start_from_coarse(

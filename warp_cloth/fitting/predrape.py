@@ -9,10 +9,9 @@ from typing import Any
 
 from warp_cloth.base.cache import Cache
 from warp_cloth.base.mesh import Points
-from warp_cloth.fitting.nested_iteration import LevelRun
 from warp_cloth.fitting.problem import Problem, build_problem, collider_updates, start_coarse, tolerance_of
 from warp_cloth.garment.outfit import Outfit
-from warp_cloth.model.result import Status
+from warp_cloth.model.result import LevelRun, Status
 from warp_cloth.scene import Scene
 from warp_cloth.scene.predrape import dressing_of
 from warp_cloth.solver.loop import Goal, relax_items

@@ -18,12 +18,13 @@ from warp_cloth.base.cache import Cache
 from warp_cloth.base.mesh import Mesh
 from warp_cloth.base.warp_setup import keeping_kernels
 from warp_cloth.contact.garments import cloth_course, cloth_touch, highest_lift, placed
-from warp_cloth.fitting.nested_iteration import LevelRun, start_from_coarse
-from warp_cloth.fitting.plan import contact_kind
+from warp_cloth.fitting.nested_iteration import start_from_coarse
 from warp_cloth.fitting.poses import Carried, carry
 from warp_cloth.garment.outfit import MeshCache, Outfit, load_outfit
 from warp_cloth.garment.part import terms_of
 from warp_cloth.model.model import ClothModel, build_model
+from warp_cloth.model.plan import contact_kind
+from warp_cloth.model.result import LevelRun
 from warp_cloth.scene import Scene
 from warp_cloth.solver.certificate.certifier import Certifier, Tolerance
 from warp_cloth.solver.certificate.rest_error import GROWING
@@ -57,7 +58,7 @@ class Problem:
         """That of the first scene, or of a lone one."""
         return self.contacts[0]
 
-    def skins(self) -> list[Mesh | None]:
+    def avatar_surfaces(self) -> list[Mesh | None]:
         """What each item's distances to its avatar are measured from; the same of those whose avatars are the same."""
         found: dict[int, Mesh] = {}
         for outfit, contact in zip(self.outfits, self.contacts, strict=True):
@@ -65,7 +66,7 @@ class Problem:
                 found[id(outfit.avatar)] = contact.skin(outfit.avatar)
         return [None if each.avatar is None else found[id(each.avatar)] for each in self.outfits]
 
-    def touched(self, item: int) -> dict[str, Any] | None:
+    def contact_report(self, item: int) -> dict[str, Any] | None:
         """What an item's avatar is met by, and how good that is; None without avatar."""
         if self.outfits[item].avatar is None:
             return None

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.mesh import Mesh
 from warp_cloth.kernels.avatar.nearest import find_nearest
-from warp_cloth.loading.result import WrittenFit
 from warp_cloth.maps.kinds import MAPS, difference_of, shown_range
+from warp_cloth.maps.read import WrittenFit
 from warp_cloth.model.result import WornGarment, matched
 
 

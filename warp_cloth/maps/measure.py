@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -17,6 +16,7 @@ from warp_cloth.maps.girths import garment_girths
 from warp_cloth.maps.kinds import MAPS, shown_range
 from warp_cloth.maps.levels import body_levels
 from warp_cloth.maps.strain import face_strains, vertex_areas, vertex_means
+from warp_cloth.model.result import FitMaps
 
 PASCALS = 1e3  # in a kPa
 MILLIMETRES = 1e3  # in a metre
@@ -24,26 +24,17 @@ MILLIMETRES = 1e3  # in a metre
 Floats = NDArray[np.float64]
 
 
-@dataclass(frozen=True, eq=False)
-class FitMaps:
-    """Maps of every garment, their ranges, and the girths."""
-
-    fields: tuple[dict[str, NDArray[np.float32]], ...]  # of each garment: a map's values per vertex, shape [V]
-    ranges: dict[str, tuple[float, float]]  # that a map's colours span, over all garments
-    girths: tuple[dict[str, Any], ...]  # of garments at chest, waist and hip [mm]
-    notes: tuple[str, ...] = ()
-
-    def summary(self, names: Sequence[str]) -> dict[str, Any]:
-        """Maps as the report tells them: unit, colour range, and percentiles of each garment."""
-        told: dict[str, Any] = {}
-        for kind in (MAPS[name] for name in self.ranges):
-            of_garments = {
-                garment: percentiles(fields[kind.name])
-                for garment, fields in zip(names, self.fields, strict=True)
-                if kind.name in fields
-            }
-            told[kind.name] = {"unit": kind.unit, "range": list(self.ranges[kind.name]), "garments": of_garments}
-        return told
+def map_summary(maps: FitMaps, names: Sequence[str]) -> dict[str, Any]:
+    """Unit, colour range and percentiles of each map, for the report; ``names`` are those of the garments."""
+    summary: dict[str, Any] = {}
+    for kind in (MAPS[name] for name in maps.ranges):
+        garments = {
+            garment: percentiles(fields[kind.name])
+            for garment, fields in zip(names, maps.fields, strict=True)
+            if kind.name in fields
+        }
+        summary[kind.name] = {"unit": kind.unit, "range": list(maps.ranges[kind.name]), "garments": garments}
+    return summary
 
 
 def percentiles(values: NDArray[np.float32]) -> dict[str, float]:

@@ -1,11 +1,11 @@
-"""What a fit gives back: a status with its sentence, the certificate's figures, the worn garments."""
+"""The result of a fit: status and sentence, the certificate's figures, worn garments, maps."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from enum import Enum
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +15,7 @@ from warp_cloth.base.mesh import Mesh, Points
 if TYPE_CHECKING:
     from warp_cloth.garment.rest import RestShape
     from warp_cloth.material.fabric import Fabric
+    from warp_cloth.scene import Scene
 
 
 class Status(str, Enum):
@@ -68,6 +69,15 @@ class Penetration:
     face_max: float = 0.0
 
 
+@dataclass(frozen=True)
+class LevelRun:
+    """A relaxation that came before the fit's own: of a simplified garment, or of one in another fabric."""
+
+    vertices: int
+    iterations: int
+    status: Status
+
+
 @dataclass(frozen=True, eq=False)
 class WornGarment:
     """One garment as worn."""
@@ -80,6 +90,30 @@ class WornGarment:
     fields: dict[str, NDArray[np.float32]] = field(default_factory=dict)  # per-vertex values by name, shape [V]
     fabric: Fabric | None = None  # where known, written with the stage's physics
     rest: RestShape | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class FitMaps:
+    """Maps of every garment, the range that each map's colours span, and girths."""
+
+    fields: tuple[dict[str, NDArray[np.float32]], ...]  # of each garment: a map's values per vertex, shape [V]
+    ranges: dict[str, tuple[float, float]]  # of a map's colours, over all garments
+    girths: tuple[dict[str, Any], ...]  # of garments at chest, waist and hip [mm]
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class FitResult:
+    """The data of a fit: how it ended, the worn garments, the report. What ``warp_cloth.export`` writes."""
+
+    scene: Scene
+    status: Status
+    message: str  # one sentence; what to change where the fit did not come to rest
+    garments: tuple[WornGarment, ...]
+    avatar: Mesh | None
+    report: dict[str, Any]  # the content of report.json
+    device: str
+    maps: FitMaps | None = None  # None: no maps were requested
 
 
 def matched(there: Sequence[str], wanted: Sequence[str]) -> list[int] | None:

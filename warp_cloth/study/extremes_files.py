@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from warp_cloth.bench.save import figure_class
 from warp_cloth.export.files import whole_file
+from warp_cloth.export.plots import figure_class
 from warp_cloth.export.report import write_report
 from warp_cloth.study.extremes import CAPS, LIMIT, METHODS, SIZES, STIFFNESS, Outcome, theory_cap
 

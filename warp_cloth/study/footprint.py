@@ -9,7 +9,7 @@ from dataclasses import dataclass, fields
 import warp as wp
 
 from warp_cloth.contact.crossing import search_bytes
-from warp_cloth.fitting.fit import Problem
+from warp_cloth.fitting.problem import Problem
 from warp_cloth.garment.outfit import Outfit
 from warp_cloth.solver.certificate.strains import strain_bytes
 from warp_cloth.study.launches import Launch, arrays_in, bytes_of

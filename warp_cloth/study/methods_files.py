@@ -10,8 +10,8 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from warp_cloth.bench.save import figure_class
 from warp_cloth.export.files import whole_file
+from warp_cloth.export.plots import figure_class
 from warp_cloth.export.report import write_report
 from warp_cloth.study.methods import LEVELS, Look, Run
 from warp_cloth.study.methods_scenes import KINDS, SIZES, STIFFNESS, all_cases

@@ -17,7 +17,7 @@ from warp_cloth.base.mesh import Mesh, Points
 from warp_cloth.fitting.predrape import prepare_start
 from warp_cloth.fitting.problem import Problem, collider_updates, load_problem, tolerance_of
 from warp_cloth.model.result import Penetration, Status
-from warp_cloth.report.status import more_iterations, verdict
+from warp_cloth.report.status import more_iterations, sentence_of
 from warp_cloth.scene import Scene, load_scene
 from warp_cloth.solver.certificate.strains import edge_strains, strain_summary
 from warp_cloth.solver.loop import Goal, relax_items
@@ -74,7 +74,7 @@ def run_through(scene: Scene, device: str, stops: Collection[int]) -> list[Passe
         (Status.ITERATION_LIMIT if np.isfinite(points).all() else Status.DIVERGED, count, seconds, points)
         for count, seconds, points in way
     ]
-    message = verdict(outcome, goal.tolerance, more_iterations(scene, outcome))
+    message = sentence_of(outcome, goal.tolerance, more_iterations(scene, outcome))
     ends = [*found, (outcome.status, outcome.iterations, spent, outcome.points)]
     return _measured(made, ends, loading.seconds, message)
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from warp_cloth.export.files import unwritable, whole_file
-from warp_cloth.fitting.plan import Term
+from warp_cloth.model.plan import Term
 from warp_cloth.study.footprint import Footprint
 from warp_cloth.study.savings import Saving
 

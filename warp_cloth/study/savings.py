@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from warp_cloth.fitting.plan import make_plan
 from warp_cloth.fitting.problem import build_problem
 from warp_cloth.garment.outfit import Outfit
+from warp_cloth.model.plan import make_plan
 from warp_cloth.scene import Scene
 from warp_cloth.study.timing import FEWEST_ROUNDS, LONG, SHORTEST_RUN, TimedFit
 

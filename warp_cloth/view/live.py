@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 
 from warp_cloth.base.device import device_named
 from warp_cloth.base.mesh import Points
-from warp_cloth.fitting.fit import tolerance_of
-from warp_cloth.fitting.problem import Problem, build_problem, load_problem
+from warp_cloth.fitting.problem import Problem, build_problem, load_problem, tolerance_of
 from warp_cloth.fitting.warm_start import start_from
 from warp_cloth.garment.outfit import MeshCache, load_outfit
 from warp_cloth.maps import MAPS, measure_maps

@@ -1,18 +1,15 @@
-"""How a running fit looks on a terminal, and in a log file."""
+"""The progress of a running fit, on a terminal and in a log file."""
 
 from __future__ import annotations
 
 import math
-import time
-from collections.abc import Sequence
-from types import TracebackType
-from typing import Protocol, TypeVar
+from typing import Protocol
 
 from rich.console import Console
-from rich.progress import BarColumn, ProgressColumn, TextColumn, TimeElapsedColumn
-from rich.progress import Progress as Bar
+from rich.progress import BarColumn, TextColumn, TimeElapsedColumn
 
-LOG_SECONDS = 5.0  # between two lines where there is no terminal: a log stays short
+from warp_cloth.base.progress_line import ProgressLine
+
 STAGES = {
     "load": "loading",
     "compile": "compiling",
@@ -41,40 +38,7 @@ class Step(Protocol):
     def iterations_per_second(self) -> float | None: ...
 
 
-Display = TypeVar("Display", bound="LineDisplay")
-
-
-class LineDisplay:
-    """One moving line on a terminal, a few plain lines elsewhere; what is told is for those who derive from it."""
-
-    def __init__(self, console: Console, columns: Sequence[ProgressColumn], task: str) -> None:
-        self._console = console
-        self._last_line = -math.inf  # when [s]
-        self._bar = Bar(*columns, console=console, transient=True, disable=not console.is_terminal)
-        self._task = self._bar.add_task(task, total=None, figures="")
-
-    def __enter__(self: Display) -> Display:
-        self._bar.start()
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._bar.stop()
-
-    def _line_due(self, at_once: bool) -> bool:
-        """Whether it is time for a plain line, and if so, counts it as written."""
-        now = time.monotonic()
-        due = at_once or now - self._last_line >= LOG_SECONDS
-        if due:
-            self._last_line = now
-        return due
-
-    def _write(self, line: str) -> None:
-        self._console.print(line, markup=False, highlight=False, soft_wrap=True)
-
-
-class ProgressDisplay(LineDisplay):
+class ProgressDisplay(ProgressLine):
     """Shows a fit's steps as they come."""
 
     def __init__(self, console: Console) -> None:

@@ -1,0 +1,21 @@
+"""Seconds of each stage of a fit."""
+
+from __future__ import annotations
+
+import time
+
+STAGES = ("load", "compile", "build", "carry", "relax", "measure", "export")  # keys of the report's "seconds"
+
+
+class StageClock:
+    """Adds the time since the last lap to a stage."""
+
+    def __init__(self) -> None:
+        self.seconds = dict.fromkeys(STAGES, 0.0)
+        self._last = time.perf_counter()
+
+    def lap(self, stage: str) -> None:
+        """Ends a stretch of the stage."""
+        now = time.perf_counter()
+        self.seconds[stage] += now - self._last
+        self._last = now

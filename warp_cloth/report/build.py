@@ -1,0 +1,83 @@
+"""The content of report.json, under stable keys."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
+
+from warp_cloth.model.plan import make_plan
+
+if TYPE_CHECKING:
+    from warp_cloth.garment.outfit import Outfit
+    from warp_cloth.report.measurements import Measurements
+    from warp_cloth.scene import Scene
+    from warp_cloth.solver.loop import Outcome
+
+
+def build_report(
+    scene: Scene,
+    outfit: Outfit,
+    outcome: Outcome,
+    measured: Measurements,
+    *,
+    message: str,
+    loss: str,
+    seconds: dict[str, float],
+    device: str,
+) -> dict[str, Any]:
+    """The report of one scene; units are in the keys' names.
+
+    Args:
+        scene: what was fitted.
+        outfit: its garments and avatar.
+        outcome: of the relaxation.
+        measured: of the worn shape.
+        message: the status sentence.
+        loss: the clause about a garment that nothing holds; empty where all are held.
+        seconds: of each stage.
+        device: Warp's name of it.
+    """
+    relaxing, depth, crossings = seconds["relax"], measured.penetration, measured.crossings
+    topologies = [part.rest.topology for part in outfit.parts]
+    yarns = {direction: asdict(strain) for direction, strain in measured.yarn_strains.items()}
+    return {
+        "status": outcome.status.value,
+        "message": message,
+        "unheld": loss or None,
+        "vertices": sum(len(part.points) for part in outfit.parts),
+        "faces": sum(len(part.triangles) for part in outfit.parts),
+        "edges": sum(len(topology.edges) for topology in topologies),
+        "hinges": sum(len(topology.hinges) for topology in topologies),
+        "iterations": outcome.iterations,
+        "levels": [{**asdict(level), "status": level.status.value} for level in measured.levels],
+        "seconds": seconds,
+        "iterations_per_second": outcome.iterations / relaxing if relaxing > 0.0 else None,
+        "device": device,
+        "precision": scene.solver.precision,
+        "residual": asdict(outcome.check.residual),
+        "rest_error_mm": 1e3 * outcome.check.rest_error,
+        "growing_mm": 1e3 * outcome.check.growing,
+        "strain": {**asdict(measured.strain), **yarns},
+        "penetration_mm": asdict(depth) if depth is not None else None,
+        "crossings": {"pairs": crossings.pairs, "between_garments": crossings.between, "faces": crossings.face_count},
+        "contact": measured.contact,
+        "garments": _garments(scene, outfit, measured),
+        "avatar": {"unit": outfit.avatar.unit, "notes": list(outfit.avatar.notes)} if outfit.avatar else None,
+        "plan": [asdict(term) for term in make_plan(scene, outfit)],
+        "settings": scene.settings(),
+    }
+
+
+def _garments(scene: Scene, outfit: Outfit, measured: Measurements) -> list[dict[str, Any]]:
+    garments = zip(scene.garments, outfit.garments, outfit.parts, measured.crossings.faces, strict=True)
+    return [
+        {
+            "name": spec.name,
+            "unit": mesh.unit,
+            "area_m2": part.rest.area,
+            "pinned": len(part.pins),
+            "notes": [*mesh.notes, *part.rest.notes],
+            "crossing_faces": faces.tolist(),
+        }
+        for spec, mesh, part, faces in garments
+    ]
