@@ -141,10 +141,10 @@ def _factorised(potential: Potential) -> Callable[[np.ndarray], np.ndarray]:
     coupling = wp.zeros(2 * count, dtype=own.mat3, device="cpu")
     pair = wp.zeros(count, dtype=own.vec6, device="cpu")
     if model.hinges is not None:
-        wp.launch(kernels.linearise_hinges, model.hinge_count, [model.cloth, model.hinges, gradient], device="cpu")
+        wp.launch(kernels.linearise_hinges, model.hinge_count, [model.state, model.hinges, gradient], device="cpu")
     if model.weave is not None:
-        wp.launch(kernels.linearise_weave, model.weave_count, [model.cloth, model.weave, 0.0, side], device="cpu")
-    asked = [model.cloth, model.edges, table.pairs, 0.0, gradient, side, coupling, pair]
+        wp.launch(kernels.linearise_weave, model.weave_count, [model.state, model.weave, 0.0, side], device="cpu")
+    asked = [model.state, model.edges, table.pairs, 0.0, gradient, side, coupling, pair]
     wp.launch(kernels.couple_pairs, count, asked, device="cpu")
     start, other = table.start.numpy(), table.other.numpy()
     blocks = coupling.numpy()

@@ -67,9 +67,9 @@ def crumpled(seed: int) -> Mesh:
 def look(model: ClothModel, touch: ClothTouch) -> None:
     """Searches, with room for all that is found."""
     touch.awaken()
-    touch.search(touch.cloth_now())
+    touch.search(touch.state_now())
     if touch.grow():
-        touch.search(touch.cloth_now())
+        touch.search(touch.state_now())
 
 
 def contact_forces(model: ClothModel, touch: ClothTouch) -> np.ndarray:

@@ -69,9 +69,9 @@ def hovering(height: float) -> Relaxation:
 def test_a_sheet_that_hovers_has_the_share_of_its_weight_left_that_it_would_fall(height: float) -> None:
     """Nothing but its weight moves it, by the cap of 5 mm: from 1 mm it falls by a fifth of that."""
     relaxation = hovering(height)
-    cap = float(relaxation.model.cloth.items.numpy()["cap"][0])
+    cap = float(relaxation.model.vertices.items.numpy()["cap"][0])
     left, push = left_and_push(relaxation)
-    weight = relaxation.model.cloth.weight.numpy()
+    weight = relaxation.model.vertices.weight.numpy()
     assert np.allclose(left[:, 0], height / cap, rtol=0.0, atol=1e-3)
     assert np.allclose(push / weight, 1.0 - height / cap, rtol=0.0, atol=1e-3)
 
@@ -94,15 +94,15 @@ def test_what_is_left_of_a_force_is_what_its_next_step_moves(friction: float) ->
     before = 2.0 * net.points * (1.0 + (OFFSET + high) / radius)[:, None] + noise.normal(0.0, 2e-4, net.points.shape)
     for _ in range(2):  # the first step finds the stiffness
         model.set_points(before)
-        bound = model.cloth.stiffness.numpy()
+        bound = model.state.stiffness.numpy()
         left, push = left_and_push(relaxation)
         relaxation.iterate()
     moved = np.linalg.norm(model.points() - before, axis=1)
     seen = exact.sample(before)[:, 3] > OFFSET + 2.0 * CONTACT_SLACK
-    seen &= model.cloth.stiffness.numpy() == bound  # the step was by the stiffness that the certificate had
+    seen &= model.state.stiffness.numpy() == bound  # the step was by the stiffness that the certificate had
     assert (seen & (push > 0.0)).sum() > MANY  # some come down on the ball
     assert (seen & (push == 0.0)).sum() > MANY  # and others do not
-    force = left[:, 0] * model.cloth.weight.numpy()
+    force = left[:, 0] * model.vertices.weight.numpy()
     assert np.allclose(force[seen], (bound * moved)[seen], rtol=1e-3, atol=1e-4 * force.max())
 
 

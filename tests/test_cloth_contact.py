@@ -79,13 +79,13 @@ def test_what_moves_has_more_room_than_what_stands_still() -> None:
     mesh = grid(12, 0.22)
     model, touch, _ = sheets_at([mesh])
     look(model, touch)
-    touch.search(model.cloth)  # from where it was at the last one it has not moved
+    touch.search(model.state)  # from where it was at the last one it has not moved
     still = np.float32(touch.least_skin)
     assert (touch.data.skin.numpy() == still).all()
     moves = mesh.points[:, 0] > 0.11
     for _ in range(3):
         model.set_points(model.points() + 0.9 * touch.data.skin.numpy()[:, None] * moves[:, None] * [0.0, 0.0, 1.0])
-        touch.search(model.cloth)
+        touch.search(model.state)
     assert (touch.data.skin.numpy() > still)[moves].all()
     assert (touch.data.skin.numpy() == still)[~moves].all()
 
@@ -102,7 +102,7 @@ def test_few_that_have_used_up_their_skins_wait_for_a_search_and_many_do_not() -
         data.asked.assign([data.asked.numpy()[0] + asked, data.asked.numpy()[1]])
         data.turn.fill_(turn)
         before = int(touch._memory.search.numpy()[0])
-        touch.search_where_due(model.cloth)
+        touch.search_where_due(model.state)
         return int(touch._memory.search.numpy()[0]) > before
 
     assert not searched(0, 1000)

@@ -37,7 +37,7 @@ def test_lists_of_any_room_find_the_same(room: tuple[int, int]) -> None:
 
     def found() -> tuple[list[list[int]], list[np.ndarray]]:
         touch.grow()
-        touch.search(model.cloth)
+        touch.search(model.state)
         count = int(touch.data.count.numpy()[0])
         rows = np.column_stack([touch.data.corners.numpy(), touch.data.kind.numpy()])[:count]
         parting = touch._untangling
@@ -62,7 +62,7 @@ def test_what_crosses_is_found_from_what_was_tangled_as_from_all() -> None:
 
     def parted(whole: int) -> list[np.ndarray]:
         touch._search.whole.fill_(whole)
-        touch.search(model.cloth)
+        touch.search(model.state)
         assert touch._search.whole.numpy()[0] == 0
         parting = touch._untangling
         return [each.numpy() for each in (parting.count, parting.crosses, touch.data.shift)]
@@ -131,7 +131,7 @@ def test_garments_are_told_whether_they_face_the_body() -> None:
     body = build_exact_collider(moved(ball, *(-ball.points.mean(axis=0) + [0.0, 0.08, 0.0])), "cpu").within(1.0)
     with wp.ScopedDevice("cpu"):
         facing = Facing("mixed", touch.sheets, Numbering(None), body)
-    facing.tell(model.cloth, touch._search, touch._untangling.outward)
+    facing.tell(model.state, touch._search, touch._untangling.outward)
     faces = np.split(touch._untangling.outward.numpy(), [inward.vertex_count])
     assert (faces[0] == -1.0).all()
     assert (faces[1] == 1.0).all()
@@ -163,13 +163,13 @@ def test_layers_that_do_not_come_apart_are_shifted_further_and_again_less_once_t
     longest = []
     for count in (1, 2 * int(PATIENCE), 6 * int(PATIENCE)):  # nothing moves
         for _ in range(count):
-            touch.search(model.cloth)
+            touch.search(model.state)
         longest.append(float(np.abs(touch.data.shift.numpy()).max()))
     assert longest[0] > 0.0
     assert 1.9 < longest[1] / longest[0] < 2.2
     assert longest[2] / longest[0] == pytest.approx(float(INSISTENCE), rel=1e-4)
     model.set_points(np.concatenate([inner.points, outer.points * [1.5, 1.0, 1.5]]))
-    touch.search(model.cloth)
+    touch.search(model.state)
     assert 0 < touch._untangling.grown.numpy().max() == touch._untangling.age.numpy().max() - 1
     assert not touch.data.shift.numpy().any()
 

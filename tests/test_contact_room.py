@@ -21,13 +21,13 @@ def test_what_lacks_room_stands_still_whichever_pairs_had_some(share: float) -> 
     touch.data.moved.fill_(1)
     relaxation.run(20)
     assert np.array_equal(model.points(), before)
-    held = model.cloth.stiffness.numpy().copy()
+    held = model.state.stiffness.numpy().copy()
     touch.data.count.zero_()  # as if nothing were near, and no search due
     touch.data.moved.zero_()
-    model.cloth.stiffness.zero_()
+    model.state.stiffness.zero_()
     relaxation.forget_graphs()
     relaxation.iterate(1)
-    assert np.array_equal(held, model.cloth.stiffness.numpy())
+    assert np.array_equal(held, model.state.stiffness.numpy())
 
 
 def test_what_is_left_alone_is_farther_apart_than_may_meet_in_a_move() -> None:

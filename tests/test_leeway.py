@@ -34,11 +34,11 @@ def leeway_of(model: ClothModel, *, most: float = MOST, horizon: float = 20.0) -
     """The leeway of each vertex as a matrix, shape [V, 3, 3]."""
     step = cloth_types(model.precision).Step()
     step.reach, step.horizon = 1.0, horizon
-    rows = model.cloth.items.numpy().copy()
-    rows["cap"], rows["leeway"] = CAP, most
-    model.cloth.items.assign(rows)
-    Leeway(model).look_up(step, model.cloth)
-    return matrices(model.cloth.leeway.numpy())
+    rows = model.vertices.items.numpy().copy()
+    rows["cap"], rows["anisotropy_limit"] = CAP, most
+    model.vertices.items.assign(rows)
+    Leeway(model).look_up(model.vertices, model.state, step)
+    return matrices(model.state.compliance.numpy())
 
 
 def matrices(leeway: np.ndarray) -> np.ndarray:
@@ -49,7 +49,7 @@ def matrices(leeway: np.ndarray) -> np.ndarray:
 
 def told(model: ClothModel) -> np.ndarray:
     """Six numbers a vertex of what iterations read, which those that gather have packed as patches own vertices."""
-    leeway = model.cloth.leeway.numpy()
+    leeway = model.state.compliance.numpy()
     if model.patches is None:
         return leeway
     fours, twos = np.split(leeway.ravel(), [4 * len(leeway)])
@@ -85,9 +85,9 @@ def test_items_forget_theirs_and_leave_the_others_alone() -> None:
     part = GarmentPart(MESH.points, MESH.triangles, build_rest_shape(MESH, WOVEN, rest="mesh"), np.zeros(0, np.int32))
     model = build_model([part] * 6, device="cpu", precision="float64", garments=[1] * 6)
     leeway = Leeway(model)
-    model.cloth.leeway.fill_(7.0)
+    model.state.compliance.fill_(7.0)
     leeway.forget([4, 1, 2])
-    found = model.cloth.leeway.numpy().reshape(6, -1, 6)
+    found = model.state.compliance.numpy().reshape(6, -1, 6)
     assert (found[[0, 3, 5]] == 7.0).all()
     assert (found[[1, 2, 4]] == [1.0, 1.0, 1.0, 0.0, 0.0, 0.0]).all()
 
@@ -103,7 +103,7 @@ def test_cloth_that_turns_fast_has_none() -> None:
     model = deformed_model(MESH, MESH.points * 1.01, WOVEN)
     moves = np.zeros((MESH.vertex_count, 3))
     moves[::2, 2] = 5e-3  # [m], a tenth of an edge
-    model.cloth.move.assign(moves)
+    model.state.displacement.assign(moves)
     assert np.linalg.eigvalsh(leeway_of(model)).max() < 2.0
 
 
@@ -111,7 +111,7 @@ def test_threads_drag_across_themselves_by_what_acts_there() -> None:
     viscosity, buckling, horizon = 0.02, 0.1, 20.0
     model = deformed_model(MESH, shaken(1.0, 2e-3), replace(WOVEN, bending_warp=0.0, bending_weft=0.0))
     moves = np.random.default_rng(6).normal(scale=1e-4, size=MESH.points.shape)
-    model.cloth.move.assign(moves)
+    model.state.displacement.assign(moves)
     step = cloth_types(model.precision).Step()
     step.reach, step.horizon, step.viscosity, step.buckling = 1.0, horizon, viscosity, buckling
     wanted = np.zeros_like(moves)
@@ -195,9 +195,9 @@ def test_loose_cloth_is_damped_alike_whether_it_fights_its_forces_or_not(
     gathers: bool, way: float, loose: bool
 ) -> None:
     relaxation, options = lying(gathers), StepOptions()
-    cloth = relaxation.model.cloth
-    cloth.move.assign(np.full((MESH.vertex_count, 3), [0.0, way, 0.0]))
-    cloth.stiffness.fill_(1e9)  # [N/m]: forces themselves move nothing
+    state = relaxation.model.state
+    state.displacement.assign(np.full((MESH.vertex_count, 3), [0.0, way, 0.0]))
+    state.stiffness.fill_(1e9)  # [N/m]: forces themselves move nothing
     relaxation.loosen(np.array([0.0 if loose else np.inf]))
     before = relaxation.model.points()
     relaxation.run(1)
@@ -209,8 +209,8 @@ def test_loose_cloth_is_damped_alike_whether_it_fights_its_forces_or_not(
 def test_only_cloth_that_is_worn_has_any() -> None:
     relaxation = lying(contact=False)
     relaxation.loosen(np.zeros(1))
-    assert not relaxation.model.cloth.leeway
-    assert (relaxation.model.cloth.items.numpy()["leeway"] == 0.0).all()
+    assert not relaxation.model.state.compliance
+    assert (relaxation.model.vertices.items.numpy()["anisotropy_limit"] == 0.0).all()
 
 
 @pytest.mark.parametrize(
@@ -222,22 +222,22 @@ def test_cloth_is_loose_from_when_its_forces_balance_till_they_are_far_from_it(
     relaxation = lying()
     for residual in residuals:
         relaxation.loosen(np.array([residual]))
-    assert (relaxation.model.cloth.items.numpy()["leeway"][0] > 0.0) == loose
+    assert (relaxation.model.vertices.items.numpy()["anisotropy_limit"][0] > 0.0) == loose
 
 
 @pytest.mark.parametrize("gathers", [False, True])
 @pytest.mark.parametrize("loose", [False, True])
 def test_what_comes_to_be_held_is_slowed_as_if_it_had_become_heavier(loose: bool, gathers: bool) -> None:
     relaxation = lying(gathers)
-    cloth = relaxation.model.cloth
+    state = relaxation.model.state
     relaxation.model.set_points(relaxation.model.points() * [1.01, 1.0, 1.01])  # taut, so that it has leeway
     relaxation.loosen(np.zeros(1) if loose else np.ones(1))
-    cloth.move.assign(np.tile([1e-3, -3e-3, 0.0], (MESH.vertex_count, 1)))  # [m]; friction stops half of the slide
-    cloth.stiffness.fill_(1e6)  # [N/m], so that hardly anything else moves it
+    state.displacement.assign(np.tile([1e-3, -3e-3, 0.0], (MESH.vertex_count, 1)))  # [m]; friction halves it
+    state.stiffness.fill_(1e6)  # [N/m], so that hardly anything else moves it
     before = relaxation.model.points()
     relaxation.run(1)
-    assert (cloth.held.numpy() == 1).all()
-    moved, kept = relaxation.model.points() - before, cloth.move.numpy()
+    assert (state.in_contact.numpy() == 1).all()
+    moved, kept = relaxation.model.points() - before, state.displacement.numpy()
     leeway = matrices(told(relaxation.model))
     assert loose == (np.linalg.eigvalsh(leeway).max() > 2.0)
     slowed = np.linalg.solve(0.5 * (leeway + np.eye(3)), moved[:, :, None])[:, :, 0]
@@ -250,5 +250,5 @@ def test_it_ends_with_the_relaxation(gathers: bool) -> None:
     relaxation.loosen(np.zeros(1))
     relaxation.run(20)
     relaxation.start_anew()
-    assert relaxation.model.cloth.items.numpy()["leeway"][0] == 0.0
+    assert relaxation.model.vertices.items.numpy()["anisotropy_limit"][0] == 0.0
     assert (told(relaxation.model) == [1.0, 1.0, 1.0, 0.0, 0.0, 0.0]).all()

@@ -175,9 +175,9 @@ def test_one_whose_numbers_are_lost_leaves_the_others_their_bits(monkeypatch: py
 
     def with_a_hole(*given: Any, **options: Any) -> Problem:
         made = build(*given, **options)
-        weight = made.model.cloth.weight.numpy().copy()
+        weight = made.model.vertices.weight.numpy().copy()
         weight[made.model.item_start[1] + 3] = np.nan
-        made.model.cloth.weight.assign(weight)
+        made.model.vertices.weight.assign(weight)
         return made
 
     monkeypatch.setattr(many, "build_problem", with_a_hole)

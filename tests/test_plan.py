@@ -59,11 +59,11 @@ def test_a_term_without_use_has_no_array(fabric: dict[str, object], gone: str) -
 
 def test_without_pins_or_steps_of_its_own_a_vertex_keeps_neither() -> None:
     _, names = seen(ready())
-    assert {"cloth.pinned", "cloth.stiffness"} <= names
+    assert {"model.pinned", "state.stiffness"} <= names
     shape = {"kind": "sphere", "radius": 0.2, "centre": [0.0, 1.0, 0.0], "edge_mm": 80}
     tree = {"garment": {"shape": SQUARE, "fabric": PLAIN}, "avatar": {"shape": shape}, "solver": {"method": "direct"}}
     _, names = seen(load_problem(load_scene(tree), "cpu"))
-    assert not {"cloth.pinned", "cloth.stiffness"} & names
+    assert not {"model.pinned", "state.stiffness"} & names
 
 
 @pytest.mark.parametrize(("more", "less"), [(PLAIN, {**PLAIN, "bending": 0.0}), (WOVEN, {**WOVEN, "bending": 0.0})])

@@ -98,10 +98,10 @@ def test_looks_are_spared_without_a_change_of_bits(gathers: bool) -> None:
     everywhere, _ = falling(field, gathers=gathers, spares=False)
     for relaxation in (spared, everywhere):
         relaxation.run(100)
-    clear = spared.model.cloth.clear.numpy()
+    clear = spared.model.state.clearance.numpy()
     assert (clear > 0.0).any()
     assert (clear == 0.0).any()
-    assert (everywhere.model.cloth.clear.numpy() == 0.0).all()
+    assert (everywhere.model.state.clearance.numpy() == 0.0).all()
     assert (spared.model.points() == everywhere.model.points()).all()
     for relaxation, spares in ((spared, True), (everywhere, False)):
         relaxation.meet(0, collider(higher, spares=spares))  # comes nearer to what was sure to be clear

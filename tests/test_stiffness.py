@@ -42,10 +42,10 @@ def matrix_of(model: ClothModel) -> np.ndarray:
     coupling = wp.zeros(2 * len(table.ends), dtype=own.mat3, device="cpu")
     pair = wp.zeros(len(table.ends), dtype=own.vec6, device="cpu")
     if model.hinges is not None:
-        wp.launch(kernels.linearise_hinges, model.hinge_count, [model.cloth, model.hinges, gradient], device="cpu")
+        wp.launch(kernels.linearise_hinges, model.hinge_count, [model.state, model.hinges, gradient], device="cpu")
     if model.weave is not None:
-        wp.launch(kernels.linearise_weave, model.weave_count, [model.cloth, model.weave, 0.0, side], device="cpu")
-    inputs = [model.cloth, model.edges, table.pairs, 0.0, gradient, side, coupling, pair]
+        wp.launch(kernels.linearise_weave, model.weave_count, [model.state, model.weave, 0.0, side], device="cpu")
+    inputs = [model.state, model.edges, table.pairs, 0.0, gradient, side, coupling, pair]
     wp.launch(kernels.couple_pairs, len(table.ends), inputs, device="cpu")
     matrix = np.zeros((model.vertex_count, 3, model.vertex_count, 3))
     start, other, blocks = table.start.numpy(), table.other.numpy(), coupling.numpy()

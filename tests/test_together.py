@@ -65,8 +65,8 @@ def relaxed(
 
 def state(relaxation: Relaxation) -> list[np.ndarray]:
     """All that the next iteration goes on from."""
-    cloth = relaxation.model.cloth
-    kept = [cloth.position, cloth.move, cloth.stiffness, cloth.leeway, cloth.held, cloth.clear]
+    now = relaxation.model.state
+    kept = [now.position, now.displacement, now.stiffness, now.compliance, now.in_contact, now.clearance]
     return [array.numpy() for array in kept if array]
 
 
@@ -115,8 +115,9 @@ def test_every_vertex_is_in_one_share_with_all_that_acts_on_it(mixed: bool) -> N
 
 
 def test_shares_have_all_that_a_cloth_has() -> None:
-    others = {"items", "moved"}  # of all shares, and where forces are gathered
-    assert set(cloth_types("mixed").Cloth.vars) == {*ITERATED, *CONSTANT, *others}
+    others = {"items", "displacement4"}  # of all shares, and where forces are gathered
+    types = cloth_types("mixed")
+    assert {*types.Model.vars, *types.State.vars} == {*ITERATED, *CONSTANT, *others}
 
 
 def test_shares_are_cut_where_they_double_little() -> None:

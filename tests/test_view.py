@@ -57,7 +57,7 @@ def test_a_change_keeps_the_worn_shape_and_a_refused_one_changes_nothing(live: L
     assert live.scene.garments[0].fabric.name == "denim"
     assert np.array_equal(live.made.model.points(), worn)
     live.change({"collision.offset_mm": "6"})
-    assert live.made.model.cloth.items.numpy()["offset"] == pytest.approx(0.006)
+    assert live.made.model.vertices.items.numpy()["offset"] == pytest.approx(0.006)
     assert live.scene.garments[0].fabric.name == "denim"
     with pytest.raises(InputError):
         live.change({"collision.offset_mm": "-1"})

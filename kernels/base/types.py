@@ -54,7 +54,7 @@ class Patch:
 
 @functools.cache
 def cloth_types(precision: str) -> SimpleNamespace:
-    """Types and structs of one precision: ``real``, ``point`` (of positions), ``vec3``, ``vec4``, ``Cloth`` and others.
+    """Types and structs of one precision: ``real``, ``point`` (of positions), ``vec3``, ``Model``, ``State`` and more.
 
     ``wide`` is what a coordinate of a position is kept in.
     ``vec6`` is xx, yy, zz, xy, xz, yz of a symmetric matrix.
@@ -91,29 +91,34 @@ def cloth_types(precision: str) -> SimpleNamespace:
 
         cap: real  # largest displacement in an iteration [m]
         offset: float  # contact offset [m]
-        friction: float  # of the avatar
-        leeway: real  # how many times the bound's step a step may be at most where cloth is soft; 0: no more than once
+        avatar_friction: float  # Coulomb coefficient of avatar.friction
+        anisotropy_limit: real  # how many times the bound's step a step may be at most where cloth is soft; 0: once
         active: int  # 0: at rest, or given up; its vertices stay and cost nothing
 
     @wp.struct
-    class Cloth:
-        """Vertices of all garments of all items, one after another; V vertices."""
+    class Model:
+        """What is constant of the vertices of all garments of all items, one after another; V vertices."""
 
-        position: wp.array(dtype=point)  # [m]
-        move: wp.array(dtype=vec3)  # last displacement [m]
-        moved: wp.array(dtype=vec4)  # the same and how long it is, where vertices are packed (kernels.patches.packing)
         weight: wp.array(dtype=real)  # [N]
         pinned: wp.array(dtype=wp.uint8)  # where any is
-        stiffness: wp.array(dtype=real)  # that the last step went by [N/m]; accelerated method only
-        leeway: wp.array(dtype=vec6)  # of kernels.passes.anisotropic_step; worn cloth only
-        held: wp.array(dtype=wp.uint8)  # whether the avatar pushed it in the last iteration; likewise
-        clear: wp.array(dtype=wp.float32)  # [m] that it may go and surely not meet the avatar; where looks are spared
         item: wp.array(dtype=wp.int32)  # which fit each vertex belongs to
-        items: wp.array(dtype=Item)
+        items: wp.array(dtype=Item)  # which the host changes between iterations
+
+    @wp.struct
+    class State:
+        """What a step changes of the vertices. Arrays that nothing in the scene needs are empty."""
+
+        position: wp.array(dtype=point)  # [m]
+        displacement: wp.array(dtype=vec3)  # the last one [m]
+        displacement4: wp.array(dtype=vec4)  # the same and its length, in the patches' order (kernels.patches.packing)
+        stiffness: wp.array(dtype=real)  # bound that the last step used [N/m]; accelerated method only
+        compliance: wp.array(dtype=vec6)  # symmetric factor of the step (passes.anisotropic_step); worn cloth only
+        in_contact: wp.array(dtype=wp.uint8)  # whether the avatar pushed it in the last iteration; worn cloth only
+        clearance: wp.array(dtype=wp.float32)  # [m] it may move and surely not meet the avatar; where queries are saved
 
     @wp.struct
     class Vertex:
-        """A vertex as an iteration finds it; units as of Cloth."""
+        """A vertex as an iteration finds it; units as of State."""
 
         position: point
         move: vec3
@@ -212,8 +217,8 @@ def cloth_types(precision: str) -> SimpleNamespace:
 
     return SimpleNamespace(
         name=precision, real=real, wide=wide, point=point, vec2=vec2, vec3=vec3, vec4=vec4, vec6=vec6,
-        Step=Step, Item=Item, Cloth=Cloth, Vertex=Vertex, Edges=Edges, Triangles=Triangles, Rows=Rows, Hinges=Hinges,
-        Weave=Weave, Span=Span, Sides=Sides, Patches=Patches,
+        Step=Step, Item=Item, Model=Model, State=State, Vertex=Vertex, Edges=Edges, Triangles=Triangles, Rows=Rows,
+        Hinges=Hinges, Weave=Weave, Span=Span, Sides=Sides, Patches=Patches,
         real_size=real_size(precision), point_size=point_size(precision),
     )  # fmt: skip
 
@@ -221,12 +226,12 @@ def cloth_types(precision: str) -> SimpleNamespace:
 @functools.cache
 def rest_function(precision: str) -> wp.Function:
     """The function that tells whether a vertex is of an item that no longer iterates."""
-    Cloth = cloth_types(precision).Cloth
+    Model = cloth_types(precision).Model
 
     @wp.func
-    def rests(cloth: Cloth, vertex: int):
+    def rests(model: Model, vertex: int):
         """Whether the item of a vertex is at rest, or given up."""
-        return cloth.items[element(cloth.item, vertex)].active == 0
+        return model.items[element(model.item, vertex)].active == 0
 
     return rests
 
@@ -234,15 +239,15 @@ def rest_function(precision: str) -> wp.Function:
 @functools.cache
 def free_function(precision: str, pins: bool) -> wp.Function:
     """The function that tells whether a vertex may move: where nothing is pinned, without a look."""
-    Cloth = cloth_types(precision).Cloth
+    Model = cloth_types(precision).Model
 
     @wp.func
-    def unpinned(cloth: Cloth, vertex: int):
+    def unpinned(model: Model, vertex: int):
         """Whether a vertex is not pinned."""
-        return cloth.pinned[vertex] == wp.uint8(0)
+        return model.pinned[vertex] == wp.uint8(0)
 
     @wp.func
-    def always(cloth: Cloth, vertex: int):
+    def always(model: Model, vertex: int):
         """True."""
         return True
 

@@ -13,10 +13,10 @@ from warp_cloth.kernels.passes.step import capped
 def carried_function(precision: str, contact: wp.Function, collider_type: type) -> wp.Function:
     """Function ``carried_force`` in one precision, with the contact that the iteration uses."""
     types = cloth_types(precision)
-    real, vec3, Cloth = types.real, types.vec3, types.Cloth
+    real, vec3, Model, State = types.real, types.vec3, types.Model, types.State
 
     @wp.func
-    def carried_force(cloth: Cloth, vertex: int, force: vec3, collider: collider_type, slack: float):
+    def carried_force(model: Model, state: State, vertex: int, force: vec3, collider: collider_type, slack: float):
         """Force left on a vertex after contact's push and friction's cone, and that push [N].
 
         A vertex that stands in the offset, or no further than ``slack`` [m] above it, is held. Of one that stands
@@ -26,26 +26,26 @@ def carried_function(precision: str, contact: wp.Function, collider_type: type) 
         began. So a taut seam holds that is pressed millimetres deep in every step, and comes out a little too high
         where the field's gradient is above 1; what hovers and would fall on the body counts by how far it falls.
         """
-        item = cloth.items[cloth.item[vertex]]
-        at = contact(collider, wp.vec3d(cloth.position[vertex]))
+        item = model.items[model.item[vertex]]
+        at = contact(collider, wp.vec3d(state.position[vertex]))
         size = wp.length(force)
         left, push = size, real(0.0)
         if at[3] < item.offset + slack:
             normal = vec3(real(at[0]), real(at[1]), real(at[2]))
-            left = friction_residual(force, normal, real(item.friction))
+            left = friction_residual(force, normal, real(item.avatar_friction))
             push = wp.max(-wp.dot(force, normal), real(0.0))
-        elif cloth.stiffness.shape[0] > 0 and size > real(0.0):  # the other methods have none
-            stiffness = cloth.stiffness[vertex]
+        elif state.stiffness.shape[0] > 0 and size > real(0.0):  # the other methods have none
+            stiffness = state.stiffness[vertex]
             if stiffness > real(0.0):
                 move = capped(force / stiffness, item.cap)
-                there = contact(collider, wp.vec3d(cloth.position[vertex]) + wp.vec3d(move))
+                there = contact(collider, wp.vec3d(state.position[vertex]) + wp.vec3d(move))
                 deep = item.offset - there[3]
                 if deep > 0.0:
                     normal = vec3(real(there[0]), real(there[1]), real(there[2]))
                     raised = wp.min(real(deep), item.cap)
                     scale = size / wp.length(move)
                     left = scale * wp.length(
-                        friction_slide(move + normal * raised, normal, real(deep), real(item.friction))
+                        friction_slide(move + normal * raised, normal, real(deep), real(item.avatar_friction))
                     )
                     push = scale * raised
         return left, push

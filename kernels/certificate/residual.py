@@ -24,18 +24,19 @@ from warp_cloth.kernels.passes.step import colliders_type
 def residual_kernel(precision: str, contact: wp.Function | None, collider_type: type, pins: bool) -> wp.Kernel:
     """Kernel ``measure_residual`` in one precision, with the contact that the iteration uses, with or without pins."""
     types = cloth_types(precision)
-    vec3, vec4, Cloth, Step = types.vec3, types.vec4, types.Cloth, types.Step
+    vec3, vec4, Model, State, Step = types.vec3, types.vec4, types.Model, types.State, types.Step
     free = free_function(precision, pins)
     if contact is not None:
         carried_force = carried_function(precision, contact, collider_type)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def measure_residual(
+        model: Model,
+        state: State,
         groups: wp.array(dtype=wp.int32),  # of kernels.base.subset, of vertices; of the others the last residual stays
         step: Step,
         slack: float,  # how far above the contact offset a vertex still counts as in contact [m]
         colliders: colliders_type(contact, collider_type),
-        cloth: Cloth,
         load: wp.array(dtype=vec4),  # forces of the cloth and the sum of their magnitudes [N], shape [V]; left at zero
         residual_out: wp.array(dtype=wp.vec2f),  # force left, in weights and relative, shape [V]; -1 where pinned
     ):
@@ -45,16 +46,16 @@ def residual_kernel(precision: str, contact: wp.Function | None, collider_type: 
             return
         sum = load[vertex]
         load[vertex] = vec4()
-        item = cloth.items[cloth.item[vertex]]
+        item = model.items[model.item[vertex]]
         if item.active == 0:
             return
         residual_out[vertex] = wp.vec2f(-1.0, -1.0)
-        if free(cloth, vertex):
-            weight = cloth.weight[vertex]
+        if free(model, vertex):
+            weight = model.weight[vertex]
             force = vec3(sum[0], sum[1], sum[2]) + step.gravity * weight
             left = wp.length(force)
             if wp.static(contact is not None):
-                left, _push = carried_force(cloth, vertex, force, colliders[cloth.item[vertex]], slack)
+                left, _push = carried_force(model, state, vertex, force, colliders[model.item[vertex]], slack)
             residual_out[vertex] = wp.vec2f(float(left / weight), float(left / (weight + sum[3])))
 
     return measure_residual
@@ -65,12 +66,12 @@ def energy_kernels(precision: str) -> SimpleNamespace:
     """Kernels ``measure_tension`` and ``measure_weave``: energies, and strains of edges and stretches of threads."""
     types = cloth_types(precision)
     real, vec4 = types.real, types.vec4
-    Cloth, Edges, Weave = types.Cloth, types.Edges, types.Weave
+    State, Edges, Weave = types.State, types.Edges, types.Weave
     difference = difference_function(precision)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def measure_tension(
-        cloth: Cloth,
+        state: State,
         edges: Edges,
         energy_out: wp.array(dtype=wp.float64),  # [J], shape [E]
         strain_out: wp.array(dtype=real),  # (r - L) / L, shape [E]
@@ -78,7 +79,7 @@ def energy_kernels(precision: str) -> SimpleNamespace:
         """Energy and strain of each edge."""
         edge = wp.tid()
         law = edges.law[edge]
-        length = wp.length(difference(cloth.position[edges.ends[edge][1]], cloth.position[edges.ends[edge][0]]))
+        length = wp.length(difference(state.position[edges.ends[edge][1]], state.position[edges.ends[edge][0]]))
         energy_out[edge] = wp.float64(tension_energy(length, law[0], law[1], law[2]))
         strain_out[edge] = (length - law[0]) / law[0]
 
@@ -86,7 +87,7 @@ def energy_kernels(precision: str) -> SimpleNamespace:
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def measure_weave(
-        cloth: Cloth,
+        state: State,
         weave: Weave,
         energy_out: wp.array(dtype=wp.float64),  # [J], shape [T]
         stretch_out: wp.array(dtype=vec4),  # of weft, warp and both biases: r / L, shape [T]
@@ -97,8 +98,8 @@ def energy_kernels(precision: str) -> SimpleNamespace:
         law = weave.law[triangle]
         push = law * law[3]
         slope = weave.slope[triangle]
-        side_1 = difference(cloth.position[corners[1]], cloth.position[corners[0]])
-        side_2 = difference(cloth.position[corners[2]], cloth.position[corners[0]])
+        side_1 = difference(state.position[corners[1]], state.position[corners[0]])
+        side_2 = difference(state.position[corners[2]], state.position[corners[0]])
         along_u = weft_vector(slope, side_1, side_2)
         along_v = warp_vector(slope, side_1, side_2)
         plus = half * (along_u + along_v)
@@ -115,19 +116,19 @@ def energy_kernels(precision: str) -> SimpleNamespace:
 def bending_energy_kernel(precision: str, angles: bool) -> wp.Kernel:
     """Kernel ``measure_bending``, of hinges with rest angles or flat ones."""
     types = cloth_types(precision)
-    real, Cloth, Hinges = types.real, types.Cloth, types.Hinges
+    real, State, Hinges = types.real, types.State, types.Hinges
     hinge_sides = hinge_sides_function(precision)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def measure_bending(
-        cloth: Cloth,
+        state: State,
         hinges: Hinges,
         energy_out: wp.array(dtype=wp.float64),  # [J], shape [H]
     ):
         """Energy of each hinge; none where a triangle has no area."""
         hinge = wp.tid()
         corners = hinges.corners[hinge]
-        axis, wing_0, wing_1 = hinge_sides(cloth.position, corners)
+        axis, wing_0, wing_1 = hinge_sides(state.position, corners)
         normal_0, normal_1, area_0, area_1 = hinge_fold(axis, wing_0, wing_1)
         if wp.static(angles):
             normal_1 = turned_back(normal_1, axis, hinges.rest[hinge])

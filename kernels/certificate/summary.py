@@ -66,14 +66,15 @@ def growing_way(way: wp.vec3d, before: wp.vec3d, earlier: wp.vec3d):
 @functools.cache
 def chunk_kernel(precision: str) -> wp.Kernel:
     """Kernel ``summarise_chunks``, which goes first."""
-    Cloth, Looks = cloth_types(precision).Cloth, looks_type(precision)
+    Model, State, Looks = cloth_types(precision).Model, cloth_types(precision).State, looks_type(precision)
     rests = rest_function(precision)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def summarise_chunks(
+        model: Model,
+        state: State,
         groups: wp.array(dtype=wp.int32),  # of kernels.base.subset, of chunks
         first: wp.array(dtype=wp.int32),  # first vertex of each chunk, and the vertex count
-        cloth: Cloth,
         left: wp.array(dtype=wp.vec2f),  # of measure_residual, shape [V]
         looks: Looks,
         sum_out: wp.array2d(dtype=wp.float64),  # shape [chunks, COLUMNS]
@@ -82,7 +83,7 @@ def chunk_kernel(precision: str) -> wp.Kernel:
         chunk = listed(groups, wp.tid())
         if chunk >= sum_out.shape[0]:
             return
-        if rests(cloth, first[chunk]) or looks.asked[cloth.item[first[chunk]]] == wp.uint8(0):
+        if rests(model, first[chunk]) or looks.asked[model.item[first[chunk]]] == wp.uint8(0):
             return
         free = wp.float64(0.0)
         squares = wp.vec2d()
@@ -92,7 +93,7 @@ def chunk_kernel(precision: str) -> wp.Kernel:
         lower = wp.vec3d(NOWHERE, NOWHERE, NOWHERE)
         upper = -lower
         for vertex in range(first[chunk], first[chunk + 1]):
-            here = wp.vec3d(cloth.position[vertex])
+            here = wp.vec3d(state.position[vertex])
             last = wp.vec3d(looks.last[vertex])
             change = here - last
             moved = wp.max(moved, wp.max(wp.abs(change)))
@@ -151,17 +152,18 @@ def summarise_groups(
 @functools.cache
 def keep_kernel(precision: str) -> wp.Kernel:
     """Kernel ``keep_shape``, which rounds it to float32."""
-    Cloth = cloth_types(precision).Cloth
+    Model, State = cloth_types(precision).Model, cloth_types(precision).State
     rests = rest_function(precision)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def keep_shape(
-        cloth: Cloth,
+        model: Model,
+        state: State,
         shape_out: wp.array(dtype=wp.vec3f),  # [m], shape [V]
     ):
         """Keeps the shape as it is, rounded to float32."""
         vertex = wp.tid()
-        if not rests(cloth, vertex):
-            shape_out[vertex] = wp.vec3f(cloth.position[vertex])
+        if not rests(model, vertex):
+            shape_out[vertex] = wp.vec3f(state.position[vertex])
 
     return keep_shape

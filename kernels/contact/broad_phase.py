@@ -107,15 +107,15 @@ def team_slot(count: wp.array(dtype=wp.int32), which: int, more: int) -> int:
 
 
 @functools.cache
-def meet_function(work: wp.Function, Cloth: Any, Search: Any, First: Any, Second: Any) -> wp.Function:
+def meet_function(work: wp.Function, State: Any, Search: Any, First: Any, Second: Any) -> wp.Function:
     """The function that lists which groups a group meets.
 
-    ``work`` works on such a pair: (cloth, search, first, second, meetings, kind, group, met), a whole team at once.
+    ``work`` works on such a pair: (state, search, first, second, meetings, kind, group, met), a whole team at once.
     """
 
     @wp.func
     def list_groups(
-        cloth: Cloth,
+        state: State,
         search: Search,
         first: First,
         second: Second,
@@ -143,12 +143,12 @@ def meet_function(work: wp.Function, Cloth: Any, Search: Any, First: Any, Second
                 theirs = wp.uint32(of_team(wp.int32(left), lane))
                 place = of_team(met, lane)
                 while theirs != wp.uint32(0):
-                    work(cloth, search, first, second, meetings, kind, group, place + lowest_bit(theirs))
+                    work(state, search, first, second, meetings, kind, group, place + lowest_bit(theirs))
                     theirs = theirs & (theirs - wp.uint32(1))
 
     @wp.func
     def meet_groups(
-        cloth: Cloth,
+        state: State,
         search: Search,
         first: First,
         second: Second,
@@ -173,7 +173,7 @@ def meet_function(work: wp.Function, Cloth: Any, Search: Any, First: Any, Second
             steps += 1
             walk = step_on(tree, walk)
             if walk.group < 0 or steps == team_threads():
-                list_groups(cloth, search, first, second, meetings, kind, group, met, mask)
+                list_groups(state, search, first, second, meetings, kind, group, met, mask)
                 mask = wp.uint32(0)
                 steps = 0
 
@@ -181,34 +181,34 @@ def meet_function(work: wp.Function, Cloth: Any, Search: Any, First: Any, Second
 
 
 @functools.cache
-def listed_groups_function(work: wp.Function, Cloth: Any, Search: Any, First: Any, Second: Any) -> wp.Function:
+def listed_groups_function(work: wp.Function, State: Any, Search: Any, First: Any, Second: Any) -> wp.Function:
     """The function that works, as of ``meet_function``, on the pairs of groups that are listed: so many threads do."""
 
     @wp.func
     def go_through_groups(
-        cloth: Cloth, search: Search, first: First, second: Second, meetings: Meetings, thread: int, threads: int
+        state: State, search: Search, first: First, second: Second, meetings: Meetings, thread: int, threads: int
     ):
         """Works on every so many of the listed pairs of groups, a team on each."""
         row = thread // team_threads()
         count = wp.min(meetings.count[GROUPS], meetings.group.shape[0])
         while row < count:
             pair = meetings.group[row]
-            work(cloth, search, first, second, meetings, pair[0], pair[1], pair[2])
+            work(state, search, first, second, meetings, pair[0], pair[1], pair[2])
             row += threads // team_threads()
 
     return go_through_groups
 
 
 @functools.cache
-def list_leaves_function(work: wp.Function, Cloth: Any, Search: Any, First: Any, Second: Any) -> wp.Function:
+def list_leaves_function(work: wp.Function, State: Any, Search: Any, First: Any, Second: Any) -> wp.Function:
     """The function that lists which leaves meet.
 
-    ``work`` works on such a pair: (cloth, search, first, second, asking, met), a thread on each.
+    ``work`` works on such a pair: (state, search, first, second, asking, met), a thread on each.
     """
 
     @wp.func
     def list_leaves(
-        cloth: Cloth,
+        state: State,
         search: Search,
         first: First,
         second: Second,
@@ -228,19 +228,19 @@ def list_leaves_function(work: wp.Function, Cloth: Any, Search: Any, First: Any,
             if slot < room:
                 meetings.leaf[part * room + slot] = wp.vec2i(asking, met)
             else:
-                work(cloth, search, first, second, asking, met)
+                work(state, search, first, second, asking, met)
             slot += 1
 
     return list_leaves
 
 
 @functools.cache
-def listed_leaves_function(work: wp.Function, Cloth: Any, Search: Any, First: Any, Second: Any) -> wp.Function:
+def listed_leaves_function(work: wp.Function, State: Any, Search: Any, First: Any, Second: Any) -> wp.Function:
     """The function that works, as of ``list_leaves_function``, on the pairs of leaves that are listed."""
 
     @wp.func
     def go_through_leaves(
-        cloth: Cloth, search: Search, first: First, second: Second, meetings: Meetings, thread: int, threads: int
+        state: State, search: Search, first: First, second: Second, meetings: Meetings, thread: int, threads: int
     ):
         """Works on every so many of the listed pairs of leaves, a team on those of a part.
 
@@ -252,7 +252,7 @@ def listed_leaves_function(work: wp.Function, Cloth: Any, Search: Any, First: An
         count = wp.min(meetings.count[(LEAVES_MET + part) * APART], room)
         while row < count:
             pair = meetings.leaf[part * room + row]
-            work(cloth, search, first, second, pair[0], pair[1])
+            work(state, search, first, second, pair[0], pair[1])
             row += threads // PARTS
 
     return go_through_leaves

@@ -73,24 +73,24 @@ def tangled_vertices(search: ContactSearch, group: int):
 @functools.cache
 def part_leaves_function(precision: str) -> wp.Function:
     """The function that looks closely at what may cross, or lie beyond another layer."""
-    Cloth, at = cloth_types(precision).Cloth, place_function(precision)
+    State, at = cloth_types(precision).State, place_function(precision)
     part_crossing = part_crossing_function(precision)
 
     @wp.func
     def part_met(
-        cloth: Cloth, search: ContactSearch, contact: ClothContact, untangling: Untangling, asking: int, met: int
+        state: State, search: ContactSearch, contact: ClothContact, untangling: Untangling, asking: int, met: int
     ):
         """Parts an edge and a triangle (Meetings.leaf); of a vertex and a triangle notes how near they are."""
         triangle = search.triangle_tree.leaf[met]
         if asking >= 0:
-            part_crossing(cloth, search, untangling, search.edge_tree.leaf[asking], triangle)
+            part_crossing(state, search, untangling, search.edge_tree.leaf[asking], triangle)
         else:
             vertex = -1 - asking
             t = search.corners[met]
-            x = at(cloth.position, vertex)
-            a = at(cloth.position, t[0])
-            ab = at(cloth.position, t[1]) - a
-            ac = at(cloth.position, t[2]) - a
+            x = at(state.position, vertex)
+            a = at(state.position, t[0])
+            ab = at(state.position, t[1]) - a
+            ac = at(state.position, t[2]) - a
             on = nearest_on_triangle(x - a, ab, ac)
             distance = wp.length(x - a - ab * on[1] - ac * on[2])
             wp.atomic_min(untangling.beyond, vertex, ranked(float(distance)) + wp.int64(triangle))
@@ -101,12 +101,12 @@ def part_leaves_function(precision: str) -> wp.Function:
 @functools.cache
 def crossing_leaves_function(precision: str) -> wp.Function:
     """The function that lists which leaves of two groups may cross, or lie beyond another layer."""
-    Cloth, at = cloth_types(precision).Cloth, place_function(precision)
-    list_leaves = list_leaves_function(part_leaves_function(precision), Cloth, ContactSearch, ClothContact, Untangling)
+    State, at = cloth_types(precision).State, place_function(precision)
+    list_leaves = list_leaves_function(part_leaves_function(precision), State, ContactSearch, ClothContact, Untangling)
 
     @wp.func
     def find_crossing(
-        cloth: Cloth,
+        state: State,
         search: ContactSearch,
         contact: ClothContact,
         untangling: Untangling,
@@ -140,12 +140,12 @@ def crossing_leaves_function(precision: str) -> wp.Function:
                 mask = boxes_meeting(tree.bound, search.corners, triangles, low, high, ends[0], ends[1], may)
             else:
                 vertex = search.vertex[asking]
-                low = wp.vec3f(at(cloth.position, wp.max(vertex, 0))) - wide
+                low = wp.vec3f(at(state.position, wp.max(vertex, 0))) - wide
                 high = low + wide + wide
                 may = wp.where(vertex >= 0, may_meet(tree, triangles, low, high), 0)
                 mask = boxes_meeting(tree.bound, search.corners, triangles, low, high, vertex, vertex, may)
                 asking = -1 - vertex
-            list_leaves(cloth, search, contact, untangling, meetings, asking, triangles, mask)
+            list_leaves(state, search, contact, untangling, meetings, asking, triangles, mask)
             local += team_threads()
 
     return find_crossing
@@ -154,13 +154,13 @@ def crossing_leaves_function(precision: str) -> wp.Function:
 @functools.cache
 def crossing_groups_kernel(precision: str) -> wp.Kernel:
     """Kernel ``meet_crossing``."""
-    Cloth, group_of_vertices = cloth_types(precision).Cloth, group_box_function(precision)
+    State, group_of_vertices = cloth_types(precision).State, group_box_function(precision)
     find_crossing = crossing_leaves_function(precision)
-    meet_groups = meet_function(find_crossing, Cloth, ContactSearch, ClothContact, Untangling)
+    meet_groups = meet_function(find_crossing, State, ContactSearch, ClothContact, Untangling)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS, grid_stride=False)
     def meet_crossing(
-        cloth: Cloth, search: ContactSearch, contact: ClothContact, untangling: Untangling, meetings: Meetings
+        state: State, search: ContactSearch, contact: ClothContact, untangling: Untangling, meetings: Meetings
     ):
         """Lists the triangles that each group of edges meets, and of vertices, and edges by triangles: a team each.
 
@@ -178,7 +178,7 @@ def crossing_groups_kernel(precision: str) -> wp.Kernel:
                 leaves = search.leaves[search.item[search.edges[edge][0]]]
                 low, high = box_of(search.edge_tree, 1, group)
                 walk = walk_from(tree, low + less, high - less, leaves[0], leaves[1])
-                meet_groups(cloth, search, contact, untangling, meetings, tree, walk, ON_EDGE, group)
+                meet_groups(state, search, contact, untangling, meetings, tree, walk, ON_EDGE, group)
         elif group < edge_groups + triangle_groups:
             group -= edge_groups
             triangle = search.triangle_tree.leaf[WIDTH * group]
@@ -186,7 +186,7 @@ def crossing_groups_kernel(precision: str) -> wp.Kernel:
                 theirs = search.leaves[search.item[search.triangles[triangle][0]]]
                 low, high = box_of(search.triangle_tree, 1, group)
                 walk = walk_from(search.edge_tree, low + less, high - less, theirs[2], theirs[3])
-                meet_groups(cloth, search, contact, untangling, meetings, search.edge_tree, walk, BY_TRIANGLE, group)
+                meet_groups(state, search, contact, untangling, meetings, search.edge_tree, walk, BY_TRIANGLE, group)
         else:
             group -= edge_groups + triangle_groups
             vertex = search.vertex[WIDTH * group]
@@ -195,12 +195,12 @@ def crossing_groups_kernel(precision: str) -> wp.Kernel:
                 wide = wp.vec3f(room, room, room)
                 # not named as above: Warp would read both, whichever branch was taken
                 whole, own = search.leaves[search.item[vertex]], untangling.own[vertex]
-                low, high = group_of_vertices(cloth, search, contact, group)
+                low, high = group_of_vertices(state, search, contact, group)
                 for side in range(2):  # of its own layer in the tree
                     begin = wp.where(side == 0, whole[0], own[1])
                     end = wp.where(side == 0, own[0], whole[1])
                     walk = walk_from(tree, low - wide, high + wide, begin, end)
-                    meet_groups(cloth, search, contact, untangling, meetings, tree, walk, ON_TRIANGLE, group)
+                    meet_groups(state, search, contact, untangling, meetings, tree, walk, ON_TRIANGLE, group)
 
     return meet_crossing
 
@@ -208,12 +208,12 @@ def crossing_groups_kernel(precision: str) -> wp.Kernel:
 @functools.cache
 def crossing_leaves_kernel(precision: str) -> wp.Kernel:
     """Kernel ``find_crossing_leaves``."""
-    Cloth = cloth_types(precision).Cloth
-    work = listed_groups_function(crossing_leaves_function(precision), Cloth, ContactSearch, ClothContact, Untangling)
+    State = cloth_types(precision).State
+    work = listed_groups_function(crossing_leaves_function(precision), State, ContactSearch, ClothContact, Untangling)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS, grid_stride=False, launch_bounds=LISTING)
     def find_crossing_leaves(
-        cloth: Cloth,
+        state: State,
         search: ContactSearch,
         contact: ClothContact,
         untangling: Untangling,
@@ -221,7 +221,7 @@ def crossing_leaves_kernel(precision: str) -> wp.Kernel:
         threads: int,
     ):
         """Lists which leaves of the groups listed may cross."""
-        work(cloth, search, contact, untangling, meetings, wp.tid(), threads)
+        work(state, search, contact, untangling, meetings, wp.tid(), threads)
 
     return find_crossing_leaves
 
@@ -229,12 +229,12 @@ def crossing_leaves_kernel(precision: str) -> wp.Kernel:
 @functools.cache
 def crossings_kernel(precision: str) -> wp.Kernel:
     """Kernel ``part_crossings``."""
-    Cloth = cloth_types(precision).Cloth
-    work = listed_leaves_function(part_leaves_function(precision), Cloth, ContactSearch, ClothContact, Untangling)
+    State = cloth_types(precision).State
+    work = listed_leaves_function(part_leaves_function(precision), State, ContactSearch, ClothContact, Untangling)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS, grid_stride=False)
     def part_crossings(
-        cloth: Cloth,
+        state: State,
         search: ContactSearch,
         contact: ClothContact,
         untangling: Untangling,
@@ -242,6 +242,6 @@ def crossings_kernel(precision: str) -> wp.Kernel:
         threads: int,
     ):
         """Shifts each edge that passes through a triangle, and that triangle, so that they cross less."""
-        work(cloth, search, contact, untangling, meetings, wp.tid(), threads)
+        work(state, search, contact, untangling, meetings, wp.tid(), threads)
 
     return part_crossings

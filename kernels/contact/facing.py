@@ -18,11 +18,11 @@ AREA_UNIT = wp.constant(wp.float64(2.0**-48))  # [m2]; whole numbers of it are s
 @functools.cache
 def sides_kernel(precision: str) -> wp.Kernel:
     """Kernel ``weigh_sides``."""
-    Cloth, at = cloth_types(precision).Cloth, place_function(precision)
+    State, at = cloth_types(precision).State, place_function(precision)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def weigh_sides(
-        cloth: Cloth,
+        state: State,
         search: ContactSearch,
         garment: wp.array(dtype=wp.int32),  # of each triangle, shape [F]
         body: MeshCollider,
@@ -31,9 +31,9 @@ def sides_kernel(precision: str) -> wp.Kernel:
         """Adds twice each triangle's area to what faces away from the body, or takes it off where it faces the body."""
         triangle = wp.tid()
         corners = search.triangles[triangle]
-        a = at(cloth.position, corners[0])
-        b = at(cloth.position, corners[1])
-        c = at(cloth.position, corners[2])
+        a = at(state.position, corners[0])
+        b = at(state.position, corners[1])
+        c = at(state.position, corners[2])
         normal = wp.cross(b - a, c - a)
         area = wp.length(normal)
         step = normal * (FEELER / wp.max(area, LEAST_AREA))

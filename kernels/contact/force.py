@@ -152,7 +152,7 @@ def turn_function(precision: str, fourth: str) -> wp.Function:
 def pair_function(precision: str, fourth: str, sort: int, in_order: bool) -> wp.Function:
     """The function that presses a pair of a sort (ON_TRIANGLE, ON_EDGE) apart; others as of ``press_kernel``."""
     types = cloth_types(precision)
-    Cloth, Step, real, vec2, vec3 = types.Cloth, types.Step, types.real, types.vec2, types.vec3
+    State, Step, real, vec2, vec3 = types.State, types.Step, types.real, types.vec2, types.vec3
     at, turn_apart, pair_apart = (
         place_function(precision),
         turn_function(precision, fourth),
@@ -165,7 +165,7 @@ def pair_function(precision: str, fourth: str, sort: int, in_order: bool) -> wp.
     most, by_lean = wp.constant(real(1.0 / LEAST_SHARE)), wp.constant(real(1.0 / LEAN))
 
     @wp.func
-    def press_pair(step: Step, cloth: Cloth, contact: ClothContact, pair: int, place: int):
+    def press_pair(step: Step, state: State, contact: ClothContact, pair: int, place: int):
         """Adds what a pair does to its four vertices, and narrows their room; ``place`` of ``turn_on``.
 
         All that is read of a pair is asked for at once: a GPU waits for memory far longer than it works.
@@ -177,13 +177,13 @@ def pair_function(precision: str, fourth: str, sort: int, in_order: bool) -> wp.
         gone = wp.int64(0)
         if wp.static(fourth != "size"):
             gone = gone_together(place, contact.way, element(contact.regions, pair))
-        x0, x1 = at(cloth.position, corners[0]), at(cloth.position, corners[1])
-        x2, x3 = at(cloth.position, corners[2]), at(cloth.position, corners[3])
+        x0, x1 = at(state.position, corners[0]), at(state.position, corners[1])
+        x2, x3 = at(state.position, corners[2]), at(state.position, corners[3])
         cloth_there = pair_cloth(contact, corners)
         move0, move1, move2, move3 = vec3(), vec3(), vec3(), vec3()
         if wp.static(fourth != "size"):
-            move0, move1 = move_at(cloth, corners[0]), move_at(cloth, corners[1])
-            move2, move3 = move_at(cloth, corners[2]), move_at(cloth, corners[3])
+            move0, move1 = move_at(state, corners[0]), move_at(state, corners[1])
+            move2, move3 = move_at(state, corners[2]), move_at(state, corners[3])
         weights, way, square, distance = pair_apart(x0, x1, x2, x3)
         thickness, modulus = real(cloth_there[0]), real(cloth_there[1])
         if wp.static(fourth != "size"):
@@ -238,12 +238,12 @@ def pair_function(precision: str, fourth: str, sort: int, in_order: bool) -> wp.
 def queued_function(precision: str, fourth: str, sort: int, in_order: bool) -> wp.Function:
     """The function that presses the queued pairs of a sort; arguments as of ``pair_function``."""
     types = cloth_types(precision)
-    Cloth, Step = types.Cloth, types.Step
+    State, Step = types.State, types.Step
     press_pair = pair_function(precision, fourth, sort, in_order)
     all = int(fourth == "size")
 
     @wp.func
-    def press_queued(step: Step, cloth: Cloth, contact: ClothContact, place: int, begin: int, total: int):
+    def press_queued(step: Step, state: State, contact: ClothContact, place: int, begin: int, total: int):
         """Presses those of so many that are a thread's."""
         number = first_queued(wp.static(sort))
         while number < total:
@@ -251,7 +251,7 @@ def queued_function(precision: str, fourth: str, sort: int, in_order: bool) -> w
                 place, contact.due, contact.regions, contact.way, begin, wp.static(sort), number, wp.static(all)
             )
             if pair >= 0:
-                press_pair(step, cloth, contact, pair, place)
+                press_pair(step, state, contact, pair, place)
             number += queue_stride(wp.static(sort))
 
     return press_queued
@@ -261,13 +261,13 @@ def queued_function(precision: str, fourth: str, sort: int, in_order: bool) -> w
 def press_function(precision: str, fourth: str, in_order: bool) -> wp.Function:
     """The function that presses a block's share of the pairs; arguments as of ``press_kernel``."""
     types = cloth_types(precision)
-    Cloth, Step = types.Cloth, types.Step
+    State, Step = types.State, types.Step
     press_on_triangles = queued_function(precision, fourth, 0, in_order)
     press_on_edges = queued_function(precision, fourth, 1, in_order)
     all = int(fourth == "size")
 
     @wp.func
-    def press_share(step: Step, cloth: Cloth, contact: ClothContact, thread: int, blocks: int):
+    def press_share(step: Step, state: State, contact: ClothContact, thread: int, blocks: int):
         """Presses the pairs that may be near, one of so many blocks its share; the first of all turns to the next.
 
         A block first queues those: they are few, and lie anywhere, so that else most threads would wait for others.
@@ -292,8 +292,8 @@ def press_function(precision: str, fourth: str, in_order: bool) -> wp.Function:
             anew = int(0)
             if first >= count or total[0] + total[1] > queue_room():
                 anew = int(1)
-                press_on_triangles(step, cloth, contact, place, begin, total[0])
-                press_on_edges(step, cloth, contact, place, begin, total[1])
+                press_on_triangles(step, state, contact, place, begin, total[0])
+                press_on_edges(step, state, contact, place, begin, total[1])
 
     return press_share
 
@@ -305,12 +305,12 @@ def press_kernel(precision: str, fourth: str, in_order: bool = False) -> wp.Kern
     ``in_order``: as of packing.order_functions.
     """
     types = cloth_types(precision)
-    Cloth, Step = types.Cloth, types.Step
+    State, Step = types.State, types.Step
     press_share = press_function(precision, fourth, in_order)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS, grid_stride=False, launch_bounds=BLOCK_THREADS)
-    def press_pairs(step: Step, cloth: Cloth, contact: ClothContact, blocks: int):
+    def press_pairs(state: State, step: Step, contact: ClothContact, blocks: int):
         """Presses all pairs."""
-        press_share(step, cloth, contact, wp.tid(), blocks)
+        press_share(step, state, contact, wp.tid(), blocks)
 
     return press_pairs

@@ -34,11 +34,11 @@ def ranked_in(segment: int, value: wp.float32) -> wp.int64:
 @functools.cache
 def locate_kernel(precision: str) -> wp.Kernel:
     """Kernel ``locate_leaves``."""
-    Cloth, at = cloth_types(precision).Cloth, place_function(precision)
+    State, at = cloth_types(precision).State, place_function(precision)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def locate_leaves(
-        cloth: Cloth,
+        state: State,
         search: ContactSearch,
         place_out: wp.array(dtype=wp.vec3f),  # [m], shape [F + E + V]
     ):
@@ -47,14 +47,14 @@ def locate_kernel(precision: str) -> wp.Kernel:
         triangles, edges = search.triangles.shape[0], search.edges.shape[0]
         if leaf < triangles:
             corners = search.triangles[leaf]
-            sum = at(cloth.position, corners[0]) + at(cloth.position, corners[1]) + at(cloth.position, corners[2])
+            sum = at(state.position, corners[0]) + at(state.position, corners[1]) + at(state.position, corners[2])
             place_out[leaf] = wp.vec3f(sum / wp.float64(3.0))
         elif leaf < triangles + edges:
             ends = search.edges[leaf - triangles]
-            sum = at(cloth.position, ends[0]) + at(cloth.position, ends[1])
+            sum = at(state.position, ends[0]) + at(state.position, ends[1])
             place_out[leaf] = wp.vec3f(sum / wp.float64(2.0))
         else:
-            place_out[leaf] = wp.vec3f(at(cloth.position, leaf - triangles - edges))
+            place_out[leaf] = wp.vec3f(at(state.position, leaf - triangles - edges))
 
     return locate_leaves
 

@@ -106,13 +106,13 @@ def keep_pair(
 @functools.cache
 def distance_function(precision: str, sort: int) -> wp.Function:
     """The function that tells how far apart a pair of a sort is."""
-    Cloth, at, pair_apart = cloth_types(precision).Cloth, place_function(precision), apart_function(precision, sort)
+    State, at, pair_apart = cloth_types(precision).State, place_function(precision), apart_function(precision, sort)
 
     @wp.func
-    def pair_distance(cloth: Cloth, corners: wp.vec4i):
+    def pair_distance(state: State, corners: wp.vec4i):
         """How far apart a pair is [m]."""
-        x0, x1 = at(cloth.position, corners[0]), at(cloth.position, corners[1])
-        x2, x3 = at(cloth.position, corners[2]), at(cloth.position, corners[3])
+        x0, x1 = at(state.position, corners[0]), at(state.position, corners[1])
+        x2, x3 = at(state.position, corners[2]), at(state.position, corners[3])
         _weights, _way, _square, distance = pair_apart(x0, x1, x2, x3)
         return wp.float64(distance)
 
@@ -122,27 +122,27 @@ def distance_function(precision: str, sort: int) -> wp.Function:
 @functools.cache
 def keep_function(precision: str) -> wp.Function:
     """The function that looks closely at what may be near."""
-    Cloth = cloth_types(precision).Cloth
+    State = cloth_types(precision).State
     to_triangle, to_edge = distance_function(precision, 0), distance_function(precision, 1)
 
     @wp.func
     def keep_on_triangle(
-        cloth: Cloth, search: ContactSearch, contact: ClothContact, memory: LeanMemory, vertex: int, t: wp.vec3i
+        state: State, search: ContactSearch, contact: ClothContact, memory: LeanMemory, vertex: int, t: wp.vec3i
     ):
         """Keeps a vertex and a triangle if they are near each other."""
         corners = wp.vec4i(vertex, t[0], t[1], t[2])
-        distance = to_triangle(cloth, corners)
+        distance = to_triangle(state, corners)
         if distance < pair_reach(contact, corners, ON_TRIANGLE):
             near = rest_near(search.near_start, search.near, vertex, t[0], t[1], t[2])
             keep_pair(contact, memory, corners, ON_TRIANGLE, near, distance)
 
     @wp.func
     def keep_on_edge(
-        cloth: Cloth, search: ContactSearch, contact: ClothContact, memory: LeanMemory, e: wp.vec2i, o: wp.vec2i
+        state: State, search: ContactSearch, contact: ClothContact, memory: LeanMemory, e: wp.vec2i, o: wp.vec2i
     ):
         """Keeps two edges if they are near each other."""
         corners = wp.vec4i(e[0], e[1], o[0], o[1])
-        distance = to_edge(cloth, corners)
+        distance = to_edge(state, corners)
         if distance < pair_reach(contact, corners, ON_EDGE):
             near = rest_near(search.near_start, search.near, e[0], o[0], o[1], o[1])
             near = near or rest_near(search.near_start, search.near, e[1], o[0], o[1], o[1])
@@ -150,17 +150,17 @@ def keep_function(precision: str) -> wp.Function:
 
     @wp.func
     def keep_near(
-        cloth: Cloth, search: ContactSearch, contact: ClothContact, memory: LeanMemory, asking: int, met: int
+        state: State, search: ContactSearch, contact: ClothContact, memory: LeanMemory, asking: int, met: int
     ):
         """Keeps two leaves (Meetings.leaf) if they are near each other."""
         if asking < 0:
-            keep_on_triangle(cloth, search, contact, memory, -1 - asking, search.corners[met])
+            keep_on_triangle(state, search, contact, memory, -1 - asking, search.corners[met])
         else:
             # the lower comes first, wherever they are in the tree
             edge, other = search.edge_tree.leaf[asking], search.edge_tree.leaf[met]
             one, two = search.ends[asking], search.ends[met]
             e, o = wp.where(edge < other, one, two), wp.where(edge < other, two, one)
-            keep_on_edge(cloth, search, contact, memory, e, o)
+            keep_on_edge(state, search, contact, memory, e, o)
 
     return keep_near
 
@@ -168,12 +168,12 @@ def keep_function(precision: str) -> wp.Function:
 @functools.cache
 def near_leaves_function(precision: str) -> wp.Function:
     """The function that lists which leaves of two groups may be near each other."""
-    Cloth, at = cloth_types(precision).Cloth, place_function(precision)
-    list_leaves = list_leaves_function(keep_function(precision), Cloth, ContactSearch, ClothContact, LeanMemory)
+    State, at = cloth_types(precision).State, place_function(precision)
+    list_leaves = list_leaves_function(keep_function(precision), State, ContactSearch, ClothContact, LeanMemory)
 
     @wp.func
     def find_near(
-        cloth: Cloth,
+        state: State,
         search: ContactSearch,
         contact: ClothContact,
         memory: LeanMemory,
@@ -196,13 +196,13 @@ def near_leaves_function(precision: str) -> wp.Function:
                     mask = mask & ~below(local + 1)
             else:
                 vertex = search.vertex[asking]
-                x = wp.vec3f(at(cloth.position, wp.max(vertex, 0)))
+                x = wp.vec3f(at(state.position, wp.max(vertex, 0)))
                 wide = room_around(contact, contact.skin[wp.max(vertex, 0)])
                 low, high = x - wide, x + wide
                 may = wp.where(vertex >= 0, may_meet(search.triangle_tree, met, low, high), 0)
                 mask = boxes_meeting(search.triangle_tree.bound, search.corners, met, low, high, vertex, vertex, may)
                 asking = -1 - vertex
-            list_leaves(cloth, search, contact, memory, meetings, asking, met, mask)
+            list_leaves(state, search, contact, memory, meetings, asking, met, mask)
             local += team_threads()
 
     return find_near
@@ -211,12 +211,12 @@ def near_leaves_function(precision: str) -> wp.Function:
 @functools.cache
 def groups_kernel(precision: str) -> wp.Kernel:
     """Kernel ``meet_near``."""
-    Cloth, group_of_vertices = cloth_types(precision).Cloth, group_box_function(precision)
+    State, group_of_vertices = cloth_types(precision).State, group_box_function(precision)
     find_near = near_leaves_function(precision)
-    meet_groups = meet_function(find_near, Cloth, ContactSearch, ClothContact, LeanMemory)
+    meet_groups = meet_function(find_near, State, ContactSearch, ClothContact, LeanMemory)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS, grid_stride=False)
-    def meet_near(cloth: Cloth, search: ContactSearch, contact: ClothContact, memory: LeanMemory, meetings: Meetings):
+    def meet_near(state: State, search: ContactSearch, contact: ClothContact, memory: LeanMemory, meetings: Meetings):
         """Lists what each group of edges, and of vertices, may be near: a team for each."""
         group = wp.tid() // team_threads()
         edge_groups = search.edge_tree.leaf.shape[0] // WIDTH
@@ -226,15 +226,15 @@ def groups_kernel(precision: str) -> wp.Kernel:
                 last = search.leaves[search.item[search.edges[edge][0]]][3]
                 low, high = box_of(search.edge_tree, 1, group)
                 walk = walk_from(search.edge_tree, low, high, WIDTH * group, last)
-                meet_groups(cloth, search, contact, memory, meetings, search.edge_tree, walk, ON_EDGE, group)
+                meet_groups(state, search, contact, memory, meetings, search.edge_tree, walk, ON_EDGE, group)
         else:
             group -= edge_groups
             vertex = search.vertex[WIDTH * group]
             if vertex >= 0:
                 leaves = search.leaves[search.item[vertex]]
-                low, high = group_of_vertices(cloth, search, contact, group)
+                low, high = group_of_vertices(state, search, contact, group)
                 walk = walk_from(search.triangle_tree, low, high, leaves[0], leaves[1])
-                meet_groups(cloth, search, contact, memory, meetings, search.triangle_tree, walk, ON_TRIANGLE, group)
+                meet_groups(state, search, contact, memory, meetings, search.triangle_tree, walk, ON_TRIANGLE, group)
 
     return meet_near
 
@@ -242,12 +242,12 @@ def groups_kernel(precision: str) -> wp.Kernel:
 @functools.cache
 def leaves_kernel(precision: str) -> wp.Kernel:
     """Kernel ``find_near_leaves``."""
-    Cloth = cloth_types(precision).Cloth
-    work = listed_groups_function(near_leaves_function(precision), Cloth, ContactSearch, ClothContact, LeanMemory)
+    State = cloth_types(precision).State
+    work = listed_groups_function(near_leaves_function(precision), State, ContactSearch, ClothContact, LeanMemory)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS, grid_stride=False, launch_bounds=LISTING)
     def find_near_leaves(
-        cloth: Cloth,
+        state: State,
         search: ContactSearch,
         contact: ClothContact,
         memory: LeanMemory,
@@ -255,7 +255,7 @@ def leaves_kernel(precision: str) -> wp.Kernel:
         threads: int,
     ):
         """Lists which leaves of the groups listed may be near each other."""
-        work(cloth, search, contact, memory, meetings, wp.tid(), threads)
+        work(state, search, contact, memory, meetings, wp.tid(), threads)
 
     return find_near_leaves
 
@@ -263,12 +263,12 @@ def leaves_kernel(precision: str) -> wp.Kernel:
 @functools.cache
 def pairs_kernel(precision: str) -> wp.Kernel:
     """Kernel ``find_pairs``."""
-    Cloth = cloth_types(precision).Cloth
-    work = listed_leaves_function(keep_function(precision), Cloth, ContactSearch, ClothContact, LeanMemory)
+    State = cloth_types(precision).State
+    work = listed_leaves_function(keep_function(precision), State, ContactSearch, ClothContact, LeanMemory)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS, grid_stride=False)
     def find_pairs(
-        cloth: Cloth,
+        state: State,
         search: ContactSearch,
         contact: ClothContact,
         memory: LeanMemory,
@@ -276,6 +276,6 @@ def pairs_kernel(precision: str) -> wp.Kernel:
         threads: int,
     ):
         """Keeps what is near of the leaves listed."""
-        work(cloth, search, contact, memory, meetings, wp.tid(), threads)
+        work(state, search, contact, memory, meetings, wp.tid(), threads)
 
     return find_pairs

@@ -59,14 +59,14 @@ def opened(search: ContactSearch, edge: int, along: wp.vec3f):
 @functools.cache
 def open_kernel(precision: str) -> wp.Kernel:
     """Kernel ``count_open``."""
-    Cloth, at = cloth_types(precision).Cloth, place_function(precision)
+    State, at = cloth_types(precision).State, place_function(precision)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
-    def count_open(cloth: Cloth, search: ContactSearch, count: wp.array(dtype=wp.int32)):
+    def count_open(state: State, search: ContactSearch, count: wp.array(dtype=wp.int32)):
         """Counts the edges that span seams which have yet to close."""
         edge = wp.tid()
         ends = search.edges[edge]
-        if opened(search, edge, wp.vec3f(at(cloth.position, ends[1])) - wp.vec3f(at(cloth.position, ends[0]))):
+        if opened(search, edge, wp.vec3f(at(state.position, ends[1])) - wp.vec3f(at(state.position, ends[0]))):
             wp.atomic_add(count, 0, 1)
 
     return count_open
@@ -89,11 +89,11 @@ def least_room(contact: ClothContact):
 @functools.cache
 def start_kernel(precision: str, in_order: bool = False) -> wp.Kernel:
     """Kernel ``start_search``; ``in_order``: as of packing.order_functions."""
-    Cloth, at = cloth_types(precision).Cloth, place_function(precision)
+    State, at = cloth_types(precision).State, place_function(precision)
     move_at = order_functions(precision, packed=False, in_order=in_order).move_at
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
-    def start_search(cloth: Cloth, contact: ClothContact, memory: LeanMemory, meetings: Meetings):
+    def start_search(state: State, contact: ClothContact, memory: LeanMemory, meetings: Meetings):
         """Remembers where each vertex is, gives it its skin, remembers what pairs lean; empties the lists.
 
         Where not all pairs had room it is chance which did, and what they lean is forgotten.
@@ -103,8 +103,8 @@ def start_kernel(precision: str, in_order: bool = False) -> wp.Kernel:
         if thread == 0:
             contact.turn_then[0] = contact.turn[0]
         if thread < contact.searched.shape[0]:
-            position = at(cloth.position, thread)
-            contact.skin[thread] = next_skin(contact, thread, position, wp.vec3d(move_at(cloth, thread)))
+            position = at(state.position, thread)
+            contact.skin[thread] = next_skin(contact, thread, position, wp.vec3d(move_at(state, thread)))
             contact.searched[thread] = position
         count = contact.count[0]
         if thread < count and count <= contact.corners.shape[0]:
@@ -116,10 +116,10 @@ def start_kernel(precision: str, in_order: bool = False) -> wp.Kernel:
 @functools.cache
 def box_functions(precision: str) -> tuple[wp.Function, wp.Function]:
     """The functions that box a triangle, and an edge, with a place in its tree."""
-    Cloth, at = cloth_types(precision).Cloth, place_function(precision)
+    State, at = cloth_types(precision).State, place_function(precision)
 
     @wp.func
-    def box_triangle(cloth: Cloth, search: ContactSearch, contact: ClothContact, place: int):
+    def box_triangle(state: State, search: ContactSearch, contact: ClothContact, place: int):
         """What spans a seam that has yet to close meets nothing: its box would meet half the garment."""
         triangle = search.triangle_tree.leaf[place]
         lower = wp.vec3f(FAR_OFF, FAR_OFF, FAR_OFF)
@@ -127,9 +127,9 @@ def box_functions(precision: str) -> tuple[wp.Function, wp.Function]:
         if triangle >= 0:
             corners = search.corners[place]
             sides = search.sides[triangle]
-            a = wp.vec3f(at(cloth.position, corners[0]))
-            b = wp.vec3f(at(cloth.position, corners[1]))
-            c = wp.vec3f(at(cloth.position, corners[2]))
+            a = wp.vec3f(at(state.position, corners[0]))
+            b = wp.vec3f(at(state.position, corners[1]))
+            c = wp.vec3f(at(state.position, corners[2]))
             open = opened(search, sides[0], b - a) or opened(search, sides[1], c - b) or opened(search, sides[2], a - c)
             if not open:
                 skin = wp.max(contact.skin[corners[0]], wp.max(contact.skin[corners[1]], contact.skin[corners[2]]))
@@ -139,15 +139,15 @@ def box_functions(precision: str) -> tuple[wp.Function, wp.Function]:
         put_box(search.triangle_tree, 0, place, lower, upper)
 
     @wp.func
-    def box_edge(cloth: Cloth, search: ContactSearch, contact: ClothContact, place: int):
+    def box_edge(state: State, search: ContactSearch, contact: ClothContact, place: int):
         """The same of an edge; what it crosses is looked for everywhere till it has closed."""
         edge = search.edge_tree.leaf[place]
         lower = wp.vec3f(FAR_OFF, FAR_OFF, FAR_OFF)
         upper = -lower
         if edge >= 0:
             ends = search.ends[place]
-            p = wp.vec3f(at(cloth.position, ends[0]))
-            q = wp.vec3f(at(cloth.position, ends[1]))
+            p = wp.vec3f(at(state.position, ends[0]))
+            q = wp.vec3f(at(state.position, ends[1]))
             if opened(search, edge, q - p):
                 search.whole[0] = 1
             else:
@@ -162,11 +162,11 @@ def box_functions(precision: str) -> tuple[wp.Function, wp.Function]:
 @functools.cache
 def box_kernel(precision: str) -> wp.Kernel:
     """Kernel ``box_sheets``."""
-    Cloth = cloth_types(precision).Cloth
+    State = cloth_types(precision).State
     box_triangle, box_edge = box_functions(precision)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS, grid_stride=False)
-    def box_sheets(cloth: Cloth, search: ContactSearch, contact: ClothContact, memory: LeanMemory, anew: int):
+    def box_sheets(state: State, search: ContactSearch, contact: ClothContact, memory: LeanMemory, anew: int):
         """Boxes LEAVES edges, or triangles, by each block; ``anew``: forgets the pairs and what they asked for."""
         thread = wp.tid()
         if thread == 0 and anew > 0:
@@ -179,13 +179,13 @@ def box_kernel(precision: str) -> wp.Kernel:
         local = int(lane)
         if block < edge_blocks:
             while local < LEAVES:
-                box_edge(cloth, search, contact, block * LEAVES + local)
+                box_edge(state, search, contact, block * LEAVES + local)
                 local += block_threads()
             box_up(search.edge_tree, block, lane)
         else:
             block -= edge_blocks
             while local < LEAVES:
-                box_triangle(cloth, search, contact, block * LEAVES + local)
+                box_triangle(state, search, contact, block * LEAVES + local)
                 local += block_threads()
             box_up(search.triangle_tree, block, lane)
 
@@ -206,10 +206,10 @@ def box_rest(search: ContactSearch):
 @functools.cache
 def group_box_function(precision: str) -> wp.Function:
     """The function that boxes a group of vertices."""
-    Cloth, at = cloth_types(precision).Cloth, place_function(precision)
+    State, at = cloth_types(precision).State, place_function(precision)
 
     @wp.func
-    def group_of_vertices(cloth: Cloth, search: ContactSearch, contact: ClothContact, group: int):
+    def group_of_vertices(state: State, search: ContactSearch, contact: ClothContact, group: int):
         """The box of a group of vertices with their skins [m], by a team."""
         low = wp.vec3f(FAR_OFF, FAR_OFF, FAR_OFF)
         high = -low
@@ -217,7 +217,7 @@ def group_box_function(precision: str) -> wp.Function:
         while local < WIDTH:
             vertex = search.vertex[WIDTH * group + local]
             if vertex >= 0:
-                x = wp.vec3f(at(cloth.position, vertex))
+                x = wp.vec3f(at(state.position, vertex))
                 wide = room_around(contact, contact.skin[vertex])
                 low = wp.min(low, x - wide)
                 high = wp.max(high, x + wide)

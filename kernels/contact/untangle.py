@@ -112,17 +112,17 @@ def forget_tangles(search: ContactSearch, untangling: Untangling, meetings: Meet
 @functools.cache
 def edge_slope_function(precision: str) -> wp.Function:
     """The function that sums contour_slope over the triangles at an edge."""
-    Cloth, at = cloth_types(precision).Cloth, place_function(precision)
+    State, at = cloth_types(precision).State, place_function(precision)
 
     @wp.func
-    def edge_slope(cloth: Cloth, ends: wp.vec2i, wings: wp.vec2i, normal: wp.vec3d):
+    def edge_slope(state: State, ends: wp.vec2i, wings: wp.vec2i, normal: wp.vec3d):
         """Sum of contour_slope over the triangles at an edge, at most one long."""
-        start = at(cloth.position, ends[0])
-        along = wp.normalize(at(cloth.position, ends[1]) - start)
+        start = at(state.position, ends[0])
+        along = wp.normalize(at(state.position, ends[1]) - start)
         slope = wp.vec3d()
         for side in range(2):
             if wings[side] >= 0:
-                slope += contour_slope(along, normal, at(cloth.position, wings[side]) - start)
+                slope += contour_slope(along, normal, at(state.position, wings[side]) - start)
         return slope / wp.sqrt(wp.dot(slope, slope) + WHOLE)
 
     return edge_slope
@@ -131,19 +131,19 @@ def edge_slope_function(precision: str) -> wp.Function:
 @functools.cache
 def part_crossing_function(precision: str) -> wp.Function:
     """The function that parts an edge from a triangle that it passes through."""
-    Cloth, at = cloth_types(precision).Cloth, place_function(precision)
+    State, at = cloth_types(precision).State, place_function(precision)
     edge_slope = edge_slope_function(precision)
 
     @wp.func
-    def part_crossing(cloth: Cloth, search: ContactSearch, untangling: Untangling, edge: int, triangle: int):
+    def part_crossing(state: State, search: ContactSearch, untangling: Untangling, edge: int, triangle: int):
         """Shifts an edge, if it passes through a triangle, and that triangle, so that they cross less."""
         ends = search.edges[edge]
         corners = search.triangles[triangle]
-        p = at(cloth.position, ends[0])
-        q = at(cloth.position, ends[1])
-        a = at(cloth.position, corners[0])
-        b = at(cloth.position, corners[1])
-        c = at(cloth.position, corners[2])
+        p = at(state.position, ends[0])
+        q = at(state.position, ends[1])
+        a = at(state.position, corners[0])
+        b = at(state.position, corners[1])
+        c = at(state.position, corners[2])
         if not segment_pierces(p, q, a, b, c):
             return
         wp.atomic_add(untangling.count, 0, 1)
@@ -154,7 +154,7 @@ def part_crossing_function(precision: str) -> wp.Function:
         what = ITSELF
         slope = wp.vec3d()
         if untangling.layer[ends[0]] == untangling.layer[corners[0]]:
-            slope = edge_slope(cloth, ends, untangling.wings[edge], normal) * untangling.stride
+            slope = edge_slope(state, ends, untangling.wings[edge], normal) * untangling.stride
         else:  # the outer one goes outwards
             what = LAYERS
             slope = normal * (wp.float64(untangling.outward[corners[0]]) * untangling.stride)
@@ -174,20 +174,20 @@ def part_crossing_function(precision: str) -> wp.Function:
 @functools.cache
 def layers_kernel(precision: str) -> wp.Kernel:
     """Kernel ``part_layers``."""
-    Cloth, at = cloth_types(precision).Cloth, place_function(precision)
+    State, at = cloth_types(precision).State, place_function(precision)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS, grid_stride=False)
-    def part_layers(cloth: Cloth, search: ContactSearch, contact: ClothContact, untangling: Untangling):
+    def part_layers(state: State, search: ContactSearch, contact: ClothContact, untangling: Untangling):
         """Shifts each vertex on the wrong side of another garment, and the triangle of that which is nearest."""
         vertex = wp.tid()
         found = untangling.beyond[vertex]
         if found < ranked(untangling.layer_reach):
             layer = untangling.layer[vertex]
-            x = at(cloth.position, vertex)
+            x = at(state.position, vertex)
             t = search.triangles[wp.int32(found & TRIANGLE)]
-            a = at(cloth.position, t[0])
-            ab = at(cloth.position, t[1]) - a
-            ac = at(cloth.position, t[2]) - a
+            a = at(state.position, t[0])
+            ab = at(state.position, t[1]) - a
+            ac = at(state.position, t[2]) - a
             on = nearest_on_triangle(x - a, ab, ac)
             inner = NOTHING
             for corner in range(3):
@@ -215,10 +215,10 @@ def layers_kernel(precision: str) -> wp.Kernel:
 @functools.cache
 def settle_kernel(precision: str) -> wp.Kernel:
     """Kernel ``settle_shifts``."""
-    Cloth, at = cloth_types(precision).Cloth, place_function(precision)
+    State, at = cloth_types(precision).State, place_function(precision)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
-    def settle_shifts(cloth: Cloth, search: ContactSearch, contact: ClothContact, untangling: Untangling):
+    def settle_shifts(state: State, search: ContactSearch, contact: ClothContact, untangling: Untangling):
         """A vertex's untangling shift: the mean of what its crossings ask for, and smoothing round tangles that last.
 
         A fold that passes through itself is a loop; smoothed, it becomes shorter and comes undone, as a curve's does.
@@ -229,14 +229,14 @@ def settle_kernel(precision: str) -> wp.Kernel:
         level = int(0)
         age = int(untangling.age[vertex])
         mean = wp.vec3d()
-        x = at(cloth.position, vertex)
+        x = at(state.position, vertex)
         first = untangling.beside_start[vertex]
         last = untangling.beside_start[vertex + 1]
         for row in range(first, last):
             other = untangling.beside[row]
             level = wp.max(level, untangling.level[other] - RING)
             age = wp.max(age, untangling.age[other])
-            mean += at(cloth.position, other) - x
+            mean += at(state.position, other) - x
         if untangling.crosses[vertex] == ITSELF:
             level = wp.max(level, wp.clamp(untangling.level[vertex] + 1, RING, WIDEST))
         search.tangled[vertex] = wp.max(level, untangling.crosses[vertex])

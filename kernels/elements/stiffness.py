@@ -152,19 +152,19 @@ def spring_function(precision: str) -> wp.Function:
 def linearise_hinges_kernel(precision: str, angles: bool) -> wp.Kernel:
     """Kernel ``linearise_hinges``, of hinges with rest angles or flat ones."""
     types = cloth_types(precision)
-    real, vec3, Cloth, Hinges = types.real, types.vec3, types.Cloth, types.Hinges
+    real, vec3, State, Hinges = types.real, types.vec3, types.State, types.Hinges
     hinge_sides = hinge_sides_function(precision)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def linearise_hinges(
-        cloth: Cloth,
+        state: State,
         hinges: Hinges,
         gradient_out: wp.array2d(dtype=vec3),  # sqrt(C sin theta) times the angle's gradient, shape [4, H]
     ):
         """C sin(theta) grad(theta) grad(theta)^T is a hinge's stiffness; stores a root of it for each corner."""
         hinge = wp.tid()
         corners = hinges.corners[hinge]
-        axis, wing_0, wing_1 = hinge_sides(cloth.position, corners)
+        axis, wing_0, wing_1 = hinge_sides(state.position, corners)
         normal_0, normal_1, area_0, area_1 = hinge_fold(axis, wing_0, wing_1)
         length = wp.length(axis)
         least = real(THINNEST) * length * length + real(1.0e-30)
@@ -191,7 +191,7 @@ def linearise_hinges_kernel(precision: str, angles: bool) -> wp.Kernel:
 def linearise_weave_kernel(precision: str) -> wp.Kernel:
     """Kernel ``linearise_weave``."""
     types = cloth_types(precision)
-    real, Cloth, Weave = types.real, types.Cloth, types.Weave
+    real, State, Weave = types.real, types.State, types.Weave
     vec6 = stiffness_types(precision).vec6
     spring = spring_function(precision)
     difference = difference_function(precision)
@@ -199,7 +199,7 @@ def linearise_weave_kernel(precision: str) -> wp.Kernel:
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def linearise_weave(
-        cloth: Cloth,
+        state: State,
         weave: Weave,
         share: real,  # of the last change of a length that is allowed for
         side_out: wp.array2d(dtype=vec6),  # coupling of the corners (0,1), (1,2), (2,0) [N/m], shape [3, T]
@@ -210,14 +210,14 @@ def linearise_weave_kernel(precision: str) -> wp.Kernel:
         slope = weave.slope[triangle]
         law = weave.law[triangle]
         push = law * law[3]
-        origin = cloth.position[corners[0]]
-        side_1 = difference(cloth.position[corners[1]], origin)
-        side_2 = difference(cloth.position[corners[2]], origin)
+        origin = state.position[corners[0]]
+        side_1 = difference(state.position[corners[1]], origin)
+        side_2 = difference(state.position[corners[2]], origin)
         along_u = weft_vector(slope, side_1, side_2)
         along_v = warp_vector(slope, side_1, side_2)
-        move = cloth.move[corners[0]]
-        change_u = weft_vector(slope, cloth.move[corners[1]] - move, cloth.move[corners[2]] - move)
-        change_v = warp_vector(slope, cloth.move[corners[1]] - move, cloth.move[corners[2]] - move)
+        move = state.displacement[corners[0]]
+        change_u = weft_vector(slope, state.displacement[corners[1]] - move, state.displacement[corners[2]] - move)
+        change_v = warp_vector(slope, state.displacement[corners[1]] - move, state.displacement[corners[2]] - move)
         one = real(1.0)
         first = vec6()
         second = vec6()
@@ -260,14 +260,14 @@ def linearise_weave_kernel(precision: str) -> wp.Kernel:
 def couple_pairs_kernel(precision: str) -> wp.Kernel:
     """Kernel ``couple_pairs``."""
     types, own = cloth_types(precision), stiffness_types(precision)
-    real, vec3, Cloth, Edges = types.real, types.vec3, types.Cloth, types.Edges
+    real, vec3, State, Edges = types.real, types.vec3, types.State, types.Edges
     mat3, vec6, Pairs = own.mat3, own.vec6, own.Pairs
     spring = spring_function(precision)
     difference = difference_function(precision)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def couple_pairs(
-        cloth: Cloth,
+        state: State,
         edges: Edges,
         pairs: Pairs,
         share: real,  # as of linearise_weave
@@ -283,8 +283,8 @@ def couple_pairs_kernel(precision: str) -> wp.Kernel:
         if edge >= 0:
             ends = edges.ends[edge]
             law = edges.law[edge]
-            d = difference(cloth.position[ends[1]], cloth.position[ends[0]])
-            change = cloth.move[ends[1]] - cloth.move[ends[0]]
+            d = difference(state.position[ends[1]], state.position[ends[0]])
+            change = state.displacement[ends[1]] - state.displacement[ends[0]]
             s = spring(d, change, law[0], law[1], law[2], share)
         for row in range(pairs.weave_start[pair], pairs.weave_start[pair + 1]):
             code = pairs.weave[row]

@@ -76,7 +76,7 @@ def block_kernels(precision: str) -> SimpleNamespace:
     """Kernels ``find_centres``, ``gather_turns`` and ``divide_turns``: what couples the coarse vertices."""
     types, own, Rows = cloth_types(precision), stiffness_types(precision), level_types(precision).Rows
     real, vec3, point, mat3, vec6 = types.real, types.vec3, types.point, own.mat3, own.vec6
-    Cloth, Turns = types.Cloth, turn_types(precision).Turns
+    State, Turns = types.State, turn_types(precision).Turns
     inverse, add_in_order = symmetric_functions(precision).inverse, order_function(precision, mat3)
 
     @wp.func
@@ -110,19 +110,19 @@ def block_kernels(precision: str) -> SimpleNamespace:
         return quarter
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
-    def find_centres(cloth: Cloth, turns: Turns):
+    def find_centres(state: State, turns: Turns):
         """Means of the places that follow the coarse vertices."""
         vertex = wp.tid()
         sum = point()
         weight = real(0.0)
         for entry in range(turns.down.start[vertex], turns.down.start[vertex + 1]):
             weight += turns.down.weight[entry]
-            sum += cloth.position[turns.down.index[entry]] * type(sum[0])(turns.down.weight[entry])
+            sum += state.position[turns.down.index[entry]] * type(sum[0])(turns.down.weight[entry])
         turns.centre[vertex] = sum / type(sum[0])(weight)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def gather_turns(
-        cloth: Cloth,
+        state: State,
         coupling: wp.array(dtype=vec6),  # of the pairs [N/m], shape [N]
         anchor: wp.array(dtype=vec6),  # against the world [N/m], shape [V]
         turns: Turns,
@@ -144,12 +144,12 @@ def block_kernels(precision: str) -> SimpleNamespace:
                 else:
                     s = full(anchor[first])
                 a, b = share(turns.up, first, one), share(turns.up, first, other)
-                v = vec3(cloth.position[first] - turns.centre[one]) * a
-                w = vec3(cloth.position[first] - turns.centre[other]) * b
+                v = vec3(state.position[first] - turns.centre[one]) * a
+                w = vec3(state.position[first] - turns.centre[other]) * b
                 if second >= 0:
                     less, fewer = share(turns.up, second, one), share(turns.up, second, other)
-                    v -= vec3(cloth.position[second] - turns.centre[one]) * less
-                    w -= vec3(cloth.position[second] - turns.centre[other]) * fewer
+                    v -= vec3(state.position[second] - turns.centre[one]) * less
+                    w -= vec3(state.position[second] - turns.centre[other]) * fewer
                     a -= less
                     b -= fewer
                 turned, turning = wp.skew(v) * s, wp.skew(w)
@@ -202,7 +202,7 @@ def turn_kernels(precision: str) -> SimpleNamespace:
     Shift and turn of coarse vertex I are the vectors 2 I and 2 I + 1; so are the force and the moment on it.
     """
     types, Turns = cloth_types(precision), turn_types(precision).Turns
-    real, vec3, Cloth = types.real, types.vec3, types.Cloth
+    real, vec3, State = types.real, types.vec3, types.State
     System, allowed = conjugate_types(precision).System, allowed_function(precision)
     times, fresh = symmetric_functions(precision).times, fresh_function(precision)
     sums, vectors = wp.array(dtype=wp.float64), wp.array(dtype=vec3)
@@ -221,7 +221,7 @@ def turn_kernels(precision: str) -> SimpleNamespace:
         turns.parts.dot[vertex] = wp.float64(wp.dot(force, shift)) + wp.float64(wp.dot(moment, turn))
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
-    def pull_turns(cloth: Cloth, turns: Turns, fine: wp.array(dtype=vec3)):
+    def pull_turns(state: State, turns: Turns, fine: wp.array(dtype=vec3)):
         """What the forces that are left [N] on each vertex pull at what it follows."""
         entry = wp.tid()
         if entry == 0:
@@ -229,7 +229,7 @@ def turn_kernels(precision: str) -> SimpleNamespace:
         i = turns.down.index[entry]
         force = fine[i] * turns.down.weight[entry]
         turns.pull[entry, 0] = force
-        turns.pull[entry, 1] = wp.cross(vec3(cloth.position[i] - turns.centre[turns.owner[entry]]), force)
+        turns.pull[entry, 1] = wp.cross(vec3(state.position[i] - turns.centre[turns.owner[entry]]), force)
 
     @wp.func
     def resisted(turns: Turns, i: int):
@@ -356,8 +356,8 @@ def turn_kernels(precision: str) -> SimpleNamespace:
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def follow_turns(
+        state: State,
         weight: real,
-        cloth: Cloth,
         turns: Turns,
         system: System,
         parts: Parts,  # the fine vertices
@@ -370,7 +370,7 @@ def turn_kernels(precision: str) -> SimpleNamespace:
             sum = vec3()
             for entry in range(turns.up.start[vertex], turns.up.start[vertex + 1]):
                 i = turns.up.index[entry]
-                arm = vec3(cloth.position[vertex] - turns.centre[i])
+                arm = vec3(state.position[vertex] - turns.centre[i])
                 moved = turns.displacement[2 * i] + wp.cross(turns.displacement[2 * i + 1], arm)
                 sum += moved * turns.up.weight[entry]
             hold = system.hold[vertex]

@@ -95,7 +95,7 @@ def meets_function(precision: str) -> wp.Function:
 def face_forces_kernel(precision: str, contact: wp.Function | None, collider_type: type, pins: bool) -> wp.Kernel:
     """Kernel ``face_forces``, with the contact of ``kernels.passes.move.displacement``."""
     types = cloth_types(precision)
-    real, vec3, vec4, Cloth, Step = types.real, types.vec3, types.vec4, types.Cloth, types.Step
+    real, vec3, vec4, Model, State, Step = types.real, types.vec3, types.vec4, types.Model, types.State, types.Step
     mat3, vec6 = stiffness_types(precision).mat3, stiffness_types(precision).vec6
     System = conjugate_types(precision).System
     symmetric = symmetric_functions(precision)
@@ -122,9 +122,10 @@ def face_forces_kernel(precision: str, contact: wp.Function | None, collider_typ
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def face_forces(
+        model: Model,
+        state: State,
         step: Step,
         colliders: colliders_type(contact, collider_type),
-        cloth: Cloth,
         load: wp.array(dtype=vec4),  # forces of the cloth [N], shape [V]; left at zero
         system: System,
         anchor_out: wp.array(dtype=vec6),  # stiffness against the world [N/m], shape [V]
@@ -133,27 +134,27 @@ def face_forces_kernel(precision: str, contact: wp.Function | None, collider_typ
         vertex = wp.tid()
         sum = load[vertex]
         load[vertex] = vec4()
-        weight = cloth.weight[vertex]
+        weight = model.weight[vertex]
         block = own_block(system, vertex)
         hold = int(FREE)
         left = vec3(sum[0], sum[1], sum[2]) + step.gravity * weight
         normal = vec3()
         drag = real(0.0)
         if wp.static(contact is not None):
-            item = cloth.items[cloth.item[vertex]]
-            at = contact(colliders[cloth.item[vertex]], wp.vec3d(cloth.position[vertex]))
+            item = model.items[model.item[vertex]]
+            at = contact(colliders[model.item[vertex]], wp.vec3d(state.position[vertex]))
             gap = real(at[3] - item.offset)
             system.gap[vertex] = gap
             if gap < real(NEAR) or (gap < real(WIDE) and system.pressed[vertex] != wp.uint8(0)):
                 normal = vec3(real(at[0]), real(at[1]), real(at[2]))
                 if meets(left, normal, gap, block):
-                    hold, left, drag = hold_of(left, normal, real(item.friction), cloth.move[vertex])
-        if not free(cloth, vertex) or rests(cloth, vertex):
+                    hold, left, drag = hold_of(left, normal, real(item.avatar_friction), state.displacement[vertex])
+        if not free(model, vertex) or rests(model, vertex):
             hold = int(STAYS)
             left = vec3()
         ahead = system.share > real(0.0)
         early = system.made_heavy
-        move = cloth.move[vertex]
+        move = state.displacement[vertex]
         trembles = wp.where(early, real(TREMBLES_EARLY), real(TREMBLES))
         bearable = wp.where(ahead, trembles * wp.dot(move, times(block, move)), real(0.0))
         turned = wp.dot(move, left) < -bearable
@@ -190,14 +191,15 @@ def face_forces_kernel(precision: str, contact: wp.Function | None, collider_typ
 def take_step_kernel(precision: str, contact: wp.Function | None, collider_type: type, pins: bool) -> wp.Kernel:
     """Kernel ``take_step``, with the contact of ``kernels.passes.move.displacement``."""
     types = cloth_types(precision)
-    real, point, vec3, Cloth, Step = types.real, types.point, types.vec3, types.Cloth, types.Step
+    real, point, vec3, Model, State, Step = types.real, types.point, types.vec3, types.Model, types.State, types.Step
     System, free = conjugate_types(precision).System, free_function(precision, pins)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def take_step(
+        model: Model,
+        state: State,
         step: Step,
         colliders: colliders_type(contact, collider_type),
-        cloth: Cloth,
         system: System,
     ):
         """Moves each free vertex by its displacement, capped; a held one stays on the avatar's surface.
@@ -206,7 +208,7 @@ def take_step_kernel(precision: str, contact: wp.Function | None, collider_type:
         vertex that was not on it, friction shortens the displacement's tangential part.
         """
         vertex = wp.tid()
-        if free(cloth, vertex):
+        if free(model, vertex):
             move = system.displacement[vertex]
             solved = vec3()
             if system.share > real(0.0):
@@ -218,20 +220,20 @@ def take_step_kernel(precision: str, contact: wp.Function | None, collider_type:
                 beyond = wp.dot(move, normal) + system.gap[vertex]
                 if system.hold[vertex] != FREE or beyond < real(0.0):
                     move = move - normal * beyond
-            item = cloth.items[cloth.item[vertex]]
+            item = model.items[model.item[vertex]]
             move = capped(move, item.cap)
             if wp.static(contact is not None):
-                at = contact(colliders[cloth.item[vertex]], wp.vec3d(cloth.position[vertex]) + wp.vec3d(move))
+                at = contact(colliders[model.item[vertex]], wp.vec3d(state.position[vertex]) + wp.vec3d(move))
                 push = item.offset - at[3]
                 system.pressed[vertex] = wp.uint8(push > 0.0 or system.hold[vertex] != FREE)
                 if push > 0.0:
                     out = vec3(real(at[0]), real(at[1]), real(at[2]))
                     move = move + out * wp.min(real(push), item.cap)
                     if not met:
-                        move = friction_slide(move, out, real(push), real(item.friction))
+                        move = friction_slide(move, out, real(push), real(item.avatar_friction))
             system.onward[vertex] = move - solved
-            cloth.move[vertex] = move
-            cloth.position[vertex] = cloth.position[vertex] + point(move)
+            state.displacement[vertex] = move
+            state.position[vertex] = state.position[vertex] + point(move)
 
     return take_step
 

@@ -332,17 +332,17 @@ def first_of_eight(number: int, count: int) -> int:
 @functools.cache
 def lanes_function(precision: str) -> wp.Function:
     """The function that tells which of eight elements are to be worked out."""
-    Cloth, rests = cloth_types(precision).Cloth, rest_function(precision)
+    Model, rests = cloth_types(precision).Model, rest_function(precision)
 
     @wp.func
-    def busy_lanes(cloth: Cloth, places: Any, number: int):
+    def busy_lanes(model: Model, places: Any, number: int):
         """Bits of those of items that iterate, and that those before do not have."""
         first = first_of_eight(number, places.shape[0])
         lanes = 255 & ~((1 << (WIDTH * number - first)) - 1)
-        if cloth.items.shape[0] == 1:
-            return wp.where(cloth.items[0].active == 0, 0, lanes)
+        if model.items.shape[0] == 1:
+            return wp.where(model.items[0].active == 0, 0, lanes)
         for lane in range(WIDTH):
-            if rests(cloth, element(places, first + lane)[0]):
+            if rests(model, element(places, first + lane)[0]):
                 lanes &= ~(1 << lane)
         return lanes
 

@@ -126,15 +126,24 @@ def bound_functions(precision: str, eight: bool = False) -> SimpleNamespace:
 def _bound_folds_kernel(precision: str, terms: Terms, packed: bool, in_order: bool) -> wp.Kernel:
     types, order = cloth_types(precision), order_functions(precision, packed, in_order)
     position_at, move_at = order.position_at, order.move_at
-    real, vec2, vec4, Cloth, Edges, Step = types.real, types.vec2, types.vec4, types.Cloth, types.Edges, types.Step
+    real, vec2, vec4, Model, State, Edges, Step = (
+        types.real,
+        types.vec2,
+        types.vec4,
+        types.Model,
+        types.State,
+        types.Edges,
+        types.Step,
+    )
     functions = edge_functions(precision, "leeway", terms.angles)
     edge_span, edge_fold = functions.edge_span, functions.edge_fold
     rests = rest_function(precision)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def bound_folds(
+        model: Model,
+        state: State,
         groups: wp.array(dtype=wp.int32),  # of kernels.base.subset, of edges
-        cloth: Cloth,
         edges: Edges,
         normal: wp.array(dtype=vec4),  # of measure_normals, shape [F]
         step: Step,
@@ -145,14 +154,14 @@ def _bound_folds_kernel(precision: str, terms: Terms, packed: bool, in_order: bo
         if edge >= edges.ends.shape[0]:
             return
         ends = element(edges.ends, edge)
-        if rests(cloth, ends[0]):
+        if rests(model, ends[0]):
             return
         beside = element(edges.beside, edge)
         rest = vec2()
         if wp.static(terms.angles):
             rest = element(edges.rest, edge)
-        move, other = move_at(cloth, ends[0]), move_at(cloth, ends[1])
-        first, second = position_at(cloth, ends[0]), position_at(cloth, ends[1])
+        move, other = move_at(state, ends[0]), move_at(state, ends[1])
+        first, second = position_at(state, ends[0]), position_at(state, ends[1])
         span = edge_span(first, second, move, other, root(inner(move, move)))
         normal_0, normal_1 = element(normal, beside[0]), element(normal, beside[1])
         fold = edge_fold(span, normal_0, normal_1, element(edges.fold, edge), rest, step)
@@ -183,7 +192,7 @@ def leeway_function(precision: str) -> wp.Function:
 def _find_leeway_kernel(precision: str, terms: Terms, packed: bool, in_order: bool) -> wp.Kernel:
     types, order = cloth_types(precision), order_functions(precision, packed, in_order)
     position_at, move_at, put_leeway = order.position_at, order.move_at, order.put_leeway
-    real, Cloth, Step = types.real, types.Cloth, types.Step
+    real, Model, State, Step = types.real, types.Model, types.State, types.Step
     Edges, Triangles, Rows = types.Edges, types.Triangles, types.Rows
     even, leeway_of = symmetric_functions(precision).even, leeway_function(precision)
     functions = bound_functions(precision)
@@ -206,8 +215,9 @@ def _find_leeway_kernel(precision: str, terms: Terms, packed: bool, in_order: bo
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def find_leeway(
+        model: Model,
+        state: State,
         groups: wp.array(dtype=wp.int32),  # of kernels.base.subset, of vertices
-        cloth: Cloth,
         edges: Edges,
         triangles: Triangles,
         rows: Rows,
@@ -216,22 +226,22 @@ def _find_leeway_kernel(precision: str, terms: Terms, packed: bool, in_order: bo
     ):
         """Has every vertex whose item is loose go on with the leeway that the matrix of what bounds its step leaves."""
         vertex = listed(groups, wp.tid())
-        if vertex >= cloth.item.shape[0]:
+        if vertex >= model.item.shape[0]:
             return
-        if rests(cloth, vertex):
+        if rests(model, vertex):
             return
-        item = cloth.items[element(cloth.item, vertex)]
-        most = item.leeway
+        item = model.items[element(model.item, vertex)]
+        most = item.anisotropy_limit
         if most == real(0.0):
             return
-        total = element(cloth.weight, vertex) / item.cap
+        total = element(model.weight, vertex) / item.cap
         matrix = even(total)
         if wp.static(terms.edges):
             for row in range(element(rows.edge_start, vertex), element(rows.edge_start, vertex + 1)):
                 edge = element(rows.edge, row)
                 ends = element(edges.ends, edge)
-                way = difference(position_at(cloth, ends[1]), position_at(cloth, ends[0]))
-                change = move_at(cloth, ends[1]) - move_at(cloth, ends[0])
+                way = difference(position_at(state, ends[1]), position_at(state, ends[0]))
+                change = move_at(state, ends[1]) - move_at(state, ends[0])
                 more, size = spring_matrix(way, change, element(edges.law, edge), step)
                 matrix += more
                 total += size
@@ -246,14 +256,14 @@ def _find_leeway_kernel(precision: str, terms: Terms, packed: bool, in_order: bo
                     total += size
                 if wp.static(terms.threads):
                     slope, law = element(triangles.slope, triangle), element(triangles.threads, triangle)
-                    sides = sides_of(cloth, element(triangles.corners, triangle))
+                    sides = sides_of(state, element(triangles.corners, triangle))
                     weft, warp, bounds, share, shorter = threads_bounds(
                         sides.side_1, sides.side_2, sides.change_1, sides.change_2, slope, law, step
                     )
                     more, size = threads_matrix(weft, warp, bounds, share, shorter, slope, corner)
                     matrix += more
                     total += size
-        put_leeway(cloth.leeway, vertex, leeway_of(matrix, total, most))
+        put_leeway(state.compliance, vertex, leeway_of(matrix, total, most))
 
     return find_leeway
 

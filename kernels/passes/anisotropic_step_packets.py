@@ -26,17 +26,17 @@ from warp_cloth.kernels.passes.anisotropic_step import bound_functions, leeway_f
 
 def _begin_kernel(precision: str) -> wp.Kernel:
     types = cloth_types(precision)
-    vec4, Cloth = types.vec4, types.Cloth
+    vec4, Model = types.vec4, types.Model
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def begin_bounds(
-        cloth: Cloth,
+        model: Model,
         straight_out: wp.array(dtype=vec4),  # shape [V]
         crossed_out: wp.array(dtype=vec4),
     ):
         """Begins each vertex' sum with what bounds its fall."""
         vertex = wp.tid()
-        own = cloth.weight[vertex] / cloth.items[cloth.item[vertex]].cap
+        own = model.weight[vertex] / model.items[model.item[vertex]].cap
         straight_out[vertex] = vec4(own, own, own, own)
         crossed_out[vertex] = vec4()
 
@@ -45,7 +45,14 @@ def _begin_kernel(precision: str) -> wp.Kernel:
 
 def _sum_kernel(precision: str, terms: Terms) -> wp.Kernel:
     types, eights = cloth_types(precision), shaped(cloth_types(precision).real, True)
-    real, vec4, Cloth, Step, Triangles = types.real, types.vec4, types.Cloth, types.Step, types.Triangles
+    real, vec4, Model, State, Step, Triangles = (
+        types.real,
+        types.vec4,
+        types.Model,
+        types.State,
+        types.Step,
+        types.Triangles,
+    )
     like, half = wp.constant(real(0.0)), wp.constant(real(0.5))
     functions = bound_functions(precision, eight=True)
     threads_bounds, threads_matrix = functions.threads_bounds, functions.threads_matrix
@@ -84,7 +91,8 @@ def _sum_kernel(precision: str, terms: Terms) -> wp.Kernel:
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def sum_bounds(
-        cloth: Cloth,
+        model: Model,
+        state: State,
         triangles: Triangles,
         fold: wp.array(dtype=vec4),  # of scatter_eight.add_edges, shape [E]
         step: Step,
@@ -93,17 +101,17 @@ def _sum_kernel(precision: str, terms: Terms) -> wp.Kernel:
     ):
         """Adds the bounds of eight triangles' hinges and threads to their corners."""
         number = wp.tid()
-        lanes = busy_lanes(cloth, triangles.corners, number)
+        lanes = busy_lanes(model, triangles.corners, number)
         if lanes == 0:
             return
         start = first_of_eight(number, triangles.corners.shape[0])
         folds_0, folds_1, folds_2 = eights.vec4(), eights.vec4(), eights.vec4()
         if wp.static(terms.folds):
             folds_0, folds_1, folds_2 = folds_bounds(fold, triangles.edges, start)
-        side_1 = eight_sides(like, cloth.position, triangles.corners, start, 0, 1)
-        side_2 = eight_sides(like, cloth.position, triangles.corners, start, 0, 2)
-        change_1 = eight_sides(like, cloth.move, triangles.corners, start, 0, 1)
-        change_2 = eight_sides(like, cloth.move, triangles.corners, start, 0, 2)
+        side_1 = eight_sides(like, state.position, triangles.corners, start, 0, 1)
+        side_2 = eight_sides(like, state.position, triangles.corners, start, 0, 2)
+        change_1 = eight_sides(like, state.displacement, triangles.corners, start, 0, 1)
+        change_2 = eight_sides(like, state.displacement, triangles.corners, start, 0, 2)
         slope, law = eight_elements(triangles.slope, start), eight_elements(triangles.threads, start)
         weft, warp, bounds, share, inverse = threads_bounds(side_1, side_2, change_1, change_2, slope, law, step)
         first, size_0 = threads_matrix(weft, warp, bounds, share, inverse, slope, 0)
@@ -120,25 +128,26 @@ def _sum_kernel(precision: str, terms: Terms) -> wp.Kernel:
 
 def _end_kernel(precision: str) -> wp.Kernel:
     types = cloth_types(precision)
-    real, vec4, vec6, Cloth = types.real, types.vec4, types.vec6, types.Cloth
+    real, vec4, vec6, Model, State = types.real, types.vec4, types.vec6, types.Model, types.State
     leeway_of = leeway_function(precision)
     rests = rest_function(precision)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def take_bounds(
-        cloth: Cloth,
+        model: Model,
+        state: State,
         straight: wp.array(dtype=vec4),  # of sum_bounds, shape [V]
         crossed: wp.array(dtype=vec4),
     ):
         """Has every vertex whose item is loose go on with the leeway that its bounds leave."""
         vertex = wp.tid()
-        if rests(cloth, vertex):
+        if rests(model, vertex):
             return
-        most = cloth.items[cloth.item[vertex]].leeway
+        most = model.items[model.item[vertex]].anisotropy_limit
         if most == real(0.0):
             return
         a, b = straight[vertex], crossed[vertex]
-        cloth.leeway[vertex] = leeway_of(vec6(a[0], a[1], a[2], b[0], b[1], b[2]), a[3], most)
+        state.compliance[vertex] = leeway_of(vec6(a[0], a[1], a[2], b[0], b[1], b[2]), a[3], most)
 
     return take_bounds
 

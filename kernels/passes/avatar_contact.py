@@ -31,7 +31,7 @@ def looking(
     here.
     """
     types = cloth_types(precision)
-    real, point, vec3, vec6, Cloth, Item = types.real, types.point, types.vec3, types.vec6, types.Cloth, types.Item
+    real, point, vec3, vec6, State, Item = types.real, types.point, types.vec3, types.vec6, types.State, types.Item
     even, changed_leeway = symmetric_functions(precision).even, changed_leeway_function(precision)
 
     @wp.func
@@ -39,11 +39,11 @@ def looking(
         """A displacement [m] that contact pushes out along the normal, at most by the cap, and friction shortens."""
         normal = vec3(real(at[0]), real(at[1]), real(at[2]))
         pushed = scaled_sum(normal, wp.min(real(push), item.cap), move)
-        return friction_slide(pushed, normal, real(push), real(item.friction))
+        return friction_slide(pushed, normal, real(push), real(item.avatar_friction))
 
     @wp.func
     def looked_move(
-        cloth: Cloth,
+        state: State,
         collider: collider_type,
         loose: bool,
         leeway: vec6,
@@ -63,7 +63,7 @@ def looking(
         at = contact(collider, place)
         push = item.offset - at[3] + lift
         if wp.static(spares):
-            cloth.clear[vertex] = field_clearance(collider, place, at[3], item.offset)
+            state.clearance[vertex] = field_clearance(collider, place, at[3], item.offset)
         kept = move
         if push > 0.0:
             move = pushed_move(at, push, move, item)
@@ -73,13 +73,13 @@ def looking(
                     if loose:
                         before = leeway
                         if wp.static(touches):
-                            before = cloth.leeway[vertex]
+                            before = state.compliance[vertex]
                         kept = changed_leeway(before, even(real(1.0)), move)
                 else:
-                    if item.leeway > real(0.0) and cloth.held[vertex] == wp.uint8(0):
-                        kept = changed_leeway(cloth.leeway[vertex], even(real(1.0)), move)
+                    if item.anisotropy_limit > real(0.0) and state.in_contact[vertex] == wp.uint8(0):
+                        kept = changed_leeway(state.compliance[vertex], even(real(1.0)), move)
         if wp.static(worn):
-            cloth.held[vertex] = wp.where(push > 0.0, wp.uint8(1), wp.uint8(0))
+            state.in_contact[vertex] = wp.where(push > 0.0, wp.uint8(1), wp.uint8(0))
         return move, kept
 
     return looked_move
@@ -91,12 +91,12 @@ def meeting(
 ) -> wp.Function:
     """The function that has a displaced vertex meet its item's avatar; arguments as of ``looking``."""
     types = cloth_types(precision)
-    point, vec3, vec6, Cloth, Item = types.point, types.vec3, types.vec6, types.Cloth, types.Item
+    point, vec3, vec6, State, Item = types.point, types.vec3, types.vec6, types.State, types.Item
     looked_move = looking(precision, contact, collider_type, worn, spares, touches, told=True)
 
     @wp.func
     def met_move(
-        cloth: Cloth,
+        state: State,
         collider: collider_type,
         loose: bool,
         leeway: vec6,
@@ -111,10 +111,10 @@ def meeting(
         if wp.static(spares):
             left = clear - (LONGER * float(root(inner(move, move))) + STEP)
             if left > 0.0:
-                cloth.clear[vertex] = left
+                state.clearance[vertex] = left
                 if wp.static(worn):
-                    cloth.held[vertex] = wp.uint8(0)
+                    state.in_contact[vertex] = wp.uint8(0)
                 return move, move
-        return looked_move(cloth, collider, loose, leeway, lift, vertex, position, move, item)
+        return looked_move(state, collider, loose, leeway, lift, vertex, position, move, item)
 
     return met_move

@@ -59,39 +59,39 @@ def meet_threads(
 
 
 @functools.cache
-def sharing_kernels(precision: str) -> SimpleNamespace:
-    """Kernels ``take_share`` and ``give_share``, of what iterations change."""
-    Cloth = cloth_types(precision).Cloth
+def domain_kernels(precision: str) -> SimpleNamespace:
+    """Kernels ``gather_domain`` and ``scatter_domain``, which copy what iterations change."""
+    State = cloth_types(precision).State
 
     @wp.func
-    def copy_vertex(cloth: Cloth, vertex: int, cloth_out: Cloth, place: int):
+    def copy_vertex(state: State, vertex: int, state_out: State, place: int):
         """Copies what iterations change of a vertex."""
-        cloth_out.position[place] = cloth.position[vertex]
-        cloth_out.move[place] = cloth.move[vertex]
-        cloth_out.stiffness[place] = cloth.stiffness[vertex]
-        if cloth.leeway.shape[0] > 0:
-            cloth_out.leeway[place] = cloth.leeway[vertex]
-        if cloth.held.shape[0] > 0:
-            cloth_out.held[place] = cloth.held[vertex]
-        if cloth.clear.shape[0] > 0:
-            cloth_out.clear[place] = cloth.clear[vertex]
+        state_out.position[place] = state.position[vertex]
+        state_out.displacement[place] = state.displacement[vertex]
+        state_out.stiffness[place] = state.stiffness[vertex]
+        if state.compliance.shape[0] > 0:
+            state_out.compliance[place] = state.compliance[vertex]
+        if state.in_contact.shape[0] > 0:
+            state_out.in_contact[place] = state.in_contact[vertex]
+        if state.clearance.shape[0] > 0:
+            state_out.clearance[place] = state.clearance[vertex]
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
-    def take_share(
-        order: wp.array(dtype=wp.int32),  # the share's vertices
-        cloth: Cloth,
-        share_out: Cloth,
+    def gather_domain(
+        state: State,  # of all vertices
+        order: wp.array(dtype=wp.int32),  # the domain's vertices
+        domain_out: State,
     ):
-        """Copies the vertices of a share to where they lie together."""
-        copy_vertex(cloth, order[wp.tid()], share_out, wp.tid())
+        """Copies the vertices of a domain to where they lie together."""
+        copy_vertex(state, order[wp.tid()], domain_out, wp.tid())
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
-    def give_share(
+    def scatter_domain(
+        domain: State,
         order: wp.array(dtype=wp.int32),
-        share: Cloth,
-        cloth_out: Cloth,
+        state_out: State,  # of all vertices
     ):
         """Copies them back."""
-        copy_vertex(share, wp.tid(), cloth_out, order[wp.tid()])
+        copy_vertex(domain, wp.tid(), state_out, order[wp.tid()])
 
-    return SimpleNamespace(take_share=take_share, give_share=give_share)
+    return SimpleNamespace(gather_domain=gather_domain, scatter_domain=scatter_domain)

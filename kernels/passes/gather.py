@@ -226,7 +226,7 @@ def patch_functions(
         packed: as of packing.order_functions.
     """
     types = cloth_types(precision)
-    vec4, Cloth, Step, Patches = types.vec4, types.Cloth, types.Step, types.Patches
+    vec4, State, Step, Patches = types.vec4, types.State, types.Step, types.Patches
     PatchItem, PatchWork = item_type(precision), work_type(precision)
     patch_memory = layout_function(precision, terms, fits, paired)
     fetch_tables = fetch_function(precision, terms, paired)
@@ -251,7 +251,7 @@ def patch_functions(
 
     @wp.func
     def work_edges(
-        cloth: Cloth,
+        state: State,
         patches: Patches,
         patch: Patch,
         beside: wp.array(dtype=wp.uint8),
@@ -275,12 +275,12 @@ def patch_functions(
             corner_word = element(patches.corners, patch.triangle_start + other)
         if wp.static(paired):
             asked = asked_item(patches, patch, lane)
-        read_vertices(cloth, patches, patch, beside, memory, lane, first, second)
+        read_vertices(state, patches, patch, beside, memory, lane, first, second)
         if wp.static((terms.folds or terms.edges) and not paired):
             end_word, law = edge_table(patches, patch, lane)
         if wp.static(packed and paired):
             if fetches(NEXT_TURN):
-                fetch_next(patches, cloth, soon)
+                fetch_next(patches, state, soon)
         wait_for_block()
         if wp.static(paired):
             item = work_item_normals(patches, patch, beside, memory, lane, asked)
@@ -330,7 +330,7 @@ def patch_functions(
 def gather_kernel(precision: str, fourth: str, terms: Terms, fits: bool, paired: bool = False) -> wp.Kernel:
     """Kernel ``gather_forces``; arguments as of ``patch_functions``."""
     types = cloth_types(precision)
-    vec4, Cloth, Step, Patches = types.vec4, types.Cloth, types.Step, types.Patches
+    vec4, Model, State, Step, Patches = types.vec4, types.Model, types.State, types.Step, types.Patches
     functions = patch_functions(precision, fourth, terms, fits, in_order=False, paired=paired)
     own_vertex, two_vertices = functions.own_vertex, functions.two_vertices
     work_edges, work_corners = functions.work_edges, functions.work_corners
@@ -338,7 +338,8 @@ def gather_kernel(precision: str, fourth: str, terms: Terms, fits: bool, paired:
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS, grid_stride=False)
     def gather_forces(
-        cloth: Cloth,
+        model: Model,
+        state: State,
         patches: Patches,
         beside: wp.array(dtype=wp.uint8),  # memory of patches that are too large for a block's own
         step: Step,
@@ -349,9 +350,9 @@ def gather_kernel(precision: str, fourth: str, terms: Terms, fits: bool, paired:
         patch = patch_of(patches.patch, block_of(thread))
         lane = lane_of(thread)
         first, second = two_vertices(patches, patch, lane)
-        if leaves(cloth.items[patch.item].active, patch, first, second):
+        if leaves(model.items[patch.item].active, patch, first, second):
             return
-        work = work_edges(cloth, patches, patch, beside, step, lane, first, second, patch)
+        work = work_edges(state, patches, patch, beside, step, lane, first, second, patch)
         work_corners(patches, patch, beside, step, lane, work)
         edges, triangles = wp.vec4i(work.edges), wp.vec4i(work.triangles)
         local = int(lane)

@@ -44,19 +44,19 @@ from warp_cloth.kernels.patches.steps import point_functions
 def held_function(precision: str, accelerated: bool, packed: bool, in_order: bool = True) -> wp.Function:
     """The function that reads a vertex; ``packed`` and ``in_order``: as of packing.order_functions."""
     types = cloth_types(precision)
-    Cloth, Vertex = types.Cloth, types.Vertex
+    Model, State, Vertex = types.Model, types.State, types.Vertex
     order = order_functions(precision, packed, in_order)
     position_at, move_at = order.position_at, order.move_at
 
     @wp.func
-    def held_vertex(cloth: Cloth, vertex: int):
+    def held_vertex(model: Model, state: State, vertex: int):
         """A vertex as it lies, what last moved it, its weight and the stiffness that it went by."""
         held = Vertex()
-        held.position = position_at(cloth, vertex)
-        held.weight = element(cloth.weight, vertex)
+        held.position = position_at(state, vertex)
+        held.weight = element(model.weight, vertex)
         if wp.static(accelerated):
-            held.move = move_at(cloth, vertex)
-            held.stiffness = element(cloth.stiffness, vertex)
+            held.move = move_at(state, vertex)
+            held.stiffness = element(state.stiffness, vertex)
         return held
 
     return held_vertex
@@ -66,19 +66,21 @@ def held_function(precision: str, accelerated: bool, packed: bool, in_order: boo
 def kept_function(precision: str, accelerated: bool) -> wp.Function:
     """The function that reads a vertex which the block's memory still has."""
     types = cloth_types(precision)
-    Cloth, Vertex = types.Cloth, types.Vertex
+    Model, State, Vertex = types.Model, types.State, types.Vertex
     point_at, read_4 = point_functions(precision, True).point_at, memory_functions(precision, True).read_4
     first_three = three_function(precision)
 
     @wp.func
-    def kept_vertex(cloth: Cloth, beside: wp.array(dtype=wp.uint8), memory: PatchMemory, local: int, vertex: int):
+    def kept_vertex(
+        model: Model, state: State, beside: wp.array(dtype=wp.uint8), memory: PatchMemory, local: int, vertex: int
+    ):
         """``held_vertex`` of one that is kept as ``local``."""
         held = Vertex()
         held.position = point_at(beside, memory, local)
-        held.weight = element(cloth.weight, vertex)
+        held.weight = element(model.weight, vertex)
         if wp.static(accelerated):
             held.move = first_three(read_4(beside, memory.move + wp.static(4 * types.real_size) * local))
-            held.stiffness = element(cloth.stiffness, vertex)
+            held.stiffness = element(state.stiffness, vertex)
         return held
 
     return kept_vertex
@@ -93,7 +95,7 @@ def displace_kernel(
     ``pins``: whether any vertex is pinned.
     """
     types = cloth_types(precision)
-    point, vec3, vec4, Cloth, Step = types.point, types.vec3, types.vec4, types.Cloth, types.Step
+    point, vec3, vec4, Model, State, Step = types.point, types.vec3, types.vec4, types.Model, types.State, types.Step
     spares = spares_looks(contact, touches)
     vertex_displacement = displacement(precision, accelerated, contact, collider_type, touches, spares)
     Touch = touch_type(touches)
@@ -103,41 +105,42 @@ def displace_kernel(
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def displace_vertices(
+        model: Model,
+        state: State,
         step: Step,
         colliders: colliders_type(contact, collider_type),
         touch: Touch,
         load: wp.array(dtype=vec4),  # forces of the cloth [N] and stiffness bounds [N/m], shape [V]; left at zero
-        cloth: Cloth,
     ):
         """Moves each free vertex of an item that is not at rest."""
         vertex = wp.tid()
         sum = element(load, vertex)
         load[vertex] = vec4()
-        number = element(cloth.item, vertex)
+        number = element(model.item, vertex)
         if wp.static(contact is field_contact):
-            if vertex + AHEAD < cloth.weight.shape[0]:
+            if vertex + AHEAD < model.weight.shape[0]:
                 looks = True
                 if wp.static(spares):
-                    looks = element(cloth.clear, vertex + AHEAD) == 0.0
+                    looks = element(state.clearance, vertex + AHEAD) == 0.0
                 if looks:
-                    fetch_field(colliders[number], wp.vec3d(element(cloth.position, vertex + AHEAD)))
-        item = cloth.items[number]
+                    fetch_field(colliders[number], wp.vec3d(element(state.position, vertex + AHEAD)))
+        item = model.items[number]
         if item.active == 0:
             return
         move = vec3()
         turn, gone = int(0), wp.int64(0)
         if wp.static(touches):
             turn, gone = contact_turn(touch, vertex)
-        before = told_before(touch, cloth, colliders, vertex, wp.vec3d(element(cloth.position, vertex)), number, item)
-        if free(cloth, vertex):
-            held = held_vertex(cloth, vertex)
+        before = told_before(touch, state, colliders, vertex, wp.vec3d(element(state.position, vertex)), number, item)
+        if free(model, vertex):
+            held = held_vertex(model, state, vertex)
             move, kept, stiffness = vertex_displacement(
-                cloth, step, colliders, touch, before, sum, held, vertex, number, item
+                state, step, colliders, touch, before, sum, held, vertex, number, item
             )
-            cloth.move[vertex] = kept
-            cloth.position[vertex] = held.position + point(move)
+            state.displacement[vertex] = kept
+            state.position[vertex] = held.position + point(move)
             if wp.static(accelerated):
-                cloth.stiffness[vertex] = stiffness
+                state.stiffness[vertex] = stiffness
         if wp.static(touches):
             contact_watch(touch, vertex, before.touch, float(root(inner(move, move))), turn, gone)
 
@@ -155,8 +158,8 @@ def end_function(
 ) -> wp.Function:
     """The function that ends a vertex' iteration, from one set of arrays to another; arguments of ``displacement``."""
     types = cloth_types(precision)
-    point, vec3, Cloth, Vertex, Step, Item = (
-        types.point, types.vec3, types.Cloth, types.Vertex, types.Step, types.Item,
+    point, vec3, State, Vertex, Step, Item = (
+        types.point, types.vec3, types.State, types.Vertex, types.Step, types.Item,
     )  # fmt: skip
     vertex_displacement = displacement(precision, accelerated, contact, collider_type, touches, spares)
     Colliders, Touch = colliders_type(contact, collider_type), touch_type(touches)
@@ -170,7 +173,7 @@ def end_function(
         colliders: Colliders,
         touch: Touch,
         before: Before,
-        cloth: Cloth,
+        state: State,
         load: types.vec4,
         held: Vertex,
         vertex: int,
@@ -187,10 +190,10 @@ def end_function(
             turn, gone = contact_turn(touch, vertex)
         if moves:
             move, kept, stiffness = vertex_displacement(
-                cloth, step, colliders, touch, before, load, held, vertex, number, item
+                state, step, colliders, touch, before, load, held, vertex, number, item
             )
             if wp.static(accelerated):
-                put(cloth.stiffness, vertex, stiffness)
+                put(state.stiffness, vertex, stiffness)
         put_move(move_out, vertex, kept)
         position = held.position + point(move)
         put_position(position_out, vertex, position)
@@ -227,7 +230,7 @@ def advance_kernel(
         threads = WORN_THREADS
     bounds = threads, FEW_PER_CORE if few else many
     types = cloth_types(precision)
-    point, vec4, Cloth, Step = types.point, types.vec4, types.Cloth, types.Step
+    point, vec4, Model, State, Step = types.point, types.vec4, types.Model, types.State, types.Step
     spares = spares_looks(contact, touches, few)
     told_before = before_function(precision, accelerated, contact, collider_type, touches, spares, packed=not touches)
     end_vertex = end_function(precision, accelerated, contact, collider_type, touches, spares)
@@ -247,12 +250,13 @@ def advance_kernel(
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS, grid_stride=False, launch_bounds=bounds)
     def advance_vertices(
+        model: Model,
+        state: State,
         step: Step,
         colliders: colliders_type(contact, collider_type),
         touch: Touch,
         patches: types.Patches,
         beside: wp.array(dtype=wp.uint8),  # memory of patches that are too large for a block's own
-        cloth: Cloth,
         position_out: wp.array(dtype=point),  # [m], shape [V]
         move_out: wp.array(dtype=order_functions(precision, not touches).move),  # [m], shape [V]
     ):
@@ -262,12 +266,12 @@ def advance_kernel(
         block = block_of(thread)
         if wp.static(presses):
             if block < touch.pressing:
-                press_share(step, cloth, touch, thread, touch.pressing)
+                press_share(step, state, touch, thread, touch.pressing)
                 tell_blocks(touch.told)
                 return
             block -= touch.pressing
         patch = patch_of(patches.patch, block)
-        item = cloth.items[patch.item]
+        item = model.items[patch.item]
         soon = Patch()
         if wp.static(paired and not touches):
             if fetches(NEXT_TURN):
@@ -278,7 +282,7 @@ def advance_kernel(
                 came = await_blocks(touch.told, touch.pressing)
                 leave_blocks(touch.told, touch.pressing, touch.waiting, came)
             return
-        work = work_edges(cloth, patches, patch, beside, step, lane, first, second, soon)
+        work = work_edges(state, patches, patch, beside, step, lane, first, second, soon)
         if wp.static(not keeps):
             work_corners(patches, patch, beside, step, lane, work)
         ask_no_earlier()
@@ -286,26 +290,26 @@ def advance_kernel(
         if wp.static(fits):  # a thread for each vertex, and no one waits for what is asked for before the block
             own = wp.min(local, patch.owned_count - 1)
             vertex = own_vertex(patches, patch, own)
-            moves = free(cloth, vertex)
+            moves = free(model, vertex)
             if wp.static(keeps):
-                held = kept_vertex(cloth, beside, work.memory, own, vertex)
+                held = kept_vertex(model, state, beside, work.memory, own, vertex)
             else:
-                held = held_vertex(cloth, vertex)
+                held = held_vertex(model, state, vertex)
         if wp.static(keeps):
             work_corners(patches, patch, beside, step, lane, work)
         edges, triangles = wp.vec4i(work.edges), wp.vec4i(work.triangles)
         if wp.static(fits and not touches):
-            known = told_before(touch, cloth, colliders, vertex, wp.vec3d(held.position), patch.item, item)
+            known = told_before(touch, state, colliders, vertex, wp.vec3d(held.position), patch.item, item)
         wait_for_block()
         if wp.static(presses):  # all that need not wait for those that press
-            known = told_before(touch, cloth, colliders, vertex, wp.vec3d(held.position), patch.item, item)
+            known = told_before(touch, state, colliders, vertex, wp.vec3d(held.position), patch.item, item)
             sum = vec4()
             if local < patch.owned_count:
                 sum = vertex_load(patches, patch, beside, work.memory, local, edges, triangles)
             came = await_blocks(touch.told, touch.pressing)
             if local < patch.owned_count:
                 end_vertex(
-                    step, colliders, touch, known, cloth, sum, held, vertex, moves, patch.item, item,
+                    step, colliders, touch, known, state, sum, held, vertex, moves, patch.item, item,
                     position_out, move_out,
                 )  # fmt: skip
             leave_blocks(touch.told, touch.pressing, touch.waiting, came)
@@ -313,19 +317,19 @@ def advance_kernel(
             if local < patch.owned_count:
                 load = vertex_load(patches, patch, beside, work.memory, local, edges, triangles)
                 if wp.static(touches):
-                    known = told_before(touch, cloth, colliders, vertex, wp.vec3d(held.position), patch.item, item)
+                    known = told_before(touch, state, colliders, vertex, wp.vec3d(held.position), patch.item, item)
                 end_vertex(
-                    step, colliders, touch, known, cloth, load, held, vertex, moves, patch.item, item,
+                    step, colliders, touch, known, state, load, held, vertex, moves, patch.item, item,
                     position_out, move_out,
                 )  # fmt: skip
         else:
             while local < patch.owned_count:
                 vertex = own_vertex(patches, patch, local)
-                held, moves = held_vertex(cloth, vertex), free(cloth, vertex)
+                held, moves = held_vertex(model, state, vertex), free(model, vertex)
                 load = vertex_load(patches, patch, beside, work.memory, local, edges, triangles)
-                before = told_before(touch, cloth, colliders, vertex, wp.vec3d(held.position), patch.item, item)
+                before = told_before(touch, state, colliders, vertex, wp.vec3d(held.position), patch.item, item)
                 end_vertex(
-                    step, colliders, touch, before, cloth, load, held, vertex, moves, patch.item, item,
+                    step, colliders, touch, before, state, load, held, vertex, moves, patch.item, item,
                     position_out, move_out,
                 )  # fmt: skip
                 local += block_threads()

@@ -116,7 +116,7 @@ def eight_displace_kernel(precision: str, contact: wp.Function | None, collider_
     ``contact``, ``collider_type`` and ``pins`` as of displace.displace_kernel.
     """
     types, eights = cloth_types(precision), shaped(cloth_types(precision).real, True)
-    real, vec3, vec4, vec6, Cloth = types.real, types.vec3, types.vec4, types.vec6, types.Cloth
+    real, vec3, vec4, vec6, Model, State = types.real, types.vec3, types.vec4, types.vec6, types.Model, types.State
     Step, Item = types.Step, types.Item
     worn, spares = wears(True, contact), spares_looks(contact, touches=False)
     force_way = way_function(precision, steady_swing(True, contact, touches=False), eight=True)
@@ -125,37 +125,37 @@ def eight_displace_kernel(precision: str, contact: wp.Function | None, collider_
     looked_move = None if contact is None else looking(precision, contact, collider_type, worn, spares)
 
     @wp.func
-    def own_moves(cloth: Cloth, step: Step, load: eights.vec4, first: int, item: Item):
+    def own_moves(model: Model, state: State, step: Step, load: eights.vec4, first: int, item: Item):
         """Displacements of eight vertices by their forces, and the stiffness that they go by."""
         force, way, stiffness, kept = force_way(
-            step, load, eight_elements(cloth.weight, first), eight_elements(cloth.stiffness, first), item
+            step, load, eight_elements(model.weight, first), eight_elements(state.stiffness, first), item
         )
         if wp.static(worn):
-            if item.leeway > real(0.0):
-                loose = loose_lanes(kept, cloth.held, first)
-                further = symmetric_times(eight_elements(cloth.leeway, first), way)
+            if item.anisotropy_limit > real(0.0):
+                loose = loose_lanes(kept, state.in_contact, first)
+                further = symmetric_times(eight_elements(state.compliance, first), way)
                 way = above(loose, alike(kept, real(0.0)), further, way)
-        last = eight_elements(cloth.move, first)
+        last = eight_elements(state.displacement, first)
         momentum, damping = kept_share(step, item)
         return accelerated_move(force, way, last, times(kept, momentum), damping, item.cap), stiffness
 
     @wp.func
-    def met_moves(cloth: Cloth, collider: collider_type, first: int, lanes: int, moves: eights.vec3, item: Item):
+    def met_moves(state: State, collider: collider_type, first: int, lanes: int, moves: eights.vec3, item: Item):
         """Their displacements after contact and friction, and what of them has momentum; those of ``lanes`` only."""
         met = moves
         momentum = moves
         near = lanes
         if wp.static(spares):
-            far = far_lanes(cloth.clear, first, lanes, root(inner(moves, moves)), LONGER, STEP)
+            far = far_lanes(state.clearance, first, lanes, root(inner(moves, moves)), LONGER, STEP)
             near = lanes & ~far
             if wp.static(worn):
-                put_none(cloth.held, first, far)
+                put_none(state.in_contact, first, far)
         while near != 0:
             lane = first_lane(near)
             vertex = first + lane
             move = vec3(moves[lane], moves[WIDTH + lane], moves[2 * WIDTH + lane])
-            position = element(cloth.position, vertex)
-            move, kept = looked_move(cloth, collider, False, vec6(), float(0.0), vertex, position, move, item)
+            position = element(state.position, vertex)
+            move, kept = looked_move(state, collider, False, vec6(), float(0.0), vertex, position, move, item)
             for axis in range(3):
                 met[WIDTH * axis + lane] = move[axis]
                 momentum[WIDTH * axis + lane] = kept[axis]
@@ -163,39 +163,40 @@ def eight_displace_kernel(precision: str, contact: wp.Function | None, collider_
         return met, momentum
 
     @wp.func
-    def fetch_ahead(cloth: Cloth, colliders: Colliders, first: int):
+    def fetch_ahead(model: Model, state: State, colliders: Colliders, first: int):
         """Has the memory asked for what vertices will need that are looked up soon."""
-        if first + AHEAD + WIDTH <= cloth.weight.shape[0]:
+        if first + AHEAD + WIDTH <= model.weight.shape[0]:
             for lane in range(WIDTH):
                 vertex = first + AHEAD + lane
-                if element(cloth.clear, vertex) == 0.0:
-                    fetch_field(colliders[element(cloth.item, vertex)], wp.vec3d(element(cloth.position, vertex)))
+                if element(state.clearance, vertex) == 0.0:
+                    fetch_field(colliders[element(model.item, vertex)], wp.vec3d(element(state.position, vertex)))
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def displace_vertices(
+        model: Model,
+        state: State,
         step: Step,
         colliders: Colliders,
         load: wp.array(dtype=vec4),  # forces of the cloth [N] and stiffness bounds [N/m], shape [V]; left at zero
-        cloth: Cloth,
     ):
         """Moves those of eight vertices that are free and of items that are not at rest."""
-        first = first_of_eight(wp.tid(), cloth.weight.shape[0])
+        first = first_of_eight(wp.tid(), model.weight.shape[0])
         lanes = 256 - (1 << (WIDTH * wp.tid() - first))  # the others are moved already
         if wp.static(pins):
-            lanes &= lanes_free(cloth.pinned, first)
+            lanes &= lanes_free(model.pinned, first)
         loads = eight_elements(load, first)
         put_zeros(load, first)
         if wp.static(spares):
-            fetch_ahead(cloth, colliders, first)
-        for number in range(element(cloth.item, first), element(cloth.item, first + WIDTH - 1) + 1):
-            item = cloth.items[number]
-            own = lanes & lanes_of(cloth.item, first, number)
+            fetch_ahead(model, state, colliders, first)
+        for number in range(element(model.item, first), element(model.item, first + WIDTH - 1) + 1):
+            item = model.items[number]
+            own = lanes & lanes_of(model.item, first, number)
             if item.active != 0 and own != 0:
-                moves, stiffness = own_moves(cloth, step, loads, first, item)
+                moves, stiffness = own_moves(model, state, step, loads, first, item)
                 momentum = moves
                 if wp.static(contact is not None):
-                    moves, momentum = met_moves(cloth, colliders[number], first, own, moves, item)
-                move_eight(cloth.position, cloth.move, first, own, moves, momentum)
-                put_some(cloth.stiffness, first, own, stiffness)
+                    moves, momentum = met_moves(state, colliders[number], first, own, moves, item)
+                move_eight(state.position, state.displacement, first, own, moves, momentum)
+                put_some(state.stiffness, first, own, stiffness)
 
     return displace_vertices

@@ -24,13 +24,14 @@ def normals_kernel(precision: str, packed: bool = False) -> wp.Kernel:
     """Kernel ``measure_normals``, which goes first where cloth bends; ``packed``: as of packing.order_functions."""
     types = cloth_types(precision)
     position_at = order_functions(precision, packed).position_at
-    vec4, Cloth, Triangles, Step = types.vec4, types.Cloth, types.Triangles, types.Step
+    vec4, Model, State, Triangles, Step = types.vec4, types.Model, types.State, types.Triangles, types.Step
     triangle_normal = triangle_functions(precision, "none").triangle_normal
     rests = rest_function(precision)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def measure_normals(
-        cloth: Cloth,
+        model: Model,
+        state: State,
         triangles: Triangles,
         step: Step,
         groups: wp.array(dtype=wp.int32),  # of kernels.base.subset, of triangles
@@ -41,10 +42,10 @@ def normals_kernel(precision: str, packed: bool = False) -> wp.Kernel:
         if triangle >= triangles.corners.shape[0]:
             return
         corners = element(triangles.corners, triangle)
-        if rests(cloth, corners[0]):
+        if rests(model, corners[0]):
             return
-        origin = position_at(cloth, corners[0])
-        second, third = position_at(cloth, corners[1]), position_at(cloth, corners[2])
+        origin = position_at(state, corners[0])
+        second, third = position_at(state, corners[1]), position_at(state, corners[2])
         normal_out[triangle] = triangle_normal(origin, second, third)
 
     return measure_normals
@@ -54,14 +55,23 @@ def normals_kernel(precision: str, packed: bool = False) -> wp.Kernel:
 def edges_kernel(precision: str, fourth: str, terms: Terms) -> wp.Kernel:
     """Kernel ``add_edges``; ``fourth`` is one of cloth.FOURTH_PARTS."""
     types = cloth_types(precision)
-    vec2, vec3, vec4, Cloth, Step, Edges = types.vec2, types.vec3, types.vec4, types.Cloth, types.Step, types.Edges
+    vec2, vec3, vec4, Model, State, Step, Edges = (
+        types.vec2,
+        types.vec3,
+        types.vec4,
+        types.Model,
+        types.State,
+        types.Step,
+        types.Edges,
+    )
     functions = edge_functions(precision, fourth, terms.angles)
     edge_span, edge_load, edge_fold = functions.edge_span, functions.edge_load, functions.edge_fold
     rests = rest_function(precision)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def add_edges(
-        cloth: Cloth,
+        model: Model,
+        state: State,
         edges: Edges,
         normal: wp.array(dtype=vec4),  # of measure_normals, shape [F]
         step: Step,
@@ -71,14 +81,14 @@ def edges_kernel(precision: str, fourth: str, terms: Terms) -> wp.Kernel:
         """Adds each edge's tension to its ends, and works out its hinge."""
         edge = wp.tid()
         ends = element(edges.ends, edge)
-        if rests(cloth, ends[0]):
+        if rests(model, ends[0]):
             return
         move_0 = vec3()
         move_1 = vec3()
         if wp.static(fourth in BOUNDS):
-            move_0, move_1 = element(cloth.move, ends[0]), element(cloth.move, ends[1])
+            move_0, move_1 = element(state.displacement, ends[0]), element(state.displacement, ends[1])
         size = root(inner(move_0, move_0))
-        span = edge_span(element(cloth.position, ends[0]), element(cloth.position, ends[1]), move_0, move_1, size)
+        span = edge_span(element(state.position, ends[0]), element(state.position, ends[1]), move_0, move_1, size)
         if wp.static(terms.edges):
             load = edge_load(span, element(edges.law, edge), step)
             add_to(load_out, ends[0], load)
@@ -99,20 +109,20 @@ def edges_kernel(precision: str, fourth: str, terms: Terms) -> wp.Kernel:
 def sides_function(precision: str, fourth: str, packed: bool = False, in_order: bool = False) -> wp.Function:
     """The function that reads a triangle as it lies; ``packed`` and ``in_order``: as of packing.order_functions."""
     types = cloth_types(precision)
-    vec3, Cloth = types.vec3, types.Cloth
+    vec3, State = types.vec3, types.State
     order = order_functions(precision, packed, in_order)
     position_at, move_at = order.position_at, order.move_at
     triangle_sides = triangle_functions(precision, fourth).triangle_sides
 
     @wp.func
-    def sides_of(cloth: Cloth, corners: wp.vec3i):
+    def sides_of(state: State, corners: wp.vec3i):
         """A triangle as it lies, and what last moved it."""
         move_0, move_1, move_2 = vec3(), vec3(), vec3()
         if wp.static(fourth in BOUNDS):
-            move_0, move_1 = move_at(cloth, corners[0]), move_at(cloth, corners[1])
-            move_2 = move_at(cloth, corners[2])
-        origin, second = position_at(cloth, corners[0]), position_at(cloth, corners[1])
-        return triangle_sides(origin, second, position_at(cloth, corners[2]), move_0, move_1, move_2)
+            move_0, move_1 = move_at(state, corners[0]), move_at(state, corners[1])
+            move_2 = move_at(state, corners[2])
+        origin, second = position_at(state, corners[0]), position_at(state, corners[1])
+        return triangle_sides(origin, second, position_at(state, corners[2]), move_0, move_1, move_2)
 
     return sides_of
 
@@ -140,14 +150,22 @@ def fold_reader(precision: str) -> wp.Function:
 def triangles_kernel(precision: str, fourth: str, terms: Terms) -> wp.Kernel:
     """Kernel ``add_triangles``; ``fourth`` is one of cloth.FOURTH_PARTS."""
     types = cloth_types(precision)
-    vec3, vec4, Cloth, Step, Triangles = types.vec3, types.vec4, types.Cloth, types.Step, types.Triangles
+    vec3, vec4, Model, State, Step, Triangles = (
+        types.vec3,
+        types.vec4,
+        types.Model,
+        types.State,
+        types.Step,
+        types.Triangles,
+    )
     corner_loads = corner_function(precision, fourth, terms)
     sides_of, side_folds = sides_function(precision, fourth), fold_reader(precision)
     rests = rest_function(precision)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def add_triangles(
-        cloth: Cloth,
+        model: Model,
+        state: State,
         triangles: Triangles,
         normal: wp.array(dtype=vec4),  # of measure_normals, shape [F]
         fold: wp.array(dtype=vec4),  # of add_edges, shape [E]
@@ -157,7 +175,7 @@ def triangles_kernel(precision: str, fourth: str, terms: Terms) -> wp.Kernel:
         """Adds the hinges and threads of each triangle to its corners."""
         triangle = wp.tid()
         corners = element(triangles.corners, triangle)
-        if rests(cloth, corners[0]):
+        if rests(model, corners[0]):
             return
         own, fold_0, fold_1, fold_2 = vec4(), vec3(), vec3(), vec3()
         if wp.static(terms.folds):
@@ -166,7 +184,7 @@ def triangles_kernel(precision: str, fourth: str, terms: Terms) -> wp.Kernel:
         slope, law, sides = vec4(), vec4(), types.Sides()
         if wp.static(terms.threads):
             slope, law = element(triangles.slope, triangle), element(triangles.threads, triangle)
-            sides = sides_of(cloth, corners)
+            sides = sides_of(state, corners)
         first, second, third = corner_loads(own, fold_0, fold_1, fold_2, sides, slope, law, step)
         add_to(load_out, corners[0], first)
         add_to(load_out, corners[1], second)

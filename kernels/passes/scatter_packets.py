@@ -31,13 +31,14 @@ from warp_cloth.kernels.math.real import inner, quotient, root, shaped
 def eight_normals_kernel(precision: str) -> wp.Kernel:
     """Kernel ``measure_normals``, which goes first where cloth bends."""
     types = cloth_types(precision)
-    vec4, Cloth, Triangles, Step = types.vec4, types.Cloth, types.Triangles, types.Step
+    vec4, Model, State, Triangles, Step = types.vec4, types.Model, types.State, types.Triangles, types.Step
     like, eights = wp.constant(types.real(0.0)), shaped(types.real, True)
     busy_lanes = lanes_function(precision)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def measure_normals(
-        cloth: Cloth,
+        model: Model,
+        state: State,
         triangles: Triangles,
         step: Step,
         normal_out: wp.array(dtype=vec4),  # unit normal and inverse of twice the area [1/m2], shape [F]
@@ -45,11 +46,11 @@ def eight_normals_kernel(precision: str) -> wp.Kernel:
     ):
         """Writes eight triangles' normals and sides."""
         number = wp.tid()
-        if busy_lanes(cloth, triangles.corners, number) == 0:
+        if busy_lanes(model, triangles.corners, number) == 0:
             return
         first = first_of_eight(number, triangles.corners.shape[0])
-        side_1 = eight_sides(like, cloth.position, triangles.corners, first, 0, 1)
-        side_2 = eight_sides(like, cloth.position, triangles.corners, first, 0, 2)
+        side_1 = eight_sides(like, state.position, triangles.corners, first, 0, 1)
+        side_2 = eight_sides(like, state.position, triangles.corners, first, 0, 2)
         sides_out[2 * number] = side_1
         sides_out[2 * number + 1] = side_2
         normal, inverse = unit_normal(side_1, side_2)
@@ -62,27 +63,36 @@ def eight_normals_kernel(precision: str) -> wp.Kernel:
 def eight_edges_kernel(precision: str, fourth: str, terms: Terms) -> wp.Kernel:
     """Kernel ``add_edges``, of edges that are flat at rest; ``fourth`` is one of cloth.BOUNDS."""
     types, Spans = cloth_types(precision), spans_type(precision)
-    real, vec2, vec4, Cloth, Step, Edges = types.real, types.vec2, types.vec4, types.Cloth, types.Step, types.Edges
+    real, vec2, vec4, Model, State, Step, Edges = (
+        types.real,
+        types.vec2,
+        types.vec4,
+        types.Model,
+        types.State,
+        types.Step,
+        types.Edges,
+    )
     like = wp.constant(real(0.0))
     functions = edge_functions(precision, fourth, angles=False, eight=True)
     edge_load, edge_fold = functions.edge_load, functions.edge_fold
     busy_lanes = lanes_function(precision)
 
     @wp.func
-    def spans_of(cloth: Cloth, ends: wp.array(dtype=wp.vec2i), first: int):
+    def spans_of(state: State, ends: wp.array(dtype=wp.vec2i), first: int):
         """Eight edges as they lie, and what last moved them."""
         spans = Spans()
-        spans.side = eight_sides(like, cloth.position, ends, first, 0, 1)
+        spans.side = eight_sides(like, state.position, ends, first, 0, 1)
         spans.length = edge_length(spans.side)
         spans.inverse = quotient(alike(spans.length, real(1.0)), spans.length)
-        spans.change = eight_sides(like, cloth.move, ends, first, 0, 1)
-        move = eight_at(cloth.move, ends, first, 0)
+        spans.change = eight_sides(like, state.displacement, ends, first, 0, 1)
+        move = eight_at(state.displacement, ends, first, 0)
         spans.move = root(inner(move, move))
         return spans
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def add_edges(
-        cloth: Cloth,
+        model: Model,
+        state: State,
         edges: Edges,
         normal: wp.array(dtype=vec4),  # of measure_normals, shape [F]
         step: Step,
@@ -91,11 +101,11 @@ def eight_edges_kernel(precision: str, fourth: str, terms: Terms) -> wp.Kernel:
     ):
         """Adds eight edges' tensions to their ends, and works out their hinges."""
         number = wp.tid()
-        lanes = busy_lanes(cloth, edges.ends, number)
+        lanes = busy_lanes(model, edges.ends, number)
         if lanes == 0:
             return
         start = first_of_eight(number, edges.ends.shape[0])
-        spans = spans_of(cloth, edges.ends, start)
+        spans = spans_of(state, edges.ends, start)
         if wp.static(terms.edges):
             load = edge_load(spans, eight_elements(edges.law, start), step)
             back = four(opposite(part(load, 0)), opposite(part(load, 1)), opposite(part(load, 2)), part(load, 3))
@@ -112,18 +122,18 @@ def eight_edges_kernel(precision: str, fourth: str, terms: Terms) -> wp.Kernel:
 def eight_triangles_kernel(precision: str, fourth: str, terms: Terms) -> wp.Kernel:
     """Kernel ``add_triangles``; ``fourth`` is one of cloth.BOUNDS."""
     types, eights = cloth_types(precision), shaped(cloth_types(precision).real, True)
-    vec4, Cloth, Step, Triangles = types.vec4, types.Cloth, types.Step, types.Triangles
+    vec4, Model, State, Step, Triangles = types.vec4, types.Model, types.State, types.Step, types.Triangles
     like = wp.constant(types.real(0.0))
     thread_loads, with_folds = thread_function(precision, fourth, True), corner_fold_function(precision, fourth, True)
     busy_lanes = lanes_function(precision)
 
     @wp.func
     def thread_corners(
-        cloth: Cloth, triangles: Triangles, start: int, side_1: eights.vec3, side_2: eights.vec3, step: Step
+        state: State, triangles: Triangles, start: int, side_1: eights.vec3, side_2: eights.vec3, step: Step
     ):
         """Loads of eight triangles' threads on their corners."""
-        change_1 = eight_sides(like, cloth.move, triangles.corners, start, 0, 1)
-        change_2 = eight_sides(like, cloth.move, triangles.corners, start, 0, 2)
+        change_1 = eight_sides(like, state.displacement, triangles.corners, start, 0, 1)
+        change_2 = eight_sides(like, state.displacement, triangles.corners, start, 0, 2)
         slope, law = eight_elements(triangles.slope, start), eight_elements(triangles.threads, start)
         force_0, force_1, force_2, parts = thread_loads(
             side_1, side_2, eights.vec4(), change_1, change_2, slope, law, step
@@ -142,7 +152,8 @@ def eight_triangles_kernel(precision: str, fourth: str, terms: Terms) -> wp.Kern
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def add_triangles(
-        cloth: Cloth,
+        model: Model,
+        state: State,
         triangles: Triangles,
         normal: wp.array(dtype=vec4),  # of measure_normals, shape [F]
         sides: wp.array(dtype=eights.vec3),  # likewise, where cloth bends
@@ -152,7 +163,7 @@ def eight_triangles_kernel(precision: str, fourth: str, terms: Terms) -> wp.Kern
     ):
         """Adds the hinges and threads of eight triangles to their corners."""
         number = wp.tid()
-        lanes = busy_lanes(cloth, triangles.corners, number)
+        lanes = busy_lanes(model, triangles.corners, number)
         if lanes == 0:
             return
         start = first_of_eight(number, triangles.corners.shape[0])
@@ -161,9 +172,9 @@ def eight_triangles_kernel(precision: str, fourth: str, terms: Terms) -> wp.Kern
             if wp.static(terms.folds):
                 side_1, side_2 = sides[2 * number], sides[2 * number + 1]
             else:
-                side_1 = eight_sides(like, cloth.position, triangles.corners, start, 0, 1)
-                side_2 = eight_sides(like, cloth.position, triangles.corners, start, 0, 2)
-            first, second, third = thread_corners(cloth, triangles, start, side_1, side_2, step)
+                side_1 = eight_sides(like, state.position, triangles.corners, start, 0, 1)
+                side_2 = eight_sides(like, state.position, triangles.corners, start, 0, 2)
+            first, second, third = thread_corners(state, triangles, start, side_1, side_2, step)
         if wp.static(terms.folds):
             own = eight_elements(normal, start)
             fold_0, fold_1 = side_folds(fold, triangles.edges, start, 0), side_folds(fold, triangles.edges, start, 1)

@@ -88,7 +88,7 @@ def before_type(precision: str, contact: wp.Function | None, collider_type: type
 
         loose: bool
         leeway: vec6  # of one that is loose
-        clear: float  # as of Cloth [m]
+        clear: float  # as of State [m]
 
     if touches:
         return Before
@@ -107,7 +107,7 @@ def before_function(
 ) -> wp.Function:
     """The function that tells ``before_type``; ``packed`` as of packing.order_functions."""
     types = cloth_types(precision)
-    real, Cloth, Item = types.real, types.Cloth, types.Item
+    real, State, Item = types.real, types.State, types.Item
     Colliders, Touch = colliders_type(contact, collider_type), touch_type(touches)
     Before = before_type(precision, contact, collider_type, touches)
     worn, inverse = wears(accelerated, contact, touches), symmetric_functions(precision).leeway_inverse
@@ -115,7 +115,7 @@ def before_function(
 
     @wp.func
     def told_before(
-        touch: Touch, cloth: Cloth, colliders: Colliders, vertex: int, position: wp.vec3d, number: int, item: Item
+        touch: Touch, state: State, colliders: Colliders, vertex: int, position: wp.vec3d, number: int, item: Item
     ):
         """What is known of a vertex of an item of that number."""
         before = Before()
@@ -124,11 +124,11 @@ def before_function(
             if wp.static(contact is not None):
                 before.collider = colliders[number]
         if wp.static(spares):
-            before.clear = element(cloth.clear, vertex)
+            before.clear = element(state.clearance, vertex)
         if wp.static(worn):
-            if item.leeway > real(0.0):
-                leeway = leeway_at(cloth, vertex)
-                before.loose = cloth.held[vertex] == wp.uint8(0)
+            if item.anisotropy_limit > real(0.0):
+                leeway = leeway_at(state, vertex)
+                before.loose = state.in_contact[vertex] == wp.uint8(0)
                 if wp.static(touches):
                     if before.loose:
                         before.stiff = inverse(leeway)
@@ -198,7 +198,7 @@ def way_function(precision: str, steady: bool, eight: bool = False) -> wp.Functi
         force = scaled_sum(spread(weight, step.gravity), weight, three(part(load, 0), part(load, 1), part(load, 2)))
         memory = step.memory
         if wp.static(steady):
-            memory = wp.where(item.leeway > real(0.0), memory, step.memory_falling)
+            memory = wp.where(item.anisotropy_limit > real(0.0), memory, step.memory_falling)
         ones = alike(last, float(1.0))
         bound = sums(part(load, 3), quotient(weight, alike(weight, item.cap)))
         stiffness = most(bound, times(last, memory))
@@ -226,8 +226,8 @@ def momentum_function(precision: str, steady: bool) -> wp.Function:
         """Share of a displacement that is kept, and its factor where it fights the force."""
         momentum, damping = real(step.momentum), real(step.damping)
         if wp.static(steady):
-            momentum = wp.where(item.leeway > real(0.0), step.momentum_loose, step.momentum)
-            damping = wp.where(item.leeway > real(0.0), real(1.0), step.damping)
+            momentum = wp.where(item.anisotropy_limit > real(0.0), step.momentum_loose, step.momentum)
+            damping = wp.where(item.anisotropy_limit > real(0.0), real(1.0), step.damping)
         return momentum, damping
 
     return kept_share
@@ -239,7 +239,7 @@ def free_move(
 ) -> wp.Function:
     """The function that turns a load into a displacement where nothing is met; arguments as of ``displacement``."""
     types = cloth_types(precision)
-    real, vec3, vec4, Cloth, Vertex = types.real, types.vec3, types.vec4, types.Cloth, types.Vertex
+    real, vec3, vec4, Vertex = types.real, types.vec3, types.vec4, types.Vertex
     Step, Item = types.Step, types.Item
     worn, pressed_way = wears(accelerated, contact, touches), loose_way(precision)
     steady = steady_swing(accelerated, contact, touches)
@@ -247,9 +247,7 @@ def free_move(
     force_way, kept_share = way_function(precision, steady), momentum_function(precision, steady)
 
     @wp.func
-    def own_move(
-        cloth: Cloth, step: Step, before: Before, load: vec4, pressed: real, held: Vertex, vertex: int, item: Item
-    ):
+    def own_move(step: Step, before: Before, load: vec4, pressed: real, held: Vertex, vertex: int, item: Item):
         """Displacement of a vertex by its forces, and the stiffness that it goes by; ``pressed`` of it by cloth."""
         weight = held.weight
         move = vec3()
@@ -304,7 +302,7 @@ def displacement(
         types.Step,
         types.Item,
     )
-    Cloth = types.Cloth
+    State = types.State
     Colliders, Touch = colliders_type(contact, collider_type), touch_type(touches)
     own_move = free_move(precision, accelerated, contact, collider_type, touches)
     Before = before_type(precision, contact, collider_type, touches)
@@ -314,7 +312,7 @@ def displacement(
 
     @wp.func
     def vertex_displacement(
-        cloth: Cloth,
+        state: State,
         step: Step,
         colliders: Colliders,
         touch: Touch,
@@ -338,18 +336,18 @@ def displacement(
             pressed = touched[3]
             room = real(left)
             shift, lift = vec3(before.touch.shift), float(before.touch.lift)
-        move, stiffness = own_move(cloth, step, before, load, pressed, held, vertex, item)
+        move, stiffness = own_move(step, before, load, pressed, held, vertex, item)
         if wp.static(touches):
             move += shift
         kept = move
         if wp.static(contact is not None):
             if wp.static(touches):
                 move, kept = met_move(
-                    cloth, before.collider, before.loose, vec6(), 0.0, lift, vertex, held.position, move, item
+                    state, before.collider, before.loose, vec6(), 0.0, lift, vertex, held.position, move, item
                 )
             else:
                 move, kept = met_move(
-                    cloth, colliders[number], before.loose, before.leeway, before.clear, lift, vertex, held.position,
+                    state, colliders[number], before.loose, before.leeway, before.clear, lift, vertex, held.position,
                     move, item,
                 )  # fmt: skip
         if wp.static(touches):

@@ -171,7 +171,7 @@ def next_functions(precision: str) -> SimpleNamespace:
     Its vertices are asked for while a block works on others; where they lie is known by then.
     """
     types = cloth_types(precision)
-    Patches, Cloth = types.Patches, types.Cloth
+    Patches, State = types.Patches, types.State
 
     @wp.func
     def next_patch(patches: Patches, number: int):
@@ -184,11 +184,11 @@ def next_functions(precision: str) -> SimpleNamespace:
         return soon
 
     @wp.func
-    def fetch_next(patches: Patches, cloth: Cloth, soon: Patch):
+    def fetch_next(patches: Patches, state: State, soon: Patch):
         """Has memory bring what a block reads first."""
         if soon.owned_count > 0:
             fetch_ahead(patches.vertex, soon.vertex_start + soon.owned_count, soon.vertex_count - soon.owned_count, 0)
-            fetch_points(cloth.position, soon.place, soon.owned_count)
-            fetch_ahead(cloth.moved, soon.place, soon.owned_count, 0)
+            fetch_points(state.position, soon.place, soon.owned_count)
+            fetch_ahead(state.displacement4, soon.place, soon.owned_count, 0)
 
     return SimpleNamespace(next_patch=next_patch, fetch_next=fetch_next)

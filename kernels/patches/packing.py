@@ -126,38 +126,38 @@ def order_functions(precision: str, packed: bool, in_order: bool = True) -> Simp
     four numbers.
     """
     types = cloth_types(precision)
-    point, vec3, vec4, vec6, Cloth = types.point, types.vec3, types.vec4, types.vec6, types.Cloth
+    point, vec3, vec4, vec6, State = types.point, types.vec3, types.vec4, types.vec6, types.State
     sized, first_three = sized_function(precision), three_function(precision)
 
     @wp.func
-    def position_at(cloth: Cloth, vertex: int):
+    def position_at(state: State, vertex: int):
         """Where a vertex is [m]."""
-        return element(cloth.position, vertex)
+        return element(state.position, vertex)
 
     @wp.func
-    def packed_position_at(cloth: Cloth, vertex: int):
+    def packed_position_at(state: State, vertex: int):
         """Where a vertex is [m]."""
-        return packed_point(cloth.position, vertex)
+        return packed_point(state.position, vertex)
 
     @wp.func
-    def sized_move(cloth: Cloth, vertex: int):
+    def sized_move(state: State, vertex: int):
         """What last moved a vertex, and how long it is [m]."""
-        return sized(element(cloth.move, vertex))
+        return sized(element(state.displacement, vertex))
 
     @wp.func
-    def packed_sized_move(cloth: Cloth, vertex: int):
+    def packed_sized_move(state: State, vertex: int):
         """What last moved a vertex, and how long it is [m]."""
-        return element(cloth.moved, vertex)
+        return element(state.displacement4, vertex)
 
     @wp.func
-    def move_at(cloth: Cloth, vertex: int):
+    def move_at(state: State, vertex: int):
         """What last moved a vertex [m]."""
-        return element(cloth.move, vertex)
+        return element(state.displacement, vertex)
 
     @wp.func
-    def packed_move_at(cloth: Cloth, vertex: int):
+    def packed_move_at(state: State, vertex: int):
         """What last moved a vertex [m]."""
-        return first_three(element(cloth.moved, vertex))
+        return first_three(element(state.displacement4, vertex))
 
     @wp.func
     def put_move(move_out: wp.array(dtype=vec3), vertex: int, move: vec3):
@@ -175,14 +175,14 @@ def order_functions(precision: str, packed: bool, in_order: bool = True) -> Simp
         put(position_out, vertex, position)
 
     @wp.func
-    def leeway_at(cloth: Cloth, vertex: int):
+    def leeway_at(state: State, vertex: int):
         """A vertex' leeway."""
-        return cloth.leeway[vertex]
+        return state.compliance[vertex]
 
     @wp.func
-    def packed_leeway_at(cloth: Cloth, vertex: int):
+    def packed_leeway_at(state: State, vertex: int):
         """A vertex' leeway."""
-        return packed_six(cloth.leeway, vertex)
+        return packed_six(state.compliance, vertex)
 
     @wp.func
     def put_leeway(leeway_out: wp.array(dtype=vec6), vertex: int, leeway: vec6):
@@ -212,7 +212,7 @@ def packing_kernels(precision: str, accelerated: bool, packed: bool) -> SimpleNa
     orders.
     """
     types = cloth_types(precision)
-    point, real, vec3, Cloth = types.point, types.real, types.vec3, types.Cloth
+    point, real, vec3, Model, State = types.point, types.real, types.vec3, types.Model, types.State
     rests, orders = rest_function(precision), order_functions(precision, packed)
     put_there, put_move, position_at, move_at = (
         orders.put_position, orders.put_move, orders.position_at, orders.move_at,
@@ -220,9 +220,10 @@ def packing_kernels(precision: str, accelerated: bool, packed: bool) -> SimpleNa
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def pack_vertices(
+        model: Model,
+        state: State,
         groups: wp.array(dtype=wp.int32),  # of kernels.base.subset, of places
         order: wp.array(dtype=wp.int32),  # vertices as patches own them, shape [V]
-        cloth: Cloth,
         position_out: wp.array(dtype=point),  # [m], shape [V]
         move_out: wp.array(dtype=orders.move),  # [m], shape [V]
         stiffness_out: wp.array(dtype=real),  # [N/m], shape [V]
@@ -232,18 +233,19 @@ def packing_kernels(precision: str, accelerated: bool, packed: bool) -> SimpleNa
         if place >= order.shape[0]:
             return
         vertex = element(order, place)
-        if rests(cloth, place):
+        if rests(model, place):
             return
-        put_there(position_out, place, element(cloth.position, vertex))
-        put_move(move_out, place, element(cloth.move, vertex))
+        put_there(position_out, place, element(state.position, vertex))
+        put_move(move_out, place, element(state.displacement, vertex))
         if wp.static(accelerated):
-            put(stiffness_out, place, element(cloth.stiffness, vertex))
+            put(stiffness_out, place, element(state.stiffness, vertex))
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def unpack_vertices(
+        model: Model,
+        packed: State,
         groups: wp.array(dtype=wp.int32),  # of kernels.base.subset, of vertices
         rank: wp.array(dtype=wp.int32),  # where patches have each vertex, shape [V]
-        there: Cloth,
         position_out: wp.array(dtype=point),  # [m], shape [V]
         move_out: wp.array(dtype=vec3),  # [m], shape [V]
         stiffness_out: wp.array(dtype=real),  # [N/m], shape [V]
@@ -253,11 +255,11 @@ def packing_kernels(precision: str, accelerated: bool, packed: bool) -> SimpleNa
         if vertex >= rank.shape[0]:
             return
         place = element(rank, vertex)
-        if rests(there, vertex):
+        if rests(model, vertex):
             return
-        put(position_out, vertex, position_at(there, place))
-        put(move_out, vertex, move_at(there, place))
+        put(position_out, vertex, position_at(packed, place))
+        put(move_out, vertex, move_at(packed, place))
         if wp.static(accelerated):
-            put(stiffness_out, vertex, element(there.stiffness, place))
+            put(stiffness_out, vertex, element(packed.stiffness, place))
 
     return SimpleNamespace(pack_vertices=pack_vertices, unpack_vertices=unpack_vertices)

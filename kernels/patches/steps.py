@@ -91,18 +91,18 @@ def vertices_step(
 ) -> SimpleNamespace:
     """Functions ``own_vertex``, ``two_vertices`` and ``read_vertices``."""
     types, block_threads = cloth_types(precision), threads_function(threads)
-    Cloth, Patches = types.Cloth, types.Patches
+    State, Patches = types.State, types.Patches
     own_vertex = own_function(precision, in_order)
     order = order_functions(precision, packed, in_order)
     position_at, sized_move = order.position_at, order.sized_move
     put_point, write_4 = point_functions(precision, fits).put_point, memory_functions(precision, fits).write_4
 
     @wp.func
-    def keep(cloth: Cloth, beside: wp.array(dtype=wp.uint8), memory: PatchMemory, local: int, vertex: int):
+    def keep(state: State, beside: wp.array(dtype=wp.uint8), memory: PatchMemory, local: int, vertex: int):
         """Keeps a vertex in the block's memory."""
-        position = position_at(cloth, vertex)
+        position = position_at(state, vertex)
         if wp.static(fourth in BOUNDS):
-            write_4(beside, memory.move + wp.static(4 * types.real_size) * local, sized_move(cloth, vertex))
+            write_4(beside, memory.move + wp.static(4 * types.real_size) * local, sized_move(state, vertex))
         put_point(beside, memory, local, position)
 
     @wp.func
@@ -120,7 +120,7 @@ def vertices_step(
 
     @wp.func
     def read_vertices(
-        cloth: Cloth,
+        state: State,
         patches: Patches,
         patch: Patch,
         beside: wp.array(dtype=wp.uint8),
@@ -136,9 +136,9 @@ def vertices_step(
         local = int(lane)
         while local < patch.vertex_count:
             other = local + block_threads()
-            keep(cloth, beside, memory, local, first)
+            keep(state, beside, memory, local, first)
             if other < patch.vertex_count:
-                keep(cloth, beside, memory, other, second)
+                keep(state, beside, memory, other, second)
             local = other + block_threads()
             first, second = two_vertices(patches, patch, local)
 

@@ -60,10 +60,10 @@ class Boxes:
 @functools.cache
 def box_kernel(precision: str) -> wp.Kernel:
     """Kernel ``update_boxes``."""
-    Cloth, at = cloth_types(precision).Cloth, place_function(precision)
+    State, at = cloth_types(precision).State, place_function(precision)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
-    def update_boxes(cloth: Cloth, search: ContactSearch, contact: ClothContact, memory: LeanMemory, boxes: Boxes):
+    def update_boxes(state: State, search: ContactSearch, contact: ClothContact, memory: LeanMemory, boxes: Boxes):
         """Boxes a triangle or an edge as ``box_functions`` of kernels.contact.search does, and empties the list."""
         thread = wp.tid()
         if thread == 0:
@@ -76,9 +76,9 @@ def box_kernel(precision: str) -> wp.Kernel:
             leaf = boxes.triangle_leaf[thread]
             corners = search.corners[leaf]
             sides = search.sides[search.triangle_tree.leaf[leaf]]
-            a = wp.vec3f(at(cloth.position, corners[0]))
-            b = wp.vec3f(at(cloth.position, corners[1]))
-            c = wp.vec3f(at(cloth.position, corners[2]))
+            a = wp.vec3f(at(state.position, corners[0]))
+            b = wp.vec3f(at(state.position, corners[1]))
+            c = wp.vec3f(at(state.position, corners[2]))
             if not (
                 opened(search, sides[0], b - a) or opened(search, sides[1], c - b) or opened(search, sides[2], a - c)
             ):
@@ -91,8 +91,8 @@ def box_kernel(precision: str) -> wp.Kernel:
         else:
             leaf = boxes.edge_leaf[row]
             ends = search.ends[leaf]
-            p = wp.vec3f(at(cloth.position, ends[0]))
-            q = wp.vec3f(at(cloth.position, ends[1]))
+            p = wp.vec3f(at(state.position, ends[0]))
+            q = wp.vec3f(at(state.position, ends[1]))
             if not opened(search, search.edge_tree.leaf[leaf], q - p):
                 wide = room_around(contact, wp.max(contact.skin[ends[0]], contact.skin[ends[1]]))
                 lower = wp.min(p, q) - wide
@@ -106,25 +106,25 @@ def box_kernel(precision: str) -> wp.Kernel:
 @functools.cache
 def near_functions(precision: str) -> tuple[wp.Function, wp.Function]:
     """Functions that test a vertex against a triangle, and two edges, whose boxes meet, and list them where near."""
-    Cloth = cloth_types(precision).Cloth
+    State = cloth_types(precision).State
     keep_near = keep_function(precision)
 
     @wp.func
     def test_triangle(
-        cloth: Cloth, search: ContactSearch, contact: ClothContact, memory: LeanMemory, vertex: int, leaf: int
+        state: State, search: ContactSearch, contact: ClothContact, memory: LeanMemory, vertex: int, leaf: int
     ):
         """Lists a vertex and a triangle without it, if they are near each other."""
         if not has_vertex(search.corners[leaf], vertex):
-            keep_near(cloth, search, contact, memory, -1 - vertex, leaf)
+            keep_near(state, search, contact, memory, -1 - vertex, leaf)
 
     @wp.func
     def test_edge(
-        cloth: Cloth, search: ContactSearch, contact: ClothContact, memory: LeanMemory, leaf: int, other: int
+        state: State, search: ContactSearch, contact: ClothContact, memory: LeanMemory, leaf: int, other: int
     ):
         """Lists two edges without a common end, if they are near each other."""
         ends, others = search.ends[leaf], search.ends[other]
         if ends[0] != others[0] and ends[0] != others[1] and ends[1] != others[0] and ends[1] != others[1]:
-            keep_near(cloth, search, contact, memory, leaf, other)
+            keep_near(state, search, contact, memory, leaf, other)
 
     return test_triangle, test_edge
 
@@ -132,12 +132,12 @@ def near_functions(precision: str) -> tuple[wp.Function, wp.Function]:
 @functools.cache
 def query_kernel(precision: str) -> wp.Kernel:
     """Kernel ``query_bvh``."""
-    Cloth, at = cloth_types(precision).Cloth, place_function(precision)
+    State, at = cloth_types(precision).State, place_function(precision)
     test_triangle, test_edge = near_functions(precision)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def query_bvh(
-        cloth: Cloth,
+        state: State,
         search: ContactSearch,
         contact: ClothContact,
         memory: LeanMemory,
@@ -153,15 +153,15 @@ def query_kernel(precision: str) -> wp.Kernel:
             query = wp.bvh_query_aabb(edges, boxes.edge_lower[row], boxes.edge_upper[row])
             while wp.bvh_query_next(query, other):
                 if other > row:
-                    test_edge(cloth, search, contact, memory, boxes.edge_leaf[row], boxes.edge_leaf[other])
+                    test_edge(state, search, contact, memory, boxes.edge_leaf[row], boxes.edge_leaf[other])
         else:
             vertex = search.vertex[vertex_row]
             if vertex >= 0:
-                x = wp.vec3f(at(cloth.position, vertex))
+                x = wp.vec3f(at(state.position, vertex))
                 wide = room_around(contact, contact.skin[vertex])
                 query = wp.bvh_query_aabb(triangles, x - wide, x + wide)
                 while wp.bvh_query_next(query, other):
-                    test_triangle(cloth, search, contact, memory, vertex, boxes.triangle_leaf[other])
+                    test_triangle(state, search, contact, memory, vertex, boxes.triangle_leaf[other])
 
     return query_bvh
 
@@ -169,12 +169,12 @@ def query_kernel(precision: str) -> wp.Kernel:
 @functools.cache
 def tiled_kernel(precision: str) -> wp.Kernel:
     """Kernel ``query_bvh_tiled``."""
-    Cloth, at = cloth_types(precision).Cloth, place_function(precision)
+    State, at = cloth_types(precision).State, place_function(precision)
     test_triangle, test_edge = near_functions(precision)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def query_bvh_tiled(
-        cloth: Cloth,
+        state: State,
         search: ContactSearch,
         contact: ClothContact,
         memory: LeanMemory,
@@ -190,17 +190,17 @@ def tiled_kernel(precision: str) -> wp.Kernel:
             while wp.tile_query_valid(query):
                 other = wp.untile(wp.tile_bvh_query_next(query))
                 if other > row:  # and there is one
-                    test_edge(cloth, search, contact, memory, boxes.edge_leaf[row], boxes.edge_leaf[other])
+                    test_edge(state, search, contact, memory, boxes.edge_leaf[row], boxes.edge_leaf[other])
         else:
             vertex = search.vertex[vertex_row]
             if vertex >= 0:
-                x = wp.vec3f(at(cloth.position, vertex))
+                x = wp.vec3f(at(state.position, vertex))
                 wide = room_around(contact, contact.skin[vertex])
                 query = wp.tile_bvh_query_aabb(triangles, x - wide, x + wide)
                 while wp.tile_query_valid(query):
                     other = wp.untile(wp.tile_bvh_query_next(query))
                     if other >= 0:
-                        test_triangle(cloth, search, contact, memory, vertex, boxes.triangle_leaf[other])
+                        test_triangle(state, search, contact, memory, vertex, boxes.triangle_leaf[other])
 
     return query_bvh_tiled
 
@@ -208,9 +208,9 @@ def tiled_kernel(precision: str) -> wp.Kernel:
 class BvhSearch:
     """The same search by ``wp.Bvh``."""
 
-    def __init__(self, touch: ClothTouch, cloth: Any, precision: str) -> None:
+    def __init__(self, touch: ClothTouch, state: Any, precision: str) -> None:
         self._precision, self._search, self._device = precision, touch._search, touch.data.skin.device
-        self._inputs = [cloth, touch._search, touch.data, touch._memory]
+        self._inputs = [state, touch._search, touch.data, touch._memory]
         self._boxes = boxes = Boxes()
         with wp.ScopedDevice(self._device):
             for name, tree in (("triangle", self._search.triangle_tree), ("edge", self._search.edge_tree)):
@@ -297,15 +297,15 @@ def compare(name: str, problem: Problem, rounds: int, *, tiled: bool) -> bool:
     assert touch is not None
     if not touch.awake:
         touch.awaken()
-    cloth = touch.cloth_now()
-    touch.search(cloth)
+    state = touch.state_now()
+    touch.search(state)
     while touch.grow():
-        touch.search(cloth)
-    bvh = BvhSearch(touch, cloth, problem.model.precision)
+        touch.search(state)
+    bvh = BvhSearch(touch, state, problem.model.precision)
 
     def box_tree() -> None:
-        touch._box(cloth)
-        touch._list_near(cloth)
+        touch._box(state)
+        touch._list_near(state)
 
     searches: dict[str, Search] = {
         "box_tree": box_tree,

@@ -87,8 +87,8 @@ class Specimen:
             self.model.set_points(start, item)
         if near_rest and isinstance(self._relaxation, MultilevelRelaxation):
             self._relaxation.start_near_rest()
-        if self.model.cloth.stiffness:
-            self.model.cloth.stiffness.zero_()
+        if self.model.state.stiffness:
+            self.model.state.stiffness.zero_()
         certifier = Certifier(self._relaxation)
         outcomes = relax_items(self._relaxation, certifier, [Goal(tolerance, limit)] * self.count)
         for item, outcome in enumerate(outcomes):

@@ -98,7 +98,7 @@ class ClothTouch:
         self._numbering = Numbering(None) if patches is None else patches.numbering
         none = wp.empty(0, dtype=wp.int32, device=model.device)
         self._order = none if patches is None else patches.order
-        self.cloth_now: Callable[[], Any] = lambda: model.cloth  # as contact numbers its vertices, where they are now
+        self.state_now: Callable[[], Any] = lambda: model.state  # as contact numbers its vertices, where they are now
         self._thickness = thicknesses(kinds)
         lengths = np.concatenate([part.rest.edge_length for part in parts])
         thickest = float(self._thickness.max())
@@ -189,11 +189,11 @@ class ClothTouch:
         self.data.skin.fill_(self.least_skin)
         self._look_within(FAR_SHARE)
         self._search.whole.fill_(1)
-        cloth = self.cloth_now()
-        self._planting.plant(cloth, self._search, self.data)
-        self.search(cloth)
+        state = self.state_now()
+        self._planting.plant(state, self._search, self.data)
+        self.search(state)
         if self.grow():
-            self.search(cloth)
+            self.search(state)
 
     def _look_within(self, share: float) -> None:
         self.data.margin = share * self._skin
@@ -221,7 +221,7 @@ class ClothTouch:
     def face_from_body(self) -> None:
         """The same, where there is a body, by where most of a garment's area faces. Does not wait for the device."""
         if self.facing is not None:
-            self.facing.tell(self.cloth_now(), self._search, self._untangling.outward)
+            self.facing.tell(self.state_now(), self._search, self._untangling.outward)
 
     def lift(self, height: float) -> None:
         """Keeps each layer this much farther from the avatar [m] than the one inside it."""
@@ -246,7 +246,7 @@ class ClothTouch:
     def note_open(self) -> None:
         """Keeps how many edges span seams that have yet to close, for ``open_noted``. Does not wait for the device."""
         self._open.zero_()
-        self._launch(self._count_open, len(self.sheets.edges), [self.cloth_now(), self._search, self._open])
+        self._launch(self._count_open, len(self.sheets.edges), [self.state_now(), self._search, self._open])
         wp.copy(self._noted, self._open)
 
     def open_noted(self) -> int:
@@ -291,37 +291,37 @@ class ClothTouch:
         """
         self._search.whole.fill_(1)
         if not self.untangles:
-            cloth = self.cloth_now()
-            self._box(cloth, anew=False)
-            self._look_for_crossings(cloth, layered=False)
+            state = self.state_now()
+            self._box(state, anew=False)
+            self._look_for_crossings(state, layered=False)
         wp.copy(self._noted, self._untangling.count, dest_offset=1, count=CROSSINGS)
 
     def crossings_noted(self) -> int:
         """Crossings, and vertices tangled or on the wrong side of a layer, once that has come to the host."""
         return int(self._noted.numpy()[1:].sum())
 
-    def search_where_due(self, cloth: Any) -> None:
+    def search_where_due(self, state: Any) -> None:
         """Looks for pairs anew where something moved too far since the last search; decided on the device.
 
         While what crosses is to be undone it always has: all falls, too.
         """
         if self.untangles:
-            self.search(cloth)
+            self.search(state)
         else:
             self._launch(weigh_asked, 1, [self.data])
-            wp.capture_if(self.data.moved, on_true=self.search, cloth=cloth)
+            wp.capture_if(self.data.moved, on_true=self.search, state=state)
 
-    def search(self, cloth: Any) -> None:
+    def search(self, state: Any) -> None:
         """Looks for pairs, and for what crosses while that is to be undone: a GPU for both at a time."""
         found, size = self.data, max(self.sheets.vertex_count, len(self.data.corners))
-        self._launch(self._start, size, [cloth, found, self._memory, self._near_met])
-        self._box(cloth)
+        self._launch(self._start, size, [state, found, self._memory, self._near_met])
+        self._box(state)
         if not self.untangles:
-            self._list_near(cloth)
+            self._list_near(state)
             return
         with wp.ScopedStream(self._aside):
-            self._untangle(cloth)
-        self._list_near(cloth)
+            self._untangle(state)
+        self._list_near(state)
         if self._aside is not None:
             wp.get_stream(self._device).wait_stream(self._aside)
         self._launch(spare_tangled, len(found.corners), [self._search, found])
@@ -335,10 +335,10 @@ class ClothTouch:
         finally:
             self._aside = aside
 
-    def _list_near(self, cloth: Any) -> None:
+    def _list_near(self, state: Any) -> None:
         """Lists the pairs of what is near."""
         given = self._search
-        inputs = [cloth, given, self.data, self._memory, self._near_met]
+        inputs = [state, given, self.data, self._memory, self._near_met]
         self._launch_teams(self._groups, given.edge_tree.leaf.size + given.vertex.size, inputs)
         self._launch_lists(self._leaves, self._pairs, inputs)
 
@@ -357,36 +357,36 @@ class ClothTouch:
             threads = min(-(-leaves // each) * each, LOOKING_CLOSELY)
             self._launch(by_leaf, threads, [*inputs, threads])
 
-    def _box(self, cloth: Any, *, anew: bool = True) -> None:
+    def _box(self, state: Any, *, anew: bool = True) -> None:
         """Brings the trees up to where garments are; ``anew``: for a search that lists all pairs anew."""
         search = self._search
         threads = BOXING if self._device.is_cuda else 1
         blocks = block_count(search.edge_tree) + block_count(search.triangle_tree)
-        self._launch(self._boxes, threads * blocks, [cloth, search, self.data, self._memory, int(anew)], threads)
+        self._launch(self._boxes, threads * blocks, [state, search, self.data, self._memory, int(anew)], threads)
         if max(search.edge_tree.levels, search.triangle_tree.levels) > 3:
             self._launch(box_rest, threads * 2, [search], threads)
 
-    def _untangle(self, cloth: Any) -> None:
+    def _untangle(self, state: Any) -> None:
         """Looks for what crosses, and which way undoes that."""
         given, found, untangling = self._search, self.data, self._untangling
         vertices = self.sheets.vertex_count
-        self._look_for_crossings(cloth, layered=self.layered)
+        self._look_for_crossings(state, layered=self.layered)
         if self.layered:
-            self._launch(self._part_layers, vertices, [cloth, given, found, untangling])
-        self._launch(self._settle, vertices, [cloth, given, found, untangling])
+            self._launch(self._part_layers, vertices, [state, given, found, untangling])
+        self._launch(self._settle, vertices, [state, given, found, untangling])
 
-    def _look_for_crossings(self, cloth: Any, *, layered: bool) -> None:
+    def _look_for_crossings(self, state: Any, *, layered: bool) -> None:
         """Looks for what crosses, and where garments are ``layered``, for what of others is nearest to each vertex."""
         given, found, untangling, met = self._search, self.data, self._untangling, self._crossing_met
         self._launch(forget_tangles, self.sheets.vertex_count, [given, untangling, met])
         leaves = given.edge_tree.leaf.size + given.triangle_tree.leaf.size + (given.vertex.size if layered else 0)
-        asked = [cloth, given, found, untangling, met]
+        asked = [state, given, found, untangling, met]
         self._launch_teams(self._crossing_groups, leaves, asked)
         self._launch_lists(self._crossing_leaves, self._part_crossings, asked)
 
-    def press(self, step: Any, cloth: Any) -> None:
+    def press(self, step: Any, state: Any) -> None:
         """Sums what the known pairs do to their vertices, for the next move."""
-        self._launch_press(self._press, step, cloth)
+        self._launch_press(self._press, step, state)
 
     def press_along(self, waiting: int) -> int:
         """How many blocks are to press pairs in the launch of so many others that move vertices, and wait for them."""
@@ -399,16 +399,16 @@ class ClothTouch:
         self.data.pressing = min(wanted, max(room, LEAST_PRESSING)) if self.awake else 0
         return int(self.data.pressing)
 
-    def _launch_press(self, kernel: wp.Kernel, step: Any, cloth: Any) -> None:
+    def _launch_press(self, kernel: wp.Kernel, step: Any, state: Any) -> None:
         blocks, threads = 1, 1
         if self._device.is_cuda:
             blocks, threads = min(-(-len(self.data.corners) // BLOCK_THREADS), PRESSING), BLOCK_THREADS
-        self._launch(kernel, blocks * threads, [step, cloth, self.data, blocks], threads)
+        self._launch(kernel, blocks * threads, [state, step, self.data, blocks], threads)
 
     def measure(self, step: Any, load: wp.array) -> None:
         """Adds the same to a certificate's load: forces as they stand, and their sizes."""
         if self.awake:
-            self._launch_press(self._measure, step, self.cloth_now())
+            self._launch_press(self._measure, step, self.state_now())
             self._launch(self._add, self.sheets.vertex_count, [self.data, self._order, load])
 
     def _launch(self, kernel: wp.Kernel, size: int, inputs: list[Any], block: int = LISTING[0]) -> None:

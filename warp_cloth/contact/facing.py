@@ -29,10 +29,10 @@ class Facing:
         """The kernels that this launches."""
         return [self._weigh, face_vertices]
 
-    def tell(self, cloth: Any, search: Any, outward: wp.array) -> None:
+    def tell(self, state: Any, search: Any, outward: wp.array) -> None:
         """Tells them, as the cloth lies. Does not wait for the device."""
         device, away = self._away.device, self._away
         away.zero_()
-        asked = [cloth, search, self._of_triangle, self._body.collider, away]
+        asked = [state, search, self._of_triangle, self._body.collider, away]
         wp.launch(self._weigh, dim=len(self._of_triangle), inputs=asked, device=device)
         wp.launch(face_vertices, dim=len(outward), inputs=[self._of_vertex, away, outward], device=device)

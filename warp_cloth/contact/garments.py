@@ -144,7 +144,7 @@ def model_crossings(model: ClothModel, outfits: Sequence[Outfit]) -> list[Garmen
     each = [[part.rest.topology for part in outfit.parts] for outfit in outfits]
     edges = np.cumsum([0, *(sum(len(one.edges) for one in own) for own in each)])
     triangles = np.cumsum([0, *(sum(len(one.triangle_edges) for one in own) for own in each)])
-    position, cloth = model.cloth.position, model.cloth
+    position = model.state.position
     if position.dtype is not wp.vec3d:
         position = wp.array(model.points(), dtype=wp.vec3d, device=model.device)
     found: list[Indices] = []  # of each scene, by numbers of its own
@@ -153,7 +153,10 @@ def model_crossings(model: ClothModel, outfits: Sequence[Outfit]) -> list[Garmen
             (ends[piece.start], ends[piece.stop]) for ends in (edges, triangles)
         )
         pierced = find_pierced(
-            position, model.triangles.corners[triangle:last_triangle], model.edges.ends[edge:last_edge], cloth.item
+            position,
+            model.triangles.corners[triangle:last_triangle],
+            model.edges.ends[edge:last_edge],
+            model.vertices.item,
         )
         first = np.stack([edges, triangles], axis=1)[piece.start : piece.stop]
         ends = np.searchsorted(pierced[:, 0], edges[piece.start + 1 : piece.stop] - edge)

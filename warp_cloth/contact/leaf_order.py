@@ -77,12 +77,12 @@ class Planting:
             wp.utils.radix_sort_pairs(rank, order, count, 0, 32 + groups.bit_length())
         return order[:count]
 
-    def plant(self, cloth: Any, search: Any, contact: Any) -> None:
+    def plant(self, state: Any, search: Any, contact: Any) -> None:
         """Plants the trees where the cloth is, and puts vertices in regions. Does not wait for the device."""
         device, vertices = self._first.device, len(search.vertex)
         leaves = len(search.triangles) + len(search.edges) + len(contact.region)
         place = wp.empty(leaves, dtype=wp.vec3f, device=device)
-        wp.launch(self._locate, dim=leaves, inputs=[cloth, search, place], device=device)
+        wp.launch(self._locate, dim=leaves, inputs=[state, search, place], device=device)
         size = int(WIDTH)
         while vertices // size >= REGIONS:
             size *= 2

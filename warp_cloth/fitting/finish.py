@@ -104,7 +104,7 @@ def _penetrations(
     One query serves all scenes, as a GPU answers a million points as fast as a few.
     """
     model = problem.model
-    position = model.cloth.position if model.cloth.position.dtype is wp.vec3d else model.points()
+    position = model.state.position if model.state.position.dtype is wp.vec3d else model.points()
     vertex_depths = depths_under(position, np.diff(model.item_start).tolist(), exact_of)
 
     def sample_points(item: int) -> tuple[Points, NDArray[np.float64], Points]:

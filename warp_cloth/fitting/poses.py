@@ -92,7 +92,7 @@ def carry(
 def _place(model: ClothModel, points: Points) -> None:
     """Puts the cloth's free vertices at these positions [m]."""
     if model.terms.pins:
-        points = np.where(model.cloth.pinned.numpy()[:, None] != 0, model.points(), points)
+        points = np.where(model.vertices.pinned.numpy()[:, None] != 0, model.points(), points)
     model.set_points(points)
 
 

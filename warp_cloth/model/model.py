@@ -1,4 +1,4 @@
-"""Device arrays of a scene's garments: what stays constant (ClothModel) and what an iteration changes (its cloth)."""
+"""Device arrays of a scene's garments: what stays constant (ClothModel) and what an iteration changes (its state)."""
 
 from __future__ import annotations
 
@@ -41,7 +41,8 @@ class ClothModel:
     hinge_count: int
     weave_start: tuple[int, ...]  # first woven triangle of each garment, and their number
     terms: Terms
-    cloth: Any  # kernels.base.types Cloth
+    vertices: Any  # kernels.base.types Model
+    state: Any  # kernels.base.types State
     edges: Any  # kernels.base.types Edges
     triangles: Any  # kernels.base.types Triangles
     hinges: Any | None  # kernels.base.types Hinges
@@ -74,7 +75,7 @@ class ClothModel:
 
     def points(self, item: int | None = None) -> NDArray[np.float64]:
         """Positions now [m] of all vertices or of an item's, shape [V, 3]. Waits for the device."""
-        position = self.cloth.position if item is None else self.cloth.position[self.of_item(item)]
+        position = self.state.position if item is None else self.state.position[self.of_item(item)]
         return np.array(position.numpy(), dtype=np.float64)
 
     def put_there(self, points: Points) -> wp.array:
@@ -85,14 +86,14 @@ class ClothModel:
         """Moves an item's vertices to these positions [m], shape [V, 3], and forgets their momentum."""
         part = self.of_item(item)
         there = points if isinstance(points, wp.array) else self.put_there(points)
-        wp.copy(self.cloth.position[part], there)
-        self.cloth.move[part].zero_()
+        wp.copy(self.state.position[part], there)
+        self.state.displacement[part].zero_()
         self.look_again(item)
 
     def look_again(self, item: int) -> None:
         """Has iterations look where an item's vertices meet the avatar, whatever they knew: it or they were moved."""
-        if self.cloth.clear:
-            self.cloth.clear[self.of_item(item)].zero_()
+        if self.state.clearance:
+            self.state.clearance[self.of_item(item)].zero_()
 
 
 def build_model(
@@ -151,7 +152,8 @@ def build_model(
         hinge_count=hinge_count,
         weave_start=_starts([0 if rest.weave is None else len(rest.weave.corners) for rest in rests]),
         terms=terms,
-        cloth=_cloth(types, upload, lay, parts, vertex_start, item_start, terms.pins, device),
+        vertices=_vertices(types, upload, lay, parts, vertex_start, item_start, terms.pins),
+        state=_state(types, lay, parts, device),
         edges=_edges(types, lay, given, vertex_start, triangle_start, terms),
         triangles=_triangles(types, lay, given, vertex_start, edge_start, terms),
         hinges=hinges,
@@ -248,7 +250,7 @@ def _weave(types: Any, lay: Any, rests: Sequence[RestShape], vertex_start: tuple
     return weave
 
 
-def _cloth(
+def _vertices(
     types: Any,
     upload: Any,
     lay: Any,
@@ -256,24 +258,29 @@ def _cloth(
     vertex_start: tuple[int, ...],
     item_start: tuple[int, ...],
     pins: bool,
-    device: str,
 ) -> Any:
-    """Vertices of all garments at rest where they are loaded."""
+    """What is constant of the vertices of all garments."""
     count = vertex_start[-1]
-    cloth = types.Cloth()
-    cloth.position = lay([part.points for part in parts], types.point)
-    cloth.move = wp.zeros(count, dtype=types.vec3, device=device)
-    cloth.weight = lay([part.rest.vertex_weight for part in parts], types.real)
+    vertices = types.Model()
+    vertices.weight = lay([part.rest.vertex_weight for part in parts], types.real)
     if pins:
         pinned = np.zeros(count, dtype=np.uint8)
         for part, first in zip(parts, vertex_start, strict=False):
             pinned[part.pins + first] = 1
-        cloth.pinned = upload(pinned, wp.uint8)
-    cloth.item = upload(np.repeat(np.arange(len(item_start) - 1), np.diff(item_start)), wp.int32)
+        vertices.pinned = upload(pinned, wp.uint8)
+    vertices.item = upload(np.repeat(np.arange(len(item_start) - 1), np.diff(item_start)), wp.int32)
     items = np.zeros(len(item_start) - 1, dtype=types.Item.numpy_dtype())
     items["active"] = 1
-    cloth.items = upload(items, types.Item)
-    return cloth
+    vertices.items = upload(items, types.Item)
+    return vertices
+
+
+def _state(types: Any, lay: Any, parts: Sequence[GarmentPart], device: str) -> Any:
+    """The vertices of all garments at rest where they are loaded."""
+    state = types.State()
+    state.position = lay([part.points for part in parts], types.point)
+    state.displacement = wp.zeros(len(state.position), dtype=types.vec3, device=device)
+    return state
 
 
 def _starts(counts: list[int]) -> tuple[int, ...]:

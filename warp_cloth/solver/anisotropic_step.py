@@ -42,7 +42,7 @@ class Leeway:
         at where it is not scattered; None: all.
         """
         self._model, types = model, cloth_types(model.precision)
-        leeway = model.cloth.leeway = wp.zeros(model.vertex_count, dtype=types.vec6, device=model.device)
+        leeway = model.state.compliance = wp.zeros(model.vertex_count, dtype=types.vec6, device=model.device)
         none = np.array([1.0, 1.0, 1.0, 0.0, 0.0, 0.0])
         self._none = [(leeway, none)]  # by parts, what a vertex has that has no leeway
         if packed:
@@ -75,9 +75,9 @@ class Leeway:
             for part, none in self._none if len(run) else []:
                 part[starts[run[0]] : starts[run[-1] + 1]].fill_(none)
 
-    def look_up(self, step: Any, cloth: Any) -> None:
-        """Launches a look at the cloth as it lies; ``step`` is a kernels.base.types Step."""
-        self._look.launch(step, cloth)
+    def look_up(self, vertices: Any, state: Any, step: Any) -> None:
+        """Launches a look at the cloth as it lies; a Model, a State and a Step of kernels.base.types."""
+        self._look.launch(vertices, state, step)
 
 
 class _Gathered:
@@ -153,16 +153,16 @@ class _Gathered:
         folds = [self._normals.kernel, self._kernels.bound_folds] if self._normals is not None else []
         return [*folds, self._kernels.find_leeway]
 
-    def launch(self, step: Any, cloth: Any) -> None:
+    def launch(self, vertices: Any, state: Any, step: Any) -> None:
         device, at_work = self._model.device, self._at_work
         if self._normals is not None:
-            self._normals.launch(step, cloth, self._triangles)
+            self._normals.launch(vertices, state, step, self._triangles)
             edges = at_work.edges
-            read = [edges.groups, cloth, self._edges, self._normals.normal, step, self._bound]
+            read = [vertices, state, edges.groups, self._edges, self._normals.normal, step, self._bound]
             wp.launch(self._kernels.bound_folds, dim=edges.size, inputs=read, device=device)
-        vertices = at_work.vertices
-        read = [vertices.groups, cloth, self._edges, self._triangles, self._rows, self._bound, step]
-        wp.launch(self._kernels.find_leeway, dim=vertices.size, inputs=read, device=device)
+        some = at_work.vertices
+        read = [vertices, state, some.groups, self._edges, self._triangles, self._rows, self._bound, step]
+        wp.launch(self._kernels.find_leeway, dim=some.size, inputs=read, device=device)
 
 
 class ScatteredLook:
@@ -183,15 +183,16 @@ class ScatteredLook:
         folds = [self._normals.kernel, self._edges] if self._normals is not None else []
         return [*folds, self._kernels.begin_bounds, self._kernels.sum_bounds, self._kernels.take_bounds]
 
-    def launch(self, step: Any, cloth: Any, own: Any = None) -> None:
-        """Launches it; ``own`` are the vertices of the span alone, where that is not all."""
+    def launch(self, vertices: Any, state: Any, step: Any, own: tuple[Any, Any] | None = None) -> None:
+        """Launches it; ``own``: Model and State of the span alone, where that is not all."""
         model, device, kernels = self._model, self._model.device, self._kernels
         if self._normals is not None:
-            self._normals.launch(step, cloth)
-            asked = [cloth, model.edges, self._normals.normal, step, self._fold, self._bounds[0]]
+            self._normals.launch(vertices, state, step)
+            asked = [vertices, state, model.edges, self._normals.normal, step, self._fold, self._bounds[0]]
             wp.launch(self._edges, dim=pass_size(model.edge_count, True), inputs=asked, device=device)
-        every, count = [cloth if own is None else own, *self._own_bounds], len(self._own_bounds[0])
-        wp.launch(kernels.begin_bounds, dim=count, inputs=every, device=device)
-        asked = [cloth, model.triangles, self._fold, step, *self._bounds]
+        (own_vertices, own_state), count = own or (vertices, state), len(self._own_bounds[0])
+        begun = [own_vertices, *self._own_bounds]
+        wp.launch(kernels.begin_bounds, dim=count, inputs=begun, device=device)
+        asked = [vertices, state, model.triangles, self._fold, step, *self._bounds]
         wp.launch(kernels.sum_bounds, dim=pass_size(model.triangle_count, True), inputs=asked, device=device)
-        wp.launch(kernels.take_bounds, dim=count, inputs=every, device=device)
+        wp.launch(kernels.take_bounds, dim=count, inputs=[own_vertices, own_state, *self._own_bounds], device=device)

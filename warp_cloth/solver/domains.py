@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -14,7 +15,14 @@ from warp_cloth.garment.rest import Floats
 from warp_cloth.kernels.base.types import cloth_types
 from warp_cloth.model.model import ClothModel
 
-ITERATED = ("position", "move", "stiffness", "leeway", "held", "clear")  # what an iteration changes
+ITERATED = (
+    "position",
+    "displacement",
+    "stiffness",
+    "compliance",
+    "in_contact",
+    "clearance",
+)  # what an iteration changes
 CONSTANT = ("weight", "pinned", "item")
 
 Flags = NDArray[np.bool_]
@@ -30,7 +38,8 @@ class Share:
 
     model: ClothModel
     span: slice  # of its vertices in that order
-    own: Any  # kernels.base.types Cloth of these alone
+    vertices: Any  # kernels.base.types Model of these alone
+    state: Any  # and State
     order: wp.array  # where they are in the model that was cut, shape [own]
 
 
@@ -44,40 +53,44 @@ def cut_model(model: ClothModel, count: int) -> list[Share]:
     place = np.empty_like(order)
     place[order] = np.arange(len(order), dtype=np.int32)
     ends = np.cumsum([0, *np.bincount(owner, minlength=count)]).tolist()
-    cloth = _packed(model, order)
+    vertices, state = _packed(model, order)
     shares = []
     for number in range(count):
         span = slice(ends[number], ends[number + 1])
         own = wp.array(order[span], dtype=wp.int32, device=model.device)
-        part = around.part(owner == number, place, cloth)
-        shares.append(Share(part, span, cloth_slice(cloth, span), own))
+        part = around.part(owner == number, place, vertices, state)
+        shares.append(Share(part, span, vertices_slice(vertices, span), state_slice(state, span), own))
     return shares
 
 
-def cloth_slice(cloth: Any, span: slice) -> Any:
-    """Some vertices of a cloth, in the same memory."""
-    part = cloth._cls()
-    for name in (*ITERATED, *CONSTANT):
-        array = getattr(cloth, name)
-        if array:
-            setattr(part, name, array[span])
-    part.items = cloth.items
+def vertices_slice(vertices: Any, span: slice) -> Any:
+    """What is constant of some vertices, in the same memory."""
+    part = _each(vertices, CONSTANT, lambda array: array[span])
+    part.items = vertices.items
     return part
 
 
-def _packed(model: ClothModel, order: Indices) -> Any:
-    """The cloth with its vertices in another order, and memory of its own for what iterations change."""
-    packed, where = cloth_types(model.precision).Cloth(), wp.array(order, dtype=wp.int32, device=model.device)
-    for name in ITERATED:
-        array = getattr(model.cloth, name)
+def state_slice(state: Any, span: slice) -> Any:
+    """The state of some vertices, in the same memory."""
+    return _each(state, ITERATED, lambda array: array[span])
+
+
+def _each(arrays: Any, names: tuple[str, ...], make: Callable[[wp.array], wp.array]) -> Any:
+    """A struct of the same kind, with what is made of those arrays that there are."""
+    made = arrays._cls()
+    for name in names:
+        array = getattr(arrays, name)
         if array:
-            setattr(packed, name, wp.empty_like(array))
-    for name in CONSTANT:
-        array = getattr(model.cloth, name)
-        if array:
-            setattr(packed, name, array[where].contiguous())
-    packed.items = model.cloth.items
-    return packed
+            setattr(made, name, make(array))
+    return made
+
+
+def _packed(model: ClothModel, order: Indices) -> tuple[Any, Any]:
+    """Model and State with the vertices in another order, and memory of its own for what iterations change."""
+    where = wp.array(order, dtype=wp.int32, device=model.device)
+    vertices = _each(model.vertices, CONSTANT, lambda array: array[where].contiguous())
+    vertices.items = model.vertices.items
+    return vertices, _each(model.state, ITERATED, wp.empty_like)
 
 
 class _Around:
@@ -113,8 +126,8 @@ class _Around:
             triangles[self._beside[edges & self._hinged]] = True
         return edges, triangles
 
-    def part(self, own: Flags, place: Indices, cloth: Any) -> ClothModel:
-        """The model of these vertices' elements, in their order; vertices are at ``place`` in ``cloth``."""
+    def part(self, own: Flags, place: Indices, vertices: Any, state: Any) -> ClothModel:
+        """The model of these vertices' elements, in their order; vertices are at ``place``."""
         model, types, device = self._model, cloth_types(self._model.precision), self._model.device
         needed, near = self._needed(own)
         edge_at, triangle_at = _numbered(needed), _numbered(near)
@@ -138,7 +151,8 @@ class _Around:
             triangles.threads = some(model.triangles.threads, near)
         return replace(
             model,
-            cloth=cloth,
+            vertices=vertices,
+            state=state,
             edges=edges,
             triangles=triangles,
             edge_start=(0, int(needed.sum())),

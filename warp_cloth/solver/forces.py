@@ -43,9 +43,9 @@ class NormalsPass:
         """What the kernel takes at last."""
         return [self.normal, self.sides] if self._eight else [self._some.groups, self.normal]
 
-    def launch(self, step: Any, cloth: Any, triangles: Any = None) -> None:
-        """Launches it; ``step`` is a base.types Step, ``cloth`` a Cloth, and ``triangles`` its, or the model's."""
-        inputs = [cloth, triangles or self._model.triangles, step, *self.asks]
+    def launch(self, vertices: Any, state: Any, step: Any, triangles: Any = None) -> None:
+        """Launches it; a Model, a State and a Step of base.types, and their triangles, or the model's."""
+        inputs = [vertices, state, triangles or self._model.triangles, step, *self.asks]
         wp.launch(self.kernel, dim=self.size, inputs=inputs, device=self._model.device)
 
 
@@ -97,7 +97,7 @@ class ForcePass:
         """Launches the pass; ``step`` is a kernels.base.types Step."""
         model = self._model
         for kernel, size, read, written in self._passes:
-            inputs = [model.cloth, *read, step, *written]
+            inputs = [model.vertices, model.state, *read, step, *written]
             if model.patches is not None:
                 launch_patches(kernel, model, inputs)
             else:

@@ -28,26 +28,26 @@ class PackedCloth:
         self._model, self._patches, self._some = model, patches, some
         self._kernels = packing_kernels(model.precision, accelerated, packed)
         types = cloth_types(model.precision)
-        self._here, self._there = (types.Cloth() for _ in range(2))
-        cloth, order = model.cloth, patches.order
+        self._here, self._there = (types.State() for _ in range(2))
+        state, order = model.state, patches.order
         self.ahead = False  # whether it has gone on where the model does not know
-        self._stiffness = wp.empty_like(cloth.stiffness) if accelerated else None
-        weight = cloth.weight[order].contiguous()
-        pinned = cloth.pinned[order].contiguous() if model.terms.pins else None
+        self._stiffness = wp.empty_like(state.stiffness) if accelerated else None
+        self.vertices = types.Model()  # in the patches' order
+        self.vertices.weight = model.vertices.weight[order].contiguous()
+        if model.terms.pins:
+            self.vertices.pinned = model.vertices.pinned[order].contiguous()
+        self.vertices.item, self.vertices.items = model.vertices.item, model.vertices.items
         for each in (self._here, self._there):
-            each.position = wp.empty_like(cloth.position)
-            each.moved = wp.empty(model.vertex_count, dtype=types.vec4, device=model.device)
-            each.weight, each.item, each.items = weight, cloth.item, cloth.items
+            each.position = wp.empty_like(state.position)
+            each.displacement4 = wp.empty(model.vertex_count, dtype=types.vec4, device=model.device)
             if self._stiffness is not None:
                 each.stiffness = self._stiffness
-            if pinned is not None:
-                each.pinned = pinned
-            if cloth.held:  # which only iterations ask
-                each.held = cloth.held
-            if cloth.clear:
-                each.clear = cloth.clear
-            if cloth.leeway:
-                each.leeway = cloth.leeway
+            if state.in_contact:  # which only iterations read
+                each.in_contact = state.in_contact
+            if state.clearance:
+                each.clearance = state.clearance
+            if state.compliance:
+                each.compliance = state.compliance
 
     def kernels(self, move: wp.Kernel) -> list[wp.Kernel]:
         """The kernels of an iteration by ``move`` alone, in order."""
@@ -61,15 +61,15 @@ class PackedCloth:
         if self.ahead:
             return self._here
         model, here = self._model, self._here
-        written = [here.position, here.moved, self._stiffness]
-        inputs = [self._some.groups, self._patches.order, model.cloth, *written]
+        written = [here.position, here.displacement4, self._stiffness]
+        inputs = [self.vertices, model.state, self._some.groups, self._patches.order, *written]
         wp.launch(self._kernels.pack_vertices, dim=self._some.size, inputs=inputs, device=model.device)
         return here
 
     def iterate(self, move: wp.Kernel, asked: list[Any], count: int, before: Callable[[int, Any], int] | None) -> None:
         """Launches iterations by ``move``, of kernels.passes.move.advance_kernel; ``asked`` comes first there.
 
-        ``before`` each iteration, given its number and the cloth then: how many
+        ``before`` each iteration, given its number and the state then: how many
         more blocks it takes.
         """
         self.brought()
@@ -82,13 +82,23 @@ class PackedCloth:
         for number in range(count):  # to and fro: the cache still has what the last patches have read and written
             more = before(number, here) if before is not None else 0
             read = [self._patches.packed_tables[number % 2], self._patches.overflow]
-            launch_patches(move, self._model, [*asked, *read, here, there.position, there.moved], more)
+            launch_patches(
+                move, self._model, [self.vertices, here, *asked, *read, there.position, there.displacement4], more
+            )
             here, there = there, here
 
     def show(self, count: int = 0) -> None:
         """Has the model know where the cloth is after so many iterations since it was ``brought``."""
-        model, cloth = self._model, self._model.cloth
+        model, state = self._model, self._model.state
         here = self._there if count % 2 else self._here
-        stiffness = cloth.stiffness if self._stiffness is not None else None
-        inputs = [self._some.groups, self._patches.rank, here, cloth.position, cloth.move, stiffness]
+        stiffness = state.stiffness if self._stiffness is not None else None
+        inputs = [
+            self.vertices,
+            here,
+            self._some.groups,
+            self._patches.rank,
+            state.position,
+            state.displacement,
+            stiffness,
+        ]
         wp.launch(self._kernels.unpack_vertices, dim=self._some.size, inputs=inputs, device=model.device)

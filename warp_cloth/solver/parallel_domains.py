@@ -13,7 +13,7 @@ import warp as wp
 
 from warp_cloth.base.threads import core_count
 from warp_cloth.kernels.base.types import cloth_types
-from warp_cloth.kernels.passes.domains import APART, NAP, meet_threads, sharing_kernels
+from warp_cloth.kernels.passes.domains import APART, NAP, domain_kernels, meet_threads
 from warp_cloth.model.model import ClothModel
 from warp_cloth.solver.anisotropic_step import Leeway, ScatteredLook
 from warp_cloth.solver.domains import Share, cut_model
@@ -42,7 +42,7 @@ class Together:
     def __init__(self, model: ClothModel, count: int, fourth: str, move: wp.Kernel, leeway: Leeway | None) -> None:
         self._model, self._move, self._leeway = model, move, leeway
         looks = leeway is not None and leeway.scatters
-        self._kernels = sharing_kernels(model.precision)
+        self._kernels = domain_kernels(model.precision)
         self._shares = [_Working(share, fourth, looks=looks) for share in cut_model(model, count)]
         self._arrivals = wp.zeros(APART * (1 + count), dtype=wp.int32, device=model.device)
         self._usleep = ctypes.cast(ctypes.CDLL(None).usleep, ctypes.c_void_p).value
@@ -63,7 +63,7 @@ class Together:
 
     def kernels(self) -> list[wp.Kernel]:
         """The kernels that a chunk launches besides those of one thread."""
-        return [self._kernels.take_share, meet_threads, self._kernels.give_share]
+        return [self._kernels.gather_domain, meet_threads, self._kernels.scatter_domain]
 
     def capture(self, step: Any, collider_data: Any, looks: Sequence[bool]) -> list[Any]:
         """A graph of iterations for every share; ``looks``: before which of them leeway is looked up."""
@@ -78,22 +78,23 @@ class Together:
         """Launches iterations of a share."""
         working, model, device = self._shares[number], self._model, self._model.device
         share, size = working.share, len(working.share.order)
-        taken, given = [share.order, model.cloth, share.own], [share.order, share.own, model.cloth]
+        gathered, scattered = [model.state, share.order, share.state], [share.state, share.order, model.state]
         if self.looks_first and looks[0]:
             if self._leeway is not None and number == 0:
-                self._leeway.look_up(step, model.cloth)
+                self._leeway.look_up(model.vertices, model.state, step)
             self._meet(number)
-        wp.launch(self._kernels.take_share, dim=size, inputs=taken, device=device)
+        wp.launch(self._kernels.gather_domain, dim=size, inputs=gathered, device=device)
         self._meet(number)
         for look in looks:
             if look and working.look is not None:
-                working.look.launch(step, share.model.cloth, share.own)
+                whole = share.model.vertices, share.model.state, step
+                working.look.launch(*whole, (share.vertices, share.state))
             working.forces.launch(step)
             self._meet(number)
-            inputs = [step, collider_data, working.load, share.own]
+            inputs = [share.vertices, share.state, step, collider_data, working.load]
             wp.launch(self._move, dim=pass_size(size, True), inputs=inputs, device=device)
             self._meet(number)
-        wp.launch(self._kernels.give_share, dim=size, inputs=given, device=device)
+        wp.launch(self._kernels.scatter_domain, dim=size, inputs=scattered, device=device)
         self._meet(number)
 
     def _meet(self, number: int) -> None:

@@ -127,8 +127,8 @@ class Relaxation:
         self.touch = touch
         asked = self.contact, self.collider_type, touch is not None
         worn = wears(accelerated, self.contact, touch is not None)
-        if worn and not model.cloth.held:
-            model.cloth.held = wp.zeros(model.vertex_count, dtype=wp.uint8, device=model.device)
+        if worn and not model.state.in_contact:
+            model.state.in_contact = wp.zeros(model.vertex_count, dtype=wp.uint8, device=model.device)
         self.at_work = AtWork(model)
         self._leeway: Leeway | None = None
         if worn and options.leeway > 0.0:  # which is looked at as patches own it
@@ -140,11 +140,11 @@ class Relaxation:
         self._packed: PackedCloth | None = None
         self._eight = False  # whether eight vertices are moved at a time
         self._presses_along = False  # whether what moves vertices presses pairs of cloth, too
-        if accelerated and not model.cloth.stiffness:
-            model.cloth.stiffness = wp.zeros(model.vertex_count, dtype=types.real, device=model.device)
+        if accelerated and not model.state.stiffness:
+            model.state.stiffness = wp.zeros(model.vertex_count, dtype=types.real, device=model.device)
         few = model.patches is not None and model.patches.few
         if spares_looks(self.contact, touch is not None, few):
-            model.cloth.clear = wp.zeros(model.vertex_count, dtype=wp.float32, device=model.device)
+            model.state.clearance = wp.zeros(model.vertex_count, dtype=wp.float32, device=model.device)
         if model.patches is not None:  # no sum of forces in memory, but a second set of positions to write to
             patches = model.patches
             how = patches.few, patches.paired
@@ -152,7 +152,7 @@ class Relaxation:
             self._presses_along = touch is not None and patches.fits and patches.few
             self._packed = PackedCloth(model, patches, accelerated, self.at_work.vertices, packed=touch is None)
             if touch is not None:
-                touch.cloth_now = self._packed.brought
+                touch.state_now = self._packed.brought
         else:
             self._load = wp.zeros(model.vertex_count, dtype=types.vec4, device=model.device)
             self._scatter = ForcePass(model, step_bound(accelerated, self.contact, touch is not None), self._load)
@@ -161,7 +161,7 @@ class Relaxation:
                 self._move = eight_displace_kernel(model.precision, self.contact, self.collider_type, model.terms.pins)
             else:
                 self._move = displace_kernel(model.precision, accelerated, *asked, model.terms.pins)
-        self._items = model.cloth.items.numpy().copy()
+        self._items = model.vertices.items.numpy().copy()
         self._items["active"] = 1
         self._sizes = np.diff(model.item_start)  # of the items, in vertices
         largest = [options.largest_move if cap is None else cap for cap in caps or [None] * model.item_count]
@@ -199,7 +199,7 @@ class Relaxation:
 
     def _stand_off(self, item: int, collider: Collider) -> None:
         self._items["offset"][item] = collider.offset
-        self._items["friction"][item] = collider.friction
+        self._items["avatar_friction"][item] = collider.friction
 
     def loosen(self, relative_rms: NDArray[np.float64]) -> None:
         """Lets worn items whose forces have balanced go on with leeway, and others without; tells cloth on cloth, too.
@@ -214,14 +214,14 @@ class Relaxation:
             self.forget_graphs()
         if self._leeway is None:
             return
-        before = self._items["leeway"].copy()
+        before = self._items["anisotropy_limit"].copy()
         now = np.where(self._balanced(relative_rms, before > 0.0), self._strength, 0.0).astype(before.dtype)
         if (now == before).all():
             return
         self._leeway.forget(np.flatnonzero(now != before).tolist())
         if (now > 0.0).any() != (before > 0.0).any():
             self.forget_graphs()
-        self._items["leeway"] = now
+        self._items["anisotropy_limit"] = now
         self.tell_items()
 
     def _balanced(self, relative_rms: NDArray[np.float64], before: NDArray[np.bool_] | bool) -> NDArray[np.bool_]:
@@ -272,7 +272,7 @@ class Relaxation:
 
     def tell_items(self) -> None:
         """Puts what the items have of their own on the device."""
-        self.model.cloth.items.assign(self._items)
+        self.model.vertices.items.assign(self._items)
 
     def kernels(self) -> list[wp.Kernel]:
         """The kernels that an iteration launches, in order."""
@@ -291,18 +291,19 @@ class Relaxation:
         """What the kernels read of cloth on cloth."""
         return NoClothContact() if self.touch is None else self.touch.data
 
-    def _meet_cloth(self, iteration: int, cloth: Any) -> None:
+    def _meet_cloth(self, iteration: int, state: Any) -> None:
         """Contact of cloth with cloth, where there is any."""
         if self.touch is not None and self.touch.awake:
             if iteration % self.touch.look_every == 0:
-                self.touch.search_where_due(cloth)
+                self.touch.search_where_due(state)
             if not self._presses_along:
-                self.touch.press(self.step, cloth)
+                self.touch.press(self.step, state)
 
-    def _look_up_leeway(self, cloth: Any) -> None:
+    def _look_up_leeway(self, state: Any) -> None:
         """Where it is due by the iterations since the start, whatever chunks they are run in."""
-        if self._leeway is not None and self._items["leeway"].any() and self._done % self._renewal == 0:
-            self._leeway.look_up(self.step, cloth)
+        if self._leeway is not None and self._items["anisotropy_limit"].any() and self._done % self._renewal == 0:
+            vertices = self.model.vertices if self._packed is None else self._packed.vertices
+            self._leeway.look_up(vertices, state, self.step)
         self._done += 1
 
     def iterate(self, count: int = 1) -> None:
@@ -324,16 +325,15 @@ class Relaxation:
 
     def _iterate(self, count: int) -> None:
         """Launches what a graph of iterations holds."""
-        model, here = self.model, self.model.cloth
+        model, here = self.model, self.model.state
         asked = self._asked
         if self._scatter is not None:
             for iteration in range(count):
                 self._look_up_leeway(here)
                 self._scatter.launch(self.step)
                 self._meet_cloth(iteration, here)
-                inputs = (
-                    [self.step, self.collider_data, self._load, here] if self._eight else [*asked, self._load, here]
-                )
+                arguments = asked[:2] if self._eight else asked
+                inputs = [model.vertices, here, *arguments, self._load]
                 size = pass_size(model.vertex_count, self._eight)
                 wp.launch(self._move, dim=size, inputs=inputs, device=model.device)
         if self._packed is not None and self.stays_packed:
@@ -342,10 +342,10 @@ class Relaxation:
             self._packed.iterate(self._move, asked, count, None)
             self._done += count
 
-    def _before_move(self, iteration: int, cloth: Any) -> int:
+    def _before_move(self, iteration: int, state: Any) -> int:
         """Leeway, and contact of cloth with cloth, before an iteration; how many blocks are to press meanwhile."""
-        self._look_up_leeway(cloth)
-        self._meet_cloth(iteration, cloth)
+        self._look_up_leeway(state)
+        self._meet_cloth(iteration, state)
         if self.touch is None or self.model.patches is None or not self._presses_along:
             return 0
         return self.touch.press_along(self.model.patches.count)
@@ -386,7 +386,7 @@ class Relaxation:
         """The graphs of the next chunk's shares."""
         which = iterations, self._done % self._renewal
         if which not in self._shares_graphs:
-            loose = bool(self._items["leeway"].any())
+            loose = bool(self._items["anisotropy_limit"].any())
             looks = [loose and (self._done + number) % self._renewal == 0 for number in range(iterations)]
             self._shares_graphs[which] = together.capture(self.step, self.collider_data, looks)
         return self._shares_graphs[which]

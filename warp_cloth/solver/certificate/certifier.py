@@ -119,16 +119,16 @@ class Certifier:
         self._keep = keep_kernel(model.precision)
         self._summary = Summary(model, relaxation.at_work)
         self._left = wp.zeros(model.vertex_count, dtype=wp.vec2f, device=model.device)
-        self._last = wp.clone(model.cloth.position)  # at the last check
-        self._before = wp.clone(model.cloth.position)  # at the one before
-        self._earlier = wp.clone(model.cloth.position)  # at the one before that
+        self._last = wp.clone(model.state.position)  # at the last check
+        self._before = wp.clone(model.state.position)  # at the one before
+        self._earlier = wp.clone(model.state.position)  # at the one before that
         self._low = wp.array(_lower_half(model), dtype=wp.uint8, device=model.device)
         self._rest_error = RestError()
         self._spare: list[wp.array] = []  # shapes that are kept no longer
         self._every = wp.full(model.item_count, 1, dtype=wp.uint8, device=model.device)  # item, and those that fall
         self._falling = wp.zeros(model.item_count, dtype=wp.uint8, device=model.device)
-        judged = relaxation.contact is not None and model.cloth.stiffness  # by which contact's share of a force is
-        self._bounds: wp.array | None = wp.clone(model.cloth.stiffness) if judged else None  # at the last check
+        judged = relaxation.contact is not None and model.state.stiffness  # by which contact's share of a force is
+        self._bounds: wp.array | None = wp.clone(model.state.stiffness) if judged else None  # at the last check
         self._beside: wp.Stream | None = None
         self._room = model.vertex_count
         if wp.get_device(model.device).is_cuda:
@@ -149,8 +149,13 @@ class Certifier:
         relaxation, model = self._relaxation, self._model
         self._sum_forces()
         some = relaxation.at_work.vertices
-        asked = [relaxation.step, CONTACT_SLACK, relaxation.collider_data, model.cloth, self._load, self._left]
-        wp.launch(self._residual, dim=some.size, inputs=[some.groups, *asked], device=model.device)
+        arguments = [relaxation.step, CONTACT_SLACK, relaxation.collider_data, self._load, self._left]
+        wp.launch(
+            self._residual,
+            dim=some.size,
+            inputs=[model.vertices, model.state, some.groups, *arguments],
+            device=model.device,
+        )
         marks = self._rest_error.marks(iteration)
         return Glance(iteration, marks, self._asked(marks, self._every))
 
@@ -213,13 +218,13 @@ class Certifier:
     def turn_page(self, iteration: int) -> None:
         """Goes on from a glance at all items: the shapes of now are what the next one compares with."""
         self._last, self._before, self._earlier = self._earlier, self._last, self._before
-        wp.copy(self._last, self._model.cloth.position)
+        wp.copy(self._last, self._model.state.position)
         if self._bounds is not None:
-            wp.copy(self._bounds, self._model.cloth.stiffness)
+            wp.copy(self._bounds, self._model.state.stiffness)
         if self._rest_error.due(iteration):
             model = self._model
             shape = self._spare.pop() if self._spare else wp.zeros(model.vertex_count, wp.vec3f, device=model.device)
-            wp.launch(self._keep, dim=len(shape), inputs=[model.cloth, shape], device=model.device)
+            wp.launch(self._keep, dim=len(shape), inputs=[model.vertices, model.state, shape], device=model.device)
             self._rest_error.keep(Mark(iteration, shape))
         self._spare += self._rest_error.dropped(iteration)
 
@@ -239,10 +244,10 @@ class Certifier:
     def put_back(self, item: int) -> None:
         """Puts an item back where the last glance at all items saw it, from iterations that came too late to stop."""
         part = self._model.of_item(item)
-        wp.copy(self._model.cloth.position[part], self._last[part])
+        wp.copy(self._model.state.position[part], self._last[part])
         self._model.look_again(item)
         if self._bounds is not None:
-            wp.copy(self._model.cloth.stiffness[part], self._bounds[part])
+            wp.copy(self._model.state.stiffness[part], self._bounds[part])
 
     def _asked(self, marks: Sequence[Mark], items: wp.array) -> Answer:
         looks = self._summary.looks_type()
@@ -270,7 +275,15 @@ class Certifier:
         wp.launch(
             push_kernel(model.precision, relaxation.contact, relaxation.collider_type, model.terms.pins),
             dim=model.vertex_count,
-            inputs=[relaxation.step, CONTACT_SLACK, relaxation.collider_data, model.cloth, self._load, push],
+            inputs=[
+                model.vertices,
+                model.state,
+                relaxation.step,
+                CONTACT_SLACK,
+                relaxation.collider_data,
+                self._load,
+                push,
+            ],
             device=model.device,
         )
         return np.array(push.numpy())

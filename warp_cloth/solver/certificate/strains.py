@@ -69,7 +69,7 @@ def element_energies(model: ClothModel) -> tuple[NDArray[np.float64], ...]:
     fold = wp.zeros(model.hinge_count, dtype=wp.float64, device=model.device)
     if model.hinges is not None:
         kernel = bending_energy_kernel(model.precision, model.terms.angles)
-        wp.launch(kernel, dim=model.hinge_count, inputs=[model.cloth, model.hinges, fold], device=model.device)
+        wp.launch(kernel, dim=model.hinge_count, inputs=[model.state, model.hinges, fold], device=model.device)
     return _measure_tension(model)[0].numpy(), fold.numpy(), _measure_weave(model)[0].numpy()
 
 
@@ -80,7 +80,7 @@ def _measure_weave(model: ClothModel) -> tuple[wp.array, wp.array]:
     if model.weave is not None:
         kernel = energy_kernels(model.precision).measure_weave
         wp.launch(
-            kernel, dim=model.weave_count, inputs=[model.cloth, model.weave, energy, stretch], device=model.device
+            kernel, dim=model.weave_count, inputs=[model.state, model.weave, energy, stretch], device=model.device
         )
     return energy, stretch
 
@@ -92,7 +92,7 @@ def _measure_tension(model: ClothModel) -> tuple[wp.array, wp.array]:
     wp.launch(
         energy_kernels(model.precision).measure_tension,
         dim=model.edge_count,
-        inputs=[model.cloth, model.edges, energy, strain],
+        inputs=[model.state, model.edges, energy, strain],
         device=model.device,
     )
     return energy, strain

@@ -66,7 +66,7 @@ class Summary:
         ``left`` is of kernels.certificate.residual, ``looks`` of ``looks_type``: shapes to compare with.
         """
         model, device = self._model, self._model.device
-        inputs = [self._some.groups, self._first_vertex, model.cloth, left, looks, self._sums]
+        inputs = [model.vertices, model.state, self._some.groups, self._first_vertex, left, looks, self._sums]
         wp.launch(self._chunks, dim=self._some.size, inputs=inputs, device=device)
         sums = self._sums
         for first, groups in self._levels:

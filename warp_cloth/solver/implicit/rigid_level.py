@@ -146,9 +146,9 @@ class Turning:
 
     def renew(self, coupling: wp.array, anchor: wp.array) -> None:
         """Sums its stiffness anew: of the model's pairs, and of what holds its vertices, both as vec6 [N/m]."""
-        cloth, turns = self._model.cloth, self.turns
-        self._launch(self._gathers.find_centres, self._count, [cloth, turns])
-        launch_rows(self._gathers.gather_turns, len(turns.two), [cloth, coupling, anchor, turns], self._model.device)
+        state, turns = self._model.state, self.turns
+        self._launch(self._gathers.find_centres, self._count, [state, turns])
+        launch_rows(self._gathers.gather_turns, len(turns.two), [state, coupling, anchor, turns], self._model.device)
         self._launch(self._gathers.divide_turns, self._count, [turns])
 
     def correct(
@@ -163,10 +163,10 @@ class Turning:
             weight: times this level's solution.
             rounds: of conjugate gradients.
         """
-        cloth, turns, kernels, device = self._model.cloth, self.turns, self._kernels, self._model.device
-        self._launch(kernels.pull_turns, len(turns.owner), [cloth, turns, system.residual])
+        state, turns, kernels, device = self._model.state, self.turns, self._kernels, self._model.device
+        self._launch(kernels.pull_turns, len(turns.owner), [state, turns, system.residual])
         launch_blocks(kernels.solve_turns, self._blocks, [turns, rounds, self._blocks], device)
-        inputs = [weight, cloth, turns, system, parts, along]
+        inputs = [state, weight, turns, system, parts, along]
         launch_blocks(kernels.follow_turns, len(parts.garment), inputs, device)
 
     def _launch(self, kernel: wp.Kernel, size: int, inputs: list[Any]) -> None:

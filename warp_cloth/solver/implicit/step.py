@@ -195,7 +195,7 @@ class ImplicitStep:
         model, system, own = self._model, self._system, self._options
         self._forces.launch(step)
         self._linearise(renew)
-        inputs = [step, collider_data, model.cloth, self._load, system, self._anchor[0]]
+        inputs = [model.vertices, model.state, step, collider_data, self._load, system, self._anchor[0]]
         self._launch(self._ends.face_forces, model.vertex_count, inputs)
         for number, level in enumerate(self._levels):
             anchors, block = self._anchor[number : number + 2], self._block[number]
@@ -208,7 +208,9 @@ class ImplicitStep:
             self._launch_parts(self._ends.weigh_momentum, sums)
             inputs = [own.least_momentum, own.most_momentum, self._momentum_left, *sums]
             launch_blocks(self._ends.ease_momentum, self._groups, inputs, model.device)
-        self._launch(self._ends.take_step, model.vertex_count, [step, collider_data, model.cloth, system])
+        self._launch(
+            self._ends.take_step, model.vertex_count, [model.vertices, model.state, step, collider_data, system]
+        )
         self._launch(self._ends.ease_inertia, self._groups, [own.easing, self._most_fall, self._system])
 
     def go_at(self, pace: Pace) -> float:
@@ -239,10 +241,10 @@ class ImplicitStep:
     def _linearise(self, renew: bool) -> None:
         model, kernels, reach = self._model, self._stiffness, self._options.reach
         if model.hinges is not None:
-            self._launch(kernels.linearise_hinges, model.hinge_count, [model.cloth, model.hinges, self._gradient])
+            self._launch(kernels.linearise_hinges, model.hinge_count, [model.state, model.hinges, self._gradient])
         if model.weave is not None:
-            self._launch(kernels.linearise_weave, model.weave_count, [model.cloth, model.weave, reach, self._side])
-        elements = [model.cloth, model.edges, self._pairs, reach, self._gradient, self._side]
+            self._launch(kernels.linearise_weave, model.weave_count, [model.state, model.weave, reach, self._side])
+        elements = [model.state, model.edges, self._pairs, reach, self._gradient, self._side]
         self._launch(kernels.couple_pairs, self._pair_count, [*elements, self._system.coupling, self._pair[0]])
         for number, level in enumerate(self._levels if renew else ()):
             finer, pair = self._pair[number : number + 2]
