@@ -8,15 +8,13 @@ import signal
 import time
 from pathlib import Path
 
+import extremes
+import extremes_study
 import numpy as np
 import pytest
-from typer.testing import CliRunner
-
-from warp_cloth.cli.main import app
-from warp_cloth.study import extremes
-from warp_cloth.study.extreme_meshes import caps, needles, square, torn, tube
-from warp_cloth.study.extremes import Case, Outcome, hanging, run_case, single_cases, theory_cap
-from warp_cloth.study.extremes_files import extremes_lines, save_extremes
+from extreme_meshes import caps, needles, square, torn, tube
+from extremes_files import extremes_lines, save_extremes
+from extremes_study import Case, Job, Outcome, hanging, run_case, single_cases, theory_cap
 
 FEW = 150  # iterations
 LONG_ENOUGH = 5.0  # [s] for what takes no time, however busy the machine is
@@ -34,7 +32,7 @@ def test_an_extreme_case_keeps_the_promise(case: Case, method: str) -> None:
 @pytest.mark.parametrize("stiffness", [1.0, 1e4, 1e8])
 @pytest.mark.parametrize("cap", [1e-7, 1.0])
 def test_the_corners_of_the_map_keep_the_promise(stiffness: float, cap: float) -> None:
-    for method in extremes.METHODS:
+    for method in extremes_study.METHODS:
         case = Case("map", "corner", {**hanging(stiffness, 5), "solver": {"cap": cap}})
         assert run_case(case, method, "mixed", "cpu", FEW).kept
 
@@ -79,17 +77,19 @@ def test_a_broken_promise_is_told(tmp_path: Path) -> None:
     assert [path.name for path in save_extremes([lost], tmp_path)] == ["extremes.json", "extremes.csv"]
 
 
-def test_the_command_runs_the_parts_that_are_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(extremes, "single_cases", lambda: single_cases()[:1])
-    monkeypatch.setattr(extremes, "CASE_LIMIT", FEW)
-    result = CliRunner().invoke(app, ["extremes", "--only", "cases", "--out", str(tmp_path)])
-    assert result.exit_code == 0, result.output
-    assert "3 runs: 0 broke" in result.stdout
+def test_the_script_runs_the_groups_that_are_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(extremes_study, "single_cases", lambda: single_cases()[:1])
+    monkeypatch.setattr(extremes_study, "CASE_LIMIT", FEW)
+    assert extremes.main(["--only", "cases", "--out", str(tmp_path)]) == 0
+    assert "3 runs: 0 broke" in capsys.readouterr().out
     assert (tmp_path / "extremes.csv").read_text().count("\n") == 4
-    assert CliRunner().invoke(app, ["extremes", "--only", "everything", "--out", str(tmp_path)]).exit_code == 2
+    with pytest.raises(SystemExit):
+        extremes.main(["--only", "everything", "--out", str(tmp_path)])
 
 
-class _Ends(extremes.Job):
+class _Ends(Job):
     """A run that takes its process along, or never ends, or is soon over."""
 
     def run(self, device: str) -> Outcome:
@@ -103,9 +103,9 @@ class _Ends(extremes.Job):
 def test_a_run_that_crashes_or_hangs_is_told_and_takes_no_other_along(monkeypatch: pytest.MonkeyPatch) -> None:
     ways = ("crash", "end", "hang", "end")
     jobs = [_Ends(single_cases()[0], way, "mixed", 20, {"cap": 1.0}) for way in ways]
-    monkeypatch.setattr(extremes, "jobs_of", lambda groups: jobs)
+    monkeypatch.setattr(extremes_study, "jobs_of", lambda groups: jobs)
     lines: list[str] = []
-    found = extremes.run_extremes("cpu", lines.append, deadline=LONG_ENOUGH)
+    found = extremes_study.run_extremes("cpu", lines.append, deadline=LONG_ENOUGH)
     assert [outcome.verdict for outcome in found] == ["crashed", "refused", "hung", "refused"]
     assert "SIGSEGV" in found[0].message
     assert [outcome.kept for outcome in found] == [False, True, False, True]
@@ -117,14 +117,14 @@ def test_the_map_is_drawn(tmp_path: Path) -> None:
     pytest.importorskip("matplotlib")
     found = [
         Outcome("map", "", method, "mixed", "at rest", "x", values={"stiffness": k, "cap": c})
-        for k in extremes.STIFFNESS
-        for c in extremes.CAPS
-        for method in extremes.METHODS
+        for k in extremes_study.STIFFNESS
+        for c in extremes_study.CAPS
+        for method in extremes_study.METHODS
     ]
     found += [
         Outcome("precision", "", "accelerated", p, "at rest", "x", values={"stiffness": k, "size": float(n)})
-        for k in extremes.STIFFNESS
-        for n in extremes.SIZES
+        for k in extremes_study.STIFFNESS
+        for n in extremes_study.SIZES
         for p in ("float32", "mixed")
     ]
     paths = save_extremes(found, tmp_path)

@@ -6,17 +6,17 @@ import math
 from dataclasses import replace
 from pathlib import Path
 
+import methods
+import methods_files
+import methods_study
 import numpy as np
 import pytest
-from typer.testing import CliRunner
+from methods_files import methods_lines, save_methods, truth_of
+from methods_scenes import GROUPS, KINDS, TRUE_FABRICS, Case, all_cases, case_tree, true_cases
+from methods_study import Look, Run, run_case
 
-from warp_cloth.cli.main import app
 from warp_cloth.garment.outfit import load_outfit
 from warp_cloth.scene import load_scene
-from warp_cloth.study import methods
-from warp_cloth.study.methods import Look, Run, run_case
-from warp_cloth.study.methods_files import methods_lines, save_methods, truth_of
-from warp_cloth.study.methods_scenes import GROUPS, KINDS, TRUE_FABRICS, Case, all_cases, case_tree, true_cases
 
 SMALL = Case("strip", 120, 2e4)
 FEW = 200  # iterations; the strip does not rest in so few
@@ -102,26 +102,21 @@ def test_a_run_goes_on_and_knows_how_far_it_was() -> None:
     assert found.looks[0].true_mm > 1.0
 
 
-def test_the_command_writes_tables_and_goes_on_where_it_was(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_script_writes_tables_and_continues_where_it_was(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     case = Case("hanging", 120, 2e4)
     every = ("direct", "momentum", "accelerated", "multilevel")
-    monkeypatch.setattr(methods, "all_cases", lambda: [("methods", case, every), ("truth", case, every[2:])])
-    monkeypatch.setattr("warp_cloth.study.methods_files.all_cases", methods.all_cases)
-    monkeypatch.setattr(methods.MethodStudy.run, "__defaults__", (dict.fromkeys(every, FEW),))
-    told = CliRunner().invoke(app, ["methods", "--device", "cpu", "--out", str(tmp_path)])
-    assert told.exit_code == 0, told.output
-    assert {path.name for path in tmp_path.iterdir()} >= {
-        "methods.json",
-        "methods.csv",
-        "methods.png",
-        "rest_error.png",
-    }
+    for module in (methods_study, methods_files):
+        monkeypatch.setattr(module, "all_cases", lambda: [("methods", case, every), ("truth", case, every[2:])])
+    monkeypatch.setattr(methods_study.MethodStudy.run, "__defaults__", (dict.fromkeys(every, FEW),))
+    methods.main(["--device", "cpu", "--out", str(tmp_path)])
+    written = {path.name for path in tmp_path.iterdir()}
+    assert written >= {"methods.json", "methods.csv", "methods.png", "rest_error.png"}
     kept = (tmp_path / "methods.jsonl").read_text()
     assert kept.count("\n") == len(every)
-    again = CliRunner().invoke(app, ["methods", "--device", "cpu", "--out", str(tmp_path), "--no-plots"])
-    assert again.exit_code == 0
+    methods.main(["--device", "cpu", "--out", str(tmp_path), "--no-plots"])
     assert (tmp_path / "methods.jsonl").read_text() == kept
-    assert CliRunner().invoke(app, ["methods", "--only", "all", "--out", str(tmp_path)]).exit_code == 2
+    with pytest.raises(SystemExit):
+        methods.main(["--only", "all", "--out", str(tmp_path)])
 
 
 def test_tables_tell_of_what_is_not_at_rest(tmp_path: Path) -> None:

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from cloths import grid
+from extreme_meshes import sheet, write_garment
 from typer.testing import CliRunner
 
 from warp_cloth.base.errors import InputError
@@ -18,7 +19,6 @@ from warp_cloth.fitting.fit import fit
 from warp_cloth.scene import load_scene
 from warp_cloth.shapes import square
 from warp_cloth.study import knobs, tradeoff
-from warp_cloth.study.extreme_meshes import sheet, write_garment
 from warp_cloth.study.knobs import Trial, reference_of, single_trials
 from warp_cloth.study.passing import run_through
 from warp_cloth.study.surface import distances

@@ -31,6 +31,7 @@ import warp as wp
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
+from methods_scenes import KINDS, SIZES, STIFFNESS, Case, case_tree
 from reference import Potential, preconditioned_rest
 
 from warp_cloth.base.mesh import Points
@@ -47,7 +48,6 @@ from warp_cloth.scene import load_scene
 from warp_cloth.solver.certificate.certifier import Check, Tolerance
 from warp_cloth.solver.implicit.multilevel import MultilevelRelaxation
 from warp_cloth.solver.loop import relax_to_rest
-from warp_cloth.study.methods_scenes import KINDS, SIZES, STIFFNESS, Case, case_tree
 
 WITHIN_MM = {"hanging": 0.1, "strip": 0.1, "ball": 0.5}  # rms
 WEIGHTS = 0.01  # rms, of contact-free scenes

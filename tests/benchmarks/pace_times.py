@@ -13,13 +13,13 @@ import time
 
 import numpy as np
 import warp as wp
+from methods_scenes import SIZES, Case
+from methods_study import prepared
 
 from warp_cloth.base.warp_setup import start_warp
 from warp_cloth.solver.implicit.multilevel import MultilevelRelaxation
 from warp_cloth.solver.loop import CHUNK
 from warp_cloth.study.launches import launches_of
-from warp_cloth.study.methods import prepared
-from warp_cloth.study.methods_scenes import SIZES, Case
 
 WARMING, CHUNKS, REPEATS = 10, 10, 3  # chunks before the clock runs, chunks under it, how often
 RESIDUALS = {"falls": 1.0, "calm": 0.01, "still": 0.001, "at rest": 0.0001}  # relative, that a pace goes with

@@ -21,11 +21,11 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parent))
 
 from agreement import prepared, shake
+from methods_scenes import STIFFNESS, Case
 
 from warp_cloth.base.warp_setup import start_warp
 from warp_cloth.fitting.problem import collider_updates, start_coarse, tolerance_of
 from warp_cloth.solver.loop import CHUNK, relax_to_rest
-from warp_cloth.study.methods_scenes import STIFFNESS, Case
 
 LIMIT = 20_000
 

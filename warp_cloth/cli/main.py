@@ -13,7 +13,7 @@ import typer
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.warp_setup import start_warp
 from warp_cloth.cli.look import compare, view
-from warp_cloth.cli.study import extremes, methods, plan, tradeoff
+from warp_cloth.cli.study import plan, tradeoff
 from warp_cloth.cli.terminal import BAD_INPUT, INTERRUPTED, keep_interrupts, one_line_errors, output_folder, tell_error
 
 if TYPE_CHECKING:
@@ -31,8 +31,6 @@ app = typer.Typer(
 )
 app.command()(plan)
 app.command()(tradeoff)
-app.command()(extremes)
-app.command()(methods)
 
 
 def main() -> None:

@@ -1,4 +1,4 @@
-"""The commands of the studies: ``warp-cloth plan``, ``tradeoff``, ``extremes``, ``methods``."""
+"""The commands of the studies: ``warp-cloth plan`` and ``warp-cloth tradeoff``."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ from typing import Annotated
 
 import typer
 
-from warp_cloth.base.errors import InputError
 from warp_cloth.base.warp_setup import start_warp
 from warp_cloth.cli.terminal import INTERRUPTED, one_line_errors, output_folder
 
@@ -103,76 +102,6 @@ def tradeoff(
                 raise typer.Exit(INTERRUPTED) from None
             paths = save_trade(trade, out, plots=plots)
     _show([*trade_lines(trade), *(f"  wrote {path}" for path in paths)], typer.echo)
-
-
-def extremes(
-    out: Annotated[Path, typer.Option(help="Folder for extremes.json, .csv and .png.")] = Path("out"),
-    device: Annotated[str, typer.Option(help="cpu, cuda or cuda:N.")] = "cpu",
-    only: Annotated[list[str] | None, typer.Option(help='"cases", "map" or "precision"; all by default.')] = None,
-    plots: Annotated[bool, typer.Option(help="Draw the map, with matplotlib.")] = True,
-) -> None:
-    """Fit what no tailor would cut: where does the solver come to rest, where does it say that it does not?
-
-    \b
-    warp-cloth extremes --only precision --out study
-    """
-    with one_line_errors():
-        from warp_cloth.study.extremes import GROUPS, run_extremes
-        from warp_cloth.study.extremes_files import extremes_lines, save_extremes
-
-        parts = _parts(only, GROUPS)
-        with output_folder(out, "extremes"):
-            start_warp(False)
-            from warp_cloth.base.device import device_named
-            from warp_cloth.export.plots import figure_class
-
-            if plots:
-                figure_class()
-            where = device_named(device)
-            found = run_extremes(where, lambda line: print(line, file=sys.stderr), parts)
-            paths = save_extremes(found, out, plots=plots)
-    _show([*extremes_lines(found), *(f"  wrote {path}" for path in paths)], typer.echo)
-    if not all(outcome.kept for outcome in found):
-        raise typer.Exit(1)
-
-
-def methods(
-    out: Annotated[Path, typer.Option(help="Folder for methods.json, .csv, .png and rest_error.png.")] = Path("out"),
-    device: Device = None,
-    only: Annotated[list[str] | None, typer.Option(help='"methods", "sizes" or "truth"; all by default.')] = None,
-    plots: Annotated[bool, typer.Option(help="Draw the plots, with matplotlib.")] = True,
-    processes: Annotated[int, typer.Option(min=1, max=256, help="Runs at a time of what is not timed.")] = 1,
-) -> None:
-    """Run every method on the same cloth: how fast is each at rest, at every stiffness and size, and is it true?
-
-    Results are kept as they come: interrupted, the same command goes on where it was.
-    """
-    with one_line_errors():
-        from warp_cloth.study.methods import MethodStudy
-        from warp_cloth.study.methods_files import methods_lines, save_methods
-        from warp_cloth.study.methods_scenes import GROUPS
-
-        parts = _parts(only, GROUPS)
-        with output_folder(out, "methods"):
-            start_warp(False)
-            from warp_cloth.base.device import device_named
-            from warp_cloth.export.plots import figure_class
-
-            if plots:
-                figure_class()
-            where, kept = device_named(device), out / "methods.jsonl"
-            study = MethodStudy(kept, where, lambda line: print(line, file=sys.stderr), processes)
-            runs = study.run(parts)
-            paths = save_methods(runs, out, plots=plots)
-    _show([*methods_lines(runs), *(f"  wrote {path}" for path in paths)], typer.echo)
-
-
-def _parts(only: Sequence[str] | None, groups: Sequence[str]) -> Sequence[str]:
-    """The parts of a study that were asked for; all of them where none was named."""
-    unknown = set(only or ()) - set(groups)
-    if unknown:
-        raise InputError("--only", f'"{min(unknown)}" is no part of the study', f"use {', '.join(groups)}")
-    return only or groups
 
 
 def _show(lines: Sequence[str], say: Callable[[str], None]) -> None:

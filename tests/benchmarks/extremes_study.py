@@ -11,13 +11,13 @@ from tempfile import TemporaryDirectory
 from types import MappingProxyType
 from typing import Any
 
+import extreme_meshes as meshes
 import numpy as np
+from extreme_meshes import Drawn, write_garment
 
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.threads import core_count
 from warp_cloth.fitting.fit import Fit, fit
-from warp_cloth.study import extreme_meshes as meshes
-from warp_cloth.study.extreme_meshes import Drawn, write_garment
 from warp_cloth.study.workers import run_jobs
 
 STIFFNESS = tuple(10.0**power for power in range(9))  # [N/m]

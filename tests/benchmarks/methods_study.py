@@ -18,6 +18,7 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
+from methods_scenes import Case, all_cases, case_tree
 
 from warp_cloth.base.mesh import Points
 from warp_cloth.base.warp_setup import start_warp
@@ -27,7 +28,6 @@ from warp_cloth.scene import load_scene
 from warp_cloth.solver.certificate.certifier import Check, Tolerance
 from warp_cloth.solver.loop import CHUNK, relax_to_rest
 from warp_cloth.solver.relax import StepOptions
-from warp_cloth.study.methods_scenes import Case, all_cases, case_tree
 
 LIMITS = MappingProxyType({"direct": 20_000, "momentum": 20_000, "accelerated": 40_000, "multilevel": 20_000})
 

@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from extreme_meshes import Drawn, sheet, write_garment
 
 from warp_cloth.bench.swatch import disc
 from warp_cloth.bench.trials import DISC_RADIUS, SUPPORT_RADIUS
-from warp_cloth.study.extreme_meshes import Drawn, sheet, write_garment
 
 STIFFNESS = (2e3, 2e4, 2e5)  # [N/m]
 SIZES = (1_000, 4_000, 16_000, 66_000)  # vertices, about

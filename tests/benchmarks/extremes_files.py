@@ -11,11 +11,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from extremes_study import CAPS, LIMIT, METHODS, SIZES, STIFFNESS, Outcome, theory_cap
 
 from warp_cloth.export.files import whole_file
 from warp_cloth.export.plots import figure_class
 from warp_cloth.export.report import write_report
-from warp_cloth.study.extremes import CAPS, LIMIT, METHODS, SIZES, STIFFNESS, Outcome, theory_cap
 
 COLOURS = {"at rest": "#4c9f70", "not at rest": "#f2c14e", "diverged": "#d1495b", "refused": "#9a9a9a"}
 ODD = "#000000"  # of what must not happen

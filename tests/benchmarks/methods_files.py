@@ -10,11 +10,12 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from methods_scenes import KINDS, SIZES, STIFFNESS, all_cases
+from methods_study import LEVELS, Look, Run
+
 from warp_cloth.export.files import whole_file
 from warp_cloth.export.plots import figure_class
 from warp_cloth.export.report import write_report
-from warp_cloth.study.methods import LEVELS, Look, Run
-from warp_cloth.study.methods_scenes import KINDS, SIZES, STIFFNESS, all_cases
 
 COLOURS = {"direct": "tab:red", "momentum": "tab:orange", "accelerated": "tab:blue", "multilevel": "tab:green"}
 MARKS = {"hanging": "o", "strip": "s", "ball": "^", "disc": "h", "tshirt": "D"}
