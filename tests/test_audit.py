@@ -7,7 +7,7 @@ import pytest
 import trimesh
 
 from warp_cloth.avatar import field
-from warp_cloth.avatar.collider import AvatarContact
+from warp_cloth.avatar.contact import AvatarContact, ContactOptions
 from warp_cloth.avatar.error import contact_error, near_surface, unseen_share
 from warp_cloth.avatar.exact import build_exact_collider
 from warp_cloth.base.errors import InputError
@@ -96,7 +96,7 @@ def test_gap_too_narrow_for_cloth_is_not_judged() -> None:
 
 
 def contact(mesh: Mesh, kind: str, error: float = 0.0015, pixel: float = 0.002) -> AvatarContact:
-    return AvatarContact(mesh, kind, pixel=pixel, offset=OFFSET, friction=0.5, error=error, device="cpu")
+    return AvatarContact(mesh, ContactOptions(kind, pixel, OFFSET, error, "cpu"), friction=0.5)
 
 
 def between_walls() -> Mesh:
@@ -144,7 +144,7 @@ def test_auto_stays_with_the_pixel_whose_grid_can_be_built(monkeypatch: pytest.M
     mesh = as_mesh(trimesh.creation.icosphere(subdivisions=4, radius=0.05))
     auto = contact(mesh, "auto", error=1e-6, pixel=0.008)
     auto.collider(around(mesh))
-    monkeypatch.setattr(field, "MOST_NODES", auto.kept.values.size - 1)  # type: ignore[union-attr]
+    monkeypatch.setattr(field, "MOST_NODES", auto.built.values.size - 1)  # type: ignore[union-attr]
     for audited in (True, False, True):
         auto.builds = 0  # or the region grows, as round a garment that falls
         auto.collider(around(mesh), audited=audited)
@@ -161,18 +161,18 @@ def test_a_garment_that_falls_on_and_on_asks_for_no_more_than_what_is_near_the_a
     mesh = as_mesh(trimesh.creation.icosphere(subdivisions=4, radius=0.05))
     falling = contact(mesh, "depth", pixel=0.008)
     falling.collider(around(mesh))
-    nodes = falling.kept.values.size  # type: ignore[union-attr]
+    nodes = falling.built.values.size  # type: ignore[union-attr]
     monkeypatch.setattr(field, "MOST_NODES", 2 * nodes)
     for audited in (True, False):
         falling.builds = 6
         falling.collider(around(mesh), audited=audited)
-        assert falling.kept.values.size <= 2 * nodes  # type: ignore[union-attr]
+        assert falling.built.values.size <= 2 * nodes  # type: ignore[union-attr]
         assert falling.covers(around(mesh))
 
 
 def test_offset_beyond_the_usual_reach_is_kept() -> None:
     mesh = as_mesh(trimesh.creation.icosphere(subdivisions=5, radius=0.1))
-    wide = AvatarContact(mesh, "depth", pixel=0.002, offset=0.03, friction=0.5, error=0.001, device="cpu")
+    wide = AvatarContact(mesh, ContactOptions("depth", 0.002, 0.03, 0.001, "cpu"), friction=0.5)
     wide.collider(around(mesh))
     assert wide.report is not None
     assert wide.report["error_mm"]["p99"] < 1.0  # sweeps on 5 mm are of first order

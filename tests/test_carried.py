@@ -7,6 +7,7 @@ import pytest
 import warp as wp
 from cloths import bare_rest, grid, model_of
 
+from warp_cloth.avatar.collider import Collider
 from warp_cloth.avatar.exact import build_exact_collider
 from warp_cloth.base.mesh import Mesh
 from warp_cloth.garment.rest import build_rest_shape
@@ -14,7 +15,7 @@ from warp_cloth.kernels.avatar.closest import MeshCollider, mesh_contact
 from warp_cloth.material.fabric import Fabric
 from warp_cloth.shapes import sphere
 from warp_cloth.solver.certificate.certifier import CONTACT_SLACK, Certifier
-from warp_cloth.solver.relax import Collider, Relaxation, StepOptions
+from warp_cloth.solver.relax import Relaxation, StepOptions
 
 OFFSET = 0.003  # [m]
 ROUNDING = 1e-5  # of forces and distances in float32, which contact answers

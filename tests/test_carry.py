@@ -64,9 +64,9 @@ def test_a_live_change_does_not_take_the_garment_through_the_poses_again() -> No
     live.change({"garment.fabric": "denim"})
     assert live.made.carried is None
     assert np.array_equal(live.made.model.points(), worn)
-    drawn = live.made.contact.kept
+    drawn = live.made.contact.built
     live.change({"collision.offset_mm": "2"})
-    assert live.made.contact.kept is drawn
+    assert live.made.contact.built is drawn
     for _ in range(20):
         live.advance()
     assert live.values("ease")[0][0].min() > -TOLERANCE

@@ -12,6 +12,7 @@ from cloths import NO_PINS, grid
 from sheets import FABRIC, THICKNESS, contact_forces, crumpled, iterate, look, lying, moved, sheets_at
 from touching import brute_energy, brute_forces, touching_pairs
 
+from warp_cloth.avatar.collider import Collider
 from warp_cloth.contact.arrays import LEAST_THICKNESS
 from warp_cloth.contact.cloth import ClothTouch
 from warp_cloth.contact.crossing import find_crossings
@@ -19,7 +20,7 @@ from warp_cloth.contact.sheets import SheetKind
 from warp_cloth.solver.certificate.certifier import Certifier, Tolerance
 from warp_cloth.solver.contact_schedule import Course
 from warp_cloth.solver.loop import Goal, relax_items
-from warp_cloth.solver.relax import Collider, Relaxation, StepOptions
+from warp_cloth.solver.relax import Relaxation, StepOptions
 
 # The sums are kept in units of 2^-36 N and 2^-16 N/m; a vertex of these sheets adds up at most 100 pairs.
 FORCE_ROUNDING = 100 * 2.0**-36  # [N]

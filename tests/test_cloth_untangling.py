@@ -13,8 +13,9 @@ from cloths import NO_PINS, grid
 from sheets import THICKNESS, crumpled, iterate, look, moved, sheets_at
 
 import warp_cloth
+from warp_cloth.avatar.collider import Collider
 from warp_cloth.avatar.exact import build_exact_collider, signed_distances
-from warp_cloth.avatar.placement import DEEP, clear_shift, way_told
+from warp_cloth.avatar.placement import DEEP, clear_shift, shift_text
 from warp_cloth.base.mesh import Mesh
 from warp_cloth.contact.box_tree import lists_of
 from warp_cloth.contact.crossing import find_crossings
@@ -26,7 +27,7 @@ from warp_cloth.model.permutation import Numbering
 from warp_cloth.scene import SphereShape
 from warp_cloth.shapes import build_avatar
 from warp_cloth.solver.contact_schedule import Course
-from warp_cloth.solver.relax import Collider, Relaxation, StepOptions
+from warp_cloth.solver.relax import Relaxation, StepOptions
 
 
 @pytest.mark.parametrize("room", [(1000, 100000), (1000, 50), (3, 100000), (3, 50)])
@@ -232,7 +233,7 @@ def test_no_garment_is_moved_far_up_for_what_is_in_the_body_there_as_well() -> N
     ],
 )
 def test_a_shift_is_told_by_where_it_goes(shift: tuple[float, float, float], told: str) -> None:
-    assert way_told(np.array(shift)) == told
+    assert shift_text(np.array(shift)) == told
 
 
 def test_what_crosses_is_reported_and_marked(tmp_path: Path) -> None:

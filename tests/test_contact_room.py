@@ -8,7 +8,8 @@ from cloths import NO_PINS, grid
 from sheets import crumpled, iterate, lying, moved, sheets_at
 from touching import edge_weights, four_regions, triangle_weights
 
-from warp_cloth.solver.relax import Collider, Relaxation, StepOptions
+from warp_cloth.avatar.collider import Collider
+from warp_cloth.solver.relax import Relaxation, StepOptions
 
 
 @pytest.mark.parametrize("share", [0.3, 0.9])

@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 from cloths import bare_rest, model_of
 
+from warp_cloth.avatar.collider import Collider
 from warp_cloth.base.mesh import Indices, Mesh, Points
 from warp_cloth.base.topology import build_topology
 from warp_cloth.garment.rest import RestShape
 from warp_cloth.model.model import ClothModel
-from warp_cloth.solver.relax import Collider, Relaxation, StepOptions
+from warp_cloth.solver.relax import Relaxation, StepOptions
 
 ROUNDING = 1e-12  # a few operations in float64, relative
 CAP = 1e-3  # [m]

@@ -11,7 +11,7 @@ import trimesh
 from meshfiles import sheet, write_obj
 
 import warp_cloth
-from warp_cloth.avatar.collider import AvatarContact
+from warp_cloth.avatar.contact import AvatarContact, ContactOptions
 from warp_cloth.avatar.depth import build_depth_buffers
 from warp_cloth.avatar.exact import build_exact_collider, penetration
 from warp_cloth.avatar.field import build_contact_field
@@ -206,8 +206,8 @@ def test_a_hole_is_told_by_the_area_of_its_lid(tmp_path: Path) -> None:
 def test_a_sheet_is_no_avatar_for_depth_buffers(kind: str) -> None:
     sheet = Mesh("sheet", np.array([[0.0, 0, 0], [1, 0, 0], [0, 0, 1], [1, 0, 1]]), np.array([[0, 2, 1], [1, 2, 3]]))
     with pytest.raises(InputError, match=r'avatar: its surface encloses nothing.*use collision.avatar = "mesh"'):
-        AvatarContact(sheet, kind, pixel=0.002, offset=0.003, friction=0.5, error=1e-3, device="cpu")
-    AvatarContact(sheet, "mesh", pixel=0.002, offset=0.003, friction=0.5, error=1e-3, device="cpu")
+        AvatarContact(sheet, ContactOptions(kind, 0.002, 0.003, 1e-3, "cpu"), friction=0.5)
+    AvatarContact(sheet, ContactOptions("mesh", 0.002, 0.003, 1e-3, "cpu"), friction=0.5)
 
 
 def test_half_a_body_is_told_of(tmp_path: Path) -> None:

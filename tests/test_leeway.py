@@ -10,6 +10,7 @@ import warp as wp
 from cloths import cloth_forces, deformed_model, grid, model_of, slopes
 from test_carried import floor
 
+from warp_cloth.avatar.collider import Collider
 from warp_cloth.base.mesh import Mesh
 from warp_cloth.garment.part import GarmentPart
 from warp_cloth.garment.rest import build_rest_shape
@@ -19,7 +20,7 @@ from warp_cloth.kernels.passes.step import loose_way
 from warp_cloth.material.fabric import Fabric
 from warp_cloth.model.model import ClothModel, build_model
 from warp_cloth.solver.anisotropic_step import Leeway
-from warp_cloth.solver.relax import Collider, Relaxation, StepOptions
+from warp_cloth.solver.relax import Relaxation, StepOptions
 
 MOST = 100.0
 SLOWED = 1e-5  # of a displacement: inverses keep a millionth of their size, and rounding

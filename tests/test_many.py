@@ -11,7 +11,7 @@ import pytest
 import warp as wp
 
 import warp_cloth
-from warp_cloth.avatar.collider import AvatarContact
+from warp_cloth.avatar.contact import AvatarContact
 from warp_cloth.avatar.exact import penetration, penetrations
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.threads import ALONE

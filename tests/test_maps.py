@@ -12,6 +12,7 @@ import warp as wp
 from cloths import NO_PINS, grid, model_of
 from worn import box_avatar
 
+from warp_cloth.avatar.collider import Collider
 from warp_cloth.avatar.exact import build_exact_collider
 from warp_cloth.avatar.solid import closing_of
 from warp_cloth.base.errors import InputError
@@ -30,7 +31,7 @@ from warp_cloth.material.constants import even_network
 from warp_cloth.material.fabric import Fabric
 from warp_cloth.shapes import MannequinMeasures, mannequin, sphere, tshirt
 from warp_cloth.solver.certificate.certifier import Certifier
-from warp_cloth.solver.relax import Collider, Relaxation, StepOptions
+from warp_cloth.solver.relax import Relaxation, StepOptions
 
 ROUNDING = 1e-9  # of float64 strains
 CLOSED_FORM = 0.05  # of a map against its closed form
@@ -214,7 +215,7 @@ def test_girths_of_a_scan_with_holes_and_hair_are_those_of_the_body(body: Mesh) 
     triangles = np.concatenate([body.triangles[kept], [np.arange(3) + body.vertex_count]]).astype(np.int32)
     scan = Mesh("scan", points, triangles)
     assert body_levels(scan) is None
-    found = body_levels(closing_of(scan).skin(scan))
+    found = body_levels(closing_of(scan).surface(scan))
     for here, there in zip(body_levels(body), found, strict=True):
         assert there.height == pytest.approx(here.height, abs=1e-6)
         assert there.girth == pytest.approx(here.girth, abs=GIRTH)
@@ -225,7 +226,7 @@ def test_a_body_without_its_head_or_feet_has_no_levels(body: Mesh, share: tuple[
     (_, low, _), (_, high, _) = body.bounds()
     at = (body.points[body.triangles, 1].mean(axis=1) - low) / (high - low)
     cropped = replace(body, triangles=body.triangles[(at > share[0]) & (at < share[1])])
-    assert body_levels(closing_of(cropped).skin(cropped)) is None
+    assert body_levels(closing_of(cropped).surface(cropped)) is None
 
 
 def test_feet_are_feet_wherever_their_toes_point(body: Mesh) -> None:

@@ -9,6 +9,7 @@ import pytest
 import warp as wp
 from cloths import grid
 
+from warp_cloth.avatar.collider import Collider
 from warp_cloth.fitting import problem as set_up_module
 from warp_cloth.fitting.problem import collider_updates, load_problem, start_coarse
 from warp_cloth.garment.part import GarmentPart
@@ -27,7 +28,7 @@ from warp_cloth.solver.implicit.multilevel import BOUNDS, LOOK, MultilevelRelaxa
 from warp_cloth.solver.implicit.step import ImplicitOptions, Pace
 from warp_cloth.solver.loop import Outcome, relax_to_rest
 from warp_cloth.solver.reduction import launch_blocks, split
-from warp_cloth.solver.relax import TIGHTER, Collider, StepOptions
+from warp_cloth.solver.relax import TIGHTER, StepOptions
 
 MOST_GROWTH = 2.0  # of the iterations where the vertices become 10 times as many; one level needs 3 times as many
 LIMIT = 10_000

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from cloths import cloth_forces, grid, model_of
 
+from warp_cloth.avatar.collider import Collider
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.mesh import Mesh
 from warp_cloth.base.topology import build_topology
@@ -19,7 +20,7 @@ from warp_cloth.material.fabric import resolve_fabric
 from warp_cloth.model.model import build_model
 from warp_cloth.model.patches import cutting, on_device
 from warp_cloth.model.patches.cutting import PatchTables, cut_patches, even_size
-from warp_cloth.solver.relax import Collider, Method, Relaxation, StepOptions
+from warp_cloth.solver.relax import Method, Relaxation, StepOptions
 
 FABRIC = resolve_fabric({"stretch": 20e3, "compression": 0.1, "bending": 1e-5})
 WOVEN = replace(FABRIC, stretch_weft=9e3, shear=800.0)

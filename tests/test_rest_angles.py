@@ -10,6 +10,7 @@ import pytest
 import warp as wp
 from cloths import cloth_forces, grid, model_of
 
+from warp_cloth.avatar.collider import Collider
 from warp_cloth.base.mesh import Mesh, Points
 from warp_cloth.base.topology import build_topology
 from warp_cloth.garment.folds import fold_angles
@@ -24,7 +25,7 @@ from warp_cloth.solver.certificate.certifier import Certifier, Tolerance
 from warp_cloth.solver.certificate.strains import element_energies
 from warp_cloth.solver.forces import ForcePass
 from warp_cloth.solver.loop import relax_to_rest
-from warp_cloth.solver.relax import Collider, Relaxation, StepOptions
+from warp_cloth.solver.relax import Relaxation, StepOptions
 
 FLAT = grid(5, 0.2)
 BOARD = Fabric(stretch_warp=2e3, stretch_weft=2e3, bending_warp=1e-5, bending_weft=1e-5)  # it turns soon

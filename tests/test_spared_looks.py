@@ -8,13 +8,14 @@ import trimesh
 import warp as wp
 from cloths import grid, model_of
 
+from warp_cloth.avatar.collider import Collider
 from warp_cloth.avatar.depth import build_depth_buffers
 from warp_cloth.avatar.field import FieldBuild, build_contact_field
 from warp_cloth.base.mesh import Mesh
 from warp_cloth.garment.rest import build_rest_shape
 from warp_cloth.kernels.avatar.field import ContactField, field_clearance, field_contact
 from warp_cloth.material.fabric import Fabric
-from warp_cloth.solver.relax import Collider, Relaxation, StepOptions
+from warp_cloth.solver.relax import Relaxation, StepOptions
 
 RADIUS = 0.1  # of the avatar, a ball [m]
 PIXEL = 0.002  # [m]
@@ -31,7 +32,7 @@ def ball(height: float = 0.0) -> FieldBuild:
 
 def collider(field: FieldBuild, *, spares: bool = True) -> Collider:
     """What the avatar's contact asks; of what has no steepest slope nothing is sure."""
-    data = field.touching(OFFSET)
+    data = field.limited_to(OFFSET)
     data.steepest = data.steepest if spares else 0.0
     return Collider(field_contact, data, ContactField, OFFSET, 0.5)
 
@@ -50,7 +51,7 @@ def clear(
 
 def clearances(field: FieldBuild, points: np.ndarray) -> np.ndarray:
     found = wp.zeros(len(points), dtype=float, device="cpu")
-    asked = [field.touching(OFFSET), wp.array(points, dtype=wp.vec3d, device="cpu"), found]
+    asked = [field.limited_to(OFFSET), wp.array(points, dtype=wp.vec3d, device="cpu"), found]
     wp.launch(clear, dim=len(points), inputs=asked, device="cpu")
     return np.array(found.numpy(), dtype=np.float64)
 

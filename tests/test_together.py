@@ -10,6 +10,7 @@ import warp as wp
 from cloths import grid, model_of
 from test_carried import floor
 
+from warp_cloth.avatar.collider import Collider
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.mesh import Mesh
 from warp_cloth.base.threads import ALONE
@@ -23,7 +24,7 @@ from warp_cloth.scene import load_scene
 from warp_cloth.solver import parallel_domains as together
 from warp_cloth.solver.domains import CONSTANT, ITERATED, cut_model
 from warp_cloth.solver.parallel_domains import LONGEST_PAUSE, Pause, thread_count
-from warp_cloth.solver.relax import Collider, Relaxation, StepOptions
+from warp_cloth.solver.relax import Relaxation, StepOptions
 
 WOVEN = Fabric(stretch_warp=2e4, stretch_weft=1e4, shear=100.0, bending_warp=1e-5, bending_weft=1e-5)
 EDGES = Fabric(stretch_warp=2e4, stretch_weft=1e4, bending_warp=1e-5, bending_weft=1e-5)

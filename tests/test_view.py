@@ -67,22 +67,22 @@ def test_a_change_keeps_the_worn_shape_and_a_refused_one_changes_nothing(live: L
 
 
 def test_a_change_of_fabric_or_offset_draws_no_avatar_anew(live: LiveFit) -> None:
-    drawn = live.made.contact.kept
+    drawn = live.made.contact.built
     live.change({"garment.fabric": "denim"})
-    assert live.made.contact.kept is drawn
+    assert live.made.contact.built is drawn
     live.change({"collision.offset_mm": "2"})
-    assert live.made.contact.kept is drawn
+    assert live.made.contact.built is drawn
     fresh = LiveFit(DRAPED, {"garment.fabric": "denim", "collision.offset_mm": "2"}, "cpu")
     for each in (live, fresh):
         each.made.relaxation.run(60)
     assert np.array_equal(live.made.model.points(), fresh.made.model.points())
     live.change({"collision.offset_mm": "6"})  # farther than the field reaches
-    assert live.made.contact.kept is not drawn
-    drawn = live.made.contact.kept
+    assert live.made.contact.built is not drawn
+    drawn = live.made.contact.built
     live.change({"collision.offset_mm": "7"})
-    assert live.made.contact.kept is drawn
+    assert live.made.contact.built is drawn
     live.change({"collision.pixel_mm": "4"})
-    assert live.made.contact.kept is not drawn
+    assert live.made.contact.built is not drawn
 
 
 def test_reset_goes_back_to_the_start(live: LiveFit) -> None:

@@ -1,4 +1,4 @@
-"""Bakes a solid that depth buffers enclose into first signed distances on a grid: crossings and projection."""
+"""First signed distances of a depth-buffer solid on a grid: crossings of grid lines, then projection along normals."""
 
 import functools
 from types import SimpleNamespace
@@ -7,8 +7,8 @@ import warp as wp
 
 from warp_cloth.kernels.avatar.sweep import BLOCK, UNKNOWN, neighbour, node_position, smooth_gradient
 
-# The same bits on CPU and CUDA; and loops stay loops: unrolled, a kernel holds some 500 copies of a level and takes a
-# minute and a half to compile instead of half a second.
+# The same bits on CPU and CUDA. Loops are not unrolled: unrolled, a kernel would hold some 500 copies of a level and
+# take a minute and a half to compile instead of half a second.
 BAKE_OPTIONS = {"enable_backward": False, "fuse_fp": False, "max_unroll": 1}
 BISECTIONS = wp.constant(8)  # halvings of one spacing: 5 mm become 0.02 mm
 NEAR = wp.constant(wp.float32(2.5))  # spacings within which distances are measured along the normal
@@ -19,7 +19,7 @@ def bake_kernels(level: wp.Function, solid_type: type) -> SimpleNamespace:
 
     Args:
         level: (solid, local position [m]) -> positive inside, negative outside, zero on the surface.
-        solid_type: the struct that it reads.
+        solid_type: the struct of ``solid``.
     """
     return SimpleNamespace(
         mark_inside=mark_inside_kernel(level, solid_type),
@@ -30,11 +30,11 @@ def bake_kernels(level: wp.Function, solid_type: type) -> SimpleNamespace:
 
 @functools.cache
 def surface_fraction_function(level: wp.Function, solid_type: type) -> wp.Function:
-    """Where between two points a solid's surface is; arguments as of ``bake_kernels``."""
+    """Function ``surface_fraction``; arguments as in ``bake_kernels``."""
 
     @wp.func
     def surface_fraction(solid: solid_type, a: wp.vec3f, b: wp.vec3f, inside: bool) -> float:
-        """Where in (0, 1) between a and b the solid's surface is crossed, by bisection; inside: whether a is."""
+        """Where in (0, 1) between a and b the solid's surface lies, by bisection; ``inside``: whether a is inside."""
         low = float(0.0)
         high = float(1.0)
         for _ in range(BISECTIONS):
@@ -50,7 +50,7 @@ def surface_fraction_function(level: wp.Function, solid_type: type) -> wp.Functi
 
 @functools.cache
 def mark_inside_kernel(level: wp.Function, solid_type: type) -> wp.Kernel:
-    """Kernel ``mark_inside``; arguments as of ``bake_kernels``."""
+    """Kernel ``mark_inside``; arguments as in ``bake_kernels``."""
 
     @wp.kernel(module="unique", module_options=BAKE_OPTIONS)
     def mark_inside(
@@ -59,7 +59,7 @@ def mark_inside_kernel(level: wp.Function, solid_type: type) -> wp.Kernel:
         offset: wp.vec3f,  # node (0, 0, 0) in the solid's frame [m]
         distance_out: wp.array3d(dtype=wp.float32),  # -UNKNOWN inside, +UNKNOWN outside [m], shape [nx, ny, nz]
     ):
-        """Tells on which side of the solid's surface every node is."""
+        """Marks on which side of the solid's surface every node is."""
         i, j, k = wp.tid()
         inside = level(solid, node_position(spacing, offset, i, j, k)) > 0.0
         distance_out[i, j, k] = wp.where(inside, -UNKNOWN, UNKNOWN)
@@ -69,7 +69,7 @@ def mark_inside_kernel(level: wp.Function, solid_type: type) -> wp.Kernel:
 
 @functools.cache
 def measure_crossings_kernel(level: wp.Function, solid_type: type) -> wp.Kernel:
-    """Kernel ``measure_crossings``; arguments as of ``bake_kernels``."""
+    """Kernel ``measure_crossings``; arguments as in ``bake_kernels``."""
     surface_fraction = surface_fraction_function(level, solid_type)
 
     @wp.func
@@ -82,7 +82,7 @@ def measure_crossings_kernel(level: wp.Function, solid_type: type) -> wp.Kernel:
         j: int,
         k: int,
     ) -> float:
-        """First signed distance of a node beside the surface, from its crossings with the grid lines [m].
+        """First signed distance of a node next to the surface, from where its grid lines cross the surface [m].
 
         1 / d^2 = 1 / dx^2 + 1 / dy^2 + 1 / dz^2 with the nearest crossing along each axis: exact for a plane that
         crosses all three. +-UNKNOWN where none is crossed.
@@ -92,9 +92,9 @@ def measure_crossings_kernel(level: wp.Function, solid_type: type) -> wp.Kernel:
         total = float(0.0)
         for axis in range(3):
             nearest = float(2.0)
-            for way in range(2):
+            for direction in range(2):
                 step = wp.vec3i(0, 0, 0)
-                step[axis] = 2 * way - 1
+                step[axis] = 2 * direction - 1
                 if neighbour(side, i + step[0], j + step[1], k + step[2], here) * here < 0.0:
                     end = node_position(spacing, offset, i + step[0], j + step[1], k + step[2])
                     nearest = wp.min(nearest, surface_fraction(solid, p, end, here < 0.0))
@@ -111,9 +111,9 @@ def measure_crossings_kernel(level: wp.Function, solid_type: type) -> wp.Kernel:
         offset: wp.vec3f,  # node (0, 0, 0) in the solid's frame [m]
         corner: wp.array(dtype=wp.vec3i),  # first node of the active blocks, shape [N]
         side: wp.array3d(dtype=wp.float32),  # signs of the nodes, shape [nx, ny, nz]
-        distance_out: wp.array3d(dtype=wp.float32),  # signed distance of nodes beside the surface, else as side [m]
+        distance_out: wp.array3d(dtype=wp.float32),  # signed distance of nodes next to the surface, else ``side`` [m]
     ):
-        """First distances beside the surface; threads are lines of one block along z, shape [N, BLOCK, BLOCK]."""
+        """First distances next to the surface. Threads [N, BLOCK, BLOCK]: lines of one block along z."""
         block, a, b = wp.tid()
         i = corner[block][0] + a
         j = corner[block][1] + b
@@ -126,7 +126,7 @@ def measure_crossings_kernel(level: wp.Function, solid_type: type) -> wp.Kernel:
 
 @functools.cache
 def project_distance_kernel(level: wp.Function, solid_type: type) -> wp.Kernel:
-    """Kernel ``project_distance``; arguments as of ``bake_kernels``."""
+    """Kernel ``project_distance``; arguments as in ``bake_kernels``."""
     surface_fraction = surface_fraction_function(level, solid_type)
 
     @wp.func
@@ -139,10 +139,10 @@ def project_distance_kernel(level: wp.Function, solid_type: type) -> wp.Kernel:
         j: int,
         k: int,
     ) -> float:
-        """Signed distance of an inner node along the smoothed normal, to where that line meets the surface [m].
+        """Signed distance of an inner node to the surface along the smoothed normal [m].
 
-        The crossing is sought one spacing before and behind the distance so far, then nearer; where there is none
-        (a feature thinner than the grid sees) that distance stands.
+        The crossing is sought within one spacing of the distance so far, then within half and a quarter; where there
+        is none (a feature thinner than the grid resolves) that distance stays.
         """
         here = distance[i, j, k]
         gradient = smooth_gradient(distance, i, j, k)
@@ -170,7 +170,7 @@ def project_distance_kernel(level: wp.Function, solid_type: type) -> wp.Kernel:
         distance: wp.array3d(dtype=wp.float32),  # signed distance so far [m], shape [nx, ny, nz]
         distance_out: wp.array3d(dtype=wp.float32),  # signed distance near the surface, else +-UNKNOWN [m]
     ):
-        """Measures the distances near the surface again, along the smoothed normal. Threads [N, BLOCK, BLOCK]."""
+        """Measures distances near the surface again, along the smoothed normal. Threads [N, BLOCK, BLOCK]."""
         block, a, b = wp.tid()
         i = corner[block][0] + a
         j = corner[block][1] + b

@@ -1,4 +1,4 @@
-"""Exact contact: the closest point of the avatar's own triangles, inside told by the winding number."""
+"""Exact collider: the closest point of the avatar's own triangles; the winding number decides what is inside."""
 
 import warp as wp
 
@@ -6,7 +6,7 @@ wp.set_module_options({"enable_backward": False})
 
 INSIDE_WINDING = wp.constant(wp.float32(0.5))  # half a turn: 1 inside, 0 outside, between them across a hole
 FARTHEST = wp.constant(wp.float32(1.0e6))  # [m]; across any avatar
-TOUCHING = wp.constant(wp.float32(1.0e-6))  # distance [m] below which float32 no longer tells a direction
+TOUCHING = wp.constant(wp.float32(1.0e-6))  # distance [m] below which float32 yields no direction
 
 
 @wp.struct
@@ -22,10 +22,10 @@ class MeshCollider:
 @wp.func
 def directed_contact(mesh: wp.uint64, q: wp.vec3f, face: int, u: float, v: float, sign: float) -> wp.vec4f:
     """Unit normal and signed distance [m] of q from its closest point; on the surface the face's own normal."""
-    way = q - wp.mesh_eval_position(mesh, face, u, v)
-    distance = wp.length(way)
+    away = q - wp.mesh_eval_position(mesh, face, u, v)
+    distance = wp.length(away)
     if distance > TOUCHING:
-        normal = sign * way / distance
+        normal = sign * away / distance
         return wp.vec4f(normal[0], normal[1], normal[2], sign * distance)
     normal = wp.mesh_eval_face_normal(mesh, face)
     return wp.vec4f(normal[0], normal[1], normal[2], sign * distance)
@@ -33,7 +33,7 @@ def directed_contact(mesh: wp.uint64, q: wp.vec3f, face: int, u: float, v: float
 
 @wp.func
 def covered(mesh: wp.uint64, q: wp.vec3f):
-    """Whether something is before a point, or behind it, where it is itself before or behind the middle."""
+    """Whether the mesh covers a point along z: in front of a point in the front half, behind one in the back half."""
     return wp.mesh_query_ray_anyhit(mesh, q, wp.vec3f(0.0, 0.0, wp.sign(q[2])), FARTHEST)
 
 
@@ -41,10 +41,10 @@ def covered(mesh: wp.uint64, q: wp.vec3f):
 def mesh_contact(collider: MeshCollider, p: wp.vec3d) -> wp.vec4f:
     """Unit normal and signed distance [m] at a world point p: (normal, d), d > 0 outside the avatar.
 
-    d = +-|p - c| with c the closest point of the mesh, normal = (p - c) / d. Inside is where the winding number is
-    above a half: holes, crossings and inner parts do no harm. A point with nothing before it, or nothing behind it,
-    whose closest face looks at it is outside: most are, and need no winding number. At reach and beyond, and deeper
-    than depth: normal zero, d = reach.
+    d = +-|p - c| with c the closest point of the mesh, normal = (p - c) / d. A point is inside where the winding
+    number is above a half: holes, crossings and inner parts do no harm. A point that is not ``covered`` and whose
+    closest face looks at it is outside: most are, and need no winding number. At reach and beyond, and deeper than
+    depth: normal zero, d = reach.
     """
     far = wp.vec4f(0.0, 0.0, 0.0, collider.reach)
     q = wp.vec3f(p - collider.origin)
@@ -71,14 +71,14 @@ def sample_mesh(
     points: wp.array(dtype=wp.vec3d),  # [m], shape [N]
     contact_out: wp.array(dtype=wp.vec4f),  # normal and signed distance [m], shape [N]
 ):
-    """What mesh_contact answers at points."""
+    """Samples mesh_contact at points."""
     point = wp.tid()
     contact_out[point] = mesh_contact(collider, points[point])
 
 
 @wp.func
 def group_of(first: wp.array(dtype=wp.int32), point: int):
-    """The group that a point is of; ``first`` are the groups' first points, and the point count."""
+    """The group of a point; ``first`` are the groups' first points, and the point count."""
     return wp.lower_bound(first, point + 1) - 1
 
 
@@ -88,14 +88,14 @@ def find_covered(
     first: wp.array(dtype=wp.int32),  # first point of each group, and the point count
     of: wp.array(dtype=wp.int32),  # the collider of each group; -1: none, and the depth is 0
     colliders: wp.array(dtype=MeshCollider),
-    closed: wp.array(dtype=wp.uint8),  # whether the mesh of each is
+    closed: wp.array(dtype=wp.uint8),  # whether each collider's mesh is closed
     depth_out: wp.array(dtype=wp.float32),  # [m], shape [N]
     count_out: wp.array(dtype=wp.int32),
     covered_out: wp.array(dtype=wp.int32),  # shape [N]
 ):
-    """Lists the points that may lie inside; of the others the depth is 0, or NaN where they are not finite.
+    """Lists the points that may lie inside; the others' depth is 0, or NaN where they are not finite.
 
-    A point with nothing before it is outside a closed mesh: as mesh_contact would find, at ten times the work.
+    A point that is not ``covered`` is outside a closed mesh: mesh_contact would find the same at ten times the work.
     """
     point = wp.tid()
     p = points[point]
@@ -113,15 +113,15 @@ def find_covered(
 
 @wp.kernel
 def measure_depths(
-    points: wp.array(dtype=wp.vec3d),  # as of find_covered
+    points: wp.array(dtype=wp.vec3d),  # as in find_covered
     first: wp.array(dtype=wp.int32),
     of: wp.array(dtype=wp.int32),
     colliders: wp.array(dtype=MeshCollider),
-    count: wp.array(dtype=wp.int32),  # of the points that it listed
+    count: wp.array(dtype=wp.int32),  # points listed
     listed: wp.array(dtype=wp.int32),
     depth_out: wp.array(dtype=wp.float32),  # [m], shape [N]
 ):
-    """How deep the listed points lie inside; 0 outside."""
+    """Measures how deep the listed points lie inside; 0 outside."""
     entry = wp.tid()
     if entry >= count[0]:
         return

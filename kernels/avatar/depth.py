@@ -1,4 +1,4 @@
-"""The solid that three depth buffers enclose: behind the front surface, before the back, under the top."""
+"""Depth buffers: the solid that three of them enclose, behind the front surface, before the back, under the top."""
 
 import warp as wp
 
@@ -14,7 +14,7 @@ class DepthSolid:
 
     origin: wp.vec3d  # local origin in the world [m]
     pixel: float  # pixel size [m]
-    reach: float  # distance outside at and beyond which plain_contact calls a point far [m]
+    reach: float  # distance outside at and beyond which plain_contact finds no contact [m]
     front: wp.array2d(dtype=wp.float32)  # greatest z [m], -inf where empty, shape [rows along y, columns along x]
     back: wp.array2d(dtype=wp.float32)  # greatest -z [m], same shape
     top: wp.array2d(dtype=wp.float32)  # greatest y [m], -inf where empty, shape [rows along z, columns along x]
@@ -48,7 +48,7 @@ def bilinear(v00: float, v01: float, v10: float, v11: float, s: float, t: float)
 def top_height(solid: DepthSolid, x: float, z: float) -> float:
     """Height of the top surface [m]: bilinear on slopes, the highest pixel around at walls and silhouettes.
 
-    There this view knows its place to a pixel only; the front and back silhouettes know it better and decide.
+    There this view locates the surface to a pixel only; the front and back silhouettes locate it better and decide.
     """
     c = cell_position(x, solid.pixel, solid.top.shape[1])
     r = cell_position(z, solid.pixel, solid.top.shape[0])
@@ -140,7 +140,7 @@ def view_plane(depth: wp.array2d(dtype=wp.float32), pixel: float, x: float, y: f
 def plain_contact(solid: DepthSolid, p: wp.vec3d) -> wp.vec4f:
     """The paper's own look-up at a world point p: unit normal and signed distance [m] of the nearest of three planes.
 
-    Of the front, back and top view's planes the one least deep under its surface answers; the answer jumps where
+    Of the planes of the front, back and top view it takes the one least deep under its surface; the result jumps where
     that changes and at silhouettes. Where a view sees nothing, and at reach and beyond: normal zero, d = reach.
     """
     q = wp.vec3f(p - solid.origin)
@@ -165,7 +165,7 @@ def sample_plain(
     points: wp.array(dtype=wp.vec3d),  # [m], shape [N]
     contact_out: wp.array(dtype=wp.vec4f),  # normal and signed distance [m], shape [N]
 ):
-    """What plain_contact answers at points."""
+    """Samples plain_contact at points."""
     point = wp.tid()
     contact_out[point] = plain_contact(solid, points[point])
 
@@ -176,7 +176,7 @@ def sample_level(
     points: wp.array(dtype=wp.vec3d),  # [m], shape [N]
     level_out: wp.array(dtype=wp.float32),  # positive inside [m], shape [N]
 ):
-    """On which side of the solid's surface points are."""
+    """Samples solid_level at points: on which side of the surface they are."""
     point = wp.tid()
     level_out[point] = solid_level(solid, wp.vec3f(points[point] - solid.origin))
 
@@ -190,7 +190,7 @@ def extrapolated_slab(
     dr: int,
     dc: int,
 ) -> wp.vec3f:
-    """Weight (0 or 1), middle [m], squared half thickness [m2] of an empty pixel, from the next two one way.
+    """Weight (0 or 1), middle [m], squared half thickness [m2] of an empty pixel, from the next two in one direction.
 
     min(2 g1 - g2, 0), and -g1 where the second pixel is empty too: the silhouette lies half way then.
     """
@@ -220,7 +220,7 @@ def extend_silhouette(
     middle_out: wp.array2d(dtype=wp.float32),  # [m], shape [rows, columns]
     bulge_out: wp.array2d(dtype=wp.float32),  # [m2], shape [rows, columns]
 ):
-    """Carries middle and squared half thickness g one pixel past the silhouette, g0 = min(2 g1 - g2, 0).
+    """Extrapolates middle and squared half thickness g one pixel past the silhouette, g0 = min(2 g1 - g2, 0).
 
     On a rounded side g falls linearly to zero, so its zero between the pixels is the silhouette itself. The
     mean is over the covered straight neighbours, or over the diagonal ones where there is none.

@@ -1,4 +1,4 @@
-"""The contact field: signed distance to the avatar on a grid, sampled smoothly by the relaxation."""
+"""Signed distance field (SDF): distance to the avatar on a grid, sampled by a quadratic B-spline."""
 
 import warp as wp
 
@@ -6,8 +6,8 @@ from warp_cloth.kernels.math.real import inner, quotient, root, scaled_sum
 
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})  # the same bits on CPU and CUDA
 
-FLAT = wp.constant(wp.float32(1.0e-3))  # gradient below which no normal is told
-ROUNDING = wp.constant(wp.float32(1.0e-6))  # [m], more than a distance in float32 is off
+FLAT = wp.constant(wp.float32(1.0e-3))  # gradient below which it gives no normal
+ROUNDING = wp.constant(wp.float32(1.0e-6))  # [m], more than the rounding of a float32 distance
 
 
 @wp.struct
@@ -17,10 +17,10 @@ class ContactField:
     values: wp.array3d(dtype=wp.float32)  # spline coefficients [m], shape [nx, ny, nz]
     origin: wp.vec3d  # node (0, 0, 0) in the world [m]
     spacing: float  # [m]
-    reach: float  # distance from the surface up to which answers are exact; farther is simply far [m]
-    near: float  # distance up to which a normal is told: who meets cloth at an offset asks for none beyond it [m]
-    steepest: float  # slope that the distance has nowhere more of; 0 where that is not known
-    beyond: float  # distance that what is said to be at ``reach`` has at least, inside the grid [m]
+    reach: float  # distance from the surface up to which the field holds; beyond it a point is simply far [m]
+    near: float  # distance up to which the normal is computed: contact at an offset needs none beyond it [m]
+    steepest: float  # upper bound of the distance's slope; 0: not known
+    beyond: float  # lower bound of the true distance, inside the grid, where the field returns ``reach`` [m]
 
 
 @wp.func
@@ -53,7 +53,7 @@ _ROW = """
 
 @wp.func_native(_ROW)
 def row_about(values: wp.array3d(dtype=wp.float32), node: int) -> wp.vec3f:
-    """A node of a grid that lies in memory as it is counted, between the one before and the one after."""
+    """A node's value between its two neighbours' along z; ``node`` counts in memory order (C-contiguous)."""
     return wp.vec3f(values[0, 0, node - 1], values[0, 0, node], values[0, 0, node + 1])
 
 
@@ -66,15 +66,15 @@ _FETCH = """
 
 @wp.func_native(_FETCH)
 def fetch_row(values: wp.array3d(dtype=wp.float32), node: int):
-    """Has what ``row_about`` reads brought nearer."""
+    """Prefetches what ``row_about`` reads."""
     ...
 
 
 @wp.func
 def fetch_field(field: ContactField, p: wp.vec3d):
-    """Has what ``field_contact`` reads at a point brought nearer: the memory answers while other points are asked for.
+    """Prefetches what ``field_contact`` reads at a point.
 
-    For the CPU; a GPU works on others meanwhile as it is.
+    On the CPU only; a GPU hides the latency by working on other points.
     """
     q = p - field.origin
     inverse = quotient(1.0, field.spacing)
@@ -92,10 +92,10 @@ def fetch_field(field: ContactField, p: wp.vec3d):
 
 @wp.func
 def field_clearance(field: ContactField, p: wp.vec3d, distance: float, offset: float) -> float:
-    """How far a point at p may go, whatever its way, and surely stay farther off than ``offset`` [m].
+    """Clearance: how far a point at p may move in any direction and surely stay farther off than ``offset`` [m].
 
-    (d - offset) / max |grad d|; ``distance`` is what ``field_contact`` answers at p. 0 outside the grid, where its
-    edge may be near.
+    (d - offset) / max |grad d|; ``distance`` is that of ``field_contact`` at p. 0 outside the grid, where its edge may
+    be near.
     """
     q = p - field.origin
     least = wp.float64(field.spacing)
@@ -103,10 +103,10 @@ def field_clearance(field: ContactField, p: wp.vec3d, distance: float, offset: f
         far = least * wp.float64(field.values.shape[axis] - 2)
         if q[axis] < least or q[axis] > far:
             return 0.0
-    sure = wp.where(distance < field.reach, distance, field.beyond) - offset - ROUNDING
-    if sure <= 0.0 or field.steepest == 0.0:
+    gap = wp.where(distance < field.reach, distance, field.beyond) - offset - ROUNDING
+    if gap <= 0.0 or field.steepest == 0.0:
         return 0.0
-    return sure / field.steepest
+    return gap / field.steepest
 
 
 @wp.kernel
@@ -114,18 +114,18 @@ def measure_slopes(
     values: wp.array3d(dtype=wp.float32),  # shape [nx, ny, nz]
     slope_out: wp.array(dtype=wp.float32),  # largest difference of neighbours along x, y and z, shape [3]
 ):
-    """Bounds a spline's slopes, whose weights are those of differences of neighbouring coefficients; lines along z."""
+    """Bounds a spline's slopes: weighted means of differences of neighbouring coefficients. Threads: lines along z."""
     i, j = wp.tid()
     before_i, before_j = wp.max(i - 1, 0), wp.max(j - 1, 0)
     last = values[i, j, 0]
     slope = wp.vec3f()
     for k in range(values.shape[2]):
         here = values[i, j, k]
-        beside = wp.vec3f(values[before_i, j, k], values[i, before_j, k], last)
-        slope = wp.max(slope, wp.abs(wp.vec3f(here, here, here) - beside))
+        neighbours = wp.vec3f(values[before_i, j, k], values[i, before_j, k], last)
+        slope = wp.max(slope, wp.abs(wp.vec3f(here, here, here) - neighbours))
         last = here
     for axis in range(3):
-        if slope[axis] > slope_out[axis]:  # else thousands wait for each other
+        if slope[axis] > slope_out[axis]:  # else thousands of threads would queue for the atomic
             wp.atomic_max(slope_out, axis, slope[axis])
 
 
@@ -135,9 +135,9 @@ def steepest_axis(values: wp.array3d(dtype=wp.float32), i: int, j: int, k: int) 
     best = float(values[i, j, k + 1])
     normal = wp.vec3f(0.0, 0.0, 1.0)
     for axis in range(3):
-        for way in range(2):
+        for direction in range(2):
             step = wp.vec3i(0, 0, 0)
-            step[axis] = 1 - 2 * way
+            step[axis] = 1 - 2 * direction
             value = values[i + step[0], j + step[1], k + step[2]]
             if value > best:
                 best = value
@@ -213,6 +213,6 @@ def sample_field(
     points: wp.array(dtype=wp.vec3d),  # [m], shape [N]
     contact_out: wp.array(dtype=wp.vec4f),  # normal and signed distance [m], shape [N]
 ):
-    """What field_contact answers at points."""
+    """Samples field_contact at points."""
     point = wp.tid()
     contact_out[point] = field_contact(field, points[point])

@@ -1,4 +1,4 @@
-"""The solid that all surfaces along three axes enclose: peeled depth buffers, every layer of every view."""
+"""Depth peeling: the solid that all surfaces along three axes enclose, every layer of every view."""
 
 import warp as wp
 
@@ -6,7 +6,7 @@ from warp_cloth.kernels.avatar.raster import pixel_weights, sided_cover
 
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})  # the same bits on CPU and CUDA
 
-CLAMP = wp.constant(wp.float32(8.0))  # pixels of depth beyond which a level only says inside or outside
+CLAMP = wp.constant(wp.float32(8.0))  # pixels of depth beyond which a level only means inside or outside
 UNBALANCED = wp.constant(-1)  # in place of a pixel's number of intervals
 
 
@@ -32,8 +32,18 @@ class LayeredSolid:
     along_z: LayeredView
 
 
+@wp.struct
+class LayerImage:
+    """The image of one peeled view."""
+
+    axis: int  # that the view looks along
+    pixel: float  # [m]
+    columns: int
+    rows: int
+
+
 @wp.func
-def turned(p: wp.vec3f, axis: int) -> wp.vec3f:
+def view_coordinates(p: wp.vec3f, axis: int) -> wp.vec3f:
     """Coordinates of a point in the view along an axis: right, up, toward."""
     return wp.vec3f(p[(axis + 1) % 3], p[(axis + 2) % 3], p[axis])
 
@@ -42,43 +52,40 @@ def turned(p: wp.vec3f, axis: int) -> wp.vec3f:
 def draw_layers(
     points: wp.array(dtype=wp.vec3f),  # [m], shape [V]
     triangles: wp.array2d(dtype=wp.int32),  # shape [F, 3]
-    axis: int,
-    pixel: float,  # [m]
-    columns: int,
-    rows: int,
+    image: LayerImage,
     start: wp.array(dtype=wp.int32),  # first surface of each pixel, shape [rows columns]; not read when counting
-    stores: bool,  # otherwise the surfaces are only counted
+    store: bool,  # otherwise the surfaces are only counted
     count_out: wp.array(dtype=wp.int32),  # surfaces over each pixel's centre, shape [rows columns]; start it at 0
     surface_out: wp.array(dtype=wp.vec2f),  # depth [m], +1 facing the viewer or -1; any order within a pixel
 ):
     """Counts or stores the surfaces that a ray through each pixel's centre meets."""
     triangle = wp.tid()
-    a = turned(points[triangles[triangle, 0]], axis) / pixel
-    b = turned(points[triangles[triangle, 1]], axis) / pixel
-    c = turned(points[triangles[triangle, 2]], axis) / pixel
+    a = view_coordinates(points[triangles[triangle, 0]], image.axis) / image.pixel
+    b = view_coordinates(points[triangles[triangle, 1]], image.axis) / image.pixel
+    c = view_coordinates(points[triangles[triangle, 2]], image.axis) / image.pixel
     low = wp.min(wp.min(a, b), c)
     high = wp.max(wp.max(a, b), c)
-    for row in range(wp.max(int(wp.ceil(low[1])), 0), wp.min(int(wp.floor(high[1])), rows - 1) + 1):
-        for column in range(wp.max(int(wp.ceil(low[0])), 0), wp.min(int(wp.floor(high[0])), columns - 1) + 1):
+    for row in range(wp.max(int(wp.ceil(low[1])), 0), wp.min(int(wp.floor(high[1])), image.rows - 1) + 1):
+        for column in range(wp.max(int(wp.ceil(low[0])), 0), wp.min(int(wp.floor(high[0])), image.columns - 1) + 1):
             side = sided_cover(a, b, c, float(column), float(row))
             if side != 0:
-                place = row * columns + column
+                place = row * image.columns + column
                 slot = wp.atomic_add(count_out, place, 1)
-                if stores:
+                if store:
                     w = pixel_weights(a, b, c, float(column), float(row))
                     depth = wp.clamp(w[0] * a[2] + w[1] * b[2] + w[2] * c[2], low[2], high[2])
-                    surface_out[start[place] + slot] = wp.vec2f(depth * pixel, float(side))
+                    surface_out[start[place] + slot] = wp.vec2f(depth * image.pixel, float(side))
 
 
 @wp.kernel
 def pair_layers(
     start: wp.array(dtype=wp.int32),  # first surface of each pixel, shape [rows columns]
-    surface: wp.array(dtype=wp.vec2f),  # from store_layers; sorted here, then low and high ends of intervals [m]
+    surface: wp.array(dtype=wp.vec2f),  # from draw_layers; sorted here, then low and high ends of intervals [m]
     count: wp.array(dtype=wp.int32),  # surfaces of each pixel, then intervals, or UNBALANCED
 ):
     """Sorts a pixel's surfaces and pairs them: inside is where more have been entered than left.
 
-    Nested and crossing parts are one solid so. Surfaces that do not pair up leave the pixel UNBALANCED.
+    So nested and crossing parts become one solid. Surfaces that do not pair up leave the pixel UNBALANCED.
     """
     place = wp.tid()
     first = start[place]
@@ -123,8 +130,8 @@ def interval_level(view: LayeredView, place: int, depth: float, most: float) -> 
 def view_level(view: LayeredView, pixel: float, q: wp.vec3f) -> wp.vec2f:
     """Weighted distance from a view's surface, positive inside [m], and the weight; q in the view's coordinates [m].
 
-    The level along the view is bilinear between four pixels; over its slope g it is the distance to the plane
-    that they show, and 1 / g the cosine of the angle at which they see it: the weight is g^(-2 FACE_ON).
+    The level along the view is bilinear between four pixels; divided by its slope g = sqrt(1 + |grad|^2) it is the
+    distance to the plane that they show, and 1 / g is the cosine of the angle at which they see it: the weight is g^-4.
     """
     x = wp.clamp(q[0] / pixel, 0.0, float(view.columns - 1))
     y = wp.clamp(q[1] / pixel, 0.0, float(view.rows - 1))
@@ -154,11 +161,11 @@ def view_level(view: LayeredView, pixel: float, q: wp.vec3f) -> wp.vec2f:
 def layered_level(solid: LayeredSolid, q: wp.vec3f) -> float:
     """Positive inside the solid of the views, negative outside, zero on its surface [m]; q is local [m].
 
-    Near the surface it is the distance: the mean of what the views say, each counting as it sees the surface.
+    Near the surface it is the distance: the mean of the views' distances, weighted by how squarely each sees it.
     """
-    total = view_level(solid.along_x, solid.pixel, turned(q, 0))
-    total += view_level(solid.along_y, solid.pixel, turned(q, 1))
-    total += view_level(solid.along_z, solid.pixel, turned(q, 2))
+    total = view_level(solid.along_x, solid.pixel, view_coordinates(q, 0))
+    total += view_level(solid.along_y, solid.pixel, view_coordinates(q, 1))
+    total += view_level(solid.along_z, solid.pixel, view_coordinates(q, 2))
     if total[1] == 0.0:
         return -CLAMP * solid.pixel
     return total[0] / total[1]

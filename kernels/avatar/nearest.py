@@ -1,4 +1,4 @@
-"""The point of a surface that is nearest to another point, inside and outside being alike."""
+"""Closest point of a surface, with barycentric weights, whether inside or outside."""
 
 import warp as wp
 

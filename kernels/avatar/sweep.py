@@ -1,4 +1,4 @@
-"""Signed distances on a grid, whatever solid they are of: blocks with work, sweeps, slopes, spline."""
+"""Signed distances on a grid by Jacobi sweeps of the eikonal equation; active blocks, slope limit, spline prefilter."""
 
 import warp as wp
 
@@ -6,8 +6,8 @@ wp.set_module_options({"enable_backward": False, "fuse_fp": False})  # the same 
 
 UNKNOWN = wp.constant(wp.float32(1.0e3))  # distance not measured yet [m]: farther than any other
 BLOCK = wp.constant(4)  # nodes along a block's side; blocks without work are skipped
-SHARPNESS = wp.constant(wp.float32(0.5))  # share of the spline's rounding that its coefficients make up for
-STILL = wp.constant(wp.float32(0.02))  # spacings of change below which a sweep left a block as it was
+SHARPNESS = wp.constant(wp.float32(0.5))  # fraction of the spline's smoothing that its coefficients undo
+STILL = wp.constant(wp.float32(0.02))  # spacings of change below which a block counts as unchanged
 
 
 @wp.func
@@ -36,7 +36,7 @@ def eikonal_distance(a: float, b: float, c: float, h: float) -> float:
 
 @wp.func
 def neighbour(distance: wp.array3d(dtype=wp.float32), i: int, j: int, k: int, outside: float) -> float:
-    """Value at a node, or outside beyond the grid's border."""
+    """Value at a node, or ``outside`` beyond the grid's border."""
     if i < 0 or j < 0 or k < 0:
         return outside
     if i >= distance.shape[0] or j >= distance.shape[1] or k >= distance.shape[2]:
@@ -70,8 +70,8 @@ def mark_blocks(
 def spread_blocks(
     flag: wp.array3d(dtype=wp.int32),  # shape [bx, by, bz]
     radius: int,  # blocks
-    also: wp.array3d(dtype=wp.int32),  # kept as well, shape [bx, by, bz]
-    flag_out: wp.array3d(dtype=wp.int32),  # 1 where a flag is within radius, or also is set, shape [bx, by, bz]
+    also: wp.array3d(dtype=wp.int32),  # more flags, which do not spread, shape [bx, by, bz]
+    flag_out: wp.array3d(dtype=wp.int32),  # 1 where a flag is within radius, or ``also`` is set, shape [bx, by, bz]
 ):
     """Dilates flags over blocks (largest coordinate difference)."""
     bi, bj, bk = wp.tid()
@@ -97,7 +97,7 @@ def list_blocks(
 
 @wp.func
 def swept_distance(distance: wp.array3d(dtype=wp.float32), spacing: float, i: int, j: int, k: int) -> float:
-    """Unsigned distance of a node from its six neighbours', if that is less than its own [m]."""
+    """Unsigned distance of a node by its six neighbours', where that is less than its own [m]."""
     here = wp.abs(distance[i, j, k])
     a0 = wp.abs(distance[wp.max(i - 1, 0), j, k])
     a1 = wp.abs(distance[wp.min(i + 1, distance.shape[0] - 1), j, k])
@@ -114,55 +114,62 @@ def swept_distance(distance: wp.array3d(dtype=wp.float32), spacing: float, i: in
 
 
 @wp.func
-def moved_nearby(moved: wp.array3d(dtype=wp.int32), bi: int, bj: int, bk: int) -> bool:
+def changed_nearby(changed: wp.array3d(dtype=wp.int32), bi: int, bj: int, bk: int) -> bool:
     """Whether a block or one of its six neighbours changed."""
-    found = moved[bi, bj, bk]
-    found += moved[wp.max(bi - 1, 0), bj, bk] + moved[wp.min(bi + 1, moved.shape[0] - 1), bj, bk]
-    found += moved[bi, wp.max(bj - 1, 0), bk] + moved[bi, wp.min(bj + 1, moved.shape[1] - 1), bk]
-    found += moved[bi, bj, wp.max(bk - 1, 0)] + moved[bi, bj, wp.min(bk + 1, moved.shape[2] - 1)]
+    found = changed[bi, bj, bk]
+    found += changed[wp.max(bi - 1, 0), bj, bk] + changed[wp.min(bi + 1, changed.shape[0] - 1), bj, bk]
+    found += changed[bi, wp.max(bj - 1, 0), bk] + changed[bi, wp.min(bj + 1, changed.shape[1] - 1), bk]
+    found += changed[bi, bj, wp.max(bk - 1, 0)] + changed[bi, bj, wp.min(bk + 1, changed.shape[2] - 1)]
     return found > 0
+
+
+@wp.struct
+class SweepDomain:
+    """Where distances are swept, and from what; the same in every sweep."""
+
+    spacing: float  # [m]
+    limit_inside: float  # greatest depth that is needed [m]
+    limit_outside: float  # greatest distance outside that is needed [m]
+    corner: wp.array(dtype=wp.vec3i)  # first node of the active blocks, shape [N]
+    fixed: wp.array3d(dtype=wp.float32)  # boundary values; +-UNKNOWN where swept [m], shape [nx, ny, nz]
 
 
 @wp.kernel
 def sweep_distance(
-    spacing: float,  # [m]
-    limit_inside: float,  # greatest depth that is asked for [m]
-    limit_outside: float,  # greatest distance outside that is asked for [m]
-    corner: wp.array(dtype=wp.vec3i),  # first node of the active blocks, shape [N]
-    fixed: wp.array3d(dtype=wp.float32),  # distances that stand; +-UNKNOWN where swept [m], shape [nx, ny, nz]
+    domain: SweepDomain,
     distance: wp.array3d(dtype=wp.float32),  # signed distance so far [m], shape [nx, ny, nz]
-    moved: wp.array3d(dtype=wp.int32),  # 1 where the sweep before changed a block, shape [bx, by, bz]
+    changed: wp.array3d(dtype=wp.int32),  # 1 where the sweep before changed a block, shape [bx, by, bz]
     distance_out: wp.array3d(dtype=wp.float32),  # after one sweep [m]; must hold the values of two sweeps ago
-    moved_out: wp.array3d(dtype=wp.int32),  # 1 where this sweep changed a block; start it at 0
-    alive_out: wp.array(dtype=wp.int32),  # set to 1 where anything changed, shape [1]
+    changed_out: wp.array3d(dtype=wp.int32),  # 1 where this sweep changed a block; start it at 0
+    any_changed_out: wp.array(dtype=wp.int32),  # set to 1 where anything changed, shape [1]
 ):
-    """One Jacobi sweep of |grad d| = 1, on both sides at once, outward from the nodes that stand.
+    """One Jacobi sweep of |grad d| = 1, on both sides at once, outward from the fixed nodes.
 
-    Blocks around which nothing moved are left alone: both buffers hold the same there. Threads [N, BLOCK].
+    Blocks around which nothing changed are skipped: both buffers hold the same there. Threads [N, BLOCK].
     """
     block, a = wp.tid()
-    c = corner[block]
+    c = domain.corner[block]
     bi = c[0] / BLOCK
     bj = c[1] / BLOCK
     bk = c[2] / BLOCK
     i = c[0] + a
-    if i >= fixed.shape[0] or not moved_nearby(moved, bi, bj, bk):
+    if i >= domain.fixed.shape[0] or not changed_nearby(changed, bi, bj, bk):
         return
     change = float(0.0)
-    for j in range(c[1], wp.min(c[1] + BLOCK, fixed.shape[1])):
-        for k in range(c[2], wp.min(c[2] + BLOCK, fixed.shape[2])):
-            stands = fixed[i, j, k]
-            if wp.abs(stands) < UNKNOWN:
-                distance_out[i, j, k] = stands
+    for j in range(c[1], wp.min(c[1] + BLOCK, domain.fixed.shape[1])):
+        for k in range(c[2], wp.min(c[2] + BLOCK, domain.fixed.shape[2])):
+            fixed = domain.fixed[i, j, k]
+            if wp.abs(fixed) < UNKNOWN:
+                distance_out[i, j, k] = fixed
             else:
-                u = swept_distance(distance, spacing, i, j, k)
-                if u > wp.where(stands < 0.0, limit_inside, limit_outside):
+                u = swept_distance(distance, domain.spacing, i, j, k)
+                if u > wp.where(fixed < 0.0, domain.limit_inside, domain.limit_outside):
                     u = UNKNOWN
-                distance_out[i, j, k] = wp.sign(stands) * u
+                distance_out[i, j, k] = wp.sign(fixed) * u
                 change = wp.max(change, wp.abs(distance[i, j, k]) - u)
-    if change > STILL * spacing:
-        moved_out[bi, bj, bk] = 1
-        alive_out[0] = 1
+    if change > STILL * domain.spacing:
+        changed_out[bi, bj, bk] = 1
+        any_changed_out[0] = 1
 
 
 @wp.func
@@ -193,7 +200,7 @@ def limit_slopes(
 ):
     """Cuts each distance to what its 26 neighbours allow: |d_i - d_j| <= |x_i - x_j|.
 
-    In a crease the normal is a mean of the sides', and the distance along it too long: a push out would
+    In a crease the normal is a mean of the sides' normals, and the distance along it too long: a push out would
     overshoot. Threads [N, BLOCK, BLOCK].
     """
     block, a, b = wp.tid()
@@ -224,8 +231,8 @@ def prefilter_distance(
 ):
     """Spline coefficients c = d + a (d - S d), S = (1, 6, 1)^3 / 8^3, a = SHARPNESS.
 
-    a = 1 meets the distances to second order but raises |grad d| above 1 in creases, where a push out would
-    then overshoot; a = 1/2 costs 0.02 mm on limbs at 5 mm spacing and stays below 1.3.
+    a = 1 reproduces the distances to second order but raises |grad d| above 1 in creases, where a push out would
+    then overshoot; a = 1/2 costs 0.02 mm on limbs at 5 mm spacing and keeps |grad d| below 1.3.
     """
     i, j, k = wp.tid()
     here = wp.min(distance[i, j, k], limit)

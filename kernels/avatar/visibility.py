@@ -1,4 +1,4 @@
-"""Which of the avatar's surface a view sees."""
+"""Visibility: which parts of the avatar's surface a view sees."""
 
 import warp as wp
 
@@ -9,14 +9,14 @@ FARTHEST = wp.constant(wp.float32(1.0e6))  # [m]; across any avatar
 
 
 @wp.kernel
-def look_out(
+def mark_visible(
     mesh: wp.uint64,
     points: wp.array(dtype=wp.vec3f),  # just off the surface [m], shape [N]
     normals: wp.array(dtype=wp.vec3f),  # of the surface, outward, shape [N]
     toward: wp.vec3f,  # unit vector to the viewer
     seen_out: wp.array(dtype=wp.int32),  # set to 1 where nothing is in the way, shape [N]
 ):
-    """Marks the points that a view sees."""
+    """Marks the points that a view sees, by a ray to the viewer."""
     point = wp.tid()
     if wp.dot(normals[point], toward) > EDGE_ON:
         if not wp.mesh_query_ray_anyhit(mesh, points[point], toward, FARTHEST):

@@ -172,7 +172,7 @@ def run_on(case: Case, asked: Asked, other: Problem, made: Problem) -> tuple[Poi
         other.relaxation.start_near_rest()
         method = "multilevel"
     if case.kind == "ball":
-        other.relaxation.meet(0, other.contact.taken_over(made.contact, points))
+        other.relaxation.meet(0, other.contact.reused_from(made.contact, points))
     most = BEYOND_LIMIT[method] if asked.limit is None else asked.limit
 
     def tell(check: Check, seconds: float) -> None:

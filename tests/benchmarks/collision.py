@@ -23,7 +23,7 @@ import numpy as np
 import warp as wp
 from wearing import BODIES, NEVER, SHARED_SHIRT, dressed, keep, moved_starts, several, shirt, side_by_side
 
-from warp_cloth.avatar.collider import AvatarContact
+from warp_cloth.avatar.contact import AvatarContact, ContactOptions
 from warp_cloth.avatar.error import NearSurface, near_surface
 from warp_cloth.avatar.exact import build_exact_collider, penetration
 from warp_cloth.avatar.solid import solid_of
@@ -79,9 +79,8 @@ def jumps(body: str, device: str) -> dict[str, Any]:
         parts[name] = NearSurface(surface.points[near], surface.normals[near], 0.0)
     row: dict[str, Any] = {"body": body}
     for kind in COLLIDERS:
-        contact = AvatarContact(
-            avatar, kind, pixel=PIXEL, offset=OFFSET, friction=0.0, error=ERROR, device=device, reach=2.0 * OFFSET
-        )
+        options = ContactOptions(kind, PIXEL, OFFSET, ERROR, device, reach=2.0 * OFFSET)
+        contact = AvatarContact(avatar, options, friction=0.0)
         contact.collider(skin)
         row[kind] = {name: _jumps_within(contact, part) for name, part in parts.items()}
     return row
@@ -89,7 +88,7 @@ def jumps(body: str, device: str) -> dict[str, Any]:
 
 def _jumps_within(contact: AvatarContact, part: NearSurface) -> tuple[float, float, float]:
     """Changes of distance [mm] and normal [degrees] within 0.8 um, of the normal within a tenth of that."""
-    (_, jump, turn), (_, _, finer) = walked(contact.kept, part), walked(contact.kept, part, FINER)
+    (_, jump, turn), (_, _, finer) = walked(contact.built, part), walked(contact.built, part, FINER)
     return 1e3 * jump, float(np.degrees(turn)), float(np.degrees(finer))
 
 

@@ -22,6 +22,7 @@ import numpy as np
 import warp as wp
 from scipy.spatial import Delaunay
 
+from warp_cloth.avatar.collider import Collider
 from warp_cloth.base.mesh import Mesh
 from warp_cloth.fitting.problem import build_problem
 from warp_cloth.garment.outfit import load_outfit
@@ -32,7 +33,7 @@ from warp_cloth.model.model import build_model
 from warp_cloth.scene import load_scene
 from warp_cloth.shapes import square
 from warp_cloth.solver.loop import CHUNK, chunks
-from warp_cloth.solver.relax import Collider, Relaxation, StepOptions
+from warp_cloth.solver.relax import Relaxation, StepOptions
 
 FABRICS = {"edges": Fabric(), "irregular": Fabric(), "woven": replace(Fabric(), shear=800.0)}
 SIZES = {"4k": (64, 1), "65k": (256, 1), "1m": (256, 16)}  # vertices along a side, squares

@@ -19,6 +19,7 @@ import numpy as np
 import pytest
 import warp as wp
 
+from warp_cloth.avatar.collider import Collider
 from warp_cloth.fitting.problem import load_problem
 from warp_cloth.garment.part import GarmentPart
 from warp_cloth.garment.rest import build_rest_shape
@@ -26,7 +27,7 @@ from warp_cloth.material.fabric import Fabric
 from warp_cloth.model.model import build_model
 from warp_cloth.scene import load_scene
 from warp_cloth.shapes import square
-from warp_cloth.solver.relax import Collider, Relaxation, StepOptions
+from warp_cloth.solver.relax import Relaxation, StepOptions
 from warp_cloth.study.footprint import iteration_bytes
 from warp_cloth.study.launches import launches_of
 

@@ -1,4 +1,4 @@
-"""Depth buffers of the avatar: front, back and top views, drawn on the device over the region of interest."""
+"""Depth buffers of the avatar: front, back and top views, drawn on the device over a region."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ DEFAULT_REACH = 0.01  # [m]; contact happens at the offset, 3 mm: the rest is ro
 
 
 def sampled(kernel: wp.Kernel, collider: object, points: Points, device: wp.DeviceLike) -> NDArray[np.float32]:
-    """What a sampling kernel answers at points [m], shape [N, 3]: unit normal and signed distance, shape [N, 4]."""
+    """Runs a sampling kernel at points [m], shape [N, 3]: unit normal and signed distance [m], shape [N, 4]."""
     given = wp.array(np.ascontiguousarray(points), dtype=wp.vec3d, device=device)
     found = wp.empty(len(given), dtype=wp.vec4f, device=device)
     wp.launch(kernel, dim=len(given), inputs=[collider, given], outputs=[found], device=device)
@@ -30,11 +30,11 @@ def sampled(kernel: wp.Kernel, collider: object, points: Points, device: wp.Devi
 
 @dataclass(frozen=True, eq=False)
 class PlainCollider:
-    """The paper's look-up, without the fusion into a field."""
+    """The paper's look-up in depth buffers, not baked into a field."""
 
     solid: DepthSolid
     reach: float  # [m]
-    bytes: int  # of memory that it reads
+    bytes: int  # memory that look-ups read
 
     def sample(self, points: Points) -> NDArray[np.float32]:
         """Unit normal and signed distance at points [m], shape [N, 3]; shape [N, 4]. Far ones have no normal."""
@@ -92,7 +92,7 @@ class DepthBuffers:
 
 
 def contact_bounds(garment: Points, avatar: Points, margin: float) -> tuple[Points, Points]:
-    """The region where they may touch: the boxes of both widened by ``margin``, what they have in common.
+    """The region where they may touch: the intersection of both boxes, widened by ``margin``.
 
     All [m]; ``garment`` and ``avatar`` shape [N, 3], each corner returned shape [3].
     """
@@ -102,7 +102,7 @@ def contact_bounds(garment: Points, avatar: Points, margin: float) -> tuple[Poin
 
 
 def image_shape(width: float, height: float, pixel: float) -> tuple[int, int]:
-    """Columns and rows of a view of this size [m]; refuses what would take all memory."""
+    """Columns and rows of a view of this size [m]; raises InputError for an image that would fill all memory."""
     columns, rows = math.ceil(width / pixel) + 1, math.ceil(height / pixel) + 1
     if columns * rows > MOST_PIXELS:
         raise InputError("collision.pixel_mm", f"a depth buffer would have {columns:,} x {rows:,} pixels", TOO_FINE)
@@ -112,7 +112,7 @@ def image_shape(width: float, height: float, pixel: float) -> tuple[int, int]:
 def local_avatar(
     points: Points, triangles: Indices, lower: Points, upper: Points, pixel: float, device: wp.DeviceLike
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], wp.array, wp.array]:
-    """What views over a box draw: its origin and size [m], the avatar's vertices relative to it [m], its triangles."""
+    """A box's origin and size [m], and the avatar's vertices relative to it [m] and triangles, on the device."""
     origin = np.asarray(lower, dtype=np.float64)
     size = np.maximum(np.asarray(upper, dtype=np.float64) - origin, pixel)
     local = wp.array((points - origin).astype(np.float32), dtype=wp.vec3f, device=device)

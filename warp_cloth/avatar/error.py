@@ -1,4 +1,4 @@
-"""How far a collider is from the avatar's exact mesh, where the garment can reach, and what three views do not see."""
+"""Audit of a collider: its distance error against the avatar's exact mesh, and what three views do not see."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from warp_cloth.kernels.avatar import visibility as kernels
 PAPER_VIEWS = ((0.0, 0.0, 1.0), (0.0, 0.0, -1.0), (0.0, 1.0, 0.0))  # towards the viewers: front, back, top
 NEARBY = 0.05  # [m] round the surface nearest to a garment's vertices: what it may come to lie on
 SAMPLES = 10_000  # points of that surface; ten of them beyond the 99.9th percentile
-SKIN = 2e-4  # [m] off the surface, from where a view is looked for; clear of float32's rounding and of its own face
-ROOM = 0.9  # share of the offset that the exact mesh must leave: in narrower gaps no cloth at the offset fits
+OFF_SURFACE = 2e-4  # [m]; visibility is tested from here: clear of float32's rounding and of the point's own face
+ROOM = 0.9  # fraction of the offset that the exact mesh must leave: cloth at the offset does not fit in narrower gaps
 PERCENTILES = (50.0, 99.0, 99.9, 100.0)
 GOLDEN = (0.7548776662466927, 0.5698402909980532)  # steps of Roberts' R2 sequence: even, and the same every time
 
 
 class Sampled(Protocol):
-    """A collider that answers on the host: unit normal and signed distance [m] at points [m], shape [N, 4]."""
+    """A collider that is sampled on the host: unit normal and signed distance [m] at points [m], shape [N, 4]."""
 
     @property
     def reach(self) -> float: ...
@@ -33,7 +33,7 @@ class Sampled(Protocol):
 
 @dataclass(frozen=True)
 class ContactError:
-    """Size of a collider's error of distance against the exact mesh [mm]."""
+    """Percentiles of a collider's distance error against the exact mesh [mm]."""
 
     p50: float
     p99: float
@@ -43,18 +43,18 @@ class ContactError:
 
 @dataclass(frozen=True, eq=False)
 class NearSurface:
-    """Points of the avatar's outer surface that a garment can reach, evenly by area."""
+    """Points of the avatar's outer surface that a garment can reach, evenly distributed by area."""
 
     points: Points  # [m], shape [N, 3]
     normals: Points  # of their faces, outward, shape [N, 3]
-    area: float  # that they stand for [m2]
+    area: float  # of the surface that they represent [m2]
 
     def above(self, offset: float) -> Points:
         """The points at this distance along the normals [m]."""
         return self.points + offset * self.normals
 
     def worn(self, exact: ExactCollider, offset: float) -> Points:
-        """Those of them where cloth at this offset [m] can lie: no other surface is nearer."""
+        """Points at this offset [m] where cloth can lie: no other surface is nearer."""
         return self.worn_and_true(exact, offset)[0]
 
     def worn_and_true(self, exact: ExactCollider, offset: float) -> tuple[Points, NDArray[np.float32]]:
@@ -78,7 +78,7 @@ def near_surface(avatar: Mesh, exact: ExactCollider, garment: Points, lower: Poi
     marks = exact.closest(garment[np.isfinite(garment).all(axis=1)]).points
     near = ((centre > lower) & (centre < upper)).all(axis=1)
     near &= _within(centre, marks, NEARBY)
-    large = (highest - lowest).max(axis=1) > NEARBY  # these may reach there, or beyond, wherever their middle is
+    large = (highest - lowest).max(axis=1) > NEARBY  # these may reach into the region wherever their middle is
     near |= large & ((lowest < upper) & (highest > lower)).all(axis=1)
     total = np.cumsum(np.where(near, area, 0.0))
     if total[-1] == 0.0:
@@ -89,8 +89,9 @@ def near_surface(avatar: Mesh, exact: ExactCollider, garment: Points, lower: Poi
     u, v = np.where(u + v > 1.0, 1.0 - u, u)[:, None], np.where(u + v > 1.0, 1.0 - v, v)[:, None]
     points = a[face] + u * (b - a)[face] + v * (c - a)[face]
     outward = exact.turn * normals[face] / (2.0 * area[face, None])
-    # a GPU tells both in the time of one: its threads wait for memory
-    off, below = np.split(exact.sample(np.concatenate([points + SKIN * outward, points - SKIN * outward]))[:, 3], 2)
+    shift = OFF_SURFACE * outward
+    # both together take a GPU the time of one: its threads wait for memory
+    off, below = np.split(exact.sample(np.concatenate([points + shift, points - shift]))[:, 3], 2)
     outer = (off > 0.0) & (below < 0.0)
     if large.any():
         there = ((points > lower) & (points < upper)).all(axis=1) & _within(points, marks, NEARBY)
@@ -99,15 +100,15 @@ def near_surface(avatar: Mesh, exact: ExactCollider, garment: Points, lower: Poi
 
 
 def unseen_share(surface: NearSurface, exact: ExactCollider) -> float:
-    """Share of a surface that the front, back and top view do not see; 0 where there is none."""
+    """Fraction of a surface that the front, back and top view do not see; 0 where there is none."""
     if not len(surface.points):
         return 0.0
-    points = exact.local(surface.above(SKIN))
+    points = exact.local(surface.above(OFF_SURFACE))
     normals = wp.array(surface.normals.astype(np.float32), dtype=wp.vec3f, device=exact.device)
     seen = wp.zeros(len(points), dtype=wp.int32, device=exact.device)
-    for way in PAPER_VIEWS:
-        inputs = [exact.mesh.id, points, normals, wp.vec3f(*way)]
-        wp.launch(kernels.look_out, dim=len(points), inputs=inputs, outputs=[seen], device=exact.device)
+    for toward in PAPER_VIEWS:
+        inputs = [exact.mesh.id, points, normals, wp.vec3f(*toward)]
+        wp.launch(kernels.mark_visible, dim=len(points), inputs=inputs, outputs=[seen], device=exact.device)
     return float(1.0 - seen.numpy().mean())
 
 
@@ -116,7 +117,7 @@ def contact_error(
 ) -> ContactError:
     """Error of a collider's distance at points [m], shape [N, 3], against the exact mesh, as far as both reach.
 
-    ``true`` are the exact distances there [m], where they are known already.
+    ``true`` are the exact distances there [m], where already known.
     """
     if not len(points):
         return ContactError(0.0, 0.0, 0.0, 0.0)

@@ -1,4 +1,4 @@
-"""The exact collider: distances to the avatar's own triangles, for fitting and for every report."""
+"""The exact collider: distances to the avatar's own triangles, for fits and for every report."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ from warp_cloth.model.result import Penetration
 
 FARTHEST = 1e6  # [m]; across any avatar
 DEFAULT_DEPTH = 0.3  # [m]; deeper than the middle of any trunk
-TREE_TRIANGLE = 430  # bytes of a mesh and its search tree for each triangle, measured: 414
-DEEPEST = 0.999  # of the vertices are no deeper than what is told beside the deepest
-POINTS_AT_ONCE = 1 << 20  # of several garments: as many as fill a GPU
-DEPTHS_AT_ONCE = 1 << 22  # likewise, where those few that lie inside keep it waiting
+TREE_TRIANGLE = 430  # bytes of a mesh and its BVH for each triangle, measured: 414
+DEEPEST = 0.999  # the percentile reported next to the deepest vertex
+POINTS_AT_ONCE = 1 << 20  # points of several garments in one launch: as many as fill a GPU
+DEPTHS_AT_ONCE = 1 << 22  # the same for depths, where the few points inside take longest
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,7 +35,7 @@ class Closest:
 
 @dataclass(frozen=True, eq=False)
 class ExactCollider:
-    """An exact collider for kernels, and what keeps its mesh alive."""
+    """An exact collider for kernels, and the mesh that it refers to."""
 
     collider: kernels.MeshCollider
     mesh: wp.Mesh
@@ -48,11 +48,11 @@ class ExactCollider:
 
     @property
     def reach(self) -> float:
-        """Distance outside up to which it answers [m]."""
+        """Distance outside up to which distances are exact [m]."""
         return float(self.collider.reach)
 
     def local(self, points: Points) -> wp.array:
-        """Points [m], shape [N, 3], as the mesh has them."""
+        """Points [m], shape [N, 3], in the mesh's frame."""
         near = (points - np.array(self.collider.origin)).astype(np.float32)
         return wp.array(near, dtype=wp.vec3f, device=self.device)
 
@@ -74,7 +74,7 @@ class ExactCollider:
         return Closest(place, corners, weights.numpy().astype(np.float64))
 
     def within(self, distance: float) -> ExactCollider:
-        """The same mesh, answering up to this distance inside and outside [m]."""
+        """The same mesh, with distances up to this one inside and outside [m]."""
         collider = kernels.MeshCollider()
         collider.mesh, collider.origin = self.collider.mesh, self.collider.origin
         collider.depth = collider.reach = distance
@@ -88,7 +88,7 @@ class ExactCollider:
 def build_exact_collider(
     avatar: Mesh, device: wp.DeviceLike = None, depth: float = DEFAULT_DEPTH, reach: float = DEFAULT_REACH
 ) -> ExactCollider:
-    """Builds the search tree of the avatar's triangles; a mesh that is inside out as a whole is turned."""
+    """Builds the BVH of the avatar's triangles; a mesh that is inside out as a whole is flipped."""
     lower, upper = avatar.bounds()
     origin = 0.5 * (lower + upper)
     points, triangles = avatar.points - origin, avatar.triangles
@@ -107,12 +107,12 @@ def build_exact_collider(
 
 
 def tree_bytes(avatar: Mesh) -> int:
-    """Bound of the device memory of an avatar's mesh and its search tree."""
+    """Upper bound of the device memory of an avatar's mesh and its BVH."""
     return TREE_TRIANGLE * avatar.triangle_count
 
 
 def exact_colliders(avatars: Sequence[Mesh | None], device: wp.DeviceLike = None) -> list[ExactCollider | None]:
-    """The exact collider of each avatar, None without one; the same of those that are the same."""
+    """The exact collider of each avatar, None without one; equal avatars share one."""
     built: dict[int, ExactCollider] = {}
     for avatar in avatars:
         if avatar is not None and id(avatar) not in built:
@@ -137,10 +137,10 @@ def signed_distances(
             distances[finite] = signed_distances(points[finite], avatar, device, exact)
         return distances
     lower, upper = avatar.bounds()
-    ways = [np.abs(point - corner) for point in (low, high) for corner in (lower, upper)]
-    far = float(np.linalg.norm(np.max(ways, axis=0)))
-    asked = (exact or build_exact_collider(avatar, device)).within(2.0 * far)
-    return np.ascontiguousarray(asked.sample(points)[:, 3])
+    extents = [np.abs(point - corner) for point in (low, high) for corner in (lower, upper)]
+    far = float(np.linalg.norm(np.max(extents, axis=0)))
+    reaching = (exact or build_exact_collider(avatar, device)).within(2.0 * far)
+    return np.ascontiguousarray(reaching.sample(points)[:, 3])
 
 
 def penetration(
@@ -154,7 +154,7 @@ def penetration(
 def penetrations(
     worn: Sequence[Points], avatars: Sequence[Mesh | None], device: wp.DeviceLike = None
 ) -> list[Penetration | None]:
-    """``penetration`` of garments in their own avatars, None without one; asked together."""
+    """``penetration`` of garments in their own avatars, None without one; measured together."""
     counts = [len(points) for points in worn]
     found = depths_under(np.concatenate(worn), counts, exact_colliders(avatars, device))
     return [None if avatar is None else depth_summary(own) for avatar, own in zip(avatars, found, strict=True)]
@@ -168,7 +168,7 @@ def depths_under(
     Args:
         points: of several garments one after another [m], shape [N, 3]; or on the avatars' device.
         counts: how many of them each garment has.
-        exact_of: each garment's avatar; None: nothing is asked, and told is 0.
+        exact_of: each garment's avatar; None: depths are 0.
     """
     avatars = list({id(exact): exact for exact in exact_of if exact is not None}.values())
     ends = np.cumsum([0, *counts])
@@ -188,21 +188,20 @@ def depths_under(
         given = some if isinstance(some, wp.array) else wp.array(some, dtype=wp.vec3d, device=device)
         grouped = here - here[0], of[piece.start : piece.stop]
         groups = [wp.array(each, dtype=wp.int32, device=device) for each in grouped]
-        size, asked = len(given), [given, *groups, colliders]
+        size, inputs = len(given), [given, *groups, colliders]
         depth, listed = (wp.empty(size, dtype=kind, device=device) for kind in (wp.float32, wp.int32))
         count = wp.zeros(1, dtype=wp.int32, device=device)
-        first, then = [*asked, closed, depth, count, listed], [*asked, count, listed, depth]
-        wp.launch(kernels.find_covered, dim=size, inputs=first, device=device)
-        wp.launch(kernels.measure_depths, dim=size, inputs=then, device=device)
+        wp.launch(kernels.find_covered, size, [*inputs, closed], [depth, count, listed], device=device)
+        wp.launch(kernels.measure_depths, size, [*inputs, count, listed], [depth], device=device)
         found += np.split(depth.numpy(), grouped[0][1:-1])
     return found
 
 
 def depth_summary(depths: NDArray[np.float32]) -> Penetration:
-    """What a report tells of the depths of a garment's vertices [m]."""
+    """A report's figures on the depths of a garment's vertices [m]."""
     if not np.isfinite(depths).all():
         return Penetration(*(float("nan"),) * 3)
     inside, depth = np.count_nonzero(depths), 1000.0 * depths.astype(np.float64)
-    few = inside < len(depths) - 1 - math.ceil(DEEPEST * (len(depths) - 1))  # that all below the percentile are 0
+    few = inside < len(depths) - 1 - math.ceil(DEEPEST * (len(depths) - 1))  # so few that the percentile is 0
     p999 = 0.0 if few else float(np.percentile(depth, 100.0 * DEEPEST))
     return Penetration(max=float(depth.max()), p999=p999, fraction=inside / len(depths))

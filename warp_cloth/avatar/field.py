@@ -1,4 +1,4 @@
-"""The depth buffers fused once into a signed distance field: what a garment touches while it relaxes."""
+"""Bakes depth buffers into a signed distance field (SDF), which garments meet while they relax."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ from warp_cloth.kernels.avatar import sweep as kernels
 from warp_cloth.kernels.avatar.bake import bake_kernels
 from warp_cloth.kernels.avatar.field import ContactField, measure_slopes, sample_field
 
-LEAST_SPACING = 0.0025  # [m]; a finer grid costs by the cube and more, and limbs are smooth at this size
+LEAST_SPACING = 0.0025  # [m]; cost grows at least with the cube of a finer grid, and limbs are smooth at this size
 MOST_NODES = 2**28  # 1 GiB of float32, of which building takes five
-PIXELS_PER_SPACING = 2.5  # 5 mm grid from 2 mm pixels: the spline then evens out the pixels' stairs
+PIXELS_PER_SPACING = 2.5  # 5 mm grid from 2 mm pixels: the spline then smooths the pixels' steps
 MARGIN = 3  # spacings kept beyond reach, so that the spline's support is all real distance
-ROUGH_SWEEPS = 5  # the projection wants 2.5 spacings and the neighbours around, at most 4.3
-GRIDS_AT_ONCE = 4  # of its size that building a field holds at most
-SWEEPS_PER_LOOK = 8  # sweeps between two looks at whether the inside still changes
-TOUCH = 1e-3  # [m] beyond the contact offset: more than the certificate allows for
-ROUNDED = 1.0 + 1e-5  # of slopes in float32
+ROUGH_SWEEPS = 5  # the projection needs 2.5 spacings and the neighbours around, at most 4.3
+GRIDS_AT_ONCE = 4  # grids of the field's size in memory at most, while it is built
+SWEEPS_PER_CHECK = 8  # sweeps between two checks whether the inside still changes
+NORMALS_BEYOND = 1e-3  # [m] beyond the contact offset where normals are still computed: more than the certificate needs
+ROUNDED = 1.0 + 1e-5  # factor for the rounding of float32 slopes
 SWEEPS_AT_MOST = 512  # a body 2.5 m thick at 5 mm
 
 
@@ -38,8 +38,8 @@ class FieldBuild:
     origin: NDArray[np.float64]  # node (0, 0, 0) [m], shape [3]
     spacing: float  # [m]
     reach: float  # [m]
-    steepest: float  # slope that the distance has nowhere more of
-    beyond: float  # distance that far nodes' surroundings have at least [m]
+    steepest: float  # upper bound of the distance's slope
+    beyond: float  # lower bound of the distance round far nodes [m]
 
     @property
     def device(self) -> wp.Device:
@@ -47,15 +47,15 @@ class FieldBuild:
 
     @property
     def bytes(self) -> int:
-        """Memory that it reads."""
+        """Memory that look-ups read."""
         return int(self.values.capacity)
 
-    def touching(self, offset: float, lift: float = 0.0) -> ContactField:
-        """The field for cloth that is met at this offset [m], some of it lifted farther: no normals beyond that."""
+    def limited_to(self, offset: float, lift: float = 0.0) -> ContactField:
+        """The field for contact at this offset [m], or lifted farther: it computes no normals beyond that."""
         field = ContactField()
         field.values, field.origin = self.values, wp.vec3d(*self.origin)
         field.spacing, field.reach = self.spacing, self.reach
-        field.near = offset + lift + TOUCH
+        field.near = offset + lift + NORMALS_BEYOND
         field.steepest, field.beyond = self.steepest, self.beyond
         return field
 
@@ -65,10 +65,10 @@ class FieldBuild:
 
 
 def bake_modules(kind: type[DepthBuffers] | type[LayeredBuffers]) -> list[wp.Module]:
-    """Kernel modules that fusing buffers of a kind launches from."""
-    made = bake_kernels(kind.level, kind.solid_type)
-    fused = [wp.get_module(kernels.__name__), measure_slopes.module]
-    return [*fused, *(kernel.module for kernel in vars(made).values())]
+    """Kernel modules needed to bake buffers of a kind."""
+    bake = bake_kernels(kind.level, kind.solid_type)
+    shared = [wp.get_module(kernels.__name__), measure_slopes.module]
+    return [*shared, *(kernel.module for kernel in vars(bake).values())]
 
 
 def _active_blocks(surface: wp.array, radius: int, also: wp.array) -> wp.array:
@@ -86,23 +86,28 @@ def _active_blocks(surface: wp.array, radius: int, also: wp.array) -> wp.array:
 def _sweep(
     spacing: float, limits: tuple[float, float], corner: wp.array, fixed: wp.array, least: int, most: int
 ) -> wp.array:
-    """Carries the distances of ``fixed`` on until nothing changes, in ``least`` to ``most`` sweeps."""
+    """Extends the distances of ``fixed`` until nothing changes, in ``least`` to ``most`` sweeps.
+
+    ``limits``: greatest depth and greatest distance outside that are needed [m].
+    """
     device = fixed.device
+    domain = kernels.SweepDomain()
+    domain.spacing, (domain.limit_inside, domain.limit_outside) = spacing, limits
+    domain.corner, domain.fixed = corner, fixed
     distance, distance_next = wp.clone(fixed), wp.clone(fixed)
     blocks = tuple(-(-count // kernels.BLOCK) for count in fixed.shape)
-    moved = wp.full(blocks, 1, dtype=wp.int32, device=device)
-    moved_next = wp.empty_like(moved)
-    alive = wp.empty(1, dtype=wp.int32, device=device)
+    changed = wp.full(blocks, 1, dtype=wp.int32, device=device)
+    changed_next = wp.empty_like(changed)
+    any_changed = wp.empty(1, dtype=wp.int32, device=device)
     dim = (len(corner), kernels.BLOCK)
     for sweep in range(1, most + 1):
-        alive.zero_()
-        moved_next.zero_()
-        inputs = [spacing, *limits, corner, fixed, distance, moved]
-        outputs = [distance_next, moved_next, alive]
+        any_changed.zero_()
+        changed_next.zero_()
+        inputs, outputs = [domain, distance, changed], [distance_next, changed_next, any_changed]
         wp.launch(kernels.sweep_distance, dim=dim, inputs=inputs, outputs=outputs, device=device)
         distance, distance_next = distance_next, distance
-        moved, moved_next = moved_next, moved
-        if sweep >= least and sweep % SWEEPS_PER_LOOK == 0 and not alive.numpy()[0]:
+        changed, changed_next = changed_next, changed
+        if sweep >= least and sweep % SWEEPS_PER_CHECK == 0 and not any_changed.numpy()[0]:
             break
     return distance
 
@@ -137,7 +142,7 @@ def build_contact_field(
     limit = reach + MARGIN * h
     crossed = measure(bake.measure_crossings, near, side, side)
     rough = _sweep(h, (ROUGH_SWEEPS * h, ROUGH_SWEEPS * h), near, crossed, least=ROUGH_SWEEPS, most=ROUGH_SWEEPS)
-    del crossed  # grids are large: four at a time are what building a field takes (GRIDS_AT_ONCE)
+    del crossed  # grids are large: at most GRIDS_AT_ONCE are in memory at a time
     projected = measure(bake.project_distance, near, side, rough)
     del side, rough
     fixed = wp.clone(projected)
@@ -164,9 +169,9 @@ def build_contact_field(
 
 
 def _slope_bounds(values: wp.array, spacing: float, reach: float) -> tuple[float, float]:
-    """The steepest slope, and the least distance where a node tells that all is beyond ``reach`` [m]."""
+    """The steepest slope, and the least distance [m] round a node whose value is beyond ``reach`` [m]."""
     slope = wp.zeros(3, dtype=wp.float32, device=values.device)
     wp.launch(measure_slopes, dim=values.shape[:2], inputs=[values], outputs=[slope], device=values.device)
     most = slope.numpy().astype(np.float64)
-    # a point is at most half a spacing's weight away from its node along each axis, and that is told far by one spacing
+    # a point is at most half a spacing from its node along each axis, and only a node one spacing beyond reach is far
     return float(np.linalg.norm(most)) / spacing * ROUNDED, min(reach, reach + spacing - 0.5 * float(most.sum()))

@@ -1,4 +1,4 @@
-"""Peeled depth buffers: every surface that rays along three axes meet, paired into intervals inside the avatar."""
+"""Depth peeling: every surface that rays along three axes meet, paired into intervals inside the avatar."""
 
 from __future__ import annotations
 
@@ -74,7 +74,9 @@ def _draw(local: wp.array, faces: wp.array, axis: int, pixel: float, columns: in
     count = wp.zeros(columns * rows, dtype=wp.int32, device=device)
     nowhere = wp.empty(0, dtype=wp.vec2f, device=device)
     start = wp.empty_like(count)
-    inputs = [local, faces, axis, pixel, columns, rows, start]
+    image = kernels.LayerImage()
+    image.axis, image.pixel, image.columns, image.rows = axis, pixel, columns, rows
+    inputs = [local, faces, image, start]
     wp.launch(kernels.draw_layers, dim=len(faces), inputs=[*inputs, False], outputs=[count, nowhere], device=device)
     wp.utils.array_scan(count, start, inclusive=False)
     total = int(start[-1:].numpy()[0] + count[-1:].numpy()[0])

@@ -1,4 +1,4 @@
-"""Where a sewn garment starts: a box mesh that was placed round another body is moved clear of this one."""
+"""Placement of a box mesh: one that was made for another body is moved out of this one before it is sewn."""
 
 from __future__ import annotations
 
@@ -9,18 +9,18 @@ from warp_cloth.avatar.exact import build_exact_collider
 from warp_cloth.base.mesh import Mesh, Points
 
 DEEP = 0.02  # [m]; vertices that start less deep come out by themselves
-WAYS_UP = np.arange(-0.04, 0.161, 0.01)  # [m]; a head taller or shorter is 0.2, its shoulders less
-WAYS_FORWARD = np.array([0.0, -0.02, 0.02, -0.04, 0.04])  # [m]
-# [m]; a move so far up must leave less than WORTH of what the best nearer one leaves, unless that one clears it
+SHIFTS_UP = np.arange(-0.04, 0.161, 0.01)  # [m]; a head taller or shorter is 0.2, its shoulders less
+SHIFTS_FORWARD = np.array([0.0, -0.02, 0.02, -0.04, 0.04])  # [m]
+# [m]; a shift farther up must leave less than WORTH of what the best shorter one leaves, unless that one clears
 FAR = 0.085
-WORTH = 0.5  # a move must leave less than this share of the depth, or it is not made
-CLEARS = 0.1  # less than this clears it. So must a move down: trousers would hang lower for inseams drawn in a leg
+WORTH = 0.5  # a shift must leave less than this fraction of the depth, or it is not made
+CLEARS = 0.1  # less than this clears. A shift down must clear: trousers would hang lower for inseams drawn in a leg
 
 
 def clear_shift(points: Points, avatar: Mesh, device: wp.DeviceLike = None) -> Points | None:
     """The shift [m] up and forward that brings a garment's vertices out of the avatar best; None: leave it there.
 
-    ``points`` [m], shape [V, 3]. Measured by the depths of all vertices inside, summed; of equal shifts the shortest.
+    ``points`` [m], shape [V, 3]. Measured by the summed depths of all vertices inside; of equal shifts the shortest.
     """
     exact = build_exact_collider(avatar, device)
 
@@ -30,19 +30,23 @@ def clear_shift(points: Points, avatar: Mesh, device: wp.DeviceLike = None) -> P
     start = depths(np.zeros(3))
     if start.max() <= DEEP:
         return None
-    shifts = [np.array([0.0, up, forward]) for up in WAYS_UP for forward in WAYS_FORWARD]
+    shifts = [np.array([0.0, up, forward]) for up in SHIFTS_UP for forward in SHIFTS_FORWARD]
     shifts.sort(key=lambda shift: float(np.linalg.norm(shift)))
-    shares = np.array([depths(shift).sum() for shift in shifts]) / start.sum()
-    ways = np.array(shifts)[:, 1]
-    worth = shares < np.where(ways < 0.0, CLEARS, WORTH)
-    near = worth & (ways < FAR)
-    left = shares[near].min(initial=1.0)
-    if left < CLEARS or shares.min() > WORTH * left:  # tight cloth is in the body wherever it starts
+    remaining = np.array([depths(shift).sum() for shift in shifts]) / start.sum()  # fraction of the depth
+    up = np.array(shifts)[:, 1]
+    worth = remaining < np.where(up < 0.0, CLEARS, WORTH)
+    near = worth & (up < FAR)
+    least = remaining[near].min(initial=1.0)
+    if least < CLEARS or remaining.min() > WORTH * least:  # tight cloth is in the body wherever it starts
         worth = near
-    return shifts[int(np.argmin(np.where(worth, shares, np.inf)))] if worth.any() else None
+    return shifts[int(np.argmin(np.where(worth, remaining, np.inf)))] if worth.any() else None
 
 
-def way_told(shift: Points) -> str:
+def shift_text(shift: Points) -> str:
     """A shift [m] for people: "40 mm up and 20 mm back"."""
-    ways = ((shift[1], "up", "down"), (shift[2], "forward", "back"))
-    return " and ".join(f"{abs(1e3 * by):.0f} mm {to if by > 0.0 else fro}" for by, to, fro in ways if round(1e3 * by))
+    parts = ((shift[1], "up", "down"), (shift[2], "forward", "back"))
+    return " and ".join(
+        f"{abs(1e3 * by):.0f} mm {positive if by > 0.0 else negative}"
+        for by, positive, negative in parts
+        if round(1e3 * by)
+    )

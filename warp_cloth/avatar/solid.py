@@ -1,4 +1,4 @@
-"""The solid that an avatar's surface encloses: holes closed, so that every ray leaves as often as it enters."""
+"""Mesh repair of the avatar: the solid that its surface encloses, holes closed, loose sheets left out."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from numpy.typing import NDArray
 from warp_cloth.base.connected import lowest_connected
 from warp_cloth.base.mesh import Indices, Mesh, Points
 
-THINNEST = 1e-3  # [m]; a part of less volume over area is a sheet: thinner than the offset that cloth keeps
-MOSTLY_OPEN = 0.75  # a part whose lids are larger than this share of it is a sheet: a lock of hair, a cape
+THINNEST = 1e-3  # [m]; a part with less volume over area is a sheet: thinner than the offset that cloth keeps
+MOSTLY_OPEN = 0.75  # a part whose lids are larger than this fraction of its area is a sheet: a lock of hair, a cape
 
 
 @dataclass(frozen=True, eq=False)
 class Closing:
-    """What makes a surface a solid: a cone over each of its holes, parts turned outwards, loose sheets left out.
+    """How a surface becomes a solid: a cone over each of its holes, parts turned outwards, loose sheets left out.
 
-    The tip of each cone is one more vertex, the middle of the hole's rim, wherever the vertices move.
+    The tip of each cone is an additional vertex, the middle of the hole's rim; it follows the rim's vertices.
     """
 
     triangles: Indices  # of the closed surface, shape [F, 3]
@@ -34,13 +34,13 @@ class Closing:
         return _with_tips(vertices, self.rims)
 
     def closed(self, mesh: Mesh) -> Mesh:
-        """The mesh as a solid; without what belongs to single triangles."""
+        """The mesh as a solid; without data of single triangles."""
         return replace(
             mesh, points=self.points(mesh.points), triangles=self.triangles, texcoords=None, panels=None, panel_names=()
         )
 
-    def skin(self, mesh: Mesh) -> Mesh:
-        """What distances and girths of the mesh are measured from: what cloth meets, without holes and loose sheets."""
+    def surface(self, mesh: Mesh) -> Mesh:
+        """The surface that cloth meets, without holes and loose sheets: distances and girths are measured on it."""
         if not self.encloses or not (self.sheets or self.holes):
             return mesh
         used, corners = np.unique(self.triangles, return_inverse=True)
@@ -52,8 +52,8 @@ class Closing:
 def closing_of(mesh: Mesh) -> Closing:
     """How a mesh becomes a solid.
 
-    Cones over its holes close it; what then encloses hardly anything, or is mostly lid, is a sheet and left out, as
-    long as there is something else.
+    Cones over its holes close it. A part that then encloses hardly anything, or is mostly lid, is a sheet and left out,
+    unless all parts are.
     """
     cones, rims = _cones(mesh.triangles.astype(np.int64), mesh.vertex_count)
     triangles = np.concatenate([mesh.triangles.astype(np.int64), cones])
@@ -86,14 +86,14 @@ def closing_of(mesh: Mesh) -> Closing:
 
 @dataclass(frozen=True, eq=False)
 class Solid:
-    """An avatar as what it encloses, or as it is where that is nothing."""
+    """An avatar as a closed solid, or as loaded where it encloses nothing."""
 
     closing: Closing
     mesh: Mesh
 
 
 def solid_of(avatar: Mesh) -> Solid:
-    """The avatar with its holes closed; a sheet stays as it is, for the collider that can deal with one."""
+    """The avatar with its holes closed; a sheet stays as it is, for the collider that can handle one."""
     closing = closing_of(avatar)
     return Solid(closing, closing.closed(avatar) if closing.encloses else avatar)
 
@@ -104,10 +104,10 @@ def _with_tips(vertices: Points, rims: Sequence[NDArray[np.int64]]) -> Points:
 
 
 def _cones(triangles: NDArray[np.int64], count: int) -> tuple[NDArray[np.int64], tuple[NDArray[np.int64], ...]]:
-    """Triangles that close a surface of ``count`` vertices, with tips numbered from there on, and their rims.
+    """Triangles that close a surface of ``count`` vertices, with tips numbered from ``count`` on, and their rims.
 
-    An edge that its triangles run along more often one way than the other gets that many triangles of a cone the
-    other way. Where the triangles are wound alike these are the rims of holes, and the cones close them.
+    An edge along which its triangles run more often in one direction gets as many cone triangles in the other. Where
+    triangles are wound consistently these edges are the rims of holes, and the cones close them.
     """
     start, end = triangles.ravel(), np.roll(triangles, -1, axis=1).ravel()
     edges, edge = np.unique(np.minimum(start, end) * count + np.maximum(start, end), return_inverse=True)
@@ -125,6 +125,6 @@ def _cones(triangles: NDArray[np.int64], count: int) -> tuple[NDArray[np.int64],
 
 
 def _parts(triangles: NDArray[np.int64], count: int) -> NDArray[np.int64]:
-    """Lowest vertex of the connected part that each triangle belongs to."""
+    """Lowest vertex of each triangle's connected component."""
     a, b, c = triangles.T
     return lowest_connected(count, np.concatenate([a, b]), np.concatenate([b, c]))[a]

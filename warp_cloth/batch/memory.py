@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 import warp as wp
 
-from warp_cloth.avatar.collider import MARGIN
+from warp_cloth.avatar.contact import MARGIN
 from warp_cloth.avatar.exact import tree_bytes
 from warp_cloth.avatar.field import GRIDS_AT_ONCE, LEAST_SPACING, PIXELS_PER_SPACING
 from warp_cloth.fitting.problem import contact_key

@@ -207,7 +207,7 @@ def _levels(worn: Fit, part: GarmentPart) -> dict[str, LevelFit]:
     """The levels at which the first garment goes all round the trunk."""
     if worn.avatar is None:
         return {}
-    avatar, garment = closing_of(worn.avatar).skin(worn.avatar), worn.garments[0]
+    avatar, garment = closing_of(worn.avatar).surface(worn.avatar), worn.garments[0]
     levels = body_levels(avatar)
     if levels is None:
         return {}

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from warp_cloth.avatar.collider import AvatarContact
+from warp_cloth.avatar.contact import AvatarContact, ContactOptions
 from warp_cloth.avatar.error import NearSurface, Sampled, contact_error, near_surface
 from warp_cloth.avatar.exact import ExactCollider, build_exact_collider
 from warp_cloth.avatar.solid import closing_of
@@ -95,16 +95,15 @@ def run_avatar_bench(
     for kind in KINDS:
         if tell is not None:
             tell(kind)
-        contact = AvatarContact(
-            avatar,
+        options = ContactOptions(
             kind,
             pixel=scene.collision.pixel_mm * 1e-3,
             offset=offset,
-            friction=0.0,
             error=scene.collision.error_mm * 1e-3,
             device=device,
-            place=scene.avatar.place if scene.avatar is not None else "avatar",
         )
+        place = scene.avatar.place if scene.avatar is not None else "avatar"
+        contact = AvatarContact(avatar, options, friction=0.0, place=place)
         contact.collider(garment)  # loads the kernels
         began = time.perf_counter()
         contact.collider(garment)
@@ -151,8 +150,8 @@ def _findings(
     kind: str, contact: AvatarContact, seconds: float, exact: ExactCollider, surface: NearSurface, offset: float
 ) -> Findings:
     report = contact.report or {}
-    error = contact_error(contact.kept, exact, surface.worn(exact, offset))
-    turn, jump, jump_angle = walked(contact.kept, surface)
+    error = contact_error(contact.built, exact, surface.worn(exact, offset))
+    turn, jump, jump_angle = walked(contact.built, surface)
     return Findings(
         kind,
         report["buffers"],
@@ -224,7 +223,7 @@ def _jump(
 def _walk(name: str, place: Points, way: Points, contacts: dict[str, AvatarContact]) -> Walk:
     along = np.arange(-PLOTTED, PLOTTED, 4.0 * STEP)
     line = place + along[:, None] * way
-    return Walk(name, along, {kind: contact.kept.sample(line) for kind, contact in contacts.items()})
+    return Walk(name, along, {kind: contact.built.sample(line) for kind, contact in contacts.items()})
 
 
 def table(bench: AvatarBench) -> list[str]:

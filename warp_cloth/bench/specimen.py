@@ -10,6 +10,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
+from warp_cloth.avatar.collider import Collider
 from warp_cloth.base.mesh import Indices, Mesh, Points
 from warp_cloth.garment.grain import Grain
 from warp_cloth.garment.part import GarmentPart
@@ -20,7 +21,7 @@ from warp_cloth.solver.certificate.certifier import Certifier, Check, Tolerance
 from warp_cloth.solver.forces import ForcePass
 from warp_cloth.solver.implicit.multilevel import MultilevelRelaxation, relaxation_by
 from warp_cloth.solver.loop import Goal, relax_items
-from warp_cloth.solver.relax import Collider, StepOptions
+from warp_cloth.solver.relax import StepOptions
 
 if TYPE_CHECKING:
     from warp_cloth.material.fabric import Fabric

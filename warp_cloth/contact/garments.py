@@ -12,7 +12,7 @@ import warp as wp
 from numpy.typing import NDArray
 
 from warp_cloth.avatar.exact import POINTS_AT_ONCE, build_exact_collider
-from warp_cloth.avatar.placement import clear_shift, way_told
+from warp_cloth.avatar.placement import clear_shift, shift_text
 from warp_cloth.avatar.solid import solid_of
 from warp_cloth.base.bins import pieces
 from warp_cloth.base.cache import Cache
@@ -42,7 +42,7 @@ def placed(scenes: Sequence[Scene], outfits: Sequence[Outfit], device: str, cach
         part, avatar = outfit.parts[index], outfit.starting_avatar
         if avatar is None or scene.collision.avatar == "none" or scene.garments[index].rest != "uv" or len(part.pins):
             return None
-        skin = cache.get_or_make("solid", (avatar,), partial(solid_of, avatar)).closing.skin(avatar)
+        skin = cache.get_or_make("solid", (avatar,), partial(solid_of, avatar)).closing.surface(avatar)
         return cache.get_or_make("shift", (part.points, avatar), partial(clear_shift, part.points, skin, device))
 
     return [
@@ -57,7 +57,7 @@ def _shifted(outfit: Outfit, shifts: Sequence[Points | None], cache: Cache) -> O
     parts, meshes = list(outfit.parts), list(outfit.garments)
     for index, shift in enumerate(shifts):
         if shift is not None:
-            note = f"some of it started inside the avatar: moved {way_told(shift)} before it was sewn"
+            note = f"some of it started inside the avatar: moved {shift_text(shift)} before it was sewn"
             loaded = parts[index].points
             points = cache.get_or_make("shifted", (loaded, shift), partial(np.add, loaded, shift))
             parts[index] = replace(parts[index], points=points)

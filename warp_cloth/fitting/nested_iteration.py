@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import warp as wp
 
+from warp_cloth.avatar.collider import Collider
 from warp_cloth.base.mesh import Points, vertex_normals
 from warp_cloth.garment.part import GarmentPart
 from warp_cloth.model.model import ClothModel, build_model
@@ -21,10 +22,9 @@ from warp_cloth.solver.certificate.certifier import Certifier, Tolerance
 from warp_cloth.solver.implicit.coarse_garments import Ladder, carried
 from warp_cloth.solver.implicit.multilevel import MultilevelRelaxation
 from warp_cloth.solver.loop import Boxes, Follow, relax_to_rest
-from warp_cloth.solver.relax import Collider
 
 if TYPE_CHECKING:
-    from warp_cloth.avatar.collider import AvatarContact
+    from warp_cloth.avatar.contact import AvatarContact
 
 FEWEST = 250  # vertices of all garments together; fewer come to rest in no time at all as they are
 # Where there is an avatar, mean edge of the coarsest garment [m]: triangles that an arm fits through hold nothing.

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from warp_cloth.avatar.collider import AvatarContact
+from warp_cloth.avatar.contact import AvatarContact
 from warp_cloth.base.mesh import Points
 from warp_cloth.model.model import ClothModel
 from warp_cloth.solver.certificate.certifier import Certifier, Tolerance

@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from warp_cloth.avatar.collider import AvatarContact, avatar_modules
+from warp_cloth.avatar.collider import Collider
+from warp_cloth.avatar.contact import AvatarContact, ContactOptions, avatar_modules
 from warp_cloth.avatar.depth import DEFAULT_REACH
 from warp_cloth.avatar.solid import solid_of
 from warp_cloth.base.cache import Cache
@@ -32,7 +33,7 @@ from warp_cloth.solver.contact_schedule import Course
 from warp_cloth.solver.implicit.multilevel import MultilevelRelaxation, relaxation_by
 from warp_cloth.solver.loop import Boxes, Follow
 from warp_cloth.solver.parallel_domains import thread_count
-from warp_cloth.solver.relax import Collider, Relaxation, StepOptions
+from warp_cloth.solver.relax import Relaxation, StepOptions
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +64,7 @@ class Problem:
         found: dict[int, Mesh] = {}
         for outfit, contact in zip(self.outfits, self.contacts, strict=True):
             if outfit.avatar is not None and id(outfit.avatar) not in found:
-                found[id(outfit.avatar)] = contact.skin(outfit.avatar)
+                found[id(outfit.avatar)] = contact.surface(outfit.avatar)
         return [None if each.avatar is None else found[id(each.avatar)] for each in self.outfits]
 
     def contact_report(self, item: int) -> dict[str, Any] | None:
@@ -225,7 +226,7 @@ def _avatar_contacts(
     def built(scene: Scene, outfit: Outfit) -> tuple[AvatarContact, Collider]:
         contact = _avatar_contact(scene, outfit, device, cache)
         points = np.concatenate([part.points for part in outfit.parts])
-        taken = contact.taken_over(earlier, points) if earlier is not None else None
+        taken = contact.reused_from(earlier, points) if earlier is not None else None
         return contact, taken or contact.collider(points)
 
     of = [(outfit.avatar, earlier, *(part.points for part in outfit.parts)) for outfit in outfits]
@@ -257,15 +258,18 @@ def _avatar_contact(scene: Scene, outfit: Outfit, device: str, cache: Cache) -> 
     solid = None
     if avatar is not None and kind != "none":
         solid = cache.get_or_make("solid", (avatar,), partial(solid_of, avatar))
-    return AvatarContact(
-        avatar,
+    options = ContactOptions(
         kind,
         pixel=scene.collision.pixel_mm * 1e-3,
         offset=scene.collision.offset_mm * 1e-3,
         error=scene.collision.error_mm * 1e-3,
-        friction=scene.avatar.friction if scene.avatar is not None else 0.0,
         device=device,
         reach=DEFAULT_REACH + highest_lift(scene),
+    )
+    return AvatarContact(
+        avatar,
+        options,
+        friction=scene.avatar.friction if scene.avatar is not None else 0.0,
         solid=solid,
         place=scene.avatar.place if scene.avatar is not None else "avatar",
     )
@@ -273,7 +277,7 @@ def _avatar_contact(scene: Scene, outfit: Outfit, device: str, cache: Cache) -> 
 
 def collider_updates(made: Problem) -> Follow:
     """What gives items new colliders where their garments leave the region of the old ones."""
-    rooms = np.array([contact.room() for contact in made.contacts])
+    rooms = np.array([contact.region() for contact in made.contacts])
 
     def follow(items: Sequence[int], boxes: Boxes) -> dict[int, Collider]:
         left = (boxes[:, 0] < rooms[items, 0]).any(axis=1) | (boxes[:, 1] > rooms[items, 1]).any(axis=1)
@@ -282,7 +286,7 @@ def collider_updates(made: Problem) -> Follow:
             item = items[at]
             made.relaxation.show()
             found[item] = made.contacts[item].collider(made.model.points(item))
-            rooms[item] = made.contacts[item].room()
+            rooms[item] = made.contacts[item].region()
         return found
 
     return follow

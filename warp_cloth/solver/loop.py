@@ -10,13 +10,14 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
+from warp_cloth.avatar.collider import Collider
 from warp_cloth.base.mesh import Points
 from warp_cloth.garment.rest import Floats
 from warp_cloth.model.result import Status
 from warp_cloth.solver.certificate.certifier import Certifier, Check, Glance, Look, Tolerance, bounds
 from warp_cloth.solver.certificate.summary import Answer
 from warp_cloth.solver.contact_schedule import Course
-from warp_cloth.solver.relax import Collider, Relaxation
+from warp_cloth.solver.relax import Relaxation
 
 Boxes = Floats  # lowest and highest corner of some items [m], shape [N, 2, 3]
 Follow = Callable[[Sequence[int], Boxes], dict[int, Collider]]

@@ -10,6 +10,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
+from warp_cloth.avatar.collider import Collider
 from warp_cloth.kernels.base.types import cloth_types
 from warp_cloth.kernels.passes.move import advance_kernel, displace_kernel
 from warp_cloth.kernels.passes.move_packets import eight_displace_kernel
@@ -80,17 +81,6 @@ class StepOptions:
     def largest_move(self) -> float:
         """The cap in force [m]."""
         return DEFAULT_CAP[self.method] if self.cap is None else self.cap
-
-
-@dataclass(frozen=True, eq=False)
-class Collider:
-    """What the avatar's contact asks: a device function and the struct that it reads."""
-
-    contact: wp.Function | None = None  # (data, world position) -> (normal, distance [m])
-    data: Any = None  # struct that it reads
-    data_type: Any = None  # that struct's type
-    offset: float = 0.0  # contact offset [m]
-    friction: float = 0.0
 
 
 class Relaxation:

@@ -11,6 +11,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
+from warp_cloth.avatar.collider import Collider
 from warp_cloth.garment.part import GarmentPart
 from warp_cloth.kernels.certificate.residual import energy_kernels
 from warp_cloth.model.model import ClothModel
@@ -19,7 +20,7 @@ from warp_cloth.solver.implicit.coarse_garments import Ladder, build_ladder
 from warp_cloth.solver.implicit.coarse_levels import build_hierarchy
 from warp_cloth.solver.implicit.step import ImplicitOptions, ImplicitStep, Pace
 from warp_cloth.solver.implicit.vertex_pairs import build_pairs
-from warp_cloth.solver.relax import DEFAULT_CAP, TIGHTER, Collider, Relaxation, StepOptions
+from warp_cloth.solver.relax import DEFAULT_CAP, TIGHTER, Relaxation, StepOptions
 
 if TYPE_CHECKING:
     from warp_cloth.contact.cloth import ClothTouch
