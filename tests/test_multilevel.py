@@ -15,8 +15,9 @@ from warp_cloth.fitting.problem import collider_updates, load_problem, start_coa
 from warp_cloth.garment.part import GarmentPart
 from warp_cloth.garment.rest import build_rest_shape
 from warp_cloth.kernels.elements.stiffness import stiffness_types
-from warp_cloth.kernels.implicit.conjugate_gradient import conjugate_types
-from warp_cloth.kernels.implicit.step import hold_function, meets_function, momentum_kernels
+from warp_cloth.kernels.implicit.avatar_constraint import presses_function, stick_or_slip_function
+from warp_cloth.kernels.implicit.momentum import adapt_momentum_kernel
+from warp_cloth.kernels.implicit.system import system_types
 from warp_cloth.material.fabric import Fabric
 from warp_cloth.model.model import ClothModel, build_model
 from warp_cloth.model.result import Status
@@ -24,16 +25,16 @@ from warp_cloth.scene import load_scene
 from warp_cloth.solver.certificate.certifier import Certifier, Tolerance
 from warp_cloth.solver.certificate.strains import edge_strains
 from warp_cloth.solver.implicit.coarse_garments import build_ladder
-from warp_cloth.solver.implicit.multilevel import BOUNDS, LOOK, MultilevelRelaxation
-from warp_cloth.solver.implicit.step import ImplicitOptions, Pace
+from warp_cloth.solver.implicit.multilevel import CHECK_EVERY, PACE_BOUNDS, MultilevelRelaxation
+from warp_cloth.solver.implicit.options import ImplicitOptions, Pace
 from warp_cloth.solver.loop import Outcome, relax_to_rest
-from warp_cloth.solver.reduction import launch_blocks, split
+from warp_cloth.solver.reduction import launch_blocks, split_into_chunks
 from warp_cloth.solver.relax import TIGHTER, StepOptions
 
 MOST_GROWTH = 2.0  # of the iterations where the vertices become 10 times as many; one level needs 3 times as many
 LIMIT = 10_000
 STRAY = 5e-3  # [m], a third of an edge
-STAYS, SLIDES = 2, 1  # as in kernels.implicit.conjugate_gradient
+FIXED, SLIDING = 2, 1  # as in kernels.implicit.system
 FABRIC = Fabric(stretch_warp=2e5, stretch_weft=2e5)
 
 
@@ -122,42 +123,42 @@ def test_any_number_of_iterations_can_be_asked_for(iterations: int) -> None:
 
 
 @pytest.mark.parametrize(
-    ("tangent", "slid", "wanted_hold", "wanted_left", "wanted_drag"),
+    ("tangent", "slid", "wanted_constraint", "wanted_left", "wanted_drag"),
     [
-        (0.3, 0.0, STAYS, 0.0, 0.0),  # within the cone of 0.5 x 1 N, and standing
-        (0.3, 2e-3, SLIDES, 0.3, 250.0),  # sliding: friction resists another 2 mm with all of its 0.5 N
-        (0.8, 2e-3, SLIDES, 0.3, 0.0),  # beyond it: what friction leaves
+        (0.3, 0.0, FIXED, 0.0, 0.0),  # within the cone of 0.5 x 1 N, and standing
+        (0.3, 2e-3, SLIDING, 0.3, 250.0),  # sliding: friction resists another 2 mm with all of its 0.5 N
+        (0.8, 2e-3, SLIDING, 0.3, 0.0),  # beyond it: what friction leaves
     ],
 )
 def test_friction_holds_what_stands_and_slows_what_slides(
-    tangent: float, slid: float, wanted_hold: int, wanted_left: float, wanted_drag: float
+    tangent: float, slid: float, wanted_constraint: int, wanted_left: float, wanted_drag: float
 ) -> None:
-    hold_of = hold_function("float64")
+    stick_or_slip = stick_or_slip_function("float64")
 
     @wp.kernel
-    def ask(force: wp.vec3d, move: wp.vec3d, out: wp.array(dtype=wp.float64)):
-        hold, left, drag = hold_of(force, wp.vec3d(0.0, 1.0, 0.0), wp.float64(0.5), move)
-        out[0] = wp.float64(hold)
+    def ask(force: wp.vec3d, displacement: wp.vec3d, out: wp.array(dtype=wp.float64)):
+        constraint, left, drag = stick_or_slip(force, wp.vec3d(0.0, 1.0, 0.0), wp.float64(0.5), displacement)
+        out[0] = wp.float64(constraint)
         out[1] = left[0]
         out[2] = drag
 
     out = wp.zeros(3, dtype=wp.float64, device="cpu")
     wp.launch(ask, dim=1, inputs=[wp.vec3d(tangent, -1.0, 0.0), wp.vec3d(slid, 1e-5, 0.0), out], device="cpu")
-    assert out.numpy() == pytest.approx([wanted_hold, wanted_left, wanted_drag], abs=1e-12)
+    assert out.numpy() == pytest.approx([wanted_constraint, wanted_left, wanted_drag], abs=1e-12)
 
 
 @pytest.mark.parametrize(
     ("push", "gap", "wanted"), [(1e-3, 2e-5, False), (1e-3, 5e-6, True), (1e-3, -1e-6, True), (-1e-3, -1e-6, False)]
 )
 def test_what_is_balanced_above_the_avatar_is_not_held_by_it(push: float, gap: float, wanted: bool) -> None:
-    meets, vec6 = meets_function("float64"), stiffness_types("float64").vec6
+    presses, vec6 = presses_function("float64"), stiffness_types("float64").vec6
 
     @wp.kernel
     def ask(push: wp.float64, gap: wp.float64, stiffness: wp.float64, out: wp.array(dtype=wp.int32)):
         normal = wp.vec3d(0.0, 1.0, 0.0)
         block = vec6()
         block[1] = stiffness
-        out[0] = int(meets(normal * -push, normal, gap, block))
+        out[0] = int(presses(normal * -push, normal, gap, block))
 
     out = wp.zeros(1, dtype=wp.int32, device="cpu")
     # 100 N/m: a thousandth of a newton moves it by a hundredth of a millimetre
@@ -196,9 +197,10 @@ def test_cloth_on_a_body_goes_on_at_another_pace_once_forces_balance() -> None:
     overrides = ["garment.shape.vertices_per_side=9", "solver.method=multilevel"]
     relaxation = load_problem(load_scene("sphere", overrides), "cpu").relaxation
     relaxation.run(10)  # nothing is overstretched
-    own, calm = ImplicitOptions(), BOUNDS[Pace.CALM]
-    for residual, wanted in ((1.0, own.momentum_met), (0.9 * calm, own.momentum_calm), (2.0 * calm, own.momentum_calm),
-                             (1.1 * TIGHTER * calm, own.momentum_met), (2.0 * calm, own.momentum_met)):  # fmt: skip
+    own, balanced = ImplicitOptions(), PACE_BOUNDS[Pace.BALANCED]
+    falling, calm = own.momentum_on_avatar, own.momentum_balanced
+    for residual, wanted in ((1.0, falling), (0.9 * balanced, calm), (2.0 * balanced, calm),
+                             (1.1 * TIGHTER * balanced, falling), (2.0 * balanced, falling)):  # fmt: skip
         relaxation.loosen(np.array([residual]))
         assert relaxation.step.momentum == pytest.approx(wanted)
 
@@ -208,15 +210,16 @@ def test_cloth_on_a_body_sees_forces_ahead_once_it_hardly_moves() -> None:
     relaxation = load_problem(load_scene("sphere", overrides), "cpu").relaxation
     assert isinstance(relaxation, MultilevelRelaxation)
     relaxation.run(10)
-    calm, still, resting = (BOUNDS[pace] for pace in (Pace.CALM, Pace.STILL, Pace.RESTING))
-    for residual, pace in ((0.9 * calm, Pace.CALM), (0.9 * still, Pace.STILL), (0.9 * TIGHTER * still, Pace.STILL),
-                           (1.1 * TIGHTER * still, Pace.CALM), (1.1 * still, Pace.CALM), (0.9 * resting, Pace.RESTING),
+    balanced, still, resting = (PACE_BOUNDS[pace] for pace in (Pace.BALANCED, Pace.STILL, Pace.RESTING))
+    for residual, pace in ((0.9 * balanced, Pace.BALANCED), (0.9 * still, Pace.STILL),
+                           (0.9 * TIGHTER * still, Pace.STILL), (1.1 * TIGHTER * still, Pace.BALANCED),
+                           (1.1 * still, Pace.BALANCED), (0.9 * resting, Pace.RESTING),
                            (0.9 * TIGHTER * resting, Pace.RESTING), (1.1 * TIGHTER * resting, Pace.STILL)):  # fmt: skip
         relaxation.loosen(np.array([residual]))
-        system = relaxation._implicit._system
+        state = relaxation._implicit.state
         assert relaxation.pace is pace
-        assert (system.share > 0.0) is (pace >= Pace.STILL)
-        assert bool(system.made_heavy) is (pace is Pace.STILL)  # what comes to rest is not made heavy
+        assert (state.step_fraction > 0.0) is (pace >= Pace.STILL)
+        assert bool(state.damps_snapping) is (pace is Pace.STILL)  # not what comes to rest
 
 
 @pytest.mark.parametrize(
@@ -230,12 +233,12 @@ def test_cloth_on_a_body_sees_forces_ahead_once_it_hardly_moves() -> None:
     ],
 )
 def test_momentum_grows_till_steps_do_not_repay_it(kept: float, taken: float, given: float, wanted: float) -> None:
-    system = conjugate_types("float64").System()
-    system.momentum = wp.array([kept], dtype=wp.float64, device="cpu")
+    state = system_types("float64").ImplicitState()
+    state.momentum = wp.array([kept], dtype=wp.float64, device="cpu")
     sums = [wp.array([value], dtype=wp.float64, device="cpu") for value in (taken, given)]
-    inputs = [0.2, 0.9, 0.75, system, split(np.array([0, 1]), 1, "cpu"), *sums]
-    launch_blocks(momentum_kernels("float64").ease_momentum, 1, inputs, "cpu")
-    assert system.momentum.numpy()[0] == pytest.approx(wanted)
+    inputs = [0.2, 0.9, 0.75, split_into_chunks(np.array([0, 1]), 1, "cpu"), *sums, state]
+    launch_blocks(adapt_momentum_kernel("float64"), 1, inputs, "cpu")
+    assert state.momentum.numpy()[0] == pytest.approx(wanted)
 
 
 def test_a_shape_carried_over_settles_vertex_by_vertex_on_a_body() -> None:
@@ -244,12 +247,12 @@ def test_a_shape_carried_over_settles_vertex_by_vertex_on_a_body() -> None:
     made = load_problem(load_scene("sphere", overrides), "cpu")
     assert start_coarse(made)
     carried, stretched = made.model.points(), stretch(made.model)
-    made.relaxation.run(LOOK)
+    made.relaxation.run(CHECK_EVERY)
     way = np.linalg.norm(made.model.points() - carried, axis=1)
     assert stretch(made.model) < 0.2 * stretched
     assert np.sqrt(np.mean(way**2)) < STRAY
     made.relaxation.run(20)  # of implicit steps
-    assert made.relaxation.step.momentum == pytest.approx(ImplicitOptions().momentum_met)
+    assert made.relaxation.step.momentum == pytest.approx(ImplicitOptions().momentum_on_avatar)
 
 
 def test_hanging_cloth_keeps_its_pace() -> None:
@@ -265,10 +268,10 @@ def test_steps_are_captured_from_renewal_to_renewal_and_once_for_every_pace(monk
     launch = relaxation._iterate
     monkeypatch.setattr(relaxation, "_iterate", lambda count: (captured.append(count), launch(count)))
     own = ImplicitOptions()
-    relaxation.run(2 * own.renewal * own.rounds)
+    relaxation.run(2 * own.renewal * own.iterations)
     relaxation.loosen(np.zeros(1))
-    relaxation.run(own.renewal * own.rounds)
-    assert captured == [own.renewal * own.rounds]
+    relaxation.run(own.renewal * own.iterations)
+    assert captured == [own.renewal * own.iterations]
     once = relaxation_of([hanging(9)])
-    once.run(3 * own.renewal * own.rounds)
+    once.run(3 * own.renewal * own.iterations)
     assert (relaxation.model.points() == once.model.points()).all()

@@ -20,7 +20,7 @@ from warp_cloth.material.fabric import Fabric
 from warp_cloth.model.model import build_model
 from warp_cloth.model.result import Status
 from warp_cloth.solver.certificate.certifier import Certifier, Tolerance
-from warp_cloth.solver.implicit.multilevel import relaxation_by
+from warp_cloth.solver.implicit.multilevel import build_relaxation
 from warp_cloth.solver.loop import relax_to_rest
 from warp_cloth.solver.relax import Method, StepOptions
 
@@ -66,7 +66,7 @@ def test_rest_is_where_the_energy_is_least(
     part, start, least = reference(garment, stretch, bending)
     model = build_model([part], device="cpu", precision="mixed")
     model.set_points(start)
-    relaxation = relaxation_by(StepOptions(method=method), model, [Collider()], [part])
+    relaxation = build_relaxation(StepOptions(method=method), model, [Collider()], [part])
     certifier = Certifier(relaxation)
     wp.force_load("cpu", modules=[kernel.module for kernel in relaxation.kernels() + certifier.kernels()])
     outcome = relax_to_rest(relaxation, certifier, CLOSE, LIMIT)

@@ -10,13 +10,15 @@ from cloths import cloth_forces, deformed_model, grid, model_of, slopes, without
 from warp_cloth.garment.part import GarmentPart
 from warp_cloth.garment.rest import build_rest_shape
 from warp_cloth.kernels.elements.stiffness import stiffness_kernels, stiffness_types
-from warp_cloth.kernels.implicit.coarse_levels import level_kernels, level_types
+from warp_cloth.kernels.implicit.coarse_levels import coarsen_anchors_kernel
+from warp_cloth.kernels.implicit.sparse import sparse_types
 from warp_cloth.kernels.passes.step import NoCollider
 from warp_cloth.material.fabric import Fabric
 from warp_cloth.model.model import ClothModel
 from warp_cloth.solver.implicit.coarse_garments import build_ladder
-from warp_cloth.solver.implicit.coarse_levels import build_hierarchy
-from warp_cloth.solver.implicit.step import ImplicitOptions, ImplicitStep
+from warp_cloth.solver.implicit.coarse_levels import build_levels
+from warp_cloth.solver.implicit.options import ImplicitOptions
+from warp_cloth.solver.implicit.step import ImplicitStep
 from warp_cloth.solver.implicit.vertex_pairs import build_pairs
 
 DIFFERENCE = 1e-6
@@ -48,7 +50,7 @@ def matrix_of(model: ClothModel) -> np.ndarray:
     inputs = [model.state, model.edges, table.pairs, 0.0, gradient, side, coupling, pair]
     wp.launch(kernels.couple_pairs, len(table.ends), inputs, device="cpu")
     matrix = np.zeros((model.vertex_count, 3, model.vertex_count, 3))
-    start, other, blocks = table.start.numpy(), table.other.numpy(), coupling.numpy()
+    start, other, blocks = table.start.numpy(), table.neighbour.numpy(), coupling.numpy()
     for vertex in range(model.vertex_count):
         for row in range(start[vertex], start[vertex + 1]):
             matrix[vertex, :, other[row]] -= blocks[row]
@@ -98,32 +100,33 @@ def test_coarse_blocks_are_those_of_the_dense_product() -> None:
     model = model_of(mesh, rest, pins=pins)
     model.set_points(mesh.points * 1.05 + np.random.default_rng(1).normal(scale=1e-3, size=mesh.points.shape))
     table = build_pairs(model)
-    levels = build_hierarchy(model, [build_ladder(part)], table.ends)
+    levels = build_levels(model, [build_ladder(part)], table.ends)
     assert len(levels) == 1
     step = ImplicitStep(model, None, NoCollider, table, levels, ImplicitOptions())
-    step._linearise(True)
+    step.linearisation.launch()
+    step.preconditioner.coarsen_stiffness()
     follow = np.zeros((model.vertex_count, levels[0].count))
-    start, index, weight = (getattr(levels[0].up, name).numpy() for name in ("start", "index", "weight"))
+    start, index, weight = (getattr(levels[0].prolongation, name).numpy() for name in ("start", "column", "value"))
     for vertex in range(model.vertex_count):
         follow[vertex, index[start[vertex] : start[vertex + 1]]] = weight[start[vertex] : start[vertex + 1]]
     fine = matrix_of(model).reshape(model.vertex_count, 3, model.vertex_count, 3)
     dense = np.einsum("ia,iujv,ja->auv", follow, fine, follow, optimize=True)
-    found = step._block[0].numpy()
+    found = step.preconditioner.block[0].numpy()
     expected = np.stack([dense[:, a, b] for a, b in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))], axis=1)
     # weights below coarse_levels.SMALLEST are left out
     assert found == pytest.approx(expected, abs=1e-3 * np.abs(expected).max())
 
 
-@pytest.mark.parametrize(("together", "wanted"), [(False, 1.5), (True, 2.0)])
-def test_cloth_that_is_held_all_around_is_held_in_full_by_what_it_follows(together: bool, wanted: float) -> None:
-    rows = level_types("float64").Rows()
+@pytest.mark.parametrize(("lumped", "wanted"), [(False, 1.5), (True, 2.0)])
+def test_cloth_that_is_anchored_all_around_is_anchored_in_full_on_coarse_levels(lumped: bool, wanted: float) -> None:
+    rows = sparse_types("float64").CsrMatrix()
     rows.start = wp.array([0, 3], dtype=wp.int32, device="cpu")
-    rows.index = wp.array([0, 1, 2], dtype=wp.int32, device="cpu")
-    rows.weight = wp.array([0.5, 1.0, 0.5], dtype=wp.float64, device="cpu")
+    rows.column = wp.array([0, 1, 2], dtype=wp.int32, device="cpu")
+    rows.value = wp.array([0.5, 1.0, 0.5], dtype=wp.float64, device="cpu")
     vec6 = stiffness_types("float64").vec6
-    held, stiffness, found, inverse = (wp.zeros(count, dtype=vec6, device="cpu") for count in (3, 1, 1, 1))
-    held.fill_(vec6(1.0, 1.0, 1.0, 0.0, 0.0, 0.0))  # [N/m]
-    kernel = level_kernels("float64").gather_anchors
-    wp.launch(kernel, dim=1, inputs=[rows, together, held, stiffness, found, inverse], device="cpu")
+    anchor, stiffness, found, inverse = (wp.zeros(count, dtype=vec6, device="cpu") for count in (3, 1, 1, 1))
+    anchor.fill_(vec6(1.0, 1.0, 1.0, 0.0, 0.0, 0.0))  # [N/m]
+    kernel = coarsen_anchors_kernel("float64")
+    wp.launch(kernel, dim=1, inputs=[rows, lumped, anchor, stiffness, found, inverse], device="cpu")
     assert found.numpy()[0] == pytest.approx([wanted] * 3 + [0.0] * 3)
     assert inverse.numpy()[0][:3] == pytest.approx([1.0 / wanted] * 3, rel=1e-5)

@@ -1,7 +1,7 @@
-"""Garments in parts that a thread block works on each, sums over them, and blocks that wait for each other.
+"""Ordered reduction: garments in chunks of one thread block each, sums over them, and a grid barrier for blocks.
 
-Every sum is made in one fixed order, in pairs, these in pairs, and so on, whatever the blocks; on the CPU a block is
-one thread.
+Every sum is added in one fixed order, pairwise, whatever the number of blocks, so that a garment gets the same bits
+alone, in a batch, on a GPU and on the CPU, where a block is one thread.
 """
 
 import functools
@@ -11,19 +11,20 @@ import warp as wp
 from warp_cloth.kernels.base.options import real_size
 from warp_cloth.kernels.base.types import cloth_types
 
-SUMMED = 256  # values that a block sums in pairs, and its threads on a GPU; of more, first those that far apart
+# Threads of a block on a GPU, and values that it sums pairwise; of more values, those REDUCTION_WIDTH apart come first.
+REDUCTION_WIDTH = 256
 
-# One sum for each of ``values``, as often as they are %(many)d.
+# One sum for each of the %(many)d arrays ``values``.
 _BLOCK_SUMS = """
     const wp::float64* values[%(many)d] = {%(values)s};
     wp::float64 sums[%(many)d] = {};
 #if defined(__CUDA_ARCH__)
     __shared__ double of_warp[%(many)d][%(warps)d];
     __syncthreads();
-    for (int i = first + (int)threadIdx.x; i < last; i += %(summed)d)
+    for (int i = first + (int)threadIdx.x; i < last; i += %(width)d)
         for (int k = 0; k < %(many)d; ++k) {
             double value;
-            if (elsewhere)
+            if (from_other_blocks)
                 asm volatile("ld.relaxed.gpu.global.f64 %%0, [%%1];" : "=d"(value) : "l"(values[k] + i) : "memory");
             else
                 value = values[k][i];
@@ -49,11 +50,11 @@ _BLOCK_SUMS = """
     }
 #else
     for (int k = 0; k < %(many)d; ++k) {
-        double left[%(summed)d] = {};
+        double left[%(width)d] = {};
         for (int i = first; i < last; ++i)
-            left[(i - first) %% %(summed)d] += values[k][i];
-        for (int apart = 1; apart < %(summed)d && apart < last - first; apart *= 2)
-            for (int i = 0; i < %(summed)d; i += 2 * apart)
+            left[(i - first) %% %(width)d] += values[k][i];
+        for (int apart = 1; apart < %(width)d && apart < last - first; apart *= 2)
+            for (int i = 0; i < %(width)d; i += 2 * apart)
                 left[i] += left[i + apart];
         sums[k] = left[0];
     }
@@ -62,27 +63,27 @@ _BLOCK_SUMS = """
 """
 _ONE = {"many": 1, "values": "values_0.data", "answer": "sums[0]"}
 _TWO = {"many": 2, "values": "values_0.data, values_1.data", "answer": "{sums[0], sums[1]}"}
-_BLOCK = {"summed": SUMMED, "warps": SUMMED // 32}
+_BLOCK = {"width": REDUCTION_WIDTH, "warps": REDUCTION_WIDTH // 32}
 
-_MEET = """
+_GRID_BARRIER = """
 #if defined(__CUDA_ARCH__)
     __syncthreads();
     if (blocks > 1 && threadIdx.x == 0) {
-        asm volatile("red.release.gpu.global.add.s32 [%0], 1;" :: "l"(came.data) : "memory");
+        asm volatile("red.release.gpu.global.add.s32 [%0], 1;" :: "l"(arrived.data) : "memory");
         int now;
-        do  // which leaves the core's cache to others
-            asm volatile("ld.relaxed.gpu.global.s32 %0, [%1];" : "=r"(now) : "l"(came.data) : "memory");
-        while (now < meetings * blocks);
+        do  // past the core's own cache
+            asm volatile("ld.relaxed.gpu.global.s32 %0, [%1];" : "=r"(now) : "l"(arrived.data) : "memory");
+        while (now < barriers * blocks);
     }
     __syncthreads();
 #endif
 """
 
-_FRESH = """
+_COHERENT_LOAD = """
     wp::vec_t<6, %(real)s> six;
     const %(real)s* source = &array.data[2 * vertex].c[0];
 #if defined(__CUDA_ARCH__)
-    if (elsewhere) {
+    if (from_other_blocks) {
 #pragma unroll
         for (int i = 0; i < 6; i += 2)
             asm volatile("ld.relaxed.gpu.global.v2.%(kind)s {%%0, %%1}, [%%2];"
@@ -94,7 +95,7 @@ _FRESH = """
         six.c[i] = source[i];
     return six;
 """
-_IN_ORDER = """
+_ADD_IN_LANE_ORDER = """
     auto result = sum;
 #if defined(__CUDA_ARCH__)
     const auto* own = reinterpret_cast<const %(real)s*>(&value);
@@ -109,7 +110,7 @@ _IN_ORDER = """
     return result;
 """
 
-_TOGETHER = """
+_WARP_SIZE = """
 #if defined(__CUDA_ARCH__)
     return 32;
 #else
@@ -122,106 +123,114 @@ _DOUBLE = {"real": "wp::float64", "kind": "f64", "letter": "d"}
 
 
 @wp.struct
-class Parts:
-    """V vertices of G garments in P parts, each of one garment."""
+class Chunks:
+    """V vertices of G garments in C chunks, each of a single garment, and scratch memory for their sums."""
 
-    first: wp.array(dtype=wp.int32)  # vertex of each part, shape [P + 1]
-    garment: wp.array(dtype=wp.int32)  # of each part, shape [P]
-    start: wp.array(dtype=wp.int32)  # the first part of each garment, shape [G + 1]
-    dot: wp.array(dtype=wp.float64)  # what is summed, shape [V]
+    first: wp.array(dtype=wp.int32)  # vertex of each chunk, shape [C + 1]
+    garment: wp.array(dtype=wp.int32)  # of each chunk, shape [C]
+    start: wp.array(dtype=wp.int32)  # first chunk of each garment, shape [G + 1]
+    dot: wp.array(dtype=wp.float64)  # what is summed, shape [V]; written by kernels that sum
 
 
 @wp.func_native(_BLOCK_SUMS % (_ONE | _BLOCK))
-def block_sum(values_0: wp.array(dtype=wp.float64), first: int, last: int, elsewhere: bool) -> wp.float64:
-    """Sum of these values; all threads of the block ask. ``elsewhere``: other blocks wrote them in this launch."""
+def block_sum(values_0: wp.array(dtype=wp.float64), first: int, last: int, from_other_blocks: bool) -> wp.float64:
+    """Sum of values first .. last - 1; all threads of the block must call it.
+
+    ``from_other_blocks``: other blocks wrote the values in this launch, so the loads must bypass the core's own cache.
+    """
     ...
 
 
 @wp.func_native(_BLOCK_SUMS % (_TWO | _BLOCK))
 def two_block_sums(
-    values_0: wp.array(dtype=wp.float64), values_1: wp.array(dtype=wp.float64), first: int, last: int, elsewhere: bool
+    values_0: wp.array(dtype=wp.float64),
+    values_1: wp.array(dtype=wp.float64),
+    first: int,
+    last: int,
+    from_other_blocks: bool,
 ) -> wp.vec2d:
-    """As ``block_sum``, of both."""
+    """As ``block_sum``, of two arrays at once."""
     ...
 
 
-@wp.func_native(_MEET)
-def meet_blocks(came: wp.array(dtype=wp.int32), blocks: int, meetings: int):
-    """Until so many blocks have met so many times; all must have room on the GPU at once.
+@wp.func_native(_GRID_BARRIER)
+def grid_barrier(arrived: wp.array(dtype=wp.int32), blocks: int, barriers: int):
+    """Waits until ``blocks`` blocks have arrived ``barriers`` times; all must be resident on the GPU at once.
 
-    What others have written since is to be read as ``fresh`` or ``elsewhere``: a core's own cache may hold what was.
+    ``arrived`` [1] starts at zero. What other blocks wrote before the barrier must be read by ``coherent_load`` or with
+    ``from_other_blocks``: the core's own cache may still hold older values.
     """
     ...
 
 
 @wp.func
-def totals(
-    parts: Parts,
-    sums: wp.array(dtype=wp.float64),
-    others: wp.array(dtype=wp.float64),
+def garment_sums(
+    chunks: Chunks,
+    sums_0: wp.array(dtype=wp.float64),
+    sums_1: wp.array(dtype=wp.float64),
     garment: int,
-    elsewhere: bool,
+    from_other_blocks: bool,
 ):
-    """Both sums of a garment's parts' sums; all threads of the block ask."""
-    return two_block_sums(sums, others, parts.start[garment], parts.start[garment + 1], elsewhere)
+    """Two sums over a garment, from the sums over its chunks; all threads of the block must call it."""
+    return two_block_sums(sums_0, sums_1, chunks.start[garment], chunks.start[garment + 1], from_other_blocks)
 
 
 @wp.func
-def sum_part(parts: Parts, part: int, lane: int, sum_out: wp.array(dtype=wp.float64)):
-    """Sums what the block has left in ``dot`` of a part; all its threads ask."""
-    sum = block_sum(parts.dot, parts.first[part], parts.first[part + 1], False)
+def sum_chunk(chunks: Chunks, chunk: int, lane: int, sum_out: wp.array(dtype=wp.float64)):
+    """Sums what the block has left in a chunk's ``dot``; all its threads must call it."""
+    sum = block_sum(chunks.dot, chunks.first[chunk], chunks.first[chunk + 1], False)
     if lane == 0:
-        sum_out[part] = sum
+        sum_out[chunk] = sum
 
 
 @wp.func
-def ratio(
-    parts: Parts,
-    above: wp.array(dtype=wp.float64),
-    below: wp.array(dtype=wp.float64),
+def garment_ratio(
+    chunks: Chunks,
+    numerator: wp.array(dtype=wp.float64),
+    denominator: wp.array(dtype=wp.float64),
     garment: int,
-    elsewhere: bool,
+    from_other_blocks: bool,
 ):
-    """Of a garment's two totals, or nothing where the second is not above zero."""
-    both = totals(parts, above, below, garment, elsewhere)
+    """Ratio of two sums over a garment, or 0 where the second is not above zero."""
+    both = garment_sums(chunks, numerator, denominator, garment, from_other_blocks)
     result = wp.float64(0.0)
     if both[1] > wp.float64(0.0):
         result = both[0] / both[1]
     return result
 
 
-def _words(precision: str) -> dict[str, str]:
-    """How a number is called in C++ and by a GPU."""
+def _names(precision: str) -> dict[str, str]:
+    """Names of the real type in C++ and in PTX."""
     return _DOUBLE if real_size(precision) == 8 else _SINGLE
 
 
 @functools.cache
-def fresh_function(precision: str) -> wp.Function:
-    """The function ``fresh``: both vectors of a vertex, which another block may have written in this launch."""
+def coherent_load_function(precision: str) -> wp.Function:
+    """The function ``coherent_load``, which reads both vectors of a vertex past the core's own cache."""
     vec3, vec6 = cloth_types(precision).vec3, cloth_types(precision).vec6
 
-    @wp.func_native(_FRESH % _words(precision))
-    def fresh(array: wp.array(dtype=vec3), vertex: int, elsewhere: bool) -> vec6:
-        """The vectors 2 vertex and 2 vertex + 1; ``elsewhere``: another block may have written them in this launch."""
+    @wp.func_native(_COHERENT_LOAD % _names(precision))
+    def coherent_load(array: wp.array(dtype=vec3), vertex: int, from_other_blocks: bool) -> vec6:
+        """The vectors 2 vertex and 2 vertex + 1; ``from_other_blocks``: one may have written them in this launch."""
         ...
 
-    return fresh
+    return coherent_load
 
 
-@wp.func_native(_TOGETHER)
-def lanes_together() -> int:
-    """How many threads go together: so many work on a row, and add in its order."""
+@wp.func_native(_WARP_SIZE)
+def warp_size() -> int:
+    """Threads that run together (a GPU's warp), 1 on the CPU: so many share a row, and add in its order."""
     ...
 
 
 @functools.cache
-def order_function(precision: str, kind: type) -> wp.Function:
-    """The function ``add_in_order``, of vectors or matrices of this type."""
-    how = {**_words(precision), "length": wp.types.type_size(kind)}
+def add_in_lane_order_function(precision: str, dtype: type) -> wp.Function:
+    """The function ``add_in_lane_order``, of vectors or matrices of a type."""
+    names = {**_names(precision), "length": wp.types.type_size(dtype)}
 
-    @wp.func_native(_IN_ORDER % how)
-    def add_in_order(sum: kind, value: kind, count: int) -> kind:
-        """sum and the values of the first so many threads that go together, added one after another."""
+    @wp.func_native(_ADD_IN_LANE_ORDER % names)
+    def add_in_lane_order(sum: dtype, value: dtype, count: int) -> dtype:
+        """Adds to ``sum`` the values of the warp's first ``count`` threads, one after another."""
         ...
 
-    return add_in_order
+    return add_in_lane_order

@@ -1,7 +1,9 @@
-"""Coarser levels of a garment's stiffness: a residual is gathered to them, a correction gathered back.
+"""Additive multilevel preconditioner: Galerkin coarse levels of a garment's stiffness, restriction and prolongation.
 
-A fine vertex follows coarse ones, x_i = sum_I P_iI x_I. Of sums over pairs of S_ij (d_i - d_j)^2 the coarse ones are
-S_IJ = -sum_ij (P_iI - P_jI) (P_iJ - P_jJ) S_ij, exactly. What stays where it is (pins) is one more coarse vertex.
+With the prolongation P a fine vertex follows coarse ones, x_i = sum_I P_iI x_I. Coarse stiffness is Galerkin's,
+P^T A P: of sums over pairs of S_ij (d_i - d_j)^2 that is S_IJ = -sum_ij (P_iI - P_jI) (P_iJ - P_jJ) S_ij, a sum over
+pairs again. What does not move (pins) is one more coarse vertex. The correction is B r = sum_l P_l D_l^-1 P_l^T r over
+the levels, D_l the 3 x 3 blocks on the diagonal (Bramble, Pasciak and Xu, "Parallel multilevel preconditioners", 1990).
 """
 
 import functools
@@ -10,174 +12,163 @@ from types import SimpleNamespace
 import warp as wp
 
 from warp_cloth.kernels.base.block import block_threads, lane_of, wait_for_block
-from warp_cloth.kernels.base.reduction import lanes_together, order_function
+from warp_cloth.kernels.base.reduction import add_in_lane_order_function, warp_size
 from warp_cloth.kernels.base.types import MODULE_OPTIONS, cloth_types
 from warp_cloth.kernels.elements.stiffness import stiffness_types, symmetric_functions
+from warp_cloth.kernels.implicit.sparse import add_row_function, row_product_function, sparse_types
 
-COARSEST = 1024  # threads of the block that works on the coarsest levels, on a GPU
-
-
-@functools.cache
-def level_types(precision: str) -> SimpleNamespace:
-    """Struct ``Rows``."""
-    real = cloth_types(precision).real
-
-    @wp.struct
-    class Rows:
-        """A sparse matrix by rows."""
-
-        start: wp.array(dtype=wp.int32)  # shape [rows + 1]
-        index: wp.array(dtype=wp.int32)  # column
-        weight: wp.array(dtype=real)
-
-    return SimpleNamespace(Rows=Rows)
+COARSEST_THREADS = 1024  # of the one block that works on the coarsest levels, on a GPU
 
 
 @functools.cache
-def row_function(precision: str) -> wp.Function:
-    """The function that adds a row of a sparse matrix times displacements [m], or forces [N], to a sum."""
-    vec3, Rows = cloth_types(precision).vec3, level_types(precision).Rows
-
-    @wp.func
-    def add_row(sum: vec3, rows: Rows, row: int, x: wp.array(dtype=vec3)):
-        """sum + sum_j P_ij x_j, added in the order of the row; by fours, which are asked for at once."""
-        start, last = rows.start[row], rows.start[row + 1]
-        for entry in range(start, last - 3, 4):
-            for i in range(4):
-                sum += x[rows.index[entry + i]] * rows.weight[entry + i]
-        for entry in range(start + (last - start) // 4 * 4, last):
-            sum += x[rows.index[entry]] * rows.weight[entry]
-        return sum
-
-    return add_row
-
-
-@functools.cache
-def level_kernels(precision: str) -> SimpleNamespace:
-    """Kernels ``gather_blocks``, ``gather_anchors``, ``restrict_residual``, ``correct_level``, ``correct_coarsest``."""
-    vec3 = cloth_types(precision).vec3
-    vec6, Rows = stiffness_types(precision).vec6, level_types(precision).Rows
-    symmetric = symmetric_functions(precision)
-    inverse, times = symmetric.inverse, symmetric.times
-    add_row, add_forces = row_function(precision), order_function(precision, vec3)
-    add_blocks = order_function(precision, vec6)
+def coarsen_stiffness_kernel(precision: str) -> wp.Kernel:
+    """Kernel ``coarsen_stiffness``."""
+    vec6, CsrMatrix = stiffness_types(precision).vec6, sparse_types(precision).CsrMatrix
+    row_product = row_product_function(precision, vec6)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
-    def gather_blocks(
-        rows: Rows,
-        fine: wp.array(dtype=vec6),
-        coarse_out: wp.array(dtype=vec6),
+    def coarsen_stiffness(
+        rows: CsrMatrix,  # to coarse pairs, or coarse vertices, from finer pairs
+        fine: wp.array(dtype=vec6),  # symmetric blocks of the finer pairs [N/m]
+        coarse_out: wp.array(dtype=vec6),  # [N/m]
     ):
-        """Sums weighted symmetric blocks [N/m]: pairs to coarse pairs, or to the coarse vertices."""
-        row, lane = wp.tid() // lanes_together(), wp.tid() % lanes_together()
-        sum = vec6()
-        last = rows.start[row + 1]
-        for first in range(rows.start[row], last, lanes_together()):
-            part = vec6()
-            if first + lane < last:
-                part = fine[rows.index[first + lane]] * rows.weight[first + lane]
-            sum = add_blocks(sum, part, wp.min(last - first, lanes_together()))
+        """Weighted sums of symmetric blocks: the Galerkin stiffness of coarse pairs, or of coarse vertices."""
+        row, lane = wp.tid() // warp_size(), wp.tid() % warp_size()
+        sum = row_product(rows, fine, row, lane)
         if lane == 0:
             coarse_out[row] = sum
 
+    return coarsen_stiffness
+
+
+@functools.cache
+def coarsen_anchors_kernel(precision: str) -> wp.Kernel:
+    """Kernel ``coarsen_anchors``."""
+    vec6, CsrMatrix = stiffness_types(precision).vec6, sparse_types(precision).CsrMatrix
+    inverse = symmetric_functions(precision).inverse
+    add_in_lane_order = add_in_lane_order_function(precision, vec6)
+
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
-    def gather_anchors(
-        down: Rows,  # of the coarse vertices, from the finer ones
-        together: bool,  # whether what the finer ones follow is anchored all around, as cloth on an avatar
+    def coarsen_anchors(
+        restriction: CsrMatrix,  # to the coarse vertices from the finer ones
+        lumped: bool,  # whether anchors count by P, not P^2
         anchor: wp.array(dtype=vec6),  # stiffness of the finer vertices against the world [N/m]
         stiffness: wp.array(dtype=vec6),  # of the coarse vertices against each other [N/m]
-        anchor_out: wp.array(dtype=vec6),
-        inverse_out: wp.array(dtype=vec6),  # of both together [m/N]
+        anchor_out: wp.array(dtype=vec6),  # of the coarse vertices against the world [N/m]
+        inverse_out: wp.array(dtype=vec6),  # of stiffness and anchor together [m/N]
     ):
-        """Anchors of the coarse vertices, P^2 times those of the finer ones, and what their blocks divide by.
+        """Anchors of the coarse vertices, sum_i P_iI^2 a_i, and the inverse blocks of the preconditioner.
 
-        Anchors are kept for each vertex alone. Of a whole stretch of anchored vertices that leaves out what a coarse
-        displacement does to two finer ones at once: a share of all from level to level, and held cloth looks soft on
-        the coarsest. Where they are anchored ``together`` they count in full, P times.
+        Anchors are stored per vertex only. P^2 leaves out what one coarse displacement does to two anchored vertices
+        at once: a fraction of all from level to level, and cloth in contact would look soft on the coarsest. Where the
+        finer vertices are anchored all around, as cloth on an avatar, anchors are lumped, sum_i |P_iI| a_i.
         """
-        vertex, lane = wp.tid() // lanes_together(), wp.tid() % lanes_together()
+        vertex, lane = wp.tid() // warp_size(), wp.tid() % warp_size()
         sum = vec6()
-        last = down.start[vertex + 1]
-        for first in range(down.start[vertex], last, lanes_together()):
-            part = vec6()
+        last = restriction.start[vertex + 1]
+        for first in range(restriction.start[vertex], last, warp_size()):
+            term = vec6()
             if first + lane < last:
-                weight = down.weight[first + lane]
-                share = wp.where(together, wp.abs(weight), weight * weight)
-                part = anchor[down.index[first + lane]] * share
-            sum = add_blocks(sum, part, wp.min(last - first, lanes_together()))
+                weight = restriction.value[first + lane]
+                factor = wp.where(lumped, wp.abs(weight), weight * weight)
+                term = anchor[restriction.column[first + lane]] * factor
+            sum = add_in_lane_order(sum, term, wp.min(last - first, warp_size()))
         if lane == 0:
             anchor_out[vertex] = sum
             inverse_out[vertex] = inverse(stiffness[vertex] + sum)
 
-    @wp.func
-    def restrict(down: Rows, residual: wp.array(dtype=vec3), vertex: int, lane: int):
-        """Force left on a coarse vertex [N]; all threads that go together ask."""
-        sum = vec3()
-        last = down.start[vertex + 1]
-        for first in range(down.start[vertex], last, lanes_together()):
-            part = vec3()
-            if first + lane < last:
-                part = residual[down.index[first + lane]] * down.weight[first + lane]
-            sum = add_forces(sum, part, wp.min(last - first, lanes_together()))
-        return sum
+    return coarsen_anchors
+
+
+@functools.cache
+def restrict_residual_kernel(precision: str) -> wp.Kernel:
+    """Kernel ``restrict_residual``."""
+    vec3, CsrMatrix = cloth_types(precision).vec3, sparse_types(precision).CsrMatrix
+    row_product = row_product_function(precision, vec3)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def restrict_residual(
-        down: Rows,
+        restriction: CsrMatrix,
         residual: wp.array(dtype=vec3),  # of the finer vertices [N]
-        residual_out: wp.array(dtype=vec3),
+        residual_out: wp.array(dtype=vec3),  # of the coarse ones [N]
     ):
-        """Forces left on the coarse vertices."""
-        vertex, lane = wp.tid() // lanes_together(), wp.tid() % lanes_together()
-        restricted = restrict(down, residual, vertex, lane)
+        """r_coarse = P^T r."""
+        vertex, lane = wp.tid() // warp_size(), wp.tid() % warp_size()
+        restricted = row_product(restriction, residual, vertex, lane)
         if lane == 0:
             residual_out[vertex] = restricted
 
+    return restrict_residual
+
+
+@functools.cache
+def prolong_correction_kernel(precision: str) -> wp.Kernel:
+    """Kernel ``prolong_correction``."""
+    vec3, vec6 = cloth_types(precision).vec3, stiffness_types(precision).vec6
+    CsrMatrix, times = sparse_types(precision).CsrMatrix, symmetric_functions(precision).times
+    add_row = add_row_function(precision)
+
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
-    def correct_level(
-        up: Rows,  # of these vertices, from the coarser ones
-        divisor: wp.array(dtype=vec6),  # inverse blocks [m/N]
+    def prolong_correction(
+        prolongation: CsrMatrix,  # to these vertices from the coarser ones
+        inverse: wp.array(dtype=vec6),  # of these vertices' blocks [m/N]
         residual: wp.array(dtype=vec3),  # [N]
-        coarser: wp.array(dtype=vec3),  # displacements of the coarser vertices [m]; None on the coarsest level
+        coarser: wp.array(dtype=vec3),  # correction of the coarser vertices [m]; None on the coarsest level
         correction_out: wp.array(dtype=vec3),  # [m]
     ):
-        """Displacements: each vertex's own block, and what it follows."""
+        """Correction of a level: D^-1 r + P times the coarser level's."""
         vertex = wp.tid()
-        sum = times(divisor[vertex], residual[vertex])
+        sum = times(inverse[vertex], residual[vertex])
         if coarser:
-            sum = add_row(sum, up, vertex, coarser)
+            sum = add_row(sum, prolongation, vertex, coarser)
         correction_out[vertex] = sum
 
-    @wp.kernel(module="unique", module_options=MODULE_OPTIONS, launch_bounds=COARSEST)
-    def correct_coarsest(
-        level: wp.array(dtype=wp.int32),  # first vertex of each level, shape [levels + 1]
-        down: Rows,  # from the level before; of the first of these levels empty
-        up: Rows,  # from the level after
-        divisor: wp.array(dtype=vec6),
-        residual: wp.array(dtype=vec3),  # given on the first of these levels [N]
+    return prolong_correction
+
+
+@functools.cache
+def correct_coarsest_levels_kernel(precision: str) -> wp.Kernel:
+    """Kernel ``correct_coarsest_levels``."""
+    vec3, vec6 = cloth_types(precision).vec3, stiffness_types(precision).vec6
+    CsrMatrix, times = sparse_types(precision).CsrMatrix, symmetric_functions(precision).times
+    add_row, row_product = add_row_function(precision), row_product_function(precision, vec3)
+
+    @wp.kernel(module="unique", module_options=MODULE_OPTIONS, launch_bounds=COARSEST_THREADS)
+    def correct_coarsest_levels(
+        first: wp.array(dtype=wp.int32),  # vertex of each level, and the vertex count, shape [levels + 1]
+        restriction: CsrMatrix,  # from the level before; empty for the first of these levels
+        prolongation: CsrMatrix,  # from the level after
+        inverse: wp.array(dtype=vec6),  # of the vertices' blocks [m/N]
+        residual_out: wp.array(dtype=vec3),  # [N]; an input on the first of these levels
         correction_out: wp.array(dtype=vec3),  # [m]
     ):
-        """As ``restrict_residual`` to the last of these levels, then as ``correct_level`` on all, by a single block."""
+        """As ``restrict_residual`` down to the coarsest level and ``prolong_correction`` back, by a single block."""
         thread = wp.tid()
         lane, lanes = lane_of(thread), block_threads()
-        last = level.shape[0] - 2
-        for number in range(1, last + 1):
-            row, rows = lane // lanes_together(), lanes // lanes_together()
-            for vertex in range(level[number] + row, level[number + 1], rows):
-                restricted = restrict(down, residual, vertex, lane % lanes_together())
-                if lane % lanes_together() == 0:
-                    residual[vertex] = restricted
+        coarsest = first.shape[0] - 2
+        for level in range(1, coarsest + 1):
+            row, rows = lane // warp_size(), lanes // warp_size()
+            for vertex in range(first[level] + row, first[level + 1], rows):
+                restricted = row_product(restriction, residual_out, vertex, lane % warp_size())
+                if lane % warp_size() == 0:
+                    residual_out[vertex] = restricted
             wait_for_block()
-        for number in range(last + 1):
-            for vertex in range(level[last - number] + lane, level[last - number + 1], lanes):
-                own = times(divisor[vertex], residual[vertex])
-                correction_out[vertex] = add_row(own, up, vertex, correction_out)
+        for level in range(coarsest + 1):
+            for vertex in range(first[coarsest - level] + lane, first[coarsest - level + 1], lanes):
+                own = times(inverse[vertex], residual_out[vertex])
+                correction_out[vertex] = add_row(own, prolongation, vertex, correction_out)
             wait_for_block()
 
+    return correct_coarsest_levels
+
+
+@functools.cache
+def coarse_level_kernels(precision: str) -> SimpleNamespace:
+    """All kernels of the coarse levels."""
     return SimpleNamespace(
-        gather_blocks=gather_blocks,
-        gather_anchors=gather_anchors,
-        restrict_residual=restrict_residual,
-        correct_level=correct_level,
-        correct_coarsest=correct_coarsest,
+        coarsen_stiffness=coarsen_stiffness_kernel(precision),
+        coarsen_anchors=coarsen_anchors_kernel(precision),
+        restrict_residual=restrict_residual_kernel(precision),
+        prolong_correction=prolong_correction_kernel(precision),
+        correct_coarsest_levels=correct_coarsest_levels_kernel(precision),
     )

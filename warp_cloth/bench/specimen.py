@@ -19,7 +19,7 @@ from warp_cloth.kernels.base.types import cloth_types
 from warp_cloth.model.model import build_model
 from warp_cloth.solver.certificate.certifier import Certifier, Check, Tolerance
 from warp_cloth.solver.forces import ForcePass
-from warp_cloth.solver.implicit.multilevel import MultilevelRelaxation, relaxation_by
+from warp_cloth.solver.implicit.multilevel import MultilevelRelaxation, build_relaxation
 from warp_cloth.solver.loop import Goal, relax_items
 from warp_cloth.solver.relax import StepOptions
 
@@ -62,7 +62,7 @@ class Specimen:
         self.clamped = clamped
         self.count = count
         self.model = build_model([part] * count, device=device, precision="mixed", garments=[1] * count)
-        self._relaxation = relaxation_by(options or StepOptions(), self.model, [Collider()] * count, [part] * count)
+        self._relaxation = build_relaxation(options or StepOptions(), self.model, [Collider()] * count, [part] * count)
         if weightless:
             self._relaxation.step.gravity = cloth_types("mixed").vec3(0.0, 0.0, 0.0)
         self._certifier: Certifier | None = None

@@ -30,7 +30,7 @@ from warp_cloth.scene import Scene
 from warp_cloth.solver.certificate.certifier import Certifier, Tolerance
 from warp_cloth.solver.certificate.rest_error import GROWING
 from warp_cloth.solver.contact_schedule import Course
-from warp_cloth.solver.implicit.multilevel import MultilevelRelaxation, relaxation_by
+from warp_cloth.solver.implicit.multilevel import MultilevelRelaxation, build_relaxation
 from warp_cloth.solver.loop import Boxes, Follow
 from warp_cloth.solver.parallel_domains import thread_count
 from warp_cloth.solver.relax import Relaxation, StepOptions
@@ -157,7 +157,7 @@ def build_problem(
     options = options or StepOptions(method=first.solver.method, threads=threads)
     touch = cloth_touch(first, outfits[0], model, device) if first.collision.cloth else None
     parts = [part for each in outfits for part in each.parts]
-    relaxation = relaxation_by(options, model, colliders, parts, touch, [scene.solver.cap for scene in scenes])
+    relaxation = build_relaxation(options, model, colliders, parts, touch, [scene.solver.cap for scene in scenes])
     certifier = Certifier(relaxation)
     course = cloth_course(outfits[0], relaxation, touch) if touch is not None else None
     wp.synchronize_device(device)

@@ -1,4 +1,4 @@
-"""Garments in parts that a thread block works on each (kernels.base.reduction)."""
+"""Ordered reduction: garments in chunks, a thread block each (kernels.base.reduction); launches by block and warp."""
 
 from __future__ import annotations
 
@@ -8,36 +8,38 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from warp_cloth.kernels.base.reduction import SUMMED, Parts
+from warp_cloth.kernels.base.reduction import REDUCTION_WIDTH, Chunks
 
-TOGETHER = 32  # threads, on a GPU
-MOST = 1_024  # parts of a garment: every block that asks for a garment's sum adds them up
+WARP = 32  # threads that run together, on a GPU
+MOST_CHUNKS = 1_024  # of a garment: every block that needs a garment's sum adds them all
 
 
-def split(starts: NDArray[np.integer[Any]], most: int, device: str) -> Any:
-    """Parts of at most so many vertices, more in a garment of very many.
+def split_into_chunks(starts: NDArray[np.integer[Any]], size: int, device: str) -> Any:
+    """Chunks of at most ``size`` vertices, of more where a garment would have over MOST_CHUNKS.
 
-    ``starts`` [G + 1] is the first vertex of each garment: what its parts are hangs on its own size alone.
+    ``starts`` [G + 1] is the first vertex of each garment: a garment's chunks depend on its own size alone.
     """
-    sizes = np.diff(starts)
-    longest = most * np.maximum(1, -(-sizes // (most * MOST)))
-    first = [np.arange(starts[i], starts[i + 1], longest[i]) for i in range(len(sizes))]
-    counts = [len(one) for one in first]
-    parts = Parts()
-    parts.first = wp.array(np.concatenate([*first, starts[-1:]]), dtype=wp.int32, device=device)
-    parts.garment = wp.array(np.repeat(np.arange(len(sizes)), counts), dtype=wp.int32, device=device)
-    parts.start = wp.array(np.cumsum([0, *counts]), dtype=wp.int32, device=device)
-    parts.dot = wp.zeros(int(starts[-1]), dtype=wp.float64, device=device)
-    return parts
+    counts = np.diff(starts)
+    sizes = size * np.maximum(1, -(-counts // (size * MOST_CHUNKS)))
+    first = [np.arange(starts[i], starts[i + 1], sizes[i]) for i in range(len(counts))]
+    numbers = [len(one) for one in first]
+    chunks = Chunks()
+    chunks.first = wp.array(np.concatenate([*first, starts[-1:]]), dtype=wp.int32, device=device)
+    chunks.garment = wp.array(np.repeat(np.arange(len(counts)), numbers), dtype=wp.int32, device=device)
+    chunks.start = wp.array(np.cumsum([0, *numbers]), dtype=wp.int32, device=device)
+    chunks.dot = wp.zeros(int(starts[-1]), dtype=wp.float64, device=device)
+    return chunks
 
 
-def launch_blocks(kernel: wp.Kernel, blocks: int, inputs: list[Any], device: str, of: int = SUMMED) -> None:
-    """Launches a kernel of so many blocks, each of so many threads on a GPU."""
-    threads = of if wp.get_device(device).is_cuda else 1
-    wp.launch(kernel, dim=blocks * threads, inputs=inputs, device=device, block_dim=threads)
+def launch_blocks(
+    kernel: wp.Kernel, blocks: int, inputs: list[Any], device: str, threads: int = REDUCTION_WIDTH
+) -> None:
+    """Launches a kernel by thread blocks of so many threads each on a GPU, of one on the CPU."""
+    size = threads if wp.get_device(device).is_cuda else 1
+    wp.launch(kernel, dim=blocks * size, inputs=inputs, device=device, block_dim=size)
 
 
 def launch_rows(kernel: wp.Kernel, rows: int, inputs: list[Any], device: str) -> None:
-    """Launches a kernel whose threads go together, on a GPU, to work on so many rows."""
-    together = TOGETHER if wp.get_device(device).is_cuda else 1
-    wp.launch(kernel, dim=rows * together, inputs=inputs, device=device, block_dim=4 * together)
+    """Launches a kernel with a warp for every row on a GPU, with a thread on the CPU."""
+    lanes = WARP if wp.get_device(device).is_cuda else 1
+    wp.launch(kernel, dim=rows * lanes, inputs=inputs, device=device, block_dim=4 * lanes)

@@ -1,4 +1,4 @@
-"""The multilevel method: a garment's overstretched seams are closed vertex by vertex, all else by implicit steps."""
+"""The multilevel method: per-vertex steps close overstretched seams, implicit steps do all else."""
 
 from __future__ import annotations
 
@@ -17,8 +17,9 @@ from warp_cloth.kernels.certificate.residual import energy_kernels
 from warp_cloth.model.model import ClothModel
 from warp_cloth.solver.certificate.strains import edge_strains
 from warp_cloth.solver.implicit.coarse_garments import Ladder, build_ladder
-from warp_cloth.solver.implicit.coarse_levels import build_hierarchy
-from warp_cloth.solver.implicit.step import ImplicitOptions, ImplicitStep, Pace
+from warp_cloth.solver.implicit.coarse_levels import build_levels
+from warp_cloth.solver.implicit.options import ImplicitOptions, Pace
+from warp_cloth.solver.implicit.step import ImplicitStep
 from warp_cloth.solver.implicit.vertex_pairs import build_pairs
 from warp_cloth.solver.relax import DEFAULT_CAP, TIGHTER, Relaxation, StepOptions
 
@@ -27,25 +28,25 @@ if TYPE_CHECKING:
 
 # Forces grow with the square of the strain: what starts 48 times too long tears at its neighbours far beyond where
 # they may be linearised. Per-vertex steps with their bound of the stiffness close a seam in some hundred iterations.
-DRAWN = 0.05  # rms strain of the edges from which on steps are implicit
-LEAST_GAIN = 0.05  # or where so many iterations bring it down by no more than this share: tight cloth stays stretched
-LOOK = 100  # iterations
-MOST_LOOKS = 10
-# Of a finer garment's first LOOK iterations on an avatar, vertex by vertex, too: a shape carried over is overstretched
-# by some percent along its folds, and solved for all vertices at once, that throws them about by centimetres. So it is
-# gone after a quarter of a millimetre (66,000 vertices, 200 kN/m).
+CLOSED = 0.05  # rms strain of the stretched edges up to which steps are implicit
+LEAST_GAIN = 0.05  # or where CHECK_EVERY iterations reduce it by a smaller fraction: tight cloth stays stretched
+CHECK_EVERY = 100  # iterations
+MOST_CHECKS = 10
+# A finer garment's first CHECK_EVERY iterations on an avatar are per-vertex, too: a shape prolonged from a coarse one
+# is overstretched by some percent along its folds, and an implicit step would throw it about by centimetres. So it
+# settles within a quarter of a millimetre (66,000 vertices, 200 kN/m).
 SETTLING_MOMENTUM = 0.9
-# Iterations after which the level that turns is renewed: what the avatar holds of the cloth changes from step to step.
-TURNED = 40
+# Iterations after which the level with rigid modes is assembled again: contact changes its stiffness from step to step.
+RIGID_RENEWAL = 40
 # Relative residuals below which the forces of cloth on an avatar have balanced, below which it hardly moves any more,
-# and below which it comes to rest; above TIGHTER times these it is not so any longer.
-BOUNDS = {Pace.CALM: 0.02, Pace.STILL: 0.002, Pace.RESTING: 0.0005}
+# and below which it comes to rest. Above TIGHTER times its bound a pace ends.
+PACE_BOUNDS = {Pace.BALANCED: 0.02, Pace.STILL: 0.002, Pace.RESTING: 0.0005}
 
 
 class MultilevelRelaxation(Relaxation):
     """Runs a model's iterations: per-vertex ones first where edges are overstretched, then implicit steps.
 
-    An iteration is one pass over all vertices: of an implicit step's solution, a round.
+    An iteration is one pass over all vertices: in an implicit step, an iteration of conjugate gradients.
     """
 
     def __init__(
@@ -60,14 +61,14 @@ class MultilevelRelaxation(Relaxation):
         self.ladders = tuple(ladders)
         self.collider = collider  # that the garments start with
         self._implicit: ImplicitStep | None = None
-        super().__init__(model, collider, replace(vertex_by_vertex(options), threads=1))
+        super().__init__(model, collider, replace(per_vertex_options(options), threads=1))
         table = build_pairs(model)
-        levels = build_hierarchy(model, ladders, table.ends)
+        levels = build_levels(model, ladders, table.ends)
         self._implicit = ImplicitStep(model, self.contact, self.collider_type, table, levels, self.implicit_options)
-        self._drawing, self.pace = True, Pace.FALLING
-        self._looks, self._strain, self._since = 0, math.inf, 0
+        self._per_vertex, self.pace = True, Pace.FALLING
+        self._checks, self._strain, self._since_check = 0, math.inf, 0
         self._settles = False
-        self._turned = 0  # iterations since the level that turns was last renewed
+        self._since_renewal = 0  # iterations since the level with rigid modes was assembled
 
     def kernels(self) -> list[wp.Kernel]:
         """The kernels that iterations launch."""
@@ -75,8 +76,8 @@ class MultilevelRelaxation(Relaxation):
         return [*super().kernels(), *own, energy_kernels(self.model.precision).measure_tension]
 
     def _iterate(self, count: int) -> None:
-        """Launches iterations, of implicit steps whole ones."""
-        if self._drawing or self._implicit is None:
+        """Launches iterations; if steps are implicit, whole ones."""
+        if self._per_vertex or self._implicit is None:
             super()._iterate(count)
             return
         for number in range(self._steps(count)):
@@ -84,26 +85,26 @@ class MultilevelRelaxation(Relaxation):
             self._implicit.launch(self.step, self.collider_data, renew)
 
     def _steps(self, iterations: int) -> int:
-        """How many implicit steps that is."""
-        return max(1, iterations // self._implicit.rounds) if self._implicit is not None else 0
+        """Number of implicit steps in so many iterations, at least one."""
+        return max(1, iterations // self._implicit.iterations) if self._implicit is not None else 0
 
     @property
     def stays_packed(self) -> bool:
-        """Whether the cloth stays as patches own it; implicit steps move it where the model has it."""
-        return super().stays_packed and (self._implicit is None or self._drawing)
+        """Whether the cloth stays in the patches' order; implicit steps move it in the model's."""
+        return super().stays_packed and (self._implicit is None or self._per_vertex)
 
     def run(self, iterations: int, *, shown: bool = True) -> None:
-        """Runs a chunk of iterations as captured graphs; looks from time to time whether seams are closed yet.
+        """Runs a chunk of iterations as captured graphs; checks every CHECK_EVERY whether seams have closed.
 
-        Implicit steps run as graphs from one renewal of the coarser levels to the next, each pace's captured once.
-        The model always knows where the cloth is then.
+        Implicit steps run as graphs from one renewal of the coarse levels to the next, captured once for each pace.
+        The model's own positions are up to date then.
         """
-        if self._drawing:
-            self._look()
-        elif self._implicit is not None and self._turned >= TURNED and self._implicit.renew_turns():
-            self._turned = 0
-        self._since, self._turned = self._since + iterations, self._turned + iterations
-        if self._drawing or self._implicit is None:
+        if self._per_vertex:
+            self._check_seams()
+        elif self._implicit is not None and self._since_renewal >= RIGID_RENEWAL and self._implicit.renew_rigid_level():
+            self._since_renewal = 0
+        self._since_check, self._since_renewal = self._since_check + iterations, self._since_renewal + iterations
+        if self._per_vertex or self._implicit is None:
             super().run(iterations)
             return
         most, steps = self.implicit_options.renewal, self._steps(iterations)
@@ -112,34 +113,34 @@ class MultilevelRelaxation(Relaxation):
         self._done += iterations
 
     def _captured_steps(self, count: int) -> Any:
-        """The graph of so many implicit steps at this pace, the first of which renews the coarser levels."""
-        which = self.pace, count
-        if self._implicit is not None and which not in self._step_graphs:
+        """The graph of so many implicit steps at this pace, the first of which renews the coarse levels."""
+        key = self.pace, count
+        if self._implicit is not None and key not in self._step_graphs:
             with wp.ScopedCapture(device=self.model.device) as capture:
-                self._iterate(count * self._implicit.rounds)
-            self._step_graphs[which] = capture.graph
-        return self._step_graphs[which]
+                self._iterate(count * self._implicit.iterations)
+            self._step_graphs[key] = capture.graph
+        return self._step_graphs[key]
 
     def forget_graphs(self) -> None:
         super().forget_graphs()
         self._step_graphs: dict[tuple[Pace, int], Any] = {}
 
     def start_near_rest(self) -> None:
-        """The cloth is where it hardly falls any more: steps are long from the first, on an avatar once it settled."""
+        """Starts near rest: steps are long from the first, on an avatar once the cloth has settled."""
         if self._implicit is not None:
             self._implicit.lengthen()
         if self.contact is not None:
             self._settles, self.step.momentum = True, SETTLING_MOMENTUM
 
     def loosen(self, relative_rms: NDArray[np.float64]) -> None:
-        """Goes on at another pace once the forces of cloth that meets an avatar have balanced; see Relaxation."""
-        steps = self._step_graphs
+        """Changes pace once the forces of cloth on an avatar have balanced; see Relaxation."""
+        graphs = self._step_graphs
         super().loosen(relative_rms)
-        self._step_graphs = steps  # leeway is nothing to implicit steps
+        self._step_graphs = graphs  # implicit steps do not depend on what it changes
         if self.contact is None:
             return
         pace = Pace.FALLING
-        for better, bound in BOUNDS.items():
+        for better, bound in PACE_BOUNDS.items():
             if (relative_rms <= (TIGHTER * bound if self.pace >= better else bound)).all():
                 pace = better
         if self._implicit is not None and pace != self.pace:
@@ -147,25 +148,26 @@ class MultilevelRelaxation(Relaxation):
             self._set_pace(self._implicit)
 
     def _set_pace(self, implicit: ImplicitStep) -> None:
-        momentum = implicit.go_at(self.pace)
-        if not self._drawing:
+        momentum = implicit.set_pace(self.pace)
+        if not self._per_vertex:
             self.step.momentum = momentum
 
-    def _look(self) -> None:
-        if self._implicit is None or ((self._looks or self._settles) and self._since < LOOK):
+    def _check_seams(self) -> None:
+        """Lets steps be implicit from now on if seams have closed, or close no further."""
+        if self._implicit is None or ((self._checks or self._settles) and self._since_check < CHECK_EVERY):
             return
         strain = float(np.sqrt(np.mean(np.maximum(edge_strains(self.model), 0.0) ** 2)))
         stays = strain > (1.0 - LEAST_GAIN) * self._strain
-        if strain <= DRAWN or stays or self._looks == MOST_LOOKS:
-            self._drawing = False
+        if strain <= CLOSED or stays or self._checks == MOST_CHECKS:
+            self._per_vertex = False
             self._set_pace(self._implicit)
             self._items["cap"] = self.options.largest_move
             self.tell_items()
             self.forget_graphs()
-        self._looks, self._strain, self._since = self._looks + 1, strain, 0
+        self._checks, self._strain, self._since_check = self._checks + 1, strain, 0
 
 
-def relaxation_by(
+def build_relaxation(
     options: StepOptions,
     model: ClothModel,
     colliders: Sequence[Collider],
@@ -173,7 +175,7 @@ def relaxation_by(
     touch: ClothTouch | None = None,
     caps: Sequence[float | None] | None = None,
 ) -> Relaxation:
-    """What iterates by the options' method; vertex by vertex where cloth meets cloth.
+    """The relaxation of the options' method; per-vertex steps where cloth is in contact with cloth.
 
     Args:
         options: the method and its step.
@@ -188,11 +190,11 @@ def relaxation_by(
     if caps is not None:
         options = replace(options, cap=caps[0])
     if touch is not None:
-        return Relaxation(model, colliders, vertex_by_vertex(options), touch)
+        return Relaxation(model, colliders, per_vertex_options(options), touch)
     ladders = {id(part): build_ladder(part) for part in {id(part): part for part in parts}.values()}
     return MultilevelRelaxation(model, colliders[0], options, [ladders[id(part)] for part in parts])
 
 
-def vertex_by_vertex(options: StepOptions) -> StepOptions:
-    """The accelerated method's, with a cap no larger than its own."""
+def per_vertex_options(options: StepOptions) -> StepOptions:
+    """The options for the accelerated method's per-vertex steps, with a cap no larger than its own."""
     return replace(options, method="accelerated", cap=min(options.largest_move, DEFAULT_CAP["accelerated"]))

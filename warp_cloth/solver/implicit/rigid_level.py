@@ -1,4 +1,4 @@
-"""A coarse level whose vertices turn: who follows whom there, and its part of an implicit step."""
+"""The coarse level with rigid modes: which level that is, who follows whom there, and its part of an implicit step."""
 
 from __future__ import annotations
 
@@ -13,43 +13,51 @@ from warp_cloth.base.mesh import Indices
 from warp_cloth.base.topology import ragged_rows
 from warp_cloth.kernels.base.types import cloth_types
 from warp_cloth.kernels.elements.stiffness import stiffness_types
-from warp_cloth.kernels.implicit.rigid_level import TOGETHER, block_kernels, turn_kernels, turn_types
+from warp_cloth.kernels.implicit.rigid_blocks import assemble_blocks_kernel, invert_diagonal_kernel
+from warp_cloth.kernels.implicit.rigid_level import (
+    place_centres_kernel,
+    prolong_motion_kernel,
+    restrict_wrenches_kernel,
+)
+from warp_cloth.kernels.implicit.rigid_solver import solve_rigid_level_kernel
+from warp_cloth.kernels.implicit.rigid_types import INTERLEAVED, rigid_types
 from warp_cloth.model.model import ClothModel
-from warp_cloth.solver.implicit.coarse_levels import Level, Sparse, rows_of, transposed
-from warp_cloth.solver.reduction import launch_blocks, launch_rows, split
+from warp_cloth.solver.implicit.coarse_levels import Level
+from warp_cloth.solver.implicit.sparse import Ints, SparseMatrix, couples, entries_of
+from warp_cloth.solver.reduction import launch_blocks, launch_rows, split_into_chunks
 
-# Vertices of the level that turns, at most, and as a share of all: its rounds count as three of all vertices at most.
+# Vertices of the level with rigid modes, at most, and as a fraction of all: its iterations count as three of all
+# vertices at most.
 MOST = 1_500
-SHARE = 0.1
+FRACTION = 0.1
 FOLLOWED = 3  # coarse vertices that one follows, at most: with six, a step takes hardly more of a displacement
-ROUNDS = 30  # of conjugate gradients on that level
-# What solves the residual there counts so many times in the correction. The other levels' parts overlap, and a step as
-# long as suits them, a quarter, would leave three quarters of it.
+ITERATIONS = 30  # of conjugate gradients on that level
+# Factor on this level's solution in the correction. The other levels' parts overlap, and a step as long as suits them,
+# a quarter, would leave three quarters of it.
 WEIGHT = 4.0
-PART = 32  # vertices that a block works on at a time
-ALONE = 128  # or so many, where a single block does and waits for no other
-SPREAD = 64  # threads of a block where rows are long and few
+CHUNK = 32  # vertices that a block works on at a time
+SINGLE_CHUNK = 128  # or so many, where a single block does and waits for no other
+THREADS = 64  # of a block where rows are long and few
 
 
-def turning_level(levels: Sequence[Level], vertices: int) -> int | None:
-    """Number of levels down to the one that turns; None: there is none so coarse."""
+def rigid_depth(levels: Sequence[Level], vertices: int) -> int | None:
+    """Number of levels down to the one with rigid modes; None: there is none so coarse."""
     for number, level in enumerate(levels, 1):
-        if 0 < level.count <= min(MOST, SHARE * vertices):
+        if 0 < level.count <= min(MOST, FRACTION * vertices):
             return number
     return None
 
 
-def followed(levels: Sequence[Level], vertices: int) -> Sparse:
+def prolongation_over(levels: Sequence[Level], vertices: int) -> SparseMatrix:
     """How vertices follow those of the last of these levels that any do, each no more than FOLLOWED."""
     row = column = np.arange(vertices, dtype=np.int64)
     value = np.ones(vertices)
     for level in levels:
-        start, index, weight = (getattr(level.up, name).numpy() for name in ("start", "index", "weight"))
-        size = np.diff(start)[column]
-        entry = np.arange(size.sum()) + np.repeat(start[column] - (np.cumsum(size) - size), size)
-        value = np.repeat(value, size) * weight[entry]
-        key, number = np.unique(np.repeat(row, size) * level.count + index[entry], return_inverse=True)
-        row, column, value = key // level.count, key % level.count, np.bincount(number, value).astype(np.float64)
+        start, index, weight = (getattr(level.prolongation, name).numpy() for name in ("start", "column", "value"))
+        owner, entry = entries_of(start, column)
+        key, number = np.unique(row[owner] * level.count + index[entry], return_inverse=True)
+        value = np.bincount(number, value[owner] * weight[entry]).astype(np.float64)
+        row, column = key // level.count, key % level.count
     whole = np.bincount(row, value, vertices)
     order = np.lexsort((column, -value, row))
     size = np.bincount(row, minlength=vertices)
@@ -58,27 +66,24 @@ def followed(levels: Sequence[Level], vertices: int) -> Sparse:
     row, column, value = row[kept], column[kept], value[kept]
     left = np.bincount(row, value, vertices)
     used, column = np.unique(column, return_inverse=True)
-    return Sparse(row, column, value * whole[row] / left[row], (vertices, len(used)))
+    return SparseMatrix(row, column, value * whole[row] / left[row], (vertices, len(used)))
 
 
-def joined(owner: NDArray[np.int64], item: NDArray[np.int64]) -> tuple[NDArray[np.int64], ...]:
-    """Every two items a <= b of one owner: the owner, a and b. Owners come in order, and their items, too."""
-    size = np.bincount(owner)
-    first = np.cumsum(size) - size
-    left = np.repeat(np.arange(len(owner)), size[owner])
-    right = np.arange(len(left)) - np.repeat(np.cumsum(size[owner]) - size[owner], size[owner]) + first[owner[left]]
-    kept = left <= right
-    return owner[left[kept]], item[left[kept]], item[right[kept]]
-
-
-class Turning:
-    """Owns the level that turns and solves on it what is left of a step's forces."""
+class RigidCorrection:
+    """Owns the level with rigid modes and solves on it what is left of a step's forces."""
 
     def __init__(self, model: ClothModel, pairs: Indices, levels: Sequence[Level]) -> None:
-        follow = followed(levels, model.vertex_count)
-        self._model, self._count = model, follow.shape[1]
-        self.turns = self._make_turns(pairs, follow)
-        self._gathers, self._kernels = block_kernels(model.precision), turn_kernels(model.precision)
+        prolongation = prolongation_over(levels, model.vertex_count)
+        self._model, self._count = model, prolongation.shape[1]
+        precision = model.precision
+        self.level = self._build_level(pairs, prolongation)
+        self._state = self._build_state()
+        self._place_centres = place_centres_kernel(precision)
+        self._assemble_blocks = assemble_blocks_kernel(precision)
+        self._invert_diagonal = invert_diagonal_kernel(precision)
+        self._restrict_wrenches = restrict_wrenches_kernel(precision)
+        self._solve_rigid_level = solve_rigid_level_kernel(precision)
+        self._prolong_motion = prolong_motion_kernel(precision)
 
     def _zeros(self, shape: Any, dtype: Any) -> wp.array:
         return wp.zeros(shape, dtype=dtype, device=self._model.device)
@@ -86,88 +91,110 @@ class Turning:
     def _upload(self, array: NDArray[Any], dtype: Any = wp.int32) -> wp.array:
         return wp.array(np.ascontiguousarray(array, dtype=np.int32), dtype=dtype, device=self._model.device)
 
-    def _make_turns(self, pairs: Indices, follow: Sparse) -> Any:
-        model, own = self._model, stiffness_types(self._model.precision)
-        types = cloth_types(model.precision)
-        vertices, count = follow.shape
-        turns = turn_types(model.precision).Turns()
-        turns.up, turns.down = rows_of(follow, model), rows_of(transposed(follow), model)
-        turns.ends = self._upload(pairs, wp.vec2i)
-        turns.centre = self._zeros(count, types.point)
-        # pairs, and after them vertices, each with all coarse ones that they follow
-        start, order = ragged_rows(follow.row, vertices)
-        ends = np.concatenate([pairs.astype(np.int64), np.repeat(np.arange(vertices)[:, None], 2, axis=1)])
-        size = np.diff(start)[ends.ravel()]
-        entry = np.arange(size.sum()) + np.repeat(start[ends.ravel()] - (np.cumsum(size) - size), size)
-        key = np.unique(np.repeat(np.arange(len(ends)), 2).repeat(size) * count + follow.column[order][entry])
-        member, one, other = joined(key // count, key % count)
-        block, number = np.unique(one * count + other, return_inverse=True)
-        one, other = block // count, block % count
-        turns.two = self._upload(np.stack([one, other], axis=1), wp.vec2i)
-        start, order = ragged_rows(number, len(block))
-        turns.member_start, turns.member = self._upload(start), self._upload(member[order])
+    def _build_level(self, pairs: Indices, prolongation: SparseMatrix) -> Any:
+        """A kernels.implicit.rigid_types RigidLevel."""
+        model, types = self._model, cloth_types(self._model.precision)
+        own = stiffness_types(model.precision)
+        count = self._count
+        level = rigid_types(model.precision).RigidLevel()
+        level.prolongation, level.restriction = prolongation.upload(model), prolongation.transposed.upload(model)
+        level.entry_vertex = self._upload(np.sort(prolongation.column))
+        level.pair_ends = self._upload(pairs, wp.vec2i)
+        level.centre = self._zeros(count, types.point)
+        one, other, number, source = _block_sources(pairs, prolongation)
+        blocks = len(one)
+        level.block_ends = self._upload(np.stack([one, other], axis=1), wp.vec2i)
+        start, order = ragged_rows(number, blocks)
+        level.source_start, level.source = self._upload(start), self._upload(source[order])
         apart = np.flatnonzero(one != other)
         start, order = ragged_rows(np.concatenate([one, other[apart]]), count)
         place = np.argsort(order)
-        slot = np.stack([place[: len(block)], np.full(len(block), -1)], axis=1)
-        slot[apart, 1] = place[len(block) :]
-        turns.start, turns.slot = self._upload(start), self._upload(slot, wp.vec2i)
-        turns.beside = self._upload(np.concatenate([other, one[apart]])[order])
-        turns.block = self._zeros((-(-len(order) // TOGETHER), 36, TOGETHER), types.real)
-        turns.diagonal = self._upload(slot[one == other, 0])
-        turns.divisor, turns.right = self._zeros((count, 2), own.vec6), self._zeros(count, own.mat3)
-        self._make_solution(turns, follow)
-        return turns
-
-    def _make_solution(self, turns: Any, follow: Sparse) -> None:
-        """What conjugate gradients need there."""
-        model, count, types = self._model, self._count, cloth_types(self._model.precision)
+        slot = np.stack([place[:blocks], np.full(blocks, -1)], axis=1)
+        slot[apart, 1] = place[blocks:]
+        level.row_start, level.slot = self._upload(start), self._upload(slot, wp.vec2i)
+        level.neighbour = self._upload(np.concatenate([other, one[apart]])[order])
+        level.block = self._zeros((-(-len(order) // INTERLEAVED), 36, INTERLEAVED), types.real)
+        level.diagonal = self._upload(slot[one == other, 0])
+        level.inverse, level.cross = self._zeros((count, 2), own.vec6), self._zeros(count, own.mat3)
         groups = len(model.vertex_start) - 1
         garment = np.zeros(count, dtype=np.int64)
-        garment[follow.column] = np.repeat(np.arange(groups), np.diff(model.vertex_start))[follow.row]
-        turns.parts = split(
-            np.searchsorted(garment, np.arange(groups + 1)), ALONE if count <= ALONE else PART, model.device
-        )
-        parts = len(turns.parts.garment)
-        for name in ("residual", "correction", "direction", "other", "displacement"):
-            setattr(turns, name, self._zeros(2 * count, types.vec3))
-        turns.product, turns.term = self._zeros(6 * count, types.real), self._zeros((len(turns.beside), 6), types.real)
-        turns.owner = self._upload(np.sort(follow.column))
-        turns.pull = self._zeros((len(follow.column), 2), types.vec3)
-        for name in ("along", "before", "across"):
-            setattr(turns, name, self._zeros(parts, wp.float64))
-        turns.came = self._zeros(1, wp.int32)
-        device = wp.get_device(model.device)
-        self._blocks = min(parts, device.sm_count) if device.is_cuda else 1
+        garment[prolongation.column] = np.repeat(np.arange(groups), np.diff(model.vertex_start))[prolongation.row]
+        size = SINGLE_CHUNK if count <= SINGLE_CHUNK else CHUNK
+        level.chunks = split_into_chunks(np.searchsorted(garment, np.arange(groups + 1)), size, model.device)
+        return level
+
+    def _build_state(self) -> Any:
+        """A kernels.implicit.rigid_types RigidState."""
+        count, types = self._count, cloth_types(self._model.precision)
+        state = rigid_types(self._model.precision).RigidState()
+        for name in ("residual", "correction", "direction", "direction_before", "displacement"):
+            setattr(state, name, self._zeros(2 * count, types.vec3))
+        state.product = self._zeros(6 * count, types.real)
+        state.product_term = self._zeros((len(self.level.neighbour), 6), types.real)
+        state.wrench = self._zeros((len(self.level.entry_vertex), 2), types.vec3)
+        chunks = len(self.level.chunks.garment)
+        for name in ("rho", "rho_before", "curvature"):
+            setattr(state, name, self._zeros(chunks, wp.float64))
+        state.arrived = self._zeros(1, wp.int32)
+        device = wp.get_device(self._model.device)
+        state.blocks = min(chunks, device.sm_count) if device.is_cuda else 1
+        return state
 
     def kernels(self) -> list[wp.Kernel]:
         """The kernels of its own that it launches."""
-        return [*vars(self._gathers).values(), *vars(self._kernels).values()]
+        renewal = [self._place_centres, self._assemble_blocks, self._invert_diagonal]
+        return [*renewal, self._restrict_wrenches, self._solve_rigid_level, self._prolong_motion]
 
     def renew(self, coupling: wp.array, anchor: wp.array) -> None:
-        """Sums its stiffness anew: of the model's pairs, and of what holds its vertices, both as vec6 [N/m]."""
-        state, turns = self._model.state, self.turns
-        self._launch(self._gathers.find_centres, self._count, [state, turns])
-        launch_rows(self._gathers.gather_turns, len(turns.two), [state, coupling, anchor, turns], self._model.device)
-        self._launch(self._gathers.divide_turns, self._count, [turns])
+        """Assembles its stiffness again: from the pairs' and from the vertices' anchors, both as vec6 [N/m]."""
+        state, level, device = self._model.state, self.level, self._model.device
+        self._launch(self._place_centres, self._count, [state, level])
+        launch_rows(self._assemble_blocks, len(level.block_ends), [state, coupling, anchor, level], device)
+        self._launch(self._invert_diagonal, self._count, [level])
 
     def correct(
-        self, system: Any, parts: Any, along: wp.array, *, weight: float = WEIGHT, rounds: int = ROUNDS
+        self,
+        system: Any,
+        solution: Any,
+        chunks: Any,
+        rho: wp.array,
+        *,
+        weight: float = WEIGHT,
+        iterations: int = ITERATIONS,
     ) -> None:
-        """Adds to a system's correction what solves its residual on this level.
+        """Adds to a solution's correction what solves its residual on this level.
 
         Args:
-            system: a kernels.implicit.conjugate_gradient System.
-            parts: its vertices' (kernels.base.reduction).
-            along: residual . correction of each part [J], written.
-            weight: times this level's solution.
-            rounds: of conjugate gradients.
+            system: a kernels.implicit.system LinearSystem.
+            solution: its SolutionState.
+            chunks: of its vertices (kernels.base.reduction).
+            rho: residual . correction of each chunk [J], written.
+            weight: factor on this level's solution.
+            iterations: of conjugate gradients.
         """
-        state, turns, kernels, device = self._model.state, self.turns, self._kernels, self._model.device
-        self._launch(kernels.pull_turns, len(turns.owner), [state, turns, system.residual])
-        launch_blocks(kernels.solve_turns, self._blocks, [turns, rounds, self._blocks], device)
-        inputs = [state, weight, turns, system, parts, along]
-        launch_blocks(kernels.follow_turns, len(parts.garment), inputs, device)
+        state, level, rigid, device = self._model.state, self.level, self._state, self._model.device
+        inputs = [state, level, solution.residual, rigid]
+        self._launch(self._restrict_wrenches, len(level.entry_vertex), inputs)
+        launch_blocks(self._solve_rigid_level, rigid.blocks, [level, rigid, iterations], device)
+        inputs = [state, level, rigid, weight, system, chunks, solution, rho]
+        launch_blocks(self._prolong_motion, len(chunks.garment), inputs, device)
 
     def _launch(self, kernel: wp.Kernel, size: int, inputs: list[Any]) -> None:
-        wp.launch(kernel, dim=size, inputs=inputs, device=self._model.device, block_dim=SPREAD)
+        wp.launch(kernel, dim=size, inputs=inputs, device=self._model.device, block_dim=THREADS)
+
+
+def _block_sources(pairs: Indices, prolongation: SparseMatrix) -> tuple[Ints, Ints, Ints, Ints]:
+    """Blocks I <= J of coarse vertices, and what adds to each: pairs, and after them vertices by their anchors.
+
+    Returns:
+        I and J of each block, shape [M]; then of each source its block and its number, shape [S].
+    """
+    vertices, count = prolongation.shape
+    start, order = ragged_rows(prolongation.row, vertices)
+    ends = np.concatenate([pairs.astype(np.int64), np.repeat(np.arange(vertices)[:, None], 2, axis=1)])
+    owner, entry = entries_of(start, ends.ravel())
+    key = np.unique(owner // 2 * count + prolongation.column[order][entry])
+    member, coarse = key // count, key % count
+    left, right = couples(member, equal=True)
+    block, number = np.unique(coarse[left] * count + coarse[right], return_inverse=True)
+    return block // count, block % count, number, member[left]

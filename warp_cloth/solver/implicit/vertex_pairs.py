@@ -25,7 +25,7 @@ class PairTable:
     pairs: Any  # kernels.elements.stiffness Pairs
     ends: Indices  # on the host, shape [N, 2]
     start: wp.array  # shape [V + 1]
-    other: wp.array  # shape [2 N]
+    neighbour: wp.array  # the pair's other vertex, shape [2 N]
 
 
 def build_pairs(model: ClothModel) -> PairTable:
@@ -57,8 +57,8 @@ def build_pairs(model: ClothModel) -> PairTable:
     place = np.empty(len(order), dtype=np.int64)
     place[order] = np.arange(len(order))
     pairs.slot = upload(place.reshape(2, -1).T, wp.vec2i)
-    other = np.concatenate([ends[:, 1], ends[:, 0]])[order]
-    return PairTable(pairs, ends.astype(np.int32), upload(start), upload(other))
+    neighbour = np.concatenate([ends[:, 1], ends[:, 0]])[order]
+    return PairTable(pairs, ends.astype(np.int32), upload(start), upload(neighbour))
 
 
 def _corners(elements: Any, width: int) -> NDArray[np.int64]:

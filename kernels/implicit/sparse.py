@@ -1,0 +1,64 @@
+"""Sparse matrices in compressed rows (CSR), whose products add every row in one fixed order."""
+
+import functools
+from types import SimpleNamespace
+
+import warp as wp
+
+from warp_cloth.kernels.base.reduction import add_in_lane_order_function, warp_size
+from warp_cloth.kernels.base.types import cloth_types
+
+
+@functools.cache
+def sparse_types(precision: str) -> SimpleNamespace:
+    """Struct ``CsrMatrix``."""
+    real = cloth_types(precision).real
+
+    @wp.struct
+    class CsrMatrix:
+        """A sparse matrix in compressed rows; R rows, E entries."""
+
+        start: wp.array(dtype=wp.int32)  # first entry of each row, and the entry count, shape [R + 1]
+        column: wp.array(dtype=wp.int32)  # shape [E]
+        value: wp.array(dtype=real)  # shape [E]
+
+    return SimpleNamespace(CsrMatrix=CsrMatrix)
+
+
+@functools.cache
+def add_row_function(precision: str) -> wp.Function:
+    """The function ``add_row``: a row times a vector of displacements [m] or forces [N], by a single thread."""
+    vec3, CsrMatrix = cloth_types(precision).vec3, sparse_types(precision).CsrMatrix
+
+    @wp.func
+    def add_row(sum: vec3, matrix: CsrMatrix, row: int, x: wp.array(dtype=vec3)):
+        """sum + sum_j P_ij x_j, added in the order of the row; by fours, whose loads are issued together."""
+        start, last = matrix.start[row], matrix.start[row + 1]
+        for entry in range(start, last - 3, 4):
+            for i in range(4):
+                sum += x[matrix.column[entry + i]] * matrix.value[entry + i]
+        for entry in range(start + (last - start) // 4 * 4, last):
+            sum += x[matrix.column[entry]] * matrix.value[entry]
+        return sum
+
+    return add_row
+
+
+@functools.cache
+def row_product_function(precision: str, dtype: type) -> wp.Function:
+    """The function ``row_product``: a row times a vector of elements of a type, by a warp."""
+    CsrMatrix, add_in_lane_order = sparse_types(precision).CsrMatrix, add_in_lane_order_function(precision, dtype)
+
+    @wp.func
+    def row_product(matrix: CsrMatrix, x: wp.array(dtype=dtype), row: int, lane: int):
+        """sum_j P_ij x_j, added in the order of the row; all threads of a warp must call it."""
+        sum = dtype()
+        last = matrix.start[row + 1]
+        for first in range(matrix.start[row], last, warp_size()):
+            term = dtype()
+            if first + lane < last:
+                term = x[matrix.column[first + lane]] * matrix.value[first + lane]
+            sum = add_in_lane_order(sum, term, wp.min(last - first, warp_size()))
+        return sum
+
+    return row_product
