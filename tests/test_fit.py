@@ -256,7 +256,7 @@ def test_what_python_asks_for_in_vain_is_refused(tmp_path: Path) -> None:
     scene = warp_cloth.load_scene(Path("hanging"), ["solver.iterations=2", "garment.shape.vertices_per_side=5"])
     with pytest.raises(InputError, match="overrides: the scene is loaded already"):
         warp_cloth.fit(scene, device="cpu", overrides=["solver.iterations=3"])
-    with pytest.raises(InputError, match='there is no device "0" here'):
+    with pytest.raises(InputError, match='there is no device "0" on this machine'):
         warp_cloth.fit(scene, device=0)  # type: ignore[arg-type]
     worn = warp_cloth.fit(scene, device=wp.get_device("cpu"))
     with pytest.raises(InputError, match='formats: "fbx" is not written'):

@@ -14,7 +14,7 @@ import warp_cloth
 from warp_cloth.avatar.contact import AvatarContact
 from warp_cloth.avatar.exact import penetration, penetrations
 from warp_cloth.base.errors import InputError
-from warp_cloth.base.threads import ALONE
+from warp_cloth.base.threads import ONE_THREAD
 from warp_cloth.batch import many
 from warp_cloth.batch.loading import Shelf
 from warp_cloth.batch.many import fit_many
@@ -261,7 +261,7 @@ def held(thing: Any, seen: set[int]) -> int:
 @pytest.mark.parametrize("fabric", ["cotton", "jersey", "default"])
 def test_the_planned_memory_bounds_what_is_held(gathers: bool, fabric: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(problem, "build_model", partial(build_model, gathers=gathers))
-    monkeypatch.setenv(ALONE, "1")  # as processes of a batch are
+    monkeypatch.setenv(ONE_THREAD, "1")  # as processes of a batch are
     changes = ["garment.shape.vertices_per_side=60", f"garment.fabric={fabric}", "solver.iterations=4000"]
     scene = load_scene("sphere", [*changes, "collision.pixel_mm=10"])
     outfit = load_outfit(scene)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from cloths import grid
 
-from warp_cloth.base import chunks as parts
+from warp_cloth.base import chunks
 from warp_cloth.base.row_sums import LONGEST, RowSums
 from warp_cloth.base.topology import build_topology
 
@@ -25,7 +25,7 @@ def neighbours(mixed: bool) -> tuple[np.ndarray, np.ndarray, int]:
 @pytest.mark.parametrize("mixed", [False, True])
 @pytest.mark.parametrize("at_once", [100, 1 << 15])
 def test_they_are_those_of_bincount(mixed: bool, at_once: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(parts, "AT_ONCE", at_once)
+    monkeypatch.setattr(chunks, "CHUNK_ROWS", at_once)
     rows, places, count = neighbours(mixed)
     held = np.random.default_rng(4).normal(size=count) * np.geomspace(1e-9, 1e9, count)
     held[::7] = -0.0
@@ -51,5 +51,5 @@ def test_there_may_be_no_entries_at_all() -> None:
 
 def test_of_a_regular_grid_few_places_are_looked_up() -> None:
     rows, places, count = neighbours(mixed=False)
-    looked_up = sum(len(part.rows) for part in RowSums(rows, places, count)._parts.values())
+    looked_up = sum(len(part.rows) for part in RowSums(rows, places, count)._chunks.values())
     assert looked_up < 5 * WIDTH

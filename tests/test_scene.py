@@ -118,7 +118,7 @@ def test_left_out_keys_take_the_schema_defaults(tmp_path: Path) -> None:
 def test_a_whole_number_may_be_written_as_1e3() -> None:
     assert load_scene("tshirt", ["solver.iterations=1e3"]).solver.iterations == 1000
     for text in ("1000.5", "1e30", "inf", "true"):
-        with pytest.raises(InputError, match=r"must be a whole number from 0 to 10000000, not"):
+        with pytest.raises(InputError, match=r"must be an integer from 0 to 10000000, not"):
             load_scene("tshirt", [f"solver.iterations={text}"])
 
 
@@ -258,7 +258,7 @@ def test_a_path_may_begin_at_home(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
         ("solver.iteration=3", "unknown key solver.iteration; did you mean solver.iterations?"),
         (
             "solver.iterations=many",
-            '--set solver.iterations=many: must be a whole number from 0 to 10000000, not "many"',
+            '--set solver.iterations=many: must be an integer from 0 to 10000000, not "many"',
         ),
         ("garment.shape.size=XL", '--set garment.shape.size=XL: must be one of "S", "M", "L", not "XL"'),
         ("garment.pin.loop=up", '--set garment.pin.loop=up: "up" names no boundary loop; use "top"'),

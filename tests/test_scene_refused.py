@@ -63,10 +63,10 @@ def refused(source: Any) -> str:
             "a pin names its vertices in exactly one way; give one of vertices, box, loop",
         ),
         ("garment.pin = {vertices = []}", "garment.pin[0].vertices: is empty"),
-        ("garment.pin = {vertices = [-1]}", "garment.pin[0].vertices[0]: must be a whole number from 0"),
+        ("garment.pin = {vertices = [-1]}", "garment.pin[0].vertices[0]: must be an integer from 0"),
         (
             "garment.pin = {vertices = [1.5]}",
-            "vertices[0]: must be a whole number from 0 to 2147483647, not 1.5",
+            "vertices[0]: must be an integer from 0 to 2147483647, not 1.5",
         ),
         (
             "garment.pin = {box = [[1, 0, 0], [0, 1, 1]]}",
@@ -94,8 +94,8 @@ def refused(source: Any) -> str:
         ("collision.offset_mm = -1", "collision.offset_mm: must be a number from 0 to 50, not -1"),
         ("collision.cloth = 1", "collision.cloth: must be true or false, not 1"),
         ("collision.avatar = 'depths'", 'not "depths"; did you mean depth?'),
-        ("solver.iterations = 3.5", "solver.iterations: must be a whole number from 0 to 10000000, not 3.5"),
-        ("solver.iterations = '3'", 'solver.iterations: must be a whole number from 0 to 10000000, not "3"'),
+        ("solver.iterations = 3.5", "solver.iterations: must be an integer from 0 to 10000000, not 3.5"),
+        ("solver.iterations = '3'", 'solver.iterations: must be an integer from 0 to 10000000, not "3"'),
         ("solver.tolerance_mm = 0", "solver.tolerance_mm: must be a number above 0 to 1000, not 0"),
         ("solver.residual = nan", "solver.residual: must be a number above 0 to 1, not nan"),
         ("solver.cap = 2", "solver.cap: must be a number from 1e-07 to 1, not 2"),

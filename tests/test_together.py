@@ -13,7 +13,7 @@ from test_carried import floor
 from warp_cloth.avatar.collider import Collider
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.mesh import Mesh
-from warp_cloth.base.threads import ALONE
+from warp_cloth.base.threads import ONE_THREAD
 from warp_cloth.fitting.problem import load_problem
 from warp_cloth.garment.rest import build_rest_shape
 from warp_cloth.kernels.base.types import cloth_types
@@ -182,7 +182,7 @@ def test_threads_are_as_many_as_cores_are_there_and_work_is(monkeypatch: pytest.
     assert thread_count(None, 3_500) == 2
     assert thread_count(None, 500) == 1
     monkeypatch.undo()
-    monkeypatch.setenv(ALONE, "1")  # of a batch
+    monkeypatch.setenv(ONE_THREAD, "1")  # of a batch
     assert thread_count(None, 1_000_000) == 1
 
 

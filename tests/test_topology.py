@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from warp_cloth.base import topology
-from warp_cloth.base.topology import ragged_rows, sorted_keys, stable_order
+from warp_cloth.base.topology import ragged_rows, sorted_unique, stable_argsort
 
 
 @pytest.mark.parametrize("share", [4, 1 << 15])
@@ -22,13 +22,13 @@ def test_the_order_is_that_of_a_stable_sort(
     for kind in (np.int32, np.int64) if largest < 2**31 else (np.int64,):
         keys = rng.integers(0, largest, count, endpoint=True).astype(kind)
         keys[count // 2 :] = keys[: count - count // 2]
-        assert np.array_equal(stable_order(keys), np.argsort(keys, kind="stable"))
+        assert np.array_equal(stable_argsort(keys), np.argsort(keys, kind="stable"))
 
 
 def test_sorted_keys_are_the_different_ones() -> None:
     keys = np.random.default_rng(0).integers(0, 50, 200)
-    assert np.array_equal(sorted_keys(keys), np.unique(keys))
-    assert not len(sorted_keys(keys[:0]))
+    assert np.array_equal(sorted_unique(keys), np.unique(keys))
+    assert not len(sorted_unique(keys[:0]))
 
 
 def test_rows_of_owners_hold_their_entries_as_they_stood() -> None:

@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 import warp_cloth
-from warp_cloth.base.connected import lowest_connected
+from warp_cloth.base.connected import connected_components
 from warp_cloth.base.mesh import Points
 from warp_cloth.shapes.triangulate import triangulate
 
@@ -103,7 +103,7 @@ class Pattern:
             if pairs
             else ([], [])
         )
-        _, vertex = np.unique(lowest_connected(first, np.asarray(a, int), np.asarray(b, int)), return_inverse=True)
+        _, vertex = np.unique(connected_components(first, np.asarray(a, int), np.asarray(b, int)), return_inverse=True)
         where, weight = np.concatenate(places), np.bincount(vertex)
         sewn = np.column_stack([np.bincount(vertex, where[:, axis]) / weight for axis in range(3)])
         lines = [f"v {x:.9f} {y:.9f} {z:.9f}" for x, y, z in sewn]

@@ -11,7 +11,7 @@ import warp as wp
 from numpy.typing import NDArray
 
 from warp_cloth.avatar.depth import DEFAULT_REACH, sampled
-from warp_cloth.base.bins import pieces
+from warp_cloth.base.bins import consecutive_bins
 from warp_cloth.base.mesh import Mesh, Points
 from warp_cloth.kernels.avatar import closest as kernels
 from warp_cloth.model.result import Penetration
@@ -182,7 +182,7 @@ def depths_under(
     )
     closed = wp.array([exact.avatar.closed for exact in avatars], dtype=wp.uint8, device=device)
     found: list[NDArray[np.float32]] = []
-    for piece in pieces(counts, DEPTHS_AT_ONCE):
+    for piece in consecutive_bins(counts, DEPTHS_AT_ONCE):
         here = ends[piece.start : piece.stop + 1]
         some = points[here[0] : here[-1]]
         given = some if isinstance(some, wp.array) else wp.array(some, dtype=wp.vec3d, device=device)

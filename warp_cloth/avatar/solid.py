@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from warp_cloth.base.connected import lowest_connected
+from warp_cloth.base.connected import connected_components
 from warp_cloth.base.mesh import Indices, Mesh, Points
 
 THINNEST = 1e-3  # [m]; a part with less volume over area is a sheet: thinner than the offset that cloth keeps
@@ -116,7 +116,7 @@ def _cones(triangles: NDArray[np.int64], count: int) -> tuple[NDArray[np.int64],
     open_edges = np.repeat(np.flatnonzero(excess), np.abs(excess[excess != 0]))
     low, high = edges[open_edges] // count, edges[open_edges] % count
     forward = excess[open_edges] > 0
-    rim = lowest_connected(count, low, high)[low]
+    rim = connected_components(count, low, high)[low]
     _, tip = np.unique(rim, return_inverse=True)
     cones = np.stack([np.where(forward, high, low), np.where(forward, low, high), count + tip.ravel()], axis=1)
     order = np.argsort(tip.ravel(), kind="stable")
@@ -127,4 +127,4 @@ def _cones(triangles: NDArray[np.int64], count: int) -> tuple[NDArray[np.int64],
 def _parts(triangles: NDArray[np.int64], count: int) -> NDArray[np.int64]:
     """Lowest vertex of each triangle's connected component."""
     a, b, c = triangles.T
-    return lowest_connected(count, np.concatenate([a, b]), np.concatenate([b, c]))[a]
+    return connected_components(count, np.concatenate([a, b]), np.concatenate([b, c]))[a]

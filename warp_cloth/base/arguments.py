@@ -1,4 +1,4 @@
-"""What a caller gave the Python interface: of the kind that is wanted, or refused in one line."""
+"""Type checks of arguments of the Python interface: the value in the type wanted, or one InputError."""
 
 from __future__ import annotations
 
@@ -12,37 +12,38 @@ from typing import Any
 from warp_cloth.base.errors import InputError
 
 
-def texts(given: Any, place: str) -> tuple[str, ...]:
-    """A text, or several, as several."""
-    if isinstance(given, str):
-        return (given,)
-    several = tuple(given) if isinstance(given, Iterable) and not isinstance(given, Mapping) else (None,)
-    if not all(isinstance(each, str) for each in several):
-        raise _refused(given, place, "a text or a list of texts")
-    return several
+def strings(value: Any, name: str) -> tuple[str, ...]:
+    """One string, or an iterable of them, as a tuple."""
+    if isinstance(value, str):
+        return (value,)
+    items = tuple(value) if isinstance(value, Iterable) and not isinstance(value, Mapping) else (None,)
+    if not all(isinstance(item, str) for item in items):
+        raise _wrong_type(value, name, "a string or a list of strings")
+    return items
 
 
-def path(given: Any, place: str) -> Path:
-    """A path, or the text of one."""
-    if not isinstance(given, str | os.PathLike) or not isinstance(os.fspath(given), str):
-        raise _refused(given, place, "a path")
-    return Path(given)
+def path(value: Any, name: str) -> Path:
+    """A path, or a string that is one."""
+    if not isinstance(value, str | os.PathLike) or not isinstance(os.fspath(value), str):
+        raise _wrong_type(value, name, "a path")
+    return Path(value)
 
 
-def whole(given: Any, place: str) -> int:
-    """A whole number."""
-    if not isinstance(given, Integral) or isinstance(given, bool):
-        raise _refused(given, place, "a whole number")
-    return int(given)
+def integer(value: Any, name: str) -> int:
+    """An integer, Python's or NumPy's."""
+    if not isinstance(value, Integral) or isinstance(value, bool):
+        raise _wrong_type(value, name, "an integer")
+    return int(value)
 
 
-def number(given: Any, place: str) -> float:
-    """A finite number."""
-    if not isinstance(given, Real) or isinstance(given, bool) or not math.isfinite(given):
-        raise _refused(given, place, "a number")
-    return float(given)
+def number(value: Any, name: str) -> float:
+    """A finite number, Python's or NumPy's."""
+    if not isinstance(value, Real) or isinstance(value, bool) or not math.isfinite(value):
+        raise _wrong_type(value, name, "a number")
+    return float(value)
 
 
-def _refused(given: Any, place: str, wanted: str) -> InputError:
-    shown = given if isinstance(given, bool | int | float | str | None) else f"something of type {type(given).__name__}"
-    return InputError(place, f"must be {wanted}, not {shown}", f"give {wanted}")
+def _wrong_type(value: Any, name: str, wanted: str) -> InputError:
+    plain = isinstance(value, bool | int | float | str | None)
+    shown = value if plain else f"an object of type {type(value).__name__}"
+    return InputError(name, f"must be {wanted}, not {shown}", f"give {wanted}")

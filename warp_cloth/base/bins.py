@@ -1,16 +1,16 @@
-"""Work on many cut into as much as goes together."""
+"""Bin packing of consecutive items: batches that fit a capacity."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
 
-def pieces(sizes: Sequence[int], most: int) -> list[range]:
-    """Consecutive numbers whose sizes add up to ``most`` at most, or one by itself."""
-    found, first, total = [], 0, 0
-    for at, size in enumerate(sizes):
-        if at > first and total + size > most:
-            found.append(range(first, at))
-            first, total = at, 0
+def consecutive_bins(sizes: Sequence[int], capacity: int) -> list[range]:
+    """Ranges of consecutive items whose sizes sum to ``capacity`` at most; a larger item has a range of its own."""
+    bins, first, total = [], 0, 0
+    for index, size in enumerate(sizes):
+        if index > first and total + size > capacity:
+            bins.append(range(first, index))
+            first, total = index, 0
         total += size
-    return [*found, range(first, len(sizes))] if sizes else []
+    return [*bins, range(first, len(sizes))] if sizes else []

@@ -1,6 +1,6 @@
-"""Work on large arrays part by part, so that what is worked out on the way stays in a processor's caches.
+"""Cache blocking: work on large arrays chunk by chunk, so that intermediate arrays stay in a processor's caches.
 
-By one thread: several would wait for Python's lock for longer than NumPy works on a part.
+In one thread: several would wait for Python's lock longer than NumPy works on a chunk.
 """
 
 from __future__ import annotations
@@ -13,22 +13,22 @@ from numpy.typing import NDArray
 
 R = TypeVar("R")
 
-AT_ONCE = 1 << 15  # rows of some arrays that fit a processor's caches together
+CHUNK_ROWS = 1 << 15  # rows of several arrays that fit a processor's caches together
 
 
-def in_parts(work: Callable[[slice], R], count: int) -> list[R]:
-    """``work`` of so many things part by part, in their order."""
-    return [work(slice(first, min(first + AT_ONCE, count))) for first in range(0, max(count, 1), AT_ONCE)]
+def map_chunks(work: Callable[[slice], R], count: int) -> list[R]:
+    """Results of ``work`` for consecutive slices of ``count`` rows, in order; one empty slice if there are none."""
+    return [work(slice(first, min(first + CHUNK_ROWS, count))) for first in range(0, max(count, 1), CHUNK_ROWS)]
 
 
-def by_parts(
+def map_rows(
     function: Callable[..., NDArray[Any]], *arrays: NDArray[Any], out: NDArray[np.float64] | None = None
 ) -> NDArray[np.float64]:
-    """A function of arrays that gives a number for each of their rows, part by part, shape [rows]."""
-    made = np.empty(len(arrays[0])) if out is None else out
+    """``function(*arrays)``, which gives one number per row, computed chunk by chunk, float64, shape [rows]."""
+    result = np.empty(len(arrays[0])) if out is None else out
 
-    def put(part: slice) -> None:
-        made[part] = function(*(array[part] for array in arrays))
+    def put(chunk: slice) -> None:
+        result[chunk] = function(*(array[chunk] for array in arrays))
 
-    in_parts(put, len(made))
-    return made
+    map_chunks(put, len(result))
+    return result

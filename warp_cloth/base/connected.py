@@ -1,4 +1,4 @@
-"""Connected parts of a graph."""
+"""Connected components of a graph."""
 
 from __future__ import annotations
 
@@ -8,15 +8,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 
-def lowest_connected(count: int, a: NDArray[Any], b: NDArray[Any]) -> NDArray[np.int64]:
-    """Lowest node that each of ``count`` nodes is connected with by the pairs (a, b), itself where none is lower."""
+def connected_components(count: int, a: NDArray[Any], b: NDArray[Any]) -> NDArray[np.int64]:
+    """The lowest node in the component of each of ``count`` nodes, shape [count]; edges (a[n], b[n]).
+
+    Own code: SciPy's takes 3 to 24 ms for 66,000 nodes, this 50 ms, but importing ``scipy.sparse.csgraph`` takes
+    longer (0.2 to 0.8 s) than the few calls of a fit.
+    """
     label = np.arange(count)
     while True:
         low = np.minimum(label[a], label[b])
         lower = label.copy()
         np.minimum.at(lower, a, low)
         np.minimum.at(lower, b, low)
-        np.minimum.at(lower, label, lower)  # carry to the old representative, so that long strips take few rounds
+        np.minimum.at(lower, label, lower)  # lower the old representative too, so that long strips take few rounds
         lower = lower[lower]
         if np.array_equal(lower, label):
             return label

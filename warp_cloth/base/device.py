@@ -1,4 +1,4 @@
-"""Devices by their names, as Warp knows them, and as the driver does before Warp is there."""
+"""Devices by name: Warp's own, and the GPU driver's before Warp is imported."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from warp_cloth.base.warp_setup import init_warp
 
 
 def device_named(name: str | None) -> str:
-    """Warp's name of a device that is there, and may be one of Warp's own.
+    """Warp's alias of a device, "cpu" or "cuda:0"; None: the device that Warp prefers.
 
     Raises:
-        InputError: it is not.
+        InputError: there is no such device.
     """
     import warp as wp
 
@@ -22,23 +22,23 @@ def device_named(name: str | None) -> str:
         return str(wp.get_preferred_device().alias)
     name = str(name)
     try:
-        if name.startswith("cuda") and not wp.get_cuda_device_count():  # Warp would say more than that
+        if name.startswith("cuda") and not wp.get_cuda_device_count():  # Warp would print a longer message
             raise ValueError
         return str(wp.get_device(name).alias)
     except (RuntimeError, ValueError):
         devices = ", ".join(str(device.alias) for device in wp.get_devices())
-        raise InputError("--device", f'there is no device "{name}" here', f"use one of: {devices}") from None
+        raise InputError("--device", f'there is no device "{name}" on this machine', f"use one of: {devices}") from None
 
 
 def likely_gpus(name: str | None) -> list[str]:
-    """The GPUs that "cuda", "cuda:N" or None seem to mean, asked of the driver: importing Warp takes a second."""
+    """The GPUs that "cuda", "cuda:N" or None mean, by the driver: importing Warp takes a second."""
     gpus = [f"cuda:{number}" for number in range(gpu_count())]
     return gpus if name in (None, "cuda") else [gpu for gpu in gpus if gpu == name]
 
 
 @functools.cache
 def gpu_count() -> int:
-    """The GPUs that the driver has, which takes part of a second; other threads go on meanwhile."""
+    """Number of GPUs, by the driver; takes part of a second, without Python's lock."""
     try:
         driver = ctypes.CDLL("libcuda.so.1")
         count = ctypes.c_int()
@@ -49,7 +49,7 @@ def gpu_count() -> int:
 
 
 def wake_gpu(name: str) -> None:
-    """Has the driver begin with a GPU, "cuda:N", as Warp will ask: other threads go on meanwhile, and import."""
+    """Creates the primary context of a GPU, "cuda:N", which Warp will use; without Python's lock, during imports."""
     number = name.removeprefix("cuda:")
     if number.isdecimal() and int(number) < gpu_count():
         context = ctypes.c_void_p()

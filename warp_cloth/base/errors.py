@@ -1,4 +1,4 @@
-"""The exception for bad input, and its one-line sentence."""
+"""The exceptions for bad input and for output that cannot be written, each with a one-line message."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ from pathlib import Path
 
 
 class InputError(Exception):
-    """Bad input, told in one line: where it is, what is wrong, what to do.
+    """Bad input, described in one line: "place: problem; remedy".
 
-    The command line prints the sentence and exits with 2. ``place`` is the file, with a line number, a prim path or
-    a scene key where that is known.
+    ``place`` is a file, with a line number, prim path or scene key where known. The command line prints the line and
+    exits with status 2.
     """
 
     def __init__(self, place: str | Path, problem: str, remedy: str = "") -> None:
@@ -21,4 +21,4 @@ class InputError(Exception):
 
 
 class OutputError(InputError):
-    """A place that cannot be written, whatever was to be written there."""
+    """A file or folder that cannot be written."""

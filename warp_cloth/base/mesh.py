@@ -1,4 +1,4 @@
-"""A triangle mesh in metres: what loaders and shape generators hand on, and nothing else."""
+"""A triangle mesh in metres: what loaders and shape generators return."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ Indices = NDArray[np.int32]
 
 @dataclass(frozen=True, eq=False)
 class Folds:
-    """Rest angles as a stage states them: by pairs of the file's faces, the others flat or as the rest shape is."""
+    """Rest angles stated by a USD stage for pairs of faces; others are flat, or as in the rest shape."""
 
     faces: NDArray[np.int64]  # pairs of faces of the file, shape [N, 2]
     angles: Points  # between their normals [rad], shape [N]
-    by_shape: bool = False  # whether all others are as in the rest shape
+    by_shape: bool = False  # whether all other angles are those of the rest shape
 
     def among(self, kept: NDArray[np.int64], face_count: int) -> Folds:
-        """Those between faces that are kept, which are numbered anew in their order."""
+        """The rest angles between the faces ``kept``, shape [K], which become faces 0 to K - 1."""
         number = np.full(face_count, -1, dtype=np.int64)
         number[kept] = np.arange(len(kept))
         faces = number[self.faces]
@@ -69,7 +69,7 @@ class Mesh:
 
     @cached_property
     def inside_out(self) -> bool:
-        """Whether its triangles, as a whole, look inward: by the volume inside, six times, about its box's middle."""
+        """Whether the triangles face inwards as a whole: the signed volume, about the box's centre, is negative."""
         low, high = self.bounds()
         local = self.points - 0.5 * (low + high)
         a, b, c = (local[self.triangles[:, corner]] for corner in range(3))
@@ -77,16 +77,16 @@ class Mesh:
 
     @cached_property
     def closed(self) -> bool:
-        """Whether every edge is run along as often one way as the other: then every ray leaves as often as it enters.
+        """Whether the surface is watertight: triangles use every edge equally often in both directions.
 
-        Where it has no triangles it is not.
+        Then a ray leaves as often as it enters. False without triangles.
         """
-        start, end = (np.concatenate(np.roll(self.triangles, -turn, axis=1).T.astype(np.int64)) for turn in (0, 1))
+        start, end = (np.concatenate(np.roll(self.triangles, -shift, axis=1).T.astype(np.int64)) for shift in (0, 1))
         count = self.vertex_count
         return len(start) > 0 and np.array_equal(np.sort(start * count + end), np.sort(end * count + start))
 
     def arrays(self) -> dict[str, Any]:
-        """The map arrays that are present, by name, as they are written beside a result."""
+        """``vertex_map`` and ``triangle_source``, where present, by name, as files beside a result hold them."""
         found = {"vertex_map": self.vertex_map, "triangle_source": self.triangle_source}
         return {name: array for name, array in found.items() if array is not None}
 

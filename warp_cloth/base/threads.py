@@ -1,7 +1,4 @@
-"""Several threads for work on large arrays: NumPy lets go of Python's lock while it sorts, gathers and adds.
-
-What launches kernels takes turns instead.
-"""
+"""Thread pools for work on large arrays (NumPy releases Python's lock), and one lock for launches of kernels."""
 
 from __future__ import annotations
 
@@ -19,48 +16,51 @@ T = TypeVar("T")
 R = TypeVar("R")
 P = ParamSpec("P")
 
-MOST_THREADS = 16  # memory gives no more
-ALONE = "WARP_CLOTH_ONE_THREAD"  # is set in the environment of a process among as many as there are cores
-WORTH_THREADS = 1 << 23  # [bytes] that take longer to copy than threads to start
-NAME = "warp_cloth_part"  # with which those threads' names begin
-LAUNCHES = threading.RLock()  # on the CPU Warp records in a graph whatever a process launches, whichever thread does
+MAX_THREADS = 16  # memory bandwidth serves no more
+ONE_THREAD = "WARP_CLOTH_ONE_THREAD"  # environment variable, set in each process of a batch with one process a core
+MIN_THREADED_BYTES = 1 << 23  # [bytes] copying less takes less time than starting threads
+THREAD_NAME = "warp_cloth_part"  # prefix of the pool's thread names
+LAUNCH_LOCK = threading.RLock()  # while Warp captures a graph on the CPU, it records launches of every thread
 
 
 def core_count() -> int:
-    """How many cores this process may take."""
-    if ALONE in os.environ:
+    """Number of CPU cores that this process may use."""
+    if ONE_THREAD in os.environ:
         return 1
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-def in_turn(work: Callable[P, R]) -> Callable[P, R]:
-    """The same work, which waits until no other thread of this process is at such work."""
+def one_thread_at_a_time(work: Callable[P, R]) -> Callable[P, R]:
+    """Decorator: ``work``, which launches kernels, waits for other threads of this process that do."""
 
     @functools.wraps(work)
     def waiting(*args: P.args, **named: P.kwargs) -> R:
-        with LAUNCHES:
+        with LAUNCH_LOCK:
             return work(*args, **named)
 
     return waiting
 
 
-def map_in_threads(work: Callable[[T], R], parts: Iterable[T]) -> list[R]:
-    """``work`` of every part, in the parts' order; one part, or one core, needs no threads."""
-    parts = list(parts)
-    count = min(core_count(), MOST_THREADS)
-    if min(count, len(parts)) <= 1 or threading.current_thread().name.startswith(NAME):
-        return [work(part) for part in parts]  # one of those threads that waited for others of them would wait for ever
-    return list(_threads(os.getpid(), count).map(work, parts))
+def map_in_threads(work: Callable[[T], R], items: Iterable[T]) -> list[R]:
+    """``work`` of every item, in the items' order; without threads for one item, on one core, and in a pool's thread.
+
+    (A pool's thread that waited for others of the same pool could wait for ever.)
+    """
+    items = list(items)
+    count = min(core_count(), MAX_THREADS)
+    if min(count, len(items)) <= 1 or threading.current_thread().name.startswith(THREAD_NAME):
+        return [work(item) for item in items]
+    return list(_pool(os.getpid(), count).map(work, items))
 
 
 @functools.cache
-def _threads(process: int, count: int) -> ThreadPoolExecutor:
-    """So many threads of this ``process``, which wait for work: to start one takes as long as some work."""
-    return ThreadPoolExecutor(count, thread_name_prefix=NAME)
+def _pool(process: int, count: int) -> ThreadPoolExecutor:
+    """The thread pool of this process: starting a thread takes as long as some of the work."""
+    return ThreadPoolExecutor(count, thread_name_prefix=THREAD_NAME)
 
 
-def end_to_end(arrays: Sequence[NDArray[Any]], starts: Sequence[int] | None = None) -> NDArray[Any]:
-    """Arrays of one kind one after another, as numpy.concatenate; ``starts`` are added to each one's numbers."""
+def concatenate(arrays: Sequence[NDArray[Any]], offsets: Sequence[int] | None = None) -> NDArray[Any]:
+    """``numpy.concatenate`` along the first axis, large arrays in threads; ``offsets[n]`` is added to ``arrays[n]``."""
     ends = np.cumsum([len(array) for array in arrays])
     joined = np.empty((int(ends[-1]), *arrays[0].shape[1:]), dtype=arrays[0].dtype)
 
@@ -68,11 +68,11 @@ def end_to_end(arrays: Sequence[NDArray[Any]], starts: Sequence[int] | None = No
         for index in indices:
             array = arrays[index]
             place = joined[ends[index] - len(array) : ends[index]]
-            if starts is None:
+            if offsets is None:
                 place[...] = array
             else:
-                np.add(array, starts[index], out=place, casting="unsafe")
+                np.add(array, offsets[index], out=place, casting="unsafe")
 
-    count = MOST_THREADS if joined.nbytes >= WORTH_THREADS else 1
+    count = MAX_THREADS if joined.nbytes >= MIN_THREADED_BYTES else 1
     map_in_threads(put, [range(first, len(arrays), count) for first in range(min(count, len(arrays)))])
     return joined

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from warp_cloth.base.errors import InputError
-from warp_cloth.base.text import in_utf8
+from warp_cloth.base.text import to_utf8
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -65,7 +65,7 @@ def _text(path: Path, role: str, largest: int) -> str:
         if not path.is_file() or path.stat().st_size > largest:
             size = f"{largest // 10**6} MB"
             raise InputError(path, f"is not a {role}", f"give a TOML file below {size}; meshes are only named in it")
-        text = in_utf8(path.read_bytes()).decode("utf-8")
+        text = to_utf8(path.read_bytes()).decode("utf-8")
     except OSError as error:
         raise InputError(path, f"cannot be read: {error.strerror or error}", "check its permissions") from None
     except UnicodeDecodeError as error:

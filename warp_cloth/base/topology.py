@@ -1,4 +1,4 @@
-"""Edges and hinges of a triangle mesh."""
+"""Edges and hinges of a triangle mesh, and sorts of integer keys in linear time."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from numpy.typing import NDArray
 from warp_cloth.base.mesh import Indices
 from warp_cloth.base.threads import map_in_threads
 
-SHARED_BITS = 16
-SHARE = 1 << 15  # keys that fit a processor's caches
+COUNTED_BITS = 16
+GROUP = 1 << 15  # keys that fit a processor's caches
 
 
 @dataclass(frozen=True, eq=False)
 class Topology:
-    """Edges, which triangles they bound, and hinges (inner edges with their two wings)."""
+    """Edges of a mesh, its triangles' edges, and its hinges: inner edges with their two wings."""
 
-    edges: Indices  # vertex ids, lower first, sorted, shape [E, 2]
+    edges: Indices  # vertices, lower first, sorted, shape [E, 2]
     triangle_edges: Indices  # edges of the sides (0,1), (1,2), (2,0), shape [F, 3]
     hinge_edges: Indices  # edge of each hinge, shape [H]
     hinge_triangles: Indices  # its two triangles, shape [H, 2]
@@ -27,12 +27,12 @@ class Topology:
 
 
 def build_topology(triangles: Indices, vertex_count: int) -> Topology:
-    """Edges and hinges of a mesh whose edges have one or two triangles each."""
+    """Edges and hinges of triangles, shape [F, 3], of which one or two meet at every edge."""
     corners = np.asarray(triangles, dtype=np.int64)
     starts = corners.ravel()
     ends = np.roll(corners, -1, axis=1).ravel()
     keys = np.minimum(starts, ends) * vertex_count + np.maximum(starts, ends)
-    sides = stable_order(keys)  # grouped by edge
+    sides = stable_argsort(keys)  # grouped by edge
     ordered = keys[sides]
     new = np.append(True, ordered[1:] != ordered[:-1])[: len(ordered)]
     unique, edge_of_side = ordered[new], np.empty_like(keys)
@@ -55,28 +55,28 @@ def build_topology(triangles: Indices, vertex_count: int) -> Topology:
 
 
 def ragged_rows(owner: NDArray[np.integer], row_count: int) -> tuple[NDArray[np.int32], NDArray[np.int64]]:
-    """Row starts, shape [row_count + 1], and the order that sorts entries by owner, ties as they stood."""
+    """CSR rows of entries by owner: row starts, shape [row_count + 1], and the stable order of the entries."""
     starts = np.zeros(row_count + 1, dtype=np.int32)
     np.cumsum(np.bincount(owner, minlength=row_count), out=starts[1:])
-    return starts, stable_order(owner)
+    return starts, stable_argsort(owner)
 
 
-def stable_order(keys: NDArray[np.integer]) -> NDArray[np.int64]:
-    """The order that sorts keys of 0 and more, ties as they stood: numpy.argsort, but linear in their number.
+def stable_argsort(keys: NDArray[np.integer]) -> NDArray[np.int64]:
+    """``numpy.argsort(keys, kind="stable")`` of integers from 0, in time linear in their number.
 
-    Keys of two bytes NumPy counts rather than compares. So larger ones are shared out by their upper bits first.
+    NumPy sorts keys of two bytes by counting. So larger keys are first divided into groups by their upper bits.
     """
     bits = int(keys.max(initial=0)).bit_length()
-    shift = max(bits - SHARED_BITS, bits - (len(keys) // SHARE).bit_length(), 0)
-    if len(keys) <= SHARE or shift == 0:
+    shift = max(bits - COUNTED_BITS, bits - (len(keys) // GROUP).bit_length(), 0)
+    if len(keys) <= GROUP or shift == 0:
         return np.argsort(_narrow(keys, bits), kind="stable")
-    shares = (keys >> shift).astype(np.uint16)
-    order = np.argsort(shares, kind="stable")
-    ends = np.cumsum(np.bincount(shares))
+    groups = (keys >> shift).astype(np.uint16)
+    order = np.argsort(groups, kind="stable")
+    ends = np.cumsum(np.bincount(groups))
 
-    def sort(part: slice) -> None:
-        own = order[part]
-        order[part] = own[np.argsort(_narrow(keys[own] & ((1 << shift) - 1), shift), kind="stable")]
+    def sort(group: slice) -> None:
+        own = order[group]
+        order[group] = own[np.argsort(_narrow(keys[own] & ((1 << shift) - 1), shift), kind="stable")]
 
     starts = np.append(0, ends[:-1])
     map_in_threads(sort, [slice(*span) for span in zip(starts[starts < ends], ends[starts < ends], strict=True)])
@@ -84,10 +84,10 @@ def stable_order(keys: NDArray[np.integer]) -> NDArray[np.int64]:
 
 
 def _narrow(keys: NDArray[np.integer], bits: int) -> NDArray[np.integer]:
-    return keys.astype(np.uint16) if bits <= SHARED_BITS else keys
+    return keys.astype(np.uint16) if bits <= COUNTED_BITS else keys
 
 
-def sorted_keys(keys: NDArray[Any]) -> NDArray[Any]:
-    """The different keys, in order (numpy.unique hashes them, which takes ten times as long where most differ)."""
+def sorted_unique(keys: NDArray[Any]) -> NDArray[Any]:
+    """``numpy.unique(keys)`` by sorting: NumPy hashes, which takes ten times as long where most keys differ."""
     ordered = np.sort(keys)
     return ordered[np.append(True, ordered[1:] != ordered[:-1])[: len(ordered)]]

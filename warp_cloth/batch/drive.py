@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, get_args
 
-from warp_cloth.base import arguments as given
+from warp_cloth.base import arguments
 from warp_cloth.base.device import device_named, likely_gpus
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.threads import core_count
@@ -97,15 +97,15 @@ def run_batch(
         get_ready(device)
     if keep not in get_args(Keep):
         raise InputError("--keep", f'"{keep}" is not known', f"use one of {', '.join(get_args(Keep))}")
-    if workers is not None and given.whole(workers, "--workers") < 1:
+    if workers is not None and arguments.integer(workers, "--workers") < 1:
         raise InputError("--workers", f"{workers} processes cannot do anything", "give 1 or more")
-    if shard is not None and given.whole(shard, "--shard") < 1:
+    if shard is not None and arguments.integer(shard, "--shard") < 1:
         raise InputError("--shard", f"{shard} items make no shard", "give 1 or more")
     began = time.perf_counter()
     pool = _pool(device, workers, ray)  # whose processes begin while the jobs are read
     try:
         items = read_jobs(jobs) if isinstance(jobs, (str, Path)) else given_items(jobs)
-        store = Store(given.path(out, "--out").absolute(), keep)
+        store = Store(arguments.path(out, "--out").absolute(), keep)
         store.open()
         with store.held():
             store.check_batch(items)

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from warp_cloth.base.errors import InputError
-from warp_cloth.base.text import in_utf8
+from warp_cloth.base.text import to_utf8
 from warp_cloth.base.toml_file import exists, read_toml
 from warp_cloth.batch.product import AXES, product_rows
 from warp_cloth.loading.raw import counted
@@ -90,7 +90,7 @@ def _checked(items: list[Item], source: str | Path) -> list[Item]:
 
 def _csv_rows(path: Path) -> list[dict[str, Any]]:
     try:
-        text = in_utf8(path.read_bytes()).decode("utf-8")
+        text = to_utf8(path.read_bytes()).decode("utf-8")
     except OSError as error:
         raise InputError(path, f"cannot be read: {error.strerror or error}", "check its permissions") from None
     except UnicodeDecodeError as error:

@@ -19,9 +19,9 @@ def end_with_parent() -> None:
 def begin_alone() -> None:
     """Likewise, and keeps to one thread: there are as many such processes as cores."""
     end_with_parent()
-    from warp_cloth.base.threads import ALONE  # and NumPy, for which who starts processes does not wait
+    from warp_cloth.base.threads import ONE_THREAD  # and NumPy, for which who starts processes does not wait
 
-    os.environ[ALONE] = "1"
+    os.environ[ONE_THREAD] = "1"
 
 
 @contextlib.contextmanager

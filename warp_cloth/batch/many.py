@@ -14,7 +14,7 @@ import warp as wp
 from warp_cloth.base.cache import Cache
 from warp_cloth.base.device import device_named
 from warp_cloth.base.errors import InputError
-from warp_cloth.base.threads import in_turn
+from warp_cloth.base.threads import one_thread_at_a_time
 from warp_cloth.batch.gpu_queue import Turn
 from warp_cloth.batch.loading import Shelf
 from warp_cloth.batch.memory import Need, available_bytes, cut_to_fit, need_of, side_by_side
@@ -32,7 +32,7 @@ from warp_cloth.solver.loop import Goal, relax_items
 KEPT_SHARE = 0.05  # of the memory, for avatars' fields that the next scenes may meet, too
 
 
-@in_turn
+@one_thread_at_a_time
 def fit_many(
     scenes: Sequence[Scene | str | Path | Mapping[str, Any]],
     device: str | None = None,

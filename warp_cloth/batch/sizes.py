@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, get_args
 
 from warp_cloth.avatar.solid import closing_of
-from warp_cloth.base import arguments as given
+from warp_cloth.base import arguments
 from warp_cloth.base.errors import InputError
 from warp_cloth.batch.jobs import PLAIN_NAME, toml_text
 from warp_cloth.fitting.fit import Fit, fit
@@ -147,7 +147,11 @@ def fit_sizes(
     Raises:
         InputError: the scene cannot be used in one of the sizes, or nothing in it depends on the size.
     """
-    changes, sizes, ease = given.texts(overrides, "overrides"), given.texts(sizes, "sizes"), given.number(ease, "ease")
+    changes, sizes, ease = (
+        arguments.strings(overrides, "overrides"),
+        arguments.strings(sizes, "sizes"),
+        arguments.number(ease, "ease"),
+    )
     for size in sizes:
         if not PLAIN_NAME.fullmatch(size):
             remedy = f"use no slashes; folders go before it: --set garment.mesh=FOLDER/{SIZE}.obj"

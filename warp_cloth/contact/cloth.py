@@ -327,7 +327,7 @@ class ClothTouch:
         self._launch(spare_tangled, len(found.corners), [self._search, found])
 
     @contextmanager
-    def in_turn(self) -> Iterator[None]:
+    def one_thread_at_a_time(self) -> Iterator[None]:
         """Has what crosses be looked for before what is near, for as long as this lasts."""
         aside, self._aside = self._aside, None
         try:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from warp_cloth.avatar.exact import POINTS_AT_ONCE, build_exact_collider
 from warp_cloth.avatar.placement import clear_shift, shift_text
 from warp_cloth.avatar.solid import solid_of
-from warp_cloth.base.bins import pieces
+from warp_cloth.base.bins import consecutive_bins
 from warp_cloth.base.cache import Cache
 from warp_cloth.base.mesh import Indices, Mesh, Points
 from warp_cloth.base.threads import map_in_threads
@@ -148,7 +148,7 @@ def model_crossings(model: ClothModel, outfits: Sequence[Outfit]) -> list[Garmen
     if position.dtype is not wp.vec3d:
         position = wp.array(model.points(), dtype=wp.vec3d, device=model.device)
     found: list[Indices] = []  # of each scene, by numbers of its own
-    for piece in pieces(np.diff(model.item_start).tolist(), POINTS_AT_ONCE):
+    for piece in consecutive_bins(np.diff(model.item_start).tolist(), POINTS_AT_ONCE):
         (edge, last_edge), (triangle, last_triangle) = (
             (ends[piece.start], ends[piece.stop]) for ends in (edges, triangles)
         )

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from os.path import realpath
 from pathlib import Path
 
-from warp_cloth.base.arguments import texts
+from warp_cloth.base.arguments import strings
 from warp_cloth.base.errors import InputError
 from warp_cloth.scene import Scene
 
@@ -15,7 +15,7 @@ FORMATS = ("usdc", "usda", "usdz", "glb", "obj")
 
 def chosen_formats(text: str | Sequence[str], *, place: str = "--format") -> tuple[str, ...]:
     """Formats from "usdc,glb", or one by one."""
-    asked = [name for given in texts(text, place) for name in given.split(",")]
+    asked = [name for given in strings(text, place) for name in given.split(",")]
     names = tuple(dict.fromkeys(name.strip().lstrip(".").lower() for name in asked if name.strip()))
     unknown = [name for name in names if name not in FORMATS]
     if unknown or not names:

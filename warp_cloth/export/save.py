@@ -6,7 +6,7 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
-from warp_cloth.base.threads import in_turn
+from warp_cloth.base.threads import one_thread_at_a_time
 from warp_cloth.export import preview, stage
 from warp_cloth.export.formats import check_inputs_kept
 from warp_cloth.export.map_picture import MapPictures
@@ -21,7 +21,7 @@ from warp_cloth.scene import Scene
 from warp_cloth.scene.stage import USD_SUFFIXES
 
 
-@in_turn
+@one_thread_at_a_time
 def save_fit(fit: FitResult, folder: Path, *, colour: str, formats: Sequence[str]) -> list[Path]:
     """Writes what ``Fit.save`` says; the report last."""
     scene = fit.scene

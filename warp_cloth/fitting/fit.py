@@ -13,7 +13,7 @@ from warp_cloth.base import arguments
 from warp_cloth.base.cache import Cache
 from warp_cloth.base.device import device_named
 from warp_cloth.base.errors import InputError
-from warp_cloth.base.threads import in_turn
+from warp_cloth.base.threads import one_thread_at_a_time
 from warp_cloth.export.formats import chosen_formats
 from warp_cloth.fitting.clock import StageClock
 from warp_cloth.fitting.finish import finish_fits
@@ -76,7 +76,7 @@ class Fit(FitResult):
         return cls(**{field.name: getattr(result, field.name) for field in fields(FitResult)})
 
 
-@in_turn
+@one_thread_at_a_time
 def fit(
     scene: Scene | str | Path | Mapping[str, Any],
     *,

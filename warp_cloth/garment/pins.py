@@ -8,7 +8,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from warp_cloth.base.connected import lowest_connected
+from warp_cloth.base.connected import connected_components
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.mesh import Indices, Mesh
 
@@ -114,7 +114,7 @@ def boundary_loops(mesh: Mesh) -> list[NDArray[Any]]:
     edges = edges[count == 1]
     if not len(edges):
         return []
-    label = lowest_connected(mesh.vertex_count, edges[:, 0], edges[:, 1])
+    label = connected_components(mesh.vertex_count, edges[:, 0], edges[:, 1])
     lengths = np.linalg.norm(mesh.points[edges[:, 0]] - mesh.points[edges[:, 1]], axis=1)
     totals = np.bincount(label[edges[:, 0]], weights=lengths, minlength=mesh.vertex_count)
     roots = np.unique(label[edges[:, 0]])

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from warp_cloth.base.chunks import in_parts
+from warp_cloth.base.chunks import map_chunks
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.mesh import Indices, Mesh
-from warp_cloth.base.threads import end_to_end
+from warp_cloth.base.threads import concatenate
 from warp_cloth.base.topology import Topology, build_topology
 from warp_cloth.garment.folds import RestAngles, hinge_angles
 from warp_cloth.garment.grain import Grain
@@ -246,8 +246,10 @@ def _laid_out(triangles: Indices, sides: Floats, vertex_count: int, like: Floats
     length = np.maximum(length, SHORTEST_EDGE_SHARE * float(np.median(length)))
     averaged = length[topology.triangle_edges]
     even = triangle_areas(averaged)
-    flat = in_parts(lambda part: lay_flat(averaged[part], even[part], None if like is None else like[part]), len(even))
-    sheet = Sheet(topology, triangles, end_to_end(flat), even, like is not None)
+    flat = map_chunks(
+        lambda part: lay_flat(averaged[part], even[part], None if like is None else like[part]), len(even)
+    )
+    sheet = Sheet(topology, triangles, concatenate(flat), even, like is not None)
     return RestGeometry(length, sheet, float(triangle_areas(sides).sum()))
 
 

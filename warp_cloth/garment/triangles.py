@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from warp_cloth.base.chunks import by_parts, in_parts
-from warp_cloth.base.threads import end_to_end
+from warp_cloth.base.chunks import map_chunks, map_rows
+from warp_cloth.base.threads import concatenate
 
 Floats = NDArray[np.float64]
 
@@ -18,12 +18,12 @@ def triangle_sides(corners: Floats) -> Floats:
         own = corners[part]
         return np.asarray(np.linalg.norm(np.roll(own, -1, axis=1) - own, axis=2))
 
-    return end_to_end(in_parts(some, len(corners)))
+    return concatenate(map_chunks(some, len(corners)))
 
 
 def triangle_areas(sides: Floats) -> Floats:
     """Areas [m2] from side lengths, Kahan's stable form of Heron's formula, shape [F]."""
-    return by_parts(_areas, sides)
+    return map_rows(_areas, sides)
 
 
 def _areas(sides: Floats) -> Floats:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from warp_cloth.base.topology import stable_order
+from warp_cloth.base.topology import stable_argsort
 from warp_cloth.loading.raw import Ints
 
 LONGEST_KEY = 63  # bits of a whole row in one number
@@ -32,7 +32,7 @@ def distinct(rows: np.ndarray) -> Distinct:
         ordered = rows[order]
         changes = (ordered[1:] != ordered[:-1]).any(axis=1)
     else:
-        order = stable_order(key)
+        order = stable_argsort(key)
         ordered = key[order]
         changes = ordered[1:] != ordered[:-1]
     new = np.append(True, changes)

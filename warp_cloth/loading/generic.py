@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from warp_cloth.base.errors import InputError
-from warp_cloth.base.text import in_utf8
+from warp_cloth.base.text import to_utf8
 from warp_cloth.loading.decimals import float32_doubt
 from warp_cloth.loading.raw import EXPORT_AGAIN, POSED, RawMesh, joined
 
@@ -28,7 +28,7 @@ _UV = "_TEXCOORD"  # custom attribute under which trimesh hands texture coordina
 
 def read_stl(file: str, data: bytes) -> RawMesh:
     """Triangles of an STL, each with three vertices of its own; several solids become panels."""
-    data = data if _is_binary_stl(data) else in_utf8(data)
+    data = data if _is_binary_stl(data) else to_utf8(data)
     text = data[:512].lstrip().lower().startswith(b"solid") and b"vertex" in data[:4096].lower()
     if len(data) < 84 and not text:
         raise InputError(file, "is no STL: too short for one triangle", _CUT_OFF)
@@ -86,7 +86,7 @@ def read_gltf(file: str, data: bytes, *, key: str = "", name: str | None = None)
     binary = data[:4] == b"glTF"
     chunk, rest = _glb_parts(file, data) if binary else (data, b"")
     try:
-        tree = json.loads(in_utf8(chunk))
+        tree = json.loads(to_utf8(chunk))
         _check_gltf(file, tree)
         if name is not None:
             _keep_only(tree, name, file, key)
@@ -131,7 +131,7 @@ def _glb_parts(file: str, data: bytes) -> tuple[bytes, bytes]:
 def gltf_mesh_names(file: str, data: bytes) -> list[str]:
     """What ``read_gltf`` may call each mesh of a file that it has read, in the file's order."""
     chunk = _glb_parts(file, data)[0] if data[:4] == b"glTF" else data
-    return _mesh_names(json.loads(in_utf8(chunk)))
+    return _mesh_names(json.loads(to_utf8(chunk)))
 
 
 def _mesh_names(tree: dict[str, Any]) -> list[str]:

@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from warp_cloth.base.errors import InputError
-from warp_cloth.base.text import in_utf8
+from warp_cloth.base.text import to_utf8
 from warp_cloth.loading.raw import EXPORT_AGAIN, Floats, Ints, RawMesh
 
 # Statements of the format (and "vc", which some tools add for colours) that say nothing about faces.
@@ -41,7 +41,7 @@ class _Statements:
 
 def read_obj(file: str, data: bytes) -> RawMesh:
     """Polygons of an OBJ. Negative indices, continued lines, and faces of any size are understood."""
-    data = in_utf8(data)
+    data = to_utf8(data)
     if b"\0" in data:
         raise InputError(file, "is no OBJ text: it holds binary data", "check the file's name and content")
     statements = _sorted_lines(file, data)

@@ -11,7 +11,7 @@ from itertools import pairwise
 import numpy as np
 
 from warp_cloth.base.errors import InputError
-from warp_cloth.base.text import in_utf8
+from warp_cloth.base.text import to_utf8
 from warp_cloth.loading.decimals import float32_doubt
 from warp_cloth.loading.raw import EXPORT_AGAIN, Floats, Ints, RawMesh
 
@@ -51,7 +51,7 @@ class _Table:
 
 def read_ply(file: str, data: bytes) -> RawMesh:
     """Vertices, polygons and texture coordinates (per corner or per vertex) of a PLY."""
-    data = in_utf8(data)
+    data = to_utf8(data)
     order, elements, body, header_lines = _header(file, data)
     tables: dict[str, _Table] = {}
     starts: dict[str, int] = {}

@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from warp_cloth.base.connected import lowest_connected
+from warp_cloth.base.connected import connected_components
 from warp_cloth.base.errors import InputError
 from warp_cloth.loading.distinct import distinct, edges_of, used_ids
 from warp_cloth.loading.polygons import triangulated
@@ -117,7 +117,7 @@ def repaired(raw: RawMesh, points: Floats, *, role: Role, rest: RestKind) -> Rep
 def _pieces(triangles: Ints, count: int) -> int:
     """How many connected parts triangles make."""
     a, b = triangles[:, [0, 1]].T, triangles[:, [1, 2]].T
-    part = lowest_connected(count, np.concatenate([a[0], b[0]]), np.concatenate([a[1], b[1]]))
+    part = connected_components(count, np.concatenate([a[0], b[0]]), np.concatenate([a[1], b[1]]))
     return len(used_ids(part[triangles[:, 0]], count))
 
 

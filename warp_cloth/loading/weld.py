@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from warp_cloth.base.connected import lowest_connected
+from warp_cloth.base.connected import connected_components
 from warp_cloth.loading.distinct import distinct, edges_of, used_ids
 from warp_cloth.loading.raw import Floats, Ints
 
@@ -50,7 +50,7 @@ def weld(points: Floats, triangles: Ints, *, near: bool = False, panels: Floats 
     faces = triangles[np.sort(distinct(np.sort(place[triangles], axis=1)).first)] if soup else triangles
     a, b = _matched(place, faces, soup, panels)
     while True:
-        vertex = lowest_connected(len(points), a, b)
+        vertex = connected_components(len(points), a, b)
         bad = np.zeros(len(points), dtype=bool) if soup else _spoilt(vertex, faces)
         if not bad.any():
             break
@@ -82,7 +82,7 @@ def _near_rims(points: Floats, triangles: Ints) -> Ints:
             second.append(on_rim[order[lag:][together]])
     a, b = np.concatenate(first), np.concatenate(second)
     close = np.linalg.norm(points[a] - points[b], axis=1) <= np.minimum(tolerance[a], tolerance[b])
-    return lowest_connected(len(points), a[close], b[close])
+    return connected_components(len(points), a[close], b[close])
 
 
 def _per_row(rows: Ints) -> tuple[Ints, Ints]:
@@ -120,7 +120,7 @@ def _left_open(place: Ints, faces: Ints, panels: Floats, one: Ints, other: Ints)
     Both belong to one piece, whose panels are sewn elsewhere by vertices that they share.
     """
     edges = edges_of(faces)
-    piece = lowest_connected(len(place), *edges.T)
+    piece = connected_components(len(place), *edges.T)
     number, together = _per_row(edges)
     inner = np.flatnonzero(together == 2)
     inner = inner[np.argsort(number[inner], kind="stable")]

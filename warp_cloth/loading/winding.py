@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from warp_cloth.base.connected import lowest_connected
+from warp_cloth.base.connected import connected_components
 from warp_cloth.loading.distinct import distinct, edges_of
 from warp_cloth.loading.raw import Floats, Ints
 
@@ -32,7 +32,7 @@ def consistent_winding(triangles: Ints) -> tuple[NDArray[np.bool_], int]:
     a, b, wrong = _neighbours(triangles)
     if not wrong.any():
         return np.zeros(count, dtype=bool), 0
-    component = lowest_connected(count, a, b)
+    component = connected_components(count, a, b)
     mixed = np.zeros(count, dtype=bool)
     mixed[component[a[wrong]]] = True
     here = mixed[component[a]]
@@ -71,7 +71,7 @@ def _turned(count: int, a: Ints, b: Ints, wrong: NDArray[np.bool_]) -> NDArray[n
 def outward(points: Floats, triangles: Ints) -> NDArray[np.bool_]:
     """Which faces to flip so that every closed component encloses a positive volume."""
     a, b, wrong = _neighbours(triangles)
-    component = lowest_connected(len(triangles), a, b)
+    component = connected_components(len(triangles), a, b)
     corners = points[triangles]
     count = len(triangles)
     faces = np.bincount(component, minlength=count)

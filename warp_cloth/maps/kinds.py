@@ -11,7 +11,7 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from warp_cloth.base.arguments import texts
+from warp_cloth.base.arguments import strings
 from warp_cloth.base.errors import InputError
 
 SHOWN_SHARE = 98.0  # percentile of a map that its colours reach; the few vertices beyond would hide all others
@@ -62,7 +62,7 @@ GROUPS: Mapping[str, tuple[str, ...]] = MappingProxyType(
 
 def chosen_maps(text: str | Sequence[str], *, place: str = "--maps") -> tuple[str, ...]:
     """Names of maps from "strain,pressure,ease"; "strain" stands for all strains and the shear, "all" for every map."""
-    asked = [name.strip() for given in texts(text, place) for name in given.split(",")]
+    asked = [name.strip() for given in strings(text, place) for name in given.split(",")]
     names: dict[str, None] = {}
     for name in filter(None, asked):
         if name not in MAPS and name not in GROUPS:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from warp_cloth.base.connected import lowest_connected
+from warp_cloth.base.connected import connected_components
 from warp_cloth.base.mesh import Indices, Points
 from warp_cloth.shapes.body import convex_girth
 
@@ -54,7 +54,7 @@ def cut(points: Points, triangles: Indices, height: float) -> Section:
     ends = np.einsum("sek,skd->sed", weights, points[corners][:, :, [0, 2]])
     unique, node = np.unique(keys, return_inverse=True)
     node = node.reshape(-1, 2)
-    label = lowest_connected(len(unique), node[:, 0], node[:, 1])
+    label = connected_components(len(unique), node[:, 0], node[:, 1])
     _, part = np.unique(label[node[:, 0]], return_inverse=True) if len(faces) else (None, np.zeros(0, dtype=np.int64))
     ending = np.bincount(node.ravel(), minlength=len(unique)) != 2
     open_parts = frozenset(part.ravel()[ending[node].any(axis=1)].tolist())

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from warp_cloth.base.chunks import by_parts, in_parts
+from warp_cloth.base.chunks import map_chunks, map_rows
 from warp_cloth.base.mesh import Indices
-from warp_cloth.base.threads import end_to_end
+from warp_cloth.base.threads import concatenate
 from warp_cloth.material.constants import Sheet
 from warp_cloth.material.patch_factors import Fit, Patches
 
@@ -50,7 +50,7 @@ class _Folds:
 
     def evenly(self, direction: float | Floats) -> Floats:
         """Fold per curvature of cloth that is evenly bent in a direction, by its angle to the warp [m]."""
-        return by_parts(_evenly, self.angle - direction, self.across, self.mixed, self.along)
+        return map_rows(_evenly, self.angle - direction, self.across, self.mixed, self.along)
 
 
 def _evenly(angle: Floats, across: Floats, mixed: Floats, along: Floats) -> Floats:
@@ -88,7 +88,7 @@ def hinge_constants(sheet: Sheet, fabric: Fabric, length: Floats) -> Floats:
     hinges = sheet.topology.hinges
     within = np.asarray(~stays[hinges].any(axis=1))
     evens = [folds.evenly(bend) for bend in bends]
-    cubes = [by_parts(_cubed, even) for even in evens]
+    cubes = [map_rows(_cubed, even) for even in evens]
     beyond = _beyond(sheet, length, folds, bends, len(stays))
     shares = [patches.share((cube, folds.size), own) for cube, own in zip(cubes, beyond, strict=True)]
     moved = np.zeros((len(bends), len(stays)))
@@ -101,10 +101,10 @@ def hinge_constants(sheet: Sheet, fabric: Fabric, length: Floats) -> Floats:
         energies, ease = [], []
         counted = np.where(within, fit.stiffness, 0.0)
         for even, cube, move in zip(evens, cubes, moved, strict=True):
-            shared = by_parts(_cubed, balance.folded(fit.stiffness, even, move, rounds))
-            stiff, eased = (float(np.sum(by_parts(np.multiply, own, counted))) for own in (cube, shared))
+            shared = map_rows(_cubed, balance.folded(fit.stiffness, even, move, rounds))
+            stiff, eased = (float(np.sum(map_rows(np.multiply, own, counted))) for own in (cube, shared))
             ease.append(eased / stiff if stiff > 0.0 else 1.0)  # too small a garment has no hinges that share
-            energies.append(by_parts(partial(_within, ease[-1]), within, shared, cube) if stiff > 0.0 else cube)
+            energies.append(map_rows(partial(_within, ease[-1]), within, shared, cube) if stiff > 0.0 else cube)
         if bias is not None:
             energies.append(bias * np.mean(ease))
         fit.improve(energies, shares, wanted)
@@ -186,13 +186,13 @@ class _Balance:
 
         last, before, corners = np.zeros(len(move)), np.inf, self._corners.ravel()
         for _ in range(rounds):
-            energy = sum(in_parts(force, len(even)))
+            energy = sum(map_chunks(force, len(even)))
             if self._counted and abs(before - energy) <= SETTLED * energy:
                 break
             before = energy
             slope, bound = (np.asarray(np.bincount(corners, each.ravel(), len(move)), float) for each in (pull, curve))
-            in_parts(partial(self._go_on, move, last, slope, bound), len(move))
-        in_parts(fold, len(even))
+            map_chunks(partial(self._go_on, move, last, slope, bound), len(move))
+        map_chunks(fold, len(even))
         return folded
 
     def _go_on(self, move: Floats, last: Floats, slope: Floats, bound: Floats, part: slice) -> None:
@@ -229,8 +229,8 @@ def _inner_folds(sheet: Sheet, length: Floats) -> _Folds:
         s1 = axis - foot  # the second triangle's side runs the other way
         return _folds_of(axis, (s0, h0), (s1, h1), way, hand)
 
-    parts = in_parts(some, len(topology.hinge_edges))
-    return _Folds(*(end_to_end([getattr(part, field.name) for part in parts]) for field in fields(_Folds)))
+    parts = map_chunks(some, len(topology.hinge_edges))
+    return _Folds(*(concatenate([getattr(part, field.name) for part in parts]) for field in fields(_Folds)))
 
 
 def _border_folds(sheet: Sheet, length: Floats) -> tuple[_Folds, Indices]:

@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from warp_cloth.base.chunks import by_parts, in_parts
+from warp_cloth.base.chunks import map_chunks, map_rows
 from warp_cloth.base.row_sums import RowSums
 from warp_cloth.material.constants import Sheet
 
@@ -56,13 +56,13 @@ class Patches:
                 own += sums
                 np.multiply(part[there], own, out=onward[there])
 
-            self._around.each(parts, walk)
+            self._around.for_each_chunk(parts, walk)
             parts, next_parts = next_parts, parts
         return held
 
     def sums(self, *factors: Floats) -> Floats:
         """Of what every hinge holds, a product, shape [V]."""
-        by_parts(lambda *own: 0.25 * math.prod(own[1:], start=own[0]), *factors, out=self._holding)
+        map_rows(lambda *own: 0.25 * math.prod(own[1:], start=own[0]), *factors, out=self._holding)
         return self._spread(self._held(self._holding))
 
     def means(self, own: Floats, part: slice) -> Floats:
@@ -94,14 +94,14 @@ class Fit:
         """
         for _ in range(MOST_STEPS):
             sums = [self._patches.sums(own, self.stiffness) for own in energies]
-            lacks = [by_parts(partial(_lack, own), *both) for *both, own in zip(sums, shares, wanted, strict=True)]
+            lacks = [map_rows(partial(_lack, own), *both) for *both, own in zip(sums, shares, wanted, strict=True)]
             if not self._lean.any():
                 self._take(np.mean(lacks, axis=0), 0.0)
                 return
             if max(float(np.sqrt(np.mean(lack * lack))) for lack in lacks[:2]) < CLOSE:
                 return
             leans = [
-                by_parts(_per, self._patches.sums(own, self.stiffness, self._lean), total)
+                map_rows(_per, self._patches.sums(own, self.stiffness, self._lean), total)
                 for own, total in zip(energies, sums, strict=True)
             ]
             self._take(*self._fitted(lacks, leans))
@@ -120,7 +120,7 @@ class Fit:
         """Changes the patches' logarithms by these, shape [V]."""
         self._even = np.clip(self._even + even, np.log(LEAST_FACTOR), np.log(MOST_FACTOR))
         self._leaning += lean
-        in_parts(self._put_stiffness, len(self._usual))
+        map_chunks(self._put_stiffness, len(self._usual))
 
     def _put_stiffness(self, part: slice) -> None:
         means, lean = self._patches.means, self._lean[part]

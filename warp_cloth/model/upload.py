@@ -9,7 +9,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from warp_cloth.base.threads import end_to_end
+from warp_cloth.base.threads import concatenate
 from warp_cloth.base.warp_setup import keeping_kernels
 from warp_cloth.kernels.base.concatenate import join_pieces
 
@@ -63,7 +63,7 @@ def _joined_here(
     if signed and starts is not None:
         shifted = zip(arrays, np.asarray(starts, dtype=arrays[0].dtype), strict=False)
         arrays, starts = [np.where(array < 0, array - start, array + start) for array, start in shifted], None
-    rows = end_to_end(arrays, starts)
+    rows = concatenate(arrays, starts)
     if more:
         rows = np.concatenate([rows, np.zeros_like(rows, shape=(more, *rows.shape[1:]))])
     return wp.array(np.ascontiguousarray(rows), dtype=dtype, device=device)
@@ -81,7 +81,7 @@ def _joined_there(
 ) -> wp.array:
     """Sent there once each, and put end to end there."""
     row = wp.types.type_size_in_bytes(dtype) // WORD
-    sent = wp.array(np.ascontiguousarray(end_to_end(distinct)), dtype=dtype, device=device)
+    sent = wp.array(np.ascontiguousarray(concatenate(distinct)), dtype=dtype, device=device)
     begin = dict(zip(map(id, distinct), np.cumsum([0, *(len(each) for each in distinct[:-1])]), strict=True))
     pieces = np.zeros((len(arrays), 4), dtype=np.int32)
     pieces[:, 0] = row * (np.cumsum(lengths) - lengths)

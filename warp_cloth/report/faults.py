@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from warp_cloth.base.connected import lowest_connected
+from warp_cloth.base.connected import connected_components
 from warp_cloth.loading.raw import counted
 from warp_cloth.model.result import Penetration, Strain
 from warp_cloth.report.numbers import short_number
@@ -69,7 +69,7 @@ def detached_pieces(scene: Scene, outfit: Outfit, worn: Sequence[Points]) -> str
     """Pieces that fall off a garment because nothing connects them to the rest; ``worn`` as of ``unheld``."""
     for spec, part, points in zip(scene.garments, outfit.parts, worn, strict=True):
         a, b, c = part.triangles.T
-        piece = lowest_connected(len(points), np.concatenate([a, b]), np.concatenate([b, c]))
+        piece = connected_components(len(points), np.concatenate([a, b]), np.concatenate([b, c]))
         kinds, number, count = np.unique(piece, return_inverse=True, return_counts=True)
         if len(kinds) == 1 or not np.isfinite(points).all():
             continue

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from pydantic import ValidationError
 
-from warp_cloth.base import arguments as given
+from warp_cloth.base import arguments
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.toml_file import exists, read_toml
 from warp_cloth.scene.messages import scene_error, show
@@ -34,7 +34,7 @@ def load_scene(source: str | Path | Mapping[str, Any], overrides: Sequence[str] 
     if isinstance(source, Mapping):
         place, name, directory, values = "scene", "scene", Path(), _plain(source)
     else:
-        path = _scene_file(source if isinstance(source, str) else given.path(source, "scene"))
+        path = _scene_file(source if isinstance(source, str) else arguments.path(source, "scene"))
         place, name, directory = str(path), path.stem, path.parent
         staged = path.suffix.lower() in USD_SUFFIXES
         if path.suffix.lower() in MESH_SUFFIXES:
@@ -42,7 +42,7 @@ def load_scene(source: str | Path | Mapping[str, Any], overrides: Sequence[str] 
             raise InputError(path, "is a mesh, not a scene", remedy)
         values = stage_values(path) if staged else read_toml(path, "scene file")
     stated: dict[str, str] = {}  # dotted key -> the --set that stated it
-    for text in given.texts(overrides, "overrides"):
+    for text in arguments.strings(overrides, "overrides"):
         key = apply_override(values, text, directory)
         for other, earlier in stated.items():
             beside = key.endswith(".kind") and other.startswith(key.removesuffix("kind"))

@@ -33,7 +33,7 @@ def show(value: Any) -> str:
         return "a table"
     try:
         text = str(list(value)) if isinstance(value, tuple) else str(value)
-    except ValueError:  # a whole number with more digits than Python writes out
+    except ValueError:  # an integer with more digits than Python converts
         text = "a huge number"
     text = "".join(letter if letter.isprintable() else "?" for letter in text[:60]) + "..." * (len(text) > 60)
     return f'"{text}"' if isinstance(value, str) else text
@@ -200,7 +200,7 @@ def _allowed(annotation: Any, metadata: list[Any]) -> str:
     if bare is str:
         return "text"
     if bare in (int, float):
-        return ("a whole number" if bare is int else "a number") + _range([*metadata, *more])
+        return ("an integer" if bare is int else "a number") + _range([*metadata, *more])
     if get_origin(bare) is tuple:
         entries = get_args(bare)
         if entries[-1] is not Ellipsis:

@@ -23,7 +23,7 @@ from warp_cloth.garment.folds import RestAngles
 from warp_cloth.material.fabric import Fabric, resolve_fabric
 from warp_cloth.scene.messages import listed, refusal, show
 from warp_cloth.scene.paths import checked_name, directory_of, path_from
-from warp_cloth.scene.shapes import AvatarShape, GarmentShape, Point, Real, Table, VertexId, Whole
+from warp_cloth.scene.shapes import AvatarShape, GarmentShape, Integer, Point, Real, Table, VertexId
 from warp_cloth.scene.stage import USD_SUFFIXES
 
 RestShape = Literal["mesh", "uv", "physics"]
@@ -253,7 +253,7 @@ class SolverSpec(Table):
         description="placed: as the mesh is; dressed: as it rests in jersey, whence all fabrics have a shorter way; "
         "a batch shares that",
     )
-    iterations: Whole = Field(
+    iterations: Integer = Field(
         default=20_000, ge=0, le=10**7, description="limit; a T-shirt on a body rests after about 8,000"
     )
     tolerance_mm: Real = Field(
@@ -274,7 +274,7 @@ class SolverSpec(Table):
         le=1,
         description="largest displacement an iteration [m]; None: chosen by the method",
     )
-    threads: Whole | None = Field(
+    threads: Integer | None = Field(
         default=None,
         ge=1,
         le=64,

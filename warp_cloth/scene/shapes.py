@@ -7,16 +7,16 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
 
-def _whole(value: Any) -> Any:
-    """1e3 and a table's 1000.0 are whole numbers, too, as long as no digit of theirs is lost."""
+def _as_integer(value: Any) -> Any:
+    """Converts a float with an integer value, as 1e3 or a table's 1000.0, where that is exact."""
     return int(value) if isinstance(value, float) and value.is_integer() and abs(value) < 2**53 else value
 
 
 Real = Annotated[float, Field(strict=True, allow_inf_nan=False)]  # takes 3 for 3.0, but no text, no true
-Whole = Annotated[int, Field(strict=True), BeforeValidator(_whole)]
+Integer = Annotated[int, Field(strict=True), BeforeValidator(_as_integer)]
 Coordinate = Annotated[Real, Field(ge=-1e7, le=1e7)]  # [m]
 Point = tuple[Coordinate, Coordinate, Coordinate]
-VertexId = Annotated[Whole, Field(ge=0, le=2**31 - 1)]
+VertexId = Annotated[Integer, Field(ge=0, le=2**31 - 1)]
 
 Size = Literal["S", "M", "L"]
 
@@ -32,7 +32,7 @@ class SquareShape(Table):
 
     kind: Literal["square"]
     side: Real = Field(default=1.0, ge=1e-3, le=100, description="side length [m]")
-    vertices_per_side: Whole = Field(
+    vertices_per_side: Integer = Field(
         default=33, ge=2, le=2049, description="33 on 1 m: edges of 31 mm, quick and smooth"
     )
     plane: Literal["horizontal", "vertical"] = Field(default="horizontal", description="lies, or hangs facing +z")

@@ -166,7 +166,7 @@ class TimedFit:
 
     def _serial(self) -> AbstractContextManager[None]:
         touch = self._made.relaxation.touch
-        return nullcontext() if touch is None else touch.in_turn()
+        return nullcontext() if touch is None else touch.one_thread_at_a_time()
 
     def record(self) -> tuple[list[Launch], list[float]]:
         """Iterates launch by launch; returns the launches, and the seconds of each with all that a timer adds."""

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from warp_cloth.base.cache import Cache
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.mesh import Indices, Points
-from warp_cloth.base.threads import end_to_end, map_in_threads
+from warp_cloth.base.threads import concatenate, map_in_threads
 from warp_cloth.garment.elements import Elements
 from warp_cloth.garment.rest import Floats
 from warp_cloth.kernels.base.options import (
@@ -248,7 +248,7 @@ def _end_to_end(parts: Sequence[PatchTables], first: Mapping[str, Sequence[int]]
     if len(parts) == 1:
         return parts[0]
     names = [name for name in PatchTables.__dataclass_fields__ if name not in ("patch", "overflow")]
-    tables = {name: end_to_end([getattr(part, name) for part in parts], (first or {}).get(name)) for name in names}
+    tables = {name: concatenate([getattr(part, name) for part in parts], (first or {}).get(name)) for name in names}
     return PatchTables(patch=_rows_end_to_end(parts), overflow=0, **tables)
 
 
@@ -259,7 +259,7 @@ def _rows_end_to_end(parts: Sequence[PatchTables]) -> dict[str, Keys]:
     patch = {}
     for name in parts[0].patch:
         begin = _starts([getattr(part, starts[name]) for part in parts]) if name in starts else None
-        patch[name] = end_to_end([part.patch[name] for part in parts], begin)
+        patch[name] = concatenate([part.patch[name] for part in parts], begin)
     return patch
 
 

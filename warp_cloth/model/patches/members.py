@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warp_cloth.base.mesh import Indices
-from warp_cloth.base.topology import ragged_rows, sorted_keys
+from warp_cloth.base.topology import ragged_rows, sorted_unique
 from warp_cloth.kernels.base.options import RANKS
 
 Keys = NDArray[np.int64]
@@ -20,7 +20,7 @@ class Members:
 
     def __init__(self, patch: Keys, element: Numbers, total: int, patch_count: int) -> None:
         self._total = total
-        self._keys = sorted_keys(patch.astype(np.int64) * total + element)
+        self._keys = sorted_unique(patch.astype(np.int64) * total + element)
         self.patch, self.element = self._keys // total, self._keys % total
         self.count = np.bincount(self.patch, minlength=patch_count)
         self.start = np.cumsum(self.count) - self.count

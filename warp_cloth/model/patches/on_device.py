@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from warp_cloth.base.cache import Cache
 from warp_cloth.base.mesh import Points
-from warp_cloth.base.threads import end_to_end
+from warp_cloth.base.threads import concatenate
 from warp_cloth.garment.elements import Elements
 from warp_cloth.kernels.base.options import FEW, Terms, block_for
 from warp_cloth.kernels.base.types import Patch
@@ -124,8 +124,8 @@ def device_patches(
         rows[name] = numbers
     if table in laws[0]:
         begin = [int(end) for end in np.cumsum([0, *(len(own[table]) for own in laws[:-1])])]
-        rows["law_start"] = end_to_end([own["law_start"] for own in laws], begin)
-        rows["law_count"] = end_to_end([own["law_count"] for own in laws])
+        rows["law_start"] = concatenate([own["law_start"] for own in laws], begin)
+        rows["law_count"] = concatenate([own["law_count"] for own in laws])
     start: list[int] = np.cumsum([0, *(len(part) for part in points)]).tolist()  # of each garment's vertices
     of_garment = np.searchsorted(item_start, start[:-1], side="right") - 1
     rows["item"] = np.repeat(of_garment, [len(own.patch["vertex_start"]) for own in each])
@@ -178,7 +178,7 @@ def device_patches(
     back.patch = wp.array(_last_first(wide, len(wide)).reshape(-1, 4), dtype=wp.vec4i, device=device)
     overflow = wp.empty(overflowing, dtype=wp.uint8, device=device)
     few = max(len(rows), 0 if like is None else like // block.vertices) <= FEW
-    numbering = Numbering(end_to_end([own.order for own in packings], start))
+    numbering = Numbering(concatenate([own.order for own in packings], start))
     places = packing("order"), packing("rank")
     return Patches(wide, rows["item"], tables, (packed, back), numbering, *places, overflow, few)
 

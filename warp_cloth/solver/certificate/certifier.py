@@ -11,9 +11,9 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from warp_cloth.base.bins import pieces
+from warp_cloth.base.bins import consecutive_bins
 from warp_cloth.base.mesh import Points
-from warp_cloth.base.percentiles import percentiles
+from warp_cloth.base.quantiles import quantiles
 from warp_cloth.garment.rest import Floats
 from warp_cloth.kernels.base.types import cloth_types
 from warp_cloth.kernels.certificate.pressure import push_kernel
@@ -191,7 +191,7 @@ class Certifier:
     def _piecewise(self, items: Sequence[int]) -> list[list[int]]:
         """Items so many at a time that their residuals have room on the host."""
         sizes = [self._model.item_start[item + 1] - self._model.item_start[item] for item in items]
-        return [[items[at] for at in piece] for piece in pieces(sizes, self._room)]
+        return [[items[at] for at in piece] for piece in consecutive_bins(sizes, self._room)]
 
     def _residuals(self, items: Sequence[int]) -> list[NDArray[np.float32]]:
         """What ``residual_summary`` takes, of the last look, which has been read: on a stream of its own."""
@@ -316,5 +316,5 @@ def residual_summary(left: NDArray[np.float32], rms: float, relative_rms: float)
         weights, relative = weights[free], relative[free]
     if not len(weights):
         return Residual(0.0, 0.0, 0.0, 0.0, 0.0)
-    (p99,), (relative_p99,) = (percentiles(each, 0.99) for each in (weights, relative))
+    (p99,), (relative_p99,) = (quantiles(each, 0.99) for each in (weights, relative))
     return Residual(rms, p99, float(weights.max()), relative_rms, relative_p99)

@@ -10,7 +10,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import NDArray
 
-from warp_cloth.base.percentiles import percentiles
+from warp_cloth.base.quantiles import quantiles
 from warp_cloth.kernels.base.types import cloth_types
 from warp_cloth.kernels.certificate.residual import bending_energy_kernel, energy_kernels
 from warp_cloth.model.model import ClothModel
@@ -20,7 +20,7 @@ from warp_cloth.model.result import Strain
 def strain_summary(strain: NDArray[Any]) -> Strain:
     """Percentiles of |strain| and the extremes of strain."""
     most, least = float(strain.max()), float(strain.min())
-    p50, p99 = percentiles(np.abs(strain), 0.5, 0.99) if not math.isnan(most) else (most, most)
+    p50, p99 = quantiles(np.abs(strain), 0.5, 0.99) if not math.isnan(most) else (most, most)
     return Strain(p50, p99, most, least)
 
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from warp_cloth.base.percentiles import percentiles
+from warp_cloth.base.quantiles import quantiles
 
 
 @pytest.mark.parametrize("count", [1, 2, 3, 5, 100, 101, 7421])
 def test_they_are_those_of_numpy(count: int) -> None:
     figures = np.abs(np.random.default_rng(count).normal(size=count))
     for some in (figures, figures.astype(np.float32)):
-        assert percentiles(some, 0.5, 0.99) == np.quantile(some.astype(np.float64), [0.5, 0.99]).tolist()
+        assert quantiles(some, 0.5, 0.99) == np.quantile(some.astype(np.float64), [0.5, 0.99]).tolist()

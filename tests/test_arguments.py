@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import warp_cloth
-from warp_cloth.base import arguments as given
+from warp_cloth.base import arguments
 from warp_cloth.base.errors import InputError
 from warp_cloth.batch import fit_many, fit_sizes, run_batch
 from warp_cloth.view.live import LiveFit
@@ -19,24 +19,24 @@ from warp_cloth.view.live import LiveFit
     ("call", "told"),
     [
         (lambda: warp_cloth.load_scene(5), "scene: must be a path, not 5"),
-        (lambda: warp_cloth.load_scene(b"tshirt"), "scene: must be a path, not something of type bytes"),
-        (lambda: warp_cloth.fit(["tshirt"]), "scene: must be a path, not something of type list"),
-        (lambda: warp_cloth.fit("tshirt", overrides=5), "overrides: must be a text or a list of texts, not 5"),
-        (lambda: warp_cloth.fit("tshirt", overrides=[5]), "overrides: must be a text or a list of texts"),
-        (lambda: warp_cloth.fit("tshirt", overrides={"a": "b"}), "overrides: must be a text or a list of texts"),
-        (lambda: warp_cloth.fit("tshirt", maps=5), "--maps: must be a text or a list of texts, not 5"),
-        (lambda: warp_cloth.fit("tshirt", maps=[None]), "--maps: must be a text or a list of texts"),
+        (lambda: warp_cloth.load_scene(b"tshirt"), "scene: must be a path, not an object of type bytes"),
+        (lambda: warp_cloth.fit(["tshirt"]), "scene: must be a path, not an object of type list"),
+        (lambda: warp_cloth.fit("tshirt", overrides=5), "overrides: must be a string or a list of strings, not 5"),
+        (lambda: warp_cloth.fit("tshirt", overrides=[5]), "overrides: must be a string or a list of strings"),
+        (lambda: warp_cloth.fit("tshirt", overrides={"a": "b"}), "overrides: must be a string or a list of strings"),
+        (lambda: warp_cloth.fit("tshirt", maps=5), "--maps: must be a string or a list of strings, not 5"),
+        (lambda: warp_cloth.fit("tshirt", maps=[None]), "--maps: must be a string or a list of strings"),
         (lambda: warp_cloth.fit("tshirt", frames="3"), "frames: 3 shapes on the way cannot be kept"),
-        (lambda: warp_cloth.fit("tshirt", device=5), 'there is no device "5" here'),
+        (lambda: warp_cloth.fit("tshirt", device=5), 'there is no device "5" on this machine'),
         (lambda: warp_cloth.fit("tshirt", progress=5), "progress: must be a function, not 5"),
         (lambda: fit_many("tshirt", device="cpu"), "scenes: must be a list of scenes, not of type str"),
         (lambda: fit_many(5), "scenes: must be a list of scenes, not of type int"),
-        (lambda: fit_sizes("tshirt", [5]), "sizes: must be a text or a list of texts"),
+        (lambda: fit_sizes("tshirt", [5]), "sizes: must be a string or a list of strings"),
         (lambda: fit_sizes("tshirt", ease="4"), "ease: must be a number, not 4"),
         (lambda: run_batch(5), "jobs: must be a job file or a list of items"),
         (lambda: run_batch([]), "jobs: has no items"),
-        (lambda: run_batch("jobs.csv", workers="2"), "--workers: must be a whole number, not 2"),
-        (lambda: run_batch("jobs.csv", shard=1.5), "--shard: must be a whole number, not 1.5"),
+        (lambda: run_batch("jobs.csv", workers="2"), "--workers: must be an integer, not 2"),
+        (lambda: run_batch("jobs.csv", shard=1.5), "--shard: must be an integer, not 1.5"),
         (lambda: LiveFit(5, {}, "cpu"), "scene: must be a path, not 5"),
     ],
 )
@@ -49,4 +49,4 @@ def test_wrong_types_are_refused_in_one_line(call: Callable[[], Any], told: str)
 
 def test_several_texts_may_come_in_any_collection() -> None:
     for several in (["ease"], ("ease",), {"ease"}, np.array(["ease"]), (name for name in ["ease"]), "ease"):
-        assert given.texts(several, "maps") == ("ease",)
+        assert arguments.strings(several, "maps") == ("ease",)
