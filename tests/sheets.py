@@ -10,7 +10,7 @@ import warp as wp
 from cloths import NO_PINS, grid
 
 from warp_cloth.base.mesh import Mesh, Points
-from warp_cloth.contact.cloth import ClothTouch
+from warp_cloth.contact.cloth import ClothContact
 from warp_cloth.contact.sheets import SheetKind
 from warp_cloth.garment.part import GarmentPart
 from warp_cloth.garment.rest import build_rest_shape
@@ -31,7 +31,7 @@ def sheets_at(
     kinds: Sequence[SheetKind] | None = None,
     precision: str = "float64",
     gathers: bool | None = None,
-) -> tuple[ClothModel, ClothTouch, list[GarmentPart]]:
+) -> tuple[ClothModel, ClothContact, list[GarmentPart]]:
     """Garments in contact, where they are; inner to outer."""
     held = pins or [NO_PINS] * len(meshes)
     parts = [
@@ -40,7 +40,7 @@ def sheets_at(
     ]
     model = build_model(parts, device="cpu", precision=precision, gathers=gathers)
     chosen = kinds or [SheetKind(fabric.thickness, fabric.friction, layer=k) for k in range(len(meshes))]
-    return model, ClothTouch(model, parts, chosen), parts
+    return model, ClothContact(model, parts, chosen), parts
 
 
 def moved(mesh: Mesh, *offset: float) -> Mesh:
@@ -64,19 +64,19 @@ def crumpled(seed: int) -> Mesh:
     return replace(mesh, points=points)
 
 
-def look(model: ClothModel, touch: ClothTouch) -> None:
+def look(model: ClothModel, cloth_contact: ClothContact) -> None:
     """Searches, with room for all that is found."""
-    touch.awaken()
-    touch.search(touch.state_now())
-    if touch.grow():
-        touch.search(touch.state_now())
+    cloth_contact.awaken()
+    cloth_contact.search(cloth_contact.state_now())
+    if cloth_contact.grow():
+        cloth_contact.search(cloth_contact.state_now())
 
 
-def contact_forces(model: ClothModel, touch: ClothTouch) -> np.ndarray:
+def contact_forces(model: ClothModel, cloth_contact: ClothContact) -> np.ndarray:
     """Contact's share of each vertex's load, shape [V, 4], as the certificate sums it."""
     types = cloth_types(model.precision)
     load = wp.zeros(model.vertex_count, dtype=types.vec4, device="cpu")
-    touch.measure(types.Step(), load)
+    cloth_contact.measure(types.Step(), load)
     return np.array(load.numpy(), dtype=np.float64)
 
 
@@ -84,6 +84,6 @@ def iterate(relaxation: Relaxation, count: int) -> Points:
     """Shape after some iterations, with room made for pairs where it is needed."""
     for _ in range(count // 20):
         relaxation.run(20)
-        if relaxation.touch is not None and relaxation.touch.grow():
+        if relaxation.cloth_contact is not None and relaxation.cloth_contact.grow():
             relaxation.forget_graphs()
     return relaxation.model.points()

@@ -14,7 +14,7 @@ from touching import brute_energy, brute_forces, touching_pairs
 
 from warp_cloth.avatar.collider import Collider
 from warp_cloth.contact.arrays import LEAST_THICKNESS
-from warp_cloth.contact.cloth import ClothTouch
+from warp_cloth.contact.cloth import ClothContact
 from warp_cloth.contact.crossing import find_crossings
 from warp_cloth.contact.sheets import SheetKind
 from warp_cloth.solver.certificate.certifier import Certifier, Tolerance
@@ -34,30 +34,30 @@ GRADIENT_ERROR = 1e-5  # of the largest force: the force's third derivative over
 @pytest.mark.parametrize("seed", [1, 2])
 def test_forces_are_those_of_every_pair(seed: int, precision: str, gathers: bool) -> None:
     flat, mesh = grid(12, 0.22), crumpled(seed)
-    model, touch, _ = sheets_at([flat], precision=precision, gathers=gathers)
-    Relaxation(model, Collider(), StepOptions(), touch)  # which knows where vertices are in the patches' order
+    model, cloth_contact, _ = sheets_at([flat], precision=precision, gathers=gathers)
+    Relaxation(model, Collider(), StepOptions(), cloth_contact)  # which knows where vertices are in the patches' order
     model.set_points(mesh.points)
-    look(model, touch)
-    pairs = touching_pairs(mesh.points, touch)
+    look(model, cloth_contact)
+    pairs = touching_pairs(mesh.points, cloth_contact)
     assert len(pairs) > 100
-    expected = brute_forces(mesh.points, pairs, touch)
-    found = contact_forces(model, touch)
+    expected = brute_forces(mesh.points, pairs, cloth_contact)
+    found = contact_forces(model, cloth_contact)
     bound = FORCE_ROUNDING + RELATIVE_ROUNDING[precision] * np.abs(expected).max()
     assert np.abs(found[:, :3] - expected).max() <= bound
 
 
 def test_pairs_stay_known_until_the_next_search() -> None:
     flat, mesh = grid(12, 0.22), crumpled(3)
-    model, touch, _ = sheets_at([flat])
+    model, cloth_contact, _ = sheets_at([flat])
     # not touching yet, but each side goes almost as far as vertices may before another search is due
-    way = np.where(flat.points[:, 0] > 0.11, 1.0, -1.0)[:, None] * [0.0, 0.0, 0.98 * touch.least_skin]
+    way = np.where(flat.points[:, 0] > 0.11, 1.0, -1.0)[:, None] * [0.0, 0.0, 0.98 * cloth_contact.least_skin]
     model.set_points(mesh.points + way)
-    look(model, touch)
-    assert not np.abs(contact_forces(model, touch)).any()
+    look(model, cloth_contact)
+    assert not np.abs(contact_forces(model, cloth_contact)).any()
     model.set_points(mesh.points)
-    expected = brute_forces(mesh.points, touching_pairs(mesh.points, touch), touch)
+    expected = brute_forces(mesh.points, touching_pairs(mesh.points, cloth_contact), cloth_contact)
     assert np.abs(expected).any()
-    found = contact_forces(model, touch)
+    found = contact_forces(model, cloth_contact)
     assert (
         np.abs(found[:, :3] - expected).max() <= FORCE_ROUNDING + RELATIVE_ROUNDING["float64"] * np.abs(expected).max()
     )
@@ -65,46 +65,48 @@ def test_pairs_stay_known_until_the_next_search() -> None:
 
 def test_a_search_says_which_pairs_are_to_be_looked_at_at_once() -> None:
     flat, mesh = grid(12, 0.22), crumpled(3)
-    model, touch, _ = sheets_at([flat])
+    model, cloth_contact, _ = sheets_at([flat])
     model.set_points(mesh.points)
-    look(model, touch)
-    count = int(touch.data.count.numpy()[0])
-    due = touch.data.due.numpy()[:count] <= 0  # nothing has gone any way
-    touching = {tuple(pair.corners.tolist()) for pair in touching_pairs(mesh.points, touch)}
-    asked = {tuple(corners) for corners in touch.data.corners.numpy()[:count][due].tolist()}
+    look(model, cloth_contact)
+    count = int(cloth_contact.data.count.numpy()[0])
+    due = cloth_contact.data.due.numpy()[:count] <= 0  # nothing has gone any way
+    touching = {tuple(pair.corners.tolist()) for pair in touching_pairs(mesh.points, cloth_contact)}
+    asked = {tuple(corners) for corners in cloth_contact.data.corners.numpy()[:count][due].tolist()}
     assert touching <= asked
     assert 0 < due.sum() < count  # and not all
 
 
 def test_what_moves_has_more_room_than_what_stands_still() -> None:
     mesh = grid(12, 0.22)
-    model, touch, _ = sheets_at([mesh])
-    look(model, touch)
-    touch.search(model.state)  # from where it was at the last one it has not moved
-    still = np.float32(touch.least_skin)
-    assert (touch.data.skin.numpy() == still).all()
+    model, cloth_contact, _ = sheets_at([mesh])
+    look(model, cloth_contact)
+    cloth_contact.search(model.state)  # from where it was at the last one it has not moved
+    still = np.float32(cloth_contact.least_skin)
+    assert (cloth_contact.data.skin.numpy() == still).all()
     moves = mesh.points[:, 0] > 0.11
     for _ in range(3):
-        model.set_points(model.points() + 0.9 * touch.data.skin.numpy()[:, None] * moves[:, None] * [0.0, 0.0, 1.0])
-        touch.search(model.state)
-    assert (touch.data.skin.numpy() > still)[moves].all()
-    assert (touch.data.skin.numpy() == still)[~moves].all()
+        model.set_points(
+            model.points() + 0.9 * cloth_contact.data.skin.numpy()[:, None] * moves[:, None] * [0.0, 0.0, 1.0]
+        )
+        cloth_contact.search(model.state)
+    assert (cloth_contact.data.skin.numpy() > still)[moves].all()
+    assert (cloth_contact.data.skin.numpy() == still)[~moves].all()
 
 
 def test_few_that_have_used_up_their_skins_wait_for_a_search_and_many_do_not() -> None:
     mesh = grid(12, 0.22)
-    model, touch, _ = sheets_at([mesh])
-    look(model, touch)
-    touch.untangles = False
-    data = touch.data
+    model, cloth_contact, _ = sheets_at([mesh])
+    look(model, cloth_contact)
+    cloth_contact.untangles = False
+    data = cloth_contact.data
 
     def searched(asked: int, turn: int) -> bool:
         """Whether a look finds that it is time, after so many iterations and requests."""
         data.asked.assign([data.asked.numpy()[0] + asked, data.asked.numpy()[1]])
         data.turn.fill_(turn)
-        before = int(touch._memory.search.numpy()[0])
-        touch.search_where_due(model.state)
-        return int(touch._memory.search.numpy()[0]) > before
+        before = int(cloth_contact._memory.search.numpy()[0])
+        cloth_contact.search_where_due(model.state)
+        return int(cloth_contact._memory.search.numpy()[0]) > before
 
     assert not searched(0, 1000)
     assert searched(data.many + 1, 1001)  # now
@@ -116,10 +118,10 @@ def test_few_that_have_used_up_their_skins_wait_for_a_search_and_many_do_not() -
 
 def test_forces_are_the_gradient_of_the_energy_and_balance() -> None:
     flat, mesh = grid(12, 0.22), crumpled(5)
-    model, touch, _ = sheets_at([flat])
+    model, cloth_contact, _ = sheets_at([flat])
     model.set_points(mesh.points)
-    look(model, touch)
-    forces = contact_forces(model, touch)[:, :3]
+    look(model, cloth_contact)
+    forces = contact_forces(model, cloth_contact)[:, :3]
     assert np.abs(forces.sum(axis=0)).max() <= FORCE_ROUNDING * len(forces)
     largest = np.abs(forces).max()
     for vertex in np.argsort(-np.abs(forces).max(axis=1))[:4].tolist():
@@ -128,7 +130,7 @@ def test_forces_are_the_gradient_of_the_energy_and_balance() -> None:
             for way in (-GRADIENT_STEP, GRADIENT_STEP):
                 points = mesh.points.copy()
                 points[vertex, axis] += way
-                energies.append(brute_energy(points, touching_pairs(points, touch, vertex), touch))
+                energies.append(brute_energy(points, touching_pairs(points, cloth_contact, vertex), cloth_contact))
             slope = (energies[1] - energies[0]) / (2.0 * GRADIENT_STEP)
             assert forces[vertex, axis] == pytest.approx(-slope, abs=GRADIENT_ERROR * largest)
 
@@ -136,37 +138,37 @@ def test_forces_are_the_gradient_of_the_energy_and_balance() -> None:
 def test_a_flat_sheet_does_not_touch_itself_however_fine() -> None:
     for count in (4, 12, 60):  # the finest has edges of twice the thickness
         mesh = grid(count, 0.22)
-        model, touch, _ = sheets_at([mesh])
-        look(model, touch)
-        assert not np.abs(contact_forces(model, touch)).any()
+        model, cloth_contact, _ = sheets_at([mesh])
+        look(model, cloth_contact)
+        assert not np.abs(contact_forces(model, cloth_contact)).any()
 
 
 def test_garments_of_different_items_pass_through_each_other() -> None:
     below, above = lying(grid(6, 0.1)), moved(lying(grid(6, 0.1)), 0.003, 0.5 * THICKNESS, 0.002)
     for items, touches in (((0, 0), True), ((0, 1), False)):
         kinds = [SheetKind(THICKNESS, 0.3, item=item) for item in items]
-        model, touch, _ = sheets_at([below, above], kinds=kinds)
-        look(model, touch)
-        assert np.abs(contact_forces(model, touch)).any() == touches
+        model, cloth_contact, _ = sheets_at([below, above], kinds=kinds)
+        look(model, cloth_contact)
+        assert np.abs(contact_forces(model, cloth_contact)).any() == touches
 
 
-def dropped(momentum: float, gathers: bool | None = None) -> tuple[Relaxation, ClothTouch]:
+def dropped(momentum: float, gathers: bool | None = None) -> tuple[Relaxation, ClothContact]:
     """A sheet held over a smaller one that is pinned, to fall on it."""
     below, above = lying(grid(6, 0.1)), moved(lying(grid(10, 0.16)), -0.03, 0.01, 0.03)
-    model, touch, _ = sheets_at(
+    model, cloth_contact, _ = sheets_at(
         [below, above], pins=[np.arange(36, dtype=np.int32), NO_PINS], precision="mixed", gathers=gathers
     )
-    relaxation = Relaxation(model, Collider(), StepOptions(momentum=momentum), touch)
-    touch.awaken()
-    return relaxation, touch
+    relaxation = Relaxation(model, Collider(), StepOptions(momentum=momentum), cloth_contact)
+    cloth_contact.awaken()
+    return relaxation, cloth_contact
 
 
 def test_falling_cloth_is_caught_and_never_passes() -> None:
-    relaxation, touch = dropped(0.9995)
+    relaxation, cloth_contact = dropped(0.9995)
     lowest = 0.0
     for _ in range(15):
         points = iterate(relaxation, 20)
-        assert not len(find_crossings(points, touch.sheets, "cpu").pairs)
+        assert not len(find_crossings(points, cloth_contact.sheets, "cpu").pairs)
         lowest = min(lowest, float(points[36:, 1].min()))
     assert lowest < -0.01  # its border hangs over
     middle = np.linalg.norm(points[36:, [0, 2]] - [0.05, -0.05], axis=1) < 0.03
@@ -177,14 +179,16 @@ def test_falling_cloth_is_caught_and_never_passes() -> None:
 def test_worn_cloth_gets_room_for_more_pairs_at_the_same_iteration_whether_or_not_the_loop_runs_ahead() -> None:
     ends = []
     for ahead in (False, True):
-        relaxation, touch = dropped(0.9995)
-        course = Course(relaxation, touch, partial(touch.face, [1.0, 1.0]))
+        relaxation, cloth_contact = dropped(0.9995)
+        course = Course(relaxation, cloth_contact, partial(cloth_contact.face, [1.0, 1.0]))
         seen = []
 
-        def squeeze(iteration: int, relaxation: Relaxation, touch: ClothTouch = touch, seen: list[int] = seen) -> None:
-            seen.append(len(touch.data.corners))
+        def squeeze(
+            iteration: int, relaxation: Relaxation, cloth_contact: ClothContact = cloth_contact, seen: list[int] = seen
+        ) -> None:
+            seen.append(len(cloth_contact.data.corners))
             if iteration == 640:
-                touch._hold_pairs(touch.data, 5)
+                cloth_contact._hold_pairs(cloth_contact.data, 5)
                 relaxation.forget_graphs()
 
         goal = Goal(Tolerance(0.0, 0.0, 0.0), 900)
@@ -201,29 +205,29 @@ def test_worn_cloth_gets_room_for_more_pairs_at_the_same_iteration_whether_or_no
 def test_what_is_measured_at_the_end_is_the_same_whether_or_not_the_loop_ran_ahead() -> None:
     loads = []
     for ahead in (False, True):
-        relaxation, touch = dropped(0.9995)
-        course = Course(relaxation, touch, partial(touch.face, [1.0, 1.0]))
+        relaxation, cloth_contact = dropped(0.9995)
+        course = Course(relaxation, cloth_contact, partial(cloth_contact.face, [1.0, 1.0]))
         anything = Goal(Tolerance(np.inf, np.inf, np.inf, np.inf), 2000)
         goal = Goal(Tolerance(0.0, 0.0, 0.0), 700)
         relax_items(relaxation, Certifier(relaxation), [goal], course=course, ahead=ahead)  # till it is through
         (outcome,) = relax_items(relaxation, Certifier(relaxation), [anything], course=course, ahead=ahead)
         assert outcome.iterations % 500
-        loads.append(contact_forces(relaxation.model, touch))
+        loads.append(contact_forces(relaxation.model, cloth_contact))
         assert loads[-1].any()
     assert np.array_equal(*loads)
 
 
 def test_cloth_stands_still_while_there_is_no_room_for_all_that_is_near_it() -> None:
-    relaxation, touch = dropped(0.9995)
+    relaxation, cloth_contact = dropped(0.9995)
     iterate(relaxation, 200)  # till it is near
-    touch._hold_pairs(touch.data, 5)
+    cloth_contact._hold_pairs(cloth_contact.data, 5)
     relaxation.forget_graphs()
-    touch.data.moved.fill_(1)
+    cloth_contact.data.moved.fill_(1)
     relaxation.run(20)
     first = relaxation.model.points()
     relaxation.run(20)
     assert np.array_equal(relaxation.model.points(), first)
-    assert touch.grow()
+    assert cloth_contact.grow()
     relaxation.forget_graphs()
     assert not np.array_equal(iterate(relaxation, 20), first)
 
@@ -237,8 +241,8 @@ def test_cloth_that_goes_on_unseen_between_two_checks_ends_in_the_same_shape() -
     """Where patches own it, and its leeway is looked up in their order."""
     shapes = []
     for gathers in (False, True):
-        relaxation, touch = dropped(0.9995, gathers)
-        course = Course(relaxation, touch, partial(touch.face, [1.0, 1.0]))
+        relaxation, cloth_contact = dropped(0.9995, gathers)
+        course = Course(relaxation, cloth_contact, partial(cloth_contact.face, [1.0, 1.0]))
         goal = Goal(Tolerance(0.0, 0.0, 0.0), 950)
         (outcome,) = relax_items(relaxation, Certifier(relaxation), [goal], course=course, ahead=gathers)
         shapes.append(outcome.points)
@@ -247,13 +251,13 @@ def test_cloth_that_goes_on_unseen_between_two_checks_ends_in_the_same_shape() -
 
 def test_nothing_is_launched_nor_kept_where_cloth_does_not_meet_cloth() -> None:
     mesh = grid(5, 0.2)
-    model, touch, _ = sheets_at([mesh])
+    model, cloth_contact, _ = sheets_at([mesh])
     # by the paper's rule: the accelerated one is another where cloth may meet cloth
     options = StepOptions(method="direct")
-    without, asleep = (Relaxation(model, Collider(), options, given) for given in (None, touch))
-    assert without.touch is None
+    without, asleep = (Relaxation(model, Collider(), options, given) for given in (None, cloth_contact))
+    assert without.cloth_contact is None
     assert not any(isinstance(value, wp.array) for value in vars(without.touch_data).values())
-    own = {kernel.key for kernel in touch.kernels()}
+    own = {kernel.key for kernel in cloth_contact.kernels()}
     assert own
     assert not own & {kernel.key for kernel in without.kernels()}
     shapes = []
@@ -267,28 +271,28 @@ def test_nothing_is_launched_nor_kept_where_cloth_does_not_meet_cloth() -> None:
 def test_a_fabric_of_no_thickness_still_meets_itself() -> None:
     fabric = replace(FABRIC, thickness=0.0)
     below, above = lying(grid(6, 0.1)), moved(lying(grid(6, 0.1)), 0.0, 0.5 * LEAST_THICKNESS, 0.0)
-    model, touch, _ = sheets_at([below, above], fabric=fabric)
-    look(model, touch)
-    assert np.isfinite(contact_forces(model, touch)).all()
-    assert np.abs(contact_forces(model, touch)).any()
+    model, cloth_contact, _ = sheets_at([below, above], fabric=fabric)
+    look(model, cloth_contact)
+    assert np.isfinite(contact_forces(model, cloth_contact)).all()
+    assert np.abs(contact_forces(model, cloth_contact)).any()
 
 
 SLOPES = ((0.7, False), (1.3, True))  # tangent of the incline over the friction, and whether cloth slides on it
 SLIP = 2e-3  # [m] in 600 iterations; what leans without sliding moves 0.2 of a thickness times the friction
 
 
-def on_a_slope(share: float) -> tuple[Relaxation, ClothTouch, int]:
+def on_a_slope(share: float) -> tuple[Relaxation, ClothContact, int]:
     """A piece of cloth on cloth that is held on an incline, and how many vertices are held."""
     angle = np.arctan(share * FABRIC.friction)
     turn = np.array([[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1]])
     below, above = lying(grid(14, 0.26)), moved(lying(grid(5, 0.08)), 0.09, 0.98 * THICKNESS, -0.09)
     tilted = [replace(mesh, points=mesh.points @ turn.T) for mesh in (below, above)]
     held = np.arange(below.vertex_count, dtype=np.int32)
-    model, touch, _ = sheets_at(tilted, pins=[held, NO_PINS], precision="mixed")
-    relaxation = Relaxation(model, Collider(), StepOptions(), touch)
-    touch.awaken()
+    model, cloth_contact, _ = sheets_at(tilted, pins=[held, NO_PINS], precision="mixed")
+    relaxation = Relaxation(model, Collider(), StepOptions(), cloth_contact)
+    cloth_contact.awaken()
     iterate(relaxation, 100)
-    return relaxation, touch, len(held)
+    return relaxation, cloth_contact, len(held)
 
 
 @pytest.mark.parametrize(("share", "slides"), SLOPES)
@@ -300,11 +304,11 @@ def test_cloth_on_sloping_cloth_holds_below_the_friction_and_slides_above(share:
 
 
 def test_friction_holds_however_often_it_is_looked_for_what_touches() -> None:
-    relaxation, touch, held = on_a_slope(SLOPES[0][0])
+    relaxation, cloth_contact, held = on_a_slope(SLOPES[0][0])
     iterate(relaxation, 600)
     first = relaxation.model.points()[held:].mean(axis=0)
     for _ in range(30):
-        touch.data.moved.fill_(1)
+        cloth_contact.data.moved.fill_(1)
         last = iterate(relaxation, 20)[held:].mean(axis=0)
     assert np.linalg.norm(last - first) < 0.1 * SLIP
 

@@ -49,19 +49,19 @@ def at_rest(folder: Path, name: str) -> Problem:
 @pytest.mark.parametrize("name", FOLDED)
 def test_folded_cloth_rests_without_crossing_and_by_the_forces_of_every_pair(tmp_path: Path, name: str) -> None:
     made = at_rest(tmp_path, name)
-    touch = made.relaxation.touch
-    assert touch is not None
+    cloth_contact = made.relaxation.cloth_contact
+    assert cloth_contact is not None
     points = made.model.points()
-    assert not len(find_crossings(points, touch.sheets, "cpu", every_pair=True).pairs)
-    pairs = touching_pairs(points, touch)
+    assert not len(find_crossings(points, cloth_contact.sheets, "cpu", every_pair=True).pairs)
+    pairs = touching_pairs(points, cloth_contact)
     assert len(pairs) > 20  # it does lie on itself
     types = cloth_types(made.model.precision)
     load = wp.zeros(made.model.vertex_count, dtype=types.vec4, device="cpu")
-    leans = touch.data.lean.numpy().copy()
-    touch.data.lean.zero_()  # what pushes; friction has a test of its own
-    touch.measure(types.Step(), load)
-    touch.data.lean.assign(leans)
-    expected = brute_forces(points, pairs, touch)
+    leans = cloth_contact.data.lean.numpy().copy()
+    cloth_contact.data.lean.zero_()  # what pushes; friction has a test of its own
+    cloth_contact.measure(types.Step(), load)
+    cloth_contact.data.lean.assign(leans)
+    expected = brute_forces(points, pairs, cloth_contact)
     bound = FORCE_ROUNDING + RELATIVE_ROUNDING * np.abs(expected).max()
     assert np.abs(load.numpy()[:, :3] - expected).max() <= bound
     held = made.certifier.pushes()

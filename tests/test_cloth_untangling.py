@@ -33,24 +33,26 @@ from warp_cloth.solver.relax import Relaxation, StepOptions
 @pytest.mark.parametrize("room", [(1000, 100000), (1000, 50), (3, 100000), (3, 50)])
 def test_lists_of_any_room_find_the_same(room: tuple[int, int]) -> None:
     upper = moved(crumpled(3), 0.0, 0.0, 0.3 * THICKNESS)  # crosses the other, whose vertices are beyond it
-    model, touch, _ = sheets_at([crumpled(1), upper])
-    touch.awaken()
+    model, cloth_contact, _ = sheets_at([crumpled(1), upper])
+    cloth_contact.awaken()
 
     def found() -> tuple[list[list[int]], list[np.ndarray]]:
-        touch.grow()
-        touch.search(model.state)
-        count = int(touch.data.count.numpy()[0])
-        rows = np.column_stack([touch.data.corners.numpy(), touch.data.kind.numpy()])[:count]
-        parting = touch._untangling
-        return sorted(rows.tolist()), [each.numpy() for each in (parting.count, parting.beyond, touch.data.shift)]
+        cloth_contact.grow()
+        cloth_contact.search(model.state)
+        count = int(cloth_contact.data.count.numpy()[0])
+        rows = np.column_stack([cloth_contact.data.corners.numpy(), cloth_contact.data.kind.numpy()])[:count]
+        parting = cloth_contact._untangling
+        return sorted(rows.tolist()), [
+            each.numpy() for each in (parting.count, parting.beyond, cloth_contact.data.shift)
+        ]
 
     pairs, parted = found()  # with no lists at all
     assert parted[0].min() > 0
     with wp.ScopedDevice("cpu"):
-        touch._near_met, touch._crossing_met = lists_of(*room), lists_of(*room)
+        cloth_contact._near_met, cloth_contact._crossing_met = lists_of(*room), lists_of(*room)
     again, parted_again = found()
     assert again == pairs
-    groups, *leaves = touch._crossing_met.count.numpy()[::APART].tolist()
+    groups, *leaves = cloth_contact._crossing_met.count.numpy()[::APART].tolist()
     assert groups > 3  # more than the smaller lists have room for
     assert sum(leaves) > 50
     assert all(np.array_equal(one, other) for one, other in zip(parted, parted_again, strict=True))
@@ -58,15 +60,15 @@ def test_lists_of_any_room_find_the_same(room: tuple[int, int]) -> None:
 
 def test_what_crosses_is_found_from_what_was_tangled_as_from_all() -> None:
     upper = moved(crumpled(3), 0.0, 0.0, 0.3 * THICKNESS)
-    model, touch, _ = sheets_at([crumpled(1), upper])
-    touch.awaken()  # looks everywhere
+    model, cloth_contact, _ = sheets_at([crumpled(1), upper])
+    cloth_contact.awaken()  # looks everywhere
 
     def parted(whole: int) -> list[np.ndarray]:
-        touch._search.whole.fill_(whole)
-        touch.search(model.state)
-        assert touch._search.whole.numpy()[0] == 0
-        parting = touch._untangling
-        return [each.numpy() for each in (parting.count, parting.crosses, touch.data.shift)]
+        cloth_contact._search.whole.fill_(whole)
+        cloth_contact.search(model.state)
+        assert cloth_contact._search.whole.numpy()[0] == 0
+        parting = cloth_contact._untangling
+        return [each.numpy() for each in (parting.count, parting.crosses, cloth_contact.data.shift)]
 
     everywhere, near = parted(1), parted(0)
     assert everywhere[0][0] > 0
@@ -75,21 +77,21 @@ def test_what_crosses_is_found_from_what_was_tangled_as_from_all() -> None:
 
 def test_what_is_tangled_is_pressed_again_once_it_is_not() -> None:
     upper = moved(crumpled(3), 0.0, 0.0, 0.3 * THICKNESS)
-    model, touch, _ = sheets_at([crumpled(1), upper])
-    look(model, touch)
-    data = touch.data
+    model, cloth_contact, _ = sheets_at([crumpled(1), upper])
+    look(model, cloth_contact)
+    data = cloth_contact.data
     count = int(data.count.numpy()[0])
 
     def due(gone: int) -> np.ndarray:
         return np.asarray(data.due.numpy()[:count] <= gone)
 
-    tangled = (touch._search.tangled.numpy() > 0)[data.corners.numpy()[:count]].any(axis=1)
+    tangled = (cloth_contact._search.tangled.numpy() > 0)[data.corners.numpy()[:count]].any(axis=1)
     assert tangled.any()
     assert due(0)[~tangled].any()
     assert not due(int(EVER))[tangled].any()
     assert due(int(EVER))[~tangled].all()
-    touch._search.tangled.zero_()
-    wp.launch(spare_tangled, dim=len(data.corners), inputs=[touch._search, data], device="cpu")
+    cloth_contact._search.tangled.zero_()
+    wp.launch(spare_tangled, dim=len(data.corners), inputs=[cloth_contact._search, data], device="cpu")
     assert due(0)[tangled].all()
 
 
@@ -103,18 +105,18 @@ def test_a_fold_that_passes_through_itself_comes_undone(monkeypatch: pytest.Monk
     points[looped, 0] = 0.12 + 0.06 * (u**3 - 0.5 * u)[looped]
     points[looped, 2] = 0.03 * (1.0 - u**2)[looped]
     points += np.random.default_rng(1).normal(scale=1e-4, size=points.shape)
-    model, touch, _ = sheets_at([mesh], precision="mixed")
+    model, cloth_contact, _ = sheets_at([mesh], precision="mixed")
     model.set_points(points)
-    assert len(find_crossings(points, touch.sheets, "cpu").pairs) > 20
-    relaxation = Relaxation(model, Collider(), StepOptions(), touch)
-    course = Course(relaxation, touch, partial(touch.face, [1.0]))
+    assert len(find_crossings(points, cloth_contact.sheets, "cpu").pairs) > 20
+    relaxation = Relaxation(model, Collider(), StepOptions(), cloth_contact)
+    course = Course(relaxation, cloth_contact, partial(cloth_contact.face, [1.0]))
     for step in range(10):
         course.advance(100 * step)
         points = iterate(relaxation, 100)
-        touch.note_crossings()
-        if not touch.crossings_noted():
+        cloth_contact.note_crossings()
+        if not cloth_contact.crossings_noted():
             break
-    assert not len(find_crossings(points, touch.sheets, "cpu").pairs)
+    assert not len(find_crossings(points, cloth_contact.sheets, "cpu").pairs)
 
 
 def tube(radius: float, rows: int = 9) -> Mesh:
@@ -127,13 +129,13 @@ def tube(radius: float, rows: int = 9) -> Mesh:
 def test_garments_are_told_whether_they_face_the_body() -> None:
     inward = tube(0.06)
     outward = replace(tube(0.07), triangles=np.ascontiguousarray(tube(0.07).triangles[:, ::-1]))
-    model, touch, _ = sheets_at([inward, outward], precision="mixed")
+    model, cloth_contact, _ = sheets_at([inward, outward], precision="mixed")
     ball = build_avatar(SphereShape(kind="sphere", radius=0.05))
     body = build_exact_collider(moved(ball, *(-ball.points.mean(axis=0) + [0.0, 0.08, 0.0])), "cpu").within(1.0)
     with wp.ScopedDevice("cpu"):
-        facing = Facing("mixed", touch.sheets, Numbering(None), body)
-    facing.tell(model.state, touch._search, touch._untangling.outward)
-    faces = np.split(touch._untangling.outward.numpy(), [inward.vertex_count])
+        facing = Facing("mixed", cloth_contact.sheets, Numbering(None), body)
+    facing.tell(model.state, cloth_contact._search, cloth_contact._untangling.outward)
+    faces = np.split(cloth_contact._untangling.outward.numpy(), [inward.vertex_count])
     assert (faces[0] == -1.0).all()
     assert (faces[1] == 1.0).all()
 
@@ -141,14 +143,14 @@ def test_garments_are_told_whether_they_face_the_body() -> None:
 def test_an_outer_layer_inside_the_inner_one_comes_out() -> None:
     inner, outer = tube(0.05, 13), tube(0.056, 13)
     pins = np.arange(inner.vertex_count, dtype=np.int32)
-    model, touch, _ = sheets_at([inner, outer], pins=[pins, NO_PINS], precision="mixed")
+    model, cloth_contact, _ = sheets_at([inner, outer], pins=[pins, NO_PINS], precision="mixed")
     model.set_points(np.concatenate([inner.points, outer.points * [0.8, 1.0, 0.8]]))
-    relaxation = Relaxation(model, Collider(), StepOptions(), touch)
-    course = Course(relaxation, touch, partial(touch.face, [-1.0, -1.0]))
+    relaxation = Relaxation(model, Collider(), StepOptions(), cloth_contact)
+    course = Course(relaxation, cloth_contact, partial(cloth_contact.face, [-1.0, -1.0]))
     for step in range(6):
         course.advance(100 * step)
         points = iterate(relaxation, 100)
-    assert not len(find_crossings(points, touch.sheets, "cpu").pairs)
+    assert not len(find_crossings(points, cloth_contact.sheets, "cpu").pairs)
     worn = points[len(pins) :]
     beside = (worn[:, 1] > 0.01) & (worn[:, 1] < 0.15)
     assert beside.any()
@@ -157,22 +159,22 @@ def test_an_outer_layer_inside_the_inner_one_comes_out() -> None:
 
 def test_layers_that_do_not_come_apart_are_shifted_further_and_again_less_once_they_have() -> None:
     inner, outer = tube(0.05, 13), tube(0.048, 13)
-    model, touch, _ = sheets_at([inner, outer], precision="mixed")
+    model, cloth_contact, _ = sheets_at([inner, outer], precision="mixed")
     model.set_points(np.concatenate([inner.points, outer.points * [1.0, 1.0, 1.0] + [0.004, 0.0, 0.0]]))
-    touch.face([-1.0, -1.0])
-    look(model, touch)
+    cloth_contact.face([-1.0, -1.0])
+    look(model, cloth_contact)
     longest = []
     for count in (1, 2 * int(PATIENCE), 6 * int(PATIENCE)):  # nothing moves
         for _ in range(count):
-            touch.search(model.state)
-        longest.append(float(np.abs(touch.data.shift.numpy()).max()))
+            cloth_contact.search(model.state)
+        longest.append(float(np.abs(cloth_contact.data.shift.numpy()).max()))
     assert longest[0] > 0.0
     assert 1.9 < longest[1] / longest[0] < 2.2
     assert longest[2] / longest[0] == pytest.approx(float(INSISTENCE), rel=1e-4)
     model.set_points(np.concatenate([inner.points, outer.points * [1.5, 1.0, 1.5]]))
-    touch.search(model.state)
-    assert 0 < touch._untangling.grown.numpy().max() == touch._untangling.age.numpy().max() - 1
-    assert not touch.data.shift.numpy().any()
+    cloth_contact.search(model.state)
+    assert 0 < cloth_contact._untangling.grown.numpy().max() == cloth_contact._untangling.age.numpy().max() - 1
+    assert not cloth_contact.data.shift.numpy().any()
 
 
 UNTANGLED = 1000  # iterations that the shared T-shirt is given; it takes about 800

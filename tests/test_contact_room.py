@@ -14,17 +14,17 @@ from warp_cloth.solver.relax import Relaxation, StepOptions
 
 @pytest.mark.parametrize("share", [0.3, 0.9])
 def test_what_lacks_room_stands_still_whichever_pairs_had_some(share: float) -> None:
-    model, touch, _ = sheets_at([crumpled(1)])
-    relaxation = Relaxation(model, Collider(), StepOptions(), touch)
-    touch.awaken()
+    model, cloth_contact, _ = sheets_at([crumpled(1)])
+    relaxation = Relaxation(model, Collider(), StepOptions(), cloth_contact)
+    cloth_contact.awaken()
     before = model.points().copy()
-    touch._hold_pairs(touch.data, int(share * touch.data.count.numpy()[0]))
-    touch.data.moved.fill_(1)
+    cloth_contact._hold_pairs(cloth_contact.data, int(share * cloth_contact.data.count.numpy()[0]))
+    cloth_contact.data.moved.fill_(1)
     relaxation.run(20)
     assert np.array_equal(model.points(), before)
     held = model.state.stiffness.numpy().copy()
-    touch.data.count.zero_()  # as if nothing were near, and no search due
-    touch.data.moved.zero_()
+    cloth_contact.data.count.zero_()  # as if nothing were near, and no search due
+    cloth_contact.data.moved.zero_()
     model.state.stiffness.zero_()
     relaxation.forget_graphs()
     relaxation.iterate(1)
@@ -34,15 +34,15 @@ def test_what_lacks_room_stands_still_whichever_pairs_had_some(share: float) -> 
 def test_what_is_left_alone_is_farther_apart_than_may_meet_in_a_move() -> None:
     below, above = lying(grid(6, 0.1)), moved(lying(grid(10, 0.16)), -0.03, 0.01, 0.03)
     pins = [np.arange(36, dtype=np.int32), NO_PINS]
-    model, touch, _ = sheets_at([below, above], pins=pins, precision="mixed")
-    relaxation = Relaxation(model, Collider(), StepOptions(), touch)
-    touch.awaken()
-    touch.untangles = False
+    model, cloth_contact, _ = sheets_at([below, above], pins=pins, precision="mixed")
+    relaxation = Relaxation(model, Collider(), StepOptions(), cloth_contact)
+    cloth_contact.awaken()
+    cloth_contact.untangles = False
     iterate(relaxation, 160)  # it has come near, and falls on in folds
     found = 0
     for _ in range(20):
         relaxation.iterate(3)
-        data, points = touch.data, model.points()
+        data, points = cloth_contact.data, model.points()
         count = int(data.count.numpy()[0])
         gone = data.way.numpy()[0] + data.stride.numpy()[data.turn.numpy()[0] % 2]
         due = data.due.numpy()[:count]

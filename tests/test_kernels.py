@@ -148,13 +148,13 @@ def test_force_kernels_compile(precision: str) -> None:
 def test_displacement_and_certificate_kernels_compile(precision: str) -> None:
     loaded(energy_kernels(precision), bending_energy_kernel(precision, False), bending_energy_kernel(precision, True))
     choices = list(itertools.product((False, True), repeat=2))
-    for (contact, data), (accelerated, touches) in zip(COLLIDERS, turned(precision, choices), strict=True):
+    for (contact, data), (accelerated, cloth_contact) in zip(COLLIDERS, turned(precision, choices), strict=True):
         asked = contact, data or NoCollider
-        loaded(residual_kernel(precision, *asked, touches))
+        loaded(residual_kernel(precision, *asked, cloth_contact))
         if contact is not None:
-            loaded(push_kernel(precision, *asked, touches))
-        loaded(displace_kernel(precision, accelerated, *asked, touches, touches))
-        loaded(advance_kernel(precision, accelerated, Terms(True, True, True), False, *asked, touches, True))
+            loaded(push_kernel(precision, *asked, cloth_contact))
+        loaded(displace_kernel(precision, accelerated, *asked, cloth_contact, cloth_contact))
+        loaded(advance_kernel(precision, accelerated, Terms(True, True, True), False, *asked, cloth_contact, True))
 
 
 @pytest.mark.parametrize("precision", PRECISIONS)

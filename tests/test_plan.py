@@ -228,19 +228,19 @@ def test_searches_that_overlap_do_so_again_after_they_were_timed_one_after_anoth
     flat = {**SQUARE, "plane": "horizontal"}
     sheets = [{"shape": {**flat, "height": height}, "fabric": PLAIN} for height in (1.45, 1.452)]
     made = load_problem(load_scene({"garment": sheets, "collision": {"cloth": True}}), "cpu")
-    touch = made.relaxation.touch
-    assert touch is not None
+    cloth_contact = made.relaxation.cloth_contact
+    assert cloth_contact is not None
     run = timing.TimedFit(made)
     assert not run.overlaps
-    touch.awaken()
-    touch._aside = object()
+    cloth_contact.awaken()
+    cloth_contact._aside = object()
     seen = []
-    made.relaxation.run = lambda count: seen.append(touch._aside)
+    made.relaxation.run = lambda count: seen.append(cloth_contact._aside)
     made.relaxation.capture = lambda count: None
     assert run.overlaps
     assert run.serial_seconds() > 0.0
     assert set(seen) == {None}
-    assert touch._aside is not None
+    assert cloth_contact._aside is not None
 
 
 def test_the_command_refuses_in_one_line() -> None:

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from warp_cloth.base.mesh import Points
-from warp_cloth.contact.cloth import ClothTouch
+from warp_cloth.contact.cloth import ClothContact
 from warp_cloth.kernels.contact.arrays import REGIONS
 
 PARALLEL = 0.01  # squared sine below which two edges count less
@@ -67,21 +67,21 @@ def edge_weights(a: np.ndarray, b: np.ndarray, c: np.ndarray, d: np.ndarray) -> 
     return min(ends, key=lambda st: float(np.linalg.norm(a + st[0] * (b - a) - c - st[1] * (d - c))))
 
 
-def rest_neighbours(touch: ClothTouch) -> list[set[int]]:
-    start, near = touch._search.near_start.numpy(), touch._search.near.numpy()
-    order = touch._order.numpy() if touch._order else np.arange(len(start) - 1)
+def rest_neighbours(cloth_contact: ClothContact) -> list[set[int]]:
+    start, near = cloth_contact._search.near_start.numpy(), cloth_contact._search.near.numpy()
+    order = cloth_contact._order.numpy() if cloth_contact._order else np.arange(len(start) - 1)
     rows = [set(order[near[a:b]].tolist()) for a, b in pairwise(start)]
     return [rows[place] for place in np.argsort(order)]
 
 
-def touching_pairs(points: Points, touch: ClothTouch, only: int | None = None) -> list[Pair]:
+def touching_pairs(points: Points, cloth_contact: ClothContact, only: int | None = None) -> list[Pair]:
     """Every vertex with every triangle, every edge with every later one, nearer than the thickness.
 
     ``only``: those of one vertex.
     """
-    near = rest_neighbours(touch)
-    triangles, edges = touch.sheets.triangles, touch.sheets.edges
-    thickness = float(touch.data.thickness.numpy()[0])
+    near = rest_neighbours(cloth_contact)
+    triangles, edges = cloth_contact.sheets.triangles, cloth_contact.sheets.edges
+    thickness = float(cloth_contact.data.thickness.numpy()[0])
     pairs = []
 
     def boxes(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -129,19 +129,19 @@ def pair_energy(points: Points, pair: Pair, thickness: float, modulus: float) ->
     return energy * (share * (2.0 - share) if share < 1.0 else 1.0)
 
 
-def constants(touch: ClothTouch) -> tuple[float, float]:
+def constants(cloth_contact: ClothContact) -> tuple[float, float]:
     """Thickness [m] and modulus [N/m] of garments of one fabric."""
-    return float(touch.data.thickness.numpy()[0]), float(touch.data.fabric.numpy()[0, 1])
+    return float(cloth_contact.data.thickness.numpy()[0]), float(cloth_contact.data.fabric.numpy()[0, 1])
 
 
-def brute_energy(points: Points, pairs: list[Pair], touch: ClothTouch) -> float:
+def brute_energy(points: Points, pairs: list[Pair], cloth_contact: ClothContact) -> float:
     """Energy of all pairs [J]."""
-    return sum(pair_energy(points, pair, *constants(touch)) for pair in pairs)
+    return sum(pair_energy(points, pair, *constants(cloth_contact)) for pair in pairs)
 
 
-def brute_forces(points: Points, pairs: list[Pair], touch: ClothTouch) -> np.ndarray:
+def brute_forces(points: Points, pairs: list[Pair], cloth_contact: ClothContact) -> np.ndarray:
     """Force on each vertex [N], shape [V, 3]."""
-    thickness, modulus = constants(touch)
+    thickness, modulus = constants(cloth_contact)
     force = np.zeros_like(points)
     for pair in pairs:
         x = points[pair.corners]

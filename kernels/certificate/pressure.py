@@ -9,12 +9,12 @@ from warp_cloth.kernels.certificate.reaction import carried_function
 
 
 @functools.cache
-def push_kernel(precision: str, contact: wp.Function, collider_type: type, pins: bool) -> wp.Kernel:
+def push_kernel(precision: str, avatar_contact: wp.Function, collider_type: type, pins: bool) -> wp.Kernel:
     """Kernel ``measure_push`` in one precision, with the contact that the iteration uses, with or without pins."""
     types = cloth_types(precision)
     vec3, vec4, Model, State, Step = types.vec3, types.vec4, types.Model, types.State, types.Step
     free = free_function(precision, pins)
-    carried_force = carried_function(precision, contact, collider_type)
+    carried_force = carried_function(precision, avatar_contact, collider_type)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def measure_push(

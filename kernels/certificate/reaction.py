@@ -10,7 +10,7 @@ from warp_cloth.kernels.passes.step import capped
 
 
 @functools.cache
-def carried_function(precision: str, contact: wp.Function, collider_type: type) -> wp.Function:
+def carried_function(precision: str, avatar_contact: wp.Function, collider_type: type) -> wp.Function:
     """Function ``carried_force`` in one precision, with the contact that the iteration uses."""
     types = cloth_types(precision)
     real, vec3, Model, State = types.real, types.vec3, types.Model, types.State
@@ -27,7 +27,7 @@ def carried_function(precision: str, contact: wp.Function, collider_type: type) 
         where the field's gradient is above 1; what hovers and would fall on the body counts by how far it falls.
         """
         item = model.items[model.item[vertex]]
-        at = contact(collider, wp.vec3d(state.position[vertex]))
+        at = avatar_contact(collider, wp.vec3d(state.position[vertex]))
         size = wp.length(force)
         left, push = size, real(0.0)
         if at[3] < item.offset + slack:
@@ -38,7 +38,7 @@ def carried_function(precision: str, contact: wp.Function, collider_type: type) 
             stiffness = state.stiffness[vertex]
             if stiffness > real(0.0):
                 move = capped(force / stiffness, item.cap)
-                there = contact(collider, wp.vec3d(state.position[vertex]) + wp.vec3d(move))
+                there = avatar_contact(collider, wp.vec3d(state.position[vertex]) + wp.vec3d(move))
                 deep = item.offset - there[3]
                 if deep > 0.0:
                     normal = vec3(real(there[0]), real(there[1]), real(there[2]))

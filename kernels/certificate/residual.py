@@ -21,13 +21,13 @@ from warp_cloth.kernels.passes.step import colliders_type
 
 
 @functools.cache
-def residual_kernel(precision: str, contact: wp.Function | None, collider_type: type, pins: bool) -> wp.Kernel:
+def residual_kernel(precision: str, avatar_contact: wp.Function | None, collider_type: type, pins: bool) -> wp.Kernel:
     """Kernel ``measure_residual`` in one precision, with the contact that the iteration uses, with or without pins."""
     types = cloth_types(precision)
     vec3, vec4, Model, State, Step = types.vec3, types.vec4, types.Model, types.State, types.Step
     free = free_function(precision, pins)
-    if contact is not None:
-        carried_force = carried_function(precision, contact, collider_type)
+    if avatar_contact is not None:
+        carried_force = carried_function(precision, avatar_contact, collider_type)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def measure_residual(
@@ -36,7 +36,7 @@ def residual_kernel(precision: str, contact: wp.Function | None, collider_type: 
         groups: wp.array(dtype=wp.int32),  # of kernels.base.subset, of vertices; of the others the last residual stays
         step: Step,
         slack: float,  # how far above the contact offset a vertex still counts as in contact [m]
-        colliders: colliders_type(contact, collider_type),
+        colliders: colliders_type(avatar_contact, collider_type),
         load: wp.array(dtype=vec4),  # forces of the cloth and the sum of their magnitudes [N], shape [V]; left at zero
         residual_out: wp.array(dtype=wp.vec2f),  # force left, in weights and relative, shape [V]; -1 where pinned
     ):
@@ -54,7 +54,7 @@ def residual_kernel(precision: str, contact: wp.Function | None, collider_type: 
             weight = model.weight[vertex]
             force = vec3(sum[0], sum[1], sum[2]) + step.gravity * weight
             left = wp.length(force)
-            if wp.static(contact is not None):
+            if wp.static(avatar_contact is not None):
                 left, _push = carried_force(model, state, vertex, force, colliders[model.item[vertex]], slack)
             residual_out[vertex] = wp.vec2f(float(left / weight), float(left / (weight + sum[3])))
 

@@ -32,7 +32,7 @@ _REGION_BITS = 16  # of a word of four
 
 
 @wp.struct
-class ClothContact:
+class ContactData:
     """Which cloth is near which, and what that does to the vertices; P pairs at most, V vertices."""
 
     # of the garments
@@ -117,15 +117,15 @@ class ContactBefore:
     """What is known of a vertex before pairs are pressed."""
 
     gone: float  # how far it is from where it was at the last search [m]
-    skin: float  # ClothContact's [m]
+    skin: float  # ContactData's [m]
     room: float  # how far it may move [m], whatever is pressed
-    shift: wp.vec3f  # ClothContact's [m]
+    shift: wp.vec3f  # ContactData's [m]
     lift: float  # [m]
     region: int
 
 
 @wp.func
-def contact_before(contact: ClothContact, vertex: int, position: wp.vec3d):
+def contact_before(contact: ContactData, vertex: int, position: wp.vec3d):
     """What is known of a vertex before pairs are pressed.
 
     Whatever was farther off at the last search than both skins and the thickness cannot be met as long as none goes
@@ -146,7 +146,7 @@ def contact_before(contact: ClothContact, vertex: int, position: wp.vec3d):
 
 
 @wp.func
-def pair_reach(contact: ClothContact, corners: wp.vec4i, kind: int):
+def pair_reach(contact: ContactData, corners: wp.vec4i, kind: int):
     """How near a pair must be to be kept [m]: the thickness and the larger skin of either side."""
     skin_0, skin_1 = contact.skin[corners[0]], contact.skin[corners[1]]
     skin_2, skin_3 = contact.skin[corners[2]], contact.skin[corners[3]]
@@ -156,7 +156,7 @@ def pair_reach(contact: ClothContact, corners: wp.vec4i, kind: int):
 
 
 @wp.func
-def region_gone(contact: ClothContact, region: int):
+def region_gone(contact: ContactData, region: int):
     """How far any vertex of a region may have gone up to now [ROOM_UNIT]."""
     even, odd = contact.stride[0, region], contact.stride[1, region]  # neither waits for the turn
     return contact.way[0, region] + wp.int64(wp.where((contact.turn[0] & 1) == 0, even, odd))
@@ -169,7 +169,7 @@ def region_of(regions: wp.uint64, corner: int):
 
 
 @wp.func
-def pair_regions(contact: ClothContact, corners: wp.vec4i, kind: int):
+def pair_regions(contact: ContactData, corners: wp.vec4i, kind: int):
     """The regions whose ways together bound by how much a pair may have come nearer: each once of either side."""
     first, second = int(contact.region[corners[0]]), int(contact.region[corners[1]])
     third, fourth = int(contact.region[corners[2]]), int(contact.region[corners[3]])
@@ -184,7 +184,7 @@ def pair_regions(contact: ClothContact, corners: wp.vec4i, kind: int):
 
 
 @wp.func
-def pair_gone(contact: ClothContact, regions: wp.uint64):
+def pair_gone(contact: ContactData, regions: wp.uint64):
     """How far a pair's regions may have gone up to now, together [ROOM_UNIT]."""
     gone = wp.int64(0)
     for corner in range(4):
@@ -199,7 +199,7 @@ def due_of(way: wp.int64, kind: int):
 
 
 @wp.func
-def due_after(contact: ClothContact, kind: int, distance: wp.float64, thickness: wp.float64, gone: wp.int64):
+def due_after(contact: ContactData, kind: int, distance: wp.float64, thickness: wp.float64, gone: wp.int64):
     """When a pair may be near that is so far apart [m] after its regions have gone so far; in the past if it is near.
 
     No move is longer than what lies beyond the margin leaves room for.
@@ -209,13 +209,13 @@ def due_after(contact: ClothContact, kind: int, distance: wp.float64, thickness:
 
 
 @wp.func
-def pair_thickness(contact: ClothContact, corners: wp.vec4i):
+def pair_thickness(contact: ContactData, corners: wp.vec4i):
     """Thickness where two bits of cloth meet [m]: the mean of both."""
     return float(0.5) * (contact.thickness[corners[0]] + contact.thickness[corners[3]])
 
 
 @wp.func
-def pair_cloth(contact: ClothContact, corners: wp.vec4i):
+def pair_cloth(contact: ContactData, corners: wp.vec4i):
     """Thickness [m], modulus [N/m] and friction where two bits of cloth meet: the means of both."""
     one, other = element(contact.fabric, corners[0]), element(contact.fabric, corners[3])
     half = float(0.5)

@@ -5,7 +5,7 @@ import functools
 import warp as wp
 
 from warp_cloth.kernels.base.types import MODULE_OPTIONS, cloth_types, place_function
-from warp_cloth.kernels.contact.arrays import ON_EDGE, ON_TRIANGLE, ClothContact
+from warp_cloth.kernels.contact.arrays import ON_EDGE, ON_TRIANGLE, ContactData
 from warp_cloth.kernels.contact.box_tree import (
     WIDTH,
     box_of,
@@ -78,7 +78,7 @@ def part_leaves_function(precision: str) -> wp.Function:
 
     @wp.func
     def part_met(
-        state: State, search: ContactSearch, contact: ClothContact, untangling: Untangling, asking: int, met: int
+        state: State, search: ContactSearch, contact: ContactData, untangling: Untangling, asking: int, met: int
     ):
         """Parts an edge and a triangle (Meetings.leaf); of a vertex and a triangle notes how near they are."""
         triangle = search.triangle_tree.leaf[met]
@@ -102,13 +102,13 @@ def part_leaves_function(precision: str) -> wp.Function:
 def crossing_leaves_function(precision: str) -> wp.Function:
     """The function that lists which leaves of two groups may cross, or lie beyond another layer."""
     State, at = cloth_types(precision).State, place_function(precision)
-    list_leaves = list_leaves_function(part_leaves_function(precision), State, ContactSearch, ClothContact, Untangling)
+    list_leaves = list_leaves_function(part_leaves_function(precision), State, ContactSearch, ContactData, Untangling)
 
     @wp.func
     def find_crossing(
         state: State,
         search: ContactSearch,
-        contact: ClothContact,
+        contact: ContactData,
         untangling: Untangling,
         meetings: Meetings,
         kind: int,
@@ -156,11 +156,11 @@ def crossing_groups_kernel(precision: str) -> wp.Kernel:
     """Kernel ``meet_crossing``."""
     State, group_of_vertices = cloth_types(precision).State, group_box_function(precision)
     find_crossing = crossing_leaves_function(precision)
-    meet_groups = meet_function(find_crossing, State, ContactSearch, ClothContact, Untangling)
+    meet_groups = meet_function(find_crossing, State, ContactSearch, ContactData, Untangling)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS, grid_stride=False)
     def meet_crossing(
-        state: State, search: ContactSearch, contact: ClothContact, untangling: Untangling, meetings: Meetings
+        state: State, search: ContactSearch, contact: ContactData, untangling: Untangling, meetings: Meetings
     ):
         """Lists the triangles that each group of edges meets, and of vertices, and edges by triangles: a team each.
 
@@ -209,13 +209,13 @@ def crossing_groups_kernel(precision: str) -> wp.Kernel:
 def crossing_leaves_kernel(precision: str) -> wp.Kernel:
     """Kernel ``find_crossing_leaves``."""
     State = cloth_types(precision).State
-    work = listed_groups_function(crossing_leaves_function(precision), State, ContactSearch, ClothContact, Untangling)
+    work = listed_groups_function(crossing_leaves_function(precision), State, ContactSearch, ContactData, Untangling)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS, grid_stride=False, launch_bounds=LISTING)
     def find_crossing_leaves(
         state: State,
         search: ContactSearch,
-        contact: ClothContact,
+        contact: ContactData,
         untangling: Untangling,
         meetings: Meetings,
         threads: int,
@@ -230,13 +230,13 @@ def crossing_leaves_kernel(precision: str) -> wp.Kernel:
 def crossings_kernel(precision: str) -> wp.Kernel:
     """Kernel ``part_crossings``."""
     State = cloth_types(precision).State
-    work = listed_leaves_function(part_leaves_function(precision), State, ContactSearch, ClothContact, Untangling)
+    work = listed_leaves_function(part_leaves_function(precision), State, ContactSearch, ContactData, Untangling)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS, grid_stride=False)
     def part_crossings(
         state: State,
         search: ContactSearch,
-        contact: ClothContact,
+        contact: ContactData,
         untangling: Untangling,
         meetings: Meetings,
         threads: int,

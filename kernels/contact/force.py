@@ -14,7 +14,7 @@ from warp_cloth.kernels.contact.arrays import (
     ROOM_SHARE,
     ROOM_UNIT,
     STIFFNESS_UNIT,
-    ClothContact,
+    ContactData,
     apart_function,
     due_after,
     pair_cloth,
@@ -108,7 +108,7 @@ def add_functions(real: type) -> SimpleNamespace:
 
 @wp.func
 def leave_room(
-    contact: ClothContact,
+    contact: ContactData,
     pair: int,
     kind: int,
     corners: wp.vec4i,
@@ -133,7 +133,7 @@ def turn_function(precision: str, fourth: str) -> wp.Function:
     slope, add_turns = slant_functions(real).slope, add_functions(real).add_turns
 
     @wp.func
-    def turn_apart(contact: ClothContact, corners: wp.vec4i, along_0: vec3, along_1: vec3, energy: real):
+    def turn_apart(contact: ContactData, corners: wp.vec4i, along_0: vec3, along_1: vec3, energy: real):
         """Adds what turns two edges away from each other; ``energy`` by the squared sine between them [J]."""
         turn_0 = slope(along_0, along_1) * energy
         turn_1 = slope(along_1, along_0) * energy
@@ -165,7 +165,7 @@ def pair_function(precision: str, fourth: str, sort: int, in_order: bool) -> wp.
     most, by_lean = wp.constant(real(1.0 / LEAST_SHARE)), wp.constant(real(1.0 / LEAN))
 
     @wp.func
-    def press_pair(step: Step, state: State, contact: ClothContact, pair: int, place: int):
+    def press_pair(step: Step, state: State, contact: ContactData, pair: int, place: int):
         """Adds what a pair does to its four vertices, and narrows their room; ``place`` of ``turn_on``.
 
         All that is read of a pair is asked for at once: a GPU waits for memory far longer than it works.
@@ -243,7 +243,7 @@ def queued_function(precision: str, fourth: str, sort: int, in_order: bool) -> w
     all = int(fourth == "size")
 
     @wp.func
-    def press_queued(step: Step, state: State, contact: ClothContact, place: int, begin: int, total: int):
+    def press_queued(step: Step, state: State, contact: ContactData, place: int, begin: int, total: int):
         """Presses those of so many that are a thread's."""
         number = first_queued(wp.static(sort))
         while number < total:
@@ -267,7 +267,7 @@ def press_function(precision: str, fourth: str, in_order: bool) -> wp.Function:
     all = int(fourth == "size")
 
     @wp.func
-    def press_share(step: Step, state: State, contact: ClothContact, thread: int, blocks: int):
+    def press_share(step: Step, state: State, contact: ContactData, thread: int, blocks: int):
         """Presses the pairs that may be near, one of so many blocks its share; the first of all turns to the next.
 
         A block first queues those: they are few, and lie anywhere, so that else most threads would wait for others.
@@ -309,7 +309,7 @@ def press_kernel(precision: str, fourth: str, in_order: bool = False) -> wp.Kern
     press_share = press_function(precision, fourth, in_order)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS, grid_stride=False, launch_bounds=BLOCK_THREADS)
-    def press_pairs(state: State, step: Step, contact: ClothContact, blocks: int):
+    def press_pairs(state: State, step: Step, contact: ContactData, blocks: int):
         """Presses all pairs."""
         press_share(step, state, contact, wp.tid(), blocks)
 

@@ -9,7 +9,7 @@ import functools
 import warp as wp
 
 from warp_cloth.kernels.base.types import MODULE_OPTIONS, cloth_types, place_function
-from warp_cloth.kernels.contact.arrays import ClothContact
+from warp_cloth.kernels.contact.arrays import ContactData
 from warp_cloth.kernels.contact.box_tree import FAR_OFF, WIDTH, team_lane, team_least
 from warp_cloth.kernels.contact.search import ContactSearch
 
@@ -108,7 +108,7 @@ def rank_leaves(
 def plant_leaves(
     order: wp.array(dtype=wp.int32),  # triangles, then edges and vertices, as trees hold them; -1: nothing
     search: ContactSearch,
-    contact: ClothContact,
+    contact: ContactData,
     region_size: int,  # vertices of a region
 ):
     """Puts leaves in their trees, and vertices in their order and their regions. Where nothing is, any stands."""

@@ -9,7 +9,7 @@ from warp_cloth.kernels.contact.arrays import (
     NEIGHBOURS,
     ON_EDGE,
     ON_TRIANGLE,
-    ClothContact,
+    ContactData,
     apart_function,
     due_after,
     pair_gone,
@@ -85,9 +85,7 @@ def next_slot(count: wp.array(dtype=wp.int32)) -> int:
 
 
 @wp.func
-def keep_pair(
-    contact: ClothContact, memory: LeanMemory, corners: wp.vec4i, kind: int, near: bool, distance: wp.float64
-):
+def keep_pair(contact: ContactData, memory: LeanMemory, corners: wp.vec4i, kind: int, near: bool, distance: wp.float64):
     """Counts a pair and, while there is room, keeps it, with the lean that it had before the search."""
     slot = next_slot(contact.count)
     if slot < contact.corners.shape[0]:
@@ -127,7 +125,7 @@ def keep_function(precision: str) -> wp.Function:
 
     @wp.func
     def keep_on_triangle(
-        state: State, search: ContactSearch, contact: ClothContact, memory: LeanMemory, vertex: int, t: wp.vec3i
+        state: State, search: ContactSearch, contact: ContactData, memory: LeanMemory, vertex: int, t: wp.vec3i
     ):
         """Keeps a vertex and a triangle if they are near each other."""
         corners = wp.vec4i(vertex, t[0], t[1], t[2])
@@ -138,7 +136,7 @@ def keep_function(precision: str) -> wp.Function:
 
     @wp.func
     def keep_on_edge(
-        state: State, search: ContactSearch, contact: ClothContact, memory: LeanMemory, e: wp.vec2i, o: wp.vec2i
+        state: State, search: ContactSearch, contact: ContactData, memory: LeanMemory, e: wp.vec2i, o: wp.vec2i
     ):
         """Keeps two edges if they are near each other."""
         corners = wp.vec4i(e[0], e[1], o[0], o[1])
@@ -149,9 +147,7 @@ def keep_function(precision: str) -> wp.Function:
             keep_pair(contact, memory, corners, ON_EDGE, near, distance)
 
     @wp.func
-    def keep_near(
-        state: State, search: ContactSearch, contact: ClothContact, memory: LeanMemory, asking: int, met: int
-    ):
+    def keep_near(state: State, search: ContactSearch, contact: ContactData, memory: LeanMemory, asking: int, met: int):
         """Keeps two leaves (Meetings.leaf) if they are near each other."""
         if asking < 0:
             keep_on_triangle(state, search, contact, memory, -1 - asking, search.corners[met])
@@ -169,13 +165,13 @@ def keep_function(precision: str) -> wp.Function:
 def near_leaves_function(precision: str) -> wp.Function:
     """The function that lists which leaves of two groups may be near each other."""
     State, at = cloth_types(precision).State, place_function(precision)
-    list_leaves = list_leaves_function(keep_function(precision), State, ContactSearch, ClothContact, LeanMemory)
+    list_leaves = list_leaves_function(keep_function(precision), State, ContactSearch, ContactData, LeanMemory)
 
     @wp.func
     def find_near(
         state: State,
         search: ContactSearch,
-        contact: ClothContact,
+        contact: ContactData,
         memory: LeanMemory,
         meetings: Meetings,
         kind: int,
@@ -213,10 +209,10 @@ def groups_kernel(precision: str) -> wp.Kernel:
     """Kernel ``meet_near``."""
     State, group_of_vertices = cloth_types(precision).State, group_box_function(precision)
     find_near = near_leaves_function(precision)
-    meet_groups = meet_function(find_near, State, ContactSearch, ClothContact, LeanMemory)
+    meet_groups = meet_function(find_near, State, ContactSearch, ContactData, LeanMemory)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS, grid_stride=False)
-    def meet_near(state: State, search: ContactSearch, contact: ClothContact, memory: LeanMemory, meetings: Meetings):
+    def meet_near(state: State, search: ContactSearch, contact: ContactData, memory: LeanMemory, meetings: Meetings):
         """Lists what each group of edges, and of vertices, may be near: a team for each."""
         group = wp.tid() // team_threads()
         edge_groups = search.edge_tree.leaf.shape[0] // WIDTH
@@ -243,13 +239,13 @@ def groups_kernel(precision: str) -> wp.Kernel:
 def leaves_kernel(precision: str) -> wp.Kernel:
     """Kernel ``find_near_leaves``."""
     State = cloth_types(precision).State
-    work = listed_groups_function(near_leaves_function(precision), State, ContactSearch, ClothContact, LeanMemory)
+    work = listed_groups_function(near_leaves_function(precision), State, ContactSearch, ContactData, LeanMemory)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS, grid_stride=False, launch_bounds=LISTING)
     def find_near_leaves(
         state: State,
         search: ContactSearch,
-        contact: ClothContact,
+        contact: ContactData,
         memory: LeanMemory,
         meetings: Meetings,
         threads: int,
@@ -264,13 +260,13 @@ def leaves_kernel(precision: str) -> wp.Kernel:
 def pairs_kernel(precision: str) -> wp.Kernel:
     """Kernel ``find_pairs``."""
     State = cloth_types(precision).State
-    work = listed_leaves_function(keep_function(precision), State, ContactSearch, ClothContact, LeanMemory)
+    work = listed_leaves_function(keep_function(precision), State, ContactSearch, ContactData, LeanMemory)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS, grid_stride=False)
     def find_pairs(
         state: State,
         search: ContactSearch,
-        contact: ClothContact,
+        contact: ContactData,
         memory: LeanMemory,
         meetings: Meetings,
         threads: int,

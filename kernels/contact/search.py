@@ -6,7 +6,7 @@ import warp as wp
 
 from warp_cloth.kernels.base.block import block_of, block_threads, lane_of
 from warp_cloth.kernels.base.types import MODULE_OPTIONS, cloth_types, place_function
-from warp_cloth.kernels.contact.arrays import ClothContact
+from warp_cloth.kernels.contact.arrays import ContactData
 from warp_cloth.kernels.contact.box_tree import (
     FAR_OFF,
     LEAVES,
@@ -73,14 +73,14 @@ def open_kernel(precision: str) -> wp.Kernel:
 
 
 @wp.func
-def room_around(contact: ClothContact, skin: wp.float32):
+def room_around(contact: ContactData, skin: wp.float32):
     """By how much a box of cloth with such a skin is widened on all sides [m]: what it does not meet is not near."""
     room = skin + float(0.5) * float(contact.thickest) + SLACK
     return wp.vec3f(room, room, room)
 
 
 @wp.func
-def least_room(contact: ClothContact):
+def least_room(contact: ContactData):
     """By how much two boxes are widened in all, at least: boxes that do not meet without it do not cross."""
     room = float(wp.float64(2.0) * contact.least_skin + contact.thickest)
     return wp.vec3f(room, room, room)
@@ -93,7 +93,7 @@ def start_kernel(precision: str, in_order: bool = False) -> wp.Kernel:
     move_at = order_functions(precision, packed=False, in_order=in_order).move_at
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
-    def start_search(state: State, contact: ClothContact, memory: LeanMemory, meetings: Meetings):
+    def start_search(state: State, contact: ContactData, memory: LeanMemory, meetings: Meetings):
         """Remembers where each vertex is, gives it its skin, remembers what pairs lean; empties the lists.
 
         Where not all pairs had room it is chance which did, and what they lean is forgotten.
@@ -119,7 +119,7 @@ def box_functions(precision: str) -> tuple[wp.Function, wp.Function]:
     State, at = cloth_types(precision).State, place_function(precision)
 
     @wp.func
-    def box_triangle(state: State, search: ContactSearch, contact: ClothContact, place: int):
+    def box_triangle(state: State, search: ContactSearch, contact: ContactData, place: int):
         """What spans a seam that has yet to close meets nothing: its box would meet half the garment."""
         triangle = search.triangle_tree.leaf[place]
         lower = wp.vec3f(FAR_OFF, FAR_OFF, FAR_OFF)
@@ -139,7 +139,7 @@ def box_functions(precision: str) -> tuple[wp.Function, wp.Function]:
         put_box(search.triangle_tree, 0, place, lower, upper)
 
     @wp.func
-    def box_edge(state: State, search: ContactSearch, contact: ClothContact, place: int):
+    def box_edge(state: State, search: ContactSearch, contact: ContactData, place: int):
         """The same of an edge; what it crosses is looked for everywhere till it has closed."""
         edge = search.edge_tree.leaf[place]
         lower = wp.vec3f(FAR_OFF, FAR_OFF, FAR_OFF)
@@ -166,7 +166,7 @@ def box_kernel(precision: str) -> wp.Kernel:
     box_triangle, box_edge = box_functions(precision)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS, grid_stride=False)
-    def box_sheets(state: State, search: ContactSearch, contact: ClothContact, memory: LeanMemory, anew: int):
+    def box_sheets(state: State, search: ContactSearch, contact: ContactData, memory: LeanMemory, anew: int):
         """Boxes LEAVES edges, or triangles, by each block; ``anew``: forgets the pairs and what they asked for."""
         thread = wp.tid()
         if thread == 0 and anew > 0:
@@ -209,7 +209,7 @@ def group_box_function(precision: str) -> wp.Function:
     State, at = cloth_types(precision).State, place_function(precision)
 
     @wp.func
-    def group_of_vertices(state: State, search: ContactSearch, contact: ClothContact, group: int):
+    def group_of_vertices(state: State, search: ContactSearch, contact: ContactData, group: int):
         """The box of a group of vertices with their skins [m], by a team."""
         low = wp.vec3f(FAR_OFF, FAR_OFF, FAR_OFF)
         high = -low

@@ -2,7 +2,7 @@
 
 import warp as wp
 
-from warp_cloth.kernels.contact.arrays import REGIONS, ROOM_UNIT, TURNED, ClothContact, ContactBefore
+from warp_cloth.kernels.contact.arrays import REGIONS, ROOM_UNIT, TURNED, ContactBefore, ContactData
 
 LONGER = wp.constant(1.000001)  # more than rounding makes a way shorter
 SHRUNK, GROWN = wp.constant(wp.float64(0.7)), wp.constant(wp.float64(1.5))  # of a skin, from search to search
@@ -43,7 +43,7 @@ def count_all(count: wp.array(dtype=wp.int32)):
 
 
 @wp.kernel(grid_stride=False)
-def weigh_asked(contact: ClothContact):
+def weigh_asked(contact: ContactData):
     """Whether it is time for another search: where many ask, or few for long enough. One thread."""
     asked = contact.asked[0]
     waits = asked > 0 or contact.asked[1] > 0
@@ -55,7 +55,7 @@ def weigh_asked(contact: ClothContact):
 
 
 @wp.func
-def contact_turn(contact: ClothContact, vertex: int):
+def contact_turn(contact: ContactData, vertex: int):
     """After the last press, the contact's turn and how far the region has gone that has a vertex's number, if any.
 
     To be asked for before anything is written, after which a GPU would wait for it.
@@ -67,7 +67,7 @@ def contact_turn(contact: ClothContact, vertex: int):
 
 
 @wp.func
-def contact_watch(contact: ClothContact, vertex: int, before: ContactBefore, length: float, turn: int, gone: wp.int64):
+def contact_watch(contact: ContactData, vertex: int, before: ContactBefore, length: float, turn: int, gone: wp.int64):
     """Notes how far a vertex went [m], and asks for another search where what it touches may not be known any more.
 
     That is where it has used up its skin, or will have at the next look. The last two are of ``contact_turn``.
@@ -83,14 +83,14 @@ def contact_watch(contact: ClothContact, vertex: int, before: ContactBefore, len
 
 
 @wp.func
-def skin_worn(contact: ClothContact, vertex: int, position: wp.vec3d, move: wp.vec3d):
+def skin_worn(contact: ContactData, vertex: int, position: wp.vec3d, move: wp.vec3d):
     """What share of its skin a vertex has used up since the last search, or will have at the next look."""
     gone = wp.length(position - contact.searched[vertex]) + contact.ahead * wp.length(move)
     return gone / wp.float64(contact.skin[vertex])
 
 
 @wp.func
-def next_skin(contact: ClothContact, vertex: int, position: wp.vec3d, move: wp.vec3d):
+def next_skin(contact: ContactData, vertex: int, position: wp.vec3d, move: wp.vec3d):
     """How far a vertex is to have room to go till the next search [m]: by and by twice what it goes."""
     grown = wp.clamp(wp.float64(2.0) * skin_worn(contact, vertex, position, move), SHRUNK, GROWN)
     skin = wp.float64(contact.skin[vertex]) * grown

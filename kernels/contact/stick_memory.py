@@ -2,7 +2,7 @@
 
 import warp as wp
 
-from warp_cloth.kernels.contact.arrays import ClothContact
+from warp_cloth.kernels.contact.arrays import ContactData
 
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
@@ -25,7 +25,7 @@ class LeanMemory:
     place: wp.array(dtype=wp.int64)  # shape [H]
     corners: wp.array(dtype=wp.vec4i)  # shape [P]
     kind: wp.array(dtype=wp.int32)  # shape [P]
-    lean: wp.array(dtype=wp.vec4f)  # as ClothContact.lean [m], shape [P]
+    lean: wp.array(dtype=wp.vec4f)  # as ContactData.lean [m], shape [P]
 
 
 @wp.func
@@ -62,7 +62,7 @@ def forget_leans(memory: LeanMemory):
 
 
 @wp.func
-def remember_lean(contact: ClothContact, memory: LeanMemory, pair: int):
+def remember_lean(contact: ContactData, memory: LeanMemory, pair: int):
     """Puts a pair, if it leans, into the table, wherever a place is free: what is found there is the same."""
     lean = contact.lean[pair]
     if lean == wp.vec4f():

@@ -11,8 +11,8 @@ from warp_cloth.kernels.contact.arrays import (
     NO_LIMIT,
     ROOM_UNIT,
     STIFFNESS_UNIT,
-    ClothContact,
     ContactBefore,
+    ContactData,
 )
 
 _ROW = """
@@ -59,7 +59,7 @@ def taken_function(precision: str) -> wp.Function:
     load_of = row_function(precision)
 
     @wp.func
-    def contact_taken(contact: ClothContact, vertex: int, before: ContactBefore):
+    def contact_taken(contact: ContactData, vertex: int, before: ContactBefore):
         """Force [N] and fourth part that contact adds at a vertex, and how far this may move [m].
 
         That is before it could meet something, known or not. Leaves the sum at zero and the room open.
@@ -82,7 +82,7 @@ def sum_function(precision: str) -> wp.Function:
     load_of = row_function(precision)
 
     @wp.func
-    def contact_sum(contact: ClothContact, vertex: int):
+    def contact_sum(contact: ContactData, vertex: int):
         """Force [N] and fourth part that contact adds at a vertex; leaves the sum at zero."""
         row = sum_row(contact.sum, vertex)
         leave_none(contact.sum, vertex, row)
@@ -99,7 +99,7 @@ def add_kernel(precision: str) -> wp.Kernel:
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def add_contact(
-        contact: ClothContact,
+        contact: ContactData,
         order: wp.array(dtype=wp.int32),  # where contact has vertices in another order, theirs in the load's, shape [V]
         load: wp.array(dtype=vec4),  # force [N] and fourth part, shape [V]
     ):

@@ -5,7 +5,7 @@ import functools
 import warp as wp
 
 from warp_cloth.kernels.base.types import MODULE_OPTIONS, cloth_types, place_function
-from warp_cloth.kernels.contact.arrays import EVER, ClothContact, due_of
+from warp_cloth.kernels.contact.arrays import EVER, ContactData, due_of
 from warp_cloth.kernels.contact.broad_phase import Meetings, forget_meetings
 from warp_cloth.kernels.contact.crossing import segment_pierces, volume
 from warp_cloth.kernels.contact.search import ContactSearch
@@ -177,7 +177,7 @@ def layers_kernel(precision: str) -> wp.Kernel:
     State, at = cloth_types(precision).State, place_function(precision)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS, grid_stride=False)
-    def part_layers(state: State, search: ContactSearch, contact: ClothContact, untangling: Untangling):
+    def part_layers(state: State, search: ContactSearch, contact: ContactData, untangling: Untangling):
         """Shifts each vertex on the wrong side of another garment, and the triangle of that which is nearest."""
         vertex = wp.tid()
         found = untangling.beyond[vertex]
@@ -218,7 +218,7 @@ def settle_kernel(precision: str) -> wp.Kernel:
     State, at = cloth_types(precision).State, place_function(precision)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
-    def settle_shifts(state: State, search: ContactSearch, contact: ClothContact, untangling: Untangling):
+    def settle_shifts(state: State, search: ContactSearch, contact: ContactData, untangling: Untangling):
         """A vertex's untangling shift: the mean of what its crossings ask for, and smoothing round tangles that last.
 
         A fold that passes through itself is a loop; smoothed, it becomes shorter and comes undone, as a curve's does.
@@ -260,7 +260,7 @@ def settle_kernel(precision: str) -> wp.Kernel:
 
 
 @wp.kernel(grid_stride=False)
-def spare_tangled(search: ContactSearch, contact: ClothContact):
+def spare_tangled(search: ContactSearch, contact: ContactData):
     """Has no pair pressed of which a vertex is tangled: contact would hold what crosses where it is."""
     pair = wp.tid()
     if pair < contact.count[0]:

@@ -17,11 +17,11 @@ LONGER, STEP = wp.constant(1.0001), wp.constant(1.0e-9)  # more than rounding ad
 @functools.cache
 def looking(
     precision: str,
-    contact: wp.Function,
+    avatar_contact: wp.Function,
     collider_type: type,
     worn: bool,
     spares: bool,
-    touches: bool = False,
+    cloth_contact: bool = False,
     told: bool = False,
 ) -> wp.Function:
     """The function that looks up where a displaced vertex meets its item's avatar.
@@ -60,7 +60,7 @@ def looking(
         feed a swing.
         """
         place = wp.vec3d(position) + wp.vec3d(move)
-        at = contact(collider, place)
+        at = avatar_contact(collider, place)
         push = item.offset - at[3] + lift
         if wp.static(spares):
             state.clearance[vertex] = field_clearance(collider, place, at[3], item.offset)
@@ -72,7 +72,7 @@ def looking(
                 if wp.static(told):
                     if loose:
                         before = leeway
-                        if wp.static(touches):
+                        if wp.static(cloth_contact):
                             before = state.compliance[vertex]
                         kept = changed_leeway(before, even(real(1.0)), move)
                 else:
@@ -87,12 +87,12 @@ def looking(
 
 @functools.cache
 def meeting(
-    precision: str, contact: wp.Function, collider_type: type, worn: bool, spares: bool, touches: bool
+    precision: str, avatar_contact: wp.Function, collider_type: type, worn: bool, spares: bool, cloth_contact: bool
 ) -> wp.Function:
     """The function that has a displaced vertex meet its item's avatar; arguments as of ``looking``."""
     types = cloth_types(precision)
     point, vec3, vec6, State, Item = types.point, types.vec3, types.vec6, types.State, types.Item
-    looked_move = looking(precision, contact, collider_type, worn, spares, touches, told=True)
+    looked_move = looking(precision, avatar_contact, collider_type, worn, spares, cloth_contact, told=True)
 
     @wp.func
     def met_move(

@@ -30,10 +30,10 @@ from warp_cloth.kernels.passes.step import (
     before_function,
     before_type,
     colliders_type,
+    contact_type,
     displacement,
     spares_looks,
     step_bound,
-    touch_type,
 )
 from warp_cloth.kernels.patches.memory import NEXT_TURN, PatchMemory, leaves, next_functions, patch_of
 from warp_cloth.kernels.patches.packing import order_functions, three_function
@@ -88,7 +88,12 @@ def kept_function(precision: str, accelerated: bool) -> wp.Function:
 
 @functools.cache
 def displace_kernel(
-    precision: str, accelerated: bool, contact: wp.Function | None, collider_type: type, touches: bool, pins: bool
+    precision: str,
+    accelerated: bool,
+    avatar_contact: wp.Function | None,
+    collider_type: type,
+    cloth_contact: bool,
+    pins: bool,
 ) -> wp.Kernel:
     """Kernel ``displace_vertices``, which moves the cloth where it lies; arguments as of ``displacement``.
 
@@ -96,20 +101,20 @@ def displace_kernel(
     """
     types = cloth_types(precision)
     point, vec3, vec4, Model, State, Step = types.point, types.vec3, types.vec4, types.Model, types.State, types.Step
-    spares = spares_looks(contact, touches)
-    vertex_displacement = displacement(precision, accelerated, contact, collider_type, touches, spares)
-    Touch = touch_type(touches)
+    spares = spares_looks(avatar_contact, cloth_contact)
+    vertex_displacement = displacement(precision, accelerated, avatar_contact, collider_type, cloth_contact, spares)
+    Contact = contact_type(cloth_contact)
     held_vertex = held_function(precision, accelerated, packed=False, in_order=False)
     free = free_function(precision, pins)
-    told_before = before_function(precision, accelerated, contact, collider_type, touches, spares)
+    told_before = before_function(precision, accelerated, avatar_contact, collider_type, cloth_contact, spares)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def displace_vertices(
         model: Model,
         state: State,
         step: Step,
-        colliders: colliders_type(contact, collider_type),
-        touch: Touch,
+        colliders: colliders_type(avatar_contact, collider_type),
+        contact: Contact,
         load: wp.array(dtype=vec4),  # forces of the cloth [N] and stiffness bounds [N/m], shape [V]; left at zero
     ):
         """Moves each free vertex of an item that is not at rest."""
@@ -117,7 +122,7 @@ def displace_kernel(
         sum = element(load, vertex)
         load[vertex] = vec4()
         number = element(model.item, vertex)
-        if wp.static(contact is field_contact):
+        if wp.static(avatar_contact is field_contact):
             if vertex + AHEAD < model.weight.shape[0]:
                 looks = True
                 if wp.static(spares):
@@ -129,20 +134,20 @@ def displace_kernel(
             return
         move = vec3()
         turn, gone = int(0), wp.int64(0)
-        if wp.static(touches):
-            turn, gone = contact_turn(touch, vertex)
-        before = told_before(touch, state, colliders, vertex, wp.vec3d(element(state.position, vertex)), number, item)
+        if wp.static(cloth_contact):
+            turn, gone = contact_turn(contact, vertex)
+        before = told_before(contact, state, colliders, vertex, wp.vec3d(element(state.position, vertex)), number, item)
         if free(model, vertex):
             held = held_vertex(model, state, vertex)
             move, kept, stiffness = vertex_displacement(
-                state, step, colliders, touch, before, sum, held, vertex, number, item
+                state, step, colliders, contact, before, sum, held, vertex, number, item
             )
             state.displacement[vertex] = kept
             state.position[vertex] = held.position + point(move)
             if wp.static(accelerated):
                 state.stiffness[vertex] = stiffness
-        if wp.static(touches):
-            contact_watch(touch, vertex, before.touch, float(root(inner(move, move))), turn, gone)
+        if wp.static(cloth_contact):
+            contact_watch(contact, vertex, before.contact, float(root(inner(move, move))), turn, gone)
 
     return displace_vertices
 
@@ -151,9 +156,9 @@ def displace_kernel(
 def end_function(
     precision: str,
     accelerated: bool,
-    contact: wp.Function | None,
+    avatar_contact: wp.Function | None,
     collider_type: type,
-    touches: bool,
+    cloth_contact: bool,
     spares: bool = False,
 ) -> wp.Function:
     """The function that ends a vertex' iteration, from one set of arrays to another; arguments of ``displacement``."""
@@ -161,17 +166,17 @@ def end_function(
     point, vec3, State, Vertex, Step, Item = (
         types.point, types.vec3, types.State, types.Vertex, types.Step, types.Item,
     )  # fmt: skip
-    vertex_displacement = displacement(precision, accelerated, contact, collider_type, touches, spares)
-    Colliders, Touch = colliders_type(contact, collider_type), touch_type(touches)
-    Before = before_type(precision, contact, collider_type, touches)
-    order = order_functions(precision, packed=not touches)
+    vertex_displacement = displacement(precision, accelerated, avatar_contact, collider_type, cloth_contact, spares)
+    Colliders, Contact = colliders_type(avatar_contact, collider_type), contact_type(cloth_contact)
+    Before = before_type(precision, avatar_contact, collider_type, cloth_contact)
+    order = order_functions(precision, packed=not cloth_contact)
     put_position, put_move = order.put_position, order.put_move
 
     @wp.func
     def end_vertex(
         step: Step,
         colliders: Colliders,
-        touch: Touch,
+        contact: Contact,
         before: Before,
         state: State,
         load: types.vec4,
@@ -186,19 +191,19 @@ def end_function(
         """Moves a vertex, if it ``moves``; ``number`` is of its item."""
         move, kept = vec3(), vec3()
         turn, gone = int(0), wp.int64(0)
-        if wp.static(touches):
-            turn, gone = contact_turn(touch, vertex)
+        if wp.static(cloth_contact):
+            turn, gone = contact_turn(contact, vertex)
         if moves:
             move, kept, stiffness = vertex_displacement(
-                state, step, colliders, touch, before, load, held, vertex, number, item
+                state, step, colliders, contact, before, load, held, vertex, number, item
             )
             if wp.static(accelerated):
                 put(state.stiffness, vertex, stiffness)
         put_move(move_out, vertex, kept)
         position = held.position + point(move)
         put_position(position_out, vertex, position)
-        if wp.static(touches):
-            contact_watch(touch, vertex, before.touch, float(root(inner(move, move))), turn, gone)
+        if wp.static(cloth_contact):
+            contact_watch(contact, vertex, before.contact, float(root(inner(move, move))), turn, gone)
 
     return end_vertex
 
@@ -209,9 +214,9 @@ def advance_kernel(
     accelerated: bool,
     terms: Terms,
     fits: bool,
-    contact: wp.Function | None,
+    avatar_contact: wp.Function | None,
     collider_type: type,
-    touches: bool,
+    cloth_contact: bool,
     few: bool,
     paired: bool = False,
 ) -> wp.Kernel:
@@ -221,30 +226,32 @@ def advance_kernel(
     ``displacement``, and ``few``: whether there are no more than block.FEW patches; ``paired`` as ``fits``. Where cloth
     meets cloth and patches are few the first blocks press its pairs, while the others work out what they own.
     """
-    presses = touches and few and fits
+    presses = cloth_contact and few and fits
     press_share = press_function(precision, "stiffness", in_order=True) if presses else None
     threads, _, many, _ = block_for(paired)
-    if contact is not None and (touches or few or paired):
+    if avatar_contact is not None and (cloth_contact or few or paired):
         many -= 1  # what an avatar is looked up by then finds more of the core's own memory
-    elif contact is not None:
+    elif avatar_contact is not None:
         threads = WORN_THREADS
     bounds = threads, FEW_PER_CORE if few else many
     types = cloth_types(precision)
     point, vec4, Model, State, Step = types.point, types.vec4, types.Model, types.State, types.Step
-    spares = spares_looks(contact, touches, few)
-    told_before = before_function(precision, accelerated, contact, collider_type, touches, spares, packed=not touches)
-    end_vertex = end_function(precision, accelerated, contact, collider_type, touches, spares)
-    Touch = touch_type(touches)
-    bound = step_bound(accelerated, contact, touches)
+    spares = spares_looks(avatar_contact, cloth_contact, few)
+    told_before = before_function(
+        precision, accelerated, avatar_contact, collider_type, cloth_contact, spares, packed=not cloth_contact
+    )
+    end_vertex = end_function(precision, accelerated, avatar_contact, collider_type, cloth_contact, spares)
+    Contact = contact_type(cloth_contact)
+    bound = step_bound(accelerated, avatar_contact, cloth_contact)
     told = 0 if few or paired else threads
     functions = patch_functions(
-        precision, bound, terms, fits, in_order=True, paired=paired, threads=told, packed=not touches
+        precision, bound, terms, fits, in_order=True, paired=paired, threads=told, packed=not cloth_contact
     )
     keeps = paired and fits  # registers for what is asked for before triangles are worked out
     own_vertex, two_vertices = functions.own_vertex, functions.two_vertices
     work_edges, work_corners = functions.work_edges, functions.work_corners
     vertex_slots, vertex_load = functions.vertex_slots, functions.vertex_load
-    held_vertex = held_function(precision, accelerated, packed=not touches)
+    held_vertex = held_function(precision, accelerated, packed=not cloth_contact)
     kept_vertex = kept_function(precision, accelerated)
     free, next_patch = free_function(precision, terms.pins), next_functions(precision).next_patch
 
@@ -253,34 +260,34 @@ def advance_kernel(
         model: Model,
         state: State,
         step: Step,
-        colliders: colliders_type(contact, collider_type),
-        touch: Touch,
+        colliders: colliders_type(avatar_contact, collider_type),
+        contact: Contact,
         patches: types.Patches,
         beside: wp.array(dtype=wp.uint8),  # memory of patches that are too large for a block's own
         position_out: wp.array(dtype=point),  # [m], shape [V]
-        move_out: wp.array(dtype=order_functions(precision, not touches).move),  # [m], shape [V]
+        move_out: wp.array(dtype=order_functions(precision, not cloth_contact).move),  # [m], shape [V]
     ):
         """Moves each free vertex of an item that is not at rest by the forces that meet there; pinned ones stay."""
         thread = wp.tid()
         lane = lane_of(thread)
         block = block_of(thread)
         if wp.static(presses):
-            if block < touch.pressing:
-                press_share(step, state, touch, thread, touch.pressing)
-                tell_blocks(touch.told)
+            if block < contact.pressing:
+                press_share(step, state, contact, thread, contact.pressing)
+                tell_blocks(contact.told)
                 return
-            block -= touch.pressing
+            block -= contact.pressing
         patch = patch_of(patches.patch, block)
         item = model.items[patch.item]
         soon = Patch()
-        if wp.static(paired and not touches):
+        if wp.static(paired and not cloth_contact):
             if fetches(NEXT_TURN):
                 soon = next_patch(patches, block)
         first, second = two_vertices(patches, patch, lane)
         if leaves(item.active, patch, first, second):
             if wp.static(presses):
-                came = await_blocks(touch.told, touch.pressing)
-                leave_blocks(touch.told, touch.pressing, touch.waiting, came)
+                came = await_blocks(contact.told, contact.pressing)
+                leave_blocks(contact.told, contact.pressing, contact.waiting, came)
             return
         work = work_edges(state, patches, patch, beside, step, lane, first, second, soon)
         if wp.static(not keeps):
@@ -298,28 +305,28 @@ def advance_kernel(
         if wp.static(keeps):
             work_corners(patches, patch, beside, step, lane, work)
         edges, triangles = wp.vec4i(work.edges), wp.vec4i(work.triangles)
-        if wp.static(fits and not touches):
-            known = told_before(touch, state, colliders, vertex, wp.vec3d(held.position), patch.item, item)
+        if wp.static(fits and not cloth_contact):
+            known = told_before(contact, state, colliders, vertex, wp.vec3d(held.position), patch.item, item)
         wait_for_block()
         if wp.static(presses):  # all that need not wait for those that press
-            known = told_before(touch, state, colliders, vertex, wp.vec3d(held.position), patch.item, item)
+            known = told_before(contact, state, colliders, vertex, wp.vec3d(held.position), patch.item, item)
             sum = vec4()
             if local < patch.owned_count:
                 sum = vertex_load(patches, patch, beside, work.memory, local, edges, triangles)
-            came = await_blocks(touch.told, touch.pressing)
+            came = await_blocks(contact.told, contact.pressing)
             if local < patch.owned_count:
                 end_vertex(
-                    step, colliders, touch, known, state, sum, held, vertex, moves, patch.item, item,
+                    step, colliders, contact, known, state, sum, held, vertex, moves, patch.item, item,
                     position_out, move_out,
                 )  # fmt: skip
-            leave_blocks(touch.told, touch.pressing, touch.waiting, came)
+            leave_blocks(contact.told, contact.pressing, contact.waiting, came)
         elif wp.static(fits):
             if local < patch.owned_count:
                 load = vertex_load(patches, patch, beside, work.memory, local, edges, triangles)
-                if wp.static(touches):
-                    known = told_before(touch, state, colliders, vertex, wp.vec3d(held.position), patch.item, item)
+                if wp.static(cloth_contact):
+                    known = told_before(contact, state, colliders, vertex, wp.vec3d(held.position), patch.item, item)
                 end_vertex(
-                    step, colliders, touch, known, state, load, held, vertex, moves, patch.item, item,
+                    step, colliders, contact, known, state, load, held, vertex, moves, patch.item, item,
                     position_out, move_out,
                 )  # fmt: skip
         else:
@@ -327,9 +334,9 @@ def advance_kernel(
                 vertex = own_vertex(patches, patch, local)
                 held, moves = held_vertex(model, state, vertex), free(model, vertex)
                 load = vertex_load(patches, patch, beside, work.memory, local, edges, triangles)
-                before = told_before(touch, state, colliders, vertex, wp.vec3d(held.position), patch.item, item)
+                before = told_before(contact, state, colliders, vertex, wp.vec3d(held.position), patch.item, item)
                 end_vertex(
-                    step, colliders, touch, before, state, load, held, vertex, moves, patch.item, item,
+                    step, colliders, contact, before, state, load, held, vertex, moves, patch.item, item,
                     position_out, move_out,
                 )  # fmt: skip
                 local += block_threads()

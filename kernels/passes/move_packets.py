@@ -110,19 +110,21 @@ for _real, _name in ((wp.float32, "float"), (wp.float64, "double")):
 
 
 @functools.cache
-def eight_displace_kernel(precision: str, contact: wp.Function | None, collider_type: type, pins: bool) -> wp.Kernel:
+def eight_displace_kernel(
+    precision: str, avatar_contact: wp.Function | None, collider_type: type, pins: bool
+) -> wp.Kernel:
     """Kernel ``displace_vertices`` of the accelerated step, of cloth that passes through itself.
 
-    ``contact``, ``collider_type`` and ``pins`` as of displace.displace_kernel.
+    ``avatar_contact``, ``collider_type`` and ``pins`` as of displace.displace_kernel.
     """
     types, eights = cloth_types(precision), shaped(cloth_types(precision).real, True)
     real, vec3, vec4, vec6, Model, State = types.real, types.vec3, types.vec4, types.vec6, types.Model, types.State
     Step, Item = types.Step, types.Item
-    worn, spares = wears(True, contact), spares_looks(contact, touches=False)
-    force_way = way_function(precision, steady_swing(True, contact, touches=False), eight=True)
-    kept_share = momentum_function(precision, steady_swing(True, contact, touches=False))
-    Colliders = colliders_type(contact, collider_type)
-    looked_move = None if contact is None else looking(precision, contact, collider_type, worn, spares)
+    worn, spares = wears(True, avatar_contact), spares_looks(avatar_contact, cloth_contact=False)
+    force_way = way_function(precision, steady_swing(True, avatar_contact, cloth_contact=False), eight=True)
+    kept_share = momentum_function(precision, steady_swing(True, avatar_contact, cloth_contact=False))
+    Colliders = colliders_type(avatar_contact, collider_type)
+    looked_move = None if avatar_contact is None else looking(precision, avatar_contact, collider_type, worn, spares)
 
     @wp.func
     def own_moves(model: Model, state: State, step: Step, load: eights.vec4, first: int, item: Item):
@@ -194,7 +196,7 @@ def eight_displace_kernel(precision: str, contact: wp.Function | None, collider_
             if item.active != 0 and own != 0:
                 moves, stiffness = own_moves(model, state, step, loads, first, item)
                 momentum = moves
-                if wp.static(contact is not None):
+                if wp.static(avatar_contact is not None):
                     moves, momentum = met_moves(state, colliders[number], first, own, moves, item)
                 move_eight(state.position, state.displacement, first, own, moves, momentum)
                 put_some(state.stiffness, first, own, stiffness)

@@ -8,7 +8,7 @@ import warp as wp
 from warp_cloth.kernels.avatar.field import field_contact
 from warp_cloth.kernels.base.access import element
 from warp_cloth.kernels.base.types import cloth_types
-from warp_cloth.kernels.contact.arrays import ClothContact, ContactBefore, contact_before
+from warp_cloth.kernels.contact.arrays import ContactBefore, ContactData, contact_before
 from warp_cloth.kernels.contact.sums import taken_function
 from warp_cloth.kernels.elements.stiffness import symmetric_functions, symmetric_times
 from warp_cloth.kernels.math.packet import above, alike, least, most, part, scaled, spread, sums, three, times
@@ -49,9 +49,9 @@ class NoCollider:
     """A scene without avatar asks nothing."""
 
 
-def colliders_type(contact: wp.Function | None, collider_type: type) -> Any:
+def colliders_type(avatar_contact: wp.Function | None, collider_type: type) -> Any:
     """What kernels take for the items' avatars: an array of their structs, or nothing where there are none."""
-    return NoCollider if contact is None else wp.array(dtype=collider_type)
+    return NoCollider if avatar_contact is None else wp.array(dtype=collider_type)
 
 
 @wp.struct
@@ -59,13 +59,13 @@ class NoClothContact:
     """Cloth that passes through cloth asks nothing."""
 
 
-def touch_type(touches: bool) -> type:
+def contact_type(cloth_contact: bool) -> type:
     """The struct that tells of cloth on cloth, where it is told at all."""
-    return ClothContact if touches else NoClothContact
+    return ContactData if cloth_contact else NoClothContact
 
 
 @functools.cache
-def before_type(precision: str, contact: wp.Function | None, collider_type: type, touches: bool) -> type:
+def before_type(precision: str, avatar_contact: wp.Function | None, collider_type: type, cloth_contact: bool) -> type:
     """The struct of what is known of a vertex before its forces are; arguments as of ``displacement``.
 
     A GPU waits for memory far longer than it works: it asks for all that while forces are still worked out, or while
@@ -77,7 +77,7 @@ def before_type(precision: str, contact: wp.Function | None, collider_type: type
     class Before:
         """What is known of a vertex that may meet cloth."""
 
-        touch: ContactBefore
+        contact: ContactBefore
         loose: bool  # whether it has leeway
         stiff: vec6  # inverse of the leeway of one that is loose
         collider: collider_type  # of its item
@@ -90,38 +90,38 @@ def before_type(precision: str, contact: wp.Function | None, collider_type: type
         leeway: vec6  # of one that is loose
         clear: float  # as of State [m]
 
-    if touches:
+    if cloth_contact:
         return Before
-    return NoClothContact if contact is None else WornBefore
+    return NoClothContact if avatar_contact is None else WornBefore
 
 
 @functools.cache
 def before_function(
     precision: str,
     accelerated: bool,
-    contact: wp.Function | None,
+    avatar_contact: wp.Function | None,
     collider_type: type,
-    touches: bool,
+    cloth_contact: bool,
     spares: bool,
     packed: bool = False,
 ) -> wp.Function:
     """The function that tells ``before_type``; ``packed`` as of packing.order_functions."""
     types = cloth_types(precision)
     real, State, Item = types.real, types.State, types.Item
-    Colliders, Touch = colliders_type(contact, collider_type), touch_type(touches)
-    Before = before_type(precision, contact, collider_type, touches)
-    worn, inverse = wears(accelerated, contact, touches), symmetric_functions(precision).leeway_inverse
+    Colliders, Contact = colliders_type(avatar_contact, collider_type), contact_type(cloth_contact)
+    Before = before_type(precision, avatar_contact, collider_type, cloth_contact)
+    worn, inverse = wears(accelerated, avatar_contact, cloth_contact), symmetric_functions(precision).leeway_inverse
     leeway_at = order_functions(precision, packed).leeway_at
 
     @wp.func
     def told_before(
-        touch: Touch, state: State, colliders: Colliders, vertex: int, position: wp.vec3d, number: int, item: Item
+        contact: Contact, state: State, colliders: Colliders, vertex: int, position: wp.vec3d, number: int, item: Item
     ):
         """What is known of a vertex of an item of that number."""
         before = Before()
-        if wp.static(touches):
-            before.touch = contact_before(touch, vertex, position)
-            if wp.static(contact is not None):
+        if wp.static(cloth_contact):
+            before.contact = contact_before(contact, vertex, position)
+            if wp.static(avatar_contact is not None):
                 before.collider = colliders[number]
         if wp.static(spares):
             before.clear = element(state.clearance, vertex)
@@ -129,7 +129,7 @@ def before_function(
             if item.anisotropy_limit > real(0.0):
                 leeway = leeway_at(state, vertex)
                 before.loose = state.in_contact[vertex] == wp.uint8(0)
-                if wp.static(touches):
+                if wp.static(cloth_contact):
                     if before.loose:
                         before.stiff = inverse(leeway)
                 else:
@@ -139,21 +139,21 @@ def before_function(
     return told_before
 
 
-def wears(accelerated: bool, contact: wp.Function | None, touches: bool = False) -> bool:
+def wears(accelerated: bool, avatar_contact: wp.Function | None, cloth_contact: bool = False) -> bool:
     """Whether a scene's cloth may be loose (passes.anisotropic_step): it is worn by an avatar, or may lie on cloth.
 
     What just hangs is taut, and loses nothing by steps alike in all directions.
     """
-    return accelerated and (contact is not None or touches)
+    return accelerated and (avatar_contact is not None or cloth_contact)
 
 
-def spares_looks(contact: wp.Function | None, touches: bool, few: bool = False) -> bool:
+def spares_looks(avatar_contact: wp.Function | None, cloth_contact: bool, few: bool = False) -> bool:
     """Whether only what may have come near the avatar is looked up: where that may be told, and saves time.
 
     Where cloth meets cloth it is lifted off the avatar here and there. Where patches are ``few`` (advance_kernel) each
     takes as long as its vertices that are near.
     """
-    return contact is field_contact and not touches and not few
+    return avatar_contact is field_contact and not cloth_contact and not few
 
 
 @functools.cache
@@ -177,9 +177,9 @@ def loose_way(precision: str) -> wp.Function:
     return pressed_way
 
 
-def steady_swing(accelerated: bool, contact: wp.Function | None, touches: bool) -> bool:
+def steady_swing(accelerated: bool, avatar_contact: wp.Function | None, cloth_contact: bool) -> bool:
     """Whether cloth swings otherwise once it is loose; what meets itself does so by the same rule, loose or not."""
-    return wears(accelerated, contact) and not touches
+    return wears(accelerated, avatar_contact) and not cloth_contact
 
 
 @functools.cache
@@ -235,15 +235,15 @@ def momentum_function(precision: str, steady: bool) -> wp.Function:
 
 @functools.cache
 def free_move(
-    precision: str, accelerated: bool, contact: wp.Function | None, collider_type: type, touches: bool
+    precision: str, accelerated: bool, avatar_contact: wp.Function | None, collider_type: type, cloth_contact: bool
 ) -> wp.Function:
     """The function that turns a load into a displacement where nothing is met; arguments as of ``displacement``."""
     types = cloth_types(precision)
     real, vec3, vec4, Vertex = types.real, types.vec3, types.vec4, types.Vertex
     Step, Item = types.Step, types.Item
-    worn, pressed_way = wears(accelerated, contact, touches), loose_way(precision)
-    steady = steady_swing(accelerated, contact, touches)
-    Before = before_type(precision, contact, collider_type, touches)
+    worn, pressed_way = wears(accelerated, avatar_contact, cloth_contact), loose_way(precision)
+    steady = steady_swing(accelerated, avatar_contact, cloth_contact)
+    Before = before_type(precision, avatar_contact, collider_type, cloth_contact)
     force_way, kept_share = way_function(precision, steady), momentum_function(precision, steady)
 
     @wp.func
@@ -256,7 +256,7 @@ def free_move(
             force, way, stiffness, kept = force_way(step, load, weight, held.stiffness, item)
             if wp.static(worn):
                 # what is held by contact and friction is held alike in all directions
-                if wp.static(touches):
+                if wp.static(cloth_contact):
                     if before.loose:
                         own = load[3] - pressed + quotient(weight, item.cap)
                         way = pressed_way(before.stiff, force, own, stiffness)
@@ -277,9 +277,9 @@ def free_move(
 def displacement(
     precision: str,
     accelerated: bool,
-    contact: wp.Function | None,
+    avatar_contact: wp.Function | None,
     collider_type: type,
-    touches: bool,
+    cloth_contact: bool,
     spares: bool = False,
 ) -> wp.Function:
     """The function that turns a free vertex's load into its displacement [m], contact and friction included.
@@ -303,19 +303,23 @@ def displacement(
         types.Item,
     )
     State = types.State
-    Colliders, Touch = colliders_type(contact, collider_type), touch_type(touches)
-    own_move = free_move(precision, accelerated, contact, collider_type, touches)
-    Before = before_type(precision, contact, collider_type, touches)
+    Colliders, Contact = colliders_type(avatar_contact, collider_type), contact_type(cloth_contact)
+    own_move = free_move(precision, accelerated, avatar_contact, collider_type, cloth_contact)
+    Before = before_type(precision, avatar_contact, collider_type, cloth_contact)
     contact_taken = taken_function(precision)
-    worn = wears(accelerated, contact, touches)
-    met_move = None if contact is None else meeting(precision, contact, collider_type, worn, spares, touches)
+    worn = wears(accelerated, avatar_contact, cloth_contact)
+    met_move = (
+        None
+        if avatar_contact is None
+        else meeting(precision, avatar_contact, collider_type, worn, spares, cloth_contact)
+    )
 
     @wp.func
     def vertex_displacement(
         state: State,
         step: Step,
         colliders: Colliders,
-        touch: Touch,
+        contact: Contact,
         before: Before,
         load: vec4,
         held: Vertex,
@@ -330,18 +334,18 @@ def displacement(
         shift = vec3()
         lift = float(0.0)
         room, pressed = real(0.0), real(0.0)
-        if wp.static(touches):  # asked for at once: a GPU waits for memory far longer than it works
-            touched, left = contact_taken(touch, vertex, before.touch)
-            load += touched
-            pressed = touched[3]
-            room = real(left)
-            shift, lift = vec3(before.touch.shift), float(before.touch.lift)
+        if wp.static(cloth_contact):  # asked for at once: a GPU waits for memory far longer than it works
+            contact_load, limit = contact_taken(contact, vertex, before.contact)
+            load += contact_load
+            pressed = contact_load[3]
+            room = real(limit)
+            shift, lift = vec3(before.contact.shift), float(before.contact.lift)
         move, stiffness = own_move(step, before, load, pressed, held, vertex, item)
-        if wp.static(touches):
+        if wp.static(cloth_contact):
             move += shift
         kept = move
-        if wp.static(contact is not None):
-            if wp.static(touches):
+        if wp.static(avatar_contact is not None):
+            if wp.static(cloth_contact):
                 move, kept = met_move(
                     state, before.collider, before.loose, vec6(), 0.0, lift, vertex, held.position, move, item
                 )
@@ -350,15 +354,15 @@ def displacement(
                     state, colliders[number], before.loose, before.leeway, before.clear, lift, vertex, held.position,
                     move, item,
                 )  # fmt: skip
-        if wp.static(touches):
+        if wp.static(cloth_contact):
             move, kept = capped(move, room), capped(kept, room) - shift
         return move, kept, stiffness
 
     return vertex_displacement
 
 
-def step_bound(accelerated: bool, contact: wp.Function | None, touches: bool = False) -> str:
+def step_bound(accelerated: bool, avatar_contact: wp.Function | None, cloth_contact: bool = False) -> str:
     """Which of cloth.FOURTH_PARTS an iteration needs; arguments as of ``displacement``."""
     if not accelerated:
         return "none"
-    return "leeway" if wears(accelerated, contact, touches) else "stiffness"
+    return "leeway" if wears(accelerated, avatar_contact, cloth_contact) else "stiffness"

@@ -28,10 +28,10 @@ from numpy.typing import NDArray
 from wearing import NEVER, Tree, mannequin, shirt
 
 from warp_cloth.base.warp_setup import start_warp
-from warp_cloth.contact.cloth import ClothTouch
+from warp_cloth.contact.cloth import ClothContact
 from warp_cloth.fitting.problem import Problem, collider_updates, load_problem
 from warp_cloth.kernels.base.types import MODULE_OPTIONS, cloth_types, place_function
-from warp_cloth.kernels.contact.arrays import ClothContact
+from warp_cloth.kernels.contact.arrays import ContactData
 from warp_cloth.kernels.contact.box_tree import FAR_OFF
 from warp_cloth.kernels.contact.crossing import has_vertex
 from warp_cloth.kernels.contact.pairs import keep_function
@@ -63,7 +63,7 @@ def box_kernel(precision: str) -> wp.Kernel:
     State, at = cloth_types(precision).State, place_function(precision)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
-    def update_boxes(state: State, search: ContactSearch, contact: ClothContact, memory: LeanMemory, boxes: Boxes):
+    def update_boxes(state: State, search: ContactSearch, contact: ContactData, memory: LeanMemory, boxes: Boxes):
         """Boxes a triangle or an edge as ``box_functions`` of kernels.contact.search does, and empties the list."""
         thread = wp.tid()
         if thread == 0:
@@ -111,16 +111,14 @@ def near_functions(precision: str) -> tuple[wp.Function, wp.Function]:
 
     @wp.func
     def test_triangle(
-        state: State, search: ContactSearch, contact: ClothContact, memory: LeanMemory, vertex: int, leaf: int
+        state: State, search: ContactSearch, contact: ContactData, memory: LeanMemory, vertex: int, leaf: int
     ):
         """Lists a vertex and a triangle without it, if they are near each other."""
         if not has_vertex(search.corners[leaf], vertex):
             keep_near(state, search, contact, memory, -1 - vertex, leaf)
 
     @wp.func
-    def test_edge(
-        state: State, search: ContactSearch, contact: ClothContact, memory: LeanMemory, leaf: int, other: int
-    ):
+    def test_edge(state: State, search: ContactSearch, contact: ContactData, memory: LeanMemory, leaf: int, other: int):
         """Lists two edges without a common end, if they are near each other."""
         ends, others = search.ends[leaf], search.ends[other]
         if ends[0] != others[0] and ends[0] != others[1] and ends[1] != others[0] and ends[1] != others[1]:
@@ -139,7 +137,7 @@ def query_kernel(precision: str) -> wp.Kernel:
     def query_bvh(
         state: State,
         search: ContactSearch,
-        contact: ClothContact,
+        contact: ContactData,
         memory: LeanMemory,
         boxes: Boxes,
         triangles: wp.uint64,  # wp.Bvh of the triangles' boxes
@@ -176,7 +174,7 @@ def tiled_kernel(precision: str) -> wp.Kernel:
     def query_bvh_tiled(
         state: State,
         search: ContactSearch,
-        contact: ClothContact,
+        contact: ContactData,
         memory: LeanMemory,
         boxes: Boxes,
         triangles: wp.uint64,  # as of query_bvh
@@ -208,9 +206,9 @@ def tiled_kernel(precision: str) -> wp.Kernel:
 class BvhSearch:
     """The same search by ``wp.Bvh``."""
 
-    def __init__(self, touch: ClothTouch, state: Any, precision: str) -> None:
-        self._precision, self._search, self._device = precision, touch._search, touch.data.skin.device
-        self._inputs = [state, touch._search, touch.data, touch._memory]
+    def __init__(self, cloth_contact: ClothContact, state: Any, precision: str) -> None:
+        self._precision, self._search, self._device = precision, cloth_contact._search, cloth_contact.data.skin.device
+        self._inputs = [state, cloth_contact._search, cloth_contact.data, cloth_contact._memory]
         self._boxes = boxes = Boxes()
         with wp.ScopedDevice(self._device):
             for name, tree in (("triangle", self._search.triangle_tree), ("edge", self._search.edge_tree)):
@@ -293,19 +291,19 @@ def timed(searches: dict[str, Search], rounds: int, device: wp.Device) -> dict[s
 
 def compare(name: str, problem: Problem, rounds: int, *, tiled: bool) -> bool:
     """Prints the time of each search of a scene; whether all found the same pairs."""
-    touch, device = problem.relaxation.touch, wp.get_device(problem.model.device)
-    assert touch is not None
-    if not touch.awake:
-        touch.awaken()
-    state = touch.state_now()
-    touch.search(state)
-    while touch.grow():
-        touch.search(state)
-    bvh = BvhSearch(touch, state, problem.model.precision)
+    cloth_contact, device = problem.relaxation.cloth_contact, wp.get_device(problem.model.device)
+    assert cloth_contact is not None
+    if not cloth_contact.awake:
+        cloth_contact.awaken()
+    state = cloth_contact.state_now()
+    cloth_contact.search(state)
+    while cloth_contact.grow():
+        cloth_contact.search(state)
+    bvh = BvhSearch(cloth_contact, state, problem.model.precision)
 
     def box_tree() -> None:
-        touch._box(state)
-        touch._list_near(state)
+        cloth_contact._box(state)
+        cloth_contact._list_near(state)
 
     searches: dict[str, Search] = {
         "box_tree": box_tree,
@@ -317,7 +315,7 @@ def compare(name: str, problem: Problem, rounds: int, *, tiled: bool) -> bool:
     found = {}
     for search, run in searches.items():
         run()
-        found[search] = listed(touch.data)
+        found[search] = listed(cloth_contact.data)
     print(f"broad_phase.{name}.vertices {problem.model.vertex_count}")
     print(f"broad_phase.{name}.pairs {len(found['box_tree'])}")
     same = {search: bool(np.array_equal(rows, found["box_tree"])) for search, rows in found.items()}

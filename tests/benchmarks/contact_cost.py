@@ -130,10 +130,10 @@ class Watch:
         made.relaxation.run = self._launched if by_kernel else self._timed  # type: ignore[method-assign]
 
     def _phase(self) -> str:
-        touch = self._made.relaxation.touch
-        if touch is None or not touch.awake:
-            return PHASES[0] if touch is not None else PHASES[3]
-        return PHASES[1] if touch.untangles else PHASES[3] if touch.settled else PHASES[2]
+        cloth_contact = self._made.relaxation.cloth_contact
+        if cloth_contact is None or not cloth_contact.awake:
+            return PHASES[0] if cloth_contact is not None else PHASES[3]
+        return PHASES[1] if cloth_contact.untangles else PHASES[3] if cloth_contact.settled else PHASES[2]
 
     def _timed(self, iterations: int, **how: bool) -> None:
         if not self._device.is_cuda:
@@ -183,7 +183,7 @@ def tell(garments: str, fits: Fits, rounds: int, *, by_kernel: bool) -> None:
     one = ways[0]
     bare = [fits.rest(fits.made(contact=False), one.iterations) for _ in range(rounds)]
     made = fits.made(contact=True)
-    crossing = len(find_crossings(one.points, made.relaxation.touch.sheets, "cpu").pairs)  # type: ignore[union-attr]
+    crossing = len(find_crossings(one.points, made.relaxation.cloth_contact.sheets, "cpu").pairs)  # type: ignore[union-attr]
     hashes = {hashlib.sha1(np.ascontiguousarray(way.points).tobytes()).hexdigest()[:10] for way in ways}
     print(f"{garments}: {made.model.vertex_count} vertices, {one.status} after {one.iterations} iterations,")
     print(f"  {crossing} pairs cross, hash {' '.join(sorted(hashes))}")

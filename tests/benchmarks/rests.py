@@ -68,10 +68,10 @@ def rested(name: str, tolerance: float, limit: int, device: str) -> dict[str, An
     goal = tolerance_of(scene), scene.solver.iterations
     outcome = relax_to_rest(made.relaxation, made.certifier, *goal, follow=collider_updates(made), course=made.course)
     seconds = time.perf_counter() - began
-    touch = made.relaxation.touch
-    assert touch is not None
-    pairs = find_crossings(outcome.points, touch.sheets, device, every_pair=True).pairs
-    between = int((touch.sheets.garment[pairs[:, 0]] != touch.sheets.garment[pairs[:, 1]]).sum())
+    cloth_contact = made.relaxation.cloth_contact
+    assert cloth_contact is not None
+    pairs = find_crossings(outcome.points, cloth_contact.sheets, device, every_pair=True).pairs
+    between = int((cloth_contact.sheets.garment[pairs[:, 0]] != cloth_contact.sheets.garment[pairs[:, 1]]).sum())
     row: dict[str, Any] = {
         "name": name, "vertices": made.model.vertex_count, "status": outcome.status.value,
         "iterations": outcome.iterations, "seconds": seconds, "crossing_pairs": len(pairs), "between_layers": between,
@@ -83,14 +83,14 @@ def rested(name: str, tolerance: float, limit: int, device: str) -> dict[str, An
 
 def forces(made: Problem, points: Points) -> dict[str, Any]:
     """Pairs in contact, the largest difference of a force from that of every pair, and what rounding allows [N]."""
-    touch, device = made.relaxation.touch, made.model.device
-    assert touch is not None
-    pairs = touching_pairs(points, touch)
+    cloth_contact, device = made.relaxation.cloth_contact, made.model.device
+    assert cloth_contact is not None
+    pairs = touching_pairs(points, cloth_contact)
     types = cloth_types(made.model.precision)
     load = wp.zeros(made.model.vertex_count, dtype=types.vec4, device=device)
-    touch.data.lean.zero_()  # what pushes, without friction
-    touch.measure(types.Step(), load)
-    expected = brute_forces(points, pairs, touch)
+    cloth_contact.data.lean.zero_()  # what pushes, without friction
+    cloth_contact.measure(types.Step(), load)
+    expected = brute_forces(points, pairs, cloth_contact)
     bound = FORCE_ROUNDING + RELATIVE_ROUNDING * float(np.abs(expected).max(initial=0.0))
     error = float(np.abs(load.numpy()[:, :3] - expected).max())
     return {"pairs": len(pairs), "force_error": error, "rounding": bound}

@@ -12,7 +12,7 @@ import warp as wp
 class Collider:
     """A device function that returns the avatar's signed distance, and its arguments; by default there is no avatar."""
 
-    contact: wp.Function | None = None  # (data, world position [m]) -> (unit normal, signed distance [m])
+    avatar_contact: wp.Function | None = None  # (data, world position [m]) -> (unit normal, signed distance [m])
     data: Any = None  # struct that the function reads
     data_type: Any = None  # that struct's type
     offset: float = 0.0  # contact offset [m]

@@ -16,7 +16,7 @@ from warp_cloth.contact.leaf_order import first_order
 from warp_cloth.contact.rest_neighbours import rest_near_rows
 from warp_cloth.contact.sheets import SheetKind
 from warp_cloth.garment.part import GarmentPart
-from warp_cloth.kernels.contact.arrays import NO_LIMIT, REGIONS, TURNED, ClothContact
+from warp_cloth.kernels.contact.arrays import NO_LIMIT, REGIONS, TURNED, ContactData
 from warp_cloth.kernels.contact.search import ContactSearch
 from warp_cloth.model.permutation import Numbering
 
@@ -42,10 +42,10 @@ def thicknesses(kinds: Sequence[SheetKind]) -> NDArray[np.float64]:
 def contact_arrays(
     sheets: Sheets, parts: Sequence[GarmentPart], kinds: Sequence[SheetKind], numbering: Numbering
 ) -> Any:
-    """Contact (kernels.contact.arrays ClothContact) of these garments, asleep, but for its pairs and its skins."""
+    """Contact (kernels.contact.arrays ContactData) of these garments, asleep, but for its pairs and its skins."""
     count, thickness = sheets.vertex_count, thicknesses(kinds)
     area = np.array([part.rest.area / len(part.points) for part in parts])
-    data = ClothContact()
+    data = ContactData()
     modulus = HALVING_PRESSURE * area / (FORCE_AT_HALF * thickness)
     friction = np.array([kind.friction for kind in kinds])
     fabric = np.stack([thickness, modulus, friction, np.zeros(len(kinds))], axis=1)

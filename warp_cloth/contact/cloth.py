@@ -79,7 +79,7 @@ CROSSINGS = 3  # numbers of which crossings are the sum
 STRIDE_SHARE = 0.1  # of thickness and skin: longest untangling shift in an iteration
 
 
-class ClothTouch:
+class ClothContact:
     """Contact of a model's garments with themselves and each other.
 
     ``data`` is the kernels' view. Until ``awaken`` it lets everything pass, and launches nothing.

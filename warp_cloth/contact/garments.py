@@ -18,7 +18,7 @@ from warp_cloth.base.bins import consecutive_bins
 from warp_cloth.base.cache import Cache
 from warp_cloth.base.mesh import Indices, Mesh, Points
 from warp_cloth.base.threads import map_in_threads
-from warp_cloth.contact.cloth import ClothTouch
+from warp_cloth.contact.cloth import ClothContact
 from warp_cloth.contact.crossing import Sheets, find_crossings, find_pierced, triangle_pairs
 from warp_cloth.contact.sheets import SheetKind, sheets_of
 from warp_cloth.garment.outfit import Outfit
@@ -65,14 +65,14 @@ def _shifted(outfit: Outfit, shifts: Sequence[Points | None], cache: Cache) -> O
     return replace(outfit, parts=tuple(parts), garments=tuple(meshes))
 
 
-def cloth_touch(scene: Scene, outfit: Outfit, model: ClothModel, device: str) -> ClothTouch:
+def build_cloth_contact(scene: Scene, outfit: Outfit, model: ClothModel, device: str) -> ClothContact:
     """Contact between a scene's garments, inner to outer as listed."""
     kinds = [
         SheetKind(spec.fabric.thickness, spec.fabric.friction, layer=layer) for layer, spec in enumerate(scene.garments)
     ]
     avatar = outfit.starting_avatar
     body = None if avatar is None else build_exact_collider(avatar, device).within(FAR_AWAY)
-    return ClothTouch(model, outfit.parts, kinds, body)
+    return ClothContact(model, outfit.parts, kinds, body)
 
 
 def highest_lift(scene: Scene) -> float:
@@ -80,16 +80,16 @@ def highest_lift(scene: Scene) -> float:
     return LAYER_LIFT * (len(scene.garments) - 1) if scene.collision.cloth else 0.0
 
 
-def cloth_course(outfit: Outfit, relaxation: Relaxation, touch: ClothTouch) -> Course:
+def cloth_course(outfit: Outfit, relaxation: Relaxation, cloth_contact: ClothContact) -> Course:
     """The way of a scene's garments from where they are loaded."""
 
     def face() -> None:
-        if touch.facing is not None:
-            touch.face_from_body()
+        if cloth_contact.facing is not None:
+            cloth_contact.face_from_body()
         else:
-            touch.face(signs_from_middle(outfit.parts, relaxation.model.points()))
+            cloth_contact.face(signs_from_middle(outfit.parts, relaxation.model.points()))
 
-    return Course(relaxation, touch, face)
+    return Course(relaxation, cloth_contact, face)
 
 
 def signs_from_middle(parts: Sequence[GarmentPart], points: Points) -> list[float]:

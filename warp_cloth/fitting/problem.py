@@ -18,7 +18,7 @@ from warp_cloth.avatar.solid import solid_of
 from warp_cloth.base.cache import Cache
 from warp_cloth.base.mesh import Mesh
 from warp_cloth.base.warp_setup import keeping_kernels
-from warp_cloth.contact.garments import cloth_course, cloth_touch, highest_lift, placed
+from warp_cloth.contact.garments import build_cloth_contact, cloth_course, highest_lift, placed
 from warp_cloth.fitting.nested_iteration import start_from_coarse
 from warp_cloth.fitting.poses import Carried, carry
 from warp_cloth.garment.outfit import MeshCache, Outfit, load_outfit
@@ -155,11 +155,13 @@ def build_problem(
     )
     threads = thread_count(first.solver.threads, model.vertex_count)
     options = options or StepOptions(method=first.solver.method, threads=threads)
-    touch = cloth_touch(first, outfits[0], model, device) if first.collision.cloth else None
+    cloth_contact = build_cloth_contact(first, outfits[0], model, device) if first.collision.cloth else None
     parts = [part for each in outfits for part in each.parts]
-    relaxation = build_relaxation(options, model, colliders, parts, touch, [scene.solver.cap for scene in scenes])
+    relaxation = build_relaxation(
+        options, model, colliders, parts, cloth_contact, [scene.solver.cap for scene in scenes]
+    )
     certifier = Certifier(relaxation)
-    course = cloth_course(outfits[0], relaxation, touch) if touch is not None else None
+    course = cloth_course(outfits[0], relaxation, cloth_contact) if cloth_contact is not None else None
     wp.synchronize_device(device)
     lap("build")
     tell("compile")

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import warp as wp
 
-from warp_cloth.contact.cloth import ClothTouch
+from warp_cloth.contact.cloth import ClothContact
 from warp_cloth.solver.relax import Relaxation
 
 # Sewing and untangling are no time to swing: drawn together with full momentum, the panels of a T-shirt fold over
@@ -25,9 +25,9 @@ class Course:
     ``face`` tells garments, as they lie, whether their triangles face away from the body.
     """
 
-    def __init__(self, relaxation: Relaxation, touch: ClothTouch, face: Callable[[], None]) -> None:
+    def __init__(self, relaxation: Relaxation, cloth_contact: ClothContact, face: Callable[[], None]) -> None:
         self._relaxation = relaxation
-        self._touch = touch
+        self._cloth_contact = cloth_contact
         self._face = face
         self._momentum = relaxation.step.momentum
         self._woken = 0
@@ -35,8 +35,8 @@ class Course:
         self._roomy = False  # whether at the last look pairs had room to become many more
         self._crowded = False  # whether they are more than there is room for, all the same
         self._crossed = False  # whether something crosses that did not before
-        if touch.layered:
-            touch.lift(LAYER_LIFT)
+        if cloth_contact.layered:
+            cloth_contact.lift(LAYER_LIFT)
         self._set_momentum(min(CALM_MOMENTUM, self._momentum))
 
     @property
@@ -47,7 +47,7 @@ class Course:
     @property
     def _through(self) -> bool:
         """Whether nothing is left but to come to rest."""
-        return self._touch.awake and not self._touch.untangles and not self.calm
+        return self._cloth_contact.awake and not self._cloth_contact.untangles and not self.calm
 
     @property
     def hangs(self) -> bool:
@@ -56,18 +56,18 @@ class Course:
 
     def note(self, iteration: int, *, ahead: bool) -> None:
         """Asks what the next ``advance`` is to know, without waiting; ``ahead``: other iterations may come before."""
-        touch = self._touch
+        cloth_contact = self._cloth_contact
         self._noted = True
-        if not touch.awake:
-            touch.note_open()
+        if not cloth_contact.awake:
+            cloth_contact.note_open()
             return
-        touch.note(whole=ahead and self._through)
-        if touch.untangles or iteration % LOOK_AGAIN == 0:
-            touch.note_crossings()
+        cloth_contact.note(whole=ahead and self._through)
+        if cloth_contact.untangles or iteration % LOOK_AGAIN == 0:
+            cloth_contact.note_crossings()
 
     def put_back(self) -> None:
         """Makes contact again what it was when that was asked."""
-        self._touch.put_back()
+        self._cloth_contact.put_back()
 
     def go_on(self) -> None:
         """Makes room for more pairs where nobody expected them, and untangles what crosses again.
@@ -75,9 +75,9 @@ class Course:
         That is a chunk after it was seen on every device.
         """
         if self._crowded:
-            self._touch.grow()
+            self._cloth_contact.grow()
         if self._crossed:
-            self._touch.untangles = True
+            self._cloth_contact.untangles = True
         if self._crowded or self._crossed:
             self._crowded = self._crossed = False
             self._relaxation.forget_graphs()
@@ -102,36 +102,36 @@ class Course:
         return settled
 
     def _advance(self, iteration: int) -> bool:
-        touch = self._touch
-        if not touch.awake:
-            if touch.open_noted() and iteration < MOST_SEWING:
+        cloth_contact = self._cloth_contact
+        if not cloth_contact.awake:
+            if cloth_contact.open_noted() and iteration < MOST_SEWING:
                 return False
             self._face()
-            touch.awaken()
+            cloth_contact.awaken()
             self._woken = iteration
             self._relaxation.forget_graphs()
             return False
-        few = touch.few_pairs
-        share = touch.share_noted()
-        if touch.few_pairs != few:  # other blocks press them
+        few = cloth_contact.few_pairs
+        share = cloth_contact.share_noted()
+        if cloth_contact.few_pairs != few:  # other blocks press them
             self._relaxation.forget_graphs()
         self._crowded = self._roomy and share > 1.0
         self._roomy = self._through and share < ROOMY
         if self._crowded:
             return False
         if share > 1.0:
-            touch.grow()
+            cloth_contact.grow()
             self._relaxation.forget_graphs()
             return False
-        crossings = touch.crossings_noted() if touch.untangles or iteration % LOOK_AGAIN == 0 else 0
+        crossings = cloth_contact.crossings_noted() if cloth_contact.untangles or iteration % LOOK_AGAIN == 0 else 0
         if self.calm and iteration > self._woken and (not crossings or iteration - self._woken >= MOST_UNTANGLING):
             self._set_momentum(self._momentum)
-            touch.lift(0.0)
-            touch.layered = touch.layered and crossings > 0
-            touch.untangles = crossings > 0  # what does not cross now never will
+            cloth_contact.lift(0.0)
+            cloth_contact.layered = cloth_contact.layered and crossings > 0
+            cloth_contact.untangles = crossings > 0  # what does not cross now never will
             return False
-        if not self.calm and touch.untangles and not crossings:
-            touch.untangles = False
+        if not self.calm and cloth_contact.untangles and not crossings:
+            cloth_contact.untangles = False
             self._relaxation.forget_graphs()
-        self._crossed = not self.calm and not touch.untangles and crossings > 0
+        self._crossed = not self.calm and not cloth_contact.untangles and crossings > 0
         return not crossings and not self.calm

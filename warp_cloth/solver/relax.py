@@ -23,7 +23,7 @@ from warp_cloth.solver.packed import PackedCloth
 from warp_cloth.solver.parallel_domains import Together
 
 if TYPE_CHECKING:
-    from warp_cloth.contact.cloth import ClothTouch
+    from warp_cloth.contact.cloth import ClothContact
 
 Method = Literal["multilevel", "accelerated", "direct"]
 
@@ -87,7 +87,7 @@ class Relaxation:
     """Owns the scratch memory of a model's iterations and runs them in captured chunks.
 
     ``colliders`` are those of the items, all of one kind; ``caps`` their largest displacements [m], by default that
-    of the options. ``touch`` is the contact of cloth with cloth; None: it passes through itself.
+    of the options. ``cloth_contact`` is the contact of cloth with cloth; None: it passes through itself.
     """
 
     def __init__(
@@ -95,7 +95,7 @@ class Relaxation:
         model: ClothModel,
         colliders: Collider | Sequence[Collider],
         options: StepOptions,
-        touch: ClothTouch | None = None,
+        cloth_contact: ClothContact | None = None,
         caps: Sequence[float | None] | None = None,
     ) -> None:
         types = cloth_types(model.precision)
@@ -108,22 +108,22 @@ class Relaxation:
         self.step.damping = options.damping
         self.step.viscosity, self.step.buckling = options.viscosity, options.buckling
         strength = options.leeway
-        if touch is not None:  # else folds that lie on cloth swing for ever
+        if cloth_contact is not None:  # else folds that lie on cloth swing for ever
             self.step.buckling, strength = 1.0, min(strength, LEEWAY_ON_CLOTH)
         self.step.memory, self.step.memory_falling = options.memory, options.memory_falling
         self.step.horizon = options.renewal
         met = [colliders] * model.item_count if isinstance(colliders, Collider) else list(colliders)
-        self.contact, self.collider_type = met[0].contact, met[0].data_type or NoCollider
-        self.touch = touch
-        asked = self.contact, self.collider_type, touch is not None
-        worn = wears(accelerated, self.contact, touch is not None)
+        self.avatar_contact, self.collider_type = met[0].avatar_contact, met[0].data_type or NoCollider
+        self.cloth_contact = cloth_contact
+        asked = self.avatar_contact, self.collider_type, cloth_contact is not None
+        worn = wears(accelerated, self.avatar_contact, cloth_contact is not None)
         if worn and not model.state.in_contact:
             model.state.in_contact = wp.zeros(model.vertex_count, dtype=wp.uint8, device=model.device)
         self.at_work = AtWork(model)
         self._leeway: Leeway | None = None
         if worn and options.leeway > 0.0:  # which is looked at as patches own it
             numbering = None if model.patches is None else model.patches.numbering
-            packed = numbering is not None and touch is None
+            packed = numbering is not None and cloth_contact is None
             self._leeway = Leeway(model, numbering, packed=packed, at_work=self.at_work)
         self._strength, self._loose, self._renewal = strength, options.loose, options.renewal
         self._scatter: ForcePass | None = None
@@ -133,22 +133,26 @@ class Relaxation:
         if accelerated and not model.state.stiffness:
             model.state.stiffness = wp.zeros(model.vertex_count, dtype=types.real, device=model.device)
         few = model.patches is not None and model.patches.few
-        if spares_looks(self.contact, touch is not None, few):
+        if spares_looks(self.avatar_contact, cloth_contact is not None, few):
             model.state.clearance = wp.zeros(model.vertex_count, dtype=wp.float32, device=model.device)
         if model.patches is not None:  # no sum of forces in memory, but a second set of positions to write to
             patches = model.patches
             how = patches.few, patches.paired
             self._move = advance_kernel(model.precision, accelerated, model.terms, patches.fits, *asked, *how)
-            self._presses_along = touch is not None and patches.fits and patches.few
-            self._packed = PackedCloth(model, patches, accelerated, self.at_work.vertices, packed=touch is None)
-            if touch is not None:
-                touch.state_now = self._packed.brought
+            self._presses_along = cloth_contact is not None and patches.fits and patches.few
+            self._packed = PackedCloth(model, patches, accelerated, self.at_work.vertices, packed=cloth_contact is None)
+            if cloth_contact is not None:
+                cloth_contact.state_now = self._packed.brought
         else:
             self._load = wp.zeros(model.vertex_count, dtype=types.vec4, device=model.device)
-            self._scatter = ForcePass(model, step_bound(accelerated, self.contact, touch is not None), self._load)
-            self._eight = accelerated and touch is None and takes_eight(model, model.vertex_count)
+            self._scatter = ForcePass(
+                model, step_bound(accelerated, self.avatar_contact, cloth_contact is not None), self._load
+            )
+            self._eight = accelerated and cloth_contact is None and takes_eight(model, model.vertex_count)
             if self._eight:
-                self._move = eight_displace_kernel(model.precision, self.contact, self.collider_type, model.terms.pins)
+                self._move = eight_displace_kernel(
+                    model.precision, self.avatar_contact, self.collider_type, model.terms.pins
+                )
             else:
                 self._move = displace_kernel(model.precision, accelerated, *asked, model.terms.pins)
         self._items = model.vertices.items.numpy().copy()
@@ -157,7 +161,7 @@ class Relaxation:
         largest = [options.largest_move if cap is None else cap for cap in caps or [None] * model.item_count]
         self._items["cap"] = largest
         self.collider_data: Any = NoCollider()
-        if self.contact is not None:
+        if self.avatar_contact is not None:
             data = [collider.data for collider in met]
             self.collider_data = wp.array(data, dtype=self.collider_type, device=model.device)
         self._done = 0  # iterations since the start
@@ -171,7 +175,7 @@ class Relaxation:
         """What lets so many threads iterate; None: what is to be iterated cannot be shared out."""
         if count <= 1 or not self._eight or self.model.item_count > 1:
             return None
-        return Together(self.model, count, step_bound(True, self.contact), self._move, self._leeway)
+        return Together(self.model, count, step_bound(True, self.avatar_contact), self._move, self._leeway)
 
     @property
     def thread_count(self) -> int:
@@ -183,7 +187,7 @@ class Relaxation:
         self._stand_off(item, collider)
         self.model.look_again(item)
         self.tell_items()
-        if self.contact is not None:
+        if self.avatar_contact is not None:
             data = wp.array([collider.data], dtype=self.collider_type, device=self.model.device)
             wp.copy(self.collider_data, data, dest_offset=item, count=1)
 
@@ -199,8 +203,10 @@ class Relaxation:
         Args:
             relative_rms: of the items' residuals, shape [items].
         """
-        touch = self.touch
-        if touch is not None and touch.settle(balanced=bool(self._balanced(relative_rms, touch.settled).all())):
+        cloth_contact = self.cloth_contact
+        if cloth_contact is not None and cloth_contact.settle(
+            balanced=bool(self._balanced(relative_rms, cloth_contact.settled).all())
+        ):
             self.forget_graphs()
         if self._leeway is None:
             return
@@ -233,7 +239,7 @@ class Relaxation:
     @property
     def runs_long(self) -> bool:
         """Whether a long chunk takes less than several short ones, as vertices are packed, and changes nothing else."""
-        return self._packed is not None and self.contact is None and self.touch is None
+        return self._packed is not None and self.avatar_contact is None and self.cloth_contact is None
 
     @property
     def active_share(self) -> float:
@@ -266,7 +272,7 @@ class Relaxation:
 
     def kernels(self) -> list[wp.Kernel]:
         """The kernels that an iteration launches, in order."""
-        touching = [] if self.touch is None else self.touch.kernels()
+        touching = [] if self.cloth_contact is None else self.cloth_contact.kernels()
         scattering = [] if self._scatter is None else self._scatter.kernels()
         moving = [self._move] if self._packed is None else self._packed.kernels(self._move)
         sharing = [] if self._together is None else self._together.kernels()
@@ -279,15 +285,15 @@ class Relaxation:
     @property
     def touch_data(self) -> Any:
         """What the kernels read of cloth on cloth."""
-        return NoClothContact() if self.touch is None else self.touch.data
+        return NoClothContact() if self.cloth_contact is None else self.cloth_contact.data
 
     def _meet_cloth(self, iteration: int, state: Any) -> None:
         """Contact of cloth with cloth, where there is any."""
-        if self.touch is not None and self.touch.awake:
-            if iteration % self.touch.look_every == 0:
-                self.touch.search_where_due(state)
+        if self.cloth_contact is not None and self.cloth_contact.awake:
+            if iteration % self.cloth_contact.look_every == 0:
+                self.cloth_contact.search_where_due(state)
             if not self._presses_along:
-                self.touch.press(self.step, state)
+                self.cloth_contact.press(self.step, state)
 
     def _look_up_leeway(self, state: Any) -> None:
         """Where it is due by the iterations since the start, whatever chunks they are run in."""
@@ -311,7 +317,7 @@ class Relaxation:
     @property
     def stays_packed(self) -> bool:
         """Whether the cloth stays as patches own it from graph to graph: where others read it between iterations."""
-        return self._packed is not None and (self.touch is not None or self._leeway is not None)
+        return self._packed is not None and (self.cloth_contact is not None or self._leeway is not None)
 
     def _iterate(self, count: int) -> None:
         """Launches what a graph of iterations holds."""
@@ -336,9 +342,9 @@ class Relaxation:
         """Leeway, and contact of cloth with cloth, before an iteration; how many blocks are to press meanwhile."""
         self._look_up_leeway(state)
         self._meet_cloth(iteration, state)
-        if self.touch is None or self.model.patches is None or not self._presses_along:
+        if self.cloth_contact is None or self.model.patches is None or not self._presses_along:
             return 0
-        return self.touch.press_along(self.model.patches.count)
+        return self.cloth_contact.press_along(self.model.patches.count)
 
     def run(self, iterations: int, *, shown: bool = True) -> None:
         """Runs a chunk of iterations as one captured graph, without waiting for the device.

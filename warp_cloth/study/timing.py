@@ -124,8 +124,8 @@ class TimedFit:
     @property
     def search_checks(self) -> float:
         """How often an iteration checks whether to search for cloth near cloth again."""
-        touch = self._made.relaxation.touch
-        return 1.0 / touch.look_every if touch is not None and touch.awake else 0.0
+        cloth_contact = self._made.relaxation.cloth_contact
+        return 1.0 / cloth_contact.look_every if cloth_contact is not None and cloth_contact.awake else 0.0
 
     def advance(self) -> tuple[int, float]:
         """Iterates to the next check, or less far where that takes long; returns the iterations and their seconds."""
@@ -145,8 +145,8 @@ class TimedFit:
     @property
     def overlaps(self) -> bool:
         """Whether some launches of a graph run side by side."""
-        touch = self._made.relaxation.touch
-        return touch is not None and touch.awake and touch.untangles
+        cloth_contact = self._made.relaxation.cloth_contact
+        return cloth_contact is not None and cloth_contact.awake and cloth_contact.untangles
 
     def serial_seconds(self) -> float:
         """Seconds of an iteration whose launches run one after another, as those do that are recorded."""
@@ -165,8 +165,8 @@ class TimedFit:
         self.iteration += self.recorded
 
     def _serial(self) -> AbstractContextManager[None]:
-        touch = self._made.relaxation.touch
-        return nullcontext() if touch is None else touch.one_thread_at_a_time()
+        cloth_contact = self._made.relaxation.cloth_contact
+        return nullcontext() if cloth_contact is None else cloth_contact.one_thread_at_a_time()
 
     def record(self) -> tuple[list[Launch], list[float]]:
         """Iterates launch by launch; returns the launches, and the seconds of each with all that a timer adds."""

@@ -114,7 +114,7 @@ class Certifier:
         self._relaxation = relaxation
         self._load = wp.zeros(model.vertex_count, dtype=types.vec4, device=model.device)
         self._forces = ForcePass(model, "size", self._load)
-        asked = relaxation.contact, relaxation.collider_type, model.terms.pins
+        asked = relaxation.avatar_contact, relaxation.collider_type, model.terms.pins
         self._residual = residual_kernel(model.precision, *asked)
         self._keep = keep_kernel(model.precision)
         self._summary = Summary(model, relaxation.at_work)
@@ -127,7 +127,9 @@ class Certifier:
         self._spare: list[wp.array] = []  # shapes that are kept no longer
         self._every = wp.full(model.item_count, 1, dtype=wp.uint8, device=model.device)  # item, and those that fall
         self._falling = wp.zeros(model.item_count, dtype=wp.uint8, device=model.device)
-        judged = relaxation.contact is not None and model.state.stiffness  # by which contact's share of a force is
+        judged = (
+            relaxation.avatar_contact is not None and model.state.stiffness
+        )  # by which contact's share of a force is
         self._bounds: wp.array | None = wp.clone(model.state.stiffness) if judged else None  # at the last check
         self._beside: wp.Stream | None = None
         self._room = model.vertex_count
@@ -261,19 +263,19 @@ class Certifier:
     def _sum_forces(self) -> None:
         relaxation = self._relaxation
         self._forces.launch(relaxation.step)
-        if relaxation.touch is not None:
-            relaxation.touch.measure(relaxation.step, self._load)
+        if relaxation.cloth_contact is not None:
+            relaxation.cloth_contact.measure(relaxation.step, self._load)
 
     def pushes(self) -> NDArray[np.float64] | None:
         """Force with which each vertex presses on the avatar [N], shape [V]; None without contact. Waits."""
         model = self._model
         relaxation = self._relaxation
-        if relaxation.contact is None:
+        if relaxation.avatar_contact is None:
             return None
         self._sum_forces()
         push = wp.zeros(model.vertex_count, dtype=wp.float64, device=model.device)
         wp.launch(
-            push_kernel(model.precision, relaxation.contact, relaxation.collider_type, model.terms.pins),
+            push_kernel(model.precision, relaxation.avatar_contact, relaxation.collider_type, model.terms.pins),
             dim=model.vertex_count,
             inputs=[
                 model.vertices,

@@ -24,7 +24,7 @@ from warp_cloth.solver.implicit.vertex_pairs import build_pairs
 from warp_cloth.solver.relax import DEFAULT_CAP, TIGHTER, Relaxation, StepOptions
 
 if TYPE_CHECKING:
-    from warp_cloth.contact.cloth import ClothTouch
+    from warp_cloth.contact.cloth import ClothContact
 
 # Forces grow with the square of the strain: what starts 48 times too long tears at its neighbours far beyond where
 # they may be linearised. Per-vertex steps with their bound of the stiffness close a seam in some hundred iterations.
@@ -64,7 +64,9 @@ class MultilevelRelaxation(Relaxation):
         super().__init__(model, collider, replace(per_vertex_options(options), threads=1))
         table = build_pairs(model)
         levels = build_levels(model, ladders, table.ends)
-        self._implicit = ImplicitStep(model, self.contact, self.collider_type, table, levels, self.implicit_options)
+        self._implicit = ImplicitStep(
+            model, self.avatar_contact, self.collider_type, table, levels, self.implicit_options
+        )
         self._per_vertex, self.pace = True, Pace.FALLING
         self._checks, self._strain, self._since_check = 0, math.inf, 0
         self._settles = False
@@ -129,7 +131,7 @@ class MultilevelRelaxation(Relaxation):
         """Starts near rest: steps are long from the first, on an avatar once the cloth has settled."""
         if self._implicit is not None:
             self._implicit.lengthen()
-        if self.contact is not None:
+        if self.avatar_contact is not None:
             self._settles, self.step.momentum = True, SETTLING_MOMENTUM
 
     def loosen(self, relative_rms: NDArray[np.float64]) -> None:
@@ -137,7 +139,7 @@ class MultilevelRelaxation(Relaxation):
         graphs = self._step_graphs
         super().loosen(relative_rms)
         self._step_graphs = graphs  # implicit steps do not depend on what it changes
-        if self.contact is None:
+        if self.avatar_contact is None:
             return
         pace = Pace.FALLING
         for better, bound in PACE_BOUNDS.items():
@@ -172,7 +174,7 @@ def build_relaxation(
     model: ClothModel,
     colliders: Sequence[Collider],
     parts: Sequence[GarmentPart],
-    touch: ClothTouch | None = None,
+    cloth_contact: ClothContact | None = None,
     caps: Sequence[float | None] | None = None,
 ) -> Relaxation:
     """The relaxation of the options' method; per-vertex steps where cloth is in contact with cloth.
@@ -186,11 +188,11 @@ def build_relaxation(
         caps: largest displacements of the items [m]; None: the options'.
     """
     if options.method != "multilevel":
-        return Relaxation(model, colliders, options, touch, caps)
+        return Relaxation(model, colliders, options, cloth_contact, caps)
     if caps is not None:
         options = replace(options, cap=caps[0])
-    if touch is not None:
-        return Relaxation(model, colliders, per_vertex_options(options), touch)
+    if cloth_contact is not None:
+        return Relaxation(model, colliders, per_vertex_options(options), cloth_contact)
     ladders = {id(part): build_ladder(part) for part in {id(part): part for part in parts}.values()}
     return MultilevelRelaxation(model, colliders[0], options, [ladders[id(part)] for part in parts])
 
