@@ -18,7 +18,8 @@ from typer.testing import CliRunner, Result
 
 from warp_cloth.base.errors import InputError
 from warp_cloth.cli.fit_progress import ProgressDisplay
-from warp_cloth.cli.main import app, main, summary
+from warp_cloth.cli.fit import summary
+from warp_cloth.cli.main import app, main
 from warp_cloth.cli.terminal import keep_interrupts
 from warp_cloth.model.result import Status
 from warp_cloth.scene import Scene
@@ -251,8 +252,8 @@ def test_summary_leaves_out_what_is_not_known() -> None:
     assert summary("x", report, [Path("out/x.usdc")]) == [
         "x: at_rest. Fine.",
         "  residual     0.00912 relative rms, ? p99",
-        "  iterations   12,345, 812 a second",
-        "  relaxed in   15.2 s on cpu",
+        "  iterations   12,345 (812 per second)",
+        "  time         15.2 s on cpu",
         "  note         shirt: units not stated: took metres",
         "  note         avatar: lies along z",
         "  wrote        out/x.usdc",

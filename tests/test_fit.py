@@ -157,7 +157,7 @@ def test_any_number_of_frames_is_met_whatever_the_iterations(frames: int, iterat
 
 @pytest.mark.parametrize("frames", [-1, 10**6, 2.5, "2"])
 def test_a_number_of_frames_that_makes_no_sense_is_refused(frames: Any) -> None:
-    with pytest.raises(InputError, match=f"frames: {frames} shapes"):
+    with pytest.raises(InputError, match=f"frames: must be an integer from 0 to 10000, not {frames}"):
         quick("hanging", frames=frames)
 
 

@@ -74,7 +74,7 @@ class AvatarBench:
 
 
 def run_avatar_bench(
-    scene: Scene, outfit: Outfit, *, device: str, tell: Callable[[str], None] | None = None
+    scene: Scene, outfit: Outfit, *, device: str, progress: Callable[[str], None] | None = None
 ) -> AvatarBench:
     """Builds every collider round a scene's garments as they start, and samples it near the avatar.
 
@@ -93,8 +93,8 @@ def run_avatar_bench(
     places = named_places(surface)
     findings, contacts, unseen = [], {}, 0.0
     for kind in KINDS:
-        if tell is not None:
-            tell(kind)
+        if progress is not None:
+            progress(kind)
         options = ContactOptions(
             kind,
             pixel=scene.collision.pixel_mm * 1e-3,

@@ -99,7 +99,7 @@ def run_bench(
     device: str = "cpu",
     rings: int = DISC_RINGS,
     discs: int = DISCS,
-    tell: Callable[[str], None] | None = None,
+    progress: Callable[[str], None] | None = None,
 ) -> Bench:
     """Runs every test on a fabric.
 
@@ -108,7 +108,7 @@ def run_bench(
         device: where to run; strips are small, so that the CPU is as fast as any.
         rings: of the drape test's discs, from their middle.
         discs: how many are draped.
-        tell: told of every test that begins.
+        progress: called with the name of every test that begins.
 
     Raises:
         InputError: discs that cannot be cut.
@@ -118,16 +118,16 @@ def run_bench(
         raise InputError("--rings", f"a disc of {rings} rings cannot be draped", remedy)
     if not 1 <= discs <= MOST_DISCS:
         raise InputError("--discs", f"{discs} discs cannot be draped", f"give from 1 to {MOST_DISCS}")
-    tell = tell or (lambda _: None)
+    progress = progress or (lambda _: None)
     findings: list[Finding] = []
     curves: list[Curve] = []
     parts = (("tension", _tension), ("bias", _bias), ("shear", _shear), ("bending", _bending))
     for name, part in (*parts, ("cantilever", _cantilever), ("release", _release)):
-        tell(name)
+        progress(name)
         found, drawn = part(fabric, device)
         findings += found
         curves += drawn
-    tell("drape")
+    progress("drape")
     draped = drape(rings, fabric, discs=discs, device=device)
     coefficients = [disc.coefficient for disc in draped]
     findings += _draped(coefficients, draped)

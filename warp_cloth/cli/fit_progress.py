@@ -14,15 +14,15 @@ STAGES = {
     "load": "loading",
     "compile": "compiling",
     "build": "building",
-    "carry": "carrying",
-    "dress": "dressing",
+    "carry": "posing",
+    "dress": "predraping",
     "relax": "relaxing",
     "export": "writing",
 }
 
 
 class Step(Protocol):
-    """What a fit tells while it runs (see warp_cloth.fitting.fit.Progress)."""
+    """The progress of a fit (see warp_cloth.fitting.fit.Progress), without an import of Warp."""
 
     @property
     def stage(self) -> str: ...
@@ -39,7 +39,7 @@ class Step(Protocol):
 
 
 class ProgressDisplay(ProgressLine):
-    """Shows a fit's steps as they come."""
+    """Shows the stages and iterations of a fit."""
 
     def __init__(self, console: Console) -> None:
         columns = (
@@ -54,18 +54,18 @@ class ProgressDisplay(ProgressLine):
     def __call__(self, step: Step) -> None:
         stage = STAGES.get(step.stage, step.stage)
         relaxing = step.stage == "relax" and step.iteration > 0
-        told = figures(step) if relaxing else ""
+        text = figures(step) if relaxing else ""
         if self._console.is_terminal:
             total = step.iteration_limit if relaxing else None
-            self._bar.update(self._task, description=stage, total=total, completed=step.iteration, figures=told)
+            self._bar.update(self._task, description=stage, total=total, completed=step.iteration, figures=text)
             return
         if self._line_due(at_once=stage != self._stage):
             self._stage = stage
-            self._write(f"{stage} {told}".rstrip())
+            self._write(f"{stage} {text}".rstrip())
 
 
 def figures(step: Step) -> str:
-    """Iteration, residual, rest error and speed in one short line; what is not known yet is left out."""
+    """Iteration, residual, rest error and speed in one short line, without those not known yet."""
     parts = [f"{step.iteration}/{step.iteration_limit}"]
     if _known(step.residual):
         parts.append(f"residual {step.residual:.2g}")

@@ -1,4 +1,4 @@
-"""Commands that look at fits: ``warp-cloth compare``, ``warp-cloth view``."""
+"""Commands that look at fits: ``warp-cloth compare`` and ``view``."""
 
 from __future__ import annotations
 
@@ -11,15 +11,16 @@ import typer
 
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.warp_setup import start_warp
+from warp_cloth.cli.options import Changes, Device
 from warp_cloth.cli.terminal import one_line_errors, output_folder
 
 
 def compare(
-    first: Annotated[Path, typer.Argument(help="A fit's stage, or its folder; made with --maps.")],
-    second: Annotated[Path, typer.Argument(help="The fit to compare it with.")],
-    out: Annotated[Path, typer.Option(help="Folder for compare.usdc, compare.json and pictures.")] = Path("out"),
+    first: Annotated[Path, typer.Argument(help="A fit made with --maps: its stage, or its folder.")],
+    second: Annotated[Path, typer.Argument(help="The fit to compare with it.")],
+    out: Annotated[Path, typer.Option(help="Output folder, for compare.usdc, compare.json and pictures.")] = Path("out"),
 ) -> None:
-    """Show the difference between two fits, of sizes, fabrics or bodies: the second less the first.
+    """Compare two fits (sizes, fabrics or bodies): the second minus the first.
 
     \b
     warp-cloth compare out_M out_L --out difference
@@ -41,17 +42,13 @@ def compare(
 
 
 def view(
-    scene: Annotated[str, typer.Argument(help="Scene file, shipped scene, or USD stage, a fit's own too.")],
-    changes: Annotated[
-        list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Change one scene key. May be repeated.")
-    ] = None,
-    device: Annotated[
-        str | None, typer.Option(help="cpu, cuda or cuda:N.", show_default="a GPU if there is one")
-    ] = None,
-    host: Annotated[str, typer.Option(help="Address to serve at; 0.0.0.0 lets other machines in.")] = "127.0.0.1",
-    port: Annotated[int, typer.Option(help="Port; the next free one if it is taken.", min=1, max=65535)] = 8080,
+    scene: Annotated[str, typer.Argument(help="Scene file (TOML), USD stage (also one that a fit wrote), or shipped scene.")],
+    changes: Changes = None,
+    device: Device = None,
+    host: Annotated[str, typer.Option(help="Address to serve on; 0.0.0.0 admits other machines.")] = "127.0.0.1",
+    port: Annotated[int, typer.Option(help="Port; if it is in use, the next free one.", min=1, max=65535)] = 8080,
 ) -> None:
-    """Show a garment draping live on a page, with sliders for size, fabric, body and offset.
+    """Watch a garment drape in a web page, with sliders for size, fabric, body and offset.
 
     \b
     warp-cloth view tshirt
@@ -69,20 +66,20 @@ def view(
         from warp_cloth.view.page import serve
 
         pairs = dict(text.split("=", 1) for text in changes or ())
-        live = LiveFit(scene, pairs, device, tell=_tell_of_poses)
-        serve(live, host=host, port=port, tell=typer.echo)
+        live = LiveFit(scene, pairs, device, progress=_show_stage)
+        serve(live, host=host, port=port, show=typer.echo)
 
 
 def _check_host(host: str) -> None:
-    """Refuse an address at which this machine cannot serve."""
+    """Refuses an address on which this machine cannot serve."""
     try:
         with socket.socket() as probe:
             probe.bind((host, 0))
     except OSError as error:
-        raise InputError("--host", f'"{host}" is no address of this machine', "use 127.0.0.1 or 0.0.0.0") from error
+        raise InputError("--host", f'"{host}" is not an address of this machine', "use 127.0.0.1 or 0.0.0.0") from error
 
 
-def _tell_of_poses(stage: str) -> None:
-    """Says why the page is not there yet, where the garment is worn in one pose after the other first."""
+def _show_stage(stage: str) -> None:
+    """Explains the wait before the page opens, where the garment goes through the avatar's poses first."""
     if stage == "carry":
-        typer.echo("taking the garment through avatar.poses first, which may take a minute", err=True)
+        typer.echo("moving the garment through avatar.poses first; this may take a minute", err=True)

@@ -1,0 +1,120 @@
+"""Commands that explore what a scene is made of: ``warp-cloth scenes``, ``fabric`` and ``avatar``."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from warp_cloth.base.errors import InputError
+from warp_cloth.base.warp_setup import start_warp
+from warp_cloth.cli.options import Changes, Device, SceneName
+from warp_cloth.cli.terminal import one_line_errors, output_folder
+
+
+def scenes() -> None:
+    """List the shipped scenes and fabrics."""
+    with one_line_errors():
+        from warp_cloth.material.fabric import shipped_fabrics
+        from warp_cloth.scene import describe_scene, shipped_scenes
+
+        typer.echo("Scenes:")
+        for name, path in shipped_scenes().items():
+            typer.echo(f"  {name:<10} {describe_scene(path)}")
+        typer.echo("Fabrics:")
+        for name, fabric in shipped_fabrics().items():
+            typer.echo(
+                f"  {name:<10} {fabric.weight * 1e3:4.0f} g/m2  stretch {fabric.stretch_warp / 1e3:5.1f} and "
+                f"{fabric.stretch_weft / 1e3:5.1f} kN/m  bending {fabric.bending_warp:.1e} and "
+                f"{fabric.bending_weft:.1e} N m2  thickness {fabric.thickness * 1e3:.2f} mm"
+            )
+
+
+def fabric(
+    fabric: Annotated[str, typer.Argument(help="Name of a shipped fabric, or a fabric file (TOML).")],
+    device: Annotated[str, typer.Option(help="cpu, cuda or cuda:N.")] = "cpu",
+    out: Annotated[
+        Path, typer.Option(help="Output folder, for NAME.json, NAME.csv, NAME.png and NAME_drape.png.")
+    ] = Path("out"),
+    plots: Annotated[bool, typer.Option(help="Plot the curves (needs matplotlib).")] = True,
+    rings: Annotated[
+        int | None,
+        typer.Option(help="Rings of vertices in a draped disc; 140 make 38,802 vertices.", show_default="30"),
+    ] = None,
+    discs: Annotated[int | None, typer.Option(help="Number of discs to drape.", show_default="6")] = None,
+) -> None:
+    """Test a fabric the way a textile laboratory does, and compare the results with its stated values.
+
+    \b
+    warp-cloth fabric denim
+    warp-cloth fabric my_fabric.toml --out tested --device cuda --rings 140
+    """
+    with one_line_errors():
+        from warp_cloth.material.fabric import resolve_fabric, unlikely_values
+
+        try:
+            chosen = resolve_fabric(fabric)
+        except InputError as error:
+            raise InputError(error.place or "fabric", error.problem, error.remedy) from None
+        with output_folder(out, chosen.name):
+            start_warp(False)
+            from warp_cloth.base.device import device_named
+            from warp_cloth.bench import run_bench
+            from warp_cloth.bench.bench import DISC_RINGS, DISCS
+            from warp_cloth.bench.save import save_bench, table
+            from warp_cloth.export.plots import figure_class
+
+            if plots:
+                figure_class()
+            where = device_named(device)
+            bench = run_bench(
+                chosen,
+                device=where,
+                rings=DISC_RINGS if rings is None else rings,
+                discs=DISCS if discs is None else discs,
+                progress=lambda name: print(f"testing {name}", file=sys.stderr),
+            )
+            lines = [*table(bench), *unlikely_values(chosen)]
+            paths = save_bench(bench, out, where, plots=plots)
+    for line in [*lines, *(f"  wrote {path}" for path in paths)]:
+        typer.echo(line)
+
+
+def avatar(
+    scene: SceneName,
+    device: Device = None,
+    out: Annotated[Path, typer.Option(help="Output folder, for NAME_avatar.json and NAME_walks.png.")] = Path("out"),
+    changes: Changes = None,
+    plots: Annotated[bool, typer.Option(help="Plot distances along lines (needs matplotlib).")] = True,
+) -> None:
+    """Compare every collider of a scene's avatar with its exact mesh, near the garment.
+
+    \b
+    warp-cloth avatar scene.toml --out out
+    warp-cloth avatar tshirt --set collision.pixel_mm=1 --no-plots
+    """
+    with one_line_errors():
+        from warp_cloth.scene import load_scene
+
+        chosen = load_scene(scene, changes or ())
+        with output_folder(out, chosen.name):
+            start_warp(False)
+            from warp_cloth.base.device import device_named
+            from warp_cloth.bench.avatar import run_avatar_bench, save_avatar_bench, table
+            from warp_cloth.export.plots import figure_class
+            from warp_cloth.garment.outfit import load_outfit
+
+            if plots:
+                figure_class()
+            where = device_named(device)
+            found = run_avatar_bench(
+                chosen,
+                load_outfit(chosen),
+                device=where,
+                progress=lambda kind: print(f"building {kind}", file=sys.stderr),
+            )
+            lines, paths = table(found), save_avatar_bench(found, out, plots=plots)
+    for line in [*lines, *(f"  wrote {path}" for path in paths)]:
+        typer.echo(line)

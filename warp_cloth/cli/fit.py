@@ -1,0 +1,230 @@
+"""Commands that fit garments: ``warp-cloth fit``, ``batch`` and ``sizes``.
+
+A command has as many parameters as it has options; that is not a function of too many arguments.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from warp_cloth.base.errors import InputError
+from warp_cloth.base.warp_setup import start_warp
+from warp_cloth.cli.options import Changes, Device
+from warp_cloth.cli.terminal import one_line_errors, output_folder
+
+if TYPE_CHECKING:
+    from warp_cloth.fitting.fit import Fit
+    from warp_cloth.scene import Scene
+
+LARGEST_EASE = 200.0  # [cm]; a tent has less
+
+
+def fit(
+    scene: Annotated[
+        str,
+        typer.Argument(
+            help="Scene file (TOML), USD stage with a garment and an avatar, or the name of a shipped scene "
+            "(see `warp-cloth scenes`)."
+        ),
+    ],
+    device: Device = None,
+    out: Annotated[
+        Path, typer.Option(help="Output folder, for NAME.usdc, report.html, report.json and preview.png.")
+    ] = Path("out"),
+    changes: Changes = None,
+    frames: Annotated[
+        int, typer.Option(help="Number of intermediate shapes to store as time samples of the stage.")
+    ] = 0,
+    maps: Annotated[
+        str,
+        typer.Option(help="Fit maps, separated by commas: strain, pressure, ease, a single one (strain_warp), or all."),
+    ] = "",
+    colour: Annotated[str, typer.Option(help="The map that colours the garments in the stage.")] = "",
+    formats: Annotated[
+        str, typer.Option("--format", help="File formats, separated by commas: usdc, usda, usdz, glb, obj.")
+    ] = "usdc",
+    start: Annotated[
+        Path | None,
+        typer.Option("--from", metavar="RESULT", help="Start from an earlier result: its .usdc, .obj or .glb file."),
+    ] = None,
+    verbose: Annotated[bool, typer.Option("--verbose", help="Show log messages, Warp's included.")] = False,
+) -> None:
+    """Fit the garments of a scene; write the worn shapes, a report and a picture.
+
+    \b
+    warp-cloth fit tshirt --set garment.shape.size=L --maps all --colour ease
+    warp-cloth fit stage.usda --set garment.prim=/World/shirt --set avatar.prim=/World/body
+    """
+    with one_line_errors():
+        from warp_cloth.export.formats import check_inputs_kept, chosen_formats
+        from warp_cloth.maps.kinds import chosen_colour, chosen_maps
+        from warp_cloth.scene import load_scene
+
+        suffixes = chosen_formats(formats)
+        map_names = chosen_maps(maps)
+        colour_map = chosen_colour(colour, place="--colour")
+        chosen = load_scene(scene, changes or ())
+        check_inputs_kept(chosen, out, suffixes)
+        with output_folder(out, chosen.name):
+            start_warp(verbose)
+            worn = _fit(chosen, device, frames, (*map_names, colour_map), start)
+            paths = worn.save(out, colour=colour_map, formats=suffixes)
+    for line in summary(chosen.name, worn.report, paths):
+        typer.echo(line)
+    if worn.status.value in ("diverged", "invalid"):
+        raise typer.Exit(1)
+
+
+def _fit(scene: Scene, device: str | None, frames: int, maps: Sequence[str], start: Path | None) -> Fit:
+    from rich.console import Console
+
+    from warp_cloth.cli.fit_progress import ProgressDisplay
+    from warp_cloth.fitting.fit import fit as run
+
+    with ProgressDisplay(Console(stderr=True)) as display:
+        return run(scene, device=device, frames=frames, maps=maps, start=start, progress=display)
+
+
+def summary(name: str, report: Mapping[str, Any], paths: list[Path]) -> list[str]:
+    """A fit in a few lines: status, the certificate's main figures, the files written."""
+    from warp_cloth.report.advice import notes_of
+
+    residual, strain = report.get("residual") or {}, report.get("strain") or {}
+    yarns = {direction: strain[direction]["p99"] for direction in ("warp", "weft", "bias") if direction in strain}
+    penetration, seconds = report.get("penetration_mm") or {}, report.get("seconds") or {}
+    lines = [f"{name}: {report.get('status', 'unknown')}. {report.get('message', '')}".rstrip()]
+    rows = [
+        ("residual", _filled("{} relative rms, {} p99", residual, "relative_rms", "relative_p99")),
+        ("rest error", _filled("{} mm", report, "rest_error_mm")),
+        ("strain", _filled("{} median, {} p99, {} max", strain, "p50", "p99", "max")),
+        ("yarn strain", _filled("{} warp, {} weft, {} bias (p99)", yarns, "warp", "weft", "bias")),
+        ("penetration", _filled("{} mm max, {} mm p99.9", penetration, "max", "p999")),
+        ("crossings", _filled("{} pairs of faces", report.get("crossings") or {}, "pairs")),
+        ("iterations", _filled("{} ({} per second)", report, "iterations", "iterations_per_second")),
+        ("time", _filled("{} s on " + str(report.get("device")), seconds, "relax")),
+    ]
+    rows += [("note", note) for note in notes_of(report)]
+    lines += [f"  {label:<12} {text}" for label, text in rows if text]
+    return lines + [f"  wrote        {path}" for path in paths]
+
+
+def _filled(text: str, values: Mapping[str, Any], *keys: str) -> str:
+    """The text with these values filled in; empty if none of them is known."""
+    from warp_cloth.report.numbers import short_number
+
+    found = [values.get(key) for key in keys]
+    found = [None if isinstance(value, float) and not math.isfinite(value) else value for value in found]
+    if all(value is None for value in found):
+        return ""
+    return text.format(*("?" if v is None else f"{v:,}" if isinstance(v, int) else short_number(v) for v in found))
+
+
+def batch(
+    jobs: Annotated[
+        Path,
+        typer.Argument(help="Job file: a table with a row per item (.csv, .parquet, .toml), or a product (.toml)."),
+    ],
+    out: Annotated[
+        Path, typer.Option(help="Output folder, for results.parquet, results.csv and the worn shapes.")
+    ] = Path("out"),
+    device: Annotated[
+        str | None, typer.Option(help="cpu, cuda (all GPUs) or cuda:N.", show_default="all GPUs, or the CPU")
+    ] = None,
+    workers: Annotated[
+        int | None, typer.Option(help="Number of processes.", show_default="one per core, or four per GPU")
+    ] = None,
+    ray: Annotated[str | None, typer.Option(metavar="ADDRESS", help="Run on the Ray cluster at this address.")] = None,
+    keep: Annotated[
+        str, typer.Option(help="Worn shapes to keep: arrays (a file per shard), stages (a USD file per item) or none.")
+    ] = "arrays",
+    shard: Annotated[
+        int | None, typer.Option(help="Items per shard (a task, and its file).", show_default="depends on the device")
+    ] = None,
+) -> None:
+    """Fit many scenes. If it is interrupted, the same command continues where it stopped.
+
+    \b
+    warp-cloth batch jobs.csv --out out
+    warp-cloth batch jobs.toml --out out --keep stages --workers 4
+    """
+    with one_line_errors():
+        from warp_cloth.batch.processes import get_ready
+
+        if ray is None:
+            get_ready(device)  # while this process imports
+        from rich.console import Console
+
+        from warp_cloth.batch import run_batch
+        from warp_cloth.batch.progress import BatchDisplay
+        from warp_cloth.batch.progress import summary as batch_summary
+
+        with BatchDisplay(Console(stderr=True)) as display:
+            report = run_batch(
+                jobs,
+                out,
+                device=device,
+                workers=workers,
+                ray=ray,
+                keep=keep,  # type: ignore[arg-type]
+                shard=shard,
+                progress=display,
+            )
+    for line in batch_summary(report):
+        typer.echo(line)
+    if not report.whole or set(report.statuses) == {"invalid"}:
+        raise typer.Exit(1)
+
+
+def sizes(
+    scene: Annotated[
+        str, typer.Argument(help="Scene file (TOML), or the name of a shipped scene; its avatar is the customer.")
+    ],
+    size: Annotated[
+        list[str] | None,
+        typer.Option(help="A size; repeat it for every size, smallest first.", show_default="S, M, L of the T-shirt"),
+    ] = None,
+    changes: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set", metavar="KEY=VALUE", help="Override a scene key; {size} stands for the size. May be repeated."
+        ),
+    ] = None,
+    ease: Annotated[float, typer.Option(help="Desired ease at chest, waist and hip, in cm.")] = 4.0,
+    device: Device = None,
+    out: Annotated[Path, typer.Option(help="Output folder, for sizes.json and the stage of each size.")] = Path("out"),
+) -> None:
+    """Fit every size of a garment on one body, and recommend one.
+
+    \b
+    warp-cloth sizes tshirt --set avatar.shape.chest=1.02 --ease 4
+    warp-cloth sizes scene.toml --size S --size M --set 'garment.mesh=shirt_{size}.obj'
+    """
+    with one_line_errors(), output_folder(out, "sizes"):
+        if not -LARGEST_EASE <= ease <= LARGEST_EASE:
+            raise InputError("--ease", f"must be a length in cm, not {ease:g}", f"use at most {LARGEST_EASE:g}")
+        from warp_cloth.batch.sizes import fit_sizes
+
+        start_warp()
+        run = fit_sizes(
+            scene,
+            size or (),
+            overrides=changes or (),
+            ease=ease / 100,
+            device=device,
+            progress=lambda name: typer.echo(f"fitting {name}", err=True),
+        )
+        paths = run.save(out)
+    for each in run.sizes:
+        levels = [f"{name} {100 * level.ease:+.1f} cm" for name, level in each.levels.items()]
+        strain = f"strain p99 {100 * each.strain_p99:.1f} %" if each.strain_p99 is not None else each.message
+        lost = [] if each.held else ["slides down"]
+        typer.echo(f"{each.size:<4} {each.status:<16} {', '.join([*levels, strain, *lost])}")
+    typer.echo(f"take {run.recommended}: {run.reason}" if run.recommended else run.reason)
+    typer.echo(f"  wrote        {', '.join(str(path) for path in paths)}")
+    if all(each.status == "invalid" for each in run.sizes):
+        raise typer.Exit(1)

@@ -1,0 +1,18 @@
+"""Options that several commands share."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+SceneName = Annotated[
+    str, typer.Argument(help="Scene file (TOML), or the name of a shipped scene (see `warp-cloth scenes`).")
+]
+Device = Annotated[str | None, typer.Option(help="cpu, cuda or cuda:N.", show_default="a GPU if there is one")]
+Changes = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set", metavar="KEY=VALUE", help="Override a scene key, such as garment.fabric=denim. May be repeated."
+    ),
+]
