@@ -59,19 +59,19 @@ def test_cloth_goes_with_its_avatar(kind: str) -> None:
 
 def test_a_live_change_does_not_take_the_garment_through_the_poses_again() -> None:
     live = LiveFit(scene(poses=["there.obj"]), {"collision.pixel_mm": "8"}, "cpu")
-    assert live.made.carried is not None
+    assert live.problem.pose_run is not None
     worn = live.points.copy()
     live.change({"garment.fabric": "denim"})
-    assert live.made.carried is None
-    assert np.array_equal(live.made.model.points(), worn)
-    drawn = live.made.contact.built
+    assert live.problem.pose_run is None
+    assert np.array_equal(live.problem.model.points(), worn)
+    drawn = live.problem.contact.built
     live.change({"collision.offset_mm": "2"})
-    assert live.made.contact.built is drawn
+    assert live.problem.contact.built is drawn
     for _ in range(20):
         live.advance()
     assert live.values("ease")[0][0].min() > -TOLERANCE
     live.reset()
-    assert live.made.carried is not None
+    assert live.problem.pose_run is not None
 
 
 def test_an_avatar_that_stays_is_not_carried() -> None:

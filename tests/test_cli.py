@@ -17,8 +17,8 @@ from rich.console import Console
 from typer.testing import CliRunner, Result
 
 from warp_cloth.base.errors import InputError
-from warp_cloth.cli.fit_progress import ProgressDisplay
 from warp_cloth.cli.fit import summary
+from warp_cloth.cli.fit_progress import ProgressDisplay
 from warp_cloth.cli.main import app, main
 from warp_cloth.cli.terminal import keep_interrupts
 from warp_cloth.model.result import Status

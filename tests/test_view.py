@@ -19,10 +19,10 @@ from pxr import Usd, UsdGeom
 
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.mesh import Mesh
-from warp_cloth.fitting.warm_start import carried_over
+from warp_cloth.fitting.warm_start import corresponding_points
 from warp_cloth.maps import MAPS
 from warp_cloth.shapes import SIZE_BODIES, tshirt
-from warp_cloth.view.live import CHUNK, PLOT_POINTS, History, LiveFit, changed
+from warp_cloth.view.live import CHUNK, PLOT_POINTS, History, LiveFit, merged_overrides
 from warp_cloth.view.picture import glb_bytes, legend_html
 
 DRAPED = {
@@ -55,9 +55,9 @@ def test_a_change_keeps_the_worn_shape_and_a_refused_one_changes_nothing(live: L
     worn = live.points.copy()
     live.change({"garment.fabric": "denim"})
     assert live.scene.garments[0].fabric.name == "denim"
-    assert np.array_equal(live.made.model.points(), worn)
+    assert np.array_equal(live.problem.model.points(), worn)
     live.change({"collision.offset_mm": "6"})
-    assert live.made.model.vertices.items.numpy()["offset"] == pytest.approx(0.006)
+    assert live.problem.model.vertices.items.numpy()["offset"] == pytest.approx(0.006)
     assert live.scene.garments[0].fabric.name == "denim"
     with pytest.raises(InputError):
         live.change({"collision.offset_mm": "-1"})
@@ -67,22 +67,22 @@ def test_a_change_keeps_the_worn_shape_and_a_refused_one_changes_nothing(live: L
 
 
 def test_a_change_of_fabric_or_offset_draws_no_avatar_anew(live: LiveFit) -> None:
-    drawn = live.made.contact.built
+    drawn = live.problem.contact.built
     live.change({"garment.fabric": "denim"})
-    assert live.made.contact.built is drawn
+    assert live.problem.contact.built is drawn
     live.change({"collision.offset_mm": "2"})
-    assert live.made.contact.built is drawn
+    assert live.problem.contact.built is drawn
     fresh = LiveFit(DRAPED, {"garment.fabric": "denim", "collision.offset_mm": "2"}, "cpu")
     for each in (live, fresh):
-        each.made.relaxation.run(60)
-    assert np.array_equal(live.made.model.points(), fresh.made.model.points())
+        each.problem.relaxation.run(60)
+    assert np.array_equal(live.problem.model.points(), fresh.problem.model.points())
     live.change({"collision.offset_mm": "6"})  # farther than the field reaches
-    assert live.made.contact.built is not drawn
-    drawn = live.made.contact.built
+    assert live.problem.contact.built is not drawn
+    drawn = live.problem.contact.built
     live.change({"collision.offset_mm": "7"})
-    assert live.made.contact.built is drawn
+    assert live.problem.contact.built is drawn
     live.change({"collision.pixel_mm": "4"})
-    assert live.made.contact.built is not drawn
+    assert live.problem.contact.built is not drawn
 
 
 def test_reset_goes_back_to_the_start(live: LiveFit) -> None:
@@ -116,7 +116,7 @@ def test_a_worn_shape_is_taken_over_by_another_size() -> None:
     body = SIZE_BODIES["M"]
     small, large = (tshirt(size=size, edge=0.04, body=body) for size in ("S", "L"))
     lifted = small.points + np.array((0.0, 5.0, 0.0))
-    taken = carried_over(small, lifted, large)
+    taken = corresponding_points(small, lifted, large)
     assert taken is not None
     assert taken.shape == large.points.shape
     # where the other size's own vertex starts, once lifted as well, but for half of what a size is wider or longer
@@ -128,14 +128,14 @@ def test_a_worn_shape_is_taken_over_by_another_size() -> None:
 def test_panels_that_have_the_names_of_others_are_not_taken_over(order: tuple[int, ...]) -> None:
     small, large = (tshirt(size=size, edge=0.04) for size in ("S", "L"))
     renamed = replace(small, panel_names=tuple(small.panel_names[panel] for panel in order))
-    assert carried_over(renamed, small.points, large) is None
+    assert corresponding_points(renamed, small.points, large) is None
 
 
 def test_the_same_mesh_keeps_its_vertices_and_a_stranger_starts_anew() -> None:
     mesh = grid(4, 1.0)
     worn = mesh.points + 1.0
-    assert np.array_equal(carried_over(mesh, worn, grid(4, 2.0)), worn)
-    assert carried_over(mesh, worn, grid(5, 1.0)) is None
+    assert np.array_equal(corresponding_points(mesh, worn, grid(4, 2.0)), worn)
+    assert corresponding_points(mesh, worn, grid(5, 1.0)) is None
 
 
 def test_history_keeps_its_ends_and_stays_short() -> None:
@@ -182,9 +182,9 @@ def page(live: LiveFit) -> Iterator[object]:
 
 def test_a_scene_beyond_what_the_sliders_offer_is_shown() -> None:
     pytest.importorskip("viser")
-    from warp_cloth.view.page import OFFSETS, Page
+    from warp_cloth.view.page import MOST_OFFSET, Page
 
-    page = Page(LiveFit(DRAPED, {"collision.offset_mm": f"{OFFSETS + 5}"}, "cpu"), port=0)
+    page = Page(LiveFit(DRAPED, {"collision.offset_mm": f"{MOST_OFFSET + 5}"}, "cpu"), port=0)
     page.stop()
     page.run()
     assert page.pictures
@@ -192,10 +192,10 @@ def test_a_scene_beyond_what_the_sliders_offer_is_shown() -> None:
 
 def test_a_change_takes_the_place_of_what_is_below_it_and_none_of_that_at_first() -> None:
     first = {"garment.fabric.weight": "0.3", "garment.fabrics": "x", "collision.offset_mm": "2"}
-    now = changed(first, {"garment.fabric": "silk", "collision.offset_mm": "4"}, first)
+    now = merged_overrides(first, {"garment.fabric": "silk", "collision.offset_mm": "4"}, first)
     assert now == {"garment.fabrics": "x", "garment.fabric": "silk", "collision.offset_mm": "4"}
-    assert changed(now, {"garment.fabric": None}, first) == {**first, "collision.offset_mm": "4"}
-    assert changed(now, {"garment.fabric": None}, {}) == {"garment.fabrics": "x", "collision.offset_mm": "4"}
+    assert merged_overrides(now, {"garment.fabric": None}, first) == {**first, "collision.offset_mm": "4"}
+    assert merged_overrides(now, {"garment.fabric": None}, {}) == {"garment.fabrics": "x", "collision.offset_mm": "4"}
 
 
 @pytest.mark.parametrize(("change", "offered"), [({}, "jersey"), ({"garment.fabric.weight": "0.3"}, "jersey, as in")])
@@ -211,10 +211,10 @@ def test_a_fabric_of_the_scenes_own_is_offered_and_can_be_gone_back_to(change: d
         assert own.startswith(offered)
         weight = live.scene.garments[0].fabric.weight
         chosen.value = "denim"
-        page._turn()
+        page._step()
         assert live.scene.garments[0].fabric.name == "denim"
         chosen.value = own
-        page._turn()
+        page._step()
         assert live.scene.garments[0].fabric.weight == weight
     finally:
         page.stop()
@@ -229,8 +229,8 @@ def test_the_innermost_of_several_garments_takes_the_size() -> None:
     live = LiveFit({"garment": shirts, "avatar": {"shape": {"kind": "mannequin"}}}, {}, "cpu")
     page = Page(live, port=0)
     try:
-        page._ask_size("M")
-        page._turn()
+        page._request_size("M")
+        page._step()
         assert [garment.shape.size for garment in live.scene.garments] == ["M", "L"]
     finally:
         page.stop()

@@ -13,6 +13,7 @@ import time
 import warp as wp
 
 from warp_cloth.base.warp_setup import start_warp
+from warp_cloth.fitting.clock import StageClock
 from warp_cloth.fitting.finish import finish_fits
 from warp_cloth.fitting.problem import collider_updates, load_problem, tolerance_of
 from warp_cloth.scene import load_scene
@@ -60,7 +61,7 @@ def main() -> None:
     )
     print(f"{outcome.status.value} after {outcome.iterations:,} iterations, {outcome.seconds:.2f} s")
     tell("relaxed", whole - 1e-9 * planned["report"])
-    finish_fits(made, [outcome], levels=[()], lap=lambda _: None, seconds={"relax": outcome.seconds})
+    finish_fits(made, [outcome], levels=[()], clock=StageClock())
     tell("reported", whole)
     print(f"{time.perf_counter() - began:.1f} s in all")
 

@@ -136,7 +136,7 @@ def _halving(
 def _together(scenes: Sequence[Scene], outfits: Sequence[Outfit], device: str, cache: Cache, turn: Turn) -> list[Fit]:
     """Relaxes scenes of one kind together."""
     clock = StageClock()
-    made = build_problem(scenes, outfits, device, cache=cache, lap=clock.lap)
+    made = build_problem(scenes, outfits, device, cache=cache, clock=clock)
     dressing = build_predrape(made, cache)
     clock.lap("build")
     goals = [Goal(tolerance_of(scene), scene.solver.iterations) for scene in scenes]
@@ -156,5 +156,5 @@ def _together(scenes: Sequence[Scene], outfits: Sequence[Outfit], device: str, c
             on_chunk=turn.offer,
         )
     clock.lap("relax")
-    results = finish_fits(made, outcomes, levels=levels, lap=clock.lap, seconds=clock.seconds)
+    results = finish_fits(made, outcomes, levels=levels, clock=clock)
     return [Fit.of(result) for result in results]

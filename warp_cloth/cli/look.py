@@ -18,7 +18,9 @@ from warp_cloth.cli.terminal import one_line_errors, output_folder
 def compare(
     first: Annotated[Path, typer.Argument(help="A fit made with --maps: its stage, or its folder.")],
     second: Annotated[Path, typer.Argument(help="The fit to compare with it.")],
-    out: Annotated[Path, typer.Option(help="Output folder, for compare.usdc, compare.json and pictures.")] = Path("out"),
+    out: Annotated[Path, typer.Option(help="Output folder, for compare.usdc, compare.json and pictures.")] = Path(
+        "out"
+    ),
 ) -> None:
     """Compare two fits (sizes, fabrics or bodies): the second minus the first.
 
@@ -42,7 +44,9 @@ def compare(
 
 
 def view(
-    scene: Annotated[str, typer.Argument(help="Scene file (TOML), USD stage (also one that a fit wrote), or shipped scene.")],
+    scene: Annotated[
+        str, typer.Argument(help="Scene file (TOML), USD stage (also one that a fit wrote), or shipped scene.")
+    ],
     changes: Changes = None,
     device: Device = None,
     host: Annotated[str, typer.Option(help="Address to serve on; 0.0.0.0 admits other machines.")] = "127.0.0.1",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -14,6 +14,7 @@ from warp_cloth.avatar.penetration import edge_places, face_places, may_show, pi
 from warp_cloth.base.mesh import Points
 from warp_cloth.base.threads import map_in_threads
 from warp_cloth.contact.garments import model_crossings, worn_crossings
+from warp_cloth.fitting.clock import StageClock
 from warp_cloth.fitting.problem import Problem, tolerance_of
 from warp_cloth.garment.outfit import Outfit
 from warp_cloth.model.result import FitResult, LevelRun, Penetration, Status, Strain, WornGarment
@@ -30,8 +31,7 @@ def finish_fits(
     outcomes: Sequence[Outcome],
     *,
     levels: Sequence[Sequence[LevelRun]],
-    lap: Callable[[str], None],
-    seconds: dict[str, float],
+    clock: StageClock,
     frames: int = 0,
 ) -> list[FitResult]:
     """Measures relaxed scenes, and writes their status sentences and reports.
@@ -40,12 +40,11 @@ def finish_fits(
         problem: the scenes, as they were relaxed.
         outcomes: of each scene.
         levels: relaxations that came before, of each scene.
-        lap: called at the end of a stage, with its name.
-        seconds: of each stage, for all scenes together; filled by ``lap``.
+        clock: of the stages, for all scenes together.
         frames: number of intermediate shapes that each garment keeps.
     """
     measured = _measure(problem, outcomes, levels)
-    lap("measure")
+    clock.lap("measure")
     results = []
     for scene, outfit, outcome, found in zip(problem.scenes, problem.outfits, outcomes, measured, strict=True):
         garments = tuple(
@@ -61,7 +60,7 @@ def finish_fits(
             found,
             message=message,
             loss=loss,
-            seconds=seconds if len(outcomes) == 1 else {**seconds, "relax": outcome.seconds},
+            seconds=clock.seconds if len(outcomes) == 1 else {**clock.seconds, "relax": outcome.seconds},
             device=problem.model.device,
         )
         results.append(FitResult(scene, outcome.status, message, garments, outfit.avatar, report, problem.model.device))

@@ -118,20 +118,18 @@ def fit(
     if start is not None and chosen.avatar is not None and chosen.avatar.poses:
         raise InputError("avatar.poses", "cannot be combined with an earlier result as the start", "remove one of them")
     earlier = None if start is None else _earlier(start, chosen)
-    clock, cache = StageClock(), Cache()
-    problem = load_problem(
-        chosen, device_name, cache=cache, tell=lambda stage: report_progress(Progress(stage)), lap=clock.lap
-    )
+    clock, cache = StageClock(lambda stage: report_progress(Progress(stage))), Cache()
+    problem = load_problem(chosen, device_name, cache=cache, clock=clock)
     if chosen.solver.start == "dressed" and earlier is None:
         report_progress(Progress("dress"))
     levels = prepare_start(problem, cache) if earlier is None else ()
     if earlier is not None and not start_from(problem, earlier):
         place = start if isinstance(start, str | Path) else "start"
-        fault = "its garments have neither the same mesh nor the same panels as the scene's"
+        fault = "its garments have neither the mesh nor the panels of the scene's"
         raise InputError(place, fault, "start from a result of the same pattern, or leave this out")
     outcome = _relax(problem, frames, progress)
     clock.lap("relax")
-    (result,) = finish_fits(problem, [outcome], levels=[levels], lap=clock.lap, seconds=clock.seconds, frames=frames)
+    (result,) = finish_fits(problem, [outcome], levels=[levels], clock=clock, frames=frames)
     return Fit.of(_with_maps(result, map_names, problem) if map_names else result)
 
 

@@ -1,6 +1,6 @@
-"""Carries worn garments along with an avatar that moves: in small steps, the collider built anew at each.
+"""Worn garments follow an avatar through its poses, in small steps with a new collider each.
 
-In each step cloth near the skin first goes with it, as friction has it do; then it relaxes.
+In each step, cloth near the avatar first moves along with its surface, as friction would move it; then it relaxes.
 """
 
 from __future__ import annotations
@@ -19,23 +19,23 @@ from warp_cloth.solver.contact_schedule import Course
 from warp_cloth.solver.loop import CHUNK, Follow, relax_to_rest
 from warp_cloth.solver.relax import Relaxation
 
-# Largest way of the surface near the garment in one step [m]: what the cloth can catch up with in a step's iterations
-# at the default cap, several times over.
+# Largest displacement of the surface near the garment in one step [m]: a fraction of what the cloth can move in a
+# step's iterations at the default cap.
 STEP = 0.01
-ROUND_GARMENT = 0.1  # [m] round the garment's box, what counts as near it
-WORN = 10.0  # times the tolerance at which a garment is worn well enough to be carried
+NEAR_GARMENT = 0.1  # [m] around the garment's box
+WORN = 10.0  # times the tolerance, at which a garment is worn well enough to follow
 
 
 @dataclass(frozen=True)
-class Carried:
-    """What it took."""
+class PoseRun:
+    """How the garments followed the avatar."""
 
     poses: int
     steps: int
-    iterations: int  # before the last pose, till the garment was worn and in the steps
+    iterations: int  # until the garment was worn, and in all steps
 
 
-def carry(
+def follow_poses(
     relaxation: Relaxation,
     certifier: Certifier,
     contact: AvatarContact,
@@ -45,20 +45,21 @@ def carry(
     limit: int,
     follow: Follow,
     course: Course | None,
-) -> Carried:
-    """Puts the garments on in the first pose, takes them through the others, and leaves them in the last.
+) -> PoseRun:
+    """Drapes the garments in the first pose, moves them through the others, and leaves them in the last.
 
-    Between two poses the avatar's vertices go straight. The relaxation then meets the last pose's collider.
+    Between two poses the avatar's vertices move along straight lines. At the end the relaxation has the collider of
+    the last pose.
 
     Args:
-        relaxation: what iterates; its collider is the first pose's.
-        certifier: measures it until the garments are worn.
-        contact: the avatar, in its first pose; left in its last.
+        relaxation: of the garments; its collider is that of the first pose.
+        certifier: of the relaxation, until the garments are worn.
+        contact: the avatar in its first pose; left in its last.
         poses: the avatar's vertices [m], each shape [V, 3].
         tolerance: what counts as rest; a multiple of it counts as worn.
-        limit: most iterations until worn.
-        follow: as of relax_to_rest.
-        course: likewise.
+        limit: of the iterations until worn.
+        follow: see ``relax_to_rest``.
+        course: see ``relax_to_rest``.
     """
     worn = Tolerance(
         min(WORN * tolerance.relative_rms, 1.0),
@@ -66,15 +67,7 @@ def carry(
         WORN * tolerance.rest_error,
         WORN * tolerance.growing,
     )
-    outcome = relax_to_rest(
-        relaxation,
-        certifier,
-        worn,
-        limit,
-        follow=follow,
-        course=course,
-        ahead=False,
-    )
+    outcome = relax_to_rest(relaxation, certifier, worn, limit, follow=follow, course=course, ahead=False)
     iterations, steps = outcome.iterations, 0
     for start, end in itertools.pairwise(poses):
         count = _steps(relaxation.model.points(), start, end)
@@ -86,19 +79,19 @@ def carry(
             iterations += CHUNK
         steps += count
     relaxation.meet(0, contact.collider(relaxation.model.points()))
-    return Carried(len(poses), steps, iterations)
+    return PoseRun(len(poses), steps, iterations)
 
 
 def _place(model: ClothModel, points: Points) -> None:
-    """Puts the cloth's free vertices at these positions [m]."""
+    """Moves the cloth's free vertices to these positions [m]."""
     if model.terms.pins:
         points = np.where(model.vertices.pinned.numpy()[:, None] != 0, model.points(), points)
     model.set_points(points)
 
 
 def _steps(cloth: Points, start: Points, end: Points) -> int:
-    """How many steps take the avatar from one pose to the next, by what moves near the garment; at least 1."""
-    lower, upper = cloth.min(axis=0) - ROUND_GARMENT, cloth.max(axis=0) + ROUND_GARMENT
+    """Number of steps from one pose to the next, by the largest displacement near the garment; at least 1."""
+    lower, upper = cloth.min(axis=0) - NEAR_GARMENT, cloth.max(axis=0) + NEAR_GARMENT
     near = ((start > lower) & (start < upper)).all(axis=1) | ((end > lower) & (end < upper)).all(axis=1)
-    way = np.linalg.norm(end - start, axis=1)[near]
-    return max(math.ceil(float(way.max(initial=0.0)) / STEP), 1)
+    displacement = np.linalg.norm(end - start, axis=1)[near]
+    return max(math.ceil(float(displacement.max(initial=0.0)) / STEP), 1)

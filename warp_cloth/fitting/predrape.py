@@ -1,4 +1,4 @@
-"""Dressed starts: garments come down in one fabric first, and each fit goes on from there in its own."""
+"""Predrape (dressed starts): garments drape in one fabric first; each fit starts from there in its own."""
 
 from __future__ import annotations
 
@@ -16,82 +16,91 @@ from warp_cloth.scene import Scene
 from warp_cloth.scene.predrape import dressing_of
 from warp_cloth.solver.loop import Goal, relax_items
 
+CACHE_NAME = "predraped"
+
+CacheArguments = tuple[Any, ...]  # the objects that something is made of, then values; see Cache.get_or_make
+
 
 @dataclass(frozen=True, eq=False)
-class _Dressed:
-    """Garments as they lie once they are dressed."""
+class _Draped:
+    """Garments at rest in the fabric of their predrape."""
 
-    points: Points | None  # [m], shape [V, 3]; None: they lost themselves on the way
+    points: Points | None  # [m], shape [V, 3]; None: they diverged
     run: LevelRun
 
 
 @dataclass(frozen=True, eq=False)
 class Predrape:
-    """What fits are dressed by: what was dressed before is kept, the rest is ready to relax."""
+    """The predrapes of some fits: those in the cache, and a problem that yields the missing ones."""
 
-    asked: tuple[tuple[Any, ...], ...]  # what each item's dressing is kept by, as of Cache.get_or_make
-    missing: tuple[tuple[Any, ...], ...]  # those that are not there yet, each once,
-    made: Problem | None  # and these garments, in the fabric that they are dressed in
+    keys: tuple[CacheArguments, ...]  # of each item's predrape in the cache
+    missing: tuple[CacheArguments, ...]  # those not in the cache yet, each once
+    problem: Problem | None  # the garments of the missing ones, in the fabric of their predrape
     cache: Cache
 
 
-def build_predrape(made: Problem, cache: Cache) -> Predrape | None:
-    """What the scenes are dressed by; None where they start as they are placed. ``cache`` as of ``build_problem``."""
-    device = made.model.device
-    asked: list[tuple[Any, ...]] = []
-    missing: dict[Hashable, tuple[tuple[Any, ...], Scene, Outfit]] = {}
-    for scene, outfit in zip(made.scenes, made.outfits, strict=True):
-        dressing = dressing_of(scene)
-        if dressing is None:
+def build_predrape(problem: Problem, cache: Cache) -> Predrape | None:
+    """The predrapes of the problem's scenes; None where the garments start as they are placed."""
+    device = problem.model.device
+    keys: list[CacheArguments] = []
+    missing: dict[Hashable, tuple[CacheArguments, Scene, Outfit]] = {}
+    for scene, outfit in zip(problem.scenes, problem.outfits, strict=True):
+        predrape_scene = dressing_of(scene)
+        if predrape_scene is None:
             return None
-        asked.append(((outfit.avatar, *outfit.dressing), dressing.collision, dressing.solver, device))
-        key = Cache.key("dressed", *asked[-1])
+        sources = (outfit.avatar, *outfit.dressing)
+        keys.append((sources, predrape_scene.collision, predrape_scene.solver, device))
+        key = cache.key(CACHE_NAME, *keys[-1])
         if key not in cache:
-            missing[key] = asked[-1], dressing, replace(outfit, parts=outfit.dressing, dressing=())
-    by, scenes, outfits = zip(*missing.values(), strict=True) if missing else ((), (), ())
-    like = made.model.vertex_count
-    first = build_problem(scenes, outfits, device, cache=cache, like=like) if missing else None
-    return Predrape(tuple(asked), by, first, cache)
+            missing[key] = keys[-1], predrape_scene, replace(outfit, parts=outfit.dressing, dressing=())
+    if not missing:
+        return Predrape(tuple(keys), (), None, cache)
+    missing_keys, scenes, outfits = zip(*missing.values(), strict=True)
+    own = build_problem(scenes, outfits, device, cache=cache, like=problem.model.vertex_count)
+    return Predrape(tuple(keys), missing_keys, own, cache)
 
 
-def prepare_start(made: Problem, cache: Cache) -> tuple[LevelRun, ...]:
-    """Brings a lone scene's garments to where its fit begins, by its method and its start; tells what it came to."""
-    dressing = build_predrape(made, cache)
-    return start_coarse(made) if dressing is None else start_predraped(made, dressing)[0]
+def prepare_start(problem: Problem, cache: Cache) -> tuple[LevelRun, ...]:
+    """Brings a lone scene's garments to where its fit starts; returns the relaxations that this took."""
+    predrape = build_predrape(problem, cache)
+    return start_coarse(problem) if predrape is None else start_predraped(problem, predrape)[0]
 
 
-def start_predraped(made: Problem, dressing: Predrape) -> list[tuple[LevelRun, ...]]:
-    """Dresses the garments, and puts those of the fits where they lie then; tells what it came to for each fit.
+def start_predraped(problem: Problem, predrape: Predrape) -> list[tuple[LevelRun, ...]]:
+    """Relaxes missing predrapes, and moves the problem's garments there; returns the relaxations of each item.
 
-    What lost itself on the way starts as it is placed.
+    Garments whose predrape diverged start as they are placed.
     """
-    if dressing.made is not None:
-        _dress(dressing.made, dressing)
+    if predrape.problem is not None:
+        _relax_missing(predrape.problem, predrape)
     runs: list[tuple[LevelRun, ...]] = []
-    there: dict[_Dressed, tuple[Any, Points, Points]] = {}  # on the device, and its box [m]: once for all fabrics
-    for item, (of, *more) in enumerate(dressing.asked):
-        dressed = dressing.cache.get_or_make("dressed", of, _absent, *more)
-        runs.append((dressed.run,))
-        points = dressed.points
+    uploaded: dict[
+        _Draped, tuple[Any, Points, Points]
+    ] = {}  # points on the device, and their box [m]: once for all fabrics
+    for item, (sources, *values) in enumerate(predrape.keys):
+        draped = predrape.cache.get_or_make(CACHE_NAME, sources, _not_relaxed, *values)
+        runs.append((draped.run,))
+        points = draped.points
         if points is None:
             continue
-        if dressed not in there:
-            there[dressed] = made.model.put_there(points), points.min(axis=0), points.max(axis=0)
-        lying, low, high = there[dressed]
-        made.model.set_points(lying, item)
-        if not made.contacts[item].covers_box(low, high):
-            made.relaxation.meet(item, made.contacts[item].collider(points))
+        if draped not in uploaded:
+            uploaded[draped] = problem.model.put_there(points), points.min(axis=0), points.max(axis=0)
+        on_device, low, high = uploaded[draped]
+        problem.model.set_points(on_device, item)
+        if not problem.contacts[item].covers_box(low, high):
+            problem.relaxation.meet(item, problem.contacts[item].collider(points))
     return runs
 
 
-def _dress(first: Problem, dressing: Predrape) -> None:
-    goals = [Goal(tolerance_of(scene), scene.solver.iterations) for scene in first.scenes]
-    outcomes = relax_items(first.relaxation, first.certifier, goals, follow=collider_updates(first))
-    for (of, *more), outcome in zip(dressing.missing, outcomes, strict=True):
+def _relax_missing(problem: Problem, predrape: Predrape) -> None:
+    """Relaxes the missing predrapes, and puts them into the cache."""
+    goals = [Goal(tolerance_of(scene), scene.solver.iterations) for scene in problem.scenes]
+    outcomes = relax_items(problem.relaxation, problem.certifier, goals, follow=collider_updates(problem))
+    for (sources, *values), outcome in zip(predrape.missing, outcomes, strict=True):
         points = None if outcome.status is Status.DIVERGED else outcome.points
         run = LevelRun(len(outcome.points), outcome.iterations, outcome.status)
-        dressing.cache.get_or_make("dressed", of, partial(_Dressed, points, run), *more)
+        predrape.cache.get_or_make(CACHE_NAME, sources, partial(_Draped, points, run), *values)
 
 
-def _absent() -> _Dressed:
-    raise RuntimeError("a garment was not dressed")
+def _not_relaxed() -> _Draped:
+    raise RuntimeError("a predrape is missing from the cache")

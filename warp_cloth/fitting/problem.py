@@ -1,9 +1,9 @@
-"""Scenes on a device: what their plans ask for is built there, ready to relax together."""
+"""Scenes on a device, ready to relax: model, colliders, relaxation and certifier of one or several scenes."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Hashable, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from typing import Any
@@ -19,8 +19,9 @@ from warp_cloth.base.cache import Cache
 from warp_cloth.base.mesh import Mesh
 from warp_cloth.base.warp_setup import keeping_kernels
 from warp_cloth.contact.garments import build_cloth_contact, cloth_course, highest_lift, placed
+from warp_cloth.fitting.clock import StageClock
 from warp_cloth.fitting.nested_iteration import start_from_coarse
-from warp_cloth.fitting.poses import Carried, carry
+from warp_cloth.fitting.poses import PoseRun, follow_poses
 from warp_cloth.garment.outfit import MeshCache, Outfit, load_outfit
 from warp_cloth.garment.part import terms_of
 from warp_cloth.model.model import ClothModel, build_model
@@ -38,7 +39,7 @@ from warp_cloth.solver.relax import Relaxation, StepOptions
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """Scenes on a device, ready to relax together; each is an item. All are of one ``problem_kind``."""
+    """Scenes of one ``problem_kind`` on a device, ready to relax together; each scene is an item."""
 
     scenes: tuple[Scene, ...]
     outfits: tuple[Outfit, ...]
@@ -46,21 +47,21 @@ class Problem:
     model: ClothModel
     relaxation: Relaxation
     certifier: Certifier
-    course: Course | None  # where cloth meets cloth
-    carried: Carried | None = None  # what it took to bring the garments along, where the avatar moves
+    course: Course | None  # of cloth contact; None: without
+    pose_run: PoseRun | None = None  # how the garments followed the avatar's poses, where it has any
 
     @property
     def outfit(self) -> Outfit:
-        """That of the first scene, or of a lone one."""
+        """The outfit of the first scene, or of the only one."""
         return self.outfits[0]
 
     @property
     def contact(self) -> AvatarContact:
-        """That of the first scene, or of a lone one."""
+        """The avatar contact of the first scene, or of the only one."""
         return self.contacts[0]
 
     def avatar_surfaces(self) -> list[Mesh | None]:
-        """What each item's distances to its avatar are measured from; the same of those whose avatars are the same."""
+        """The surface of each item's avatar, for distances; one object for all items that share an avatar."""
         found: dict[int, Mesh] = {}
         for outfit, contact in zip(self.outfits, self.contacts, strict=True):
             if outfit.avatar is not None and id(outfit.avatar) not in found:
@@ -68,24 +69,24 @@ class Problem:
         return [None if each.avatar is None else found[id(each.avatar)] for each in self.outfits]
 
     def contact_report(self, item: int) -> dict[str, Any] | None:
-        """What an item's avatar is met by, and how good that is; None without avatar."""
+        """The collider of an item's avatar and its error, for the report; None without avatar."""
         if self.outfits[item].avatar is None:
             return None
-        carried = asdict(self.carried) if self.carried is not None else None
-        return {**(self.contacts[item].report or {}), "carried": carried}
+        poses = asdict(self.pose_run) if self.pose_run is not None else None
+        return {**(self.contacts[item].report or {}), "carried": poses}
 
 
 def problem_kind(scene: Scene, outfit: Outfit) -> tuple[Any, ...]:
-    """What scenes must have in common to relax together: then their kernels are those of each alone.
+    """A key that is equal for scenes that can relax together: their kernels are then those of each alone.
 
-    One whose cloth meets cloth is of a kind of its own: what it launches depends on how its garments lie. So is one
-    whose avatar moves, and one of the multilevel method.
+    A scene with cloth contact has a kind of its own, because what it launches depends on how its garments lie. So has
+    one whose avatar moves, and one of the multilevel method.
     """
     solver = scene.solver
     contact = contact_kind(scene, outfit)
-    by_itself = scene.collision.cloth or outfit.poses or solver.method == "multilevel"
-    alone = id(scene) if by_itself else 0
-    return solver.method, solver.start, solver.precision, contact, alone, terms_of(outfit.parts)
+    is_alone = scene.collision.cloth or outfit.poses or solver.method == "multilevel"
+    identity = id(scene) if is_alone else 0
+    return solver.method, solver.start, solver.precision, contact, identity, terms_of(outfit.parts)
 
 
 def load_problem(
@@ -96,18 +97,18 @@ def load_problem(
     earlier: AvatarContact | None = None,
     cache: Cache | None = None,
     options: StepOptions | None = None,
-    tell: Callable[[str], None] = lambda _: None,
-    lap: Callable[[str], None] = lambda _: None,
+    clock: StageClock | None = None,
 ) -> Problem:
-    """Loads one scene and builds its problem; ``mesh_cache`` caches what earlier scenes share with it.
+    """Loads one scene and builds its problem.
 
-    ``earlier`` is a contact to reuse, so that a change of fabric or offset need not sample the avatar again. The other
-    arguments are those of ``build_problem``.
+    ``mesh_cache`` holds meshes that earlier scenes share with it. ``earlier`` is an avatar contact to reuse, so that a
+    change of fabric or offset need not sample the avatar again. The other arguments are those of ``build_problem``.
     """
-    tell("load")
+    clock = clock or StageClock()
+    clock.begin("load")
     outfit = load_outfit(scene, mesh_cache)
-    lap("load")
-    return build_problem([scene], [outfit], device, earlier=earlier, cache=cache, options=options, tell=tell, lap=lap)
+    clock.lap("load")
+    return build_problem([scene], [outfit], device, earlier=earlier, cache=cache, options=options, clock=clock)
 
 
 def build_problem(
@@ -119,28 +120,27 @@ def build_problem(
     cache: Cache | None = None,
     like: int | None = None,
     options: StepOptions | None = None,
-    tell: Callable[[str], None] = lambda _: None,
-    lap: Callable[[str], None] = lambda _: None,
+    clock: StageClock | None = None,
 ) -> Problem:
-    """Builds what the scenes' plans ask for on the device, and compiles the kernels.
+    """Builds what the scenes' plans name on the device, and compiles the kernels.
 
     Args:
         scenes: loaded scenes of one ``problem_kind``.
-        outfits: theirs.
+        outfits: of each scene.
         device: Warp's name of it.
-        earlier: a contact that may serve again.
-        cache: what earlier set-ups left of the same garments and avatars.
-        like: as of build_model: what a larger set-up of the same garments was cut into serves again.
-        options: how an iteration moves the cloth; None: the method's defaults.
-        tell: told at every stage.
-        lap: told the name of every stage at its end.
+        earlier: an avatar contact to reuse.
+        cache: what earlier problems left of the same garments and avatars.
+        like: vertex count of a larger problem of the same garments, whose patches serve again (see build_model).
+        options: of an iteration's step; None: the method's defaults.
+        clock: measures the stages.
     """
+    clock = clock or StageClock()
     first = scenes[0]
     if outfits[0].avatar is not None:
-        tell("compile")
+        clock.begin("compile")
         _compile(avatar_modules(contact_kind(first, outfits[0])), device)
-        lap("compile")
-    tell("build")
+        clock.lap("compile")
+    clock.begin("build")
     cache = cache or Cache()
     outfits = placed(scenes, outfits, device, cache)
     contacts, colliders = _avatar_contacts(scenes, outfits, device, earlier, cache)
@@ -163,83 +163,85 @@ def build_problem(
     certifier = Certifier(relaxation)
     course = cloth_course(outfits[0], relaxation, cloth_contact) if cloth_contact is not None else None
     wp.synchronize_device(device)
-    lap("build")
-    tell("compile")
+    clock.lap("build")
+    clock.begin("compile")
     _compile(
         [kernel.module for kernel in relaxation.kernels() + relaxation.seldom_kernels() + certifier.kernels()], device
     )
-    lap("compile")
-    made = Problem(tuple(scenes), tuple(outfits), tuple(contacts), model, relaxation, certifier, course)
+    clock.lap("compile")
+    problem = Problem(tuple(scenes), tuple(outfits), tuple(contacts), model, relaxation, certifier, course)
     if not outfits[0].poses:
-        return made
-    tell("carry")
-    carried = _carry(made)
-    lap("carry")
-    return replace(made, certifier=Certifier(relaxation), carried=carried)
+        return problem
+    clock.begin("carry")
+    pose_run = _through_poses(problem)
+    clock.lap("carry")
+    return replace(problem, certifier=Certifier(relaxation), pose_run=pose_run)
 
 
 def tolerance_of(scene: Scene) -> Tolerance:
-    """The scene's tolerances in SI."""
+    """The scene's tolerances in SI units."""
     solver = scene.solver
-    growing = math.inf if solver.method == "direct" else GROWING  # the paper's rule moves by what it chatters
+    growing = math.inf if solver.method == "direct" else GROWING  # the paper's rule never stops oscillating
     return Tolerance(solver.residual, solver.residual_p99, solver.tolerance_mm * 1e-3, growing)
 
 
-def start_coarse(made: Problem) -> tuple[LevelRun, ...]:
-    """Lets simplified garments come to rest first, where the method has them; the relaxation goes on from there."""
-    relaxation = made.relaxation
-    if not isinstance(relaxation, MultilevelRelaxation) or made.outfit.poses:
+def start_coarse(problem: Problem) -> tuple[LevelRun, ...]:
+    """Nested iteration, where the method has it: relaxes simplified garments first, and starts from their shapes."""
+    relaxation = problem.relaxation
+    if not isinstance(relaxation, MultilevelRelaxation) or problem.outfit.poses:
         return ()
-    (scene,) = made.scenes
+    (scene,) = problem.scenes
     return start_from_coarse(
         relaxation,
-        made.contact if made.outfit.avatar is not None else None,
+        problem.contact if problem.outfit.avatar is not None else None,
         tolerance=tolerance_of(scene),
         limit=scene.solver.iterations,
-        load=lambda kernels: _compile([kernel.module for kernel in kernels], made.model.device),
+        load=lambda kernels: _compile([kernel.module for kernel in kernels], problem.model.device),
     )
 
 
-def _carry(made: Problem) -> Carried:
-    """Takes a lone scene's garments along to its avatar's last pose."""
-    (scene,) = made.scenes
-    return carry(
-        made.relaxation,
-        made.certifier,
-        made.contact,
-        made.outfit.poses,
+def _through_poses(problem: Problem) -> PoseRun:
+    """Moves a lone scene's garments along with its avatar, to the last pose."""
+    (scene,) = problem.scenes
+    return follow_poses(
+        problem.relaxation,
+        problem.certifier,
+        problem.contact,
+        problem.outfit.poses,
         tolerance=tolerance_of(scene),
         limit=scene.solver.iterations,
-        follow=collider_updates(made),
-        course=made.course,
+        follow=collider_updates(problem),
+        course=problem.course,
     )
 
 
 def contact_key(scene: Scene, outfit: Outfit) -> Hashable:
-    """What scenes have in common that meet their avatar alike to begin with."""
+    """A key that is equal for scenes with the same first collider."""
     return id(outfit.avatar), scene.collision, *(id(part.points) for part in outfit.parts)
 
 
 def _avatar_contacts(
     scenes: Sequence[Scene], outfits: Sequence[Outfit], device: str, earlier: AvatarContact | None, cache: Cache
 ) -> tuple[list[AvatarContact], list[Collider]]:
-    """Every scene's contact and first collider; built once for scenes whose garments start alike on one avatar."""
+    """Avatar contact and first collider of every scene; built once for scenes that start alike on one avatar."""
 
-    def built(scene: Scene, outfit: Outfit) -> tuple[AvatarContact, Collider]:
+    def build(scene: Scene, outfit: Outfit) -> tuple[AvatarContact, Collider]:
         contact = _avatar_contact(scene, outfit, device, cache)
         points = np.concatenate([part.points for part in outfit.parts])
-        taken = contact.reused_from(earlier, points) if earlier is not None else None
-        return contact, taken or contact.collider(points)
+        reused = contact.reused_from(earlier, points) if earlier is not None else None
+        return contact, reused or contact.collider(points)
 
-    of = [(outfit.avatar, earlier, *(part.points for part in outfit.parts)) for outfit in outfits]
-    keys = {cache.key("contact", met, scene.collision, device) for met, scene in zip(of, scenes, strict=True)}
+    sources = [(outfit.avatar, earlier, *(part.points for part in outfit.parts)) for outfit in outfits]
+    keys = {
+        cache.key("contact", source, scene.collision, device) for source, scene in zip(sources, scenes, strict=True)
+    }
     cache.evict_except(keys)
     contacts, colliders = [], []
-    for met, scene, outfit in zip(of, scenes, outfits, strict=True):
+    for source, scene, outfit in zip(sources, scenes, outfits, strict=True):
         friction = scene.avatar.friction if scene.avatar is not None else 0.0
-        make = partial(built, scene, outfit)
+        make = partial(build, scene, outfit)
         contact, collider = cache.get_or_make(
-            "contact", met, make, scene.collision, device, size=lambda made: made[0].bytes
+            "contact", source, make, scene.collision, device, size=lambda made: made[0].bytes
         )
         contacts.append(contact.alike(friction))
         colliders.append(replace(collider, friction=friction))
@@ -277,18 +279,18 @@ def _avatar_contact(scene: Scene, outfit: Outfit, device: str, cache: Cache) -> 
     )
 
 
-def collider_updates(made: Problem) -> Follow:
-    """What gives items new colliders where their garments leave the region of the old ones."""
-    rooms = np.array([contact.region() for contact in made.contacts])
+def collider_updates(problem: Problem) -> Follow:
+    """A function that returns new colliders for items whose garments have left the regions of the old ones."""
+    regions = np.array([contact.region() for contact in problem.contacts])
 
     def follow(items: Sequence[int], boxes: Boxes) -> dict[int, Collider]:
-        left = (boxes[:, 0] < rooms[items, 0]).any(axis=1) | (boxes[:, 1] > rooms[items, 1]).any(axis=1)
-        found = {}
+        left = (boxes[:, 0] < regions[items, 0]).any(axis=1) | (boxes[:, 1] > regions[items, 1]).any(axis=1)
+        colliders = {}
         for at in np.flatnonzero(left).tolist():
             item = items[at]
-            made.relaxation.show()
-            found[item] = made.contacts[item].collider(made.model.points(item))
-            rooms[item] = made.contacts[item].region()
-        return found
+            problem.relaxation.show()
+            colliders[item] = problem.contacts[item].collider(problem.model.points(item))
+            regions[item] = problem.contacts[item].region()
+        return colliders
 
     return follow

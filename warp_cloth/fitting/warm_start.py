@@ -1,4 +1,4 @@
-"""Warm starts: garments begin as an earlier fit wore them, in another size, fabric, or on another body."""
+"""Warm start: garments start as an earlier fit wore them, in another size, fabric, or on another body."""
 
 from __future__ import annotations
 
@@ -25,134 +25,135 @@ from warp_cloth.model.result import matched
 from warp_cloth.scene.messages import listed
 from warp_cloth.scene.stage import USD_SUFFIXES
 
-PANEL_GAP = 10.0  # between panels, which are brought to the unit square
-# Of the worn garment's size: how far apart a tenth of the seams' vertices lie where panels are others. Between sizes
-# of a T-shirt it is 0.01 at most.
+PANEL_GAP = 10.0  # between panels, each scaled to the unit square
+# Fraction of the worn garment's size: if a tenth of the seam vertices lie farther apart, the panels do not correspond.
+# Between sizes of a T-shirt it is 0.01 at most.
 TORN = 0.05
 
 Worn = tuple[Mesh, Points]  # a garment and its worn points [m], shape [V, 3]
 
 
 def saved_result(path: Path, names: Sequence[str]) -> list[Worn]:
-    """The garments ``names`` of a result that a fit has saved, as they are worn there.
+    """The garments ``names`` of a saved result, as they are worn there.
 
-    They are told by their names; where these are others, by their order, if the result has as many.
+    They are matched by name or, where the names differ, by order, if the result has as many garments.
 
     Raises:
-        InputError: the file cannot be read, or it does not tell which of its garments are meant.
+        InputError: the file cannot be read, or its garments cannot be matched.
     """
     if not path.exists():
-        raise InputError(path, "no such file", "name what an earlier fit has written")
+        raise InputError(path, "no such file", "give a file that an earlier fit has written")
     suffix = path.suffix.lower()
     garments: Sequence[tuple[str, str | None]] = [(path.stem, None)]
     if suffix in GLTF_KINDS and path.is_file():
-        read_raw(path, role="garment", key="start", prim=None)  # tells what is wrong with it
+        read_raw(path, role="garment", key="start", prim=None)  # refuses a file that cannot be read
         nodes = gltf_mesh_names(str(path), path.read_bytes())
         cloths = [name for name in nodes if not name.endswith(AVATAR_NODE)] or nodes
         garments = [(name, name) for name in cloths] or garments
     elif suffix in USD_SUFFIXES and path.is_file():
         garments = _stage_garments(path)
     chosen = chosen_garments([name for name, _ in garments], names, path)
-    found = [load_mesh(path, role="garment", key="start", prim=garments[at][1], units="m") for at in chosen]
-    return [(mesh, mesh.points) for mesh in found]
+    meshes = [load_mesh(path, role="garment", key="start", prim=garments[index][1], units="m") for index in chosen]
+    return [(mesh, mesh.points) for mesh in meshes]
 
 
-def chosen_garments(there: Sequence[str], wanted: Sequence[str], place: str | Path) -> list[int]:
-    """Which of an earlier result's garments the scene's are; InputError where names and number do not tell."""
-    chosen = matched(there, wanted)
+def chosen_garments(available: Sequence[str], wanted: Sequence[str], place: str | Path) -> list[int]:
+    """Indices of an earlier result's garments that match the scene's; InputError where neither names nor number do."""
+    chosen = matched(available, wanted)
     if chosen is None:
-        problem = f"holds {listed(there)}, the scene {listed(wanted)}"
-        raise InputError(place, problem, "start from a result of the same garments, or call them so (garment.name)")
+        problem = f"has {listed(available)}, but the scene has {listed(wanted)}"
+        raise InputError(place, problem, "start from a result of the same garments, or rename them (garment.name)")
     return chosen
 
 
 def _stage_garments(path: Path) -> list[tuple[str, str | None]]:
-    """Name and prim path of each garment of a stage; of each mesh where none is marked as cloth."""
+    """Name and prim path of each garment of a stage, or of each mesh where none is marked as cloth."""
     with opened_stage(str(path)) as stage:
         meshes = meshes_of(stage)
         cloths = [mesh for mesh in meshes if SURFACE in applied(mesh)] or meshes
         parents = [mesh.GetParent() for mesh in cloths]
-        called = [parent.GetDisplayName() or parent.GetName() for parent in parents]
-        return [(name, str(mesh.GetPath())) for name, mesh in zip(called, cloths, strict=True)]
+        names = [parent.GetDisplayName() or parent.GetName() for parent in parents]
+        return [(name, str(mesh.GetPath())) for name, mesh in zip(names, cloths, strict=True)]
 
 
-def start_from(made: Problem, earlier: Sequence[Worn]) -> bool:
-    """Puts a lone scene's garments where earlier ones were worn, pins apart; whether any could be.
+def start_from(problem: Problem, earlier: Sequence[Worn]) -> bool:
+    """Moves a lone scene's garments to where earlier ones were worn, except for pins; whether any corresponds.
 
-    What corresponds to nothing starts as it was loaded. The collider goes with the garments.
+    A garment that corresponds to none starts as it was loaded. The collider is rebuilt where it does not cover them.
     """
-    taken = [
-        carried_over(mesh, worn, new, made.model.device)
-        for (mesh, worn), new in zip(earlier, made.outfit.garments, strict=True)
+    starts = [
+        corresponding_points(mesh, worn, new, problem.model.device)
+        for (mesh, worn), new in zip(earlier, problem.outfit.garments, strict=True)
     ]
-    if all(points is None for points in taken):
+    if all(points is None for points in starts):
         return False
-    loaded = made.model.points()
+    loaded = problem.model.points()
     points = loaded.copy()
-    for (first, last), part, there in zip(
-        itertools.pairwise(made.model.vertex_start), made.outfit.parts, taken, strict=True
+    for (first, last), part, start in zip(
+        itertools.pairwise(problem.model.vertex_start), problem.outfit.parts, starts, strict=True
     ):
-        if there is not None:
-            points[first:last] = there
+        if start is not None:
+            points[first:last] = start
         points[first + part.pins] = loaded[first + part.pins]
-    made.model.set_points(points)
-    if not made.contact.covers(points):
-        made.relaxation.meet(0, made.contact.collider(points))
+    problem.model.set_points(points)
+    if not problem.contact.covers(points):
+        problem.relaxation.meet(0, problem.contact.collider(points))
     return True
 
 
-def carried_over(old: Mesh, worn: Points, new: Mesh, device: str = "cpu") -> Points | None:
-    """Where the new garment's vertices lie on the old one as worn [m], shape [V, 3]; None where nothing tells.
+def corresponding_points(old: Mesh, worn: Points, new: Mesh, device: str = "cpu") -> Points | None:
+    """Positions on the old garment as worn [m] of the new one's vertices, shape [V, 3]; None: they do not correspond.
 
-    The same triangles keep their vertices. Otherwise a place is told by its panel's name and by where it lies in that
-    panel's box: sizes of one pattern correspond like that. Where that tears seams apart, the names are chance.
+    Meshes with the same triangles correspond vertex by vertex. Otherwise points correspond that lie at the same place
+    in the box of the panel of the same name, as in sizes of one pattern. Where that would tear seams apart, the names
+    are alike by chance.
     """
     if old.vertex_count == new.vertex_count and np.array_equal(old.triangles, new.triangles):
         return worn.copy()
     shared = set(old.panel_names) == set(new.panel_names) and len(old.panel_names) > 0
     if not shared or old.texcoords is None or new.texcoords is None or old.panels is None or new.panels is None:
         return None
-    places, wanted = _boxed(old, old.panel_names), _boxed(new, old.panel_names)
+    old_places, new_places = _panel_places(old, old.panel_names), _panel_places(new, old.panel_names)
     surface = wp.Mesh(
-        points=wp.array(places.reshape(-1, 3), dtype=wp.vec3f, device=device),
-        indices=wp.array(np.arange(3 * len(places), dtype=np.int32), dtype=wp.int32, device=device),
+        points=wp.array(old_places.reshape(-1, 3), dtype=wp.vec3f, device=device),
+        indices=wp.array(np.arange(3 * len(old_places), dtype=np.int32), dtype=wp.int32, device=device),
     )
-    asked = wp.array(wanted.reshape(-1, 3), dtype=wp.vec3f, device=device)
-    face = wp.empty(len(asked), dtype=wp.int32, device=device)
-    weight = wp.zeros(len(asked), dtype=wp.vec3f, device=device)
-    wp.launch(find_nearest, dim=len(asked), inputs=[surface.id, asked, face, weight], device=device)
+    queries = wp.array(new_places.reshape(-1, 3), dtype=wp.vec3f, device=device)
+    face = wp.empty(len(queries), dtype=wp.int32, device=device)
+    weight = wp.zeros(len(queries), dtype=wp.vec3f, device=device)
+    wp.launch(find_nearest, dim=len(queries), inputs=[surface.id, queries, face, weight], device=device)
     corners = worn[old.triangles[face.numpy()]]
     found = (corners * weight.numpy()[:, :, None]).sum(axis=1)
     vertex = new.triangles.ravel()
     count = np.bincount(vertex, minlength=new.vertex_count)
     means = np.column_stack([np.bincount(vertex, found[:, axis], new.vertex_count) / count for axis in range(3)])
-    return None if _torn(found - means[vertex], wanted.reshape(-1, 3), vertex, worn) else means
+    return None if _torn(found - means[vertex], new_places.reshape(-1, 3), vertex, worn) else means
 
 
-def _torn(away: Points, wanted: NDArray[np.float32], vertex: NDArray[np.int32], worn: Points) -> bool:
+def _torn(offset: Points, places: NDArray[np.float32], vertex: NDArray[np.int32], worn: Points) -> bool:
     """Whether panels that are sewn together would start far apart.
 
-    ``away`` is how far corners lie from the mean of their vertex [m], ``wanted`` where they lie in their panels, both
-    shape [3 F, 3]; ``vertex`` is that of each corner; ``worn`` the earlier garment's points [m].
+    ``offset`` is that of each corner from the mean of its vertex [m], ``places`` are the corners' positions in their
+    panels, both of shape [3 F, 3]; ``vertex`` is that of each corner; ``worn`` are the earlier garment's points [m].
     """
     _, first = np.unique(vertex, return_index=True)
-    sewn = (wanted != wanted[first[vertex]]).any(axis=1)
+    sewn = (places != places[first[vertex]]).any(axis=1)
     if not sewn.any():
         return False
-    gap = 2 * np.linalg.norm(away[sewn], axis=1)
+    gap = 2 * np.linalg.norm(offset[sewn], axis=1)
     return bool(np.quantile(gap, 0.9) > TORN * np.linalg.norm(np.ptp(worn, axis=0)))
 
 
-def _boxed(mesh: Mesh, names: tuple[str, ...]) -> NDArray[np.float32]:
-    """Panel coordinates of every corner, each panel in a unit square of its own; shape [F, 3, 3]."""
-    boxed = np.zeros((mesh.triangle_count, 3, 3), dtype=np.float32)
+def _panel_places(mesh: Mesh, names: tuple[str, ...]) -> NDArray[np.float32]:
+    """Coordinates of every corner in its panel, each panel scaled to a unit square of its own; shape [F, 3, 3]."""
+    places = np.zeros((mesh.triangle_count, 3, 3), dtype=np.float32)
     if mesh.texcoords is None or mesh.panels is None:
-        return boxed
+        return places
     for number, name in enumerate(mesh.panel_names):
         inside = mesh.panels == number
         if inside.any():
             corners = mesh.texcoords[inside]
             low, high = corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
-            boxed[inside, :, :2] = (corners - low) / np.maximum(high - low, 1e-9)
-            boxed[inside, :, 2] = PANEL_GAP * names.index(name)
-    return boxed
+            places[inside, :, :2] = (corners - low) / np.maximum(high - low, 1e-9)
+            places[inside, :, 2] = PANEL_GAP * names.index(name)
+    return places

@@ -14,6 +14,7 @@ from warp_cloth.avatar.exact import penetrations
 from warp_cloth.base.cache import Cache
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.mesh import Mesh, Points
+from warp_cloth.fitting.clock import StageClock
 from warp_cloth.fitting.predrape import prepare_start
 from warp_cloth.fitting.problem import Problem, collider_updates, load_problem, tolerance_of
 from warp_cloth.model.result import Penetration, Status
@@ -60,8 +61,9 @@ class Passage:
 
 def run_through(scene: Scene, device: str, stops: Collection[int]) -> list[Passed]:
     """Runs a scene to its end; tells of those iterations on the way, which end chunks of the loop, and of the end."""
-    loading, cache = _Laps(), Cache()
-    made = load_problem(scene, device, cache=cache, lap=loading.lap)
+    clock, cache = StageClock(), Cache()
+    made = load_problem(scene, device, cache=cache, clock=clock)
+    loading = sum(spent for stage, spent in clock.seconds.items() if stage != "compile")  # compiled once for all scenes
     watch = _Watch(stops)
     prepare_start(made, cache)
     goal = Goal(tolerance_of(scene), scene.solver.iterations)
@@ -76,7 +78,7 @@ def run_through(scene: Scene, device: str, stops: Collection[int]) -> list[Passe
     ]
     message = sentence_of(outcome, goal.tolerance, more_iterations(scene, outcome))
     ends = [*found, (outcome.status, outcome.iterations, spent, outcome.points)]
-    return _measured(made, ends, loading.seconds, message)
+    return _measured(made, ends, loading, message)
 
 
 def _measured(
@@ -92,19 +94,6 @@ def _measured(
         worn = tuple(np.split(points, starts))
         passed.append(Passed(status, count, loading, seconds, outfit.garments, worn, depth, strain, message))
     return passed
-
-
-class _Laps:
-    """Seconds of everything before the first iteration but compiling, which is done once for all scenes."""
-
-    def __init__(self) -> None:
-        self.seconds = 0.0
-        self._last = time.perf_counter()
-
-    def lap(self, stage: str) -> None:
-        now = time.perf_counter()
-        self.seconds += now - self._last if stage != "compile" else 0.0
-        self._last = now
 
 
 class _Watch:

@@ -1,4 +1,4 @@
-"""A fit that goes on while its scene is changed under it."""
+"""A live fit: it continues to relax while its scene is changed."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from warp_cloth.base.device import device_named
 from warp_cloth.base.mesh import Points
+from warp_cloth.fitting.clock import StageClock
 from warp_cloth.fitting.problem import Problem, build_problem, load_problem, tolerance_of
 from warp_cloth.fitting.warm_start import start_from
 from warp_cloth.garment.outfit import MeshCache, load_outfit
@@ -22,64 +23,66 @@ from warp_cloth.model.result import WornGarment
 from warp_cloth.scene import MannequinShape, Scene, TshirtShape, load_scene
 from warp_cloth.solver.certificate.certifier import Check
 
-CHUNK = 20  # iterations between two pictures, where they take no longer than a picture may
+CHUNK = 20  # iterations between two pictures, at most
 LEAST_CHUNK = 5
-SLOW, FAST = 0.06, 0.02  # [s] of a chunk; slower ones are halved, faster ones doubled: 10 pictures a second and more
+SLOW, FAST = 0.06, 0.02  # [s] for a chunk; slower ones are halved, faster ones doubled: at least 10 pictures a second
 CHECK_ITERATIONS = 100  # between two checks
-PLOT_POINTS = 400  # the oldest are thinned out
+PLOT_POINTS = 400  # beyond that, every second point is dropped
 BODY_MEASURES = ("stature", "chest", "waist", "hip")
 
 
 @dataclass
 class History:
-    """What the plots show: iteration, relative residual, iterations a second."""
+    """Values of the plots: iteration, relative residual, iterations per second."""
 
     iteration: list[float] = field(default_factory=list)
     residual: list[float] = field(default_factory=list)
     speed: list[float] = field(default_factory=list)
 
     def add(self, iteration: int, residual: float, speed: float) -> None:
-        """Notes one check; thins out what is old."""
+        """Adds one check; drops every second point where there are too many."""
         for values, value in ((self.iteration, iteration), (self.residual, residual), (self.speed, speed)):
             values.append(float(value))
             if len(values) > PLOT_POINTS:
                 del values[1:-1:2]
 
 
-def changed(now: Mapping[str, str], asked: Mapping[str, str | None], first: Mapping[str, str]) -> dict[str, str]:
-    """Changes of a scene, once others are asked for: each in place of what the key and those below it have ``now``.
+def merged_overrides(now: Mapping[str, str], new: Mapping[str, str | None], first: Mapping[str, str]) -> dict[str, str]:
+    """Overrides of a scene: ``now`` and the ``new`` ones, each in place of those of its key and of keys below it.
 
-    A key that is asked for with None has what it and those below it had ``first``.
+    A new value of None restores the ``first`` overrides of its key and of keys below it.
     """
 
-    def below(changes: Mapping[str, str], key: str) -> dict[str, str]:
-        return {own: value for own, value in changes.items() if f"{own}.".startswith(f"{key}.")}
+    def below(overrides: Mapping[str, str], key: str) -> dict[str, str]:
+        return {own: value for own, value in overrides.items() if f"{own}.".startswith(f"{key}.")}
 
-    together = dict(now)
-    for key, value in asked.items():
-        for own in below(together, key):
-            del together[own]
-        together.update(below(first, key) if value is None else {key: value})
-    return together
+    merged = dict(now)
+    for key, value in new.items():
+        for own in below(merged, key):
+            del merged[own]
+        merged.update(below(first, key) if value is None else {key: value})
+    return merged
 
 
 class LiveFit:
-    """A scene that relaxes chunk by chunk; changes keep the worn shape where they can."""
+    """A scene that relaxes in chunks of iterations; a change keeps the worn shape where possible."""
 
     def __init__(
         self,
         source: str | Path | Mapping[str, Any],
         changes: Mapping[str, str],
         device: str | None,
-        tell: Callable[[str], None] = lambda _: None,
+        progress: Callable[[str], None] = lambda _: None,
     ) -> None:
-        """``source`` and ``changes`` as of ``load_scene``; ``tell`` is told each stage of the first set-up."""
+        """Loads ``load_scene(source, changes)``; ``progress`` is called with each stage of the first build."""
         self._source = source
         self._changes = self._first = dict(changes)
         self._mesh_cache = MeshCache()
         self.device = device_named(device)
         self.scene = self._load(self._changes)
-        self.made: Problem = load_problem(self.scene, self.device, mesh_cache=self._mesh_cache, tell=tell)
+        self.problem: Problem = load_problem(
+            self.scene, self.device, mesh_cache=self._mesh_cache, clock=StageClock(progress)
+        )
         self._start()
 
     def _load(self, changes: Mapping[str, str]) -> Scene:
@@ -93,23 +96,23 @@ class LiveFit:
         self._unchecked = 0
         self._chunk = CHUNK
         self._seconds = 0.0
-        self.points: Points = self.made.model.points()
-        if self.made.course is not None:
-            self.made.course.advance(0)
+        self.points: Points = self.problem.model.points()
+        if self.problem.course is not None:
+            self.problem.course.advance(0)
 
     @property
     def ended(self) -> bool:
-        """Whether nothing moves any more."""
+        """Whether the garments have stopped moving: at rest, or diverged."""
         return self.at_rest or self.diverged
 
     @property
     def sized(self) -> bool:
-        """Whether the garment has sizes."""
+        """Whether the garment comes in sizes."""
         return isinstance(self.scene.garments[0].shape, TshirtShape)
 
     @property
     def body(self) -> dict[str, float] | None:
-        """The mannequin's measures [m]; None where the body is none."""
+        """The mannequin's measures [m]; None for any other body."""
         shape = self.scene.avatar.shape if self.scene.avatar is not None else None
         if not isinstance(shape, MannequinShape):
             return None
@@ -120,14 +123,14 @@ class LiveFit:
         return {name: float(getattr(measures, name)) for name in BODY_MEASURES}
 
     def advance(self) -> None:
-        """A chunk of iterations; now and then a check."""
+        """Runs a chunk of iterations; checks the certificate now and then."""
         if self.ended:
             return
         began = time.perf_counter()
-        made = self.made
+        problem = self.problem
         count = min(self._chunk, CHECK_ITERATIONS - self._unchecked)
-        made.relaxation.run(count)
-        points = made.model.points()
+        problem.relaxation.run(count)
+        points = problem.model.points()
         self.iteration += count
         self._unchecked += count
         spent = time.perf_counter() - began
@@ -140,63 +143,63 @@ class LiveFit:
             self.diverged = True
             return
         self.points = points
-        if not made.contact.covers(points):
-            collider = made.contact.collider(points)
-            made.relaxation.meet(0, collider)
+        if not problem.contact.covers(points):
+            collider = problem.contact.collider(points)
+            problem.relaxation.meet(0, collider)
         if self._unchecked >= CHECK_ITERATIONS:
             tolerance = tolerance_of(self.scene)
-            self.check = made.certifier.check(made.certifier.look(self.iteration), 0)
-            made.certifier.turn_page(self.iteration)
+            self.check = problem.certifier.check(problem.certifier.look(self.iteration), 0)
+            problem.certifier.turn_page(self.iteration)
             speed = self._unchecked / max(self._seconds, 1e-9)
             self.history.add(self.iteration, self.check.residual.relative_rms, speed)
-            made.relaxation.loosen(np.array([self.check.residual.relative_rms]))
+            problem.relaxation.loosen(np.array([self.check.residual.relative_rms]))
             self._seconds, self._unchecked = 0.0, 0
             self.diverged = not self.check.finite
-            settled = made.course is None or made.course.advance(self.iteration)
+            settled = problem.course is None or problem.course.advance(self.iteration)
             self.at_rest = settled and self.check.within(tolerance)
 
     def change(self, changes: Mapping[str, str | None]) -> None:
-        """Changes scene keys and goes on from the worn shape, where the new garment can take it over.
+        """Overrides scene keys, and continues from the worn shape where the new garment corresponds to the old one.
 
-        A key that is given None is as it was first, with the keys below it.
+        A value of None restores a key, and the keys below it, to what they were first.
 
         Raises:
-            InputError: a value that the scene refuses; nothing has changed then.
+            InputError: a value is not valid; nothing has changed then.
         """
-        together = changed(self._changes, changes, self._first)
-        scene = self._load(together)
-        old, worn = self.made, self.points
+        overrides = merged_overrides(self._changes, changes, self._first)
+        scene = self._load(overrides)
+        old, worn = self.problem, self.points
         outfit = load_outfit(scene, self._mesh_cache)
-        # what is worn has gone through the avatar's poses: it would take as long as all else to do so once more
-        standing = outfit if self.diverged else replace(outfit, poses=())
-        made = build_problem([scene], [standing], self.device, earlier=old.contact)
+        # the worn shape has gone through the avatar's poses already; to repeat that would take as long as all the rest
+        in_last_pose = outfit if self.diverged else replace(outfit, poses=())
+        problem = build_problem([scene], [in_last_pose], self.device, earlier=old.contact)
         if not self.diverged:
             worn_parts = [worn[first:last] for first, last in itertools.pairwise(old.model.vertex_start)]
-            taken = start_from(made, list(zip(old.outfit.garments, worn_parts, strict=True)))
-            if outfit.poses and not taken:
-                made = build_problem([scene], [outfit], self.device)
-        self.scene, self.made, self._changes = scene, made, together
+            started = start_from(problem, list(zip(old.outfit.garments, worn_parts, strict=True)))
+            if outfit.poses and not started:
+                problem = build_problem([scene], [outfit], self.device)
+        self.scene, self.problem, self._changes = scene, problem, overrides
         self._start()
 
     def reset(self) -> None:
-        """Back to where the garments are loaded."""
-        self.made = load_problem(self.scene, self.device, mesh_cache=self._mesh_cache, earlier=self.made.contact)
+        """Puts the garments back to where they were loaded."""
+        self.problem = load_problem(self.scene, self.device, mesh_cache=self._mesh_cache, earlier=self.problem.contact)
         self._start()
 
     def values(self, name: str) -> tuple[list[NDArray[np.float32]], tuple[float, float]] | None:
-        """A map of every garment as it lies now, and the range of its colours; None where there is none."""
-        if name not in MAPS or (MAPS[name].needs_avatar and self.made.outfit.avatar is None):
+        """A map of every garment in its present shape, and the range of its colours; None where there is none."""
+        if name not in MAPS or (MAPS[name].needs_avatar and self.problem.outfit.avatar is None):
             return None
-        made = self.made
-        push = made.certifier.pushes() if name == "pressure" else None
-        parts, starts = made.outfit.parts, made.model.vertex_start
+        problem = self.problem
+        forces = problem.certifier.pushes() if name == "pressure" else None
+        parts, starts = problem.outfit.parts, problem.model.vertex_start
         spans = list(itertools.pairwise(starts))
         found = measure_maps(
             (name,),
             parts=parts,
             worn=[self.points[a:b] for a, b in spans],
-            pushes=None if push is None else [push[a:b] for a, b in spans],
-            avatar=made.outfit.avatar,
+            pushes=None if forces is None else [forces[a:b] for a, b in spans],
+            avatar=problem.outfit.avatar,
             garment_names=[spec.name for spec in self.scene.garments],
             device=self.device,
             girths=False,
@@ -207,20 +210,20 @@ class LiveFit:
         return [fields.get(name, none) for fields in found.fields], found.ranges[name]
 
     def garments(self) -> tuple[WornGarment, ...]:
-        """The garments as they lie now."""
-        starts = self.made.model.vertex_start
+        """The garments in their present shape."""
+        starts = self.problem.model.vertex_start
         return tuple(
             WornGarment(
                 spec.name, mesh, self.points[starts[index] : starts[index + 1]], spec.fabric.thickness,
                 fabric=spec.fabric, rest=part.rest,
             )
             for index, (spec, mesh, part) in enumerate(
-                zip(self.scene.garments, self.made.outfit.garments, self.made.outfit.parts, strict=True)
+                zip(self.scene.garments, self.problem.outfit.garments, self.problem.outfit.parts, strict=True)
             )
         )  # fmt: skip
 
     def saved(self, folder: Path, map_name: str = "") -> Path:
-        """Writes the stage as it is now, with the map chosen."""
+        """Writes the garments in their present shape as a stage (.usdz), coloured by a map; returns its path."""
         from warp_cloth.export.stage import write_stage
 
         garments, ranges = self.garments(), {}
@@ -232,18 +235,17 @@ class LiveFit:
                 for worn, values in zip(garments, shown[0], strict=True)
             )
         path = folder / f"{self.scene.name}.usdz"
-        avatar = self.made.outfit.avatar
+        avatar = self.problem.outfit.avatar
         write_stage(path, garments=garments, avatar=avatar, name=self.scene.name, ranges=ranges, colour=map_name)
         return path
 
     def status(self) -> str:
-        """One line on how it stands."""
+        """The state of the fit, in one line."""
         if self.diverged:
-            return "The numbers left their range: reset, or take a softer fabric."
+            return "Diverged: press reset, or choose a softer fabric."
         if self.check is None:
             return f"{self.iteration:,} iterations"
         rest = f"{1e3 * self.check.rest_error:.2g} mm" if np.isfinite(self.check.rest_error) else "unknown"
-        said = "At rest" if self.at_rest else "Relaxing"
-        return (
-            f"{said}: {self.iteration:,} iterations, residual {self.check.residual.relative_rms:.2g}, rest error {rest}"
-        )
+        state = "At rest" if self.at_rest else "Relaxing"
+        residual = self.check.residual.relative_rms
+        return f"{state}: {self.iteration:,} iterations, residual {residual:.2g}, rest error {rest}"

@@ -1,4 +1,4 @@
-"""The page: a viser server whose controls change a live fit."""
+"""The web page: a viser server whose controls change a live fit."""
 
 from __future__ import annotations
 
@@ -21,42 +21,42 @@ from warp_cloth.view.picture import legend_html, map_colours
 from warp_cloth.view.surfaces import Surfaces
 
 PLAIN = "none"
-IDLE_SECONDS = 0.03  # between two looks at the controls while nothing moves
-MOST_PICTURES = 30.0  # a second
-COLOUR_SECONDS = 0.5  # least time between two measurements of a map while the garment moves
-COLOUR_SHARE = 0.2  # of the time goes to measuring maps, at most
-LEAST_RESIDUAL = 1e-9  # that the plot tells from nothing
-GROUND_LIGHT, SKY = (150, 150, 155), 1.6  # beside the light that comes with the viewer; looked at, not measured
-WORDS_SECONDS = 0.5  # between two changes of status and plots while the garment moves
+IDLE_SECONDS = 0.03  # between two checks of the controls while nothing moves
+MOST_PICTURES = 30.0  # per second
+COLOUR_SECONDS = 0.5  # between two measurements of a map while the garment moves, at least
+COLOUR_FRACTION = 0.2  # of the time for measuring maps, at most
+LEAST_RESIDUAL = 1e-9  # lower end of the logarithmic plot
+GROUND_LIGHT, SKY = (150, 150, 155), 1.6  # in addition to the viewer's own light; chosen by eye
+STATUS_SECONDS = 0.5  # between two updates of status and plots while the garment moves
 SIZES = ("S", "M", "L")
-OFFSETS = 15.0  # [mm] and less are offered, more where the scene has more
+MOST_OFFSET = 15.0  # [mm] of the slider, or the scene's own where that is larger
 BODY_RANGES = {"stature": (1.5, 2.0), "chest": (0.8, 1.3), "waist": (0.6, 1.2), "hip": (0.8, 1.3)}  # [m]
 
 
 class Page:
-    """Shows a live fit and takes its changes; ``run`` serves until ``stop``."""
+    """Shows a live fit and applies the changes of its controls; ``run`` serves until ``stop``."""
 
     def __init__(self, live: LiveFit, *, host: str = "127.0.0.1", port: int = 8080) -> None:
         import viser
 
         self._live = live
         self._server = viser.ViserServer(host=host, port=port, label="warp-cloth", verbose=False)
-        self._pending: dict[str, str | None] = {}  # None: as it was first
+        self._pending: dict[str, str | None] = {}  # overrides not applied yet; None: the first value
         self._lock = threading.Lock()
         self._stopped = threading.Event()
-        self._work = threading.Lock()  # held while the live fit is read or moved: controls call from other threads
-        self._reset_asked = False
-        self._stale = False  # a picture is wanted although nothing moves
+        self._work = threading.Lock()  # locked while the live fit is read or changed: controls call from other threads
+        self._reset_pending = False
+        self._stale = False  # a new picture is due although nothing moves
         self._surfaces = Surfaces(self._server)
         self._map: tuple[list[Any], tuple[float, float]] | None = None
-        self._map_time = 0.0  # from when a map may be measured again
-        self._words_time = 0.0  # from when status and plots may be told again
+        self._map_time = 0.0  # when a map may be measured again
+        self._status_time = 0.0  # when status and plots may be updated again
         self.pictures = 0
         self._build()
 
     @property
     def port(self) -> int:
-        """Where the page is served."""
+        """The port that the page is served on."""
         return int(self._server.get_port())
 
     def stop(self) -> None:
@@ -64,22 +64,22 @@ class Page:
         self._stopped.set()
 
     def run(self) -> None:
-        """Relaxes, shows, and applies what the controls changed."""
+        """The loop: apply changes, relax a chunk, show it; until ``stop``."""
         try:
             while not self._stopped.is_set():
                 began = time.perf_counter()
-                if self._turn():
+                if self._step():
                     time.sleep(max(1.0 / MOST_PICTURES - (time.perf_counter() - began), 0.0))
                 else:
                     time.sleep(IDLE_SECONDS)
         finally:
             self._server.stop()
 
-    def _turn(self) -> bool:
-        """Applies changes, relaxes a chunk and shows it; False where there was nothing to do."""
+    def _step(self) -> bool:
+        """Applies changes, relaxes a chunk and shows it; False if there was nothing to do."""
         with self._work:
             changed, self._stale = self._apply() or self._stale, False
-            moving = self._live_moves()
+            moving = self._is_moving()
             if moving and not changed:
                 self._live.advance()
             if changed or moving:
@@ -92,7 +92,7 @@ class Page:
         """All controls, the avatar and the garments."""
         server, live = self._server, self._live
         server.scene.set_up_direction("+y")
-        # a page may have to do without a graphics card: shadows would draw everything five times more
+        # the browser may have no graphics card, and shadows would draw everything five times more
         server.scene.configure_default_lights(cast_shadow=False)
         server.scene.configure_environment_map(None)
         server.scene.add_light_hemisphere("/sky", ground_color=GROUND_LIGHT, intensity=SKY)
@@ -106,12 +106,14 @@ class Page:
         self._status = gui.add_markdown(live.status())
         with gui.add_folder("Garment"):
             if live.sized:
-                self._slider_of_sizes()
+                self._size_slider()
             self._fabric = self._fabric_choice()
             if live.scene.avatar is not None:
-                kept = live.scene.collision.offset_mm
-                offset = gui.add_slider("offset [mm]", min=0.0, max=max(OFFSETS, kept), step=0.5, initial_value=kept)
-                offset.on_update(lambda _: self._ask("collision.offset_mm", f"{offset.value}"))
+                offset_mm = live.scene.collision.offset_mm
+                offset = gui.add_slider(
+                    "offset [mm]", min=0.0, max=max(MOST_OFFSET, offset_mm), step=0.5, initial_value=offset_mm
+                )
+                offset.on_update(lambda _: self._request("collision.offset_mm", f"{offset.value}"))
         measures = live.body
         if measures is not None:
             with gui.add_folder("Body"):
@@ -124,7 +126,7 @@ class Page:
         with gui.add_folder("Run"):
             self._pause = gui.add_checkbox("pause", initial_value=False)
             reset = gui.add_button("reset")
-            reset.on_click(lambda _: self._ask_reset())
+            reset.on_click(lambda _: self._request_reset())
             save = gui.add_button("save")
             save.on_click(self._save)
         self._build_plots()
@@ -137,44 +139,44 @@ class Page:
             self._residual = self._server.gui.add_uplot(
                 data,
                 series=({"label": "iteration"}, {"label": "log10", "stroke": "#4a7da8", "width": 2}),
-                scales={"x": {"time": False}},  # the logarithm is taken here: a logarithmic axis says 0 for 0.0001
-                title="relative residual, powers of ten",
+                scales={"x": {"time": False}},  # not a logarithmic axis, which labels 0.0001 as 0
+                title="relative residual (log10)",
                 aspect=2.2,
             )
             self._speed = self._server.gui.add_uplot(
                 data,
-                series=({"label": "iteration"}, {"label": "iterations a second", "stroke": "#c46b57", "width": 2}),
+                series=({"label": "iteration"}, {"label": "iterations per second", "stroke": "#c46b57", "width": 2}),
                 scales={"x": {"time": False}},
-                title="iterations a second",
+                title="iterations per second",
                 aspect=2.2,
             )
 
     def _fabric_choice(self) -> Any:
-        """Shipped fabrics, and first the scene's own where it has one."""
+        """A menu of the shipped fabrics, after the scene's own where it has one."""
         shipped, fabric = shipped_fabrics(), self._live.scene.garments[0].fabric
-        own = "" if shipped.get(fabric.name) == fabric else f"{fabric.name}, as in the scene"
+        own = "" if shipped.get(fabric.name) == fabric else f"{fabric.name} (from the scene)"
         names = tuple(filter(None, (own, *shipped)))
         chosen = self._server.gui.add_dropdown("fabric", names, initial_value=own or fabric.name)
 
-        def asked(_: object) -> None:
-            self._ask("garment.fabric", None if chosen.value == own else chosen.value, every_garment=True)
+        def choose(_: object) -> None:
+            self._request("garment.fabric", None if chosen.value == own else chosen.value, every_garment=True)
 
-        chosen.on_update(asked)
+        chosen.on_update(choose)
         return chosen
 
-    def _slider_of_sizes(self) -> None:
+    def _size_slider(self) -> None:
         shape = self._live.scene.garments[0].shape
         at = SIZES.index(shape.size) if shape is not None and hasattr(shape, "size") else 1
         marks = tuple((index, name) for index, name in enumerate(SIZES))
         size = self._server.gui.add_slider("size", min=0, max=2, step=1, initial_value=at, marks=marks)
-        # the body stays as it is: its measures would otherwise follow the size
-        size.on_update(lambda _: self._ask_size(SIZES[int(size.value)]))
+        # the body keeps its measures, which would otherwise follow the size
+        size.on_update(lambda _: self._request_size(SIZES[int(size.value)]))
 
-    def _ask_size(self, size: str) -> None:
-        held = self._live.body or {}
+    def _request_size(self, size: str) -> None:
+        measures = self._live.body or {}
         with self._lock:
             self._pending[f"{self._live.scene.garment_keys[0]}.shape.size"] = size
-            for name, value in held.items():
+            for name, value in measures.items():
                 self._pending.setdefault(f"avatar.shape.{name}", f"{value:.3f}")
 
     def _measure_sliders(self, measures: dict[str, float]) -> None:
@@ -184,12 +186,12 @@ class Page:
             slider = self._server.gui.add_slider(
                 f"{name} [cm]", min=min(low, first), max=max(high, first), step=1.0, initial_value=first
             )
-            slider.on_update(lambda _: self._ask(f"avatar.shape.{name}", f"{slider.value / 100:.3f}"))
+            slider.on_update(lambda _: self._request(f"avatar.shape.{name}", f"{slider.value / 100:.3f}"))
 
         for name in BODY_MEASURES:
             connect(name)
 
-    def _ask(self, key: str, value: str | None, *, every_garment: bool = False) -> None:
+    def _request(self, key: str, value: str | None, *, every_garment: bool = False) -> None:
         count = len(self._live.scene.garments)
         with self._lock:
             if every_garment and count > 1:
@@ -198,27 +200,27 @@ class Page:
             else:
                 self._pending[key] = value
 
-    def _ask_reset(self) -> None:
+    def _request_reset(self) -> None:
         with self._lock:
-            self._reset_asked = True
+            self._reset_pending = True
 
     def _apply(self) -> bool:
-        """Applies what was asked since the last look; whether anything was."""
+        """Applies the changes since the last step; whether there were any."""
         with self._lock:
-            asked, self._pending = self._pending, {}
-            reset, self._reset_asked = self._reset_asked, False
-        if not (asked or reset):
+            changes, self._pending = self._pending, {}
+            reset, self._reset_pending = self._reset_pending, False
+        if not (changes or reset):
             return False
-        self._status.content = f"Changing {', '.join(asked) or 'back to the start'} …"
+        self._status.content = f"Changing {', '.join(changes)} …" if changes else "Resetting …"
         try:
-            if asked:
-                self._live.change(asked)
+            if changes:
+                self._live.change(changes)
             if reset:
                 self._live.reset()
         except InputError as error:
-            self._status.content = f"**Refused:** {error}"
+            self._status.content = f"**Not possible:** {error}"
             return False
-        if any(key.startswith("avatar.shape") for key in asked):
+        if any(key.startswith("avatar.shape") for key in changes):
             self._show_avatar()
         self._map_time = 0.0
         return True
@@ -228,18 +230,18 @@ class Page:
         self._stale = True
 
     def _body_bounds(self) -> tuple[Any, Any]:
-        avatar = self._live.made.outfit.avatar
+        avatar = self._live.problem.outfit.avatar
         return avatar.bounds() if avatar is not None else (self._live.points.min(axis=0), self._live.points.max(axis=0))
 
     def _show_avatar(self) -> None:
-        avatar = self._live.made.outfit.avatar
+        avatar = self._live.problem.outfit.avatar
         if avatar is not None:
             topology = build_topology(avatar.triangles, avatar.vertex_count)
             closed = len(topology.hinges) == len(topology.edges)
             self._surfaces.plain("avatar", avatar.points, avatar.triangles, AVATAR_COLOUR, closed=closed)
 
     def show(self) -> None:
-        """One picture: garments in their colours, status, plots."""
+        """Updates the picture: garments in their colours, status, plots."""
         live = self._live
         now = time.perf_counter()
         name = self._map_choice.value
@@ -249,9 +251,11 @@ class Page:
         elif now > self._map_time or live.ended:
             self._map = live.values(name)
             spent = time.perf_counter() - now
-            self._map_time = now + max(COLOUR_SECONDS, spent / COLOUR_SHARE)
+            self._map_time = now + max(COLOUR_SECONDS, spent / COLOUR_FRACTION)
             known = self._map is not None
-            self._legend.content = legend_html(MAPS[name], self._map[1]) if self._map and known else "not known here"
+            self._legend.content = (
+                legend_html(MAPS[name], self._map[1]) if self._map and known else "not available here"
+            )
         for index, worn in enumerate(live.garments()):
             node, triangles = f"garment_{index}", worn.mesh.triangles
             if self._map is not None and name in MAPS and len(self._map[0][index]) == len(worn.points):
@@ -260,15 +264,15 @@ class Page:
             else:
                 self._surfaces.plain(node, worn.points, triangles, cloth_colour(index))
         self.pictures += 1
-        if now > self._words_time or not self._live_moves():
-            self._words_time = now + WORDS_SECONDS
-            self._tell()
+        if now > self._status_time or not self._is_moving():
+            self._status_time = now + STATUS_SECONDS
+            self._show_status()
 
-    def _live_moves(self) -> bool:
+    def _is_moving(self) -> bool:
         return not (self._pause.value or self._live.ended)
 
-    def _tell(self) -> None:
-        """Status and plots: a browser takes longer to draw them than a garment."""
+    def _show_status(self) -> None:
+        """Updates status and plots, which a browser takes longer to draw than a garment."""
         self._status.content = self._live.status()
         history = self._live.history
         if history.iteration and len(history.iteration) != len(self._residual.data[0]):
@@ -285,8 +289,8 @@ class Page:
         target.send_file_download(path.name, content, save_immediately=True)
 
 
-def serve(live: LiveFit, *, host: str, port: int, tell: Callable[[str], None]) -> None:
-    """Serves the page until it is interrupted."""
+def serve(live: LiveFit, *, host: str, port: int, show: Callable[[str], None]) -> None:
+    """Serves the page until it is interrupted; ``show`` is called with its address."""
     page = Page(live, host=host, port=port)
-    tell(f"open http://{host}:{page.port} in a browser; Ctrl-C ends it")
+    show(f"open http://{host}:{page.port} in a browser; Ctrl-C stops the server")
     page.run()

@@ -1,4 +1,4 @@
-"""Meshes as the page takes them, and the legend of a map."""
+"""Coloured meshes as glTF bytes, and the legend of a map as HTML."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from warp_cloth.export.surface import linear
 from warp_cloth.maps.colour import colours, shown_value
 from warp_cloth.maps.kinds import MapKind
 
-FLOAT, BYTE, SHORT, UNSIGNED = 5126, 5121, 5123, 5125  # glTF's names of number types
+FLOAT, BYTE, SHORT, UNSIGNED = 5126, 5121, 5123, 5125  # glTF's codes of number types
 VERTICES, ELEMENTS = 34962, 34963  # and of buffers
 LEGEND_STEPS = 24
-SHORT_COUNT = 65535  # vertices that two bytes can name, less the one that glTF keeps
+SHORT_COUNT = 65535  # vertices that a 16-bit index can name; glTF reserves one value
 
 
 def glb_bytes(points: Points, triangles: Indices, shown: NDArray[np.float64]) -> bytes:
-    """A glTF file of one mesh with vertex colours (linear light, shape [V, 3]), both its sides seen.
+    """A glTF file of one double-sided mesh with vertex colours (linear light, shape [V, 3]).
 
-    Written by hand: ten times a second, a general exporter is too slow. Normals are announced and left at zero: the
-    page works them out itself, and would shade every triangle flat if there were none.
+    Written by hand, because a general exporter is too slow for ten times a second. Normals are declared and left at
+    zero: the page computes them itself, but shades every triangle flat if there are none.
     """
     written = np.ascontiguousarray(points, dtype="<f4")
     colours = np.full((len(written), 4), 255, dtype=np.uint8)
@@ -47,14 +47,14 @@ def glb_bytes(points: Points, triangles: Indices, shown: NDArray[np.float64]) ->
     accessors[1]["normalized"] = True
     accessors.append({"componentType": FLOAT, "count": len(written), "type": "VEC3"})
     attributes = {"POSITION": 0, "COLOR_0": 1, "NORMAL": 3}
-    look = {"pbrMetallicRoughness": {"metallicFactor": 0.0, "roughnessFactor": 0.9}, "doubleSided": True}
+    surface = {"pbrMetallicRoughness": {"metallicFactor": 0.0, "roughnessFactor": 0.9}, "doubleSided": True}
     document = {
         "asset": {"version": "2.0"},
         "scene": 0,
         "scenes": [{"nodes": [0]}],
         "nodes": [{"mesh": 0}],
         "meshes": [{"primitives": [{"attributes": attributes, "indices": 2, "material": 0}]}],
-        "materials": [look],
+        "materials": [surface],
         "buffers": [{"byteLength": start}],
         "bufferViews": views,
         "accessors": accessors,
@@ -68,7 +68,7 @@ def glb_bytes(points: Points, triangles: Indices, shown: NDArray[np.float64]) ->
 
 
 def map_colours(kind: MapKind, values: NDArray[np.float32], bounds: tuple[float, float]) -> NDArray[np.float64]:
-    """Linear light of a map's values, shape [V, 3]."""
+    """Colours of a map's values in linear light, shape [V, 3]."""
     return linear(colours(kind, values, bounds))
 
 

@@ -1,4 +1,4 @@
-"""What the browser draws: garments as bare vertices, or as glTF files where a map colours them."""
+"""Surfaces in the browser: plain ones as vertices, coloured ones as glTF files (double buffering)."""
 
 from __future__ import annotations
 
@@ -13,29 +13,29 @@ from warp_cloth.base.mesh import Indices, Points
 from warp_cloth.export.surface import Colour
 from warp_cloth.view.picture import glb_bytes
 
-FILES = 3  # in turn: one is being read, the one before it is shown, and the one before that until it is
-FILE_SECONDS = 0.1  # between two files
-READING_SECONDS = 0.3  # that a browser may take to read the last one
+FILES = 3  # used in rotation: one is being read, the one before it is shown, as is the one before that until then
+FILE_SECONDS = 0.1  # between two files, at least
+READING_SECONDS = 0.3  # that a browser may need to read a file
 
 
 @dataclass
 class _Surface:
-    """The nodes of one surface: vertices in one colour, and files in turn."""
+    """The scene nodes of one surface: a plain mesh, and files used in rotation."""
 
     plain: Any = None
     triangles: Indices | None = None  # of the plain one
     files: list[Any] = field(default_factory=list)
-    newest: int = -1  # the file that was written last
-    count: int = 0  # of files since the plain one was seen
-    written: float | None = None  # when; None: it is all there is to see
-    waiting: tuple[Points, Indices, NDArray[np.float64]] | None = None  # what came too soon after it
+    newest: int = -1  # index of the file written last
+    count: int = 0  # files since the plain mesh was shown
+    written: float | None = None  # time of the last file [s]; None: it is shown already
+    waiting: tuple[Points, Indices, NDArray[np.float64]] | None = None  # a shape that came too soon after that
 
 
 class Surfaces:
-    """Keeps the scene's surfaces as they were last given; draws as little anew as it can.
+    """Keeps the scene's surfaces up to date, and redraws as little as possible.
 
-    A browser takes new vertices where it draws them. A glTF file it must read first, and shows nothing meanwhile: so
-    a file is shown when the next one is written, and taken away when the one after that is.
+    A browser updates vertices in place. A glTF file it must read first, and it shows nothing meanwhile: so a file is
+    shown when the next one is written, and hidden when the one after that is.
     """
 
     def __init__(self, server: Any) -> None:
@@ -43,12 +43,12 @@ class Surfaces:
         self._surfaces: dict[str, _Surface] = {}
 
     def plain(self, name: str, points: Points, triangles: Indices, colour: Colour, *, closed: bool = False) -> None:
-        """Shows a surface in one colour (sRGB, 0..1); of a closed one the inside is never seen."""
+        """Shows a surface in one colour (sRGB, 0..1); the inside of a ``closed`` one is not drawn."""
         surface = self._surfaces.setdefault(name, _Surface())
         vertices = np.ascontiguousarray(points, dtype=np.float32)
         with self._server.atomic():
             if surface.triangles is None or not np.array_equal(surface.triangles, triangles):
-                red, green, blue = (round(255 * part) for part in colour)
+                red, green, blue = (round(255 * channel) for channel in colour)
                 surface.plain = self._server.scene.add_mesh_simple(
                     f"/{name}/plain",
                     vertices,
@@ -66,13 +66,13 @@ class Surfaces:
         surface.count = 0
 
     def coloured(self, name: str, points: Points, triangles: Indices, shown: NDArray[np.float64]) -> None:
-        """Shows a surface in a colour for each vertex (linear light, shape [V, 3]), as soon as a browser can."""
+        """Shows a surface in a colour per vertex (linear light, shape [V, 3]), as soon as a browser can."""
         surface = self._surfaces.setdefault(name, _Surface())
         surface.waiting = points, triangles, shown
         self._write(name, surface)
 
     def settle(self) -> bool:
-        """Writes and shows what came last, once a browser has had the time to read it; whether all is shown."""
+        """Writes and shows the latest shapes, once a browser has had time to read them; whether all are shown."""
         for name, surface in self._surfaces.items():
             self._write(name, surface)
             if surface.written is not None and time.perf_counter() - surface.written > READING_SECONDS:
@@ -81,7 +81,7 @@ class Surfaces:
         return all(surface.written is None for surface in self._surfaces.values())
 
     def _write(self, name: str, surface: _Surface) -> None:
-        """Writes what waits into the oldest file, unless that would be too soon."""
+        """Writes the waiting shape into the oldest file, unless that would be too soon."""
         now = time.perf_counter()
         if surface.waiting is None or (surface.written is not None and now - surface.written < FILE_SECONDS):
             return
@@ -99,7 +99,7 @@ class Surfaces:
                 surface.files[surface.newest].glb_data = data
 
     def _show(self, surface: _Surface, which: tuple[int, ...]) -> None:
-        """Shows these files and hides all else."""
+        """Shows these files and hides everything else of the surface."""
         with self._server.atomic():
             for index, file in enumerate(surface.files):
                 file.visible = index in which
