@@ -18,7 +18,13 @@ from warp_cloth.model.result import Status
 from warp_cloth.scene.shapes import TshirtShape
 from warp_cloth.shapes import build_garment
 from warp_cloth.solver.implicit import coarse_garments
-from warp_cloth.solver.implicit.coarse_garments import LIMP, Ladder, build_ladder, carried, limp_fabric
+from warp_cloth.solver.implicit.coarse_garments import (
+    LIMP_STRAIN,
+    Hierarchy,
+    build_hierarchy,
+    limp_fabric,
+    prolong_shape,
+)
 
 ROUNDING = 1e-12
 AREA = 0.01  # what a coarse outline may lose of a T-shirt's curved seams, as a share of its area
@@ -31,21 +37,21 @@ AWAY = np.array([0.1, 0.0, 0.0])  # [m]
 DENIM = shipped_fabrics()["denim"]
 
 
-def ladder_of(mesh: Mesh, fabric: Fabric, pins: np.ndarray = NO_PINS, turned: float = 0.0) -> Ladder:
+def hierarchy_of(mesh: Mesh, fabric: Fabric, pins: np.ndarray = NO_PINS, turned: float = 0.0) -> Hierarchy:
     rest = build_rest_shape(mesh, fabric, rest="uv", grain=Grain(turned))
-    return build_ladder(GarmentPart(mesh.points, mesh.triangles, rest, pins))
+    return build_hierarchy(GarmentPart(mesh.points, mesh.triangles, rest, pins))
 
 
-def below(ladder: Ladder) -> Ladder:
-    found = ladder.below()
+def coarser(hierarchy: Hierarchy) -> Hierarchy:
+    found = hierarchy.coarser()
     assert found is not None
     return found
 
 
-def test_a_simplified_garment_weighs_and_measures_the_same() -> None:
+def test_a_coarse_garment_weighs_and_measures_the_same() -> None:
     mesh = build_garment(TshirtShape(kind="tshirt"), body=None)
-    fine = ladder_of(mesh, DENIM)
-    coarse = below(fine)
+    fine = hierarchy_of(mesh, DENIM)
+    coarse = coarser(fine)
     assert len(coarse.part.points) < 0.3 * len(fine.part.points)
     assert coarse.part.rest.vertex_weight.sum() == pytest.approx(fine.part.rest.vertex_weight.sum(), rel=AREA)
     assert coarse.part.rest.area == pytest.approx(fine.part.rest.area, rel=AREA)
@@ -53,7 +59,7 @@ def test_a_simplified_garment_weighs_and_measures_the_same() -> None:
 
 @pytest.mark.parametrize("degrees", [0.0, 30.0, 90.0, 135.0])
 def test_its_warp_lies_as_the_finer_ones(degrees: float) -> None:
-    coarse = below(ladder_of(replace(MESH, texcoords=PANEL), DENIM, turned=degrees)).part.rest
+    coarse = coarser(hierarchy_of(replace(MESH, texcoords=PANEL), DENIM, turned=degrees)).part.rest
     assert coarse.sheet is not None
     assert coarse.corners is not None
     first = coarse.corners[:, 1] - coarse.corners[:, 0]
@@ -65,27 +71,27 @@ def test_its_warp_lies_as_the_finer_ones(degrees: float) -> None:
     assert off.max() < DEGREE
 
 
-def test_pinned_vertices_stay_and_flat_cloth_is_carried_exactly() -> None:
+def test_pinned_vertices_stay_and_flat_cloth_is_prolonged_exactly() -> None:
     pins = np.array([0, 20, 200], dtype=np.int32)
-    fine = ladder_of(replace(MESH, texcoords=PANEL), DENIM, pins)
-    coarse = below(fine)
+    fine = hierarchy_of(replace(MESH, texcoords=PANEL), DENIM, pins)
+    coarse = coarser(fine)
     assert (coarse.part.points[coarse.part.pins] == MESH.points[pins]).all()
-    moved = carried(fine.rungs[0], coarse.part.points + AWAY, fine.part)
+    moved = prolong_shape(fine.coarsenings[0], coarse.part.points + AWAY, fine.part)
     wanted = MESH.points + AWAY
     wanted[pins] = MESH.points[pins]
     assert moved == pytest.approx(wanted, abs=ROUNDING)
 
 
-def test_what_is_carried_from_a_bent_cloth_is_round(monkeypatch: pytest.MonkeyPatch) -> None:
-    fine = ladder_of(replace(MESH, texcoords=PANEL), DENIM)
-    coarse = below(fine)
+def test_what_is_prolonged_from_a_bent_cloth_is_round(monkeypatch: pytest.MonkeyPatch) -> None:
+    fine = hierarchy_of(replace(MESH, texcoords=PANEL), DENIM)
+    coarse = coarser(fine)
 
     def off() -> float:
-        way = carried(fine.rungs[0], _rolled(coarse.part.points), fine.part) - _rolled(MESH.points)
+        way = prolong_shape(fine.coarsenings[0], _rolled(coarse.part.points), fine.part) - _rolled(MESH.points)
         return float(np.sqrt(np.mean(np.sum(way**2, axis=1))))
 
     rounded = off()
-    monkeypatch.setattr(coarse_garments, "ROUND", 0.0)
+    monkeypatch.setattr(coarse_garments, "ROUNDING", 0.0)
     assert rounded < ROUNDER * off()
 
 
@@ -96,26 +102,26 @@ def _rolled(points: np.ndarray) -> np.ndarray:
 
 def test_a_limp_garment_is_drawn_out_by_its_weight_no_more_than_a_little() -> None:
     stiff = Fabric(stretch_warp=4e5, stretch_weft=2e5)
-    ladder = ladder_of(replace(MESH, texcoords=PANEL), stiff)
-    limp = ladder.below(limp=True)
+    hierarchy = hierarchy_of(replace(MESH, texcoords=PANEL), stiff)
+    limp = hierarchy.coarser(limp=True)
     assert limp is not None
     softer = limp.part.rest.fabric
     assert softer is not None
     load = limp.part.rest.vertex_weight.sum() / np.sqrt(limp.part.rest.area)
-    assert np.sqrt(load / softer.stretch_weft) == pytest.approx(LIMP)
+    assert np.sqrt(load / softer.stretch_weft) == pytest.approx(LIMP_STRAIN)
     assert softer.stretch_warp == pytest.approx(2.0 * softer.stretch_weft)
-    assert below(ladder).part.rest.fabric == stiff
+    assert coarser(hierarchy).part.rest.fabric == stiff
     assert limp_fabric(Fabric(), load) == Fabric()  # soft enough as it is
 
 
 def test_a_garment_of_unknown_rest_shape_stays_as_it_is() -> None:
     rest = replace(build_rest_shape(MESH, DENIM, rest="mesh"), corners=None)
-    ladder = build_ladder(GarmentPart(MESH.points, MESH.triangles, rest, NO_PINS))
-    assert ladder.rungs == ()
-    assert ladder.below() is None
+    hierarchy = build_hierarchy(GarmentPart(MESH.points, MESH.triangles, rest, NO_PINS))
+    assert hierarchy.coarsenings == ()
+    assert hierarchy.coarser() is None
 
 
-def test_a_fit_tells_of_the_simplified_garments_that_it_started_from() -> None:
+def test_a_fit_tells_of_the_coarse_garments_that_it_started_from() -> None:
     overrides = ["garment.shape.vertices_per_side=33", "solver.method=multilevel"]
     worn = fit("hanging", device="cpu", overrides=overrides)
     assert worn.status is Status.AT_REST
@@ -125,7 +131,7 @@ def test_a_fit_tells_of_the_simplified_garments_that_it_started_from() -> None:
     assert level["iterations"] > 0
 
 
-def test_what_will_not_rest_as_simplified_still_fits() -> None:
+def test_what_will_not_rest_when_coarse_still_fits() -> None:
     overrides = ["garment.shape.vertices_per_side=33", "solver.method=multilevel", "solver.iterations=100"]
     worn = fit("hanging", device="cpu", overrides=overrides)
     assert worn.status is Status.ITERATION_LIMIT

@@ -11,7 +11,7 @@ from cloths import grid
 from warp_cloth.base.mesh import Mesh
 from warp_cloth.scene.shapes import TshirtShape
 from warp_cloth.shapes import build_garment
-from warp_cloth.solver.implicit.coarsen import Coarse, coarsen, rest_pattern
+from warp_cloth.solver.implicit.coarsen import Coarsening, coarsen, rest_pattern
 
 ROUNDING = 1e-12
 MESH = grid(21, 1.0)
@@ -19,7 +19,7 @@ PANEL = MESH.points[MESH.triangles][:, :, :2]
 NO_PINS = np.zeros(MESH.vertex_count, dtype=bool)
 
 
-def followed(found: Coarse, values: np.ndarray) -> np.ndarray:
+def followed(found: Coarsening, values: np.ndarray) -> np.ndarray:
     """Coarse values, shape [C, 3], carried to the finer vertices."""
     row = np.repeat(np.arange(len(found.start) - 1), np.diff(found.start))
     out = np.zeros((len(found.start) - 1, values.shape[1]))

@@ -24,7 +24,7 @@ from warp_cloth.model.result import Status
 from warp_cloth.scene import load_scene
 from warp_cloth.solver.certificate.certifier import Certifier, Tolerance
 from warp_cloth.solver.certificate.strains import edge_strains
-from warp_cloth.solver.implicit.coarse_garments import build_ladder
+from warp_cloth.solver.implicit.coarse_garments import build_hierarchy
 from warp_cloth.solver.implicit.multilevel import CHECK_EVERY, PACE_BOUNDS, MultilevelRelaxation
 from warp_cloth.solver.implicit.options import ImplicitOptions, Pace
 from warp_cloth.solver.loop import Outcome, relax_to_rest
@@ -52,7 +52,7 @@ def hanging(count: int, fabric: Fabric = FABRIC) -> GarmentPart:
 def relaxation_of(parts: list[GarmentPart], gathers: bool | None = None) -> MultilevelRelaxation:
     model = build_model(parts, device="cpu", precision="mixed", gathers=gathers)
     made = MultilevelRelaxation(
-        model, Collider(), StepOptions(method="multilevel"), [build_ladder(part) for part in parts]
+        model, Collider(), StepOptions(method="multilevel"), [build_hierarchy(part) for part in parts]
     )
     wp.force_load("cpu", modules=[kernel.module for kernel in made.kernels()])
     return made

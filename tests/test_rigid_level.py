@@ -12,7 +12,7 @@ from warp_cloth.garment.rest import build_rest_shape
 from warp_cloth.kernels.implicit.system import system_types
 from warp_cloth.material.fabric import Fabric
 from warp_cloth.model.model import ClothModel, build_model
-from warp_cloth.solver.implicit.coarse_garments import build_ladder
+from warp_cloth.solver.implicit.coarse_garments import build_hierarchy
 from warp_cloth.solver.implicit.coarse_levels import Level, build_levels
 from warp_cloth.solver.implicit.rigid_level import FOLLOWED, FRACTION, RigidCorrection, prolongation_over, rigid_depth
 from warp_cloth.solver.implicit.sparse import couples
@@ -31,7 +31,7 @@ def cloth() -> tuple[ClothModel, np.ndarray, list[Level]]:
     part = GarmentPart(points, mesh.triangles, build_rest_shape(mesh, Fabric(), rest="mesh"), np.zeros(0, np.int32))
     model = build_model([part], device="cpu", precision="float64")
     pairs = build_pairs(model).ends
-    levels = build_levels(model, [build_ladder(part)], pairs)
+    levels = build_levels(model, [build_hierarchy(part)], pairs)
     depth = rigid_depth(levels, model.vertex_count)
     assert depth is not None
     return model, pairs, levels[:depth]

@@ -15,7 +15,7 @@ from warp_cloth.kernels.implicit.sparse import sparse_types
 from warp_cloth.kernels.passes.step import NoCollider
 from warp_cloth.material.fabric import Fabric
 from warp_cloth.model.model import ClothModel
-from warp_cloth.solver.implicit.coarse_garments import build_ladder
+from warp_cloth.solver.implicit.coarse_garments import build_hierarchy
 from warp_cloth.solver.implicit.coarse_levels import build_levels
 from warp_cloth.solver.implicit.options import ImplicitOptions
 from warp_cloth.solver.implicit.step import ImplicitStep
@@ -100,7 +100,7 @@ def test_coarse_blocks_are_those_of_the_dense_product() -> None:
     model = model_of(mesh, rest, pins=pins)
     model.set_points(mesh.points * 1.05 + np.random.default_rng(1).normal(scale=1e-3, size=mesh.points.shape))
     table = build_pairs(model)
-    levels = build_levels(model, [build_ladder(part)], table.ends)
+    levels = build_levels(model, [build_hierarchy(part)], table.ends)
     assert len(levels) == 1
     step = ImplicitStep(model, None, NoCollider, table, levels, ImplicitOptions())
     step.linearisation.launch()

@@ -186,7 +186,7 @@ def tolerance_of(scene: Scene) -> Tolerance:
 
 
 def start_coarse(problem: Problem) -> tuple[LevelRun, ...]:
-    """Nested iteration, where the method has it: relaxes simplified garments first, and starts from their shapes."""
+    """Nested iteration, where the method has it: relaxes coarse garments first, and starts from their shapes."""
     relaxation = problem.relaxation
     if not isinstance(relaxation, MultilevelRelaxation) or problem.outfit.poses:
         return ()

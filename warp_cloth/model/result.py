@@ -71,7 +71,7 @@ class Penetration:
 
 @dataclass(frozen=True)
 class LevelRun:
-    """A relaxation that came before the fit's own: of a simplified garment, or of one in another fabric."""
+    """A relaxation that came before the fit's own: of a coarse garment, or of one in another fabric."""
 
     vertices: int
     iterations: int

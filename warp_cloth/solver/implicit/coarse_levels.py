@@ -11,7 +11,7 @@ import warp as wp
 
 from warp_cloth.base.mesh import Indices
 from warp_cloth.model.model import ClothModel
-from warp_cloth.solver.implicit.coarse_garments import Ladder
+from warp_cloth.solver.implicit.coarse_garments import Hierarchy
 from warp_cloth.solver.implicit.sparse import (
     Floats,
     Ints,
@@ -48,10 +48,10 @@ class CoarsestLevels:
     prolongation: Any  # from the level after
 
 
-def build_levels(model: ClothModel, ladders: Sequence[Ladder], pairs: Indices) -> list[Level]:
+def build_levels(model: ClothModel, hierarchies: Sequence[Hierarchy], pairs: Indices) -> list[Level]:
     """Coarse levels of all garments, finest first. ``pairs`` [N, 2] are the model's own."""
-    counts = [len(ladder.part.points) for ladder in ladders]
-    chains = [_prolongations(ladder) for ladder in ladders]
+    counts = [len(hierarchy.part.points) for hierarchy in hierarchies]
+    chains = [_prolongations(hierarchy) for hierarchy in hierarchies]
     levels = []
     for depth in range(max(len(chain) for chain in chains)):
         # a garment without further levels has no coarse vertices there, and follows nothing
@@ -77,18 +77,18 @@ def join_levels(levels: Sequence[Level], model: ClothModel) -> CoarsestLevels:
     return CoarsestLevels(numbers, merged(restriction).upload(model), merged(prolongation).upload(model))
 
 
-def _prolongations(ladder: Ladder) -> list[SparseMatrix]:
+def _prolongations(hierarchy: Hierarchy) -> list[SparseMatrix]:
     """How one garment's free vertices follow fewer ones, those fewer still, and so on."""
     chain = []
-    cloth = ladder.pattern
-    for rung in ladder.rungs:
+    cloth = hierarchy.pattern
+    for coarsening in hierarchy.coarsenings:
         if cloth is None:
             break
-        row = np.repeat(np.arange(len(cloth.pinned)), np.diff(rung.start))
-        free = ~cloth.pinned[row] & ~rung.cloth.pinned[rung.index] & (np.abs(rung.weight) > SMALLEST)
-        shape = (len(cloth.pinned), len(rung.kept))
-        chain.append(SparseMatrix(row[free], rung.index[free].astype(np.int64), rung.weight[free], shape))
-        cloth = rung.cloth
+        row = np.repeat(np.arange(len(cloth.pinned)), np.diff(coarsening.start))
+        free = ~cloth.pinned[row] & ~coarsening.cloth.pinned[coarsening.index] & (np.abs(coarsening.weight) > SMALLEST)
+        shape = (len(cloth.pinned), len(coarsening.kept))
+        chain.append(SparseMatrix(row[free], coarsening.index[free].astype(np.int64), coarsening.weight[free], shape))
+        cloth = coarsening.cloth
     return chain
 
 

@@ -1,8 +1,9 @@
-"""Coarser versions of a garment: fewer vertices of the same cloth, by collapsing edges in its rest shape.
+"""Mesh simplification by edge collapse in the rest shape: the same cloth with fewer vertices, and its prolongation.
 
 The rest shape is a mesh of its own: panels in the plane (or the mesh as loaded), where a vertex on a seam has one
-place in each panel, its *wedges*. A vertex is taken out by moving it onto a neighbour; on a seam or a hem only along
-it, at corners never. So panels keep their outlines, seams stay sewn, and the coarse rest lengths are true ones.
+position in each panel, its *wedges* (Hoppe, "Progressive Meshes", 1996). A vertex is removed by moving it onto a
+neighbour; on a seam or a hem only along it, at corners never. So panels keep their outlines, seams stay sewn, and the
+coarse rest lengths are true ones. Between rounds of collapses edges are flipped (Delaunay).
 """
 
 from __future__ import annotations
@@ -14,18 +15,17 @@ from numpy.typing import NDArray
 
 from warp_cloth.base.mesh import Indices
 from warp_cloth.base.topology import ragged_rows
-from warp_cloth.garment.rest import Floats
+from warp_cloth.solver.implicit.sparse import Floats, Ints, entries_of
 
-Ints = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 
 LEAST_QUALITY = 0.25  # 1: equilateral, 0: without area; thinner triangles make a coarse garment stiff
-CORNER = np.radians(40.0)  # a seam or hem that turns more keeps the vertex where it turns
-SPREAD = 0.3  # places outside the coarse outline are extrapolated by no more than this share
+CORNER = np.radians(40.0)  # a seam or hem that bends by more keeps the vertex there
+SPREAD = 0.3  # weights of positions outside the coarse outline are below 0 by no more than this
 LEAST_FLIP_GAIN = 1e-6  # of the two cotangents' sum; below, four vertices lie on one circle
-PASSES = 3  # of the search for vertices that may go at once
-ROUNDS = 24  # at most, to a level
-MOST_LEFT = 0.67  # share of the vertices; a level that keeps more is not worth its while
+PASSES = 3  # of the search for independent vertices
+ROUNDS = 24  # of collapses to a level, at most
+MOST_LEFT = 0.67  # fraction of the vertices; a level that keeps more is not worth its cost
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,15 +39,15 @@ class Pattern:
 
 
 @dataclass(frozen=True, eq=False)
-class Coarse:
-    """A coarser garment and how the finer one follows it: x_fine = sum of weight * x_coarse over a row."""
+class Coarsening:
+    """A coarser garment and the prolongation to the finer one: x_fine = sum of weight * x_coarse over a row."""
 
     cloth: Pattern
     kept: Indices  # its vertices in the finer garment
     wedges: Indices  # its wedges in the finer garment
     start: Indices  # rows of the finer garment's vertices, shape [V_fine + 1]
     index: Indices  # coarse vertices
-    weight: Floats
+    weight: Floats  # which add up to 1 in a row
 
 
 def rest_pattern(triangles: Indices, corners: Floats, pinned: Flags) -> Pattern:
@@ -61,8 +61,8 @@ def rest_pattern(triangles: Indices, corners: Floats, pinned: Flags) -> Pattern:
     )
 
 
-def hashed(ids: Ints) -> Floats:
-    """A number in [0, 1) for each id, always the same, without order."""
+def hash_fractions(ids: Ints) -> Floats:
+    """A pseudo-random number in [0, 1) for each id, always the same (splitmix64)."""
     x = (ids.astype(np.uint64) + np.uint64(1)) * np.uint64(0x9E3779B97F4A7C15)
     x ^= x >> np.uint64(29)
     x *= np.uint64(0xBF58476D1CE4E5B9)
@@ -71,7 +71,7 @@ def hashed(ids: Ints) -> Floats:
 
 
 def quality(a: Floats, b: Floats, c: Floats) -> Floats:
-    """4 sqrt(3) area over the sum of the squared sides, signed in the plane."""
+    """Shape of triangles, 4 sqrt(3) area / sum of squared sides: 1 if equilateral; signed in the plane."""
     u, v = b - a, c - a
     flat = u.shape[1] == 2
     double = u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0] if flat else np.linalg.norm(np.cross(u, v), axis=1)
@@ -79,16 +79,16 @@ def quality(a: Floats, b: Floats, c: Floats) -> Floats:
     return 2.0 * np.sqrt(3.0) * double / np.maximum(total, 1e-300)
 
 
-def faces_same_way(old: Floats, new: Floats) -> Flags:
-    """Whether triangles [N, 3, d] keep their side up (within some 80 degrees in space)."""
+def keeps_orientation(old: Floats, new: Floats) -> Flags:
+    """Whether triangles [N, 3, d] keep their side up (in space, within some 80 degrees)."""
     if old.shape[2] == 2:
         return quality(old[:, 0], old[:, 1], old[:, 2]) * quality(new[:, 0], new[:, 1], new[:, 2]) > 0.0
     n = [np.cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0]) for t in (old, new)]
     return (n[0] * n[1]).sum(1) > 0.2 * np.linalg.norm(n[0], axis=1) * np.linalg.norm(n[1], axis=1)
 
 
-class _Star:
-    """What one round needs to know of the mesh as it stands."""
+class _Adjacency:
+    """Neighbours and outlines of the mesh as one round finds it."""
 
     def __init__(self, cloth: Pattern, vertex_count: int) -> None:
         wedges = cloth.triangles.astype(np.int64)
@@ -96,7 +96,7 @@ class _Star:
         self.corners = cloth.vertex[wedges].astype(np.int64)
         self.count = vertex_count
         wedge_count = len(cloth.vertex)
-        # sides both ways: wedge key tells panel edges, vertex key edges
+        # sides in both directions: equal wedge keys are one panel edge, equal vertex keys one edge
         w0, w1 = wedges.ravel(), np.roll(wedges, -1, axis=1).ravel()
         v0, v1 = self.corners.ravel(), np.roll(self.corners, -1, axis=1).ravel()
         side_key = np.minimum(w0, w1) * wedge_count + np.maximum(w0, w1)
@@ -126,95 +126,92 @@ class _Star:
         return np.where(self.half_key[at] == key, at, -1)
 
     def wedge_at(self, wedge: Ints, end: Ints) -> Ints:
-        """The wedge of vertex ``end`` in the panel where ``wedge`` is its neighbour, -1 where there is none."""
+        """The wedge of vertex ``end`` that neighbours ``wedge`` in its panel, -1 where there is none."""
         key = wedge * self.count + end
         at = np.minimum(np.searchsorted(self.pair_key, key), len(self.pair_key) - 1)
         return np.where(self.pair_key[at] == key, self.pair_wedge[at], -1)
 
     def around(self, value: Floats) -> Floats:
-        """Least of a vertex's and its neighbours' values, shape [V]; inf where there are none."""
+        """Smallest of a vertex's and its neighbours' values, shape [V]."""
         least = np.full(self.count, np.inf)
         used = np.flatnonzero(self.half_start[1:] > self.half_start[:-1])
         least[used] = np.minimum.reduceat(value[self.half_to], self.half_start[used])
         return np.minimum(least, value)
 
 
-def _expand(start: Ints, rows: Ints) -> tuple[Ints, Ints]:
-    """For each of ``rows``: its place in ``rows``, repeated, and the entries start[row] .. start[row + 1]."""
-    count = start[rows + 1] - start[rows]
-    owner = np.repeat(np.arange(len(rows)), count)
-    first = np.cumsum(count) - count
-    return owner, start[rows][owner] + np.arange(len(owner)) - first[owner]
-
-
-def _removable(star: _Star, cloth: Pattern) -> Flags:
-    """Vertices inside a panel, and those on a seam or hem that runs straight on."""
-    points = cloth.place[star.wedges]
+def _removable(adjacency: _Adjacency, cloth: Pattern) -> Flags:
+    """Vertices inside a panel, and those where a seam or hem runs straight."""
+    points = cloth.place[adjacency.wedges]
     angle = np.zeros(len(cloth.vertex))
     for corner in range(3):
         u = points[:, (corner + 1) % 3] - points[:, corner]
         v = points[:, (corner + 2) % 3] - points[:, corner]
         size = np.linalg.norm(u, axis=1) * np.linalg.norm(v, axis=1)
         cosine = np.clip((u * v).sum(1) / np.maximum(size, 1e-300), -1.0, 1.0)
-        angle += np.bincount(star.wedges[:, corner], np.arccos(cosine), len(angle))
-    lines = np.bincount(star.half_from, star.half_outline, star.count).astype(int)
+        angle += np.bincount(adjacency.wedges[:, corner], np.arccos(cosine), len(angle))
+    lines = np.bincount(adjacency.half_from, adjacency.half_outline, adjacency.count).astype(int)
     present = np.zeros(len(angle), dtype=bool)
-    present[star.wedges.ravel()] = True
+    present[adjacency.wedges.ravel()] = True
     bent = present & (np.abs(angle - np.pi) > CORNER)
-    corner_like = np.zeros(star.count, dtype=bool)
+    corner_like = np.zeros(adjacency.count, dtype=bool)
     corner_like[cloth.vertex[bent]] = True
-    alive = star.half_start[1:] > star.half_start[:-1]
+    alive = adjacency.half_start[1:] > adjacency.half_start[:-1]
     return alive & ((lines == 0) | ((lines == 2) & ~corner_like))
 
 
-def _chosen(star: _Star, cloth: Pattern, open_: Flags) -> Ints:
-    """Vertices to take out at once: no two are neighbours, those in dense places first."""
-    points = cloth.place[star.wedges]
+def _independent_vertices(adjacency: _Adjacency, cloth: Pattern, candidates: Flags) -> Ints:
+    """Candidates to remove at once, no two of them neighbours, those with the smallest triangles first."""
+    points = cloth.place[adjacency.wedges]
     area = np.abs(
         np.linalg.norm(points[:, 1] - points[:, 0], axis=1) * np.linalg.norm(points[:, 2] - points[:, 0], axis=1)
     )
-    size = np.bincount(star.corners.ravel(), np.repeat(area, 3), star.count)
-    lines = np.bincount(star.half_from, star.half_outline, star.count) > 0
-    key = np.where(open_, size * (1.0 + hashed(np.arange(star.count))) * np.where(lines, 2.0, 1.0), np.inf)
-    chosen = np.zeros(star.count, dtype=bool)
+    size = np.bincount(adjacency.corners.ravel(), np.repeat(area, 3), adjacency.count)
+    lines = np.bincount(adjacency.half_from, adjacency.half_outline, adjacency.count) > 0
+    shuffled = size * (1.0 + hash_fractions(np.arange(adjacency.count)))
+    key = np.where(candidates, shuffled * np.where(lines, 2.0, 1.0), np.inf)
+    chosen = np.zeros(adjacency.count, dtype=bool)
     for _ in range(PASSES):
-        new = np.isfinite(key) & (star.around(key) == key)
+        new = np.isfinite(key) & (adjacency.around(key) == key)
         chosen |= new
-        near = star.around(np.where(new, 0.0, 1.0)) == 0.0
+        near = adjacency.around(np.where(new, 0.0, 1.0)) == 0.0
         key = np.where(near, np.inf, key)
     found = np.flatnonzero(chosen)
     return found[np.argsort(size[found], kind="stable")]
 
 
-def _judge(star: _Star, cloth: Pattern, half: Ints) -> tuple[Floats, Ints, Ints, Ints]:
-    """How good each collapse half[i] is (-1: not allowed); and its changed corners: owner, flat corner, new wedge."""
-    u, v = star.half_from[half], star.half_to[half]
+def _collapse_qualities(adjacency: _Adjacency, cloth: Pattern, half: Ints) -> tuple[Floats, Ints, Ints, Ints]:
+    """Worst triangle that each collapse half[i] leaves (-1: not allowed), and its changed corners.
+
+    Returns:
+        quality of each collapse; then of each changed corner its collapse, its flat index and its new wedge.
+    """
+    u, v = adjacency.half_from[half], adjacency.half_to[half]
     score = np.full(len(half), np.inf)
-    owner, at = _expand(star.half_start, u)
-    w = star.half_to[at]
-    shared = np.bincount(owner, star.half(v[owner], w) >= 0, len(half))  # neighbours of both; v is none of its own
-    score[shared != star.half_sides[half]] = -1.0
-    owner, at = _expand(star.corner_start.astype(np.int64), u)
-    corner = star.corner_order[at]
+    owner, at = entries_of(adjacency.half_start, u)
+    w = adjacency.half_to[at]
+    shared = np.bincount(owner, adjacency.half(v[owner], w) >= 0, len(half))  # neighbours of both ends
+    score[shared != adjacency.half_sides[half]] = -1.0
+    owner, at = entries_of(adjacency.corner_start.astype(np.int64), u)
+    corner = adjacency.corner_order[at]
     triangle = corner // 3
-    stays = ~(star.corners[triangle] == v[owner][:, None]).any(axis=1)
+    stays = ~(adjacency.corners[triangle] == v[owner][:, None]).any(axis=1)
     owner, corner, triangle = owner[stays], corner[stays], triangle[stays]
-    wedge = star.wedge_at(star.wedges.ravel()[corner], v[owner])
+    wedge = adjacency.wedge_at(adjacency.wedges.ravel()[corner], v[owner])
     score[owner[wedge < 0]] = -1.0
-    old = cloth.place[star.wedges[triangle]]
+    old = cloth.place[adjacency.wedges[triangle]]
     new = old.copy()
     new[np.arange(len(corner)), corner % 3] = cloth.place[np.maximum(wedge, 0)]
-    good = np.abs(quality(new[:, 0], new[:, 1], new[:, 2]))
-    good[~faces_same_way(old, new)] = -1.0
-    np.minimum.at(score, owner, good)
+    shape = np.abs(quality(new[:, 0], new[:, 1], new[:, 2]))
+    shape[~keeps_orientation(old, new)] = -1.0
+    np.minimum.at(score, owner, shape)
     return score, owner, corner, wedge
 
 
-def _weights(star: _Star, cloth: Pattern, corner: Ints, wedge: Ints) -> Floats:
-    """Where a corner lies in its triangle once that corner has moved to ``wedge``: weights, shape [N, 3]."""
+def _weights(adjacency: _Adjacency, cloth: Pattern, corner: Ints, wedge: Ints) -> Floats:
+    """Barycentric weights of a corner's old position in its triangle, once it has moved to ``wedge``, shape [N, 3]."""
     rows = np.arange(len(corner))
-    spot = cloth.place[star.wedges.ravel()[corner]]
-    new = cloth.place[star.wedges[corner // 3]]
+    spot = cloth.place[adjacency.wedges.ravel()[corner]]
+    new = cloth.place[adjacency.wedges[corner // 3]]
     new[rows, corner % 3] = cloth.place[wedge]
     u, v, d = new[:, 1] - new[:, 0], new[:, 2] - new[:, 0], spot - new[:, 0]
     uu, uv, vv = (u * u).sum(1), (u * v).sum(1), (v * v).sum(1)
@@ -224,16 +221,20 @@ def _weights(star: _Star, cloth: Pattern, corner: Ints, wedge: Ints) -> Floats:
     return np.stack([1.0 - s - t, s, t], axis=1)
 
 
-def _round(cloth: Pattern, blocked: Flags, most: int) -> tuple[Pattern, Ints, Ints, Floats, Flags]:
-    """Takes out up to ``most`` vertices; returns them with the three that each follows, and their weights."""
-    star = _Star(cloth, len(cloth.pinned))
-    chosen = _chosen(star, cloth, _removable(star, cloth) & ~blocked)[: 2 * most]
-    owner, half = _expand(star.half_start, chosen)
-    u, v = star.half_from[half], star.half_to[half]
-    on_line = np.bincount(star.half_from, star.half_outline, star.count) > 0
-    allowed = (~on_line[u] | star.half_outline[half]) & (~cloth.pinned[u] | cloth.pinned[v])
+def _collapse_round(cloth: Pattern, blocked: Flags, most: int) -> tuple[Pattern, Ints, Ints, Floats, Flags]:
+    """Removes up to ``most`` vertices by one round of independent collapses.
+
+    Returns:
+        the pattern, the removed vertices, the three that each follows, their weights, and which cannot be removed.
+    """
+    adjacency = _Adjacency(cloth, len(cloth.pinned))
+    chosen = _independent_vertices(adjacency, cloth, _removable(adjacency, cloth) & ~blocked)[: 2 * most]
+    owner, half = entries_of(adjacency.half_start, chosen)
+    u, v = adjacency.half_from[half], adjacency.half_to[half]
+    on_line = np.bincount(adjacency.half_from, adjacency.half_outline, adjacency.count) > 0
+    allowed = (~on_line[u] | adjacency.half_outline[half]) & (~cloth.pinned[u] | cloth.pinned[v])
     half, owner = half[allowed], owner[allowed]
-    score, part, corner, wedge = _judge(star, cloth, half)
+    score, part, corner, wedge = _collapse_qualities(adjacency, cloth, half)
     best = np.full(len(chosen), -1.0)
     np.maximum.at(best, owner, score)
     blocked = blocked.copy()
@@ -243,45 +244,45 @@ def _round(cloth: Pattern, blocked: Flags, most: int) -> tuple[Pattern, Ints, In
     winner = winner[first][:most]
     mine = np.isin(part, winner)
     part, corner, wedge = part[mine], corner[mine], wedge[mine]
-    kept = np.isin(part, np.setdiff1d(winner, _clashing(star, part, corner, star.half_to[half])))
+    kept = np.isin(part, np.setdiff1d(winner, _conflicting(adjacency, part, corner, adjacency.half_to[half])))
     part, corner, wedge = part[kept], corner[kept], wedge[kept]
 
-    weights = _weights(star, cloth, corner, wedge)
+    weights = _weights(adjacency, cloth, corner, wedge)
     order = np.lexsort((-weights.min(axis=1), part))
     _, first = np.unique(part[order], return_index=True)
     pick = order[first]
     weights = np.clip(weights[pick], -SPREAD, 1.0 + SPREAD)
     weights /= weights.sum(axis=1, keepdims=True)
-    gone = star.half_from[half][part[pick]]
-    follows = star.corners[corner[pick] // 3].copy()
-    follows[np.arange(len(pick)), corner[pick] % 3] = star.half_to[half][part[pick]]
-    return _without(cloth, star, gone, corner, wedge), gone, follows, weights, blocked
+    removed = adjacency.half_from[half][part[pick]]
+    follows = adjacency.corners[corner[pick] // 3].copy()
+    follows[np.arange(len(pick)), corner[pick] % 3] = adjacency.half_to[half][part[pick]]
+    return _collapsed(cloth, adjacency, removed, corner, wedge), removed, follows, weights, blocked
 
 
-def _clashing(star: _Star, part: Ints, corner: Ints, end: Ints) -> Ints:
-    """Those of the collapses that would make an edge that an earlier one makes, too."""
-    nexts = star.corners.ravel()[corner // 3 * 3 + (corner % 3 + 1) % 3]
-    lasts = star.corners.ravel()[corner // 3 * 3 + (corner % 3 + 2) % 3]
+def _conflicting(adjacency: _Adjacency, part: Ints, corner: Ints, end: Ints) -> Ints:
+    """Those of the collapses that would make the same edge as an earlier one."""
+    nexts = adjacency.corners.ravel()[corner // 3 * 3 + (corner % 3 + 1) % 3]
+    lasts = adjacency.corners.ravel()[corner // 3 * 3 + (corner % 3 + 2) % 3]
     fresh, ends, parts = np.concatenate([nexts, lasts]), np.tile(end[part], 2), np.tile(part, 2)
-    key = np.minimum(fresh, ends) * star.count + np.maximum(fresh, ends)
+    key = np.minimum(fresh, ends) * adjacency.count + np.maximum(fresh, ends)
     pairs = np.unique(np.column_stack([key, parts]), axis=0)
     twice = np.flatnonzero(pairs[1:, 0] == pairs[:-1, 0]) + 1
     return np.unique(pairs[twice, 1])
 
 
-def _without(cloth: Pattern, star: _Star, gone: Ints, corner: Ints, wedge: Ints) -> Pattern:
-    """The pattern after these corners have moved to these wedges."""
-    wedges = star.wedges.copy().ravel()
+def _collapsed(cloth: Pattern, adjacency: _Adjacency, removed: Ints, corner: Ints, wedge: Ints) -> Pattern:
+    """The pattern without the removed vertices, after these corners have moved to these wedges."""
+    wedges = adjacency.wedges.copy().ravel()
     wedges[corner] = wedge
     wedges = wedges.reshape(-1, 3)
-    out = np.zeros(star.count, dtype=bool)
-    out[gone] = True
+    out = np.zeros(adjacency.count, dtype=bool)
+    out[removed] = True
     wedges = wedges[~out[cloth.vertex[wedges]].any(axis=1)]
     return Pattern(wedges.astype(np.int32), cloth.place, cloth.vertex, cloth.pinned)
 
 
-def _flipped(cloth: Pattern, vertex_count: int) -> Pattern:
-    """Edges inside panels turned where that makes rounder triangles (Delaunay)."""
+def _flip_edges(cloth: Pattern, vertex_count: int) -> Pattern:
+    """The pattern with edges inside panels flipped where that makes rounder triangles (Delaunay)."""
     wedges = cloth.triangles.astype(np.int64)
     count = len(cloth.vertex)
     starts, ends, tips = wedges.ravel(), np.roll(wedges, -1, axis=1).ravel(), np.roll(wedges, -2, axis=1).ravel()
@@ -295,7 +296,7 @@ def _flipped(cloth: Pattern, vertex_count: int) -> Pattern:
     gain = -(_cotangent(a - c, b - c) + _cotangent(a - d, b - d))
     old = np.stack([a, b, c], axis=1)
     rounder = gain > LEAST_FLIP_GAIN
-    rounder &= faces_same_way(old, np.stack([a, d, c], axis=1)) & faces_same_way(old, np.stack([d, b, c], axis=1))
+    rounder &= keeps_orientation(old, np.stack([a, d, c], axis=1)) & keeps_orientation(old, np.stack([d, b, c], axis=1))
 
     def edge_key(first: Ints, second: Ints) -> Ints:
         v0, v1 = cloth.vertex[first].astype(np.int64), cloth.vertex[second].astype(np.int64)
@@ -303,8 +304,8 @@ def _flipped(cloth: Pattern, vertex_count: int) -> Pattern:
 
     new = edge_key(tips[one], tips[two])
     rounder &= ~np.isin(new, np.unique(edge_key(starts, ends))) & (cloth.vertex[tips[one]] != cloth.vertex[tips[two]])
-    # a triangle turns one edge at a time, the one that gains most, and no edge is made twice
-    gain = np.where(rounder, gain * (1.0 + 1e-9 * hashed(np.arange(len(gain)))), -np.inf)
+    # a triangle flips one edge at a time, the one that gains most, and no edge is made twice
+    gain = np.where(rounder, gain * (1.0 + 1e-9 * hash_fractions(np.arange(len(gain)))), -np.inf)
     best = np.full(len(wedges), -np.inf)
     np.maximum.at(best, one // 3, gain)
     np.maximum.at(best, two // 3, gain)
@@ -317,13 +318,13 @@ def _flipped(cloth: Pattern, vertex_count: int) -> Pattern:
 
 
 def _cotangent(u: Floats, v: Floats) -> Floats:
-    """Of the angle between u and v."""
+    """Cotangent of the angle between u and v."""
     dot = (u * v).sum(1)
     return np.asarray(dot / np.sqrt(np.maximum((u * u).sum(1) * (v * v).sum(1) - dot**2, 1e-300)))
 
 
-def coarsen(cloth: Pattern, target: int) -> Coarse | None:
-    """The garment with about ``target`` vertices, or None where it cannot lose a third of them."""
+def coarsen(cloth: Pattern, target: int) -> Coarsening | None:
+    """The garment with about ``target`` vertices, or None if it cannot lose a third of them."""
     count = len(cloth.pinned)
     now = cloth
     row = column = np.arange(count)
@@ -333,13 +334,13 @@ def coarsen(cloth: Pattern, target: int) -> Coarse | None:
     for _ in range(ROUNDS):
         if left <= target:
             break
-        now, gone, follows, weights, blocked = _round(now, blocked, left - target)
-        if len(gone) == 0:
+        now, removed, follows, weights, blocked = _collapse_round(now, blocked, left - target)
+        if len(removed) == 0:
             break
-        now = _flipped(now, count)
-        left -= len(gone)
+        now = _flip_edges(now, count)
+        left -= len(removed)
         place = np.full(count, -1)
-        place[gone] = np.arange(len(gone))
+        place[removed] = np.arange(len(removed))
         moves = place[column] >= 0
         at = place[column[moves]]
         row = np.concatenate([row[~moves], np.repeat(row[moves], 3)])
@@ -350,11 +351,11 @@ def coarsen(cloth: Pattern, target: int) -> Coarse | None:
         value = np.bincount(number, value).astype(np.float64)
     if left > MOST_LEFT * count:
         return None
-    return _relabelled(now, row, column, value, count)
+    return _renumbered(now, row, column, value, count)
 
 
-def _relabelled(cloth: Pattern, row: Ints, col: Ints, value: Floats, count: int) -> Coarse:
-    """Coarse vertices and wedges numbered from 0."""
+def _renumbered(cloth: Pattern, row: Ints, col: Ints, value: Floats, count: int) -> Coarsening:
+    """Numbers the coarse vertices and wedges from 0."""
     kept = np.unique(col)
     number = np.full(count, -1)
     number[kept] = np.arange(len(kept))
@@ -368,7 +369,7 @@ def _relabelled(cloth: Pattern, row: Ints, col: Ints, value: Floats, count: int)
         cloth.pinned[kept],
     )
     start = np.searchsorted(row, np.arange(count + 1))
-    return Coarse(
+    return Coarsening(
         coarse,
         kept.astype(np.int32),
         used.astype(np.int32),

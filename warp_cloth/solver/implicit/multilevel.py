@@ -16,7 +16,7 @@ from warp_cloth.garment.part import GarmentPart
 from warp_cloth.kernels.certificate.residual import energy_kernels
 from warp_cloth.model.model import ClothModel
 from warp_cloth.solver.certificate.strains import edge_strains
-from warp_cloth.solver.implicit.coarse_garments import Ladder, build_ladder
+from warp_cloth.solver.implicit.coarse_garments import Hierarchy, build_hierarchy
 from warp_cloth.solver.implicit.coarse_levels import build_levels
 from warp_cloth.solver.implicit.options import ImplicitOptions, Pace
 from warp_cloth.solver.implicit.step import ImplicitStep
@@ -54,16 +54,16 @@ class MultilevelRelaxation(Relaxation):
         model: ClothModel,
         collider: Collider,
         options: StepOptions,
-        ladders: Sequence[Ladder],
+        hierarchies: Sequence[Hierarchy],
         implicit: ImplicitOptions | None = None,
     ) -> None:
         self.options, self.implicit_options = options, implicit or ImplicitOptions()
-        self.ladders = tuple(ladders)
+        self.hierarchies = tuple(hierarchies)
         self.collider = collider  # that the garments start with
         self._implicit: ImplicitStep | None = None
         super().__init__(model, collider, replace(per_vertex_options(options), threads=1))
         table = build_pairs(model)
-        levels = build_levels(model, ladders, table.ends)
+        levels = build_levels(model, hierarchies, table.ends)
         self._implicit = ImplicitStep(
             model, self.avatar_contact, self.collider_type, table, levels, self.implicit_options
         )
@@ -193,8 +193,8 @@ def build_relaxation(
         options = replace(options, cap=caps[0])
     if cloth_contact is not None:
         return Relaxation(model, colliders, per_vertex_options(options), cloth_contact)
-    ladders = {id(part): build_ladder(part) for part in {id(part): part for part in parts}.values()}
-    return MultilevelRelaxation(model, colliders[0], options, [ladders[id(part)] for part in parts])
+    hierarchies = {id(part): build_hierarchy(part) for part in {id(part): part for part in parts}.values()}
+    return MultilevelRelaxation(model, colliders[0], options, [hierarchies[id(part)] for part in parts])
 
 
 def per_vertex_options(options: StepOptions) -> StepOptions:
