@@ -43,7 +43,7 @@ def test_a_painted_garment_equals_the_one_with_angles(tmp_path: Path) -> None:
     by_image = build_rest_shape(mesh, fabric, rest="uv", grain=Grain(texture=painted(tmp_path / "grain.png")))
     plain = build_rest_shape(mesh, fabric, rest="uv")
     for name in ("slope", "law"):
-        angle, image = (getattr(rest.weave, name) for rest in (by_angle, by_image))
+        angle, image = (getattr(rest.yarns, name) for rest in (by_angle, by_image))
         assert image == pytest.approx(angle, abs=HUE_STEP * np.abs(angle).max())
     assert np.abs(by_angle.weave.slope - plain.weave.slope).max() > 0.5 * np.abs(plain.weave.slope).max()
     assert by_image.hinge_stiffness == pytest.approx(by_angle.hinge_stiffness, rel=0.02)
@@ -106,5 +106,5 @@ def test_a_scene_states_grain_by_panel_and_by_image(tmp_path: Path) -> None:
     wanted = build_rest_shape(
         mesh, fabric_named("denim"), rest="mesh", grain=Grain(30.0, {"square": 45.0}, tmp_path / "grain.png")
     )
-    assert (part.rest.weave.slope == wanted.weave.slope).all()
+    assert (part.rest.yarns.slope == wanted.weave.slope).all()
     assert scene.settings()["garment"][0]["grain_panels"] == {"square": 45.0}

@@ -109,4 +109,4 @@ def test_a_sewn_shirt_of_nine_digits_is_the_same_cloth_in_any_unit(shared_data: 
     for name in ("edge_length", "edge_pull", "edge_push", "hinge_stiffness", "vertex_weight"):
         assert np.array_equal(getattr(first, name), getattr(second, name))
     for name in ("triangles", "corners", "slope", "law"):
-        assert np.array_equal(getattr(first.weave, name), getattr(second.weave, name))
+        assert np.array_equal(getattr(first.yarns, name), getattr(second.yarns, name))

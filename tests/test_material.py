@@ -197,7 +197,7 @@ def test_fabrics_without_threads_have_none_and_woven_edges_do_not_pull() -> None
     mesh = swatch(0.05, 0.05, 0.01, "alternating")
     even = model_of(mesh, build_rest_shape(mesh, Fabric(), rest="uv"))
     woven = model_of(mesh, build_rest_shape(mesh, fabric_named("cotton"), rest="uv"))
-    assert even.weave is None
+    assert even.yarns is None
     assert thread_summaries(measured_strains(even).of_threads()) == {}
     assert (even.terms.edges, even.terms.threads) == (True, False)
     assert (woven.terms.edges, woven.terms.threads) == (False, True)
@@ -212,13 +212,13 @@ def test_a_curved_mesh_without_panels_is_told_to_be_even() -> None:
     flat = swatch(0.05, 0.05, 0.01, "alternating")
     bent = replace(flat, points=flat.points + np.array([0.0, 1.0, 0.0]) * flat.points[:, :1] ** 2, texcoords=None)
     rest = build_rest_shape(bent, fabric_named("cotton"), rest="mesh")
-    assert rest.weave is None
+    assert rest.yarns is None
     assert "no texture coordinates to tell warp from weft" in rest.notes[0]
     plain = build_rest_shape(bent, resolve_fabric({"stretch": 5e3}), rest="mesh")
-    assert plain.weave is None  # nothing is lost: it is even
+    assert plain.yarns is None  # nothing is lost: it is even
     assert not plain.notes
     known = build_rest_shape(replace(flat, texcoords=None), fabric_named("cotton"), rest="mesh")
-    assert known.weave is not None
+    assert known.yarns is not None
     assert not known.notes
 
 

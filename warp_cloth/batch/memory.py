@@ -67,7 +67,7 @@ def collider_bytes(scene: Scene, outfit: Outfit) -> tuple[int, int]:
     points = np.concatenate([part.points for part in outfit.parts])
     lower, upper = avatar.bounds()
     low, high = np.maximum(points.min(axis=0), lower) - MARGIN, np.minimum(points.max(axis=0), upper) + MARGIN
-    spacing = max(PIXELS_PER_SPACING * scene.collision.pixel_mm * 1e-3, LEAST_SPACING)
+    spacing = max(PIXELS_PER_SPACING * scene.collision.pixel, LEAST_SPACING)
     nodes = float(np.prod(np.maximum(high - low, 0.0) / spacing + 4.0))
     return mesh + int(FIELD_NODE * nodes), int(GRIDS_AT_ONCE * GRID_NODE * nodes)
 

@@ -87,7 +87,7 @@ def run_avatar_bench(
     closing = closing_of(avatar)
     avatar = closing.closed(avatar) if closing.encloses else avatar
     garment = np.concatenate([mesh.points for mesh in outfit.garments])
-    offset = scene.collision.offset_mm * 1e-3
+    offset = scene.collision.offset
     exact = build_exact_collider(avatar, device)
     surface = near_surface(avatar, exact, garment, *_bounds(garment, avatar))
     places = named_places(surface)
@@ -97,9 +97,9 @@ def run_avatar_bench(
             progress(kind)
         options = ContactOptions(
             kind,
-            pixel=scene.collision.pixel_mm * 1e-3,
+            pixel=scene.collision.pixel,
             offset=offset,
-            error=scene.collision.error_mm * 1e-3,
+            error=scene.collision.error,
             device=device,
         )
         place = scene.avatar.place if scene.avatar is not None else "avatar"

@@ -182,7 +182,7 @@ def tolerance_of(scene: Scene) -> Tolerance:
     """The scene's tolerances in SI units."""
     solver = scene.solver
     growing = math.inf if solver.method == "direct" else GROWING  # the paper's rule never stops oscillating
-    return Tolerance(solver.residual, solver.residual_p99, solver.tolerance_mm * 1e-3, growing)
+    return Tolerance(solver.residual, solver.residual_p99, solver.tolerance, growing)
 
 
 def start_coarse(problem: Problem) -> tuple[LevelRun, ...]:
@@ -264,9 +264,9 @@ def _avatar_contact(scene: Scene, outfit: Outfit, device: str, cache: Cache) -> 
         solid = cache.get_or_make("solid", (avatar,), partial(solid_of, avatar))
     options = ContactOptions(
         kind,
-        pixel=scene.collision.pixel_mm * 1e-3,
-        offset=scene.collision.offset_mm * 1e-3,
-        error=scene.collision.error_mm * 1e-3,
+        pixel=scene.collision.pixel,
+        offset=scene.collision.offset,
+        error=scene.collision.error,
         device=device,
         reach=DEFAULT_REACH + highest_lift(scene),
     )

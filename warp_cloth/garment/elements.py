@@ -24,8 +24,8 @@ class Elements:
     rest: Floats  # cosine and sine of its rest angle, shape [E, 2]
     corners: Indices  # shape [F, 3]
     edges: Indices  # opposite to each corner, -1 - edge where the hinge's turn counts the other way, shape [F, 3]
-    slope: Floats  # of the threads, zero where there are none, shape [F, 4]
-    threads: Floats  # their law, shape [F, 4]
+    slope: Floats  # as YarnConstants.slope, zero where there are no yarns, shape [F, 4]
+    yarns: Floats  # as YarnConstants.law, shape [F, 4]
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,14 +69,14 @@ def garment_elements(triangles: Indices, rest: RestShape, winding: Winding | Non
     angles[:, 0] = 1.0
     if rest.hinge_angle is not None:
         angles[edge, 0], angles[edge, 1] = np.cos(rest.hinge_angle[stiff]), np.sin(rest.hinge_angle[stiff])
-    slope, threads = (np.zeros((len(triangles), 4)) for _ in range(2))
-    if rest.weave is not None:
-        slope[rest.weave.triangles], threads[rest.weave.triangles] = rest.weave.slope, rest.weave.law
+    slope, yarns = (np.zeros((len(triangles), 4)) for _ in range(2))
+    if rest.yarns is not None:
+        slope[rest.yarns.triangles], yarns[rest.yarns.triangles] = rest.yarns.slope, rest.yarns.law
     law = np.stack([rest.edge_length, rest.edge_pull, rest.edge_push], axis=1)
-    return Elements(winding.ends, law, winding.beside, fold, angles, triangles, winding.edges, slope, threads)
+    return Elements(winding.ends, law, winding.beside, fold, angles, triangles, winding.edges, slope, yarns)
 
 
 def elements_of(elements: Elements, real: type[np.floating[Any]]) -> Elements:
     """The elements with numbers as a device takes them."""
-    floats = {name: getattr(elements, name).astype(real) for name in ("law", "fold", "rest", "slope", "threads")}
+    floats = {name: getattr(elements, name).astype(real) for name in ("law", "fold", "rest", "slope", "yarns")}
     return replace(elements, **floats)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from warp_cloth.garment.part import GarmentPart
 from warp_cloth.garment.rest import Floats, RestShape
-from warp_cloth.material.constants import WeaveShape
+from warp_cloth.material.constants import YarnConstants
 
 ROUNDS = 40  # of raising the energy until it holds itself
 MOST_STEPS = 400  # edges on the way from a pin; a bound is not worth more work than this
@@ -24,7 +24,7 @@ def reach_box(part: GarmentPart) -> tuple[Floats, Floats] | None:
     cannot give is never passed.
     """
     rest = part.rest
-    ways = _edge_ways(rest, part.points) if rest.weave is None else _woven_ways(rest.weave, part.points)
+    ways = _edge_ways(rest, part.points) if rest.yarns is None else _woven_ways(rest.yarns, part.points)
     if not len(part.pins) or not len(ways.ends) or not (ways.stiffness > 0.0).all():
         return None
     start = ways.start + 7.0 * float(rest.hinge_stiffness.sum())  # C (t - sin t) is at most 2 pi C
@@ -68,20 +68,20 @@ def _edge_ways(rest: RestShape, points: Floats) -> _Ways:
     )
 
 
-def _woven_ways(weave: WeaveShape, points: Floats) -> _Ways:
+def _woven_ways(yarns: YarnConstants, points: Floats) -> _Ways:
     """The sides of woven triangles: each is so much along weft and so much along warp."""
-    inverse = weave.slope[:, [0, 2, 1, 3]].reshape(-1, 2, 2)  # [T, corner, direction]
+    inverse = yarns.slope[:, [0, 2, 1, 3]].reshape(-1, 2, 2)  # [T, corner, direction]
     sides = np.swapaxes(np.linalg.inv(inverse), 1, 2)  # [T, corner, direction], from the first corner
     parts = np.abs(np.stack([sides[:, 0], sides[:, 1], sides[:, 1] - sides[:, 0]], axis=1))
-    stiffness = np.broadcast_to(weave.law[:, None, :2], parts.shape)
-    ends = weave.corners[:, [[0, 1], [0, 2], [1, 2]]].reshape(-1, 2)
-    corners = points[weave.corners]
-    threads = np.einsum("tcx,tcd->tdx", corners[:, 1:] - corners[:, :1], inverse)  # as drawn now, of unit rest
-    bias = np.stack([threads[:, 0] + threads[:, 1], threads[:, 0] - threads[:, 1]], axis=1) / np.sqrt(2.0)
-    strain = np.linalg.norm(np.concatenate([threads, bias], axis=1), axis=2) - 1.0
-    law = weave.law[:, [0, 1, 2, 2]]
-    weaker = np.where(strain > 0.0, 1.0, weave.law[:, 3:])
-    energy = float((law * weaker * np.abs(strain) ** 3).sum() / 3.0)
+    stiffness = np.broadcast_to(np.stack([yarns.weft, yarns.warp], axis=1)[:, None], parts.shape)
+    ends = yarns.corners[:, [[0, 1], [0, 2], [1, 2]]].reshape(-1, 2)
+    corners = points[yarns.corners]
+    straight = np.einsum("tcx,tcd->tdx", corners[:, 1:] - corners[:, :1], inverse)  # now, of unit length at rest
+    bias = np.stack([straight[:, 0] + straight[:, 1], straight[:, 0] - straight[:, 1]], axis=1) / np.sqrt(2.0)
+    strain = np.linalg.norm(np.concatenate([straight, bias], axis=1), axis=2) - 1.0
+    each = np.stack([yarns.weft, yarns.warp, yarns.bias, yarns.bias]).T
+    weaker = np.where(strain > 0.0, 1.0, yarns.compression)
+    energy = float((each * weaker * np.abs(strain) ** 3).sum() / 3.0)
     return _Ways(ends, parts.reshape(-1, 2), stiffness.reshape(-1, 2), energy)
 
 

@@ -20,7 +20,7 @@ from warp_cloth.garment.panels import check_axes, check_scale, check_seams, pane
 from warp_cloth.garment.triangles import triangle_areas, triangle_sides
 from warp_cloth.loading.repair import RestKind
 from warp_cloth.material.bending import hinge_constants
-from warp_cloth.material.constants import Sheet, WeaveShape, edge_constants, lay_flat, thread_constants
+from warp_cloth.material.constants import Sheet, YarnConstants, edge_constants, lay_flat, yarn_constants
 from warp_cloth.material.fabric import Fabric, unlikely_values
 
 Floats = NDArray[np.float64]
@@ -46,7 +46,7 @@ class RestShape:
     vertex_weight: Floats  # [N], shape [V]
     area: float  # of the cloth [m2]
     notes: tuple[str, ...] = ()  # what was guessed or mended, for the report
-    weave: WeaveShape | None = None  # threads of a woven fabric, whose edges do not pull
+    yarns: YarnConstants | None = None  # of a woven fabric, whose edges do not pull
     hinge_angle: Floats | None = None  # at rest [rad], shape [H]; None: flat
     sheet: Sheet | None = None  # the rest shape triangle by triangle, for maps
     corners: Floats | None = None  # of every triangle in the panels or the mesh as loaded [m], shape [F, 3, 2 or 3]
@@ -263,7 +263,7 @@ def _constants(geometry: RestGeometry, weight: Floats, fabric: Fabric) -> RestSh
         "edge_push": fabric.compression * pull,
         "hinge_stiffness": hinge_constants(sheet, fabric, length),
         "vertex_weight": weight,
-        "weave": thread_constants(sheet, fabric) if woven else None,
+        "yarns": yarn_constants(sheet, fabric) if woven else None,
         "fabric": fabric,
     }
     return in_geometry(own, geometry)

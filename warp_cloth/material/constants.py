@@ -1,4 +1,4 @@
-"""Constants of edges, threads and hinges from a fabric and a rest shape, for one material on every mesh.
+"""Constants of edges, yarns and hinges from a fabric and a rest shape, for one material on every mesh.
 
 Everything is float64 on the host. A network of edges or hinges answers an even deformation by its directions and
 sizes; so each takes a share by its rest geometry, and two factors per garment, one for warp and one for weft, are then
@@ -21,26 +21,34 @@ if TYPE_CHECKING:
 
 Floats = NDArray[np.float64]
 
-# A regular grid pulled along its threads bears on one of its three edge families, and an equilateral one, its sides
+# A regular grid pulled along its yarns bears on one of its three edge families, and an equilateral one, its sides
 # free, likewise: so each edge answers for three times the area that it carries (a third of its triangles').
 EDGE_SHARE = 3.0
 DIRECTIONS = 180  # over half a turn: a degree apart, by which strains differ by at most 2 %
 EQUAL_ROUNDS = 40  # of the fixed point for the two factors
 NEWTON_ROUNDS = 40
-# A mesh may lack edges along a thread altogether. Beyond these factors its other edges would be another material.
+# A mesh may have no edges along warp or weft. Beyond these factors its other edges would be another material.
 LEAST_FACTOR, MOST_FACTOR = 0.2, 20.0
-LEAST_RESISTED = 1e-30  # share of the bias threads' K below which nothing resists contraction
-THINNEST_SHARE = 1e-6  # of the median triangle's area; thinner ones carry no threads
+LEAST_RESISTED = 1e-30  # fraction of the bias yarns' K below which nothing resists contraction
+THINNEST_SHARE = 1e-6  # of the median triangle's area; thinner triangles carry no yarns
 
 
 @dataclass(frozen=True, eq=False)
-class WeaveShape:
-    """Threads of woven triangles (kernels.laws.yarn), T triangles."""
+class YarnConstants:
+    """Yarns of the T woven triangles of a garment (kernels.laws.yarn)."""
 
-    triangles: Indices  # of the garment's triangles those that carry threads, shape [T]
+    triangles: Indices  # those of the garment's triangles that carry yarns, shape [T]
     corners: Indices  # shape [T, 3]
     slope: Floats  # of second and third corner along weft, then warp [1/m], shape [T, 4]
-    law: Floats  # area times K of weft, warp and bias threads [N m], and c, shape [T, 4]
+    weft: Floats  # area times K of the weft yarns [N m], shape [T]
+    warp: Floats
+    bias: Floats  # of each of the two bias yarns
+    compression: float  # c of the fabric
+
+    @property
+    def law(self) -> Floats:
+        """Packed for the device (kernels.base.types Weave.law): weft, warp, bias, compression; shape [T, 4]."""
+        return np.stack([self.weft, self.warp, self.bias, np.full_like(self.weft, self.compression)], axis=1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,22 +182,28 @@ def _pulled(shares: Floats, factors: Floats, compression: float, direction: floa
     return cubes @ shares
 
 
-def thread_constants(sheet: Sheet, fabric: Fabric) -> WeaveShape:
-    """Threads of every triangle that has an area; the law by ``thread_stretches``."""
+def yarn_constants(sheet: Sheet, fabric: Fabric) -> YarnConstants:
+    """Yarns of every triangle that has an area, of the stiffnesses that ``yarn_stretches`` computes."""
     shear = fabric.shear if fabric.shear is not None else 0.0
-    warp, weft, bias = thread_stretches(fabric.stretch_warp, fabric.stretch_weft, shear, fabric.compression)
+    warp, weft, bias = yarn_stretches(fabric.stretch_warp, fabric.stretch_weft, shear, fabric.compression)
     used = sheet.areas > THINNEST_SHARE * float(np.median(sheet.areas))
     flat, areas = sheet.flat[used], sheet.areas[used]
     sides = np.swapaxes(flat[:, 1:] - flat[:, :1], 1, 2)  # columns are the sides from the first corner
     inverse = np.linalg.inv(sides)  # [F, corner, direction]
     slope = np.stack([inverse[:, 0, 0], inverse[:, 1, 0], inverse[:, 0, 1], inverse[:, 1, 1]], axis=1)
-    law = areas[:, None] * np.array([weft, warp, bias, 0.0])
-    law[:, 3] = fabric.compression
-    return WeaveShape(np.flatnonzero(used).astype(np.int32), sheet.triangles[used].astype(np.int32), slope, law)
+    return YarnConstants(
+        triangles=np.flatnonzero(used).astype(np.int32),
+        corners=sheet.triangles[used].astype(np.int32),
+        slope=slope,
+        weft=areas * weft,
+        warp=areas * warp,
+        bias=areas * bias,
+        compression=fabric.compression,
+    )
 
 
-def thread_stretches(warp: float, weft: float, shear: float, compression: float) -> tuple[float, float, float]:
-    """K of warp, weft and bias threads [N/m] such that the cloth has these stretches and this shear.
+def yarn_stretches(warp: float, weft: float, shear: float, compression: float) -> tuple[float, float, float]:
+    """K of warp, weft and bias yarns [N/m] such that the cloth has these stretches and this shear.
 
     Sheared by an angle g, the biases have strains of +-g/2 and energy (1 + c) K_b / 3 (g / 2)^3 per area, so K_b =
     8 shear / (1 + c). Pulled by e with its sides free, the cloth contracts by t e where that costs least, and bears

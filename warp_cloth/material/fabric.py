@@ -117,7 +117,7 @@ class Fabric:
     def even_shear(self) -> float:
         """Shear [N/m] of cloth whose four threads are alike, with the smaller stretch of this.
 
-        Then warp, weft and both biases have one stretch K_b, with which ``material.thread_stretches`` is solved.
+        Then warp, weft and both biases have one stretch K_b, with which ``material.yarn_stretches`` is solved.
         """
         c, stretch = self.compression, min(self.stretch_warp, self.stretch_weft)
         t = 1.0 / (1.0 + 2.0 * math.sqrt(c))  # what pulled cloth contracts by, of what it is pulled by

@@ -18,6 +18,7 @@ from warp_cloth.garment.part import GarmentPart, terms_of
 from warp_cloth.garment.rest import RestShape
 from warp_cloth.kernels.base.options import Terms
 from warp_cloth.kernels.base.types import cloth_types
+from warp_cloth.material.constants import YarnConstants
 from warp_cloth.model.patches.on_device import Patches, device_patches
 from warp_cloth.model.upload import joined
 
@@ -150,7 +151,7 @@ def build_model(
         edge_start=edge_start,
         triangle_count=triangle_start[-1],
         hinge_count=hinge_count,
-        weave_start=_starts([0 if rest.weave is None else len(rest.weave.corners) for rest in rests]),
+        weave_start=_starts([0 if rest.yarns is None else len(rest.yarns.corners) for rest in rests]),
         terms=terms,
         vertices=_vertices(types, upload, lay, parts, vertex_start, item_start, terms.pins),
         state=_state(types, lay, parts, device),
@@ -198,7 +199,7 @@ def _triangles(
         triangles.edges = lay([each.edges for each in garments], wp.vec3i, starts=edge_start, signed=True)
     if terms.threads:
         triangles.slope = lay([each.slope for each in garments], types.vec4)
-        triangles.threads = lay([each.threads for each in garments], types.vec4)
+        triangles.threads = lay([each.yarns for each in garments], types.vec4)
     return triangles
 
 
@@ -235,17 +236,18 @@ def _stiff_hinges(rest: RestShape, types: Any, angles: bool) -> tuple[NDArray[An
 
 def _weave(types: Any, lay: Any, rests: Sequence[RestShape], vertex_start: tuple[int, ...], cache: Cache) -> Any | None:
     """Woven triangles of all garments."""
-    woven = [(rest.weave, first) for rest, first in zip(rests, vertex_start, strict=False) if rest.weave is not None]
+    woven = [(rest.yarns, first) for rest, first in zip(rests, vertex_start, strict=False) if rest.yarns is not None]
     if not woven:
         return None
     real = wp.dtype_to_numpy(types.real)
+
+    def packed(yarns: YarnConstants, name: str) -> NDArray[Any]:
+        return np.asarray(getattr(yarns, name).astype(real))
+
     weave = types.Weave()
     weave.corners = lay([shape.corners for shape, _ in woven], wp.vec3i, starts=[first for _, first in woven])
     for name in ("slope", "law"):
-        each = [
-            cache.get_or_make(name, (shape,), partial(getattr(shape, name).astype, real), types.name)
-            for shape, _ in woven
-        ]
+        each = [cache.get_or_make(name, (shape,), partial(packed, shape, name), types.name) for shape, _ in woven]
         setattr(weave, name, lay(each, types.vec4))
     return weave
 

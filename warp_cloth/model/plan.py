@@ -71,7 +71,7 @@ def _may_meet(scene: Scene, outfit: Outfit) -> bool:
         return False
     if scene.collision.cloth:  # layers push one another apart, and no energy bounds how far
         return True
-    gap = scene.collision.offset_mm * 1e-3
+    gap = scene.collision.offset
     boxes = [outfit.avatar.bounds(), *((pose.min(axis=0), pose.max(axis=0)) for pose in outfit.poses)]
     low, high = np.min([box[0] for box in boxes], axis=0), np.max([box[1] for box in boxes], axis=0)
     for part in outfit.parts:

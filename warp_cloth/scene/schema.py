@@ -240,6 +240,21 @@ class CollisionSpec(Table):
         default=False, description="contact of cloth with cloth; false: half the iterations, but folds may pass through"
     )
 
+    @property
+    def pixel(self) -> float:
+        """``pixel_mm`` in metres."""
+        return self.pixel_mm * 1e-3
+
+    @property
+    def offset(self) -> float:
+        """``offset_mm`` in metres."""
+        return self.offset_mm * 1e-3
+
+    @property
+    def error(self) -> float:
+        """``error_mm`` in metres."""
+        return self.error_mm * 1e-3
+
 
 class SolverSpec(Table):
     """How the rest shape is looked for, and when it is found."""
@@ -280,6 +295,11 @@ class SolverSpec(Table):
         le=64,
         description="of the CPU that share a garment's iterations, at most; None: one a core, where that pays",
     )
+
+    @property
+    def tolerance(self) -> float:
+        """``tolerance_mm`` in metres."""
+        return self.tolerance_mm * 1e-3
 
 
 class Scene(Table):

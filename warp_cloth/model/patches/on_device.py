@@ -202,7 +202,7 @@ def _patch_laws(elements: Elements, tables: PatchTables, terms: Terms) -> dict[s
     if terms.angles:
         laws["rest"] = elements.rest[tables.edge]
     if terms.threads:
-        laws["slope"], laws["threads"] = elements.slope[tables.triangle], elements.threads[tables.triangle]
+        laws["slope"], laws["threads"] = elements.slope[tables.triangle], elements.yarns[tables.triangle]
     return laws
 
 
