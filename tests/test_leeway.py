@@ -15,7 +15,7 @@ from warp_cloth.base.mesh import Mesh
 from warp_cloth.garment.part import GarmentPart
 from warp_cloth.garment.rest import build_rest_shape
 from warp_cloth.kernels.base.types import cloth_types
-from warp_cloth.kernels.elements.stiffness import symmetric_functions
+from warp_cloth.kernels.math.symmetric import inverse
 from warp_cloth.kernels.passes.step import loose_way
 from warp_cloth.material.fabric import Fabric
 from warp_cloth.model.model import ClothModel, build_model
@@ -138,7 +138,6 @@ def test_threads_drag_across_themselves_by_what_acts_there() -> None:
 
 SPARED = 1e-4  # of a matrix that is turned round, a millionth of its size is added: directions 20 times apart feel it
 pressed_way, SYMMETRIC = loose_way("float64"), cloth_types("float64").vec6
-inverse = symmetric_functions("float64").inverse
 
 
 @wp.kernel

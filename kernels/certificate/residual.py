@@ -14,9 +14,9 @@ from warp_cloth.kernels.base.types import (
     hinge_sides_function,
 )
 from warp_cloth.kernels.certificate.reaction import carried_function
-from warp_cloth.kernels.laws.bending import fold_energy, hinge_fold, turned_back
-from warp_cloth.kernels.laws.tension import tension_energy
-from warp_cloth.kernels.laws.yarn import thread_energy, warp_vector, weft_vector
+from warp_cloth.kernels.laws.bending import hinge_normals, rotated_back
+from warp_cloth.kernels.laws.energy import bending_energy, tension_energy, yarn_energy
+from warp_cloth.kernels.laws.yarn import bias_vectors, warp_vector, weft_vector, yarn_law
 from warp_cloth.kernels.passes.step import colliders_type
 
 
@@ -63,7 +63,7 @@ def residual_kernel(precision: str, avatar_contact: wp.Function | None, collider
 
 @functools.cache
 def energy_kernels(precision: str) -> SimpleNamespace:
-    """Kernels ``measure_tension`` and ``measure_weave``: energies, and strains of edges and stretches of threads."""
+    """Kernels ``measure_tension`` and ``measure_weave``: energies, and strains of edges and stretches of yarns."""
     types = cloth_types(precision)
     real, vec4 = types.real, types.vec4
     State, Edges, Weave = types.State, types.Edges, types.Weave
@@ -80,10 +80,8 @@ def energy_kernels(precision: str) -> SimpleNamespace:
         edge = wp.tid()
         law = edges.law[edge]
         length = wp.length(difference(state.position[edges.ends[edge][1]], state.position[edges.ends[edge][0]]))
-        energy_out[edge] = wp.float64(tension_energy(length, law[0], law[1], law[2]))
+        energy_out[edge] = wp.float64(tension_energy(length - law[0], law[1], law[2]))
         strain_out[edge] = (length - law[0]) / law[0]
-
-    half = wp.constant(real(0.5**0.5))
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def measure_weave(
@@ -95,19 +93,17 @@ def energy_kernels(precision: str) -> SimpleNamespace:
         """Energy and stretches of each woven triangle."""
         triangle = wp.tid()
         corners = weave.corners[triangle]
-        law = weave.law[triangle]
-        push = law * law[3]
+        weft_pull, warp_pull, shear_pull, compression = yarn_law(weave.law[triangle])
         slope = weave.slope[triangle]
         side_1 = difference(state.position[corners[1]], state.position[corners[0]])
         side_2 = difference(state.position[corners[2]], state.position[corners[0]])
-        along_u = weft_vector(slope, side_1, side_2)
-        along_v = warp_vector(slope, side_1, side_2)
-        plus = half * (along_u + along_v)
-        minus = half * (along_u - along_v)
-        energy = thread_energy(along_u, law[0], push[0]) + thread_energy(along_v, law[1], push[1])
-        energy += thread_energy(plus, law[2], push[2]) + thread_energy(minus, law[2], push[2])
+        weft, warp = weft_vector(slope, side_1, side_2), warp_vector(slope, side_1, side_2)
+        plus, minus = bias_vectors(weft, warp)
+        weft_push, warp_push, shear_push = weft_pull * compression, warp_pull * compression, shear_pull * compression
+        energy = yarn_energy(weft, weft_pull, weft_push) + yarn_energy(warp, warp_pull, warp_push)
+        energy += yarn_energy(plus, shear_pull, shear_push) + yarn_energy(minus, shear_pull, shear_push)
         energy_out[triangle] = wp.float64(energy)
-        stretch_out[triangle] = vec4(wp.length(along_u), wp.length(along_v), wp.length(plus), wp.length(minus))
+        stretch_out[triangle] = vec4(wp.length(weft), wp.length(warp), wp.length(plus), wp.length(minus))
 
     return SimpleNamespace(measure_tension=measure_tension, measure_weave=measure_weave)
 
@@ -129,12 +125,12 @@ def bending_energy_kernel(precision: str, angles: bool) -> wp.Kernel:
         hinge = wp.tid()
         corners = hinges.corners[hinge]
         axis, wing_0, wing_1 = hinge_sides(state.position, corners)
-        normal_0, normal_1, area_0, area_1 = hinge_fold(axis, wing_0, wing_1)
+        normal_0, normal_1, area_0, area_1 = hinge_normals(axis, wing_0, wing_1)
         if wp.static(angles):
-            normal_1 = turned_back(normal_1, axis, hinges.rest[hinge])
+            normal_1 = rotated_back(normal_1, axis, hinges.rest[hinge])
         energy = real(0.0)
         if area_0 > real(0.0) and area_1 > real(0.0):
-            energy = fold_energy(normal_0, normal_1, hinges.stiffness[hinge])
+            energy = bending_energy(normal_0, normal_1, hinges.stiffness[hinge])
         energy_out[hinge] = wp.float64(energy)
 
     return measure_bending

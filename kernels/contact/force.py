@@ -29,8 +29,9 @@ from warp_cloth.kernels.contact.narrow_phase_queue import (
     queue_stride,
     queued,
 )
-from warp_cloth.kernels.contact.squeeze import slant_functions, squeeze_functions
+from warp_cloth.kernels.contact.squeeze import slant_functions
 from warp_cloth.kernels.laws.friction import friction_slide
+from warp_cloth.kernels.laws.squeeze import squeeze_energy, squeeze_force, squeeze_stiffness
 from warp_cloth.kernels.math.real import inner, quotient, root, scaled_sum
 from warp_cloth.kernels.patches.packing import order_functions
 
@@ -159,8 +160,7 @@ def pair_function(precision: str, fourth: str, sort: int, in_order: bool) -> wp.
         apart_function(precision, sort),
     )
     move_at = order_functions(precision, packed=False, in_order=in_order).move_at
-    squeeze, slant_share, add_pair = squeeze_functions(real), slant_functions(real).share, add_functions(real).add_pair
-    squeeze_force, squeeze_stiffness, squeeze_energy = squeeze.force, squeeze.stiffness, squeeze.energy
+    slant_share, add_pair = slant_functions(real).share, add_functions(real).add_pair
     one, nothing, least = wp.constant(real(1.0)), wp.constant(real(0.0)), wp.constant(real(LEAST_SHARE))
     most, by_lean = wp.constant(real(1.0 / LEAST_SHARE)), wp.constant(real(1.0 / LEAN))
 

@@ -1,4 +1,4 @@
-"""Two bits of cloth that touch: where they are nearest, and how hard their fabric pushes back when squeezed.
+"""Two pieces of cloth in contact: where they are nearest, and how much nearly parallel edges count.
 
 In float32 where forces are: how far apart two bits are is subtracted in float64, and where they are nearest need not be
 known so well, as the distance is least there.
@@ -94,35 +94,6 @@ def nearest_functions(real: type) -> SimpleNamespace:
 
 
 nearest_on_triangle = nearest_functions(wp.float64).on_triangle
-
-
-@functools.cache
-def squeeze_functions(real: type) -> SimpleNamespace:
-    """Functions ``energy``, ``force`` and ``stiffness`` of two bits of cloth nearer than their thickness h.
-
-    E = m h^2 (1/x + 3 x - x^2 - 3) = m h^2 y^3 / x, x = d / h, y = 1 - x: zero with zero slope and curvature at x = 1,
-    without bound towards x = 0; ``modulus`` m [N/m], ``inverse`` 1/x. As products, which lose no digits near x = 1
-    where y is known as well.
-    """
-    one, two, three = wp.constant(real(1.0)), wp.constant(real(2.0)), wp.constant(real(3.0))
-
-    @wp.func
-    def energy(y: real, inverse: real, thickness: real, modulus: real):
-        """Energy [J]."""
-        return modulus * thickness * thickness * (y * y * y * inverse)
-
-    @wp.func
-    def force(y: real, inverse: real, thickness: real, modulus: real):
-        """Force [N] that pushes them apart, -dE/dd = m h (1/x^2 - 3 + 2 x) = m h (y/x)^2 (3 - 2 y)."""
-        steep = y * inverse
-        return modulus * thickness * (steep * steep * (three - two * y))
-
-    @wp.func
-    def stiffness(inverse: real, modulus: real):
-        """Stiffness [N/m], d2E/dd2 = 2 m (1/x^3 - 1)."""
-        return two * modulus * (inverse * inverse * inverse - one)
-
-    return SimpleNamespace(energy=energy, force=force, stiffness=stiffness)
 
 
 @functools.cache

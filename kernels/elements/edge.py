@@ -10,16 +10,18 @@ from typing import Any
 import warp as wp
 
 from warp_cloth.kernels.base.types import BOUNDS, cloth_types, difference_function, takes_exact_stretch
-from warp_cloth.kernels.laws.bending import SHORTEST, hinge_turn, turned_back
-from warp_cloth.kernels.laws.tension import drag_across, share_across, stretch_force, tension_force, tension_stiffness
-from warp_cloth.kernels.math.packet import alike, four, most, part, products, scaled, three, times
-from warp_cloth.kernels.math.real import inner, quotient, root, scaled_sum, shaped
+from warp_cloth.kernels.laws.bending import SHORTEST, hinge_torque, rotated_back
+from warp_cloth.kernels.laws.tension import damped_change, tension_force, tension_stiffness, transverse_fraction
+from warp_cloth.kernels.math.lanes import WIDTH, lane_types
+from warp_cloth.kernels.math.operators import add, div, mul, sub  # noqa: F401  what + - * / below call for packets
+from warp_cloth.kernels.math.packet import component, maximum, vector3, vector4
+from warp_cloth.kernels.math.real import inner, root, scaled_sum
 
 
 @functools.cache
 def spans_type(precision: str) -> type:
     """The struct of eight edges that is what ``Span`` is of one."""
-    types = shaped(cloth_types(precision).real, True)
+    types = lane_types(cloth_types(precision).real, WIDTH)
 
     @wp.struct
     class Spans:
@@ -47,7 +49,7 @@ def span_functions(precision: str, fourth: str) -> SimpleNamespace:
         span = Span()
         span.side = side
         span.length = edge_length(span.side)
-        span.inverse = quotient(real(1.0), span.length)
+        span.inverse = real(1.0) / span.length
         if wp.static(fourth in BOUNDS):
             span.change = second_move - first_move
             span.move = size
@@ -65,50 +67,56 @@ def span_functions(precision: str, fourth: str) -> SimpleNamespace:
 
 
 @functools.cache
-def edge_functions(precision: str, fourth: str, angles: bool, eight: bool = False) -> SimpleNamespace:
+def edge_functions(precision: str, fourth: str, angles: bool, lanes: int = 1) -> SimpleNamespace:
     """Functions ``edge_load`` (its tension) and ``edge_fold`` (its hinge, with rest angles or flat).
 
-    Of one edge, with ``edge_span``; or of ``eight``, none of which is measured exactly or has a rest angle.
+    Of one edge, with ``edge_span``; or of a packet, none of which is measured exactly or has a rest angle.
     """
-    types, shapes = cloth_types(precision), shaped(cloth_types(precision).real, eight)
+    types, shapes = cloth_types(precision), lane_types(cloth_types(precision).real, lanes)
     real, wide, vec2, Step = types.real, types.wide, types.vec2, types.Step
     one, vec3, vec4 = shapes.real, shapes.vec3, shapes.vec4
-    Span, exact = spans_type(precision) if eight else types.Span, takes_exact_stretch(precision, fourth)
+    Span, exact = spans_type(precision) if lanes > 1 else types.Span, takes_exact_stretch(precision, fourth)
 
     @wp.func
     def edge_load(span: Span, law: vec3, step: Step):
         """Load of an edge's tension on its first end; on the second the force is the opposite."""
-        rest, pull, push = part(law, 0), part(law, 1), part(law, 2)
-        tension = tension_force(span.length, rest, pull, push)
+        rest, pull, push = component(law, 0), component(law, 1), component(law, 2)
+        stretch = span.length - rest
         if wp.static(exact):
             # r - L = (r^2 - L^2) / (r + L)
-            excess = real(inner(span.exact, span.exact) - wide(law[0]) * wide(law[0]))
-            tension = stretch_force(quotient(excess, span.length + law[0]), law[1], law[2])
-        force = scaled(span.side, products(tension, span.inverse))
-        bound = alike(rest, real(0.0))
+            stretch = real(inner(span.exact, span.exact) - wide(rest) * wide(rest)) / (span.length + rest)
+        tension = tension_force(stretch, pull, push)
+        force = span.side * (tension * span.inverse)
+        bound = one(0.0)
         if wp.static(fourth in BOUNDS):
             size = root(inner(span.change, span.change))
-            bound = tension_stiffness(span.length, rest, pull, push, times(size, step.reach))
+            bound = tension_stiffness(stretch, pull, push, size * step.reach)
             change = span.change
             if wp.static(fourth == "leeway"):
-                share = share_across(span.length, rest, pull, push, bound, size, step.horizon)
-                change = drag_across(span.side, rest, span.change, share, step.buckling)
+                fraction = transverse_fraction(span.length, tension, bound, size, step.horizon)
+                change = damped_change(span.side, rest, span.change, fraction, step.buckling)
             # calms neighbours that swing against each other, leaves what moves together its momentum, nothing at rest
-            force = scaled_sum(change, times(bound, step.viscosity), force)
+            force = scaled_sum(change, bound * step.viscosity, force)
         if wp.static(fourth == "size"):
             bound = wp.length(force)
-        return four(part(force, 0), part(force, 1), part(force, 2), bound)
+        return vector4(component(force, 0), component(force, 1), component(force, 2), bound)
 
     @wp.func
-    def edge_fold(span: Span, first: vec4, second: vec4, stiffness: one, rest: vec2, step: Step):
-        """Turn of an edge's hinge [N], bound of its stiffness [N/m] and L^2 [m2], from its triangles' normals."""
-        normal_0 = three(part(first, 0), part(first, 1), part(first, 2))
-        normal_1 = three(part(second, 0), part(second, 1), part(second, 2))
+    def edge_fold(span: Span, first: vec4, second: vec4, bending_stiffness: one, rest: vec2, step: Step):
+        """Torque of an edge's hinge over its length L [N], bound of its stiffness [N/m] and L^2 [m2].
+
+        ``first`` and ``second`` are of ``triangle_normal``.
+        """
+        normal_0 = vector3(component(first, 0), component(first, 1), component(first, 2))
+        normal_1 = vector3(component(second, 0), component(second, 1), component(second, 2))
         if wp.static(angles):
-            normal_1 = turned_back(normal_1, span.side, rest)
-        inverse_0, inverse_1, reach = part(first, 3), part(second, 3), times(span.move, step.reach)
-        turn, bound = hinge_turn(normal_0, inverse_0, normal_1, inverse_1, span.side, span.length, stiffness, reach)
-        return three(products(turn, span.inverse), bound, inner(span.side, span.side))
+            normal_1 = rotated_back(normal_1, span.side, rest)
+        reach = span.move * step.reach
+        torque, bound = hinge_torque(
+            normal_0, component(first, 3), normal_1, component(second, 3),
+            span.side, span.length, bending_stiffness, reach,
+        )  # fmt: skip
+        return vector3(torque * span.inverse, bound, inner(span.side, span.side))
 
     spans = span_functions(precision, fourth)
     return SimpleNamespace(
@@ -120,4 +128,4 @@ def edge_functions(precision: str, fourth: str, angles: bool, eight: bool = Fals
 def edge_length(side: Any):
     """Length of an edge [m], never 0."""
     length = root(inner(side, side))
-    return most(length, alike(length, SHORTEST))
+    return maximum(length, type(length)(SHORTEST))

@@ -12,22 +12,22 @@ import warp as wp
 from warp_cloth.kernels.base.options import Terms
 from warp_cloth.kernels.base.types import BOUNDS, cloth_types, difference_function, takes_exact_stretch
 from warp_cloth.kernels.laws.bending import unit_normal
-from warp_cloth.kernels.laws.yarn import slope_shares, stretched_pulls, thread_shares, warp_vector, weft_vector
-from warp_cloth.kernels.math.packet import (
-    alike,
-    differences,
-    four,
-    most,
-    opposite,
-    part,
-    products,
-    scaled,
-    sizes,
-    sums,
-    three,
-    times,
+from warp_cloth.kernels.laws.yarn import (
+    slope_fractions,
+    split_damping,
+    warp_vector,
+    weft_and_warp,
+    weft_vector,
+    yarn_products,
+    yarn_slopes,
+    yarn_squares,
+    yarn_stiffness,
+    yarn_tension,
 )
-from warp_cloth.kernels.math.real import chosen, fused, inner, inverses, roots, scaled_sum, shaped
+from warp_cloth.kernels.math.lanes import lane_types
+from warp_cloth.kernels.math.operators import add, div, mul, sub  # noqa: F401  what + - * / below call for packets
+from warp_cloth.kernels.math.packet import absolute, component, vector3, vector4
+from warp_cloth.kernels.math.real import fused, inner, reciprocal, root, scaled_sum
 
 
 @functools.cache
@@ -62,29 +62,29 @@ def triangle_functions(precision: str, fourth: str) -> SimpleNamespace:
 
 
 @functools.cache
-def corner_fold_function(precision: str, fourth: str, eight: bool = False) -> wp.Function:
-    """The function that adds what a triangle's hinges do to its corners to their loads; of one or of eight."""
-    types = shaped(cloth_types(precision).real, eight)
-    vec3, vec4, corner_folds = types.vec3, types.vec4, _fold_function(precision, fourth, eight)
+def corner_fold_function(precision: str, fourth: str, lanes: int = 1) -> wp.Function:
+    """The function that adds what a triangle's hinges do to its corners to their loads."""
+    types = lane_types(cloth_types(precision).real, lanes)
+    vec3, vec4, corner_folds = types.vec3, types.vec4, _fold_function(precision, fourth, lanes)
 
     @wp.func
     def with_fold(load: vec4, normal: vec4, along: types.real, more: types.real):
         """Load of a corner and what ``corner_folds`` says of it."""
-        return four(
-            fused(part(normal, 0), along, part(load, 0)),
-            fused(part(normal, 1), along, part(load, 1)),
-            fused(part(normal, 2), along, part(load, 2)),
-            sums(part(load, 3), more),
+        return vector4(
+            fused(component(normal, 0), along, component(load, 0)),
+            fused(component(normal, 1), along, component(load, 1)),
+            fused(component(normal, 2), along, component(load, 2)),
+            component(load, 3) + more,
         )
 
     @wp.func
     def with_folds(normal: vec4, fold_0: vec3, fold_1: vec3, fold_2: vec3, first: vec4, second: vec4, third: vec4):
         """Loads of the corners and of the hinges of the triangle's sides."""
-        along, more = corner_folds(part(normal, 3), fold_0, fold_1, fold_2)
+        along, more = corner_folds(component(normal, 3), fold_0, fold_1, fold_2)
         return (
-            with_fold(first, normal, part(along, 0), part(more, 0)),
-            with_fold(second, normal, part(along, 1), part(more, 1)),
-            with_fold(third, normal, part(along, 2), part(more, 2)),
+            with_fold(first, normal, component(along, 0), component(more, 0)),
+            with_fold(second, normal, component(along, 1), component(more, 1)),
+            with_fold(third, normal, component(along, 2), component(more, 2)),
         )
 
     return with_folds
@@ -95,14 +95,14 @@ def corner_function(precision: str, fourth: str, terms: Terms) -> wp.Function:
     """The function that says what a triangle does to its corners, by all terms that there are."""
     types = cloth_types(precision)
     vec3, vec4, Sides, Step = types.vec3, types.vec4, types.Sides, types.Step
-    with_folds, thread_loads = corner_fold_function(precision, fourth), thread_function(precision, fourth)
+    with_folds, yarn_loads = corner_fold_function(precision, fourth), yarn_function(precision, fourth)
     exact_excess = _excess_function(precision)
 
     @wp.func
     def corner_loads(
         normal: vec4, fold_0: vec3, fold_1: vec3, fold_2: vec3, sides: Sides, slope: vec4, law: vec4, step: Step
     ):
-        """Loads of the corners: of the triangle's threads, then of the hinges of its sides."""
+        """Loads of the corners: of the triangle's yarns, then of the hinges of its sides."""
         first = vec4()
         second = vec4()
         third = vec4()
@@ -110,7 +110,7 @@ def corner_function(precision: str, fourth: str, terms: Terms) -> wp.Function:
             excess = vec4()
             if wp.static(takes_exact_stretch(precision, fourth)):
                 excess = exact_excess(sides, slope)
-            force_0, force_1, force_2, parts = thread_loads(
+            force_0, force_1, force_2, parts = yarn_loads(
                 sides.side_1, sides.side_2, excess, sides.change_1, sides.change_2, slope, law, step
             )
             first = vec4(force_0[0], force_0[1], force_0[2], parts[0])
@@ -123,15 +123,14 @@ def corner_function(precision: str, fourth: str, terms: Terms) -> wp.Function:
     return corner_loads
 
 
-def _fold_function(precision: str, fourth: str, eight: bool) -> wp.Function:
-    real, types = cloth_types(precision).real, shaped(cloth_types(precision).real, eight)
+def _fold_function(precision: str, fourth: str, lanes: int) -> wp.Function:
+    types = lane_types(cloth_types(precision).real, lanes)
     one, vec3 = types.real, types.vec3
-    half = wp.constant(real(0.5))
 
     @wp.func
     def foot(own: one, other: one, opposite_side: one):
         """Dot product of two sides that leave a corner, from the squares of all three."""
-        return times(differences(sums(own, other), opposite_side), half)
+        return (own + other - opposite_side) * one(0.5)
 
     @wp.func
     def corner_folds(inverse: one, fold_0: vec3, fold_1: vec3, fold_2: vec3):
@@ -147,93 +146,59 @@ def _fold_function(precision: str, fourth: str, eight: bool) -> wp.Function:
             fold_1: that of the next.
             fold_2: that of the last.
         """
-        square_0, square_1, square_2 = part(fold_0, 2), part(fold_1, 2), part(fold_2, 2)
+        square_0, square_1, square_2 = component(fold_0, 2), component(fold_1, 2), component(fold_2, 2)
         dot_0 = foot(square_1, square_2, square_0)
         dot_1 = foot(square_2, square_0, square_1)
         dot_2 = foot(square_0, square_1, square_2)
-        push_0, push_1 = products(part(fold_0, 0), inverse), products(part(fold_1, 0), inverse)
-        push_2 = products(part(fold_2, 0), inverse)
-        along_1 = fused(push_1, square_1, opposite(fused(push_0, dot_2, products(push_2, dot_0))))
-        along_2 = fused(push_2, square_2, opposite(fused(push_0, dot_1, products(push_1, dot_0))))
+        push_0, push_1 = component(fold_0, 0) * inverse, component(fold_1, 0) * inverse
+        push_2 = component(fold_2, 0) * inverse
+        along_1 = fused(push_1, square_1, -fused(push_0, dot_2, push_2 * dot_0))
+        along_2 = fused(push_2, square_2, -fused(push_0, dot_1, push_1 * dot_0))
         parts = vec3()
         if wp.static(fourth in BOUNDS):
             # a wing's bound is in its own triangle, an axis' in both of the hinge's
-            bound_0, bound_1, bound_2 = part(fold_0, 1), part(fold_1, 1), part(fold_2, 1)
-            halves = alike(bound_0, half)
-            both = times(sums(sums(bound_0, bound_1), bound_2), half)
-            parts = three(fused(bound_0, halves, both), fused(bound_1, halves, both), fused(bound_2, halves, both))
+            bound_0, bound_1, bound_2 = component(fold_0, 1), component(fold_1, 1), component(fold_2, 1)
+            half = one(0.5)
+            both = (bound_0 + bound_1 + bound_2) * half
+            parts = vector3(fused(bound_0, half, both), fused(bound_1, half, both), fused(bound_2, half, both))
         if wp.static(fourth == "size"):
             parts = vec3(
                 wp.abs(push_0) * square_0 + wp.abs(push_1 * dot_2) + wp.abs(push_2 * dot_1),
                 wp.abs(push_1) * square_1 + wp.abs(push_0 * dot_2) + wp.abs(push_2 * dot_0),
                 wp.abs(push_2) * square_2 + wp.abs(push_0 * dot_1) + wp.abs(push_1 * dot_0),
             )
-        return three(opposite(sums(along_1, along_2)), along_1, along_2), parts
+        return vector3(-(along_1 + along_2), along_1, along_2), parts
 
     return corner_folds
 
 
-def _thread_parts_function(precision: str, fourth: str, eight: bool) -> wp.Function:
-    real, types = cloth_types(precision).real, shaped(cloth_types(precision).real, eight)
+def _yarn_parts_function(precision: str, fourth: str, lanes: int) -> wp.Function:
+    real, types = cloth_types(precision).real, lane_types(cloth_types(precision).real, lanes)
     one, vec4 = types.real, types.vec4
-    # of the warp and weft threads' figures, and of those of both biases, whose slopes are taken sqrt(2) times too large
+    # of the weft and warp yarns' figures, and of those of both biases, whose slopes are taken sqrt(2) times too large
     straight = wp.constant(real(0.5 if fourth in BOUNDS else 1.0))
     bias = wp.constant(real(0.25 if fourth in BOUNDS else 0.5**0.5))
 
     @wp.func
-    def corner_share(slope_1: one, slope_2: one):
-        """What a thread's figure counts for at each corner: stiffness by ``slope_shares``, size by the slopes."""
-        share_0, share_1, share_2 = sizes(sums(slope_1, slope_2)), sizes(slope_1), sizes(slope_2)
+    def corner_fractions(slope_1: one, slope_2: one):
+        """What a yarn's figure counts for at each corner: stiffness by ``slope_fractions``, magnitude by the slopes."""
+        fraction_0, fraction_1, fraction_2 = absolute(slope_1 + slope_2), absolute(slope_1), absolute(slope_2)
         if wp.static(fourth in BOUNDS):
-            share_0, share_1, share_2 = slope_shares(slope_1, slope_2)
-        return three(share_0, share_1, share_2)
+            fraction_0, fraction_1, fraction_2 = slope_fractions(slope_1, slope_2)
+        return vector3(fraction_0, fraction_1, fraction_2)
 
     @wp.func
     def corner_parts(slope: vec4, figure: vec4):
-        """Fourth parts of the corners from the figures of the weft, warp and both bias threads."""
-        weft_1, weft_2, warp_1, warp_2 = part(slope, 0), part(slope, 1), part(slope, 2), part(slope, 3)
-        parts = scaled(corner_share(weft_1, weft_2), times(part(figure, 0), straight))
-        parts = scaled_sum(corner_share(warp_1, warp_2), times(part(figure, 1), straight), parts)
-        plus = corner_share(sums(weft_1, warp_1), sums(weft_2, warp_2))
-        minus = corner_share(differences(weft_1, warp_1), differences(weft_2, warp_2))
-        return scaled_sum(minus, times(part(figure, 3), bias), scaled_sum(plus, times(part(figure, 2), bias), parts))
+        """Fourth parts of the corners from the figures of the weft, warp and both bias yarns."""
+        first, second = yarn_slopes(slope)
+        weft, warp = component(figure, 0) * straight, component(figure, 1) * straight
+        plus, minus = component(figure, 2) * bias, component(figure, 3) * bias
+        parts = corner_fractions(component(first, 0), component(second, 0)) * weft
+        parts = scaled_sum(corner_fractions(component(first, 1), component(second, 1)), warp, parts)
+        parts = scaled_sum(corner_fractions(component(first, 2), component(second, 2)), plus, parts)
+        return scaled_sum(corner_fractions(component(first, 3), component(second, 3)), minus, parts)
 
     return corner_parts
-
-
-@functools.cache
-def square_functions(precision: str, eight: bool = False) -> SimpleNamespace:
-    """Functions ``squares``, ``changes_along`` and ``along_and_across`` of a triangle's four threads, or of eight's."""
-    real, types = cloth_types(precision).real, shaped(cloth_types(precision).real, eight)
-    vec3 = types.vec3
-    half = wp.constant(real(0.5))
-
-    @wp.func
-    def squares(weft: vec3, warp: vec3):
-        """Squares of the lengths of what a unit of cloth along the weft, the warp and both biases has become.
-
-        A bias is half the square root of 2 times the sum or the difference of the others.
-        """
-        weft_2, warp_2, both = inner(weft, weft), inner(warp, warp), inner(weft, warp)
-        mean, none = times(sums(weft_2, warp_2), half), alike(both, real(0.0))
-        return four(weft_2, warp_2, most(sums(mean, both), none), most(differences(mean, both), none))
-
-    @wp.func
-    def changes_along(weft: vec3, warp: vec3, weft_change: vec3, warp_change: vec3):
-        """Dot products of those four with what changed them."""
-        weft_2, warp_2 = inner(weft, weft_change), inner(warp, warp_change)
-        both = times(sums(inner(weft, warp_change), inner(warp, weft_change)), half)
-        mean = times(sums(weft_2, warp_2), half)
-        return four(weft_2, warp_2, sums(mean, both), differences(mean, both))
-
-    @wp.func
-    def along_and_across(figure: types.vec4):
-        """What the four threads' figures are along weft, along warp and from each to the other."""
-        plus, minus = part(figure, 2), part(figure, 3)
-        mean, across = times(sums(plus, minus), half), times(differences(plus, minus), half)
-        return sums(part(figure, 0), mean), sums(part(figure, 1), mean), across
-
-    return SimpleNamespace(squares=squares, changes_along=changes_along, along_and_across=along_and_across)
 
 
 def _excess_function(precision: str) -> wp.Function:
@@ -243,7 +208,7 @@ def _excess_function(precision: str) -> wp.Function:
 
     @wp.func
     def exact_excess(sides: Sides, slope: vec4):
-        """|t|^2 - 1 of the four threads, in the positions' own precision."""
+        """|t|^2 - 1 of the four yarns, in the positions' own precision."""
         weft = sides.exact_1 * wide(slope[0]) + sides.exact_2 * wide(slope[1])
         warp = sides.exact_1 * wide(slope[2]) + sides.exact_2 * wide(slope[3])
         weft_2, warp_2, both = inner(weft, weft) - one, inner(warp, warp) - one, inner(weft, warp)
@@ -253,84 +218,60 @@ def _excess_function(precision: str) -> wp.Function:
     return exact_excess
 
 
-def _drag_function(precision: str, eight: bool) -> wp.Function:
-    real, types = cloth_types(precision).real, shaped(cloth_types(precision).real, eight)
-    vec4, Step = types.vec4, cloth_types(precision).Step
-
-    @wp.func
-    def split_drag(drag: vec4, square: vec4, change: vec4, product: vec4, along: vec4, stiff: vec4, step: Step):
-        """What of the threads' drag acts in all directions, and what along them only, over their lengths' squares.
-
-        ``tension.drag_across`` of the four.
-        """
-        share, inverse = thread_shares(square, change, along, stiff, step.horizon)
-        ones = alike(square, real(1.0))
-        shortened = most(share, alike(share, step.buckling))
-        even = products(drag, chosen(differences(square, ones), share, shortened))
-        return even, products(products(products(differences(drag, even), product), inverse), inverse)
-
-    return split_drag
-
-
 @functools.cache
-def thread_function(precision: str, fourth: str, eight: bool = False) -> wp.Function:
-    """The function ``thread_loads`` of a woven triangle, or of eight."""
-    real, types = cloth_types(precision).real, shaped(cloth_types(precision).real, eight)
-    vec3, vec4, Step = types.vec3, types.vec4, cloth_types(precision).Step
-    corner_parts, split_drag = _thread_parts_function(precision, fourth, eight), _drag_function(precision, eight)
-    functions = square_functions(precision, eight)
-    squares, changes_along, along_and_across = functions.squares, functions.changes_along, functions.along_and_across
+def yarn_function(precision: str, fourth: str, lanes: int = 1) -> wp.Function:
+    """The function ``yarn_loads`` of a woven triangle, or of a packet of them."""
+    real, Step = cloth_types(precision).real, cloth_types(precision).Step
+    vec3, vec4 = lane_types(real, lanes).vec3, lane_types(real, lanes).vec4
+    corner_parts = _yarn_parts_function(precision, fourth, lanes)
 
     @wp.func
-    def thread_loads(
+    def yarn_loads(
         side_1: vec3, side_2: vec3, excess: vec4, change_1: vec3, change_2: vec3, slope: vec4, law: vec4, step: Step
     ):
-        """Forces of the four threads on the corners, and the corners' fourth parts.
+        """Forces of the four yarns on the corners, and the corners' fourth parts.
 
-        ``excess`` is |t|^2 - 1 of the threads where that is taken exactly, from which |t| - 1 = excess / (|t| + 1).
+        ``excess`` is |t|^2 - 1 of the yarns where that is taken exactly, from which |t| - 1 = excess / (|t| + 1).
         """
-        along_u = weft_vector(slope, side_1, side_2)
-        along_v = warp_vector(slope, side_1, side_2)
-        change_u = vec3()
-        change_v = vec3()
-        square = squares(along_u, along_v)
+        weft, warp = weft_vector(slope, side_1, side_2), warp_vector(slope, side_1, side_2)
+        weft_change = vec3()
+        warp_change = vec3()
+        square = yarn_squares(weft, warp)
         change = vec4()
         if wp.static(fourth in BOUNDS):
-            change_u = weft_vector(slope, change_1, change_2)
-            change_v = warp_vector(slope, change_1, change_2)
-            change = squares(change_u, change_v)
-        bias = part(law, 2)
-        pull = four(part(law, 0), part(law, 1), bias, bias)
-        compression = part(law, 3)
-        push = products(pull, four(compression, compression, compression, compression))
-        length, ones = roots(square), alike(square, real(1.0))
-        stretch = differences(length, ones)
+            weft_change = weft_vector(slope, change_1, change_2)
+            warp_change = warp_vector(slope, change_1, change_2)
+            change = yarn_squares(weft_change, warp_change)
+        pull, push = yarn_stiffness(law)
+        length, one = root(square), vec4(real(1.0))
+        stretch = length - one
         if wp.static(takes_exact_stretch(precision, fourth)):
-            stretch = products(excess, inverses(sums(length, ones)))
-        along, stiff = stretched_pulls(length, stretch, change, pull, push, step.reach)
-        weft = vec3()
-        warp = vec3()
+            stretch = excess * reciprocal(length + one)
+        tension, bound = yarn_tension(length, stretch, change, pull, push, step.reach)
+        on_weft = vec3()
+        on_warp = vec3()
         parts = vec3()
         if wp.static(fourth in BOUNDS):
-            # resists the threads' changing, as an edge's load does
-            drag = times(stiff, step.viscosity)
+            # resists the yarns' changing, as an edge's load does
+            damping = bound * step.viscosity
             if wp.static(fourth == "leeway"):
-                product = changes_along(along_u, along_v, change_u, change_v)
-                drag, more = split_drag(drag, square, change, product, along, stiff, step)
-                along = sums(along, more)
-            on_weft, on_warp, across = along_and_across(drag)
-            weft = scaled_sum(change_u, on_weft, scaled(change_v, across))
-            warp = scaled_sum(change_v, on_warp, scaled(change_u, across))
-            parts = corner_parts(slope, stiff)
+                product = yarn_products(weft, warp, weft_change, warp_change)
+                damping, more = split_damping(
+                    damping, square, change, product, tension, bound, step.horizon, step.buckling
+                )
+                tension = tension + more
+            own_weft, own_warp, across = weft_and_warp(damping)
+            on_weft = scaled_sum(weft_change, own_weft, warp_change * across)
+            on_warp = scaled_sum(warp_change, own_warp, weft_change * across)
+            parts = corner_parts(slope, bound)
         if wp.static(fourth == "size"):
-            parts = corner_parts(slope, products(sizes(along), length))
+            parts = corner_parts(slope, absolute(tension) * length)
         # what the biases pull along weft and warp, each along itself and along the other
-        on_weft, on_warp, across = along_and_across(along)
-        weft = scaled_sum(along_v, across, scaled_sum(along_u, on_weft, weft))
-        warp = scaled_sum(along_u, across, scaled_sum(along_v, on_warp, warp))
-        back = real(-1.0)
-        force_1 = times(scaled_sum(weft, part(slope, 0), scaled(warp, part(slope, 2))), back)
-        force_2 = times(scaled_sum(weft, part(slope, 1), scaled(warp, part(slope, 3))), back)
-        return times(sums(force_1, force_2), back), force_1, force_2, parts
+        own_weft, own_warp, across = weft_and_warp(tension)
+        on_weft = scaled_sum(warp, across, scaled_sum(weft, own_weft, on_weft))
+        on_warp = scaled_sum(weft, across, scaled_sum(warp, own_warp, on_warp))
+        force_1 = -scaled_sum(on_weft, component(slope, 0), on_warp * component(slope, 2))
+        force_2 = -scaled_sum(on_weft, component(slope, 1), on_warp * component(slope, 3))
+        return -(force_1 + force_2), force_1, force_2, parts
 
-    return thread_loads
+    return yarn_loads

@@ -1,86 +1,74 @@
-"""Tension of an edge: the paper's asymmetric quadratic law (section 2.2 a), weaker when pushed than when pulled."""
+"""Tension: the paper's asymmetric quadratic law (section 2.2 a), weaker when pushed together than when pulled.
+
+With s the stretch of an edge (current length less rest length) or of a yarn of unit rest length:
+
+    f = pull s^2 for s > 0,  f = -push s^2 for s < 0,  push = c pull,  0 < c < 1
+
+All functions take one edge, a packet of eight edges or, where they say so, the four yarns of a triangle.
+"""
 
 from typing import Any
 
 import warp as wp
 
-from warp_cloth.kernels.math.packet import (
-    above,
-    alike,
-    differences,
-    dot,
-    least,
-    most,
-    products,
-    scaled,
-    sizes,
-    sums,
-    times,
-)
-from warp_cloth.kernels.math.real import quotient
+from warp_cloth.kernels.math.operators import add, div, mul, sub  # noqa: F401  what + - * / below call for packets
+from warp_cloth.kernels.math.packet import absolute, dot, maximum, minimum, where_greater
+from warp_cloth.kernels.math.real import single, where_positive
 
-SHORTEST = wp.constant(1.0e-20)  # of what collapsed cloth would divide by
+SHORTEST = wp.constant(single(1.0e-20))  # of what collapsed cloth would divide by
 
 
 @wp.func
-def tension_force(length: Any, rest: Any, pull: Any, push: Any):
+def tension_force(stretch: Any, pull: Any, push: Any):
     """Signed force of an edge [N], positive where it pulls its ends together.
 
-    f = pull (r - L)^2 for r > L, f = -push (L - r)^2 for r < L, with push = c pull.
+    f = k s |s|, with k = pull where s > 0, else push.
     """
-    return stretch_force(differences(length, rest), pull, push)
+    return where_positive(stretch, pull, push) * stretch * absolute(stretch)
 
 
 @wp.func
-def stretch_force(stretch: Any, pull: Any, push: Any):
-    """``tension_force`` by r - L [m]."""
-    stiffness = above(stretch, alike(stretch, float(0.0)), pull, push)
-    return products(products(stiffness, stretch), sizes(stretch))
+def tension_stiffness(stretch: Any, pull: Any, push: Any, reach: Any):
+    """Largest slope of the force [N/m] while the stretch changes by no more than ``reach``; of yarns, too.
 
-
-@wp.func
-def tension_energy(length: Any, rest: Any, pull: Any, push: Any):
-    """Energy of an edge [J], E = k/3 |r - L|^3, whose gradient is ``tension_force``."""
-    stretch = length - rest
-    stiffness = wp.where(stretch > type(length)(0.0), pull, push)
-    return stiffness * stretch * stretch * wp.abs(stretch) / type(length)(3.0)
-
-
-@wp.func
-def tension_stiffness(length: Any, rest: Any, pull: Any, push: Any, reach: Any):
-    """Largest slope of the force [N/m] while the edge changes its length by no more than ``reach`` [m].
-
-    f' = 2 k |r - L|; the stiffness across the edge, f / r, is smaller wherever the edge is pulled.
+    f' = 2 k |s|, so at most 2 k (|s| + reach), with k = pull where s + reach > 0, else push. The stiffness across an
+    edge, f / r, is smaller wherever the edge is pulled.
     """
-    stretch = differences(length, rest)
-    stiffness = above(sums(stretch, reach), alike(length, float(0.0)), pull, push)
-    return products(products(alike(length, float(2.0)), stiffness), sums(sizes(stretch), reach))
+    two = type(stretch)(2.0)
+    return two * where_positive(stretch + reach, pull, push) * (absolute(stretch) + reach)
 
 
 @wp.func
-def share_across(length: Any, rest: Any, pull: Any, push: Any, stiffness: Any, change: Any, horizon: Any):
-    """Share of an edge's bound of stiffness [N/m] that acts across it.
+def transverse_fraction(length: Any, force: Any, stiffness: Any, change: Any, horizon: Any):
+    """Fraction of an edge's stiffness bound that acts across it.
 
-    That is its force, by |f| / r (pushed together it does not resist there, but buckles no faster than by that), and
-    what of its stiffness comes to lie there as it turns, by the square of the angle: ``horizon`` times as far as the
-    last displacements turned it, which changed it by ``change`` [m].
+    a = min(|f| / (r k) + (horizon change / r)^2, 1): across an edge acts its force, by |f| / r (pushed together it does
+    not resist there, but buckles no faster than by that), and what of its stiffness k comes to lie there as it turns,
+    by the square of the angle: ``horizon`` times as far as the last displacements turned it.
+
+    Args:
+        length: r [m].
+        force: ``tension_force`` f [N].
+        stiffness: its bound k [N/m].
+        change: how far the last displacements moved the ends against each other [m].
+        horizon: how many such changes ahead the edge may turn.
     """
-    none, one = alike(length, float(0.0)), alike(length, float(1.0))
-    turn = quotient(times(change, horizon), length)
-    force = sizes(tension_force(length, rest, pull, push))
-    share = quotient(force, most(products(length, stiffness), alike(length, SHORTEST)))
-    across = least(sums(share, products(turn, turn)), one)
-    return above(least(length, stiffness), none, across, one)
+    zero, one = type(length)(0.0), type(length)(1.0)
+    rotation = change * horizon / length
+    fraction = absolute(force) / maximum(length * stiffness, type(length)(SHORTEST))
+    across = minimum(fraction + rotation * rotation, one)
+    return where_greater(minimum(length, stiffness), zero, across, one)
 
 
 @wp.func
-def drag_across(way: Any, rest: Any, change: Any, share: Any, buckling: Any):
-    """The part of a change that an edge along ``way`` drags: across itself this share only.
+def damped_change(side: Any, rest: Any, change: Any, fraction: Any, buckling: Any):
+    """The part of a change that an edge damps: all of it along the edge, across it only ``fraction``.
 
-    Where a step goes further across, as much drag there as along would hold it back: folds, half of whose threads
-    are always shortened, would creep. Buckling it is to hold back: a shortened edge drags ``buckling`` at least.
+    Where a step goes further across, as much damping there as along would hold it back: folds, half of whose yarns are
+    always shortened, would creep. Buckling is to be held back: of an edge shorter than ``rest`` [m] at least the
+    fraction ``buckling`` is damped.
     """
-    square = most(dot(way, way), alike(share, SHORTEST))
-    along = scaled(way, quotient(dot(way, change), square))
-    across = above(square, products(rest, rest), share, most(share, alike(share, buckling)))
-    return sums(along, scaled(differences(change, along), across))
+    square = maximum(dot(side, side), type(fraction)(SHORTEST))
+    along = side * (dot(side, change) / square)
+    across = where_greater(square, rest * rest, fraction, maximum(fraction, type(fraction)(buckling)))
+    return along + (change - along) * across

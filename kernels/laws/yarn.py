@@ -1,96 +1,171 @@
-"""Threads of a woven triangle: the paper's tension law (section 2.2 a) along the cloth's own directions.
+"""Yarns of a woven triangle: the paper's tension law (section 2.2 a) along the cloth's own directions.
 
-An edge pulls along itself, so a mesh of edges is stiff where its edges happen to run. A woven triangle carries threads
-along weft, warp and both biases instead. A thread is an edge whose ends are fixed to the triangle: a unit of cloth
-along it has become the vector t, and area times the law of ``tension`` acts on |t| against 1.
+An edge pulls along itself, so a mesh of edges is stiff where its edges happen to run. A woven triangle carries yarns
+along weft, warp and both biases instead. A yarn is an edge whose ends are fixed to the triangle: a unit of cloth along
+it has become the vector t, and area times the law of ``tension`` acts on |t| against 1.
 
-E = A sum over threads of K/3 | |t| - 1 |^3 (times c where |t| < 1); exact for any triangle, whatever the mesh.
+    E = A sum over the four yarns of K/3 | |t| - 1 |^3  (times c where |t| < 1)
+
+Exact for any triangle, whatever the mesh. A bias vector is (t_weft + t_warp) / sqrt 2 or (t_weft - t_warp) / sqrt 2.
+
+Four figures, of the weft, the warp and both biases, are a vec4; functions take one triangle's or a packet's. A
+triangle's ``slope`` is its second and third corner's along weft, then along warp [1/m]: t = slope_1 side_1 + slope_2
+side_2, with the sides that leave its first corner. The first corner's slope is minus the sum of the others'.
 """
 
 from typing import Any
 
 import warp as wp
 
-from warp_cloth.kernels.laws.tension import tension_energy
-from warp_cloth.kernels.math.packet import alike, differences, least, most, part, products, scaled, sizes, sums, times
-from warp_cloth.kernels.math.real import chosen, inverses, roots, scaled_sum
+from warp_cloth.kernels.laws.tension import tension_stiffness
+from warp_cloth.kernels.math.operators import add, div, mul, sub  # noqa: F401  what + - * below call for packets
+from warp_cloth.kernels.math.packet import absolute, component, maximum, minimum, vector4
+from warp_cloth.kernels.math.real import inner, reciprocal, root, scaled_sum, where_positive
 
-SHORTEST = wp.constant(1.0e-20)  # of a thread that has collapsed; what divides by it stays finite
+SHORTEST = wp.constant(1.0e-20)  # of a yarn that has collapsed; what divides by it stays finite
 FAINTEST = wp.constant(1.0e-30)  # bound of stiffness [J]; likewise
+DIAGONAL = wp.constant(0.5**0.5)  # of weft and warp in a bias
+
+
+@wp.func
+def yarn_law(law: Any):
+    """Area times stiffness K A [J] of the weft, the warp and each bias (``shear``), and the compression factor c."""
+    weft, warp, shear, compression = component(law, 0), component(law, 1), component(law, 2), component(law, 3)
+    return weft, warp, shear, compression
+
+
+@wp.func
+def yarn_stiffness(law: Any):
+    """K A of the four yarns where they are stretched (pull) and where they are shortened (push = c pull) [J]."""
+    weft, warp, shear, compression = yarn_law(law)
+    pull = vector4(weft, warp, shear, shear)
+    return pull, pull * vector4(compression, compression, compression, compression)
 
 
 @wp.func
 def weft_vector(slope: Any, side_1: Any, side_2: Any):
     """What a unit of cloth along the weft has become; sides are those from the triangle's first corner."""
-    return scaled_sum(side_2, part(slope, 1), scaled(side_1, part(slope, 0)))
+    return scaled_sum(side_2, component(slope, 1), side_1 * component(slope, 0))
 
 
 @wp.func
 def warp_vector(slope: Any, side_1: Any, side_2: Any):
     """What a unit of cloth along the warp has become."""
-    return scaled_sum(side_2, part(slope, 3), scaled(side_1, part(slope, 2)))
+    return scaled_sum(side_2, component(slope, 3), side_1 * component(slope, 2))
 
 
 @wp.func
-def stretched_pulls(length: Any, stretch: Any, change: Any, pull: Any, push: Any, reach: Any):
-    """Pulls of four threads over their lengths, per unit of their corners' slopes [J], and bounds of stiffness [J].
+def bias_vectors(weft: Any, warp: Any):
+    """What a unit of cloth along both biases has become; of one triangle."""
+    diagonal = type(weft[0])(DIAGONAL)
+    return diagonal * (weft + warp), diagonal * (weft - warp)
 
-    The law is that of ``tension``, for all four at a time: processors that can do so in one go, do.
+
+@wp.func
+def yarn_of(yarn: int, weft: Any, warp: Any, diagonal: Any):
+    """The figure of one of the four yarns, from those of weft and warp; ``diagonal`` is DIAGONAL. Of one triangle."""
+    if yarn == 0:
+        return weft
+    if yarn == 1:
+        return warp
+    return weft * diagonal + warp * wp.where(yarn == 2, diagonal, -diagonal)
+
+
+@wp.func
+def yarn_slopes(slope: Any):
+    """Slopes of the second and of the third corner along the four yarns, the biases' times sqrt 2."""
+    weft_1, weft_2 = component(slope, 0), component(slope, 1)
+    warp_1, warp_2 = component(slope, 2), component(slope, 3)
+    first = vector4(weft_1, warp_1, weft_1 + warp_1, weft_1 - warp_1)
+    return first, vector4(weft_2, warp_2, weft_2 + warp_2, weft_2 - warp_2)
+
+
+@wp.func
+def slope_fractions(slope_1: Any, slope_2: Any):
+    """Twice the fraction of a yarn's stiffness that each corner bears [1/m2]: |b_i| (|b_0| + |b_1| + |b_2|).
+
+    b are the corners' slopes, with b_0 = -b_1 - b_2. A yarn that runs along an edge of length L gives 1 / L^2 to both
+    its ends, as the edge itself would.
+    """
+    size_0, size_1, size_2 = absolute(slope_1 + slope_2), absolute(slope_1), absolute(slope_2)
+    sum = size_0 + size_1 + size_2
+    return sum * size_0, sum * size_1, sum * size_2
+
+
+@wp.func
+def yarn_squares(weft: Any, warp: Any):
+    """|t|^2 of the four yarns, from weft and warp: |(u +- v) / sqrt 2|^2 = (|u|^2 + |v|^2) / 2 +- u . v."""
+    weft_2, warp_2, both = inner(weft, weft), inner(warp, warp), inner(weft, warp)
+    zero, mean = type(both)(0.0), (weft_2 + warp_2) * type(both)(0.5)
+    return vector4(weft_2, warp_2, maximum(mean + both, zero), maximum(mean - both, zero))
+
+
+@wp.func
+def yarn_products(weft: Any, warp: Any, weft_change: Any, warp_change: Any):
+    """t . d of the four yarns, d what changed them."""
+    weft_2, warp_2 = inner(weft, weft_change), inner(warp, warp_change)
+    half = type(weft_2)(0.5)
+    both = (inner(weft, warp_change) + inner(warp, weft_change)) * half
+    mean = (weft_2 + warp_2) * half
+    return vector4(weft_2, warp_2, mean + both, mean - both)
+
+
+@wp.func
+def weft_and_warp(figure: Any):
+    """What the four yarns' figures are along weft, along warp and from each to the other: sums of f t t^T."""
+    plus, minus = component(figure, 2), component(figure, 3)
+    half = type(plus)(0.5)
+    mean, across = (plus + minus) * half, (plus - minus) * half
+    return component(figure, 0) + mean, component(figure, 1) + mean, across
+
+
+@wp.func
+def yarn_tension(length: Any, stretch: Any, change: Any, pull: Any, push: Any, reach: Any):
+    """Tension of the four yarns over their lengths, per unit of their corners' slopes [J], and stiffness bounds [J].
+
+    k s |s| / |t|, with the law of ``tension_force`` (s |s| is rounded first here), and ``tension_stiffness``.
 
     Args:
-        length: of the threads.
-        stretch: how much longer than 1 they are.
-        change: square of what the corners' last displacements changed the threads by.
+        length: |t| of the yarns.
+        stretch: s = |t| - 1.
+        change: square of what the corners' last displacements changed t by.
         pull: K A [J].
         push: that where they are shorter than 1.
         reach: how many such changes the bound allows for.
     """
-    far = times(roots(change), reach)
-    size = sizes(stretch)
-    inverse = inverses(most(length, alike(length, type(reach)(SHORTEST))))
-    along = products(products(chosen(stretch, pull, push), products(stretch, size)), inverse)
-    bound = products(chosen(sums(stretch, far), pull, push), sums(size, far))
-    return along, sums(bound, bound)
+    inverse = reciprocal(maximum(length, type(length)(SHORTEST)))
+    tension = where_positive(stretch, pull, push) * (stretch * absolute(stretch)) * inverse
+    return tension, tension_stiffness(stretch, pull, push, root(change) * reach)
 
 
 @wp.func
-def thread_pulls(square: Any, change: Any, pull: Any, push: Any, reach: Any):
-    """``stretched_pulls`` by the squares of the threads' lengths."""
-    length = roots(square)
-    return stretched_pulls(length, differences(length, alike(length, type(reach)(1.0))), change, pull, push, reach)
-
-
-@wp.func
-def thread_shares(square: Any, change: Any, along: Any, bound: Any, horizon: Any):
-    """``tension.share_across`` of four threads, and the inverses of their lengths.
+def yarn_transverse_fractions(square: Any, change: Any, tension: Any, bound: Any, horizon: Any):
+    """``transverse_fraction`` of the four yarns, and the inverses of their lengths.
 
     Args:
-        square: of their lengths.
-        change: square of what the corners' last displacements changed the threads by.
-        along: their pulls over their lengths, and
-        bound: the bounds of their stiffness, both of ``thread_pulls``.
-        horizon: how many such changes ahead they may turn.
+        square: |t|^2.
+        change: square of what the corners' last displacements changed t by.
+        tension: over the lengths, and
+        bound: of stiffness, both of ``yarn_tension``.
+        horizon: how many such changes ahead the yarns may turn.
     """
-    inverse = inverses(most(roots(square), alike(square, type(horizon)(SHORTEST))))
-    turn = products(times(roots(change), horizon), inverse)
-    stiffness = most(bound, alike(bound, type(horizon)(FAINTEST)))
-    share = sums(products(sizes(along), inverses(stiffness)), products(turn, turn))
-    return least(share, alike(share, type(horizon)(1.0))), inverse
+    inverse = reciprocal(maximum(root(square), type(square)(SHORTEST)))
+    rotation = root(change) * horizon * inverse
+    stiffness = maximum(bound, type(bound)(FAINTEST))
+    fraction = absolute(tension) * reciprocal(stiffness) + rotation * rotation
+    return minimum(fraction, type(fraction)(1.0)), inverse
 
 
 @wp.func
-def thread_energy(thread: Any, pull: Any, push: Any):
-    """Energy of a thread [J], K A / 3 | |t| - 1 |^3."""
-    return tension_energy(wp.length(thread), type(pull)(1.0), pull, push)
+def split_damping(
+    damping: Any, square: Any, change: Any, product: Any, tension: Any, bound: Any, horizon: Any, buckling: Any
+):
+    """``damped_change`` of the four yarns: damping in all directions, and along the yarns only, over |t|^2.
 
-
-@wp.func
-def slope_shares(slope_1: Any, slope_2: Any):
-    """Twice the share of a thread's stiffness that each corner bears [1/m2]: |b_i| (|b_0| + |b_1| + |b_2|).
-
-    b are the corners' slopes, with b_0 = -b_1 - b_2. A thread that runs along an edge of length L gives 1 / L^2 to
-    both its ends, as the edge itself would.
+    ``product`` is of ``yarn_products``, the others are arguments of ``yarn_transverse_fractions`` and
+    ``damped_change``.
     """
-    size_0, size_1, size_2 = sizes(sums(slope_1, slope_2)), sizes(slope_1), sizes(slope_2)
-    sum = sums(sums(size_0, size_1), size_2)
-    return products(sum, size_0), products(sum, size_1), products(sum, size_2)
+    fraction, inverse = yarn_transverse_fractions(square, change, tension, bound, horizon)
+    shortened = maximum(fraction, type(fraction)(buckling))
+    across = damping * where_positive(square - type(square)(1.0), fraction, shortened)
+    return across, (damping - across) * product * inverse * inverse

@@ -1,29 +1,27 @@
-"""Words that the laws of cloth are written in.
-
-They mean the same for a number, a vector of three (in space) or of four (of threads), and for eight of these at a time:
-each of their components is then eight numbers that lie together, which the CPU works out in one go, every one rounded
-as it is alone.
-"""
+"""The vocabulary of the laws: what they say besides operators, for one value and for a packet of eight alike."""
 
 import warp as wp
 
-from warp_cloth.kernels.math.real import WIDTH, each, of_threes, shaped
+from warp_cloth.kernels.math.lanes import WIDTH, elementwise, lane_types, reference, vectorwise
+from warp_cloth.kernels.math.operators import OPERATORS
 
 _JOINED = """
     wp::vec_t<%(count)d, %(real)s> result;
-    const wp::vec_t<8, %(real)s> parts[] = {%(names)s};
-    __builtin_memcpy(result.c, parts, sizeof(parts));
+    const wp::vec_t<8, %(real)s> components[] = {%(names)s};
+    __builtin_memcpy(result.c, components, sizeof(components));
     return result;
 """
-_SIX = """
+_SYMMETRIC = """
     wp::vec_t<6, %(real)s> result;
-    const %(real)s parts[] = {%(names)s};
+    const %(real)s components[] = {%(names)s};
     for (int k = 0; k < 6; ++k)
-        result.c[k] = parts[k];
+        result.c[k] = components[k];
     return result;
 """
-_PART = "wp::vec_t<8, %(real)s> part; __builtin_memcpy(part.c, &a.c[8 * place], sizeof(part.c)); return part;"
-_SPREAD = """
+_COMPONENT = (
+    "wp::vec_t<8, %(real)s> result; __builtin_memcpy(result.c, &a.c[8 * place], sizeof(result.c)); return result;"
+)
+_BROADCAST = """
     wp::vec_t<24, %(real)s> result;
     for (int k = 0; k < 24; ++k)
         result.c[k] = b[k / 8];
@@ -37,124 +35,113 @@ _ANY = """
 """
 _CROSS = "u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]"
 
+
+def _tagged(code: str) -> str:
+    """C++ whose hash holds the operators that are used beside it."""
+    return f"{code} // operators {OPERATORS}\n"
+
+
 for _real, _name in ((wp.float32, "float"), (wp.float64, "double")):
-    for _wide in (False, True):
-        _types = shaped(_real, _wide)
-        _one, _three, _four = _types.real, _types.vec3, _types.vec4
-        for _kind in (_one, _three, _four, _types.vec6):
-
-            @wp.func_native(each(_kind, "u + v", "ab"))
-            def sums(a: _kind, b: _kind) -> _kind:
-                """a + b."""
-                ...
-
-            @wp.func_native(each(_kind, "u - v", "ab"))
-            def differences(a: _kind, b: _kind) -> _kind:
-                """a - b."""
-                ...
-
-            @wp.func_native(each(_kind, "-u", "a"))
-            def opposite(a: _kind) -> _kind:
-                """-a."""
-                ...
-
-            @wp.func_native(each(_kind, "u * b", "a"))
-            def times(a: _kind, b: _real) -> _kind:
-                """Number by number a times the same b."""
-                ...
+    for _lanes in (1, WIDTH):
+        _types, _wide = lane_types(_real, _lanes), _lanes > 1
+        _one, _three, _four, _six = _types.real, _types.vec3, _types.vec4, _types.vec6
 
         for _kind in (_one, _four):
 
-            @wp.func_native(each(_kind, "u * v", "ab"))
-            def products(a: _kind, b: _kind) -> _kind:
-                """Number by number a times b."""
-                ...
-
-            @wp.func_native(each(_kind, "__builtin_elementwise_abs(u)" if _wide else "wp::abs(u)", "a"))
-            def sizes(a: _kind) -> _kind:
+            @wp.func_native(_tagged(elementwise(_kind, "__builtin_elementwise_abs(u)" if _wide else "wp::abs(u)", "a")))
+            def absolute(a: _kind) -> _kind:
                 """|a|."""
                 ...
 
-            @wp.func_native(each(_kind, "u > v ? u : v", "ab"))
-            def most(a: _kind, b: _kind) -> _kind:
+            reference(absolute, lambda a: abs(a))
+
+            @wp.func_native(_tagged(elementwise(_kind, "u > v ? u : v", "ab")))
+            def maximum(a: _kind, b: _kind) -> _kind:
                 """The larger of a and b."""
                 ...
 
-            @wp.func_native(each(_kind, "u < v ? u : v", "ab"))
-            def least(a: _kind, b: _kind) -> _kind:
+            reference(maximum, lambda a, b: (a > b) * a + (a <= b) * b)
+
+            @wp.func_native(_tagged(elementwise(_kind, "u < v ? u : v", "ab")))
+            def minimum(a: _kind, b: _kind) -> _kind:
                 """The smaller of a and b."""
                 ...
 
-            @wp.func_native(each(_kind, "(decltype(u))b", "a"))
-            def alike(a: _kind, b: _real) -> _kind:
-                """As many numbers b as a has."""
-                ...
-
-            if _real is wp.float64:
-
-                @wp.func_native(each(_kind, "(decltype(u))(double)b", "a"))
-                def alike(a: _kind, b: wp.float32) -> _kind:
-                    """As many of a number that a kernel names."""
-                    ...
-
-        @wp.func_native(each(_three, "u * v", "ab", "b"))
-        def scaled(a: _three, b: _one) -> _three:
-            """Vectors a times numbers b."""
-            ...
+            reference(minimum, lambda a, b: (a < b) * a + (a >= b) * b)
 
         for _kind in (_one, _three):
 
-            @wp.func_native(each(_kind, "u > v ? w : x", ["a", "b", "yes", "no"], "ab"))
-            def above(a: _one, b: _one, yes: _kind, no: _kind) -> _kind:
-                """One thing where a > b, else the other."""
+            @wp.func_native(_tagged(elementwise(_kind, "u > v ? w : x", ["a", "b", "yes", "no"], "ab")))
+            def where_greater(a: _one, b: _one, yes: _kind, no: _kind) -> _kind:
+                """``yes`` where a > b, else ``no``."""
                 ...
 
-        _told = {"real": _name, "count": 3 * WIDTH, "names": "a, b, c"}
+            reference(where_greater, lambda a, b, yes, no: (a > b) * yes + (a <= b) * no)
 
-        @wp.func_native(_JOINED % _told if _wide else "return {a, b, c};")
-        def three(a: _one, b: _one, c: _one) -> _three:
-            """A vector of three."""
+        _words = {"real": _name, "count": 3 * WIDTH, "names": "a, b, c"}
+
+        @wp.func_native(_tagged(_JOINED % _words if _wide else "return {a, b, c};"))
+        def vector3(a: _one, b: _one, c: _one) -> _three:
+            """The vector (a, b, c)."""
             ...
 
-        _told = {"real": _name, "count": 4 * WIDTH, "names": "a, b, c, d"}
+        reference(vector3, lambda a, b, c: [a, b, c])
 
-        @wp.func_native(_JOINED % _told if _wide else "return {a, b, c, d};")
-        def four(a: _one, b: _one, c: _one, d: _one) -> _four:
-            """A vector of four."""
+        _words = {"real": _name, "count": 4 * WIDTH, "names": "a, b, c, d"}
+
+        @wp.func_native(_tagged(_JOINED % _words if _wide else "return {a, b, c, d};"))
+        def vector4(a: _one, b: _one, c: _one, d: _one) -> _four:
+            """The vector (a, b, c, d)."""
             ...
 
-        _told = {"real": _name, "count": 6 * WIDTH, "names": "a, b, c, d, e, f"}
+        reference(vector4, lambda a, b, c, d: [a, b, c, d])
 
-        @wp.func_native(_JOINED % _told if _wide else _SIX % _told)
-        def six(a: _one, b: _one, c: _one, d: _one, e: _one, f: _one) -> _types.vec6:
+        _words = {"real": _name, "count": 6 * WIDTH, "names": "a, b, c, d, e, f"}
+
+        @wp.func_native(_tagged(_JOINED % _words if _wide else _SYMMETRIC % _words))
+        def symmetric(a: _one, b: _one, c: _one, d: _one, e: _one, f: _one) -> _six:
             """A symmetric matrix: xx, yy, zz, xy, xz, yz."""
             ...
 
-        for _kind in (_three, _four, _types.vec6):
+        reference(symmetric, lambda a, b, c, d, e, f: [a, b, c, d, e, f])
 
-            @wp.func_native(_PART % _told if _wide else "return a.c[place];")
-            def part(a: _kind, place: int) -> _one:
-                """A component."""
+        for _kind in (_three, _four, _six):
+
+            @wp.func_native(_tagged(_COMPONENT % _words if _wide else "return a.c[place];"))
+            def component(a: _kind, place: int) -> _one:
+                """a[place]."""
                 ...
 
-        @wp.func_native(_SPREAD % _told if _wide else "return b;")
-        def spread(a: _one, b: shaped(_real, False).vec3) -> _three:
-            """As many vectors b as a has numbers."""
+            reference(component, lambda a, place: a[place])
+
+        @wp.func_native(_tagged(_BROADCAST % _words if _wide else "return b;"))
+        def broadcast(like: _one, b: lane_types(_real).vec3) -> _three:
+            """The vector b in as many lanes as ``like`` has."""
             ...
 
-        @wp.func_native(of_threes(3, _real, _CROSS) if _wide else "return wp::cross(a, b);")
+        reference(broadcast, lambda like, b: [b[0] + 0 * like, b[1] + 0 * like, b[2] + 0 * like])
+
+        @wp.func_native(_tagged(vectorwise(3, _real, _CROSS) if _wide else "return wp::cross(a, b);"))
         def cross(a: _three, b: _three) -> _three:
             """Cross product, nothing of it fused."""
             ...
 
+        reference(cross, lambda a, b: [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
+
         @wp.func_native(
-            of_threes(1, _real, "u[0] * v[0] + u[1] * v[1] + u[2] * v[2]") if _wide else "return wp::dot(a, b);"
+            _tagged(
+                vectorwise(1, _real, "u[0] * v[0] + u[1] * v[1] + u[2] * v[2]") if _wide else "return wp::dot(a, b);"
+            )
         )
         def dot(a: _three, b: _three) -> _one:
             """Dot product, nothing of it fused."""
             ...
 
-        @wp.func_native(_ANY if _wide else "return a > b;")
-        def any_above(a: _one, b: _one) -> bool:
-            """Whether any a > b."""
+        reference(dot, lambda a, b: a[0] * b[0] + a[1] * b[1] + a[2] * b[2])
+
+        @wp.func_native(_tagged(_ANY if _wide else "return a > b;"))
+        def any_greater(a: _one, b: _one) -> bool:
+            """Whether a > b in any lane."""
             ...
+
+        reference(any_greater, lambda a, b: (a > b).any())

@@ -11,8 +11,8 @@ import warp as wp
 
 from warp_cloth.kernels.base.access import element
 from warp_cloth.kernels.base.types import cloth_types, rest_function
-from warp_cloth.kernels.math.real import WIDTH as EIGHT
-from warp_cloth.kernels.math.real import shaped
+from warp_cloth.kernels.math.lanes import WIDTH as EIGHT
+from warp_cloth.kernels.math.lanes import lane_types
 
 WIDTH = wp.constant(EIGHT)
 
@@ -201,7 +201,7 @@ _SIX = (
 _AT = "const auto* const at = places.data + first;"
 
 for _real, _name in ((wp.float32, "float"), (wp.float64, "double")):
-    _types, _alone = shaped(_real, True), shaped(_real, False)
+    _types, _alone = lane_types(_real, EIGHT), lane_types(_real)
     _one, _three, _four = _types.real, _types.vec3, _types.vec4
 
     @wp.func_native(_NUMBERS % {"real": _name})

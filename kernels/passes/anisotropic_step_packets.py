@@ -10,7 +10,9 @@ import warp as wp
 
 from warp_cloth.kernels.base.options import Terms
 from warp_cloth.kernels.base.types import MODULE_OPTIONS, cloth_types, rest_function
-from warp_cloth.kernels.math.packet import alike, four, part, sums, times
+from warp_cloth.kernels.math.lanes import WIDTH, lane_types
+from warp_cloth.kernels.math.operators import add, mul, sub  # noqa: F401  what + - * below call for packets
+from warp_cloth.kernels.math.packet import component, vector4
 from warp_cloth.kernels.math.packet_memory import (
     add_eight,
     add_pairs,
@@ -20,8 +22,7 @@ from warp_cloth.kernels.math.packet_memory import (
     first_of_eight,
     lanes_function,
 )
-from warp_cloth.kernels.math.real import shaped
-from warp_cloth.kernels.passes.anisotropic_step import bound_functions, leeway_function
+from warp_cloth.kernels.passes.anisotropic_step import leeway_function, yarn_bounds, yarns_matrix
 
 
 def _begin_kernel(precision: str) -> wp.Kernel:
@@ -44,50 +45,42 @@ def _begin_kernel(precision: str) -> wp.Kernel:
 
 
 def _sum_kernel(precision: str, terms: Terms) -> wp.Kernel:
-    types, eights = cloth_types(precision), shaped(cloth_types(precision).real, True)
-    real, vec4, Model, State, Step, Triangles = (
-        types.real,
-        types.vec4,
-        types.Model,
-        types.State,
-        types.Step,
-        types.Triangles,
-    )
+    types, packets = cloth_types(precision), lane_types(cloth_types(precision).real, WIDTH)
+    real, vec4, Step, Triangles = types.real, types.vec4, types.Step, types.Triangles
+    Model, State = types.Model, types.State
     like, half = wp.constant(real(0.0)), wp.constant(real(0.5))
-    functions = bound_functions(precision, eight=True)
-    threads_bounds, threads_matrix = functions.threads_bounds, functions.threads_matrix
     busy_lanes = lanes_function(precision)
 
     @wp.func
-    def corner_bound(first: eights.real, second: eights.real, third: eights.real):
+    def corner_bound(first: packets.real, second: packets.real, third: packets.real):
         """What hinges bound at the corner opposite to one of three, as forces.corner_folds says; in their order."""
-        return sums(sums(first, second), third)
+        return first + second + third
 
     @wp.func
     def folds_bounds(fold: wp.array(dtype=vec4), edges: wp.array(dtype=wp.vec3i), start: int):
         """What the hinges of eight triangles bound at their corners."""
-        whole_0 = part(eight_either(fold, edges, start, 0), 1)
-        whole_1 = part(eight_either(fold, edges, start, 1), 1)
-        whole_2 = part(eight_either(fold, edges, start, 2), 1)
-        half_0, half_1, half_2 = times(whole_0, half), times(whole_1, half), times(whole_2, half)
+        whole_0 = component(eight_either(fold, edges, start, 0), 1)
+        whole_1 = component(eight_either(fold, edges, start, 1), 1)
+        whole_2 = component(eight_either(fold, edges, start, 2), 1)
+        half_0, half_1, half_2 = whole_0 * half, whole_1 * half, whole_2 * half
         first, second = corner_bound(whole_0, half_1, half_2), corner_bound(half_0, whole_1, half_2)
         third = corner_bound(half_0, half_1, whole_2)
         return (
-            four(first, first, first, first),
-            four(second, second, second, second),
-            four(third, third, third, third),
+            vector4(first, first, first, first),
+            vector4(second, second, second, second),
+            vector4(third, third, third, third),
         )
 
     @wp.func
-    def straight(matrix: eights.vec6, size: eights.real):
+    def straight(matrix: packets.vec6, size: packets.real):
         """What goes to the first array."""
-        return four(part(matrix, 0), part(matrix, 1), part(matrix, 2), size)
+        return vector4(component(matrix, 0), component(matrix, 1), component(matrix, 2), size)
 
     @wp.func
-    def crossed(matrix: eights.vec6):
+    def crossed(matrix: packets.vec6):
         """What goes to the second."""
-        last = part(matrix, 5)
-        return four(part(matrix, 3), part(matrix, 4), last, alike(last, real(0.0)))
+        zero = packets.real(real(0.0))
+        return vector4(component(matrix, 3), component(matrix, 4), component(matrix, 5), zero)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def sum_bounds(
@@ -105,7 +98,7 @@ def _sum_kernel(precision: str, terms: Terms) -> wp.Kernel:
         if lanes == 0:
             return
         start = first_of_eight(number, triangles.corners.shape[0])
-        folds_0, folds_1, folds_2 = eights.vec4(), eights.vec4(), eights.vec4()
+        folds_0, folds_1, folds_2 = packets.vec4(), packets.vec4(), packets.vec4()
         if wp.static(terms.folds):
             folds_0, folds_1, folds_2 = folds_bounds(fold, triangles.edges, start)
         side_1 = eight_sides(like, state.position, triangles.corners, start, 0, 1)
@@ -113,10 +106,12 @@ def _sum_kernel(precision: str, terms: Terms) -> wp.Kernel:
         change_1 = eight_sides(like, state.displacement, triangles.corners, start, 0, 1)
         change_2 = eight_sides(like, state.displacement, triangles.corners, start, 0, 2)
         slope, law = eight_elements(triangles.slope, start), eight_elements(triangles.threads, start)
-        weft, warp, bounds, share, inverse = threads_bounds(side_1, side_2, change_1, change_2, slope, law, step)
-        first, size_0 = threads_matrix(weft, warp, bounds, share, inverse, slope, 0)
-        second, size_1 = threads_matrix(weft, warp, bounds, share, inverse, slope, 1)
-        third, size_2 = threads_matrix(weft, warp, bounds, share, inverse, slope, 2)
+        weft, warp, bounds, fraction, inverse_length = yarn_bounds(
+            side_1, side_2, change_1, change_2, slope, law, step.reach, step.horizon
+        )
+        first, size_0 = yarns_matrix(weft, warp, bounds, fraction, inverse_length, slope, 0)
+        second, size_1 = yarns_matrix(weft, warp, bounds, fraction, inverse_length, slope, 1)
+        third, size_2 = yarns_matrix(weft, warp, bounds, fraction, inverse_length, slope, 2)
         add_pairs(
             straight_out, triangles.corners, start, lanes,
             folds_0, folds_1, folds_2, straight(first, size_0), straight(second, size_1), straight(third, size_2),

@@ -6,9 +6,9 @@ import warp as wp
 
 from warp_cloth.kernels.avatar.field import field_clearance
 from warp_cloth.kernels.base.types import cloth_types
-from warp_cloth.kernels.elements.stiffness import symmetric_functions
 from warp_cloth.kernels.laws.friction import friction_slide
 from warp_cloth.kernels.math.real import inner, root, scaled_sum
+from warp_cloth.kernels.math.symmetric import multiple_of_unit
 from warp_cloth.kernels.passes.anisotropic_step import changed_leeway_function
 
 LONGER, STEP = wp.constant(1.0001), wp.constant(1.0e-9)  # more than rounding adds to a way, as a share and [m]
@@ -32,7 +32,7 @@ def looking(
     """
     types = cloth_types(precision)
     real, point, vec3, vec6, State, Item = types.real, types.point, types.vec3, types.vec6, types.State, types.Item
-    even, changed_leeway = symmetric_functions(precision).even, changed_leeway_function(precision)
+    changed_leeway = changed_leeway_function(precision)
 
     @wp.func
     def pushed_move(at: wp.vec4f, push: float, move: vec3, item: Item):
@@ -74,10 +74,10 @@ def looking(
                         before = leeway
                         if wp.static(cloth_contact):
                             before = state.compliance[vertex]
-                        kept = changed_leeway(before, even(real(1.0)), move)
+                        kept = changed_leeway(before, multiple_of_unit(real(1.0)), move)
                 else:
                     if item.anisotropy_limit > real(0.0) and state.in_contact[vertex] == wp.uint8(0):
-                        kept = changed_leeway(state.compliance[vertex], even(real(1.0)), move)
+                        kept = changed_leeway(state.compliance[vertex], multiple_of_unit(real(1.0)), move)
         if wp.static(worn):
             state.in_contact[vertex] = wp.where(push > 0.0, wp.uint8(1), wp.uint8(0))
         return move, kept

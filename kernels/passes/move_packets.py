@@ -7,8 +7,11 @@ import warp as wp
 from warp_cloth.kernels.avatar.field import fetch_field
 from warp_cloth.kernels.base.access import element
 from warp_cloth.kernels.base.types import MODULE_OPTIONS, cloth_types
-from warp_cloth.kernels.elements.stiffness import symmetric_times
-from warp_cloth.kernels.math.packet import above, alike, times
+from warp_cloth.kernels.laws.step import accelerated_displacement
+from warp_cloth.kernels.math.lanes import WIDTH as EIGHT
+from warp_cloth.kernels.math.lanes import lane_types
+from warp_cloth.kernels.math.operators import add, div, mul, sub  # noqa: F401  what + - * / below call for packets
+from warp_cloth.kernels.math.packet import where_greater
 from warp_cloth.kernels.math.packet_memory import (
     eight_elements,
     first_of_eight,
@@ -16,12 +19,11 @@ from warp_cloth.kernels.math.packet_memory import (
     put_some,
     put_zeros,
 )
-from warp_cloth.kernels.math.real import WIDTH as EIGHT
-from warp_cloth.kernels.math.real import inner, root, shaped
+from warp_cloth.kernels.math.real import inner, root
+from warp_cloth.kernels.math.symmetric import symmetric_times
 from warp_cloth.kernels.passes.avatar_contact import LONGER, STEP, looking
 from warp_cloth.kernels.passes.step import (
     AHEAD,
-    accelerated_move,
     colliders_type,
     momentum_function,
     spares_looks,
@@ -93,7 +95,7 @@ def first_lane(lanes: int) -> int:
 
 
 for _real, _name in ((wp.float32, "float"), (wp.float64, "double")):
-    _one = shaped(_real, True).real
+    _one = lane_types(_real, EIGHT).real
 
     @wp.func_native(_LOOSE % _name)
     def loose_lanes(like: _one, held: wp.array(dtype=wp.uint8), first: int) -> _one:
@@ -117,11 +119,11 @@ def eight_displace_kernel(
 
     ``avatar_contact``, ``collider_type`` and ``pins`` as of displace.displace_kernel.
     """
-    types, eights = cloth_types(precision), shaped(cloth_types(precision).real, True)
+    types, eights = cloth_types(precision), lane_types(cloth_types(precision).real, EIGHT)
     real, vec3, vec4, vec6, Model, State = types.real, types.vec3, types.vec4, types.vec6, types.Model, types.State
     Step, Item = types.Step, types.Item
     worn, spares = wears(True, avatar_contact), spares_looks(avatar_contact, cloth_contact=False)
-    force_way = way_function(precision, steady_swing(True, avatar_contact, cloth_contact=False), eight=True)
+    force_way = way_function(precision, steady_swing(True, avatar_contact, cloth_contact=False), lanes=EIGHT)
     kept_share = momentum_function(precision, steady_swing(True, avatar_contact, cloth_contact=False))
     Colliders = colliders_type(avatar_contact, collider_type)
     looked_move = None if avatar_contact is None else looking(precision, avatar_contact, collider_type, worn, spares)
@@ -136,10 +138,10 @@ def eight_displace_kernel(
             if item.anisotropy_limit > real(0.0):
                 loose = loose_lanes(kept, state.in_contact, first)
                 further = symmetric_times(eight_elements(state.compliance, first), way)
-                way = above(loose, alike(kept, real(0.0)), further, way)
+                way = where_greater(loose, eights.real(real(0.0)), further, way)
         last = eight_elements(state.displacement, first)
         momentum, damping = kept_share(step, item)
-        return accelerated_move(force, way, last, times(kept, momentum), damping, item.cap), stiffness
+        return accelerated_displacement(force, way, last, kept * momentum, damping, item.cap), stiffness
 
     @wp.func
     def met_moves(state: State, collider: collider_type, first: int, lanes: int, moves: eights.vec3, item: Item):

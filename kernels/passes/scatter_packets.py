@@ -10,9 +10,11 @@ import warp as wp
 from warp_cloth.kernels.base.options import Terms
 from warp_cloth.kernels.base.types import MODULE_OPTIONS, cloth_types
 from warp_cloth.kernels.elements.edge import edge_functions, edge_length, spans_type
-from warp_cloth.kernels.elements.triangle import corner_fold_function, thread_function
+from warp_cloth.kernels.elements.triangle import corner_fold_function, yarn_function
 from warp_cloth.kernels.laws.bending import unit_normal
-from warp_cloth.kernels.math.packet import alike, four, opposite, part, products, three
+from warp_cloth.kernels.math.lanes import WIDTH, lane_types
+from warp_cloth.kernels.math.operators import add, div, mul, sub  # noqa: F401  what + - * / below call for packets
+from warp_cloth.kernels.math.packet import component, vector3, vector4
 from warp_cloth.kernels.math.packet_memory import (
     add_eight,
     eight_at,
@@ -24,7 +26,7 @@ from warp_cloth.kernels.math.packet_memory import (
     lanes_function,
     put_eight,
 )
-from warp_cloth.kernels.math.real import inner, quotient, root, shaped
+from warp_cloth.kernels.math.real import inner, root
 
 
 @functools.cache
@@ -32,7 +34,7 @@ def eight_normals_kernel(precision: str) -> wp.Kernel:
     """Kernel ``measure_normals``, which goes first where cloth bends."""
     types = cloth_types(precision)
     vec4, Model, State, Triangles, Step = types.vec4, types.Model, types.State, types.Triangles, types.Step
-    like, eights = wp.constant(types.real(0.0)), shaped(types.real, True)
+    like, packets = wp.constant(types.real(0.0)), lane_types(types.real, WIDTH)
     busy_lanes = lanes_function(precision)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
@@ -42,7 +44,7 @@ def eight_normals_kernel(precision: str) -> wp.Kernel:
         triangles: Triangles,
         step: Step,
         normal_out: wp.array(dtype=vec4),  # unit normal and inverse of twice the area [1/m2], shape [F]
-        sides_out: wp.array(dtype=eights.vec3),  # both sides of eight triangles' first corners [m], shape [F / 8, 2]
+        sides_out: wp.array(dtype=packets.vec3),  # both sides of eight triangles' first corners [m], shape [F / 8, 2]
     ):
         """Writes eight triangles' normals and sides."""
         number = wp.tid()
@@ -54,7 +56,7 @@ def eight_normals_kernel(precision: str) -> wp.Kernel:
         sides_out[2 * number] = side_1
         sides_out[2 * number + 1] = side_2
         normal, inverse = unit_normal(side_1, side_2)
-        put_eight(normal_out, first, four(part(normal, 0), part(normal, 1), part(normal, 2), inverse))
+        put_eight(normal_out, first, vector4(component(normal, 0), component(normal, 1), component(normal, 2), inverse))
 
     return measure_normals
 
@@ -73,7 +75,7 @@ def eight_edges_kernel(precision: str, fourth: str, terms: Terms) -> wp.Kernel:
         types.Edges,
     )
     like = wp.constant(real(0.0))
-    functions = edge_functions(precision, fourth, angles=False, eight=True)
+    functions = edge_functions(precision, fourth, angles=False, lanes=WIDTH)
     edge_load, edge_fold = functions.edge_load, functions.edge_fold
     busy_lanes = lanes_function(precision)
 
@@ -83,7 +85,7 @@ def eight_edges_kernel(precision: str, fourth: str, terms: Terms) -> wp.Kernel:
         spans = Spans()
         spans.side = eight_sides(like, state.position, ends, first, 0, 1)
         spans.length = edge_length(spans.side)
-        spans.inverse = quotient(alike(spans.length, real(1.0)), spans.length)
+        spans.inverse = type(spans.length)(real(1.0)) / spans.length
         spans.change = eight_sides(like, state.displacement, ends, first, 0, 1)
         move = eight_at(state.displacement, ends, first, 0)
         spans.move = root(inner(move, move))
@@ -108,12 +110,14 @@ def eight_edges_kernel(precision: str, fourth: str, terms: Terms) -> wp.Kernel:
         spans = spans_of(state, edges.ends, start)
         if wp.static(terms.edges):
             load = edge_load(spans, eight_elements(edges.law, start), step)
-            back = four(opposite(part(load, 0)), opposite(part(load, 1)), opposite(part(load, 2)), part(load, 3))
+            back = vector4(-component(load, 0), -component(load, 1), -component(load, 2), component(load, 3))
             add_eight(load_out, edges.ends, start, lanes, load, back)
         if wp.static(terms.folds):
             first, second = eight_at(normal, edges.beside, start, 0), eight_at(normal, edges.beside, start, 1)
             fold = edge_fold(spans, first, second, eight_elements(edges.fold, start), vec2(), step)
-            put_eight(fold_out, start, four(part(fold, 0), part(fold, 1), part(fold, 2), spans.length))
+            put_eight(
+                fold_out, start, vector4(component(fold, 0), component(fold, 1), component(fold, 2), spans.length)
+            )
 
     return add_edges
 
@@ -121,34 +125,34 @@ def eight_edges_kernel(precision: str, fourth: str, terms: Terms) -> wp.Kernel:
 @functools.cache
 def eight_triangles_kernel(precision: str, fourth: str, terms: Terms) -> wp.Kernel:
     """Kernel ``add_triangles``; ``fourth`` is one of cloth.BOUNDS."""
-    types, eights = cloth_types(precision), shaped(cloth_types(precision).real, True)
+    types, packets = cloth_types(precision), lane_types(cloth_types(precision).real, WIDTH)
     vec4, Model, State, Step, Triangles = types.vec4, types.Model, types.State, types.Step, types.Triangles
     like = wp.constant(types.real(0.0))
-    thread_loads, with_folds = thread_function(precision, fourth, True), corner_fold_function(precision, fourth, True)
+    yarn_loads, with_folds = yarn_function(precision, fourth, WIDTH), corner_fold_function(precision, fourth, WIDTH)
     busy_lanes = lanes_function(precision)
 
     @wp.func
-    def thread_corners(
-        state: State, triangles: Triangles, start: int, side_1: eights.vec3, side_2: eights.vec3, step: Step
+    def yarn_corners(
+        state: State, triangles: Triangles, start: int, side_1: packets.vec3, side_2: packets.vec3, step: Step
     ):
         """Loads of eight triangles' threads on their corners."""
         change_1 = eight_sides(like, state.displacement, triangles.corners, start, 0, 1)
         change_2 = eight_sides(like, state.displacement, triangles.corners, start, 0, 2)
         slope, law = eight_elements(triangles.slope, start), eight_elements(triangles.threads, start)
-        force_0, force_1, force_2, parts = thread_loads(
-            side_1, side_2, eights.vec4(), change_1, change_2, slope, law, step
+        force_0, force_1, force_2, parts = yarn_loads(
+            side_1, side_2, packets.vec4(), change_1, change_2, slope, law, step
         )
-        first = four(part(force_0, 0), part(force_0, 1), part(force_0, 2), part(parts, 0))
-        second = four(part(force_1, 0), part(force_1, 1), part(force_1, 2), part(parts, 1))
-        third = four(part(force_2, 0), part(force_2, 1), part(force_2, 2), part(parts, 2))
+        first = vector4(component(force_0, 0), component(force_0, 1), component(force_0, 2), component(parts, 0))
+        second = vector4(component(force_1, 0), component(force_1, 1), component(force_1, 2), component(parts, 1))
+        third = vector4(component(force_2, 0), component(force_2, 1), component(force_2, 2), component(parts, 2))
         return first, second, third
 
     @wp.func
     def side_folds(fold: wp.array(dtype=vec4), edges: wp.array(dtype=wp.vec3i), start: int, which: int):
         """Hinges of a side of eight triangles, their turns as these are wound."""
         found = eight_either(fold, edges, start, which)
-        turn = part(found, 0)
-        return three(products(turn, eight_signs(turn, edges, start, which)), part(found, 1), part(found, 2))
+        turn = component(found, 0)
+        return vector3(turn * eight_signs(turn, edges, start, which), component(found, 1), component(found, 2))
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def add_triangles(
@@ -156,7 +160,7 @@ def eight_triangles_kernel(precision: str, fourth: str, terms: Terms) -> wp.Kern
         state: State,
         triangles: Triangles,
         normal: wp.array(dtype=vec4),  # of measure_normals, shape [F]
-        sides: wp.array(dtype=eights.vec3),  # likewise, where cloth bends
+        sides: wp.array(dtype=packets.vec3),  # likewise, where cloth bends
         fold: wp.array(dtype=vec4),  # of add_edges, shape [E]
         step: Step,
         load_out: wp.array(dtype=vec4),  # force [N] and the fourth part, shape [V]
@@ -167,14 +171,14 @@ def eight_triangles_kernel(precision: str, fourth: str, terms: Terms) -> wp.Kern
         if lanes == 0:
             return
         start = first_of_eight(number, triangles.corners.shape[0])
-        first, second, third = eights.vec4(), eights.vec4(), eights.vec4()
+        first, second, third = packets.vec4(), packets.vec4(), packets.vec4()
         if wp.static(terms.threads):
             if wp.static(terms.folds):
                 side_1, side_2 = sides[2 * number], sides[2 * number + 1]
             else:
                 side_1 = eight_sides(like, state.position, triangles.corners, start, 0, 1)
                 side_2 = eight_sides(like, state.position, triangles.corners, start, 0, 2)
-            first, second, third = thread_corners(state, triangles, start, side_1, side_2, step)
+            first, second, third = yarn_corners(state, triangles, start, side_1, side_2, step)
         if wp.static(terms.folds):
             own = eight_elements(normal, start)
             fold_0, fold_1 = side_folds(fold, triangles.edges, start, 0), side_folds(fold, triangles.edges, start, 1)

@@ -10,38 +10,16 @@ from warp_cloth.kernels.base.access import element
 from warp_cloth.kernels.base.types import cloth_types
 from warp_cloth.kernels.contact.arrays import ContactBefore, ContactData, contact_before
 from warp_cloth.kernels.contact.sums import taken_function
-from warp_cloth.kernels.elements.stiffness import symmetric_functions, symmetric_times
-from warp_cloth.kernels.math.packet import above, alike, least, most, part, scaled, spread, sums, three, times
-from warp_cloth.kernels.math.real import inner, quotient, root, scaled_sum, shaped
+from warp_cloth.kernels.laws.step import accelerated_displacement, capped, direct_displacement, step_stiffness
+from warp_cloth.kernels.math.lanes import lane_types
+from warp_cloth.kernels.math.operators import add, div, mul, sub  # noqa: F401  what + - * / below call for packets
+from warp_cloth.kernels.math.packet import broadcast, component, vector3
+from warp_cloth.kernels.math.real import root, scaled_sum
+from warp_cloth.kernels.math.symmetric import bounded_inverse, multiple_of_unit, symmetric_times
 from warp_cloth.kernels.passes.avatar_contact import meeting
 from warp_cloth.kernels.patches.packing import order_functions
 
 AHEAD = wp.constant(16)  # vertices for which the CPU's memory is asked before it is needed
-
-
-@wp.func
-def capped(force: Any, limit: Any):
-    """The force, or where it passes the limit one of that size in its direction (the paper, section 4)."""
-    size = root(inner(force, force))
-    most_of_it = alike(size, limit)
-    return scaled(force, above(size, most_of_it, quotient(most_of_it, size), alike(size, float(1.0))))
-
-
-@wp.func
-def direct_move(force: Any, weight: Any, cap: Any):
-    """Displacement [m] by the paper's rule: total force, capped slightly above gravity, added to the position.
-
-    A force of 1.1 weights is "slightly larger than gravity" and moves the vertex by ``cap``.
-    """
-    limit = type(weight)(1.1) * weight
-    return capped(force, limit) * (cap / limit)
-
-
-@wp.func
-def accelerated_move(force: Any, way: Any, last: Any, momentum: Any, damping: Any, cap: Any):
-    """Displacement [m]: the way of force over stiffness, plus momentum, damped where it fights the force."""
-    kept = above(alike(momentum, float(0.0)), inner(last, force), times(momentum, damping), momentum)
-    return capped(scaled_sum(last, kept, way), cap)
 
 
 @wp.struct
@@ -110,7 +88,7 @@ def before_function(
     real, State, Item = types.real, types.State, types.Item
     Colliders, Contact = colliders_type(avatar_contact, collider_type), contact_type(cloth_contact)
     Before = before_type(precision, avatar_contact, collider_type, cloth_contact)
-    worn, inverse = wears(accelerated, avatar_contact, cloth_contact), symmetric_functions(precision).leeway_inverse
+    worn = wears(accelerated, avatar_contact, cloth_contact)
     leeway_at = order_functions(precision, packed).leeway_at
 
     @wp.func
@@ -131,7 +109,7 @@ def before_function(
                 before.loose = state.in_contact[vertex] == wp.uint8(0)
                 if wp.static(cloth_contact):
                     if before.loose:
-                        before.stiff = inverse(leeway)
+                        before.stiff = bounded_inverse(leeway)
                 else:
                     before.leeway = leeway
         return before
@@ -161,8 +139,6 @@ def loose_way(precision: str) -> wp.Function:
     """The function that tells how far a force takes a vertex that has leeway."""
     types = cloth_types(precision)
     real, vec3, vec6 = types.real, types.vec3, types.vec6
-    symmetric = symmetric_functions(precision)
-    inverse, even = symmetric.leeway_inverse, symmetric.even
 
     @wp.func
     def pressed_way(stiff: vec6, force: vec3, own: real, stiffness: real):
@@ -172,7 +148,7 @@ def loose_way(precision: str) -> wp.Function:
         no leeway.
         """
         share = wp.min(own, stiffness)
-        return symmetric_times(inverse(stiff * share + even(stiffness - share)), force)
+        return symmetric_times(bounded_inverse(stiff * share + multiple_of_unit(stiffness - share)), force)
 
     return pressed_way
 
@@ -183,9 +159,9 @@ def steady_swing(accelerated: bool, avatar_contact: wp.Function | None, cloth_co
 
 
 @functools.cache
-def way_function(precision: str, steady: bool, eight: bool = False) -> wp.Function:
-    """The function ``force_way`` of the accelerated step, of a vertex or of ``eight``; ``steady``: of steady_swing."""
-    types, shapes = cloth_types(precision), shaped(cloth_types(precision).real, eight)
+def way_function(precision: str, steady: bool, lanes: int = 1) -> wp.Function:
+    """The function ``force_way`` of the accelerated step, of a vertex or a packet; ``steady``: of steady_swing."""
+    types, shapes = cloth_types(precision), lane_types(cloth_types(precision).real, lanes)
     real, Step, Item = types.real, types.Step, types.Item
     one, vec4 = shapes.real, shapes.vec4
 
@@ -195,17 +171,15 @@ def way_function(precision: str, steady: bool, eight: bool = False) -> wp.Functi
 
         ``last``: the stiffness that the last step went by.
         """
-        force = scaled_sum(spread(weight, step.gravity), weight, three(part(load, 0), part(load, 1), part(load, 2)))
+        cloth_force = vector3(component(load, 0), component(load, 1), component(load, 2))
+        force = scaled_sum(broadcast(weight, step.gravity), weight, cloth_force)
         memory = step.memory
         if wp.static(steady):
             memory = wp.where(item.anisotropy_limit > real(0.0), memory, step.memory_falling)
-        ones = alike(last, float(1.0))
-        bound = sums(part(load, 3), quotient(weight, alike(weight, item.cap)))
-        stiffness = most(bound, times(last, memory))
-        kept = least(quotient(last, stiffness), ones)
+        stiffness, kept = step_stiffness(component(load, 3), weight, last, item.cap, memory)
         if wp.static(steady):
             kept = root(kept)
-        return force, scaled(force, quotient(ones, stiffness)), stiffness, kept
+        return force, force * (one(real(1.0)) / stiffness), stiffness, kept
 
     return force_way
 
@@ -258,16 +232,16 @@ def free_move(
                 # what is held by contact and friction is held alike in all directions
                 if wp.static(cloth_contact):
                     if before.loose:
-                        own = load[3] - pressed + quotient(weight, item.cap)
+                        own = load[3] - pressed + weight / item.cap
                         way = pressed_way(before.stiff, force, own, stiffness)
                 else:
                     if before.loose:
                         way = symmetric_times(before.leeway, way)
             momentum, damping = kept_share(step, item)
-            move = accelerated_move(force, way, held.move, momentum * kept, damping, item.cap)
+            move = accelerated_displacement(force, way, held.move, momentum * kept, damping, item.cap)
         else:
             force = scaled_sum(step.gravity, weight, vec3(load[0], load[1], load[2]))
-            move = direct_move(force, weight, item.cap)
+            move = direct_displacement(force, weight, item.cap)
         return move, stiffness
 
     return own_move

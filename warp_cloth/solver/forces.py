@@ -8,7 +8,7 @@ import warp as wp
 
 from warp_cloth.kernels.base.options import block_for
 from warp_cloth.kernels.base.types import BOUNDS, cloth_types
-from warp_cloth.kernels.math.real import WIDTH, shaped
+from warp_cloth.kernels.math.lanes import WIDTH, lane_types
 from warp_cloth.kernels.passes.gather import gather_kernel
 from warp_cloth.kernels.passes.scatter import edges_kernel, normals_kernel, triangles_kernel
 from warp_cloth.kernels.passes.scatter_packets import eight_edges_kernel, eight_normals_kernel, eight_triangles_kernel
@@ -31,7 +31,7 @@ class NormalsPass:
         self.normal = wp.empty(count, dtype=types.vec4, device=model.device)
         # the sides of eight triangles that kernels read after it, which lie as they are worked out
         sides = 2 * self.size if self._eight else 0
-        self.sides = wp.empty(sides, dtype=shaped(types.real, True).vec3, device=model.device)
+        self.sides = wp.empty(sides, dtype=lane_types(types.real, WIDTH).vec3, device=model.device)
 
     @property
     def size(self) -> int:
@@ -71,7 +71,7 @@ class ForcePass:
             )
             return
         edges, triangles = model.edge_count, model.triangle_count
-        normal, sides = wp.empty(0, dtype=types.vec4), wp.empty(0, dtype=shaped(types.real, True).vec3)
+        normal, sides = wp.empty(0, dtype=types.vec4), wp.empty(0, dtype=lane_types(types.real, WIDTH).vec3)
         fold = wp.empty(edges if terms.folds else 0, dtype=types.vec4, device=model.device)
         asked = model.precision, fourth, terms
         if terms.folds:

@@ -1,0 +1,37 @@
+"""Energies of tension, yarns and bending, of which the forces are minus the gradient; the certificate reports them.
+
+They are apart from the forces because + - * / here are Warp's own, of one value.
+"""
+
+from typing import Any
+
+import warp as wp
+
+
+@wp.func
+def tension_energy(stretch: Any, pull: Any, push: Any):
+    """Energy of an edge [J], E = k/3 |s|^3, whose gradient is ``tension_force``; of a yarn per area times stiffness."""
+    stiffness = wp.where(stretch > type(stretch)(0.0), pull, push)
+    return stiffness * stretch * stretch * wp.abs(stretch) / type(stretch)(3.0)
+
+
+@wp.func
+def yarn_energy(yarn: Any, pull: Any, push: Any):
+    """Energy of a yarn [J], E = K A / 3 | |t| - 1 |^3, with t the vector that a unit of cloth along it has become."""
+    return tension_energy(wp.length(yarn) - type(pull)(1.0), pull, push)
+
+
+@wp.func
+def bending_energy(normal_0: Any, normal_1: Any, stiffness: Any):
+    """Energy of a hinge [J], E = C (|theta| - sin |theta|), of which ``hinge_torque`` is minus the derivative.
+
+    Near flat the difference is taken from its series, which keeps its digits.
+    """
+    one = type(stiffness)(1.0)
+    angle = type(stiffness)(2.0) * wp.atan2(wp.length(normal_0 - normal_1), wp.length(normal_0 + normal_1))
+    square = angle * angle
+    series = one - square / type(stiffness)(42.0) * (one - square / type(stiffness)(72.0))
+    excess = angle * square / type(stiffness)(6.0) * (one - square / type(stiffness)(20.0) * series)
+    if angle > type(stiffness)(0.1):
+        excess = angle - wp.sin(angle)
+    return stiffness * excess
