@@ -94,7 +94,7 @@ def test_a_start_that_corresponds_to_nothing_is_refused(first: Fit, tmp_path: Pa
     stranger.write_text("v -0.5 1 0\nv 0.5 1 0\nv 0 0 0\nf 1 2 3\n")
     with pytest.raises(InputError, match="neither the mesh nor the panels"):
         warp_cloth.fit({"garment": {"mesh": str(stranger), "units": "m"}}, device="cpu", start=first)
-    with pytest.raises(InputError, match="start: WornGarment is neither a fit nor its file"):
+    with pytest.raises(InputError, match="start: WornGarment is neither a fit nor a file of one"):
         fitted(start=first.garments[0])  # type: ignore[arg-type]
     with pytest.raises(InputError, match=r"gone\.usdc: no such file; name what an earlier fit has written"):
         fitted(start=tmp_path / "gone.usdc")
