@@ -51,8 +51,8 @@ def raised(points: np.ndarray, height: float) -> np.ndarray:
 def left_and_push(relaxation: Relaxation) -> tuple[np.ndarray, np.ndarray]:
     """Force left in weights and relative, shape [V, 2], and push on the avatar [N], shape [V]."""
     certifier = Certifier(relaxation)
-    certifier.look(0)
-    return certifier._left.numpy().astype(np.float64), np.asarray(certifier.pushes())
+    certifier.measure(0)
+    return certifier._left.numpy().astype(np.float64), np.asarray(certifier.normal_forces())
 
 
 def hovering(height: float) -> Relaxation:

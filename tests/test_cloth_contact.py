@@ -18,7 +18,7 @@ from warp_cloth.contact.cloth import ClothContact
 from warp_cloth.contact.crossing import find_crossings
 from warp_cloth.contact.sheets import SheetKind
 from warp_cloth.solver.certificate.certifier import Certifier, Tolerance
-from warp_cloth.solver.contact_schedule import Course
+from warp_cloth.solver.contact_schedule import ContactSchedule
 from warp_cloth.solver.loop import Goal, relax_items
 from warp_cloth.solver.relax import Relaxation, StepOptions
 
@@ -180,7 +180,7 @@ def test_worn_cloth_gets_room_for_more_pairs_at_the_same_iteration_whether_or_no
     ends = []
     for ahead in (False, True):
         relaxation, cloth_contact = dropped(0.9995)
-        course = Course(relaxation, cloth_contact, partial(cloth_contact.face, [1.0, 1.0]))
+        schedule = ContactSchedule(relaxation, cloth_contact, partial(cloth_contact.face, [1.0, 1.0]))
         seen = []
 
         def squeeze(
@@ -193,7 +193,7 @@ def test_worn_cloth_gets_room_for_more_pairs_at_the_same_iteration_whether_or_no
 
         goal = Goal(Tolerance(0.0, 0.0, 0.0), 900)
         (outcome,) = relax_items(
-            relaxation, Certifier(relaxation), [goal], course=course, on_chunk=squeeze, ahead=ahead
+            relaxation, Certifier(relaxation), [goal], schedule=schedule, on_chunk=squeeze, ahead=ahead
         )
         assert 5 in seen
         assert seen[-1] > 5
@@ -206,11 +206,11 @@ def test_what_is_measured_at_the_end_is_the_same_whether_or_not_the_loop_ran_ahe
     loads = []
     for ahead in (False, True):
         relaxation, cloth_contact = dropped(0.9995)
-        course = Course(relaxation, cloth_contact, partial(cloth_contact.face, [1.0, 1.0]))
+        schedule = ContactSchedule(relaxation, cloth_contact, partial(cloth_contact.face, [1.0, 1.0]))
         anything = Goal(Tolerance(np.inf, np.inf, np.inf, np.inf), 2000)
         goal = Goal(Tolerance(0.0, 0.0, 0.0), 700)
-        relax_items(relaxation, Certifier(relaxation), [goal], course=course, ahead=ahead)  # till it is through
-        (outcome,) = relax_items(relaxation, Certifier(relaxation), [anything], course=course, ahead=ahead)
+        relax_items(relaxation, Certifier(relaxation), [goal], schedule=schedule, ahead=ahead)  # till it is through
+        (outcome,) = relax_items(relaxation, Certifier(relaxation), [anything], schedule=schedule, ahead=ahead)
         assert outcome.iterations % 500
         loads.append(contact_forces(relaxation.model, cloth_contact))
         assert loads[-1].any()
@@ -242,9 +242,9 @@ def test_cloth_that_goes_on_unseen_between_two_checks_ends_in_the_same_shape() -
     shapes = []
     for gathers in (False, True):
         relaxation, cloth_contact = dropped(0.9995, gathers)
-        course = Course(relaxation, cloth_contact, partial(cloth_contact.face, [1.0, 1.0]))
+        schedule = ContactSchedule(relaxation, cloth_contact, partial(cloth_contact.face, [1.0, 1.0]))
         goal = Goal(Tolerance(0.0, 0.0, 0.0), 950)
-        (outcome,) = relax_items(relaxation, Certifier(relaxation), [goal], course=course, ahead=gathers)
+        (outcome,) = relax_items(relaxation, Certifier(relaxation), [goal], schedule=schedule, ahead=gathers)
         shapes.append(outcome.points)
     assert np.array_equal(*shapes)
 
@@ -317,5 +317,5 @@ def test_the_certificate_counts_what_contact_carries() -> None:
     relaxation, _ = dropped(0.9995)
     iterate(relaxation, 1500)
     certifier = Certifier(relaxation)
-    check = certifier.check(certifier.look(1500), 0)
+    check = certifier.check(certifier.measure(1500), 0)
     assert check.residual.relative_rms < 0.02  # balanced, though gravity pulls everywhere

@@ -41,7 +41,7 @@ def at_rest(folder: Path, name: str) -> Problem:
     garment = {"mesh": str(folder / "cloth.obj"), "rest": "uv", "units": "m", "fabric": "jersey", **of_garment}
     made = load_problem(load_scene({"garment": garment, "collision": {"cloth": True}, **of_scene}), "cpu")
     follow = collider_updates(made)
-    outcome = relax_to_rest(made.relaxation, made.certifier, SETTLED, LIMIT, follow=follow, course=made.course)
+    outcome = relax_to_rest(made.relaxation, made.certifier, SETTLED, LIMIT, follow=follow, schedule=made.schedule)
     assert outcome.status is Status.AT_REST
     return made
 
@@ -64,7 +64,7 @@ def test_folded_cloth_rests_without_crossing_and_by_the_forces_of_every_pair(tmp
     expected = brute_forces(points, pairs, cloth_contact)
     bound = FORCE_ROUNDING + RELATIVE_ROUNDING * np.abs(expected).max()
     assert np.abs(load.numpy()[:, :3] - expected).max() <= bound
-    held = made.certifier.pushes()
+    held = made.certifier.normal_forces()
     if held is not None:
         made.relaxation.run(1000)
         moved = np.linalg.norm(made.model.points() - points, axis=1)

@@ -26,7 +26,7 @@ from warp_cloth.kernels.contact.untangle import INSISTENCE, PATIENCE, spare_tang
 from warp_cloth.model.permutation import Numbering
 from warp_cloth.scene import SphereShape
 from warp_cloth.shapes import build_avatar
-from warp_cloth.solver.contact_schedule import Course
+from warp_cloth.solver.contact_schedule import ContactSchedule
 from warp_cloth.solver.relax import Relaxation, StepOptions
 
 
@@ -109,9 +109,9 @@ def test_a_fold_that_passes_through_itself_comes_undone(monkeypatch: pytest.Monk
     model.set_points(points)
     assert len(find_crossings(points, cloth_contact.sheets, "cpu").pairs) > 20
     relaxation = Relaxation(model, Collider(), StepOptions(), cloth_contact)
-    course = Course(relaxation, cloth_contact, partial(cloth_contact.face, [1.0]))
+    schedule = ContactSchedule(relaxation, cloth_contact, partial(cloth_contact.face, [1.0]))
     for step in range(10):
-        course.advance(100 * step)
+        schedule.advance(100 * step)
         points = iterate(relaxation, 100)
         cloth_contact.note_crossings()
         if not cloth_contact.crossings_noted():
@@ -146,9 +146,9 @@ def test_an_outer_layer_inside_the_inner_one_comes_out() -> None:
     model, cloth_contact, _ = sheets_at([inner, outer], pins=[pins, NO_PINS], precision="mixed")
     model.set_points(np.concatenate([inner.points, outer.points * [0.8, 1.0, 0.8]]))
     relaxation = Relaxation(model, Collider(), StepOptions(), cloth_contact)
-    course = Course(relaxation, cloth_contact, partial(cloth_contact.face, [-1.0, -1.0]))
+    schedule = ContactSchedule(relaxation, cloth_contact, partial(cloth_contact.face, [-1.0, -1.0]))
     for step in range(6):
-        course.advance(100 * step)
+        schedule.advance(100 * step)
         points = iterate(relaxation, 100)
     assert not len(find_crossings(points, cloth_contact.sheets, "cpu").pairs)
     worn = points[len(pins) :]

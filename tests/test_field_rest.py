@@ -6,7 +6,7 @@ import numpy as np
 
 import warp_cloth
 from warp_cloth.fitting.problem import collider_updates, load_problem
-from warp_cloth.solver.certificate.certifier import Look, Tolerance
+from warp_cloth.solver.certificate.certifier import Measurement, Tolerance
 from warp_cloth.solver.loop import Goal, relax_items
 
 # Felt is too stiff to choose between folds. Where softer cloth falls from one fold into another the residual leaps, at
@@ -24,7 +24,7 @@ def residuals(avatar: str) -> np.ndarray:
     made = load_problem(warp_cloth.load_scene("tshirt", [*COARSE_FELT, f"collision.avatar={avatar}"]), "cpu")
     left = []
 
-    def told(look: Look, seconds: float) -> None:
+    def told(look: Measurement, seconds: float) -> None:
         left.append(look.relative_rms[0])
 
     goal = Goal(Tolerance(0.0, 0.0, 0.0), ITERATIONS)

@@ -97,7 +97,7 @@ def test_t_shirt_at_rest_does_not_creep() -> None:
 @pytest.mark.parametrize("fabric", ["jersey", "denim"])
 def test_t_shirt_does_not_creep_off_the_shoulders_from_the_default_certificate_on(fabric: str) -> None:
     made, points = worn_t_shirt(f"garment.fabric={fabric}")
-    pushes = made.certifier.pushes()
+    pushes = made.certifier.normal_forces()
     assert pushes is not None
     shoulders = (pushes > 0.0) & (points[:, 1] > np.quantile(points[:, 1], SHOULDERS))
     assert shoulders.sum() > 20

@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 
 from warp_cloth.fitting.problem import Problem, load_problem, tolerance_of
-from warp_cloth.kernels.certificate.summary import ONCE
+from warp_cloth.kernels.certificate.summary import GREW_ONCE
 from warp_cloth.model.result import Residual
 from warp_cloth.scene import load_scene
 from warp_cloth.solver.certificate.certifier import Check, Tolerance
@@ -32,8 +32,8 @@ def seen(made: Problem, vertex: int, ways: list[list[float]]) -> float:
     for iteration, way in enumerate([[0.0, 0.0, 0.0], [0.0, 0.0, 0.0], *ways]):
         points[vertex] += way
         made.model.set_points(points)
-        growing = made.certifier.look(100 * iteration).growing[0]
-        made.certifier.turn_page(100 * iteration)
+        growing = made.certifier.measure(100 * iteration).growing[0]
+        made.certifier.take_snapshot(100 * iteration)
     made.model.set_points(start)
     return float(growing)
 
@@ -44,10 +44,10 @@ def highest(made: Problem) -> int:
 
 WAYS = {
     "grown twice": ([[STEP, 0.0, 0.0], [2.0 * STEP, 0.0, 0.0], [3.0 * STEP, STEP, 0.0]], 10.0**0.5 * STEP),
-    "grown once": ([[2.0 * STEP, 0.0, 0.0], [STEP, 0.0, 0.0], [2.0 * STEP, 0.0, 0.0]], float(ONCE) * 2.0 * STEP),
+    "grown once": ([[2.0 * STEP, 0.0, 0.0], [STEP, 0.0, 0.0], [2.0 * STEP, 0.0, 0.0]], float(GREW_ONCE) * 2.0 * STEP),
     "grown from another way": (
         [[0.0, STEP, 0.0], [2.0 * STEP, 0.0, 0.0], [3.0 * STEP, 0.0, 0.0]],
-        float(ONCE) * 3.0 * STEP,
+        float(GREW_ONCE) * 3.0 * STEP,
     ),
     "shorter": ([[STEP, 0.0, 0.0], [3.0 * STEP, 0.0, 0.0], [2.0 * STEP, 0.0, 0.0]], 0.0),
     "longer, another way": ([[STEP, 0.0, 0.0], [2.0 * STEP, 0.0, 0.0], [0.0, 3.0 * STEP, 0.0]], 0.0),

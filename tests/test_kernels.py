@@ -21,7 +21,7 @@ from warp_cloth.kernels.avatar.field import ContactField, field_contact
 from warp_cloth.kernels.avatar.layers import LayeredSolid, layered_level
 from warp_cloth.kernels.base.options import Terms
 from warp_cloth.kernels.base.types import BOUNDS, FOURTH_PARTS, PRECISIONS
-from warp_cloth.kernels.certificate.pressure import push_kernel
+from warp_cloth.kernels.certificate.pressure import normal_force_kernel
 from warp_cloth.kernels.certificate.residual import bending_energy_kernel, energy_kernels, residual_kernel
 from warp_cloth.kernels.contact.crossing_search import crossing_groups_kernel, crossing_leaves_kernel, crossings_kernel
 from warp_cloth.kernels.contact.force import press_kernel
@@ -152,7 +152,7 @@ def test_displacement_and_certificate_kernels_compile(precision: str) -> None:
         asked = contact, data or NoCollider
         loaded(residual_kernel(precision, *asked, cloth_contact))
         if contact is not None:
-            loaded(push_kernel(precision, *asked, cloth_contact))
+            loaded(normal_force_kernel(precision, *asked, cloth_contact))
         loaded(displace_kernel(precision, accelerated, *asked, cloth_contact, cloth_contact))
         loaded(advance_kernel(precision, accelerated, Terms(True, True, True), False, *asked, cloth_contact, True))
 

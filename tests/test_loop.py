@@ -30,7 +30,7 @@ def ended(changes: Sequence[Sequence[str]], *, ahead: bool) -> tuple[list[Outcom
     outcomes = relax_items(made.relaxation, made.certifier, goals, follow=collider_updates(made), ahead=ahead)
     for item, outcome in enumerate(outcomes):
         np.testing.assert_array_equal(made.model.points(item), outcome.points)
-    return outcomes, np.stack([np.asarray(made.certifier.pushes()), made.model.state.stiffness.numpy()])
+    return outcomes, np.stack([np.asarray(made.certifier.normal_forces()), made.model.state.stiffness.numpy()])
 
 
 @pytest.mark.parametrize(

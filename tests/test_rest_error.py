@@ -9,7 +9,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from warp_cloth.solver.certificate.rest_error import Mark, RestError, rest_error
+from warp_cloth.solver.certificate.rest_error import Snapshot, Snapshots, rest_error
 
 STEP = 100  # iterations between two looks
 AWAY = np.array([[0.3, -0.2, 0.1], [0.1, 0.4, 0.2], [-0.1, 0.0, 0.5]])  # [m], from rest at the start
@@ -21,18 +21,18 @@ LOOSEST_FAST = 16.0  # where a span covers most of what is left: a span may be q
 
 def looked_at(left: Callable[[int], float], until: int) -> list[tuple[float, float]]:
     """Estimate and true distance [m] at every look at a motion that has ``left`` of its way before it."""
-    error = RestError()
+    snapshots = Snapshots()
     looks = []
     for now in range(0, until + 1, STEP):
         shape = (1.0 + AWAY * left(now)).astype(np.float32)
-        marks = error.marks(now)
-        shapes = [shape, *(mark.shape for mark in marks)]
+        found = snapshots.at_spans(now)
+        shapes = [shape, *(each.shape for each in found)]
         ways = [float(np.sqrt(np.mean(np.sum((a - b) ** 2, axis=1)))) for a, b in itertools.pairwise(shapes)]
-        estimate = float(rest_error(now, marks, np.array([ways]))[0])
+        estimate = float(rest_error(now, found, np.array([ways]))[0])
         looks.append((estimate, DISTANCE * abs(left(now))))
-        if error.due(now):
-            error.keep(Mark(now, shape))
-        error.dropped(now)
+        if snapshots.due(now):
+            snapshots.store(Snapshot(now, shape))
+        snapshots.drop(now)
     return looks
 
 
@@ -83,11 +83,11 @@ def test_standing_still_is_rest() -> None:
 
 @pytest.mark.parametrize("step", [100, 300, 700])
 def test_no_more_shapes_are_kept_than_memory_is_planned_for(step: int) -> None:
-    kept = RestError()
+    stored = Snapshots()
     most = 0
     for iteration in range(0, 60_000, step):
-        if kept.due(iteration):
-            kept.keep(Mark(iteration, None))
-            most = max(most, len(kept.shapes))
-        kept.dropped(iteration)
-    assert most <= RestError.most_kept()
+        if stored.due(iteration):
+            stored.store(Snapshot(iteration, None))
+            most = max(most, len(stored.shapes))
+        stored.drop(iteration)
+    assert most <= Snapshots.most()

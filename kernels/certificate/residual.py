@@ -1,4 +1,4 @@
-"""The certificate's figures per vertex and per edge (model: rest)."""
+"""The certificate's figures per vertex and per element: residual, energies, strains (model: rest)."""
 
 import functools
 from types import SimpleNamespace
@@ -13,7 +13,7 @@ from warp_cloth.kernels.base.types import (
     free_function,
     hinge_sides_function,
 )
-from warp_cloth.kernels.certificate.reaction import carried_function
+from warp_cloth.kernels.certificate.reaction import reaction_function
 from warp_cloth.kernels.laws.bending import hinge_normals, rotated_back
 from warp_cloth.kernels.laws.energy import bending_energy, tension_energy, yarn_energy
 from warp_cloth.kernels.laws.yarn import bias_vectors, warp_vector, weft_vector, yarn_law
@@ -22,41 +22,41 @@ from warp_cloth.kernels.passes.step import colliders_type
 
 @functools.cache
 def residual_kernel(precision: str, avatar_contact: wp.Function | None, collider_type: type, pins: bool) -> wp.Kernel:
-    """Kernel ``measure_residual`` in one precision, with the contact that the iteration uses, with or without pins."""
+    """Kernel ``measure_residual``, with the contact that the iteration uses, with or without pins."""
     types = cloth_types(precision)
     vec3, vec4, Model, State, Step = types.vec3, types.vec4, types.Model, types.State, types.Step
     free = free_function(precision, pins)
     if avatar_contact is not None:
-        carried_force = carried_function(precision, avatar_contact, collider_type)
+        react = reaction_function(precision, avatar_contact, collider_type)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def measure_residual(
         model: Model,
         state: State,
-        groups: wp.array(dtype=wp.int32),  # of kernels.base.subset, of vertices; of the others the last residual stays
+        groups: wp.array(dtype=wp.int32),  # active set of vertices (kernels.base.subset); others keep their residual
         step: Step,
         slack: float,  # how far above the contact offset a vertex still counts as in contact [m]
         colliders: colliders_type(avatar_contact, collider_type),
-        load: wp.array(dtype=vec4),  # forces of the cloth and the sum of their magnitudes [N], shape [V]; left at zero
-        residual_out: wp.array(dtype=wp.vec2f),  # force left, in weights and relative, shape [V]; -1 where pinned
+        load_out: wp.array(dtype=vec4),  # an input: forces and sum of their magnitudes [N], shape [V]; left at zero
+        residual_out: wp.array(dtype=wp.vec2f),  # in vertex weights, and relative, shape [V]; -1 where pinned
     ):
-        """Force left on a vertex after contact's push and friction's cone, over its weight, and over all that meets."""
+        """|R| / weight and |R| / (weight + sum of |F|), R the force that contact and friction leave on a vertex."""
         vertex = listed(groups, wp.tid())
-        if vertex >= load.shape[0]:
+        if vertex >= load_out.shape[0]:
             return
-        sum = load[vertex]
-        load[vertex] = vec4()
+        load = load_out[vertex]
+        load_out[vertex] = vec4()
         item = model.items[model.item[vertex]]
         if item.active == 0:
             return
         residual_out[vertex] = wp.vec2f(-1.0, -1.0)
         if free(model, vertex):
             weight = model.weight[vertex]
-            force = vec3(sum[0], sum[1], sum[2]) + step.gravity * weight
-            left = wp.length(force)
+            force = vec3(load[0], load[1], load[2]) + step.gravity * weight
+            residual = wp.length(force)
             if wp.static(avatar_contact is not None):
-                left, _push = carried_force(model, state, vertex, force, colliders[model.item[vertex]], slack)
-            residual_out[vertex] = wp.vec2f(float(left / weight), float(left / (weight + sum[3])))
+                residual, _push = react(model, state, vertex, force, colliders[model.item[vertex]], slack)
+            residual_out[vertex] = wp.vec2f(float(residual / weight), float(residual / (weight + load[3])))
 
     return measure_residual
 

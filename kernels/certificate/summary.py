@@ -1,4 +1,4 @@
-"""Figures of each item of a batch: over chunks of its vertices, then over groups of these, always in one order."""
+"""Figures of each item of a batch by ordered sums: over chunks of its vertices, then over groups of chunks."""
 
 import functools
 
@@ -7,122 +7,151 @@ import warp as wp
 from warp_cloth.kernels.base.subset import listed
 from warp_cloth.kernels.base.types import MODULE_OPTIONS, cloth_types, rest_function
 
-CHUNK = 16  # vertices that one thread sums: a GPU has threads for them all, and each waits for its own in turn
-GROUP = 32  # sums that the next thread sums
-# Columns of a summary: free vertices, squares of the residual in weights and relative; squares of three ways [m2];
-# largest coordinate's change since the last look [m]; largest ``growing_way`` [m]; lowest and highest corner of the
-# bounding box [m].
-FREE, WEIGHTS, RELATIVE, WAYS, MOVED, FASTER, LOWER, UPPER, COLUMNS = 0, 1, 2, 3, 6, 7, 8, 11, 14
-NOWHERE = wp.constant(wp.float64(1.0e300))
-ALONG = wp.constant(wp.float64(0.8))  # cosine between two ways from which on they run the same way
-ONCE = wp.constant(wp.float64(0.2))  # how much of a way counts that has grown once only: what trembles grows by turns
+CHUNK = 16  # vertices that one thread sums: a GPU has threads for all chunks at once
+GROUP = 32  # sums that a thread of the next kernel sums
+# Columns of a summary: free vertices, squared residuals in weights and relative, squared distances between the last
+# four snapshots [m2], largest change of a coordinate since the last measurement [m], largest ``growing_displacement``
+# [m], lowest and highest corner of the bounding box [m].
+FREE, WEIGHTS, RELATIVE, DISTANCES, MOVED, GROWING, LOWER, UPPER, COLUMNS = 0, 1, 2, 3, 6, 7, 8, 11, 14
+INFINITE = wp.constant(wp.float64(1.0e300))
+ALIGNED = wp.constant(wp.float64(0.8))  # cosine from which on two displacements have the same direction
+GREW_ONCE = wp.constant(wp.float64(0.2))  # what counts of one that has grown once only, as oscillation does
 
 
 @functools.cache
-def looks_type(precision: str) -> type:
-    """The struct of the shapes that the one now is compared with."""
+def shapes_type(precision: str) -> type:
+    """The struct ``Shapes``, which the present shape is compared with."""
     point = cloth_types(precision).point
 
     @wp.struct
-    class Looks:
-        """Shapes on the way."""
+    class Shapes:
+        """Earlier shapes, and what of the present one is summed."""
 
-        last: wp.array(dtype=point)  # at the last look [m], shape [V]
+        last: wp.array(dtype=point)  # at the last measurement [m], shape [V]
         before: wp.array(dtype=point)  # at the one before
         earlier: wp.array(dtype=point)  # at the one before that
-        low: wp.array(dtype=wp.uint8)  # 1: of its item's lower half, which carries little and may fold, shape [V]
-        asked: wp.array(dtype=wp.uint8)  # 1: of this item figures are asked for, shape [items]
-        marks: int  # how many of the earlier shapes are known: 3 or none
-        mark_1: wp.array(dtype=wp.vec3f)  # [m], shape [V]
-        mark_2: wp.array(dtype=wp.vec3f)
-        mark_3: wp.array(dtype=wp.vec3f)
+        lower_half: wp.array(dtype=wp.uint8)  # 1: of its item's lower half, which may still fold, shape [V]
+        selected: wp.array(dtype=wp.uint8)  # 1: this item is measured, shape [items]
+        snapshot_count: int  # of the snapshots that are known: 3 or none
+        snapshot_1: wp.array(dtype=wp.vec3f)  # latest [m], shape [V]
+        snapshot_2: wp.array(dtype=wp.vec3f)
+        snapshot_3: wp.array(dtype=wp.vec3f)
 
-    return Looks
+    return Shapes
 
 
 @wp.func
-def squared_way(a: wp.vec3f, b: wp.vec3f):
+def squared_distance(a: wp.vec3f, b: wp.vec3f):
     """|a - b|^2 [m2]."""
     d = wp.vec3d(a - b)
     return wp.dot(d, d)
 
 
 @wp.func
-def outgrows(way: wp.vec3d, before: wp.vec3d):
-    """Whether a way is longer than the one before it, and runs as that did."""
-    length = wp.length(way)
+def outgrows(displacement: wp.vec3d, before: wp.vec3d):
+    """Whether a displacement is longer than the one before it, in the same direction."""
+    length = wp.length(displacement)
     earlier = wp.length(before)
-    return length > earlier and wp.dot(way, before) > ALONG * length * earlier
+    return length > earlier and wp.dot(displacement, before) > ALIGNED * length * earlier
 
 
 @wp.func
-def growing_way(way: wp.vec3d, before: wp.vec3d, earlier: wp.vec3d):
-    """Length of a way [m] that has grown twice, ONCE of it if only once; 0 of any other."""
-    length = wp.length(way)
-    counted = wp.where(outgrows(before, earlier), length, ONCE * length)
-    return wp.where(outgrows(way, before), counted, wp.float64(0.0))
+def growing_displacement(displacement: wp.vec3d, before: wp.vec3d, earlier: wp.vec3d):
+    """Length [m] of a displacement that has grown twice, GREW_ONCE of it if only once, else 0."""
+    length = wp.length(displacement)
+    counted = wp.where(outgrows(before, earlier), length, GREW_ONCE * length)
+    return wp.where(outgrows(displacement, before), counted, wp.float64(0.0))
 
 
 @functools.cache
-def chunk_kernel(precision: str) -> wp.Kernel:
-    """Kernel ``summarise_chunks``, which goes first."""
-    Model, State, Looks = cloth_types(precision).Model, cloth_types(precision).State, looks_type(precision)
-    rests = rest_function(precision)
+def growing_function(precision: str) -> wp.Function:
+    """The function ``growing_of``, of one vertex."""
+    Shapes = shapes_type(precision)
+
+    @wp.func
+    def growing_of(shapes: Shapes, vertex: int, change: wp.vec3d, last: wp.vec3d):
+        """A vertex's growing displacement [m]; 0 in the lower half."""
+        # read in any case: a GPU waits for memory far longer than it computes
+        before = wp.vec3d(shapes.before[vertex])
+        growing = growing_displacement(change, last - before, before - wp.vec3d(shapes.earlier[vertex]))
+        return wp.where(shapes.lower_half[vertex] == wp.uint8(0), growing, wp.float64(0.0))
+
+    return growing_of
+
+
+@functools.cache
+def distances_function(precision: str) -> wp.Function:
+    """The function ``distances_of``, of one vertex."""
+    Shapes = shapes_type(precision)
+
+    @wp.func
+    def distances_of(shapes: Shapes, vertex: int, position: wp.vec3d):
+        """Squared distances from here to the first snapshot, to the second, to the third [m2]."""
+        one = shapes.snapshot_1[vertex]
+        two = shapes.snapshot_2[vertex]
+        return wp.vec3d(
+            squared_distance(wp.vec3f(position), one),
+            squared_distance(one, two),
+            squared_distance(two, shapes.snapshot_3[vertex]),
+        )
+
+    return distances_of
+
+
+@functools.cache
+def summarise_chunks_kernel(precision: str) -> wp.Kernel:
+    """Kernel ``summarise_chunks``, which comes first."""
+    Model, State, Shapes = cloth_types(precision).Model, cloth_types(precision).State, shapes_type(precision)
+    rests, growing_of = rest_function(precision), growing_function(precision)
+    distances_of = distances_function(precision)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def summarise_chunks(
         model: Model,
         state: State,
-        groups: wp.array(dtype=wp.int32),  # of kernels.base.subset, of chunks
+        groups: wp.array(dtype=wp.int32),  # active set of chunks (kernels.base.subset)
         first: wp.array(dtype=wp.int32),  # first vertex of each chunk, and the vertex count
-        left: wp.array(dtype=wp.vec2f),  # of measure_residual, shape [V]
-        looks: Looks,
+        residual: wp.array(dtype=wp.vec2f),  # of measure_residual, shape [V]
+        shapes: Shapes,
         sum_out: wp.array2d(dtype=wp.float64),  # shape [chunks, COLUMNS]
     ):
-        """Figures of each chunk of an item that still iterates and is asked for."""
+        """Figures of each chunk of an item that still iterates and is selected."""
         chunk = listed(groups, wp.tid())
         if chunk >= sum_out.shape[0]:
             return
-        if rests(model, first[chunk]) or looks.asked[model.item[first[chunk]]] == wp.uint8(0):
+        if rests(model, first[chunk]) or shapes.selected[model.item[first[chunk]]] == wp.uint8(0):
             return
         free = wp.float64(0.0)
         squares = wp.vec2d()
-        ways = wp.vec3d()
+        distances = wp.vec3d()
         moved = wp.float64(0.0)
         growing = wp.float64(0.0)
-        lower = wp.vec3d(NOWHERE, NOWHERE, NOWHERE)
+        lower = wp.vec3d(INFINITE, INFINITE, INFINITE)
         upper = -lower
         for vertex in range(first[chunk], first[chunk + 1]):
-            here = wp.vec3d(state.position[vertex])
-            last = wp.vec3d(looks.last[vertex])
-            change = here - last
+            position = wp.vec3d(state.position[vertex])
+            last = wp.vec3d(shapes.last[vertex])
+            change = position - last
             moved = wp.max(moved, wp.max(wp.abs(change)))
-            # asked for with the rest: a GPU waits for memory far longer than it works
-            before = wp.vec3d(looks.before[vertex])
-            way = growing_way(change, last - before, before - wp.vec3d(looks.earlier[vertex]))
-            growing = wp.max(growing, wp.where(looks.low[vertex] == wp.uint8(0), way, wp.float64(0.0)))
-            # adding nothing, or what is not finite: that must not be lost in a comparison
+            growing = wp.max(growing, growing_of(shapes, vertex, change, last))
+            # adds 0, or NaN where the position is not finite, which comparisons would lose
             free += (change[0] - change[0]) + (change[1] - change[1]) + (change[2] - change[2])
-            lower = wp.min(lower, here)
-            upper = wp.max(upper, here)
-            residual = wp.vec2d(left[vertex])
-            squares += wp.cw_mul(residual - residual, residual)
-            if residual[0] >= wp.float64(0.0):
+            lower = wp.min(lower, position)
+            upper = wp.max(upper, position)
+            left = wp.vec2d(residual[vertex])
+            squares += wp.cw_mul(left - left, left)
+            if left[0] >= wp.float64(0.0):
                 free += wp.float64(1.0)
-                squares += wp.cw_mul(residual, residual)
-            if looks.marks > 0:
-                one = looks.mark_1[vertex]
-                two = looks.mark_2[vertex]
-                ways += wp.vec3d(
-                    squared_way(wp.vec3f(here), one), squared_way(one, two), squared_way(two, looks.mark_3[vertex])
-                )
+                squares += wp.cw_mul(left, left)
+            if shapes.snapshot_count > 0:
+                distances += distances_of(shapes, vertex, position)
         sum_out[chunk, wp.static(FREE)] = free
         sum_out[chunk, wp.static(MOVED)] = moved
-        sum_out[chunk, wp.static(FASTER)] = growing
+        sum_out[chunk, wp.static(GROWING)] = growing
         for k in range(2):
             sum_out[chunk, wp.static(WEIGHTS) + k] = squares[k]
         for k in range(3):
-            sum_out[chunk, wp.static(WAYS) + k] = ways[k]
+            sum_out[chunk, wp.static(DISTANCES) + k] = distances[k]
             sum_out[chunk, wp.static(LOWER) + k] = lower[k]
             sum_out[chunk, wp.static(UPPER) + k] = upper[k]
 
@@ -150,20 +179,20 @@ def summarise_groups(
 
 
 @functools.cache
-def keep_kernel(precision: str) -> wp.Kernel:
-    """Kernel ``keep_shape``, which rounds it to float32."""
+def store_snapshot_kernel(precision: str) -> wp.Kernel:
+    """Kernel ``store_snapshot``."""
     Model, State = cloth_types(precision).Model, cloth_types(precision).State
     rests = rest_function(precision)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
-    def keep_shape(
+    def store_snapshot(
         model: Model,
         state: State,
-        shape_out: wp.array(dtype=wp.vec3f),  # [m], shape [V]
+        snapshot_out: wp.array(dtype=wp.vec3f),  # [m], shape [V]
     ):
-        """Keeps the shape as it is, rounded to float32."""
+        """Stores the present shape, rounded to float32."""
         vertex = wp.tid()
         if not rests(model, vertex):
-            shape_out[vertex] = wp.vec3f(state.position[vertex])
+            snapshot_out[vertex] = wp.vec3f(state.position[vertex])
 
-    return keep_shape
+    return store_snapshot

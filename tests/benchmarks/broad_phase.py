@@ -252,7 +252,7 @@ def worn(layers: int, vertices: int, iterations: int, device: str) -> Problem:
         NEVER,
         iterations,
         follow=collider_updates(problem),
-        course=problem.course,
+        schedule=problem.schedule,
     )
     return problem
 

@@ -39,7 +39,7 @@ from warp_cloth.scene import Scene
 from warp_cloth.shapes.body import calibrated_form
 from warp_cloth.shapes.measures import MannequinMeasures
 from warp_cloth.shapes.surface import grid_values, split_quads, surface_nets, without_saddles
-from warp_cloth.solver.certificate.certifier import Look
+from warp_cloth.solver.certificate.certifier import Measurement
 from warp_cloth.solver.loop import CHUNK, Goal, Outcome, relax_items
 
 SKIN = (0.4, 0.88)  # of a body's height: from below the crotch to the neck
@@ -116,7 +116,7 @@ def residuals(pair: tuple[str, str, str], starts: int, device: str) -> dict[str,
             made.model.set_points(points, item)
         left: dict[int, list[float]] = {}
 
-        def told(look: Look, _: float, left: dict[int, list[float]] = left) -> None:
+        def told(look: Measurement, _: float, left: dict[int, list[float]] = left) -> None:
             left[look.iteration] = look.relative_rms.tolist()
 
         relaxed(made, [Goal(NEVER, AFTER[-1])] * starts, told)

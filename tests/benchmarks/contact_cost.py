@@ -110,7 +110,7 @@ class Fits:
         wp.synchronize_device(self._device)
         began = time.perf_counter()
         out = relax_to_rest(
-            made.relaxation, made.certifier, tolerance, limit, follow=collider_updates(made), course=made.course
+            made.relaxation, made.certifier, tolerance, limit, follow=collider_updates(made), schedule=made.schedule
         )
         wp.synchronize_device(self._device)
         seconds = time.perf_counter() - began

@@ -25,7 +25,7 @@ from warp_cloth.base.warp_setup import start_warp
 from warp_cloth.fitting.problem import Problem, collider_updates, problem_kind, tolerance_of
 from warp_cloth.garment.outfit import MeshCache, load_outfit
 from warp_cloth.scene import Scene, load_scene
-from warp_cloth.solver.certificate.certifier import Look
+from warp_cloth.solver.certificate.certifier import Measurement
 from warp_cloth.solver.loop import Goal, relax_items
 
 FURTHER = 1000  # iterations
@@ -75,12 +75,12 @@ def _crept(made: Problem, names: Sequence[str], errors: Sequence[float], limit: 
         for error in errors
     }
 
-    def watch(look: Look, _: float) -> None:
+    def watch(look: Measurement, _: float) -> None:
         for error, tolerances in asked.items():
             for item in np.flatnonzero(look.nearly_within(tolerances)).tolist():
                 within = (item, error) not in rest and made.certifier.check(look, item).within(tolerances[item])
                 if within and look.iteration <= limit:
-                    push = made.certifier.pushes()
+                    push = made.certifier.normal_forces()
                     assert push is not None
                     rest[item, error] = look.iteration, made.model.points(item), push[made.model.of_item(item)]
         for key, (iteration, points, push) in rest.items():

@@ -37,7 +37,7 @@ def timed(name: str, scene: str | dict[str, Any], changes: list[str], device: st
         built.append(time.perf_counter() - began)
         tolerance, limit = tolerance_of(chosen), chosen.solver.iterations
         outcome = relax_to_rest(
-            made.relaxation, made.certifier, tolerance, limit, follow=collider_updates(made), course=made.course
+            made.relaxation, made.certifier, tolerance, limit, follow=collider_updates(made), schedule=made.schedule
         )
         seconds.append(outcome.seconds)
         ends.add(f"{hashlib.sha256(outcome.points.tobytes()).hexdigest()[:12]} after {outcome.iterations:,}")

@@ -57,7 +57,7 @@ def main() -> None:
         tolerance_of(scene),
         asked.iterations,
         follow=collider_updates(made),
-        course=made.course,
+        schedule=made.schedule,
     )
     print(f"{outcome.status.value} after {outcome.iterations:,} iterations, {outcome.seconds:.2f} s")
     tell("relaxed", whole - 1e-9 * planned["report"])

@@ -40,7 +40,7 @@ CERTAIN = 5.0  # a distance is known where it is so many times what the end may 
 
 
 @dataclass(frozen=True)
-class Look:
+class Measurement:
     """What was seen of a run at one check."""
 
     iteration: int  # of the finest garment
@@ -64,14 +64,14 @@ class Run:
     coarse_seconds: float
     rest: int  # iteration of the certificate; 0 where it was not reached
     end_mm: float  # what the end may still be from rest
-    looks: tuple[Look, ...] = field(repr=False)
+    looks: tuple[Measurement, ...] = field(repr=False)
 
     @property
     def work(self) -> float:
         """Iterations to the certificate, all levels weighted by their vertices; inf where it was not reached."""
         return self.coarse + self.rest if self.rest else math.inf
 
-    def first(self, relative: float) -> Look | None:
+    def first(self, relative: float) -> Measurement | None:
         """The first look from which on the relative residual stays below this."""
         found = None
         for look in reversed(self.looks):
@@ -80,11 +80,11 @@ class Run:
             found = look
         return found
 
-    def certified(self) -> Look | None:
+    def certified(self) -> Measurement | None:
         """The look at which the certificate was given."""
         return next((look for look in self.looks if look.iteration == self.rest), None)
 
-    def estimates(self) -> list[Look]:
+    def estimates(self) -> list[Measurement]:
         """Looks at balanced forces whose distance from rest is known."""
         return [
             look
@@ -152,7 +152,7 @@ def run_case(case: Case, method: str, device: str, limit: int | None = None) -> 
         true = math.nan if shape is None else 1e3 * float(np.sqrt(np.mean(np.sum((shape - end) ** 2, axis=1))))
         left = check.residual
         error = 1e3 * check.rest_error if math.isfinite(check.rest_error) else math.nan
-        told.append(Look(check.iteration, seconds, left.rms, left.relative_rms, left.relative_p99, error, true))
+        told.append(Measurement(check.iteration, seconds, left.rms, left.relative_rms, left.relative_p99, error, true))
     return Run(case, method, device, model.vertex_count, coarse, before, rest, end_mm, tuple(told))
 
 
@@ -199,5 +199,5 @@ def _run_job(job: tuple[Case, str, str, int]) -> Run:
 
 def run_from(values: Mapping[str, Any]) -> Run:
     """A run from what ``asdict`` made of it."""
-    looks = tuple(Look(**look) for look in values["looks"])
+    looks = tuple(Measurement(**look) for look in values["looks"])
     return Run(**{**values, "case": Case(**values["case"]), "looks": looks})

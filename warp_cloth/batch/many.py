@@ -152,7 +152,7 @@ def _together(scenes: Sequence[Scene], outfits: Sequence[Outfit], device: str, c
             made.certifier,
             goals,
             follow=collider_updates(made),
-            course=made.course,
+            schedule=made.schedule,
             on_chunk=turn.offer,
         )
     clock.lap("relax")

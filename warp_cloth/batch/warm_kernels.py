@@ -32,8 +32,8 @@ def load_kernels(scene: Scene, device: str) -> None:
         for balanced in (False, True):
             made.relaxation.loosen(np.full(MANY, 0.0 if balanced else np.inf))
             made.relaxation.run(CHUNK)
-            made.certifier.look(CHUNK)
-            made.certifier.turn_page(CHUNK)
+            made.certifier.measure(CHUNK)
+            made.certifier.take_snapshot(CHUNK)
     except Exception as error:
         log.info("kernels are not loaded ahead: %s", error)
 

@@ -25,7 +25,7 @@ from warp_cloth.garment.outfit import Outfit
 from warp_cloth.garment.part import GarmentPart
 from warp_cloth.model.model import ClothModel
 from warp_cloth.scene import Scene
-from warp_cloth.solver.contact_schedule import LAYER_LIFT, Course
+from warp_cloth.solver.contact_schedule import LAYER_LIFT, ContactSchedule
 from warp_cloth.solver.relax import Relaxation
 
 CROSSING_FIELD = "crossing"  # of a garment where some of it crosses: 1 at the corners of those faces
@@ -80,7 +80,7 @@ def highest_lift(scene: Scene) -> float:
     return LAYER_LIFT * (len(scene.garments) - 1) if scene.collision.cloth else 0.0
 
 
-def cloth_course(outfit: Outfit, relaxation: Relaxation, cloth_contact: ClothContact) -> Course:
+def build_contact_schedule(outfit: Outfit, relaxation: Relaxation, cloth_contact: ClothContact) -> ContactSchedule:
     """The way of a scene's garments from where they are loaded."""
 
     def face() -> None:
@@ -89,7 +89,7 @@ def cloth_course(outfit: Outfit, relaxation: Relaxation, cloth_contact: ClothCon
         else:
             cloth_contact.face(signs_from_middle(outfit.parts, relaxation.model.points()))
 
-    return Course(relaxation, cloth_contact, face)
+    return ContactSchedule(relaxation, cloth_contact, face)
 
 
 def signs_from_middle(parts: Sequence[GarmentPart], points: Points) -> list[float]:

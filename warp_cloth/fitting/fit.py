@@ -135,7 +135,7 @@ def fit(
 
 def _with_maps(result: FitResult, names: Sequence[str], problem: Problem) -> FitResult:
     """The result with these maps, in the garments' fields and in the report too."""
-    forces = problem.certifier.pushes()
+    forces = problem.certifier.normal_forces()
     spans = itertools.pairwise(problem.model.vertex_start)
     garment_names = [worn.name for worn in result.garments]
     maps = measure_maps(
@@ -190,6 +190,6 @@ def _relax(problem: Problem, frames: int, progress: Callable[[Progress], None] |
         limit,
         frames=frames,
         follow=collider_updates(problem),
-        course=problem.course,
+        schedule=problem.schedule,
         on_check=report_check if progress is not None else None,
     )

@@ -15,7 +15,7 @@ from warp_cloth.avatar.contact import AvatarContact
 from warp_cloth.base.mesh import Points
 from warp_cloth.model.model import ClothModel
 from warp_cloth.solver.certificate.certifier import Certifier, Tolerance
-from warp_cloth.solver.contact_schedule import Course
+from warp_cloth.solver.contact_schedule import ContactSchedule
 from warp_cloth.solver.loop import CHUNK, Follow, relax_to_rest
 from warp_cloth.solver.relax import Relaxation
 
@@ -44,7 +44,7 @@ def follow_poses(
     tolerance: Tolerance,
     limit: int,
     follow: Follow,
-    course: Course | None,
+    schedule: ContactSchedule | None,
 ) -> PoseRun:
     """Drapes the garments in the first pose, moves them through the others, and leaves them in the last.
 
@@ -59,7 +59,7 @@ def follow_poses(
         tolerance: what counts as rest; a multiple of it counts as worn.
         limit: of the iterations until worn.
         follow: see ``relax_to_rest``.
-        course: see ``relax_to_rest``.
+        schedule: see ``relax_to_rest``.
     """
     worn = Tolerance(
         min(WORN * tolerance.relative_rms, 1.0),
@@ -67,7 +67,7 @@ def follow_poses(
         WORN * tolerance.rest_error,
         WORN * tolerance.growing,
     )
-    outcome = relax_to_rest(relaxation, certifier, worn, limit, follow=follow, course=course, ahead=False)
+    outcome = relax_to_rest(relaxation, certifier, worn, limit, follow=follow, schedule=schedule, ahead=False)
     iterations, steps = outcome.iterations, 0
     for start, end in itertools.pairwise(poses):
         count = _steps(relaxation.model.points(), start, end)

@@ -1,4 +1,4 @@
-"""The way of garments that meet themselves and each other: sewn, then untangled, then worn."""
+"""Contact schedule: cloth that collides with cloth is first sewn, then untangled, then worn."""
 
 from __future__ import annotations
 
@@ -9,20 +9,20 @@ import warp as wp
 from warp_cloth.contact.cloth import ClothContact
 from warp_cloth.solver.relax import Relaxation
 
-# Sewing and untangling are no time to swing: drawn together with full momentum, the panels of a T-shirt fold over
-# and cross in 5,000 places, with this in 200.
+# Sewing and untangling need little momentum: drawn together with all of it, the panels of a T-shirt fold over and cross
+# in 5,000 places, with this in 200.
 CALM_MOMENTUM = 0.9
-MOST_SEWING = 1000  # iterations after which a seam that will not close is taken as it is
+MOST_SEWING = 1000  # iterations after which a seam that will not close is left as it is
 LAYER_LIFT = 8e-3  # [m]; while it is sewn, each layer keeps clear of the folds of the one inside it
-LOOK_AGAIN = 500  # iterations after which it is looked whether nothing crosses still: a pose may have pushed through
-ROOMY = 0.5  # share of the room for pairs; where less is taken the next chunk does not wait for a look
-MOST_UNTANGLING = 2000  # iterations after which swinging may help where calm did not
+CHECK_EVERY = 500  # iterations between checks for new crossings: a pose may have pushed cloth through
+ROOMY = 0.5  # fraction of the memory for pairs; below it the next chunk does not wait for the measurement
+MOST_UNTANGLING = 2000  # iterations after which momentum may help where calm did not
 
 
-class Course:
-    """Wakes the contact of cloth with cloth once the seams have closed, and momentum once nothing crosses.
+class ContactSchedule:
+    """Enables contact of cloth with cloth once the seams have closed, and momentum once nothing crosses.
 
-    ``face`` tells garments, as they lie, whether their triangles face away from the body.
+    ``face`` decides for garments, as they lie, whether their triangles face away from the body.
     """
 
     def __init__(self, relaxation: Relaxation, cloth_contact: ClothContact, face: Callable[[], None]) -> None:
@@ -30,11 +30,11 @@ class Course:
         self._cloth_contact = cloth_contact
         self._face = face
         self._momentum = relaxation.step.momentum
-        self._woken = 0
-        self._noted = False  # whether what the next ``advance`` is to know has been asked
-        self._roomy = False  # whether at the last look pairs had room to become many more
-        self._crowded = False  # whether they are more than there is room for, all the same
-        self._crossed = False  # whether something crosses that did not before
+        self._enabled_at = 0  # iteration
+        self._requested = False  # whether what the next ``advance`` needs has been requested
+        self._roomy = False  # whether pairs used little of their memory at the last measurement
+        self._overflows = False  # whether there are more pairs than fit, all the same
+        self._crosses_again = False
         if cloth_contact.layered:
             cloth_contact.lift(LAYER_LIFT)
         self._set_momentum(min(CALM_MOMENTUM, self._momentum))
@@ -45,41 +45,41 @@ class Course:
         return bool(self._relaxation.step.momentum < self._momentum)
 
     @property
-    def _through(self) -> bool:
-        """Whether nothing is left but to come to rest."""
+    def _worn(self) -> bool:
+        """Whether nothing is left to do but to come to rest."""
         return self._cloth_contact.awake and not self._cloth_contact.untangles and not self.calm
 
     @property
-    def hangs(self) -> bool:
-        """Whether what comes next hangs on what is seen now."""
-        return not (self._through and self._roomy)
+    def must_wait(self) -> bool:
+        """Whether the next iterations depend on the measurement that is under way."""
+        return not (self._worn and self._roomy)
 
-    def note(self, iteration: int, *, ahead: bool) -> None:
-        """Asks what the next ``advance`` is to know, without waiting; ``ahead``: other iterations may come before."""
+    def request(self, iteration: int, *, ahead: bool) -> None:
+        """Requests what the next ``advance`` needs, without waiting; ``ahead``: other iterations may come before."""
         cloth_contact = self._cloth_contact
-        self._noted = True
+        self._requested = True
         if not cloth_contact.awake:
             cloth_contact.note_open()
             return
-        cloth_contact.note(whole=ahead and self._through)
-        if cloth_contact.untangles or iteration % LOOK_AGAIN == 0:
+        cloth_contact.note(whole=ahead and self._worn)
+        if cloth_contact.untangles or iteration % CHECK_EVERY == 0:
             cloth_contact.note_crossings()
 
-    def put_back(self) -> None:
-        """Makes contact again what it was when that was asked."""
+    def restore(self) -> None:
+        """Restores contact as it was at the last request."""
         self._cloth_contact.put_back()
 
-    def go_on(self) -> None:
-        """Makes room for more pairs where nobody expected them, and untangles what crosses again.
+    def react(self) -> None:
+        """Enlarges the memory for pairs if they overflowed unexpectedly, and untangles what crosses again.
 
-        That is a chunk after it was seen on every device.
+        On every device that happens one chunk after it was measured.
         """
-        if self._crowded:
+        if self._overflows:
             self._cloth_contact.grow()
-        if self._crossed:
+        if self._crosses_again:
             self._cloth_contact.untangles = True
-        if self._crowded or self._crossed:
-            self._crowded = self._crossed = False
+        if self._overflows or self._crosses_again:
+            self._overflows = self._crosses_again = False
             self._relaxation.forget_graphs()
 
     def _set_momentum(self, momentum: float) -> None:
@@ -87,18 +87,18 @@ class Course:
         self._relaxation.forget_graphs()
 
     def advance(self, iteration: int) -> bool:
-        """Goes on to what comes next where it is time; whether what is now may be the rest shape.
+        """Takes the next stage when it is time; returns whether the present shape may be the rest shape.
 
-        By what was noted, once that has come to the host; else by what is now.
+        Decides by what was requested; by the present shape if nothing was.
         """
-        if self._noted:
-            self._noted = False
+        if self._requested:
+            self._requested = False
             return self._advance(iteration)
-        self.note(iteration, ahead=False)
+        self.request(iteration, ahead=False)
         wp.synchronize_device(self._relaxation.model.device)
-        self._noted = False
+        self._requested = False
         settled = self._advance(iteration)
-        self.go_on()
+        self.react()
         return settled
 
     def _advance(self, iteration: int) -> bool:
@@ -108,23 +108,28 @@ class Course:
                 return False
             self._face()
             cloth_contact.awaken()
-            self._woken = iteration
+            self._enabled_at = iteration
             self._relaxation.forget_graphs()
             return False
         few = cloth_contact.few_pairs
-        share = cloth_contact.share_noted()
-        if cloth_contact.few_pairs != few:  # other blocks press them
+        fraction = cloth_contact.share_noted()
+        if cloth_contact.few_pairs != few:  # other blocks compute their forces
             self._relaxation.forget_graphs()
-        self._crowded = self._roomy and share > 1.0
-        self._roomy = self._through and share < ROOMY
-        if self._crowded:
+        self._overflows = self._roomy and fraction > 1.0
+        self._roomy = self._worn and fraction < ROOMY
+        if self._overflows:
             return False
-        if share > 1.0:
+        if fraction > 1.0:
             cloth_contact.grow()
             self._relaxation.forget_graphs()
             return False
-        crossings = cloth_contact.crossings_noted() if cloth_contact.untangles or iteration % LOOK_AGAIN == 0 else 0
-        if self.calm and iteration > self._woken and (not crossings or iteration - self._woken >= MOST_UNTANGLING):
+        return self._untangle(iteration)
+
+    def _untangle(self, iteration: int) -> bool:
+        """Ends untangling once nothing crosses; returns whether the present shape may be the rest shape."""
+        cloth_contact, since = self._cloth_contact, iteration - self._enabled_at
+        crossings = cloth_contact.crossings_noted() if cloth_contact.untangles or iteration % CHECK_EVERY == 0 else 0
+        if self.calm and since > 0 and (not crossings or since >= MOST_UNTANGLING):
             self._set_momentum(self._momentum)
             cloth_contact.lift(0.0)
             cloth_contact.layered = cloth_contact.layered and crossings > 0
@@ -133,5 +138,5 @@ class Course:
         if not self.calm and cloth_contact.untangles and not crossings:
             cloth_contact.untangles = False
             self._relaxation.forget_graphs()
-        self._crossed = not self.calm and not cloth_contact.untangles and crossings > 0
+        self._crosses_again = not self.calm and not cloth_contact.untangles and crossings > 0
         return not crossings and not self.calm

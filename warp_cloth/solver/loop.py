@@ -14,9 +14,16 @@ from warp_cloth.avatar.collider import Collider
 from warp_cloth.base.mesh import Points
 from warp_cloth.garment.rest import Floats
 from warp_cloth.model.result import Status
-from warp_cloth.solver.certificate.certifier import Certifier, Check, Glance, Look, Tolerance, bounds
-from warp_cloth.solver.certificate.summary import Answer
-from warp_cloth.solver.contact_schedule import Course
+from warp_cloth.solver.certificate.certifier import (
+    Certifier,
+    Check,
+    Measurement,
+    PendingMeasurement,
+    Tolerance,
+    read_bounds,
+)
+from warp_cloth.solver.certificate.summary import PendingFigures
+from warp_cloth.solver.contact_schedule import ContactSchedule
 from warp_cloth.solver.relax import Relaxation
 
 Boxes = Floats  # lowest and highest corner of some items [m], shape [N, 2, 3]
@@ -75,7 +82,7 @@ def relax_to_rest(
     *,
     frames: int = 0,
     follow: Follow | None = None,
-    course: Course | None = None,
+    schedule: ContactSchedule | None = None,
     on_check: Callable[[Check, float], None] | None = None,
     ahead: bool | None = None,
 ) -> Outcome:
@@ -88,22 +95,22 @@ def relax_to_rest(
         limit: most iterations.
         frames: how many shapes on the way are wanted; some more are kept.
         follow: given items and their bounding boxes, new colliders where the old ones no longer cover them.
-        course: of garments that meet themselves and each other.
+        schedule: of contact of cloth with cloth.
         on_check: told of every check and the seconds so far.
         ahead: as of relax_items.
     """
     keeper = FrameKeeper(frames, limit)
 
-    def told(look: Look, seconds: float) -> None:
+    def told(measured: Measurement, seconds: float) -> None:
         if on_check is not None:
-            on_check(certifier.check(look, 0), seconds)
+            on_check(certifier.check(measured, 0), seconds)
 
     (outcome,) = relax_items(
         relaxation,
         certifier,
         [Goal(tolerance, limit)],
         follow=follow,
-        course=course,
+        schedule=schedule,
         on_check=told if on_check is not None else None,
         on_chunk=keeper.offer if frames else None,
         ahead=ahead,
@@ -118,8 +125,8 @@ def relax_items(
     goals: Sequence[Goal],
     *,
     follow: Follow | None = None,
-    course: Course | None = None,
-    on_check: Callable[[Look, float], None] | None = None,
+    schedule: ContactSchedule | None = None,
+    on_check: Callable[[Measurement, float], None] | None = None,
     on_chunk: Callable[[int, Relaxation], None] | None = None,
     ahead: bool | None = None,
 ) -> list[Outcome]:
@@ -137,13 +144,13 @@ def relax_items(
         certifier: what measures it.
         goals: of the items, in their order.
         follow: given items and their bounding boxes, new colliders where the old ones no longer cover them.
-        course: of garments that meet themselves and each other; such a scene is an item alone.
-        on_check: told of every look at all items, and the seconds so far.
+        schedule: of contact of cloth with cloth; such a scene is a single item.
+        on_check: called with every measurement of all items, and the seconds so far.
         on_chunk: told of every chunk's last iteration; who asks where the cloth is then has it shown (Relaxation.show).
         ahead: whether iterations go on while a check is read; None: where that saves time. Not where more iterations
             are to follow the end: displacements and stiffness bounds are not those that the check saw.
     """
-    return _Loop(relaxation, certifier, goals, follow, course, on_check, ahead).run(on_chunk)
+    return _Loop(relaxation, certifier, goals, follow, schedule, on_check, ahead).run(on_chunk)
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,8 +158,8 @@ class _Seen:
     """What was asked of the device after some iterations, and is not read yet."""
 
     iteration: int
-    glance: Glance | None  # of a check
-    bounds: Answer | None  # of cloth that falls, between checks
+    measurement: PendingMeasurement | None  # of a check
+    bounds: PendingFigures | None  # of cloth that falls, between checks
     ending: frozenset[int]  # items that have no iterations left
 
     @property
@@ -180,12 +187,12 @@ class _Loop:
         certifier: Certifier,
         goals: Sequence[Goal],
         follow: Follow | None,
-        course: Course | None,
-        on_check: Callable[[Look, float], None] | None,
+        schedule: ContactSchedule | None,
+        on_check: Callable[[Measurement, float], None] | None,
         ahead: bool | None,
     ) -> None:
         self._relaxation, self._certifier = relaxation, certifier
-        self._goals, self._follow, self._course, self._on_check = goals, follow, course, on_check
+        self._goals, self._follow, self._schedule, self._on_check = goals, follow, schedule, on_check
         self._saves = wp.get_device(relaxation.model.device).is_cuda if ahead is None else ahead
         self._active = list(range(len(goals)))
         self._falling = list(self._active)
@@ -231,7 +238,7 @@ class _Loop:
         """Whether the next chunk may begin before what was seen is read."""
         if not self._saves or seen.ending:
             return False
-        return self._course is None or seen.glance is None or not self._course.hangs
+        return self._schedule is None or seen.measurement is None or not self._schedule.must_wait
 
     def _chunk(self, seen: _Seen, told: bool) -> int:
         """Iterations from here to where something may be to see or to do; ``told``: every chunk's end is told."""
@@ -247,58 +254,58 @@ class _Loop:
         at_limit = any(self._goals[item].limit <= iteration for item in self._active)
         follows = self._follow is not None and bool(self._falling)
         looks = follows or at_limit or iteration % (CHUNK * CHUNKS_PER_CHECK) == 0
-        lone = self._course is None and len(self._goals) == 1
+        lone = self._schedule is None and len(self._goals) == 1
         return {} if looks or lone or not self._relaxation.stays_packed else {"shown": False}
 
     def _see(self, iteration: int) -> _Seen:
         """Asks of the device what there is to decide after these iterations."""
         ending = frozenset(item for item in self._active if self._goals[item].limit <= iteration)
         if iteration % (CHUNK * CHUNKS_PER_CHECK) == 0:
-            if self._course is not None:
-                self._course.note(iteration, ahead=self._saves)
-            glance = self._certifier.glance(iteration)
-            self._certifier.turn_page(iteration)
-            return _Seen(iteration, glance, None, ending)
+            if self._schedule is not None:
+                self._schedule.request(iteration, ahead=self._saves)
+            measurement = self._certifier.start_measurement(iteration)
+            self._certifier.take_snapshot(iteration)
+            return _Seen(iteration, measurement, None, ending)
         if ending:
-            return _Seen(iteration, self._certifier.glance(iteration), None, ending)
+            return _Seen(iteration, self._certifier.start_measurement(iteration), None, ending)
         follows = self._follow is not None and self._falling and iteration % CHUNK == 0
         if follows:
             self._relaxation.show()
-        return _Seen(iteration, None, self._certifier.ask_bounds(self._falling) if follows else None, ending)
+        return _Seen(iteration, None, self._certifier.request_bounds(self._falling) if follows else None, ending)
 
     def _decide(self, seen: _Seen, *, late: bool = False) -> None:
         """Reads what was seen, and retires the items that had ended then; ``late``: they have iterated since."""
         if seen.bounds is not None:
-            self._boxes_seen = _BoxesSeen(seen.iteration, bounds(seen.bounds), None)
-        if seen.glance is None:
+            self._boxes_seen = _BoxesSeen(seen.iteration, read_bounds(seen.bounds), None)
+        if seen.measurement is None:
             return
-        look = self._certifier.read(seen.glance)
-        settled = self._advance(look)
-        near = look.nearly_within(self._tolerances) | ~look.finite
+        measured = self._certifier.read(seen.measurement)
+        settled = self._advance(measured)
+        near = measured.nearly_within(self._tolerances) | ~measured.finite
         ended = []
         asked = self._active if seen.whole else sorted(seen.ending)
-        asked = [item for item in asked if item in seen.ending or (near[item] and look.iteration > 0)]
-        for item, check in self._certifier.checks(look, asked).items():
+        asked = [item for item in asked if item in seen.ending or (near[item] and measured.iteration > 0)]
+        for item, check in self._certifier.checks(measured, asked).items():
             status = self._status(item, check, settled, item in seen.ending)
             if status is not None:
                 if late:
-                    self._certifier.put_back(item)
-                    if self._course is not None:
-                        self._course.put_back()
+                    self._certifier.restore(item)
+                    if self._schedule is not None:
+                        self._schedule.restore()
                 self._end(item, status, check)
                 ended.append(item)
         self._active = [item for item in self._active if item not in self._outcomes]
         if seen.whole:
-            self._boxes_seen = _BoxesSeen(look.iteration, look.boxes, look.moved, look.relative_rms)
+            self._boxes_seen = _BoxesSeen(measured.iteration, measured.boxes, measured.moved, measured.relative_rms)
         self._relaxation.retire(ended)
-        if self._on_check is not None and look.iteration > 0:
-            self._on_check(look, time.perf_counter() - self._began)
+        if self._on_check is not None and measured.iteration > 0:
+            self._on_check(measured, time.perf_counter() - self._began)
 
-    def _advance(self, look: Look) -> bool:
-        """Goes on along the course; whether what is now may be the rest shape."""
-        if self._course is None or not look.finite.all():
+    def _advance(self, measured: Measurement) -> bool:
+        """Advances the contact schedule; returns whether the present shape may be the rest shape."""
+        if self._schedule is None or not measured.finite.all():
             return True
-        return self._course.advance(look.iteration)
+        return self._schedule.advance(measured.iteration)
 
     def _status(self, item: int, check: Check, settled: bool, ending: bool) -> Status | None:
         """How an item has ended; None while it has not. The start is an end only where it is the limit."""
@@ -317,8 +324,8 @@ class _Loop:
     def _go_on(self) -> None:
         """Goes on with new colliders where cloth has left the old ones, or will have in a chunk."""
         seen, self._boxes_seen = self._boxes_seen, None
-        if self._course is not None:
-            self._course.go_on()
+        if self._schedule is not None:
+            self._schedule.react()
         if seen is None:
             return
         if seen.relative_rms is not None and seen.iteration > 0:

@@ -113,7 +113,7 @@ def memory_of(made: Problem) -> dict[str, int]:
     avatar = arrays_in(made.contacts)
     cloth = arrays_in([getattr(made, part.name) for part in fields(made) if part.name != "certifier"])
     whole = bytes_of(arrays_in(made))
-    now, most = made.certifier.kept_bytes
+    now, most = made.certifier.snapshot_bytes
     return {
         "cloth": bytes_of(cloth) - bytes_of(avatar),
         "avatar": bytes_of(avatar),

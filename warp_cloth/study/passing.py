@@ -68,7 +68,12 @@ def run_through(scene: Scene, device: str, stops: Collection[int]) -> list[Passe
     prepare_start(made, cache)
     goal = Goal(tolerance_of(scene), scene.solver.iterations)
     (outcome,) = relax_items(
-        made.relaxation, made.certifier, [goal], follow=collider_updates(made), course=made.course, on_chunk=watch.offer
+        made.relaxation,
+        made.certifier,
+        [goal],
+        follow=collider_updates(made),
+        schedule=made.schedule,
+        on_chunk=watch.offer,
     )
     spent = watch.elapsed()
     way = [(count, *seen) for count, seen in watch.seen.items() if count < outcome.iterations]

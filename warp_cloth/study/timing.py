@@ -109,11 +109,11 @@ class TimedFit:
         self._made, self._follow = made, collider_updates(made)
         self.iteration = 0
         self._chunks = chunks(made.relaxation)
-        at_once = RECORDED if made.course is None else RECORDED_TOUCHING
+        at_once = RECORDED if made.schedule is None else RECORDED_TOUCHING
         self._recorded = self._chunks if made.relaxation.runs_long else (at_once,)
         self.recorded = sum(self._recorded)
         self._wake = [wp.zeros(1, dtype=wp.int32, device=made.model.device) for _ in range(2)]
-        self._cold = 1 if made.course is None else WARM_UP_TOUCHING  # rounds of warm-up left
+        self._cold = 1 if made.schedule is None else WARM_UP_TOUCHING  # rounds of warm-up left
         made.relaxation.start_anew()
 
     @property
@@ -185,15 +185,15 @@ class TimedFit:
         """Checks the cloth as a fit does, and adapts the relaxation to the outcome."""
         made, certifier = self._made, self._made.certifier
         self._cold -= 1
-        glance = certifier.glance(self.iteration)
-        certifier.turn_page(self.iteration)
-        look = certifier.read(glance)
-        if not look.finite.all():
+        pending = certifier.start_measurement(self.iteration)
+        certifier.take_snapshot(self.iteration)
+        measured = certifier.read(pending)
+        if not measured.finite.all():
             return
-        if made.course is not None:
-            made.course.advance(self.iteration)
-        made.relaxation.loosen(look.relative_rms)
-        for item, collider in self._follow(range(len(look.boxes)), look.boxes).items():
+        if made.schedule is not None:
+            made.schedule.advance(self.iteration)
+        made.relaxation.loosen(measured.relative_rms)
+        for item, collider in self._follow(range(len(measured.boxes)), measured.boxes).items():
             made.relaxation.meet(item, collider)
 
 

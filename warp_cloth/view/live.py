@@ -97,8 +97,8 @@ class LiveFit:
         self._chunk = CHUNK
         self._seconds = 0.0
         self.points: Points = self.problem.model.points()
-        if self.problem.course is not None:
-            self.problem.course.advance(0)
+        if self.problem.schedule is not None:
+            self.problem.schedule.advance(0)
 
     @property
     def ended(self) -> bool:
@@ -148,14 +148,14 @@ class LiveFit:
             problem.relaxation.meet(0, collider)
         if self._unchecked >= CHECK_ITERATIONS:
             tolerance = tolerance_of(self.scene)
-            self.check = problem.certifier.check(problem.certifier.look(self.iteration), 0)
-            problem.certifier.turn_page(self.iteration)
+            self.check = problem.certifier.check(problem.certifier.measure(self.iteration), 0)
+            problem.certifier.take_snapshot(self.iteration)
             speed = self._unchecked / max(self._seconds, 1e-9)
             self.history.add(self.iteration, self.check.residual.relative_rms, speed)
             problem.relaxation.loosen(np.array([self.check.residual.relative_rms]))
             self._seconds, self._unchecked = 0.0, 0
             self.diverged = not self.check.finite
-            settled = problem.course is None or problem.course.advance(self.iteration)
+            settled = problem.schedule is None or problem.schedule.advance(self.iteration)
             self.at_rest = settled and self.check.within(tolerance)
 
     def change(self, changes: Mapping[str, str | None]) -> None:
@@ -191,7 +191,7 @@ class LiveFit:
         if name not in MAPS or (MAPS[name].needs_avatar and self.problem.outfit.avatar is None):
             return None
         problem = self.problem
-        forces = problem.certifier.pushes() if name == "pressure" else None
+        forces = problem.certifier.normal_forces() if name == "pressure" else None
         parts, starts = problem.outfit.parts, problem.model.vertex_start
         spans = list(itertools.pairwise(starts))
         found = measure_maps(

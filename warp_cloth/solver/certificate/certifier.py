@@ -1,4 +1,4 @@
-"""The certificate of rest: residual and rest error (model: rest: a certificate, not a guess)."""
+"""The certificate of rest: residual, rest error and growing folds (model: rest: a certificate, not a guess)."""
 
 from __future__ import annotations
 
@@ -16,20 +16,29 @@ from warp_cloth.base.mesh import Points
 from warp_cloth.base.quantiles import quantiles
 from warp_cloth.garment.rest import Floats
 from warp_cloth.kernels.base.types import cloth_types
-from warp_cloth.kernels.certificate.pressure import push_kernel
+from warp_cloth.kernels.certificate.pressure import normal_force_kernel
 from warp_cloth.kernels.certificate.residual import residual_kernel
-from warp_cloth.kernels.certificate.summary import FASTER, FREE, LOWER, MOVED, RELATIVE, WAYS, WEIGHTS, keep_kernel
+from warp_cloth.kernels.certificate.summary import (
+    DISTANCES,
+    FREE,
+    LOWER,
+    MOVED,
+    RELATIVE,
+    WEIGHTS,
+    store_snapshot_kernel,
+)
+from warp_cloth.kernels.certificate.summary import GROWING as GROWING_COLUMN
 from warp_cloth.model.model import ClothModel
 from warp_cloth.model.result import Residual
-from warp_cloth.solver.certificate.rest_error import GROWING, Mark, RestError, rest_error
-from warp_cloth.solver.certificate.summary import Answer, Summary
+from warp_cloth.solver.certificate.rest_error import GROWING, Snapshot, Snapshots, rest_error
+from warp_cloth.solver.certificate.summary import PendingFigures, Summary
 from warp_cloth.solver.forces import ForcePass
 from warp_cloth.solver.relax import Relaxation
 
 # A vertex at rest on the avatar stands at the contact offset to within the rounding of a float32 distance and one
-# iteration's fall; this far above it still counts as held.
+# iteration's fall; up to this far above it, it still counts as in contact.
 CONTACT_SLACK = 2e-5  # [m]
-ROOM = 1 << 18  # vertices whose residuals a host has room for
+HOST_VERTICES = 1 << 18  # vertices whose residuals the host has memory for at a time
 
 
 @dataclass(frozen=True)
@@ -38,15 +47,15 @@ class Tolerance:
 
     relative_rms: 1 % of the forces that meet at a vertex is what a laboratory's tensile test resolves.
     relative_p99: single vertices at folds may be five times worse.
-    rest_error: 1 mm is below what a fitting shows.
-
-    growing: a fold about to snap goes slowly first, and ever faster; what carries it slips as it does.
+    rest_error: 1 mm is below what a fitting shows [m].
+    growing: longest displacement from one measurement to the next that may still grow [m]: a fold about to snap moves
+        slowly first, then ever faster; what carries it slips in the same way.
     """
 
     relative_rms: float = 0.01
     relative_p99: float = 0.05
-    rest_error: float = 1e-3  # [m]
-    growing: float = GROWING  # [m]; longest way from one look to the next that may be longer than the one before
+    rest_error: float = 1e-3
+    growing: float = GROWING
 
 
 @dataclass(frozen=True)
@@ -55,9 +64,9 @@ class Check:
 
     iteration: int
     residual: Residual
-    rest_error: float  # [m]; inf while nothing is known of it
+    rest_error: float  # [m]; inf while unknown
     finite: bool
-    growing: float = 0.0  # longest way since the last look that grows, by kernels.certificate.summary [m]
+    growing: float = 0.0  # longest growing displacement since the last measurement (kernels.certificate.summary) [m]
 
     def within(self, tolerance: Tolerance) -> bool:
         """Whether this is rest."""
@@ -71,171 +80,169 @@ class Check:
 
 
 @dataclass(frozen=True, eq=False)
-class Look:
-    """What sums over their vertices tell of all items after some iterations, shape [items]."""
+class Measurement:
+    """Figures of all items after some iterations that are sums over their vertices, shape [items]."""
 
     iteration: int
     rms: Floats  # of the residual, in weights
     relative_rms: Floats
-    rest_error: Floats  # [m]; inf while nothing is known of it
-    moved: Floats  # largest change of a coordinate since the last look at all [m]
-    growing: Floats  # as of Check
+    rest_error: Floats  # [m]; inf while unknown
+    moved: Floats  # largest change of a coordinate since the last measurement [m]
+    growing: Floats  # as in Check
     boxes: Floats  # lowest and highest corner of an item's garments [m], shape [items, 2, 3]
     finite: NDArray[np.bool_]
 
-    def nearly_within(self, asked: Sequence[Tolerance]) -> NDArray[np.bool_]:
-        """Whether each may be at rest, as far as sums tell."""
-        limits = np.array([(each.relative_rms, each.rest_error, each.growing) for each in asked])
+    def nearly_within(self, tolerances: Sequence[Tolerance]) -> NDArray[np.bool_]:
+        """Whether each item may be at rest, by these figures alone."""
+        limits = np.array([(each.relative_rms, each.rest_error, each.growing) for each in tolerances])
         figures = np.stack([self.relative_rms, self.rest_error, self.growing], axis=1)
         near: NDArray[np.bool_] = self.finite & (figures <= limits).all(axis=1)
         return near
 
 
 @dataclass(frozen=True, eq=False)
-class Glance:
-    """A look whose figures are still on their way from the device."""
+class PendingMeasurement:
+    """A measurement whose figures are still on their way from the device."""
 
     iteration: int
-    marks: Sequence[Mark]
-    answer: Answer
+    snapshots: Sequence[Snapshot]
+    figures: PendingFigures
 
 
 class Certifier:
     """Measures the items of a relaxation with the forces and the contact that their iterations use.
 
-    What is summed over an item's vertices is summed on the device, in the same order whatever else is there. A look
-    may be read later: till the next glance, what it saw stays, whatever iterates meanwhile.
+    What is summed over an item's vertices is summed on the device, in the same order alone and in a batch. A
+    measurement may be read later: it holds until the next one starts, whatever iterates meanwhile.
     """
 
     def __init__(self, relaxation: Relaxation) -> None:
         model = relaxation.model
-        types = cloth_types(model.precision)
+        types, state = cloth_types(model.precision), model.state
         self._model = model
         self._relaxation = relaxation
         self._load = wp.zeros(model.vertex_count, dtype=types.vec4, device=model.device)
         self._forces = ForcePass(model, "size", self._load)
-        asked = relaxation.avatar_contact, relaxation.collider_type, model.terms.pins
-        self._residual = residual_kernel(model.precision, *asked)
-        self._keep = keep_kernel(model.precision)
+        options = relaxation.avatar_contact, relaxation.collider_type, model.terms.pins
+        self._measure_residual = residual_kernel(model.precision, *options)
+        self._store_snapshot = store_snapshot_kernel(model.precision)
         self._summary = Summary(model, relaxation.at_work)
-        self._left = wp.zeros(model.vertex_count, dtype=wp.vec2f, device=model.device)
-        self._last = wp.clone(model.state.position)  # at the last check
-        self._before = wp.clone(model.state.position)  # at the one before
-        self._earlier = wp.clone(model.state.position)  # at the one before that
-        self._low = wp.array(_lower_half(model), dtype=wp.uint8, device=model.device)
-        self._rest_error = RestError()
-        self._spare: list[wp.array] = []  # shapes that are kept no longer
-        self._every = wp.full(model.item_count, 1, dtype=wp.uint8, device=model.device)  # item, and those that fall
-        self._falling = wp.zeros(model.item_count, dtype=wp.uint8, device=model.device)
-        judged = (
-            relaxation.avatar_contact is not None and model.state.stiffness
-        )  # by which contact's share of a force is
-        self._bounds: wp.array | None = wp.clone(model.state.stiffness) if judged else None  # at the last check
-        self._beside: wp.Stream | None = None
-        self._room = model.vertex_count
+        self._residual = wp.zeros(model.vertex_count, dtype=wp.vec2f, device=model.device)
+        self._last = wp.clone(state.position)  # at the last check
+        self._before = wp.clone(state.position)  # at the one before
+        self._earlier = wp.clone(state.position)  # at the one before that
+        self._lower_half = wp.array(_lower_half(model), dtype=wp.uint8, device=model.device)
+        self._snapshots = Snapshots()
+        self._spare: list[wp.array] = []  # memory of snapshots that were dropped
+        self._all_items = wp.full(model.item_count, 1, dtype=wp.uint8, device=model.device)
+        self._some_items = wp.zeros(model.item_count, dtype=wp.uint8, device=model.device)
+        # at the last check; the residual above the offset depends on these bounds
+        with_bounds = relaxation.avatar_contact is not None and state.stiffness
+        self._bounds: wp.array | None = wp.clone(state.stiffness) if with_bounds else None
+        self._stream: wp.Stream | None = None
+        self._host_vertices = model.vertex_count
         if wp.get_device(model.device).is_cuda:
-            self._beside = wp.Stream(model.device)
-            self._room = max(int(np.diff(model.item_start).max()), min(model.vertex_count, ROOM))
-            self._left_there = wp.empty(self._room, dtype=wp.vec2f, device="cpu", pinned=True)
+            self._stream = wp.Stream(model.device)
+            largest = int(np.diff(model.item_start).max())
+            self._host_vertices = max(largest, min(model.vertex_count, HOST_VERTICES))
+            self._host_residual = wp.empty(self._host_vertices, dtype=wp.vec2f, device="cpu", pinned=True)
 
     def kernels(self) -> list[wp.Kernel]:
         """The kernels that a check launches."""
-        return [*self._forces.kernels(), self._residual, *self._summary.kernels(), self._keep]
+        return [*self._forces.kernels(), self._measure_residual, *self._summary.kernels(), self._store_snapshot]
 
-    def look(self, iteration: int) -> Look:
-        """Measures all items that iterate, as they stand. Waits for the device."""
-        return self.read(self.glance(iteration))
+    def measure(self, iteration: int) -> Measurement:
+        """Measures all items that iterate, as they are now. Waits for the device."""
+        return self.read(self.start_measurement(iteration))
 
-    def glance(self, iteration: int) -> Glance:
-        """Measures all items that iterate, as they stand, without waiting for the device."""
+    def start_measurement(self, iteration: int) -> PendingMeasurement:
+        """Measures all items that iterate, as they are now, without waiting for the device."""
         relaxation, model = self._relaxation, self._model
         self._sum_forces()
-        some = relaxation.at_work.vertices
-        arguments = [relaxation.step, CONTACT_SLACK, relaxation.collider_data, self._load, self._left]
-        wp.launch(
-            self._residual,
-            dim=some.size,
-            inputs=[model.vertices, model.state, some.groups, *arguments],
-            device=model.device,
-        )
-        marks = self._rest_error.marks(iteration)
-        return Glance(iteration, marks, self._asked(marks, self._every))
+        active = relaxation.at_work.vertices
+        inputs = [relaxation.step, CONTACT_SLACK, relaxation.collider_data, self._load, self._residual]
+        inputs = [model.vertices, model.state, active.groups, *inputs]
+        wp.launch(self._measure_residual, dim=active.size, inputs=inputs, device=model.device)
+        snapshots = self._snapshots.at_spans(iteration)
+        return PendingMeasurement(iteration, snapshots, self._request(snapshots, self._all_items))
 
-    def read(self, glance: Glance) -> Look:
-        """What the last glance has seen. Waits for it, not for what was launched after it."""
-        iteration, marks, figures = glance.iteration, glance.marks, glance.answer.read()
+    def read(self, pending: PendingMeasurement) -> Measurement:
+        """The figures of the last measurement. Waits for it, not for what was launched after it."""
+        iteration, snapshots, figures = pending.iteration, pending.snapshots, pending.figures.read()
         finite = np.asarray(np.isfinite(figures[:, :MOVED]).all(axis=1))
         sums = np.where(finite[:, None], figures[:, :MOVED], np.inf)
-        with np.errstate(invalid="ignore"):  # inf over inf, of what is lost
+        with np.errstate(invalid="ignore"):  # inf / inf, of items that are not finite
             residual = np.sqrt(sums[:, [WEIGHTS, RELATIVE]] / np.maximum(sums[:, [FREE]], 1.0))
             residual[~finite] = np.inf
-            ways = np.sqrt(sums[:, WAYS:MOVED] / np.diff(self._model.item_start)[:, None])
-            error = np.where(finite, rest_error(iteration, marks, ways), np.inf)
+            distances = np.sqrt(sums[:, DISTANCES:MOVED] / np.diff(self._model.item_start)[:, None])
+            error = np.where(finite, rest_error(iteration, snapshots, distances), np.inf)
         boxes = figures[:, LOWER:].reshape(-1, 2, 3)
-        moved, growing = figures[:, MOVED], figures[:, FASTER]
-        return Look(iteration, residual[:, 0], residual[:, 1], error, moved, growing, boxes, finite)
+        moved, growing = figures[:, MOVED], figures[:, GROWING_COLUMN]
+        return Measurement(iteration, residual[:, 0], residual[:, 1], error, moved, growing, boxes, finite)
 
-    def check(self, look: Look, item: int) -> Check:
-        """All figures of one item, as it stood at that look, the last one. Waits for what it saw."""
-        return self.checks(look, [item])[item]
+    def check(self, measurement: Measurement, item: int) -> Check:
+        """All figures of one item at that measurement, the last one. Waits for it."""
+        return self.checks(measurement, [item])[item]
 
-    def checks(self, look: Look, items: Sequence[int]) -> dict[int, Check]:
-        """The same of several items: what they wait for comes in one go."""
-        lost = Check(look.iteration, Residual(*([math.inf] * 5)), math.inf, False)
+    def checks(self, measurement: Measurement, items: Sequence[int]) -> dict[int, Check]:
+        """All figures of several items, copied to the host together."""
+        lost = Check(measurement.iteration, Residual(*([math.inf] * 5)), math.inf, False)
         found = dict.fromkeys(items, lost)
-        for some in self._piecewise([item for item in items if look.finite[item]]):
-            for item, left in zip(some, self._residuals(some), strict=True):
-                residual = residual_summary(left, float(look.rms[item]), float(look.relative_rms[item]))
-                error, growing = float(look.rest_error[item]), float(look.growing[item])
-                found[item] = Check(look.iteration, residual, error, True, growing)
+        for some in self._bins([item for item in items if measurement.finite[item]]):
+            for item, residual in zip(some, self._residuals(some), strict=True):
+                rms, relative_rms = float(measurement.rms[item]), float(measurement.relative_rms[item])
+                summary = residual_summary(residual, rms, relative_rms)
+                error, growing = float(measurement.rest_error[item]), float(measurement.growing[item])
+                found[item] = Check(measurement.iteration, summary, error, True, growing)
         return found
 
-    def _piecewise(self, items: Sequence[int]) -> list[list[int]]:
-        """Items so many at a time that their residuals have room on the host."""
+    def _bins(self, items: Sequence[int]) -> list[list[int]]:
+        """Items in bins whose residuals fit into the host's memory."""
         sizes = [self._model.item_start[item + 1] - self._model.item_start[item] for item in items]
-        return [[items[at] for at in piece] for piece in consecutive_bins(sizes, self._room)]
+        return [[items[at] for at in each] for each in consecutive_bins(sizes, self._host_vertices)]
 
     def _residuals(self, items: Sequence[int]) -> list[NDArray[np.float32]]:
-        """What ``residual_summary`` takes, of the last look, which has been read: on a stream of its own."""
-        left = [self._left[self._model.of_item(item)] for item in items]
-        if self._beside is None:
-            return [own.numpy() for own in left]
-        ends = np.cumsum([0, *(len(own) for own in left)]).tolist()
-        for own, first in zip(left, ends, strict=False):
-            wp.copy(self._left_there, own, dest_offset=first, count=len(own), stream=self._beside)
-        wp.synchronize_stream(self._beside)
-        there = self._left_there.numpy()
+        """Residuals of the last measurement, which has been read, shape [V, 2]; copied on a stream of their own."""
+        residuals = [self._residual[self._model.of_item(item)] for item in items]
+        if self._stream is None:
+            return [own.numpy() for own in residuals]
+        ends = np.cumsum([0, *(len(own) for own in residuals)]).tolist()
+        for own, first in zip(residuals, ends, strict=False):
+            wp.copy(self._host_residual, own, dest_offset=first, count=len(own), stream=self._stream)
+        wp.synchronize_stream(self._stream)
+        there = self._host_residual.numpy()
         return [there[first:end] for first, end in itertools.pairwise(ends)]
 
-    def ask_bounds(self, items: Sequence[int]) -> Answer:
-        """Asks where those of these items are that iterate, without waiting for the device.
+    def request_bounds(self, items: Sequence[int]) -> PendingFigures:
+        """Measures where these items are, without waiting for the device; ``read_bounds`` takes the result.
 
-        ``bounds`` takes the answer. Of the others it tells what the last look has seen.
+        Items that do not iterate, or are not among these, have the bounds of the last measurement.
         """
-        asked = np.zeros(self._model.item_count, dtype=np.uint8)
-        asked[list(items)] = 1
-        self._falling.assign(asked)
-        return self._asked([], self._falling)
+        selected = np.zeros(self._model.item_count, dtype=np.uint8)
+        selected[list(items)] = 1
+        self._some_items.assign(selected)
+        return self._request([], self._some_items)
 
-    def turn_page(self, iteration: int) -> None:
-        """Goes on from a glance at all items: the shapes of now are what the next one compares with."""
+    def take_snapshot(self, iteration: int) -> None:
+        """Stores the shapes of a measurement of all items, which the next one compares with."""
         self._last, self._before, self._earlier = self._earlier, self._last, self._before
         wp.copy(self._last, self._model.state.position)
         if self._bounds is not None:
             wp.copy(self._bounds, self._model.state.stiffness)
-        if self._rest_error.due(iteration):
+        if self._snapshots.due(iteration):
             model = self._model
             shape = self._spare.pop() if self._spare else wp.zeros(model.vertex_count, wp.vec3f, device=model.device)
-            wp.launch(self._keep, dim=len(shape), inputs=[model.vertices, model.state, shape], device=model.device)
-            self._rest_error.keep(Mark(iteration, shape))
-        self._spare += self._rest_error.dropped(iteration)
+            inputs = [model.vertices, model.state, shape]
+            wp.launch(self._store_snapshot, dim=len(shape), inputs=inputs, device=model.device)
+            self._snapshots.store(Snapshot(iteration, shape))
+        self._spare += self._snapshots.drop(iteration)
 
     @property
-    def kept_bytes(self) -> tuple[int, int]:
-        """Memory of the shapes that are kept on the way: now, and at most."""
+    def snapshot_bytes(self) -> tuple[int, int]:
+        """Memory of the snapshots: now, and at most."""
         size = wp.types.type_size_in_bytes(wp.vec3f) * self._model.vertex_count
-        now = len(self._rest_error.shapes) + len(self._spare)
-        return now * size, self._rest_error.most_kept() * size
+        now = len(self._snapshots.shapes) + len(self._spare)
+        return now * size, self._snapshots.most() * size
 
     def last_points(self, item: int) -> Points:
         """An item's last finite points at a check of all items [m], shape [V, 3]."""
@@ -243,22 +250,22 @@ class Certifier:
         last = np.array(self._last[part].numpy(), dtype=np.float64)
         return last if np.isfinite(last).all() else np.array(self._before[part].numpy(), dtype=np.float64)
 
-    def put_back(self, item: int) -> None:
-        """Puts an item back where the last glance at all items saw it, from iterations that came too late to stop."""
-        part = self._model.of_item(item)
-        wp.copy(self._model.state.position[part], self._last[part])
+    def restore(self, item: int) -> None:
+        """Restores an item as it was at the last snapshot, before iterations that came too late to be stopped."""
+        part, state = self._model.of_item(item), self._model.state
+        wp.copy(state.position[part], self._last[part])
         self._model.look_again(item)
         if self._bounds is not None:
-            wp.copy(self._model.state.stiffness[part], self._bounds[part])
+            wp.copy(state.stiffness[part], self._bounds[part])
 
-    def _asked(self, marks: Sequence[Mark], items: wp.array) -> Answer:
-        looks = self._summary.looks_type()
-        looks.asked = items
-        looks.last, looks.before, looks.earlier = self._last, self._before, self._earlier
-        looks.low, looks.marks = self._low, len(marks)
-        for number, mark in enumerate(marks, start=1):
-            setattr(looks, f"mark_{number}", mark.shape)
-        return self._summary.ask(self._left, looks)
+    def _request(self, snapshots: Sequence[Snapshot], items: wp.array) -> PendingFigures:
+        shapes = self._summary.shapes_type()
+        shapes.selected = items
+        shapes.last, shapes.before, shapes.earlier = self._last, self._before, self._earlier
+        shapes.lower_half, shapes.snapshot_count = self._lower_half, len(snapshots)
+        for number, snapshot in enumerate(snapshots, start=1):
+            setattr(shapes, f"snapshot_{number}", snapshot.shape)
+        return self._summary.request(self._residual, shapes)
 
     def _sum_forces(self) -> None:
         relaxation = self._relaxation
@@ -266,33 +273,26 @@ class Certifier:
         if relaxation.cloth_contact is not None:
             relaxation.cloth_contact.measure(relaxation.step, self._load)
 
-    def pushes(self) -> NDArray[np.float64] | None:
+    def normal_forces(self) -> NDArray[np.float64] | None:
         """Force with which each vertex presses on the avatar [N], shape [V]; None without contact. Waits."""
-        model = self._model
-        relaxation = self._relaxation
+        model, relaxation = self._model, self._relaxation
         if relaxation.avatar_contact is None:
             return None
         self._sum_forces()
-        push = wp.zeros(model.vertex_count, dtype=wp.float64, device=model.device)
+        force = wp.zeros(model.vertex_count, dtype=wp.float64, device=model.device)
+        inputs = [relaxation.step, CONTACT_SLACK, relaxation.collider_data, self._load, force]
+        options = relaxation.avatar_contact, relaxation.collider_type, model.terms.pins
         wp.launch(
-            push_kernel(model.precision, relaxation.avatar_contact, relaxation.collider_type, model.terms.pins),
+            normal_force_kernel(model.precision, *options),
             dim=model.vertex_count,
-            inputs=[
-                model.vertices,
-                model.state,
-                relaxation.step,
-                CONTACT_SLACK,
-                relaxation.collider_data,
-                self._load,
-                push,
-            ],
+            inputs=[model.vertices, model.state, *inputs],
             device=model.device,
         )
-        return np.array(push.numpy())
+        return np.array(force.numpy())
 
 
 def _lower_half(model: ClothModel) -> NDArray[np.uint8]:
-    """1 for what is below the middle of its garments' vertices, as they are placed, shape [V]."""
+    """1 for vertices below the median height of their item, as it is placed, shape [V]."""
     height = model.points()[:, 1]
     low = np.zeros(len(height), dtype=np.uint8)
     for first, end in itertools.pairwise(model.item_start):
@@ -300,19 +300,19 @@ def _lower_half(model: ClothModel) -> NDArray[np.uint8]:
     return low
 
 
-def bounds(answer: Answer) -> Floats:
+def read_bounds(pending: PendingFigures) -> Floats:
     """Lowest and highest corner of every item [m], shape [items, 2, 3]; NaN where a point is not finite.
 
-    Waits for the answer to ``Certifier.ask_bounds``.
+    Waits for the result of ``Certifier.request_bounds``.
     """
-    figures = answer.read()
-    figures[~np.isfinite(figures[:, FREE])] = np.nan  # the sums tell, comparisons pass over it
+    figures = pending.read()
+    figures[~np.isfinite(figures[:, FREE])] = np.nan  # comparisons do not see NaN, sums do
     return figures[:, LOWER:].reshape(-1, 2, 3)
 
 
-def residual_summary(left: NDArray[np.float32], rms: float, relative_rms: float) -> Residual:
-    """The residual with what needs all vertices; ``left`` [V, 2] holds weights and relative, -1 where pinned."""
-    weights, relative = np.ascontiguousarray(left.T)  # side by side, which NumPy is quicker with
+def residual_summary(residual: NDArray[np.float32], rms: float, relative_rms: float) -> Residual:
+    """The residual with its percentiles and maximum; ``residual`` [V, 2] in weights and relative, -1 where pinned."""
+    weights, relative = np.ascontiguousarray(residual.T)  # contiguous, which NumPy sorts faster
     free = weights >= 0.0
     if not free.all():
         weights, relative = weights[free], relative[free]
