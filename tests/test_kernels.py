@@ -21,8 +21,9 @@ from warp_cloth.kernels.avatar.field import ContactField, field_contact
 from warp_cloth.kernels.avatar.layers import LayeredSolid, layered_level
 from warp_cloth.kernels.base.options import Terms
 from warp_cloth.kernels.base.types import BOUNDS, FOURTH_PARTS, PRECISIONS
+from warp_cloth.kernels.certificate.energy import measure_bending_kernel, measure_tension_kernel, measure_weave_kernel
 from warp_cloth.kernels.certificate.pressure import normal_force_kernel
-from warp_cloth.kernels.certificate.residual import bending_energy_kernel, energy_kernels, residual_kernel
+from warp_cloth.kernels.certificate.residual import residual_kernel
 from warp_cloth.kernels.contact.crossing_search import crossing_groups_kernel, crossing_leaves_kernel, crossings_kernel
 from warp_cloth.kernels.contact.force import press_kernel
 from warp_cloth.kernels.contact.pairs import groups_kernel, leaves_kernel, pairs_kernel
@@ -146,7 +147,8 @@ def test_force_kernels_compile(precision: str) -> None:
 
 @pytest.mark.parametrize("precision", PRECISIONS)
 def test_displacement_and_certificate_kernels_compile(precision: str) -> None:
-    loaded(energy_kernels(precision), bending_energy_kernel(precision, False), bending_energy_kernel(precision, True))
+    loaded(measure_tension_kernel(precision), measure_weave_kernel(precision))
+    loaded(*(measure_bending_kernel(precision, angles) for angles in (False, True)))
     choices = list(itertools.product((False, True), repeat=2))
     for (contact, data), (accelerated, cloth_contact) in zip(COLLIDERS, turned(precision, choices), strict=True):
         asked = contact, data or NoCollider

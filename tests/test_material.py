@@ -19,7 +19,7 @@ from warp_cloth.kernels.base.types import cloth_types
 from warp_cloth.material.fabric import Fabric, fabric_named, resolve_fabric
 from warp_cloth.material.laboratory import MATCHED_FOLD, MATCHED_SHEAR_ANGLE, bending_length, rigidity_of_bending
 from warp_cloth.solver.certificate.certifier import Tolerance
-from warp_cloth.solver.certificate.strains import element_energies, measured_strains, thread_summaries
+from warp_cloth.solver.certificate.strains import element_energies, measured_strains, yarn_summaries
 from warp_cloth.solver.forces import ForcePass
 from warp_cloth.solver.relax import StepOptions
 
@@ -151,9 +151,9 @@ def test_threads_tell_strain_along_weft_and_warp() -> None:
         rest = build_rest_shape(mesh, fabric_named("cotton"), rest="uv", grain=Grain(grain))
         model = model_of(mesh, rest)
         model.set_points(mesh.points * (1.02, 1.0, 0.99))
-        strains = measured_strains(model).of_threads()[:2].T
+        strains = measured_strains(model).of_yarns()[:2].T
         assert strains == pytest.approx(np.broadcast_to(expected, strains.shape), abs=1e-9)
-        found = thread_summaries(measured_strains(model).of_threads())
+        found = yarn_summaries(measured_strains(model).of_yarns())
         assert (found["weft"].max, found["warp"].max) == pytest.approx(expected, abs=1e-9)
         bias = np.hypot(1.02, 0.99) / 2**0.5 - 1.0  # nothing is sheared
         assert (found["bias"].min, found["bias"].max) == pytest.approx((bias, bias), abs=1e-9)
@@ -198,7 +198,7 @@ def test_fabrics_without_threads_have_none_and_woven_edges_do_not_pull() -> None
     even = model_of(mesh, build_rest_shape(mesh, Fabric(), rest="uv"))
     woven = model_of(mesh, build_rest_shape(mesh, fabric_named("cotton"), rest="uv"))
     assert even.yarns is None
-    assert thread_summaries(measured_strains(even).of_threads()) == {}
+    assert yarn_summaries(measured_strains(even).of_yarns()) == {}
     assert (even.terms.edges, even.terms.threads) == (True, False)
     assert (woven.terms.edges, woven.terms.threads) == (False, True)
     assert even.triangles.slope is even.triangles.threads is None

@@ -22,7 +22,7 @@ from warp_cloth.report.build import build_report
 from warp_cloth.report.measurements import Measurements
 from warp_cloth.report.status import status_sentence
 from warp_cloth.scene import Scene
-from warp_cloth.solver.certificate.strains import Strains, measured_strains, strain_summary, thread_summaries
+from warp_cloth.solver.certificate.strains import Strains, measured_strains, strain_summary, yarn_summaries
 from warp_cloth.solver.loop import Outcome
 
 
@@ -82,8 +82,8 @@ def _measure(problem: Problem, outcomes: Sequence[Outcome], levels: Sequence[Seq
         crossings = worn_crossings(problem.outfits, worn, model.device)
 
     def strains_of(item: int) -> tuple[Strain, dict[str, Strain]]:
-        yarns = strains.of_threads(model.of_item(item, model.weave_start))
-        return strain_summary(strains.edge[model.of_item(item, model.edge_start)]), thread_summaries(yarns)
+        yarns = strains.of_yarns(model.of_item(item, model.weave_start))
+        return strain_summary(strains.edge[model.of_item(item, model.edge_start)]), yarn_summaries(yarns)
 
     summaries = map_in_threads(strains_of, range(len(outcomes)))
     return [

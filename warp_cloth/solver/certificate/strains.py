@@ -1,4 +1,4 @@
-"""Strains of a shape's edges and threads, and the energies of its elements."""
+"""Strains of a shape's edges and yarns, and the energies of its elements."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from warp_cloth.base.quantiles import quantiles
 from warp_cloth.kernels.base.types import cloth_types
-from warp_cloth.kernels.certificate.residual import bending_energy_kernel, energy_kernels
+from warp_cloth.kernels.certificate.energy import measure_bending_kernel, measure_tension_kernel, measure_weave_kernel
 from warp_cloth.model.model import ClothModel
 from warp_cloth.model.result import Strain
 
@@ -26,21 +26,21 @@ def strain_summary(strain: NDArray[Any]) -> Strain:
 
 @dataclass(frozen=True, eq=False)
 class Strains:
-    """What a model's edges and threads are strained by, as the device has it: half as much to fetch as in float64."""
+    """Strains of a model's edges and stretches of its yarns, in the device's precision: half the bytes of float64."""
 
     edge: NDArray[Any]  # strain (r - L) / L, shape [E]
     stretch: NDArray[Any]  # r / L of every woven triangle along weft, warp and both biases, shape [T, 4]
 
-    def of_threads(self, some: slice = slice(None)) -> NDArray[Any]:
-        """Strain of woven triangles along weft, warp and both biases, shape [4, N], as float64 would tell it."""
+    def of_yarns(self, some: slice = slice(None)) -> NDArray[Any]:
+        """Strains of woven triangles along weft, warp and both biases, shape [4, N], exact as in float64."""
         own = np.ascontiguousarray(self.stretch[some].T)
-        if own.size and not (own.min() >= 0.5 and own.max() <= 2.0):  # within, taking 1 from it is exact
+        if own.size and not (own.min() >= 0.5 and own.max() <= 2.0):  # within, subtracting 1 is exact (Sterbenz)
             own = own.astype(np.float64)
         return own - own.dtype.type(1.0)
 
 
 def measured_strains(model: ClothModel) -> Strains:
-    """Those of all its edges and woven triangles."""
+    """Strains of all edges and stretches of all woven triangles."""
     return Strains(_measure_tension(model)[1].numpy(), _measure_weave(model)[1].numpy().reshape(-1, 4))
 
 
@@ -49,26 +49,26 @@ def edge_strains(model: ClothModel) -> NDArray[np.float64]:
     return _measure_tension(model)[1].numpy().astype(np.float64)
 
 
-def thread_summaries(strain: NDArray[Any]) -> dict[str, Strain]:
-    """Strains along "warp", "weft" and both ways of the "bias", as of ``Strains``; empty where nothing is woven."""
+def yarn_summaries(strain: NDArray[Any]) -> dict[str, Strain]:
+    """Strains along "warp", "weft" and both directions of the "bias" (``Strains.of_yarns``); empty if none is woven."""
     if not strain.size:
         return {}
-    ways = {"warp": strain[1], "weft": strain[0], "bias": strain[2:].ravel()}
-    return {way: strain_summary(along) for way, along in ways.items()}
+    directions = {"warp": strain[1], "weft": strain[0], "bias": strain[2:].ravel()}
+    return {name: strain_summary(along) for name, along in directions.items()}
 
 
 def strain_bytes(model: ClothModel) -> int:
-    """Memory that strains take while they are measured."""
+    """Memory [bytes] that strains take while they are measured."""
     types = cloth_types(model.precision)
     energy, real, vec4 = (wp.types.type_size_in_bytes(kind) for kind in (wp.float64, types.real, types.vec4))
     return max((energy + real) * model.edge_count, (energy + vec4) * model.weave_count)
 
 
 def element_energies(model: ClothModel) -> tuple[NDArray[np.float64], ...]:
-    """Energy of every edge, shape [E], hinge, shape [H], and woven triangle, shape [T] [J]."""
+    """Energies [J] of every edge, shape [E], hinge, shape [H], and woven triangle, shape [T]."""
     fold = wp.zeros(model.hinge_count, dtype=wp.float64, device=model.device)
     if model.hinges is not None:
-        kernel = bending_energy_kernel(model.precision, model.terms.angles)
+        kernel = measure_bending_kernel(model.precision, model.terms.angles)
         wp.launch(kernel, dim=model.hinge_count, inputs=[model.state, model.hinges, fold], device=model.device)
     return _measure_tension(model)[0].numpy(), fold.numpy(), _measure_weave(model)[0].numpy()
 
@@ -78,7 +78,7 @@ def _measure_weave(model: ClothModel) -> tuple[wp.array, wp.array]:
     energy = wp.zeros(model.weave_count, dtype=wp.float64, device=model.device)
     stretch = wp.zeros(model.weave_count, dtype=cloth_types(model.precision).vec4, device=model.device)
     if model.weave is not None:
-        kernel = energy_kernels(model.precision).measure_weave
+        kernel = measure_weave_kernel(model.precision)
         wp.launch(
             kernel, dim=model.weave_count, inputs=[model.state, model.weave, energy, stretch], device=model.device
         )
@@ -90,7 +90,7 @@ def _measure_tension(model: ClothModel) -> tuple[wp.array, wp.array]:
     energy = wp.zeros(model.edge_count, dtype=wp.float64, device=model.device)
     strain = wp.zeros(model.edge_count, dtype=cloth_types(model.precision).real, device=model.device)
     wp.launch(
-        energy_kernels(model.precision).measure_tension,
+        measure_tension_kernel(model.precision),
         dim=model.edge_count,
         inputs=[model.state, model.edges, energy, strain],
         device=model.device,

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from warp_cloth.avatar.collider import Collider
 from warp_cloth.garment.part import GarmentPart
-from warp_cloth.kernels.certificate.residual import energy_kernels
+from warp_cloth.kernels.certificate.energy import measure_tension_kernel
 from warp_cloth.model.model import ClothModel
 from warp_cloth.solver.certificate.strains import edge_strains
 from warp_cloth.solver.implicit.coarse_garments import Hierarchy, build_hierarchy
@@ -75,7 +75,7 @@ class MultilevelRelaxation(Relaxation):
     def kernels(self) -> list[wp.Kernel]:
         """The kernels that iterations launch."""
         own = self._implicit.kernels() if self._implicit is not None else []
-        return [*super().kernels(), *own, energy_kernels(self.model.precision).measure_tension]
+        return [*super().kernels(), *own, measure_tension_kernel(self.model.precision)]
 
     def _iterate(self, count: int) -> None:
         """Launches iterations; if steps are implicit, whole ones."""
