@@ -1,4 +1,4 @@
-"""The avatar under test: colliders measured against the exact mesh, walked for jumps, told and written."""
+"""The avatar under test: colliders measured against the exact mesh, sample_lines for jumps, told and written."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from warp_cloth.avatar.error import NearSurface, near_surface
 from warp_cloth.avatar.exact import build_exact_collider
 from warp_cloth.avatar.field import build_contact_field
 from warp_cloth.avatar.layers import build_layered_buffers
-from warp_cloth.bench.avatar import AvatarBench, named_places, run_avatar_bench, save_avatar_bench, table, walked
+from warp_cloth.bench.avatar import AvatarBench, named_places, run_avatar_bench, sample_lines, save_avatar_bench, table
 from warp_cloth.cli.main import app
 from warp_cloth.garment.outfit import load_outfit
 from warp_cloth.loading import load_mesh
@@ -23,7 +23,7 @@ from warp_cloth.loading import load_mesh
 JUMP = 0.002  # [mm] beyond a walk of 0.0008 mm: slopes of 1.4, as in creases, and float32's rounding
 TWIST = 0.5  # [degrees] within 0.0008 mm: the tightest creases turn the normal by 0.2
 PIXEL = 0.004  # [m], coarse and quick
-MARGIN = 0.1  # [m] of the field round the skin that is walked, half of it never left
+MARGIN = 0.1  # [m] of the field round the skin that is sample_lines, half of it never left
 ERROR = 1.0  # [mm] of the fields on the test's ball, drawn coarsely
 SCENE = {
     "name": "ball",
@@ -61,7 +61,7 @@ def test_no_jump_on_any_body_from_crotch_to_shoulders(shared_data: Path, name: s
     surface = near_surface(body, build_exact_collider(body, "cpu"), skin, lower + 0.5 * MARGIN, upper - 0.5 * MARGIN)
     for build in (build_depth_buffers, build_layered_buffers):
         field = build_contact_field(build(body.points, body.triangles, lower, upper, PIXEL, "cpu"))
-        _, jump, twist = walked(field, surface)
+        _, jump, twist = sample_lines(field, surface)
         assert 1e3 * jump < JUMP
         assert np.degrees(twist) < TWIST
 
@@ -91,5 +91,5 @@ def test_scene_without_avatar_is_refused(tmp_path: Path, monkeypatch: pytest.Mon
     monkeypatch.chdir(tmp_path)
     result = CliRunner().invoke(app, ["avatar", "hanging", "--device", "cpu", "--no-plots"])
     assert result.exit_code == 2
-    assert result.stderr.splitlines()[-1].startswith("error: hanging: the scene has no avatar to look at")
+    assert result.stderr.splitlines()[-1].startswith("error: hanging: the scene has no avatar to test")
     assert not (tmp_path / "out").exists()

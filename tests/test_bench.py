@@ -79,14 +79,14 @@ def test_an_unknown_fabric_is_refused_in_one_line(tmp_path: Path) -> None:
 def test_a_disc_that_cannot_be_draped_is_refused_in_one_line(tmp_path: Path, rings: str) -> None:
     result = CliRunner().invoke(app, ["fabric", "cotton", "--rings", rings, "--out", str(tmp_path / "out")])
     assert result.exit_code == 2
-    assert result.stderr.splitlines()[-1].startswith(f"error: --rings: a disc of {rings} rings cannot be draped; ")
+    assert result.stderr.splitlines()[-1].startswith(f"error: --rings: must be an integer from 5 to 500, not {rings}")
     assert not (tmp_path / "out").exists()
 
 
 def test_no_disc_is_refused_in_one_line(tmp_path: Path) -> None:
     result = CliRunner().invoke(app, ["fabric", "cotton", "--discs", "0", "--out", str(tmp_path / "out")])
     assert result.exit_code == 2
-    assert result.stderr.splitlines()[-1] == "error: --discs: 0 discs cannot be draped; give from 1 to 100"
+    assert result.stderr.splitlines()[-1] == "error: --discs: must be an integer from 1 to 100, not 0"
 
 
 def test_pieces_have_the_size_that_they_were_cut_to() -> None:

@@ -56,5 +56,5 @@ def test_two_garments_in_an_obj_keep_their_own_indices(tmp_path: Path) -> None:
 
 def test_formats_are_told_apart() -> None:
     assert chosen_formats("usdc, .GLB") == ("usdc", "glb")
-    with pytest.raises(InputError, match='"fbx" is not written'):
+    with pytest.raises(InputError, match='"fbx" is not a supported format'):
         chosen_formats("usdc,fbx")

@@ -247,7 +247,7 @@ def test_an_older_report_does_not_stand_for_what_a_killed_run_leaves(
     with pytest.raises(KeyboardInterrupt):
         saved[0].save(tmp_path)
     assert not (tmp_path / "report.json").exists()
-    with pytest.raises(InputError, match="is not written"):  # a refused one changes nothing
+    with pytest.raises(InputError, match="is not a supported format"):  # a refused one changes nothing
         saved[0].save(saved[1], formats=["fbx"])
     assert (saved[1] / "report.json").exists()
 
@@ -259,7 +259,7 @@ def test_what_python_asks_for_in_vain_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match='there is no device "0" on this machine'):
         warp_cloth.fit(scene, device=0)  # type: ignore[arg-type]
     worn = warp_cloth.fit(scene, device=wp.get_device("cpu"))
-    with pytest.raises(InputError, match='formats: "fbx" is not written'):
+    with pytest.raises(InputError, match='formats: "fbx" is not a supported format'):
         worn.save(tmp_path, formats=["fbx"])
     with pytest.raises(InputError, match='colour: there is no map "gold"'):
         worn.save(tmp_path, colour="gold")

@@ -176,7 +176,7 @@ def test_a_fit_in_several_formats_with_a_layer_over_the_users_stage_is_one_fit(t
     (tmp_path / "fit_over.usda").touch()
     assert read_fit(tmp_path).garments
     (tmp_path / "other.usdc").touch()
-    with pytest.raises(InputError, match="holds 2 stages"):
+    with pytest.raises(InputError, match="has 2 stages"):
         read_fit(tmp_path)
 
 
@@ -203,7 +203,7 @@ def test_fits_without_maps_in_common_are_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="no map that both fits have"):
         compare_fits(WrittenFit("a", (mapped(),), None, {}), WrittenFit("b", (bare,), None, {}))
     write_stage(tmp_path / "bare.usdc", garments=[replace(mapped(), fields={})], avatar=None, name="bare")
-    with pytest.raises(InputError, match="holds no fit maps"):
+    with pytest.raises(InputError, match="has no fit maps"):
         read_fit(tmp_path / "bare.usdc")
     with pytest.raises(InputError, match="no such file or folder"):
         read_fit(tmp_path / "nothing.usdc")

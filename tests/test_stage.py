@@ -238,7 +238,7 @@ def test_a_failed_write_keeps_the_old_file(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"fit\.usdc"):
         write_stage(path, garments=[worn()], avatar=None, name="fit")
     assert list(tmp_path.iterdir()) == [path]
-    with pytest.raises(InputError, match="no USD file name"):
+    with pytest.raises(InputError, match="not a USD file name"):
         write_stage(tmp_path / "fit.obj", garments=[worn()], avatar=None, name="fit")
 
 

@@ -204,7 +204,7 @@ def test_a_stage_without_physics_must_be_told_its_prims(tmp_path: Path) -> None:
 
 def test_the_users_stage_is_not_written_over(metres: tuple[Path, Fit]) -> None:
     path, worn = metres
-    with pytest.raises(InputError, match="would be written over"):
+    with pytest.raises(InputError, match="would be overwritten"):
         write_meshes(worn, path.parent, formats=("usda",))
 
 

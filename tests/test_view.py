@@ -198,7 +198,7 @@ def test_a_change_takes_the_place_of_what_is_below_it_and_none_of_that_at_first(
     assert merged_overrides(now, {"garment.fabric": None}, {}) == {"garment.fabrics": "x", "collision.offset_mm": "4"}
 
 
-@pytest.mark.parametrize(("change", "offered"), [({}, "jersey"), ({"garment.fabric.weight": "0.3"}, "jersey, as in")])
+@pytest.mark.parametrize(("change", "offered"), [({}, "jersey"), ({"garment.fabric.weight": "0.3"}, "jersey (from")])
 def test_a_fabric_of_the_scenes_own_is_offered_and_can_be_gone_back_to(change: dict[str, str], offered: str) -> None:
     pytest.importorskip("viser")
     from warp_cloth.view.page import Page

@@ -83,9 +83,10 @@ def test_garments_of_a_result_are_told_by_their_names(tmp_path: Path) -> None:
         np.testing.assert_allclose(worn[1], both.garments[1].points, atol=1e-6)
         for names in (["another"], ["upper", "lower", "third"]):
             spec = {**sheets(), "garment": [{**sheets(0.9)["garment"][0], "name": name} for name in names]}  # type: ignore[index]
-            with pytest.raises(InputError, match=rf'holds "upper", "lower", the scene "{names[0]}".*garment\.name'):
+            told = rf'has "upper", "lower", but the scene has "{names[0]}".*garment\.name'
+            with pytest.raises(InputError, match=told):
                 _earlier(start, load_scene(spec))
-    with pytest.raises(InputError, match=r'scene\.obj: holds "scene", the scene "upper", "lower"'):
+    with pytest.raises(InputError, match=r'scene\.obj: has "scene", but the scene has "upper", "lower"'):
         _earlier(tmp_path / "scene.obj", both.scene)
 
 
@@ -94,9 +95,9 @@ def test_a_start_that_corresponds_to_nothing_is_refused(first: Fit, tmp_path: Pa
     stranger.write_text("v -0.5 1 0\nv 0.5 1 0\nv 0 0 0\nf 1 2 3\n")
     with pytest.raises(InputError, match="neither the mesh nor the panels"):
         warp_cloth.fit({"garment": {"mesh": str(stranger), "units": "m"}}, device="cpu", start=first)
-    with pytest.raises(InputError, match="start: WornGarment is neither a fit nor its file"):
+    with pytest.raises(InputError, match="start: WornGarment is neither a fit nor a file of one"):
         fitted(start=first.garments[0])  # type: ignore[arg-type]
-    with pytest.raises(InputError, match=r"gone\.usdc: no such file; name what an earlier fit has written"):
+    with pytest.raises(InputError, match=r"gone\.usdc: no such file; give a file that an earlier fit has written"):
         fitted(start=tmp_path / "gone.usdc")
     (tmp_path / "bad.usdc").write_bytes(b"nothing of the kind")
     with pytest.raises(InputError, match=r"bad\.usdc"):

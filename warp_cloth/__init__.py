@@ -1,13 +1,22 @@
-"""Garment fitting on NVIDIA Warp: the final worn shape of a garment on a body, with a certificate of rest.
+"""Garment fitting on NVIDIA Warp: the shape of a garment as worn on a body, with a certificate that it is at rest.
 
 >>> import warp_cloth
 >>> worn = warp_cloth.fit("tshirt", overrides=["garment.shape.size=L"])
+>>> worn.status, worn.message
 >>> worn.garments[0].points  # [m], shape [V, 3]
->>> worn.save("out")
+>>> worn.save("out")  # USD stage, report, picture
+
+fit         fits the garments of one scene; returns a Fit
+load_scene  reads and checks a scene, with changes: load_scene("tshirt", ["garment.fabric=denim"])
+Fit         status, worn garments, report; save() writes them
+InputError  what every refusal of bad input raises: one sentence with the place, the problem, and a remedy
+
+Many fits: ``warp_cloth.batch`` (fit_many, fit_sizes, run_batch). Fit maps: ``warp_cloth.maps``.
 """
 
 from __future__ import annotations
 
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,14 +28,16 @@ if TYPE_CHECKING:
     from warp_cloth.model.result import Status, WornGarment
     from warp_cloth.scene import Scene, load_scene
 
+    __version__: str
+
 _FOLDER = Path(__file__).resolve().parent
 if not (_FOLDER / "kernels").is_dir():
-    # in a checkout kernels/ and scenes/ lie next to this package; an installed package has them inside
+    # in a checkout kernels/ and scenes/ are next to this package; an installed package contains them
     __path__.append(str(_FOLDER.parent))
 
 __all__ = ["Fit", "InputError", "Mesh", "Progress", "Scene", "Status", "WornGarment", "fit", "load_scene"]
 
-_HOMES = {
+_MODULES = {
     "Fit": "fitting.fit",
     "Mesh": "base.mesh",
     "Progress": "fitting.fit",
@@ -39,9 +50,16 @@ _HOMES = {
 
 
 def __getattr__(name: str) -> Any:
-    """Imports a public name when it is first used: Warp and USD are heavy, ``warp-cloth --help`` needs neither."""
-    if name not in _HOMES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    from importlib import import_module
+    """Imports a public name on first use: Warp and USD are slow to import, and ``warp-cloth --help`` needs neither."""
+    if name == "__version__":
+        from importlib.metadata import version
 
-    return getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)
+        return version("warp-cloth")
+    if name not in _MODULES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(f"{__name__}.{_MODULES[name]}"), name)
+
+
+def __dir__() -> list[str]:
+    """The public names, imported or not."""
+    return sorted([*__all__, "__version__", "__doc__", "__name__", "__path__", "__file__"])

@@ -4,12 +4,12 @@ import sys
 
 
 def main() -> None:
-    """Runs the command; an interrupt while it is still imported ends it with one line, too."""
+    """Runs the command; an interrupt during its import also ends it with one line."""
     try:
         from warp_cloth.cli.main import main as run
     except KeyboardInterrupt:
         print("interrupted", file=sys.stderr)
-        sys.exit(130)  # as a shell's Ctrl-C; its name is not imported yet
+        sys.exit(130)  # as for Ctrl-C in a shell; cli.terminal.INTERRUPTED may not be imported yet
     run()
 
 

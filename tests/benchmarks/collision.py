@@ -30,7 +30,7 @@ from warp_cloth.avatar.solid import solid_of
 from warp_cloth.base.cache import Cache
 from warp_cloth.base.mesh import Indices, Mesh, Points
 from warp_cloth.base.warp_setup import start_warp
-from warp_cloth.bench.avatar import named_places, walked
+from warp_cloth.bench.avatar import named_places, sample_lines
 from warp_cloth.fitting.fit import fit
 from warp_cloth.fitting.problem import Problem, collider_updates, tolerance_of
 from warp_cloth.garment.outfit import load_outfit
@@ -88,7 +88,7 @@ def jumps(body: str, device: str) -> dict[str, Any]:
 
 def _jumps_within(contact: AvatarContact, part: NearSurface) -> tuple[float, float, float]:
     """Changes of distance [mm] and normal [degrees] within 0.8 um, of the normal within a tenth of that."""
-    (_, jump, turn), (_, _, finer) = walked(contact.built, part), walked(contact.built, part, FINER)
+    (_, jump, turn), (_, _, finer) = sample_lines(contact.built, part), sample_lines(contact.built, part, FINER)
     return 1e3 * jump, float(np.degrees(turn)), float(np.degrees(finer))
 
 

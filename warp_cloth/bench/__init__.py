@@ -1,4 +1,4 @@
-"""Virtual test bench: a textile laboratory's tests, run on a fabric by the ordinary solver."""
+"""Virtual test bench: the tests of a textile laboratory, simulated with the ordinary solver."""
 
 from warp_cloth.bench.bench import Bench, Finding, run_bench
 

@@ -1,4 +1,4 @@
-"""A scene's avatar under test: what each collider says of it, beside its exact mesh."""
+"""Test of the colliders of a scene's avatar against its exact mesh: errors, and jumps of distance and normal."""
 
 from __future__ import annotations
 
@@ -27,35 +27,35 @@ if TYPE_CHECKING:
 
 Contacts = NDArray[np.float32]  # unit normals and distances [m], shape [N, 4]
 KINDS = ("depth", "auto", "plain", "mesh")
-LINES = 400  # walked through the surface that the garment can reach
-HALF = 0.02  # [m] to either side of it: the line leaves the contact's reach at both ends
-STEP = 5e-5  # [m] between samples: a continuous distance changes by as much, one that jumps by more
-STEEP = 2000  # steps with the largest changes that are looked at closer
-HALVINGS = 6  # of those steps, down to 0.8 um: what still changes there jumps
-DEEPEST = 0.005  # [m] under the surface, down to which a walk is judged: cloth gets no deeper
+LINES = 400  # random lines through the surface that the garment can reach
+HALF_LENGTH = 0.02  # [m] of a line: both ends are beyond the contact's reach
+STEP = 5e-5  # [m] between samples: a continuous distance changes by as much at most
+STEEP_STEPS = 2000  # with the largest changes, which are bisected
+HALVINGS = 6  # of those steps, down to 0.8 um: a change that remains is a jump
+DEEPEST = 0.005  # [m] below the surface, as deep as cloth gets
 PLOTTED = 0.06  # [m] to either side of the named places
 
 
 @dataclass(frozen=True)
 class Findings:
-    """What one collider says of an avatar, against the exact mesh."""
+    """Figures of one collider, compared with the exact mesh."""
 
     kind: str
     buffers: list[str]
-    megabytes: float | None  # that an iteration reads from
-    build_seconds: float  # kernels loaded
-    p50: float  # of the distance error where the garment can lie [mm]
+    megabytes: float | None  # of the arrays that an iteration reads
+    build_seconds: float  # without loading kernels
+    p50: float  # of the error of the distance where the garment can lie [mm]
     p99: float
     p999: float
     max: float
-    turn_degrees: float  # largest change of the normal in one step of a walk
-    jump_mm: float  # largest change of distance within one step that no halving takes away
-    jump_degrees: float  # likewise of the normal
+    turn_degrees: float  # largest change of the normal in one step along a line
+    jump_mm: float  # largest jump of the distance
+    jump_degrees: float  # largest jump of the normal
 
 
 @dataclass(frozen=True, eq=False)
 class Walk:
-    """Signed distance and normal along one line, of every collider."""
+    """Signed distance and normal of every collider along one line."""
 
     name: str
     along: NDArray[np.float64]  # [m], shape [N]
@@ -64,25 +64,25 @@ class Walk:
 
 @dataclass(frozen=True, eq=False)
 class AvatarBench:
-    """What is found of an avatar."""
+    """Test results of an avatar."""
 
     name: str
     findings: tuple[Findings, ...]
     walks: tuple[Walk, ...]
-    unseen: float  # share of the near surface that front, back and top do not see
-    area: float  # near surface [m2]
+    unseen: float  # fraction of the near surface that is hidden from front, back and top
+    area: float  # of the near surface [m2]
 
 
 def run_avatar_bench(
     scene: Scene, outfit: Outfit, *, device: str, progress: Callable[[str], None] | None = None
 ) -> AvatarBench:
-    """Builds every collider round a scene's garments as they start, and samples it near the avatar.
+    """Builds every collider around a scene's garments as they start, and samples it near the avatar.
 
     Raises:
         InputError: the scene has no avatar, or one that encloses nothing.
     """
     if outfit.avatar is None:
-        raise InputError(scene.name, "the scene has no avatar to look at", "add an [avatar]")
+        raise InputError(scene.name, "the scene has no avatar to test", "add an [avatar]")
     avatar = outfit.starting_avatar or outfit.avatar
     closing = closing_of(avatar)
     avatar = closing.closed(avatar) if closing.encloses else avatar
@@ -116,10 +116,10 @@ def run_avatar_bench(
 
 
 def named_places(surface: NearSurface) -> dict[str, tuple[Points, Points]]:
-    """Where contact fields break, and the way across: found by shape, on whatever body it is; [m] and unit vector.
+    """Critical places of a contact field on any body: a point [m], and the unit vector of a line through it.
 
-    Silhouette: farthest to the left of the trunk's middle height. Shoulder: the highest that looks up, away from the
-    middle. Armpit: the highest that looks down, away from the middle; crotch: the same near the middle.
+    Silhouette: the leftmost point at the trunk's middle height. Shoulder: the highest point that faces up, away from
+    the middle plane. Armpit: the highest that faces down, away from it. Crotch: the lowest that faces down, near it.
     """
     points, normals = surface.points, surface.normals
     found: dict[str, tuple[Points, Points]] = {}
@@ -127,17 +127,17 @@ def named_places(surface: NearSurface) -> dict[str, tuple[Points, Points]]:
         return found
     height = points[:, 1]
     middle = np.abs(height - np.median(height)) < 0.05
-    aside = np.abs(points[:, 0] - np.median(points[:, 0])) / max(float(np.ptp(points[:, 0])), 1e-9)
+    off_centre = np.abs(points[:, 0] - np.median(points[:, 0])) / max(float(np.ptp(points[:, 0])), 1e-9)
     x, _, z = np.eye(3)
-    for name, chosen, score, way in (
+    for name, chosen, score, direction in (
         ("silhouette", middle, points[:, 0], z),
-        ("shoulder", (normals[:, 1] > 0.7) & (aside > 0.1), height, x),
-        ("armpit", (normals[:, 1] < -0.6) & (aside > 0.1), height, x),
-        ("crotch", (normals[:, 1] < -0.6) & (aside < 0.05), -height, x),
+        ("shoulder", (normals[:, 1] > 0.7) & (off_centre > 0.1), height, x),
+        ("armpit", (normals[:, 1] < -0.6) & (off_centre > 0.1), height, x),
+        ("crotch", (normals[:, 1] < -0.6) & (off_centre < 0.05), -height, x),
     ):
         if chosen.any():
             best = np.flatnonzero(chosen)[score[chosen].argmax()]
-            found[name] = (points[best] + 0.004 * normals[best], way)
+            found[name] = (points[best] + 0.004 * normals[best], direction)
     return found
 
 
@@ -151,7 +151,7 @@ def _findings(
 ) -> Findings:
     report = contact.report or {}
     error = contact_error(contact.built, exact, surface.worn(exact, offset))
-    turn, jump, jump_angle = walked(contact.built, surface)
+    turn, jump, jump_angle = sample_lines(contact.built, surface)
     return Findings(
         kind,
         report["buffers"],
@@ -164,39 +164,39 @@ def _findings(
     )
 
 
-def walked(collider: Sampled, surface: NearSurface, halvings: int = HALVINGS) -> tuple[float, float, float]:
-    """On lines through a surface: largest turn of the normal in one step [rad]; jumps of distance [m], normal [rad].
+def sample_lines(collider: Sampled, surface: NearSurface, halvings: int = HALVINGS) -> tuple[float, float, float]:
+    """Largest change of the normal in a step on lines through a surface [rad]; jumps of distance [m], normal [rad].
 
-    A jump is what changes in a step that was halved so often.
+    A jump is the change that remains in a step that was halved so many times.
     """
     pick = np.linspace(0, len(surface.points) - 1, min(LINES, len(surface.points))).astype(int)
-    ways = np.random.default_rng(0).normal(size=(len(pick), 3))
-    ways /= np.linalg.norm(ways, axis=1)[:, None]
-    steps = np.arange(-HALF, HALF, STEP)
-    lines = surface.points[pick][:, None] + ways[:, None] * steps[None, :, None]
+    directions = np.random.default_rng(0).normal(size=(len(pick), 3))
+    directions /= np.linalg.norm(directions, axis=1)[:, None]
+    steps = np.arange(-HALF_LENGTH, HALF_LENGTH, STEP)
+    lines = surface.points[pick][:, None] + directions[:, None] * steps[None, :, None]
     found = collider.sample(lines.reshape(-1, 3)).reshape(len(pick), len(steps), 4)
     near = (found[:, :, 3] > -DEEPEST) & (found[:, :, 3] < 0.99 * collider.reach)
     line, step = np.nonzero(near[:, 1:] | near[:, :-1])
     starts, ends, before, after = lines[line, step], lines[line, step + 1], found[line, step], found[line, step + 1]
-    turns, changes = _turn(before, after), _change(before, after, collider.reach)
+    angles, changes = _angle(before, after), _change(before, after, collider.reach)
     jumps = []
-    for size, measure in ((changes, lambda a, b: _change(a, b, collider.reach)), (turns, _turn)):
-        worst = np.argsort(-size, kind="stable")[:STEEP]
+    for size, measure in ((changes, lambda a, b: _change(a, b, collider.reach)), (angles, _angle)):
+        worst = np.argsort(-size, kind="stable")[:STEEP_STEPS]
         jumps.append(_jump(collider, measure, starts[worst], ends[worst], before[worst], after[worst], halvings))
     finest = STEP * 0.5**halvings
-    return float(turns.max(initial=0.0)), max(jumps[0] - finest, 0.0), jumps[1]
+    return float(angles.max(initial=0.0)), max(jumps[0] - finest, 0.0), jumps[1]
 
 
 def _change(before: Contacts, after: Contacts, reach: float) -> NDArray[np.float64]:
-    """Change of distance [m], as far as it matters."""
+    """Change of the distance [m], within the collider's reach."""
     return np.abs(np.minimum(after[:, 3], reach) - np.minimum(before[:, 3], reach)).astype(np.float64)
 
 
-def _turn(before: Contacts, after: Contacts) -> NDArray[np.float64]:
-    """Angle between normals [rad]; 0 where one is not told."""
-    told = (np.linalg.norm(before[:, :3], axis=1) > 0.5) & (np.linalg.norm(after[:, :3], axis=1) > 0.5)
+def _angle(before: Contacts, after: Contacts) -> NDArray[np.float64]:
+    """Angle between normals [rad]; 0 where one is unknown."""
+    known = (np.linalg.norm(before[:, :3], axis=1) > 0.5) & (np.linalg.norm(after[:, :3], axis=1) > 0.5)
     chord = np.linalg.norm(after[:, :3].astype(np.float64) - before[:, :3], axis=1)
-    return np.where(told, 2.0 * np.arcsin(np.minimum(chord / 2.0, 1.0)), 0.0)
+    return np.where(known, 2.0 * np.arcsin(np.minimum(chord / 2.0, 1.0)), 0.0)
 
 
 def _jump(
@@ -208,7 +208,7 @@ def _jump(
     after: Contacts,
     halvings: int,
 ) -> float:
-    """Largest change that is left after halving these steps again and again, on the side where it is greater."""
+    """Largest change that is left after bisecting these steps, each time towards the larger change."""
     if not len(starts):
         return 0.0
     for _ in range(halvings):
@@ -220,17 +220,17 @@ def _jump(
     return float(measure(before, after).max())
 
 
-def _walk(name: str, place: Points, way: Points, contacts: dict[str, AvatarContact]) -> Walk:
+def _walk(name: str, place: Points, direction: Points, contacts: dict[str, AvatarContact]) -> Walk:
     along = np.arange(-PLOTTED, PLOTTED, 4.0 * STEP)
-    line = place + along[:, None] * way
+    line = place + along[:, None] * direction
     return Walk(name, along, {kind: contact.built.sample(line) for kind, contact in contacts.items()})
 
 
 def table(bench: AvatarBench) -> list[str]:
-    """Lines of a table for people."""
+    """The results as lines of a table."""
     lines = [
         f"{bench.name}: {bench.area:.2f} m2 of the avatar within the garment's reach; "
-        f"{100 * bench.unseen:.1f} % of it is seen by none of the front, back and top views",
+        f"{100 * bench.unseen:.1f} % of it is hidden from the front, back and top views",
         "  collider   error mm: median    p99  p99.9    max  turn deg   jump mm  jump deg    MB  build s  buffers",
     ]
     for f in bench.findings:
@@ -244,10 +244,10 @@ def table(bench: AvatarBench) -> list[str]:
 
 
 def save_avatar_bench(bench: AvatarBench, folder: Path, *, plots: bool = True) -> list[Path]:
-    """Writes NAME_avatar.json and, where plots are wanted, NAME_walks.png.
+    """Writes NAME_avatar.json and, with ``plots``, NAME_walks.png.
 
     Raises:
-        InputError: the folder cannot be written, or plots cannot be drawn.
+        InputError: the folder cannot be written, or matplotlib is missing.
     """
     check_writable(folder, bench.name)
     paths = [folder / f"{bench.name}_avatar.json"]
@@ -260,7 +260,7 @@ def save_avatar_bench(bench: AvatarBench, folder: Path, *, plots: bool = True) -
 
 
 def _plot(path: Path, bench: AvatarBench) -> None:
-    """Distance and one slope of the normal along each walk, of every collider over the exact one."""
+    """Plots distance and slope of the normal along each line, of every collider."""
     figure = figure_class()(figsize=(4.5 * len(bench.walks), 6.5), layout="constrained")
     rows: Any = figure.subplots(2, len(bench.walks), squeeze=False, sharex=True)
     for column, walk in enumerate(bench.walks):
@@ -268,17 +268,17 @@ def _plot(path: Path, bench: AvatarBench) -> None:
         for kind in ("plain", "mesh", "depth", "auto"):
             style = {"plain": "0.7", "mesh": "k", "depth": "C0", "auto": "C3"}[kind]
             contact, wide = walk.contact[kind], 2.5 if kind == "mesh" else 1.2
-            told = np.linalg.norm(contact[:, :3], axis=1) > 0.5
-            far = np.where(told, 1e3 * contact[:, 3], np.nan)
+            known = np.linalg.norm(contact[:, :3], axis=1) > 0.5
+            distance_mm = np.where(known, 1e3 * contact[:, 3], np.nan)
             label = "exact" if kind == "mesh" else kind
-            distance.plot(1e3 * walk.along, far, color=style, linewidth=wide, label=label)
+            distance.plot(1e3 * walk.along, distance_mm, color=style, linewidth=wide, label=label)
             angle = np.degrees(np.arccos(np.clip(contact[:, 1], -1.0, 1.0)))
-            normal.plot(1e3 * walk.along, np.where(told, angle, np.nan), color=style, linewidth=wide)
+            normal.plot(1e3 * walk.along, np.where(known, angle, np.nan), color=style, linewidth=wide)
         distance.set_title(walk.name)
         distance.set_ylabel("distance [mm]")
-        normal.set_ylabel("normal against the vertical [degrees]")
+        normal.set_ylabel("normal from the vertical [degrees]")
         normal.set_xlabel("along the line [mm]")
     rows[0][0].legend()
-    figure.suptitle(f"{bench.name}: what the colliders say along lines across the avatar")
+    figure.suptitle(f"{bench.name}: colliders along lines across the avatar")
     with whole_file(path) as place:
         figure.savefig(place, dpi=110)

@@ -1,4 +1,4 @@
-"""All tests on one fabric, and what the fabric's own values say they should give."""
+"""All tests of one fabric, compared with the values that the fabric states."""
 
 from __future__ import annotations
 
@@ -37,17 +37,17 @@ from warp_cloth.model.result import WornGarment
 if TYPE_CHECKING:
     from warp_cloth.material.fabric import Fabric
 
-EDGE = 0.01  # [m], of strips that are pulled or sheared
-BENT_EDGES = (10, 20)  # across and along a strip that is bent,
-BENT_EDGE = 0.3  # of its bending length: the matched curvature then turns a quarter of a radian from edge to edge
-OVERHANG_EDGES = 16  # of the cantilever, whatever its length
+EDGE = 0.01  # [m], mean edge of strips that are pulled or sheared
+BENT_EDGES = (10, 20)  # across and along a strip that is bent
+BENT_EDGE = 0.3  # of the bending length: at the matched curvature, a quarter of a radian from edge to edge
+OVERHANG_EDGES = 16  # of the cantilever, at any length
 STRIP = (0.05, 0.20)  # width and length pulled [m]
 SHEARED = (0.20, 0.05)  # width and gap of KES-FB1's shear test
 CANTILEVER_EDGES = 8  # across; its sides are free, so that its width does not matter
 DISC_RINGS = 30  # 1,974 vertices; the coefficient is within 3 points of 40,000's
 FEWEST_RINGS, MOST_RINGS = 5, 500  # 500,000 vertices
 MOST_DISCS = 100
-PULLED_TO = np.arange(1, 9) / 8.0  # of the elongation at 500 gf/cm; evenly, so that Simpson's rule takes the work
+PULLED_TO = np.arange(1, 9) / 8.0  # of the elongation at 500 gf/cm
 SHEARED_TO = (1.0, 2.0, 3.0, 4.0, 6.0, 8.0)  # [degrees]
 BENT_TO = (0.6, 1.0, 1.5, 2.0)  # of the matched curvature
 STRETCHED_BY = (0.01, 0.05, 0.20)  # before release
@@ -58,22 +58,22 @@ DIRECTIONS = (("warp", 0.0), ("weft", 90.0))
 
 @dataclass(frozen=True)
 class Finding:
-    """One figure that the bench measured, beside the fabric's own; in laboratory units."""
+    """A measured value and the fabric's own, in laboratory units."""
 
     name: str
     unit: str
     measured: float
-    stated: float | None = None  # None: the fabric states nothing of the kind
+    stated: float | None = None  # None: the fabric states none
 
     @property
     def deviation(self) -> float | None:
-        """Relative to the fabric's own value."""
+        """Relative deviation from the fabric's own value."""
         return self.measured / self.stated - 1.0 if self.stated else None
 
 
 @dataclass(frozen=True)
 class Curve:
-    """A measured curve and, at the same places, the fabric's own law."""
+    """A measured curve and, at the same points, the fabric's own law."""
 
     name: str
     x_unit: str
@@ -85,12 +85,12 @@ class Curve:
 
 @dataclass(frozen=True, eq=False)
 class Bench:
-    """What the bench found of one fabric."""
+    """Test results of one fabric."""
 
     fabric: Fabric
     findings: tuple[Finding, ...]
     curves: tuple[Curve, ...]
-    disc: WornGarment  # as it drapes; of several the one whose coefficient is nearest to the mean
+    disc: WornGarment  # draped; of several discs the one whose coefficient is closest to the mean
 
 
 def run_bench(
@@ -101,32 +101,31 @@ def run_bench(
     discs: int = DISCS,
     progress: Callable[[str], None] | None = None,
 ) -> Bench:
-    """Runs every test on a fabric.
+    """Runs every test of a fabric.
 
     Args:
-        fabric: what to test.
-        device: where to run; strips are small, so that the CPU is as fast as any.
-        rings: of the drape test's discs, from their middle.
-        discs: how many are draped.
+        fabric: to be tested.
+        device: Warp's name of it; strips are so small that a GPU is no faster.
+        rings: of vertices in each disc of the drape test.
+        discs: number of them.
         progress: called with the name of every test that begins.
 
     Raises:
-        InputError: discs that cannot be cut.
+        InputError: the number of rings or discs is out of range.
     """
     if not FEWEST_RINGS <= rings <= MOST_RINGS:
-        remedy = f"give from {FEWEST_RINGS} to {MOST_RINGS}"
-        raise InputError("--rings", f"a disc of {rings} rings cannot be draped", remedy)
+        raise InputError("--rings", f"must be an integer from {FEWEST_RINGS} to {MOST_RINGS}, not {rings}")
     if not 1 <= discs <= MOST_DISCS:
-        raise InputError("--discs", f"{discs} discs cannot be draped", f"give from 1 to {MOST_DISCS}")
+        raise InputError("--discs", f"must be an integer from 1 to {MOST_DISCS}, not {discs}")
     progress = progress or (lambda _: None)
     findings: list[Finding] = []
     curves: list[Curve] = []
-    parts = (("tension", _tension), ("bias", _bias), ("shear", _shear), ("bending", _bending))
-    for name, part in (*parts, ("cantilever", _cantilever), ("release", _release)):
+    tests = (("tension", _tension), ("bias", _bias), ("shear", _shear), ("bending", _bending))
+    for name, test in (*tests, ("cantilever", _cantilever), ("release", _release)):
         progress(name)
-        found, drawn = part(fabric, device)
-        findings += found
-        curves += drawn
+        test_findings, test_curves = test(fabric, device)
+        findings += test_findings
+        curves += test_curves
     progress("drape")
     draped = drape(rings, fabric, discs=discs, device=device)
     coefficients = [disc.coefficient for disc in draped]
@@ -136,32 +135,34 @@ def run_bench(
     return Bench(fabric, tuple(findings), tuple(curves), shown)
 
 
-Part = tuple[list[Finding], list[Curve]]
+TestResult = tuple[list[Finding], list[Curve]]
 
 
-def _tension(fabric: Fabric, device: str) -> Part:
+def _tension(fabric: Fabric, device: str) -> TestResult:
     findings, curves = [], []
-    for (way, grain), stretch in zip(DIRECTIONS, (fabric.stretch_warp, fabric.stretch_weft), strict=True):
+    for (direction, grain), stretch in zip(DIRECTIONS, (fabric.stretch_warp, fabric.stretch_weft), strict=True):
         emt = math.sqrt(KES_FORCE / stretch)
         readings = pull(strip(*STRIP, EDGE), fabric, list(emt * PULLED_TO), grain_degrees=grain, device=device)
         strain, force = _columns(readings)
         at = emt * math.sqrt(KES_FORCE / np.interp(emt, strain, force))  # forces go as strain squared
-        findings.append(Finding(f"EMT {way}", "%", 100.0 * at, 100.0 * emt))
-        findings.append(Finding(f"LT {way}", "", _linearity(strain, force), 2.0 / 3.0))
+        findings.append(Finding(f"EMT {direction}", "%", 100.0 * at, 100.0 * emt))
+        findings.append(Finding(f"LT {direction}", "", _linearity(strain, force), 2.0 / 3.0))
         curves.append(
-            Curve(f"tension {way}", "%", "N/m", _tuple(100.0 * strain), _tuple(force), _tuple(stretch * strain**2))
+            Curve(
+                f"tension {direction}", "%", "N/m", _tuple(100.0 * strain), _tuple(force), _tuple(stretch * strain**2)
+            )
         )
     return findings, curves
 
 
 def _linearity(strain: np.ndarray, force: np.ndarray) -> float:
-    """KES-F's LT: work of the curve over that of a straight line to its end."""
+    """LT of KES-F: the work along the curve, divided by that along a straight line to its end."""
     x, y = np.concatenate([[0.0], strain]), np.concatenate([[0.0], force])
     fit = np.polynomial.Polynomial.fit(x, y, 3).integ()
     return float((fit(x[-1]) - fit(0.0)) / (0.5 * x[-1] * y[-1]))
 
 
-def _bias(fabric: Fabric, device: str) -> Part:
+def _bias(fabric: Fabric, device: str) -> TestResult:
     scale = fabric.shear if fabric.shear is not None else 0.1 * fabric.stretch
     end = min(math.sqrt(2.0 * BIAS_FORCE / scale), 0.2)
     readings = pull(strip(*STRIP, EDGE), fabric, list(end * PULLED_TO), grain_degrees=45.0, device=device)
@@ -171,45 +172,45 @@ def _bias(fabric: Fabric, device: str) -> Part:
     return findings, [Curve("tension bias", "%", "N/m", _tuple(100.0 * strain), _tuple(force), None)]
 
 
-def _shear(fabric: Fabric, device: str) -> Part:
+def _shear(fabric: Fabric, device: str) -> TestResult:
     findings, curves = [], []
-    for way, grain in DIRECTIONS:
+    for direction, grain in DIRECTIONS:
         angles = [math.radians(degrees) for degrees in SHEARED_TO]
         angle, force = _columns(shear(strip(*SHEARED, EDGE), fabric, angles, grain_degrees=grain, device=device))
         at = float(np.interp(MATCHED_SHEAR_ANGLE, angle, force / angle**2)) * MATCHED_SHEAR_ANGLE / KES_SHEAR
         own = None if fabric.shear is None else fabric.shear * MATCHED_SHEAR_ANGLE / KES_SHEAR
-        findings.append(Finding(f"G {way}", "gf/(cm deg)", at, own))
+        findings.append(Finding(f"G {direction}", "gf/(cm deg)", at, own))
         law = None if fabric.shear is None else _tuple(fabric.shear * angle**2)
-        curves.append(Curve(f"shear {way}", "degrees", "N/m", _tuple(np.degrees(angle)), _tuple(force), law))
+        curves.append(Curve(f"shear {direction}", "degrees", "N/m", _tuple(np.degrees(angle)), _tuple(force), law))
     return findings, curves
 
 
-def _bending(fabric: Fabric, device: str) -> Part:
+def _bending(fabric: Fabric, device: str) -> TestResult:
     findings, curves = [], []
-    for (way, grain), bending in zip(DIRECTIONS, (fabric.bending_warp, fabric.bending_weft), strict=True):
+    for (direction, grain), bending in zip(DIRECTIONS, (fabric.bending_warp, fabric.bending_weft), strict=True):
         if bending == 0.0:
             continue
         length = bending_length(rigidity_of_bending(bending, fabric.weight), fabric.weight)
         matched, edge = MATCHED_FOLD / length, BENT_EDGE * length
         mesh = strip(BENT_EDGES[0] * edge, BENT_EDGES[1] * edge, edge)
-        wanted = [part * matched for part in BENT_TO]
-        readings = bend(mesh, fabric, wanted, clamp=2.0 * edge, grain_degrees=grain, device=device)
+        curvatures = [fraction * matched for fraction in BENT_TO]
+        readings = bend(mesh, fabric, curvatures, clamp=2.0 * edge, grain_degrees=grain, device=device)
         curvature, moment = _columns(readings)
         constant = float(np.interp(matched, curvature, 2.0 * moment / curvature**2))
         to_b = 0.5 * matched / KES_BENDING
-        findings.append(Finding(f"B {way}", "gf cm2/cm", constant * to_b, bending * to_b))
+        findings.append(Finding(f"B {direction}", "gf cm2/cm", constant * to_b, bending * to_b))
         law = _tuple(0.5e3 * bending * curvature**2)
-        curves.append(Curve(f"bending {way}", "1/m", "mN", _tuple(curvature), _tuple(1e3 * moment), law))
+        curves.append(Curve(f"bending {direction}", "1/m", "mN", _tuple(curvature), _tuple(1e3 * moment), law))
     return findings, curves
 
 
-def _cantilever(fabric: Fabric, device: str) -> Part:
-    """Bending length: half the overhang whose end is seen 41.5 degrees below the clamp, found by trial.
+def _cantilever(fabric: Fabric, device: str) -> TestResult:
+    """Bending length: half the overhang whose end is 41.5 degrees below the clamp, found iteratively.
 
-    The hinges on the clamp's edge stand for the bend from half an edge before it, which counts as overhang.
+    The hinges on the clamp's edge represent the bend from half an edge before it, which counts as overhang.
     """
     findings = []
-    for (way, grain), bending in zip(DIRECTIONS, (fabric.bending_warp, fabric.bending_weft), strict=True):
+    for (direction, grain), bending in zip(DIRECTIONS, (fabric.bending_warp, fabric.bending_weft), strict=True):
         if bending == 0.0:
             continue
         length = bending_length(rigidity_of_bending(bending, fabric.weight), fabric.weight)
@@ -218,21 +219,21 @@ def _cantilever(fabric: Fabric, device: str) -> Part:
             edge = overhang / OVERHANG_EDGES
             piece = strip(CANTILEVER_EDGES * edge, overhang + 2.0 * edge, edge)
             angle = cantilever(piece, fabric, 2.0 * edge, grain_degrees=grain, device=device)
-            # small angles go as the length to the power 2.5; near the wanted one, or far past it, a step is enough
-            turn = math.tan(TIP_ANGLE) / math.tan(min(max(angle, 0.1), 1.5))
-            overhang *= min(max(turn**0.4, 0.7), 1.4)
-        findings.append(Finding(f"bending length {way}", "mm", 500.0 * (overhang + 0.5 * edge), 1e3 * length))
+            # small angles are proportional to the power 2.5 of the length; steps are limited for large ones
+            ratio = math.tan(TIP_ANGLE) / math.tan(min(max(angle, 0.1), 1.5))
+            overhang *= min(max(ratio**0.4, 0.7), 1.4)
+        findings.append(Finding(f"bending length {direction}", "mm", 500.0 * (overhang + 0.5 * edge), 1e3 * length))
     return findings, []
 
 
-def _release(fabric: Fabric, device: str) -> Part:
+def _release(fabric: Fabric, device: str) -> TestResult:
     readings = released(strip(*STRIP, EDGE), fabric, STRETCHED_BY, device=device)
-    return [Finding(f"strain left after {100 * r.given:g} %", "%", 100.0 * r.taken) for r in readings], []
+    return [Finding(f"strain left after {100 * r.applied:g} %", "%", 100.0 * r.measured) for r in readings], []
 
 
 def _draped(coefficients: Sequence[float], draped: Sequence[Drape]) -> list[Finding]:
-    """The mean of all discs, what each gave, and how far they spread."""
-    singles = [Finding(f"of disc {number}", "%", one) for number, one in enumerate(coefficients, start=1)]
+    """Drape coefficient: mean of all discs, each disc's, and their standard deviation."""
+    singles = [Finding(f"of disc {number}", "%", value) for number, value in enumerate(coefficients, start=1)]
     if len(singles) > 1:
         singles.append(Finding("their standard deviation", "%", float(np.std(coefficients, ddof=1))))
     worst = max(disc.settled.check.rest_error for disc in draped)
@@ -244,7 +245,7 @@ def _draped(coefficients: Sequence[float], draped: Sequence[Drape]) -> list[Find
 
 
 def _columns(readings: Sequence[Reading]) -> tuple[np.ndarray, np.ndarray]:
-    return np.array([r.given for r in readings]), np.array([r.taken for r in readings])
+    return np.array([r.applied for r in readings]), np.array([r.measured for r in readings])
 
 
 def _tuple(values: np.ndarray) -> tuple[float, ...]:

@@ -1,4 +1,4 @@
-"""What the bench found, for people and for programs: table, JSON, CSV, plots, a picture of the drape."""
+"""Test results of a fabric as files: table, JSON, CSV, plots, and a picture of the drape."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ TABLE_WIDTH = 100  # characters, of the text above the table
 
 
 def table(bench: Bench) -> list[str]:
-    """Lines of a table: each figure, the fabric's own, how far they are apart."""
-    rows = [("", "measured", "fabric", "off", "")]
+    """Lines of a table: each measured value, the fabric's own, and the deviation."""
+    rows = [("", "measured", "stated", "deviation", "")]
     for found in bench.findings:
         stated = "" if found.stated is None else f"{found.stated:.3g}"
-        off = "" if found.deviation is None else f"{100 * found.deviation:+.1f} %"
-        rows.append((found.name, f"{found.measured:.3g}", stated, off, found.unit))
+        deviation = "" if found.deviation is None else f"{100 * found.deviation:+.1f} %"
+        rows.append((found.name, f"{found.measured:.3g}", stated, deviation, found.unit))
     widths = [max(len(row[column]) for row in rows) for column in range(5)]
     lines = textwrap.wrap(f"{bench.fabric.name}: {bench.fabric.source}", TABLE_WIDTH)
     for name, *figures, unit in rows:
@@ -35,10 +35,10 @@ def table(bench: Bench) -> list[str]:
 
 
 def save_bench(bench: Bench, folder: Path, device: str = "cpu", *, plots: bool = True) -> list[Path]:
-    """Writes NAME.json, NAME.csv, NAME_drape.png and, where matplotlib is there, NAME.png into a folder.
+    """Writes NAME.json, NAME.csv, NAME_drape.png and, with ``plots``, NAME.png into a folder.
 
     Raises:
-        InputError: the folder cannot be written, or ``plots`` are wanted and cannot be drawn.
+        InputError: the folder cannot be written, or matplotlib is missing.
     """
     name = bench.fabric.name
     check_writable(folder, name)
@@ -71,7 +71,7 @@ def _csv(curves: tuple[Curve, ...]) -> str:
 
 
 def _plot(path: Path, bench: Bench) -> None:
-    """Curves by kind of test, measured as marks over the fabric's own as lines."""
+    """Plots the curves by kind of test: measured values as marks, the fabric's own as lines."""
     kinds = list(dict.fromkeys(curve.name.split()[0] for curve in bench.curves))
     figure = figure_class()(figsize=(4.5 * len(kinds), 4.0), layout="constrained")
     for axes, kind in zip(figure.subplots(1, len(kinds), squeeze=False)[0], kinds, strict=True):
@@ -82,6 +82,6 @@ def _plot(path: Path, bench: Bench) -> None:
             axes.set_xlabel(curve.x_unit)
             axes.set_ylabel(curve.y_unit)
         axes.legend()
-    figure.suptitle(f"{bench.fabric.name}: measured (marks) and the fabric's own (lines)")
+    figure.suptitle(f"{bench.fabric.name}: measured (marks) and stated (lines)")
     with whole_file(path) as place:
         figure.savefig(place, dpi=120)

@@ -1,4 +1,4 @@
-"""Specimens in the machine: clamped where their vertices are given, relaxed by the ordinary solver."""
+"""Test specimens: flat pieces of a fabric, clamped at given vertices, relaxed by the ordinary solver."""
 
 from __future__ import annotations
 
@@ -29,17 +29,17 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Settled:
-    """A specimen at rest, or as near as the iterations came."""
+    """A specimen at rest, or after the last iteration."""
 
     points: Points  # [m], shape [V, 3]
-    forces: NDArray[np.float64]  # of the cloth on its vertices [N], shape [V, 3]: what clamps hold against
+    forces: NDArray[np.float64]  # of the cloth on its vertices [N], shape [V, 3]: what the clamps must hold
     check: Check
 
 
 class Specimen:
-    """A flat piece of a fabric whose clamped vertices are put where a test wants them, again and again.
+    """A flat piece of a fabric whose clamped vertices a test moves from one position to the next.
 
-    ``count`` of them, all alike, lie side by side; none knows of the others.
+    ``count`` identical specimens relax together, independently of one another.
     """
 
     def __init__(
@@ -73,16 +73,16 @@ class Specimen:
         wp.force_load(device, modules=[kernel.module for kernel in kernels + certifier.kernels()])
 
     def settle(self, start: Points, tolerance: Tolerance, limit: int, *, near_rest: bool = False) -> Settled:
-        """Relaxes from these positions, in which the clamps stand where they stay; ``near_rest``: and hardly falls."""
+        """Relaxes from these positions, clamped vertices included; ``near_rest``: they are close to the rest shape."""
         (settled,) = self.settle_all([start], tolerance, limit, near_rest=near_rest)
         return settled
 
     def settle_all(
         self, starts: Sequence[Points], tolerance: Tolerance, limit: int, *, near_rest: bool = False
     ) -> list[Settled]:
-        """Relaxes every specimen from its own positions; otherwise as ``settle``.
+        """Relaxes every specimen from its own positions; otherwise like ``settle``.
 
-        Each ends in the bits that it would have alone, as long as none starts with overstretched edges.
+        Each result has the bits that it would have alone, as long as none starts with overstretched edges.
         """
         for item, start in enumerate(starts):
             self.model.set_points(start, item)
@@ -98,16 +98,16 @@ class Specimen:
         self._forces.launch(self._relaxation.step)
         load: Any = self._load.numpy()
         forces = np.array(load, dtype=np.float64)[:, :3].reshape(self.count, -1, 3)
-        return [Settled(one.points, force, one.check) for one, force in zip(outcomes, forces, strict=True)]
+        return [Settled(outcome.points, force, outcome.check) for outcome, force in zip(outcomes, forces, strict=True)]
 
 
 def weights_by_area(mesh: Mesh, weight: float) -> Floats:
-    """Weight of the cloth that each vertex of a specimen stands for [N], shape [V]; the fabric's in kg/m2.
+    """Weight of the area of each vertex of a specimen [N], shape [V]; ``weight`` is that of the fabric [kg/m2].
 
-    Garments weigh the same at every vertex (the paper, section 2.3). There a border's vertex weighs twice what it
-    stands for, so that a strip hangs as if it were half an edge longer, more on coarse meshes than on fine ones.
+    In garments all vertices weigh the same (the paper, section 2.3). Vertices on the border then weigh twice as much
+    as their area does, and a strip hangs as if it were half an edge longer, which matters on coarse meshes.
     """
     first, second, third = np.swapaxes(mesh.points[mesh.triangles], 0, 1)
     areas = 0.5 * np.linalg.norm(np.cross(second - first, third - first), axis=1)
-    share = np.bincount(mesh.triangles.ravel(), np.repeat(areas / 3.0, 3), mesh.vertex_count)
-    return np.asarray(share * (weight * GRAVITY))
+    vertex_areas = np.bincount(mesh.triangles.ravel(), np.repeat(areas / 3.0, 3), mesh.vertex_count)
+    return np.asarray(vertex_areas * (weight * GRAVITY))

@@ -1,4 +1,4 @@
-"""The tests of a textile laboratory, each on a given piece of cloth: what it measures, nothing of what is expected."""
+"""Laboratory tests (KES-F, cantilever, Cusick drape), each on a given piece of cloth: pure measurements."""
 
 from __future__ import annotations
 
@@ -20,34 +20,34 @@ from warp_cloth.solver.relax import StepOptions
 if TYPE_CHECKING:
     from warp_cloth.material.fabric import Fabric
 
-BALANCED = Tolerance(relative_rms=2e-4, relative_p99=2e-3, rest_error=1e-5)  # clamps must read to a part in 1,000
+BALANCED = Tolerance(relative_rms=2e-4, relative_p99=2e-3, rest_error=1e-5)  # clamp forces are then exact to 0.1 %
 ITERATIONS = 20_000
 DRAPE_ITERATIONS = 60_000  # of the multilevel method: most take 900 to 20,000, silk over 30,000 at 39,000 vertices
-COARSEST_RINGS = 30  # of a disc from whose shape finer ones start; on coarser ones silk finds other folds
-DISCS = 6  # three specimens, both ways up
+COARSEST_RINGS = 30  # of a disc that finer ones start from; on coarser ones silk forms other folds
+DISCS = 6  # three specimens, each with both sides up
 TIP_ANGLE = math.radians(41.5)  # of the cantilever (ISO 9073-7)
-SUPPORT_RADIUS = 0.09  # [m], of Cusick's support; his disc has DISC_RADIUS
-DISC_RADIUS = 0.15
+SUPPORT_RADIUS = 0.09  # [m], of the support in Cusick's test
+DISC_RADIUS = 0.15  # [m]
 SHADOW_PIXEL = 2.5e-4  # [m]; a disc's shadow is then exact to 0.1 points
-DRAPE_MODES = range(3, 10)  # waves round the disc that it starts with, 1 mm high: cloth never lies dead flat
+DRAPE_MODES = range(3, 10)  # waves around the disc at the start, 1 mm high: cloth is never perfectly flat
 HANGING = Tolerance(relative_rms=0.002, relative_p99=0.02, rest_error=1e-4)
 DRAPED = Tolerance(relative_rms=0.01, relative_p99=0.05, rest_error=2e-4)  # the shadow is then exact to 0.5 points
 
 
 @dataclass(frozen=True)
 class Reading:
-    """One reading of a machine: what the cloth was brought to, and the force or moment per width that it took."""
+    """A reading: the deformation that was applied, and the response that was measured."""
 
-    given: float
-    taken: float
+    applied: float
+    measured: float
 
 
 def pull(
     mesh: Mesh, fabric: Fabric, strains: Sequence[float], *, grain_degrees: float = 0.0, device: str = "cpu"
 ) -> list[Reading]:
-    """A strip clamped at both ends and pulled along its length, its sides free.
+    """Tensile test: a strip clamped at both ends and pulled along its length, with free sides.
 
-    Reads strain in the middle two fifths of the length, as an extensometer does, and force per width [N/m].
+    Reads the strain in the middle two fifths of the length, like an extensometer, and the force per width [N/m].
     """
     across, place = along(mesh)
     length, width = np.ptp(place), np.ptp(across)
@@ -65,14 +65,15 @@ def pull(
 
 
 def released(mesh: Mesh, fabric: Fabric, strains: Sequence[float], *, device: str = "cpu") -> list[Reading]:
-    """A strip that was pulled along its warp and is let go at one end: strain given, and mean strain that is left.
+    """Recovery test: a strip is stretched along its warp, then released at one end.
 
-    It lies without weight or friction; what is left is what the certificate takes for rest.
+    Reads the strain applied, and the mean strain that is left. There is neither weight nor friction; what is left is
+    what the certificate accepts as rest.
     """
     _, place = along(mesh)
     length = np.ptp(place)
     near = place < length * 1e-6
-    creeping = StepOptions(momentum=0.0)  # with momentum the strip would shrink past its length and crumple
+    creeping = StepOptions(momentum=0.0)  # with momentum the strip would overshoot its length and crumple
     specimen = Specimen(mesh, fabric, _ids(near), device=device, options=creeping)
     readings = []
     for strain in strains:
@@ -87,11 +88,11 @@ def released(mesh: Mesh, fabric: Fabric, strains: Sequence[float], *, device: st
 def shear(
     mesh: Mesh, fabric: Fabric, angles: Sequence[float], *, grain_degrees: float = 0.0, device: str = "cpu"
 ) -> list[Reading]:
-    """A wide, short strip whose far clamp moves sideways on an arc, its sides free, as in KES-FB1.
+    """Shear test (KES-FB1): a wide, short strip whose far clamp moves sideways on an arc, with free sides.
 
-    There a small weight pulls the clamp, so that threads keep their length; between clamps at a fixed distance they
-    would be stretched, too. Reads the angle [rad] and the sideways force per width [N/m], both in the middle half of
-    the width: by its free sides the cloth shears less.
+    In the real test a small weight pulls the clamp, so that yarns keep their length; between clamps at a fixed distance
+    they would be stretched too. Reads the angle [rad] and the sideways force per width [N/m], both in the middle half
+    of the width, because the cloth shears less near its free sides.
     """
     across, place = along(mesh)
     length, width = np.ptp(place), np.ptp(across)
@@ -99,7 +100,7 @@ def shear(
     specimen = Specimen(mesh, fabric, _ids(far | (place < length * 1e-6)), grain_degrees=grain_degrees, device=device)
     middle = np.abs(across) < 0.25 * width
     clamp = np.flatnonzero(far)[np.argsort(across[far])]
-    held, widths = clamp[middle[clamp]], np.gradient(across[clamp])[middle[clamp]]
+    clamped, widths = clamp[middle[clamp]], np.gradient(across[clamp])[middle[clamp]]
     readings = []
     for angle in angles:
         start = mesh.points.copy()
@@ -108,7 +109,7 @@ def shear(
         settled = specimen.settle(start, BALANCED, ITERATIONS)
         moved = settled.points[middle]
         slope = -np.polyfit(moved[:, 2], moved[:, 0] - across[middle], 1)[0]
-        readings.append(Reading(math.atan(slope), -float(settled.forces[held, 0].sum() / widths.sum())))
+        readings.append(Reading(math.atan(slope), -float(settled.forces[clamped, 0].sum() / widths.sum())))
     return readings
 
 
@@ -121,20 +122,20 @@ def bend(
     grain_degrees: float = 0.0,
     device: str = "cpu",
 ) -> list[Reading]:
-    """A strip whose ends are clamped on an arc over a length ``clamp`` [m] each, as in KES-FB2.
+    """Bending test (KES-FB2): a strip whose ends are clamped on an arc, over a length ``clamp`` [m] each.
 
     Reads the curvature [1/m] of a circle through the middle two fifths, and the moment per width [N].
     """
     across, place = along(mesh)
     length, width = np.ptp(place), np.ptp(across)
-    held = clamp * (1.0 + 1e-6)
-    far = place > length - held
-    specimen = Specimen(mesh, fabric, _ids(far | (place < held)), grain_degrees=grain_degrees, device=device)
+    clamp_end = clamp * (1.0 + 1e-6)
+    far = place > length - clamp_end
+    specimen = Specimen(mesh, fabric, _ids(far | (place < clamp_end)), grain_degrees=grain_degrees, device=device)
     middle, section = np.abs(place / length - 0.5) < 0.2, np.abs(place / length - 0.5) < 0.06
     readings = []
     for curvature in curvatures:
-        turn = (place - 0.5 * length) * curvature
-        start = np.column_stack([across, (1.0 - np.cos(turn)) / curvature, -np.sin(turn) / curvature])
+        angle = (place - 0.5 * length) * curvature
+        start = np.column_stack([across, (1.0 - np.cos(angle)) / curvature, -np.sin(angle) / curvature])
         settled = specimen.settle(start, BALANCED, ITERATIONS)
         arms = settled.points[far] - settled.points[section].mean(axis=0)
         moment = abs(float(np.cross(arms, settled.forces[far])[:, 0].sum()))
@@ -143,10 +144,10 @@ def bend(
 
 
 def cantilever(mesh: Mesh, fabric: Fabric, clamp: float, *, grain_degrees: float = 0.0, device: str = "cpu") -> float:
-    """Angle [rad] below the horizontal at which a strip's far end is seen from its clamp, bent by its weight.
+    """Cantilever test: angle [rad] below the horizontal of a strip's free end, seen from its clamp.
 
-    ``clamp`` [m] of its length are held. It starts on the arc whose end is seen at the angle that the test wants:
-    thin cloth that starts level takes long to fall.
+    ``clamp`` [m] of its length are clamped. It starts on the arc with the angle that ends the test, because thin cloth
+    that starts horizontally takes long to fall.
     """
     _, place = along(mesh)
     far = place > np.ptp(place) * (1.0 - 1e-6)
@@ -164,25 +165,25 @@ def cantilever(mesh: Mesh, fabric: Fabric, clamp: float, *, grain_degrees: float
 
 @dataclass(frozen=True, eq=False)
 class Drape:
-    """A disc that hangs over a round support."""
+    """A disc draped over a round support."""
 
     mesh: Mesh  # as it was cut
     settled: Settled
 
     @property
     def coefficient(self) -> float:
-        """Share of the free ring's area that its shadow covers [%]."""
+        """Fraction of the free ring's area that its shadow covers [%]."""
         return drape_coefficient(self.settled.points, self.mesh.triangles)
 
 
 def drape(
     rings: int, fabric: Fabric, *, discs: int = DISCS, device: str = "cpu", iterations: int = DRAPE_ITERATIONS
 ) -> list[Drape]:
-    """Cusick's test (BS 5058, ISO 9073-9): discs of 30 cm between two of 18 cm, in so many rings from the middle.
+    """Drape test by Cusick (BS 5058, ISO 9073-9): discs of 30 cm on a support of 18 cm; ``rings`` sets the resolution.
 
-    How many folds a disc falls into hangs on how it was laid, and the shadow on the folds, so that laboratories test
-    several specimens, both ways up, and state the mean. These discs differ in how they are laid, slightly waved; cloth
-    here has no sides. Fine ones start from where coarser ones came to rest: they would creep long from fold to fold.
+    The number of folds depends on how a disc is laid, and the shadow on the folds: so laboratories test several
+    specimens with both sides up, and state the mean. These discs differ in slight waves at the start; the two sides of
+    cloth do not differ here. Fine discs start from the rest shapes of coarser ones, or they would creep for long.
     """
     levels = [rings]
     while levels[0] % 2 == 0 and levels[0] >= 2 * COARSEST_RINGS:
@@ -191,63 +192,63 @@ def drape(
     settled = _hung(mesh, fabric, [_waved(mesh, seed) for seed in range(discs)], device, iterations)
     for level in levels[1:]:
         coarse, mesh = mesh, drape_disc(level)
-        starts = [on_finer_disc(coarse, one.points, mesh) for one in settled]
+        starts = [on_finer_disc(coarse, each.points, mesh) for each in settled]
         settled = _hung(mesh, fabric, starts, device, iterations, near_rest=True)
-    return [Drape(mesh, one) for one in settled]
+    return [Drape(mesh, each) for each in settled]
 
 
 def drape_disc(rings: int) -> Mesh:
-    """Cusick's disc without its middle: of what the support holds two rings are enough.
+    """Cusick's disc without its centre: two of the rings on the support are enough.
 
-    A hinge stands for the bend from half an edge before it to half an edge behind. The last ring that is held lies
-    half an edge outside the support, then: the cloth bends from the support's edge on, whatever the mesh.
+    A hinge represents the bend from half an edge before it to half an edge after it. So the last clamped ring lies
+    half an edge outside the support, and the cloth bends from the support's edge at any resolution.
     """
-    held = round(rings * SUPPORT_RADIUS / DISC_RADIUS)
-    spacing = (DISC_RADIUS - SUPPORT_RADIUS) / (rings - held + 0.5)
-    return disc(DISC_RADIUS, DISC_RADIUS * (held - 1) / rings, rings, spacing)
+    clamped = round(rings * SUPPORT_RADIUS / DISC_RADIUS)
+    spacing = (DISC_RADIUS - SUPPORT_RADIUS) / (rings - clamped + 0.5)
+    return disc(DISC_RADIUS, DISC_RADIUS * (clamped - 1) / rings, rings, spacing)
 
 
 def held_by_support(mesh: Mesh) -> Indices:
-    """The vertices of ``drape_disc`` that are held: its two inmost rings."""
+    """The clamped vertices of ``drape_disc``: its two innermost rings."""
     radius = np.hypot(mesh.points[:, 0], mesh.points[:, 2]).round(9)
     return _ids(radius <= np.unique(radius)[1])
 
 
 def _waved(mesh: Mesh, seed: int) -> Points:
-    """The disc, its free ring slightly waved."""
-    radius, turn = np.hypot(mesh.points[:, 0], mesh.points[:, 2]), np.arctan2(mesh.points[:, 2], mesh.points[:, 0])
+    """Points of the disc with slight waves in its free ring [m]."""
+    radius, angle = np.hypot(mesh.points[:, 0], mesh.points[:, 2]), np.arctan2(mesh.points[:, 2], mesh.points[:, 0])
     phases = np.random.default_rng(seed).uniform(0.0, 2.0 * np.pi, len(DRAPE_MODES))
     start = mesh.points.copy()
     for mode, phase in zip(DRAPE_MODES, phases, strict=True):
         out = np.maximum(radius - SUPPORT_RADIUS, 0.0) / (DISC_RADIUS - SUPPORT_RADIUS)
-        start[:, 1] += 1e-3 * np.cos(mode * turn + phase) * out**2
+        start[:, 1] += 1e-3 * np.cos(mode * angle + phase) * out**2
     return start
 
 
 def _hung(
     mesh: Mesh, fabric: Fabric, starts: Sequence[Points], device: str, iterations: int, *, near_rest: bool = False
 ) -> list[Settled]:
-    """Discs at rest, to the same bits on a GPU, all at once, and on the CPU, which waits for none of the others."""
-    held = held_by_support(mesh)
-    whole = StepOptions(method="multilevel")  # folds are turned as wholes
+    """Relaxes discs: on a GPU all together, on the CPU one by one; the bits are the same."""
+    clamped = held_by_support(mesh)
+    options = StepOptions(method="multilevel")  # which rotates folds as rigid bodies
     for start in starts:
-        start[held] = mesh.points[held]
+        start[clamped] = mesh.points[clamped]
     settled: list[Settled] = []
     for group in [starts] if wp.get_device(device).is_cuda else [[start] for start in starts]:
-        specimen = Specimen(mesh, fabric, held, weightless=False, device=device, options=whole, count=len(group))
+        specimen = Specimen(mesh, fabric, clamped, weightless=False, device=device, options=options, count=len(group))
         settled += specimen.settle_all(group, DRAPED, iterations, near_rest=near_rest)
     return settled
 
 
 def drape_coefficient(points: Points, triangles: Indices) -> float:
-    """Share of the free ring's area that a draped disc's shadow from above covers [%]."""
+    """Fraction of the free ring's area that the shadow of a draped disc, lit from above, covers [%]."""
     size = math.ceil(2.1 * DISC_RADIUS / SHADOW_PIXEL)
-    seen = points[:, [0, 2]] / SHADOW_PIXEL + 0.5 * size
+    pixels = points[:, [0, 2]] / SHADOW_PIXEL + 0.5 * size
     image = Image.new("1", (size, size))
     draw = ImageDraw.Draw(image)
     half = SUPPORT_RADIUS / SHADOW_PIXEL
     draw.ellipse([0.5 * size - half, 0.5 * size - half, 0.5 * size + half, 0.5 * size + half], fill=1)
-    for corners in seen[triangles].reshape(-1, 6).tolist():
+    for corners in pixels[triangles].reshape(-1, 6).tolist():
         draw.polygon(corners, fill=1)
     area = float(np.asarray(image).sum()) * SHADOW_PIXEL**2
     inner = math.pi * SUPPORT_RADIUS**2
@@ -255,7 +256,7 @@ def drape_coefficient(points: Points, triangles: Indices) -> float:
 
 
 def _curvature(points: Points) -> float:
-    """Curvature of the circle that fits points in a plane best [1/m]."""
+    """Curvature of the circle that fits points in a plane, by least squares [1/m]."""
     rows = np.column_stack([2.0 * points, np.ones(len(points))])
     fit = np.linalg.lstsq(rows, (points**2).sum(axis=1), rcond=None)[0]
     return float(1.0 / math.sqrt(fit[2] + fit[0] ** 2 + fit[1] ** 2))

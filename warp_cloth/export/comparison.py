@@ -1,4 +1,4 @@
-"""A comparison of two fits as files: a stage, pictures, and figures."""
+"""A comparison of two fits as files: a stage, pictures, and a report."""
 
 from __future__ import annotations
 
@@ -28,14 +28,14 @@ def save_comparison(found: Comparison, fits: tuple[WrittenFit, WrittenFit], fold
         if kind is None:
             continue
         path = folder / f"{name}.png"
-        sentence = f"{second.name} less {first.name}"
+        sentence = f"{second.name} minus {first.name}"
         drawer.write(path, kind, bounds, sentence)
         paths.append(path)
     write_report(
         report,
         {
-            "first": _told(first),
-            "second": _told(second),
+            "first": _summary(first),
+            "second": _summary(second),
             "differences": {
                 name: {
                     "unit": kind.unit if (kind := kind_named(name)) else "",
@@ -50,7 +50,7 @@ def save_comparison(found: Comparison, fits: tuple[WrittenFit, WrittenFit], fold
     return [*paths, report]
 
 
-def _told(fit: WrittenFit) -> dict[str, Any]:
+def _summary(fit: WrittenFit) -> dict[str, Any]:
     return {"name": fit.name, "status": fit.report.get("status"), "maps": fit.report.get("maps")}
 
 
@@ -59,6 +59,6 @@ def girth_lines(found: Comparison) -> list[str]:
     lines = []
     for row in found.girths:
         eases = [None if row[place] is None else row[place]["ease"] for place in ("first", "second")]
-        told = " and ".join("not there" if ease is None else f"{ease:+.0f} mm" for ease in eases)
-        lines.append(f"{row['garment']} {row['level']}: ease {told}")
+        first, second = ("none" if ease is None else f"{ease:+.0f} mm" for ease in eases)
+        lines.append(f"{row['garment']} {row['level']}: ease {first} in the first, {second} in the second")
     return lines

@@ -1,4 +1,4 @@
-"""Values per vertex and maps on a USD mesh, and the names and arrays that USD takes."""
+"""Per-vertex values and maps as primvars of a USD mesh; names and arrays in the form that USD requires."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from warp_cloth.export.surface import linear
 from warp_cloth.maps.colour import colours
 from warp_cloth.maps.kinds import kind_named
 
-Ranges = Mapping[str, tuple[float, float]]  # that the colours of maps span
+Ranges = Mapping[str, tuple[float, float]]  # of the colours of maps, by name
 
-MESH_PRIMVARS = ("st", "normals", "displayColor", "displayOpacity")  # not to be taken by a field's name
+MESH_PRIMVARS = ("st", "normals", "displayColor", "displayOpacity")  # names that a field must not take
 
 
 def author_fields(surface: UsdGeom.Mesh, fields: Mapping[str, NDArray[np.float32]], ranges: Ranges) -> None:
-    """Values per vertex as float primvars (Blender drops double and half); a map's with its unit and ranges."""
+    """Values per vertex as float primvars (Blender drops double and half), those of a map with its unit and ranges."""
     taken = set(MESH_PRIMVARS)
     for name, values in fields.items():
         primvar = UsdGeom.PrimvarsAPI(surface).CreatePrimvar(
@@ -43,7 +43,7 @@ def author_colours(surface: UsdGeom.Mesh, values: NDArray[np.float32], name: str
     """A map as displayColor: linear colours per vertex."""
     kind = kind_named(name)
     if kind is None:
-        raise ValueError(f"{name!r} is no map")
+        raise ValueError(f"{name!r} is not a map")
     primvar = surface.CreateDisplayColorPrimvar(UsdGeom.Tokens.vertex)
     shown = linear(colours(kind, values, bounds))
     primvar.Set(Vt.Vec3fArray.FromNumpy(contiguous(shown, np.float32)))
@@ -51,7 +51,7 @@ def author_colours(surface: UsdGeom.Mesh, values: NDArray[np.float32], name: str
 
 
 def unique_identifier(name: str, fallback: str, taken: set[str]) -> str:
-    """A legal ASCII name (every tool reads it) near to ``name`` and not in ``taken``, which it joins."""
+    """A valid ASCII identifier (which every tool reads) close to ``name``, not in ``taken``, and added to it."""
     ascii_name = unicodedata.normalize("NFKD", name).encode("ascii", "ignore").decode()
     if not any(character.isalnum() for character in ascii_name):
         ascii_name = fallback
@@ -65,5 +65,5 @@ def unique_identifier(name: str, fallback: str, taken: set[str]) -> str:
 
 
 def contiguous(values: ArrayLike, dtype: type[np.generic]) -> NDArray[Any]:
-    """The array as Vt takes it."""
+    """The array in the memory layout that Vt requires."""
     return np.ascontiguousarray(values, dtype=dtype)

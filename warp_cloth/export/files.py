@@ -1,4 +1,4 @@
-"""Files that appear whole or not at all."""
+"""Atomic writes: files that appear complete or not at all."""
 
 from __future__ import annotations
 
@@ -10,21 +10,21 @@ from pathlib import Path
 
 from warp_cloth.base.errors import OutputError
 
-REMEDY = "choose an output folder that can be written"
+REMEDY = "choose an output folder that is writable"
 
 
 def unwritable(path: Path, error: Exception) -> OutputError:
-    """The one-line refusal for a place that cannot be written."""
+    """The error for a path that cannot be written."""
     reason = getattr(error, "strerror", None) or error
     return OutputError(path, f"cannot be written ({reason})", REMEDY)
 
 
 @contextmanager
 def whole_file(path: Path) -> Iterator[Path]:
-    """Yields a place to write; what stands there at the end becomes ``path`` in one step.
+    """Yields a temporary path to write to; at the end that file replaces ``path`` in one step.
 
-    After an error ``path`` is as it was. The place is in a hidden folder beside ``path``: the last step is a
-    rename within one file system, and the file has its own name from the start (a usdz package stores it).
+    After an error ``path`` is as it was. The temporary file is in a hidden folder next to ``path``, so that the last
+    step is a rename within one file system, and has its final name from the start, which a usdz package stores.
     """
     try:
         with tempfile.TemporaryDirectory(dir=path.parent, prefix=f".{path.name}-") as folder:

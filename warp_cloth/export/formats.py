@@ -1,4 +1,4 @@
-"""Which files a fit writes, checked before the work."""
+"""File formats of a fit, and a check that no input would be overwritten; both before the work."""
 
 from __future__ import annotations
 
@@ -14,22 +14,24 @@ FORMATS = ("usdc", "usda", "usdz", "glb", "obj")
 
 
 def chosen_formats(text: str | Sequence[str], *, place: str = "--format") -> tuple[str, ...]:
-    """Formats from "usdc,glb", or one by one."""
+    """Formats from "usdc,glb", or from a list of such names."""
     asked = [name for given in strings(text, place) for name in given.split(",")]
     names = tuple(dict.fromkeys(name.strip().lstrip(".").lower() for name in asked if name.strip()))
     unknown = [name for name in names if name not in FORMATS]
     if unknown or not names:
-        raise InputError(place, f'"{", ".join(unknown)}" is not written', f"choose of {', '.join(FORMATS)}")
+        raise InputError(
+            place, f'"{", ".join(unknown)}" is not a supported format', f"choose from {', '.join(FORMATS)}"
+        )
     return names
 
 
 def check_inputs_kept(scene: Scene, folder: Path, formats: Sequence[str]) -> None:
-    """Refuse a folder in which a file of the scene would be written over."""
+    """Refuses a folder in which a file of the scene would be overwritten."""
     written = {folder / f"{scene.name}.{suffix}" for suffix in formats} | {folder / f"{scene.name}_over.usda"}
-    places = {realpath(path) for path in written}  # unlike Path.resolve, links that go in circles are no error
+    places = {realpath(path) for path in written}  # unlike Path.resolve, circular links are no error
     specs = [*scene.garments, *([scene.avatar] if scene.avatar is not None else [])]
     for file in (spec.mesh for spec in specs):
         if isinstance(file, Path) and realpath(file) in places:
             raise InputError(
-                folder, f"{file.name} would be written over, which the scene reads", "choose another folder"
+                folder, f"{file.name}, which the scene reads, would be overwritten", "choose another folder"
             )

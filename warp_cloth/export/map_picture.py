@@ -1,4 +1,4 @@
-"""Maps as pictures: the worn garments in their colours from three sides, with a legend."""
+"""Pictures of maps: the worn garments in the map's colours from three sides, with a legend."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from warp_cloth.maps.colour import colours, shown_value
 from warp_cloth.maps.kinds import MapKind
 from warp_cloth.model.result import WornGarment
 
-LEGEND_SHARE = 0.13  # of the picture's width
+LEGEND_FRACTION = 0.13  # of the picture's width
 BAR_WIDTH = 0.2  # of the legend's width
-INTERVALS = (4, 5)  # between the legend's values; a range about zero keeps its middle
-AROUND = 0.06  # of the garments' largest extent, shown round them
+INTERVALS = (4, 5)  # number between the legend's values; a range about zero keeps its middle
+MARGIN = 0.06  # shown around the garments, of their largest extent
 
 
 class MapPictures:
-    """Draws maps of one fit: its garments are looked at once, for all of them."""
+    """Draws the maps of one fit; its views are rendered once for all of them."""
 
     def __init__(
         self,
@@ -36,18 +36,18 @@ class MapPictures:
     ) -> None:
         require_sound(garments, avatar)
         self._garments, self._size = garments, size
-        self._legend_width = round(LEGEND_SHARE * size[0])
+        self._legend_width = round(LEGEND_FRACTION * size[0])
         worn = np.concatenate([worn.points for worn in garments])
         low, high = worn.min(axis=0), worn.max(axis=0)
-        margin = AROUND * float((high - low).max())  # the body is there for orientation only
+        margin = MARGIN * float((high - low).max())  # the body is there for orientation only
         self._subject = replace(gathered(garments, avatar, device), low=low - margin, high=high + margin)
-        gap = text_height(size)  # a limb that the views cut off does not touch the legend
+        gap = text_height(size)  # so that a limb cut off by the picture's edge does not touch the legend
         self._views_size = (size[0] - self._legend_width - gap, size[1])
         self._layout = arranged(self._subject.extent, self._views_size, True)
         self._seen = sights(self._subject, self._layout)
 
     def write(self, path: Path, kind: MapKind, bounds: tuple[float, float], sentence: str = "") -> None:
-        """Writes a PNG of a map, its colours spanning ``bounds``; garments without it keep their own colour."""
+        """Writes a PNG of a map with colours for the range ``bounds``; garments without it keep their own colour."""
         subject = self._subject.painted(
             [
                 colours(kind, worn.fields[kind.name], bounds)
@@ -65,7 +65,7 @@ class MapPictures:
 
 
 def _draw_legend(image: Image.Image, kind: MapKind, bounds: tuple[float, float], width: int) -> None:
-    """A bar of the map's colours with its values beside it, at the picture's right."""
+    """A bar of the map's colours with values next to it, at the right of the picture."""
     draw = ImageDraw.Draw(image)
     text = text_height(image.size)
     font = ImageFont.load_default(text)
@@ -85,17 +85,17 @@ def _draw_legend(image: Image.Image, kind: MapKind, bounds: tuple[float, float],
 
 
 def ticks(kind: MapKind, bounds: tuple[float, float]) -> list[float]:
-    """The values that a legend names, highest first: of two divisions the one with the shorter numbers."""
-    ways = [np.linspace(bounds[1], bounds[0], count + 1).tolist() for count in INTERVALS[: 1 if kind.signed else 2]]
-    return min(ways, key=lambda values: max(len(shown_value(kind, value)) for value in values))
+    """The values on a legend, highest first: of two subdivisions the one with the shorter numbers."""
+    choices = [np.linspace(bounds[1], bounds[0], count + 1).tolist() for count in INTERVALS[: 1 if kind.signed else 2]]
+    return min(choices, key=lambda values: max(len(shown_value(kind, value)) for value in values))
 
 
-def _wrapped(label: str, font: ImageFont.FreeTypeFont | ImageFont.ImageFont, room: float) -> list[str]:
-    """The label in lines no wider than ``room`` [px]."""
+def _wrapped(label: str, font: ImageFont.FreeTypeFont | ImageFont.ImageFont, width: float) -> list[str]:
+    """The label in lines no wider than ``width`` [px]."""
     lines = [""]
     for word in label.split():
         longer = f"{lines[-1]} {word}".strip()
-        if lines[-1] and font.getlength(longer) > room:
+        if lines[-1] and font.getlength(longer) > width:
             lines.append(word)
         else:
             lines[-1] = longer

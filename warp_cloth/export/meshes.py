@@ -14,7 +14,7 @@ from warp_cloth.maps.colour import colours
 from warp_cloth.maps.kinds import kind_named
 from warp_cloth.model.result import WornGarment
 
-AVATAR_NODE = "_avatar"  # what the avatar's node is called in a .glb file, after its name
+AVATAR_NODE = "_avatar"  # suffix of the name of the avatar's node in a .glb file
 
 
 def write_glb(
@@ -25,7 +25,7 @@ def write_glb(
     ranges: dict[str, tuple[float, float]],
     colour: str = "",
 ) -> None:
-    """Writes all meshes in metres, y up; maps as attributes _NAME, the one named ``colour`` as vertex colours, too."""
+    """Writes all meshes in metres, y up; maps as attributes _NAME, and the map ``colour`` as vertex colours too."""
     import trimesh
 
     require_sound(garments, avatar)
@@ -99,5 +99,5 @@ def write_obj(path: Path, *, garments: Sequence[WornGarment]) -> None:
 
 
 def _word(name: str) -> str:
-    """A name without spaces, which OBJ would take for several."""
+    """A name without spaces, because OBJ would read several names."""
     return "_".join(name.split()) or "garment"

@@ -1,4 +1,4 @@
-"""The worn shape as a layer over the user's own stage, whose files stay as they are."""
+"""The worn shape as a USD layer over the user's own stage, whose files are not changed."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class StagedGarment:
-    """A worn garment and the prims of the user's stage that it came from."""
+    """A worn garment, and the prims of the user's stage that it was loaded from."""
 
     worn: WornGarment
     file: Path
-    prims: tuple[str, ...]  # of its meshes, in the order in which they were joined
-    units: LengthUnit | None = None  # where the scene overrules the stage's
+    prims: tuple[str, ...]  # of its meshes, in the order of the joined mesh
+    units: LengthUnit | None = None  # where the scene overrides those of the stage
 
 
 def write_override(
@@ -44,22 +44,24 @@ def write_override(
 ) -> None:
     """Writes a layer whose one sublayer is the user's stage: points, normals, extent and maps of the garments.
 
-    All in the stage's own units, up axis and prim transforms; everything else, references and variants too, composes
-    as it did. An instance that a garment lies in is opened in the layer.
+    They are in the stage's own units, up axis and prim transforms; everything else, references and variants included,
+    composes as before. The layer turns off instancing for an instance that contains a garment.
     """
     file = garments[0].file
     require_sound([garment.worn for garment in garments], None)
     layer = Sdf.Layer.CreateAnonymous(".usda")
-    layer.subLayerPaths.append(str(file.resolve()))  # to compose it here; the written one is relative
+    layer.subLayerPaths.append(str(file.resolve()))  # absolute, to compose it here; the written path is relative
     with quiet_usd():
         stage = Usd.Stage.Open(layer)
-        _take_over_metadata(Usd.Stage.Open(str(file)), stage)
+        _copy_metadata(Usd.Stage.Open(str(file)), stage)
         for garment in garments:
             for prim in garment.prims:
                 _open_instances(stage, prim)
             _author_garment(stage, garment, ranges, colour)
-        _make_room([0 if each.worn.frames is None else len(each.worn.frames) for each in garments], stage)
-    written = Sdf.Layer.CreateAnonymous(".usda")  # one that no stage composes, which would look for the relative path
+        _extend_times([0 if each.worn.frames is None else len(each.worn.frames) for each in garments], stage)
+    written = Sdf.Layer.CreateAnonymous(
+        ".usda"
+    )  # a layer that no stage composes, as that would resolve the relative path
     written.TransferContent(layer)
     written.subLayerPaths[0] = relative_asset(file, path.parent)
     with whole_file(path) as target:
@@ -67,16 +69,16 @@ def write_override(
             raise OSError("USD could not write it")
 
 
-def _take_over_metadata(base: Usd.Stage, stage: Usd.Stage) -> None:
-    """Units, axis and times, which a stage reads from its root layer only."""
+def _copy_metadata(base: Usd.Stage, stage: Usd.Stage) -> None:
+    """Copies units, axis and times, which a stage reads from its root layer only."""
     root = base.GetRootLayer()
     for key in root.pseudoRoot.ListInfoKeys():
         if key not in ("subLayers", "subLayerOffsets"):
             stage.GetRootLayer().pseudoRoot.SetInfo(key, root.pseudoRoot.GetInfo(key))
 
 
-def _make_room(frame_counts: Sequence[int], stage: Usd.Stage) -> None:
-    """Has the stage last as long as the frames; a stage without times would show the first alone."""
+def _extend_times(frame_counts: Sequence[int], stage: Usd.Stage) -> None:
+    """Extends the stage's time range to the frames; without a range only the first would play."""
     if max(frame_counts):
         first, last = stage.GetStartTimeCode(), stage.GetEndTimeCode()
         stage.SetStartTimeCode(first)
@@ -84,13 +86,13 @@ def _make_room(frame_counts: Sequence[int], stage: Usd.Stage) -> None:
 
 
 def _open_instances(stage: Usd.Stage, path: str) -> None:
-    """An instance's inside cannot be overridden, so what holds the garment is no instance in this layer."""
+    """Turns off instancing above a prim in this layer, because the inside of an instance cannot be overridden."""
     prim = stage.GetPrimAtPath(path)
     while prim and prim.IsInstanceProxy():
-        holder = prim
-        while holder.IsInstanceProxy():
-            holder = holder.GetParent()
-        holder.SetInstanceable(False)
+        instance = prim
+        while instance.IsInstanceProxy():
+            instance = instance.GetParent()
+        instance.SetInstanceable(False)
         prim = stage.GetPrimAtPath(path)
 
 
@@ -98,12 +100,12 @@ def _author_garment(stage: Usd.Stage, garment: StagedGarment, ranges: Ranges, co
     meshes = [UsdGeom.Mesh(stage.GetPrimAtPath(path)) for path in garment.prims]
     for path, mesh in zip(garment.prims, meshes, strict=True):
         if not mesh:
-            raise InputError(garment.file, f"there is no prim {path}", "fit the stage again")
+            raise InputError(garment.file, f"the prim {path} no longer exists", "fit the stage again")
     known = garment.worn.mesh
     vertex = np.arange(known.vertex_count) if known.vertex_map is None else known.vertex_map
     ends = np.cumsum([len(_default_points(mesh)) for mesh in meshes])
     if ends[-1] != len(vertex):
-        raise InputError(garment.file, f"{', '.join(garment.prims)} changed since the fit", "fit the stage again")
+        raise InputError(garment.file, f"{', '.join(garment.prims)} changed after the fit", "fit the stage again")
     for path, part in zip(garment.prims, np.split(vertex, ends[:-1]), strict=True):
         _author_mesh(stage, path, garment, part, ranges, colour)
 
@@ -111,7 +113,7 @@ def _author_garment(stage: Usd.Stage, garment: StagedGarment, ranges: Ranges, co
 def _author_mesh(
     stage: Usd.Stage, path: str, garment: StagedGarment, vertex: NDArray[np.int64], ranges: Ranges, colour: str
 ) -> None:
-    """One mesh of a garment; ``vertex`` is the worn vertex of each of the mesh's own, -1: none."""
+    """Authors one mesh of a garment; ``vertex`` is the worn vertex of each vertex of the mesh, -1: none."""
     prim, worn = stage.GetPrimAtPath(path), garment.worn
     surface = UsdGeom.Mesh(stage.OverridePrim(path))
     old = _default_points(UsdGeom.Mesh(prim))
@@ -142,7 +144,9 @@ def _author_mesh(
         author(local(frame), Usd.TimeCode(stage.GetStartTimeCode() + index))
     surface.SetNormalsInterpolation(UsdGeom.Tokens.vertex)
     if surface.GetSubdivisionSchemeAttr().Get() != UsdGeom.Tokens.none:
-        surface.CreateSubdivisionSchemeAttr(UsdGeom.Tokens.none)  # the cage was fitted; smoothed, it would cut the body
+        surface.CreateSubdivisionSchemeAttr(
+            UsdGeom.Tokens.none
+        )  # the control cage was fitted; a subdivided surface would intersect the body
     fields = {name: _at_file_vertices(values, vertex) for name, values in worn.fields.items()}
     author_fields(surface, fields, ranges)
     if colour in fields:
@@ -150,7 +154,7 @@ def _author_mesh(
 
 
 def _default_points(mesh: UsdGeom.Mesh) -> Points:
-    """The mesh's points as the loader reads them: default, or first sample; in its own space."""
+    """The mesh's points as the loader reads them (default value, or first sample), in its own space."""
     value = mesh.GetPointsAttr().Get()
     if value is None:
         value = mesh.GetPointsAttr().Get(Usd.TimeCode.EarliestTime())
@@ -158,7 +162,7 @@ def _default_points(mesh: UsdGeom.Mesh) -> Points:
 
 
 def _file_triangles(mesh: UsdGeom.Mesh) -> NDArray[np.int32]:
-    """The mesh's polygons as fans, for its normals."""
+    """The mesh's polygons as triangle fans, for its normals."""
     counts = np.array(mesh.GetFaceVertexCountsAttr().Get(), dtype=np.int64)
     corners = np.array(mesh.GetFaceVertexIndicesAttr().Get(), dtype=np.int64)
     starts = np.cumsum(counts) - counts
@@ -170,7 +174,7 @@ def _file_triangles(mesh: UsdGeom.Mesh) -> NDArray[np.int32]:
 
 
 def _at_file_vertices(values: NDArray[np.float32], vertex: NDArray[np.int64]) -> NDArray[np.float32]:
-    """Values at the vertices of the file; 0 at those that no face uses."""
+    """Values at the vertices of the file's mesh; 0 at those that no face uses."""
     found = np.zeros(len(vertex), dtype=np.float32)
     found[vertex >= 0] = values[vertex[vertex >= 0]]
     return found

@@ -1,6 +1,6 @@
-"""A garment's cloth in the surface-deformable physics schema, so that other simulators take it up as it is.
+"""A garment's cloth in the surface-deformable physics schema of USD, for other simulators.
 
-The schema is not registered with OpenUSD yet, so its names are applied and its attributes made by hand.
+The schema is not registered with OpenUSD yet, so its API names and attributes are authored by hand.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ MATERIAL = "PhysicsSurfaceDeformableMaterialAPI"
 
 
 def author_physics(surface: UsdGeom.Mesh, garment: WornGarment, material: UsdShade.Material) -> None:
-    """Rest shape, thickness and masses on the mesh, density and stiffness on its material; SI, as the stage is."""
+    """Rest shape, thickness and masses on the mesh, density and stiffness on its material; in SI units."""
     if garment.fabric is None or garment.rest is None:
         return
     prim = surface.GetPrim()
@@ -44,9 +44,9 @@ def author_physics(surface: UsdGeom.Mesh, garment: WornGarment, material: UsdSha
 
 
 def rest_arrays(garment: WornGarment, rest: RestShape) -> tuple[Any, Any]:
-    """Rest points [m] and triangles: each triangle laid flat by itself, x weft and y warp; or the mesh as loaded.
+    """Rest points [m] and triangles: each triangle laid flat on its own, x weft and y warp; or the mesh as loaded.
 
-    Triangles laid flat by themselves have the lengths that the fit used, also at seams, where panels may differ.
+    Separate triangles have the rest lengths that the fit used, also at seams, where panels may differ.
     """
     sheet = rest.sheet
     if sheet is None or not sheet.directed:
@@ -72,7 +72,7 @@ def _author_folds(prim: Usd.Prim, rest: RestShape) -> None:
 
 
 def author_cloth_material(material: UsdShade.Material, fabric: Fabric) -> None:
-    """The fabric as the schema's linear constants, and as its own values beside them."""
+    """The fabric as the schema's linear constants, together with its own values."""
     prim = material.GetPrim()
     UsdPhysics.MaterialAPI.Apply(prim)
     prim.AddAppliedSchema(MATERIAL)
@@ -86,7 +86,7 @@ def author_cloth_material(material: UsdShade.Material, fabric: Fabric) -> None:
 
 
 def author_collider(surface: UsdGeom.Mesh) -> None:
-    """The avatar as what cloth meets."""
+    """Makes the avatar a collider."""
     UsdPhysics.CollisionAPI.Apply(surface.GetPrim())
     UsdPhysics.MeshCollisionAPI.Apply(surface.GetPrim()).CreateApproximationAttr(UsdPhysics.Tokens.none)
 

@@ -1,4 +1,4 @@
-"""A picture of the worn garments: front, side and back, shaded, without a display."""
+"""A shaded picture of the worn garments from front, side and back; needs no display."""
 
 from __future__ import annotations
 
@@ -19,19 +19,19 @@ from warp_cloth.model.result import WornGarment
 
 BACKGROUND = (0.94, 0.94, 0.945)  # sRGB
 INK = (70, 72, 76)  # sRGB bytes, of the title
-FAINT_INK = (120, 122, 126)  # of what is less important
+FAINT_INK = (120, 122, 126)  # of less important text
 MARGIN = 0.03  # of the picture's width, left and right of every view
-SMALLEST_EXTENT = 1e-3  # [m], so that a picture of a point has a scale, too
+SMALLEST_EXTENT = 1e-3  # [m], so that even a picture of a point has a scale
 SIDES = {
     "front": (0.0, 0.0, 1.0),
     "side": (1.0, 0.0, 0.0),
     "back": (0.0, 0.0, -1.0),
-}  # from the scene to the viewer; no view is quite vertical
+}  # from the scene to the viewer; no view is exactly vertical
 
 
 @dataclass(frozen=True)
 class Window:
-    """Where a view stands in the picture."""
+    """The rectangle of a view in the picture."""
 
     label: str
     toward: NDArray[np.float64]  # unit vector from the scene to the viewer
@@ -59,7 +59,7 @@ def write_preview(
     title: str = "",
     sentence: str = "",
 ) -> None:
-    """Writes a PNG, ``size`` wide and high [px]; title and sentence stand above. ValueError if not finite."""
+    """Writes a PNG, ``size`` wide and high [px], headed by title and sentence. ValueError if a point is not finite."""
     require_sound(garments, avatar)
     save_picture(drawn(gathered(garments, avatar, device), size, title, sentence), path)
 
@@ -71,20 +71,20 @@ def drawn(
     sentence: str = "",
     sides: Mapping[str, Sequence[float]] = SIDES,
 ) -> Image.Image:
-    """The views from some sides by one another, ``size`` wide and high [px]; title and sentence stand above."""
+    """Views from several sides next to one another, ``size`` wide and high [px], headed by title and sentence."""
     layout = arranged(subject.extent, size, bool(title or sentence), sides)
     return painted(subject, layout, sights(subject, layout), size, title, sentence)
 
 
 def sights(subject: Subject, layout: Layout) -> list[Sight]:
-    """What the windows show."""
+    """The views of all windows."""
     return [looked_at(subject, window.toward, layout.pixel, window.width, layout.height) for window in layout.windows]
 
 
 def painted(
     subject: Subject, layout: Layout, seen: Sequence[Sight], size: tuple[int, int], title: str, sentence: str
 ) -> Image.Image:
-    """What the windows show in the subject's own colours, as ``drawn``."""
+    """The picture with the subject in its own colours; arguments as of ``drawn``."""
     background = linear(BACKGROUND)
     light = np.tile(background, (size[1], size[0], 1))
     for window, sight in zip(layout.windows, seen, strict=True):
@@ -96,7 +96,7 @@ def painted(
 
 
 def save_picture(image: Image.Image, path: Path) -> None:
-    """Writes a PNG whole or not at all."""
+    """Writes a PNG, complete or not at all."""
     with whole_file(path) as place:
         image.save(place, format="PNG")
 
@@ -104,7 +104,7 @@ def save_picture(image: Image.Image, path: Path) -> None:
 def arranged(
     extent: NDArray[np.float64], size: tuple[int, int], titled: bool, sides: Mapping[str, Sequence[float]] = SIDES
 ) -> Layout:
-    """Windows as wide as their views need, what is left shared out; one scale that fits all."""
+    """Windows as wide as their views need, spare width divided evenly; one scale for all."""
     width, height = size
     text = text_height(size)
     top = 3 * text if titled else text
@@ -112,9 +112,9 @@ def arranged(
     frames = [view_axes(np.array(toward)) for toward in sides.values()]
     needs = [float(shown @ np.abs(right)) for right, _ in frames]
     tallest = max(float(shown @ np.abs(up)) for _, up in frames)
-    room = max(width - 2 * round(MARGIN * width) * len(sides), 1)
-    below = 5 * text // 2  # where the labels stand
-    pixel = max(sum(needs) / room, tallest / max(height - top - below - 3 * text, 1))
+    available = max(width - 2 * round(MARGIN * width) * len(sides), 1)
+    below = 5 * text // 2  # for the labels
+    pixel = max(sum(needs) / available, tallest / max(height - top - below - 3 * text, 1))
     spare = (width - sum(needs) / pixel) / len(sides)
     edges = np.round(np.cumsum([0.0, *(need / pixel + spare for need in needs)])).astype(int).tolist()
     windows = tuple(
@@ -125,7 +125,7 @@ def arranged(
 
 
 def text_height(size: tuple[int, int]) -> int:
-    """Height of the labels [px]: legible in a small picture, modest in a large one."""
+    """Height of the labels [px], legible in a small picture."""
     return max(round(0.02 * size[1]), 10)
 
 
@@ -147,17 +147,17 @@ def letter(image: Image.Image, layout: Layout, title: str, sentence: str) -> Non
             left += round(font.getlength(line)) + height
 
 
-def shortened(text: str, font: ImageFont.FreeTypeFont | ImageFont.ImageFont, room: float) -> str:
-    """One line of the text that fits into ``room`` [px], with an ellipsis where it was cut."""
+def shortened(text: str, font: ImageFont.FreeTypeFont | ImageFont.ImageFont, width: float) -> str:
+    """The text in one line no wider than ``width`` [px], with an ellipsis where it was cut."""
     line = " ".join(_spelt(text).split())
-    if font.getlength(line) <= room:
+    if font.getlength(line) <= width:
         return line
-    while line and font.getlength(line + "…") > room:
+    while line and font.getlength(line + "…") > width:
         line = line[:-1]
     return line.rstrip() + "…" if line else ""
 
 
 def _spelt(text: str) -> str:
-    """The text in the letters that Pillow's own font has: plain ones, without their marks."""
+    """The text in the letters of Pillow's own font, which has no accents."""
     letters = (letter for letter in unicodedata.normalize("NFKD", text) if not unicodedata.combining(letter))
     return "".join(letters).encode("ascii", errors="replace").decode()

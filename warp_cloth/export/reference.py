@@ -1,4 +1,4 @@
-"""The avatar as a reference to the user's own file: placed, turned and scaled, but not copied."""
+"""The avatar as a USD reference to the user's own file: transformed, but not copied."""
 
 from __future__ import annotations
 
@@ -18,35 +18,34 @@ from warp_cloth.loading.usd_units import standing_time
 
 @dataclass(frozen=True)
 class AvatarAsset:
-    """Where an avatar came from: a USD file, its meshes there, and what must not come along."""
+    """The source of an avatar: a USD file, its meshes there, and meshes that the reference must not include."""
 
     file: Path
     meshes: tuple[str, ...]
-    garments: tuple[str, ...] = ()  # meshes of the same file that are worn
-    units: LengthUnit | None = None  # where the scene overrules the file's
+    garments: tuple[str, ...] = ()  # meshes of the same file that are garments
+    units: LengthUnit | None = None  # where the scene overrides those of the file
 
 
 def relative_asset(file: Path, folder: Path) -> str:
-    """The file as a layer in a folder refers to it."""
+    """The path by which a layer in a folder refers to the file."""
     path = Path(os.path.relpath(file.resolve(), folder.resolve())).as_posix()
-    return path if path.startswith(".") else f"./{path}"  # without a dot it would be looked up in search paths
+    return path if path.startswith(".") else f"./{path}"  # without a dot USD would look it up in its search paths
 
 
 def author_reference(part: Usd.Prim, asset: AvatarAsset, path_of_stage: Path) -> bool:
-    """Puts a reference to the avatar under its part; False, and nothing done, where it has no prim of its own.
+    """Adds a reference to the avatar under its part; False, with nothing added, if the avatar has no prim of its own.
 
-    A package takes the referenced file into itself, so it is told where that file lies; a stage refers to it by the
-    way from one to the other.
+    A package (usdz) includes the referenced file, and needs its absolute path; a stage refers to it by a relative path.
     """
     with quiet_usd():
         source = Usd.Stage.Open(str(asset.file))
     target = own_prim(source, asset.meshes, asset.garments)
     if target is None:
         return False
-    place = to_metres(source, source.GetPrimAtPath(target).GetParent(), asset.units)
+    matrix = to_metres(source, source.GetPrimAtPath(target).GetParent(), asset.units)
     path = part.GetPath().AppendChild(f"{part.GetName()}_avatar")
     holder = UsdGeom.Xform.Define(part.GetStage(), path)
-    holder.AddTransformOp().Set(Gf.Matrix4d(place.tolist()))
+    holder.AddTransformOp().Set(Gf.Matrix4d(matrix.tolist()))
     inner = part.GetStage().DefinePrim(path.AppendChild(Sdf.Path(target).name))
     packed = path_of_stage.suffix == ".usdz"
     named = str(asset.file.resolve()) if packed else relative_asset(asset.file, path_of_stage.parent)
@@ -58,7 +57,7 @@ def author_reference(part: Usd.Prim, asset: AvatarAsset, path_of_stage: Path) ->
 
 
 def own_prim(stage: Usd.Stage, meshes: Sequence[str], garments: Sequence[str]) -> str | None:
-    """The prim that holds the avatar's meshes and no other; its Xform rather than a mesh, for materials beside it."""
+    """The prim with all of the avatar's meshes and no others; an Xform rather than a mesh, to include its materials."""
     common = Sdf.Path(meshes[0])
     for path in meshes[1:]:
         common = common.GetCommonPrefix(Sdf.Path(path))
@@ -75,11 +74,11 @@ def own_prim(stage: Usd.Stage, meshes: Sequence[str], garments: Sequence[str]) -
 
 
 def to_metres(stage: Usd.Stage, prim: Usd.Prim, units: LengthUnit | None) -> Points:
-    """Matrix (row vectors) from a prim's own space to metres with y up, as the loader takes it; shape [4, 4]."""
+    """Matrix (for row vectors) from a prim's own space to metres with y up, as in the loader; shape [4, 4]."""
     world = np.array(UsdGeom.XformCache(standing_time(prim)).GetLocalToWorldTransform(prim), dtype=np.float64)
     authored = UsdGeom.StageHasAuthoredMetersPerUnit(stage)
     metres = METRES_PER[units] if units else UsdGeom.GetStageMetersPerUnit(stage) if authored else 1.0
-    turn = np.eye(4)
+    y_up = np.eye(4)
     if UsdGeom.GetStageUpAxis(stage) == UsdGeom.Tokens.z:  # (x, y, z) becomes (x, z, -y)
-        turn[:3, :3] = [[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]
-    return np.asarray(world @ turn @ np.diag([metres] * 3 + [1.0]))
+        y_up[:3, :3] = [[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]]
+    return np.asarray(world @ y_up @ np.diag([metres] * 3 + [1.0]))

@@ -1,4 +1,4 @@
-"""Garments and avatar drawn into an image of linear light, by Warp kernels."""
+"""Renders garments and avatar to an image in linear light, with Warp kernels."""
 
 from __future__ import annotations
 
@@ -19,20 +19,20 @@ from warp_cloth.model.result import WornGarment
 Vector = NDArray[np.float64]
 
 SUPERSAMPLING = 2
-INSIDE_SHARE = 0.6  # of the reflectance, on a garment's inside
+INSIDE_REFLECTANCE = 0.6  # of a garment's inside, relative to its outside
 UP = np.array((0.0, 1.0, 0.0))
-KEY_LIGHT = (-0.50, 0.65, 0.65)  # to the light, along a view's right, up and toward: every view is lit alike
+KEY_LIGHT = (-0.50, 0.65, 0.65)  # direction to the light in a view's axes (right, up, toward): all views are lit alike
 FILL_LIGHT = (0.80, 0.10, 0.45)
 
 
 @dataclass(frozen=True)
 class Subject:
-    """All things in the picture as one mesh on the device."""
+    """Everything in the picture as one mesh on the device."""
 
     points: wp.array  # float32 [m], shape [V]
     normals: wp.array  # shape [V]
     triangles: wp.array  # shape [F, 3]
-    owners: wp.array  # whose triangle it is, an index of looks, shape [F]
+    owners: wp.array  # index into looks of each triangle, shape [F]
     looks: wp.array
     colours: wp.array  # reflectance in linear light, shape [V]
     low: Vector  # corners of the bounding box [m]
@@ -48,16 +48,16 @@ class Subject:
         return self.high - self.low
 
     def painted(self, colours: Sequence[NDArray[np.float64]]) -> Subject:
-        """The same with the garments in these colours, sRGB, shape [V, 3] each; the avatar keeps its own."""
+        """A copy with the garments in these sRGB colours, shape [V, 3] each; the avatar keeps its own."""
         own = linear(np.concatenate(colours)).astype(np.float32)
-        rest = self.colours.numpy()[len(own) :]
-        return replace(self, colours=wp.array(np.concatenate([own, rest]), dtype=wp.vec3f, device=self.device))
+        others = self.colours.numpy()[len(own) :]
+        return replace(self, colours=wp.array(np.concatenate([own, others]), dtype=wp.vec3f, device=self.device))
 
 
 def gathered(garments: Sequence[WornGarment], avatar: Mesh | None, device: str) -> Subject:
-    """Garments and avatar joined, with their looks."""
+    """Garments and avatar joined into one subject."""
     parts = [
-        (worn.points, worn.mesh.triangles, np.tile(cloth_colour(index), (len(worn.points), 1)), INSIDE_SHARE)
+        (worn.points, worn.mesh.triangles, np.tile(cloth_colour(index), (len(worn.points), 1)), INSIDE_REFLECTANCE)
         for index, worn in enumerate(garments)
     ]
     if avatar is not None:
@@ -84,7 +84,7 @@ def gathered(garments: Sequence[WornGarment], avatar: Mesh | None, device: str) 
 
 
 def appearance(points: Vector, triangles: NDArray[np.int32], inside: float) -> Look:
-    """The look of one part's sides."""
+    """Shading parameters of the two sides of a part."""
     look = Look()
     look.outside = 1.0 if winds_outward(points, triangles) else -1.0
     look.inside = inside
@@ -96,14 +96,14 @@ def vector(values: NDArray[Any]) -> wp.vec3f:
 
 
 def view_axes(toward: Vector) -> tuple[Vector, Vector]:
-    """Right and up of a view along -toward, which is a unit vector and not vertical."""
+    """Right and up axes of a view along -toward; ``toward`` is a unit vector, and not vertical."""
     right = np.cross(UP, toward)
     right /= np.linalg.norm(right)
     return right, np.cross(toward, right)
 
 
 def view_from(toward: Vector, centre: Vector, pixel: float, columns: int, rows: int) -> View:
-    """A view along -toward with ``centre`` in its middle; rows run upward."""
+    """A view along -toward with ``centre`` in the middle; rows run upwards."""
     right, up = view_axes(toward)
     view = View()
     view.origin = vector(centre - 0.5 * pixel * ((columns - 1) * right + (rows - 1) * up))
@@ -113,7 +113,7 @@ def view_from(toward: Vector, centre: Vector, pixel: float, columns: int, rows: 
 
 
 def light_direction(light: Sequence[float], toward: Vector) -> Vector:
-    """Unit vector to a light that is given along a view's right, up and toward."""
+    """Unit vector to a light whose direction is given in a view's axes (right, up, toward)."""
     right, up = view_axes(toward)
     direction = light[0] * right + light[1] * up + light[2] * toward
     return direction / np.linalg.norm(direction)
@@ -121,20 +121,20 @@ def light_direction(light: Sequence[float], toward: Vector) -> Vector:
 
 @dataclass(frozen=True, eq=False)
 class Sight:
-    """What a view shows of a subject, whatever its colours are."""
+    """A view of a subject: visible triangles and the light on them, independent of colours."""
 
     view: View
-    ids: wp.array  # triangle under every pixel, the number of triangles for none, shape [rows, columns]
-    light: NDArray[np.float32]  # on the surface there, shape [rows, columns, 3]
+    ids: wp.array  # triangle at every pixel (the number of triangles: none), shape [rows, columns]
+    light: NDArray[np.float32]  # on the surface at every pixel, shape [rows, columns, 3]
 
 
 def looked_at(subject: Subject, toward: Vector, pixel: float, width: int, height: int) -> Sight:
-    """What is seen along -toward in a picture of ``width`` by ``height`` pixels; ``pixel`` in metres."""
+    """The view along -toward in ``width`` by ``height`` pixels of size ``pixel`` [m]."""
     view = view_from(toward, subject.centre, pixel / SUPERSAMPLING, width * SUPERSAMPLING, height * SUPERSAMPLING)
     depth = depth_image(subject, view)
     key, fill = (light_direction(light, toward) for light in (KEY_LIGHT, FILL_LIGHT))
-    across = int(np.ceil(np.linalg.norm(subject.extent) / pixel)) + 2
-    key_view = view_from(key, subject.centre, pixel, across, across)
+    key_size = int(np.ceil(np.linalg.norm(subject.extent) / pixel)) + 2
+    key_view = view_from(key, subject.centre, pixel, key_size, key_size)
     key_depth = depth_image(subject, key_view)
 
     shape, device = depth.shape, subject.device
@@ -153,7 +153,7 @@ def looked_at(subject: Subject, toward: Vector, pixel: float, width: int, height
 
 
 def rendered(subject: Subject, sight: Sight, background: Vector) -> NDArray[np.float32]:
-    """Linear light of a subject in its own colours, shape [height, width, 3], top row first."""
+    """Image of a subject in its own colours, in linear light, shape [height, width, 3], top row first."""
     _, reflectance = surface(subject, sight.view, sight.ids)
     drawn = sight.ids.numpy() < len(subject.triangles)
     light = np.where(drawn[..., None], reflectance.numpy() * sight.light, background.astype(np.float32))
@@ -163,7 +163,7 @@ def rendered(subject: Subject, sight: Sight, background: Vector) -> NDArray[np.f
 
 
 def surface(subject: Subject, view: View, ids: wp.array) -> tuple[wp.array, wp.array]:
-    """Normal and reflectance of the triangles under a view's pixels, zero where there is none."""
+    """Normal and reflectance of the triangles at a view's pixels; zero where there is none."""
     outputs = [wp.zeros(ids.shape, dtype=wp.vec3f, device=subject.device) for _ in range(2)]
     inputs = [subject.points, subject.normals, subject.triangles, subject.owners, subject.looks, subject.colours]
     wp.launch(look_up_pixels, ids.shape, inputs=[*inputs, view, ids], outputs=outputs, device=subject.device)
@@ -172,7 +172,7 @@ def surface(subject: Subject, view: View, ids: wp.array) -> tuple[wp.array, wp.a
 
 
 def depth_image(subject: Subject, view: View) -> wp.array:
-    """Depth of the nearest surface [m], -inf where there is none."""
+    """Depth of the nearest surface [m]; -inf where there is none."""
     depth = wp.full((view.rows, view.columns), -np.inf, dtype=wp.float32, device=subject.device)
     inputs = [subject.points, subject.triangles, view]
     wp.launch(draw_depth, len(subject.triangles), inputs=inputs, outputs=[depth], device=subject.device)

@@ -1,4 +1,4 @@
-"""Report and map files, and the check that they can be written at all."""
+"""report.json and vertex-map files, and a check that the output folder is writable."""
 
 from __future__ import annotations
 
@@ -17,22 +17,22 @@ from warp_cloth.base.errors import InputError
 from warp_cloth.base.mesh import Mesh
 from warp_cloth.export.files import REMEDY, unwritable, whole_file
 
-SIGNIFICANT_DIGITS = 6  # beyond what any measured figure here is good for
+SIGNIFICANT_DIGITS = 6  # more than any measured value here justifies
 
 
 def write_report(path: Path, report: Mapping[str, Any]) -> None:
-    """Writes a report as JSON: keys in the order given, NaN and infinity as null.
+    """Writes a report as JSON, with its keys in order, and NaN and infinity as null.
 
-    Figures get 6 significant digits, but what was set stays as it was set: a fit can be repeated from ``settings``.
+    Numbers are rounded to 6 significant digits, except those of ``settings``, so that a fit can be repeated from them.
     """
-    told = {key: value if key == "settings" else plain(value) for key, value in report.items()}
-    text = json.dumps(told, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+    rounded = {key: value if key == "settings" else plain(value) for key, value in report.items()}
+    text = json.dumps(rounded, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
     with whole_file(path) as place:
         place.write_text(text, encoding="utf-8")
 
 
 def plain(value: Any) -> Any:
-    """The value in JSON's own types; TypeError for what has no honest form there."""
+    """The value in JSON's own types; TypeError if it has no equivalent there."""
     if isinstance(value, Enum):
         return plain(value.value)
     if value is None or isinstance(value, (bool, str, int)):
@@ -52,9 +52,9 @@ def plain(value: Any) -> Any:
 
 
 def write_map(path: Path, mesh: Mesh) -> bool:
-    """Writes which vertex and face of the file became which of the mesh; False, and no file, if none changed.
+    """Writes which vertex and face of the loaded file became which of the mesh; False, without a file, if none changed.
 
-    A map of an earlier run at the same place is removed then: it would be taken for this run's.
+    In that case the file of an earlier run is removed, as it would be taken for that of this run.
     """
     arrays = mesh.arrays()
     if not arrays:
@@ -66,19 +66,19 @@ def write_map(path: Path, mesh: Mesh) -> bool:
 
 
 def result_paths(directory: Path, name: str) -> tuple[Path, Path, Path, Path]:
-    """Where a scene's stage, picture, page and report go."""
+    """Paths of a scene's stage, picture, page and report."""
     return directory / f"{name}.usdc", directory / "preview.png", directory / "report.html", directory / "report.json"
 
 
 def check_writable(directory: Path, name: str) -> None:
-    """Makes the output folder if it is missing; InputError, leaving nothing, if a scene's files cannot be written."""
-    # os.path answers False where Path raises: a name too long, a folder closed to us
+    """Creates the output folder; InputError, with nothing left behind, if a scene's files cannot be written there."""
+    # os.path returns False where Path raises: a name too long, a folder without permission
     absent = [folder for folder in (directory, *directory.parents) if not os.path.exists(folder)]
     if os.path.isfile(directory):
         raise InputError(directory, "is a file, not a folder", REMEDY)
     for path in result_paths(directory, name):
         if os.path.isdir(path):
-            raise InputError(path, "is a folder, where a file is to be written", REMEDY)
+            raise InputError(path, "is a folder, but a file of that name would be written", REMEDY)
     try:
         directory.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=directory) as probe:

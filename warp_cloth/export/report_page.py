@@ -1,4 +1,4 @@
-"""report.html: a fit on one page that needs no other file."""
+"""report.html: a fit on one self-contained page."""
 
 from __future__ import annotations
 
@@ -20,22 +20,22 @@ from warp_cloth.solver.certificate.rest_error import GROWING
 
 
 def write_report_page(path: Path, name: str, report: Mapping[str, Any], pictures: Mapping[str, Path]) -> None:
-    """Writes the page; ``pictures`` are files by name: "preview", and maps by theirs."""
+    """Writes the page; ``pictures`` are files by name: "preview", and the names of maps."""
     from jinja2 import Environment, StrictUndefined
 
     text = (files("warp_cloth.export") / "report.html.j2").read_text(encoding="utf-8")
     environment = Environment(autoescape=True, trim_blocks=True, undefined=StrictUndefined)
     environment.filters["millimetres"] = lambda value: f"{value:.0f} mm"
-    told = plain({key: value for key, value in report.items() if key != "settings"})
+    values = plain({key: value for key, value in report.items() if key != "settings"})
     embedded = {key: _embedded(file) for key, file in pictures.items()}
     page = environment.from_string(text).render(
         name=name,
-        report=told,
+        report=values,
         advice=advice(report),
         preview=embedded.get("preview"),
         certificate=certificate_rows(report),
         girths=report.get("girths_mm") or (),
-        maps=[_map_card(key, told, embedded[key]) for key in report.get("maps") or {} if key in embedded],
+        maps=[_map_card(key, values, embedded[key]) for key in report.get("maps") or {} if key in embedded],
         notes=notes_of(report),
         settings=json.dumps(report["settings"], indent=2, ensure_ascii=False),
         version=version("warp-cloth"),
@@ -59,30 +59,41 @@ def _map_card(name: str, report: Mapping[str, Any], picture: str) -> dict[str, A
 
 
 def certificate_rows(report: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """The figures that prove rest, beside what the scene wants of them."""
+    """The figures of the certificate, with the scene's limits."""
     solver, residual = report["settings"]["solver"], report["residual"]
     rest = report["rest_error_mm"]
-    wanted = [
-        ("relative residual, rms", residual["relative_rms"], solver["residual"], "force left, of all that meet"),
-        ("its 99th percentile", residual["relative_p99"], solver["residual_p99"], "no region far from rest"),
-        ("rest error [mm]", rest, solver["tolerance_mm"], "how far the shape may still be from its rest shape"),
+    limited = [
+        (
+            "relative residual, rms",
+            residual["relative_rms"],
+            solver["residual"],
+            "net force left on a vertex, relative to the forces that act on it",
+        ),
+        (
+            "relative residual, 99th percentile",
+            residual["relative_p99"],
+            solver["residual_p99"],
+            "no region far from rest",
+        ),
+        ("rest error [mm]", rest, solver["tolerance_mm"], "estimated distance from the rest shape"),
     ]
     if solver["method"] != "direct":
-        wanted.append(("growing motion [mm]", report["growing_mm"], 1e3 * GROWING, "of a fold that may snap"))
+        growing = report["growing_mm"], 1e3 * GROWING, "accelerating motion of a fold that may still snap"
+        limited.append(("growing motion [mm]", *growing))
     rows = [
-        {"name": name, "value": short_number(value), "wanted": f"{limit:g}", "met": value <= limit, "meaning": meaning}
-        for name, value, limit, meaning in wanted
+        {"name": name, "value": short_number(value), "limit": f"{limit:g}", "met": value <= limit, "meaning": meaning}
+        for name, value, limit, meaning in limited
     ]
     strain, depth = report["strain"], report.get("penetration_mm")
-    told = [
-        ("residual, rms [vertex weights]", residual["rms"], "force left on a vertex"),
-        ("strain, median", strain["p50"], "of edges against their rest length"),
+    others = [
+        ("residual, rms [vertex weights]", residual["rms"], "net force left on a vertex"),
+        ("strain, median", strain["p50"], "of edges, relative to their rest length"),
         ("strain, 99th percentile", strain["p99"], ""),
-        ("strain, largest", strain["max"], ""),
+        ("strain, maximum", strain["max"], ""),
     ]
     if depth is not None:
-        told.append(("penetration, deepest [mm]", depth["max"], "under the exact body mesh"))
+        others.append(("penetration, maximum [mm]", depth["max"], "below the surface of the body mesh"))
     return rows + [
-        {"name": name, "value": short_number(value), "wanted": "", "met": True, "meaning": meaning}
-        for name, value, meaning in told
+        {"name": name, "value": short_number(value), "limit": "", "met": True, "meaning": meaning}
+        for name, value, meaning in others
     ]

@@ -1,4 +1,4 @@
-"""All files of a fit."""
+"""Writes all files of a fit."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ from warp_cloth.scene.stage import USD_SUFFIXES
 
 @one_thread_at_a_time
 def save_fit(fit: FitResult, folder: Path, *, colour: str, formats: Sequence[str]) -> list[Path]:
-    """Writes what ``Fit.save`` says; the report last."""
+    """Writes the files that ``Fit.save`` lists; the report last."""
     scene = fit.scene
     check_writable(folder, scene.name)
     began = time.perf_counter()
     _, picture, page, report = result_paths(folder, scene.name)
     check_inputs_kept(scene, folder, formats)
-    report.unlink(missing_ok=True)  # an earlier run's, which would stand for what this one leaves if it is killed
+    report.unlink(missing_ok=True)  # of an earlier run: it would vouch for an incomplete result if this one is killed
     ranges = fit.maps.ranges if fit.maps is not None else {}
     paths = write_meshes(fit, folder, colour=colour, formats=formats)
     preview.write_preview(
@@ -41,7 +41,7 @@ def save_fit(fit: FitResult, folder: Path, *, colour: str, formats: Sequence[str
         sentence=fit.message,
     )
     paths += [picture, report]
-    for name in set(MAPS) - set(ranges):  # an earlier run's would be taken for this one's
+    for name in set(MAPS) - set(ranges):  # of an earlier run: they would be taken for this one's
         (folder / f"map_{name}.png").unlink(missing_ok=True)
     pictures = {"preview": picture}
     if ranges:
@@ -61,7 +61,7 @@ def save_fit(fit: FitResult, folder: Path, *, colour: str, formats: Sequence[str
 
 
 def write_meshes(fit: FitResult, folder: Path, *, colour: str = "", formats: Sequence[str] = ("usdc",)) -> list[Path]:
-    """The worn garments in every format, and the layer over the user's stage."""
+    """Writes the worn garments in every format, and the layer over the user's stage."""
     from warp_cloth.export.meshes import write_glb, write_obj
 
     check_inputs_kept(fit.scene, folder, formats)
@@ -95,7 +95,7 @@ def write_meshes(fit: FitResult, folder: Path, *, colour: str = "", formats: Seq
 
 
 def avatar_asset(scene: Scene) -> AvatarAsset | None:
-    """The USD file that the avatar came from, if it did."""
+    """The USD file that the avatar came from; None if it came from none."""
     avatar = scene.avatar
     if avatar is None or not _is_stage(avatar.mesh):
         return None
@@ -111,7 +111,7 @@ def avatar_asset(scene: Scene) -> AvatarAsset | None:
 
 
 def staged_garments(fit: FitResult) -> list[StagedGarment]:
-    """The garments that came from the first garment's USD file, if it is one."""
+    """The garments that came from the same USD file as the first; none if it came from no USD file."""
     specs = fit.scene.garments
     if not _is_stage(specs[0].mesh):
         return []

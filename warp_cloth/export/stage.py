@@ -1,4 +1,4 @@
-"""The worn garments as a USD stage that modelling and rendering tools open right."""
+"""The worn garments as a USD stage for modelling and rendering tools."""
 
 from __future__ import annotations
 
@@ -47,12 +47,12 @@ def write_stage(
 ) -> None:
     """Writes garments and avatar as one stage in metres: /NAME/GARMENT/GARMENT_mesh, /NAME/materials.
 
-    Points, normals and extent have samples over time only where garments have frames. ``ranges`` are those that the
-    colours of maps span; the map named ``colour`` becomes displayColor, too. An avatar that came from a USD file
-    (``asset``) is referenced, not copied. Nothing is written if a value is not finite (ValueError).
+    Points, normals and extent have time samples only where garments have frames. ``ranges`` are those of the colours
+    of maps; the map named ``colour`` also becomes displayColor. An avatar that came from a USD file (``asset``) is
+    referenced, not copied. Nothing is written if a value is not finite (ValueError).
     """
     if path.suffix not in SUFFIXES:
-        raise InputError(path, f"is no USD file name ({', '.join(SUFFIXES)})", "name it .usdc")
+        raise InputError(path, f"is not a USD file name ({', '.join(SUFFIXES)})", "use the suffix .usdc")
     require_sound(garments, avatar)
     frame_count = common_frame_count(garments)
     stage = Usd.Stage.CreateInMemory()
@@ -82,7 +82,7 @@ def write_stage(
 
 
 def common_frame_count(garments: Sequence[WornGarment]) -> int:
-    """How many frames the garments have; ValueError if they differ, for a frame needs a sample of each."""
+    """Number of frames of the garments; ValueError if they differ, because a frame needs a sample of each."""
     counts = {0 if garment.frames is None else len(garment.frames) for garment in garments}
     if len(counts) > 1:
         raise ValueError(f"garments differ in their number of frames: {sorted(counts)}")
@@ -90,7 +90,7 @@ def common_frame_count(garments: Sequence[WornGarment]) -> int:
 
 
 def author_root(stage: Usd.Stage, name: str, frame_count: int, frames_per_second: float) -> Usd.Prim:
-    """The stage's metadata and its default prim."""
+    """Authors the stage's metadata, and returns its default prim."""
     UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.y)
     UsdGeom.SetStageMetersPerUnit(stage, UsdGeom.LinearUnits.meters)
     UsdPhysics.SetStageKilogramsPerUnit(stage, 1.0)
@@ -119,7 +119,7 @@ def author_part(root: Usd.Prim, name: str, identifier: str, assembled: bool) -> 
 def author_material(
     root: Usd.Prim, part: Usd.Prim, colour: Colour, roughness: float, *, painted: bool = False
 ) -> UsdShade.Material:
-    """A preview surface of one colour (sRGB), or of the mesh's displayColor where painted; named after its part."""
+    """A preview surface, named after its part, in one sRGB colour or, if ``painted``, in the mesh's displayColor."""
     path = root.GetPath().AppendChild(MATERIALS).AppendChild(part.GetName())
     material = UsdShade.Material.Define(root.GetStage(), path)
     shader = UsdShade.Shader.Define(root.GetStage(), path.AppendChild("surface"))
@@ -144,7 +144,7 @@ def bind(prim: Usd.Prim, material: UsdShade.Material) -> None:
 
 
 def author_mesh(part: Usd.Prim, mesh: Mesh, points: Points, frames: NDArray[np.float32] | None) -> UsdGeom.Mesh:
-    """The surface: faces and st once, shape (points, normals, extent) as default and at every frame."""
+    """The mesh: faces and st once; points, normals and extent as default values and at every frame."""
     path = part.GetPath().AppendChild(f"{part.GetName()}_mesh")
     surface = UsdGeom.Mesh.Define(part.GetStage(), path)
     surface.CreateFaceVertexCountsAttr(Vt.IntArray(mesh.triangle_count, 3))
@@ -176,7 +176,7 @@ def author_shape(surface: UsdGeom.Mesh, mesh: Mesh, points: ArrayLike, time: Usd
 
 
 def author_panels(surface: UsdGeom.Mesh, mesh: Mesh, material: UsdShade.Material) -> None:
-    """Panels as subsets of faces that together are the whole garment."""
+    """Panels as face subsets that partition the garment."""
     if mesh.panels is None:
         return
     taken: set[str] = set()
@@ -191,7 +191,7 @@ def author_panels(surface: UsdGeom.Mesh, mesh: Mesh, material: UsdShade.Material
 
 
 def save(stage: Usd.Stage, path: Path) -> None:
-    """Writes the stage whole or not at all, in the format of the file's suffix."""
+    """Writes the stage, complete or not at all, in the format of the file's suffix."""
     with whole_file(path) as place:
         layer_place = place.with_suffix(".usdc") if path.suffix == ".usdz" else place
         try:

@@ -1,4 +1,4 @@
-"""What a written surface needs beside its points: normals, colours, and the refusal of what is not finite."""
+"""Colours of written surfaces, sRGB conversion, and checks of their values."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from warp_cloth.model.result import WornGarment
 
 Colour = tuple[float, float, float]
 
-CLOTH_COLOURS: tuple[Colour, ...] = (  # sRGB; calm mid tones, bright enough for folds to read
+CLOTH_COLOURS: tuple[Colour, ...] = (  # sRGB; mid tones, bright enough for folds to be visible
     (0.29, 0.49, 0.66),  # denim blue
     (0.77, 0.42, 0.34),  # brick
     (0.43, 0.58, 0.42),  # sage
@@ -25,7 +25,7 @@ AVATAR_COLOUR: Colour = (0.80, 0.78, 0.76)  # sRGB; a shop mannequin's grey
 
 
 def cloth_colour(garment: int) -> Colour:
-    """Colour (sRGB) of a garment by its place in the list."""
+    """Colour (sRGB) of a garment by its index."""
     return CLOTH_COLOURS[garment % len(CLOTH_COLOURS)]
 
 
@@ -36,13 +36,13 @@ def linear(srgb: ArrayLike) -> NDArray[np.float64]:
 
 
 def srgb(light: ArrayLike) -> NDArray[np.float64]:
-    """sRGB values from linear light, both 0..1; clips what is outside."""
+    """sRGB values from linear light, both 0..1; values outside are clipped."""
     value = np.clip(np.asarray(light, dtype=np.float64), 0.0, 1.0)
     return np.where(value <= 0.0031308, value * 12.92, 1.055 * value ** (1 / 2.4) - 0.055)
 
 
 def winds_outward(points: ArrayLike, triangles: Indices) -> bool:
-    """Whether the triangles face away from the surface's middle: the sign of its volume seen from there."""
+    """Whether the triangles face away from the surface's centre: the sign of the volume that they enclose with it."""
     corners = np.asarray(points, dtype=np.float64)[triangles]
     corners = corners - corners.reshape(-1, 3).mean(axis=0)
     volume = np.einsum("ij,ij->", corners[:, 0], np.cross(corners[:, 1], corners[:, 2]))
@@ -50,7 +50,7 @@ def winds_outward(points: ArrayLike, triangles: Indices) -> bool:
 
 
 def require_sound(garments: Sequence[WornGarment], avatar: Mesh | None) -> None:
-    """ValueError naming the garment whose points, frames or fields are not finite or not one per vertex."""
+    """ValueError, naming the garment, if points, frames or fields are not finite, or not one per vertex."""
     for garment in garments:
         arrays: dict[str, NDArray[Any]] = {"points": garment.points, **garment.fields}
         for what, values in arrays.items():
@@ -60,12 +60,12 @@ def require_sound(garments: Sequence[WornGarment], avatar: Mesh | None) -> None:
             arrays["frames"] = garment.frames
         for what, values in arrays.items():
             if not all_finite(values):
-                raise ValueError(f"garment {garment.name!r}: {what} hold NaN or infinity")
+                raise ValueError(f"garment {garment.name!r}: {what} contain NaN or infinity")
     if avatar is not None and not all_finite(avatar.points):
-        raise ValueError(f"avatar {avatar.name!r}: points hold NaN or infinity")
+        raise ValueError(f"avatar {avatar.name!r}: points contain NaN or infinity")
 
 
 def all_finite(values: ArrayLike) -> bool:
-    """Whether every value is a finite float32, which is what is written."""
+    """Whether every value is finite as float32, the type that is written."""
     with np.errstate(over="ignore"):
         return bool(np.isfinite(np.asarray(values, dtype=np.float32)).all())

@@ -42,9 +42,12 @@ class Progress:
     iterations_per_second: float | None = None
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Fit(FitResult):
     """A finished fit: status, worn garments, report."""
+
+    def __repr__(self) -> str:
+        return f"<Fit of {self.scene.name!r}: {self.status.value}>"
 
     def save(self, directory: str | Path, *, colour: str = "", formats: Sequence[str] = ("usdc",)) -> list[Path]:
         """Writes the result files, and returns their paths.

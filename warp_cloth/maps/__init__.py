@@ -1,4 +1,4 @@
-"""Fit maps: what a worn garment does, vertex by vertex, and what a pattern maker reads off it."""
+"""Fit maps: strain, pressure and ease of a worn garment at every vertex, and its girths."""
 
 from warp_cloth.maps.kinds import MAPS, MapKind, chosen_colour, chosen_maps
 from warp_cloth.maps.measure import map_summary, measure_maps

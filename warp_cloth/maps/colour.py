@@ -1,4 +1,4 @@
-"""Colours of maps: perceptual tables, and a map's values in them."""
+"""Colours of maps: perceptual colour tables (viridis, cool-warm)."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _COOL_WARM = (
 
 
 def colours(kind: MapKind, values: ArrayLike, bounds: tuple[float, float]) -> NDArray[np.float64]:
-    """sRGB, 0..1, of a map's values over the range that its colours span; shape [..., 3]. Beyond it the end's."""
+    """sRGB colours, 0..1, of a map's values, clipped to the range ``bounds``; shape [..., 3]."""
     table = np.array(_COOL_WARM if kind.signed else _VIRIDIS) / 255.0
     low, high = bounds
     place = np.clip((np.asarray(values, dtype=np.float64) - low) / (high - low), 0.0, 1.0)
@@ -30,7 +30,7 @@ def colours(kind: MapKind, values: ArrayLike, bounds: tuple[float, float]) -> ND
 
 
 def shown_value(kind: MapKind, value: float) -> str:
-    """A value as a legend tells it: strains in per cent, lengths, pressures and angles in their unit."""
+    """A value as text: strains in per cent; lengths, pressures and angles in their unit."""
     if kind.unit == "1":
         return f"{100.0 * value:.3g} %"
     return f"{value:.3g} {'°' if kind.unit == 'degree' else kind.unit}"

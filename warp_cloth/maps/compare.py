@@ -1,4 +1,4 @@
-"""The difference between two fits: of sizes, fabrics or bodies."""
+"""The difference between two fits: two sizes, fabrics or bodies."""
 
 from __future__ import annotations
 
@@ -20,35 +20,34 @@ from warp_cloth.model.result import WornGarment, matched
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """The second fit less the first, on the first one's garments."""
+    """The second fit minus the first, on the garments of the first."""
 
     garments: tuple[WornGarment, ...]  # fields: NAME_difference
     ranges: dict[str, tuple[float, float]]
     girths: tuple[dict[str, Any], ...]  # of both fits at each level [mm]
-    notes: tuple[str, ...] = ()  # what does not correspond, a sentence each
+    notes: tuple[str, ...] = ()  # a sentence about each pair of garments that do not correspond
 
 
 def compare_fits(first: WrittenFit, second: WrittenFit, *, device: str = "cpu") -> Comparison:
-    """Differences of every map that both fits have, garment by garment: by their names, or else in their order.
+    """Differences of every map that both fits have; garments are matched by name, or else by order.
 
-    Garments of one mesh are compared vertex by vertex; otherwise a vertex of the first is compared with the nearest
-    point of the second as worn, which ``notes`` tell where they are not sizes of one pattern either.
+    Garments of one mesh are compared vertex by vertex. Otherwise a vertex of the first is compared with the nearest
+    point of the second as worn; ``notes`` say so where they are not sizes of one pattern either.
     """
     if len(first.garments) != len(second.garments):
-        problem = f"{len(first.garments)} garments against {len(second.garments)}"
-        raise InputError(f"{first.name}, {second.name}", problem, "compare fits of as many garments")
+        problem = f"have {len(first.garments)} and {len(second.garments)} garments"
+        raise InputError(f"{first.name}, {second.name}", problem, "compare fits with the same number of garments")
     chosen = matched([worn.name for worn in second.garments], [worn.name for worn in first.garments])
-    others = [second.garments[at] for at in chosen or ()]
+    others = [second.garments[index] for index in chosen or ()]
     garments, notes = [], []
     for one, other in zip(first.garments, others, strict=True):
         if not _same_pattern(one.mesh, other.mesh):
             both = f'"{one.name}" of {first.name} and "{other.name}" of {second.name}'
-            notes.append(f"{both} have neither mesh nor panels in common: compared is what lies nearest")
+            notes.append(f"{both} have neither mesh nor panels in common: the nearest points are compared")
         shared = [name for name in one.fields if name in other.fields]
         if not shared:
-            problem = "no map that both fits have"
-            raise InputError(one.name, problem, "make both fits with --maps all")
-        values = _carried(one, other, shared, device)
+            raise InputError(one.name, "there is no map that both fits have", "make both fits with --maps all")
+        values = _values_at(one, other, shared, device)
         fields = {difference_of(MAPS[name]).name: values[name] - one.fields[name] for name in shared}
         garments.append(WornGarment(one.name, one.mesh, one.points, one.thickness, fields=fields))
     names = dict.fromkeys(name for worn in garments for name in worn.fields)
@@ -58,8 +57,8 @@ def compare_fits(first: WrittenFit, second: WrittenFit, *, device: str = "cpu") 
         for kind in kinds
         if kind.name in names
     }
-    called = {other.name: one.name for one, other in zip(first.garments, others, strict=True)}
-    return Comparison(tuple(garments), ranges, _girths(first.report, second.report, called), tuple(notes))
+    names_in_first = {other.name: one.name for one, other in zip(first.garments, others, strict=True)}
+    return Comparison(tuple(garments), ranges, _girths(first.report, second.report, names_in_first), tuple(notes))
 
 
 def _same_mesh(one: Mesh, other: Mesh) -> bool:
@@ -72,8 +71,10 @@ def _same_pattern(one: Mesh, other: Mesh) -> bool:
     return _same_mesh(one, other) or (len(panels) > 0 and panels == set(other.panel_names))
 
 
-def _carried(one: WornGarment, other: WornGarment, names: Sequence[str], device: str) -> dict[str, NDArray[np.float32]]:
-    """The other's values at the vertices of the first, shape [V] each."""
+def _values_at(
+    one: WornGarment, other: WornGarment, names: Sequence[str], device: str
+) -> dict[str, NDArray[np.float32]]:
+    """The other garment's values at the vertices of this one, shape [V] each."""
     if _same_mesh(one.mesh, other.mesh):
         return {name: other.fields[name] for name in names}
     mesh = wp.Mesh(
@@ -85,20 +86,22 @@ def _carried(one: WornGarment, other: WornGarment, names: Sequence[str], device:
     weight = wp.zeros(len(points), dtype=wp.vec3f, device=device)
     wp.launch(find_nearest, dim=len(points), inputs=[mesh.id, points, face, weight], device=device)
     corners = other.mesh.triangles[face.numpy()]
-    share = weight.numpy()
-    return {name: (other.fields[name][corners] * share).sum(axis=1).astype(np.float32) for name in names}
+    weights = weight.numpy()
+    return {name: (other.fields[name][corners] * weights).sum(axis=1).astype(np.float32) for name in names}
 
 
-def _girths(first: dict[str, Any], second: dict[str, Any], called: Mapping[str, str]) -> tuple[dict[str, Any], ...]:
-    """Rows of both reports by garment and level: the first's, the second's.
+def _girths(
+    first: dict[str, Any], second: dict[str, Any], names_in_first: Mapping[str, str]
+) -> tuple[dict[str, Any], ...]:
+    """Girths of both reports by garment and level.
 
-    ``called`` is what the first calls each garment of the second.
+    ``names_in_first`` maps the name of each garment of the second fit to its name in the first.
     """
     rows: dict[tuple[str, str], dict[str, Any]] = {}
     for place, report in (("first", first), ("second", second)):
         for row in report.get("girths_mm") or ():
             garment = str(row.get("garment"))
-            key = (garment if place == "first" else called.get(garment, garment), str(row.get("level")))
+            key = (garment if place == "first" else names_in_first.get(garment, garment), str(row.get("level")))
             entry = rows.setdefault(key, {"garment": key[0], "level": key[1], "first": None, "second": None})
             entry[place] = {kind: row.get(kind) for kind in ("body_girth", "garment_girth", "natural_girth", "ease")}
     return tuple(rows.values())

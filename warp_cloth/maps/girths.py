@@ -1,4 +1,4 @@
-"""Girths of a worn garment beside the body's: what a pattern maker compares."""
+"""Girths of a worn garment and of the body under it: the ease that a pattern maker reads."""
 
 from __future__ import annotations
 
@@ -14,24 +14,24 @@ from warp_cloth.maps.levels import Level, trunk_level
 from warp_cloth.maps.section import Section, cut
 from warp_cloth.material.constants import Sheet
 
-SECTORS = 72  # of 5 degrees round the trunk
-ALONG = 9  # spots looked at along each piece of a section
-PRESENT = 0.3  # less than this is a strap or a corner of the hem
+SECTORS = 72  # of 5 degrees around the trunk
+ALONG = 9  # samples along each segment of a section
+PRESENT = 0.3  # covered fraction of the directions; less is a strap or a corner of the hem
 MILLIMETRES = 1e3
-# A garment's chest is measured a little below its armholes, and those of a wide garment hang low [m].
+# A garment's chest is measured slightly below its armholes, and those of a wide garment hang low [m].
 LOWER = {"chest": 0.12}
 STEP = 0.01
-# A level lies across a fold where the garment is so much longer round than both above and below, within so many steps.
-FOLDED, ASIDE = 1.05, (1, 2, 3, 4, 5)
+# A level lies across a fold where the girth is so many times that above and that below, within so many steps.
+FOLDED, NEARBY_STEPS = 1.05, (1, 2, 3, 4, 5)
 
 
 @dataclass(frozen=True)
 class _Girth:
-    """The cloth round the trunk at a height."""
+    """Length of the cloth around the trunk at a height."""
 
-    worn: float  # folds and all [m]
-    natural: float  # the same line in the rest shape [m]
-    closed: bool  # whether it goes all round
+    worn: float  # folds included [m]
+    natural: float  # of the same line in the rest shape [m]
+    closed: bool  # whether it goes all the way around
 
 
 def garment_girths(
@@ -39,9 +39,10 @@ def garment_girths(
 ) -> list[dict[str, Any]]:
     """Girths at each level that the garment reaches [mm].
 
-    ``garment`` is the cloth's length round the trunk as worn, folds and all, ``natural`` that same line in the rest
-    shape, ``ease`` natural less the body's: negative where the cloth must stretch to go round. Where sleeves join the
-    trunk at the chest, the garment is measured a little lower; where a fold lies across a level, beside it.
+    ``garment_girth`` is the length of the cloth around the trunk as worn, folds included; ``natural_girth`` that of the
+    same line in the rest shape; ``ease`` is the natural minus the body's girth, negative where the cloth must stretch
+    to go around. Where sleeves join the trunk at the chest, the garment is measured slightly lower; where a fold lies
+    across a level, next to it.
     """
     rows: list[dict[str, Any]] = []
     if sheet is None:
@@ -67,7 +68,7 @@ def garment_girths(
 
 
 def _girth_near(points: Points, sheet: Sheet, avatar: Mesh, level: Level) -> _Girth | None:
-    """The garment's girth where a level is measured; None where it does not reach."""
+    """The garment's girth for a level; None if the garment does not reach it."""
     low, high = avatar.bounds()
     here, height = level, level.height
     found = _girth(points, sheet, here, height)
@@ -80,14 +81,17 @@ def _girth_near(points: Points, sheet: Sheet, avatar: Mesh, level: Level) -> _Gi
             found, here, height = lower, body, level.height - drop
     if found is None or not found.closed:
         return found
-    above, below = ([_girth(points, sheet, here, height + way * STEP * step) for step in ASIDE] for way in (1.0, -1.0))
-    return _beside_fold(found, above, below)
+    above, below = (
+        [_girth(points, sheet, here, height + sign * STEP * step) for step in NEARBY_STEPS] for sign in (1.0, -1.0)
+    )
+    return _girth_off_fold(found, above, below)
 
 
-def _beside_fold(found: _Girth, above: Sequence[_Girth | None], below: Sequence[_Girth | None]) -> _Girth:
-    """The girth, or the nearest one above or below (nearest first) where a fold lies across its level.
+def _girth_off_fold(found: _Girth, above: Sequence[_Girth | None], below: Sequence[_Girth | None]) -> _Girth:
+    """The girth or, where a fold lies across its level, the nearest one above or below.
 
-    A plane goes along such a fold and through its layers, while a garment that flares grows one way only.
+    A plane along such a fold cuts its layers, so the girth is larger than on both sides; a garment that flares grows in
+    one direction only.
     """
     closed = [[girth for girth in side if girth is not None and girth.closed] for side in (above, below)]
     if not all(closed):
@@ -98,7 +102,7 @@ def _beside_fold(found: _Girth, above: Sequence[_Girth | None], below: Sequence[
 
 
 def _girth(points: Points, sheet: Sheet, body: Level, height: float) -> _Girth | None:
-    """The garment's girth at a height [m], round the body's section there; None where it does not reach."""
+    """The garment's girth at a height [m], around the body's section there; None if it does not reach that height."""
     section = cut(points, sheet.triangles, height)
     if not len(section.faces):
         return None
@@ -113,7 +117,7 @@ def _girth(points: Points, sheet: Sheet, body: Level, height: float) -> _Girth |
 
 
 def _ring(section: Section, level: Level) -> int | None:
-    """The part of a garment's section that goes round the trunk and round no arm; the longest, where there are more."""
+    """The part of a garment's section that encloses the trunk and no arm; the longest of several."""
     trunk, others = _middle(level, level.trunk), [_middle(level, part) for part in _limbs(level)]
     rings = []
     for part in set(range(section.part_count)) - section.open_parts:
@@ -130,15 +134,15 @@ def _middle(level: Level, part: int) -> NDArray[np.float64]:
 
 
 def _limbs(level: Level) -> list[int]:
-    """Parts of the body's section beside the trunk; what lies within it, as a second skin, is none."""
+    """Parts of the body's section outside the trunk; those inside it, such as a second skin, do not count."""
     trunk = level.section.ends[level.section.part == level.trunk]
     others = (part for part in range(level.section.part_count) if part != level.trunk)
     return [part for part in others if not _encloses(trunk, _middle(level, part))]
 
 
-def _encloses(ends: NDArray[np.float64], spot: NDArray[np.float64]) -> bool:
-    """Whether closed lines go round a point: a ray from it crosses them an odd number of times."""
-    x, z = ends[..., 0] - spot[0], ends[..., 1] - spot[1]
+def _encloses(ends: NDArray[np.float64], point: NDArray[np.float64]) -> bool:
+    """Whether closed lines enclose a point: a ray from it crosses them an odd number of times."""
+    x, z = ends[..., 0] - point[0], ends[..., 1] - point[1]
     across = (z[:, 0] < 0.0) != (z[:, 1] < 0.0)
     rise = np.where(across, z[:, 1] - z[:, 0], 1.0)
     crossing = x[:, 0] - z[:, 0] * (x[:, 1] - x[:, 0]) / rise
@@ -148,17 +152,19 @@ def _encloses(ends: NDArray[np.float64], spot: NDArray[np.float64]) -> bool:
 def _near_the_trunk(ends: NDArray[np.float64], level: Level) -> NDArray[np.bool_]:
     """Whether segments are nearer to the trunk than to any limb, shape [S]."""
     middle = ends.mean(axis=1)
-    spots, part = level.section.ends.mean(axis=1), level.section.part
-    away = ((middle[:, None, :] - spots[None, :, :]) ** 2).sum(axis=2)
-    return ~np.isin(part[np.argmin(away, axis=1)], _limbs(level))
+    body, part = level.section.ends.mean(axis=1), level.section.part
+    distance = ((middle[:, None, :] - body[None, :, :]) ** 2).sum(axis=2)
+    return ~np.isin(part[np.argmin(distance, axis=1)], _limbs(level))
 
 
 def _covered(ends: NDArray[np.float64], level: Level) -> float:
-    """Share of the directions from the trunk's middle in which there is cloth."""
+    """Fraction of the directions from the trunk's middle in which there is cloth."""
     trunk = level.section.ends[level.section.part == level.trunk]
-    # long edges reach over several sectors
-    share = np.linspace(0.0, 1.0, ALONG)[:, None, None]
-    spots = (1.0 - share) * ends[:, 0] + share * ends[:, 1]
-    way = spots.reshape(-1, 2) - trunk.reshape(-1, 2).mean(axis=0)
-    sector = np.floor((np.arctan2(way[:, 1], way[:, 0]) / (2.0 * np.pi) + 0.5) * SECTORS).astype(int) % SECTORS
+    # long edges cross several sectors
+    t = np.linspace(0.0, 1.0, ALONG)[:, None, None]
+    samples = (1.0 - t) * ends[:, 0] + t * ends[:, 1]
+    direction = samples.reshape(-1, 2) - trunk.reshape(-1, 2).mean(axis=0)
+    sector = (
+        np.floor((np.arctan2(direction[:, 1], direction[:, 0]) / (2.0 * np.pi) + 0.5) * SECTORS).astype(int) % SECTORS
+    )
     return len(np.unique(sector)) / SECTORS

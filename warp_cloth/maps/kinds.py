@@ -1,4 +1,4 @@
-"""The maps that a fit can make: their names, units, and how they are coloured."""
+"""The kinds of fit map: name, unit, and how each is coloured."""
 
 from __future__ import annotations
 
@@ -14,22 +14,22 @@ from numpy.typing import NDArray
 from warp_cloth.base.arguments import strings
 from warp_cloth.base.errors import InputError
 
-SHOWN_SHARE = 98.0  # percentile of a map that its colours reach; the few vertices beyond would hide all others
+SHOWN_PERCENTILE = 98.0  # upper end of the colours; the few vertices beyond would hide all others
 NICE_STEPS = (1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0)  # ends of a colour range, times a power of ten
 
 
 @dataclass(frozen=True)
 class MapKind:
-    """One map: a value per vertex."""
+    """A kind of map, which has a value per vertex."""
 
     name: str  # of the primvar
     unit: str
     label: str  # in pictures
-    signed: bool  # coloured about zero, otherwise from zero up
+    signed: bool  # coloured symmetrically about zero; otherwise from zero up
     about: str
     needs_avatar: bool = False
-    needs_warp: bool = False  # needs to know the warp's direction in the garment
-    least_range: float = 1e-3  # colours never span less
+    needs_warp: bool = False  # requires the direction of the warp in the garment
+    least_range: float = 1e-3  # of the colours, at least
 
 
 _KINDS = (
@@ -61,24 +61,26 @@ GROUPS: Mapping[str, tuple[str, ...]] = MappingProxyType(
 
 
 def chosen_maps(text: str | Sequence[str], *, place: str = "--maps") -> tuple[str, ...]:
-    """Names of maps from "strain,pressure,ease"; "strain" stands for all strains and the shear, "all" for every map."""
-    asked = [name.strip() for given in strings(text, place) for name in given.split(",")]
+    """Names of maps from "strain,pressure,ease"; "strain" stands for all strains and the shear angle, "all" for all."""
+    requested = [name.strip() for part in strings(text, place) for name in part.split(",")]
     names: dict[str, None] = {}
-    for name in filter(None, asked):
+    for name in filter(None, requested):
         if name not in MAPS and name not in GROUPS:
             close = difflib.get_close_matches(name, [*MAPS, *GROUPS], n=1)
             hint = f'did you mean "{close[0]}"? ' if close else ""
-            raise InputError(place, f'there is no map "{name}"', f"{hint}there are {', '.join([*MAPS, 'all'])}")
+            raise InputError(place, f'there is no map "{name}"', f"{hint}choose from {', '.join([*MAPS, 'all'])}")
         names.update(dict.fromkeys(GROUPS.get(name, (name,))))
     return tuple(names)
 
 
 def chosen_colour(text: str, *, place: str) -> str:
-    """The map that paints a stage; empty where none is asked for."""
+    """The map that colours a stage; empty for none."""
     if not isinstance(text, str):
-        raise InputError(place, f"{type(text).__name__} is no map's name", "give one name, or an empty text")
+        raise InputError(
+            place, f"must be the name of a map, not {type(text).__name__}", "pass one name, or an empty string"
+        )
     if text.strip() == "all" or len([name for name in text.split(",") if name.strip()]) > 1:
-        raise InputError(place, f'"{text}" names several maps', "choose one, which colours the stage")
+        raise InputError(place, f'"{text}" names several maps', "choose one")
     return next(iter(chosen_maps(text, place=place)), "")
 
 
@@ -89,15 +91,15 @@ def difference_of(kind: MapKind) -> MapKind:
 
 
 def kind_named(name: str) -> MapKind | None:
-    """The map of a field's name, a difference's too; None for a field that is none."""
+    """The map of this name, or the difference of maps of this name; None if the field is no map."""
     base = MAPS.get(name.removesuffix("_difference"))
     return base if base is None or base.name == name else difference_of(base)
 
 
 def shown_range(kind: MapKind, values: Sequence[NDArray[np.floating]]) -> tuple[float, float]:
-    """The range that a map's colours span, with round ends; the same for all the arrays given."""
+    """Range of a map's colours, with round ends; one range for all arrays."""
     joined = np.concatenate([np.ravel(array) for array in values]) if len(values) else np.zeros(1)
-    top = float(np.percentile(np.abs(joined) if kind.signed else joined, SHOWN_SHARE)) if len(joined) else 0.0
+    top = float(np.percentile(np.abs(joined) if kind.signed else joined, SHOWN_PERCENTILE)) if len(joined) else 0.0
     end = rounded_up(max(top, kind.least_range))
     return (-end, end) if kind.signed else (0.0, end)
 

@@ -1,4 +1,4 @@
-"""Chest, waist and hip of any standing body: the levels where a tailor's tape goes, found from its sections."""
+"""Chest, waist and hip levels of any standing body, found from its horizontal sections."""
 
 from __future__ import annotations
 
@@ -9,28 +9,28 @@ import numpy as np
 from warp_cloth.base.mesh import Mesh
 from warp_cloth.maps.section import Section, cut
 
-STEP = 0.01  # of the stature, between the sections looked at
-# Where each level is looked for, as shares of the stature (after ISO 8559-1: the hip at the fullest of the seat, the
-# waist at the narrowest between ribs and hip bone, the chest at the fullest below the armpits).
+STEP = 0.01  # of the stature, between sections
+# Heights between which each level is searched for, as fractions of the stature (after ISO 8559-1: the hip at the widest
+# part of the seat, the waist at the narrowest between ribs and hip bone, the chest at the widest below the armpits).
 HIP_RANGE = (0.49, 0.55)
 WAIST_RANGE = (0.57, 0.67)
 CHEST_RANGE = (0.68, 0.73)
-# A trunk that is so many times as wide as one step below has taken in the arms (measured: 1.6 to 2.3; at a bust, which
-# adds to its girth in front, 1.04).
+# A trunk that is so many times as wide as one step below includes the arms (measured: 1.6 to 2.3; at a bust, which
+# only adds to the girth in front, 1.04).
 ARMS_JOIN = 1.25
-# At this share of the stature a neck or chin is no wider than this share of the chest (measured: half of it, a child's
-# more). Where the head is cut off it is the shoulders, and all shares are wrong.
+# At this fraction of the stature a neck or chin has at most this fraction of the chest's girth (measured: half of it,
+# more for a child). If the head is cut off these are the shoulders, and all fractions are wrong.
 NECK, NECK_WIDEST = 0.88, 0.9
-# A foot's length as a share of the stature, and where it is looked for above the floor (measured: 0.13 to 0.15; legs
-# cut off at the ankle 0.06, at the knee 0.09). Without feet all shares are wrong, and the hip comes out 2 cm too small.
+# A foot's length as a fraction of the stature, and the heights at which it is measured (measured: 0.13 to 0.15; legs
+# cut off at the ankle 0.06, at the knee 0.09). Without feet all fractions are wrong, and the hip is 2 cm too small.
 FOOT, FOOT_HEIGHTS = 0.1, (0.005, 0.01, 0.02)
-STATURES = (0.8, 2.6)  # [m]; beyond them it is no body
+STATURES = (0.8, 2.6)  # [m] of a body
 GIRTHS = (0.3, 2.2)  # [m]
 
 
 @dataclass(frozen=True, eq=False)
 class Level:
-    """One level: its height, the girth there, the body's section and which of its parts is the trunk."""
+    """A level: its height, the girth there, the body's section, and which part of the section is the trunk."""
 
     name: str
     height: float  # [m]
@@ -42,26 +42,26 @@ class Level:
 def body_levels(body: Mesh) -> tuple[Level, ...] | None:
     """Chest, waist and hip of a body that stands along y, facing +z, with head and feet, arms apart from the trunk.
 
-    None where it is none.
+    None for anything else.
     """
     low, high = body.bounds()
     stature = float(high[1] - low[1])
     if not STATURES[0] <= stature <= STATURES[1]:
         return None
     middle = 0.5 * float(low[0] + high[0])
-    shares = np.arange(HIP_RANGE[0], CHEST_RANGE[1] + 0.5 * STEP, STEP)
-    levels = [trunk_level(body, low[1] + share * stature, middle) for share in shares]
+    fractions = np.arange(HIP_RANGE[0], CHEST_RANGE[1] + 0.5 * STEP, STEP)
+    levels = [trunk_level(body, low[1] + fraction * stature, middle) for fraction in fractions]
     # from the waist up, no higher than where the arms join
-    top = len(shares)
-    waist_from = int(np.searchsorted(shares, WAIST_RANGE[0]))
-    for index in range(waist_from + 1, len(shares)):
+    top = len(fractions)
+    waist_from = int(np.searchsorted(fractions, WAIST_RANGE[0]))
+    for index in range(waist_from + 1, len(fractions)):
         below, here = levels[index - 1], levels[index]
         if below is None or here is None or _width(here) > ARMS_JOIN * _width(below):
             top = index
             break
 
     def among(name: str, bounds: tuple[float, float], sign: float) -> Level | None:
-        inside = [i for i in range(top) if bounds[0] - 1e-9 <= shares[i] <= bounds[1] + 1e-9]
+        inside = [i for i in range(top) if bounds[0] - 1e-9 <= fractions[i] <= bounds[1] + 1e-9]
         found = [level for level in (levels[i] for i in inside) if level is not None]
         best = max(found, key=lambda level: sign * level.girth, default=None)
         return None if best is None else Level(name, best.height, best.girth, best.section, best.trunk)
@@ -71,30 +71,30 @@ def body_levels(body: Mesh) -> tuple[Level, ...] | None:
     legs = cut(body.points, body.triangles, float(low[1]) + 0.25 * stature).part_count >= 2
     neck = trunk_level(body, low[1] + NECK * stature, middle)
     headed = neck is not None and len(good) > 0 and neck.girth <= NECK_WIDEST * good[0].girth
-    soles = (cut(body.points, body.triangles, float(low[1]) + share * stature) for share in FOOT_HEIGHTS)
+    soles = (cut(body.points, body.triangles, float(low[1]) + fraction * stature) for fraction in FOOT_HEIGHTS)
     footed = any(_longest(sole) >= FOOT * stature for sole in soles)
     return good if legs and headed and footed and len(good) == len(chosen) else None
 
 
 def _width(level: Level) -> float:
-    """How far the trunk reaches at a level, from side to side or from back to front, whichever is more [m]."""
+    """Larger of the trunk's width and depth at a level [m]."""
     trunk = level.section.ends[level.section.part == level.trunk]
     return float(np.ptp(trunk.reshape(-1, 2), axis=0).max())
 
 
 def _longest(sole: Section) -> float:
-    """How far a section reaches from back to front or, of one part, in any direction, as where toes turn out [m]."""
+    """Extent of a section from back to front, or of one part in any direction (toes may turn out) [m]."""
     if not len(sole.ends):
         return 0.0
-    ways = np.array([(0.0, 1.0), (1.0, 0.0), (np.sqrt(0.5), np.sqrt(0.5)), (np.sqrt(0.5), -np.sqrt(0.5))])
-    along = sole.ends.reshape(-1, 2) @ ways.T
+    directions = np.array([(0.0, 1.0), (1.0, 0.0), (np.sqrt(0.5), np.sqrt(0.5)), (np.sqrt(0.5), -np.sqrt(0.5))])
+    along = sole.ends.reshape(-1, 2) @ directions.T
     part = np.repeat(sole.part, 2)
     lengths = [np.ptp(along[part == number], axis=0).max() for number in range(sole.part_count)]
     return float(max(np.ptp(along[:, 0]), *lengths))
 
 
 def trunk_level(body: Mesh, height: float, middle: float) -> Level | None:
-    """The section at a height with the part that reaches over the body's middle plane; None below the crotch."""
+    """The level at a height, whose trunk is the part that crosses the body's middle plane; None below the crotch."""
     section = cut(body.points, body.triangles, height)
     best: Level | None = None
     for part in range(section.part_count):

@@ -1,4 +1,4 @@
-"""Makes the maps of a finished fit."""
+"""Measures the maps of a finished fit: strain, pressure, ease and girths."""
 
 from __future__ import annotations
 
@@ -38,16 +38,16 @@ def map_summary(maps: FitMaps, names: Sequence[str]) -> dict[str, Any]:
 
 
 def percentiles(values: NDArray[np.float32]) -> dict[str, float]:
-    """Least, 2nd, 50th and 98th percentile, greatest and mean of a map."""
-    shares = dict(zip(("p2", "p50", "p98"), np.percentile(values, (2, 50, 98)).tolist(), strict=True))
-    return {"min": float(values.min()), **shares, "max": float(values.max()), "mean": float(values.mean())}
+    """Minimum, 2nd, 50th and 98th percentile, maximum and mean of a map."""
+    quantiles = dict(zip(("p2", "p50", "p98"), np.percentile(values, (2, 50, 98)).tolist(), strict=True))
+    return {"min": float(values.min()), **quantiles, "max": float(values.max()), "mean": float(values.mean())}
 
 
-def check_maps(names: Sequence[str], *, has_avatar: bool, asked: str = "--maps") -> tuple[str, ...]:
-    """The maps that a scene can have; InputError where every one asked for needs an avatar that is not there."""
+def check_maps(names: Sequence[str], *, has_avatar: bool, place: str = "--maps") -> tuple[str, ...]:
+    """Those maps that a scene can have; InputError where none can be had without an avatar."""
     possible = tuple(name for name in names if has_avatar or not MAPS[name].needs_avatar)
     if names and not possible:
-        raise InputError(asked, f"{', '.join(names)}: the scene has no avatar", "add an [avatar], or ask for strain")
+        raise InputError(place, f"{', '.join(names)}: the scene has no avatar", "add an [avatar], or choose strain")
     return possible
 
 
@@ -62,17 +62,17 @@ def measure_maps(
     device: str,
     girths: bool = True,
 ) -> FitMaps:
-    """Maps by name (see ``kinds.MAPS``) of garments as worn.
+    """Measures maps (see ``kinds.MAPS``) of garments as worn.
 
     Args:
-        names: the maps.
-        parts: rest shapes of the garments.
-        worn: their points [m], shape [V, 3] each.
+        names: of the maps.
+        parts: the garments, with their rest shapes.
+        worn: points of each garment [m], shape [V, 3].
         pushes: contact force of each vertex on the avatar [N], shape [V] each; None: no contact.
         avatar: the body, for ease and girths.
         garment_names: for the girths.
-        device: where distances are measured.
-        girths: whether the body's levels are looked for, and girths taken there.
+        device: on which distances are measured.
+        girths: whether to measure girths.
     """
     fields: list[dict[str, NDArray[np.float32]]] = []
     notes: list[str] = []
@@ -81,24 +81,24 @@ def measure_maps(
         values = _values(names, part, points, push, avatar, device)
         missing = [name for name in names if name not in values and MAPS[name].needs_warp]
         if missing:
-            notes.append(f'"{garment_names[index]}" does not tell its warp: no {", ".join(missing)}')
+            notes.append(f'"{garment_names[index]}" has no warp direction, and so no {", ".join(missing)}')
         fields.append({name: values[name].astype(np.float32) for name in names if name in values})
-    made = [name for name in names if any(name in of_garment for of_garment in fields)]
-    ranges = {name: shown_range(MAPS[name], [field[name] for field in fields if name in field]) for name in made}
+    measured = [name for name in names if any(name in of_garment for of_garment in fields)]
+    ranges = {name: shown_range(MAPS[name], [field[name] for field in fields if name in field]) for name in measured}
     levels = body_levels(avatar) if avatar is not None and girths else None
-    taken: list[dict[str, Any]] = []
+    girth_rows: list[dict[str, Any]] = []
     if "ease" in names and avatar is not None and girths and levels is None:
-        notes.append("no girths: the avatar is no standing body with head and feet and arms apart from its trunk")
+        notes.append("no girths: the avatar is not a standing body with head, feet, and arms apart from its trunk")
     if avatar is not None and levels is not None:
         for name, part, points in zip(garment_names, parts, worn, strict=True):
-            taken += garment_girths(name, points, part.rest.sheet, avatar, levels)
-    return FitMaps(tuple(fields), ranges, tuple(taken), tuple(notes))
+            girth_rows += garment_girths(name, points, part.rest.sheet, avatar, levels)
+    return FitMaps(tuple(fields), ranges, tuple(girth_rows), tuple(notes))
 
 
 def _values(
     names: Sequence[str], part: GarmentPart, points: Points, push: Floats | None, avatar: Mesh | None, device: str
 ) -> dict[str, Floats]:
-    """Every map that can be made of one garment, among those asked for; shape [V] each."""
+    """The maps of one garment, as far as it can have them; shape [V] each."""
     values: dict[str, Floats] = {}
     sheet = part.rest.sheet
     if sheet is not None and any(name in ("strain", "shear") or name.startswith("strain_") for name in names):

@@ -1,4 +1,4 @@
-"""Reads back what a fit has written: worn garments with their maps, the avatar, the report."""
+"""Reads a saved fit: worn garments with their maps, the avatar, the report."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from warp_cloth.loading.usd import panels_of
 from warp_cloth.maps.kinds import MAPS
 from warp_cloth.model.result import WornGarment
 
-FIT_AGAIN = "name the .usdc file, or the --out folder, of `warp-cloth fit ... --maps all`"
+REMEDY = "give the .usdc file, or the --out folder, of `warp-cloth fit ... --maps all`"
 SUFFIXES = (".usdc", ".usda", ".usd", ".usdz")
-OVER = "_over"  # what a layer over the user's own stage is called after the name
+OVER = "_over"  # suffix of the name of a layer over the user's own stage
 
 
 @dataclass(frozen=True, eq=False)
 class WrittenFit:
-    """A fit as its files tell it."""
+    """A fit as read from its files."""
 
     name: str
     garments: tuple[WornGarment, ...]
@@ -32,7 +32,7 @@ class WrittenFit:
 
 
 def read_fit(place: Path) -> WrittenFit:
-    """The fit of a stage, or of the folder that holds one; a garment is a mesh that has maps."""
+    """The fit in a stage, or in the folder of one; meshes with maps are garments, the others the avatar."""
     place = Path(place).absolute()
     path = _stage_file(place)
     from pxr import Tf, Usd, UsdGeom
@@ -40,7 +40,7 @@ def read_fit(place: Path) -> WrittenFit:
     try:
         stage = Usd.Stage.Open(str(path))
     except Tf.ErrorException as error:
-        raise InputError(path, "cannot be read as USD", FIT_AGAIN) from error
+        raise InputError(path, "cannot be read as USD", REMEDY) from error
     garments, bodies = [], []
     for prim in stage.Traverse():
         if not prim.IsA(UsdGeom.Mesh):
@@ -53,17 +53,17 @@ def read_fit(place: Path) -> WrittenFit:
         name = prim.GetParent().GetDisplayName() or prim.GetParent().GetName()
         points = np.array(mesh.GetPointsAttr().Get(), dtype=np.float64).reshape(-1, 3)
         triangles = np.array(mesh.GetFaceVertexIndicesAttr().Get(), dtype=np.int32).reshape(-1, 3)
-        panels, called = panels_of(mesh, len(triangles))
+        panels, panel_names = panels_of(mesh, len(triangles))
         parts = None if panels is None else panels.astype(np.int32)
-        surface = Mesh(name, points, triangles, panels=parts, panel_names=called)
+        surface = Mesh(name, points, triangles, panels=parts, panel_names=panel_names)
         garments.append(WornGarment(name, surface, surface.points, thickness=0.0, fields=fields))
     if not garments:
-        raise InputError(path, "holds no fit maps", FIT_AGAIN)
+        raise InputError(path, "has no fit maps", REMEDY)
     return WrittenFit(place.name, tuple(garments), _avatar(path, bodies), _report(path.parent / "report.json"))
 
 
 def _avatar(path: Path, prims: list[str]) -> Mesh | None:
-    """The meshes that the garments are worn by, as one, where they stand; they may be the user's own."""
+    """The other meshes of the stage, joined in place; they may be the user's own."""
     if not prims:
         return None
     parts = [load_mesh(path, role="avatar", key="avatar", prim=prim) for prim in prims]
@@ -77,19 +77,19 @@ def _stage_file(place: Path) -> Path:
     if place.is_dir():
         stages = sorted((path for path in place.iterdir() if path.suffix in SUFFIXES), key=_preferred)
         names = {path.stem for path in stages}
-        names -= {f"{name}{OVER}" for name in names}  # layers over what the user gave
+        names -= {f"{name}{OVER}" for name in names}  # layers over the user's stage
         if len(names) != 1:
-            raise InputError(place, f"holds {len(names)} stages", FIT_AGAIN)
+            raise InputError(place, f"has {len(names)} stages", REMEDY)
         return next(path for path in stages if path.stem in names)
     if not place.exists():
-        raise InputError(place, "no such file or folder", FIT_AGAIN)
+        raise InputError(place, "no such file or folder", REMEDY)
     if not place.is_file() or place.suffix not in SUFFIXES:
-        raise InputError(place, "is no stage", FIT_AGAIN)
+        raise InputError(place, "is not a USD stage", REMEDY)
     return place
 
 
 def _preferred(path: Path) -> int:
-    """Rank of a format, where a fit was written in several."""
+    """Rank of a file's format, where a fit was written in several."""
     return SUFFIXES.index(path.suffix)
 
 

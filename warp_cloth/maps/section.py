@@ -1,4 +1,4 @@
-"""Horizontal sections of a triangle mesh: where a tape goes round."""
+"""Horizontal sections of a triangle mesh, around which girths are measured."""
 
 from __future__ import annotations
 
@@ -16,20 +16,20 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Section:
-    """Segments in which a plane of constant height cuts triangles."""
+    """Segments along which a horizontal plane cuts triangles."""
 
     ends: Floats  # (x, z) of both ends [m], shape [S, 2, 2]
     faces: NDArray[np.int64]  # triangle of each segment, shape [S]
     weights: Floats  # of the triangle's corners at both ends, shape [S, 2, 3]
-    part: NDArray[np.int64]  # of the section's connected parts, by number, shape [S]
-    open_parts: frozenset[int]  # those with an end
+    part: NDArray[np.int64]  # connected part of each segment, shape [S]
+    open_parts: frozenset[int]  # those that are not closed loops
 
     @property
     def part_count(self) -> int:
         return int(self.part.max()) + 1 if len(self.part) else 0
 
     def girth(self, part: int) -> float:
-        """Length of a tape round a part [m]."""
+        """Length of a tape around a part [m]."""
         return convex_girth(self.ends[self.part == part].reshape(-1, 2))
 
 
@@ -47,9 +47,9 @@ def cut(points: Points, triangles: Indices, height: float) -> Section:
     keys = np.zeros((len(faces), 2), dtype=np.int64)
     for end, side in enumerate((first, second)):
         a, b = corners[rows, side], corners[rows, (side + 1) % 3]
-        share = level[a] / (level[a] - level[b])
-        weights[rows, end, side] = 1.0 - share
-        weights[rows, end, (side + 1) % 3] = share
+        t = level[a] / (level[a] - level[b])
+        weights[rows, end, side] = 1.0 - t
+        weights[rows, end, (side + 1) % 3] = t
         keys[:, end] = np.minimum(a, b) * len(points) + np.maximum(a, b)
     ends = np.einsum("sek,skd->sed", weights, points[corners][:, :, [0, 2]])
     unique, node = np.unique(keys, return_inverse=True)

@@ -1,4 +1,4 @@
-"""Strain of a worn garment along its threads, triangle by triangle, against its rest shape."""
+"""Strain of a worn garment along its yarns, per triangle, relative to its rest shape."""
 
 from __future__ import annotations
 
@@ -12,18 +12,21 @@ Floats = NDArray[np.float64]
 
 
 def face_strains(points: Points, sheet: Sheet) -> dict[str, Floats]:
-    """Strains of every triangle, shape [F] each; those of threads only where the garment tells its warp.
+    """Strains of every triangle, shape [F] each; those of yarns only where the garment has a warp direction.
 
-    A triangle takes the unit vectors along weft and warp to u and v: warp |v| - 1, weft |u| - 1, bias the larger of
-    |u +- v| / sqrt 2 - 1, shear asin(u . v / |u| |v|) in degrees, strain the largest principal stretch less 1.
-    Triangles without area at rest have none: 0.
+    The deformation of a triangle takes the unit vectors along weft and warp to u and v. Then
+
+        strain_warp = |v| - 1,  strain_weft = |u| - 1,  strain_bias = max(|u + v|, |u - v|) / sqrt 2 - 1,
+        shear = asin(u . v / |u| |v|) in degrees,  strain = largest principal stretch - 1.
+
+    Triangles without area at rest have strain 0.
     """
     used = sheet.areas > THINNEST_SHARE * float(np.median(sheet.areas))
     corners = points[sheet.triangles[used]]
     sides = np.swapaxes(corners[:, 1:] - corners[:, :1], 1, 2)  # columns are the sides from the first corner
     flat = np.swapaxes(sheet.flat[used, 1:] - sheet.flat[used, :1], 1, 2)
-    turned = sides @ np.linalg.inv(flat)
-    u, v = turned[:, :, 0], turned[:, :, 1]
+    gradient = sides @ np.linalg.inv(flat)
+    u, v = gradient[:, :, 0], gradient[:, :, 1]
     uu, vv, uv = (np.einsum("ij,ij->i", a, b) for a, b in ((u, u), (v, v), (u, v)))
     middle, half = 0.5 * (uu + vv), np.hypot(0.5 * (uu - vv), uv)
     found = {"strain": np.sqrt(middle + half) - 1.0}
@@ -37,13 +40,14 @@ def face_strains(points: Points, sheet: Sheet) -> dict[str, Floats]:
 
 
 def _filled(values: Floats, used: NDArray[np.bool_]) -> Floats:
-    every = np.zeros(len(used))
-    every[used] = values
-    return every
+    """The values at the triangles that are used, 0 at the others."""
+    filled = np.zeros(len(used))
+    filled[used] = values
+    return filled
 
 
 def vertex_means(values: Floats, areas: Floats, triangles: Indices, count: int) -> Floats:
-    """Values of triangles brought to their vertices, weighted by area; shape [V]."""
+    """Means of the values of the triangles around every vertex, weighted by area; shape [V]."""
     corner = triangles.ravel()
     total = np.bincount(corner, np.repeat(values * areas, 3), count)
     weight = np.bincount(corner, np.repeat(areas, 3), count)
@@ -51,7 +55,7 @@ def vertex_means(values: Floats, areas: Floats, triangles: Indices, count: int) 
 
 
 def vertex_areas(points: Points, triangles: Indices) -> Floats:
-    """A third of the area of the triangles round every vertex [m2], shape [V]."""
+    """A third of the area of the triangles around every vertex [m2], shape [V]."""
     corners = points[triangles]
     double = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
     return np.asarray(np.bincount(triangles.ravel(), np.repeat(double / 6.0, 3), len(points)), dtype=np.float64)

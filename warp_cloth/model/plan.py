@@ -1,4 +1,4 @@
-"""The plan: which terms a scene needs, and why. What is left out has no array and no launch."""
+"""The plan: which terms of the model a scene needs, and why. A term left out has no arrays and no launches."""
 
 from __future__ import annotations
 
@@ -22,21 +22,27 @@ class Term:
 
 
 def make_plan(scene: Scene, outfit: Outfit) -> tuple[Term, ...]:
-    """The terms of a scene, in the order in which an iteration meets them."""
+    """The terms of a scene, in the order of an iteration."""
     pulls = any(bool((part.rest.edge_pull > 0.0).any()) for part in outfit.parts)
     _, bends, woven, folded, _ = terms_of(outfit.parts)
     pins = sum(len(part.pins) for part in outfit.parts)
     accelerated = scene.solver.method == "accelerated"
     return (
-        Term("tension", pulls, "edges pull" if pulls else "woven triangles pull in place of the edges"),
-        Term("weave", woven, "threads run through every triangle" if woven else "no fabric is woven: edges pull"),
+        Term(
+            "tension", pulls, "edges resist stretching" if pulls else "yarns of woven triangles take the place of edges"
+        ),
+        Term(
+            "weave",
+            woven,
+            "yarns run through every triangle" if woven else "no fabric is woven: edges resist stretching",
+        ),
         Term(
             "bending",
             bends,
-            "the fabric resists bending" if bends else "no hinge has a stiffness: the fabric's bending is 0",
+            "the fabric resists bending" if bends else "the fabric's bending stiffness is 0",
         ),
-        Term("rest angles", folded, "garment.rest_angles, of a mesh with folds" if folded else "cloth is flat at rest"),
-        Term("pins", pins > 0, f"{pins} vertices are pinned" if pins else "nothing is pinned"),
+        Term("rest angles", folded, "folds of the mesh, by garment.rest_angles" if folded else "cloth is flat at rest"),
+        Term("pins", pins > 0, f"{pins} vertices are pinned" if pins else "no vertex is pinned"),
         Term("momentum", accelerated, f'solver.method = "{scene.solver.method}"'),
         *_avatar_terms(scene, outfit),
         Term("cloth contact", scene.collision.cloth, f"collision.cloth = {str(scene.collision.cloth).lower()}"),
@@ -44,8 +50,8 @@ def make_plan(scene: Scene, outfit: Outfit) -> tuple[Term, ...]:
 
 
 def contact_kind(scene: Scene, outfit: Outfit) -> str:
-    """How the avatar is met: as the scene says, or "none" where no garment can come near it."""
-    return scene.collision.avatar if _may_meet(scene, outfit) else "none"
+    """The collider of the avatar: collision.avatar of the scene, or "none" where no garment can come near it."""
+    return scene.collision.avatar if _may_touch(scene, outfit) else "none"
 
 
 def _avatar_terms(scene: Scene, outfit: Outfit) -> tuple[Term, ...]:
@@ -54,22 +60,22 @@ def _avatar_terms(scene: Scene, outfit: Outfit) -> tuple[Term, ...]:
         why = "the scene has no avatar"
     elif kind == "none":
         why = 'collision.avatar = "none"'
-    elif not _may_meet(scene, outfit):
-        why = "no pinned garment can reach the avatar, however its weight stretches it"
+    elif not _may_touch(scene, outfit):
+        why = "the garments are pinned, and cannot reach the avatar even if their weight stretches them"
     else:
-        rubs = scene.avatar.friction > 0.0
+        has_friction = scene.avatar.friction > 0.0
         return (
             Term("avatar contact", True, f'collision.avatar = "{kind}"'),
-            Term("avatar friction", rubs, f"avatar.friction = {scene.avatar.friction:g}"),
+            Term("avatar friction", has_friction, f"avatar.friction = {scene.avatar.friction:g}"),
         )
     return (Term("avatar contact", False, why), Term("avatar friction", False, why))
 
 
-def _may_meet(scene: Scene, outfit: Outfit) -> bool:
-    """Whether a garment may come within the offset of the avatar; false only where that is proved."""
+def _may_touch(scene: Scene, outfit: Outfit) -> bool:
+    """Whether a garment may come within the offset of the avatar; False only where that is proved impossible."""
     if outfit.avatar is None:
         return False
-    if scene.collision.cloth:  # layers push one another apart, and no energy bounds how far
+    if scene.collision.cloth:  # layers push one another apart, by a distance that no energy bounds
         return True
     gap = scene.collision.offset
     boxes = [outfit.avatar.bounds(), *((pose.min(axis=0), pose.max(axis=0)) for pose in outfit.poses)]
