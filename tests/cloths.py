@@ -12,6 +12,7 @@ from warp_cloth.base.mesh import Mesh, Points
 from warp_cloth.base.topology import Topology
 from warp_cloth.garment.part import GarmentPart
 from warp_cloth.garment.rest import RestShape, build_rest_shape
+from warp_cloth.kernels.base.options import Accumulate
 from warp_cloth.kernels.base.types import cloth_types
 from warp_cloth.material.fabric import Fabric
 from warp_cloth.model.model import ClothModel, build_model
@@ -55,11 +56,11 @@ def deformed_model(mesh: Mesh, points: Points, fabric: Fabric, **options: str) -
     return model
 
 
-def cloth_forces(model: ClothModel, fourth: str = "none", step: Any = None) -> np.ndarray:
-    """Forces of tension and bending [N] and the fourth part, shape [V, 4]; ``step``: by default nothing."""
+def cloth_forces(model: ClothModel, accumulate: Accumulate = Accumulate.NONE, step: Any = None) -> np.ndarray:
+    """Forces of tension and bending [N] and the bound or magnitude, shape [V, 4]; ``step``: by default nothing."""
     types = cloth_types(model.precision)
     load = wp.zeros(model.vertex_count, dtype=types.vec4, device=model.device)
-    ForcePass(model, fourth, load).launch(types.Step() if step is None else step)
+    ForcePass(model, accumulate, load).launch(types.Step() if step is None else step)
     return np.array(load.numpy(), dtype=np.float64)
 
 

@@ -13,6 +13,7 @@ from scipy.sparse.linalg import splu
 from warp_cloth.base.mesh import Mesh, Points
 from warp_cloth.garment.part import GarmentPart
 from warp_cloth.garment.rest import RestShape
+from warp_cloth.kernels.base.options import Accumulate
 from warp_cloth.kernels.base.types import cloth_types
 from warp_cloth.kernels.elements.stiffness import stiffness_kernels, stiffness_types
 from warp_cloth.model.model import build_model
@@ -34,7 +35,7 @@ class Potential:
         self.free = np.setdiff1d(np.arange(mesh.vertex_count), pins)
         self.weight = rest.vertex_weight
         self._load = wp.zeros(mesh.vertex_count, dtype=types.vec4, device="cpu")
-        self._forces = ForcePass(self.model, "none", self._load)
+        self._forces = ForcePass(self.model, Accumulate.NONE, self._load)
         self._step = types.Step()
 
     def shape(self, free: np.ndarray) -> Points:

@@ -12,6 +12,7 @@ from cloths import cloth_forces, grid, model_of, without
 
 from warp_cloth.base.mesh import Mesh, Points
 from warp_cloth.garment.rest import build_rest_shape
+from warp_cloth.kernels.base.options import Accumulate
 from warp_cloth.material.fabric import resolve_fabric
 from warp_cloth.model.model import ClothModel
 from warp_cloth.model.patches import on_device
@@ -31,7 +32,7 @@ LAST_DIGITS = 3e-6
 FABRIC = resolve_fabric({"stretch": 20e3, "shear": "edges", "compression": 0.1, "bending": 1e-5})
 WOVEN = replace(FABRIC, stretch_weft=9e3, shear=800.0)
 MESH = grid(5)
-FOURTHS = ("stiffness", "leeway", "size")
+ACCUMULATED = (Accumulate.STIFFNESS, Accumulate.ANISOTROPIC_STIFFNESS, Accumulate.MAGNITUDE)
 TERMS = ("tension", "bending", "both", "woven", "angles")
 SHAPES = ("random", "folded", "nearly_flat")
 
@@ -101,7 +102,7 @@ def test_forces_are_minus_the_energy_gradient(terms: str, shape: str) -> None:
 @pytest.mark.parametrize("terms", TERMS)
 def test_no_net_force_and_no_net_torque(terms: str, shape: str) -> None:
     points, _ = shaped(shape)
-    parts = cloth_forces(model_with(terms, points), "size")
+    parts = cloth_forces(model_with(terms, points), Accumulate.MAGNITUDE)
     forces, total = parts[:, :3], parts[:, 3].sum()
     assert np.linalg.norm(forces.sum(axis=0)) <= BALANCE_TOLERANCE * total
     assert np.linalg.norm(np.cross(points, forces).sum(axis=0)) <= BALANCE_TOLERANCE * total
@@ -124,8 +125,8 @@ def test_it_does_not_matter_which_way_each_triangle_is_wound(terms: str) -> None
     turned = MESH.triangles.copy()
     turned[::3] = turned[::3, ::-1]
     mixed = model_with(terms, points, mesh=replace(MESH, triangles=turned))
-    forces, parts = np.split(cloth_forces(mixed, "stiffness"), [3], axis=1)
-    plain, plain_parts = np.split(cloth_forces(model_with(terms, points), "stiffness"), [3], axis=1)
+    forces, parts = np.split(cloth_forces(mixed, Accumulate.STIFFNESS), [3], axis=1)
+    plain, plain_parts = np.split(cloth_forces(model_with(terms, points), Accumulate.STIFFNESS), [3], axis=1)
     assert np.abs(forces - plain).max() <= GRADIENT_TOLERANCE * np.abs(plain).max()
     assert parts == pytest.approx(plain_parts, rel=GRADIENT_TOLERANCE)
 
@@ -137,20 +138,20 @@ def test_flat_cloth_at_rest_has_no_forces() -> None:
 @pytest.mark.parametrize("precision", ["float32", "mixed"])
 def test_single_precision_agrees_with_double(precision: str) -> None:
     points, _ = shaped("random")
-    exact = cloth_forces(model_with("both", points), "stiffness")
-    single = cloth_forces(model_with("both", points, precision), "stiffness")
+    exact = cloth_forces(model_with("both", points), Accumulate.STIFFNESS)
+    single = cloth_forces(model_with("both", points, precision), Accumulate.STIFFNESS)
     assert np.abs(single - exact).max(axis=0) == pytest.approx(0.0, abs=1e-4 * np.abs(exact).max())
 
 
-@pytest.mark.parametrize("fourth", ["none", "size"])
+@pytest.mark.parametrize("accumulate", [Accumulate.NONE, Accumulate.MAGNITUDE])
 @pytest.mark.parametrize("terms", ["tension", "woven"])
-def test_evenly_drawn_cloth_is_balanced_inside_to_the_last_digits(terms: str, fourth: str) -> None:
+def test_evenly_drawn_cloth_is_balanced_inside_to_the_last_digits(terms: str, accumulate: Accumulate) -> None:
     turn, _ = np.linalg.qr(np.random.default_rng(5).normal(size=(3, 3)))
     even = grid(9, 0.25)  # edges of 2^-5 m, whose figures float32 holds exactly
     rest = build_rest_shape(even, WOVEN if terms == "woven" else FABRIC, rest="mesh")
     model = model_of(even, without(rest, bending=True), precision="mixed")
     model.set_points(even.points * DRAWN @ turn.T + 1.0)
-    forces = np.linalg.norm(cloth_forces(model, fourth)[:, :3], axis=1)
+    forces = np.linalg.norm(cloth_forces(model, accumulate)[:, :3], axis=1)
     inside = (np.abs(even.points[:, :2] - 0.125) < 0.124).all(axis=1)
     assert inside.sum() == 49
     assert forces[inside].max() < LAST_DIGITS * forces.max()
@@ -170,15 +171,19 @@ def test_evenly_drawn_cloth_is_balanced_inside_to_the_last_digits(terms: str, fo
     ],
 )
 @pytest.mark.parametrize(
-    ("fourth", "precision"),
-    [*itertools.product(FOURTHS, ["mixed"]), ("stiffness", "float32"), ("leeway", "float64")],
+    ("accumulate", "precision"),
+    [
+        *itertools.product(ACCUMULATED, ["mixed"]),
+        (Accumulate.STIFFNESS, "float32"),
+        (Accumulate.ANISOTROPIC_STIFFNESS, "float64"),
+    ],
 )
 @pytest.mark.parametrize(("terms", "paired"), [("both", False), ("both", True), ("woven", False)])
 def test_gathered_forces_have_the_bits_of_scattered_ones(
-    terms: str, paired: bool, fourth: str, precision: str, device: str, monkeypatch: pytest.MonkeyPatch
+    terms: str, paired: bool, accumulate: Accumulate, precision: str, device: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(on_device, "takes_pairs", lambda terms, vertices: paired)
     points, _ = shaped("random")
-    scattered = cloth_forces(model_with(terms, points, precision), fourth)
-    gathered = cloth_forces(model_with(terms, points, precision, device, gathers=True), fourth)
+    scattered = cloth_forces(model_with(terms, points, precision), accumulate)
+    gathered = cloth_forces(model_with(terms, points, precision, device, gathers=True), accumulate)
     assert (gathered == scattered).all()

@@ -19,8 +19,8 @@ from warp_cloth.kernels.avatar.closest import MeshCollider, mesh_contact
 from warp_cloth.kernels.avatar.depth import DepthSolid, plain_contact, solid_level
 from warp_cloth.kernels.avatar.field import ContactField, field_contact
 from warp_cloth.kernels.avatar.layers import LayeredSolid, layered_level
-from warp_cloth.kernels.base.options import Terms
-from warp_cloth.kernels.base.types import BOUNDS, FOURTH_PARTS, PRECISIONS
+from warp_cloth.kernels.base.options import Accumulate, Terms
+from warp_cloth.kernels.base.types import PRECISIONS
 from warp_cloth.kernels.certificate.energy import measure_bending_kernel, measure_tension_kernel, measure_weave_kernel
 from warp_cloth.kernels.certificate.pressure import normal_force_kernel
 from warp_cloth.kernels.certificate.residual import residual_kernel
@@ -48,7 +48,7 @@ def module_name(path: Path) -> str:
 
 
 # Kernels may use these besides Warp and each other: they are written in a language of their own.
-STANDARD = {"functools", "math", "types", "typing"}
+STANDARD = {"collections.abc", "ctypes", "enum", "functools", "hashlib", "math", "types", "typing"}
 
 MADE_BY_WARP = ("func", "kernel", "struct")
 
@@ -117,6 +117,7 @@ def test_bake_kernels_compile() -> None:
     loaded(*(bake_kernels(*solid) for solid in SOLIDS))
 
 
+BOUNDS = tuple(each for each in Accumulate if each.is_bound)
 FOLDED = Terms(True, True, True, angles=True)
 
 
@@ -138,11 +139,11 @@ def test_force_kernels_compile(precision: str) -> None:
     terms = (Terms(True, True, False), Terms(False, True, True), Terms(False, False, True), FOLDED)
     loaded(normals_kernel(precision), eight_normals_kernel(precision))
     for make in (edges_kernel, triangles_kernel):
-        loaded(*(make(precision, *rest) for rest in spread(precision, FOURTH_PARTS, terms)))
+        loaded(*(make(precision, *rest) for rest in spread(precision, Accumulate, terms)))
     for make in (eight_edges_kernel, eight_triangles_kernel):
         pairs = zip(turned(precision, terms[:-1]), (*BOUNDS, BOUNDS[0]), strict=True)
         loaded(*(make(precision, bound, chosen) for chosen, bound in pairs))
-    loaded(*(gather_kernel(precision, *rest, False) for rest in spread(precision, FOURTH_PARTS, terms)))
+    loaded(*(gather_kernel(precision, *rest, False) for rest in spread(precision, Accumulate, terms)))
 
 
 @pytest.mark.parametrize("precision", PRECISIONS)
@@ -164,7 +165,7 @@ def test_kernels_of_cloth_on_cloth_compile(precision: str) -> None:
     searching = start_kernel, box_kernel, groups_kernel, leaves_kernel, pairs_kernel
     parting = crossing_groups_kernel, crossing_leaves_kernel, crossings_kernel, layers_kernel, settle_kernel
     loaded(*(made(precision) for made in (*searching, *parting, add_kernel)))
-    loaded(*(press_kernel(precision, *rest) for rest in spread(precision, FOURTH_PARTS)))
+    loaded(*(press_kernel(precision, *rest) for rest in spread(precision, Accumulate)))
 
 
 def test_every_pair_of_choices_is_compiled() -> None:

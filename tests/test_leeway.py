@@ -14,6 +14,7 @@ from warp_cloth.avatar.collider import Collider
 from warp_cloth.base.mesh import Mesh
 from warp_cloth.garment.part import GarmentPart
 from warp_cloth.garment.rest import build_rest_shape
+from warp_cloth.kernels.base.options import Accumulate
 from warp_cloth.kernels.base.types import cloth_types
 from warp_cloth.kernels.math.symmetric import inverse
 from warp_cloth.kernels.passes.step import loose_way
@@ -68,7 +69,7 @@ def shaken(share: float, size: float) -> np.ndarray:
 def test_the_longer_step_still_goes_downhill(fabric: Fabric, share: float, size: float) -> None:
     model = deformed_model(MESH, shaken(share, size), fabric)
     leeway = leeway_of(model)
-    bound = cloth_forces(model, "stiffness")[:, 3]  # nothing has moved yet: it allows for no reach
+    bound = cloth_forces(model, Accumulate.STIFFNESS)[:, 3]  # nothing has moved yet: it allows for no reach
     roots = np.zeros((3 * MESH.vertex_count, 3 * MESH.vertex_count))
     for vertex, (matrix, stiffness) in enumerate(zip(leeway, bound, strict=True)):
         roots[3 * vertex : 3 * vertex + 3, 3 * vertex : 3 * vertex + 3] = np.linalg.cholesky(matrix / stiffness)
@@ -132,7 +133,10 @@ def test_threads_drag_across_themselves_by_what_acts_there() -> None:
             held = thread * (thread @ change) / length**2
             drag = viscosity * bound * (held + min(share, 1.0) * (change - held))
             wanted[corners] -= slopes_of[:, None] * drag
-    forces = [cloth_forces(model, fourth, step)[:, :3] for fourth in ("leeway", "none")]
+    forces = [
+        cloth_forces(model, accumulate, step)[:, :3]
+        for accumulate in (Accumulate.ANISOTROPIC_STIFFNESS, Accumulate.NONE)
+    ]
     assert forces[0] - forces[1] == pytest.approx(wanted, rel=1e-9, abs=1e-9 * np.abs(wanted).max())
 
 

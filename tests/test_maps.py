@@ -68,7 +68,7 @@ def test_shear_is_the_change_of_the_threads_angle_however_the_cloth_lies() -> No
     found = strains_of(mesh, sheared @ turn.T + 5.0)
     assert np.allclose(found["shear"], 7.0, atol=1e-6)
     assert np.allclose(found["strain_warp"], 0.0, atol=ROUNDING)
-    # unit threads at 83 degrees: the long bias is |u + v| / sqrt 2 = sqrt(1 + sin 7 degrees)
+    # unit yarns at 83 degrees: the long bias is |u + v| / sqrt 2 = sqrt(1 + sin 7 degrees)
     assert np.allclose(found["strain_bias"], math.sqrt(1 + math.sin(angle)) - 1, atol=ROUNDING)
 
 

@@ -15,6 +15,7 @@ from warp_cloth.bench.specimen import Specimen
 from warp_cloth.bench.trials import bend, drape, pull, released, shear
 from warp_cloth.garment.grain import Grain
 from warp_cloth.garment.rest import build_rest_shape
+from warp_cloth.kernels.base.options import Accumulate
 from warp_cloth.kernels.base.types import cloth_types
 from warp_cloth.material.fabric import Fabric, fabric_named, resolve_fabric
 from warp_cloth.material.laboratory import MATCHED_FOLD, MATCHED_SHEAR_ANGLE, bending_length, rigidity_of_bending
@@ -23,15 +24,15 @@ from warp_cloth.solver.certificate.strains import element_energies, measured_str
 from warp_cloth.solver.forces import ForcePass
 from warp_cloth.solver.relax import StepOptions
 
-# 5 % is asked for on regular grids and 10 % on others. Threads are exact on all of them; the clamps, between
+# 5 % is asked for on regular grids and 10 % on others. Yarns are exact on all of them; the clamps, between
 # which the cloth cannot narrow, leave 1 % of the softest cloth's force.
-THREAD_TOLERANCE = 0.02
-SHEAR_TOLERANCE = 0.05  # what the free sides still take from the middle, and threads that lengthen a little
+YARN_TOLERANCE = 0.02
+SHEAR_TOLERANCE = 0.05  # what the free sides still take from the middle, and yarns that lengthen a little
 BENDING_TOLERANCE = 0.10
 # What rounds that hardly change the energy would still change, in single hinges and in their mean.
 SETTLED_APART, SETTLED_MEAN_APART = 5e-2, 2e-3
 COARSE_EDGES = (0.25, 0.3, 0.35)  # of a bending length: the matched curvature turns up to 17 degrees from edge to edge
-EDGE_TOLERANCE = 0.05  # of a fabric without threads, on regular grids; others are a stated limit
+EDGE_TOLERANCE = 0.05  # of a fabric without yarns, on regular grids; others are a stated limit
 WOVEN = ("cotton", "jersey")  # nearly inextensible, and softest: shear is 0.2 % and 6 % of the stretch
 STRAINS = (0.01, 0.03, 0.06)
 FOLDED_TO = 100.0 / 3.0  # [1/m], a radius of 3 cm
@@ -50,7 +51,7 @@ def test_tension_is_the_fabrics_own(value: Any, meshing: str, edge: float) -> No
     mesh = swatch(0.05, 0.2, edge, meshing)
     for grain, stretch, _ in directions(fabric):
         for reading in pull(mesh, fabric, STRAINS, grain_degrees=grain):
-            assert reading.measured == pytest.approx(stretch * reading.applied**2, rel=THREAD_TOLERANCE)
+            assert reading.measured == pytest.approx(stretch * reading.applied**2, rel=YARN_TOLERANCE)
 
 
 @pytest.mark.parametrize("edge", [0.01, 0.005])
@@ -195,17 +196,17 @@ def test_stiffly_warped_cloth_hangs_from_its_middle_over_the_weft_and_the_other_
     assert warp_drop > 2.5 * weft_drop
 
 
-def test_fabrics_without_threads_have_none_and_woven_edges_do_not_pull() -> None:
+def test_fabrics_without_yarns_have_none_and_woven_edges_do_not_pull() -> None:
     mesh = swatch(0.05, 0.05, 0.01, "alternating")
     even = model_of(mesh, build_rest_shape(mesh, Fabric(), rest="uv"))
     woven = model_of(mesh, build_rest_shape(mesh, fabric_named("cotton"), rest="uv"))
-    assert even.yarns is None
+    assert even.weave is None
     assert yarn_summaries(measured_strains(even).of_yarns()) == {}
-    assert (even.terms.edges, even.terms.threads) == (True, False)
-    assert (woven.terms.edges, woven.terms.threads) == (False, True)
-    assert even.triangles.slope is even.triangles.threads is None
-    counts = [len(ForcePass(model, "none", wp.zeros(1, dtype=wp.vec4d)).kernels()) for model in (even, woven)]
-    assert counts == [3, 3]  # normals, edges, triangles: threads take no launch of their own
+    assert (even.terms.edges, even.terms.yarns) == (True, False)
+    assert (woven.terms.edges, woven.terms.yarns) == (False, True)
+    assert even.triangles.slope is even.triangles.yarns is None
+    counts = [len(ForcePass(model, Accumulate.NONE, wp.zeros(1, dtype=wp.vec4d)).kernels()) for model in (even, woven)]
+    assert counts == [3, 3]  # normals, edges, triangles: yarns take no launch of their own
     assert woven.weave_count == len(mesh.triangles)
     assert len(cloth_types("mixed").Weave.vars) == 3
 

@@ -15,7 +15,7 @@ from warp_cloth.base.topology import build_topology
 from warp_cloth.garment.elements import garment_elements
 from warp_cloth.garment.part import GarmentPart, terms_of
 from warp_cloth.garment.rest import RestShape, build_rest_shape
-from warp_cloth.kernels.base.options import FEW, SINGLE, Terms, block_for
+from warp_cloth.kernels.base.options import FEW, SINGLE, Accumulate, Terms, block_for
 from warp_cloth.material.fabric import resolve_fabric
 from warp_cloth.model.model import build_model
 from warp_cloth.model.patches import cutting, on_device
@@ -24,7 +24,7 @@ from warp_cloth.solver.relax import Method, Relaxation, StepOptions
 
 FABRIC = resolve_fabric({"stretch": 20e3, "compression": 0.1, "bending": 1e-5})
 WOVEN = replace(FABRIC, stretch_weft=9e3, shear=800.0)
-BENT = Terms(edges=True, folds=True, threads=False)
+BENT = Terms(edges=True, folds=True, yarns=False)
 
 
 def fan(count: int) -> Mesh:
@@ -55,24 +55,24 @@ def owned(tables: PatchTables) -> np.ndarray:
 
 @pytest.mark.parametrize("paired", [False, True], ids=["single", "pairs"])
 @pytest.mark.parametrize("size", [1, 7, 1000])
-@pytest.mark.parametrize("fabric", [FABRIC, WOVEN], ids=["edges", "threads"])
+@pytest.mark.parametrize("fabric", [FABRIC, WOVEN], ids=["edges", "yarns"])
 def test_patches_of_any_size_give_the_bits_of_scattered_forces(
     fabric: object, size: int, paired: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     mesh = grid(12)
     rest = build_rest_shape(mesh, fabric, rest="mesh")
     points = mesh.points + np.random.default_rng(1).normal(scale=5e-3, size=mesh.points.shape)
-    monkeypatch.setattr(on_device, "takes_pairs", lambda terms, vertices: paired and not terms.threads)
+    monkeypatch.setattr(on_device, "takes_pairs", lambda terms, vertices: paired and not terms.yarns)
     monkeypatch.setattr(cutting, "SMALLEST", size)
     monkeypatch.setattr(cutting, "block_for", lambda paired: block_for(paired)._replace(vertices=size))
     loads = []
     for gathers in (False, True):
         model = model_of(mesh, rest, precision="mixed", gathers=gathers)
         model.set_points(points)
-        loads.append(cloth_forces(model, "stiffness"))
+        loads.append(cloth_forces(model, Accumulate.STIFFNESS))
     assert model.patches is not None
     assert model.patches.count >= mesh.vertex_count // size
-    assert model.patches.paired == (paired and not model.terms.threads)
+    assert model.patches.paired == (paired and not model.terms.yarns)
     assert (loads[0] == loads[1]).all()
 
 
@@ -110,7 +110,7 @@ def test_a_vertex_with_too_many_triangles_is_told() -> None:
         cut(mesh, fan_rest(mesh))
 
 
-@pytest.mark.parametrize("fabric", [FABRIC, WOVEN], ids=["edges", "threads"])
+@pytest.mark.parametrize("fabric", [FABRIC, WOVEN], ids=["edges", "yarns"])
 def test_patches_cut_in_several_parts_are_those_cut_at_once(fabric: object, monkeypatch: pytest.MonkeyPatch) -> None:
     mesh = grid(12)
     rest = build_rest_shape(mesh, fabric, rest="mesh")

@@ -16,6 +16,7 @@ from warp_cloth.base.topology import build_topology
 from warp_cloth.garment.folds import fold_angles
 from warp_cloth.garment.outfit import load_outfit
 from warp_cloth.garment.rest import build_rest_shape
+from warp_cloth.kernels.base.options import Accumulate
 from warp_cloth.kernels.base.types import cloth_types
 from warp_cloth.material.fabric import Fabric, fabric_named
 from warp_cloth.model.model import ClothModel
@@ -88,7 +89,9 @@ def test_flat_cloth_has_no_arrays_and_no_kernels_for_rest_angles() -> None:
     assert flat.edges.rest is flat.hinges.rest is None
     assert shaped.terms.angles
     assert shaped.edges.rest.size == shaped.edge_count
-    kernels, others = (ForcePass(model, "none", wp.zeros(1, dtype=wp.vec4d)).kernels() for model in (flat, shaped))
+    kernels, others = (
+        ForcePass(model, Accumulate.NONE, wp.zeros(1, dtype=wp.vec4d)).kernels() for model in (flat, shaped)
+    )
     assert len(kernels) == len(others)
     assert kernels[1] is not others[1]  # the one that folds edges is made for either
     assert not model_with(FLAT, "mesh").terms.angles  # a flat mesh is flat, whatever is asked for

@@ -29,7 +29,7 @@ WOVEN = Fabric(stretch_warp=2e4, stretch_weft=1e4, shear=50.0, bending_warp=0.0,
 
 
 def stretched(share: float = 1.1) -> np.ndarray:
-    """The grid pulled in its plane, every edge and thread longer than at rest, and shaken a little."""
+    """The grid pulled in its plane, every edge and yarn longer than at rest, and shaken a little."""
     shaken = np.random.default_rng(3).normal(scale=3e-4, size=MESH.points.shape)
     return MESH.points * share + shaken
 

@@ -12,14 +12,14 @@ from warp_cloth.base.mesh import Mesh
 from warp_cloth.base.topology import build_topology
 from warp_cloth.garment.elements import garment_elements
 from warp_cloth.garment.rest import RestShape, build_rest_shape
-from warp_cloth.kernels.base.options import CODE_BITS, NUMBER_BITS, SLOTS, WORD_CODE, WORD_LAW, Terms
+from warp_cloth.kernels.base.options import CODE_BITS, NUMBER_BITS, SLOTS, WORD_CODE, WORD_LAW, Accumulate, Terms
 from warp_cloth.material.fabric import resolve_fabric
 from warp_cloth.model.patches import cutting, on_device
 from warp_cloth.model.patches.cutting import PatchTables, cut_patches, garment_patches
 from warp_cloth.model.patches.triangle_pairs import SHARE, find_pairs, share_edges, with_laws
 
 FABRIC = resolve_fabric({"stretch": 20e3, "compression": 0.1, "bending": 1e-5})
-BENT = Terms(edges=True, folds=True, threads=False)
+BENT = Terms(edges=True, folds=True, yarns=False)
 
 
 def cut(mesh: Mesh, monkeypatch: pytest.MonkeyPatch) -> PatchTables:
@@ -78,7 +78,10 @@ def test_triangles_that_meet_as_no_cloth_does_have_the_bits_of_scattered_forces(
     topology = build_topology(mesh.triangles, count)
     even = np.ones(len(topology.edges))
     rest = RestShape(topology, 0.9 * even, even, 0.1 * even, np.ones(len(topology.hinges)), np.ones(count), 1.0)
-    loads = [cloth_forces(model_of(mesh, rest, precision="mixed", gathers=how), "stiffness") for how in (False, True)]
+    loads = [
+        cloth_forces(model_of(mesh, rest, precision="mixed", gathers=how), Accumulate.STIFFNESS)
+        for how in (False, True)
+    ]
     assert (loads[0] == loads[1]).all()
 
 

@@ -1,5 +1,6 @@
 """What the host plans patches by, and what acts in a cloth; needs no Warp, which processes that only load lack."""
 
+import enum
 from typing import NamedTuple
 
 BLOCK_MEMORY = 36 * 1024  # [bytes] of a thread block; a core of a large GPU has room for six such blocks
@@ -39,12 +40,26 @@ def block_for(paired: bool) -> Block:
     return PAIRS if paired else SINGLE
 
 
+class Accumulate(enum.Enum):
+    """What the fourth component of a load sums beside the force: at a vertex, an edge's end or a triangle's corner."""
+
+    NONE = "none"
+    STIFFNESS = "stiffness"  # a bound [N/m], for the accelerated step
+    ANISOTROPIC_STIFFNESS = "anisotropic stiffness"  # the same for a step that may go further across yarns
+    MAGNITUDE = "magnitude"  # of the forces that meet there [N], for the certificate
+
+    @property
+    def is_bound(self) -> bool:
+        """Whether it is a bound of the stiffness."""
+        return self in (Accumulate.STIFFNESS, Accumulate.ANISOTROPIC_STIFFNESS)
+
+
 class Terms(NamedTuple):
     """What acts in a scene's cloth; the kernels are made for these."""
 
     edges: bool
     folds: bool
-    threads: bool
+    yarns: bool
     angles: bool = False  # folds that are not flat at rest
     pins: bool = False  # vertices that stay
 
@@ -60,5 +75,5 @@ def point_size(precision: str) -> int:
 
 
 def fold_numbers(terms: Terms) -> int:
-    """How many numbers of an edge's hinge its triangles are told: those with threads know L^2 themselves."""
-    return 2 if terms.threads else 3
+    """How many numbers of an edge's hinge its triangles are told: those with yarns know L^2 themselves."""
+    return 2 if terms.yarns else 3

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import warp as wp
 
 from warp_cloth.kernels.base.access import element
-from warp_cloth.kernels.base.options import point_size, real_size
+from warp_cloth.kernels.base.options import Accumulate, point_size, real_size
 
 PRECISIONS = ("float32", "mixed", "float64")
 
@@ -14,20 +14,14 @@ PRECISIONS = ("float32", "mixed", "float64")
 # operation, and a fit gives the same bits on both. Where fusing pays, ``arithmetic`` has it written out for both.
 MODULE_OPTIONS = {"enable_backward": False, "fuse_fp": False}
 
-# What the force kernels sum beside the force: nothing, a bound of the stiffness [N/m] for the accelerated step, the
-# same for a step that may go further across threads (kernels.passes.anisotropic_step), or the magnitudes of the
-# forces that meet at the vertex [N] for the certificate.
-FOURTH_PARTS = ("none", "stiffness", "leeway", "size")
-BOUNDS = ("stiffness", "leeway")
 
-
-def takes_exact_stretch(precision: str, fourth: str) -> bool:
+def takes_exact_stretch(precision: str, accumulate: Accumulate) -> bool:
     """Whether forces take r - L out of squares in the positions' own float64.
 
-    Of threads drawn out by a thousandth a float32 length keeps no more than four digits of the stretch: 0.03 vertex
+    Of yarns drawn out by a thousandth a float32 length keeps no more than four digits of the stretch: 0.03 vertex
     weights on 66,000 vertices of 200 kN/m. A step that goes by a bound ends by the certificate long before that tells.
     """
-    return precision == "mixed" and fourth not in BOUNDS
+    return precision == "mixed" and not accumulate.is_bound
 
 
 @wp.struct
@@ -141,8 +135,8 @@ def cloth_types(precision: str) -> SimpleNamespace:
 
         corners: wp.array(dtype=wp.vec3i)
         edges: wp.array(dtype=wp.vec3i)  # opposite to each corner; -1 - edge where its turn counts the other way round
-        slope: wp.array(dtype=vec4)  # as Weave.slope; zero where there are no threads
-        threads: wp.array(dtype=vec4)  # as Weave.law
+        slope: wp.array(dtype=vec4)  # as Weave.slope; zero where there are no yarns
+        yarns: wp.array(dtype=vec4)  # as Weave.law
 
     @wp.struct
     class Rows:
@@ -167,7 +161,7 @@ def cloth_types(precision: str) -> SimpleNamespace:
 
         corners: wp.array(dtype=wp.vec3i)
         slope: wp.array(dtype=vec4)  # of the second and third corner along weft, then along warp [1/m]
-        law: wp.array(dtype=vec4)  # area times pull of weft, warp and bias threads [N m], and c
+        law: wp.array(dtype=vec4)  # area times pull of weft, warp and bias yarns [N m], and c
 
     @wp.struct
     class Span:
@@ -210,7 +204,7 @@ def cloth_types(precision: str) -> SimpleNamespace:
         corners: wp.array(dtype=wp.uint64)  # of a triangle
         sides: wp.array(dtype=wp.uint64)  # its edges, opposite to the corners; bits: whose turn counts the other way
         slope: wp.array(dtype=vec4)  # as Triangles.slope
-        threads: wp.array(dtype=vec4)
+        yarns: wp.array(dtype=vec4)
         edge_slot: wp.array(dtype=wp.vec4i)  # twice the edge, and 1 where the vertex is its second end
         slot: wp.array(dtype=wp.vec4i)  # the triangle; after all normals come second corners, then third ones
         ahead: int  # how many patches a GPU works on at a time

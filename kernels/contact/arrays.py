@@ -63,7 +63,7 @@ class ContactData:
     waiting: int  # how many others
     told: wp.array(dtype=wp.int32)  # of the former those done, of the latter those that know it, shape [2]; zero
     # what a move reads, and leaves as it was at the start
-    sum: wp.array2d(dtype=wp.int64)  # force [FORCE_UNIT] and fourth part [STIFFNESS_UNIT], shape [V, 4]; zero
+    sum: wp.array2d(dtype=wp.int64)  # force [FORCE_UNIT] and bound or magnitude [STIFFNESS_UNIT], shape [V, 4]; zero
     room: wp.array(dtype=wp.int32)  # largest displacement [ROOM_UNIT], shape [V]; NO_LIMIT
     # between two searches
     lift: wp.array(dtype=wp.float32)  # how much farther from the avatar than its offset a vertex stays [m], shape [V]

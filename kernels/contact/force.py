@@ -7,6 +7,7 @@ import warp as wp
 
 from warp_cloth.kernels.base.access import element, put
 from warp_cloth.kernels.base.block import BLOCK_THREADS, own_memory
+from warp_cloth.kernels.base.options import Accumulate
 from warp_cloth.kernels.base.types import MODULE_OPTIONS, cloth_types, place_function
 from warp_cloth.kernels.contact.arrays import (
     FORCE_UNIT,
@@ -84,7 +85,7 @@ def add_functions(real: type) -> SimpleNamespace:
 
     @wp.func
     def add_share(sum: wp.array2d(dtype=wp.int64), vertex: int, force: vec3, part: real):
-        """Adds a force [N] and a fourth part to a vertex's sum."""
+        """Adds a force [N] and a bound or magnitude to a vertex's sum."""
         whole = force * by_force
         add_whole(
             sum, vertex, wp.int64(whole[0]), wp.int64(whole[1]), wp.int64(whole[2]), wp.int64(part * by_stiffness)
@@ -92,13 +93,13 @@ def add_functions(real: type) -> SimpleNamespace:
 
     @wp.func
     def add_pair(sum: wp.array2d(dtype=wp.int64), corners: wp.vec4i, weights: vec4, force: vec3, part: real):
-        """Adds the force on a pair's first [N], shared out by its weights, and as much of a fourth part."""
+        """Adds the force on a pair's first [N], shared out by its weights, and as much of a bound or magnitude."""
         for corner in range(4):
             add_share(sum, corners[corner], weights[corner] * force, wp.abs(weights[corner]) * part)
 
     @wp.func
     def add_turns(sum: wp.array2d(dtype=wp.int64), corners: wp.vec4i, turn_0: vec3, turn_1: vec3, part: real):
-        """Adds what turns two edges away from each other [N], and a fourth part."""
+        """Adds what turns two edges away from each other [N], and a bound or magnitude."""
         add_share(sum, corners[0], turn_0, part)
         add_share(sum, corners[1], -turn_0, part)
         add_share(sum, corners[2], turn_1, part)
@@ -127,8 +128,8 @@ def leave_room(
 
 
 @functools.cache
-def turn_function(precision: str, fourth: str) -> wp.Function:
-    """The function that turns nearly parallel edges, with a fourth part as of ``press_kernel``."""
+def turn_function(precision: str, accumulate: Accumulate) -> wp.Function:
+    """The function that turns nearly parallel edges, with a bound or magnitude as of ``press_kernel``."""
     types = cloth_types(precision)
     real, vec3 = types.real, types.vec3
     slope, add_turns = slant_functions(real).slope, add_functions(real).add_turns
@@ -139,10 +140,10 @@ def turn_function(precision: str, fourth: str) -> wp.Function:
         turn_0 = slope(along_0, along_1) * energy
         turn_1 = slope(along_1, along_0) * energy
         part = real(0.0)
-        if wp.static(fourth == "stiffness"):
+        if wp.static(accumulate is Accumulate.STIFFNESS):
             shorter = wp.min(inner(along_0, along_0), inner(along_1, along_1))
             part = quotient(real(4.0) * energy, wp.max(shorter, real(1.0e-12)))
-        if wp.static(fourth == "size"):
+        if wp.static(accumulate is Accumulate.MAGNITUDE):
             part = root(wp.max(inner(turn_0, turn_0), inner(turn_1, turn_1)))
         add_turns(contact.sum, corners, turn_0, turn_1, part)
 
@@ -150,13 +151,13 @@ def turn_function(precision: str, fourth: str) -> wp.Function:
 
 
 @functools.cache
-def pair_function(precision: str, fourth: str, sort: int, in_order: bool) -> wp.Function:
+def pair_function(precision: str, accumulate: Accumulate, sort: int, in_order: bool) -> wp.Function:
     """The function that presses a pair of a sort (ON_TRIANGLE, ON_EDGE) apart; others as of ``press_kernel``."""
     types = cloth_types(precision)
     State, Step, real, vec2, vec3 = types.State, types.Step, types.real, types.vec2, types.vec3
     at, turn_apart, pair_apart = (
         place_function(precision),
-        turn_function(precision, fourth),
+        turn_function(precision, accumulate),
         apart_function(precision, sort),
     )
     move_at = order_functions(precision, packed=False, in_order=in_order).move_at
@@ -175,21 +176,21 @@ def pair_function(precision: str, fourth: str, sort: int, in_order: bool) -> wp.
         leant = element(contact.lean, pair)
         lean = vec3(real(leant[0]), real(leant[1]), real(leant[2]))
         gone = wp.int64(0)
-        if wp.static(fourth != "size"):
+        if wp.static(accumulate is not Accumulate.MAGNITUDE):
             gone = gone_together(place, contact.way, element(contact.regions, pair))
         x0, x1 = at(state.position, corners[0]), at(state.position, corners[1])
         x2, x3 = at(state.position, corners[2]), at(state.position, corners[3])
         cloth_there = pair_cloth(contact, corners)
         move0, move1, move2, move3 = vec3(), vec3(), vec3(), vec3()
-        if wp.static(fourth != "size"):
+        if wp.static(accumulate is not Accumulate.MAGNITUDE):
             move0, move1 = move_at(state, corners[0]), move_at(state, corners[1])
             move2, move3 = move_at(state, corners[2]), move_at(state, corners[3])
         weights, way, square, distance = pair_apart(x0, x1, x2, x3)
         thickness, modulus = real(cloth_there[0]), real(cloth_there[1])
-        if wp.static(fourth != "size"):
+        if wp.static(accumulate is not Accumulate.MAGNITUDE):
             leave_room(contact, pair, wp.static(sort), corners, wp.float64(distance), wp.float64(cloth_there[0]), gone)
         if kind >= NEIGHBOURS or distance >= thickness or distance <= nothing:
-            if wp.static(fourth != "size"):
+            if wp.static(accumulate is not Accumulate.MAGNITUDE):
                 contact.lean[pair] = wp.vec4f()
             return
         # few divisions, each of which takes as long as all else
@@ -214,16 +215,16 @@ def pair_function(precision: str, fourth: str, sort: int, in_order: bool) -> wp.
         grip = push * thinness * by_lean
         force = normal * push - lean * grip
         part = nothing
-        if wp.static(fourth == "stiffness"):
+        if wp.static(accumulate is Accumulate.STIFFNESS):
             approach = -inner(normal, change)
             closing = wp.max(real(step.reach) * approach * thinness, nothing)
             nearer = wp.max(x - closing, real(0.5) * x)
             stiffness = share[0] * squeeze_stiffness(quotient(one, nearer), modulus)
             force += normal * (real(step.viscosity) * stiffness * approach)
             part = real(2.0) * (stiffness + grip)  # the weights' sizes sum to two
-        if wp.static(fourth == "size"):
+        if wp.static(accumulate is Accumulate.MAGNITUDE):
             part = push + grip * root(inner(lean, lean))
-        if wp.static(fourth != "size"):
+        if wp.static(accumulate is not Accumulate.MAGNITUDE):
             put(contact.lean, pair, wp.vec4f(float(lean[0]), float(lean[1]), float(lean[2]), 0.0))
         add_pair(contact.sum, corners, weights, force, part)
         if wp.static(sort == 1):
@@ -235,12 +236,12 @@ def pair_function(precision: str, fourth: str, sort: int, in_order: bool) -> wp.
 
 
 @functools.cache
-def queued_function(precision: str, fourth: str, sort: int, in_order: bool) -> wp.Function:
+def queued_function(precision: str, accumulate: Accumulate, sort: int, in_order: bool) -> wp.Function:
     """The function that presses the queued pairs of a sort; arguments as of ``pair_function``."""
     types = cloth_types(precision)
     State, Step = types.State, types.Step
-    press_pair = pair_function(precision, fourth, sort, in_order)
-    all = int(fourth == "size")
+    press_pair = pair_function(precision, accumulate, sort, in_order)
+    all = int(accumulate is Accumulate.MAGNITUDE)
 
     @wp.func
     def press_queued(step: Step, state: State, contact: ContactData, place: int, begin: int, total: int):
@@ -258,13 +259,13 @@ def queued_function(precision: str, fourth: str, sort: int, in_order: bool) -> w
 
 
 @functools.cache
-def press_function(precision: str, fourth: str, in_order: bool) -> wp.Function:
+def press_function(precision: str, accumulate: Accumulate, in_order: bool) -> wp.Function:
     """The function that presses a block's share of the pairs; arguments as of ``press_kernel``."""
     types = cloth_types(precision)
     State, Step = types.State, types.Step
-    press_on_triangles = queued_function(precision, fourth, 0, in_order)
-    press_on_edges = queued_function(precision, fourth, 1, in_order)
-    all = int(fourth == "size")
+    press_on_triangles = queued_function(precision, accumulate, 0, in_order)
+    press_on_edges = queued_function(precision, accumulate, 1, in_order)
+    all = int(accumulate is Accumulate.MAGNITUDE)
 
     @wp.func
     def press_share(step: Step, state: State, contact: ContactData, thread: int, blocks: int):
@@ -278,7 +279,7 @@ def press_function(precision: str, fourth: str, in_order: bool) -> wp.Function:
         regions = look_due(contact.regions, first, room, blocks)
         count = contact.count[0]
         place = own_memory()
-        if wp.static(fourth != "size"):
+        if wp.static(accumulate is not Accumulate.MAGNITUDE):
             turn_on(place, contact.way, contact.stride, contact.turn, contact.region_count)
         if count > room:  # nothing moves: which pairs found room is chance
             count = 0
@@ -299,14 +300,14 @@ def press_function(precision: str, fourth: str, in_order: bool) -> wp.Function:
 
 
 @functools.cache
-def press_kernel(precision: str, fourth: str, in_order: bool = False) -> wp.Kernel:
-    """Kernel ``press_pairs``; ``fourth`` is one of cloth.FOURTH_PARTS. "size", the certificate's, changes no lean.
+def press_kernel(precision: str, accumulate: Accumulate, in_order: bool = False) -> wp.Kernel:
+    """Kernel ``press_pairs``; it sums ``accumulate`` beside forces; for the certificate (MAGNITUDE) it changes no lean.
 
     ``in_order``: as of packing.order_functions.
     """
     types = cloth_types(precision)
     State, Step = types.State, types.Step
-    press_share = press_function(precision, fourth, in_order)
+    press_share = press_function(precision, accumulate, in_order)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS, grid_stride=False, launch_bounds=BLOCK_THREADS)
     def press_pairs(state: State, step: Step, contact: ContactData, blocks: int):

@@ -40,14 +40,14 @@ def leave_none(sum: wp.array2d(dtype=wp.int64), vertex: int, row: Row):
 
 @functools.cache
 def row_function(precision: str) -> wp.Function:
-    """The function that makes force [N] and fourth part of a vertex's sum."""
+    """The function that makes force [N] and bound or magnitude of a vertex's sum."""
     types = cloth_types(precision)
     real, vec4 = types.real, types.vec4
     force, stiffness = wp.constant(real(float(FORCE_UNIT))), wp.constant(real(float(STIFFNESS_UNIT)))
 
     @wp.func
     def load_of(row: Row):
-        """Force [N] and fourth part of a sum."""
+        """Force [N] and bound or magnitude of a sum."""
         return vec4(real(row[0]) * force, real(row[1]) * force, real(row[2]) * force, real(row[3]) * stiffness)
 
     return load_of
@@ -60,7 +60,7 @@ def taken_function(precision: str) -> wp.Function:
 
     @wp.func
     def contact_taken(contact: ContactData, vertex: int, before: ContactBefore):
-        """Force [N] and fourth part that contact adds at a vertex, and how far this may move [m].
+        """Force [N] and bound or magnitude that contact adds at a vertex, and how far this may move [m].
 
         That is before it could meet something, known or not. Leaves the sum at zero and the room open.
         """
@@ -83,7 +83,7 @@ def sum_function(precision: str) -> wp.Function:
 
     @wp.func
     def contact_sum(contact: ContactData, vertex: int):
-        """Force [N] and fourth part that contact adds at a vertex; leaves the sum at zero."""
+        """Force [N] and bound or magnitude that contact adds at a vertex; leaves the sum at zero."""
         row = sum_row(contact.sum, vertex)
         leave_none(contact.sum, vertex, row)
         return load_of(row)
@@ -101,7 +101,7 @@ def add_kernel(precision: str) -> wp.Kernel:
     def add_contact(
         contact: ContactData,
         order: wp.array(dtype=wp.int32),  # where contact has vertices in another order, theirs in the load's, shape [V]
-        load: wp.array(dtype=vec4),  # force [N] and fourth part, shape [V]
+        load: wp.array(dtype=vec4),  # force [N] and bound or magnitude, shape [V]
     ):
         """Adds a vertex's sum to its load, and leaves the sum at zero."""
         place = wp.tid()

@@ -1,6 +1,6 @@
 """What an edge and its hinge do to their vertices, in one precision; of one edge or of eight.
 
-A load is a force [N] and a fourth part (one of cloth.FOURTH_PARTS).
+A load is a force [N] and what ``Accumulate`` names.
 """
 
 import functools
@@ -9,7 +9,8 @@ from typing import Any
 
 import warp as wp
 
-from warp_cloth.kernels.base.types import BOUNDS, cloth_types, difference_function, takes_exact_stretch
+from warp_cloth.kernels.base.options import Accumulate
+from warp_cloth.kernels.base.types import cloth_types, difference_function, takes_exact_stretch
 from warp_cloth.kernels.laws.bending import SHORTEST, hinge_torque, rotated_back
 from warp_cloth.kernels.laws.tension import damped_change, tension_force, tension_stiffness, transverse_fraction
 from warp_cloth.kernels.math.lanes import WIDTH, lane_types
@@ -37,11 +38,11 @@ def spans_type(precision: str) -> type:
 
 
 @functools.cache
-def span_functions(precision: str, fourth: str) -> SimpleNamespace:
+def span_functions(precision: str, accumulate: Accumulate) -> SimpleNamespace:
     """Functions ``edge_span`` and ``side_span``, of one edge."""
     types = cloth_types(precision)
     real, point, vec3, Span = types.real, types.point, types.vec3, types.Span
-    difference, exact = difference_function(precision), takes_exact_stretch(precision, fourth)
+    difference, exact = difference_function(precision), takes_exact_stretch(precision, accumulate)
 
     @wp.func
     def side_span(side: vec3, first_move: vec3, second_move: vec3, size: real):
@@ -50,7 +51,7 @@ def span_functions(precision: str, fourth: str) -> SimpleNamespace:
         span.side = side
         span.length = edge_length(span.side)
         span.inverse = real(1.0) / span.length
-        if wp.static(fourth in BOUNDS):
+        if wp.static(accumulate.is_bound):
             span.change = second_move - first_move
             span.move = size
         return span
@@ -67,7 +68,7 @@ def span_functions(precision: str, fourth: str) -> SimpleNamespace:
 
 
 @functools.cache
-def edge_functions(precision: str, fourth: str, angles: bool, lanes: int = 1) -> SimpleNamespace:
+def edge_functions(precision: str, accumulate: Accumulate, angles: bool, lanes: int = 1) -> SimpleNamespace:
     """Functions ``edge_load`` (its tension) and ``edge_fold`` (its hinge, with rest angles or flat).
 
     Of one edge, with ``edge_span``; or of a packet, none of which is measured exactly or has a rest angle.
@@ -75,7 +76,7 @@ def edge_functions(precision: str, fourth: str, angles: bool, lanes: int = 1) ->
     types, shapes = cloth_types(precision), lane_types(cloth_types(precision).real, lanes)
     real, wide, vec2, Step = types.real, types.wide, types.vec2, types.Step
     one, vec3, vec4 = shapes.real, shapes.vec3, shapes.vec4
-    Span, exact = spans_type(precision) if lanes > 1 else types.Span, takes_exact_stretch(precision, fourth)
+    Span, exact = spans_type(precision) if lanes > 1 else types.Span, takes_exact_stretch(precision, accumulate)
 
     @wp.func
     def edge_load(span: Span, law: vec3, step: Step):
@@ -88,16 +89,16 @@ def edge_functions(precision: str, fourth: str, angles: bool, lanes: int = 1) ->
         tension = tension_force(stretch, pull, push)
         force = span.side * (tension * span.inverse)
         bound = one(0.0)
-        if wp.static(fourth in BOUNDS):
+        if wp.static(accumulate.is_bound):
             size = root(inner(span.change, span.change))
             bound = tension_stiffness(stretch, pull, push, size * step.reach)
             change = span.change
-            if wp.static(fourth == "leeway"):
+            if wp.static(accumulate is Accumulate.ANISOTROPIC_STIFFNESS):
                 fraction = transverse_fraction(span.length, tension, bound, size, step.horizon)
                 change = damped_change(span.side, rest, span.change, fraction, step.buckling)
             # calms neighbours that swing against each other, leaves what moves together its momentum, nothing at rest
             force = scaled_sum(change, bound * step.viscosity, force)
-        if wp.static(fourth == "size"):
+        if wp.static(accumulate is Accumulate.MAGNITUDE):
             bound = wp.length(force)
         return vector4(component(force, 0), component(force, 1), component(force, 2), bound)
 
@@ -118,7 +119,7 @@ def edge_functions(precision: str, fourth: str, angles: bool, lanes: int = 1) ->
         )  # fmt: skip
         return vector3(torque * span.inverse, bound, inner(span.side, span.side))
 
-    spans = span_functions(precision, fourth)
+    spans = span_functions(precision, accumulate)
     return SimpleNamespace(
         edge_span=spans.edge_span, side_span=spans.side_span, edge_load=edge_load, edge_fold=edge_fold
     )

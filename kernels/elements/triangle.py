@@ -1,6 +1,6 @@
 """What a triangle does to its vertices, in one precision; ``scatter``, ``gather`` sum it.
 
-A load is a force [N] and a fourth part (one of cloth.FOURTH_PARTS). A hinge turns its two triangles, each of which
+A load is a force [N] and what ``Accumulate`` names. A hinge turns its two triangles, each of which
 answers along its own normal: so a hinge's forces are summed triangle by triangle, of three hinges at a time.
 """
 
@@ -9,8 +9,8 @@ from types import SimpleNamespace
 
 import warp as wp
 
-from warp_cloth.kernels.base.options import Terms
-from warp_cloth.kernels.base.types import BOUNDS, cloth_types, difference_function, takes_exact_stretch
+from warp_cloth.kernels.base.options import Accumulate, Terms
+from warp_cloth.kernels.base.types import cloth_types, difference_function, takes_exact_stretch
 from warp_cloth.kernels.laws.bending import unit_normal
 from warp_cloth.kernels.laws.yarn import (
     slope_fractions,
@@ -31,11 +31,11 @@ from warp_cloth.kernels.math.real import fused, inner, reciprocal, root, scaled_
 
 
 @functools.cache
-def triangle_functions(precision: str, fourth: str) -> SimpleNamespace:
+def triangle_functions(precision: str, accumulate: Accumulate) -> SimpleNamespace:
     """Functions ``triangle_sides`` and ``triangle_normal``."""
     types = cloth_types(precision)
     point, vec3, vec4, Sides = types.point, types.vec3, types.vec4, types.Sides
-    difference, exact = difference_function(precision), takes_exact_stretch(precision, fourth)
+    difference, exact = difference_function(precision), takes_exact_stretch(precision, accumulate)
 
     @wp.func
     def triangle_sides(origin: point, second: point, third: point, move: vec3, second_move: vec3, third_move: vec3):
@@ -47,7 +47,7 @@ def triangle_functions(precision: str, fourth: str) -> SimpleNamespace:
         if wp.static(exact):
             sides.exact_1 = second - origin
             sides.exact_2 = third - origin
-        if wp.static(fourth in BOUNDS):
+        if wp.static(accumulate.is_bound):
             sides.change_1 = second_move - move
             sides.change_2 = third_move - move
         return sides
@@ -62,10 +62,10 @@ def triangle_functions(precision: str, fourth: str) -> SimpleNamespace:
 
 
 @functools.cache
-def corner_fold_function(precision: str, fourth: str, lanes: int = 1) -> wp.Function:
+def corner_fold_function(precision: str, accumulate: Accumulate, lanes: int = 1) -> wp.Function:
     """The function that adds what a triangle's hinges do to its corners to their loads."""
     types = lane_types(cloth_types(precision).real, lanes)
-    vec3, vec4, corner_folds = types.vec3, types.vec4, _fold_function(precision, fourth, lanes)
+    vec3, vec4, corner_folds = types.vec3, types.vec4, _fold_function(precision, accumulate, lanes)
 
     @wp.func
     def with_fold(load: vec4, normal: vec4, along: types.real, more: types.real):
@@ -91,11 +91,11 @@ def corner_fold_function(precision: str, fourth: str, lanes: int = 1) -> wp.Func
 
 
 @functools.cache
-def corner_function(precision: str, fourth: str, terms: Terms) -> wp.Function:
+def corner_function(precision: str, accumulate: Accumulate, terms: Terms) -> wp.Function:
     """The function that says what a triangle does to its corners, by all terms that there are."""
     types = cloth_types(precision)
     vec3, vec4, Sides, Step = types.vec3, types.vec4, types.Sides, types.Step
-    with_folds, yarn_loads = corner_fold_function(precision, fourth), yarn_function(precision, fourth)
+    with_folds, yarn_loads = corner_fold_function(precision, accumulate), yarn_function(precision, accumulate)
     exact_excess = _excess_function(precision)
 
     @wp.func
@@ -106,9 +106,9 @@ def corner_function(precision: str, fourth: str, terms: Terms) -> wp.Function:
         first = vec4()
         second = vec4()
         third = vec4()
-        if wp.static(terms.threads):
+        if wp.static(terms.yarns):
             excess = vec4()
-            if wp.static(takes_exact_stretch(precision, fourth)):
+            if wp.static(takes_exact_stretch(precision, accumulate)):
                 excess = exact_excess(sides, slope)
             force_0, force_1, force_2, parts = yarn_loads(
                 sides.side_1, sides.side_2, excess, sides.change_1, sides.change_2, slope, law, step
@@ -123,7 +123,7 @@ def corner_function(precision: str, fourth: str, terms: Terms) -> wp.Function:
     return corner_loads
 
 
-def _fold_function(precision: str, fourth: str, lanes: int) -> wp.Function:
+def _fold_function(precision: str, accumulate: Accumulate, lanes: int) -> wp.Function:
     types = lane_types(cloth_types(precision).real, lanes)
     one, vec3 = types.real, types.vec3
 
@@ -134,7 +134,7 @@ def _fold_function(precision: str, fourth: str, lanes: int) -> wp.Function:
 
     @wp.func
     def corner_folds(inverse: one, fold_0: vec3, fold_1: vec3, fold_2: vec3):
-        """What the hinges of a triangle's sides do to its corners: forces along its normal [N], and fourth parts.
+        """What the hinges of a triangle's sides do to its corners: forces along its normal [N], and ``Accumulate``.
 
         With p_i the turn of side i over twice the area, it pushes corner i by p_i L_i^2 and the side's ends by -p_i
         times the dot product of the sides that leave the other end: each end's share of L_i^2 by the foot of the
@@ -155,13 +155,13 @@ def _fold_function(precision: str, fourth: str, lanes: int) -> wp.Function:
         along_1 = fused(push_1, square_1, -fused(push_0, dot_2, push_2 * dot_0))
         along_2 = fused(push_2, square_2, -fused(push_0, dot_1, push_1 * dot_0))
         parts = vec3()
-        if wp.static(fourth in BOUNDS):
+        if wp.static(accumulate.is_bound):
             # a wing's bound is in its own triangle, an axis' in both of the hinge's
             bound_0, bound_1, bound_2 = component(fold_0, 1), component(fold_1, 1), component(fold_2, 1)
             half = one(0.5)
             both = (bound_0 + bound_1 + bound_2) * half
             parts = vector3(fused(bound_0, half, both), fused(bound_1, half, both), fused(bound_2, half, both))
-        if wp.static(fourth == "size"):
+        if wp.static(accumulate is Accumulate.MAGNITUDE):
             parts = vec3(
                 wp.abs(push_0) * square_0 + wp.abs(push_1 * dot_2) + wp.abs(push_2 * dot_1),
                 wp.abs(push_1) * square_1 + wp.abs(push_0 * dot_2) + wp.abs(push_2 * dot_0),
@@ -172,18 +172,18 @@ def _fold_function(precision: str, fourth: str, lanes: int) -> wp.Function:
     return corner_folds
 
 
-def _yarn_parts_function(precision: str, fourth: str, lanes: int) -> wp.Function:
+def _yarn_parts_function(precision: str, accumulate: Accumulate, lanes: int) -> wp.Function:
     real, types = cloth_types(precision).real, lane_types(cloth_types(precision).real, lanes)
     one, vec4 = types.real, types.vec4
     # of the weft and warp yarns' figures, and of those of both biases, whose slopes are taken sqrt(2) times too large
-    straight = wp.constant(real(0.5 if fourth in BOUNDS else 1.0))
-    bias = wp.constant(real(0.25 if fourth in BOUNDS else 0.5**0.5))
+    straight = wp.constant(real(0.5 if accumulate.is_bound else 1.0))
+    bias = wp.constant(real(0.25 if accumulate.is_bound else 0.5**0.5))
 
     @wp.func
     def corner_fractions(slope_1: one, slope_2: one):
         """What a yarn's figure counts for at each corner: stiffness by ``slope_fractions``, magnitude by the slopes."""
         fraction_0, fraction_1, fraction_2 = absolute(slope_1 + slope_2), absolute(slope_1), absolute(slope_2)
-        if wp.static(fourth in BOUNDS):
+        if wp.static(accumulate.is_bound):
             fraction_0, fraction_1, fraction_2 = slope_fractions(slope_1, slope_2)
         return vector3(fraction_0, fraction_1, fraction_2)
 
@@ -219,17 +219,17 @@ def _excess_function(precision: str) -> wp.Function:
 
 
 @functools.cache
-def yarn_function(precision: str, fourth: str, lanes: int = 1) -> wp.Function:
+def yarn_function(precision: str, accumulate: Accumulate, lanes: int = 1) -> wp.Function:
     """The function ``yarn_loads`` of a woven triangle, or of a packet of them."""
     real, Step = cloth_types(precision).real, cloth_types(precision).Step
     vec3, vec4 = lane_types(real, lanes).vec3, lane_types(real, lanes).vec4
-    corner_parts = _yarn_parts_function(precision, fourth, lanes)
+    corner_parts = _yarn_parts_function(precision, accumulate, lanes)
 
     @wp.func
     def yarn_loads(
         side_1: vec3, side_2: vec3, excess: vec4, change_1: vec3, change_2: vec3, slope: vec4, law: vec4, step: Step
     ):
-        """Forces of the four yarns on the corners, and the corners' fourth parts.
+        """Forces of the four yarns on the corners, and the corners' bounds or magnitudes.
 
         ``excess`` is |t|^2 - 1 of the yarns where that is taken exactly, from which |t| - 1 = excess / (|t| + 1).
         """
@@ -238,23 +238,23 @@ def yarn_function(precision: str, fourth: str, lanes: int = 1) -> wp.Function:
         warp_change = vec3()
         square = yarn_squares(weft, warp)
         change = vec4()
-        if wp.static(fourth in BOUNDS):
+        if wp.static(accumulate.is_bound):
             weft_change = weft_vector(slope, change_1, change_2)
             warp_change = warp_vector(slope, change_1, change_2)
             change = yarn_squares(weft_change, warp_change)
         pull, push = yarn_stiffness(law)
         length, one = root(square), vec4(real(1.0))
         stretch = length - one
-        if wp.static(takes_exact_stretch(precision, fourth)):
+        if wp.static(takes_exact_stretch(precision, accumulate)):
             stretch = excess * reciprocal(length + one)
         tension, bound = yarn_tension(length, stretch, change, pull, push, step.reach)
         on_weft = vec3()
         on_warp = vec3()
         parts = vec3()
-        if wp.static(fourth in BOUNDS):
+        if wp.static(accumulate.is_bound):
             # resists the yarns' changing, as an edge's load does
             damping = bound * step.viscosity
-            if wp.static(fourth == "leeway"):
+            if wp.static(accumulate is Accumulate.ANISOTROPIC_STIFFNESS):
                 product = yarn_products(weft, warp, weft_change, warp_change)
                 damping, more = split_damping(
                     damping, square, change, product, tension, bound, step.horizon, step.buckling
@@ -264,7 +264,7 @@ def yarn_function(precision: str, fourth: str, lanes: int = 1) -> wp.Function:
             on_weft = scaled_sum(weft_change, own_weft, warp_change * across)
             on_warp = scaled_sum(warp_change, own_warp, weft_change * across)
             parts = corner_parts(slope, bound)
-        if wp.static(fourth == "size"):
+        if wp.static(accumulate is Accumulate.MAGNITUDE):
             parts = corner_parts(slope, absolute(tension) * length)
         # what the biases pull along weft and warp, each along itself and along the other
         own_weft, own_warp, across = weft_and_warp(tension)

@@ -1,6 +1,6 @@
 """Leeway: how much further than its stiffness bound lets it a vertex may go in directions that hardly resist.
 
-A thread resists along itself; across it do only its pull and the bending of cloth, a hundred times less. A step that is
+A yarn resists along itself; across it do only its pull and the bending of cloth, a hundred times less. A step that is
 bounded alike in all directions therefore moves folds little by little. So what the bound k sums is summed as a matrix,
 too: for each yarn or edge B = b (a I + (1 - a) t t^T), with b its bound, t its direction and a what resists across it
 (tension.transverse_fraction); for bending b I. The leeway is (B / k + I / most)^-1, with ``most`` its own limit: a step
@@ -14,7 +14,7 @@ from typing import Any
 import warp as wp
 
 from warp_cloth.kernels.base.access import element
-from warp_cloth.kernels.base.options import Terms
+from warp_cloth.kernels.base.options import Accumulate, Terms
 from warp_cloth.kernels.base.subset import listed
 from warp_cloth.kernels.base.types import MODULE_OPTIONS, cloth_types, difference_function, rest_function
 from warp_cloth.kernels.elements.edge import edge_functions
@@ -115,7 +115,7 @@ def _bound_folds_kernel(precision: str, terms: Terms, packed: bool, in_order: bo
         types.Edges,
         types.Step,
     )
-    functions = edge_functions(precision, "leeway", terms.angles)
+    functions = edge_functions(precision, Accumulate.ANISOTROPIC_STIFFNESS, terms.angles)
     edge_span, edge_fold = functions.edge_span, functions.edge_fold
     rests = rest_function(precision)
 
@@ -173,7 +173,7 @@ def _find_leeway_kernel(precision: str, terms: Terms, packed: bool, in_order: bo
     real, Model, State, Step = types.real, types.Model, types.State, types.Step
     Edges, Triangles, Rows = types.Edges, types.Triangles, types.Rows
     leeway_of = leeway_function(precision)
-    sides_of = sides_function(precision, "leeway", packed, in_order)
+    sides_of = sides_function(precision, Accumulate.ANISOTROPIC_STIFFNESS, packed, in_order)
     difference = difference_function(precision)
     rests = rest_function(precision)
     half = wp.constant(real(0.5))
@@ -219,7 +219,7 @@ def _find_leeway_kernel(precision: str, terms: Terms, packed: bool, in_order: bo
                 more, size = edge_bound(side, change, element(edges.law, edge), step.reach, step.horizon)
                 matrix += more
                 total += size
-        if wp.static(terms.folds or terms.threads):
+        if wp.static(terms.folds or terms.yarns):
             for row in range(element(rows.triangle_start, vertex), element(rows.triangle_start, vertex + 1)):
                 entry = element(rows.triangle, row)
                 triangle = entry // 3
@@ -228,8 +228,8 @@ def _find_leeway_kernel(precision: str, terms: Terms, packed: bool, in_order: bo
                     size = folds_bound(element(triangles.edges, triangle), bound, corner)
                     matrix += multiple_of_unit(size)
                     total += size
-                if wp.static(terms.threads):
-                    slope, law = element(triangles.slope, triangle), element(triangles.threads, triangle)
+                if wp.static(terms.yarns):
+                    slope, law = element(triangles.slope, triangle), element(triangles.yarns, triangle)
                     sides = sides_of(state, element(triangles.corners, triangle))
                     weft, warp, bounds, fraction, inverse_length = yarn_bounds(
                         sides.side_1, sides.side_2, sides.change_1, sides.change_2,

@@ -92,7 +92,7 @@ def _sum_kernel(precision: str, terms: Terms) -> wp.Kernel:
         straight_out: wp.array(dtype=vec4),  # shape [V]
         crossed_out: wp.array(dtype=vec4),
     ):
-        """Adds the bounds of eight triangles' hinges and threads to their corners."""
+        """Adds the bounds of eight triangles' hinges and yarns to their corners."""
         number = wp.tid()
         lanes = busy_lanes(model, triangles.corners, number)
         if lanes == 0:
@@ -105,7 +105,7 @@ def _sum_kernel(precision: str, terms: Terms) -> wp.Kernel:
         side_2 = eight_sides(like, state.position, triangles.corners, start, 0, 2)
         change_1 = eight_sides(like, state.displacement, triangles.corners, start, 0, 1)
         change_2 = eight_sides(like, state.displacement, triangles.corners, start, 0, 2)
-        slope, law = eight_elements(triangles.slope, start), eight_elements(triangles.threads, start)
+        slope, law = eight_elements(triangles.slope, start), eight_elements(triangles.yarns, start)
         weft, warp, bounds, fraction, inverse_length = yarn_bounds(
             side_1, side_2, change_1, change_2, slope, law, step.reach, step.horizon
         )

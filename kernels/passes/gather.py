@@ -20,7 +20,7 @@ from warp_cloth.kernels.base.block import (
     memory_functions,
     wait_for_block,
 )
-from warp_cloth.kernels.base.options import RANKS, SLOTS, Terms
+from warp_cloth.kernels.base.options import RANKS, SLOTS, Accumulate, Terms
 from warp_cloth.kernels.base.types import MODULE_OPTIONS, Patch, cloth_types
 from warp_cloth.kernels.math.real import signed_sum
 from warp_cloth.kernels.patches.corners import triangle_table_function, triangles_step
@@ -152,7 +152,7 @@ def load_functions(precision: str, terms: Terms, fits: bool, by_kind: bool) -> S
         own = wp.min(local, patch.owned_count - 1)
         if wp.static(terms.edges):
             edges = element(patches.edge_slot, patch.slot_start + own)
-        if wp.static(terms.folds or terms.threads):
+        if wp.static(terms.folds or terms.yarns):
             triangles = element(patches.slot, patch.slot_start + own)
         return edges, triangles
 
@@ -174,7 +174,7 @@ def load_functions(precision: str, terms: Terms, fits: bool, by_kind: bool) -> S
         if wp.static(terms.edges):
             nothing = 2 * patch.edge_count
             load = all_edges(patches.edge_slot, patch, beside, memory, local, edges, nothing, load)
-        if wp.static(terms.folds or terms.threads):
+        if wp.static(terms.folds or terms.yarns):
             nothing = corner_stride(patch) + 2 * patch.triangle_count
             load = all_triangles(patches.slot, patch, beside, memory, local, triangles, nothing, load)
         return load
@@ -203,7 +203,7 @@ def work_type(precision: str) -> type:
 @functools.cache
 def patch_functions(
     precision: str,
-    fourth: str,
+    accumulate: Accumulate,
     terms: Terms,
     fits: bool,
     in_order: bool,
@@ -217,7 +217,7 @@ def patch_functions(
 
     Args:
         precision: of positions and forces.
-        fourth: one of cloth.FOURTH_PARTS.
+        accumulate: what is summed beside the forces.
         terms: what there is to gather.
         fits: whether no patch is too large for a block's own memory and threads.
         in_order: whether vertices lie in the patches' order.
@@ -230,15 +230,15 @@ def patch_functions(
     PatchItem, PatchWork = item_type(precision), work_type(precision)
     patch_memory = layout_function(precision, terms, fits, paired)
     fetch_tables = fetch_function(precision, terms, paired)
-    vertices = vertices_step(precision, fourth, fits, in_order, packed, threads)
+    vertices = vertices_step(precision, accumulate, fits, in_order, packed, threads)
     read_vertices, work_normals = vertices.read_vertices, normals_step(precision, fits, paired, threads)
     asked_item, work_item_normals = item_functions(precision, fits).asked_item, item_normals_step(precision, fits)
-    item_edges = item_edges_step(precision, fourth, terms, fits)
+    item_edges = item_edges_step(precision, accumulate, terms, fits)
     asked_laws, work_item_edges = item_edges.asked_laws, item_edges.work_item_edges
-    work_other_edges = edges_step(precision, fourth, terms, fits, paired, threads)
+    work_other_edges = edges_step(precision, accumulate, terms, fits, paired, threads)
     edge_table = edge_table_functions(precision, terms, paired).edge_table
-    work_item_corners = item_corners_step(precision, fourth, terms, fits)
-    work_triangles = triangles_step(precision, fourth, terms, fits, threads)
+    work_item_corners = item_corners_step(precision, accumulate, terms, fits)
+    work_triangles = triangles_step(precision, accumulate, terms, fits, threads)
     triangle_table, own = triangle_table_function(precision, terms), load_functions(precision, terms, fits, paired)
     vertex_slots, fetch_next = own.vertex_slots, next_functions(precision).fetch_next
 
@@ -313,7 +313,7 @@ def patch_functions(
         patches: Patches, patch: Patch, beside: wp.array(dtype=wp.uint8), step: Step, lane: int, work: PatchWork
     ):
         """What the patch's triangles do to their corners, after ``work_edges``; every thread of the block calls it."""
-        if wp.static(terms.folds or terms.threads):
+        if wp.static(terms.folds or terms.yarns):
             wait_for_block()
             if wp.static(paired):
                 work_item_corners(patches, patch, beside, work.memory, step, lane, work.item)
@@ -327,11 +327,11 @@ def patch_functions(
 
 
 @functools.cache
-def gather_kernel(precision: str, fourth: str, terms: Terms, fits: bool, paired: bool = False) -> wp.Kernel:
+def gather_kernel(precision: str, accumulate: Accumulate, terms: Terms, fits: bool, paired: bool = False) -> wp.Kernel:
     """Kernel ``gather_forces``; arguments as of ``patch_functions``."""
     types = cloth_types(precision)
     vec4, Model, State, Step, Patches = types.vec4, types.Model, types.State, types.Step, types.Patches
-    functions = patch_functions(precision, fourth, terms, fits, in_order=False, paired=paired)
+    functions = patch_functions(precision, accumulate, terms, fits, in_order=False, paired=paired)
     own_vertex, two_vertices = functions.own_vertex, functions.two_vertices
     work_edges, work_corners = functions.work_edges, functions.work_corners
     vertex_slots, vertex_load = functions.vertex_slots, functions.vertex_load
@@ -343,7 +343,7 @@ def gather_kernel(precision: str, fourth: str, terms: Terms, fits: bool, paired:
         patches: Patches,
         beside: wp.array(dtype=wp.uint8),  # memory of patches that are too large for a block's own
         step: Step,
-        load_out: wp.array(dtype=vec4),  # force [N] and the fourth part, shape [V]
+        load_out: wp.array(dtype=vec4),  # force [N] and what is accumulated, shape [V]
     ):
         """Sums the forces that meet at each vertex."""
         thread = wp.tid()

@@ -19,7 +19,7 @@ from warp_cloth.kernels.base.block import (
     tell_blocks,
     wait_for_block,
 )
-from warp_cloth.kernels.base.options import WORN_THREADS, Terms, block_for
+from warp_cloth.kernels.base.options import WORN_THREADS, Accumulate, Terms, block_for
 from warp_cloth.kernels.base.types import MODULE_OPTIONS, Patch, cloth_types, free_function
 from warp_cloth.kernels.contact.force import press_function
 from warp_cloth.kernels.contact.search_trigger import contact_turn, contact_watch
@@ -227,7 +227,7 @@ def advance_kernel(
     meets cloth and patches are few the first blocks press its pairs, while the others work out what they own.
     """
     presses = cloth_contact and few and fits
-    press_share = press_function(precision, "stiffness", in_order=True) if presses else None
+    press_share = press_function(precision, Accumulate.STIFFNESS, in_order=True) if presses else None
     threads, _, many, _ = block_for(paired)
     if avatar_contact is not None and (cloth_contact or few or paired):
         many -= 1  # what an avatar is looked up by then finds more of the core's own memory

@@ -10,9 +10,9 @@ import functools
 import warp as wp
 
 from warp_cloth.kernels.base.access import add_to, element
-from warp_cloth.kernels.base.options import Terms
+from warp_cloth.kernels.base.options import Accumulate, Terms
 from warp_cloth.kernels.base.subset import listed
-from warp_cloth.kernels.base.types import BOUNDS, MODULE_OPTIONS, cloth_types, rest_function
+from warp_cloth.kernels.base.types import MODULE_OPTIONS, cloth_types, rest_function
 from warp_cloth.kernels.elements.edge import edge_functions
 from warp_cloth.kernels.elements.triangle import corner_function, triangle_functions
 from warp_cloth.kernels.math.real import inner, root
@@ -25,7 +25,7 @@ def normals_kernel(precision: str, packed: bool = False) -> wp.Kernel:
     types = cloth_types(precision)
     position_at = order_functions(precision, packed).position_at
     vec4, Model, State, Triangles, Step = types.vec4, types.Model, types.State, types.Triangles, types.Step
-    triangle_normal = triangle_functions(precision, "none").triangle_normal
+    triangle_normal = triangle_functions(precision, Accumulate.NONE).triangle_normal
     rests = rest_function(precision)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
@@ -52,8 +52,8 @@ def normals_kernel(precision: str, packed: bool = False) -> wp.Kernel:
 
 
 @functools.cache
-def edges_kernel(precision: str, fourth: str, terms: Terms) -> wp.Kernel:
-    """Kernel ``add_edges``; ``fourth`` is one of cloth.FOURTH_PARTS."""
+def edges_kernel(precision: str, accumulate: Accumulate, terms: Terms) -> wp.Kernel:
+    """Kernel ``add_edges``; ``accumulate``: beside the forces."""
     types = cloth_types(precision)
     vec2, vec3, vec4, Model, State, Step, Edges = (
         types.vec2,
@@ -64,7 +64,7 @@ def edges_kernel(precision: str, fourth: str, terms: Terms) -> wp.Kernel:
         types.Step,
         types.Edges,
     )
-    functions = edge_functions(precision, fourth, terms.angles)
+    functions = edge_functions(precision, accumulate, terms.angles)
     edge_span, edge_load, edge_fold = functions.edge_span, functions.edge_load, functions.edge_fold
     rests = rest_function(precision)
 
@@ -76,7 +76,7 @@ def edges_kernel(precision: str, fourth: str, terms: Terms) -> wp.Kernel:
         normal: wp.array(dtype=vec4),  # of measure_normals, shape [F]
         step: Step,
         fold_out: wp.array(dtype=vec4),  # turn [N], bound [N/m] and L^2 [m2] of each edge's hinge, shape [E]
-        load_out: wp.array(dtype=vec4),  # force [N] and the fourth part, shape [V]
+        load_out: wp.array(dtype=vec4),  # force [N] and what is accumulated, shape [V]
     ):
         """Adds each edge's tension to its ends, and works out its hinge."""
         edge = wp.tid()
@@ -85,7 +85,7 @@ def edges_kernel(precision: str, fourth: str, terms: Terms) -> wp.Kernel:
             return
         move_0 = vec3()
         move_1 = vec3()
-        if wp.static(fourth in BOUNDS):
+        if wp.static(accumulate.is_bound):
             move_0, move_1 = element(state.displacement, ends[0]), element(state.displacement, ends[1])
         size = root(inner(move_0, move_0))
         span = edge_span(element(state.position, ends[0]), element(state.position, ends[1]), move_0, move_1, size)
@@ -106,19 +106,19 @@ def edges_kernel(precision: str, fourth: str, terms: Terms) -> wp.Kernel:
 
 
 @functools.cache
-def sides_function(precision: str, fourth: str, packed: bool = False, in_order: bool = False) -> wp.Function:
+def sides_function(precision: str, accumulate: Accumulate, packed: bool = False, in_order: bool = False) -> wp.Function:
     """The function that reads a triangle as it lies; ``packed`` and ``in_order``: as of packing.order_functions."""
     types = cloth_types(precision)
     vec3, State = types.vec3, types.State
     order = order_functions(precision, packed, in_order)
     position_at, move_at = order.position_at, order.move_at
-    triangle_sides = triangle_functions(precision, fourth).triangle_sides
+    triangle_sides = triangle_functions(precision, accumulate).triangle_sides
 
     @wp.func
     def sides_of(state: State, corners: wp.vec3i):
         """A triangle as it lies, and what last moved it."""
         move_0, move_1, move_2 = vec3(), vec3(), vec3()
-        if wp.static(fourth in BOUNDS):
+        if wp.static(accumulate.is_bound):
             move_0, move_1 = move_at(state, corners[0]), move_at(state, corners[1])
             move_2 = move_at(state, corners[2])
         origin, second = position_at(state, corners[0]), position_at(state, corners[1])
@@ -147,8 +147,8 @@ def fold_reader(precision: str) -> wp.Function:
 
 
 @functools.cache
-def triangles_kernel(precision: str, fourth: str, terms: Terms) -> wp.Kernel:
-    """Kernel ``add_triangles``; ``fourth`` is one of cloth.FOURTH_PARTS."""
+def triangles_kernel(precision: str, accumulate: Accumulate, terms: Terms) -> wp.Kernel:
+    """Kernel ``add_triangles``; ``accumulate``: beside the forces."""
     types = cloth_types(precision)
     vec3, vec4, Model, State, Step, Triangles = (
         types.vec3,
@@ -158,8 +158,8 @@ def triangles_kernel(precision: str, fourth: str, terms: Terms) -> wp.Kernel:
         types.Step,
         types.Triangles,
     )
-    corner_loads = corner_function(precision, fourth, terms)
-    sides_of, side_folds = sides_function(precision, fourth), fold_reader(precision)
+    corner_loads = corner_function(precision, accumulate, terms)
+    sides_of, side_folds = sides_function(precision, accumulate), fold_reader(precision)
     rests = rest_function(precision)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
@@ -170,9 +170,9 @@ def triangles_kernel(precision: str, fourth: str, terms: Terms) -> wp.Kernel:
         normal: wp.array(dtype=vec4),  # of measure_normals, shape [F]
         fold: wp.array(dtype=vec4),  # of add_edges, shape [E]
         step: Step,
-        load_out: wp.array(dtype=vec4),  # force [N] and the fourth part, shape [V]
+        load_out: wp.array(dtype=vec4),  # force [N] and what is accumulated, shape [V]
     ):
-        """Adds the hinges and threads of each triangle to its corners."""
+        """Adds the hinges and yarns of each triangle to its corners."""
         triangle = wp.tid()
         corners = element(triangles.corners, triangle)
         if rests(model, corners[0]):
@@ -182,8 +182,8 @@ def triangles_kernel(precision: str, fourth: str, terms: Terms) -> wp.Kernel:
             own = element(normal, triangle)
             fold_0, fold_1, fold_2 = side_folds(fold, element(triangles.edges, triangle))
         slope, law, sides = vec4(), vec4(), types.Sides()
-        if wp.static(terms.threads):
-            slope, law = element(triangles.slope, triangle), element(triangles.threads, triangle)
+        if wp.static(terms.yarns):
+            slope, law = element(triangles.slope, triangle), element(triangles.yarns, triangle)
             sides = sides_of(state, corners)
         first, second, third = corner_loads(own, fold_0, fold_1, fold_2, sides, slope, law, step)
         add_to(load_out, corners[0], first)

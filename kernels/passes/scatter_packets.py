@@ -7,7 +7,7 @@ import functools
 
 import warp as wp
 
-from warp_cloth.kernels.base.options import Terms
+from warp_cloth.kernels.base.options import Accumulate, Terms
 from warp_cloth.kernels.base.types import MODULE_OPTIONS, cloth_types
 from warp_cloth.kernels.elements.edge import edge_functions, edge_length, spans_type
 from warp_cloth.kernels.elements.triangle import corner_fold_function, yarn_function
@@ -62,8 +62,8 @@ def eight_normals_kernel(precision: str) -> wp.Kernel:
 
 
 @functools.cache
-def eight_edges_kernel(precision: str, fourth: str, terms: Terms) -> wp.Kernel:
-    """Kernel ``add_edges``, of edges that are flat at rest; ``fourth`` is one of cloth.BOUNDS."""
+def eight_edges_kernel(precision: str, accumulate: Accumulate, terms: Terms) -> wp.Kernel:
+    """Kernel ``add_edges``, of edges that are flat at rest; ``accumulate``: beside the forces."""
     types, Spans = cloth_types(precision), spans_type(precision)
     real, vec2, vec4, Model, State, Step, Edges = (
         types.real,
@@ -75,7 +75,7 @@ def eight_edges_kernel(precision: str, fourth: str, terms: Terms) -> wp.Kernel:
         types.Edges,
     )
     like = wp.constant(real(0.0))
-    functions = edge_functions(precision, fourth, angles=False, lanes=WIDTH)
+    functions = edge_functions(precision, accumulate, angles=False, lanes=WIDTH)
     edge_load, edge_fold = functions.edge_load, functions.edge_fold
     busy_lanes = lanes_function(precision)
 
@@ -99,7 +99,7 @@ def eight_edges_kernel(precision: str, fourth: str, terms: Terms) -> wp.Kernel:
         normal: wp.array(dtype=vec4),  # of measure_normals, shape [F]
         step: Step,
         fold_out: wp.array(dtype=vec4),  # turn [N], bound [N/m] and L^2 [m2] of each edge's hinge, shape [E]
-        load_out: wp.array(dtype=vec4),  # force [N] and the fourth part, shape [V]
+        load_out: wp.array(dtype=vec4),  # force [N] and what is accumulated, shape [V]
     ):
         """Adds eight edges' tensions to their ends, and works out their hinges."""
         number = wp.tid()
@@ -123,22 +123,25 @@ def eight_edges_kernel(precision: str, fourth: str, terms: Terms) -> wp.Kernel:
 
 
 @functools.cache
-def eight_triangles_kernel(precision: str, fourth: str, terms: Terms) -> wp.Kernel:
-    """Kernel ``add_triangles``; ``fourth`` is one of cloth.BOUNDS."""
+def eight_triangles_kernel(precision: str, accumulate: Accumulate, terms: Terms) -> wp.Kernel:
+    """Kernel ``add_triangles``; ``accumulate``: beside the forces."""
     types, packets = cloth_types(precision), lane_types(cloth_types(precision).real, WIDTH)
     vec4, Model, State, Step, Triangles = types.vec4, types.Model, types.State, types.Step, types.Triangles
     like = wp.constant(types.real(0.0))
-    yarn_loads, with_folds = yarn_function(precision, fourth, WIDTH), corner_fold_function(precision, fourth, WIDTH)
+    yarn_loads, with_folds = (
+        yarn_function(precision, accumulate, WIDTH),
+        corner_fold_function(precision, accumulate, WIDTH),
+    )
     busy_lanes = lanes_function(precision)
 
     @wp.func
     def yarn_corners(
         state: State, triangles: Triangles, start: int, side_1: packets.vec3, side_2: packets.vec3, step: Step
     ):
-        """Loads of eight triangles' threads on their corners."""
+        """Loads of eight triangles' yarns on their corners."""
         change_1 = eight_sides(like, state.displacement, triangles.corners, start, 0, 1)
         change_2 = eight_sides(like, state.displacement, triangles.corners, start, 0, 2)
-        slope, law = eight_elements(triangles.slope, start), eight_elements(triangles.threads, start)
+        slope, law = eight_elements(triangles.slope, start), eight_elements(triangles.yarns, start)
         force_0, force_1, force_2, parts = yarn_loads(
             side_1, side_2, packets.vec4(), change_1, change_2, slope, law, step
         )
@@ -163,16 +166,16 @@ def eight_triangles_kernel(precision: str, fourth: str, terms: Terms) -> wp.Kern
         sides: wp.array(dtype=packets.vec3),  # likewise, where cloth bends
         fold: wp.array(dtype=vec4),  # of add_edges, shape [E]
         step: Step,
-        load_out: wp.array(dtype=vec4),  # force [N] and the fourth part, shape [V]
+        load_out: wp.array(dtype=vec4),  # force [N] and what is accumulated, shape [V]
     ):
-        """Adds the hinges and threads of eight triangles to their corners."""
+        """Adds the hinges and yarns of eight triangles to their corners."""
         number = wp.tid()
         lanes = busy_lanes(model, triangles.corners, number)
         if lanes == 0:
             return
         start = first_of_eight(number, triangles.corners.shape[0])
         first, second, third = packets.vec4(), packets.vec4(), packets.vec4()
-        if wp.static(terms.threads):
+        if wp.static(terms.yarns):
             if wp.static(terms.folds):
                 side_1, side_2 = sides[2 * number], sides[2 * number + 1]
             else:

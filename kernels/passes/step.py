@@ -7,6 +7,7 @@ import warp as wp
 
 from warp_cloth.kernels.avatar.field import field_contact
 from warp_cloth.kernels.base.access import element
+from warp_cloth.kernels.base.options import Accumulate
 from warp_cloth.kernels.base.types import cloth_types
 from warp_cloth.kernels.contact.arrays import ContactBefore, ContactData, contact_before
 from warp_cloth.kernels.contact.sums import taken_function
@@ -335,8 +336,9 @@ def displacement(
     return vertex_displacement
 
 
-def step_bound(accelerated: bool, avatar_contact: wp.Function | None, cloth_contact: bool = False) -> str:
-    """Which of cloth.FOURTH_PARTS an iteration needs; arguments as of ``displacement``."""
+def step_bound(accelerated: bool, avatar_contact: wp.Function | None, cloth_contact: bool = False) -> Accumulate:
+    """What an iteration accumulates beside forces; arguments as of ``displacement``."""
     if not accelerated:
-        return "none"
-    return "leeway" if wears(accelerated, avatar_contact, cloth_contact) else "stiffness"
+        return Accumulate.NONE
+    worn = wears(accelerated, avatar_contact, cloth_contact)
+    return Accumulate.ANISOTROPIC_STIFFNESS if worn else Accumulate.STIFFNESS

@@ -7,8 +7,8 @@ import warp as wp
 
 from warp_cloth.kernels.base.access import element
 from warp_cloth.kernels.base.block import memory_functions, threads_function
-from warp_cloth.kernels.base.options import Terms, fold_numbers
-from warp_cloth.kernels.base.types import BOUNDS, Patch, cloth_types
+from warp_cloth.kernels.base.options import Accumulate, Terms, fold_numbers
+from warp_cloth.kernels.base.types import Patch, cloth_types
 from warp_cloth.kernels.elements.triangle import corner_function, triangle_functions
 from warp_cloth.kernels.math.real import inner
 from warp_cloth.kernels.patches.memory import PatchMemory, stride_function
@@ -17,14 +17,14 @@ from warp_cloth.kernels.patches.steps import packed, point_functions
 
 
 @functools.cache
-def sides_functions(precision: str, fourth: str, terms: Terms, fits: bool) -> SimpleNamespace:
+def sides_functions(precision: str, accumulate: Accumulate, terms: Terms, fits: bool) -> SimpleNamespace:
     """Functions ``fold_at``, ``turned``, ``side_fold`` and ``sides_of``, by which a triangle is worked out."""
     types = cloth_types(precision)
     vec3 = types.vec3
     functions = memory_functions(precision, fits)
     point_at, read_4 = point_functions(precision, fits).point_at, functions.read_4
     read_2, read_3 = functions.read_2, functions.read_3
-    triangle_sides = triangle_functions(precision, fourth).triangle_sides
+    triangle_sides = triangle_functions(precision, accumulate).triangle_sides
     numbers, size_4 = fold_numbers(terms), 4 * types.real_size
     first_three = three_function(precision)
 
@@ -55,7 +55,7 @@ def sides_functions(precision: str, fourth: str, terms: Terms, fits: bool) -> Si
         """A triangle as it lies."""
         a, b, c = packed(word, 0), packed(word, 1), packed(word, 2)
         move_0, move_1, move_2 = vec3(), vec3(), vec3()
-        if wp.static(fourth in BOUNDS):
+        if wp.static(accumulate.is_bound):
             move_0 = first_three(read_4(beside, memory.move + wp.static(size_4) * a))
             move_1 = first_three(read_4(beside, memory.move + wp.static(size_4) * b))
             move_2 = first_three(read_4(beside, memory.move + wp.static(size_4) * c))
@@ -77,7 +77,7 @@ def triangle_table_function(precision: str, terms: Terms) -> wp.Function:
         sides, corners = wp.uint64(0), wp.uint64(0)
         if wp.static(terms.folds):
             sides = element(patches.sides, at)
-        if wp.static(terms.threads):
+        if wp.static(terms.yarns):
             corners = element(patches.corners, at)
         return sides, corners
 
@@ -85,12 +85,12 @@ def triangle_table_function(precision: str, terms: Terms) -> wp.Function:
 
 
 @functools.cache
-def corners_function(precision: str, fourth: str, terms: Terms, fits: bool) -> wp.Function:
+def corners_function(precision: str, accumulate: Accumulate, terms: Terms, fits: bool) -> wp.Function:
     """The function that works out a triangle from what is known of it."""
     types = cloth_types(precision)
     vec3, vec4, Patches, Step, Sides = types.vec3, types.vec4, types.Patches, types.Step, types.Sides
     write_4, size_4 = memory_functions(precision, fits).write_4, 4 * types.real_size
-    corner_loads, corner_stride = corner_function(precision, fourth, terms), stride_function(terms)
+    corner_loads, corner_stride = corner_function(precision, accumulate, terms), stride_function(terms)
 
     @wp.func
     def put_corners(
@@ -106,11 +106,11 @@ def corners_function(precision: str, fourth: str, terms: Terms, fits: bool) -> w
         fold_1: vec3,
         fold_2: vec3,
     ):
-        """What threads of a triangle and hinges of its sides do to its corners."""
+        """What yarns of a triangle and hinges of its sides do to its corners."""
         slope, law = vec4(), vec4()
-        if wp.static(terms.threads):
+        if wp.static(terms.yarns):
             at = patch.triangle_start + triangle
-            slope, law = element(patches.slope, at), element(patches.threads, at)
+            slope, law = element(patches.slope, at), element(patches.yarns, at)
         first, second, third = corner_loads(normal, fold_0, fold_1, fold_2, sides, slope, law, step)
         others = memory.corner_load + wp.static(size_4) * (corner_stride(patch) + triangle)
         write_4(beside, memory.corner_load + wp.static(size_4) * triangle, first)
@@ -138,14 +138,14 @@ def nothing_step(precision: str, terms: Terms, fits: bool) -> wp.Function:
 
 
 @functools.cache
-def triangles_step(precision: str, fourth: str, terms: Terms, fits: bool, threads: int) -> wp.Function:
+def triangles_step(precision: str, accumulate: Accumulate, terms: Terms, fits: bool, threads: int) -> wp.Function:
     """The function that works out triangles."""
     types, block_threads = cloth_types(precision), threads_function(threads)
     vec3, vec4, Patches, Step, Sides = types.vec3, types.vec4, types.Patches, types.Step, types.Sides
     read_4, size_4 = memory_functions(precision, fits).read_4, 4 * types.real_size
     functions, put_corners = (
-        sides_functions(precision, fourth, terms, fits),
-        corners_function(precision, fourth, terms, fits),
+        sides_functions(precision, accumulate, terms, fits),
+        corners_function(precision, accumulate, terms, fits),
     )
     sides_of, side_fold = functions.sides_of, functions.side_fold
     put_nothing = nothing_step(precision, terms, fits)
@@ -162,7 +162,7 @@ def triangles_step(precision: str, fourth: str, terms: Terms, fits: bool, thread
         first_sides: wp.uint64,
         first_corners: wp.uint64,
     ):
-        """What hinges and threads of triangles do to their corners; the last two are of the thread's first one."""
+        """What hinges and yarns of triangles do to their corners; the last two are of the thread's first one."""
         count = patch.triangle_count
         local = int(lane)
         next_sides, next_corners = first_sides, first_corners
@@ -172,7 +172,7 @@ def triangles_step(precision: str, fourth: str, terms: Terms, fits: bool, thread
             if local + block_threads() < count:
                 next_sides, next_corners = triangle_table(patches, at + block_threads())
             normal, sides = vec4(), Sides()
-            if wp.static(terms.threads):
+            if wp.static(terms.yarns):
                 sides = sides_of(beside, memory, corners)
             fold_0, fold_1, fold_2 = vec3(), vec3(), vec3()
             if wp.static(terms.folds):

@@ -92,7 +92,7 @@ def layout_function(precision: str, terms: Terms, fits: bool, paired: bool) -> w
 
     @wp.func
     def patch_memory(patch: Patch):
-        """Places in the block's memory. Corners' loads come to lie where normals lay, without threads vertices, too."""
+        """Places in the block's memory. Corners' loads come to lie where normals lay, without yarns vertices, too."""
         memory = PatchMemory()
         at = own_memory()
         if wp.static(not fits):
@@ -103,10 +103,10 @@ def layout_function(precision: str, terms: Terms, fits: bool, paired: bool) -> w
             at += wp.static(size_4) * (patch.edge_count + 1)
         memory.normal = at
         memory.corner_load = at
-        if wp.static(terms.folds or terms.threads):
+        if wp.static(terms.folds or terms.yarns):
             at += wp.static(size_4) * corner_stride(patch)
         others = at + wp.static(size_4) * (2 * patch.triangle_count + 1)
-        if wp.static(terms.threads):
+        if wp.static(terms.yarns):
             at = others
         memory.move = at
         at += wp.static(size_4) * patch.vertex_count
@@ -114,7 +114,7 @@ def layout_function(precision: str, terms: Terms, fits: bool, paired: bool) -> w
         at += (wp.static(2 * wide) * patch.vertex_count + 15) & -16
         memory.third = at + wp.static(wide) * (patch.place & 1)  # as they lie in the patches' order
         at += (wp.static(wide) * (patch.vertex_count + 1) + 15) & -16
-        if wp.static(terms.folds and not terms.threads):
+        if wp.static(terms.folds and not terms.yarns):
             at = wp.max(at, others)
         memory.fold = at
         return memory
@@ -133,13 +133,13 @@ def fetch_function(precision: str, terms: Terms, paired: bool) -> wp.Function:
         """Asks for what vertices sum."""
         if wp.static(terms.edges):
             fetch_ahead(patches.edge_slot, patch.slot_start, words_of(patch.ranks) * patch.owned_count, 3)
-        if wp.static(terms.folds or terms.threads):
+        if wp.static(terms.folds or terms.yarns):
             fetch_ahead(patches.slot, patch.slot_start, words_of(patch.ranks) * patch.owned_count, 3)
 
     @wp.func
     def fetch_steps(patches: Patches, patch: Patch):
         """Asks for what edges and triangles are worked out from."""
-        if wp.static(terms.folds or terms.threads):
+        if wp.static(terms.folds or terms.yarns):
             fetch_ahead(patches.corners, patch.triangle_start, patch.normal_count, 4)
         if wp.static(terms.folds or terms.edges):
             fetch_ahead(patches.ends, patch.edge_start, patch.edge_count, 1)
@@ -149,9 +149,9 @@ def fetch_function(precision: str, terms: Terms, paired: bool) -> wp.Function:
             fetch_ahead(patches.fold, patch.law_start, patch.law_count, 5)
         if wp.static(terms.folds and not paired):
             fetch_ahead(patches.sides, patch.triangle_start, patch.triangle_count, 5)
-        if wp.static(terms.threads):
+        if wp.static(terms.yarns):
             fetch_ahead(patches.slope, patch.triangle_start, patch.triangle_count, 0)
-            fetch_ahead(patches.threads, patch.triangle_start, patch.triangle_count, 2)
+            fetch_ahead(patches.yarns, patch.triangle_start, patch.triangle_count, 2)
 
     @wp.func
     def fetch_tables(patches: Patches, patch: Patch):

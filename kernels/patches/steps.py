@@ -10,8 +10,8 @@ import warp as wp
 
 from warp_cloth.kernels.base.access import element
 from warp_cloth.kernels.base.block import block_threads, memory_functions, threads_function
-from warp_cloth.kernels.base.options import NUMBER_BITS, SLOTS, WORD_LAW, Terms, fold_numbers
-from warp_cloth.kernels.base.types import BOUNDS, Patch, cloth_types, difference_function, takes_exact_stretch
+from warp_cloth.kernels.base.options import NUMBER_BITS, SLOTS, WORD_LAW, Accumulate, Terms, fold_numbers
+from warp_cloth.kernels.base.types import Patch, cloth_types, difference_function, takes_exact_stretch
 from warp_cloth.kernels.elements.edge import edge_functions
 from warp_cloth.kernels.elements.triangle import triangle_functions
 from warp_cloth.kernels.patches.memory import PatchMemory
@@ -87,7 +87,7 @@ def point_functions(precision: str, fits: bool) -> SimpleNamespace:
 
 @functools.cache
 def vertices_step(
-    precision: str, fourth: str, fits: bool, in_order: bool, packed: bool, threads: int
+    precision: str, accumulate: Accumulate, fits: bool, in_order: bool, packed: bool, threads: int
 ) -> SimpleNamespace:
     """Functions ``own_vertex``, ``two_vertices`` and ``read_vertices``."""
     types, block_threads = cloth_types(precision), threads_function(threads)
@@ -101,7 +101,7 @@ def vertices_step(
     def keep(state: State, beside: wp.array(dtype=wp.uint8), memory: PatchMemory, local: int, vertex: int):
         """Keeps a vertex in the block's memory."""
         position = position_at(state, vertex)
-        if wp.static(fourth in BOUNDS):
+        if wp.static(accumulate.is_bound):
             write_4(beside, memory.move + wp.static(4 * types.real_size) * local, sized_move(state, vertex))
         put_point(beside, memory, local, position)
 
@@ -151,7 +151,7 @@ def normals_step(precision: str, fits: bool, paired: bool, threads: int) -> wp.F
     types, block_threads = cloth_types(precision), threads_function(threads)
     functions = memory_functions(precision, fits)
     point_at, write_4 = point_functions(precision, fits).point_at, functions.write_4
-    triangle_normal = triangle_functions(precision, "none").triangle_normal
+    triangle_normal = triangle_functions(precision, Accumulate.NONE).triangle_normal
 
     @wp.func
     def work_normals(
@@ -227,17 +227,17 @@ def ends_function(paired: bool) -> wp.Function:
 
 
 @functools.cache
-def edge_functions_of_patch(precision: str, fourth: str, terms: Terms, fits: bool) -> SimpleNamespace:
+def edge_functions_of_patch(precision: str, accumulate: Accumulate, terms: Terms, fits: bool) -> SimpleNamespace:
     """Functions ``work_edge``, which works out an edge from what is known of it, and ``put_fold``."""
     types = cloth_types(precision)
     vec2, vec3, vec4, Patches, Step = types.vec2, types.vec3, types.vec4, types.Patches, types.Step
     functions = memory_functions(precision, fits)
     point_at, read_4 = point_functions(precision, fits).point_at, functions.read_4
     write_2, write_3, write_4 = functions.write_2, functions.write_3, functions.write_4
-    edge = edge_functions(precision, fourth, terms.angles)
+    edge = edge_functions(precision, accumulate, terms.angles)
     side_span, edge_load, edge_fold = edge.side_span, edge.edge_load, edge.edge_fold
     first_three = three_function(precision)
-    exact = takes_exact_stretch(precision, fourth)
+    exact = takes_exact_stretch(precision, accumulate)
 
     @wp.func
     def work_edge(
@@ -257,7 +257,7 @@ def edge_functions_of_patch(precision: str, fourth: str, terms: Terms, fits: boo
         """Tension of an edge between two vertices, and two triangles with these normals; returns its hinge."""
         move_0 = vec4()
         move_1 = vec4()
-        if wp.static(fourth in BOUNDS):
+        if wp.static(accumulate.is_bound):
             move_0 = read_4(beside, memory.move + wp.static(4 * types.real_size) * first)
             move_1 = read_4(beside, memory.move + wp.static(4 * types.real_size) * second)
         span = side_span(side, first_three(move_0), first_three(move_1), move_0[3])
@@ -286,14 +286,16 @@ def edge_functions_of_patch(precision: str, fourth: str, terms: Terms, fits: boo
 
 
 @functools.cache
-def edges_step(precision: str, fourth: str, terms: Terms, fits: bool, paired: bool, threads: int) -> wp.Function:
+def edges_step(
+    precision: str, accumulate: Accumulate, terms: Terms, fits: bool, paired: bool, threads: int
+) -> wp.Function:
     """The function that works out edges; ``paired``: those that no item has."""
     types, block_threads = cloth_types(precision), threads_function(threads)
     vec4, Patches, Step = types.vec4, types.Patches, types.Step
     functions = memory_functions(precision, fits)
     point_at, read_4, write_4 = point_functions(precision, fits).point_at, functions.read_4, functions.write_4
     edge_table = edge_table_functions(precision, terms, paired).edge_table
-    edge, ends_of = edge_functions_of_patch(precision, fourth, terms, fits), ends_function(paired)
+    edge, ends_of = edge_functions_of_patch(precision, accumulate, terms, fits), ends_function(paired)
     work_edge, put_fold = edge.work_edge, edge.put_fold
     difference = difference_function(precision)
 

@@ -1,6 +1,6 @@
 """What a thread does for its item: two triangles that share an edge, or a single one (patches.triangle_pairs).
 
-Triangles are a, b, c and b, a, d, each wound like that, of cloth without threads. What a thread has read of their
+Triangles are a, b, c and b, a, d, each wound like that, of cloth without yarns. What a thread has read of their
 vertices serves both normals and the edges that it works out. Where every item has a thread of its own, this keeps that
 while the block waits; else it is worked out again.
 """
@@ -28,6 +28,7 @@ from warp_cloth.kernels.base.options import (
     WORD_CODE,
     WORD_TURN,
     WORD_TURNED,
+    Accumulate,
     Terms,
 )
 from warp_cloth.kernels.base.types import Patch, cloth_types, difference_function
@@ -182,13 +183,13 @@ def item_normals_step(precision: str, fits: bool) -> wp.Function:
 
 
 @functools.cache
-def item_edges_step(precision: str, fourth: str, terms: Terms, fits: bool) -> SimpleNamespace:
+def item_edges_step(precision: str, accumulate: Accumulate, terms: Terms, fits: bool) -> SimpleNamespace:
     """Functions ``asked_laws`` and ``work_item_edges``."""
     types = cloth_types(precision)
     vec4, Patches, Step, PatchItem = types.vec4, types.Patches, types.Step, item_type(precision)
     functions, read_4 = item_functions(precision, fits), memory_functions(precision, fits).read_4
     asked_item, lying_item, item_side = functions.asked_item, functions.lying_item, functions.item_side
-    edge = edge_functions_of_patch(precision, fourth, terms, fits)
+    edge = edge_functions_of_patch(precision, accumulate, terms, fits)
     work_edge, put_fold = edge.work_edge, edge.put_fold
     law_at = edge_table_functions(precision, terms, paired=True).law_at
 
@@ -277,15 +278,15 @@ def item_edges_step(precision: str, fourth: str, terms: Terms, fits: bool) -> Si
 
 
 @functools.cache
-def item_corners_step(precision: str, fourth: str, terms: Terms, fits: bool) -> wp.Function:
+def item_corners_step(precision: str, accumulate: Accumulate, terms: Terms, fits: bool) -> wp.Function:
     """The function that works out what the triangles of items do."""
     types = cloth_types(precision)
     vec3, vec4, Patches, Step, Sides = types.vec3, types.vec4, types.Patches, types.Step, types.Sides
     PatchItem, size_4 = item_type(precision), 4 * types.real_size
     asked_item, read_4 = item_functions(precision, fits).asked_item, memory_functions(precision, fits).read_4
-    functions, put_nothing = sides_functions(precision, fourth, terms, fits), nothing_step(precision, terms, fits)
+    functions, put_nothing = sides_functions(precision, accumulate, terms, fits), nothing_step(precision, terms, fits)
     fold_at, turned = functions.fold_at, functions.turned
-    put_corners = corners_function(precision, fourth, terms, fits)
+    put_corners = corners_function(precision, accumulate, terms, fits)
 
     @wp.func
     def triangle_corners(

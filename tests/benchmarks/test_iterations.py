@@ -37,7 +37,7 @@ COPIED = 1 << 26  # bytes of the copy that tells the memory's speed: more than c
 FABRICS = {
     "edges": Fabric(bending_warp=0.0, bending_weft=0.0),
     "edges, bending": Fabric(),
-    "threads, bending": replace(Fabric(), shear=800.0),
+    "yarns, bending": replace(Fabric(), shear=800.0),
 }
 DEVICES = [
     "cpu",
@@ -98,7 +98,7 @@ def test_hanging_square(benchmark: Any, device: str, side: int, terms: str) -> N
 @pytest.mark.parametrize("items", [1, 8, 64])
 @pytest.mark.parametrize("device", DEVICES)
 def test_batch_of_hanging_squares(benchmark: Any, device: str, items: int) -> None:
-    parts = [hanging(33, "threads, bending")] * items
+    parts = [hanging(33, "yarns, bending")] * items
     model = build_model(parts, device=device, precision="mixed", garments=[1] * items)
     benchmark.group = f"batch of hanging squares of 1089 vertices, {device}"
     timed(benchmark, Relaxation(model, Collider(), StepOptions()))

@@ -15,6 +15,7 @@ from warp_cloth.base.mesh import Indices, Mesh, Points
 from warp_cloth.garment.grain import Grain
 from warp_cloth.garment.part import GarmentPart
 from warp_cloth.garment.rest import GRAVITY, Floats, build_rest_shape
+from warp_cloth.kernels.base.options import Accumulate
 from warp_cloth.kernels.base.types import cloth_types
 from warp_cloth.model.model import build_model
 from warp_cloth.solver.certificate.certifier import Certifier, Check, Tolerance
@@ -67,7 +68,7 @@ class Specimen:
             self._relaxation.step.gravity = cloth_types("mixed").vec3(0.0, 0.0, 0.0)
         self._certifier: Certifier | None = None
         self._load = wp.zeros(self.model.vertex_count, dtype=wp.vec4f, device=device)
-        self._forces = ForcePass(self.model, "none", self._load)
+        self._forces = ForcePass(self.model, Accumulate.NONE, self._load)
         kernels = [*self._relaxation.kernels(), *self._forces.kernels()]
         certifier = Certifier(self._relaxation)
         wp.force_load(device, modules=[kernel.module for kernel in kernels + certifier.kernels()])

@@ -26,6 +26,7 @@ from warp_cloth.contact.sheets import SheetKind, sheets_of
 from warp_cloth.contact.untangling import sheet_untangling
 from warp_cloth.garment.part import GarmentPart
 from warp_cloth.kernels.base.block import BLOCK_THREADS, FEW_PER_CORE
+from warp_cloth.kernels.base.options import Accumulate
 from warp_cloth.kernels.contact.box_tree import WIDTH
 from warp_cloth.kernels.contact.broad_phase import LISTING, PARTS
 from warp_cloth.kernels.contact.crossing_search import crossing_groups_kernel, crossing_leaves_kernel, crossings_kernel
@@ -121,8 +122,8 @@ class ClothContact:
         self._crossing_leaves = crossing_leaves_kernel(model.precision)
         self._part_crossings, self._part_layers = crossings_kernel(model.precision), layers_kernel(model.precision)
         self._settle = settle_kernel(model.precision)
-        self._press = press_kernel(model.precision, "stiffness", in_order)
-        self._measure = press_kernel(model.precision, "size", in_order)
+        self._press = press_kernel(model.precision, Accumulate.STIFFNESS, in_order)
+        self._measure = press_kernel(model.precision, Accumulate.MAGNITUDE, in_order)
         self._add = add_kernel(model.precision)
         with wp.ScopedDevice(model.device):
             self.data = contact_arrays(self.sheets, parts, kinds, self._numbering)

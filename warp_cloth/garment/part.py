@@ -32,7 +32,7 @@ class GarmentPart:
         return Terms(
             edges=bool(rest.edge_pull.any() or rest.edge_push.any()),
             folds=bool(rest.hinge_stiffness.any()),
-            threads=rest.yarns is not None,
+            yarns=rest.yarns is not None,
             angles=rest.hinge_angle is not None and bool(rest.hinge_angle[rest.hinge_stiffness > 0.0].any()),
             pins=len(self.pins) > 0,
         )

@@ -18,8 +18,8 @@ MOST_STEPS = 400  # edges on the way from a pin; a bound is not worth more work 
 def reach_box(part: GarmentPart) -> tuple[Floats, Floats] | None:
     """Lowest and highest corner [m] of a box that the garment cannot leave; None where nothing can be proved.
 
-    A thread of E = k/3 |e|^3 is strained by no more than (3 E / k)^(1/3) while E is all the elastic energy there is:
-    that of the start, and what the weight gives by sinking to where the threads let it. Along the shortest way of
+    A yarn of E = k/3 |e|^3 is strained by no more than (3 E / k)^(1/3) while E is all the elastic energy there is:
+    that of the start, and what the weight gives by sinking to where the yarns let it. Along the shortest way of
     edges so stretched from the pins, every vertex stays within reach of the pins' box. An energy that these distances
     cannot give is never passed.
     """
@@ -45,7 +45,7 @@ def reach_box(part: GarmentPart) -> tuple[Floats, Floats] | None:
 
 @dataclass(frozen=True, eq=False)
 class _Ways:
-    """N pieces of way between two vertices, each the sum of two rests that two threads stretch."""
+    """N pieces of way between two vertices, each the sum of two rests that two yarns stretch."""
 
     ends: NDArray[np.int32]  # shape [N, 2]
     rest: Floats  # [m], shape [N, 2]

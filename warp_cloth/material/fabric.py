@@ -55,14 +55,14 @@ UNITS: Mapping[str, str] = MappingProxyType(
     }
 )
 
-# Bias threads are pulled, too, where the cloth is pulled along warp or weft. Up to this share of the smaller stretch
-# they leave the threads there something to bear.
+# Bias yarns are pulled, too, where the cloth is pulled along warp or weft. Up to this share of the smaller stretch
+# they leave the yarns there something to bear.
 LARGEST_SHEAR_SHARE = 0.25
 
 
 @dataclass(frozen=True)
 class Fabric:
-    """A fabric in SI, for every mesh: edges, threads and hinges take a share of it.
+    """A fabric in SI, for every mesh: edges, yarns and hinges take a share of it.
 
     Every value has a default, the generic fabric's, so that a fabric can be stated by what is known of it.
     """
@@ -100,7 +100,7 @@ class Fabric:
 
     @property
     def woven(self) -> bool:
-        """Whether the fabric has threads of its own, with a shear of its own, rather than the mesh's edges."""
+        """Whether the fabric has yarns of its own, with a shear of its own, rather than the mesh's edges."""
         return self.shear is not None
 
     @property
@@ -115,7 +115,7 @@ class Fabric:
 
     @property
     def even_shear(self) -> float:
-        """Shear [N/m] of cloth whose four threads are alike, with the smaller stretch of this.
+        """Shear [N/m] of cloth whose four yarns are alike, with the smaller stretch of this.
 
         Then warp, weft and both biases have one stretch K_b, with which ``material.yarn_stretches`` is solved.
         """

@@ -21,7 +21,7 @@ FAST_SHEAR = 123.0  # [N/m per radian] over EB5 [%], the bias extension at 5 gf/
 # that cloths of one c fold alike, whatever they are. At this curvature times c the cantilever test (ISO 9073-7), whose
 # reading is c, reads the same on both.
 MATCHED_FOLD = 0.8327
-# The threads' shear force per width is shear * angle^2. KES-F reads G as the slope between 0.5 and 2.5 degrees, and
+# The yarns' shear force per width is shear * angle^2. KES-F reads G as the slope between 0.5 and 2.5 degrees, and
 # the slope of a square between two angles is its factor times their sum.
 MATCHED_SHEAR_ANGLE = math.radians(0.5 + 2.5)
 
@@ -61,7 +61,7 @@ def rigidity_of_bending(bending: float, weight: float) -> float:
 
 
 def shear_of_stiffness(stiffness: float) -> float:
-    """The threads' shear constant [N/m] from a shear stiffness G [N/m per radian]."""
+    """The yarns' shear constant [N/m] from a shear stiffness G [N/m per radian]."""
     return stiffness / MATCHED_SHEAR_ANGLE
 
 

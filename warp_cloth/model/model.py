@@ -197,9 +197,9 @@ def _triangles(
     triangles.corners = lay([each.corners for each in garments], wp.vec3i, starts=vertex_start)
     if terms.folds:
         triangles.edges = lay([each.edges for each in garments], wp.vec3i, starts=edge_start, signed=True)
-    if terms.threads:
+    if terms.yarns:
         triangles.slope = lay([each.slope for each in garments], types.vec4)
-        triangles.threads = lay([each.yarns for each in garments], types.vec4)
+        triangles.yarns = lay([each.yarns for each in garments], types.vec4)
     return triangles
 
 

@@ -44,7 +44,7 @@ class Residual:
 
 @dataclass(frozen=True)
 class Strain:
-    """Strain (r - L) / L of edges or threads: percentiles of its magnitude, and its signed extremes."""
+    """Strain (r - L) / L of edges or yarns: percentiles of its magnitude, and its signed extremes."""
 
     p50: float
     p99: float

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from warp_cloth.base.mesh import Indices
 from warp_cloth.base.threads import map_in_threads
 from warp_cloth.base.topology import ragged_rows
+from warp_cloth.kernels.base.options import Accumulate
 from warp_cloth.kernels.base.types import cloth_types
 from warp_cloth.kernels.passes.anisotropic_step import leeway_kernels
 from warp_cloth.kernels.passes.anisotropic_step_packets import eight_leeway_kernels
@@ -53,7 +54,7 @@ class Leeway:
             self._none = [(fours, none[:4]), (twos, none[4:])]
         self.forget(range(model.item_count))
         terms = model.terms
-        scatters = model.patches is None and terms.threads and not (terms.edges or terms.angles)
+        scatters = model.patches is None and terms.yarns and not (terms.edges or terms.angles)
         eight = scatters and takes_eight(model, min(model.triangle_count, model.edge_count))
         self._look: _Gathered | ScatteredLook = (
             ScatteredLook(model) if eight else _Gathered(model, numbering, packed, at_work)
@@ -106,7 +107,7 @@ class _Gathered:
         if terms.edges:
             ends = [garment.ends for garment in model.garments]
             self._rows.edge_start, self._rows.edge = self._rows_of(ends, lambda entries: entries // 2, 2)
-        if terms.folds or terms.threads:
+        if terms.folds or terms.yarns:
             corners = [garment.corners for garment in model.garments]
             self._rows.triangle_start, self._rows.triangle = self._rows_of(corners)
 
@@ -173,7 +174,9 @@ class ScatteredLook:
         self._model = model
         self._kernels = eight_leeway_kernels(model.precision, terms)
         self._normals = NormalsPass(model) if terms.folds else None
-        self._edges = eight_edges_kernel(model.precision, "leeway", terms)  # that only bend: nothing is added
+        self._edges = eight_edges_kernel(
+            model.precision, Accumulate.ANISOTROPIC_STIFFNESS, terms
+        )  # that only bend: nothing is added
         edges = model.edge_count if terms.folds else 0
         self._fold = wp.empty(edges, dtype=types.vec4, device=model.device)
         self._bounds = [wp.zeros(model.vertex_count, dtype=types.vec4, device=model.device) for _ in range(2)]

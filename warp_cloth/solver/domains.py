@@ -146,9 +146,9 @@ class _Around:
             triangles.edges = wp.array(np.where(self._signed[near] < 0, -1 - at, at), dtype=wp.vec3i, device=device)
         if model.terms.angles:
             edges.rest = some(model.edges.rest, needed)
-        if model.terms.threads:
+        if model.terms.yarns:
             triangles.slope = some(model.triangles.slope, near)
-            triangles.threads = some(model.triangles.threads, near)
+            triangles.yarns = some(model.triangles.yarns, near)
         return replace(
             model,
             vertices=vertices,

@@ -6,8 +6,8 @@ from typing import Any
 
 import warp as wp
 
-from warp_cloth.kernels.base.options import block_for
-from warp_cloth.kernels.base.types import BOUNDS, cloth_types
+from warp_cloth.kernels.base.options import Accumulate, block_for
+from warp_cloth.kernels.base.types import cloth_types
 from warp_cloth.kernels.math.lanes import WIDTH, lane_types
 from warp_cloth.kernels.passes.gather import gather_kernel
 from warp_cloth.kernels.passes.scatter import edges_kernel, normals_kernel, triangles_kernel
@@ -50,12 +50,12 @@ class NormalsPass:
 
 
 class ForcePass:
-    """Sums the cloth's forces into ``load``: force [N] and a fourth part (kernels.base.types.FOURTH_PARTS) per vertex.
+    """Sums the cloth's forces into ``load``: per vertex force [N] and what ``accumulate`` names.
 
     ``load`` must be at zero before a pass; the kernels that read it leave it so.
     """
 
-    def __init__(self, model: ClothModel, fourth: str, load: wp.array) -> None:
+    def __init__(self, model: ClothModel, accumulate: Accumulate, load: wp.array) -> None:
         self._model = model
         types, terms = cloth_types(model.precision), model.terms
         self._passes: list[tuple[wp.Kernel, int, list[Any], list[Any]]] = []  # kernel, size, reads, writes
@@ -63,7 +63,7 @@ class ForcePass:
             read = [model.patches.tables, model.patches.overflow]
             self._passes.append(
                 (
-                    gather_kernel(model.precision, fourth, terms, model.patches.fits, model.patches.paired),
+                    gather_kernel(model.precision, accumulate, terms, model.patches.fits, model.patches.paired),
                     0,
                     read,
                     [load],
@@ -73,17 +73,17 @@ class ForcePass:
         edges, triangles = model.edge_count, model.triangle_count
         normal, sides = wp.empty(0, dtype=types.vec4), wp.empty(0, dtype=lane_types(types.real, WIDTH).vec3)
         fold = wp.empty(edges if terms.folds else 0, dtype=types.vec4, device=model.device)
-        asked = model.precision, fourth, terms
+        asked = model.precision, accumulate, terms
         if terms.folds:
             first = NormalsPass(model)
             normal, sides = first.normal, first.sides
             self._passes.append((first.kernel, first.size, [model.triangles], first.asks))
-        iterates = fourth in BOUNDS
+        iterates = accumulate.is_bound
         if terms.edges or terms.folds:
             eight = iterates and not terms.angles and takes_eight(model, edges)
             kernel, size = (eight_edges_kernel if eight else edges_kernel)(*asked), pass_size(edges, eight)
             self._passes.append((kernel, size, [model.edges, normal], [fold, load]))
-        if terms.folds or terms.threads:
+        if terms.folds or terms.yarns:
             eight = iterates and takes_eight(model, triangles)
             kernel, size = (eight_triangles_kernel if eight else triangles_kernel)(*asked), pass_size(triangles, eight)
             read = [model.triangles, normal, sides, fold] if eight else [model.triangles, normal, fold]

@@ -12,6 +12,7 @@ from typing import Any
 import warp as wp
 
 from warp_cloth.base.threads import core_count
+from warp_cloth.kernels.base.options import Accumulate
 from warp_cloth.kernels.base.types import cloth_types
 from warp_cloth.kernels.passes.domains import APART, NAP, domain_kernels, meet_threads
 from warp_cloth.model.model import ClothModel
@@ -39,11 +40,13 @@ class Together:
     Between chunks of iterations the model has everything: each begins with a copy of the shares and ends with one back.
     """
 
-    def __init__(self, model: ClothModel, count: int, fourth: str, move: wp.Kernel, leeway: Leeway | None) -> None:
+    def __init__(
+        self, model: ClothModel, count: int, accumulate: Accumulate, move: wp.Kernel, leeway: Leeway | None
+    ) -> None:
         self._model, self._move, self._leeway = model, move, leeway
         looks = leeway is not None and leeway.scatters
         self._kernels = domain_kernels(model.precision)
-        self._shares = [_Working(share, fourth, looks=looks) for share in cut_model(model, count)]
+        self._shares = [_Working(share, accumulate, looks=looks) for share in cut_model(model, count)]
         self._arrivals = wp.zeros(APART * (1 + count), dtype=wp.int32, device=model.device)
         self._usleep = ctypes.cast(ctypes.CDLL(None).usleep, ctypes.c_void_p).value
         self._pool = concurrent.futures.ThreadPoolExecutor(count - 1)
@@ -171,10 +174,10 @@ class Pause:
 class _Working:
     """What a thread needs to iterate its share."""
 
-    def __init__(self, share: Share, fourth: str, *, looks: bool) -> None:
+    def __init__(self, share: Share, accumulate: Accumulate, *, looks: bool) -> None:
         model = share.model
         load = wp.zeros(model.vertex_count, dtype=cloth_types(model.precision).vec4, device=model.device)
         self.share = share
         self.load = load[share.span]
-        self.forces = ForcePass(model, fourth, load)
+        self.forces = ForcePass(model, accumulate, load)
         self.look = ScatteredLook(model, share.span) if looks else None

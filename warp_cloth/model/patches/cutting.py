@@ -364,7 +364,7 @@ def takes_pairs(terms: Terms, vertices: int | None = None) -> bool:
     In the small patches of a few most threads would have none, and a pair of woven triangles takes more registers than
     there are.
     """
-    return terms.folds and not terms.threads and (vertices is None or vertices > PAIRS.vertices * FEW)
+    return terms.folds and not terms.yarns and (vertices is None or vertices > PAIRS.vertices * FEW)
 
 
 def _too_large(patch: dict[str, Keys], terms: Terms, precision: str) -> NDArray[np.bool_]:
@@ -384,11 +384,11 @@ def _memory(patch: dict[str, Keys], terms: Terms, precision: str) -> Keys:
     """Bytes that each patch's block needs, as kernels.patches.memory lays them out, shape [P]."""
     real, wide = real_size(precision), point_size(precision) // 3
     triangles, edges, vertices = patch["triangle_count"], patch["edge_count"], patch["vertex_count"]
-    first = patch["normal_count"] if terms.folds else terms.threads * triangles
+    first = patch["normal_count"] if terms.folds else terms.yarns * triangles
     needed = 4 * real * (first + terms.edges * (edges + 1))
     points = -(-2 * wide * vertices // 16) * 16 + -(-wide * (vertices + 1) // 16) * 16
     corners, around = 4 * real * (2 * triangles + 1), 4 * real * vertices + points
-    if terms.threads:
+    if terms.yarns:
         needed = needed + corners + around
     else:
         needed = needed + (np.maximum(corners, around) if terms.folds else around)

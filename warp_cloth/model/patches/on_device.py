@@ -161,12 +161,12 @@ def device_patches(
         tables.fold = law("fold", types.real, more=1)
     if terms.angles:
         tables.rest = law("rest", types.vec2)
-    if terms.folds or terms.threads:
+    if terms.folds or terms.yarns:
         tables.corners = laid("corners", wp.uint64, more=1)
         tables.slot = laid("slot", wp.vec4i)
-    if terms.threads:
+    if terms.yarns:
         tables.slope = law("slope", types.vec4)
-        tables.threads = law("threads", types.vec4)
+        tables.yarns = law("yarns", types.vec4)
     block = block_for(bool(rows["item_count"].any()))
     tables.ahead = wp.get_device(device).sm_count * block.per_core if own_memory else 0
     packed, back = types.Patches(), types.Patches()
@@ -201,8 +201,8 @@ def _patch_laws(elements: Elements, tables: PatchTables, terms: Terms) -> dict[s
         laws = {"ends": ends, table: law if terms.edges else law[:, 0], "law_start": start, "law_count": count}
     if terms.angles:
         laws["rest"] = elements.rest[tables.edge]
-    if terms.threads:
-        laws["slope"], laws["threads"] = elements.slope[tables.triangle], elements.yarns[tables.triangle]
+    if terms.yarns:
+        laws["slope"], laws["yarns"] = elements.slope[tables.triangle], elements.yarns[tables.triangle]
     return laws
 
 

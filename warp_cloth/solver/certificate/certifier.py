@@ -15,6 +15,7 @@ from warp_cloth.base.bins import consecutive_bins
 from warp_cloth.base.mesh import Points
 from warp_cloth.base.quantiles import quantiles
 from warp_cloth.garment.rest import Floats
+from warp_cloth.kernels.base.options import Accumulate
 from warp_cloth.kernels.base.types import cloth_types
 from warp_cloth.kernels.certificate.pressure import normal_force_kernel
 from warp_cloth.kernels.certificate.residual import residual_kernel
@@ -122,7 +123,7 @@ class Certifier:
         self._model = model
         self._relaxation = relaxation
         self._load = wp.zeros(model.vertex_count, dtype=types.vec4, device=model.device)
-        self._forces = ForcePass(model, "size", self._load)
+        self._forces = ForcePass(model, Accumulate.MAGNITUDE, self._load)
         options = relaxation.avatar_contact, relaxation.collider_type, model.terms.pins
         self._measure_residual = residual_kernel(model.precision, *options)
         self._store_snapshot = store_snapshot_kernel(model.precision)

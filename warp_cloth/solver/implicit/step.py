@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
+from warp_cloth.kernels.base.options import Accumulate
 from warp_cloth.kernels.base.types import cloth_types
 from warp_cloth.kernels.elements.stiffness import stiffness_types
 from warp_cloth.kernels.implicit.conjugate_gradient import conjugate_gradient_kernels
@@ -46,7 +47,7 @@ class ImplicitStep:
         self._model, self._options = model, options
         self._on_avatar = contact is not None
         self._load = wp.zeros(model.vertex_count, dtype=types.vec4, device=model.device)
-        self._forces = ForcePass(model, "none", self._load)
+        self._forces = ForcePass(model, Accumulate.NONE, self._load)
         self.linearisation = Linearisation(model, table, options.reach)
         starts = np.array(model.vertex_start)
         self._garments = len(starts) - 1
