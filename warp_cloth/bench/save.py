@@ -11,8 +11,8 @@ from pathlib import Path
 from warp_cloth.bench.bench import Bench, Curve
 from warp_cloth.export.files import whole_file
 from warp_cloth.export.plots import figure_class
-from warp_cloth.export.preview import drawn, save_picture
-from warp_cloth.export.render import gathered
+from warp_cloth.export.preview import draw_views, save_picture
+from warp_cloth.export.render import build_subject
 from warp_cloth.export.report import check_writable, write_report
 
 DRAPE_SIDES = {"front": (0.0, 0.0, 1.0), "from above": (0.0, 0.9998, 0.02)}
@@ -51,7 +51,7 @@ def save_bench(bench: Bench, folder: Path, device: str = "cpu", *, plots: bool =
     draped = next(found for found in bench.findings if found.name == "drape coefficient")
     count = sum(found.name.startswith("of disc") for found in bench.findings)
     sentence = f"30 cm disc on an 18 cm support, drape coefficient of {count} discs {draped.measured:.0f} %"
-    picture = drawn(gathered([bench.disc], None, device), (1500, 600), name, sentence, DRAPE_SIDES)
+    picture = draw_views(build_subject([bench.disc], None, device), (1500, 600), name, sentence, DRAPE_SIDES)
     save_picture(picture, paths[2])
     if plots:
         paths.append(folder / f"{name}.png")

@@ -1,4 +1,4 @@
-"""Laboratory tests (KES-F, cantilever, Cusick drape), each on a given piece of cloth: pure measurements."""
+"""Laboratory tests (KES-F, cantilever, Cusick drape), each on a piece of cloth: pure measurements."""
 
 from __future__ import annotations
 

@@ -9,7 +9,7 @@ import typer
 
 from warp_cloth.cli.explore import avatar, fabric, scenes
 from warp_cloth.cli.fit import batch, fit, sizes
-from warp_cloth.cli.look import compare, view
+from warp_cloth.cli.results import compare, view
 from warp_cloth.cli.study import plan, tradeoff
 from warp_cloth.cli.terminal import BAD_INPUT, INTERRUPTED, keep_interrupts, print_error
 
@@ -51,7 +51,7 @@ def main() -> None:
         if type(error).__name__ == "NoArgsIsHelpError":
             print(error.format_message(), file=sys.stderr)
         else:
-            print_error(f"{error.format_message().rstrip('.')}; see warp-cloth --help")
+            print_error(f"{error.format_message().rstrip('.')} (see warp-cloth --help)")
     sys.exit(code)
 
 

@@ -15,8 +15,8 @@ FORMATS = ("usdc", "usda", "usdz", "glb", "obj")
 
 def chosen_formats(text: str | Sequence[str], *, place: str = "--format") -> tuple[str, ...]:
     """Formats from "usdc,glb", or from a list of such names."""
-    asked = [name for given in strings(text, place) for name in given.split(",")]
-    names = tuple(dict.fromkeys(name.strip().lstrip(".").lower() for name in asked if name.strip()))
+    requested = [name for part in strings(text, place) for name in part.split(",")]
+    names = tuple(dict.fromkeys(name.strip().lstrip(".").lower() for name in requested if name.strip()))
     unknown = [name for name in names if name not in FORMATS]
     if unknown or not names:
         raise InputError(

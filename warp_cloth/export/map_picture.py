@@ -10,8 +10,17 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 from warp_cloth.base.mesh import Mesh
-from warp_cloth.export.preview import BACKGROUND, FAINT_INK, INK, arranged, painted, save_picture, sights, text_height
-from warp_cloth.export.render import gathered
+from warp_cloth.export.preview import (
+    BACKGROUND,
+    FAINT_INK,
+    INK,
+    arrange_windows,
+    compose_picture,
+    render_views,
+    save_picture,
+    text_height,
+)
+from warp_cloth.export.render import build_subject
 from warp_cloth.export.surface import cloth_colour, require_sound
 from warp_cloth.maps.colour import colours, shown_value
 from warp_cloth.maps.kinds import MapKind
@@ -40,11 +49,11 @@ class MapPictures:
         worn = np.concatenate([worn.points for worn in garments])
         low, high = worn.min(axis=0), worn.max(axis=0)
         margin = MARGIN * float((high - low).max())  # the body is there for orientation only
-        self._subject = replace(gathered(garments, avatar, device), low=low - margin, high=high + margin)
+        self._subject = replace(build_subject(garments, avatar, device), low=low - margin, high=high + margin)
         gap = text_height(size)  # so that a limb cut off by the picture's edge does not touch the legend
         self._views_size = (size[0] - self._legend_width - gap, size[1])
-        self._layout = arranged(self._subject.extent, self._views_size, True)
-        self._seen = sights(self._subject, self._layout)
+        self._layout = arrange_windows(self._subject.extent, self._views_size, True)
+        self._views = render_views(self._subject, self._layout)
 
     def write(self, path: Path, kind: MapKind, bounds: tuple[float, float], sentence: str = "") -> None:
         """Writes a PNG of a map with colours for the range ``bounds``; garments without it keep their own colour."""
@@ -56,7 +65,7 @@ class MapPictures:
                 for index, worn in enumerate(self._garments)
             ]
         )
-        views = painted(subject, self._layout, self._seen, self._views_size, kind.label, sentence)
+        views = compose_picture(subject, self._layout, self._views, self._views_size, kind.label, sentence)
         ground = tuple(round(255 * channel) for channel in BACKGROUND)
         image = Image.new("RGB", self._size, ground)
         image.paste(views, (0, 0))

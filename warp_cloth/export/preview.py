@@ -13,7 +13,7 @@ from PIL import Image, ImageDraw, ImageFont
 
 from warp_cloth.base.mesh import Mesh
 from warp_cloth.export.files import whole_file
-from warp_cloth.export.render import Sight, Subject, gathered, looked_at, rendered, view_axes
+from warp_cloth.export.render import RenderedView, Subject, build_subject, render_view, shade_view, view_axes
 from warp_cloth.export.surface import linear, require_sound, srgb
 from warp_cloth.model.result import WornGarment
 
@@ -61,10 +61,10 @@ def write_preview(
 ) -> None:
     """Writes a PNG, ``size`` wide and high [px], headed by title and sentence. ValueError if a point is not finite."""
     require_sound(garments, avatar)
-    save_picture(drawn(gathered(garments, avatar, device), size, title, sentence), path)
+    save_picture(draw_views(build_subject(garments, avatar, device), size, title, sentence), path)
 
 
-def drawn(
+def draw_views(
     subject: Subject,
     size: tuple[int, int],
     title: str = "",
@@ -72,26 +72,26 @@ def drawn(
     sides: Mapping[str, Sequence[float]] = SIDES,
 ) -> Image.Image:
     """Views from several sides next to one another, ``size`` wide and high [px], headed by title and sentence."""
-    layout = arranged(subject.extent, size, bool(title or sentence), sides)
-    return painted(subject, layout, sights(subject, layout), size, title, sentence)
+    layout = arrange_windows(subject.extent, size, bool(title or sentence), sides)
+    return compose_picture(subject, layout, render_views(subject, layout), size, title, sentence)
 
 
-def sights(subject: Subject, layout: Layout) -> list[Sight]:
+def render_views(subject: Subject, layout: Layout) -> list[RenderedView]:
     """The views of all windows."""
-    return [looked_at(subject, window.toward, layout.pixel, window.width, layout.height) for window in layout.windows]
+    return [render_view(subject, window.toward, layout.pixel, window.width, layout.height) for window in layout.windows]
 
 
-def painted(
-    subject: Subject, layout: Layout, seen: Sequence[Sight], size: tuple[int, int], title: str, sentence: str
+def compose_picture(
+    subject: Subject, layout: Layout, views: Sequence[RenderedView], size: tuple[int, int], title: str, sentence: str
 ) -> Image.Image:
-    """The picture with the subject in its own colours; arguments as of ``drawn``."""
+    """The picture with the subject in its own colours; arguments as in ``draw_views``."""
     background = linear(BACKGROUND)
     light = np.tile(background, (size[1], size[0], 1))
-    for window, sight in zip(layout.windows, seen, strict=True):
+    for window, view in zip(layout.windows, views, strict=True):
         columns = slice(window.left, window.left + window.width)
-        light[layout.top : layout.top + layout.height, columns] = rendered(subject, sight, background)
+        light[layout.top : layout.top + layout.height, columns] = shade_view(subject, view, background)
     image = Image.fromarray(np.round(srgb(light) * 255.0).astype(np.uint8), "RGB")
-    letter(image, layout, title, sentence)
+    draw_labels(image, layout, title, sentence)
     return image
 
 
@@ -101,7 +101,7 @@ def save_picture(image: Image.Image, path: Path) -> None:
         image.save(place, format="PNG")
 
 
-def arranged(
+def arrange_windows(
     extent: NDArray[np.float64], size: tuple[int, int], titled: bool, sides: Mapping[str, Sequence[float]] = SIDES
 ) -> Layout:
     """Windows as wide as their views need, spare width divided evenly; one scale for all."""
@@ -129,7 +129,7 @@ def text_height(size: tuple[int, int]) -> int:
     return max(round(0.02 * size[1]), 10)
 
 
-def letter(image: Image.Image, layout: Layout, title: str, sentence: str) -> None:
+def draw_labels(image: Image.Image, layout: Layout, title: str, sentence: str) -> None:
     """Title and sentence above the views, a label below each."""
     draw = ImageDraw.Draw(image)
     height = text_height(image.size)
@@ -142,12 +142,12 @@ def letter(image: Image.Image, layout: Layout, title: str, sentence: str) -> Non
     for text, ink, scale in ((title, INK, 1.3), (sentence, FAINT_INK, 1.0)):
         if text:
             font = ImageFont.load_default(round(scale * height))
-            line = shortened(text, font, image.width - left - margin)
+            line = shorten(text, font, image.width - left - margin)
             draw.text((left, 2 * height), line, fill=ink, font=font, anchor="ls")
             left += round(font.getlength(line)) + height
 
 
-def shortened(text: str, font: ImageFont.FreeTypeFont | ImageFont.ImageFont, width: float) -> str:
+def shorten(text: str, font: ImageFont.FreeTypeFont | ImageFont.ImageFont, width: float) -> str:
     """The text in one line no wider than ``width`` [px], with an ellipsis where it was cut."""
     line = " ".join(_spelt(text).split())
     if font.getlength(line) <= width:

@@ -54,7 +54,7 @@ class Subject:
         return replace(self, colours=wp.array(np.concatenate([own, others]), dtype=wp.vec3f, device=self.device))
 
 
-def gathered(garments: Sequence[WornGarment], avatar: Mesh | None, device: str) -> Subject:
+def build_subject(garments: Sequence[WornGarment], avatar: Mesh | None, device: str) -> Subject:
     """Garments and avatar joined into one subject."""
     parts = [
         (worn.points, worn.mesh.triangles, np.tile(cloth_colour(index), (len(worn.points), 1)), INSIDE_REFLECTANCE)
@@ -75,7 +75,7 @@ def gathered(garments: Sequence[WornGarment], avatar: Mesh | None, device: str) 
         normals=array(np.concatenate([vertex_normals(p, faces) for p, faces, *_ in parts]), wp.vec3f),
         triangles=array(np.concatenate(triangles).astype(np.int32), wp.int32),
         owners=array(owners.astype(np.int32), wp.int32),
-        looks=array([appearance(p, faces, inside) for p, faces, _, inside in parts], Look),
+        looks=array([shading_of(p, faces, inside) for p, faces, _, inside in parts], Look),
         colours=array(linear(np.concatenate([colour for _, _, colour, _ in parts])).astype(np.float32), wp.vec3f),
         low=points.min(axis=0),
         high=points.max(axis=0),
@@ -83,7 +83,7 @@ def gathered(garments: Sequence[WornGarment], avatar: Mesh | None, device: str) 
     )
 
 
-def appearance(points: Vector, triangles: NDArray[np.int32], inside: float) -> Look:
+def shading_of(points: Vector, triangles: NDArray[np.int32], inside: float) -> Look:
     """Shading parameters of the two sides of a part."""
     look = Look()
     look.outside = 1.0 if winds_outward(points, triangles) else -1.0
@@ -120,7 +120,7 @@ def light_direction(light: Sequence[float], toward: Vector) -> Vector:
 
 
 @dataclass(frozen=True, eq=False)
-class Sight:
+class RenderedView:
     """A view of a subject: visible triangles and the light on them, independent of colours."""
 
     view: View
@@ -128,7 +128,7 @@ class Sight:
     light: NDArray[np.float32]  # on the surface at every pixel, shape [rows, columns, 3]
 
 
-def looked_at(subject: Subject, toward: Vector, pixel: float, width: int, height: int) -> Sight:
+def render_view(subject: Subject, toward: Vector, pixel: float, width: int, height: int) -> RenderedView:
     """The view along -toward in ``width`` by ``height`` pixels of size ``pixel`` [m]."""
     view = view_from(toward, subject.centre, pixel / SUPERSAMPLING, width * SUPERSAMPLING, height * SUPERSAMPLING)
     depth = depth_image(subject, view)
@@ -149,14 +149,14 @@ def looked_at(subject: Subject, toward: Vector, pixel: float, width: int, height
     light = wp.zeros(shape, dtype=wp.vec3f, device=device)
     inputs = [depth, normal, white, lit, view, vector(key), vector(fill)]
     wp.launch(light_pixels, shape, inputs=inputs, outputs=[light], device=device)
-    return Sight(view, ids, light.numpy())
+    return RenderedView(view, ids, light.numpy())
 
 
-def rendered(subject: Subject, sight: Sight, background: Vector) -> NDArray[np.float32]:
+def shade_view(subject: Subject, rendered: RenderedView, background: Vector) -> NDArray[np.float32]:
     """Image of a subject in its own colours, in linear light, shape [height, width, 3], top row first."""
-    _, reflectance = surface(subject, sight.view, sight.ids)
-    drawn = sight.ids.numpy() < len(subject.triangles)
-    light = np.where(drawn[..., None], reflectance.numpy() * sight.light, background.astype(np.float32))
+    _, reflectance = surface(subject, rendered.view, rendered.ids)
+    visible = rendered.ids.numpy() < len(subject.triangles)
+    light = np.where(visible[..., None], reflectance.numpy() * rendered.light, background.astype(np.float32))
     rows, columns, _ = light.shape
     samples = light.reshape(rows // SUPERSAMPLING, SUPERSAMPLING, columns // SUPERSAMPLING, SUPERSAMPLING, 3)
     return np.asarray(samples.mean(axis=(1, 3))[::-1])

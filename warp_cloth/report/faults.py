@@ -23,7 +23,9 @@ if TYPE_CHECKING:
 VISIBLE = 1.0  # [mm]; a smaller part of the avatar that shows through is not noticed
 UNSEEN = 5.0  # [mm]; where a hundredth of the surface has a larger error, cloth rests on what is not there
 BELOW_FEET = 0.15  # fraction of a garment that has come down below the avatar; less is a train, or a long hem
-HANGING = 0.5  # of the avatar's height: what reaches higher hangs there, as a gown, or a cloth over a ball
+HANGING = (
+    0.5  # of the avatar's height: a garment that reaches higher is held there, like a gown, or a cloth over a ball
+)
 DETACHED = 0.1  # [m]; a piece of a garment that falls farther than the largest piece has come off
 CROSSED = 0.05  # fraction of faces that pass through others; of a T-shirt's, creased at the armpits, 0.03 do
 WRONG_SIZE = 0.3  # strain of half the edges: the tightest of worn cloth has less
@@ -49,7 +51,7 @@ def unheld(scene: Scene, outfit: Outfit, worn: Sequence[Points]) -> str:
 
 
 def slid_off(scene: Scene, outfit: Outfit, worn: Sequence[Points]) -> str:
-    """A garment that has slid down to the avatar's feet; ``worn`` as of ``unheld``."""
+    """A garment that has slid down to the avatar's feet; ``worn`` as in ``unheld``."""
     if outfit.avatar is None:
         return ""
     floor, top = outfit.avatar.points[:, 1].min(), outfit.avatar.points[:, 1].max()
@@ -66,7 +68,7 @@ def slid_off(scene: Scene, outfit: Outfit, worn: Sequence[Points]) -> str:
 
 
 def detached_pieces(scene: Scene, outfit: Outfit, worn: Sequence[Points]) -> str:
-    """Pieces that fall off a garment because nothing connects them to the rest; ``worn`` as of ``unheld``."""
+    """Pieces that fall off a garment because nothing connects them to the rest; ``worn`` as in ``unheld``."""
     for spec, part, points in zip(scene.garments, outfit.parts, worn, strict=True):
         a, b, c = part.triangles.T
         piece = connected_components(len(points), np.concatenate([a, b]), np.concatenate([b, c]))

@@ -1,4 +1,4 @@
-"""Commands that look at fits: ``warp-cloth compare`` and ``view``."""
+"""Commands that show fits: ``warp-cloth compare`` and ``view``."""
 
 from __future__ import annotations
 
