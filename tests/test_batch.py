@@ -19,12 +19,12 @@ import pytest
 import warp_cloth
 from warp_cloth.base.errors import InputError
 from warp_cloth.batch import Item, run_batch
-from warp_cloth.batch.drive import Standing, _Drive
 from warp_cloth.batch.pool import LocalPool, Lost, best_shared
 from warp_cloth.batch.progress import summary
 from warp_cloth.batch.rows import FAILED, ItemResult, empty_row
-from warp_cloth.batch.store import Keep, Store, cut
-from warp_cloth.batch.work import Done, Task, do_task
+from warp_cloth.batch.run import Batch, BatchProgress
+from warp_cloth.batch.store import Keep, Store, split
+from warp_cloth.batch.task import Done, Task, do_task
 from warp_cloth.export import stage
 from warp_cloth.export.files import whole_file
 
@@ -51,7 +51,7 @@ def results(folder: Path) -> dict[str, dict[str, Any]]:
 class HerePool:
     """Does tasks in this process; every worker that touches an item called "killer" dies."""
 
-    patient = False
+    retries = False
     devices: Sequence[str] = ("cpu",)
 
     def __init__(self) -> None:
@@ -77,7 +77,7 @@ class HerePool:
 def drive(out: Path, items: list[Item], size: int, pool: Any = None, keep: Keep = "arrays") -> Any:
     store = Store(out, keep)
     store.open()
-    return _Drive(store, cut(items, size), pool or HerePool(), lambda _: None, 0.0).run()
+    return Batch(store, split(items, size), pool or HerePool(), lambda _: None, 0.0).run()
 
 
 def test_an_item_is_what_a_fit_of_its_own_gives(tmp_path: Path) -> None:
@@ -150,14 +150,14 @@ def test_an_item_that_ends_its_workers_is_given_up_alone(tmp_path: Path) -> None
     assert [name for name, row in found.items() if row["status"] == FAILED] == ["killer"]
     assert found["killer"]["message"] == "the worker was ended by SIGSEGV"
     assert pool.deaths == 4, "the shard twice, then the item twice"
-    assert report.whole
+    assert report.complete
 
 
 def test_what_the_machine_failed_is_done_by_the_next_run(tmp_path: Path) -> None:
     items = tiny_items(3)
     store = Store(tmp_path, "none")
     store.open()
-    shard = cut(items, 3)[0]
+    shard = split(items, 3)[0]
     rows = [ItemResult(empty_row(item.name, FAILED, "out of memory")) for item in items]
     store.write(shard, rows, {})
     assert not store.done(shard)
@@ -176,10 +176,10 @@ def test_a_full_disk_leaves_the_shard_undone_and_says_so(tmp_path: Path, monkeyp
 
     monkeypatch.setattr(Store, "write", full)
     report = drive(tmp_path, items, 2)
-    assert not report.whole
+    assert not report.complete
     assert [row["status"] == FAILED for row in results(tmp_path).values()] == [False, False, True, True]
     monkeypatch.setattr(Store, "write", write)
-    assert drive(tmp_path, items, 2).whole
+    assert drive(tmp_path, items, 2).complete
 
 
 @pytest.mark.skipif(not Path("/dev/zero").exists(), reason="no device that never ends here")
@@ -213,9 +213,9 @@ def test_a_shard_is_done_again_where_its_items_or_files_changed(tmp_path: Path) 
     items = [Item("sheet", "hanging", change)]
     drive(tmp_path / "out", items, 1)
     store = Store(tmp_path / "out", "arrays")
-    (shard,) = cut(items, 1)
+    (shard,) = split(items, 1)
     assert store.done(shard)
-    assert not store.done(cut([Item("sheet", "hanging", (*change, "solver.cap=0.001"))], 1)[0])
+    assert not store.done(split([Item("sheet", "hanging", (*change, "solver.cap=0.001"))], 1)[0])
     mesh.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\nf 1 2 3\nf 2 4 3\n# changed\n")
     assert not store.done(shard)
 
@@ -225,7 +225,7 @@ def test_a_damaged_checkpoint_is_done_again(tmp_path: Path) -> None:
     drive(tmp_path, items, 1)
     first = results(tmp_path)
     (tmp_path / "shards" / "00001.parquet").write_bytes(b"PAR1 and no more")
-    assert [Store(tmp_path, "arrays").done(shard) for shard in cut(items, 1)] == [True, False]
+    assert [Store(tmp_path, "arrays").done(shard) for shard in split(items, 1)] == [True, False]
     drive(tmp_path, items, 1)
     assert results(tmp_path) == first
 
@@ -233,7 +233,7 @@ def test_a_damaged_checkpoint_is_done_again(tmp_path: Path) -> None:
 def test_a_worker_that_dies_is_replaced_and_its_items_done(tmp_path: Path) -> None:
     killed: list[int] = []
 
-    def kill_one(standing: Standing) -> None:
+    def kill_one(progress: BatchProgress) -> None:
         if not killed:
             child = multiprocessing.active_children()[0]
             killed.append(child.pid or 0)
@@ -242,7 +242,7 @@ def test_a_worker_that_dies_is_replaced_and_its_items_done(tmp_path: Path) -> No
     items = tiny_items(4)
     report = run_batch(items, tmp_path / "killed", device="cpu", workers=1, shard=2, progress=kill_one)
     assert killed
-    assert report.whole
+    assert report.complete
     drive(tmp_path / "calm", items, 2)
     assert results(tmp_path / "killed") == results(tmp_path / "calm")
 
@@ -261,7 +261,7 @@ def test_workers_that_nothing_was_left_for_begin_again(tmp_path: Path) -> None:
     items = tiny_items(3)
     with LocalPool(["cpu", "cpu"]) as pool:
         for name in ("once", "again"):
-            assert drive(tmp_path / name, items, 1, pool).whole
+            assert drive(tmp_path / name, items, 1, pool).complete
     assert results(tmp_path / "once") == results(tmp_path / "again")
 
 
@@ -291,7 +291,7 @@ def test_killed_and_started_again_it_ends_with_the_same_results(tmp_path: Path) 
 def test_two_batches_do_not_share_a_folder(tmp_path: Path) -> None:
     store = Store(tmp_path, "none")
     store.open()
-    with store.held(), pytest.raises(InputError, match="another batch writes there"), store.held():
+    with store.locked(), pytest.raises(InputError, match="another batch writes there"), store.locked():
         pass
 
 
@@ -302,7 +302,7 @@ def test_a_folder_with_another_batchs_results_is_left_as_it_is(tmp_path: Path) -
         run_batch([tiny("else")], tmp_path, device="cpu", workers=1)
     assert results(tmp_path) == first
     report = run_batch([*tiny_items(2), tiny("more")], tmp_path, device="cpu", workers=1)
-    assert report.standing.before == 2, "a batch may grow"
+    assert report.progress.before == 2, "a batch may grow"
 
 
 def test_the_last_lines_say_why_items_have_no_result(tmp_path: Path) -> None:
@@ -331,11 +331,11 @@ def test_wrong_options_are_refused(tmp_path: Path) -> None:
 
 def test_a_worker_goes_on_with_what_shares_its_meshes_and_leaves_to_others_what_shares_theirs() -> None:
     dress, shirt = ("garment.mesh=dress.obj", "garment.mesh=shirt.obj")
-    shards = cut(
+    shards = split(
         [Item(str(i), "scene.toml", (mesh, f"garment.fabric={i}")) for i, mesh in enumerate([dress] * 2 + [shirt] * 2)],
         1,
     )
-    waiting = [shard.asks for shard in shards]
+    waiting = [shard.inputs for shard in shards]
     assert best_shared(waiting, frozenset(), []) == 0
     assert best_shared(waiting[1:], frozenset(), [waiting[0]]) == 1, "another worker has the dress"
     assert best_shared(waiting[1:], waiting[0], [waiting[2]]) == 0, "this one has it"

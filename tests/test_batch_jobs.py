@@ -148,10 +148,10 @@ def test_a_bad_row_is_an_item_that_says_why(tmp_path: Path, row: str, problem: s
         ("jobs.csv", "name,scene\n", "has no items"),
         ("jobs.csv", "", "is empty"),
         ("jobs.parquet", "garbage", "not Parquet"),
-        ("jobs.txt", "name,scene\n", "is no kind of job file"),
-        ("jobs.toml", 'scene = "tshirt"\n', "wants either [[item]] tables or one [product]"),
+        ("jobs.txt", "name,scene\n", "is not a format of job files"),
+        ("jobs.toml", 'scene = "tshirt"\n', "needs either [[item]] tables or one [product]"),
         ("jobs.toml", '[product]\ncolours = ["red"]\n', "unknown key product.colours"),
-        ("jobs.toml", "[product]\nsizes = []\n", "product.sizes is not a list with entries"),
+        ("jobs.toml", "[product]\nsizes = []\n", "product.sizes is not a list of entries"),
         ("jobs.toml", '[product]\nsizes = [{garment.shape.size = "S"}]\n', "has no name"),
     ],
 )

@@ -6,7 +6,7 @@ import subprocess
 import sys
 from multiprocessing import resource_tracker
 
-from warp_cloth.batch.lifeline import uninterrupted
+from warp_cloth.batch.lifeline import sigint_blocked
 
 ASK = "import signal; print(signal.SIGINT in signal.pthread_sigmask(signal.SIG_BLOCK, []))"
 
@@ -19,7 +19,7 @@ def hears_nothing() -> bool:
 
 def test_what_is_started_uninterrupted_hears_of_no_interrupt_and_what_comes_later_does() -> None:
     before = hears_nothing()
-    with uninterrupted():
+    with sigint_blocked():
         resource_tracker.ensure_running()  # as multiprocessing asks for before it starts a process
         assert hears_nothing()
     assert hears_nothing() == before

@@ -1,4 +1,4 @@
-"""Helpers that load: what they make is what the worker itself would have made, and nothing is lost without them."""
+"""Loader processes make what the worker itself would have made, and nothing is lost without them."""
 
 from __future__ import annotations
 
@@ -17,13 +17,12 @@ import pytest
 
 from warp_cloth.base.cache import Cache
 from warp_cloth.base.errors import InputError
-from warp_cloth.batch import shared_results as common
-from warp_cloth.batch import warm_kernels as ahead
+from warp_cloth.batch import shared_results, warm_kernels
 from warp_cloth.batch.arena import Arena
-from warp_cloth.batch.loading import WORTH, Loaders, Shelf
+from warp_cloth.batch.loading import LEAST_WORK, LoadCache, Loaders
 from warp_cloth.batch.many import fit_many
-from warp_cloth.batch.processes import context
-from warp_cloth.batch.shared_results import Drafts, keep_in, kept_in, once_for_all
+from warp_cloth.batch.processes import process_context
+from warp_cloth.batch.shared_results import SharedCache, get_or_make_shared, read_shared, write_shared
 from warp_cloth.fitting.fit import Fit
 from warp_cloth.fitting.problem import problem_kind
 from warp_cloth.garment.outfit import MeshCache, Recipe, avatar_recipe, load_outfit, mesh_recipes
@@ -34,8 +33,8 @@ from warp_cloth.scene import Scene, load_scene
 
 
 def scenes() -> list[Scene]:
-    """More different meshes than it takes to start helpers, on one avatar, in two fabrics."""
-    sides = [4 + number // 2 for number in range(2 * WORTH)]
+    """More different meshes than it takes to start loaders, on one avatar, in two fabrics."""
+    sides = [4 + number // 2 for number in range(2 * LEAST_WORK)]
     fabrics = ("jersey", "denim")
     common = ["solver.iterations=40", "collision.pixel_mm=10"]
     return [
@@ -54,15 +53,15 @@ def loaders() -> Iterator[Loaders]:
 
 
 def made_in(folder: Path) -> list[Path]:
-    """The files of things that are kept there."""
-    return [file for file in folder.iterdir() if file.suffix != ".claim"]
+    """The files of results that are stored there."""
+    return [file for file in folder.iterdir() if file.suffix != ".lock"]
 
 
 def forbidden(*_: object) -> None:
     raise AssertionError("it is in the cache")
 
 
-def test_helpers_make_what_the_worker_would_have_made_and_share_it_alike(loaders: Loaders) -> None:
+def test_loaders_make_what_the_worker_would_have_made_and_share_it_alike(loaders: Loaders) -> None:
     several, mesh_cache = scenes(), MeshCache()
     loaders.fill(mesh_cache, several)
     for scene in several:
@@ -80,11 +79,11 @@ def test_helpers_make_what_the_worker_would_have_made_and_share_it_alike(loaders
     assert jersey.parts[0].points is denim.parts[0].points, "one mesh in two fabrics meets its avatar alike"
 
 
-def test_constants_of_a_garment_are_worked_out_once_for_all_workers(loaders: Loaders, tmp_path: Path) -> None:
+def test_constants_of_a_garment_are_computed_get_or_make_shared_workers(loaders: Loaders, tmp_path: Path) -> None:
     several, mesh_caches = scenes(), [MeshCache(), MeshCache()]
     times = []
     for mesh_cache in mesh_caches:
-        loaders.begin(mesh_cache, several, patches=False, common=tmp_path)
+        loaders.begin(mesh_cache, several, patches=False, shared=tmp_path)
         loaders.fill(mesh_cache, several)
         times.append({file.name: file.stat().st_mtime_ns for file in made_in(tmp_path)})
     assert len(times[0]) == len(several)
@@ -95,12 +94,12 @@ def test_constants_of_a_garment_are_worked_out_once_for_all_workers(loaders: Loa
         assert part.fabric == other.fabric
 
 
-def test_what_shapes_are_drafted_from_is_worked_out_once_for_all_workers(tmp_path: Path) -> None:
+def test_what_shapes_are_drafted_from_is_computed_get_or_make_shared_workers(tmp_path: Path) -> None:
     scene = load_scene("tshirt", ["garment.shape.edge_mm=45"])
     (recipe,) = avatar_recipe(scene)
     alone, mesh = MeshCache().make(recipe), load_outfit(scene).garments[0]
     for _ in range(2):
-        mesh_cache = MeshCache(Drafts(tmp_path))
+        mesh_cache = MeshCache(SharedCache(tmp_path))
         assert np.array_equal(mesh_cache.make(recipe).points, alone.points)
         assert np.array_equal(mesh_cache.make(mesh_recipes(scene)[0]).points, mesh.points)
         assert len(made_in(tmp_path)) == 4, "the body, its form, the sleeve, the pattern"
@@ -115,65 +114,65 @@ def test_who_comes_while_another_makes_something_waits_for_it(tmp_path: Path) ->
         return number
 
     with ThreadPoolExecutor(4) as pool:
-        found = list(pool.map(lambda number: once_for_all(file, partial(make, number)), range(4)))
+        found = list(pool.map(lambda number: get_or_make_shared(file, partial(make, number)), range(4)))
     assert len(made) == 1
     assert found == 4 * made
     with pytest.raises(ZeroDivisionError):
-        once_for_all(tmp_path / "other", lambda: 1 // 0)
-    assert once_for_all(tmp_path / "other", lambda: 5) == 5, "who fails gives its claim up"
-    assert once_for_all(tmp_path / "none" / "own", lambda: 7) == 7, "where nothing can be kept"
+        get_or_make_shared(tmp_path / "other", lambda: 1 // 0)
+    assert get_or_make_shared(tmp_path / "other", lambda: 5) == 5, "who fails gives its lock up"
+    assert get_or_make_shared(tmp_path / "none" / "own", lambda: 7) == 7, "where nothing can be kept"
 
 
 @pytest.mark.parametrize(("nicer", "waits"), [(0, True), (1, False)])
-def test_nobody_waits_for_who_gives_way(tmp_path: Path, nicer: int, waits: bool) -> None:
+def test_nobody_waits_for_a_process_of_lower_priority(tmp_path: Path, nicer: int, waits: bool) -> None:
     file = tmp_path / "own"
-    with open(tmp_path / "own.claim", "w") as claim:
-        fcntl.flock(claim, fcntl.LOCK_EX)
-        claim.write(str(os.nice(0) + nicer))
-        claim.flush()
+    with open(tmp_path / "own.lock", "w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        lock.write(str(os.nice(0) + nicer))
+        lock.flush()
         with ThreadPoolExecutor(1) as pool:
-            coming = pool.submit(once_for_all, file, lambda: "its own")
+            coming = pool.submit(get_or_make_shared, file, lambda: "its own")
             time.sleep(0.2)
             assert coming.done() != waits
-            keep_in(file, "made here")
-            claim.close()
+            write_shared(file, "made here")
+            lock.close()
             assert coming.result() == ("made here" if waits else "its own")
 
 
-def test_what_cannot_be_kept_for_others_or_read_is_worked_out_again(
+def test_what_cannot_be_kept_for_others_or_read_is_computed_again(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     file = tmp_path / "own"
-    keep_in(tmp_path / "none" / "own", 1)
-    assert kept_in(tmp_path / "none" / "own") is None
-    keep_in(file, np.arange(1000))
-    assert kept_in(file).sum() == 499_500
+    write_shared(tmp_path / "none" / "own", 1)
+    assert read_shared(tmp_path / "none" / "own") is None
+    write_shared(file, np.arange(1000))
+    assert read_shared(file).sum() == 499_500
     file.write_bytes(file.read_bytes()[:500])
-    assert kept_in(file) is None
+    assert read_shared(file) is None
     file.write_bytes(b"")
-    assert kept_in(file) is None
-    monkeypatch.setattr(common, "MOST", 100)
+    assert read_shared(file) is None
+    monkeypatch.setattr(shared_results, "MOST_BYTES", 100)
     for name in "abc":
-        keep_in(tmp_path / name, bytes(80))
-    assert [kept_in(tmp_path / name) is not None for name in "abc"] == [True, True, False], "the folder is full"
+        write_shared(tmp_path / name, bytes(80))
+    assert [read_shared(tmp_path / name) is not None for name in "abc"] == [True, True, False], "the folder is full"
 
 
-def _forks_helpers(connection: Connection) -> None:
-    """As a worker does: tells of each scene whether its garment is as alone, and lies in what it shares."""
-    shelf, mesh_cache = Shelf(2, fork=True), MeshCache()
-    shelf.loaders.fill(mesh_cache, scenes(), Cache())
+def _forks_loaders(connection: Connection) -> None:
+    """As a worker does: says of each scene whether its garment is as alone, and lies in shared memory."""
+    load_cache, mesh_cache = LoadCache(2, fork=True), MeshCache()
+    load_cache.loaders.fill(mesh_cache, scenes(), Cache())
     alike = []
     for scene in scenes():
         part, own = load_outfit(scene, mesh_cache).parts[0], load_outfit(scene).parts[0]
         pairs = [(part.points, own.points), (part.rest.hinge_stiffness, own.rest.hinge_stiffness)]
         alike.append(all(np.array_equal(one, other) for one, other in pairs) and not part.points.flags.owndata)
-    shelf.loaders.close()
+    load_cache.loaders.close()
     connection.send(alike)
 
 
-def test_helpers_that_are_forked_make_the_same_where_their_worker_reads_it() -> None:
-    ours, theirs = context().Pipe()
-    process = context().Process(target=_forks_helpers, args=(theirs,))
+def test_loaders_that_are_forked_make_the_same_where_their_worker_reads_it() -> None:
+    ours, theirs = process_context().Pipe()
+    process = process_context().Process(target=_forks_loaders, args=(theirs,))
     process.start()
     theirs.close()
     assert ours.recv() == [True] * len(scenes())
@@ -187,11 +186,11 @@ def _tells_priority(connection: Connection, rank: int) -> None:
     loaders.close()
 
 
-def test_a_workers_helpers_leave_the_cores_to_it_and_to_those_of_earlier_ones() -> None:
+def test_a_workers_loaders_leave_the_cores_to_it_and_to_those_of_earlier_ones() -> None:
     steps = []
     for rank in range(2):
-        ours, theirs = context().Pipe()
-        process = context().Process(target=_tells_priority, args=(theirs, rank))
+        ours, theirs = process_context().Pipe()
+        process = process_context().Process(target=_tells_priority, args=(theirs, rank))
         process.start()
         theirs.close()
         steps.append(ours.recv())
@@ -235,7 +234,7 @@ def test_one_mesh_of_two_grains_has_the_rest_shapes_of_both(loaders: Loaders) ->
 
 
 @pytest.mark.parametrize("pin", [[], ["garment.pin={loop = 'top'}"]], ids=["free", "pinned"])
-def test_the_same_panels_on_two_bodies_have_the_same_constants_worked_out_once(
+def test_the_same_panels_on_two_bodies_have_the_same_constants_computed_once(
     loaders: Loaders, monkeypatch: pytest.MonkeyPatch, pin: list[str]
 ) -> None:
     several = [
@@ -263,7 +262,7 @@ def test_the_same_panels_on_two_bodies_have_the_same_constants_worked_out_once(
     build_model(parts, device="cpu", precision="mixed", gathers=True, garments=[1] * len(parts), cache=cache)
 
 
-def test_helpers_cut_the_patches_that_a_large_model_asks_for(loaders: Loaders, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_loaders_cut_the_patches_that_a_large_model_needs(loaders: Loaders, monkeypatch: pytest.MonkeyPatch) -> None:
     several, mesh_cache, cache = scenes(), MeshCache(), Cache()
     loaders.fill(mesh_cache, several, cache)
     parts = [load_outfit(scene, mesh_cache).parts[0] for scene in several]
@@ -273,16 +272,16 @@ def test_helpers_cut_the_patches_that_a_large_model_asks_for(loaders: Loaders, m
     assert model.patches is not None
 
 
-def test_what_helpers_cannot_load_is_told_in_its_place(loaders: Loaders) -> None:
-    shelf = Shelf(0)
-    shelf.loaders = loaders
+def test_what_loaders_cannot_load_is_reported_in_its_place(loaders: Loaders) -> None:
+    load_cache = LoadCache(0)
+    load_cache.loaders = loaders
     several = [*scenes(), load_scene("hanging", ["garment.mesh=none.obj"])]
-    *good, bad = fit_many(several, "cpu", shelf=shelf)
+    *good, bad = fit_many(several, "cpu", load_cache=load_cache)
     assert all(isinstance(fit, Fit) for fit in good)
     assert isinstance(bad, InputError)
 
 
-def test_without_its_helpers_a_worker_loads_by_itself(loaders: Loaders) -> None:
+def test_without_its_loaders_a_worker_loads_by_itself(loaders: Loaders) -> None:
     mesh_cache = MeshCache()
     loaders.fill(mesh_cache, scenes())
     assert loaders._pool is not None
@@ -294,11 +293,11 @@ def test_without_its_helpers_a_worker_loads_by_itself(loaders: Loaders) -> None:
 
 
 @pytest.mark.parametrize("fabric", ["jersey", "silk"])
-def test_kernels_loaded_ahead_are_those_of_the_batch(fabric: str) -> None:
+def test_kernels_that_are_warmed_up_are_those_of_the_batch(fabric: str) -> None:
     scene = load_scene("tshirt", [f"garment.fabric={fabric}", "garment.shape.edge_mm=40"])
-    small = ahead._small(scene)
-    parts = [load_outfit(small).parts[0]] * ahead.MANY
-    model = build_model(parts, device="cpu", precision="mixed", gathers=True, garments=[1] * ahead.MANY)
+    small = warm_kernels._small(scene)
+    parts = [load_outfit(small).parts[0]] * warm_kernels.MANY
+    model = build_model(parts, device="cpu", precision="mixed", gathers=True, garments=[1] * warm_kernels.MANY)
     assert problem_kind(small, load_outfit(small)) == problem_kind(scene, load_outfit(scene))
     assert model.patches is not None
     assert not model.patches.few

@@ -14,7 +14,7 @@ import warp as wp
 from warp_cloth.base.errors import InputError
 from warp_cloth.batch import Item, run_batch
 from warp_cloth.batch.cluster import task_resources
-from warp_cloth.batch.drive import Standing
+from warp_cloth.batch.run import BatchProgress
 
 ray = pytest.importorskip("ray")
 
@@ -48,14 +48,14 @@ def test_a_cluster_that_loses_a_node_midway_gives_the_same_results(cluster: Any,
     cluster.wait_for_nodes()
     lost: list[bool] = []
 
-    def lose_a_node(standing: Standing) -> None:
-        if standing.done and not lost:
+    def lose_a_node(progress: BatchProgress) -> None:
+        if progress.done and not lost:
             lost.append(True)
             cluster.remove_node(second, allow_graceful=False)
 
     report = run_batch(items(12), tmp_path / "ray", device="cpu", ray=cluster.address, shard=1, progress=lose_a_node)
     assert lost
-    assert report.whole
+    assert report.complete
     assert report.statuses == {"iteration_limit": 12}
     run_batch(items(12), tmp_path / "here", device="cpu", workers=1, shard=1)
     assert rows(tmp_path / "ray") == rows(tmp_path / "here")
@@ -79,7 +79,7 @@ def test_what_needs_a_gpu_goes_to_the_node_that_claims_one_and_says_that_it_does
     cluster.wait_for_nodes()
     report = run_batch(items(1), tmp_path, ray=cluster.address)
     assert report.statuses == {"failed": 1}
-    assert [row["message"] for row in rows(tmp_path)] == ["cuda:0 does not answer"]
+    assert [row["message"] for row in rows(tmp_path)] == ["cuda:0 does not respond"]
 
 
 @pytest.mark.parametrize(

@@ -10,9 +10,9 @@ import warp as wp
 
 import warp_cloth
 from warp_cloth.base.errors import InputError
-from warp_cloth.batch.loading import Shelf
+from warp_cloth.batch.loading import LoadCache
 from warp_cloth.batch.many import fit_many
-from warp_cloth.batch.memory import need_of
+from warp_cloth.batch.memory import memory_need
 from warp_cloth.fitting import predrape as dressing
 from warp_cloth.fitting.fit import Fit
 from warp_cloth.garment.outfit import MeshCache, load_outfit
@@ -67,9 +67,9 @@ def test_a_dressed_garment_shares_its_mesh_with_the_one_that_it_is_dressed_in() 
 def test_dressed_fits_have_the_same_bits_alone_in_company_and_in_any_order(device: str) -> None:
     scenes = mixture()
     alone = [warp_cloth.fit(scene, device=device) for scene in scenes]
-    shelf = Shelf(0)
+    load_cache = LoadCache(0)
     for order, together in ([*range(6)], 6), ([5, 4, 3, 2, 1, 0], 6), ([2, 0, 1, 5, 3, 4], 1):
-        fits = fit_many([scenes[at] for at in order], device, together=together, shelf=shelf)
+        fits = fit_many([scenes[at] for at in order], device, together=together, load_cache=load_cache)
         for fit, at in zip(fits, order, strict=True):
             assert isinstance(fit, Fit), fit
             assert np.array_equal(fit.garments[0].points, alone[at].garments[0].points)
@@ -86,10 +86,10 @@ def test_what_is_dressed_alike_is_dressed_once(monkeypatch: pytest.MonkeyPatch) 
         return relax_items(relaxation, *rest, **more)
 
     monkeypatch.setattr(dressing, "relax_items", counted)
-    shelf = Shelf(0)
-    fit_many(mixture()[:4], "cpu", together=4, shelf=shelf)
+    load_cache = LoadCache(0)
+    fit_many(mixture()[:4], "cpu", together=4, load_cache=load_cache)
     assert counts == [2], "on two spheres"
-    fit_many(mixture()[:4], "cpu", together=1, shelf=shelf)
+    fit_many(mixture()[:4], "cpu", together=1, load_cache=load_cache)
     assert counts == [2], "and then never again"
 
 
@@ -128,7 +128,7 @@ def test_an_earlier_result_is_a_start_of_its_own() -> None:
 
 def test_a_dressed_garment_needs_the_memory_of_two_and_one_more_in_another_fabric_its_own() -> None:
     one, two = load_scene("sphere", CLOTH), draped()
-    needs = [need_of(scene, load_outfit(scene), gathers=True) for scene in (one, two)]
+    needs = [memory_need(scene, load_outfit(scene), gathers=True) for scene in (one, two)]
     assert needs[1].own == needs[0].own
     assert needs[1].shared == needs[0].shared + needs[0].own
 

@@ -16,9 +16,9 @@ from warp_cloth.avatar.exact import penetration, penetrations
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.threads import ONE_THREAD
 from warp_cloth.batch import many
-from warp_cloth.batch.loading import Shelf
+from warp_cloth.batch.loading import LoadCache
 from warp_cloth.batch.many import fit_many
-from warp_cloth.batch.memory import Need, cut_to_fit, need_of, side_by_side
+from warp_cloth.batch.memory import MemoryNeed, grouped_by_avatar, memory_need, split_to_fit
 from warp_cloth.contact import garments
 from warp_cloth.contact.garments import model_crossings, worn_crossings
 from warp_cloth.fitting import problem
@@ -123,12 +123,12 @@ def test_what_a_batch_takes_over_of_earlier_ones_changes_no_bit(gathers: bool, m
     monkeypatch.setattr(
         problem, "AvatarContact", lambda *given, **named: built.append(1) or AvatarContact(*given, **named)
     )
-    shelf = Shelf(0)
+    load_cache = LoadCache(0)
     scenes = mixture()[:7]
     alone = [warp_cloth.fit(scene, device="cpu") for scene in scenes]
     built.clear()
     for together in (1, len(scenes)):
-        for fit, own in zip(fit_many(scenes, "cpu", together=together, shelf=shelf), alone, strict=True):
+        for fit, own in zip(fit_many(scenes, "cpu", together=together, load_cache=load_cache), alone, strict=True):
             assert_same(fit, own)
         assert len(built) == 6, "two scenes differ by friction only"
 
@@ -209,7 +209,7 @@ def test_scenes_are_taken_as_a_fit_takes_them() -> None:
 def test_too_many_for_the_memory_are_halved_until_they_fit(monkeypatch: pytest.MonkeyPatch) -> None:
     scenes = [load_scene("hanging", [*HANGING, f"solver.iterations={20 + n}"]) for n in range(7)]
     alone = [warp_cloth.fit(scene, device="cpu") for scene in scenes]
-    run, sizes = many._together, []
+    run, sizes = many._fit_together, []
 
     def narrow(some: list[Scene], *rest: Any) -> list[Fit]:
         sizes.append(len(some))
@@ -217,22 +217,27 @@ def test_too_many_for_the_memory_are_halved_until_they_fit(monkeypatch: pytest.M
             raise RuntimeError("Failed to allocate 123456789 bytes on device 'cuda:0'")
         return run(some, *rest)
 
-    monkeypatch.setattr(many, "_together", narrow)
+    monkeypatch.setattr(many, "_fit_together", narrow)
     for fit, own in zip(fit_many(scenes, "cpu", together=7), alone, strict=True):
         assert_same(fit, own)
     assert sizes == [7, 3, 1, 2, 4, 2, 2]
 
 
 def test_pieces_stay_within_the_budget_and_hold_every_item_once() -> None:
-    needs = [Need(size, 0, None) for size in (30, 50, 10, 200, 40, 40, 40)]
-    pieces = cut_to_fit(needs, 100, most=2)
+    needs = [MemoryNeed(size, 0, None) for size in (30, 50, 10, 200, 40, 40, 40)]
+    pieces = split_to_fit(needs, 100, most=2)
     assert [list(piece) for piece in pieces] == [[0, 1], [2], [3], [4, 5], [6]]
-    on_two_bodies = [Need(20, 50, body) for body in "AAABBA"]
-    assert [list(piece) for piece in cut_to_fit(on_two_bodies, 100, most=9)] == [[0, 1], [2], [3, 4], [5]]
-    assert side_by_side(on_two_bodies) == [0, 1, 2, 5, 3, 4]
-    while_built = [Need(30, 0, None), Need(30, 0, None, passing=50), Need(30, 0, None, passing=20), Need(30, 0, None)]
-    assert [list(piece) for piece in cut_to_fit(while_built, 110, most=9)] == [[0, 1], [2, 3]]
-    assert cut_to_fit([], 100, most=2) == []
+    on_two_bodies = [MemoryNeed(20, 50, body) for body in "AAABBA"]
+    assert [list(piece) for piece in split_to_fit(on_two_bodies, 100, most=9)] == [[0, 1], [2], [3, 4], [5]]
+    assert grouped_by_avatar(on_two_bodies) == [0, 1, 2, 5, 3, 4]
+    while_built = [
+        MemoryNeed(30, 0, None),
+        MemoryNeed(30, 0, None, transient=50),
+        MemoryNeed(30, 0, None, transient=20),
+        MemoryNeed(30, 0, None),
+    ]
+    assert [list(piece) for piece in split_to_fit(while_built, 110, most=9)] == [[0, 1], [2, 3]]
+    assert split_to_fit([], 100, most=2) == []
 
 
 def held(thing: Any, seen: set[int]) -> int:
@@ -268,6 +273,6 @@ def test_the_planned_memory_bounds_what_is_held(gathers: bool, fabric: str, monk
     made = problem.build_problem([scene], [outfit], "cpu")
     relax_items(made.relaxation, made.certifier, [Goal(tolerance_of(scene), 1500)])
     used = held([made.model, made.relaxation, made.certifier, made.contacts], set())
-    need = need_of(scene, outfit, gathers=gathers)
+    need = memory_need(scene, outfit, gathers=gathers)
     planned = need.own + need.shared
     assert used <= planned <= 2.5 * used

@@ -22,7 +22,7 @@ from methods_scenes import Case, all_cases, case_tree
 
 from warp_cloth.base.mesh import Points
 from warp_cloth.base.warp_setup import start_warp
-from warp_cloth.batch.lifeline import uninterrupted
+from warp_cloth.batch.lifeline import sigint_blocked
 from warp_cloth.fitting.problem import Problem, collider_updates, load_problem, start_coarse, tolerance_of
 from warp_cloth.scene import load_scene
 from warp_cloth.solver.certificate.certifier import Check, Tolerance
@@ -178,7 +178,7 @@ class MethodStudy:
         left = {(case.name, method): (case, method, self._device, limits[method]) for _, case, method in beside}
         asked = [job for key, job in left.items() if key not in self.runs]
         if asked:
-            with uninterrupted():
+            with sigint_blocked():
                 pool = get_context("spawn").Pool(self._processes, start_warp, (False,))
             with pool:
                 for found in pool.imap_unordered(_run_job, asked):

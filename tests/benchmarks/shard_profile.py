@@ -22,7 +22,7 @@ from typing import Any
 import batch_rate
 import warp as wp
 
-HELPERS = 14  # processes that load
+LOADERS = 14  # processes that load
 SHOWN = 0.005  # of a stage's time; what takes less is left out
 PARTS: tuple[tuple[str, Callable[[int, float], bool]], ...] = (
     ("to 500 iterations", lambda iteration, _: iteration >= 500),
@@ -110,9 +110,9 @@ def main() -> None:
     parser.add_argument("--device", default="cuda:0")
     parser.add_argument("--items", type=int, default=256)
     asked = parser.parse_args()
-    from warp_cloth.batch.loading import Shelf
+    from warp_cloth.batch.loading import LoadCache
 
-    shelf = Shelf(HELPERS, fork=True)  # before this process has threads and a device
+    load_cache = LoadCache(LOADERS, fork=True)  # before this process has threads and a device
     from warp_cloth.scene import load_scene
 
     rows = batch_rate.jobs(max(asked.items, 1024), len(batch_rate.GARMENTS), "dressed")[: asked.items]
@@ -120,7 +120,7 @@ def main() -> None:
         load_scene(row["scene"], [f"{key}={value}" for key, value in row.items() if key not in ("name", "scene")])
         for row in rows
     ]
-    shelf.begin(scenes, patches=True)
+    load_cache.begin(scenes, patches=True)
     from warp_cloth.batch import many
 
     for name in ("build_problem", "build_predrape", "start_predraped", "finish_fits"):
@@ -128,8 +128,8 @@ def main() -> None:
     watch_relaxing(many)
     for label in ("a fresh process", "again"):
         print(label)
-        many.fit_many(scenes, asked.device, shelf=shelf)
-    os._exit(0)  # the helpers end with it
+        many.fit_many(scenes, asked.device, load_cache=load_cache)
+    os._exit(0)  # the loaders end with it
 
 
 if __name__ == "__main__":

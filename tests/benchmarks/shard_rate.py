@@ -20,7 +20,7 @@ import batch_rate
 import numpy as np
 import warp as wp
 
-HELPERS = 14  # processes that load
+LOADERS = 14  # processes that load
 
 
 class Watch:
@@ -56,9 +56,9 @@ def main() -> int:
     parser.add_argument("--items", type=int, default=1024)
     parser.add_argument("--alone", type=int, default=8, metavar="N", help="so many of them one by one")
     asked = parser.parse_args()
-    from warp_cloth.batch.loading import Shelf
+    from warp_cloth.batch.loading import LoadCache
 
-    shelf = Shelf(HELPERS, fork=True)  # before this process has threads and a device
+    load_cache = LoadCache(LOADERS, fork=True)  # before this process has threads and a device
     from warp_cloth.scene import load_scene
 
     rows = batch_rate.jobs(asked.items, len(batch_rate.GARMENTS), "dressed")
@@ -66,7 +66,7 @@ def main() -> int:
         load_scene(row["scene"], [f"{key}={value}" for key, value in row.items() if key not in ("name", "scene")])
         for row in rows
     ]
-    shelf.begin(scenes, patches=True)
+    load_cache.begin(scenes, patches=True)
     from warp_cloth.base.cache import Cache
     from warp_cloth.batch import many
 
@@ -75,9 +75,9 @@ def main() -> int:
     def fitted(some: list[Any]) -> tuple[list[Any], float, float]:
         """Fits of scenes whose meshes are there, and the seconds of dressing and relaxing."""
         cache = Cache()
-        cache.add_entries(shelf.cache.portable_entries())  # patches; not what was dressed
-        shelf.cache = cache
-        found = many.fit_many(some, asked.device, shelf=shelf)
+        cache.add_entries(load_cache.cache.portable_entries())  # patches; not what was dressed
+        load_cache.cache = cache
+        found = many.fit_many(some, asked.device, load_cache=load_cache)
         return found, *watch.taken()
 
     def told(label: str, count: int, dressing: float, relaxing: float) -> None:
@@ -106,4 +106,4 @@ def main() -> int:
 if __name__ == "__main__":
     code = main()
     sys.stdout.flush()
-    os._exit(code)  # the helpers end with it
+    os._exit(code)  # the loaders end with it

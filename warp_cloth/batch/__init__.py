@@ -5,21 +5,21 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from warp_cloth.batch.drive import BatchReport, run_batch
     from warp_cloth.batch.jobs import Item, read_jobs
     from warp_cloth.batch.many import fit_many
+    from warp_cloth.batch.run import BatchReport, run_batch
     from warp_cloth.batch.sizes import SizeRun, fit_sizes
 
 __all__ = ["BatchReport", "Item", "SizeRun", "fit_many", "fit_sizes", "read_jobs", "run_batch"]
 
 _HOMES = {
-    "BatchReport": "drive",
+    "BatchReport": "run",
     "Item": "jobs",
     "SizeRun": "sizes",
     "fit_many": "many",
     "fit_sizes": "sizes",
     "read_jobs": "jobs",
-    "run_batch": "drive",
+    "run_batch": "run",
 }
 
 

@@ -1,6 +1,6 @@
-"""Memory that a process shares with those forked from it: what is large is put there once, and read where it lies.
+"""Shared memory of a process and those forked from it: large arrays are written there once and read in place.
 
-Through a pipe it would be copied four times, by threads that hold up all others of the process.
+A pipe would copy them four times, in threads that block all others of the process.
 """
 
 from __future__ import annotations
@@ -16,16 +16,16 @@ ALIGNED = 64  # bytes
 
 @dataclass(frozen=True)
 class Parcel:
-    """Something that was put into an arena: small enough to be sent."""
+    """An object that was put into an arena: small enough to be sent through a pipe."""
 
-    pickled: bytes  # all but the arrays
+    pickled: bytes  # without the arrays
     places: tuple[tuple[int, int], ...]  # first byte and length of each array
 
 
 class Arena:
-    """``size`` bytes, of which the machine gives those that are used; they go with the last process that has them.
+    """``size`` bytes, of which only those in use take memory; freed with the last process that maps them.
 
-    What is put there stays: arrays that are taken out lie there. What finds no room any more goes into its parcel.
+    Objects are never removed: arrays that are taken are views. An object that no longer fits is pickled whole.
     """
 
     def __init__(self, size: int) -> None:
@@ -33,7 +33,7 @@ class Arena:
         self._used = multiprocessing.get_context("fork").Value("Q", 0)
 
     def put(self, thing: Any) -> Parcel:
-        """Puts something there, in any of the processes."""
+        """Writes an object, in any of the processes."""
         buffers: list[pickle.PickleBuffer] = []
         pickled = pickle.dumps(thing, protocol=5, buffer_callback=buffers.append)
         raws = [buffer.raw() for buffer in buffers]
@@ -45,11 +45,11 @@ class Arena:
         return Parcel(pickled, places)
 
     def take(self, parcel: Parcel) -> Any:
-        """What was put there; its arrays are those of everyone who takes it, and are not to be changed."""
+        """The object of a parcel; all processes share its arrays, which must not be changed."""
         return pickle.loads(parcel.pickled, buffers=[self._memory[first : first + n] for first, n in parcel.places])
 
     def _places(self, lengths: list[int]) -> tuple[tuple[int, int], ...] | None:
-        """Room for so many bytes each; None where there is not enough."""
+        """Places for so many bytes each; None where there is not enough room."""
         with self._used.get_lock():
             place, places = self._used.value, []
             for length in lengths:

@@ -1,4 +1,4 @@
-"""The work on a Ray cluster: a task for each shard, scheduled, and retried where workers are lost, by Ray."""
+"""A batch on a Ray cluster: one task per shard, scheduled, and retried where workers are lost, by Ray."""
 
 from __future__ import annotations
 
@@ -8,20 +8,20 @@ from typing import Any
 
 from warp_cloth.base.errors import InputError
 from warp_cloth.batch.pool import Lost
-from warp_cloth.batch.work import DeviceLostError, Done, Task, do_task
+from warp_cloth.batch.task import DeviceLostError, Done, Task, do_task
 
 RETRIES = 3  # of a task whose worker or node is lost
-MOST_WAITING = 4096  # tasks handed to Ray at a time
-ANSWER = 10.0  # [s] in which the head of a cluster takes a call
+MOST_SUBMITTED = 4096  # tasks at a time
+CONNECT_TIMEOUT = 10.0  # [s] for a connection to the head of the cluster
 
 
 class RayPool:
-    """Tasks on a Ray cluster. The output folder must be one that every node sees.
+    """Tasks on a Ray cluster. Every node must see the output folder.
 
-    ``device``: "cpu" asks Ray for a core for each task, "cuda" for a GPU; None: GPUs if the cluster has any.
+    ``device``: "cpu" requests a core for each task, "cuda" a GPU; None: GPUs if the cluster has any.
     """
 
-    patient = True  # Ray has tried again by itself
+    retries = True  # Ray itself
 
     def __init__(self, address: str, device: str | None, workers: int | None) -> None:
         self._ray = _ray()
@@ -41,7 +41,7 @@ class RayPool:
             raise InputError("--device", "the cluster has no GPU", "use --device cpu, or add a node that has one")
         self._device = "cuda:0" if kind == "num_gpus" else "cpu"  # Ray shows a task its own GPU only
         self.devices: Sequence[str] = (self._device,) * min(places, workers or places)
-        self._most = len(self.devices) if workers else MOST_WAITING
+        self._most = len(self.devices) if workers else MOST_SUBMITTED
         self._waiting: list[Task] = []
         self._running: dict[Any, Task] = {}
         self._do = self._ray.remote(do_task).options(
@@ -74,7 +74,7 @@ class RayPool:
 
 
 def task_resources(device: str | None, cluster: dict[str, float]) -> dict[str, float]:
-    """What a task asks Ray for: a GPU where GPUs are wanted, otherwise a core."""
+    """Resources of a task: a GPU where GPUs are wanted, otherwise a core."""
     if device is None:
         device = "cuda" if cluster.get("GPU") else "cpu"
     if device == "cpu":
@@ -85,12 +85,12 @@ def task_resources(device: str | None, cluster: dict[str, float]) -> dict[str, f
 
 
 def _check_answers(address: str) -> None:
-    """Whether something listens at HOST:PORT, at once: Ray itself tries for minutes."""
+    """Raises at once where nothing listens at HOST:PORT: Ray itself would try for minutes."""
     host, colon, port = address.rpartition(":")
-    if not colon or not port.isdigit() or "/" in host:  # "auto", or a form that Ray reads
+    if not colon or not port.isdigit() or "/" in host:  # "auto", or another form that Ray understands
         return
     try:
-        socket.create_connection((host.strip("[]"), int(port)), ANSWER).close()
+        socket.create_connection((host.strip("[]"), int(port)), CONNECT_TIMEOUT).close()
     except (OSError, OverflowError, UnicodeError) as error:
         raise _no_answer(address, error) from None
 

@@ -1,4 +1,4 @@
-"""Job files: what to fit, an item a row; every item is a scene and changes to it, as ``warp-cloth fit`` takes them."""
+"""Job files: one item per row, each a scene and changes to it, as ``warp-cloth fit`` takes them."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ LARGEST_JOB_FILE = 200_000_000  # [bytes]; a million tables
 FILE_KEYS = ("mesh", "grain_texture", "fabric")  # last names of keys whose values may name files
 AVATAR_KEYS = ("avatar=", "avatar.mesh", "avatar.prim", "avatar.units", "avatar.shape", "avatar.poses")
 PLAIN_NAME = re.compile(r"[^/\\\x00-\x1f.][^/\\\x00-\x1f]{0,99}")
-WHOLE_NUMBER = re.compile(r"^([-+]?\d+)\.0+$")
-FRAME_INDEX = "__index_level_"  # what pandas calls a data frame's own index in a file
+INTEGER = re.compile(r"^([-+]?\d+)\.0+$")
+FRAME_INDEX = "__index_level_"  # prefix that pandas gives a data frame's index in a file
 TEXTS = ("name", "scene")  # columns that hold no numbers
-WHOLE = ("kind", "name")  # a table with one of these replaces what stands there; others change it key by key
+WHOLE = ("kind", "name")  # a table with one of these keys replaces the scene's; others change it key by key
 
 
 @dataclass(frozen=True)
@@ -38,18 +38,18 @@ class Item:
     name: str
     scene: str  # a scene file or a shipped scene's name
     changes: tuple[str, ...] = ()  # KEY=VALUE
-    problem: str = ""  # why the row cannot be used; empty: it can
+    problem: str = ""  # why the row cannot be used, if it cannot
 
 
-def avatar_asked(item: Item) -> tuple[str, ...]:
-    """What an item says of its avatar's mesh, alike where items meet the same one."""
+def avatar_key(item: Item) -> tuple[str, ...]:
+    """What an item states about its avatar's mesh: equal for items of the same avatar."""
     return item.scene, *sorted(change for change in item.changes if change.startswith(AVATAR_KEYS))
 
 
-def garments_asked(item: Item) -> tuple[str, ...]:
-    """What an item says of its garments' meshes, likewise."""
-    asked = (change for change in item.changes if change.startswith("garment"))
-    return tuple(sorted(change for change in asked if "fabric" not in change.partition("=")[0].split(".")))
+def garments_key(item: Item) -> tuple[str, ...]:
+    """What an item states about its garments' meshes, likewise."""
+    changes = (change for change in item.changes if change.startswith("garment"))
+    return tuple(sorted(change for change in changes if "fabric" not in change.partition("=")[0].split(".")))
 
 
 def read_jobs(path: str | Path) -> list[Item]:
@@ -69,12 +69,12 @@ def read_jobs(path: str | Path) -> list[Item]:
     elif suffix == ".toml":
         rows = _toml_rows(source)
     else:
-        raise InputError(source, f'"{source.suffix}" is no kind of job file', REMEDY)
+        raise InputError(source, f'"{source.suffix}" is not a format of job files', REMEDY)
     return _checked([_item(row, number, source.parent) for number, row in enumerate(rows, start=1)], source)
 
 
-def given_items(items: Sequence[Item]) -> list[Item]:
-    """Items as a caller gave them; InputError where they are none, or not such."""
+def checked_items(items: Sequence[Item]) -> list[Item]:
+    """A caller's items; InputError where there are none, or they are not items."""
     if not isinstance(items, Sequence) or isinstance(items, str) or not all(isinstance(item, Item) for item in items):
         raise InputError("jobs", "must be a job file or a list of items", "give a path, or what read_jobs returned")
     return _checked(list(items), "jobs")
@@ -102,25 +102,27 @@ def _csv_rows(path: Path) -> list[dict[str, Any]]:
     if not table:
         raise InputError(path, "is empty", REMEDY)
     header = [name.strip() for name in table[0]]
-    for mark, told in ((";", "semicolons"), ("\t", "tabs")):
+    for mark, words in ((";", "semicolons"), ("\t", "tabs")):
         if len(header) == 1 and mark in header[0]:
-            raise InputError(path, f"has its cells between {told}, not commas", "save it with commas, and 0.5 not 0,5")
+            raise InputError(path, f"has its cells between {words}, not commas", "save it with commas, and 0.5 not 0,5")
     _check_columns(header, path)
     rows: list[dict[str, Any]] = []
     for cells in table[1:]:
-        if not any(map(str.strip, cells)):  # an empty line, or one of a spreadsheet's beyond the last
+        if not any(map(str.strip, cells)):  # an empty line, or one past a spreadsheet's last row
             continue
         texts = {name: cell.strip() for name, cell in zip(header, cells, strict=False)}
-        row: dict[str, Any] = {name: text if name in TEXTS else _whole(text) for name, text in texts.items() if text}
+        row: dict[str, Any] = {
+            name: text if name in TEXTS else _integer_text(text) for name, text in texts.items() if text
+        }
         if len(cells) != len(header):
             row["problem"] = f"the row has {counted(len(cells), 'cell')}, the header {len(header)}"
         rows.append(row)
     return rows
 
 
-def _whole(text: str) -> str:
-    """A whole number as such, which data frames write as 3.0 in a column with empty cells; other text as it is."""
-    return WHOLE_NUMBER.sub(r"\1", text)
+def _integer_text(text: str) -> str:
+    """An integer as such, which data frames write as 3.0 in a column with empty cells; other text unchanged."""
+    return INTEGER.sub(r"\1", text)
 
 
 def _parquet_rows(path: Path) -> list[dict[str, Any]]:
@@ -137,7 +139,7 @@ def _parquet_rows(path: Path) -> list[dict[str, Any]]:
 
 
 def _filled(row: Mapping[str, Any]) -> dict[str, Any]:
-    """The cells that hold something: data frames write empty ones as NaN, and whole numbers beside them as 3.0."""
+    """The cells that are not empty: data frames write empty ones as NaN, and integers in their column as 3.0."""
     found: dict[str, Any] = {}
     for key, value in row.items():
         if isinstance(value, Mapping):  # rows share a table's keys: those of others are empty
@@ -154,13 +156,13 @@ def _toml_rows(path: Path) -> list[dict[str, Any]]:
     shared = {key: value for key, value in values.items() if key not in ("item", "product")}
     if ("item" in values) == ("product" in values):
         raise InputError(
-            path, "wants either [[item]] tables or one [product]", f"a [product] has some of {', '.join(AXES)}"
+            path, "needs either [[item]] tables or one [product]", f"a [product] has some of {', '.join(AXES)}"
         )
     if "product" in values:
         return product_rows(values["product"], shared, path)
     rows = values["item"]
     if not isinstance(rows, list) or not all(isinstance(row, dict) for row in rows):
-        raise InputError(path, "item is not a list of tables", "write [[item]] above each")
+        raise InputError(path, "item is not a list of tables", "write [[item]] above each of them")
     return [{**shared, **row} for row in rows]
 
 
@@ -170,11 +172,11 @@ def _check_columns(header: Sequence[str], path: Path) -> None:
         problem = f'has the column "{double}" twice' if double else "has a column without a name"
         raise InputError(path, problem, "give each column a name of its own")
     if "scene" not in header:
-        raise InputError(path, 'has no column "scene"', "name there a scene file or a shipped scene")
+        raise InputError(path, 'has no column "scene"', "give each row a scene file or a shipped scene there")
 
 
 def _item(row: Mapping[str, Any], number: int, folder: Path) -> Item:
-    """One row as an item; what is wrong with it is kept for its result."""
+    """One row as an item; what is wrong with it goes into its result."""
     name = str(row.get("name", f"row-{number}"))
     problem = str(row.get("problem", ""))
     scene = row.get("scene")
@@ -190,7 +192,7 @@ def _item(row: Mapping[str, Any], number: int, folder: Path) -> Item:
 
 
 def flat(values: Mapping[str, Any], above: str = "") -> list[tuple[str, Any]]:
-    """Dotted keys and values of nested tables; one that says its kind or name stays whole."""
+    """Dotted keys and values of nested tables; a table with a key of WHOLE stays a table."""
     found: list[tuple[str, Any]] = []
     for key, value in values.items():
         if isinstance(value, Mapping) and not any(word in value for word in WHOLE):
@@ -201,7 +203,7 @@ def flat(values: Mapping[str, Any], above: str = "") -> list[tuple[str, Any]]:
 
 
 def _from_folder(key: str, value: Any, folder: Path) -> Any:
-    """A file that stands beside the job file by its full path, for workers elsewhere; anything else as it is."""
+    """A file next to the job file by its full path, for workers elsewhere; any other value unchanged."""
     names_file = key == "scene" or key.rpartition(".")[2] in FILE_KEYS
     if names_file and isinstance(value, str) and value and (folder / value).is_file():
         return str((folder / value).absolute())
@@ -209,7 +211,7 @@ def _from_folder(key: str, value: Any, folder: Path) -> Any:
 
 
 def _text(value: Any) -> str:
-    """A value as TOML writes it. Text of a table's cell is left to be read as TOML, or as the text that it is."""
+    """A value as TOML writes it. Text of a cell stays as it is, to be read as TOML or as text."""
     if isinstance(value, str):
         return value
     return toml_text(value)

@@ -1,4 +1,4 @@
-"""Processes end with the one that started them, however that ends."""
+"""Child processes end with their parent, however that ends, and ignore Ctrl-C from their first moment."""
 
 from __future__ import annotations
 
@@ -12,22 +12,22 @@ from multiprocessing import resource_tracker
 
 
 def end_with_parent() -> None:
-    """Lets this process end as soon as its parent has."""
+    """Ends this process as soon as its parent has ended."""
     threading.Thread(target=_wait, daemon=True).start()
 
 
-def begin_alone() -> None:
+def start_single_threaded() -> None:
     """Likewise, and keeps to one thread: there are as many such processes as cores."""
     end_with_parent()
-    from warp_cloth.base.threads import ONE_THREAD  # and NumPy, for which who starts processes does not wait
+    from warp_cloth.base.threads import ONE_THREAD  # imports NumPy, for which the parent need not wait
 
     os.environ[ONE_THREAD] = "1"
 
 
 @contextlib.contextmanager
-def uninterrupted() -> Iterator[None]:
-    """What is started meanwhile hears of no Ctrl-C, from its first moment on: who starts it ends it."""
-    resource_tracker.ensure_running()  # which would let them through again
+def sigint_blocked() -> Iterator[None]:
+    """Processes started in this block never receive Ctrl-C: the process that started them ends them."""
+    resource_tracker.ensure_running()  # starting it inside would unblock the signal
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield

@@ -1,4 +1,4 @@
-"""Device memory of a batch, planned before anything is allocated."""
+"""Device memory of a batch, estimated before anything is allocated."""
 
 from __future__ import annotations
 
@@ -17,29 +17,29 @@ from warp_cloth.garment.outfit import Outfit
 from warp_cloth.model.plan import contact_kind
 from warp_cloth.scene import Scene
 
-# Bytes for each vertex, edge, triangle and hinge of model, iterations, certificate and the shapes that it keeps, in
-# the "mixed" precision; measured by adding up the arrays, and rounded up.
+# Bytes per vertex, edge, triangle and hinge of the model, the solver, the certificate and its stored shapes, in "mixed"
+# precision; measured by adding up the arrays, and rounded up.
 PER_VERTEX, PER_EDGE, PER_TRIANGLE, PER_HINGE = 704, 96, 192, 64
 SCATTERED = 0.5  # factor where forces are scattered: nothing is stored, and there is one set of positions
 DOUBLE = 2.0  # factor where everything is float64
 GRID_NODE = 4  # bytes of one of a field's grids, while it is built
 FIELD_NODE = 8  # of the field's four bytes and the depth buffers'
-SHARE = 0.8  # of the free memory that a batch takes: the allocator and the kernels want some
-CPU_SHARE = 0.4  # likewise: other workers are there, too
+GPU_FRACTION = 0.8  # of the free memory: the allocator and the kernels need some
+CPU_FRACTION = 0.4  # likewise: there are other workers, too
 
 
 @dataclass(frozen=True)
-class Need:
-    """Bound of the device memory of one scene [bytes]."""
+class MemoryNeed:
+    """Upper bound of the device memory of one scene [bytes]."""
 
     own: int  # of its garments
-    shared: int  # of its avatar and of dressing its garments, held once for all scenes of the same ``key``
+    shared: int  # of its avatar and of dressing its garments, allocated once for all scenes of the same ``key``
     key: Hashable
-    passing: int = 0  # of building that, for a while, one avatar after another
+    transient: int = 0  # while the avatar is built, one avatar after another
 
 
-def need_of(scene: Scene, outfit: Outfit, *, gathers: bool) -> Need:
-    """What a scene needs whose forces are gathered (on GPUs) or scattered."""
+def memory_need(scene: Scene, outfit: Outfit, *, gathers: bool) -> MemoryNeed:
+    """Memory of a scene whose forces are gathered (on GPUs) or scattered (on CPUs)."""
     total = 0.0
     for part in outfit.parts:
         topology = part.rest.topology
@@ -49,14 +49,14 @@ def need_of(scene: Scene, outfit: Outfit, *, gathers: bool) -> Need:
         total *= SCATTERED
     if scene.solver.precision == "float64":
         total *= DOUBLE
-    held, passing = collider_bytes(scene, outfit)
+    shared, transient = collider_bytes(scene, outfit)
     if scene.solver.start == "dressed":  # in one fabric for all
-        held += int(total)
-    return Need(int(total), held, contact_key(scene, outfit), passing)
+        shared += int(total)
+    return MemoryNeed(int(total), shared, contact_key(scene, outfit), transient)
 
 
 def collider_bytes(scene: Scene, outfit: Outfit) -> tuple[int, int]:
-    """Bound of the memory of an avatar as a scene meets it, and of what building it takes for a while [bytes]."""
+    """Upper bound of the memory of a scene's collider, and of what building it takes besides [bytes]."""
     avatar = outfit.avatar
     kind = contact_kind(scene, outfit)
     if avatar is None or kind == "none":
@@ -72,34 +72,34 @@ def collider_bytes(scene: Scene, outfit: Outfit) -> tuple[int, int]:
     return mesh + int(FIELD_NODE * nodes), int(GRIDS_AT_ONCE * GRID_NODE * nodes)
 
 
-def available_bytes(device: str, share: float = 1.0) -> int:
-    """Memory that a batch may take [bytes], where others have the device, too, no more than its share of a GPU's."""
+def available_bytes(device: str, fraction: float = 1.0) -> int:
+    """Memory that a batch may use [bytes]; where workers share a GPU no more than its fraction of the total."""
     where = wp.get_device(device)
     if where.is_cuda:
-        return int(SHARE * min(where.free_memory, share * where.total_memory))
-    return int(CPU_SHARE * os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"))
+        return int(GPU_FRACTION * min(where.free_memory, fraction * where.total_memory))
+    return int(CPU_FRACTION * os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"))
 
 
-def side_by_side(needs: Sequence[Need]) -> list[int]:
-    """An order in which scenes that meet their avatar alike follow one another: a GPU's cache holds few fields."""
+def grouped_by_avatar(needs: Sequence[MemoryNeed]) -> list[int]:
+    """An order in which scenes of the same collider follow one another: a GPU's cache holds few fields."""
     ranks: dict[Hashable, int] = {}
     return sorted(range(len(needs)), key=lambda at: ranks.setdefault(needs[at].key, len(ranks)))
 
 
-def cut_to_fit(needs: Sequence[Need], budget: int, most: int) -> list[range]:
-    """Consecutive items that together stay within the budget [bytes], ``most`` of them at most.
+def split_to_fit(needs: Sequence[MemoryNeed], budget: int, most: int) -> list[range]:
+    """Ranges of consecutive items that together stay within the budget [bytes], ``most`` of them at most.
 
-    An item that alone needs more makes a piece of its own: it may fit all the same.
+    An item that alone needs more has a range of its own: it may fit all the same.
     """
-    pieces, first, total, passing = [], 0, 0, 0
-    held: set[Hashable] = set()
+    ranges, first, total, transient = [], 0, 0, 0
+    allocated: set[Hashable] = set()
     for at, need in enumerate(needs):
-        more = need.own + (0 if need.key in held else need.shared)
-        if at > first and (total + more + max(passing, need.passing) > budget or at - first >= most):
-            pieces.append(range(first, at))
-            first, total, passing, more = at, 0, 0, need.own + need.shared
-            held.clear()
+        more = need.own + (0 if need.key in allocated else need.shared)
+        if at > first and (total + more + max(transient, need.transient) > budget or at - first >= most):
+            ranges.append(range(first, at))
+            first, total, transient, more = at, 0, 0, need.own + need.shared
+            allocated.clear()
         total += more
-        passing = max(passing, need.passing)
-        held.add(need.key)
-    return [*pieces, range(first, len(needs))] if needs else []
+        transient = max(transient, need.transient)
+        allocated.add(need.key)
+    return [*ranges, range(first, len(needs))] if needs else []

@@ -1,36 +1,31 @@
-"""Worker processes on this machine: one per CPU core, or one per GPU. A dead one is replaced, its task is told lost."""
+"""Worker processes on this machine: one per CPU core, or several per GPU. A worker that dies is replaced."""
 
 from __future__ import annotations
 
 import collections
 import contextlib
-import gc
 import logging
-import multiprocessing
-import os
 import signal
-import sys
-import threading
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from multiprocessing.connection import Connection, wait
+from multiprocessing.connection import wait
 from multiprocessing.process import BaseProcess
 from types import TracebackType
-from typing import Protocol
+from typing import Any, Protocol
 
-from warp_cloth.base.device import wake_gpu
+from warp_cloth.base.errors import InputError
 from warp_cloth.base.threads import core_count
-from warp_cloth.batch.lifeline import begin_alone, end_with_parent
-from warp_cloth.batch.processes import context
-from warp_cloth.batch.work import DeviceLostError, Done, Task, do_task
+from warp_cloth.batch.lifeline import sigint_blocked
+from warp_cloth.batch.processes import START_METHOD, process_context, start_method
+from warp_cloth.batch.task import Done, Task
+from warp_cloth.batch.worker import Started, StartFailed, serve
 
 log = logging.getLogger(__name__)
 
-MOST_LOSSES = 2  # of its device in a row, after which a worker's place is given up
-MOST_HELPERS = 12  # of a worker: those of four that share 64 cores hold one another up where there are more
-LOOKED_AT = 64  # tasks that wait, for one that shares meshes with what the worker had
-SWITCH = 1e-4  # [s] after which a worker's thread lets another go on, which hands work to its helpers and takes it in
-GRACE = 4.0  # [s] between asking a worker to end and ending it
+MOST_LOSSES = 2  # of its device in a row, after which a worker is not replaced
+MOST_LOADERS = 12  # per worker: more slow each other down where four workers share 64 cores
+TASKS_COMPARED = 64  # waiting tasks among which one that shares meshes with the worker's last is chosen
+GRACE = 4.0  # [s] between asking a worker to end and killing it
 
 
 @dataclass(frozen=True)
@@ -39,112 +34,120 @@ class Lost:
 
     task: Task
     reason: str
-    hopeless: bool = False  # no worker is left that could try again
+    final: bool = False  # no worker is left to try again
 
 
 class Pool(Protocol):
-    """Does tasks somewhere else, several at a time."""
+    """Does tasks in other processes, several at a time."""
 
     @property
     def devices(self) -> Sequence[str]:
         """The device of each worker."""
 
     @property
-    def patient(self) -> bool:
-        """Whether a lost task has been tried again already."""
+    def retries(self) -> bool:
+        """Whether the pool retries lost tasks by itself."""
 
     def submit(self, task: Task) -> None: ...
 
     def finished(self) -> Iterator[Done | Lost]:
-        """What has come of tasks, as it comes; ends when no task is left, and more may be submitted meanwhile."""
+        """Results of tasks as they come; ends when no task is left. More tasks may be submitted meanwhile."""
 
     def close(self) -> None: ...
 
 
-def _serve(connection: Connection, device: str, helpers: int, rank: int) -> None:
-    """A worker's life: a task in, what came of it out, until nobody asks any more. ``rank`` as of Loaders."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the asker ends its workers
-    from warp_cloth.batch.loading import Shelf
+class WorkerSlot:
+    """A place for a worker: its device, its fraction of that, how many processes load for it, its current task."""
 
-    shelf = Shelf(helpers, fork=True, rank=rank)  # before this process has threads and a device
-    (end_with_parent if helpers else begin_alone)()
-    sys.setswitchinterval(SWITCH)
-    gc.disable()  # until what it imports and loads at first is there: nothing of that is garbage
-    if device != "cpu":
-        threading.Thread(target=wake_gpu, args=(device,), daemon=True).start()  # while this one reads and imports
-    while True:
-        try:
-            task: Task = connection.recv()
-        except EOFError:
-            for helper in multiprocessing.active_children():
-                helper.terminate()
-            os._exit(0)  # nobody waits for what this process would tidy up
-        try:
-            connection.send(do_task(task, shelf.tidied()))
-        except DeviceLostError as error:
-            connection.send(str(error))  # its device may be well again in another process
-            return
-        gc.enable()
-
-
-class _Slot:
-    """One place where a worker works, the task that it has, its device and its share of that, its helpers and rank."""
-
-    def __init__(self, device: str, share: float, helpers: int, rank: int) -> None:
-        self.device, self.share, self.helpers, self.rank = device, share, helpers, rank
+    def __init__(self, device: str, fraction: float, loader_count: int, rank: int) -> None:
+        self.device, self.fraction, self.loader_count, self.rank = device, fraction, loader_count, rank
         self.task: Task | None = None
-        self.had: Task | None = None  # the last one, whose meshes the worker has
-        self.losses = 0  # of the device, one after another
+        self.last_task: Task | None = None  # whose meshes the worker has loaded
+        self.losses = 0  # of the device, in a row
         self.process: BaseProcess | None = None
-        self._ending: list[BaseProcess] = []  # that were dismissed
+        self._started = False
+        self._ending: list[BaseProcess] = []
 
     def start(self) -> None:
-        starting = context()
-        self.connection, theirs = starting.Pipe()
-        # no daemon, as these may have no helpers; it ends with this process all the same
-        self.process = starting.Process(target=_serve, args=(theirs, self.device, self.helpers, self.rank))
-        self.process.start()
-        self.had = None
+        """Starts a worker.
+
+        Raises:
+            InputError: processes cannot be started.
+        """
+        context = process_context()
+        self.connection, theirs = context.Pipe()
+        arguments = (theirs, self.device, self.loader_count, self.rank)
+        # not a daemon, which could have no loaders; it ends with this process all the same
+        self.process = context.Process(target=serve, args=arguments)  # type: ignore[attr-defined]
+        try:
+            with sigint_blocked():
+                self.process.start()
+        except (OSError, EOFError) as error:
+            self.process = None
+            raise cannot_start(str(error) or "the process that starts workers has ended") from None
+        self.last_task, self._started = None, False
         theirs.close()
 
     @property
     def usable(self) -> bool:
         return self.losses < MOST_LOSSES
 
-    def give(self, task: Task) -> None:
+    def assign(self, task: Task) -> None:
         if self.process is None:
             self.start()
-        self.task = self.had = task
-        with contextlib.suppress(OSError):  # it died meanwhile, which receive finds
+        self.task = self.last_task = task
+        with contextlib.suppress(OSError):  # the worker has died, which receive finds
             self.connection.send(task)
 
-    def receive(self) -> Done | Lost:
-        """What came of the task, once the worker said something or died; a dead worker is replaced."""
+    def receive(self) -> Done | Lost | None:
+        """What came of the task, once the worker sent something or died; None: it has only started.
+
+        A dead worker is replaced.
+
+        Raises:
+            InputError: the worker could not start, and so no other can.
+        """
+        try:
+            received = self.connection.recv()
+        except (EOFError, OSError):
+            return self._lost(self._exit_reason())
+        if isinstance(received, Started):
+            self._started = True
+            return None
+        if isinstance(received, StartFailed):
+            raise cannot_start(received.reason)
+        if not isinstance(received, Done):
+            self.losses += 1
+            return self._lost(str(received))
+        self.task, self.losses = None, 0
+        return received
+
+    def _exit_reason(self) -> str:
+        """Why the worker ended; InputError where it ended by itself before it had started."""
+        if self.process is None:
+            raise RuntimeError("there is no worker to receive from")
+        self.process.join(GRACE)
+        code = self.process.exitcode
+        if not self._started and code is not None and code >= 0:
+            raise cannot_start(exit_reason(code))
+        return exit_reason(code)
+
+    def _lost(self, reason: str) -> Lost:
         task, self.task = self.task, None
         if task is None:
-            raise RuntimeError("an idle worker was asked")
-        try:
-            told = self.connection.recv()
-            if isinstance(told, Done):
-                self.losses = 0
-                return told
-            self.losses += 1
-            reason = str(told)
-        except (EOFError, OSError):
-            if self.process is None:
-                raise RuntimeError("nobody was asked") from None
-            self.process.join(GRACE)
-            reason = ended(self.process.exitcode)
+            raise RuntimeError("an idle worker was asked for a result")
         self.stop()
-        if self.losses < MOST_LOSSES:
+        if self.usable:
             log.warning("a worker is replaced: %s", reason)
             self.start()
         return Lost(task, reason)
 
     def dismiss(self) -> None:
-        """Asks the worker to end, if there is one: an idle one ends by itself, with its helpers."""
+        """Tells the worker, if there is one, to end: an idle one ends by itself, with its loaders."""
         if self.process is None:
             return
+        with contextlib.suppress(OSError):  # after a fork other workers hold this end open, too
+            self.connection.send(None)
         self.connection.close()
         if self.task is not None:
             self.process.terminate()
@@ -152,6 +155,7 @@ class _Slot:
         self.process = None
 
     def stop(self) -> None:
+        """Dismisses the worker, and waits until it has ended."""
         self.dismiss()
         for process in self._ending:
             process.join(GRACE)
@@ -163,7 +167,12 @@ class _Slot:
         self._ending.clear()
 
 
-def ended(code: int | None) -> str:
+def cannot_start(reason: str) -> InputError:
+    """The error that ends a batch whose workers cannot start."""
+    return InputError("batch", f"worker processes cannot start ({reason})", "install warp-cloth again")
+
+
+def exit_reason(code: int | None) -> str:
     """How a process ended, in words."""
     if code is None:
         return "the worker stopped answering"
@@ -174,43 +183,46 @@ def ended(code: int | None) -> str:
     return f"the worker ended with status {code}"
 
 
-def helpers(device: str, workers: int) -> int:
-    """Processes that load for each of so many workers: cores that only wait for a GPU; on the CPU all have work.
+def loader_count(device: str, workers: int) -> int:
+    """Processes that load for each of so many workers: on cores that would wait for a GPU; none on the CPU.
 
-    Those of two workers share the cores, and leave some to those who fit.
+    The loaders of two workers share the cores, and leave some to the workers.
     """
-    count = min(3 * core_count() // max(workers, 4), MOST_HELPERS)
+    count = min(3 * core_count() // max(workers, 4), MOST_LOADERS)
     return count if device != "cpu" and count > 1 else 0
 
 
 def best_shared(waiting: Sequence[frozenset[str]], own: frozenset[str], others: Sequence[frozenset[str]]) -> int:
-    """Which task has most in common with a worker's last, and least with another one's; of equal ones the first.
+    """Index of the task that shares most with a worker's last, and least with another worker's; of equals the first.
 
-    Each is told by what its items ask for.
+    Each task is given by the inputs of its items.
     """
-    gains = [len(asks & own) - max((len(asks & theirs) for theirs in others), default=0) for asks in waiting]
+    gains = [len(inputs & own) - max((len(inputs & theirs) for theirs in others), default=0) for inputs in waiting]
     return gains.index(max(gains))
 
 
 class LocalPool:
-    """Worker processes, one for each device named; all but a GPU's first begin when they are given something.
+    """Worker processes, one for each device named; on a GPU all but the first start when they get a task.
 
-    ``check`` tells the devices that are really there, which takes a while: it is asked once a worker has none.
+    ``check`` returns the devices that really exist, which takes a while: it is called when a worker has lost its own.
     """
 
-    patient = False
+    retries = False
 
     def __init__(self, devices: Sequence[str], check: Callable[[], Sequence[str]] | None = None) -> None:
         self._check = check
         self._waiting: list[Task] = []
+        self._slots: list[WorkerSlot] = []
         self._open(devices)
 
     def _open(self, devices: Sequence[str]) -> None:
         self.devices = tuple(devices)
-        at, count = collections.Counter(self.devices), len(self.devices)
+        if start_method() == "fork" and set(self.devices) != {"cpu"}:
+            raise InputError(START_METHOD, "a GPU cannot be used after a fork", "use spawn, or --device cpu")
+        workers, count = collections.Counter(self.devices), len(self.devices)
         ranks = [self.devices[:number].count(device) for number, device in enumerate(self.devices)]
         self._slots = [
-            _Slot(device, 1.0 / at[device], helpers(device, count), rank)
+            WorkerSlot(device, 1.0 / workers[device], loader_count(device, count), rank)
             for device, rank in zip(self.devices, ranks, strict=True)
         ]
         for slot in self._slots:
@@ -232,25 +244,26 @@ class LocalPool:
         while True:
             usable = [slot for slot in self._slots if slot.usable]
             while self._waiting and not usable:
-                yield Lost(self._waiting.pop(0), "no device is left", hopeless=True)
+                yield Lost(self._waiting.pop(0), "no device is left", final=True)
             for slot in usable:
                 if slot.task is None and self._waiting:
-                    slot.give(self._task_for(slot))
-            busy = {slot.connection: slot for slot in self._slots if slot.task is not None}
+                    slot.assign(self._task_for(slot))
+            busy: dict[Any, WorkerSlot] = {slot.connection: slot for slot in self._slots if slot.task is not None}
             for slot in self._slots:
                 if slot.task is None:
-                    slot.dismiss()  # which takes a while; whatever else is to be done wakes it again
+                    slot.dismiss()  # it ends in parallel; another task would start a new worker
             if not busy:
                 return
             for connection in wait(list(busy)):
-                slot = busy[connection]  # type: ignore[index]
-                came = slot.receive()
-                if isinstance(came, Lost) and slot.losses and self._checked_anew(came.task):
+                slot = busy[connection]
+                received = slot.receive()
+                if isinstance(received, Lost) and slot.losses and self._reopened(received.task):
                     break
-                yield came
+                if received is not None:
+                    yield received
 
-    def _checked_anew(self, lost: Task) -> bool:
-        """Checks the devices, once; whether they are others, so that tasks are to be given anew, the lost one too."""
+    def _reopened(self, lost: Task) -> bool:
+        """Checks the devices, once; where they differ the pool starts anew, with all tasks that were assigned."""
         check, self._check = self._check, None
         devices = self.devices if check is None else tuple(check())
         if devices == self.devices:
@@ -260,15 +273,16 @@ class LocalPool:
         self._open(devices)
         return True
 
-    def _task_for(self, slot: _Slot) -> Task:
-        own = slot.had.shard.asks if slot.had is not None else frozenset()
-        others = [each.had.shard.asks for each in self._slots if each is not slot and each.had is not None]
-        some = self._waiting[: LOOKED_AT if slot.device == "cpu" else 1]  # a GPU's shards have their order
-        at = best_shared([task.shard.asks for task in some], own, others)
-        task = self._waiting.pop(at)
-        turn = task.store.turn_file(slot.device) if slot.share < 1.0 and slot.device != "cpu" else None
-        common = task.common if slot.helpers and len(self._slots) > 1 else None
-        return replace(task, device=slot.device, share=slot.share, turn=turn, common=common)
+    def _task_for(self, slot: WorkerSlot) -> Task:
+        own = slot.last_task.shard.inputs if slot.last_task is not None else frozenset()
+        others = [
+            each.last_task.shard.inputs for each in self._slots if each is not slot and each.last_task is not None
+        ]
+        some = self._waiting[: TASKS_COMPARED if slot.device == "cpu" else 1]  # a GPU's shards have their order
+        task = self._waiting.pop(best_shared([task.shard.inputs for task in some], own, others))
+        lease = task.store.lease_file(slot.device) if slot.fraction < 1.0 and slot.device != "cpu" else None
+        shared = task.shared if slot.loader_count and len(self._slots) > 1 else None
+        return replace(task, device=slot.device, fraction=slot.fraction, lease=lease, shared=shared)
 
     def close(self) -> None:
         for slot in self._slots:

@@ -1,4 +1,4 @@
-"""Products: every garment in every size on every avatar in every fabric."""
+"""Products in job files: every garment in every size on every avatar in every fabric."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from typing import Any
 from warp_cloth.base.errors import InputError
 from warp_cloth.scene import shipped_scenes
 
-AXES = ("garments", "sizes", "avatars", "fabrics")  # in the order in which names are put together
+AXES = ("garments", "sizes", "avatars", "fabrics")  # in the order in which they form names
 SIZE = "{size}"  # stands for the size's name in a garment's texts
-MOST_ITEMS = 1_000_000  # which take 1 GB before the first is fitted
+MOST_ITEMS = 1_000_000  # which take 1 GB of memory
 
 
 def product_rows(product: Any, shared: Mapping[str, Any], path: Path) -> list[dict[str, Any]]:
-    """One row for each combination, the last axis fastest; names are the entries' names with dashes between.
+    """One row for each combination, the last axis fastest; names are the entries' names joined by dashes.
 
-    An entry is a text, or a table of scene keys with a ``name``.
+    An entry is text, or a table of scene keys with a ``name``.
     """
     if not isinstance(product, dict):
         raise InputError(path, "product is not a table", f"write [product] with some of {', '.join(AXES)}")
@@ -30,7 +30,7 @@ def product_rows(product: Any, shared: Mapping[str, Any], path: Path) -> list[di
         if axis in product:
             entries = product[axis]
             if not isinstance(entries, list) or not entries:
-                raise InputError(path, f"product.{axis} is not a list with entries", 'write ["A", "B"]')
+                raise InputError(path, f"product.{axis} is not a list of entries", 'write ["A", "B"]')
             axes.append([_entry(axis, entry, path) for entry in entries])
     if not axes:
         raise InputError(path, "the product is empty", f"give some of {', '.join(AXES)}")
@@ -78,7 +78,7 @@ def _is_scene(text: str) -> bool:
 
 
 def _names_size(entry: Mapping[str, Any]) -> bool:
-    """Whether an entry says by itself what a size means."""
+    """Whether an entry states what a size means."""
     return entry["own"] or any(SIZE in str(value) for value in entry["keys"].values())
 
 

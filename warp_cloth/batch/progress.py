@@ -1,4 +1,4 @@
-"""How a running batch looks on a terminal, and in a log file."""
+"""Shows a running batch on a terminal, or as lines of a log file, and its summary."""
 
 from __future__ import annotations
 
@@ -6,14 +6,14 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from warp_cloth.base.progress_line import ProgressLine
-from warp_cloth.batch.drive import BatchReport, Standing
+from warp_cloth.batch.run import BatchProgress, BatchReport
 from warp_cloth.loading.raw import counted
 
-MOST_REASONS = 3  # told of the items without result, the commonest
+MOST_REASONS = 3  # shown of the items without result, the most frequent
 
 
 class BatchDisplay(ProgressLine):
-    """Shows where a batch stands."""
+    """The progress of a batch."""
 
     def __init__(self, console: Console) -> None:
         columns = (
@@ -27,47 +27,47 @@ class BatchDisplay(ProgressLine):
         )
         super().__init__(console, columns, "fitting")
 
-    def __call__(self, standing: Standing) -> None:
-        told = figures(standing)
+    def __call__(self, progress: BatchProgress) -> None:
+        shown = figures(progress)
         if self._console.is_terminal:
-            self._bar.update(self._task, total=standing.items, completed=standing.done, figures=told)
+            self._bar.update(self._task, total=progress.items, completed=progress.done, figures=shown)
             return
-        if self._line_due(at_once=standing.done == standing.items):
-            line = f"fitted {standing.done}/{standing.items} {told}".rstrip()
-            left = time_left(standing)
+        if self._line_due(at_once=progress.done == progress.items):
+            line = f"fitted {progress.done}/{progress.items} {shown}".rstrip()
+            left = time_left(progress)
             if left:
                 line += f"  {left} left"
             self._write(line)
 
 
-def figures(standing: Standing) -> str:
+def figures(progress: BatchProgress) -> str:
     """Items per second and items without a result; what is not known yet is left out."""
     parts = []
-    if standing.items_per_second is not None:
-        parts.append(f"{standing.items_per_second:.3g}/s")
-    if standing.problems:
-        parts.append(f"{standing.problems} failed")
+    if progress.items_per_second is not None:
+        parts.append(f"{progress.items_per_second:.3g}/s")
+    if progress.problems:
+        parts.append(f"{progress.problems} failed")
     return "  ".join(parts)
 
 
-def time_left(standing: Standing) -> str:
-    """How long the rest takes at the speed so far."""
-    if standing.items_per_second is None or standing.done == standing.items:
+def time_left(progress: BatchProgress) -> str:
+    """Estimated time for the remaining items, at the speed so far."""
+    if progress.items_per_second is None or progress.done == progress.items:
         return ""
-    seconds = round((standing.items - standing.done) / standing.items_per_second)
+    seconds = round((progress.items - progress.done) / progress.items_per_second)
     return f"{seconds // 3600}:{seconds // 60 % 60:02d}:{seconds % 60:02d}"
 
 
 def summary(report: BatchReport) -> list[str]:
-    """How a batch ended, in lines."""
+    """The last lines of a batch."""
     counts = ", ".join(f"{count} {status}" for status, count in sorted(report.statuses.items()))
-    items = report.standing.items
-    lines = [f"{items} item{'s' * (items != 1)} in {report.standing.seconds:.3g} s: {counts}"]
+    items = report.progress.items
+    lines = [f"{items} item{'s' * (items != 1)} in {report.progress.seconds:.3g} s: {counts}"]
     lines += [f"  {count} without result: {reason}" for reason, count in list(report.reasons.items())[:MOST_REASONS]]
     if len(report.reasons) > MOST_REASONS:
         more = len(report.reasons) - MOST_REASONS
         lines.append(f"  and {counted(more, 'more reason')}, in the column message")
     lines.append(f"  wrote        {report.folder / 'results.parquet'}, results.csv")
     for reason, count in report.unwritten.items():
-        lines.append(f"  {count} items not done: {reason}; start the same command again to do them")
+        lines.append(f"  {counted(count, 'item')} not done: {reason}; run the same command again to continue")
     return lines

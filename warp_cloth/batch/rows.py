@@ -1,4 +1,4 @@
-"""What a batch keeps of each fit: a row of the results table, and the worn points if they are wanted."""
+"""Results of an item: its row of the results table, and the worn points where they are to be stored."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from warp_cloth.base.mesh import Indices, Points
 if TYPE_CHECKING:
     from warp_cloth.fitting.fit import Fit
 
-FAILED = "failed"  # status of an item that the machine could not finish; one whose input is bad is "invalid"
+FAILED = "failed"  # status of an item that the machine could not finish; "invalid": its input is bad
 
-# Columns of the results table and where the report holds them; nothing that differs from one run to the next.
+# Columns of the results table and their keys in the report; nothing that differs from run to run.
 FIGURES: dict[str, tuple[str, ...]] = {
     "vertices": ("vertices",),
     "iterations": ("iterations",),
@@ -34,14 +34,14 @@ FIGURES: dict[str, tuple[str, ...]] = {
     "penetration_p999_mm": ("penetration_mm", "p999"),
     "penetration_fraction": ("penetration_mm", "fraction"),
 }
-WHOLE_NUMBERS = ("vertices", "iterations")
+INTEGERS = ("vertices", "iterations")
 TEXTS = ("name", "status", "message")
 COLUMNS = (*TEXTS, *FIGURES, "digest", "file")
 
 
 @dataclass(frozen=True)
 class WornPoints:
-    """One garment of one item, as a packed file keeps it."""
+    """One garment of one item, as a packed file stores it."""
 
     garment: str
     points: Points  # [m], shape [V, 3]
@@ -50,14 +50,14 @@ class WornPoints:
 
 @dataclass(frozen=True)
 class ItemResult:
-    """One item's row, and its worn garments where they are to be packed."""
+    """An item's row, and its worn garments where they are to be packed."""
 
     row: dict[str, Any]
     worn: tuple[WornPoints, ...] = ()
 
 
 def row_of(name: str, fit: Fit, file: str) -> dict[str, Any]:
-    """The row of a finished fit; ``file`` is where its shape is kept."""
+    """The row of a finished fit; ``file`` is where its shape is stored."""
     row: dict[str, Any] = {"name": name, "status": fit.status.value, "message": fit.message}
     for column, way in FIGURES.items():
         row[column] = _at(fit.report, way)
@@ -67,21 +67,21 @@ def row_of(name: str, fit: Fit, file: str) -> dict[str, Any]:
 
 
 def empty_row(name: str, status: str, message: str) -> dict[str, Any]:
-    """The row of an item without a fit: why, and no figures."""
+    """The row of an item without a fit: status and reason, no figures."""
     return {**dict.fromkeys(COLUMNS), "name": name, "status": status, "message": message}
 
 
 def points_digest(garments: list[Points]) -> str:
-    """A fingerprint of the worn points, bit by bit."""
+    """A hash of the worn points' bits."""
     digest = hashlib.sha256()
     for points in garments:
         digest.update(np.ascontiguousarray(points, dtype=np.float64).tobytes())
     return digest.hexdigest()[:32]
 
 
-def _at(report: Mapping[str, Any], way: tuple[str, ...]) -> Any:
+def _at(report: Mapping[str, Any], keys: tuple[str, ...]) -> Any:
     value: Any = report
-    for key in way:
+    for key in keys:
         if not isinstance(value, Mapping):
             return None
         value = value.get(key)

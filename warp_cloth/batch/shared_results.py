@@ -1,4 +1,4 @@
-"""What one helper has worked out, for others and those of other workers: files that are whole or not there."""
+"""Results that loader processes share, of all workers of a batch: files that are complete or absent."""
 
 from __future__ import annotations
 
@@ -16,73 +16,73 @@ from warp_cloth.base.cache import Cache
 
 T = TypeVar("T")
 
-MOST = 1 << 30  # [bytes] that a folder holds, or a little more: what has the same panels comes soon, or not at all
+MOST_BYTES = 1 << 30  # in a folder, or a little more: results for the same panels are needed soon, or never
 
 
-def keep_in(file: Path, thing: Any) -> None:
-    """Keeps something there; where that cannot be, or the folder is full, others work it out for themselves."""
+def write_shared(file: Path, result: Any) -> None:
+    """Writes a result; where that fails, or the folder is full, others compute it themselves."""
     part = file.with_name(f"{file.name}.{os.getpid()}")
     with contextlib.suppress(OSError):
-        if _held(file.parent) > MOST:
+        if _bytes_in(file.parent) > MOST_BYTES:
             return
         with part.open("wb") as out:
-            pickle.dump(thing, out, protocol=5)
+            pickle.dump(result, out, protocol=5)
         part.replace(file)
 
 
-def kept_in(file: Path) -> Any:
-    """What was kept there; None: nothing yet, or nothing that can be read."""
-    with contextlib.suppress(OSError, EOFError, pickle.UnpicklingError), file.open("rb") as kept:
-        return pickle.load(kept)
+def read_shared(file: Path) -> Any:
+    """The result written there; None: none yet, or none that can be read."""
+    with contextlib.suppress(OSError, EOFError, pickle.UnpicklingError), file.open("rb") as stored:
+        return pickle.load(stored)
     return None
 
 
-def once_for_all(file: Path, make: Callable[[], T]) -> T:
-    """What was kept there, or is made now, and kept; who comes while another one makes it waits for that.
+def get_or_make_shared(file: Path, make: Callable[[], T]) -> T:
+    """The result written there, or made now and written; waits while another process makes it.
 
-    Unless that one gives way to it (os.nice): then it makes it, too, rather than wait for who waits for it.
+    It does not wait for a process of lower priority (os.nice), which may wait for a core itself, but makes it too.
     """
-    found: T | None = kept_in(file)
+    found: T | None = read_shared(file)
     if found is None:
-        with _claimed(file):
-            found = kept_in(file)
+        with _locked(file):
+            found = read_shared(file)
             if found is None:
                 found = make()
-                keep_in(file, found)
+                write_shared(file, found)
     return found
 
 
 @contextlib.contextmanager
-def _claimed(file: Path) -> Iterator[None]:
-    """Has a claim to make a file, if nobody else has, or once that one's has ended, with its process at the latest."""
+def _locked(file: Path) -> Iterator[None]:
+    """Holds the lock to make a file; it ends with the process at the latest."""
     try:
-        claim = os.open(file.with_name(f"{file.name}.claim"), os.O_RDWR | os.O_CREAT, 0o600)
-    except OSError:  # no claims can be made there
+        lock = os.open(file.with_name(f"{file.name}.lock"), os.O_RDWR | os.O_CREAT, 0o600)
+    except OSError:  # no locks can be made there
         yield
         return
     try:
-        _claim(claim)
+        _take_lock(lock)
         yield
     finally:
-        os.close(claim)
+        os.close(lock)
 
 
-def _claim(claim: int) -> None:
-    """Waits for a claim, or goes without."""
+def _take_lock(lock: int) -> None:
+    """Waits for a lock; returns without it where a process of lower priority holds it."""
     own = os.nice(0)
     with contextlib.suppress(OSError):
         try:
-            fcntl.flock(claim, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
-            told = os.pread(claim, 4, 0)
-            if not told or int(told) > own:
+            holder = os.pread(lock, 4, 0)
+            if not holder or int(holder) > own:
                 return
-            fcntl.flock(claim, fcntl.LOCK_EX)
-        os.pwrite(claim, b"%4d" % own, 0)
+            fcntl.flock(lock, fcntl.LOCK_EX)
+        os.pwrite(lock, b"%4d" % own, 0)
 
 
-class Drafts(Cache):
-    """A cache of what shapes are drafted from; values without source objects are shared through files in a folder.
+class SharedCache(Cache):
+    """A cache whose values without source objects (what shapes are drafted from) are shared by files in a folder.
 
     A file's name is the hash of the parameters' repr, which for dataclasses of numbers is exact to the last bit.
     """
@@ -104,11 +104,11 @@ class Drafts(Cache):
             return super().get_or_make(name, sources, make, *parameters, size=size)
 
         file = folder / hashlib.sha256(repr((name, parameters)).encode()).hexdigest()
-        return super().get_or_make(name, sources, partial(once_for_all, file, make), *parameters, size=size)
+        return super().get_or_make(name, sources, partial(get_or_make_shared, file, make), *parameters, size=size)
 
 
-def _held(folder: Path) -> int:
-    """Bytes of a folder's files, but for those that are renamed at this moment."""
+def _bytes_in(folder: Path) -> int:
+    """Bytes of a folder's files, except those renamed at this moment."""
     total = 0
     for each in os.scandir(folder):
         with contextlib.suppress(FileNotFoundError):

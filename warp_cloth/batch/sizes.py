@@ -1,4 +1,4 @@
-"""Size runs: all sizes of a garment on one body, what decides between them, and which to take."""
+"""Size runs: fits all sizes of a garment on one body, compares ease and strain, and recommends one."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ from warp_cloth.scene.shapes import Size
 from warp_cloth.shapes import mannequin_measures
 
 SIZE = "{size}"  # stands for the size in a change, as in garment.mesh=shirt_{size}.obj
-# Ease that a garment worn loosely leaves at its tightest level [m]: pattern books give 4 to 10 cm for shirts.
+# Ease of a loose garment at its tightest level [m]: pattern books give 4 to 10 cm for shirts.
 DEFAULT_EASE = 0.04
-# Strain of the cloth (99th percentile) above which a size is too tight somewhere, whatever its girths. A choice: at
-# 10 % the stiffer of the shipped fabrics pull with more than the 490 N/m that a laboratory's tensile test ends at.
+# Strain (99th percentile) above which a size is too tight somewhere, whatever its girths. A choice: at 10 % the stiffer
+# shipped fabrics pull with more than the 490 N/m at which a laboratory's tensile test ends.
 MOST_STRETCH = 0.10
 
 
@@ -51,11 +51,11 @@ class SizeFit:
     size: str
     status: str
     message: str
-    levels: Mapping[str, LevelFit]  # chest, waist, hip, as far as the garment goes round the trunk there
+    levels: Mapping[str, LevelFit]  # of chest, waist and hip those where the garment encloses the trunk
     strain_p50: float | None
     strain_p99: float | None
     fit: Fit | None
-    held: bool = True  # whether the body holds it, rather than that it falls or slides down to the feet
+    held: bool = True  # false: it falls, or slides down to the feet
 
     @property
     def ease(self) -> float | None:
@@ -74,7 +74,7 @@ class SizeRun:
     reason: str
 
     def report(self) -> dict[str, Any]:
-        """What sizes.json holds; lengths in centimetres as the names say."""
+        """The contents of sizes.json; lengths in centimetres where the names say so."""
         return {
             "recommended": self.recommended,
             "reason": self.reason,
@@ -114,7 +114,7 @@ class SizeRun:
 
         folder = Path(directory)
         check_writable(folder, self.name)
-        (folder / "sizes.json").unlink(missing_ok=True)  # an earlier run's, as this one's stages come first
+        (folder / "sizes.json").unlink(missing_ok=True)  # an earlier run's: this one's stages are written first
         paths = []
         for each in self.sizes:
             if each.fit is not None:
@@ -137,12 +137,12 @@ def fit_sizes(
 
     Args:
         scene: what ``load_scene`` takes; its avatar is the body, the same for all sizes.
-        sizes: from small to large; none: those of the generated T-shirt.
+        sizes: from small to large; empty: those of the generated T-shirt.
         overrides: ``KEY=VALUE`` changes; ``{size}`` in one, or in the scene's garment.mesh, stands for the size.
             Where neither has it the size is that of the generated T-shirt.
-        ease: wanted at chest, waist and hip [m]; negative for a garment that is to stretch.
+        ease: wanted at chest, waist and hip [m]; negative for a garment that should stretch.
         device: "cpu", "cuda" or "cuda:N"; None: a GPU if there is one.
-        progress: told each size before it is fitted.
+        progress: called with each size before it is fitted.
 
     Raises:
         InputError: the scene cannot be used in one of the sizes, or nothing in it depends on the size.
@@ -173,7 +173,7 @@ def fit_sizes(
         raise InputError("sizes", "no sizes are named", "give them from small to large: --size S --size M")
     names = tuple(sizes) or get_args(Size)
     first = "garment" if len(base.garments) == 1 else "garment[0]"
-    chosen = {}  # all scenes are read before the first is fitted: a mistyped size costs no fit
+    chosen = {}  # all scenes are read first: a mistyped size costs no fit
     for size in names:
         own = [change.replace(SIZE, size) for change in sized] or [f"{first}.shape.size={size}"]
         chosen[size] = load_scene(scene, [*plain, *_body(base), *own])
@@ -208,7 +208,7 @@ def _fit_size(size: str, scene: Scene, device: str | None) -> SizeFit:
 
 
 def _levels(worn: Fit, part: GarmentPart) -> dict[str, LevelFit]:
-    """The levels at which the first garment goes all round the trunk."""
+    """The levels at which the first garment encloses the trunk."""
     if worn.avatar is None:
         return {}
     avatar, garment = closing_of(worn.avatar).surface(worn.avatar), worn.garments[0]
@@ -226,7 +226,7 @@ def _levels(worn: Fit, part: GarmentPart) -> dict[str, LevelFit]:
 
 
 def recommendation(sizes: Sequence[SizeFit], wanted: float) -> tuple[str | None, str]:
-    """The smallest size that is loose enough at every level and stretched nowhere, and the reason in one sentence."""
+    """The smallest size with enough ease at every level and little strain, and the reason in one sentence."""
     usable = [each for each in sizes if each.fit is not None and each.status != Status.DIVERGED.value]
     if not usable:
         return None, "No size could be fitted; see each one's message."
@@ -238,14 +238,14 @@ def recommendation(sizes: Sequence[SizeFit], wanted: float) -> tuple[str | None,
         if not problem:
             before = _too_tight(usable[index - 1], wanted) if index else ""
             why = f"; {usable[index - 1].size} is too tight: {before}" if before else "; it is the smallest size"
-            return each.size, f"{each.size} {_told(each)}{why}.{_unsure(each)}"
+            return each.size, f"{each.size} {_closest(each)}{why}.{_unsure(each)}"
     last = usable[-1]
     largest = "the largest size" + (" that the body holds" if last is not sizes[-1] else "")
     return last.size, f"{last.size} is {largest}, though too tight: {_too_tight(last, wanted)}.{_unsure(last)}"
 
 
 def _unsure(each: SizeFit) -> str:
-    """A caution where the size was still moving when it was measured."""
+    """A caution where the garment was still moving when it was measured."""
     return "" if each.status == Status.AT_REST.value else " It did not come to rest, and may yet fit otherwise."
 
 
@@ -260,7 +260,8 @@ def _too_tight(each: SizeFit, wanted: float) -> str:
     return ""
 
 
-def _told(each: SizeFit) -> str:
+def _closest(each: SizeFit) -> str:
+    """Where a size is closest to the body, in words."""
     if not each.levels:
         strain = f"strains its cloth by {100 * (each.strain_p99 or 0.0):.1f} % at most (99th percentile)"
         return f"{strain}, though no chest, waist or hip was found that it goes round"

@@ -1,7 +1,7 @@
-"""The output folder of a batch: every shard's file is whole or absent, and what is there need not be done again.
+"""The output folder of a batch: every shard's file is complete or absent, and complete ones are not done again.
 
-OUT/plan.json            how the items are cut into shards
-OUT/shards/00000.parquet rows of a shard; its presence says that the shard is done
+OUT/plan.json            items per shard
+OUT/shards/00000.parquet rows of a shard; the shard is done if it exists
 OUT/shards/00000.npz     worn points of a shard, packed (keep = "arrays")
 OUT/stages/NAME.usdc     one stage per item (keep = "stages")
 OUT/results.parquet      all rows, in the order of the items; results.csv the same
@@ -28,67 +28,67 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from warp_cloth.base.errors import InputError
-from warp_cloth.batch.jobs import Item, avatar_asked, garments_asked
-from warp_cloth.batch.rows import COLUMNS, FAILED, FIGURES, WHOLE_NUMBERS, ItemResult, empty_row
+from warp_cloth.batch.jobs import Item, avatar_key, garments_key
+from warp_cloth.batch.rows import COLUMNS, FAILED, FIGURES, INTEGERS, ItemResult, empty_row
 from warp_cloth.export.files import unwritable, whole_file
 
 if TYPE_CHECKING:
     import pyarrow
 
 Keep = Literal["arrays", "stages", "none"]
-MORE = 1.25  # times the items of a shard at most
-LARGE = 64  # items of a shard of which some are smaller
-SMALL = 128  # items of the first of those and the last: with fewer a GPU's cores have little to do
-GROWTH = 1.6  # from one to the next at first, which is loaded while that one relaxes,
-SHRINKING = 2.0  # and at last, as measuring takes about as long as relaxing half as many
-TOGETHER = 4  # avatars that the first garments are met by before others come
-LAYOUT = 1  # of the output folder; files of another layout are done again
+MOST_OVER = 1.25  # times the stated size of a shard, at most
+LARGE = 64  # items per shard from which shards grow and shrink
+FIRST_SHARD = 128  # items of the first shard and the last: fewer do not fill a GPU
+GROWTH = 1.6  # from shard to shard at first: the next one loads while one relaxes
+SHRINKING = 2.0  # and at the end: measuring a shard takes about as long as relaxing half of it
+FIRST_AVATARS = 4  # that the first half of the garments is fitted to before other avatars
+LAYOUT = 1  # version of the output folder; files of another version are done again
 
 
 @dataclass(frozen=True)
 class Shard:
-    """Items that one task does, and whose results one file holds."""
+    """Items of one task and one results file."""
 
     number: int
     items: tuple[Item, ...]
-    places: tuple[int, ...] = ()  # of the items in the batch
+    places: tuple[int, ...] = ()  # indices of the items in the batch
 
     @property
     def label(self) -> str:
         return f"{self.number:05d}"
 
     @cached_property
-    def asks(self) -> frozenset[str]:
-        """Scenes and changes of the items: what shards have in common of these, they may share meshes by."""
-        return frozenset(told for item in self.items for told in (item.scene, *item.changes))
+    def inputs(self) -> frozenset[str]:
+        """Scenes and changes of the items: shards that have some in common may share meshes."""
+        return frozenset(text for item in self.items for text in (item.scene, *item.changes))
 
     @cached_property
     def digest(self) -> str:
-        """A fingerprint of what is asked: the items, and the scene files as they stand."""
-        asked = [[item.name, item.scene, list(item.changes), item.problem] for item in self.items]
+        """A hash of the items and the contents of their scene files."""
+        items = [[item.name, item.scene, list(item.changes), item.problem] for item in self.items]
         scenes = {scene: _file_digest(scene) for scene in dict.fromkeys(item.scene for item in self.items)}
-        return hashlib.sha256(json.dumps([LAYOUT, asked, scenes]).encode()).hexdigest()
+        return hashlib.sha256(json.dumps([LAYOUT, items, scenes]).encode()).hexdigest()
 
 
-def cut(items: Sequence[Item], size: int) -> list[Shard]:
-    """``size`` items to a shard, or somewhat more; those that meet the same avatar follow one another.
+def split(items: Sequence[Item], size: int) -> list[Shard]:
+    """Shards of ``size`` items, or somewhat more; items of the same avatar follow one another.
 
-    So a shard needs few avatars, and its worker begins when these are there. Large shards have some garments in all
-    their fabrics rather than all in some; they are small at first and grow, and are small again at last: what has to be
-    done before a GPU begins, and after it has ended, nothing else hides.
+    So a shard needs few avatars, and its worker can begin when these are loaded. Large shards hold some garments in all
+    their fabrics rather than all garments in some. They grow at first and shrink at the end, as nothing hides the time
+    of loading the first shard and of measuring the last one.
     """
-    alike: dict[tuple[str, ...], list[int]] = {}
+    by_avatar: dict[tuple[str, ...], list[int]] = {}
     for place, item in enumerate(items):
-        alike.setdefault(avatar_asked(item), []).append(place)
+        by_avatar.setdefault(avatar_key(item), []).append(place)
     if min(size, len(items)) >= LARGE:
-        order = _in_halves([_by_garment(items, places) for places in alike.values()])
-        counts = _growing(len(items), size)
+        order = _interleaved([_by_garment(items, places) for places in by_avatar.values()])
+        counts = _growing_counts(len(items), size)
         ends = itertools.accumulate(counts)
         shards = [order[end - count : end] for end, count in zip(ends, counts, strict=True)]
     else:
         shards = []
-        most = int(MORE * size)
-        for places in alike.values():
+        most = int(MOST_OVER * size)
+        for places in by_avatar.values():
             step = -(-len(places) // -(-len(places) // most))
             for first in range(0, len(places), step):
                 some = places[first : first + step]
@@ -99,9 +99,9 @@ def cut(items: Sequence[Item], size: int) -> list[Shard]:
     return [Shard(number, tuple(items[at] for at in some), tuple(some)) for number, some in enumerate(shards)]
 
 
-def _growing(count: int, most: int) -> list[int]:
-    """So many items as shards that grow to ``most``, or somewhat more, and shrink again."""
-    first = min(SMALL, -(-min(count, most) // 2))
+def _growing_counts(count: int, most: int) -> list[int]:
+    """Item counts of shards that grow to ``most``, or somewhat more, and shrink again; their sum is ``count``."""
+    first = min(FIRST_SHARD, -(-min(count, most) // 2))
     sizes = {"front": first, "back": first}
     found: dict[str, list[int]] = {"front": [], "back": []}
     while count:
@@ -109,7 +109,7 @@ def _growing(count: int, most: int) -> list[int]:
             if not count or (end == "back" and sizes[end] > most):
                 continue
             wanted = min(sizes[end], most, count)
-            if count - wanted < wanted / 2 and count <= MORE * most:  # no small one is left in the middle
+            if count - wanted < wanted / 2 and count <= MOST_OVER * most:  # leaves no small shard in the middle
                 wanted = count
             found[end].append(wanted)
             count -= wanted
@@ -117,26 +117,26 @@ def _growing(count: int, most: int) -> list[int]:
     return found["front"] + found["back"][::-1]
 
 
-def _in_halves(avatars: Sequence[tuple[list[int], list[int]]]) -> list[int]:
-    """Places of items on several avatars, in two halves each, in an order in which a batch begins early.
+def _interleaved(avatars: Sequence[tuple[list[int], list[int]]]) -> list[int]:
+    """Places of items on several avatars, in two halves each, in an order in which a batch can begin early.
 
-    Constants of garments take the longest to work out, and are the same on all avatars: so the first few avatars meet
-    the garments of the first half before those of the second one.
+    Constants of garments take longest to compute, and are the same on all avatars: so the first half of the garments is
+    fitted to the first few avatars before the second half is.
     """
-    first, later = avatars[:TOGETHER], avatars[TOGETHER:]
+    first, later = avatars[:FIRST_AVATARS], avatars[FIRST_AVATARS:]
     halves = [*(early for early, _ in first), *(late for _, late in reversed(first)), *itertools.chain(*later)]
     return list(itertools.chain(*halves))
 
 
 def _by_garment(items: Sequence[Item], places: Sequence[int]) -> tuple[list[int], list[int]]:
-    """Places of items, those of the same garment after one another: of every other garment, and of the rest.
+    """Places of items in two halves of equal work, items of the same garment one after another.
 
-    So a half of them has no more work than the other: jobs list garments by their size.
+    Every other garment goes into a half, as jobs often list garments by size.
     """
-    alike: dict[tuple[str, ...], list[int]] = {}
+    by_garment: dict[tuple[str, ...], list[int]] = {}
     for place in places:
-        alike.setdefault(garments_asked(items[place]), []).append(place)
-    each = list(alike.values())
+        by_garment.setdefault(garments_key(items[place]), []).append(place)
+    each = list(by_garment.values())
     even, odd = (list(itertools.chain(*some)) for some in (each[::2], each[1::2]))
     return even, odd
 
@@ -152,7 +152,7 @@ def _file_digest(path: str) -> str:
 
 @functools.cache
 def _arrow() -> Any:
-    """pyarrow, once tables are read or written: processes begin without it."""
+    """pyarrow, imported when tables are first read or written, so that processes start without it."""
     import pyarrow.csv
     import pyarrow.parquet
 
@@ -160,15 +160,15 @@ def _arrow() -> Any:
 
 
 def _table(rows: Sequence[Mapping[str, Any]]) -> pyarrow.Table:
-    """Rows, as of ``empty_row``, as a table."""
+    """Rows of the columns COLUMNS as a table."""
     arrow = _arrow()
-    figures = {name: arrow.int64() if name in WHOLE_NUMBERS else arrow.float64() for name in FIGURES}
+    figures = {name: arrow.int64() if name in INTEGERS else arrow.float64() for name in FIGURES}
     schema = arrow.schema([(name, figures.get(name, arrow.string())) for name in COLUMNS])
     return arrow.Table.from_pylist(rows, schema=schema)
 
 
 def file_marks(paths: Sequence[Path]) -> dict[str, list[int]]:
-    """Size and time of files that results depend on; [] where a file is gone."""
+    """Size and modification time of files that results depend on; [] for a missing file."""
     marks = {}
     for path in sorted({str(path.absolute()) for path in paths}):
         try:
@@ -195,10 +195,10 @@ class Store:
         return self.folder / "stages"
 
     @contextlib.contextmanager
-    def common(self) -> Iterator[Path | None]:
-        """A folder by which this batch's workers share what they work out, while it runs; None where none can be."""
+    def shared_folder(self) -> Iterator[Path | None]:
+        """A temporary folder of results that this batch's workers share; None where it cannot be made."""
         try:
-            place = tempfile.mkdtemp(prefix=".common-", dir=self.folder)  # which nobody else may write
+            place = tempfile.mkdtemp(prefix=".shared-", dir=self.folder)  # writable for this user only
         except OSError:
             yield None
             return
@@ -207,12 +207,12 @@ class Store:
         finally:
             shutil.rmtree(place, ignore_errors=True)
 
-    def turn_file(self, device: str) -> Path:
-        """The file by which this batch's workers take turns on a device."""
-        return self.folder / f".turn_{device.replace(':', '')}"
+    def lease_file(self, device: str) -> Path:
+        """The lock file of the lease of a device among this batch's workers."""
+        return self.folder / f".lease_{device.replace(':', '')}"
 
     def open(self) -> None:
-        """Makes the folders, and clears what a killed run left half-written.
+        """Makes the folders, and removes half-written files of a killed run.
 
         Raises:
             InputError: the folder cannot be written.
@@ -220,13 +220,13 @@ class Store:
         try:
             for place in (self.folder, self.shards, *((self.stages,) if self.keep == "stages" else ())):
                 place.mkdir(parents=True, exist_ok=True)
-                for left in place.glob(".*-*"):  # of whole_file, and of ``common``
+                for left in place.glob(".*-*"):  # of whole_file and shared_folder
                     shutil.rmtree(left, ignore_errors=True)
         except (OSError, ValueError) as error:
             raise unwritable(self.folder, error) from error
 
     @contextlib.contextmanager
-    def held(self) -> Iterator[None]:
+    def locked(self) -> Iterator[None]:
         """Keeps another batch out of the folder; the lock ends with the process, however that ends."""
         try:
             with open(self.folder / ".lock", "w") as lock:
@@ -237,8 +237,8 @@ class Store:
                 self.folder, "another batch writes there", "wait for it, or choose another folder"
             ) from None
 
-    def get_ready(self) -> None:
-        """Imports what tables are put together with, and begins its threads, while others work."""
+    def preload_tables(self) -> None:
+        """Imports what writes tables, and starts its threads, while workers fit."""
         arrow, nowhere = _arrow(), io.BytesIO()
         table = _table([empty_row("", FAILED, "")]).take(np.array([0]))
         arrow.parquet.write_table(table, nowhere)
@@ -247,32 +247,29 @@ class Store:
         np.savez(io.BytesIO(), **packed([]))
 
     def check_batch(self, items: Sequence[Item]) -> None:
-        """Looks whether the folder is free, or holds some of these items, as they are or as they were.
+        """Checks that the folder is empty or holds results of some of these items, whether or not they have changed.
 
         Raises:
-            InputError: it holds results of other items, which would be lost.
+            InputError: it holds results of other items only, which would be lost.
         """
-        asked = {item.name for item in items}
+        names_wanted = {item.name for item in items}
         others: list[str] = []
         for path in sorted(self.shards.glob("*.parquet")):
             try:
                 names = _arrow().parquet.read_table(path, columns=["name"])["name"].to_pylist()
             except (OSError, ValueError, KeyError, _arrow().ArrowException):  # damaged, or of another layout
                 continue
-            if asked.intersection(names):
+            if names_wanted.intersection(names):
                 return
             others += names
         if others:
             problem = f'holds the results of another batch ("{others[0]}" and {len(others) - 1:,} more)'
             raise InputError(self.folder, problem, "choose another folder, or remove that one")
 
-    def shard_size(self, wanted: int, asked: bool) -> int:
-        """Items to a shard: as the folder's plan says, so that a batch goes on where it stood; else as wanted.
-
-        ``asked`` says that the size was stated, which then holds.
-        """
+    def shard_size(self, wanted: int, stated: bool) -> int:
+        """Items per shard: as in the folder's plan, so that a batch can continue, unless the size was ``stated``."""
         path = self.folder / "plan.json"
-        if not asked:
+        if not stated:
             with contextlib.suppress(OSError, ValueError, KeyError, TypeError):
                 return max(int(json.loads(path.read_text(encoding="utf-8"))["shard_size"]), 1)
         with whole_file(path) as place:
@@ -280,7 +277,7 @@ class Store:
         return wanted
 
     def write(self, shard: Shard, results: Sequence[ItemResult], inputs: Mapping[str, Any]) -> None:
-        """Writes a shard's points, then its rows; with the rows the shard is done.
+        """Writes a shard's points, then its rows, which mark the shard as done.
 
         Raises:
             InputError: a file cannot be written; the shard is then not done.
@@ -294,12 +291,12 @@ class Store:
             _arrow().parquet.write_table(table.replace_schema_metadata(marks), place)
 
     def done(self, shard: Shard) -> bool:
-        """Whether a shard needs no more work: it is written, and the machine failed none of its items."""
+        """Whether a shard is complete: it is written, and none of its items failed for the machine's sake."""
         table = self.rows(shard)
         return table is not None and FAILED not in table["status"].to_pylist()
 
     def rows(self, shard: Shard) -> pyarrow.Table | None:
-        """A shard's rows, if it is written and its items and files are still as they were then."""
+        """A shard's rows, if it is written and its items and input files have not changed since."""
         path = self.shards / f"{shard.label}.parquet"
         if not path.exists():
             return None
@@ -318,9 +315,9 @@ class Store:
         return table.replace_schema_metadata(None)
 
     def merge(self, shards: Sequence[Shard], problems: Mapping[int, str]) -> pyarrow.Table:
-        """Writes results.parquet and results.csv of all shards, and removes files of none.
+        """Writes results.parquet and results.csv of all shards, and removes files that belong to no shard.
 
-        Items of a shard that is not written have failed, for the reason given by its number.
+        Items of a shard that is not written have failed, with its reason in ``problems``.
         """
         tables = []
         for shard in shards:
@@ -343,18 +340,18 @@ class Store:
 
 
 def packed(results: Sequence[ItemResult]) -> dict[str, Any]:
-    """Arrays of all worn garments of a shard, one after another; equal triangles are kept once.
+    """Arrays of all worn garments of a shard, concatenated; equal triangles are stored once.
 
     ``item``, ``garment`` name each garment; its points are ``points[point_start[g] : point_start[g + 1]]`` and its
     triangles, counted from its own first point, ``triangles[triangle_start[m] : triangle_start[m + 1]]``, m = mesh[g].
     """
     names = [(result.row["name"], worn) for result in results for worn in result.worn]
     meshes: dict[bytes, int] = {}
-    told: dict[int, bytes] = {}  # of arrays that several have
+    hashes: dict[int, bytes] = {}  # of arrays that several garments share
     triangles, mesh = [], []
     for _, worn in names:
-        key = told.get(id(worn.triangles)) or hashlib.sha256(np.ascontiguousarray(worn.triangles).tobytes()).digest()
-        told[id(worn.triangles)] = key
+        key = hashes.get(id(worn.triangles)) or hashlib.sha256(np.ascontiguousarray(worn.triangles).tobytes()).digest()
+        hashes[id(worn.triangles)] = key
         if key not in meshes:
             meshes[key] = len(meshes)
             triangles.append(worn.triangles)

@@ -1,4 +1,4 @@
-"""Kernels that are loaded while others load meshes: those of a small scene of the same kind."""
+"""Warms up kernels while loader processes load meshes: by a small scene of the same kind."""
 
 from __future__ import annotations
 
@@ -17,25 +17,25 @@ from warp_cloth.solver.loop import CHUNK
 
 log = logging.getLogger(__name__)
 
-MANY = FEW + 1  # small garments, a patch each, whose kernels are those of a large batch
+MANY = FEW + 1  # small garments of one patch each, which use the kernels of a large batch
 
 
 def load_kernels(scene: Scene, device: str) -> None:
-    """Loads the kernels with which a batch of scenes like this one relaxes, and launches each once.
+    """Loads the kernels that relax a batch of scenes like this one, and launches each once.
 
-    A GPU's driver loads them for good when they are first launched. What fails is told by who fits the scenes.
+    A GPU's driver loads a kernel fully at its first launch. Errors are left to the fit itself to report.
     """
     try:
         small = _small(scene)
         outfit = load_outfit(small)
-        made = build_problem([small] * MANY, [outfit] * MANY, device)
+        problem = build_problem([small] * MANY, [outfit] * MANY, device)
         for balanced in (False, True):
-            made.relaxation.loosen(np.full(MANY, 0.0 if balanced else np.inf))
-            made.relaxation.run(CHUNK)
-            made.certifier.measure(CHUNK)
-            made.certifier.take_snapshot(CHUNK)
+            problem.relaxation.loosen(np.full(MANY, 0.0 if balanced else np.inf))
+            problem.relaxation.run(CHUNK)
+            problem.certifier.measure(CHUNK)
+            problem.certifier.take_snapshot(CHUNK)
     except Exception as error:
-        log.info("kernels are not loaded ahead: %s", error)
+        log.info("kernels are not warmed up: %s", error)
 
 
 def _small(scene: Scene) -> Scene:

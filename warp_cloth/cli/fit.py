@@ -153,10 +153,10 @@ def batch(
     warp-cloth batch jobs.toml --out out --keep stages --workers 4
     """
     with one_line_errors():
-        from warp_cloth.batch.processes import get_ready
+        from warp_cloth.batch.processes import start_forkserver
 
         if ray is None:
-            get_ready(device)  # while this process imports
+            start_forkserver(device)  # while this process imports
         from rich.console import Console
 
         from warp_cloth.batch import run_batch
@@ -176,7 +176,7 @@ def batch(
             )
     for line in batch_summary(report):
         typer.echo(line)
-    if not report.whole or set(report.statuses) == {"invalid"}:
+    if not report.complete or set(report.statuses) == {"invalid"}:
         raise typer.Exit(1)
 
 

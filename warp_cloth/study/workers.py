@@ -11,8 +11,8 @@ from multiprocessing.connection import Connection, wait
 from typing import Any, Generic, Protocol, TypeVar
 
 from warp_cloth.base.warp_setup import start_warp
-from warp_cloth.batch.lifeline import begin_alone, uninterrupted
-from warp_cloth.batch.pool import ended
+from warp_cloth.batch.lifeline import sigint_blocked, start_single_threaded
+from warp_cloth.batch.pool import exit_reason
 
 STARTED = "started"  # what a worker says before it runs a job
 GRACE = 4.0  # [s] that a worker gets to end
@@ -57,7 +57,7 @@ def run_jobs(jobs: Sequence[Job[R]], device: str, *, workers: int, deadline: flo
 
 def _serve(connection: Connection, device: str) -> None:
     """A worker's life: a job in, its result out, until nobody asks any more."""
-    begin_alone()
+    start_single_threaded()
     start_warp()
     while True:
         try:
@@ -81,7 +81,7 @@ class _Worker(Generic[R]):
         context = multiprocessing.get_context("spawn")
         self.connection, theirs = context.Pipe()
         self._process = context.Process(target=_serve, args=(theirs, self._device), daemon=True)
-        with uninterrupted():
+        with sigint_blocked():
             self._process.start()
         theirs.close()
 
@@ -112,7 +112,7 @@ class _Worker(Generic[R]):
             lost = jobs[number].lost("hung", f"no end after {time.monotonic() - self.since:.0f} s")
         except (EOFError, OSError):
             self._process.join(GRACE)
-            lost = jobs[number].lost("crashed", ended(self._process.exitcode))
+            lost = jobs[number].lost("crashed", exit_reason(self._process.exitcode))
         self.end()
         self._start()
         return number, lost

@@ -1,4 +1,4 @@
-"""What a worker does: fits a shard's items, whatever befalls one of them, and writes the shard's file."""
+"""A worker's task: fits a shard's items, even where single ones fail, and writes the shard's file."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from warp_cloth.model.result import Status
 
 if TYPE_CHECKING:
     from warp_cloth.batch.jobs import Item
-    from warp_cloth.batch.loading import Shelf
+    from warp_cloth.batch.loading import LoadCache
     from warp_cloth.fitting.fit import Fit
     from warp_cloth.scene import Scene
 
@@ -23,7 +23,7 @@ SMALLER = "use fewer vertices, or a device with more memory"
 
 
 class DeviceLostError(RuntimeError):
-    """The device answers nothing any more: this process cannot go on, another may."""
+    """The device no longer responds: this process cannot continue, another one may."""
 
 
 @dataclass(frozen=True)
@@ -33,15 +33,15 @@ class Task:
     store: Store
     shard: Shard
     device: str
-    write: bool = True  # whether the worker writes the shard's file; otherwise its results go back to the asker
-    share: float = 1.0  # of a GPU's memory, where other workers use it, too
-    turn: Path | None = None  # by which they take turns there, as of fit_many
-    common: Path | None = None  # the folder by which their helpers share what they work out
+    write: bool = True  # whether the worker writes the shard's file; otherwise it returns the results
+    fraction: float = 1.0  # of a GPU's memory, where other workers use it, too
+    lease: Path | None = None  # file of the GPU's lease, see fit_many
+    shared: Path | None = None  # folder of results that loaders of all workers share
 
 
 @dataclass(frozen=True)
 class Done:
-    """What came of a task. Rows only, where the worker has written the file."""
+    """Results of a task: rows only, where the worker has written the file."""
 
     shard: Shard
     results: tuple[ItemResult, ...]
@@ -49,37 +49,37 @@ class Done:
     problem: str = ""  # why the shard's file could not be written
 
 
-def do_task(task: Task, shelf: Shelf | None = None) -> Done:
-    """Fits a task's items; what a shelf has is taken from there.
+def do_task(task: Task, load_cache: LoadCache | None = None) -> Done:
+    """Fits a task's items, with what is loaded already.
 
     Raises:
-        DeviceLostError: the device is gone; nothing was written.
+        DeviceLostError: the device does not respond; nothing was written.
     """
-    worker = _Worker(task, shelf)
+    run = _TaskRun(task, load_cache)
     try:
-        results = worker.results()
-    except OutputError as error:  # kernels cannot be kept
-        return Done(task.shard, (), worker.inputs, str(error))
-    done = Done(task.shard, tuple(results), worker.inputs)
+        results = run.results()
+    except OutputError as error:  # the kernel cache cannot be written
+        return Done(task.shard, (), run.inputs, str(error))
+    done = Done(task.shard, tuple(results), run.inputs)
     if not task.write:
         return done
     try:
-        task.store.write(task.shard, results, worker.inputs)
+        task.store.write(task.shard, results, run.inputs)
     except InputError as error:
-        return Done(task.shard, (), worker.inputs, str(error))
-    return Done(task.shard, tuple(ItemResult(result.row) for result in results), worker.inputs)
+        return Done(task.shard, (), run.inputs, str(error))
+    return Done(task.shard, tuple(ItemResult(result.row) for result in results), run.inputs)
 
 
-class _Worker:
-    """Carries out one task; item by item where a whole launch fails, so that only what is bad is lost."""
+class _TaskRun:
+    """Fits the items of one task."""
 
-    def __init__(self, task: Task, shelf: Shelf | None) -> None:
-        self._task, self._shelf = task, shelf
+    def __init__(self, task: Task, load_cache: LoadCache | None) -> None:
+        self._task, self._load_cache = task, load_cache
         self._files: set[Path] = set()
 
     @property
     def inputs(self) -> dict[str, list[int]]:
-        """Size and time of every file that the task's scenes name."""
+        """Size and modification time of every file that the task's scenes name."""
         return file_marks(list(self._files))
 
     def results(self) -> list[ItemResult]:
@@ -92,15 +92,15 @@ class _Worker:
                 found[item.name] = scene
             else:
                 scenes.append((item, scene))
-        if self._shelf is not None:  # while this process starts Warp and its device
-            self._shelf.spare = self._task.store.get_ready
-            patches, common = self._task.device != "cpu", self._task.common
-            self._shelf.begin([scene for _, scene in scenes], patches=patches, common=common)
-        import warp_cloth.batch.many  # noqa: F401, while the driver begins with the device: Warp would wait for that
+        if self._load_cache is not None:  # loads while this process starts Warp and its device
+            self._load_cache.idle_work = self._task.store.preload_tables
+            patches, shared = self._task.device != "cpu", self._task.shared
+            self._load_cache.begin([scene for _, scene in scenes], patches=patches, shared=shared)
+        import warp_cloth.batch.many  # noqa: F401 - while the driver initialises the device, for which Warp would wait
 
         start_warp()
         if not device_answers(self._task.device):
-            raise DeviceLostError(f"{self._task.device} does not answer")
+            raise DeviceLostError(f"{self._task.device} does not respond")
         for (item, _), result in zip(scenes, self._fitted(scenes), strict=True):
             found[item.name] = result
         return [found[item.name] for item in items]
@@ -126,20 +126,21 @@ class _Worker:
         from warp_cloth.batch.memory import available_bytes
 
         device = self._task.device
-        budget = available_bytes(device, self._task.share)
-        fits = fit_many([scene for _, scene in scenes], device, budget=budget, shelf=self._shelf, turn=self._task.turn)
+        budget = available_bytes(device, self._task.fraction)
+        every = [scene for _, scene in scenes]
+        fits = fit_many(every, device, budget=budget, load_cache=self._load_cache, lease=self._task.lease)
         return [self._result(item, fit) for (item, _), fit in zip(scenes, fits, strict=True)]
 
     def _result(self, item: Item, fit: Fit | Exception) -> ItemResult:
         try:
             if isinstance(fit, Exception):
                 raise fit
-            return self._kept(item, fit)
+            return self._stored(item, fit)
         except Exception as error:
             return ItemResult(self._failure(item, error))
 
-    def _kept(self, item: Item, fit: Fit) -> ItemResult:
-        """Writes an item's stage, or hands on its points to be packed."""
+    def _stored(self, item: Item, fit: Fit) -> ItemResult:
+        """Writes an item's stage, or returns its points to be packed."""
         store = self._task.store
         if store.keep == "stages":
             from warp_cloth.export.stage import write_stage
@@ -153,14 +154,14 @@ class _Worker:
         return ItemResult(row_of(item.name, fit, f"shards/{self._task.shard.label}.npz"), worn)
 
     def _failure(self, item: Item, error: Exception) -> dict[str, object]:
-        """The row of an item that raised; DeviceLostError where no other item can be done here either."""
+        """The row of an item that raised; DeviceLostError where no other item can be fitted here either."""
         if isinstance(error, InputError):
-            fault = FAILED if isinstance(error, OutputError) else Status.INVALID.value  # no fault of the item's
-            return empty_row(item.name, fault, str(error))
+            status = FAILED if isinstance(error, OutputError) else Status.INVALID.value  # not the item's fault
+            return empty_row(item.name, status, str(error))
         if out_of_memory(error):
             return empty_row(item.name, FAILED, f"out of memory on {self._task.device}; {SMALLER}")
         if not device_answers(self._task.device):
-            raise DeviceLostError(f"{self._task.device} stopped answering: {error}") from error
+            raise DeviceLostError(f"{self._task.device} stopped responding: {error}") from error
         return empty_row(item.name, FAILED, f"{type(error).__name__}: {' '.join(str(error).split())}")
 
 
@@ -168,12 +169,12 @@ def out_of_memory(error: BaseException) -> bool:
     """Whether an error says that memory ran out, on the host or on a device."""
     if isinstance(error, MemoryError):
         return True
-    told = str(error).lower()
-    return isinstance(error, RuntimeError) and ("out of memory" in told or "failed to allocate" in told)
+    text = str(error).lower()
+    return isinstance(error, RuntimeError) and ("out of memory" in text or "failed to allocate" in text)
 
 
 def device_answers(name: str) -> bool:
-    """Whether a device still computes; after some errors CUDA refuses everything in the same process."""
+    """Whether a device still computes; after some errors CUDA refuses all work in the same process."""
     import warp as wp
 
     try:

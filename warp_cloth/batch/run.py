@@ -1,4 +1,4 @@
-"""A whole batch: cuts the items into shards, has them done, retries what was lost, and puts the results together."""
+"""A whole batch: splits the items into shards, distributes them, retries lost ones, and merges the results."""
 
 from __future__ import annotations
 
@@ -16,39 +16,39 @@ from warp_cloth.base.device import device_named, likely_gpus
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.threads import core_count
 from warp_cloth.base.warp_setup import start_warp
-from warp_cloth.batch.jobs import Item, given_items, read_jobs
+from warp_cloth.batch.jobs import Item, checked_items, read_jobs
 from warp_cloth.batch.pool import LocalPool, Lost, Pool
-from warp_cloth.batch.processes import get_ready
+from warp_cloth.batch.processes import start_forkserver
 from warp_cloth.batch.rows import FAILED, ItemResult, empty_row
-from warp_cloth.batch.store import Keep, Shard, Store, cut
-from warp_cloth.batch.work import Done, Task
+from warp_cloth.batch.store import Keep, Shard, Store, split
+from warp_cloth.batch.task import Done, Task
 
 if TYPE_CHECKING:
     import pyarrow
 
-CPU_SHARD = 8  # items to a shard at most: what a killed run does again on each core
-GPU_SHARD = 1024  # a GPU has little to do while the last of a shard come to rest, and a killed run does four again
-WORKERS_PER_GPU = 4  # while one's garments relax, others load, or measure what they have fitted
-# At least so many, where there are items enough, as the last worker to end is waited for: half a shard in the mean.
+CPU_SHARD = 8  # items per shard at most: a killed run repeats one shard on each core
+GPU_SHARD = 1024  # a GPU has little to do while the last items of a shard come to rest; a killed run repeats four
+WORKERS_PER_GPU = 4  # while one worker's garments relax, the others load or measure theirs
+# At least so many, given enough items: the last worker to end is waited for, half a shard in the mean.
 SHARDS_PER_CORE = 16
-SHARDS_PER_GPU_WORKER = 1  # a GPU that one worker leaves is the others', and many garments together go faster
+SHARDS_PER_GPU_WORKER = 1  # other workers use the GPU that one leaves, and larger shards are faster
 TRIES = 2  # of a task whose worker dies
 
 
 @dataclass(frozen=True)
-class Standing:
-    """How far a batch has come."""
+class BatchProgress:
+    """How many items of a batch are done."""
 
     items: int
-    done: int  # now and in earlier runs
+    done: int  # in this run and earlier ones
     before: int  # of these, in earlier runs
     problems: int  # of these, without a worn garment
     seconds: float
 
     @property
     def items_per_second(self) -> float | None:
-        fresh = self.done - self.before
-        return fresh / self.seconds if fresh and self.seconds > 0.0 else None
+        new = self.done - self.before
+        return new / self.seconds if new and self.seconds > 0.0 else None
 
 
 @dataclass(frozen=True)
@@ -57,12 +57,12 @@ class BatchReport:
 
     folder: Path
     statuses: dict[str, int]  # items by status
-    unwritten: dict[str, int]  # items whose results could not be written, by reason; started again, they are done
-    standing: Standing
-    reasons: dict[str, int]  # why items have no worn garment, and how many each, the commonest first
+    unwritten: dict[str, int]  # items whose results could not be written, by reason; the next run does them
+    progress: BatchProgress
+    reasons: dict[str, int]  # why items have no worn garment, and how many each, the most frequent first
 
     @property
-    def whole(self) -> bool:
+    def complete(self) -> bool:
         return not self.unwritten
 
 
@@ -75,43 +75,44 @@ def run_batch(
     ray: str | None = None,
     keep: Keep = "arrays",
     shard: int | None = None,
-    progress: Callable[[Standing], None] | None = None,
+    progress: Callable[[BatchProgress], None] | None = None,
 ) -> BatchReport:
-    """Fits every item of a job file, and goes on where an earlier run of the same batch stood.
+    """Fits every item of a job file, and continues an earlier run of the same batch.
 
     Args:
         jobs: a job file, or items.
         out: folder for results.parquet, results.csv and the shapes.
         device: "cpu", "cuda" (all GPUs) or "cuda:N"; None: all GPUs, or the CPU where there is none.
-        workers: processes; None: one for each core, or WORKERS_PER_GPU for each GPU.
-        ray: address of a Ray cluster that does the work ("auto": the one that runs here); None: this machine.
+        workers: processes; None: one per core, or WORKERS_PER_GPU per GPU.
+        ray: address of a Ray cluster to run on ("auto": the one that runs here); None: this machine.
         keep: "arrays", a packed file per shard, "stages", a USD stage per item, or "none".
-        shard: items to a task and its file, up to a quarter more where they meet the same avatar; None: by device and
-            number of items, or as the folder has it.
-        progress: told how far the batch has come.
+        shard: items per task and file, up to a quarter more where they have the same avatar; None: by device and
+            number of items, or as in the folder's earlier run.
+        progress: called with the number of items done.
 
     Raises:
-        InputError: the job file, the folder or the device cannot be used, or the folder holds another batch.
+        InputError: the job file, the folder or the device cannot be used, the folder holds another batch, or workers
+            cannot start.
     """
     if ray is None:
-        get_ready(device)
+        start_forkserver(device)
     if keep not in get_args(Keep):
         raise InputError("--keep", f'"{keep}" is not known', f"use one of {', '.join(get_args(Keep))}")
     if workers is not None and arguments.integer(workers, "--workers") < 1:
-        raise InputError("--workers", f"{workers} processes cannot do anything", "give 1 or more")
+        raise InputError("--workers", f"a batch needs at least 1 process, not {workers}", "give 1 or more")
     if shard is not None and arguments.integer(shard, "--shard") < 1:
-        raise InputError("--shard", f"{shard} items make no shard", "give 1 or more")
+        raise InputError("--shard", f"a shard needs at least 1 item, not {shard}", "give 1 or more")
     began = time.perf_counter()
-    pool = _pool(device, workers, ray)  # whose processes begin while the jobs are read
+    pool = _pool(device, workers, ray)  # its processes start while the jobs are read
     try:
-        items = read_jobs(jobs) if isinstance(jobs, (str, Path)) else given_items(jobs)
+        items = read_jobs(jobs) if isinstance(jobs, (str, Path)) else checked_items(jobs)
         store = Store(arguments.path(out, "--out").absolute(), keep)
         store.open()
-        with store.held():
+        with store.locked():
             store.check_batch(items)
             size = store.shard_size(shard or _shard_size(len(items), pool.devices), shard is not None)
-            with store.common() as common:
-                return _Drive(store, cut(items, size), pool, progress or (lambda _: None), began, common).run()
+            with store.shared_folder() as shared:
+                return Batch(store, split(items, size), pool, progress or (lambda _: None), began, shared).run()
     finally:
         pool.close()
 
@@ -122,14 +123,14 @@ def _pool(device: str | None, workers: int | None, ray: str | None) -> Pool:
 
         return RayPool(ray, device, workers)
     if device == "cpu":
-        return LocalPool(_places([], workers))
+        return LocalPool(_worker_devices([], workers))
     likely = likely_gpus(device)
     if device is not None and not likely:
-        return LocalPool(_places(_gpus(device), workers))
-    return LocalPool(_places(likely, workers), lambda: _places(_gpus(device), workers))
+        return LocalPool(_worker_devices(_gpus(device), workers))
+    return LocalPool(_worker_devices(likely, workers), lambda: _worker_devices(_gpus(device), workers))
 
 
-def _places(gpus: Sequence[str], workers: int | None) -> list[str]:
+def _worker_devices(gpus: Sequence[str], workers: int | None) -> list[str]:
     """The device of each worker."""
     if not gpus:
         return ["cpu"] * (workers or core_count())
@@ -137,12 +138,12 @@ def _places(gpus: Sequence[str], workers: int | None) -> list[str]:
 
 
 def _gpus(device: str | None) -> list[str]:
-    """The GPUs that are meant; none where that is the CPU.
+    """The GPUs that a device option means; none for the CPU.
 
     Raises:
         InputError: there is no such device.
     """
-    if "warp" not in sys.modules:  # who has it running keeps its messages
+    if "warp" not in sys.modules:  # a caller that has started Warp keeps its messages
         start_warp()
     import warp as wp
 
@@ -158,22 +159,28 @@ def _shard_size(items: int, devices: Sequence[str]) -> int:
     return min(max(items // (each * len(devices)), 1), most)
 
 
-class _Drive:
-    """Has the shards of one batch done."""
+class Batch:
+    """Runs the shards of one batch in a pool."""
 
     def __init__(
         self,
         store: Store,
         shards: list[Shard],
         pool: Pool,
-        tell: Callable[[Standing], None],
+        on_progress: Callable[[BatchProgress], None],
         began: float,
-        common: Path | None = None,
+        shared: Path | None = None,
     ) -> None:
-        self._store, self._shards, self._pool, self._tell, self._common = store, shards, pool, tell, common
+        self._store, self._shards, self._pool, self._on_progress, self._shared = (
+            store,
+            shards,
+            pool,
+            on_progress,
+            shared,
+        )
         self._began = began
         self._tries: collections.Counter[tuple[int, str]] = collections.Counter()
-        self._parts: dict[int, dict[str, ItemResult]] = {}  # of shards that are done item by item
+        self._split: dict[int, dict[str, ItemResult]] = {}  # results of shards that are done item by item
         self._inputs: dict[int, dict[str, list[int]]] = {}
         self._problems: dict[int, str] = {}  # why a shard is not written
         self._done = self._before = self._failed = 0
@@ -184,20 +191,20 @@ class _Drive:
         self._before = self._done = items - sum(len(shard.items) for shard in left)
         self._report()
         for shard in left:
-            self._pool.submit(Task(self._store, shard, "", common=self._common))
-        threading.Thread(target=self._store.get_ready, daemon=True).start()
-        for came in self._pool.finished():
-            if isinstance(came, Lost):
-                self._lost(came)
-            elif came.shard.number in self._parts:
-                self._part(came)
+            self._pool.submit(Task(self._store, shard, "", shared=self._shared))
+        threading.Thread(target=self._store.preload_tables, daemon=True).start()
+        for result in self._pool.finished():
+            if isinstance(result, Lost):
+                self._retry(result)
+            elif result.shard.number in self._split:
+                self._add_item(result)
             else:
-                self._finish(came)
+                self._finish(result)
         table = self._store.merge(self._shards, self._problems)
-        return self._ended(table)
+        return self._batch_report(table)
 
     def _finish(self, done: Done) -> None:
-        """A shard is written, or cannot be."""
+        """Counts a shard that is written, or cannot be."""
         if done.problem:
             self._problems[done.shard.number] = done.problem
             self._failed += len(done.shard.items)
@@ -205,40 +212,40 @@ class _Drive:
         self._failed += sum(result.row["digest"] is None for result in done.results)
         self._report()
 
-    def _lost(self, lost: Lost) -> None:
-        """Tries a lost task again; then its items one by one; then gives the one up that ends its workers."""
+    def _retry(self, lost: Lost) -> None:
+        """Retries a lost task; then its items one by one; then fails the item whose workers die."""
         task, shard = lost.task, lost.task.shard
         key = shard.number, "" if task.write else shard.items[0].name
         self._tries[key] += 1
-        if lost.hopeless:
+        if lost.final:
             self._give_up(task, lost.reason)
-        elif self._tries[key] < TRIES and not self._pool.patient:
+        elif self._tries[key] < TRIES and not self._pool.retries:
             self._pool.submit(task)
         elif task.write:
-            self._parts[shard.number] = {}
+            self._split[shard.number] = {}
             for item in shard.items:
                 self._pool.submit(replace(task, shard=Shard(shard.number, (item,)), write=False))
         else:
             failed = ItemResult(empty_row(shard.items[0].name, FAILED, lost.reason))
-            self._part(Done(shard, (failed,)))
+            self._add_item(Done(shard, (failed,)))
 
     def _give_up(self, task: Task, reason: str) -> None:
-        """No worker is left: the shard stays undone, to be done by the next run."""
+        """No worker is left: the shard is left to the next run."""
         number = task.shard.number
         if number not in self._problems:
             self._finish(Done(self._shards[number], (), problem=reason))
 
-    def _part(self, part: Done) -> None:
-        """One item of a shard that is done item by item; the last one completes it."""
-        number = part.shard.number
-        parts = self._parts[number]
-        parts.update({result.row["name"]: result for result in part.results})
-        self._inputs.setdefault(number, {}).update(part.inputs)
+    def _add_item(self, done: Done) -> None:
+        """Adds an item of a shard that is done item by item; the last one completes it."""
+        number = done.shard.number
+        items = self._split[number]
+        items.update({result.row["name"]: result for result in done.results})
+        self._inputs.setdefault(number, {}).update(done.inputs)
         shard = self._shards[number]
-        if len(parts) < len(shard.items):
+        if len(items) < len(shard.items):
             return
-        results = tuple(parts[item.name] for item in shard.items)
-        del self._parts[number]
+        results = tuple(items[item.name] for item in shard.items)
+        del self._split[number]
         try:
             self._store.write(shard, results, self._inputs[number])
         except InputError as error:
@@ -248,17 +255,18 @@ class _Drive:
 
     def _report(self) -> None:
         items = sum(len(shard.items) for shard in self._shards)
-        self._standing = Standing(items, self._done, self._before, self._failed, time.perf_counter() - self._began)
-        self._tell(self._standing)
+        seconds = time.perf_counter() - self._began
+        self._progress = BatchProgress(items, self._done, self._before, self._failed, seconds)
+        self._on_progress(self._progress)
 
-    def _ended(self, table: pyarrow.Table) -> BatchReport:
+    def _batch_report(self, table: pyarrow.Table) -> BatchReport:
         statuses = collections.Counter(str(status) for status in table["status"].to_pylist())
         unwritten: collections.Counter[str] = collections.Counter()
         for number, reason in self._problems.items():
             unwritten[reason] += len(self._shards[number].items)
-        told = zip(table["digest"].to_pylist(), table["message"].to_pylist(), strict=True)
-        bare = [str(reason) for digest, reason in told if digest is None]
-        reasons = collections.Counter(reason for reason in bare if reason not in unwritten)
+        rows = zip(table["digest"].to_pylist(), table["message"].to_pylist(), strict=True)
+        failures = [str(message) for digest, message in rows if digest is None]
+        reasons = collections.Counter(reason for reason in failures if reason not in unwritten)
         return BatchReport(
-            self._store.folder, dict(statuses), dict(unwritten), self._standing, dict(reasons.most_common())
+            self._store.folder, dict(statuses), dict(unwritten), self._progress, dict(reasons.most_common())
         )
