@@ -1,7 +1,8 @@
-"""Eight elements at a time, which the CPU works out in one go: how they are read, and how they are written.
+"""SIMD packets in memory: how eight consecutive elements, or what they refer to, are loaded, added and stored.
 
-Of eight vectors all first components lie together, then all second ones. Eight elements follow one another in their
-arrays, from ``first`` on; their places are what these hold: the ends of edges, the corners or the sides of triangles.
+A packet of vectors holds the first components of all eight, then the second ones, and so on. Elements follow one
+another in their arrays, from ``first`` on; their places are the indices that these hold: the ends of edges, the corners
+or the sides of triangles. ``lanes`` are bits: of which elements something is stored.
 """
 
 import functools
@@ -16,7 +17,7 @@ from warp_cloth.kernels.math.lanes import lane_types
 
 WIDTH = wp.constant(EIGHT)
 
-# x, four vectors of two fours each, turned so that what lay across lies along, in y
+# x, four vectors of two fours each, transposed into y
 _SHUFFLES = """
         const Eight a = __builtin_shufflevector(x[0], x[1], 0, 8, 1, 9, 4, 12, 5, 13);
         const Eight b = __builtin_shufflevector(x[2], x[3], 0, 8, 1, 9, 4, 12, 5, 13);
@@ -28,8 +29,8 @@ _SHUFFLES = """
             __builtin_shufflevector(d, e, 0, 1, 8, 9, 4, 5, 12, 13),
             __builtin_shufflevector(d, e, 2, 3, 10, 11, 6, 7, 14, 15)};
 """
-# what lies at four addresses, element by element, component by component, and back
-_TURNED = (
+# rows, eight vectors of four components, transposed into c, four packets; and back
+_TRANSPOSED = (
     """
     typedef %(real)s Eight __attribute__((ext_vector_type(8)));
     Eight c[4];
@@ -44,11 +45,11 @@ _TURNED = (
     }
 """
 )
-_TURN_BACK = (
+_TRANSPOSE_BACK = (
     """
     typedef %(real)s Row __attribute__((ext_vector_type(4)));
     typedef %(real)s Eight __attribute__((ext_vector_type(8)));
-    auto turn_back = [](const %(real)s* from, Row* rows) {
+    auto transpose_back = [](const %(real)s* from, Row* rows) {
         Eight x[4];
         __builtin_memcpy(x, from, sizeof(x));
 """
@@ -62,7 +63,7 @@ _TURN_BACK = (
 """
 )
 _TYPES = """
-    typedef %(held)s Held __attribute__((ext_vector_type(4)));
+    typedef %(stored)s Stored __attribute__((ext_vector_type(4)));
     typedef %(real)s Row __attribute__((ext_vector_type(4)));
 """
 _ROWS = (
@@ -72,16 +73,16 @@ _ROWS = (
     Row rows[8];
     for (int lane = 0; lane < 8; ++lane) {
         const int place = %(place)s;
-        Held held = {};
-        __builtin_memcpy(&held, array.data + place, sizeof(array.data[0]));
-        rows[lane] = __builtin_convertvector(held, Row);
+        Stored element = {};
+        __builtin_memcpy(&element, array.data + place, sizeof(array.data[0]));
+        rows[lane] = __builtin_convertvector(element, Row);
     }
 """
-    + _TURNED
+    + _TRANSPOSED
     + """
-    wp::vec_t<%(count)d, %(real)s> eight;
-    __builtin_memcpy(eight.c, c, sizeof(eight));
-    return eight;
+    wp::vec_t<%(count)d, %(real)s> packet;
+    __builtin_memcpy(packet.c, c, sizeof(packet));
+    return packet;
 """
 )
 _SIDES = (
@@ -90,17 +91,17 @@ _SIDES = (
     %(at)s
     Row rows[8];
     for (int lane = 0; lane < 8; ++lane) {
-        Held start = {}, end = {};
+        Stored start = {}, end = {};
         __builtin_memcpy(&start, array.data + at[lane][from_], sizeof(array.data[0]));
         __builtin_memcpy(&end, array.data + at[lane][to], sizeof(array.data[0]));
         rows[lane] = __builtin_convertvector(end - start, Row);
     }
 """
-    + _TURNED
+    + _TRANSPOSED
     + """
-    wp::vec_t<24, %(real)s> eight;
-    __builtin_memcpy(eight.c, c, sizeof(eight));
-    return eight;
+    wp::vec_t<24, %(real)s> packet;
+    __builtin_memcpy(packet.c, c, sizeof(packet));
+    return packet;
 """
 )
 _PUT_NUMBERS = """
@@ -108,29 +109,29 @@ _PUT_NUMBERS = """
         array.data[first + lane] = lanes >> lane & 1 ? a.c[lane] : array.data[first + lane];
 """
 _MOVE = (
-    _TURN_BACK
+    _TRANSPOSE_BACK
     + """
-    typedef %(held)s Held __attribute__((ext_vector_type(4)));
+    typedef %(stored)s Stored __attribute__((ext_vector_type(4)));
     %(real)s columns[32] = {}, momenta[32] = {};
     __builtin_memcpy(columns, a.c, sizeof(a));
     __builtin_memcpy(momenta, b.c, sizeof(b));
-    Row rows[8], kept[8];
-    turn_back(columns, rows);
-    turn_back(momenta, kept);
+    Row rows[8], momentum[8];
+    transpose_back(columns, rows);
+    transpose_back(momenta, momentum);
     for (int lane = 0; lane < 8; ++lane)
         if (lanes >> lane & 1) {
-            Held there = {};
+            Stored there = {};
             __builtin_memcpy(&there, &position.data[first + lane], sizeof(position.data[0]));
-            there += __builtin_convertvector(rows[lane], Held);
+            there += __builtin_convertvector(rows[lane], Stored);
             __builtin_memcpy(&position.data[first + lane], &there, sizeof(position.data[0]));
-            __builtin_memcpy(&move.data[first + lane], &kept[lane], sizeof(move.data[0]));
+            __builtin_memcpy(&move.data[first + lane], &momentum[lane], sizeof(move.data[0]));
         }
 """
 )
 _NUMBERS = """
-    wp::vec_t<8, %(real)s> eight;
-    __builtin_memcpy(eight.c, array.data + first, sizeof(eight));
-    return eight;
+    wp::vec_t<8, %(real)s> packet;
+    __builtin_memcpy(packet.c, array.data + first, sizeof(packet));
+    return packet;
 """
 _SIGNS = """
     const auto* const at = places.data + first;
@@ -140,11 +141,11 @@ _SIGNS = """
     return signs;
 """
 _ADD = (
-    _TURN_BACK
+    _TRANSPOSE_BACK
     + """
     const auto* const at = places.data + first;
     Row rows[%(stride)d][8];
-    %(turns)s
+    %(transposed)s
     for (int lane = 0; lane < 8; ++lane)
         if (lanes >> lane & 1)
             for (int k = 0; k < %(stride)d; ++k) {
@@ -157,11 +158,11 @@ _ADD = (
 """
 )
 _ADD_PAIRS = (
-    _TURN_BACK
+    _TRANSPOSE_BACK
     + """
     const auto* const at = places.data + first;
     Row rows[6][8];
-    %(turns)s
+    %(transposed)s
     for (int lane = 0; lane < 8; ++lane)
         if (lanes >> lane & 1)
             for (int k = 0; k < 3; ++k) {
@@ -174,10 +175,10 @@ _ADD_PAIRS = (
 """
 )
 _PUT = (
-    _TURN_BACK
+    _TRANSPOSE_BACK
     + """
     Row rows[8];
-    turn_back(a.c, rows);
+    transpose_back(a.c, rows);
     for (int lane = 0; lane < 8; ++lane)
         __builtin_memcpy(&array.data[first + lane], &rows[lane], sizeof(array.data[0]));
 """
@@ -185,17 +186,17 @@ _PUT = (
 _SIX = (
     _TYPES
     + """
-    wp::vec_t<48, %(real)s> eight;
+    wp::vec_t<48, %(real)s> packet;
     Row rows[8];
     for (int from = 0; from < 3; from += 2) {  // components 2 to 5 after 0 to 3
         for (int lane = 0; lane < 8; ++lane)
             __builtin_memcpy(&rows[lane], &array.data[first + lane].c[from], sizeof(Row));
 """
-    + _TURNED
+    + _TRANSPOSED
     + """
-        __builtin_memcpy(&eight.c[8 * from], c, sizeof(c));
+        __builtin_memcpy(&packet.c[8 * from], c, sizeof(c));
     }
-    return eight;
+    return packet;
 """
 )
 _AT = "const auto* const at = places.data + first;"
@@ -205,47 +206,49 @@ for _real, _name in ((wp.float32, "float"), (wp.float64, "double")):
     _one, _three, _four = _types.real, _types.vec3, _types.vec4
 
     @wp.func_native(_NUMBERS % {"real": _name})
-    def eight_elements(array: wp.array(dtype=_real), first: int) -> _one:
-        """Eight that follow one another in an array."""
+    def load_packet(array: wp.array(dtype=_real), first: int) -> _one:
+        """Eight consecutive numbers."""
         return array[first]
 
-    for _dtype, _eight in ((_alone.vec3, _three), (_alone.vec4, _four)):
-        _told = {"held": _name, "real": _name, "count": _eight._length_}
+    for _dtype, _result in ((_alone.vec3, _three), (_alone.vec4, _four)):
+        _words = {"stored": _name, "real": _name, "count": _result._length_}
 
-        @wp.func_native(_ROWS % {**_told, "at": "", "place": "first + lane"})
-        def eight_elements(array: wp.array(dtype=_dtype), first: int) -> _eight:  # noqa: F811
-            """Eight vectors that do."""
+        @wp.func_native(_ROWS % {**_words, "at": "", "place": "first + lane"})
+        def load_packet(array: wp.array(dtype=_dtype), first: int) -> _result:  # noqa: F811
+            """Eight consecutive vectors."""
             return array[first]
 
-        @wp.func_native(_ROWS % {**_told, "at": _AT, "place": "at[lane][which]"})
-        def eight_at(array: wp.array(dtype=_dtype), places: wp.array(dtype=wp.vec2i), first: int, which: int) -> _eight:
-            """Vectors at one of two places of eight elements."""
+        @wp.func_native(_ROWS % {**_words, "at": _AT, "place": "at[lane][which]"})
+        def load_packet_at(
+            array: wp.array(dtype=_dtype), places: wp.array(dtype=wp.vec2i), first: int, which: int
+        ) -> _result:
+            """The vectors at one of two places of each of eight elements."""
             return array[places[first][which]]
 
-    @wp.func_native(_SIX % {"held": _name, "real": _name})
-    def eight_elements(array: wp.array(dtype=_alone.vec6), first: int) -> _types.vec6:  # noqa: F811
-        """Eight symmetric matrices that do."""
+    @wp.func_native(_SIX % {"stored": _name, "real": _name})
+    def load_packet(array: wp.array(dtype=_alone.vec6), first: int) -> _types.vec6:  # noqa: F811
+        """Eight consecutive symmetric matrices."""
         return array[first]
 
-    _told = {"held": _name, "real": _name, "count": 4 * EIGHT, "at": _AT}
+    _words = {"stored": _name, "real": _name, "count": 4 * EIGHT, "at": _AT}
 
-    @wp.func_native(_ROWS % {**_told, "place": "wp::max(at[lane][which], -1 - at[lane][which])"})
-    def eight_either(
+    @wp.func_native(_ROWS % {**_words, "place": "wp::max(at[lane][which], -1 - at[lane][which])"})
+    def load_packet_signed(
         array: wp.array(dtype=_alone.vec4), places: wp.array(dtype=wp.vec3i), first: int, which: int
     ) -> _four:
-        """Vectors at one of three places of eight elements, where place p may be stated as -1 - p."""
+        """The vectors at one of three places of each of eight elements; place p may be stored as -1 - p."""
         return array[places[first][which]]
 
     @wp.func_native(_SIGNS % {"real": _name})
-    def eight_signs(like: _one, places: wp.array(dtype=wp.vec3i), first: int, which: int) -> _one:
-        """-1 where it is, else 1."""
+    def load_signs(like: _one, places: wp.array(dtype=wp.vec3i), first: int, which: int) -> _one:
+        """-1 where a place is stored as -1 - p, else 1."""
         return places[first][which]
 
-    for _dtype, _held in ((_alone.vec3, _name), *(((wp.vec3d, "double"),) if _real is wp.float32 else ())):
+    for _dtype, _stored in ((_alone.vec3, _name), *(((wp.vec3d, "double"),) if _real is wp.float32 else ())):
         for _kind in (wp.vec2i, wp.vec3i):
 
-            @wp.func_native(_SIDES % {"held": _held, "real": _name, "at": _AT})
-            def eight_sides(
+            @wp.func_native(_SIDES % {"stored": _stored, "real": _name, "at": _AT})
+            def load_sides(
                 like: _real,
                 array: wp.array(dtype=_dtype),
                 places: wp.array(dtype=_kind),
@@ -253,11 +256,11 @@ for _real, _name in ((wp.float32, "float"), (wp.float64, "double")):
                 from_: int,
                 to: int,
             ) -> _three:
-                """From one place to another, of eight elements; subtracted as the array has it."""
+                """The differences from one place to another of eight elements, subtracted in the array's precision."""
                 return array[places[first][to]]
 
-        @wp.func_native(_MOVE % {"held": _held, "real": _name})
-        def move_eight(
+        @wp.func_native(_MOVE % {"stored": _stored, "real": _name})
+        def move_packet(
             position: wp.array(dtype=_dtype),
             move: wp.array(dtype=_alone.vec3),
             first: int,
@@ -265,31 +268,31 @@ for _real, _name in ((wp.float32, "float"), (wp.float64, "double")):
             a: _three,
             b: _three,
         ):
-            """Moves by a those of eight points whose bits are in ``lanes``, and notes b as their move."""
+            """Adds displacements a to the points of some lanes, and stores b as their last ones."""
             position[first] = position[first]
             move[first] = move.dtype()
 
     @wp.func_native(_PUT_NUMBERS)
-    def put_some(array: wp.array(dtype=_real), first: int, lanes: int, a: _one):
-        """Writes what those of eight are to hold."""
+    def store_lanes(array: wp.array(dtype=_real), first: int, lanes: int, a: _one):
+        """Stores the numbers of some lanes."""
         array[first] = array.dtype(0.0)
 
     @wp.func_native("__builtin_memset(array.data + first, 0, 8 * sizeof(array.data[0]));")
-    def put_zeros(array: wp.array(dtype=_alone.vec4), first: int):
-        """Writes zeros to eight."""
+    def store_zeros(array: wp.array(dtype=_alone.vec4), first: int):
+        """Stores eight zero vectors."""
         array[first] = array.dtype()
 
-    _turns = [f"turn_back({name}.c, rows[{k}]);" for k, name in enumerate("abcdef")]
+    _transposed = [f"transpose_back({name}.c, rows[{k}]);" for k, name in enumerate("abcdef")]
 
-    @wp.func_native(_ADD % {"real": _name, "stride": 2, "turns": " ".join(_turns[:2])})
-    def add_eight(
+    @wp.func_native(_ADD % {"real": _name, "stride": 2, "transposed": " ".join(_transposed[:2])})
+    def add_packets(
         array: wp.array(dtype=_alone.vec4), places: wp.array(dtype=wp.vec2i), first: int, lanes: int, a: _four, b: _four
     ):
-        """Adds, one element after another, at both places of those of eight whose bits are in ``lanes``."""
+        """Adds a and b at the two places of each element in ``lanes``, element by element."""
         array[places[first][0]] = array[places[first][0]]
 
-    @wp.func_native(_ADD % {"real": _name, "stride": 3, "turns": " ".join(_turns[:3])})
-    def add_eight(  # noqa: F811
+    @wp.func_native(_ADD % {"real": _name, "stride": 3, "transposed": " ".join(_transposed[:3])})
+    def add_packets(  # noqa: F811
         array: wp.array(dtype=_alone.vec4),
         places: wp.array(dtype=wp.vec3i),
         first: int,
@@ -298,11 +301,11 @@ for _real, _name in ((wp.float32, "float"), (wp.float64, "double")):
         b: _four,
         c: _four,
     ):
-        """Likewise at three places."""
+        """Likewise a, b and c at three places."""
         array[places[first][0]] = array[places[first][0]]
 
-    @wp.func_native(_ADD_PAIRS % {"real": _name, "turns": " ".join(_turns)})
-    def add_pairs(
+    @wp.func_native(_ADD_PAIRS % {"real": _name, "transposed": " ".join(_transposed)})
+    def add_packet_pairs(
         array: wp.array(dtype=_alone.vec4),
         places: wp.array(dtype=wp.vec3i),
         first: int,
@@ -318,26 +321,26 @@ for _real, _name in ((wp.float32, "float"), (wp.float64, "double")):
         array[places[first][0]] = array[places[first][0]]
 
     @wp.func_native(_PUT % {"real": _name})
-    def put_eight(array: wp.array(dtype=_alone.vec4), first: int, a: _four):
-        """Writes what eight that follow one another are to hold."""
+    def store_packet(array: wp.array(dtype=_alone.vec4), first: int, a: _four):
+        """Stores eight consecutive vectors."""
         array[first] = array.dtype()
 
 
 @wp.func
-def first_of_eight(number: int, count: int) -> int:
-    """Where eight of ``count`` elements begin: one after another, the last ones so that they end with the last."""
+def first_of_packet(number: int, count: int) -> int:
+    """The first element of a packet; the last one overlaps the one before, to end with the last of ``count``."""
     return wp.min(WIDTH * number, count - WIDTH)
 
 
 @functools.cache
-def lanes_function(precision: str) -> wp.Function:
-    """The function that tells which of eight elements are to be worked out."""
+def active_lanes_function(precision: str) -> wp.Function:
+    """The function ``active_lanes``."""
     Model, rests = cloth_types(precision).Model, rest_function(precision)
 
     @wp.func
-    def busy_lanes(model: Model, places: Any, number: int):
-        """Bits of those of items that iterate, and that those before do not have."""
-        first = first_of_eight(number, places.shape[0])
+    def active_lanes(model: Model, places: Any, number: int):
+        """Bits of a packet's elements that belong to items that iterate, and not to the packet before."""
+        first = first_of_packet(number, places.shape[0])
         lanes = 255 & ~((1 << (WIDTH * number - first)) - 1)
         if model.items.shape[0] == 1:
             return wp.where(model.items[0].active == 0, 0, lanes)
@@ -346,4 +349,4 @@ def lanes_function(precision: str) -> wp.Function:
                 lanes &= ~(1 << lane)
         return lanes
 
-    return busy_lanes
+    return active_lanes

@@ -14,13 +14,13 @@ from warp_cloth.kernels.math.lanes import WIDTH, lane_types
 from warp_cloth.kernels.math.operators import add, mul, sub  # noqa: F401  what + - * below call for packets
 from warp_cloth.kernels.math.packet import component, vector4
 from warp_cloth.kernels.math.packet_memory import (
-    add_eight,
-    add_pairs,
-    eight_either,
-    eight_elements,
-    eight_sides,
-    first_of_eight,
-    lanes_function,
+    active_lanes_function,
+    add_packet_pairs,
+    add_packets,
+    first_of_packet,
+    load_packet,
+    load_packet_signed,
+    load_sides,
 )
 from warp_cloth.kernels.passes.anisotropic_step import leeway_function, yarn_bounds, yarns_matrix
 
@@ -49,7 +49,7 @@ def _sum_kernel(precision: str, terms: Terms) -> wp.Kernel:
     real, vec4, Step, Triangles = types.real, types.vec4, types.Step, types.Triangles
     Model, State = types.Model, types.State
     like, half = wp.constant(real(0.0)), wp.constant(real(0.5))
-    busy_lanes = lanes_function(precision)
+    active_lanes = active_lanes_function(precision)
 
     @wp.func
     def corner_bound(first: packets.real, second: packets.real, third: packets.real):
@@ -59,9 +59,9 @@ def _sum_kernel(precision: str, terms: Terms) -> wp.Kernel:
     @wp.func
     def folds_bounds(fold: wp.array(dtype=vec4), edges: wp.array(dtype=wp.vec3i), start: int):
         """What the hinges of eight triangles bound at their corners."""
-        whole_0 = component(eight_either(fold, edges, start, 0), 1)
-        whole_1 = component(eight_either(fold, edges, start, 1), 1)
-        whole_2 = component(eight_either(fold, edges, start, 2), 1)
+        whole_0 = component(load_packet_signed(fold, edges, start, 0), 1)
+        whole_1 = component(load_packet_signed(fold, edges, start, 1), 1)
+        whole_2 = component(load_packet_signed(fold, edges, start, 2), 1)
         half_0, half_1, half_2 = whole_0 * half, whole_1 * half, whole_2 * half
         first, second = corner_bound(whole_0, half_1, half_2), corner_bound(half_0, whole_1, half_2)
         third = corner_bound(half_0, half_1, whole_2)
@@ -94,29 +94,29 @@ def _sum_kernel(precision: str, terms: Terms) -> wp.Kernel:
     ):
         """Adds the bounds of eight triangles' hinges and yarns to their corners."""
         number = wp.tid()
-        lanes = busy_lanes(model, triangles.corners, number)
+        lanes = active_lanes(model, triangles.corners, number)
         if lanes == 0:
             return
-        start = first_of_eight(number, triangles.corners.shape[0])
+        start = first_of_packet(number, triangles.corners.shape[0])
         folds_0, folds_1, folds_2 = packets.vec4(), packets.vec4(), packets.vec4()
         if wp.static(terms.folds):
             folds_0, folds_1, folds_2 = folds_bounds(fold, triangles.edges, start)
-        side_1 = eight_sides(like, state.position, triangles.corners, start, 0, 1)
-        side_2 = eight_sides(like, state.position, triangles.corners, start, 0, 2)
-        change_1 = eight_sides(like, state.displacement, triangles.corners, start, 0, 1)
-        change_2 = eight_sides(like, state.displacement, triangles.corners, start, 0, 2)
-        slope, law = eight_elements(triangles.slope, start), eight_elements(triangles.yarns, start)
+        side_1 = load_sides(like, state.position, triangles.corners, start, 0, 1)
+        side_2 = load_sides(like, state.position, triangles.corners, start, 0, 2)
+        change_1 = load_sides(like, state.displacement, triangles.corners, start, 0, 1)
+        change_2 = load_sides(like, state.displacement, triangles.corners, start, 0, 2)
+        slope, law = load_packet(triangles.slope, start), load_packet(triangles.yarns, start)
         weft, warp, bounds, fraction, inverse_length = yarn_bounds(
             side_1, side_2, change_1, change_2, slope, law, step.reach, step.horizon
         )
         first, size_0 = yarns_matrix(weft, warp, bounds, fraction, inverse_length, slope, 0)
         second, size_1 = yarns_matrix(weft, warp, bounds, fraction, inverse_length, slope, 1)
         third, size_2 = yarns_matrix(weft, warp, bounds, fraction, inverse_length, slope, 2)
-        add_pairs(
+        add_packet_pairs(
             straight_out, triangles.corners, start, lanes,
             folds_0, folds_1, folds_2, straight(first, size_0), straight(second, size_1), straight(third, size_2),
         )  # fmt: skip
-        add_eight(crossed_out, triangles.corners, start, lanes, crossed(first), crossed(second), crossed(third))
+        add_packets(crossed_out, triangles.corners, start, lanes, crossed(first), crossed(second), crossed(third))
 
     return sum_bounds
 

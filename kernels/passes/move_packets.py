@@ -13,11 +13,11 @@ from warp_cloth.kernels.math.lanes import lane_types
 from warp_cloth.kernels.math.operators import add, div, mul, sub  # noqa: F401  what + - * / below call for packets
 from warp_cloth.kernels.math.packet import where_greater
 from warp_cloth.kernels.math.packet_memory import (
-    eight_elements,
-    first_of_eight,
-    move_eight,
-    put_some,
-    put_zeros,
+    first_of_packet,
+    load_packet,
+    move_packet,
+    store_lanes,
+    store_zeros,
 )
 from warp_cloth.kernels.math.real import inner, root
 from warp_cloth.kernels.math.symmetric import symmetric_times
@@ -119,7 +119,7 @@ def eight_displace_kernel(
 
     ``avatar_contact``, ``collider_type`` and ``pins`` as of displace.displace_kernel.
     """
-    types, eights = cloth_types(precision), lane_types(cloth_types(precision).real, EIGHT)
+    types, packets = cloth_types(precision), lane_types(cloth_types(precision).real, EIGHT)
     real, vec3, vec4, vec6, Model, State = types.real, types.vec3, types.vec4, types.vec6, types.Model, types.State
     Step, Item = types.Step, types.Item
     worn, spares = wears(True, avatar_contact), spares_looks(avatar_contact, cloth_contact=False)
@@ -129,22 +129,22 @@ def eight_displace_kernel(
     looked_move = None if avatar_contact is None else looking(precision, avatar_contact, collider_type, worn, spares)
 
     @wp.func
-    def own_moves(model: Model, state: State, step: Step, load: eights.vec4, first: int, item: Item):
+    def own_moves(model: Model, state: State, step: Step, load: packets.vec4, first: int, item: Item):
         """Displacements of eight vertices by their forces, and the stiffness that they go by."""
         force, way, stiffness, kept = force_way(
-            step, load, eight_elements(model.weight, first), eight_elements(state.stiffness, first), item
+            step, load, load_packet(model.weight, first), load_packet(state.stiffness, first), item
         )
         if wp.static(worn):
             if item.anisotropy_limit > real(0.0):
                 loose = loose_lanes(kept, state.in_contact, first)
-                further = symmetric_times(eight_elements(state.compliance, first), way)
-                way = where_greater(loose, eights.real(real(0.0)), further, way)
-        last = eight_elements(state.displacement, first)
+                further = symmetric_times(load_packet(state.compliance, first), way)
+                way = where_greater(loose, packets.real(real(0.0)), further, way)
+        last = load_packet(state.displacement, first)
         momentum, damping = kept_share(step, item)
         return accelerated_displacement(force, way, last, kept * momentum, damping, item.cap), stiffness
 
     @wp.func
-    def met_moves(state: State, collider: collider_type, first: int, lanes: int, moves: eights.vec3, item: Item):
+    def met_moves(state: State, collider: collider_type, first: int, lanes: int, moves: packets.vec3, item: Item):
         """Their displacements after contact and friction, and what of them has momentum; those of ``lanes`` only."""
         met = moves
         momentum = moves
@@ -184,12 +184,12 @@ def eight_displace_kernel(
         load: wp.array(dtype=vec4),  # forces of the cloth [N] and stiffness bounds [N/m], shape [V]; left at zero
     ):
         """Moves those of eight vertices that are free and of items that are not at rest."""
-        first = first_of_eight(wp.tid(), model.weight.shape[0])
+        first = first_of_packet(wp.tid(), model.weight.shape[0])
         lanes = 256 - (1 << (WIDTH * wp.tid() - first))  # the others are moved already
         if wp.static(pins):
             lanes &= lanes_free(model.pinned, first)
-        loads = eight_elements(load, first)
-        put_zeros(load, first)
+        loads = load_packet(load, first)
+        store_zeros(load, first)
         if wp.static(spares):
             fetch_ahead(model, state, colliders, first)
         for number in range(element(model.item, first), element(model.item, first + WIDTH - 1) + 1):
@@ -200,7 +200,7 @@ def eight_displace_kernel(
                 momentum = moves
                 if wp.static(avatar_contact is not None):
                     moves, momentum = met_moves(state, colliders[number], first, own, moves, item)
-                move_eight(state.position, state.displacement, first, own, moves, momentum)
-                put_some(state.stiffness, first, own, stiffness)
+                move_packet(state.position, state.displacement, first, own, moves, momentum)
+                store_lanes(state.stiffness, first, own, stiffness)
 
     return displace_vertices

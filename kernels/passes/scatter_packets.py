@@ -16,15 +16,15 @@ from warp_cloth.kernels.math.lanes import WIDTH, lane_types
 from warp_cloth.kernels.math.operators import add, div, mul, sub  # noqa: F401  what + - * / below call for packets
 from warp_cloth.kernels.math.packet import component, vector3, vector4
 from warp_cloth.kernels.math.packet_memory import (
-    add_eight,
-    eight_at,
-    eight_either,
-    eight_elements,
-    eight_sides,
-    eight_signs,
-    first_of_eight,
-    lanes_function,
-    put_eight,
+    active_lanes_function,
+    add_packets,
+    first_of_packet,
+    load_packet,
+    load_packet_at,
+    load_packet_signed,
+    load_sides,
+    load_signs,
+    store_packet,
 )
 from warp_cloth.kernels.math.real import inner, root
 
@@ -35,7 +35,7 @@ def eight_normals_kernel(precision: str) -> wp.Kernel:
     types = cloth_types(precision)
     vec4, Model, State, Triangles, Step = types.vec4, types.Model, types.State, types.Triangles, types.Step
     like, packets = wp.constant(types.real(0.0)), lane_types(types.real, WIDTH)
-    busy_lanes = lanes_function(precision)
+    active_lanes = active_lanes_function(precision)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def measure_normals(
@@ -48,15 +48,17 @@ def eight_normals_kernel(precision: str) -> wp.Kernel:
     ):
         """Writes eight triangles' normals and sides."""
         number = wp.tid()
-        if busy_lanes(model, triangles.corners, number) == 0:
+        if active_lanes(model, triangles.corners, number) == 0:
             return
-        first = first_of_eight(number, triangles.corners.shape[0])
-        side_1 = eight_sides(like, state.position, triangles.corners, first, 0, 1)
-        side_2 = eight_sides(like, state.position, triangles.corners, first, 0, 2)
+        first = first_of_packet(number, triangles.corners.shape[0])
+        side_1 = load_sides(like, state.position, triangles.corners, first, 0, 1)
+        side_2 = load_sides(like, state.position, triangles.corners, first, 0, 2)
         sides_out[2 * number] = side_1
         sides_out[2 * number + 1] = side_2
         normal, inverse = unit_normal(side_1, side_2)
-        put_eight(normal_out, first, vector4(component(normal, 0), component(normal, 1), component(normal, 2), inverse))
+        store_packet(
+            normal_out, first, vector4(component(normal, 0), component(normal, 1), component(normal, 2), inverse)
+        )
 
     return measure_normals
 
@@ -77,17 +79,17 @@ def eight_edges_kernel(precision: str, accumulate: Accumulate, terms: Terms) -> 
     like = wp.constant(real(0.0))
     functions = edge_functions(precision, accumulate, angles=False, lanes=WIDTH)
     edge_load, edge_fold = functions.edge_load, functions.edge_fold
-    busy_lanes = lanes_function(precision)
+    active_lanes = active_lanes_function(precision)
 
     @wp.func
     def spans_of(state: State, ends: wp.array(dtype=wp.vec2i), first: int):
         """Eight edges as they lie, and what last moved them."""
         spans = Spans()
-        spans.side = eight_sides(like, state.position, ends, first, 0, 1)
+        spans.side = load_sides(like, state.position, ends, first, 0, 1)
         spans.length = edge_length(spans.side)
         spans.inverse = type(spans.length)(real(1.0)) / spans.length
-        spans.change = eight_sides(like, state.displacement, ends, first, 0, 1)
-        move = eight_at(state.displacement, ends, first, 0)
+        spans.change = load_sides(like, state.displacement, ends, first, 0, 1)
+        move = load_packet_at(state.displacement, ends, first, 0)
         spans.move = root(inner(move, move))
         return spans
 
@@ -103,19 +105,22 @@ def eight_edges_kernel(precision: str, accumulate: Accumulate, terms: Terms) -> 
     ):
         """Adds eight edges' tensions to their ends, and works out their hinges."""
         number = wp.tid()
-        lanes = busy_lanes(model, edges.ends, number)
+        lanes = active_lanes(model, edges.ends, number)
         if lanes == 0:
             return
-        start = first_of_eight(number, edges.ends.shape[0])
+        start = first_of_packet(number, edges.ends.shape[0])
         spans = spans_of(state, edges.ends, start)
         if wp.static(terms.edges):
-            load = edge_load(spans, eight_elements(edges.law, start), step)
+            load = edge_load(spans, load_packet(edges.law, start), step)
             back = vector4(-component(load, 0), -component(load, 1), -component(load, 2), component(load, 3))
-            add_eight(load_out, edges.ends, start, lanes, load, back)
+            add_packets(load_out, edges.ends, start, lanes, load, back)
         if wp.static(terms.folds):
-            first, second = eight_at(normal, edges.beside, start, 0), eight_at(normal, edges.beside, start, 1)
-            fold = edge_fold(spans, first, second, eight_elements(edges.fold, start), vec2(), step)
-            put_eight(
+            first, second = (
+                load_packet_at(normal, edges.beside, start, 0),
+                load_packet_at(normal, edges.beside, start, 1),
+            )
+            fold = edge_fold(spans, first, second, load_packet(edges.fold, start), vec2(), step)
+            store_packet(
                 fold_out, start, vector4(component(fold, 0), component(fold, 1), component(fold, 2), spans.length)
             )
 
@@ -132,16 +137,16 @@ def eight_triangles_kernel(precision: str, accumulate: Accumulate, terms: Terms)
         yarn_function(precision, accumulate, WIDTH),
         corner_fold_function(precision, accumulate, WIDTH),
     )
-    busy_lanes = lanes_function(precision)
+    active_lanes = active_lanes_function(precision)
 
     @wp.func
     def yarn_corners(
         state: State, triangles: Triangles, start: int, side_1: packets.vec3, side_2: packets.vec3, step: Step
     ):
         """Loads of eight triangles' yarns on their corners."""
-        change_1 = eight_sides(like, state.displacement, triangles.corners, start, 0, 1)
-        change_2 = eight_sides(like, state.displacement, triangles.corners, start, 0, 2)
-        slope, law = eight_elements(triangles.slope, start), eight_elements(triangles.yarns, start)
+        change_1 = load_sides(like, state.displacement, triangles.corners, start, 0, 1)
+        change_2 = load_sides(like, state.displacement, triangles.corners, start, 0, 2)
+        slope, law = load_packet(triangles.slope, start), load_packet(triangles.yarns, start)
         force_0, force_1, force_2, parts = yarn_loads(
             side_1, side_2, packets.vec4(), change_1, change_2, slope, law, step
         )
@@ -153,9 +158,9 @@ def eight_triangles_kernel(precision: str, accumulate: Accumulate, terms: Terms)
     @wp.func
     def side_folds(fold: wp.array(dtype=vec4), edges: wp.array(dtype=wp.vec3i), start: int, which: int):
         """Hinges of a side of eight triangles, their turns as these are wound."""
-        found = eight_either(fold, edges, start, which)
+        found = load_packet_signed(fold, edges, start, which)
         turn = component(found, 0)
-        return vector3(turn * eight_signs(turn, edges, start, which), component(found, 1), component(found, 2))
+        return vector3(turn * load_signs(turn, edges, start, which), component(found, 1), component(found, 2))
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def add_triangles(
@@ -170,23 +175,23 @@ def eight_triangles_kernel(precision: str, accumulate: Accumulate, terms: Terms)
     ):
         """Adds the hinges and yarns of eight triangles to their corners."""
         number = wp.tid()
-        lanes = busy_lanes(model, triangles.corners, number)
+        lanes = active_lanes(model, triangles.corners, number)
         if lanes == 0:
             return
-        start = first_of_eight(number, triangles.corners.shape[0])
+        start = first_of_packet(number, triangles.corners.shape[0])
         first, second, third = packets.vec4(), packets.vec4(), packets.vec4()
         if wp.static(terms.yarns):
             if wp.static(terms.folds):
                 side_1, side_2 = sides[2 * number], sides[2 * number + 1]
             else:
-                side_1 = eight_sides(like, state.position, triangles.corners, start, 0, 1)
-                side_2 = eight_sides(like, state.position, triangles.corners, start, 0, 2)
+                side_1 = load_sides(like, state.position, triangles.corners, start, 0, 1)
+                side_2 = load_sides(like, state.position, triangles.corners, start, 0, 2)
             first, second, third = yarn_corners(state, triangles, start, side_1, side_2, step)
         if wp.static(terms.folds):
-            own = eight_elements(normal, start)
+            own = load_packet(normal, start)
             fold_0, fold_1 = side_folds(fold, triangles.edges, start, 0), side_folds(fold, triangles.edges, start, 1)
             fold_2 = side_folds(fold, triangles.edges, start, 2)
             first, second, third = with_folds(own, fold_0, fold_1, fold_2, first, second, third)
-        add_eight(load_out, triangles.corners, start, lanes, first, second, third)
+        add_packets(load_out, triangles.corners, start, lanes, first, second, third)
 
     return add_triangles
