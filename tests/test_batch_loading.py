@@ -225,9 +225,9 @@ def test_one_mesh_of_two_grains_has_the_rest_shapes_of_both(loaders: Loaders) ->
     loaders.fill(mesh_cache, several)
     for scene in several:
         found, alone = load_outfit(scene, mesh_cache).parts[0].rest, load_outfit(scene).parts[0].rest
-        assert found.weave is not None
-        assert alone.weave is not None
-        assert np.array_equal(found.weave.slope, alone.weave.slope)
+        assert found.yarns is not None
+        assert alone.yarns is not None
+        assert np.array_equal(found.yarns.slope, alone.yarns.slope)
         assert np.array_equal(found.hinge_stiffness, alone.hinge_stiffness)
         assert found.sheet is not None
         assert found.topology is found.sheet.topology

@@ -45,7 +45,7 @@ def test_a_painted_garment_equals_the_one_with_angles(tmp_path: Path) -> None:
     for name in ("slope", "law"):
         angle, image = (getattr(rest.yarns, name) for rest in (by_angle, by_image))
         assert image == pytest.approx(angle, abs=HUE_STEP * np.abs(angle).max())
-    assert np.abs(by_angle.weave.slope - plain.weave.slope).max() > 0.5 * np.abs(plain.weave.slope).max()
+    assert np.abs(by_angle.yarns.slope - plain.yarns.slope).max() > 0.5 * np.abs(plain.yarns.slope).max()
     assert by_image.hinge_stiffness == pytest.approx(by_angle.hinge_stiffness, rel=0.02)
 
 
@@ -67,7 +67,7 @@ def test_turning_the_grain_by_a_right_angle_exchanges_warp_and_weft() -> None:
     turned = build_rest_shape(mesh, fabric, rest="uv", grain=Grain(90.0))
     other = build_rest_shape(mesh, exchanged, rest="uv")
     assert turned.hinge_stiffness == pytest.approx(other.hinge_stiffness, rel=1e-9)
-    assert turned.weave.law[:, [1, 0, 2]] == pytest.approx(other.weave.law[:, :3], rel=1e-9)
+    assert turned.yarns.law[:, [1, 0, 2]] == pytest.approx(other.yarns.law[:, :3], rel=1e-9)
 
 
 def test_what_is_wrong_with_a_grain_is_told(tmp_path: Path) -> None:
@@ -106,5 +106,5 @@ def test_a_scene_states_grain_by_panel_and_by_image(tmp_path: Path) -> None:
     wanted = build_rest_shape(
         mesh, fabric_named("denim"), rest="mesh", grain=Grain(30.0, {"square": 45.0}, tmp_path / "grain.png")
     )
-    assert (part.rest.yarns.slope == wanted.weave.slope).all()
+    assert (part.rest.yarns.slope == wanted.yarns.slope).all()
     assert scene.settings()["garment"][0]["grain_panels"] == {"square": 45.0}
