@@ -26,7 +26,7 @@ from warp_cloth.view.live import LiveFit
         (lambda: warp_cloth.fit("tshirt", overrides={"a": "b"}), "overrides: must be a string or a list of strings"),
         (lambda: warp_cloth.fit("tshirt", maps=5), "--maps: must be a string or a list of strings, not 5"),
         (lambda: warp_cloth.fit("tshirt", maps=[None]), "--maps: must be a string or a list of strings"),
-        (lambda: warp_cloth.fit("tshirt", frames="3"), "frames: 3 shapes on the way cannot be kept"),
+        (lambda: warp_cloth.fit("tshirt", frames="3"), "frames: must be an integer from 0 to"),
         (lambda: warp_cloth.fit("tshirt", device=5), 'there is no device "5" on this machine'),
         (lambda: warp_cloth.fit("tshirt", progress=5), "progress: must be a function, not 5"),
         (lambda: fit_many("tshirt", device="cpu"), "scenes: must be a list of scenes, not of type str"),

@@ -149,6 +149,4 @@ def test_samples_are_asked_of_usd_files_that_have_them() -> None:
 
 
 def test_a_generated_avatar_has_no_poses() -> None:
-    refused(
-        {**scene(), "avatar": {"shape": {"kind": "sphere"}, "poses": ["ball.obj"]}}, "avatar.poses", "leave them out"
-    )
+    refused({**scene(), "avatar": {"shape": {"kind": "sphere"}, "poses": ["ball.obj"]}}, "avatar.poses", "remove them")

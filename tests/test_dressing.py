@@ -145,4 +145,4 @@ def test_a_dressed_garment_needs_the_memory_of_two_and_one_more_in_another_fabri
 def test_what_has_a_way_of_its_own_cannot_be_dressed(change: str, way: str) -> None:
     with pytest.raises(InputError, match=r"solver\.start") as refused:
         draped(change)
-    assert f'"dressed" goes with {way} only; use "placed"' in str(refused.value)
+    assert f'"dressed" needs {way}; use "placed"' in str(refused.value)

@@ -190,7 +190,7 @@ def test_a_value_out_of_bounds_is_refused_by_key(key: str, value: object) -> Non
         ({"shear": 1e4}, "shear", "1e+04 N/m is more than 0.25 of the smaller stretch; state at most 5000 N/m"),
         ({"shear": "edgs"}, "shear", 'must be a number from 0 to 1e+09, or "edges", not "edgs"'),
         ({"weight": "heavy"}, "weight", 'must be a number from 0.001 to 100, not "heavy"'),
-        ({"base": "silk", "name": 3}, "name", "must be text, not 3"),
+        ({"base": "silk", "name": 3}, "name", "must be a string, not 3"),
     ],
 )
 def test_a_bad_statement_names_what_is_wrong_and_what_there_is(value: object, place: str, problem: str) -> None:

@@ -13,8 +13,9 @@ from pydantic import ValidationError
 from warp_cloth.base.errors import InputError
 from warp_cloth.material.fabric import fabric_named, generic_fabric
 from warp_cloth.scene import GarmentSpec, Scene, load_scene, shipped_scenes
-from warp_cloth.scene.schema import AvatarSpec, CollisionSpec, SolverSpec
+from warp_cloth.scene.schema import CollisionSpec, SolverSpec
 from warp_cloth.scene.shapes import MannequinShape, SphereShape, SquareShape, TshirtShape
+from warp_cloth.scene.wearables import AvatarSpec
 
 MINIMAL = '[garment]\nmesh = "shirt.obj"\n'
 BODY = '[avatar]\nmesh = "body.obj"\n'
@@ -207,7 +208,7 @@ def test_set_chooses_among_garments() -> None:
     scene = load_scene(values, ["garment[1].fabric=silk"])
     assert [garment.fabric.name for garment in scene.garments] == ["default", "silk"]
     line = refused(values, "garment.fabric=silk")
-    assert line == "--set garment.fabric=silk: the scene has 2 garments; say which: garment[0] is the first"
+    assert line == "--set garment.fabric=silk: the scene has 2 garments; give an index: garment[0] is the first"
     assert "there is no [2]; the list has 2, counted from 0" in refused(values, "garment[2].fabric=silk")
     assert "there is no garment[1]" in refused("tshirt", "garment[1].fabric=silk")
     assert load_scene("tshirt", ["garment[0].fabric=silk"]).garments[0].fabric.name == "silk"
@@ -253,15 +254,15 @@ def test_a_path_may_begin_at_home(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
         ("foo", "--set foo: has no value; write KEY=VALUE"),
         ("=3", '--set =3: "" is not a key; write KEY=VALUE'),
         ("a b.c=3", '"a b.c" is not a key'),
-        ("solver.iterations.x=3", "--set solver.iterations.x=3: 20000 is a value without keys of its own"),
-        ("solver[0]=3", "--set solver[0]=3: there is no list for [0]; leave the number out"),
+        ("solver.iterations.x=3", "--set solver.iterations.x=3: 20000 is a value, not a table"),
+        ("solver[0]=3", "--set solver[0]=3: there is no list for [0]; remove the index"),
         ("solver.iteration=3", "unknown key solver.iteration; did you mean solver.iterations?"),
         (
             "solver.iterations=many",
             '--set solver.iterations=many: must be an integer from 0 to 10000000, not "many"',
         ),
         ("garment.shape.size=XL", '--set garment.shape.size=XL: must be one of "S", "M", "L", not "XL"'),
-        ("garment.pin.loop=up", '--set garment.pin.loop=up: "up" names no boundary loop; use "top"'),
+        ("garment.pin.loop=up", '--set garment.pin.loop=up: "up" is not a boundary loop; use "top"'),
         (
             "garment.fabric.weight=x",
             '--set garment.fabric.weight=x: must be a number from 0.001 to 100, not "x"',
@@ -275,10 +276,7 @@ def test_an_error_of_set_quotes_it(text: str, line: str) -> None:
 
 def test_a_set_that_a_later_kind_undoes_is_refused() -> None:
     lost, kind = "avatar.shape.chest=1.1", "avatar.shape.kind=sphere"
-    assert (
-        refused("tshirt", lost, kind)
-        == f"--set {lost}: is undone by --set {kind}; leave it out, or state it after that"
-    )
+    assert refused("tshirt", lost, kind) == f"--set {lost}: is undone by --set {kind}; remove it, or put it after that"
     assert load_scene("tshirt", ["garment.shape.size=L", "garment.mesh=a.obj"]).garments[0].shape is None
 
 

@@ -55,12 +55,12 @@ def refused(source: Any) -> str:
         ),
         ("garment.uv_units = true", "garment.uv_units: true is not a unit"),
         ('garment.up = "x"', 'garment.up: must be one of "y", "z", not "x"'),
-        ("garment.prim = 3", "garment.prim: must be text, not 3"),
-        ('garment.name = "../up"', 'garment.name: "../up" cannot name a file'),
+        ("garment.prim = 3", "garment.prim: must be a string, not 3"),
+        ('garment.name = "../up"', 'garment.name: "../up" cannot be a file name'),
         ("garment.pin = 3", "garment.pin: must be a table, or a list of tables, not 3"),
         (
             "garment.pin = [{}]",
-            "a pin names its vertices in exactly one way; give one of vertices, box, loop",
+            "a pin needs exactly one of vertices, box and loop; give one of them",
         ),
         ("garment.pin = {vertices = []}", "garment.pin[0].vertices: is empty"),
         ("garment.pin = {vertices = [-1]}", "garment.pin[0].vertices[0]: must be an integer from 0"),
@@ -70,13 +70,13 @@ def refused(source: Any) -> str:
         ),
         (
             "garment.pin = {box = [[1, 0, 0], [0, 1, 1]]}",
-            "is not below the second on every axis; give the lowest",
+            "is above the second on some axis; give the lowest",
         ),
         (
             "garment.pin = {box = [[0, 0, nan], [0, 1, 1]]}",
             "pin[0].box[0][2]: must be a number from -10000000",
         ),
-        ("garment.pin = {loop = true}", "garment.pin[0].loop: true names no boundary loop"),
+        ("garment.pin = {loop = true}", "garment.pin[0].loop: true is not a boundary loop"),
         ("garment.shape = {kind = 'square'}", "garment: mesh and shape are both given; give one"),
         (
             "avatar.mesh = 'b.obj'\navatar.friction = true",
@@ -116,15 +116,15 @@ def test_a_wrong_key_or_value_is_told_with_file_key_value_and_what_is_allowed(
     [
         (
             'garment = {mesh = "s.usda", prim = "/W/coat"}\navatar = {mesh = "s.usda", prim = "/W"}',
-            'avatar.prim: "/W" holds the garment, too; name the body alone',
+            'avatar.prim: "/W" contains the garment, too; name the prim of the body alone',
         ),
         (
             'garment = {mesh = "s.usda", prim = "/W/"}\navatar = {mesh = "s.usda", prim = "/W/body"}',
-            'garment.prim: "/W" holds the avatar, too; name the garment alone',
+            'garment.prim: "/W" contains the avatar, too; name the prim of the garment alone',
         ),
         (
             'garment = {mesh = "s.glb", prim = "coat"}\navatar = {mesh = "s.glb"}',
-            "avatar.prim: all of s.glb includes the garment, too; name the body alone",
+            "avatar.prim: all of s.glb contains the garment, too; name the prim of the body alone",
         ),
     ],
 )
@@ -142,7 +142,7 @@ def test_an_avatar_that_holds_its_garment_or_is_held_by_it_is_refused(tmp_path: 
         ("[garment]\nshape = 'square'", 'garment.shape: must be a table, not "square"'),
         (
             "[garment]\nunits = 'm'\nshape = {kind = 'square'}",
-            "garment.units: units says how to read a mesh file",
+            "garment.units: units is for a mesh file",
         ),
         ("garment = []", "garment: is empty; give a table, or a list of tables"),
         ("garment = 3", "garment: must be a table, or a list of tables, not 3"),
@@ -166,7 +166,7 @@ def test_a_value_that_does_not_go_with_the_fabrics_own_names_the_scenes_key() ->
 
 def test_two_garments_of_one_name_are_refused() -> None:
     same = [{"mesh": "a.obj", "name": "x"}, {"mesh": "b.obj", "name": "x"}]
-    assert "two garments have the same name; give each its own name" in refused({"garment": same})
+    assert "two garments have the same name; give each a name of its own" in refused({"garment": same})
 
 
 @pytest.mark.parametrize(

@@ -129,7 +129,7 @@ def test_a_garment_of_several_meshes_is_sewn_and_worn_as_one(tmp_path: Path) -> 
     found = np.concatenate([world_points(over, f"/World/wardrobe/coat/{name}") for name in ("left", "right")])
     assert garment.mesh.vertex_map is not None
     assert np.abs(found - garment.points[garment.mesh.vertex_map]).max() < FLOAT32
-    with pytest.raises(InputError, match=r'"/World" holds the avatar, too; name the garment alone'):
+    with pytest.raises(InputError, match=r'"/World" contains the avatar, too; name the prim of the garment alone'):
         load_scene(path, ("garment.prim=/World", "avatar.prim=/World/ball"))
 
 

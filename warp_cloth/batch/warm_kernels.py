@@ -11,8 +11,8 @@ from warp_cloth.fitting.problem import build_problem
 from warp_cloth.garment.outfit import load_outfit
 from warp_cloth.kernels.base.options import FEW
 from warp_cloth.scene import Scene
-from warp_cloth.scene.schema import AvatarSpec
 from warp_cloth.scene.shapes import SphereShape, SquareShape
+from warp_cloth.scene.wearables import AvatarSpec
 from warp_cloth.solver.loop import CHUNK
 
 log = logging.getLogger(__name__)

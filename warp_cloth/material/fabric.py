@@ -92,7 +92,7 @@ class Fabric:
             object.__setattr__(self, key, float(value))
         for key in ("name", "source"):
             if not isinstance(getattr(self, key), str):
-                raise InputError(key, f"must be text, not {_shown(getattr(self, key))}")
+                raise InputError(key, f"must be a string, not {_shown(getattr(self, key))}")
         most = LARGEST_SHEAR_SHARE * min(self.stretch_warp, self.stretch_weft)
         if self.shear is not None and self.shear > most:
             problem = f"{self.shear:.4g} N/m is more than {LARGEST_SHEAR_SHARE:g} of the smaller stretch"

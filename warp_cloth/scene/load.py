@@ -1,4 +1,4 @@
-"""Scene files: find them, read them, apply --set, and check them against the schema."""
+"""Loading scenes: finds and reads scene files, applies --set, and validates them by the schema."""
 
 from __future__ import annotations
 
@@ -25,11 +25,14 @@ MESH_SUFFIXES = (".obj", ".ply", ".stl", ".glb", ".gltf")
 
 
 def load_scene(source: str | Path | Mapping[str, Any], overrides: Sequence[str] = ()) -> Scene:
-    """The scene of a TOML file, of a USD stage, of a shipped scene's name, or of a dictionary of the same keys.
+    """Loads a scene from a TOML file, a USD stage, the name of a shipped scene, or a dictionary of the same keys.
 
-    ``overrides`` are ``KEY=VALUE`` texts as --set takes them: dotted keys; a value is TOML, or plain text.
-    Relative paths start from the scene file's folder, a dictionary's from the current one; an override's from
-    either, in this order.
+    ``overrides`` are ``KEY=VALUE`` strings as --set takes them: a dotted key, and a value in TOML or plain text.
+    Relative paths start from the scene file's folder (for a dictionary the current folder); those of overrides from
+    there, or else from the current folder.
+
+    Raises:
+        InputError: the scene cannot be read, or a key or value is wrong.
     """
     if isinstance(source, Mapping):
         place, name, directory, values = "scene", "scene", Path(), _plain(source)
@@ -38,7 +41,7 @@ def load_scene(source: str | Path | Mapping[str, Any], overrides: Sequence[str] 
         place, name, directory = str(path), path.stem, path.parent
         staged = path.suffix.lower() in USD_SUFFIXES
         if path.suffix.lower() in MESH_SUFFIXES:
-            remedy = f'name a scene.toml that says garment.mesh = "{path.name}" and avatar.mesh = "BODY.obj"'
+            remedy = f'write a scene.toml with garment.mesh = "{path.name}" and avatar.mesh = "BODY.obj"'
             raise InputError(path, "is a mesh, not a scene", remedy)
         values = stage_values(path) if staged else read_toml(path, "scene file")
     stated: dict[str, str] = {}  # dotted key -> the --set that stated it
@@ -47,7 +50,7 @@ def load_scene(source: str | Path | Mapping[str, Any], overrides: Sequence[str] 
         for other, earlier in stated.items():
             beside = key.endswith(".kind") and other.startswith(key.removesuffix("kind"))
             if beside and not still_stated(values, other):
-                raise InputError(earlier, f"is undone by {set_place(text)}", "leave it out, or state it after that")
+                raise InputError(earlier, f"is undone by {set_place(text)}", "remove it, or put it after that")
         stated[key] = set_place(text)
     if not isinstance(source, Mapping) and path.suffix.lower() in USD_SUFFIXES:
         check_prims(values, path)
@@ -60,7 +63,7 @@ def load_scene(source: str | Path | Mapping[str, Any], overrides: Sequence[str] 
 
 
 def _plain(values: Any) -> Any:
-    """A copy of a dictionary's values, NumPy's as Python's own."""
+    """A copy of a dictionary with NumPy values as Python's."""
     if isinstance(values, Mapping):
         return {key: _plain(value) for key, value in values.items()}
     if isinstance(values, list | tuple):
@@ -69,19 +72,19 @@ def _plain(values: Any) -> Any:
 
 
 def shipped_scenes() -> dict[str, Path]:
-    """Name and file of every scene that comes with the package."""
+    """Names and files of the scenes that come with the package."""
     folder = Path(str(files("warp_cloth.scenes")))
     return {path.stem: path for path in sorted(folder.glob("*.toml"))}
 
 
 def describe_scene(path: Path) -> str:
-    """The first comment line of a scene file: what the scene shows."""
+    """The first comment line of a scene file, which describes the scene."""
     first = path.read_text(encoding="utf-8").partition("\n")[0]
     return first.lstrip("# ").strip() if first.startswith("#") else ""
 
 
 def _scene_file(source: str | Path) -> Path:
-    """The file that a path or a shipped scene's name stands for."""
+    """The file of a path or of a shipped scene's name."""
     shipped = shipped_scenes()
     path = Path(source)
     if isinstance(source, str) and source in shipped:
@@ -98,8 +101,8 @@ def _scene_file(source: str | Path) -> Path:
 
 
 def _place(key: str, with_key: bool, *, file: str, stated: Mapping[str, str]) -> str:
-    """Where a key was stated: in the file, or by the --set that wrote it, or something under or over it."""
-    sought = key.replace("[0]", "")  # a lone entry may stand without its list
+    """Where a key was stated: the file, or the --set that wrote it or a key above or below it."""
+    sought = key.replace("[0]", "")  # a single entry may stand without a list
     for own, text in reversed(list(stated.items())):
         own = own.replace("[0]", "")
         if sought == own:

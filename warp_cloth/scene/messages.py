@@ -1,4 +1,4 @@
-"""What pydantic finds wrong with a scene, told in one line: the key, the value given, what is allowed."""
+"""Error messages for scenes: pydantic's findings as one line with the key, its value and what is allowed."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ Location = tuple[str | int, ...]
 
 
 def refusal(problem: str, remedy: str = "", *, below: str = "", place: str = "") -> PydanticCustomError:
-    """A refusal that pydantic carries to load_scene, which makes one InputError of it.
+    """An error for pydantic to carry to load_scene, which raises it as an InputError.
 
-    ``below`` names a key under the one that is being checked, ``place`` another file that is to blame.
+    ``below`` is the key at fault below the one being validated, ``place`` another file at fault.
     """
     context = {"problem": problem, "remedy": remedy, "below": below, "place": place}
     return PydanticCustomError("refusal", "{problem}", context)
 
 
 def show(value: Any) -> str:
-    """A value as a scene file would write it, cut short, safe to print."""
+    """A value as a scene file writes it, shortened and safe to print."""
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, Mapping):
@@ -40,12 +40,12 @@ def show(value: Any) -> str:
 
 
 def listed(names: Iterable[Any]) -> str:
-    """The names in quotes, with commas."""
+    """The names in quotes, separated by commas."""
     return ", ".join(show(name) for name in names)
 
 
 def nearest(name: str, names: Iterable[str], ask: str = "did you mean {}?") -> str:
-    """A question with the name that comes nearest, or nothing."""
+    """``ask`` with the most similar name; empty if none is similar."""
     close = difflib.get_close_matches(name.lower(), list(names), n=1, cutoff=0.6)
     return ask.format(close[0]) if close else ""
 
@@ -53,15 +53,15 @@ def nearest(name: str, names: Iterable[str], ask: str = "did you mean {}?") -> s
 def scene_error(
     error: ValidationError, model: type[BaseModel], place: Callable[[str, bool], str], many_garments: bool
 ) -> InputError:
-    """The first thing that is wrong, as one line, and how many more there are.
+    """The first error as one line, with the number of further errors.
 
-    ``place`` says where a dotted key was stated, in which file or by which --set, with the key where asked.
+    ``place(key, with_key)`` is the file or the --set that states a dotted key, followed by the key if wanted.
     """
     found = [detail for detail in error.errors(include_url=False) if not _follows(detail, error)]
-    found.sort(key=lambda detail: detail["type"] == "missing")  # a key that is misspelt is missing as well
+    found.sort(key=lambda detail: detail["type"] == "missing")  # a misspelt key also counts as missing
     first = found[0]
     key, allowed, keys = _look_up(model, first["loc"], many_garments)
-    problem, remedy = _tell(first, key, allowed, keys, model)
+    problem, remedy = _describe(first, key, allowed, keys, model)
     context = first.get("ctx", {})
     if first["type"].startswith("union_tag"):
         key += ".kind"
@@ -69,17 +69,19 @@ def scene_error(
         key += ("." if key else "") + context["below"]
     if len(found) > 1:
         remedy += (" " if remedy else "") + f"(and {len(found) - 1} more)"
-    told = problem.startswith((f"{key} = ", "unknown key " + key)) if key else True
-    return InputError(context.get("place") or place(key, not told), problem, remedy)
+    names_key = problem.startswith((f"{key} = ", "unknown key " + key)) if key else True
+    return InputError(context.get("place") or place(key, not names_key), problem, remedy)
 
 
 def _follows(detail: ErrorDetails, error: ValidationError) -> bool:
-    """Whether this only follows from another error: a list counts as empty when its entries fail."""
+    """Whether this follows from another error: a list whose entries fail counts as empty."""
     return detail["type"] == "too_short" and bool(detail["input"]) and error.error_count() > 1
 
 
-def _tell(detail: ErrorDetails, key: str, allowed: str, keys: Sequence[str], model: type[BaseModel]) -> tuple[str, str]:
-    """Problem and remedy of one pydantic error."""
+def _describe(
+    detail: ErrorDetails, key: str, allowed: str, keys: Sequence[str], model: type[BaseModel]
+) -> tuple[str, str]:
+    """Problem and remedy of a pydantic error."""
     kind, value, context = detail["type"], detail["input"], detail.get("ctx", {})
     if kind == "refusal":
         return str(context["problem"]), str(context["remedy"])
@@ -103,7 +105,7 @@ def _tell(detail: ErrorDetails, key: str, allowed: str, keys: Sequence[str], mod
 
 
 def _elsewhere(name: str, model: type[BaseModel]) -> str:
-    """A question with the tables of a scene that have a key of this name, or nothing."""
+    """Suggests the tables of a scene that have a key of this name; empty if none does."""
     homes = [
         f"{table}.{name}"
         for table, field in _fields(model).items()
@@ -117,7 +119,7 @@ def _tags(context: Mapping[str, Any]) -> str:
 
 
 def _look_up(model: type[BaseModel], location: Location, many_garments: bool) -> tuple[str, str, tuple[str, ...]]:
-    """The dotted key of a pydantic location, what is allowed there, the keys of the table it stands in."""
+    """Dotted key of a pydantic location, what is allowed there, and the keys of its table."""
     tables, key, allowed = [model], "", ""
     keys: tuple[str, ...] = ()
     annotation: Any = None
@@ -129,12 +131,12 @@ def _look_up(model: type[BaseModel], location: Location, many_garments: bool) ->
             allowed = _allowed(annotation, metadata)
             continue
         chosen = [table for table in tables if _tag(table) == part]
-        if chosen:  # pydantic puts the kind of a shape into the location; a scene has no such key
+        if chosen:  # pydantic's location includes the kind of a shape; a scene has no such key
             tables = chosen
             continue
-        named, _ = _bare(annotation)
+        named, _ = bare_annotation(annotation)
         if get_origin(named) is Mapping:
-            annotation, metadata = _bare(get_args(named)[1])
+            annotation, metadata = bare_annotation(get_args(named)[1])
             key, allowed = f"{key}.{part}", _allowed(annotation, metadata)
             continue
         keys = tuple(name for table in tables for name in _fields(table))
@@ -158,7 +160,7 @@ def _tag(table: type[BaseModel]) -> str | None:
 
 
 def _tables(annotation: Any) -> list[type[BaseModel]]:
-    """The tables that an annotation names, however it wraps them."""
+    """The tables in an annotation, at any depth."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return [annotation]
     return [table for inner in get_args(annotation) for table in _tables(inner)]
@@ -166,16 +168,16 @@ def _tables(annotation: Any) -> list[type[BaseModel]]:
 
 def _entry(annotation: Any, index: int) -> tuple[Any, list[Any]]:
     """Annotation and metadata of a tuple's entry."""
-    bare, _ = _bare(annotation)
+    bare, _ = bare_annotation(annotation)
     entries = get_args(bare)
     if get_origin(bare) is not tuple or not entries:
         return None, []
     entry = entries[0] if entries[-1] is Ellipsis else entries[min(index, len(entries) - 1)]
-    return _bare(entry)
+    return bare_annotation(entry)
 
 
-def _bare(annotation: Any) -> tuple[Any, list[Any]]:
-    """An annotation without Annotated and without "or None", and the metadata that these carried."""
+def bare_annotation(annotation: Any) -> tuple[Any, list[Any]]:
+    """An annotation without ``Annotated`` and ``| None``, and the metadata of these."""
     metadata: list[Any] = []
     while True:
         if get_origin(annotation) is Annotated:
@@ -191,14 +193,14 @@ def _bare(annotation: Any) -> tuple[Any, list[Any]]:
 
 
 def _allowed(annotation: Any, metadata: list[Any]) -> str:
-    """What a value may be, in words."""
-    bare, more = _bare(annotation)
+    """What a value may be, as a phrase."""
+    bare, more = bare_annotation(annotation)
     if get_origin(bare) is Literal:
         return "one of " + listed(get_args(bare))
     if bare is bool:
         return "true or false"
     if bare is str:
-        return "text"
+        return "a string"
     if bare in (int, float):
         return ("an integer" if bare is int else "a number") + _range([*metadata, *more])
     if get_origin(bare) is tuple:

@@ -1,4 +1,4 @@
-"""--set KEY=VALUE: one value of a scene, stated from outside its file."""
+"""--set KEY=VALUE: overrides one value of a scene."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ PART = re.compile(r"([A-Za-z_][\w-]*)((?:\[\d{1,6}\])*)")
 
 
 def set_place(text: str) -> str:
-    """How messages name one --set."""
+    """How messages name a --set."""
     return f"--set {text if len(text) <= 100 else text[:97] + '...'}"
 
 
 def apply_override(values: dict[str, Any], text: str, directory: Path) -> str:
-    """Write one KEY=VALUE into a scene's values; gives the key back as the schema's messages spell it.
+    """Writes one KEY=VALUE into a scene's values; returns the key as the schema's messages spell it.
 
-    ``directory`` is the scene file's folder, which its relative paths start from.
+    ``directory`` is the scene file's folder, where its relative paths start.
     """
     place = set_place(text)
     key, equals, value = text.partition("=")
@@ -38,7 +38,7 @@ def apply_override(values: dict[str, Any], text: str, directory: Path) -> str:
     if isinstance(last, int):
         _check_entry(table, last, place)
     elif not isinstance(table, dict):
-        raise InputError(place, f"{show(table)} is a value without keys of its own", "leave the last key out")
+        raise InputError(place, f"{show(table)} is a value, not a table", "remove the last key")
     else:
         _settle_choice(table, str(last), value.strip())
     table[last] = _path_from_here(str(last), toml_value(value.strip()), directory)
@@ -46,7 +46,7 @@ def apply_override(values: dict[str, Any], text: str, directory: Path) -> str:
 
 
 def still_stated(values: Any, key: str) -> bool:
-    """Whether a key that was written into a scene's values is there yet."""
+    """Whether a key that was written into a scene's values is still there."""
     for part in _parts(key, key):
         entries = dict(enumerate(values)) if isinstance(values, list) else values
         if not isinstance(entries, dict) or part not in entries:
@@ -56,7 +56,7 @@ def still_stated(values: Any, key: str) -> bool:
 
 
 def _parts(key: str, place: str) -> list[str | int]:
-    """A dotted key's names and list places: garment[1].fabric is garment, 1, fabric."""
+    """Names and list indices of a dotted key: garment[1].fabric is garment, 1, fabric."""
     parts: list[str | int] = []
     for piece in key.split("."):
         match = PART.fullmatch(piece.strip())
@@ -68,42 +68,42 @@ def _parts(key: str, place: str) -> list[str | int]:
 
 
 def _chosen_garment(parts: list[str | int], garments: Any, place: str) -> list[str | int]:
-    """Which of the scene's garments a key means: a lone one needs no number, and may have one."""
+    """Resolves which garment a key means: a single one needs no index, and may have one."""
     numbered = len(parts) > 1 and isinstance(parts[1], int)
     if isinstance(garments, list):
         if len(garments) == 1 and not numbered and len(parts) > 1:
             return ["garment", 0, *parts[1:]]
         if not numbered and len(parts) > 1:
-            raise InputError(place, f"the scene has {len(garments)} garments", "say which: garment[0] is the first")
+            raise InputError(place, f"the scene has {len(garments)} garments", "give an index: garment[0] is the first")
     elif numbered and parts[1] == 0:
         return ["garment", *parts[2:]]
     elif numbered:
-        raise InputError(place, f"there is no garment[{parts[1]}]", "the scene has one garment: leave the number out")
+        raise InputError(place, f"there is no garment[{parts[1]}]", "the scene has one garment: remove the index")
     return parts
 
 
 def _step(table: Any, part: str | int, place: str) -> Any:
-    """The table or list one part down; a table that is not there yet is made."""
+    """The table or list one level down; a missing table is created."""
     if isinstance(part, int):
         _check_entry(table, part, place)
         return table[part]
     if not isinstance(table, dict):
-        raise InputError(place, f"{show(table)} is a value without keys of its own", "leave the last key out")
+        raise InputError(place, f"{show(table)} is a value, not a table", "remove the last key")
     inner = table.setdefault(part, {})
-    if part == "fabric" and isinstance(inner, str):  # a named fabric, of which one value is now set apart
+    if part == "fabric" and isinstance(inner, str):  # a named fabric, of which one value is overridden
         inner = table[part] = {"name": inner}
     return inner
 
 
 def _check_entry(table: Any, index: int, place: str) -> None:
     if not isinstance(table, list):
-        raise InputError(place, f"there is no list for [{index}]", "leave the number out")
+        raise InputError(place, f"there is no list for [{index}]", "remove the index")
     if index >= len(table):
         raise InputError(place, f"there is no [{index}]", f"the list has {len(table)}, counted from 0")
 
 
 def _settle_choice(table: dict[str, Any], key: str, value: str) -> None:
-    """Take away what a newly stated mesh, shape or kind of shape replaces: they exclude each other."""
+    """Removes what a new mesh, shape or kind of shape replaces: these exclude each other."""
     if key == "mesh":
         table.pop("shape", None)
     elif key == "shape":
@@ -114,7 +114,7 @@ def _settle_choice(table: dict[str, Any], key: str, value: str) -> None:
 
 
 def _path_from_here(key: str, value: Any, directory: Path) -> Any:
-    """A file that the scene's folder does not have is taken from the current one, where --set was typed."""
+    """A file that is missing in the scene's folder is taken from the current folder, where --set was typed."""
     file = key in ("mesh", "grain_texture") or (key == "fabric" and str(value).lower().endswith(".toml"))
     if file and isinstance(value, str) and not exists(directory / value) and exists(Path(value)):
         return str(Path(value).absolute())

@@ -1,4 +1,4 @@
-"""Paths and names of a scene's values."""
+"""Validation of paths and names in scenes."""
 
 from __future__ import annotations
 
@@ -15,36 +15,36 @@ from warp_cloth.scene.messages import refusal, show
 
 
 def directory_of(info: ValidationInfo) -> Path:
-    """Folder that relative paths start from: the scene file's, or the current one."""
+    """Folder where relative paths start: the scene file's, or the current one."""
     return (info.context or {}).get("directory", Path())
 
 
 def path_from(value: Any, info: ValidationInfo, what: str) -> Path | None:
-    """The path of ``what`` that a value of the scene states; None where it states none."""
+    """The path of ``what`` that a value states, relative to the scene's folder; None for None."""
     if value is None:
         return None
     if not isinstance(value, str | Path) or not str(value).strip() or "\0" in str(value):
-        raise refusal(f"{show(value)} is not a path", f"name {what}, relative to the scene file")
+        raise refusal(f"{show(value)} is not a path", f"give {what}, relative to the scene file")
     path = directory_of(info) / value
-    with contextlib.suppress(RuntimeError):  # of a user that is not there
-        path = directory_of(info) / Path(value).expanduser()  # a shell leaves "~" alone within --set
+    with contextlib.suppress(RuntimeError):  # an unknown user
+        path = directory_of(info) / Path(value).expanduser()  # a shell does not expand "~" within --set
     try:
         str(path).encode("utf-8")
     except UnicodeEncodeError:
-        raise refusal(f"{show(str(path))} holds bytes that are no text", "rename the file or its folder") from None
+        raise refusal(f"{show(str(path))} is not valid text", "rename the file or its folder") from None
     try:
         os.fsencode(path)
     except UnicodeEncodeError:
         problem = f"{show(str(path))} cannot be the name of a file in this locale ({sys.getfilesystemencoding()})"
-        raise refusal(problem, "set the environment's LC_ALL to one in UTF-8, as C.UTF-8") from None
+        raise refusal(problem, "set LC_ALL to a UTF-8 locale, such as C.UTF-8") from None
     return path
 
 
 def checked_name(value: str) -> str:
-    """The name itself, where a file can have it."""
+    """The name, if a file can have it."""
     if not re.fullmatch(r"[^/\\\x00-\x1f.][^/\\\x00-\x1f]{0,99}", value):
         raise refusal(
-            f"{show(value)} cannot name a file",
+            f"{show(value)} cannot be a file name",
             "use 1 to 100 characters, without slashes, not starting with a dot",
         )
     return value

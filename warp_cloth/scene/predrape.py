@@ -1,8 +1,8 @@
-"""Dressing: what garments come down in first, whatever their fabric, where a scene's start is "dressed".
+"""The predrape: with solver.start = "dressed", garments first come to rest in one fabric, whatever their own.
 
-On its way from flat panels limp cloth folds in a thousand small ways, each of which takes long to open again. A knit
-comes down smoothly and rests soon, and from where it lies all fabrics have but a short way left. What is dressed alike
-is dressed once: a batch shares it among the fabrics of a garment on a body.
+On the way from flat panels, limp cloth forms many small folds, each of which takes long to open. A knit falls smoothly
+and comes to rest soon, and all other fabrics are then near their own rest shapes. A batch computes each predrape once
+for all fabrics of a garment on a body.
 """
 
 from __future__ import annotations
@@ -12,13 +12,13 @@ from pathlib import Path
 from warp_cloth.material.fabric import resolve_fabric
 from warp_cloth.scene.schema import Scene, SolverSpec
 
-FABRIC = "jersey"  # it stretches, and so finds its rest sooner than what is woven
-FRICTION = 0.5  # that of cloth on skin
-ITERATIONS = 8000  # limit; what starts from a shape that is not at rest goes its long way on
+FABRIC = "jersey"  # it stretches, and so comes to rest sooner than woven fabrics
+FRICTION = 0.5  # of cloth on skin
+ITERATIONS = 8000  # limit; a start from a shape that is not at rest saves less
 
 
 def dressing_of(scene: Scene) -> Scene | None:
-    """The scene in which a scene's garments are dressed; None where they start as they are placed."""
+    """The scene of the predrape; None if the garments start as placed."""
     if scene.solver.start == "placed":
         return None
     fabric = resolve_fabric(FABRIC, Path())

@@ -1,4 +1,4 @@
-"""The keys of generated shapes in a scene; the generators themselves are in warp_cloth.shapes."""
+"""Schema of generated shapes in a scene; warp_cloth.shapes generates them."""
 
 from __future__ import annotations
 
@@ -22,60 +22,60 @@ Size = Literal["S", "M", "L"]
 
 
 class Table(BaseModel):
-    """A table of a scene file: frozen, and no key that is not listed."""
+    """A table of a scene file: immutable, without unknown keys."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", validate_default=True)
 
 
 class SquareShape(Table):
-    """A flat square cloth, a regular grid of vertices, cut alternately so that no diagonal is preferred."""
+    """A flat square cloth: a regular grid with alternating diagonals, so that none is preferred."""
 
     kind: Literal["square"]
-    side: Real = Field(default=1.0, ge=1e-3, le=100, description="side length [m]")
+    side: Real = Field(default=1.0, ge=1e-3, le=100, description="Side length [m].")
     vertices_per_side: Integer = Field(
-        default=33, ge=2, le=2049, description="33 on 1 m: edges of 31 mm, quick and smooth"
+        default=33, ge=2, le=2049, description="Vertices along a side; 33 on 1 m: edges of 31 mm, quick and smooth."
     )
-    plane: Literal["horizontal", "vertical"] = Field(default="horizontal", description="lies, or hangs facing +z")
+    plane: Literal["horizontal", "vertical"] = Field(default="horizontal", description="Lies flat, or hangs facing +z.")
     height: Real = Field(
         default=1.0,
         ge=-1e6,
         le=1e6,
-        description="y of a horizontal square, or of a vertical one's top edge [m]",
+        description="Height of a horizontal square, or of the top edge of a vertical one [m].",
     )
 
 
 class TshirtShape(Table):
-    """The shipped T-shirt, cut from flat panels and sewn, placed round the mannequin that wears it."""
+    """The shipped T-shirt: flat panels, sewn, placed round the mannequin that wears it."""
 
     kind: Literal["tshirt"]
-    size: Size = Field(default="M", description="garment size")
+    size: Size = Field(default="M", description="Garment size.")
     edge_mm: Real = Field(
-        default=12.0, ge=2, le=60, description="edge length [mm]; 12: folds of 5 cm, about 8,000 vertices"
+        default=12.0, ge=2, le=60, description="Edge length [mm]; 12: folds of 5 cm, about 8,000 vertices."
     )
 
 
 class SphereShape(Table):
-    """A sphere to drape on."""
+    """A sphere to drape cloth over."""
 
     kind: Literal["sphere"]
-    radius: Real = Field(default=0.3, ge=1e-3, le=100, description="radius [m]")
-    centre: Point = Field(default=(0.0, 0.6, 0.0), description="centre [m]")
-    edge_mm: Real = Field(default=20.0, ge=1, le=1e4, description="edge length [mm]; 20 on 0.3 m: flat to 0.2 mm")
+    radius: Real = Field(default=0.3, ge=1e-3, le=100, description="Radius [m].")
+    centre: Point = Field(default=(0.0, 0.6, 0.0), description="Centre [m].")
+    edge_mm: Real = Field(default=20.0, ge=1, le=1e4, description="Edge length [mm]; 20 on 0.3 m: round to 0.2 mm.")
 
 
 class MannequinShape(Table):
-    """The shipped parametric mannequin; a measure left out is that of the garment size's standard body."""
+    """The shipped parametric mannequin; omitted measures are those of the garment size's standard body."""
 
     kind: Literal["mannequin"]
-    stature: Real | None = Field(default=None, ge=1.2, le=2.3, description="body height [m]")
-    chest: Real | None = Field(default=None, ge=0.7, le=1.5, description="chest girth [m]")
-    waist: Real | None = Field(default=None, ge=0.5, le=1.5, description="waist girth [m]")
-    hip: Real | None = Field(default=None, ge=0.7, le=1.6, description="hip girth [m]")
+    stature: Real | None = Field(default=None, ge=1.2, le=2.3, description="Body height [m].")
+    chest: Real | None = Field(default=None, ge=0.7, le=1.5, description="Chest girth [m].")
+    waist: Real | None = Field(default=None, ge=0.5, le=1.5, description="Waist girth [m].")
+    hip: Real | None = Field(default=None, ge=0.7, le=1.6, description="Hip girth [m].")
     arm_angle_degrees: Real = Field(
         default=45.0,
         ge=40,
         le=85,
-        description="arms away from hanging straight down [degrees]; 45 is an A-pose",
+        description="Angle of the arms from straight down [degrees]; 45: A-pose.",
     )
 
 

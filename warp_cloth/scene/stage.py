@@ -1,4 +1,4 @@
-"""A USD stage as a scene: its cloth is the garment, what the cloth meets is the avatar."""
+"""A USD stage as a scene: its surface deformables are the garments, its other colliders the avatar."""
 
 from __future__ import annotations
 
@@ -11,9 +11,12 @@ USD_SUFFIXES = (".usd", ".usda", ".usdc", ".usdz")
 
 
 def stage_values(path: Path) -> dict[str, Any]:
-    """A scene's values from a stage whose garments carry the surface-deformable physics schema.
+    """Scene values of a stage whose garments have the surface-deformable physics schema.
 
-    A stage without it must be told its prims: then garment and avatar name the file only.
+    Of a stage without it, garment and avatar name only the file: overrides must add their prims.
+
+    Raises:
+        InputError: the stage cannot be opened, or has no avatar because a reference is broken.
     """
     from warp_cloth.loading.usd import opened_stage
     from warp_cloth.loading.usd_physics import collision_meshes, common_ancestor, staged_cloths
@@ -41,7 +44,7 @@ def stage_values(path: Path) -> dict[str, Any]:
         others = collision_meshes(stage, cloths)
         lost = lost_references(stage)
         if lost and not others:
-            raise InputError(path, f"there is no avatar: {lost}", "mend the path")
+            raise InputError(path, f"there is no avatar: {lost}", "correct the path")
         if others:
             prim = common_ancestor(others, [cloth.path for cloth in cloths], path)
             values["avatar"] = {"mesh": path.name, "prim": prim}
@@ -49,7 +52,7 @@ def stage_values(path: Path) -> dict[str, Any]:
 
 
 def check_prims(values: dict[str, Any], path: Path) -> None:
-    """Refuse a stage without the physics schema whose garment or avatar prim nobody stated."""
+    """Refuses a stage without the physics schema unless garment and avatar prims are given."""
     garment, avatar = values.get("garment"), values.get("avatar")
     if isinstance(garment, list) or not isinstance(garment, dict):
         return
@@ -62,5 +65,5 @@ def check_prims(values: dict[str, Any], path: Path) -> None:
         from warp_cloth.loading.usd import mesh_paths_of
 
         meshes = ", ".join(mesh_paths_of(str(path))[:6])
-        problem = f"no mesh of the stage is a surface deformable; it holds {meshes or 'no mesh'}"
-        raise InputError(path, problem, f"say which is which: {' '.join(lacking)}")
+        problem = f"no mesh of the stage is a surface deformable; its meshes: {meshes or 'none'}"
+        raise InputError(path, problem, f"name them: {' '.join(lacking)}")

@@ -1,0 +1,212 @@
+"""Schema of what is worn and who wears it: garments, their pins, and the avatar."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, fields
+from pathlib import Path
+from typing import Annotated, Any, Literal, get_args
+
+from pydantic import Field, ValidationInfo, field_serializer, field_validator, model_validator
+
+from warp_cloth.base.errors import InputError
+from warp_cloth.base.units import LENGTH_UNITS, METRES_PER, LengthUnit, UpAxis
+from warp_cloth.garment.folds import RestAngles
+from warp_cloth.material.fabric import Fabric, resolve_fabric
+from warp_cloth.scene.messages import listed, refusal, show
+from warp_cloth.scene.paths import checked_name, directory_of, path_from
+from warp_cloth.scene.shapes import AvatarShape, GarmentShape, Point, Real, Table, VertexId
+
+RestShape = Literal["mesh", "uv", "physics"]
+LoopSide = Literal["top", "bottom", "left", "right", "front", "back"]
+Degrees = Annotated[Real, Field(ge=-360, le=360)]
+LOOP_SIDES: tuple[LoopSide, ...] = get_args(LoopSide)
+FABRIC_KEYS = frozenset(field.name for field in fields(Fabric))
+
+
+class PinSpec(Table):
+    """Vertices that stay where they start, named in exactly one way."""
+
+    vertices: tuple[VertexId, ...] | None = Field(
+        default=None, min_length=1, description="Vertex numbers of the mesh file, from 0."
+    )
+    box: tuple[Point, Point] | None = Field(
+        default=None, description="Lowest and highest corner of a box [m]: all vertices inside."
+    )
+    loop: LoopSide | VertexId | None = Field(
+        default=None,
+        description="A boundary loop, by side (left and right are the wearer's) or by rank, 0 the longest.",
+    )
+
+    @field_validator("loop", mode="plain")
+    @classmethod
+    def _loop(cls, value: Any) -> Any:
+        if value is None or value in LOOP_SIDES or (type(value) is int and 0 <= value < 2**31):
+            return value
+        raise refusal(f"{show(value)} is not a boundary loop", f"use {listed(LOOP_SIDES)}, or a rank from 0")
+
+    @field_validator("box", mode="after")
+    @classmethod
+    def _box(cls, value: tuple[Point, Point] | None) -> tuple[Point, Point] | None:
+        if value is not None and any(low > high for low, high in zip(*value, strict=True)):
+            raise refusal("the first corner is above the second on some axis", "give the lowest corner first")
+        return value
+
+    @model_validator(mode="after")
+    def _one_way(self) -> PinSpec:
+        if sum(way is not None for way in (self.vertices, self.box, self.loop)) != 1:
+            raise refusal("a pin needs exactly one of vertices, box and loop", "give one of them")
+        return self
+
+
+class Wearable(Table):
+    """Keys that garment and avatar share: a mesh from a file, or a generated shape."""
+
+    mesh: Path | None = Field(
+        default=None,
+        description="Mesh file: .obj .ply .stl .glb .gltf .usd .usda .usdc .usdz, relative to the scene file.",
+    )
+    prim: str | None = Field(
+        default=None,
+        min_length=1,
+        description="USD prim path, or name in a .glb or .gltf file, of a mesh or a group; by default the only mesh.",
+    )
+    units: LengthUnit | None = Field(
+        default=None,
+        description="Length unit of the mesh file; by default as the file states, else guessed and reported.",
+    )
+
+    up: UpAxis | None = Field(
+        default=None, description="Up axis of an .obj, .ply or .stl file, which cannot state it; by default y."
+    )
+
+    @field_validator("mesh", mode="plain")
+    @classmethod
+    def _mesh(cls, value: Any, info: ValidationInfo) -> Path | None:
+        return path_from(value, info, "a mesh file")
+
+    def _check_one_source(self, shape: object | None, kinds: str) -> None:
+        """Refuses both or neither of mesh and shape, and keys of a mesh file together with a shape."""
+        if (self.mesh is None) == (shape is None):
+            both = "mesh and shape are both given" if shape is not None else "neither mesh nor shape is given"
+            raise refusal(both, f'give one: mesh = "FILE", or shape = {{kind = {kinds}}}')
+        for key in ("prim", "units", "up"):
+            if shape is not None and getattr(self, key) is not None:
+                raise refusal(f"{key} is for a mesh file, but a shape is given", "remove it", below=key)
+
+
+class GarmentSpec(Wearable):
+    """One garment: its mesh or shape, rest shape, fabric and pins."""
+
+    name: str = Field(default="", description="Name in stage and report; by default that of the file or shape.")
+    shape: GarmentShape | None = Field(default=None, description="A generated garment instead of a mesh; keys below.")
+    rest: RestShape = Field(
+        default="mesh",
+        description="Natural lengths: of the mesh as modelled, of its panels in texture space, or of a USD rest shape.",
+    )
+    rest_angles: RestAngles = Field(
+        default="flat",
+        description="Rest angles: flat, as modelled (pressed pleats), or as a USD stage states.",
+    )
+    uv_units: LengthUnit | Real = Field(default="m", description="Unit of the texture coordinates, or metres per unit.")
+    fabric: Fabric = Field(default="default", description="A shipped fabric, a .toml file, or a table of values.")  # type: ignore[assignment]
+    grain_degrees: Degrees = Field(
+        default=0.0, description="Angle of the warp from the panels' +v axis, counter-clockwise [degrees]."
+    )
+    grain_panels: Mapping[str, Degrees] = Field(
+        default_factory=dict, description="The same for single panels, by name: {sleeve = 45}."
+    )
+    grain_texture: Path | None = Field(
+        default=None, description="Image over all panels whose hue adds to the angle: red 0, cyan 90 degrees."
+    )
+    pin: tuple[PinSpec, ...] = Field(
+        default=(), description="Vertices that stay where they start: one table or a list; keys below."
+    )
+
+    @field_validator("uv_units", mode="plain")
+    @classmethod
+    def _uv_units(cls, value: Any) -> LengthUnit | float:
+        if isinstance(value, str) and value in LENGTH_UNITS:
+            return value
+        if isinstance(value, int | float) and not isinstance(value, bool) and 1e-7 <= value <= 1e4:
+            return float(value)
+        raise refusal(
+            f"{show(value)} is not a unit", f"use {listed(LENGTH_UNITS)}, or metres per unit from 1e-7 to 1e4"
+        )
+
+    @field_validator("grain_texture", mode="plain")
+    @classmethod
+    def _texture(cls, value: Any, info: ValidationInfo) -> Path | None:
+        return path_from(value, info, "an image")
+
+    @field_validator("fabric", mode="plain")
+    @classmethod
+    def _fabric(cls, value: Any, info: ValidationInfo) -> Fabric:
+        try:
+            return resolve_fabric(value, directory_of(info))
+        except InputError as error:
+            # a table's own key, or one that it leaves out and that does not go with the ones it has
+            in_table = isinstance(value, Mapping) and (error.place in value or error.place in FABRIC_KEYS)
+            below, place = (error.place, "") if in_table else ("", error.place)
+            raise refusal(error.problem, error.remedy, below=below, place=place) from error
+
+    @field_serializer("fabric")
+    def _fabric_values(self, fabric: Fabric) -> dict[str, Any]:
+        return asdict(fabric)
+
+    @field_validator("pin", mode="before")
+    @classmethod
+    def _pins(cls, value: Any) -> Any:
+        return (value,) if isinstance(value, Mapping | PinSpec) else value
+
+    @field_validator("name")
+    @classmethod
+    def _name(cls, value: str) -> str:
+        return checked_name(value) if value else value
+
+    @model_validator(mode="after")
+    def _source(self) -> GarmentSpec:
+        self._check_one_source(self.shape, '"square" or "tshirt"')
+        return self
+
+    @property
+    def uv_metres(self) -> float:
+        """Metres per unit of the texture coordinates."""
+        return self.uv_units if isinstance(self.uv_units, float) else METRES_PER[self.uv_units]
+
+
+class AvatarSpec(Wearable):
+    """The body that wears the garments; with poses, it moves and the garments follow."""
+
+    shape: AvatarShape | None = Field(default=None, description="A generated avatar instead of a mesh; keys below.")
+    poses: tuple[Path, ...] | Literal["samples"] = Field(
+        default=(),
+        description="Later poses: mesh files of the same topology, in order, or the time samples of the USD mesh.",
+    )
+    friction: Real = Field(
+        default=0.5, ge=0, le=10, description="Coulomb friction coefficient of cloth on the avatar; 0.5: cloth on skin."
+    )
+
+    @field_validator("poses", mode="plain")
+    @classmethod
+    def _poses(cls, value: Any, info: ValidationInfo) -> Any:
+        if value == "samples":
+            return value
+        entries = value if isinstance(value, list | tuple) else (value,)
+        return tuple(path_from(entry, info, "a mesh file") for entry in entries if entry is not None)
+
+    @field_serializer("poses")
+    def _pose_values(self, poses: tuple[Path, ...] | str) -> str | list[str]:
+        return poses if isinstance(poses, str) else [str(pose) for pose in poses]
+
+    @model_validator(mode="after")
+    def _source(self) -> AvatarSpec:
+        self._check_one_source(self.shape, '"sphere" or "mannequin"')
+        if self.shape is not None and self.poses:
+            raise refusal("poses are for a mesh file, but a shape is given", "remove them", below="poses")
+        return self
+
+    @property
+    def place(self) -> str:
+        """Its mesh file, or its scene key, for messages."""
+        return "avatar" if self.mesh is None else str(self.mesh)
