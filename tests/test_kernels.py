@@ -6,6 +6,7 @@ import ast
 import importlib
 import itertools
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -19,7 +20,7 @@ from warp_cloth.kernels.avatar.closest import MeshCollider, mesh_contact
 from warp_cloth.kernels.avatar.depth import DepthSolid, plain_contact, solid_level
 from warp_cloth.kernels.avatar.field import ContactField, field_contact
 from warp_cloth.kernels.avatar.layers import LayeredSolid, layered_level
-from warp_cloth.kernels.base.options import Accumulate, Terms
+from warp_cloth.kernels.base.options import Accumulate, KernelOptions, Terms
 from warp_cloth.kernels.base.types import PRECISIONS
 from warp_cloth.kernels.certificate.energy import measure_bending_kernel, measure_tension_kernel, measure_weave_kernel
 from warp_cloth.kernels.certificate.pressure import normal_force_kernel
@@ -34,7 +35,7 @@ from warp_cloth.kernels.passes.gather import gather_kernel
 from warp_cloth.kernels.passes.move import advance_kernel, displace_kernel
 from warp_cloth.kernels.passes.scatter import edges_kernel, normals_kernel, triangles_kernel
 from warp_cloth.kernels.passes.scatter_packets import eight_edges_kernel, eight_normals_kernel, eight_triangles_kernel
-from warp_cloth.kernels.passes.step import NoCollider
+from warp_cloth.kernels.passes.step import NoCollider, accumulated
 
 FOLDER = Path(warp_cloth.kernels.__path__[0])
 FILES = sorted(path for path in FOLDER.rglob("*.py") if path.name != "__init__.py")
@@ -48,7 +49,7 @@ def module_name(path: Path) -> str:
 
 
 # Kernels may use these besides Warp and each other: they are written in a language of their own.
-STANDARD = {"collections.abc", "ctypes", "enum", "functools", "hashlib", "math", "types", "typing"}
+STANDARD = {"collections.abc", "ctypes", "dataclasses", "enum", "functools", "hashlib", "math", "types", "typing"}
 
 MADE_BY_WARP = ("func", "kernel", "struct")
 
@@ -143,7 +144,8 @@ def test_force_kernels_compile(precision: str) -> None:
     for make in (eight_edges_kernel, eight_triangles_kernel):
         pairs = zip(turned(precision, terms[:-1]), (*BOUNDS, BOUNDS[0]), strict=True)
         loaded(*(make(precision, bound, chosen) for chosen, bound in pairs))
-    loaded(*(gather_kernel(precision, *rest, False) for rest in spread(precision, Accumulate, terms)))
+    gathers = [KernelOptions(precision, chosen, summed) for summed, chosen in spread(precision, Accumulate, terms)]
+    loaded(*map(gather_kernel, gathers))
 
 
 @pytest.mark.parametrize("precision", PRECISIONS)
@@ -151,13 +153,24 @@ def test_displacement_and_certificate_kernels_compile(precision: str) -> None:
     loaded(measure_tension_kernel(precision), measure_weave_kernel(precision))
     loaded(*(measure_bending_kernel(precision, angles) for angles in (False, True)))
     choices = list(itertools.product((False, True), repeat=2))
+    sizes = itertools.cycle(turned(precision, ((True, False, False), (True, True, True), (False, True, False))))
     for (contact, data), (accelerated, cloth_contact) in zip(COLLIDERS, turned(precision, choices), strict=True):
         asked = contact, data or NoCollider
         loaded(residual_kernel(precision, *asked, cloth_contact))
         if contact is not None:
             loaded(normal_force_kernel(precision, *asked, cloth_contact))
-        loaded(displace_kernel(precision, accelerated, *asked, cloth_contact, cloth_contact))
-        loaded(advance_kernel(precision, accelerated, Terms(True, True, True), False, *asked, cloth_contact, True))
+        options = KernelOptions(
+            precision,
+            Terms(True, True, True, pins=cloth_contact),
+            accelerated=accelerated,
+            avatar_contact=contact,
+            collider=data,
+            cloth_contact=cloth_contact,
+        )
+        loaded(displace_kernel(options))
+        few, fits, paired = next(sizes)
+        moves = replace(options, few=few, fits=fits, paired=paired)
+        loaded(advance_kernel(replace(moves, accumulate=accumulated(moves))))
 
 
 @pytest.mark.parametrize("precision", PRECISIONS)

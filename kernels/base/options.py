@@ -1,7 +1,8 @@
 """What the host plans patches by, and what acts in a cloth; needs no Warp, which processes that only load lack."""
 
 import enum
-from typing import NamedTuple
+from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 BLOCK_MEMORY = 36 * 1024  # [bytes] of a thread block; a core of a large GPU has room for six such blocks
 BLOCK_THREADS = 192  # that work on a patch
@@ -62,6 +63,51 @@ class Terms(NamedTuple):
     yarns: bool
     angles: bool = False  # folds that are not flat at rest
     pins: bool = False  # vertices that stay
+
+
+NO_TERMS = Terms(False, False, False)
+
+
+@dataclass(frozen=True)
+class KernelOptions:
+    """What the kernels of an iteration are compiled for; equal options give the same kernel.
+
+    precision: of positions and forces (kernels.base.types.PRECISIONS).
+    terms: what acts in the cloth.
+    accumulate: what a load's fourth component sums besides the force.
+    accelerated: each vertex has a step of its own and momentum; else the paper's rule.
+    avatar_contact: (collider, world position) -> (normal, distance [m]); None: there is no avatar.
+    collider: the struct that it reads, one for each item.
+    cloth_contact: whether cloth meets cloth.
+    fits: whether no patch is too large for a block's own memory and threads.
+    few: whether there are no more patches than FEW.
+    paired: whether a thread works on a pair of triangles at a time.
+    in_order: whether vertices lie in the patches' order.
+    packed: whether positions and compliance are packed (kernels.patches.packing).
+    block_threads: threads of a block, where that is known when it is compiled; 0: it is asked of the device.
+    """
+
+    precision: str
+    terms: Terms = NO_TERMS
+    accumulate: Accumulate = Accumulate.NONE
+    accelerated: bool = True
+    avatar_contact: Any = None
+    collider: Any = None
+    cloth_contact: bool = False
+    fits: bool = False
+    few: bool = False
+    paired: bool = False
+    in_order: bool = False
+    packed: bool = False
+    block_threads: int = 0
+
+    @property
+    def anisotropic(self) -> bool:
+        """Whether steps may be longer across yarns (passes.anisotropic_step): of cloth that is worn or lies on cloth.
+
+        What just hangs is taut, and loses nothing by steps alike in all directions.
+        """
+        return self.accelerated and (self.avatar_contact is not None or self.cloth_contact)
 
 
 def real_size(precision: str) -> int:

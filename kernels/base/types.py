@@ -114,8 +114,12 @@ def cloth_types(precision: str) -> SimpleNamespace:
     class Vertex:
         """A vertex as an iteration finds it; units as of State."""
 
+        index: int
+        item_index: int  # of the item that it belongs to
+        item: Item
+        free: bool  # whether it may move
         position: point
-        move: vec3
+        displacement: vec3
         weight: real
         stiffness: real
 

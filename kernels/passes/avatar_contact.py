@@ -5,6 +5,7 @@ import functools
 import warp as wp
 
 from warp_cloth.kernels.avatar.field import field_clearance
+from warp_cloth.kernels.base.options import KernelOptions
 from warp_cloth.kernels.base.types import cloth_types
 from warp_cloth.kernels.laws.friction import friction_slide
 from warp_cloth.kernels.math.real import inner, root, scaled_sum
@@ -15,24 +16,17 @@ LONGER, STEP = wp.constant(1.0001), wp.constant(1.0e-9)  # more than rounding ad
 
 
 @functools.cache
-def looking(
-    precision: str,
-    avatar_contact: wp.Function,
-    collider_type: type,
-    worn: bool,
-    spares: bool,
-    cloth_contact: bool = False,
-    told: bool = False,
-) -> wp.Function:
-    """The function that looks up where a displaced vertex meets its item's avatar.
+def query_function(options: KernelOptions, saves_queries: bool, prefetched: bool = True) -> wp.Function:
+    """The function that queries where a displaced vertex meets its item's avatar.
 
-    Arguments as of displacement.displacement; ``worn``: whether cloth may be loose; ``spares`` of spares_looks;
-    ``told``: whether it is known if a vertex is loose and, unless cloth meets cloth, its leeway; what is not is read
-    here.
+    ``saves_queries``: whether its clearance is noted; ``prefetched``: whether it is known if its step is anisotropic
+    and, unless cloth meets cloth, its compliance; what is not is read here.
     """
-    types = cloth_types(precision)
-    real, point, vec3, vec6, State, Item = types.real, types.point, types.vec3, types.vec6, types.State, types.Item
-    changed_leeway = changed_leeway_function(precision)
+    types, collider_type = cloth_types(options.precision), options.collider
+    real, vec3, vec6, State, Item, Vertex = (
+        types.real, types.vec3, types.vec6, types.State, types.Item, types.Vertex,
+    )  # fmt: skip
+    changed_leeway, avatar_contact = changed_leeway_function(options.precision), options.avatar_contact
 
     @wp.func
     def pushed_move(at: wp.vec4f, push: float, move: vec3, item: Item):
@@ -42,79 +36,67 @@ def looking(
         return friction_slide(pushed, normal, real(push), real(item.avatar_friction))
 
     @wp.func
-    def looked_move(
+    def query_avatar(
         state: State,
         collider: collider_type,
-        loose: bool,
-        leeway: vec6,
+        anisotropic: bool,
+        compliance: vec6,
         lift: float,
-        vertex: int,
-        position: point,
+        vertex: Vertex,
         move: vec3,
-        item: Item,
     ):
         """A vertex' displacement after contact and friction, and what of it has momentum.
 
-        ``loose``: whether it has leeway; ``lift`` is how much farther off it is met [m]. What comes to be held goes on
-        without leeway, as if it had become so much heavier; it is slowed as much, or contact that comes and goes would
-        feed a swing.
+        ``lift`` is how much farther off it is met [m]. What comes into contact goes on without a compliance of its
+        own, as if it had become so much heavier; it is slowed as much, or contact that comes and goes would feed a
+        swing.
         """
-        place = wp.vec3d(position) + wp.vec3d(move)
+        place = wp.vec3d(vertex.position) + wp.vec3d(move)
         at = avatar_contact(collider, place)
-        push = item.offset - at[3] + lift
-        if wp.static(spares):
-            state.clearance[vertex] = field_clearance(collider, place, at[3], item.offset)
+        push = vertex.item.offset - at[3] + lift
+        if wp.static(saves_queries):
+            state.clearance[vertex.index] = field_clearance(collider, place, at[3], vertex.item.offset)
         kept = move
         if push > 0.0:
-            move = pushed_move(at, push, move, item)
+            move = pushed_move(at, push, move, vertex.item)
             kept = move
-            if wp.static(worn):
-                if wp.static(told):
-                    if loose:
-                        before = leeway
-                        if wp.static(cloth_contact):
-                            before = state.compliance[vertex]
+            if wp.static(options.anisotropic):
+                if wp.static(prefetched):
+                    if anisotropic:
+                        before = compliance
+                        if wp.static(options.cloth_contact):
+                            before = state.compliance[vertex.index]
                         kept = changed_leeway(before, multiple_of_unit(real(1.0)), move)
                 else:
-                    if item.anisotropy_limit > real(0.0) and state.in_contact[vertex] == wp.uint8(0):
-                        kept = changed_leeway(state.compliance[vertex], multiple_of_unit(real(1.0)), move)
-        if wp.static(worn):
-            state.in_contact[vertex] = wp.where(push > 0.0, wp.uint8(1), wp.uint8(0))
+                    if vertex.item.anisotropy_limit > real(0.0) and state.in_contact[vertex.index] == wp.uint8(0):
+                        kept = changed_leeway(state.compliance[vertex.index], multiple_of_unit(real(1.0)), move)
+        if wp.static(options.anisotropic):
+            state.in_contact[vertex.index] = wp.where(push > 0.0, wp.uint8(1), wp.uint8(0))
         return move, kept
 
-    return looked_move
+    return query_avatar
 
 
 @functools.cache
-def meeting(
-    precision: str, avatar_contact: wp.Function, collider_type: type, worn: bool, spares: bool, cloth_contact: bool
-) -> wp.Function:
-    """The function that has a displaced vertex meet its item's avatar; arguments as of ``looking``."""
-    types = cloth_types(precision)
-    point, vec3, vec6, State, Item = types.point, types.vec3, types.vec6, types.State, types.Item
-    looked_move = looking(precision, avatar_contact, collider_type, worn, spares, cloth_contact, told=True)
+def avatar_function(options: KernelOptions, Prefetched: type, saves_queries: bool) -> wp.Function:
+    """The function that has a displaced vertex meet its item's avatar; ``Prefetched``: passes.step.prefetched_type."""
+    types, collider_type = cloth_types(options.precision), options.collider
+    vec3, vec6, State, Vertex = types.vec3, types.vec6, types.State, types.Vertex
+    query_avatar = query_function(options, saves_queries)
 
     @wp.func
-    def met_move(
-        state: State,
-        collider: collider_type,
-        loose: bool,
-        leeway: vec6,
-        clear: float,
-        lift: float,
-        vertex: int,
-        position: point,
-        move: vec3,
-        item: Item,
-    ):
-        """``looked_move`` of a vertex that may have come near; it is surely so ``clear`` of the avatar [m]."""
-        if wp.static(spares):
-            left = clear - (LONGER * float(root(inner(move, move))) + STEP)
+    def meet_avatar(state: State, collider: collider_type, known: Prefetched, lift: float, vertex: Vertex, move: vec3):
+        """``query_avatar`` of a vertex that may have come near; else it keeps what is left of its clearance [m]."""
+        if wp.static(saves_queries):
+            left = known.clearance - (LONGER * float(root(inner(move, move))) + STEP)
             if left > 0.0:
-                state.clearance[vertex] = left
-                if wp.static(worn):
-                    state.in_contact[vertex] = wp.uint8(0)
+                state.clearance[vertex.index] = left
+                if wp.static(options.anisotropic):
+                    state.in_contact[vertex.index] = wp.uint8(0)
                 return move, move
-        return looked_move(state, collider, loose, leeway, lift, vertex, position, move, item)
+        compliance = vec6()
+        if wp.static(not options.cloth_contact):
+            compliance = known.compliance
+        return query_avatar(state, collider, known.anisotropic, compliance, lift, vertex, move)
 
-    return met_move
+    return meet_avatar

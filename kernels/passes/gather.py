@@ -20,15 +20,15 @@ from warp_cloth.kernels.base.block import (
     memory_functions,
     wait_for_block,
 )
-from warp_cloth.kernels.base.options import RANKS, SLOTS, Accumulate, Terms
+from warp_cloth.kernels.base.options import RANKS, SLOTS, KernelOptions
 from warp_cloth.kernels.base.types import MODULE_OPTIONS, Patch, cloth_types
 from warp_cloth.kernels.math.real import signed_sum
 from warp_cloth.kernels.patches.corners import triangle_table_function, triangles_step
 from warp_cloth.kernels.patches.memory import (
     NEXT_TURN,
-    PatchMemory,
+    context_function,
+    context_type,
     fetch_function,
-    layout_function,
     leaves,
     next_functions,
     patch_of,
@@ -68,47 +68,49 @@ def ranked(word: wp.vec4i, rank: int) -> int:
 
 
 @functools.cache
-def ranks_sum(precision: str, fits: bool, kind: str, first: int, last: int) -> wp.Function:
+def ranks_sum(options: KernelOptions, kind: str, first: int, last: int) -> wp.Function:
     """Function that adds what meets at a vertex to its load: the ranks from ``first`` to before ``last`` of a word."""
-    types = cloth_types(precision)
-    read_4 = memory_functions(precision, fits).read_4
+    types, Context = cloth_types(options.precision), context_type(options.precision)
+    read_4 = memory_functions(options.precision, options.fits).read_4
 
     @wp.func
-    def edges_sum(beside: wp.array(dtype=wp.uint8), memory: PatchMemory, word: wp.vec4i, load: types.vec4):
+    def edges_sum(context: Context, word: wp.vec4i, load: types.vec4):
         """A load and those of edges."""
         sum = load
         for rank in range(wp.static(first), wp.static(last)):
             entry = ranked(word, rank)
-            pull = read_4(beside, memory.edge_load + wp.static(4 * types.real_size) * (entry >> 1))
+            pull = read_4(context.overflow, context.memory.edge_load + wp.static(4 * types.real_size) * (entry >> 1))
             sum = signed_sum(sum, pull, entry & 1)  # from the edge's first end, or its second
         return sum
 
     @wp.func
-    def triangles_sum(beside: wp.array(dtype=wp.uint8), memory: PatchMemory, word: wp.vec4i, load: types.vec4):
+    def triangles_sum(context: Context, word: wp.vec4i, load: types.vec4):
         """A load and those of triangles' corners."""
         sum = load
         for rank in range(wp.static(first), wp.static(last)):
-            sum += read_4(beside, memory.corner_load + wp.static(4 * types.real_size) * ranked(word, rank))
+            sum += read_4(
+                context.overflow, context.memory.corner_load + wp.static(4 * types.real_size) * ranked(word, rank)
+            )
         return sum
 
     return edges_sum if kind == EDGES else triangles_sum
 
 
 @functools.cache
-def words_sum(precision: str, fits: bool, kind: str, by_kind: bool) -> wp.Function:
-    """Function that adds all of a kind that meets at a vertex to its load; arguments as of ``load_functions``."""
-    types = cloth_types(precision)
-    vec4 = types.vec4
-    fewest, between = ranks_sum(precision, fits, kind, 0, FEWEST), ranks_sum(precision, fits, kind, FEWEST, USUAL)
-    usual, further = ranks_sum(precision, fits, kind, 0, USUAL), ranks_sum(precision, fits, kind, USUAL, RANKS)
-    whole = ranks_sum(precision, fits, kind, 0, RANKS)
+def words_sum(options: KernelOptions, kind: str) -> wp.Function:
+    """Function that adds all of a kind that meets at a vertex to its load.
+
+    Where threads work on pairs of triangles, vertices where as much meets come together.
+    """
+    vec4, Context, by_kind = cloth_types(options.precision).vec4, context_type(options.precision), options.paired
+    fewest, between = ranks_sum(options, kind, 0, FEWEST), ranks_sum(options, kind, FEWEST, USUAL)
+    usual, further = ranks_sum(options, kind, 0, USUAL), ranks_sum(options, kind, USUAL, RANKS)
+    whole = ranks_sum(options, kind, 0, RANKS)
 
     @wp.func
     def sum_of_words(
+        context: Context,
         slot: wp.array(dtype=wp.vec4i),
-        patch: Patch,
-        beside: wp.array(dtype=wp.uint8),
-        memory: PatchMemory,
         local: int,
         word: wp.vec4i,
         nothing: int,
@@ -117,32 +119,29 @@ def words_sum(precision: str, fits: bool, kind: str, by_kind: bool) -> wp.Functi
         """``word`` is the first of ``slot``'s words of the vertex; what is not there is ``nothing``, or after it."""
         sum = load
         if wp.static(by_kind):
-            sum = fewest(beside, memory, word, sum)
+            sum = fewest(context, word, sum)
             if ranked(word, wp.static(FEWEST)) < nothing:
-                sum = between(beside, memory, word, sum)
+                sum = between(context, word, sum)
             if ranked(word, wp.static(USUAL)) < nothing:
-                sum = further(beside, memory, word, sum)
+                sum = further(context, word, sum)
         else:
-            sum = usual(beside, memory, word, sum)
-            if patch.ranks > wp.static(USUAL):
-                sum = further(beside, memory, word, sum)
-        for eight in range(1, words_of(patch.ranks)):
-            other = element(slot, patch.slot_start + eight * patch.owned_count + local)
-            sum = whole(beside, memory, other, sum)
+            sum = usual(context, word, sum)
+            if context.patch.ranks > wp.static(USUAL):
+                sum = further(context, word, sum)
+        for eight in range(1, words_of(context.patch.ranks)):
+            other = element(slot, context.patch.slot_start + eight * context.patch.owned_count + local)
+            sum = whole(context, other, sum)
         return sum
 
     return sum_of_words
 
 
 @functools.cache
-def load_functions(precision: str, terms: Terms, fits: bool, by_kind: bool) -> SimpleNamespace:
-    """Functions ``vertex_slots`` and ``vertex_load``; ``by_kind``: where as much meets at vertices they come together.
-
-    The other arguments are as of ``patch_functions``.
-    """
-    types = cloth_types(precision)
+def load_functions(options: KernelOptions) -> SimpleNamespace:
+    """Functions ``vertex_slots`` and ``vertex_load``."""
+    types, terms, Context = cloth_types(options.precision), options.terms, context_type(options.precision)
     vec4, Patches = types.vec4, types.Patches
-    all_edges, all_triangles = (words_sum(precision, fits, kind, by_kind) for kind in (EDGES, TRIANGLES))
+    all_edges, all_triangles = (words_sum(options, kind) for kind in (EDGES, TRIANGLES))
     corner_stride = stride_function(terms)
 
     @wp.func
@@ -158,10 +157,7 @@ def load_functions(precision: str, terms: Terms, fits: bool, by_kind: bool) -> S
 
     @wp.func
     def vertex_load(
-        patches: Patches,
-        patch: Patch,
-        beside: wp.array(dtype=wp.uint8),
-        memory: PatchMemory,
+        context: Context,
         local: int,
         edges: wp.vec4i,
         triangles: wp.vec4i,
@@ -172,11 +168,11 @@ def load_functions(precision: str, terms: Terms, fits: bool, by_kind: bool) -> S
         """
         load = vec4()
         if wp.static(terms.edges):
-            nothing = 2 * patch.edge_count
-            load = all_edges(patches.edge_slot, patch, beside, memory, local, edges, nothing, load)
+            nothing = 2 * context.patch.edge_count
+            load = all_edges(context, context.patches.edge_slot, local, edges, nothing, load)
         if wp.static(terms.folds or terms.yarns):
-            nothing = corner_stride(patch) + 2 * patch.triangle_count
-            load = all_triangles(patches.slot, patch, beside, memory, local, triangles, nothing, load)
+            nothing = corner_stride(context.patch) + 2 * context.patch.triangle_count
+            load = all_triangles(context, context.patches.slot, local, triangles, nothing, load)
         return load
 
     return SimpleNamespace(vertex_slots=vertex_slots, vertex_load=vertex_load)
@@ -184,13 +180,12 @@ def load_functions(precision: str, terms: Terms, fits: bool, by_kind: bool) -> S
 
 @functools.cache
 def work_type(precision: str) -> type:
-    """The struct of what a thread hands on from one half of its work on a patch to the other."""
+    """The struct of what a thread keeps from one half of its work on a patch to the other."""
 
     @wp.struct
     class PatchWork:
-        """Places in the block's memory, the thread's item, and what was asked for ahead."""
+        """The thread's item, and what it has loaded ahead."""
 
-        memory: PatchMemory
         item: item_type(precision)
         sides: wp.uint64  # ``triangle_table`` of the thread's first triangle
         corners: wp.uint64
@@ -201,137 +196,105 @@ def work_type(precision: str) -> type:
 
 
 @functools.cache
-def patch_functions(
-    precision: str,
-    accumulate: Accumulate,
-    terms: Terms,
-    fits: bool,
-    in_order: bool,
-    paired: bool,
-    threads: int = 0,
-    packed: bool = False,
-) -> SimpleNamespace:
+def patch_functions(options: KernelOptions) -> SimpleNamespace:
     """Functions ``own_vertex``, ``two_vertices``, ``work_edges``, ``work_corners``, ``vertex_slots``, ``vertex_load``.
 
     The last sums a vertex' load once the whole block is through the two before.
-
-    Args:
-        precision: of positions and forces.
-        accumulate: what is summed beside the forces.
-        terms: what there is to gather.
-        fits: whether no patch is too large for a block's own memory and threads.
-        in_order: whether vertices lie in the patches' order.
-        paired: whether threads work on pairs of triangles, where a patch has such items.
-        threads: as of block.threads_function.
-        packed: as of packing.order_functions.
     """
-    types = cloth_types(precision)
-    vec4, State, Step, Patches = types.vec4, types.State, types.Step, types.Patches
-    PatchItem, PatchWork = item_type(precision), work_type(precision)
-    patch_memory = layout_function(precision, terms, fits, paired)
-    fetch_tables = fetch_function(precision, terms, paired)
-    vertices = vertices_step(precision, accumulate, fits, in_order, packed, threads)
-    read_vertices, work_normals = vertices.read_vertices, normals_step(precision, fits, paired, threads)
-    asked_item, work_item_normals = item_functions(precision, fits).asked_item, item_normals_step(precision, fits)
-    item_edges = item_edges_step(precision, accumulate, terms, fits)
-    asked_laws, work_item_edges = item_edges.asked_laws, item_edges.work_item_edges
-    work_other_edges = edges_step(precision, accumulate, terms, fits, paired, threads)
-    edge_table = edge_table_functions(precision, terms, paired).edge_table
-    work_item_corners = item_corners_step(precision, accumulate, terms, fits)
-    work_triangles = triangles_step(precision, accumulate, terms, fits, threads)
-    triangle_table, own = triangle_table_function(precision, terms), load_functions(precision, terms, fits, paired)
+    precision, terms, fits, paired = options.precision, options.terms, options.fits, options.paired
+    State = cloth_types(precision).State
+    PatchWork, PatchItem, Context = work_type(precision), item_type(precision), context_type(precision)
+    vec4, fetch_tables = cloth_types(precision).vec4, fetch_function(options)
+    vertices = vertices_step(options)
+    two_vertices, read_vertices = vertices.two_vertices, vertices.read_vertices
+    asked_item, work_item_normals = item_functions(precision, fits).asked_item, item_normals_step(options)
+    pairs = item_edges_step(options)
+    asked_laws, work_item_edges = pairs.asked_laws, pairs.work_item_edges
+    work_normals, work_other_edges = normals_step(options), edges_step(options)
+    edge_table = edge_table_functions(options).edge_table
+    work_item_corners, work_triangles = item_corners_step(options), triangles_step(options)
+    triangle_table, own = triangle_table_function(precision, terms), load_functions(options)
     vertex_slots, fetch_next = own.vertex_slots, next_functions(precision).fetch_next
 
     @wp.func
     def first_triangle(patch: Patch, lane: int):
-        """The thread's first triangle of those whose normals no item tells."""
+        """The thread's first triangle of those whose normals no item has."""
         if wp.static(paired):
             return patch.triangle_count + last_first(lane)
         return lane
 
     @wp.func
-    def work_edges(
-        state: State,
-        patches: Patches,
-        patch: Patch,
-        beside: wp.array(dtype=wp.uint8),
-        step: Step,
-        lane: int,
-        first: int,
-        second: int,
-        soon: Patch,
-    ):
+    def work_edges(context: Context, state: State, first: int, second: int, soon: Patch):
         """Vertices, normals and edges of a patch, in the block's memory; every thread of the block calls it.
 
-        ``first`` and ``second`` are of ``two_vertices``, ``soon`` of ``next_patch`` where that is asked for. What a
-        step begins with is asked for a step ahead.
+        ``first`` and ``second`` are of ``two_vertices``, ``soon`` of ``next_patch`` where that is prefetched. What a
+        step begins with is loaded a step ahead.
         """
-        fetch_tables(patches, patch)
-        memory, asked, item = patch_memory(patch), PatchItem(), PatchItem()
+        fetch_tables(context.patches, context.patch)
+        asked, item = PatchItem(), PatchItem()
         corner_word = wp.uint64(0)
         end_word, law = wp.uint64(0), vec4()
         if wp.static(terms.folds):
-            other = wp.min(first_triangle(patch, lane), patch.normal_count)
-            corner_word = element(patches.corners, patch.triangle_start + other)
+            other = wp.min(first_triangle(context.patch, context.lane), context.patch.normal_count)
+            corner_word = element(context.patches.corners, context.patch.triangle_start + other)
         if wp.static(paired):
-            asked = asked_item(patches, patch, lane)
-        read_vertices(state, patches, patch, beside, memory, lane, first, second)
+            asked = asked_item(context.patches, context.patch, context.lane)
+        read_vertices(context, state, first, second)
         if wp.static((terms.folds or terms.edges) and not paired):
-            end_word, law = edge_table(patches, patch, lane)
-        if wp.static(packed and paired):
+            end_word, law = edge_table(context.patches, context.patch, context.lane)
+        if wp.static(options.packed and paired):
             if fetches(NEXT_TURN):
-                fetch_next(patches, state, soon)
+                fetch_next(context.patches, state, soon)
         wait_for_block()
         if wp.static(paired):
-            item = work_item_normals(patches, patch, beside, memory, lane, asked)
+            item = work_item_normals(context, asked)
         if wp.static(terms.folds):
-            work_normals(patches, patch, beside, memory, lane, corner_word)
+            work_normals(context, corner_word)
         if wp.static(paired and fits):
-            item = asked_laws(patches, patch, item)
+            item = asked_laws(context.patches, context.patch, item)
         sides, corners = wp.uint64(0), wp.uint64(0)
         if wp.static(not paired):
-            sides, corners = triangle_table(patches, patch.triangle_start + wp.min(lane, patch.normal_count))
+            triangle = context.patch.triangle_start + wp.min(context.lane, context.patch.normal_count)
+            sides, corners = triangle_table(context.patches, triangle)
         if wp.static(terms.folds):
             wait_for_block()
         if wp.static(paired):
-            item = work_item_edges(patches, patch, beside, memory, step, lane, item)
-            end_word, law = edge_table(patches, patch, wp.static(SLOTS) * patch.item_count + last_first(lane))
+            item = work_item_edges(context, item)
+            edge = wp.static(SLOTS) * context.patch.item_count + last_first(context.lane)
+            end_word, law = edge_table(context.patches, context.patch, edge)
         if wp.static(terms.folds or terms.edges):
-            work_other_edges(patches, patch, beside, memory, step, lane, end_word, law)
+            work_other_edges(context, end_word, law)
         work = PatchWork()
-        work.memory = memory
         work.item = item
         work.sides = sides
         work.corners = corners
-        edges, triangles = vertex_slots(patches, patch, lane)
+        edges, triangles = vertex_slots(context.patches, context.patch, context.lane)
         work.edges = edges
         work.triangles = triangles
         return work
 
     @wp.func
-    def work_corners(
-        patches: Patches, patch: Patch, beside: wp.array(dtype=wp.uint8), step: Step, lane: int, work: PatchWork
-    ):
+    def work_corners(context: Context, work: PatchWork):
         """What the patch's triangles do to their corners, after ``work_edges``; every thread of the block calls it."""
         if wp.static(terms.folds or terms.yarns):
             wait_for_block()
             if wp.static(paired):
-                work_item_corners(patches, patch, beside, work.memory, step, lane, work.item)
+                work_item_corners(context, work.item)
             else:
-                work_triangles(patches, patch, beside, work.memory, step, lane, work.sides, work.corners)
+                work_triangles(context, work.sides, work.corners)
 
     return SimpleNamespace(
-        own_vertex=vertices.own_vertex, two_vertices=vertices.two_vertices, work_edges=work_edges,
-        work_corners=work_corners, vertex_slots=vertex_slots, vertex_load=own.vertex_load,
+        own_vertex=vertices.own_vertex, two_vertices=two_vertices, work_edges=work_edges, work_corners=work_corners,
+        vertex_slots=vertex_slots, vertex_load=own.vertex_load,
     )  # fmt: skip
 
 
 @functools.cache
-def gather_kernel(precision: str, accumulate: Accumulate, terms: Terms, fits: bool, paired: bool = False) -> wp.Kernel:
-    """Kernel ``gather_forces``; arguments as of ``patch_functions``."""
-    types = cloth_types(precision)
+def gather_kernel(options: KernelOptions) -> wp.Kernel:
+    """Kernel ``gather_forces``, of cloth whose vertices lie as the garments have them."""
+    types, patch_context = cloth_types(options.precision), context_function(options)
     vec4, Model, State, Step, Patches = types.vec4, types.Model, types.State, types.Step, types.Patches
-    functions = patch_functions(precision, accumulate, terms, fits, in_order=False, paired=paired)
+    functions = patch_functions(options)
     own_vertex, two_vertices = functions.own_vertex, functions.two_vertices
     work_edges, work_corners = functions.work_edges, functions.work_corners
     vertex_slots, vertex_load = functions.vertex_slots, functions.vertex_load
@@ -341,9 +304,9 @@ def gather_kernel(precision: str, accumulate: Accumulate, terms: Terms, fits: bo
         model: Model,
         state: State,
         patches: Patches,
-        beside: wp.array(dtype=wp.uint8),  # memory of patches that are too large for a block's own
+        overflow: wp.array(dtype=wp.uint8),  # memory of patches that are too large for a block's own
         step: Step,
-        load_out: wp.array(dtype=vec4),  # force [N] and what is accumulated, shape [V]
+        load_out: wp.array(dtype=vec4),  # force [N] and what is accumulated besides, shape [V]
     ):
         """Sums the forces that meet at each vertex."""
         thread = wp.tid()
@@ -352,14 +315,15 @@ def gather_kernel(precision: str, accumulate: Accumulate, terms: Terms, fits: bo
         first, second = two_vertices(patches, patch, lane)
         if leaves(model.items[patch.item].active, patch, first, second):
             return
-        work = work_edges(state, patches, patch, beside, step, lane, first, second, patch)
-        work_corners(patches, patch, beside, step, lane, work)
+        context = patch_context(step, patches, patch, overflow, lane)
+        work = work_edges(context, state, first, second, patch)
+        work_corners(context, work)
         edges, triangles = wp.vec4i(work.edges), wp.vec4i(work.triangles)
         local = int(lane)
         wait_for_block()
         while local < patch.owned_count:
             vertex = own_vertex(patches, patch, local)
-            load_out[vertex] = vertex_load(patches, patch, beside, work.memory, local, edges, triangles)
+            load_out[vertex] = vertex_load(context, local, edges, triangles)
             local += block_threads()
             edges, triangles = vertex_slots(patches, patch, local)
 

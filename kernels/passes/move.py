@@ -1,5 +1,6 @@
-"""Kernels that move the cloth by ``displacement``: where it lies, or from one set of arrays to another."""
+"""Kernels that move vertices by their displacement: where they lie, or from one set of arrays to another."""
 
+import dataclasses
 import functools
 
 import warp as wp
@@ -19,7 +20,7 @@ from warp_cloth.kernels.base.block import (
     tell_blocks,
     wait_for_block,
 )
-from warp_cloth.kernels.base.options import WORN_THREADS, Accumulate, Terms, block_for
+from warp_cloth.kernels.base.options import WORN_THREADS, Accumulate, KernelOptions, block_for
 from warp_cloth.kernels.base.types import MODULE_OPTIONS, Patch, cloth_types, free_function
 from warp_cloth.kernels.contact.force import press_function
 from warp_cloth.kernels.contact.search_trigger import contact_turn, contact_watch
@@ -27,319 +28,416 @@ from warp_cloth.kernels.math.real import inner, root
 from warp_cloth.kernels.passes.gather import patch_functions
 from warp_cloth.kernels.passes.step import (
     AHEAD,
-    before_function,
-    before_type,
+    cloth_contact_type,
     colliders_type,
-    contact_type,
-    displacement,
-    spares_looks,
-    step_bound,
+    displacement_function,
+    prefetch_function,
+    prefetched_type,
+    saves_queries,
 )
-from warp_cloth.kernels.patches.memory import NEXT_TURN, PatchMemory, leaves, next_functions, patch_of
+from warp_cloth.kernels.patches.memory import (
+    NEXT_TURN,
+    context_function,
+    context_type,
+    leaves,
+    next_functions,
+    patch_of,
+)
 from warp_cloth.kernels.patches.packing import order_functions, three_function
 from warp_cloth.kernels.patches.steps import point_functions
 
 
 @functools.cache
-def held_function(precision: str, accelerated: bool, packed: bool, in_order: bool = True) -> wp.Function:
-    """The function that reads a vertex; ``packed`` and ``in_order``: as of packing.order_functions."""
-    types = cloth_types(precision)
-    Model, State, Vertex = types.Model, types.State, types.Vertex
-    order = order_functions(precision, packed, in_order)
+def read_function(options: KernelOptions) -> wp.Function:
+    """The function that reads a vertex from memory."""
+    types = cloth_types(options.precision)
+    Model, State, Vertex, Item = types.Model, types.State, types.Vertex, types.Item
+    order = order_functions(options.precision, options.packed, options.in_order)
     position_at, move_at = order.position_at, order.move_at
 
     @wp.func
-    def held_vertex(model: Model, state: State, vertex: int):
-        """A vertex as it lies, what last moved it, its weight and the stiffness that it went by."""
-        held = Vertex()
-        held.position = position_at(state, vertex)
-        held.weight = element(model.weight, vertex)
-        if wp.static(accelerated):
-            held.move = move_at(state, vertex)
-            held.stiffness = element(state.stiffness, vertex)
-        return held
+    def read_vertex(model: Model, state: State, index: int, item_index: int, item: Item):
+        """A vertex of an item: as it lies, its last displacement, its weight and the stiffness of its last step."""
+        vertex = Vertex()
+        vertex.index = index
+        vertex.item_index = item_index
+        vertex.item = item
+        vertex.position = position_at(state, index)
+        vertex.weight = element(model.weight, index)
+        if wp.static(options.accelerated):
+            vertex.displacement = move_at(state, index)
+            vertex.stiffness = element(state.stiffness, index)
+        return vertex
 
-    return held_vertex
+    return read_vertex
 
 
 @functools.cache
-def kept_function(precision: str, accelerated: bool) -> wp.Function:
-    """The function that reads a vertex which the block's memory still has."""
+def block_read_function(options: KernelOptions) -> wp.Function:
+    """The function that reads a vertex of a patch, from the block's memory where that still has it."""
+    precision, accelerated = options.precision, options.accelerated
     types = cloth_types(precision)
-    Model, State, Vertex = types.Model, types.State, types.Vertex
+    Model, State, Vertex, Item, Context = types.Model, types.State, types.Vertex, types.Item, context_type(precision)
     point_at, read_4 = point_functions(precision, True).point_at, memory_functions(precision, True).read_4
-    first_three = three_function(precision)
+    first_three, read_vertex = three_function(precision), read_function(options)
 
     @wp.func
-    def kept_vertex(
-        model: Model, state: State, beside: wp.array(dtype=wp.uint8), memory: PatchMemory, local: int, vertex: int
-    ):
-        """``held_vertex`` of one that is kept as ``local``."""
-        held = Vertex()
-        held.position = point_at(beside, memory, local)
-        held.weight = element(model.weight, vertex)
+    def read_memory(context: Context, model: Model, state: State, local: int, index: int, item: Item):
+        """``read_vertex`` of the block's vertex ``local``, before triangles' loads replace what it was read from."""
+        vertex = Vertex()
+        vertex.index = index
+        vertex.item_index = context.patch.item
+        vertex.item = item
+        vertex.position = point_at(context, local)
+        vertex.weight = element(model.weight, index)
         if wp.static(accelerated):
-            held.move = first_three(read_4(beside, memory.move + wp.static(4 * types.real_size) * local))
-            held.stiffness = element(state.stiffness, vertex)
-        return held
+            vertex.displacement = first_three(
+                read_4(context.overflow, context.memory.move + wp.static(4 * types.real_size) * local)
+            )
+            vertex.stiffness = element(state.stiffness, index)
+        return vertex
 
-    return kept_vertex
+    @wp.func
+    def read_arrays(context: Context, model: Model, state: State, local: int, index: int, item: Item):
+        """``read_vertex`` of the block's vertex ``local``."""
+        return read_vertex(model, state, index, context.patch.item, item)
+
+    return read_memory if _keeps(options) else read_arrays
+
+
+def _keeps(options: KernelOptions) -> bool:
+    """Whether there are registers for what is loaded before triangles are computed."""
+    return options.paired and options.fits
 
 
 @functools.cache
-def displace_kernel(
-    precision: str,
-    accelerated: bool,
-    avatar_contact: wp.Function | None,
-    collider_type: type,
-    cloth_contact: bool,
-    pins: bool,
-) -> wp.Kernel:
-    """Kernel ``displace_vertices``, which moves the cloth where it lies; arguments as of ``displacement``.
-
-    ``pins``: whether any vertex is pinned.
-    """
-    types = cloth_types(precision)
-    point, vec3, vec4, Model, State, Step = types.point, types.vec3, types.vec4, types.Model, types.State, types.Step
-    spares = spares_looks(avatar_contact, cloth_contact)
-    vertex_displacement = displacement(precision, accelerated, avatar_contact, collider_type, cloth_contact, spares)
-    Contact = contact_type(cloth_contact)
-    held_vertex = held_function(precision, accelerated, packed=False, in_order=False)
-    free = free_function(precision, pins)
-    told_before = before_function(precision, accelerated, avatar_contact, collider_type, cloth_contact, spares)
+def displace_kernel(options: KernelOptions) -> wp.Kernel:
+    """Kernel ``displace_vertices``, which moves the cloth where it lies."""
+    types, cloth_contact = cloth_types(options.precision), options.cloth_contact
+    point, vec3, vec4, Model, State, Step = (
+        types.point, types.vec3, types.vec4, types.Model, types.State, types.Step,
+    )  # fmt: skip
+    vertex_displacement, prefetch = displacement_function(options), prefetch_function(options)
+    read_vertex, free = read_function(options), free_function(options.precision, options.terms.pins)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def displace_vertices(
         model: Model,
         state: State,
         step: Step,
-        colliders: colliders_type(avatar_contact, collider_type),
-        contact: Contact,
-        load: wp.array(dtype=vec4),  # forces of the cloth [N] and stiffness bounds [N/m], shape [V]; left at zero
+        colliders: colliders_type(options.avatar_contact, options.collider),
+        contact: cloth_contact_type(cloth_contact),
+        load_out: wp.array(dtype=vec4),  # the cloth's forces [N] and stiffness bounds [N/m], shape [V]; left at zero
     ):
         """Moves each free vertex of an item that is not at rest."""
-        vertex = wp.tid()
-        sum = element(load, vertex)
-        load[vertex] = vec4()
-        number = element(model.item, vertex)
-        if wp.static(avatar_contact is field_contact):
-            if vertex + AHEAD < model.weight.shape[0]:
-                looks = True
-                if wp.static(spares):
-                    looks = element(state.clearance, vertex + AHEAD) == 0.0
-                if looks:
-                    fetch_field(colliders[number], wp.vec3d(element(state.position, vertex + AHEAD)))
-        item = model.items[number]
+        index = wp.tid()
+        load = element(load_out, index)
+        load_out[index] = vec4()
+        item_index = element(model.item, index)
+        if wp.static(options.avatar_contact is field_contact):
+            if index + AHEAD < model.weight.shape[0]:
+                queried = True
+                if wp.static(saves_queries(options)):
+                    queried = element(state.clearance, index + AHEAD) == 0.0
+                if queried:
+                    fetch_field(colliders[item_index], wp.vec3d(element(state.position, index + AHEAD)))
+        item = model.items[item_index]
         if item.active == 0:
             return
         move = vec3()
         turn, gone = int(0), wp.int64(0)
         if wp.static(cloth_contact):
-            turn, gone = contact_turn(contact, vertex)
-        before = told_before(contact, state, colliders, vertex, wp.vec3d(element(state.position, vertex)), number, item)
-        if free(model, vertex):
-            held = held_vertex(model, state, vertex)
-            move, kept, stiffness = vertex_displacement(
-                state, step, colliders, contact, before, sum, held, vertex, number, item
-            )
-            state.displacement[vertex] = kept
-            state.position[vertex] = held.position + point(move)
-            if wp.static(accelerated):
-                state.stiffness[vertex] = stiffness
+            turn, gone = contact_turn(contact, index)
+        position = element(state.position, index)
+        known = prefetch(state, colliders, contact, index, wp.vec3d(position), item_index, item)
+        if free(model, index):
+            vertex = read_vertex(model, state, index, item_index, item)
+            move, kept, stiffness = vertex_displacement(state, step, colliders, contact, known, load, vertex)
+            state.displacement[index] = kept
+            state.position[index] = vertex.position + point(move)
+            if wp.static(options.accelerated):
+                state.stiffness[index] = stiffness
         if wp.static(cloth_contact):
-            contact_watch(contact, vertex, before.contact, float(root(inner(move, move))), turn, gone)
+            contact_watch(contact, index, known.contact, float(root(inner(move, move))), turn, gone)
 
     return displace_vertices
 
 
 @functools.cache
-def end_function(
-    precision: str,
-    accelerated: bool,
-    avatar_contact: wp.Function | None,
-    collider_type: type,
-    cloth_contact: bool,
-    spares: bool = False,
-) -> wp.Function:
-    """The function that ends a vertex' iteration, from one set of arrays to another; arguments of ``displacement``."""
-    types = cloth_types(precision)
-    point, vec3, State, Vertex, Step, Item = (
-        types.point, types.vec3, types.State, types.Vertex, types.Step, types.Item,
-    )  # fmt: skip
-    vertex_displacement = displacement(precision, accelerated, avatar_contact, collider_type, cloth_contact, spares)
-    Colliders, Contact = colliders_type(avatar_contact, collider_type), contact_type(cloth_contact)
-    Before = before_type(precision, avatar_contact, collider_type, cloth_contact)
-    order = order_functions(precision, packed=not cloth_contact)
-    put_position, put_move = order.put_position, order.put_move
+def move_function(options: KernelOptions) -> wp.Function:
+    """The function that ends a vertex' iteration."""
+    types = cloth_types(options.precision)
+    point, vec3, State, Vertex, Step = types.point, types.vec3, types.State, types.Vertex, types.Step
+    vertex_displacement = displacement_function(options)
+    Colliders = colliders_type(options.avatar_contact, options.collider)
+    Contact, Prefetched = cloth_contact_type(options.cloth_contact), prefetched_type(options)
 
     @wp.func
-    def end_vertex(
+    def move_vertex(
+        state: State,
         step: Step,
         colliders: Colliders,
         contact: Contact,
-        before: Before,
-        state: State,
+        known: Prefetched,
         load: types.vec4,
-        held: Vertex,
-        vertex: int,
-        moves: bool,
-        number: int,
-        item: Item,
-        position_out: wp.array(dtype=point),
-        move_out: wp.array(dtype=order.move),
+        vertex: Vertex,
     ):
-        """Moves a vertex, if it ``moves``; ``number`` is of its item."""
+        """Where a vertex is then, its displacement and what of that has momentum; a pinned one stays."""
         move, kept = vec3(), vec3()
-        turn, gone = int(0), wp.int64(0)
-        if wp.static(cloth_contact):
-            turn, gone = contact_turn(contact, vertex)
-        if moves:
-            move, kept, stiffness = vertex_displacement(
-                state, step, colliders, contact, before, load, held, vertex, number, item
-            )
-            if wp.static(accelerated):
-                put(state.stiffness, vertex, stiffness)
-        put_move(move_out, vertex, kept)
-        position = held.position + point(move)
-        put_position(position_out, vertex, position)
-        if wp.static(cloth_contact):
-            contact_watch(contact, vertex, before.contact, float(root(inner(move, move))), turn, gone)
+        if vertex.free:
+            move, kept, stiffness = vertex_displacement(state, step, colliders, contact, known, load, vertex)
+            if wp.static(options.accelerated):
+                put(state.stiffness, vertex.index, stiffness)
+        return vertex.position + point(move), move, kept
 
-    return end_vertex
+    return move_vertex
+
+
+def _launch_bounds(options: KernelOptions) -> tuple[int, int]:
+    """Threads of a block, and how many blocks a core's registers are to suffice for."""
+    threads, _, many, _ = block_for(options.paired)
+    if options.avatar_contact is not None and (options.cloth_contact or options.few or options.paired):
+        many -= 1  # what an avatar is queried by then finds more of the core's own memory
+    elif options.avatar_contact is not None:
+        threads = WORN_THREADS
+    return threads, FEW_PER_CORE if options.few else many
+
+
+def advance_kernel(options: KernelOptions) -> wp.Kernel:
+    """The kernel that gathers vertices' forces and moves them, from one set of arrays to another, patch by patch.
+
+    Where cloth meets cloth and patches are few the first blocks press its pairs meanwhile.
+    """
+    options = advance_options(options)
+    if not options.fits:
+        return _advance_large_kernel(options)
+    return _advance_pressing_kernel(options) if presses_along(options) else _advance_kernel(options)
+
+
+def presses_along(options: KernelOptions) -> bool:
+    """Whether the kernel that moves vertices presses pairs of cloth, too."""
+    return options.cloth_contact and options.few and options.fits
+
+
+def advance_options(options: KernelOptions) -> KernelOptions:
+    """The same, of cloth whose vertices lie in the patches' order; where single positions are read, not packed."""
+    threads = 0 if options.few or options.paired else _launch_bounds(options)[0]
+    return dataclasses.replace(options, in_order=True, packed=not options.cloth_contact, block_threads=threads)
 
 
 @functools.cache
-def advance_kernel(
-    precision: str,
-    accelerated: bool,
-    terms: Terms,
-    fits: bool,
-    avatar_contact: wp.Function | None,
-    collider_type: type,
-    cloth_contact: bool,
-    few: bool,
-    paired: bool = False,
-) -> wp.Kernel:
-    """Kernel ``advance_vertices``, which gathers a vertex's forces and moves it, from one set of arrays to another.
-
-    ``terms``: what there is to gather, and pins; ``fits`` as of ``gather.patch_functions``, the rest as of
-    ``displacement``, and ``few``: whether there are no more than block.FEW patches; ``paired`` as ``fits``. Where cloth
-    meets cloth and patches are few the first blocks press its pairs, while the others work out what they own.
-    """
-    presses = cloth_contact and few and fits
-    press_share = press_function(precision, Accumulate.STIFFNESS, in_order=True) if presses else None
-    threads, _, many, _ = block_for(paired)
-    if avatar_contact is not None and (cloth_contact or few or paired):
-        many -= 1  # what an avatar is looked up by then finds more of the core's own memory
-    elif avatar_contact is not None:
-        threads = WORN_THREADS
-    bounds = threads, FEW_PER_CORE if few else many
-    types = cloth_types(precision)
-    point, vec4, Model, State, Step = types.point, types.vec4, types.Model, types.State, types.Step
-    spares = spares_looks(avatar_contact, cloth_contact, few)
-    told_before = before_function(
-        precision, accelerated, avatar_contact, collider_type, cloth_contact, spares, packed=not cloth_contact
-    )
-    end_vertex = end_function(precision, accelerated, avatar_contact, collider_type, cloth_contact, spares)
-    Contact = contact_type(cloth_contact)
-    bound = step_bound(accelerated, avatar_contact, cloth_contact)
-    told = 0 if few or paired else threads
-    functions = patch_functions(
-        precision, bound, terms, fits, in_order=True, paired=paired, threads=told, packed=not cloth_contact
-    )
-    keeps = paired and fits  # registers for what is asked for before triangles are worked out
+def _advance_kernel(options: KernelOptions) -> wp.Kernel:
+    """Kernel ``advance_vertices``: a thread for each vertex, and none waits for what is loaded before the block."""
+    types, cloth_contact, keeps = cloth_types(options.precision), options.cloth_contact, _keeps(options)
+    point, Model, State, Step = types.point, types.Model, types.State, types.Step
+    order = order_functions(options.precision, options.packed, options.in_order)
+    put_position, put_move = order.put_position, order.put_move
+    patch_context, prefetch, move_vertex = (
+        context_function(options), prefetch_function(options), move_function(options),
+    )  # fmt: skip
+    functions = patch_functions(options)
     own_vertex, two_vertices = functions.own_vertex, functions.two_vertices
-    work_edges, work_corners = functions.work_edges, functions.work_corners
-    vertex_slots, vertex_load = functions.vertex_slots, functions.vertex_load
-    held_vertex = held_function(precision, accelerated, packed=not cloth_contact)
-    kept_vertex = kept_function(precision, accelerated)
-    free, next_patch = free_function(precision, terms.pins), next_functions(precision).next_patch
+    work_edges, work_corners, vertex_load = functions.work_edges, functions.work_corners, functions.vertex_load
+    read_vertex, free = block_read_function(options), free_function(options.precision, options.terms.pins)
+    next_patch = next_functions(options.precision).next_patch
 
-    @wp.kernel(module="unique", module_options=MODULE_OPTIONS, grid_stride=False, launch_bounds=bounds)
+    @wp.kernel(module="unique", module_options=MODULE_OPTIONS, grid_stride=False, launch_bounds=_launch_bounds(options))
     def advance_vertices(
         model: Model,
         state: State,
         step: Step,
-        colliders: colliders_type(avatar_contact, collider_type),
-        contact: Contact,
+        colliders: colliders_type(options.avatar_contact, options.collider),
+        contact: cloth_contact_type(cloth_contact),
         patches: types.Patches,
-        beside: wp.array(dtype=wp.uint8),  # memory of patches that are too large for a block's own
+        overflow: wp.array(dtype=wp.uint8),  # memory of patches that are too large for a block's own
         position_out: wp.array(dtype=point),  # [m], shape [V]
-        move_out: wp.array(dtype=order_functions(precision, not cloth_contact).move),  # [m], shape [V]
+        displacement_out: wp.array(dtype=order.move),  # [m], shape [V]
     ):
         """Moves each free vertex of an item that is not at rest by the forces that meet there; pinned ones stay."""
         thread = wp.tid()
         lane = lane_of(thread)
         block = block_of(thread)
-        if wp.static(presses):
-            if block < contact.pressing:
-                press_share(step, state, contact, thread, contact.pressing)
-                tell_blocks(contact.told)
-                return
-            block -= contact.pressing
         patch = patch_of(patches.patch, block)
         item = model.items[patch.item]
         soon = Patch()
-        if wp.static(paired and not cloth_contact):
+        if wp.static(options.paired and not cloth_contact):
             if fetches(NEXT_TURN):
                 soon = next_patch(patches, block)
         first, second = two_vertices(patches, patch, lane)
         if leaves(item.active, patch, first, second):
-            if wp.static(presses):
-                came = await_blocks(contact.told, contact.pressing)
-                leave_blocks(contact.told, contact.pressing, contact.waiting, came)
             return
-        work = work_edges(state, patches, patch, beside, step, lane, first, second, soon)
+        context = patch_context(step, patches, patch, overflow, lane)
+        work = work_edges(context, state, first, second, soon)
         if wp.static(not keeps):
-            work_corners(patches, patch, beside, step, lane, work)
+            work_corners(context, work)
         ask_no_earlier()
         local = int(lane)
-        if wp.static(fits):  # a thread for each vertex, and no one waits for what is asked for before the block
-            own = wp.min(local, patch.owned_count - 1)
-            vertex = own_vertex(patches, patch, own)
-            moves = free(model, vertex)
-            if wp.static(keeps):
-                held = kept_vertex(model, state, beside, work.memory, own, vertex)
-            else:
-                held = held_vertex(model, state, vertex)
+        own = wp.min(local, patch.owned_count - 1)
+        index = own_vertex(patches, patch, own)
+        moves = free(model, index)
+        vertex = read_vertex(context, model, state, own, index, item)
+        vertex.free = moves
         if wp.static(keeps):
-            work_corners(patches, patch, beside, step, lane, work)
+            work_corners(context, work)
         edges, triangles = wp.vec4i(work.edges), wp.vec4i(work.triangles)
-        if wp.static(fits and not cloth_contact):
-            known = told_before(contact, state, colliders, vertex, wp.vec3d(held.position), patch.item, item)
+        if wp.static(not cloth_contact):
+            known = prefetch(state, colliders, contact, index, wp.vec3d(vertex.position), patch.item, item)
         wait_for_block()
-        if wp.static(presses):  # all that need not wait for those that press
-            known = told_before(contact, state, colliders, vertex, wp.vec3d(held.position), patch.item, item)
-            sum = vec4()
-            if local < patch.owned_count:
-                sum = vertex_load(patches, patch, beside, work.memory, local, edges, triangles)
-            came = await_blocks(contact.told, contact.pressing)
-            if local < patch.owned_count:
-                end_vertex(
-                    step, colliders, contact, known, state, sum, held, vertex, moves, patch.item, item,
-                    position_out, move_out,
-                )  # fmt: skip
-            leave_blocks(contact.told, contact.pressing, contact.waiting, came)
-        elif wp.static(fits):
-            if local < patch.owned_count:
-                load = vertex_load(patches, patch, beside, work.memory, local, edges, triangles)
-                if wp.static(cloth_contact):
-                    known = told_before(contact, state, colliders, vertex, wp.vec3d(held.position), patch.item, item)
-                end_vertex(
-                    step, colliders, contact, known, state, load, held, vertex, moves, patch.item, item,
-                    position_out, move_out,
-                )  # fmt: skip
-        else:
-            while local < patch.owned_count:
-                vertex = own_vertex(patches, patch, local)
-                held, moves = held_vertex(model, state, vertex), free(model, vertex)
-                load = vertex_load(patches, patch, beside, work.memory, local, edges, triangles)
-                before = told_before(contact, state, colliders, vertex, wp.vec3d(held.position), patch.item, item)
-                end_vertex(
-                    step, colliders, contact, before, state, load, held, vertex, moves, patch.item, item,
-                    position_out, move_out,
-                )  # fmt: skip
-                local += block_threads()
-                edges, triangles = vertex_slots(patches, patch, local)
+        if local < patch.owned_count:
+            load = vertex_load(context, local, edges, triangles)
+            turn, gone = int(0), wp.int64(0)
+            if wp.static(cloth_contact):
+                known = prefetch(state, colliders, contact, index, wp.vec3d(vertex.position), patch.item, item)
+                turn, gone = contact_turn(contact, index)
+            position, move, kept = move_vertex(state, step, colliders, contact, known, load, vertex)
+            put_move(displacement_out, index, kept)
+            put_position(position_out, index, position)
+            if wp.static(cloth_contact):
+                contact_watch(contact, index, known.contact, float(root(inner(move, move))), turn, gone)
 
     return advance_vertices
+
+
+@functools.cache
+def _advance_pressing_kernel(options: KernelOptions) -> wp.Kernel:
+    """Kernel ``press_and_advance``: the first blocks press pairs of cloth, while the others compute what they own."""
+    types, keeps = cloth_types(options.precision), _keeps(options)
+    point, vec4, Model, State, Step = types.point, types.vec4, types.Model, types.State, types.Step
+    order = order_functions(options.precision, options.packed, options.in_order)
+    put_position, put_move = order.put_position, order.put_move
+    patch_context, prefetch, move_vertex = (
+        context_function(options), prefetch_function(options), move_function(options),
+    )  # fmt: skip
+    press_share = press_function(options.precision, Accumulate.STIFFNESS, in_order=True)
+    functions = patch_functions(options)
+    own_vertex, two_vertices = functions.own_vertex, functions.two_vertices
+    work_edges, work_corners, vertex_load = functions.work_edges, functions.work_corners, functions.vertex_load
+    read_vertex, free = block_read_function(options), free_function(options.precision, options.terms.pins)
+
+    @wp.kernel(module="unique", module_options=MODULE_OPTIONS, grid_stride=False, launch_bounds=_launch_bounds(options))
+    def press_and_advance(
+        model: Model,
+        state: State,
+        step: Step,
+        colliders: colliders_type(options.avatar_contact, options.collider),
+        contact: cloth_contact_type(True),
+        patches: types.Patches,
+        overflow: wp.array(dtype=wp.uint8),  # memory of patches that are too large for a block's own
+        position_out: wp.array(dtype=point),  # [m], shape [V]
+        displacement_out: wp.array(dtype=order.move),  # [m], shape [V]
+    ):
+        """Presses pairs of cloth, and moves each free vertex of an item that is not at rest by all forces there."""
+        thread = wp.tid()
+        lane = lane_of(thread)
+        block = block_of(thread)
+        if block < contact.pressing:
+            press_share(step, state, contact, thread, contact.pressing)
+            tell_blocks(contact.told)
+            return
+        block -= contact.pressing
+        patch = patch_of(patches.patch, block)
+        item = model.items[patch.item]
+        first, second = two_vertices(patches, patch, lane)
+        if leaves(item.active, patch, first, second):
+            came = await_blocks(contact.told, contact.pressing)
+            leave_blocks(contact.told, contact.pressing, contact.waiting, came)
+            return
+        context = patch_context(step, patches, patch, overflow, lane)
+        work = work_edges(context, state, first, second, Patch())
+        if wp.static(not keeps):
+            work_corners(context, work)
+        ask_no_earlier()
+        local = int(lane)
+        own = wp.min(local, patch.owned_count - 1)
+        index = own_vertex(patches, patch, own)
+        moves = free(model, index)
+        vertex = read_vertex(context, model, state, own, index, item)
+        vertex.free = moves
+        if wp.static(keeps):
+            work_corners(context, work)
+        edges, triangles = wp.vec4i(work.edges), wp.vec4i(work.triangles)
+        wait_for_block()
+        # all that need not wait for those that press
+        known = prefetch(state, colliders, contact, index, wp.vec3d(vertex.position), patch.item, item)
+        load = vec4()
+        if local < patch.owned_count:
+            load = vertex_load(context, local, edges, triangles)
+        came = await_blocks(contact.told, contact.pressing)
+        if local < patch.owned_count:
+            turn, gone = contact_turn(contact, index)
+            position, move, kept = move_vertex(state, step, colliders, contact, known, load, vertex)
+            put_move(displacement_out, index, kept)
+            put_position(position_out, index, position)
+            contact_watch(contact, index, known.contact, float(root(inner(move, move))), turn, gone)
+        leave_blocks(contact.told, contact.pressing, contact.waiting, came)
+
+    return press_and_advance
+
+
+@functools.cache
+def _advance_large_kernel(options: KernelOptions) -> wp.Kernel:
+    """Kernel ``advance_large``, where some patch is too large for a block's own memory or threads."""
+    types, cloth_contact = cloth_types(options.precision), options.cloth_contact
+    point, Model, State, Step = types.point, types.Model, types.State, types.Step
+    order = order_functions(options.precision, options.packed, options.in_order)
+    put_position, put_move = order.put_position, order.put_move
+    patch_context, prefetch, move_vertex = (
+        context_function(options), prefetch_function(options), move_function(options),
+    )  # fmt: skip
+    functions = patch_functions(options)
+    own_vertex, two_vertices = functions.own_vertex, functions.two_vertices
+    work_edges, work_corners = functions.work_edges, functions.work_corners
+    vertex_slots, vertex_load = functions.vertex_slots, functions.vertex_load
+    read_vertex, free = read_function(options), free_function(options.precision, options.terms.pins)
+    next_patch = next_functions(options.precision).next_patch
+
+    @wp.kernel(module="unique", module_options=MODULE_OPTIONS, grid_stride=False, launch_bounds=_launch_bounds(options))
+    def advance_large(
+        model: Model,
+        state: State,
+        step: Step,
+        colliders: colliders_type(options.avatar_contact, options.collider),
+        contact: cloth_contact_type(cloth_contact),
+        patches: types.Patches,
+        overflow: wp.array(dtype=wp.uint8),  # memory of patches that are too large for a block's own
+        position_out: wp.array(dtype=point),  # [m], shape [V]
+        displacement_out: wp.array(dtype=order.move),  # [m], shape [V]
+    ):
+        """Moves each free vertex of an item that is not at rest by the forces that meet there; pinned ones stay."""
+        thread = wp.tid()
+        lane = lane_of(thread)
+        block = block_of(thread)
+        patch = patch_of(patches.patch, block)
+        item = model.items[patch.item]
+        soon = Patch()
+        if wp.static(options.paired and not cloth_contact):
+            if fetches(NEXT_TURN):
+                soon = next_patch(patches, block)
+        first, second = two_vertices(patches, patch, lane)
+        if leaves(item.active, patch, first, second):
+            return
+        context = patch_context(step, patches, patch, overflow, lane)
+        work = work_edges(context, state, first, second, soon)
+        work_corners(context, work)
+        ask_no_earlier()
+        local = int(lane)
+        edges, triangles = wp.vec4i(work.edges), wp.vec4i(work.triangles)
+        wait_for_block()
+        while local < patch.owned_count:
+            index = own_vertex(patches, patch, local)
+            vertex = read_vertex(model, state, index, patch.item, item)
+            vertex.free = free(model, index)
+            load = vertex_load(context, local, edges, triangles)
+            known = prefetch(state, colliders, contact, index, wp.vec3d(vertex.position), patch.item, item)
+            turn, gone = int(0), wp.int64(0)
+            if wp.static(cloth_contact):
+                turn, gone = contact_turn(contact, index)
+            position, move, kept = move_vertex(state, step, colliders, contact, known, load, vertex)
+            put_move(displacement_out, index, kept)
+            put_position(position_out, index, position)
+            if wp.static(cloth_contact):
+                contact_watch(contact, index, known.contact, float(root(inner(move, move))), turn, gone)
+            local += block_threads()
+            edges, triangles = vertex_slots(patches, patch, local)
+
+    return advance_large

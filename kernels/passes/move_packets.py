@@ -6,6 +6,7 @@ import warp as wp
 
 from warp_cloth.kernels.avatar.field import fetch_field
 from warp_cloth.kernels.base.access import element
+from warp_cloth.kernels.base.options import KernelOptions
 from warp_cloth.kernels.base.types import MODULE_OPTIONS, cloth_types
 from warp_cloth.kernels.laws.step import accelerated_displacement
 from warp_cloth.kernels.math.lanes import WIDTH as EIGHT
@@ -21,15 +22,14 @@ from warp_cloth.kernels.math.packet_memory import (
 )
 from warp_cloth.kernels.math.real import inner, root
 from warp_cloth.kernels.math.symmetric import symmetric_times
-from warp_cloth.kernels.passes.avatar_contact import LONGER, STEP, looking
+from warp_cloth.kernels.passes.avatar_contact import LONGER, STEP, query_function
 from warp_cloth.kernels.passes.step import (
     AHEAD,
     colliders_type,
     momentum_function,
-    spares_looks,
-    steady_swing,
+    saves_queries,
+    swings_evenly,
     way_function,
-    wears,
 )
 
 WIDTH = wp.constant(EIGHT)
@@ -112,21 +112,17 @@ for _real, _name in ((wp.float32, "float"), (wp.float64, "double")):
 
 
 @functools.cache
-def eight_displace_kernel(
-    precision: str, avatar_contact: wp.Function | None, collider_type: type, pins: bool
-) -> wp.Kernel:
-    """Kernel ``displace_vertices`` of the accelerated step, of cloth that passes through itself.
-
-    ``avatar_contact``, ``collider_type`` and ``pins`` as of displace.displace_kernel.
-    """
+def eight_displace_kernel(options: KernelOptions) -> wp.Kernel:
+    """Kernel ``displace_vertices`` of the accelerated step, of cloth that passes through itself."""
+    precision, avatar_contact, collider_type = options.precision, options.avatar_contact, options.collider
     types, packets = cloth_types(precision), lane_types(cloth_types(precision).real, EIGHT)
     real, vec3, vec4, vec6, Model, State = types.real, types.vec3, types.vec4, types.vec6, types.Model, types.State
     Step, Item = types.Step, types.Item
-    worn, spares = wears(True, avatar_contact), spares_looks(avatar_contact, cloth_contact=False)
-    force_way = way_function(precision, steady_swing(True, avatar_contact, cloth_contact=False), lanes=EIGHT)
-    kept_share = momentum_function(precision, steady_swing(True, avatar_contact, cloth_contact=False))
+    worn, spares, Vertex = options.anisotropic, saves_queries(options), types.Vertex
+    force_way = way_function(precision, swings_evenly(options), lanes=EIGHT)
+    kept_share = momentum_function(precision, swings_evenly(options))
     Colliders = colliders_type(avatar_contact, collider_type)
-    looked_move = None if avatar_contact is None else looking(precision, avatar_contact, collider_type, worn, spares)
+    query_avatar = None if avatar_contact is None else query_function(options, spares, prefetched=False)
 
     @wp.func
     def own_moves(model: Model, state: State, step: Step, load: packets.vec4, first: int, item: Item):
@@ -158,8 +154,11 @@ def eight_displace_kernel(
             lane = first_lane(near)
             vertex = first + lane
             move = vec3(moves[lane], moves[WIDTH + lane], moves[2 * WIDTH + lane])
-            position = element(state.position, vertex)
-            move, kept = looked_move(state, collider, False, vec6(), float(0.0), vertex, position, move, item)
+            near_one = Vertex()
+            near_one.index = vertex
+            near_one.item = item
+            near_one.position = element(state.position, vertex)
+            move, kept = query_avatar(state, collider, False, vec6(), float(0.0), near_one, move)
             for axis in range(3):
                 met[WIDTH * axis + lane] = move[axis]
                 momentum[WIDTH * axis + lane] = kept[axis]
@@ -186,7 +185,7 @@ def eight_displace_kernel(
         """Moves those of eight vertices that are free and of items that are not at rest."""
         first = first_of_packet(wp.tid(), model.weight.shape[0])
         lanes = 256 - (1 << (WIDTH * wp.tid() - first))  # the others are moved already
-        if wp.static(pins):
+        if wp.static(options.terms.pins):
             lanes &= lanes_free(model.pinned, first)
         loads = load_packet(load, first)
         store_zeros(load, first)

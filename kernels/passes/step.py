@@ -7,7 +7,7 @@ import warp as wp
 
 from warp_cloth.kernels.avatar.field import field_contact
 from warp_cloth.kernels.base.access import element
-from warp_cloth.kernels.base.options import Accumulate
+from warp_cloth.kernels.base.options import Accumulate, KernelOptions
 from warp_cloth.kernels.base.types import cloth_types
 from warp_cloth.kernels.contact.arrays import ContactBefore, ContactData, contact_before
 from warp_cloth.kernels.contact.sums import taken_function
@@ -17,7 +17,7 @@ from warp_cloth.kernels.math.operators import add, div, mul, sub  # noqa: F401  
 from warp_cloth.kernels.math.packet import broadcast, component, vector3
 from warp_cloth.kernels.math.real import root, scaled_sum
 from warp_cloth.kernels.math.symmetric import bounded_inverse, multiple_of_unit, symmetric_times
-from warp_cloth.kernels.passes.avatar_contact import meeting
+from warp_cloth.kernels.passes.avatar_contact import avatar_function
 from warp_cloth.kernels.patches.packing import order_functions
 
 AHEAD = wp.constant(16)  # vertices for which the CPU's memory is asked before it is needed
@@ -28,111 +28,100 @@ class NoCollider:
     """A scene without avatar asks nothing."""
 
 
-def colliders_type(avatar_contact: wp.Function | None, collider_type: type) -> Any:
+def colliders_type(contact: wp.Function | None, collider_type: type) -> Any:
     """What kernels take for the items' avatars: an array of their structs, or nothing where there are none."""
-    return NoCollider if avatar_contact is None else wp.array(dtype=collider_type)
+    return NoCollider if contact is None else wp.array(dtype=collider_type)
 
 
 @wp.struct
 class NoClothContact:
-    """Cloth that passes through cloth asks nothing."""
+    """Cloth that passes through cloth reads nothing."""
 
 
-def contact_type(cloth_contact: bool) -> type:
-    """The struct that tells of cloth on cloth, where it is told at all."""
+def cloth_contact_type(cloth_contact: bool) -> type:
+    """The struct of cloth on cloth, where it meets at all."""
     return ContactData if cloth_contact else NoClothContact
 
 
 @functools.cache
-def before_type(precision: str, avatar_contact: wp.Function | None, collider_type: type, cloth_contact: bool) -> type:
-    """The struct of what is known of a vertex before its forces are; arguments as of ``displacement``.
+def prefetched_type(options: KernelOptions) -> type:
+    """The struct of what is loaded for a vertex before its forces are known.
 
-    A GPU waits for memory far longer than it works: it asks for all that while forces are still worked out, or while
-    others press pairs of cloth.
+    A GPU waits for memory far longer than it computes: it loads all that while forces are still computed, or while
+    other blocks press pairs of cloth.
     """
-    vec6 = cloth_types(precision).vec6
+    vec6 = cloth_types(options.precision).vec6
 
     @wp.struct
-    class Before:
+    class Prefetched:
         """What is known of a vertex that may meet cloth."""
 
         contact: ContactBefore
-        loose: bool  # whether it has leeway
-        stiff: vec6  # inverse of the leeway of one that is loose
-        collider: collider_type  # of its item
+        anisotropic: bool  # whether its step is
+        inverse_compliance: vec6  # of one whose step is
+        collider: options.collider or NoCollider  # of its item
 
     @wp.struct
-    class WornBefore:
+    class WornPrefetched:
         """What is known of a vertex that may meet an avatar alone."""
 
-        loose: bool
-        leeway: vec6  # of one that is loose
-        clear: float  # as of State [m]
+        anisotropic: bool
+        compliance: vec6  # of one whose step is anisotropic
+        clearance: float  # as of State [m]
 
-    if cloth_contact:
-        return Before
-    return NoClothContact if avatar_contact is None else WornBefore
+    if options.cloth_contact:
+        return Prefetched
+    return NoClothContact if options.avatar_contact is None else WornPrefetched
 
 
 @functools.cache
-def before_function(
-    precision: str,
-    accelerated: bool,
-    avatar_contact: wp.Function | None,
-    collider_type: type,
-    cloth_contact: bool,
-    spares: bool,
-    packed: bool = False,
-) -> wp.Function:
-    """The function that tells ``before_type``; ``packed`` as of packing.order_functions."""
-    types = cloth_types(precision)
+def prefetch_function(options: KernelOptions) -> wp.Function:
+    """The function that loads ``prefetched_type``."""
+    types, cloth_contact, anisotropic = cloth_types(options.precision), options.cloth_contact, options.anisotropic
     real, State, Item = types.real, types.State, types.Item
-    Colliders, Contact = colliders_type(avatar_contact, collider_type), contact_type(cloth_contact)
-    Before = before_type(precision, avatar_contact, collider_type, cloth_contact)
-    worn = wears(accelerated, avatar_contact, cloth_contact)
-    leeway_at = order_functions(precision, packed).leeway_at
+    Colliders = colliders_type(options.avatar_contact, options.collider)
+    Contact, Prefetched = cloth_contact_type(cloth_contact), prefetched_type(options)
+    leeway_at = order_functions(options.precision, options.packed).leeway_at
 
     @wp.func
-    def told_before(
-        contact: Contact, state: State, colliders: Colliders, vertex: int, position: wp.vec3d, number: int, item: Item
+    def prefetch(
+        state: State,
+        colliders: Colliders,
+        contact: Contact,
+        vertex: int,
+        position: wp.vec3d,
+        item_index: int,
+        item: Item,
     ):
-        """What is known of a vertex of an item of that number."""
-        before = Before()
+        """What is known of a vertex at this position, of an item."""
+        known = Prefetched()
         if wp.static(cloth_contact):
-            before.contact = contact_before(contact, vertex, position)
-            if wp.static(avatar_contact is not None):
-                before.collider = colliders[number]
-        if wp.static(spares):
-            before.clear = element(state.clearance, vertex)
-        if wp.static(worn):
+            known.contact = contact_before(contact, vertex, position)
+            if wp.static(options.avatar_contact is not None):
+                known.collider = colliders[item_index]
+        if wp.static(saves_queries(options)):
+            known.clearance = element(state.clearance, vertex)
+        if wp.static(anisotropic):
             if item.anisotropy_limit > real(0.0):
                 leeway = leeway_at(state, vertex)
-                before.loose = state.in_contact[vertex] == wp.uint8(0)
+                known.anisotropic = state.in_contact[vertex] == wp.uint8(0)
                 if wp.static(cloth_contact):
-                    if before.loose:
-                        before.stiff = bounded_inverse(leeway)
+                    if known.anisotropic:
+                        known.inverse_compliance = bounded_inverse(leeway)
                 else:
-                    before.leeway = leeway
-        return before
+                    known.compliance = leeway
+        return known
 
-    return told_before
+    return prefetch
 
 
-def wears(accelerated: bool, avatar_contact: wp.Function | None, cloth_contact: bool = False) -> bool:
-    """Whether a scene's cloth may be loose (passes.anisotropic_step): it is worn by an avatar, or may lie on cloth.
+def saves_queries(options: KernelOptions) -> bool:
+    """Whether the avatar is queried only for vertices that may have come near: where that is known, and saves time.
 
-    What just hangs is taut, and loses nothing by steps alike in all directions.
+    Where cloth meets cloth it is lifted off the avatar here and there. Where patches are few each takes as long as its
+    vertices that are near.
     """
-    return accelerated and (avatar_contact is not None or cloth_contact)
-
-
-def spares_looks(avatar_contact: wp.Function | None, cloth_contact: bool, few: bool = False) -> bool:
-    """Whether only what may have come near the avatar is looked up: where that may be told, and saves time.
-
-    Where cloth meets cloth it is lifted off the avatar here and there. Where patches are ``few`` (advance_kernel) each
-    takes as long as its vertices that are near.
-    """
-    return avatar_contact is field_contact and not cloth_contact and not few
+    return options.avatar_contact is field_contact and not options.cloth_contact and not options.few
 
 
 @functools.cache
@@ -154,14 +143,14 @@ def loose_way(precision: str) -> wp.Function:
     return pressed_way
 
 
-def steady_swing(accelerated: bool, avatar_contact: wp.Function | None, cloth_contact: bool) -> bool:
-    """Whether cloth swings otherwise once it is loose; what meets itself does so by the same rule, loose or not."""
-    return wears(accelerated, avatar_contact) and not cloth_contact
+def swings_evenly(options: KernelOptions) -> bool:
+    """Whether cloth's swing changes once forces have balanced; what meets itself swings by one rule throughout."""
+    return options.accelerated and options.avatar_contact is not None and not options.cloth_contact
 
 
 @functools.cache
 def way_function(precision: str, steady: bool, lanes: int = 1) -> wp.Function:
-    """The function ``force_way`` of the accelerated step, of a vertex or a packet; ``steady``: of steady_swing."""
+    """The function ``force_way`` of the accelerated step, of a vertex or a packet; ``steady``: of swings_evenly."""
     types, shapes = cloth_types(precision), lane_types(cloth_types(precision).real, lanes)
     real, Step, Item = types.real, types.Step, types.Item
     one, vec4 = shapes.real, shapes.vec4
@@ -187,7 +176,7 @@ def way_function(precision: str, steady: bool, lanes: int = 1) -> wp.Function:
 
 @functools.cache
 def momentum_function(precision: str, steady: bool) -> wp.Function:
-    """The function that tells how much of a displacement an item's vertices keep; ``steady`` of steady_swing.
+    """The function that tells how much of a displacement an item's vertices keep; ``steady`` of swings_evenly.
 
     At any moment some fold's trembling has half of all displacements fight their forces: a fold that slides slowly
     would be damped by others' trembling, in every iteration. Loose cloth is damped evenly, so that all that is soft
@@ -209,85 +198,53 @@ def momentum_function(precision: str, steady: bool) -> wp.Function:
 
 
 @functools.cache
-def free_move(
-    precision: str, accelerated: bool, avatar_contact: wp.Function | None, collider_type: type, cloth_contact: bool
-) -> wp.Function:
-    """The function that turns a load into a displacement where nothing is met; arguments as of ``displacement``."""
-    types = cloth_types(precision)
-    real, vec3, vec4, Vertex = types.real, types.vec3, types.vec4, types.Vertex
-    Step, Item = types.Step, types.Item
-    worn, pressed_way = wears(accelerated, avatar_contact, cloth_contact), loose_way(precision)
-    steady = steady_swing(accelerated, avatar_contact, cloth_contact)
-    Before = before_type(precision, avatar_contact, collider_type, cloth_contact)
-    force_way, kept_share = way_function(precision, steady), momentum_function(precision, steady)
+def free_displacement_function(options: KernelOptions) -> wp.Function:
+    """The function that turns a load into a displacement where nothing is met."""
+    types = cloth_types(options.precision)
+    real, vec3, vec4, Vertex, Step = types.real, types.vec3, types.vec4, types.Vertex, types.Step
+    steady, pressed_way = swings_evenly(options), loose_way(options.precision)
+    Prefetched = prefetched_type(options)
+    force_way, kept_share = way_function(options.precision, steady), momentum_function(options.precision, steady)
 
     @wp.func
-    def own_move(step: Step, before: Before, load: vec4, pressed: real, held: Vertex, vertex: int, item: Item):
-        """Displacement of a vertex by its forces, and the stiffness that it goes by; ``pressed`` of it by cloth."""
-        weight = held.weight
+    def free_displacement(step: Step, known: Prefetched, load: vec4, pressed: real, vertex: Vertex):
+        """Displacement of a vertex by its forces, and the stiffness of its step; ``pressed``: what of it is cloth's."""
+        weight = vertex.weight
         move = vec3()
         stiffness = real(0.0)
-        if wp.static(accelerated):
-            force, way, stiffness, kept = force_way(step, load, weight, held.stiffness, item)
-            if wp.static(worn):
-                # what is held by contact and friction is held alike in all directions
-                if wp.static(cloth_contact):
-                    if before.loose:
-                        own = load[3] - pressed + weight / item.cap
-                        way = pressed_way(before.stiff, force, own, stiffness)
+        if wp.static(options.accelerated):
+            force, way, stiffness, kept = force_way(step, load, weight, vertex.stiffness, vertex.item)
+            if wp.static(options.anisotropic):
+                # what contact and friction hold is held alike in all directions
+                if wp.static(options.cloth_contact):
+                    if known.anisotropic:
+                        own = load[3] - pressed + weight / vertex.item.cap
+                        way = pressed_way(known.inverse_compliance, force, own, stiffness)
                 else:
-                    if before.loose:
-                        way = symmetric_times(before.leeway, way)
-            momentum, damping = kept_share(step, item)
-            move = accelerated_displacement(force, way, held.move, momentum * kept, damping, item.cap)
+                    if known.anisotropic:
+                        way = symmetric_times(known.compliance, way)
+            momentum, damping = kept_share(step, vertex.item)
+            move = accelerated_displacement(force, way, vertex.displacement, momentum * kept, damping, vertex.item.cap)
         else:
             force = scaled_sum(step.gravity, weight, vec3(load[0], load[1], load[2]))
-            move = direct_displacement(force, weight, item.cap)
+            move = direct_displacement(force, weight, vertex.item.cap)
         return move, stiffness
 
-    return own_move
+    return free_displacement
 
 
 @functools.cache
-def displacement(
-    precision: str,
-    accelerated: bool,
-    avatar_contact: wp.Function | None,
-    collider_type: type,
-    cloth_contact: bool,
-    spares: bool = False,
-) -> wp.Function:
-    """The function that turns a free vertex's load into its displacement [m], contact and friction included.
-
-    Args:
-        precision: of positions and forces.
-        accelerated: each vertex by its own step and with momentum; otherwise by the paper's rule.
-        contact: (collider, world position) -> (normal, distance [m]); None where the scene has no avatar.
-        collider_type: the struct that it asks, one for each item; NoCollider without avatar.
-        touches: whether cloth meets cloth.
-        spares: whether a vertex that surely cannot have come near the avatar is not looked up; the same bits.
-    """
-    types = cloth_types(precision)
-    real, vec3, vec4, vec6, Vertex, Step, Item = (
-        types.real,
-        types.vec3,
-        types.vec4,
-        types.vec6,
-        types.Vertex,
-        types.Step,
-        types.Item,
-    )
-    State = types.State
-    Colliders, Contact = colliders_type(avatar_contact, collider_type), contact_type(cloth_contact)
-    own_move = free_move(precision, accelerated, avatar_contact, collider_type, cloth_contact)
-    Before = before_type(precision, avatar_contact, collider_type, cloth_contact)
-    contact_taken = taken_function(precision)
-    worn = wears(accelerated, avatar_contact, cloth_contact)
-    met_move = (
-        None
-        if avatar_contact is None
-        else meeting(precision, avatar_contact, collider_type, worn, spares, cloth_contact)
-    )
+def displacement_function(options: KernelOptions) -> wp.Function:
+    """The function that turns a free vertex's load into its displacement [m], contact and friction included."""
+    types, cloth_contact = cloth_types(options.precision), options.cloth_contact
+    real, vec3, vec4, State, Vertex, Step = (
+        types.real, types.vec3, types.vec4, types.State, types.Vertex, types.Step,
+    )  # fmt: skip
+    Colliders = colliders_type(options.avatar_contact, options.collider)
+    Contact, Prefetched = cloth_contact_type(cloth_contact), prefetched_type(options)
+    free_displacement, contact_taken = free_displacement_function(options), taken_function(options.precision)
+    meets_avatar = options.avatar_contact is not None
+    meet_avatar = avatar_function(options, Prefetched, saves_queries(options)) if meets_avatar else None
 
     @wp.func
     def vertex_displacement(
@@ -295,50 +252,38 @@ def displacement(
         step: Step,
         colliders: Colliders,
         contact: Contact,
-        before: Before,
+        known: Prefetched,
         load: vec4,
-        held: Vertex,
-        vertex: int,
-        number: int,
-        item: Item,
+        vertex: Vertex,
     ):
-        """Displacement of a vertex, the part of it that has momentum, and the stiffness that it went by.
-
-        ``before`` of ``before_function``; ``number`` is of the item that the vertex belongs to.
-        """
+        """Displacement of a vertex, the part of it that has momentum, and the stiffness of its step."""
         shift = vec3()
         lift = float(0.0)
-        room, pressed = real(0.0), real(0.0)
-        if wp.static(cloth_contact):  # asked for at once: a GPU waits for memory far longer than it works
-            contact_load, limit = contact_taken(contact, vertex, before.contact)
-            load += contact_load
-            pressed = contact_load[3]
-            room = real(limit)
-            shift, lift = vec3(before.contact.shift), float(before.contact.lift)
-        move, stiffness = own_move(step, before, load, pressed, held, vertex, item)
+        limit, pressed = real(0.0), real(0.0)
+        if wp.static(cloth_contact):  # loaded at once: a GPU waits for memory far longer than it computes
+            touched, left = contact_taken(contact, vertex.index, known.contact)
+            load += touched
+            pressed = touched[3]
+            limit = real(left)
+            shift, lift = vec3(known.contact.shift), float(known.contact.lift)
+        move, stiffness = free_displacement(step, known, load, pressed, vertex)
         if wp.static(cloth_contact):
             move += shift
         kept = move
-        if wp.static(avatar_contact is not None):
+        if wp.static(meets_avatar):
             if wp.static(cloth_contact):
-                move, kept = met_move(
-                    state, before.collider, before.loose, vec6(), 0.0, lift, vertex, held.position, move, item
-                )
+                move, kept = meet_avatar(state, known.collider, known, lift, vertex, move)
             else:
-                move, kept = met_move(
-                    state, colliders[number], before.loose, before.leeway, before.clear, lift, vertex, held.position,
-                    move, item,
-                )  # fmt: skip
+                move, kept = meet_avatar(state, colliders[vertex.item_index], known, lift, vertex, move)
         if wp.static(cloth_contact):
-            move, kept = capped(move, room), capped(kept, room) - shift
+            move, kept = capped(move, limit), capped(kept, limit) - shift
         return move, kept, stiffness
 
     return vertex_displacement
 
 
-def step_bound(accelerated: bool, avatar_contact: wp.Function | None, cloth_contact: bool = False) -> Accumulate:
-    """What an iteration accumulates beside forces; arguments as of ``displacement``."""
-    if not accelerated:
+def accumulated(options: KernelOptions) -> Accumulate:
+    """What an iteration accumulates beside forces."""
+    if not options.accelerated:
         return Accumulate.NONE
-    worn = wears(accelerated, avatar_contact, cloth_contact)
-    return Accumulate.ANISOTROPIC_STIFFNESS if worn else Accumulate.STIFFNESS
+    return Accumulate.ANISOTROPIC_STIFFNESS if options.anisotropic else Accumulate.STIFFNESS

@@ -7,18 +7,20 @@ import warp as wp
 
 from warp_cloth.kernels.base.access import element
 from warp_cloth.kernels.base.block import memory_functions, threads_function
-from warp_cloth.kernels.base.options import Accumulate, Terms, fold_numbers
-from warp_cloth.kernels.base.types import Patch, cloth_types
+from warp_cloth.kernels.base.options import KernelOptions, Terms, fold_numbers
+from warp_cloth.kernels.base.types import cloth_types
 from warp_cloth.kernels.elements.triangle import corner_function, triangle_functions
 from warp_cloth.kernels.math.real import inner
-from warp_cloth.kernels.patches.memory import PatchMemory, stride_function
+from warp_cloth.kernels.patches.memory import context_type, stride_function
 from warp_cloth.kernels.patches.packing import three_function
 from warp_cloth.kernels.patches.steps import packed, point_functions
 
 
 @functools.cache
-def sides_functions(precision: str, accumulate: Accumulate, terms: Terms, fits: bool) -> SimpleNamespace:
-    """Functions ``fold_at``, ``turned``, ``side_fold`` and ``sides_of``, by which a triangle is worked out."""
+def sides_functions(options: KernelOptions) -> SimpleNamespace:
+    """Functions ``fold_at``, ``turned``, ``side_fold`` and ``sides_of``, by which a triangle is computed."""
+    precision, terms, fits, accumulate = options.precision, options.terms, options.fits, options.accumulate
+    Context = context_type(precision)
     types = cloth_types(precision)
     vec3 = types.vec3
     functions = memory_functions(precision, fits)
@@ -29,15 +31,15 @@ def sides_functions(precision: str, accumulate: Accumulate, terms: Terms, fits: 
     first_three = three_function(precision)
 
     @wp.func
-    def fold_at(beside: wp.array(dtype=wp.uint8), memory: PatchMemory, edge: int, along: vec3):
+    def fold_at(context: Context, edge: int, along: vec3):
         """An edge's hinge; ``along`` the edge, where that is known."""
-        place = memory.fold + wp.static(numbers * types.real_size) * edge
+        place = context.memory.fold + wp.static(numbers * types.real_size) * edge
         fold = vec3()
         if wp.static(numbers == 2):
-            two = read_2(beside, place)
+            two = read_2(context.overflow, place)
             fold = vec3(two[0], two[1], inner(along, along))
         else:
-            fold = read_3(beside, place)
+            fold = read_3(context.overflow, place)
         return fold
 
     @wp.func
@@ -46,22 +48,22 @@ def sides_functions(precision: str, accumulate: Accumulate, terms: Terms, fits: 
         return vec3(wp.where(otherwise == 1, -fold[0], fold[0]), fold[1], fold[2])
 
     @wp.func
-    def side_fold(beside: wp.array(dtype=wp.uint8), memory: PatchMemory, word: wp.uint64, side: int, along: vec3):
+    def side_fold(context: Context, word: wp.uint64, side: int, along: vec3):
         """``fold_at`` of a triangle's side, its turn as the triangle is wound."""
-        return turned(fold_at(beside, memory, packed(word, side), along), (packed(word, 3) >> side) & 1)
+        return turned(fold_at(context, packed(word, side), along), (packed(word, 3) >> side) & 1)
 
     @wp.func
-    def sides_of(beside: wp.array(dtype=wp.uint8), memory: PatchMemory, word: wp.uint64):
+    def sides_of(context: Context, word: wp.uint64):
         """A triangle as it lies."""
         a, b, c = packed(word, 0), packed(word, 1), packed(word, 2)
         move_0, move_1, move_2 = vec3(), vec3(), vec3()
         if wp.static(accumulate.is_bound):
-            move_0 = first_three(read_4(beside, memory.move + wp.static(size_4) * a))
-            move_1 = first_three(read_4(beside, memory.move + wp.static(size_4) * b))
-            move_2 = first_three(read_4(beside, memory.move + wp.static(size_4) * c))
-        origin = point_at(beside, memory, a)
-        second = point_at(beside, memory, b)
-        third = point_at(beside, memory, c)
+            move_0 = first_three(read_4(context.overflow, context.memory.move + wp.static(size_4) * a))
+            move_1 = first_three(read_4(context.overflow, context.memory.move + wp.static(size_4) * b))
+            move_2 = first_three(read_4(context.overflow, context.memory.move + wp.static(size_4) * c))
+        origin = point_at(context, a)
+        second = point_at(context, b)
+        third = point_at(context, c)
         return triangle_sides(origin, second, third, move_0, move_1, move_2)
 
     return SimpleNamespace(fold_at=fold_at, turned=turned, side_fold=side_fold, sides_of=sides_of)
@@ -85,20 +87,18 @@ def triangle_table_function(precision: str, terms: Terms) -> wp.Function:
 
 
 @functools.cache
-def corners_function(precision: str, accumulate: Accumulate, terms: Terms, fits: bool) -> wp.Function:
-    """The function that works out a triangle from what is known of it."""
+def corners_function(options: KernelOptions) -> wp.Function:
+    """The function that computes a triangle from what is known of it."""
+    precision, terms, fits, accumulate = options.precision, options.terms, options.fits, options.accumulate
+    Context = context_type(precision)
     types = cloth_types(precision)
-    vec3, vec4, Patches, Step, Sides = types.vec3, types.vec4, types.Patches, types.Step, types.Sides
+    vec3, vec4, Sides = types.vec3, types.vec4, types.Sides
     write_4, size_4 = memory_functions(precision, fits).write_4, 4 * types.real_size
     corner_loads, corner_stride = corner_function(precision, accumulate, terms), stride_function(terms)
 
     @wp.func
     def put_corners(
-        patches: Patches,
-        patch: Patch,
-        beside: wp.array(dtype=wp.uint8),
-        memory: PatchMemory,
-        step: Step,
+        context: Context,
         triangle: int,
         normal: vec4,
         sides: Sides,
@@ -109,79 +109,75 @@ def corners_function(precision: str, accumulate: Accumulate, terms: Terms, fits:
         """What yarns of a triangle and hinges of its sides do to its corners."""
         slope, law = vec4(), vec4()
         if wp.static(terms.yarns):
-            at = patch.triangle_start + triangle
-            slope, law = element(patches.slope, at), element(patches.yarns, at)
-        first, second, third = corner_loads(normal, fold_0, fold_1, fold_2, sides, slope, law, step)
-        others = memory.corner_load + wp.static(size_4) * (corner_stride(patch) + triangle)
-        write_4(beside, memory.corner_load + wp.static(size_4) * triangle, first)
-        write_4(beside, others, second)
-        write_4(beside, others + wp.static(size_4) * patch.triangle_count, third)
+            at = context.patch.triangle_start + triangle
+            slope, law = element(context.patches.slope, at), element(context.patches.yarns, at)
+        first, second, third = corner_loads(normal, fold_0, fold_1, fold_2, sides, slope, law, context.step)
+        others = context.memory.corner_load + wp.static(size_4) * (corner_stride(context.patch) + triangle)
+        write_4(context.overflow, context.memory.corner_load + wp.static(size_4) * triangle, first)
+        write_4(context.overflow, others, second)
+        write_4(context.overflow, others + wp.static(size_4) * context.patch.triangle_count, third)
 
     return put_corners
 
 
 @functools.cache
-def nothing_step(precision: str, terms: Terms, fits: bool) -> wp.Function:
+def nothing_step(options: KernelOptions) -> wp.Function:
     """The function that puts nothing after what triangles do."""
+    precision, terms, fits = options.precision, options.terms, options.fits
+    Context = context_type(precision)
     types = cloth_types(precision)
     vec4, size_4 = types.vec4, 4 * types.real_size
     write_4, corner_stride = memory_functions(precision, fits).write_4, stride_function(terms)
 
     @wp.func
-    def put_nothing(patch: Patch, beside: wp.array(dtype=wp.uint8), memory: PatchMemory, lane: int):
+    def put_nothing(context: Context):
         """For vertices where no more triangles meet."""
-        if lane == 0:
-            after = corner_stride(patch) + 2 * patch.triangle_count
-            write_4(beside, memory.corner_load + wp.static(size_4) * after, vec4())
+        if context.lane == 0:
+            after = corner_stride(context.patch) + 2 * context.patch.triangle_count
+            write_4(context.overflow, context.memory.corner_load + wp.static(size_4) * after, vec4())
 
     return put_nothing
 
 
 @functools.cache
-def triangles_step(precision: str, accumulate: Accumulate, terms: Terms, fits: bool, threads: int) -> wp.Function:
-    """The function that works out triangles."""
-    types, block_threads = cloth_types(precision), threads_function(threads)
-    vec3, vec4, Patches, Step, Sides = types.vec3, types.vec4, types.Patches, types.Step, types.Sides
+def triangles_step(options: KernelOptions) -> wp.Function:
+    """The function that computes triangles."""
+    precision, terms, fits = options.precision, options.terms, options.fits
+    types, block_threads = cloth_types(precision), threads_function(options.block_threads)
+    Context = context_type(precision)
+    vec3, vec4, Sides = types.vec3, types.vec4, types.Sides
     read_4, size_4 = memory_functions(precision, fits).read_4, 4 * types.real_size
-    functions, put_corners = (
-        sides_functions(precision, accumulate, terms, fits),
-        corners_function(precision, accumulate, terms, fits),
-    )
+    functions, put_corners = sides_functions(options), corners_function(options)
     sides_of, side_fold = functions.sides_of, functions.side_fold
-    put_nothing = nothing_step(precision, terms, fits)
+    put_nothing = nothing_step(options)
     triangle_table = triangle_table_function(precision, terms)
 
     @wp.func
     def work_triangles(
-        patches: Patches,
-        patch: Patch,
-        beside: wp.array(dtype=wp.uint8),
-        memory: PatchMemory,
-        step: Step,
-        lane: int,
+        context: Context,
         first_sides: wp.uint64,
         first_corners: wp.uint64,
     ):
         """What hinges and yarns of triangles do to their corners; the last two are of the thread's first one."""
-        count = patch.triangle_count
-        local = int(lane)
+        count = context.patch.triangle_count
+        local = int(context.lane)
         next_sides, next_corners = first_sides, first_corners
         while local < count:
-            at = patch.triangle_start + local
+            at = context.patch.triangle_start + local
             word, corners = next_sides, next_corners
             if local + block_threads() < count:
-                next_sides, next_corners = triangle_table(patches, at + block_threads())
+                next_sides, next_corners = triangle_table(context.patches, at + block_threads())
             normal, sides = vec4(), Sides()
             if wp.static(terms.yarns):
-                sides = sides_of(beside, memory, corners)
+                sides = sides_of(context, corners)
             fold_0, fold_1, fold_2 = vec3(), vec3(), vec3()
             if wp.static(terms.folds):
-                normal = read_4(beside, memory.normal + wp.static(size_4) * local)
-                fold_0 = side_fold(beside, memory, word, 0, sides.side_0)
-                fold_1 = side_fold(beside, memory, word, 1, sides.side_2)
-                fold_2 = side_fold(beside, memory, word, 2, sides.side_1)
-            put_corners(patches, patch, beside, memory, step, local, normal, sides, fold_0, fold_1, fold_2)
+                normal = read_4(context.overflow, context.memory.normal + wp.static(size_4) * local)
+                fold_0 = side_fold(context, word, 0, sides.side_0)
+                fold_1 = side_fold(context, word, 1, sides.side_2)
+                fold_2 = side_fold(context, word, 2, sides.side_1)
+            put_corners(context, local, normal, sides, fold_0, fold_1, fold_2)
             local += block_threads()
-        put_nothing(patch, beside, memory, lane)
+        put_nothing(context)
 
     return work_triangles

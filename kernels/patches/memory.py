@@ -7,7 +7,7 @@ import warp as wp
 
 from warp_cloth.kernels.base.access import element
 from warp_cloth.kernels.base.block import BESIDE, fetch_ahead, fetches, own_memory_function
-from warp_cloth.kernels.base.options import RANKS, Terms, block_for
+from warp_cloth.kernels.base.options import RANKS, KernelOptions, Terms, block_for
 from warp_cloth.kernels.base.types import Patch, cloth_types
 from warp_cloth.kernels.patches.packing import fetch_points
 
@@ -84,9 +84,10 @@ def stride_function(terms: Terms) -> wp.Function:
 
 
 @functools.cache
-def layout_function(precision: str, terms: Terms, fits: bool, paired: bool) -> wp.Function:
+def layout_function(options: KernelOptions) -> wp.Function:
     """The function that lays out the block's memory; the host counts the same bytes."""
-    types, own_memory = cloth_types(precision), own_memory_function(block_for(paired).memory)
+    terms, fits = options.terms, options.fits
+    types, own_memory = cloth_types(options.precision), own_memory_function(block_for(options.paired).memory)
     size_4, wide = 4 * types.real_size, types.point_size // 3
     corner_stride = stride_function(terms)
 
@@ -123,9 +124,52 @@ def layout_function(precision: str, terms: Terms, fits: bool, paired: bool) -> w
 
 
 @functools.cache
-def fetch_function(precision: str, terms: Terms, paired: bool) -> wp.Function:
-    """The function that asks for the tables of all steps; ``paired``: of threads that work on pairs of triangles."""
-    Patches = cloth_types(precision).Patches
+def context_type(precision: str) -> type:
+    """The struct of what a thread needs to work on its block's patch."""
+    types = cloth_types(precision)
+
+    @wp.struct
+    class PatchContext:
+        """A thread of a block that works on a patch: the patch, its tables, and where the block's memory holds it."""
+
+        patches: types.Patches
+        patch: Patch
+        memory: PatchMemory
+        overflow: wp.array(dtype=wp.uint8)  # memory of patches that are too large for a block's own
+        step: types.Step
+        lane: int  # the thread's number in its block
+
+    return PatchContext
+
+
+@functools.cache
+def context_function(options: KernelOptions) -> wp.Function:
+    """The function that makes a ``PatchContext``."""
+    types, Context = cloth_types(options.precision), context_type(options.precision)
+    patch_memory = layout_function(options)
+
+    @wp.func
+    def patch_context(
+        step: types.Step, patches: types.Patches, patch: Patch, overflow: wp.array(dtype=wp.uint8), lane: int
+    ):
+        """A thread's context in a block that works on this patch."""
+        context = Context()
+        context.patches = patches
+        context.patch = patch
+        context.memory = patch_memory(patch)
+        context.overflow = overflow
+        context.step = step
+        context.lane = lane
+        return context
+
+    return patch_context
+
+
+@functools.cache
+def fetch_function(options: KernelOptions) -> wp.Function:
+    """The function that prefetches the tables of all steps."""
+    terms, paired = options.terms, options.paired
+    Patches = cloth_types(options.precision).Patches
     slots_turn = SLOTS_TURN if paired else wp.constant(0)  # where the next patch is asked for, too, warps share that
 
     @wp.func

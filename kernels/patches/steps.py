@@ -10,11 +10,11 @@ import warp as wp
 
 from warp_cloth.kernels.base.access import element
 from warp_cloth.kernels.base.block import block_threads, memory_functions, threads_function
-from warp_cloth.kernels.base.options import NUMBER_BITS, SLOTS, WORD_LAW, Accumulate, Terms, fold_numbers
+from warp_cloth.kernels.base.options import NUMBER_BITS, SLOTS, WORD_LAW, Accumulate, KernelOptions, fold_numbers
 from warp_cloth.kernels.base.types import Patch, cloth_types, difference_function, takes_exact_stretch
 from warp_cloth.kernels.elements.edge import edge_functions
 from warp_cloth.kernels.elements.triangle import triangle_functions
-from warp_cloth.kernels.patches.memory import PatchMemory
+from warp_cloth.kernels.patches.memory import context_type
 from warp_cloth.kernels.patches.packing import order_functions, three_function
 
 _PACKED = """
@@ -68,42 +68,53 @@ def point_functions(precision: str, fits: bool) -> SimpleNamespace:
     """Functions ``point_at`` and ``put_point`` of a patch's vertices in the block's memory."""
     types = cloth_types(precision)
     wide, functions = types.point_size // 3, memory_functions(precision, fits)
+    Context = context_type(precision)
     read_point, write_point = functions.read_point, functions.write_point
 
     @wp.func
-    def point_at(beside: wp.array(dtype=wp.uint8), memory: PatchMemory, local: int):
+    def point_at(context: Context, local: int):
         """Where a vertex is [m]."""
-        return read_point(beside, memory.position + wp.static(2 * wide) * local, memory.third + wp.static(wide) * local)
+        return read_point(
+            context.overflow,
+            context.memory.position + wp.static(2 * wide) * local,
+            context.memory.third + wp.static(wide) * local,
+        )
 
     @wp.func
-    def put_point(beside: wp.array(dtype=wp.uint8), memory: PatchMemory, local: int, position: types.point):
+    def put_point(context: Context, local: int, position: types.point):
         """Keeps where a vertex is."""
         write_point(
-            beside, memory.position + wp.static(2 * wide) * local, memory.third + wp.static(wide) * local, position
+            context.overflow,
+            context.memory.position + wp.static(2 * wide) * local,
+            context.memory.third + wp.static(wide) * local,
+            position,
         )
 
     return SimpleNamespace(point_at=point_at, put_point=put_point)
 
 
 @functools.cache
-def vertices_step(
-    precision: str, accumulate: Accumulate, fits: bool, in_order: bool, packed: bool, threads: int
-) -> SimpleNamespace:
+def vertices_step(options: KernelOptions) -> SimpleNamespace:
     """Functions ``own_vertex``, ``two_vertices`` and ``read_vertices``."""
-    types, block_threads = cloth_types(precision), threads_function(threads)
-    State, Patches = types.State, types.Patches
-    own_vertex = own_function(precision, in_order)
-    order = order_functions(precision, packed, in_order)
+    precision, fits, accumulate = options.precision, options.fits, options.accumulate
+    types, block_threads = cloth_types(precision), threads_function(options.block_threads)
+    State, Patches, Context = types.State, types.Patches, context_type(precision)
+    own_vertex = own_function(precision, options.in_order)
+    order = order_functions(precision, options.packed, options.in_order)
     position_at, sized_move = order.position_at, order.sized_move
     put_point, write_4 = point_functions(precision, fits).put_point, memory_functions(precision, fits).write_4
 
     @wp.func
-    def keep(state: State, beside: wp.array(dtype=wp.uint8), memory: PatchMemory, local: int, vertex: int):
+    def keep(context: Context, state: State, local: int, vertex: int):
         """Keeps a vertex in the block's memory."""
         position = position_at(state, vertex)
         if wp.static(accumulate.is_bound):
-            write_4(beside, memory.move + wp.static(4 * types.real_size) * local, sized_move(state, vertex))
-        put_point(beside, memory, local, position)
+            write_4(
+                context.overflow,
+                context.memory.move + wp.static(4 * types.real_size) * local,
+                sized_move(state, vertex),
+            )
+        put_point(context, local, position)
 
     @wp.func
     def vertex_at(patches: Patches, patch: Patch, local: int):
@@ -120,12 +131,8 @@ def vertices_step(
 
     @wp.func
     def read_vertices(
+        context: Context,
         state: State,
-        patches: Patches,
-        patch: Patch,
-        beside: wp.array(dtype=wp.uint8),
-        memory: PatchMemory,
-        lane: int,
         first: int,
         second: int,
     ):
@@ -133,58 +140,56 @@ def vertices_step(
 
         The last two are of ``two_vertices``, which is called as early as may be.
         """
-        local = int(lane)
-        while local < patch.vertex_count:
+        local = int(context.lane)
+        while local < context.patch.vertex_count:
             other = local + block_threads()
-            keep(state, beside, memory, local, first)
-            if other < patch.vertex_count:
-                keep(state, beside, memory, other, second)
+            keep(context, state, local, first)
+            if other < context.patch.vertex_count:
+                keep(context, state, other, second)
             local = other + block_threads()
-            first, second = two_vertices(patches, patch, local)
+            first, second = two_vertices(context.patches, context.patch, local)
 
     return SimpleNamespace(own_vertex=own_vertex, two_vertices=two_vertices, read_vertices=read_vertices)
 
 
 @functools.cache
-def normals_step(precision: str, fits: bool, paired: bool, threads: int) -> wp.Function:
-    """The function that works out normals; ``paired``: of triangles that no item has."""
-    types, block_threads = cloth_types(precision), threads_function(threads)
+def normals_step(options: KernelOptions) -> wp.Function:
+    """The function that computes normals; where threads work on pairs, of triangles that are in none."""
+    precision, fits, paired = options.precision, options.fits, options.paired
+    types, block_threads = cloth_types(precision), threads_function(options.block_threads)
+    Context = context_type(precision)
     functions = memory_functions(precision, fits)
     point_at, write_4 = point_functions(precision, fits).point_at, functions.write_4
     triangle_normal = triangle_functions(precision, Accumulate.NONE).triangle_normal
 
     @wp.func
     def work_normals(
-        patches: types.Patches,
-        patch: Patch,
-        beside: wp.array(dtype=wp.uint8),
-        memory: PatchMemory,
-        lane: int,
+        context: Context,
         first: wp.uint64,
     ):
         """Normals of the patch's triangles and of those beyond its edges; ``first``: corners of a thread's first."""
-        local = int(lane)
+        local = int(context.lane)
         if wp.static(paired):
-            local = patch.triangle_count + last_first(lane)
+            local = context.patch.triangle_count + last_first(context.lane)
         following = first
-        while local < patch.normal_count:
+        while local < context.patch.normal_count:
             word = following
-            if local + block_threads() < patch.normal_count:
-                following = element(patches.corners, patch.triangle_start + local + block_threads())
-            origin = point_at(beside, memory, packed(word, 0))
-            second = point_at(beside, memory, packed(word, 1))
-            third = point_at(beside, memory, packed(word, 2))
+            if local + block_threads() < context.patch.normal_count:
+                following = element(context.patches.corners, context.patch.triangle_start + local + block_threads())
+            origin = point_at(context, packed(word, 0))
+            second = point_at(context, packed(word, 1))
+            third = point_at(context, packed(word, 2))
             normal = triangle_normal(origin, second, third)
-            write_4(beside, memory.normal + wp.static(4 * types.real_size) * local, normal)
+            write_4(context.overflow, context.memory.normal + wp.static(4 * types.real_size) * local, normal)
             local += block_threads()
 
     return work_normals
 
 
 @functools.cache
-def edge_table_functions(precision: str, terms: Terms, paired: bool) -> SimpleNamespace:
-    """Functions ``law_at`` and ``edge_table``; ``paired`` as of ``edges_step``."""
-    types = cloth_types(precision)
+def edge_table_functions(options: KernelOptions) -> SimpleNamespace:
+    """Functions ``law_at`` and ``edge_table``."""
+    types, terms, paired = cloth_types(options.precision), options.terms, options.paired
 
     @wp.func
     def law_at(patches: types.Patches, at: int):
@@ -227,10 +232,11 @@ def ends_function(paired: bool) -> wp.Function:
 
 
 @functools.cache
-def edge_functions_of_patch(precision: str, accumulate: Accumulate, terms: Terms, fits: bool) -> SimpleNamespace:
-    """Functions ``work_edge``, which works out an edge from what is known of it, and ``put_fold``."""
-    types = cloth_types(precision)
-    vec2, vec3, vec4, Patches, Step = types.vec2, types.vec3, types.vec4, types.Patches, types.Step
+def edge_functions_of_patch(options: KernelOptions) -> SimpleNamespace:
+    """Functions ``work_edge``, which computes an edge from what is known of it, and ``put_fold``."""
+    precision, terms, fits, accumulate = options.precision, options.terms, options.fits, options.accumulate
+    types, Context = cloth_types(precision), context_type(precision)
+    vec2, vec3, vec4 = types.vec2, types.vec3, types.vec4
     functions = memory_functions(precision, fits)
     point_at, read_4 = point_functions(precision, fits).point_at, functions.read_4
     write_2, write_3, write_4 = functions.write_2, functions.write_3, functions.write_4
@@ -241,11 +247,7 @@ def edge_functions_of_patch(precision: str, accumulate: Accumulate, terms: Terms
 
     @wp.func
     def work_edge(
-        patches: Patches,
-        patch: Patch,
-        beside: wp.array(dtype=wp.uint8),
-        memory: PatchMemory,
-        step: Step,
+        context: Context,
         local: int,
         first: int,
         second: int,
@@ -258,78 +260,79 @@ def edge_functions_of_patch(precision: str, accumulate: Accumulate, terms: Terms
         move_0 = vec4()
         move_1 = vec4()
         if wp.static(accumulate.is_bound):
-            move_0 = read_4(beside, memory.move + wp.static(4 * types.real_size) * first)
-            move_1 = read_4(beside, memory.move + wp.static(4 * types.real_size) * second)
+            move_0 = read_4(context.overflow, context.memory.move + wp.static(4 * types.real_size) * first)
+            move_1 = read_4(context.overflow, context.memory.move + wp.static(4 * types.real_size) * second)
         span = side_span(side, first_three(move_0), first_three(move_1), move_0[3])
         if wp.static(exact):
-            span.exact = point_at(beside, memory, second) - point_at(beside, memory, first)
+            span.exact = point_at(context, second) - point_at(context, first)
         if wp.static(terms.edges):
-            load = edge_load(span, vec3(law[0], law[1], law[2]), step)
-            write_4(beside, memory.edge_load + wp.static(4 * types.real_size) * local, load)
+            load = edge_load(span, vec3(law[0], law[1], law[2]), context.step)
+            write_4(context.overflow, context.memory.edge_load + wp.static(4 * types.real_size) * local, load)
         fold = vec3()
         if wp.static(terms.folds):
             rest = vec2()
             if wp.static(terms.angles):
-                rest = element(patches.rest, patch.edge_start + local)
-            fold = edge_fold(span, normal_0, normal_1, law[3], rest, step)
+                rest = element(context.patches.rest, context.patch.edge_start + local)
+            fold = edge_fold(span, normal_0, normal_1, law[3], rest, context.step)
         return fold
 
     @wp.func
-    def put_fold(beside: wp.array(dtype=wp.uint8), memory: PatchMemory, local: int, fold: vec3):
+    def put_fold(context: Context, local: int, fold: vec3):
         """Keeps what ``work_edge`` told of a hinge for the triangles beside it."""
         if wp.static(terms.folds and fold_numbers(terms) == 2):
-            write_2(beside, memory.fold + wp.static(2 * types.real_size) * local, vec2(fold[0], fold[1]))
+            write_2(
+                context.overflow, context.memory.fold + wp.static(2 * types.real_size) * local, vec2(fold[0], fold[1])
+            )
         if wp.static(terms.folds and fold_numbers(terms) != 2):
-            write_3(beside, memory.fold + wp.static(3 * types.real_size) * local, fold)
+            write_3(context.overflow, context.memory.fold + wp.static(3 * types.real_size) * local, fold)
 
     return SimpleNamespace(work_edge=work_edge, put_fold=put_fold)
 
 
 @functools.cache
-def edges_step(
-    precision: str, accumulate: Accumulate, terms: Terms, fits: bool, paired: bool, threads: int
-) -> wp.Function:
-    """The function that works out edges; ``paired``: those that no item has."""
-    types, block_threads = cloth_types(precision), threads_function(threads)
-    vec4, Patches, Step = types.vec4, types.Patches, types.Step
+def edges_step(options: KernelOptions) -> wp.Function:
+    """The function that computes edges; where threads work on pairs, those that are in none."""
+    precision, terms, fits, paired = options.precision, options.terms, options.fits, options.paired
+    types, block_threads = cloth_types(precision), threads_function(options.block_threads)
+    Context = context_type(precision)
+    vec4 = types.vec4
     functions = memory_functions(precision, fits)
     point_at, read_4, write_4 = point_functions(precision, fits).point_at, functions.read_4, functions.write_4
-    edge_table = edge_table_functions(precision, terms, paired).edge_table
-    edge, ends_of = edge_functions_of_patch(precision, accumulate, terms, fits), ends_function(paired)
+    edge_table = edge_table_functions(options).edge_table
+    edge, ends_of = edge_functions_of_patch(options), ends_function(paired)
     work_edge, put_fold = edge.work_edge, edge.put_fold
     difference = difference_function(precision)
 
     @wp.func
     def work_edges(
-        patches: Patches,
-        patch: Patch,
-        beside: wp.array(dtype=wp.uint8),
-        memory: PatchMemory,
-        step: Step,
-        lane: int,
+        context: Context,
         first_word: wp.uint64,
         first_law: vec4,
     ):
         """Tensions and hinges of the patch's edges; the last two are of the thread's first edge."""
-        local = int(lane)
+        local = int(context.lane)
         if wp.static(paired):
-            local = wp.static(SLOTS) * patch.item_count + last_first(lane)
+            local = wp.static(SLOTS) * context.patch.item_count + last_first(context.lane)
         next_word, next_law = first_word, first_law
-        while local < patch.edge_count:
+        while local < context.patch.edge_count:
             word, law = next_word, next_law
-            if local + block_threads() < patch.edge_count:
-                next_word, next_law = edge_table(patches, patch, local + block_threads())
+            if local + block_threads() < context.patch.edge_count:
+                next_word, next_law = edge_table(context.patches, context.patch, local + block_threads())
             first, second, one, other = ends_of(word)
-            side = difference(point_at(beside, memory, second), point_at(beside, memory, first))
+            side = difference(point_at(context, second), point_at(context, first))
             normal_0, normal_1 = vec4(), vec4()
             if wp.static(terms.folds):
-                normal_0 = read_4(beside, memory.normal + wp.static(4 * types.real_size) * one)
-                normal_1 = read_4(beside, memory.normal + wp.static(4 * types.real_size) * other)
-            fold = work_edge(patches, patch, beside, memory, step, local, first, second, side, normal_0, normal_1, law)
-            put_fold(beside, memory, local, fold)
+                normal_0 = read_4(context.overflow, context.memory.normal + wp.static(4 * types.real_size) * one)
+                normal_1 = read_4(context.overflow, context.memory.normal + wp.static(4 * types.real_size) * other)
+            fold = work_edge(context, local, first, second, side, normal_0, normal_1, law)
+            put_fold(context, local, fold)
             local += block_threads()
         if wp.static(terms.edges):
-            if lane == 0:
-                write_4(beside, memory.edge_load + wp.static(4 * types.real_size) * patch.edge_count, vec4())
+            if context.lane == 0:
+                write_4(
+                    context.overflow,
+                    context.memory.edge_load + wp.static(4 * types.real_size) * context.patch.edge_count,
+                    vec4(),
+                )
 
     return work_edges

@@ -28,13 +28,12 @@ from warp_cloth.kernels.base.options import (
     WORD_CODE,
     WORD_TURN,
     WORD_TURNED,
-    Accumulate,
-    Terms,
+    KernelOptions,
 )
 from warp_cloth.kernels.base.types import Patch, cloth_types, difference_function
 from warp_cloth.kernels.laws.bending import unit_normal
 from warp_cloth.kernels.patches.corners import corners_function, nothing_step, sides_functions
-from warp_cloth.kernels.patches.memory import PatchMemory
+from warp_cloth.kernels.patches.memory import context_type
 from warp_cloth.kernels.patches.steps import (
     bits_of,
     edge_functions_of_patch,
@@ -83,6 +82,7 @@ def item_functions(precision: str, fits: bool) -> SimpleNamespace:
     types = cloth_types(precision)
     vec3, vec4, Patches, PatchItem = types.vec3, types.vec4, types.Patches, item_type(precision)
     point_at, difference = point_functions(precision, fits).point_at, difference_function(precision)
+    Context = context_type(precision)
 
     @wp.func
     def asked_item(patches: Patches, patch: Patch, local: int):
@@ -103,16 +103,16 @@ def item_functions(precision: str, fits: bool) -> SimpleNamespace:
         return vec4(normal[0], normal[1], normal[2], inverse)
 
     @wp.func
-    def lying_item(beside: wp.array(dtype=wp.uint8), memory: PatchMemory, asked: PatchItem):
+    def lying_item(context: Context, asked: PatchItem):
         """An item as it lies."""
         item = PatchItem()
         item.vertices = asked.vertices
         item.sides = asked.sides
         item.laws = asked.laws
-        a = point_at(beside, memory, number_of(item.vertices, 0))
-        b = point_at(beside, memory, number_of(item.vertices, 1))
-        c = point_at(beside, memory, number_of(item.vertices, 2))
-        d = point_at(beside, memory, number_of(item.vertices, 3))
+        a = point_at(context, number_of(item.vertices, 0))
+        b = point_at(context, number_of(item.vertices, 1))
+        c = point_at(context, number_of(item.vertices, 2))
+        d = point_at(context, number_of(item.vertices, 3))
         item.side_ab = difference(b, a)
         item.side_bc = difference(c, b)
         item.side_ca = difference(a, c)
@@ -143,39 +143,41 @@ def item_functions(precision: str, fits: bool) -> SimpleNamespace:
 
 
 @functools.cache
-def item_normals_step(precision: str, fits: bool) -> wp.Function:
-    """The function that works out items as they lie."""
+def item_normals_step(options: KernelOptions) -> wp.Function:
+    """The function that computes items as they lie."""
+    precision, fits = options.precision, options.fits
+    Context = context_type(precision)
     types = cloth_types(precision)
-    Patches, PatchItem, size_4 = types.Patches, item_type(precision), 4 * types.real_size
+    PatchItem, size_4 = item_type(precision), 4 * types.real_size
     functions, write_4 = item_functions(precision, fits), memory_functions(precision, fits).write_4
     asked_item, lying_item = functions.asked_item, functions.lying_item
 
     @wp.func
-    def put_normals(beside: wp.array(dtype=wp.uint8), memory: PatchMemory, patch: Patch, local: int, item: PatchItem):
+    def put_normals(context: Context, local: int, item: PatchItem):
         """Keeps an item's normals for others."""
-        write_4(beside, memory.normal + wp.static(size_4) * local, item.normal_0)
-        if local < patch.triangle_count - patch.item_count:
-            write_4(beside, memory.normal + wp.static(size_4) * (patch.item_count + local), item.normal_1)
+        write_4(context.overflow, context.memory.normal + wp.static(size_4) * local, item.normal_0)
+        if local < context.patch.triangle_count - context.patch.item_count:
+            write_4(
+                context.overflow,
+                context.memory.normal + wp.static(size_4) * (context.patch.item_count + local),
+                item.normal_1,
+            )
 
     @wp.func
     def work_item_normals(
-        patches: Patches,
-        patch: Patch,
-        beside: wp.array(dtype=wp.uint8),
-        memory: PatchMemory,
-        lane: int,
+        context: Context,
         asked: PatchItem,
     ):
         """Normals of the items' triangles; returns the thread's item as it lies, ``asked`` of ``asked_item``."""
         item = PatchItem()
         if wp.static(fits):
-            item = lying_item(beside, memory, asked)
-            if lane < patch.item_count:
-                put_normals(beside, memory, patch, lane, item)
+            item = lying_item(context, asked)
+            if context.lane < context.patch.item_count:
+                put_normals(context, context.lane, item)
         else:
-            local = int(lane)
-            while local < patch.item_count:
-                put_normals(beside, memory, patch, local, lying_item(beside, memory, asked_item(patches, patch, local)))
+            local = int(context.lane)
+            while local < context.patch.item_count:
+                put_normals(context, local, lying_item(context, asked_item(context.patches, context.patch, local)))
                 local += block_threads()
         return item
 
@@ -183,15 +185,17 @@ def item_normals_step(precision: str, fits: bool) -> wp.Function:
 
 
 @functools.cache
-def item_edges_step(precision: str, accumulate: Accumulate, terms: Terms, fits: bool) -> SimpleNamespace:
+def item_edges_step(options: KernelOptions) -> SimpleNamespace:
     """Functions ``asked_laws`` and ``work_item_edges``."""
+    precision, fits = options.precision, options.fits
+    Context = context_type(precision)
     types = cloth_types(precision)
-    vec4, Patches, Step, PatchItem = types.vec4, types.Patches, types.Step, item_type(precision)
+    vec4, Patches, PatchItem = types.vec4, types.Patches, item_type(precision)
     functions, read_4 = item_functions(precision, fits), memory_functions(precision, fits).read_4
     asked_item, lying_item, item_side = functions.asked_item, functions.lying_item, functions.item_side
-    edge = edge_functions_of_patch(precision, accumulate, terms, fits)
+    edge = edge_functions_of_patch(options)
     work_edge, put_fold = edge.work_edge, edge.put_fold
-    law_at = edge_table_functions(precision, terms, paired=True).law_at
+    law_at = edge_table_functions(options).law_at
 
     @wp.func
     def asked_laws(patches: Patches, patch: Patch, item: PatchItem):
@@ -203,11 +207,7 @@ def item_edges_step(precision: str, accumulate: Accumulate, terms: Terms, fits: 
 
     @wp.func
     def taken_edge(
-        patches: Patches,
-        patch: Patch,
-        beside: wp.array(dtype=wp.uint8),
-        memory: PatchMemory,
-        step: Step,
+        context: Context,
         local: int,
         item: PatchItem,
         code: int,
@@ -218,59 +218,48 @@ def item_edges_step(precision: str, accumulate: Accumulate, terms: Terms, fits: 
         which = code & 7
         on_second = which == wp.static(SIDE_AD) or which == wp.static(SIDE_DB)
         own = wp.where(on_second, item.normal_1, item.normal_0)
-        across = read_4(beside, memory.normal + wp.static(4 * types.real_size) * beyond)
+        across = read_4(context.overflow, context.memory.normal + wp.static(4 * types.real_size) * beyond)
         after = (code & wp.static(CODE_AFTER)) != 0
         one, other = wp.where(after, across, own), wp.where(after, own, across)
         side, first, second = item_side(item, code)
-        fold = work_edge(patches, patch, beside, memory, step, local, first, second, side, one, other, law)
-        put_fold(beside, memory, local, fold)
+        fold = work_edge(context, local, first, second, side, one, other, law)
+        put_fold(context, local, fold)
 
     @wp.func
     def edges_of(
-        patches: Patches,
-        patch: Patch,
-        beside: wp.array(dtype=wp.uint8),
-        memory: PatchMemory,
-        step: Step,
+        context: Context,
         local: int,
         item: PatchItem,
     ):
         """Tensions and hinges of an item's edges; returns the shared one's hinge, or any where there is none."""
-        law = law_at(patches, item.last_law)
+        law = law_at(context.patches, item.last_law)
         a, b = number_of(item.vertices, 0), number_of(item.vertices, 1)
-        fold = work_edge(
-            patches, patch, beside, memory, step, local, a, b, item.side_ab, item.normal_0, item.normal_1, item.law
-        )
-        other = patch.item_count + local
+        fold = work_edge(context, local, a, b, item.side_ab, item.normal_0, item.normal_1, item.law)
+        other = context.patch.item_count + local
         code = bits_of(item.vertices, wp.static(WORD_CODE), wp.static(CODE_BITS))
         beyond = bits_of(item.vertices, wp.static(WORD_ACROSS), wp.static(NUMBER_BITS))
-        taken_edge(patches, patch, beside, memory, step, other, item, code, beyond, item.first_law)
-        other += patch.item_count
+        taken_edge(context, other, item, code, beyond, item.first_law)
+        other += context.patch.item_count
         code = bits_of(item.vertices, wp.static(WORD_CODE + CODE_BITS), wp.static(CODE_BITS))
         beyond = bits_of(item.sides, wp.static(WORD_ACROSS), wp.static(NUMBER_BITS))
-        taken_edge(patches, patch, beside, memory, step, other, item, code, beyond, law)
+        taken_edge(context, other, item, code, beyond, law)
         return fold
 
     @wp.func
     def work_item_edges(
-        patches: Patches,
-        patch: Patch,
-        beside: wp.array(dtype=wp.uint8),
-        memory: PatchMemory,
-        step: Step,
-        lane: int,
+        context: Context,
         item: PatchItem,
     ):
         """Edges of the patch's items; the last is the thread's own, with ``asked_laws``, and is returned."""
         if wp.static(fits):
-            if lane < patch.item_count:
-                item.fold = edges_of(patches, patch, beside, memory, step, lane, item)
+            if context.lane < context.patch.item_count:
+                item.fold = edges_of(context, context.lane, item)
         else:
-            local = int(lane)
-            while local < patch.item_count:
-                lying = lying_item(beside, memory, asked_item(patches, patch, local))
-                fold = edges_of(patches, patch, beside, memory, step, local, asked_laws(patches, patch, lying))
-                put_fold(beside, memory, local, fold)
+            local = int(context.lane)
+            while local < context.patch.item_count:
+                lying = lying_item(context, asked_item(context.patches, context.patch, local))
+                fold = edges_of(context, local, asked_laws(context.patches, context.patch, lying))
+                put_fold(context, local, fold)
                 local += block_threads()
         return item
 
@@ -278,23 +267,21 @@ def item_edges_step(precision: str, accumulate: Accumulate, terms: Terms, fits: 
 
 
 @functools.cache
-def item_corners_step(precision: str, accumulate: Accumulate, terms: Terms, fits: bool) -> wp.Function:
-    """The function that works out what the triangles of items do."""
+def item_corners_step(options: KernelOptions) -> wp.Function:
+    """The function that computes what the triangles of items do."""
+    precision, fits = options.precision, options.fits
+    Context = context_type(precision)
     types = cloth_types(precision)
-    vec3, vec4, Patches, Step, Sides = types.vec3, types.vec4, types.Patches, types.Step, types.Sides
+    vec3, vec4, Sides = types.vec3, types.vec4, types.Sides
     PatchItem, size_4 = item_type(precision), 4 * types.real_size
     asked_item, read_4 = item_functions(precision, fits).asked_item, memory_functions(precision, fits).read_4
-    functions, put_nothing = sides_functions(precision, accumulate, terms, fits), nothing_step(precision, terms, fits)
+    functions, put_nothing = sides_functions(options), nothing_step(options)
     fold_at, turned = functions.fold_at, functions.turned
-    put_corners = corners_function(precision, accumulate, terms, fits)
+    put_corners = corners_function(options)
 
     @wp.func
     def triangle_corners(
-        patches: Patches,
-        patch: Patch,
-        beside: wp.array(dtype=wp.uint8),
-        memory: PatchMemory,
-        step: Step,
+        context: Context,
         item: PatchItem,
         which: int,
         triangle: int,
@@ -305,56 +292,49 @@ def item_corners_step(precision: str, accumulate: Accumulate, terms: Terms, fits
         turn = turn_of(item.sides, which)
         one, other = number_of(item.sides, 2 * which), number_of(item.sides, 2 * which + 1)
         bits = bits_of(item.sides, wp.static(WORD_TURNED) + wp.static(TURNED_BITS) * which, wp.static(TURNED_BITS))
-        fold_1, fold_2 = fold_at(beside, memory, one, vec3()), fold_at(beside, memory, other, vec3())
+        fold_1, fold_2 = fold_at(context, one, vec3()), fold_at(context, other, vec3())
         fold_0 = turned(wp.where(turn == 2, shared, fold_1), bits & 1)
         fold_1 = turned(wp.where(turn == 1, shared, wp.where(turn == 2, fold_1, fold_2)), (bits >> 1) & 1)
         fold_2 = turned(wp.where(turn == 0, shared, fold_2), bits >> 2)
-        put_corners(patches, patch, beside, memory, step, triangle, normal, Sides(), fold_0, fold_1, fold_2)
+        put_corners(context, triangle, normal, Sides(), fold_0, fold_1, fold_2)
 
     @wp.func
     def corners_of(
-        patches: Patches,
-        patch: Patch,
-        beside: wp.array(dtype=wp.uint8),
-        memory: PatchMemory,
-        step: Step,
+        context: Context,
         local: int,
         item: PatchItem,
     ):
         """What an item's triangles do to their corners."""
-        other = patch.item_count + local
-        paired = other < patch.triangle_count
+        other = context.patch.item_count + local
+        paired = other < context.patch.triangle_count
         shared = item.fold
         if not paired:
-            shared = fold_at(beside, memory, number_of(item.sides, 2), vec3())
-        triangle_corners(patches, patch, beside, memory, step, item, 0, local, shared, item.normal_0)
+            shared = fold_at(context, number_of(item.sides, 2), vec3())
+        triangle_corners(context, item, 0, local, shared, item.normal_0)
         if paired:
-            triangle_corners(patches, patch, beside, memory, step, item, 1, other, shared, item.normal_1)
+            triangle_corners(context, item, 1, other, shared, item.normal_1)
 
     @wp.func
     def work_item_corners(
-        patches: Patches,
-        patch: Patch,
-        beside: wp.array(dtype=wp.uint8),
-        memory: PatchMemory,
-        step: Step,
-        lane: int,
+        context: Context,
         item: PatchItem,
     ):
         """What the items' triangles do to their corners; the last is the thread's own."""
         if wp.static(fits):
-            if lane < patch.item_count:
-                corners_of(patches, patch, beside, memory, step, lane, item)
+            if context.lane < context.patch.item_count:
+                corners_of(context, context.lane, item)
         else:
-            local = int(lane)
-            while local < patch.item_count:
-                again = asked_item(patches, patch, local)
-                again.normal_0 = read_4(beside, memory.normal + wp.static(size_4) * local)
-                if patch.item_count + local < patch.triangle_count:
-                    again.normal_1 = read_4(beside, memory.normal + wp.static(size_4) * (patch.item_count + local))
-                again.fold = fold_at(beside, memory, local, vec3())
-                corners_of(patches, patch, beside, memory, step, local, again)
+            local = int(context.lane)
+            while local < context.patch.item_count:
+                again = asked_item(context.patches, context.patch, local)
+                again.normal_0 = read_4(context.overflow, context.memory.normal + wp.static(size_4) * local)
+                if context.patch.item_count + local < context.patch.triangle_count:
+                    again.normal_1 = read_4(
+                        context.overflow, context.memory.normal + wp.static(size_4) * (context.patch.item_count + local)
+                    )
+                again.fold = fold_at(context, local, vec3())
+                corners_of(context, local, again)
                 local += block_threads()
-        put_nothing(patch, beside, memory, lane)
+        put_nothing(context)
 
     return work_item_corners

@@ -6,7 +6,7 @@ from typing import Any
 
 import warp as wp
 
-from warp_cloth.kernels.base.options import Accumulate, block_for
+from warp_cloth.kernels.base.options import Accumulate, KernelOptions, block_for
 from warp_cloth.kernels.base.types import cloth_types
 from warp_cloth.kernels.math.lanes import WIDTH, lane_types
 from warp_cloth.kernels.passes.gather import gather_kernel
@@ -61,9 +61,12 @@ class ForcePass:
         self._passes: list[tuple[wp.Kernel, int, list[Any], list[Any]]] = []  # kernel, size, reads, writes
         if model.patches is not None:
             read = [model.patches.tables, model.patches.overflow]
+            options = KernelOptions(
+                model.precision, terms, accumulate, fits=model.patches.fits, paired=model.patches.paired
+            )
             self._passes.append(
                 (
-                    gather_kernel(model.precision, accumulate, terms, model.patches.fits, model.patches.paired),
+                    gather_kernel(options),
                     0,
                     read,
                     [load],

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -11,10 +11,11 @@ import warp as wp
 from numpy.typing import NDArray
 
 from warp_cloth.avatar.collider import Collider
+from warp_cloth.kernels.base.options import KernelOptions
 from warp_cloth.kernels.base.types import cloth_types
-from warp_cloth.kernels.passes.move import advance_kernel, displace_kernel
+from warp_cloth.kernels.passes.move import advance_kernel, displace_kernel, presses_along
 from warp_cloth.kernels.passes.move_packets import eight_displace_kernel
-from warp_cloth.kernels.passes.step import NoClothContact, NoCollider, spares_looks, step_bound, wears
+from warp_cloth.kernels.passes.step import NoClothContact, NoCollider, accumulated, saves_queries
 from warp_cloth.model.model import ClothModel
 from warp_cloth.solver.active_set import AtWork
 from warp_cloth.solver.anisotropic_step import Leeway
@@ -115,8 +116,21 @@ class Relaxation:
         met = [colliders] * model.item_count if isinstance(colliders, Collider) else list(colliders)
         self.avatar_contact, self.collider_type = met[0].avatar_contact, met[0].data_type or NoCollider
         self.cloth_contact = cloth_contact
-        asked = self.avatar_contact, self.collider_type, cloth_contact is not None
-        worn = wears(accelerated, self.avatar_contact, cloth_contact is not None)
+        patches = model.patches
+        kernel_options = KernelOptions(
+            precision=model.precision,
+            terms=model.terms,
+            accelerated=accelerated,
+            avatar_contact=self.avatar_contact,
+            collider=self.collider_type,
+            cloth_contact=cloth_contact is not None,
+            fits=patches is not None and patches.fits,
+            few=patches is not None and patches.few,
+            paired=patches is not None and patches.paired,
+        )
+        kernel_options = replace(kernel_options, accumulate=accumulated(kernel_options))
+        self._kernel_options = kernel_options
+        worn = kernel_options.anisotropic
         if worn and not model.state.in_contact:
             model.state.in_contact = wp.zeros(model.vertex_count, dtype=wp.uint8, device=model.device)
         self.at_work = AtWork(model)
@@ -132,29 +146,22 @@ class Relaxation:
         self._presses_along = False  # whether what moves vertices presses pairs of cloth, too
         if accelerated and not model.state.stiffness:
             model.state.stiffness = wp.zeros(model.vertex_count, dtype=types.real, device=model.device)
-        few = model.patches is not None and model.patches.few
-        if spares_looks(self.avatar_contact, cloth_contact is not None, few):
+        if saves_queries(kernel_options):
             model.state.clearance = wp.zeros(model.vertex_count, dtype=wp.float32, device=model.device)
-        if model.patches is not None:  # no sum of forces in memory, but a second set of positions to write to
-            patches = model.patches
-            how = patches.few, patches.paired
-            self._move = advance_kernel(model.precision, accelerated, model.terms, patches.fits, *asked, *how)
-            self._presses_along = cloth_contact is not None and patches.fits and patches.few
+        if patches is not None:  # no sum of forces in memory, but a second set of positions to write to
+            self._move = advance_kernel(kernel_options)
+            self._presses_along = presses_along(kernel_options)
             self._packed = PackedCloth(model, patches, accelerated, self.at_work.vertices, packed=cloth_contact is None)
             if cloth_contact is not None:
                 cloth_contact.state_now = self._packed.brought
         else:
             self._load = wp.zeros(model.vertex_count, dtype=types.vec4, device=model.device)
-            self._scatter = ForcePass(
-                model, step_bound(accelerated, self.avatar_contact, cloth_contact is not None), self._load
-            )
+            self._scatter = ForcePass(model, kernel_options.accumulate, self._load)
             self._eight = accelerated and cloth_contact is None and takes_eight(model, model.vertex_count)
             if self._eight:
-                self._move = eight_displace_kernel(
-                    model.precision, self.avatar_contact, self.collider_type, model.terms.pins
-                )
+                self._move = eight_displace_kernel(kernel_options)
             else:
-                self._move = displace_kernel(model.precision, accelerated, *asked, model.terms.pins)
+                self._move = displace_kernel(kernel_options)
         self._items = model.vertices.items.numpy().copy()
         self._items["active"] = 1
         self._sizes = np.diff(model.item_start)  # of the items, in vertices
@@ -175,7 +182,7 @@ class Relaxation:
         """What lets so many threads iterate; None: what is to be iterated cannot be shared out."""
         if count <= 1 or not self._eight or self.model.item_count > 1:
             return None
-        return Together(self.model, count, step_bound(True, self.avatar_contact), self._move, self._leeway)
+        return Together(self.model, count, self._kernel_options.accumulate, self._move, self._leeway)
 
     @property
     def thread_count(self) -> int:
