@@ -116,7 +116,7 @@ def test_net_on_a_sphere_presses_by_its_tension_and_curvature() -> None:
     # the net's flat triangles leave its vertices at the offset, up to the avatar's own facets
     collider = Collider(mesh_contact, exact.collider, MeshCollider, offset + 1e-4, 0.0)
     relaxation = Relaxation(model, collider, StepOptions())
-    push = Certifier(relaxation).pushes()
+    push = Certifier(relaxation).normal_forces()
     part = GarmentPart(net.points, net.triangles, rest, NO_PINS)
     made = measure_maps(
         ("pressure",), parts=[part], worn=[worn], pushes=[push], avatar=avatar, garment_names=["net"], device="cpu"
