@@ -1,4 +1,4 @@
-"""An avatar that moves: its poses are read or refused, and the garment goes with it to the last one."""
+"""An avatar with poses: they are read or refused, and the garment follows it to the last one."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Dressed starts: all fabrics begin where one fabric has come to lie, with the same bits alone and in a batch."""
+"""Predrape: fits in all fabrics start from the rest shape of one fabric, with the same bits alone and in a batch."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a fit's sentence says beside its certificate."""
+"""The status sentence of a fit names what is wrong, and what to change."""
 
 from __future__ import annotations
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import warp as wp
 from cloths import grid, model_of
-from test_carried import floor
+from test_reaction import floor
 
 from warp_cloth.avatar.collider import Collider
 from warp_cloth.base.errors import InputError

@@ -1,4 +1,4 @@
-"""Warm starts: a fit that starts from an earlier result comes to the same rest as one that starts anew."""
+"""Warm start: a fit that starts from an earlier result reaches the same rest as one that starts afresh."""
 
 from __future__ import annotations
 
