@@ -34,7 +34,7 @@ def test_garments_are_summed_chunk_by_chunk_in_pairs(sizes: list[int]) -> None:
     starts = np.cumsum([0, *sizes])
     chunks = split_into_chunks(starts, REDUCTION_WIDTH, "cpu")
     values = np.random.default_rng(0).standard_normal(starts[-1])
-    chunks.dot.assign(values)
+    chunks.scratch.assign(values)
     sums = wp.zeros(len(chunks.garment), dtype=wp.float64, device="cpu")
     found = wp.zeros(len(sizes), dtype=wp.float64, device="cpu")
     launch_blocks(sum_all, 1, [chunks, sums, found], "cpu")

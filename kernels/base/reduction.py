@@ -129,7 +129,7 @@ class Chunks:
     first: wp.array(dtype=wp.int32)  # vertex of each chunk, shape [C + 1]
     garment: wp.array(dtype=wp.int32)  # of each chunk, shape [C]
     start: wp.array(dtype=wp.int32)  # first chunk of each garment, shape [G + 1]
-    dot: wp.array(dtype=wp.float64)  # what is summed, shape [V]; written by kernels that sum
+    scratch: wp.array(dtype=wp.float64)  # what is summed, shape [V]; kernels that sum write it
 
 
 @wp.func_native(_BLOCK_SUMS % (_ONE | _BLOCK))
@@ -177,8 +177,8 @@ def garment_sums(
 
 @wp.func
 def sum_chunk(chunks: Chunks, chunk: int, lane: int, sum_out: wp.array(dtype=wp.float64)):
-    """Sums what the block has left in a chunk's ``dot``; all its threads must call it."""
-    sum = block_sum(chunks.dot, chunks.first[chunk], chunks.first[chunk + 1], False)
+    """Sums what the block has left in a chunk's ``scratch``; all its threads must call it."""
+    sum = block_sum(chunks.scratch, chunks.first[chunk], chunks.first[chunk + 1], False)
     if lane == 0:
         sum_out[chunk] = sum
 

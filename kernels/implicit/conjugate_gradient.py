@@ -95,7 +95,7 @@ def precondition_residual_kernel(precision: str) -> wp.Kernel:
                     sum = add_row(sum, prolongation, vertex, coarser)
             correction = filtered(sum, system.normal[vertex], constraint)
             solution.correction[vertex] = correction
-            chunks.dot[vertex] = wp.float64(wp.dot(residual, correction))
+            chunks.scratch[vertex] = wp.float64(wp.dot(residual, correction))
         sum_chunk(chunks, chunk, lane, rho_out)
 
     return precondition_residual
@@ -151,7 +151,7 @@ def multiply_direction_kernel(precision: str) -> wp.Kernel:
                 sum = coupled(system, solution.direction, vertex) + direction * diagonal
             product = filtered(sum, system.normal[vertex], constraint)
             solution.product[vertex] = product
-            chunks.dot[vertex] = wp.float64(wp.dot(direction, product))
+            chunks.scratch[vertex] = wp.float64(wp.dot(direction, product))
         sum_chunk(chunks, chunk, lane, curvature_out)
 
     return multiply_direction

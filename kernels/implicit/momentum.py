@@ -33,10 +33,10 @@ def measure_momentum_work_kernel(precision: str) -> wp.Kernel:
         thread = wp.tid()
         chunk, lane = block_of(thread), lane_of(thread)
         for vertex in range(chunks.first[chunk] + lane, chunks.first[chunk + 1], block_threads()):
-            chunks.dot[vertex] = wp.float64(wp.dot(system.force[vertex], implicit.extrapolation[vertex]))
+            chunks.scratch[vertex] = wp.float64(wp.dot(system.force[vertex], implicit.extrapolation[vertex]))
         sum_chunk(chunks, chunk, lane, momentum_work_out)
         for vertex in range(chunks.first[chunk] + lane, chunks.first[chunk + 1], block_threads()):
-            chunks.dot[vertex] = wp.float64(wp.dot(system.force[vertex], solution.displacement[vertex]))
+            chunks.scratch[vertex] = wp.float64(wp.dot(system.force[vertex], solution.displacement[vertex]))
         sum_chunk(chunks, chunk, lane, solution_work_out)
 
     return measure_momentum_work

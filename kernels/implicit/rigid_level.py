@@ -95,7 +95,7 @@ def prolong_motion_kernel(precision: str) -> wp.Kernel:
             constraint = system.constraint[vertex]
             correction = solution.correction[vertex] + filtered(sum, system.normal[vertex], constraint) * weight
             solution.correction[vertex] = correction
-            chunks.dot[vertex] = wp.float64(wp.dot(solution.residual[vertex], correction))
+            chunks.scratch[vertex] = wp.float64(wp.dot(solution.residual[vertex], correction))
         sum_chunk(chunks, chunk, lane, rho_out)
 
     return prolong_motion

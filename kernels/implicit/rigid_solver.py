@@ -36,7 +36,7 @@ def precondition_function(precision: str) -> wp.Function:
         rigid.correction[2 * vertex] = translation
         rigid.correction[2 * vertex + 1] = rotation
         rho = wp.float64(wp.dot(force, translation)) + wp.float64(wp.dot(moment, rotation))
-        level.chunks.dot[vertex] = rho
+        level.chunks.scratch[vertex] = rho
 
     return precondition
 
@@ -155,7 +155,7 @@ def multiply_chunk_function(precision: str) -> wp.Function:
             next[2 * vertex + 1] = rotation
             curvature = wp.float64(wp.dot(translation, resistance(rigid, 2 * vertex)))
             curvature += wp.float64(wp.dot(rotation, resistance(rigid, 2 * vertex + 1)))
-            level.chunks.dot[vertex] = curvature
+            level.chunks.scratch[vertex] = curvature
         sum_chunk(level.chunks, chunk, lane, rigid.curvature)
 
     return multiply_chunk

@@ -27,7 +27,7 @@ def split_into_chunks(starts: NDArray[np.integer[Any]], size: int, device: str) 
     chunks.first = wp.array(np.concatenate([*first, starts[-1:]]), dtype=wp.int32, device=device)
     chunks.garment = wp.array(np.repeat(np.arange(len(counts)), numbers), dtype=wp.int32, device=device)
     chunks.start = wp.array(np.cumsum([0, *numbers]), dtype=wp.int32, device=device)
-    chunks.dot = wp.zeros(int(starts[-1]), dtype=wp.float64, device=device)
+    chunks.scratch = wp.zeros(int(starts[-1]), dtype=wp.float64, device=device)
     return chunks
 
 
