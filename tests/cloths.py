@@ -43,10 +43,11 @@ def model_of(
     precision: str = "float64",
     device: str = "cpu",
     gathers: bool | None = None,
+    avatar_friction: float = 0.0,
 ) -> ClothModel:
     """One garment on a device."""
     part = GarmentPart(mesh.points, mesh.triangles, rest, pins)
-    return build_model([part], device=device, precision=precision, gathers=gathers)
+    return build_model([part], device=device, precision=precision, gathers=gathers, avatar_friction=[avatar_friction])
 
 
 def deformed_model(mesh: Mesh, points: Points, fabric: Fabric, **options: str) -> ClothModel:

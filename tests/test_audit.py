@@ -96,7 +96,7 @@ def test_gap_too_narrow_for_cloth_is_not_judged() -> None:
 
 
 def contact(mesh: Mesh, kind: str, error: float = 0.0015, pixel: float = 0.002) -> AvatarContact:
-    return AvatarContact(mesh, ContactOptions(kind, pixel, OFFSET, error, "cpu"), friction=0.5)
+    return AvatarContact(mesh, ContactOptions(kind, pixel, OFFSET, error, "cpu"))
 
 
 def between_walls() -> Mesh:
@@ -172,7 +172,7 @@ def test_a_garment_that_falls_on_and_on_asks_for_no_more_than_what_is_near_the_a
 
 def test_offset_beyond_the_usual_reach_is_kept() -> None:
     mesh = as_mesh(trimesh.creation.icosphere(subdivisions=5, radius=0.1))
-    wide = AvatarContact(mesh, ContactOptions("depth", 0.002, 0.03, 0.001, "cpu"), friction=0.5)
+    wide = AvatarContact(mesh, ContactOptions("depth", 0.002, 0.03, 0.001, "cpu"))
     wide.collider(around(mesh))
     assert wide.report is not None
     assert wide.report["error_mm"]["p99"] < 1.0  # sweeps on 5 mm are of first order

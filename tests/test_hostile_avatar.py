@@ -206,8 +206,8 @@ def test_a_hole_is_told_by_the_area_of_its_lid(tmp_path: Path) -> None:
 def test_a_sheet_is_no_avatar_for_depth_buffers(kind: str) -> None:
     sheet = Mesh("sheet", np.array([[0.0, 0, 0], [1, 0, 0], [0, 0, 1], [1, 0, 1]]), np.array([[0, 2, 1], [1, 2, 3]]))
     with pytest.raises(InputError, match=r'avatar: its surface encloses nothing.*use collision.avatar = "mesh"'):
-        AvatarContact(sheet, ContactOptions(kind, 0.002, 0.003, 1e-3, "cpu"), friction=0.5)
-    AvatarContact(sheet, ContactOptions("mesh", 0.002, 0.003, 1e-3, "cpu"), friction=0.5)
+        AvatarContact(sheet, ContactOptions(kind, 0.002, 0.003, 1e-3, "cpu"))
+    AvatarContact(sheet, ContactOptions("mesh", 0.002, 0.003, 1e-3, "cpu"))
 
 
 def test_half_a_body_is_told_of(tmp_path: Path) -> None:

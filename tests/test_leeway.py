@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import warp as wp
 from cloths import cloth_forces, deformed_model, grid, model_of, slopes
-from test_reaction import floor
+from test_reaction import FRICTION, floor
 
 from warp_cloth.avatar.collider import Collider
 from warp_cloth.base.mesh import Mesh
@@ -172,7 +172,8 @@ def test_what_is_pressed_hard_has_none() -> None:
 def lying(gathers: bool = False, contact: bool = True) -> Relaxation:
     """A sheet some millimetres above a floor that wears it."""
     flat = Mesh("sheet", MESH.points[:, [0, 2, 1]] + np.array([0.0, 5e-3, 0.0]), MESH.triangles)
-    model = model_of(flat, build_rest_shape(flat, WOVEN, rest="mesh"), precision="mixed", gathers=gathers)
+    rest = build_rest_shape(flat, WOVEN, rest="mesh")
+    model = model_of(flat, rest, precision="mixed", gathers=gathers, avatar_friction=FRICTION)
     relaxation = Relaxation(model, floor() if contact else Collider(), StepOptions())
     wp.force_load("cpu", modules=[kernel.module for kernel in relaxation.kernels() + relaxation.seldom_kernels()])
     return relaxation

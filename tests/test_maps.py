@@ -114,7 +114,7 @@ def test_net_on_a_sphere_presses_by_its_tension_and_curvature() -> None:
     avatar = sphere(radius=radius, centre=(0.0, 0.0, 0.0), edge=0.01)
     exact = build_exact_collider(avatar, "cpu")
     # the net's flat triangles leave its vertices at the offset, up to the avatar's own facets
-    collider = Collider(mesh_contact, exact.collider, MeshCollider, offset + 1e-4, 0.0)
+    collider = Collider(mesh_contact, exact.collider, MeshCollider, offset + 1e-4)
     relaxation = Relaxation(model, collider, StepOptions())
     push = Certifier(relaxation).normal_forces()
     part = GarmentPart(net.points, net.triangles, rest, NO_PINS)

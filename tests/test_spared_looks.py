@@ -34,7 +34,7 @@ def collider(field: FieldBuild, *, spares: bool = True) -> Collider:
     """What the avatar's contact asks; of what has no steepest slope nothing is sure."""
     data = field.limited_to(OFFSET)
     data.steepest = data.steepest if spares else 0.0
-    return Collider(field_contact, data, ContactField, OFFSET, 0.5)
+    return Collider(field_contact, data, ContactField, OFFSET)
 
 
 @wp.kernel
@@ -83,7 +83,8 @@ def falling(field: FieldBuild, *, gathers: bool, spares: bool) -> tuple[Relaxati
     points = square.points[:, [0, 2, 1]]
     points = points - points.mean(axis=0) + np.array([0.0, RADIUS + 0.01, 0.0])
     flat = Mesh("sheet", points, square.triangles)
-    model = model_of(flat, build_rest_shape(flat, WOVEN, rest="mesh"), precision="mixed", gathers=gathers)
+    rest = build_rest_shape(flat, WOVEN, rest="mesh")
+    model = model_of(flat, rest, precision="mixed", gathers=gathers, avatar_friction=0.5)
     if model.patches is not None:
         model.patches.few = False  # as in large batches
     relaxation = Relaxation(model, collider(field, spares=spares), StepOptions())

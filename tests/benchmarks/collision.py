@@ -80,7 +80,7 @@ def jumps(body: str, device: str) -> dict[str, Any]:
     row: dict[str, Any] = {"body": body}
     for kind in COLLIDERS:
         options = ContactOptions(kind, PIXEL, OFFSET, ERROR, device, reach=2.0 * OFFSET)
-        contact = AvatarContact(avatar, options, friction=0.0)
+        contact = AvatarContact(avatar, options)
         contact.collider(skin)
         row[kind] = {name: _jumps_within(contact, part) for name, part in parts.items()}
     return row

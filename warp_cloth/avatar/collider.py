@@ -16,4 +16,3 @@ class Collider:
     data: Any = None  # struct that the function reads
     data_type: Any = None  # that struct's type
     offset: float = 0.0  # contact offset [m]
-    friction: float = 0.0

@@ -99,7 +99,6 @@ class AvatarContact:
         avatar: Mesh | None,
         options: ContactOptions,
         *,
-        friction: float,
         solid: Solid | None = None,
         place: str = "avatar",
     ) -> None:
@@ -108,7 +107,6 @@ class AvatarContact:
         Args:
             avatar: None: there is none, as with kind "none".
             options: the collider's.
-            friction: of the avatar.
             solid: the avatar's, where it is already known.
             place: the avatar's key in the scene, for errors.
 
@@ -123,7 +121,6 @@ class AvatarContact:
         self._options = options
         self._reach = max(options.reach, options.offset + ROOM_TO_MOVE)
         self._lift = max(options.reach - DEFAULT_REACH, 0.0)
-        self._friction = friction
         self._built: Any = None  # owns the arrays that the collider points to
         self._box = self._avatar.bounds() if self._avatar is not None else (np.zeros(3), np.zeros(3))
         self._lower = self._upper = np.zeros(3)
@@ -215,7 +212,7 @@ class AvatarContact:
     def reused_from(self, earlier: AvatarContact, points: Points) -> Collider | None:
         """The collider that another scene's contact has built, where it also serves garments at these positions [m].
 
-        That is a field of the same avatar, drawn the same way, that reaches as far; offset and friction are this one's.
+        That is a field of the same avatar, drawn the same way, that reaches as far; the offset is this one's.
         """
         field = earlier._built[1] if isinstance(earlier._built, tuple) else None
         mine, other = self._options, earlier._options
@@ -271,11 +268,9 @@ class AvatarContact:
         """The avatar's surface in its current pose, without the holes that are closed and the sheets left out."""
         return avatar if self._closing is None else self._closing.surface(avatar)
 
-    def alike(self, friction: float) -> AvatarContact:
+    def alike(self) -> AvatarContact:
         """The same contact for another scene: what is built so far is shared, what is built later is its own."""
-        other = copy(self)
-        other._friction = friction
-        return other
+        return copy(self)
 
     def covers(self, points: Points) -> bool:
         """Whether the collider is valid wherever garments at these positions [m] may touch the avatar."""
@@ -325,7 +320,7 @@ class AvatarContact:
         return self._collider(field_contact, field.limited_to(self._options.offset, self._lift), ContactField)
 
     def _collider(self, function: wp.Function, data: Any, data_type: Any) -> Collider:
-        return Collider(function, data, data_type, self._options.offset, self._friction)
+        return Collider(function, data, data_type, self._options.offset)
 
     def _repairs(self) -> dict[str, Any]:
         """What was done to the avatar's surface, for the report."""

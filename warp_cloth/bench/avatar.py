@@ -103,7 +103,7 @@ def run_avatar_bench(
             device=device,
         )
         place = scene.avatar.place if scene.avatar is not None else "avatar"
-        contact = AvatarContact(avatar, options, friction=0.0, place=place)
+        contact = AvatarContact(avatar, options, place=place)
         contact.collider(garment)  # loads the kernels
         began = time.perf_counter()
         contact.collider(garment)

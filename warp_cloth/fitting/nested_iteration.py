@@ -66,6 +66,7 @@ def start_from_coarse(
             [hierarchy.part for hierarchy in hierarchies],
             device=relaxation.model.device,
             precision=relaxation.model.precision,
+            avatar_friction=relaxation.model.avatar_friction,
         )
         model.set_points(points)
         collider = relaxation.collider if tracker is None else tracker.collider

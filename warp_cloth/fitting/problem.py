@@ -149,6 +149,7 @@ def build_problem(
         device=device,
         precision=first.solver.precision,
         garments=[len(each.parts) for each in outfits],
+        avatar_friction=[scene.avatar.friction if scene.avatar is not None else 0.0 for scene in scenes],
         cache=cache,
         layered=first.collision.cloth and len(outfits[0].parts) > 1,
         like=like,
@@ -238,13 +239,12 @@ def _avatar_contacts(
     cache.evict_except(keys)
     contacts, colliders = [], []
     for source, scene, outfit in zip(sources, scenes, outfits, strict=True):
-        friction = scene.avatar.friction if scene.avatar is not None else 0.0
         make = partial(build, scene, outfit)
         contact, collider = cache.get_or_make(
             "contact", source, make, scene.collision, device, size=lambda made: made[0].bytes
         )
-        contacts.append(contact.alike(friction))
-        colliders.append(replace(collider, friction=friction))
+        contacts.append(contact.alike())
+        colliders.append(collider)
     return contacts, colliders
 
 
@@ -273,7 +273,6 @@ def _avatar_contact(scene: Scene, outfit: Outfit, device: str, cache: Cache) -> 
     return AvatarContact(
         avatar,
         options,
-        friction=scene.avatar.friction if scene.avatar is not None else 0.0,
         solid=solid,
         place=scene.avatar.place if scene.avatar is not None else "avatar",
     )

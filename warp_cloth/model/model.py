@@ -42,6 +42,7 @@ class ClothModel:
     hinge_count: int
     weave_start: tuple[int, ...]  # first woven triangle of each garment, and their number
     terms: Terms
+    avatar_friction: tuple[float, ...]  # of each item
     vertices: Any  # kernels.base.types Model
     state: Any  # kernels.base.types State
     edges: Any  # kernels.base.types Edges
@@ -104,13 +105,15 @@ def build_model(
     precision: str,
     gathers: bool | None = None,
     garments: Sequence[int] | None = None,
+    avatar_friction: Sequence[float] | None = None,
     cache: Cache | None = None,
     layered: bool = False,
     like: int | None = None,
 ) -> ClothModel:
     """Concatenates garments and puts them on a device.
 
-    ``garments`` is how many of the parts belong to each item; None: all to one. ``gathers`` says how forces are
+    ``garments`` is how many of the parts belong to each item; None: all to one. ``avatar_friction``: Coulomb
+    coefficient of each item's avatar; None: there is none. ``gathers`` says how forces are
     summed; None: gathered on CUDA, scattered on the CPU, which is fastest on each. ``cache`` has what earlier models of
     the same garments left. ``layered``: whether garments lie on each other and meet. ``like``: of how many vertices the
     model is to be cut like one, where it is gathered.
@@ -135,6 +138,7 @@ def build_model(
     edge_start = _starts([len(rest.topology.edges) for rest in rests])
     triangle_start = _starts([len(part.triangles) for part in parts])
     item_start = tuple(vertex_start[first] for first in _starts(list(garments or [len(parts)])))
+    frictions = tuple(avatar_friction or [0.0] * (len(item_start) - 1))
     hinges, hinge_count = _hinges(types, lay, rests, vertex_start, terms.angles, cache)
     weave = _weave(types, lay, rests, vertex_start, cache)
     patches = None
@@ -153,7 +157,8 @@ def build_model(
         hinge_count=hinge_count,
         weave_start=_starts([0 if rest.yarns is None else len(rest.yarns.corners) for rest in rests]),
         terms=terms,
-        vertices=_vertices(types, upload, lay, parts, vertex_start, item_start, terms.pins),
+        avatar_friction=frictions,
+        vertices=_vertices(types, upload, lay, parts, vertex_start, item_start, frictions, terms.pins),
         state=_state(types, lay, parts, device),
         edges=_edges(types, lay, given, vertex_start, triangle_start, terms),
         triangles=_triangles(types, lay, given, vertex_start, edge_start, terms),
@@ -259,6 +264,7 @@ def _vertices(
     parts: Sequence[GarmentPart],
     vertex_start: tuple[int, ...],
     item_start: tuple[int, ...],
+    avatar_friction: Sequence[float],
     pins: bool,
 ) -> Any:
     """What is constant of the vertices of all garments."""
@@ -273,6 +279,7 @@ def _vertices(
     vertices.item = upload(np.repeat(np.arange(len(item_start) - 1), np.diff(item_start)), wp.int32)
     items = np.zeros(len(item_start) - 1, dtype=types.Item.numpy_dtype())
     items["active"] = 1
+    items["avatar_friction"] = avatar_friction
     vertices.items = upload(items, types.Item)
     return vertices
 

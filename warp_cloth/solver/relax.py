@@ -200,7 +200,6 @@ class Relaxation:
 
     def _stand_off(self, item: int, collider: Collider) -> None:
         self._items["offset"][item] = collider.offset
-        self._items["avatar_friction"][item] = collider.friction
 
     def loosen(self, relative_rms: NDArray[np.float64]) -> None:
         """Lets worn items whose forces have balanced go on with leeway, and others without; tells cloth on cloth, too.
