@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Literal
-
 import numpy as np
 
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.mesh import Indices, Mesh, Points
 from warp_cloth.base.topology import Topology
-
-RestAngles = Literal["flat", "mesh", "physics"]
+from warp_cloth.scene.wearables import RestAngles
 
 SAME_PLACE = 1e-5  # of a hinge's length: two triangles of a rest shape that meet closer than this were not cut apart
 

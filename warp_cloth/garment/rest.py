@@ -14,7 +14,7 @@ from warp_cloth.base.errors import InputError
 from warp_cloth.base.mesh import Indices, Mesh
 from warp_cloth.base.threads import concatenate
 from warp_cloth.base.topology import Topology, build_topology
-from warp_cloth.garment.folds import RestAngles, hinge_angles
+from warp_cloth.garment.folds import hinge_angles
 from warp_cloth.garment.grain import Grain
 from warp_cloth.garment.panels import check_axes, check_scale, check_seams, panel_sides
 from warp_cloth.garment.triangles import triangle_areas, triangle_sides
@@ -22,6 +22,7 @@ from warp_cloth.loading.repair import RestKind
 from warp_cloth.material.bending import hinge_constants
 from warp_cloth.material.constants import Sheet, YarnConstants, edge_constants, lay_flat, yarn_constants
 from warp_cloth.material.fabric import Fabric, unlikely_values
+from warp_cloth.scene.wearables import RestAngles
 
 Floats = NDArray[np.float64]
 

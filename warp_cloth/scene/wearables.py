@@ -11,13 +11,13 @@ from pydantic import Field, ValidationInfo, field_serializer, field_validator, m
 
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.units import LENGTH_UNITS, METRES_PER, LengthUnit, UpAxis
-from warp_cloth.garment.folds import RestAngles
 from warp_cloth.material.fabric import Fabric, resolve_fabric
 from warp_cloth.scene.messages import listed, refusal, show
 from warp_cloth.scene.paths import checked_name, directory_of, path_from
 from warp_cloth.scene.shapes import AvatarShape, GarmentShape, Point, Real, Table, VertexId
 
 RestShape = Literal["mesh", "uv", "physics"]
+RestAngles = Literal["flat", "mesh", "physics"]
 LoopSide = Literal["top", "bottom", "left", "right", "front", "back"]
 Degrees = Annotated[Real, Field(ge=-360, le=360)]
 LOOP_SIDES: tuple[LoopSide, ...] = get_args(LoopSide)
