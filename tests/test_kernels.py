@@ -31,10 +31,10 @@ from warp_cloth.kernels.contact.pairs import groups_kernel, leaves_kernel, pairs
 from warp_cloth.kernels.contact.search import box_kernel, start_kernel
 from warp_cloth.kernels.contact.sums import add_kernel
 from warp_cloth.kernels.contact.untangle import layers_kernel, settle_kernel
+from warp_cloth.kernels.math.lanes import WIDTH
 from warp_cloth.kernels.passes.gather import gather_kernel
 from warp_cloth.kernels.passes.move import advance_kernel, displace_kernel
-from warp_cloth.kernels.passes.scatter import edges_kernel, normals_kernel, triangles_kernel
-from warp_cloth.kernels.passes.scatter_packets import eight_edges_kernel, eight_normals_kernel, eight_triangles_kernel
+from warp_cloth.kernels.passes.scatter import edges_kernel, normals_kernel, packet_normals_kernel, triangles_kernel
 from warp_cloth.kernels.passes.step import NoCollider, accumulated
 
 FOLDER = Path(warp_cloth.kernels.__path__[0])
@@ -138,12 +138,12 @@ def turned(precision: str, choices: Sequence[Any]) -> list[Any]:
 @pytest.mark.parametrize("precision", PRECISIONS)
 def test_force_kernels_compile(precision: str) -> None:
     terms = (Terms(True, True, False), Terms(False, True, True), Terms(False, False, True), FOLDED)
-    loaded(normals_kernel(precision), eight_normals_kernel(precision))
+    loaded(normals_kernel(precision), packet_normals_kernel(precision))
     for make in (edges_kernel, triangles_kernel):
         loaded(*(make(precision, *rest) for rest in spread(precision, Accumulate, terms)))
-    for make in (eight_edges_kernel, eight_triangles_kernel):
+    for make in (edges_kernel, triangles_kernel):
         pairs = zip(turned(precision, terms[:-1]), (*BOUNDS, BOUNDS[0]), strict=True)
-        loaded(*(make(precision, bound, chosen) for chosen, bound in pairs))
+        loaded(*(make(precision, bound, chosen, WIDTH) for chosen, bound in pairs))
     gathers = [KernelOptions(precision, chosen, summed) for summed, chosen in spread(precision, Accumulate, terms)]
     loaded(*map(gather_kernel, gathers))
 

@@ -13,20 +13,20 @@ from warp_cloth.kernels.base.options import Accumulate
 from warp_cloth.kernels.base.types import cloth_types, difference_function, takes_exact_stretch
 from warp_cloth.kernels.laws.bending import SHORTEST, hinge_torque, rotated_back
 from warp_cloth.kernels.laws.tension import damped_change, tension_force, tension_stiffness, transverse_fraction
-from warp_cloth.kernels.math.lanes import WIDTH, lane_types
+from warp_cloth.kernels.math.lanes import lane_types
 from warp_cloth.kernels.math.operators import add, div, mul, sub  # noqa: F401  what + - * / below call for packets
 from warp_cloth.kernels.math.packet import component, maximum, vector3, vector4
 from warp_cloth.kernels.math.real import inner, root, scaled_sum
 
 
 @functools.cache
-def spans_type(precision: str) -> type:
-    """The struct of eight edges that is what ``Span`` is of one."""
-    types = lane_types(cloth_types(precision).real, WIDTH)
+def span_type(precision: str, lanes: int = 1) -> type:
+    """The struct of an edge as it lies, or of a packet of them."""
+    types = lane_types(cloth_types(precision).real, lanes)
 
     @wp.struct
     class Spans:
-        """Eight edges as they lie; fields of Span."""
+        """A packet of edges as they lie; fields of Span."""
 
         side: types.vec3
         length: types.real
@@ -34,7 +34,7 @@ def spans_type(precision: str) -> type:
         change: types.vec3
         move: types.real
 
-    return Spans
+    return Spans if lanes > 1 else cloth_types(precision).Span
 
 
 @functools.cache
@@ -76,7 +76,7 @@ def edge_functions(precision: str, accumulate: Accumulate, angles: bool, lanes: 
     types, shapes = cloth_types(precision), lane_types(cloth_types(precision).real, lanes)
     real, wide, vec2, Step = types.real, types.wide, types.vec2, types.Step
     one, vec3, vec4 = shapes.real, shapes.vec3, shapes.vec4
-    Span, exact = spans_type(precision) if lanes > 1 else types.Span, takes_exact_stretch(precision, accumulate)
+    Span, exact = span_type(precision, lanes), takes_exact_stretch(precision, accumulate)
 
     @wp.func
     def edge_load(span: Span, law: vec3, step: Step):

@@ -6,6 +6,7 @@ answers along its own normal: so a hinge's forces are summed triangle by triangl
 
 import functools
 from types import SimpleNamespace
+from typing import Any
 
 import warp as wp
 
@@ -28,6 +29,12 @@ from warp_cloth.kernels.math.lanes import lane_types
 from warp_cloth.kernels.math.operators import add, div, mul, sub  # noqa: F401  what + - * / below call for packets
 from warp_cloth.kernels.math.packet import absolute, component, vector3, vector4
 from warp_cloth.kernels.math.real import fused, inner, reciprocal, root, scaled_sum
+
+
+@wp.func
+def with_fourth(force: Any, more: Any):
+    """A load: a force and its fourth component."""
+    return vector4(component(force, 0), component(force, 1), component(force, 2), more)
 
 
 @functools.cache
@@ -91,12 +98,29 @@ def corner_fold_function(precision: str, accumulate: Accumulate, lanes: int = 1)
 
 
 @functools.cache
-def corner_function(precision: str, accumulate: Accumulate, terms: Terms) -> wp.Function:
+def sides_type(precision: str, lanes: int = 1) -> type:
+    """The struct of a triangle's sides, or of a packet of triangles'."""
+    types = lane_types(cloth_types(precision).real, lanes)
+
+    @wp.struct
+    class PacketSides:
+        """Sides of a packet of triangles; fields of Sides."""
+
+        side_1: types.vec3
+        side_2: types.vec3
+        change_1: types.vec3
+        change_2: types.vec3
+
+    return PacketSides if lanes > 1 else cloth_types(precision).Sides
+
+
+@functools.cache
+def corner_function(precision: str, accumulate: Accumulate, terms: Terms, lanes: int = 1) -> wp.Function:
     """The function that says what a triangle does to its corners, by all terms that there are."""
-    types = cloth_types(precision)
-    vec3, vec4, Sides, Step = types.vec3, types.vec4, types.Sides, types.Step
-    with_folds, yarn_loads = corner_fold_function(precision, accumulate), yarn_function(precision, accumulate)
-    exact_excess = _excess_function(precision)
+    types, Step = lane_types(cloth_types(precision).real, lanes), cloth_types(precision).Step
+    vec3, vec4, Sides = types.vec3, types.vec4, sides_type(precision, lanes)
+    with_folds = corner_fold_function(precision, accumulate, lanes)
+    yarn_loads, exact_excess = yarn_function(precision, accumulate, lanes), _excess_function(precision)
 
     @wp.func
     def corner_loads(
@@ -110,12 +134,12 @@ def corner_function(precision: str, accumulate: Accumulate, terms: Terms) -> wp.
             excess = vec4()
             if wp.static(takes_exact_stretch(precision, accumulate)):
                 excess = exact_excess(sides, slope)
-            force_0, force_1, force_2, parts = yarn_loads(
+            force_0, force_1, force_2, more = yarn_loads(
                 sides.side_1, sides.side_2, excess, sides.change_1, sides.change_2, slope, law, step
             )
-            first = vec4(force_0[0], force_0[1], force_0[2], parts[0])
-            second = vec4(force_1[0], force_1[1], force_1[2], parts[1])
-            third = vec4(force_2[0], force_2[1], force_2[2], parts[2])
+            first = with_fourth(force_0, component(more, 0))
+            second = with_fourth(force_1, component(more, 1))
+            third = with_fourth(force_2, component(more, 2))
         if wp.static(terms.folds):
             first, second, third = with_folds(normal, fold_0, fold_1, fold_2, first, second, third)
         return first, second, third

@@ -87,7 +87,7 @@ def _sum_kernel(precision: str, terms: Terms) -> wp.Kernel:
         model: Model,
         state: State,
         triangles: Triangles,
-        fold: wp.array(dtype=vec4),  # of scatter_eight.add_edges, shape [E]
+        fold: wp.array(dtype=vec4),  # of scatter.add_edges, of packets, shape [E]
         step: Step,
         straight_out: wp.array(dtype=vec4),  # shape [V]
         crossed_out: wp.array(dtype=vec4),

@@ -1,20 +1,26 @@
-"""Forces by a kernel per edge and one per triangle that add to their vertices.
+"""Forces by a kernel per edge and one per triangle that add to their vertices: scatter, for the CPU.
 
-For the CPU, where Warp runs a launch on one thread: the order of the additions is fixed, so the same input gives the
-same bits. On CUDA the order would be left to chance; there ``gather`` serves. What iterations ask for most is worked
-out eight at a time (``scatter_eight``).
+There Warp runs a launch on one thread: the order of the additions is fixed, so the same input gives the same bits. On
+CUDA the order would be left to chance; there ``gather`` serves. A kernel takes one element at a time, or (``lanes`` is
+WIDTH) a packet of eight and adds these one by one: the same bits, in a third of the time.
 """
 
 import functools
 
 import warp as wp
 
-from warp_cloth.kernels.base.access import add_to, element
+from warp_cloth.kernels.base.access import element
 from warp_cloth.kernels.base.options import Accumulate, Terms
 from warp_cloth.kernels.base.subset import listed
-from warp_cloth.kernels.base.types import MODULE_OPTIONS, cloth_types, rest_function
-from warp_cloth.kernels.elements.edge import edge_functions
-from warp_cloth.kernels.elements.triangle import corner_function, triangle_functions
+from warp_cloth.kernels.base.types import MODULE_OPTIONS, cloth_types, rest_function, takes_exact_stretch
+from warp_cloth.kernels.elements.edge import edge_functions, edge_length, span_type
+from warp_cloth.kernels.elements.triangle import corner_function, sides_type, triangle_functions
+from warp_cloth.kernels.laws.bending import unit_normal
+from warp_cloth.kernels.math.lane_memory import lane_memory
+from warp_cloth.kernels.math.lanes import WIDTH, lane_types
+from warp_cloth.kernels.math.operators import add, div, mul, sub  # noqa: F401  what + - * / below call for packets
+from warp_cloth.kernels.math.packet import component, vector3, vector4
+from warp_cloth.kernels.math.packet_memory import active_lanes_function, first_of_packet, load_sides, store_packet
 from warp_cloth.kernels.math.real import inner, root
 from warp_cloth.kernels.patches.packing import order_functions
 
@@ -52,21 +58,64 @@ def normals_kernel(precision: str, packed: bool = False) -> wp.Kernel:
 
 
 @functools.cache
-def edges_kernel(precision: str, accumulate: Accumulate, terms: Terms) -> wp.Kernel:
-    """Kernel ``add_edges``; ``accumulate``: beside the forces."""
+def packet_normals_kernel(precision: str) -> wp.Kernel:
+    """Kernel ``measure_normals`` of packets, whose sides it stores for ``add_triangles``."""
     types = cloth_types(precision)
-    vec2, vec3, vec4, Model, State, Step, Edges = (
-        types.vec2,
-        types.vec3,
-        types.vec4,
-        types.Model,
-        types.State,
-        types.Step,
-        types.Edges,
-    )
-    functions = edge_functions(precision, accumulate, terms.angles)
-    edge_span, edge_load, edge_fold = functions.edge_span, functions.edge_load, functions.edge_fold
-    rests = rest_function(precision)
+    vec4, Model, State, Triangles, Step = types.vec4, types.Model, types.State, types.Triangles, types.Step
+    like, packets = wp.constant(types.real(0.0)), lane_types(types.real, WIDTH)
+    active_lanes = active_lanes_function(precision)
+
+    @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
+    def measure_normals(
+        model: Model,
+        state: State,
+        triangles: Triangles,
+        step: Step,
+        normal_out: wp.array(dtype=vec4),  # unit normal and inverse of twice the area [1/m2], shape [F]
+        sides_out: wp.array(dtype=packets.vec3),  # both sides of eight triangles' first corners [m], shape [F / 8, 2]
+    ):
+        """Stores the normals and sides of a packet of triangles."""
+        number = wp.tid()
+        if active_lanes(model, triangles.corners, number) == 0:
+            return
+        first = first_of_packet(number, triangles.corners.shape[0])
+        side_1 = load_sides(like, state.position, triangles.corners, first, 0, 1)
+        side_2 = load_sides(like, state.position, triangles.corners, first, 0, 2)
+        sides_out[2 * number] = side_1
+        sides_out[2 * number + 1] = side_2
+        normal, inverse = unit_normal(side_1, side_2)
+        store_packet(
+            normal_out, first, vector4(component(normal, 0), component(normal, 1), component(normal, 2), inverse)
+        )
+
+    return measure_normals
+
+
+@functools.cache
+def edges_kernel(precision: str, accumulate: Accumulate, terms: Terms, lanes: int = 1) -> wp.Kernel:
+    """Kernel ``add_edges``; ``accumulate``: beside the forces, of packets a bound; these have no rest angles."""
+    types, packets = cloth_types(precision), lane_types(cloth_types(precision).real, lanes)
+    Model, State, Step, Edges, Span = types.Model, types.State, types.Step, types.Edges, span_type(precision, lanes)
+    vec2, vec4, like, memory = types.vec2, types.vec4, wp.constant(types.real(0.0)), lane_memory(precision, lanes)
+    first_of, active, load_at, store, add_to = memory.first, memory.active, memory.load_at, memory.store, memory.add
+    load, load_sides = memory.load, memory.load_sides
+    functions = edge_functions(precision, accumulate, terms.angles, lanes)
+    edge_load, edge_fold = functions.edge_load, functions.edge_fold
+
+    @wp.func
+    def span_of(state: State, ends: wp.array(dtype=wp.vec2i), first: int):
+        """Edges as they lie, and what last moved them."""
+        span = Span()
+        span.side = load_sides(like, state.position, ends, first, 0, 1)
+        span.length = edge_length(span.side)
+        span.inverse = packets.real(types.real(1.0)) / span.length
+        if wp.static(accumulate.is_bound):
+            span.change = load_sides(like, state.displacement, ends, first, 0, 1)
+            displacement = load_at(state.displacement, ends, first, 0)
+            span.move = root(inner(displacement, displacement))
+        if wp.static(takes_exact_stretch(precision, accumulate)):
+            span.exact = load_at(state.position, ends, first, 1) - load_at(state.position, ends, first, 0)
+        return span
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def add_edges(
@@ -75,32 +124,27 @@ def edges_kernel(precision: str, accumulate: Accumulate, terms: Terms) -> wp.Ker
         edges: Edges,
         normal: wp.array(dtype=vec4),  # of measure_normals, shape [F]
         step: Step,
-        fold_out: wp.array(dtype=vec4),  # turn [N], bound [N/m] and L^2 [m2] of each edge's hinge, shape [E]
+        fold_out: wp.array(dtype=vec4),  # torque over L [N], bound [N/m], L^2 [m2] and L [m] of each hinge, shape [E]
         load_out: wp.array(dtype=vec4),  # force [N] and what is accumulated, shape [V]
     ):
-        """Adds each edge's tension to its ends, and works out its hinge."""
-        edge = wp.tid()
-        ends = element(edges.ends, edge)
-        if rests(model, ends[0]):
+        """Adds the tensions of edges to their ends, and measures their hinges."""
+        number = wp.tid()
+        some = active(model, edges.ends, number)
+        if some == 0:
             return
-        move_0 = vec3()
-        move_1 = vec3()
-        if wp.static(accumulate.is_bound):
-            move_0, move_1 = element(state.displacement, ends[0]), element(state.displacement, ends[1])
-        size = root(inner(move_0, move_0))
-        span = edge_span(element(state.position, ends[0]), element(state.position, ends[1]), move_0, move_1, size)
+        first = first_of(number, edges.ends.shape[0])
+        span = span_of(state, edges.ends, first)
         if wp.static(terms.edges):
-            load = edge_load(span, element(edges.law, edge), step)
-            add_to(load_out, ends[0], load)
-            add_to(load_out, ends[1], vec4(-load[0], -load[1], -load[2], load[3]))
+            own = edge_load(span, load(edges.law, first), step)
+            back = vector4(-component(own, 0), -component(own, 1), -component(own, 2), component(own, 3))
+            add_to(load_out, edges.ends, first, some, own, back)
         if wp.static(terms.folds):
-            beside = element(edges.beside, edge)
             rest = vec2()
             if wp.static(terms.angles):
-                rest = element(edges.rest, edge)
-            first, second = element(normal, beside[0]), element(normal, beside[1])
-            fold = edge_fold(span, first, second, element(edges.fold, edge), rest, step)
-            fold_out[edge] = vec4(fold[0], fold[1], fold[2], span.length)
+                rest = element(edges.rest, first)
+            normal_0, normal_1 = load_at(normal, edges.beside, first, 0), load_at(normal, edges.beside, first, 1)
+            fold = edge_fold(span, normal_0, normal_1, load(edges.fold, first), rest, step)
+            store(fold_out, first, vector4(component(fold, 0), component(fold, 1), component(fold, 2), span.length))
 
     return add_edges
 
@@ -128,39 +172,44 @@ def sides_function(precision: str, accumulate: Accumulate, packed: bool = False,
 
 
 @functools.cache
-def fold_reader(precision: str) -> wp.Function:
-    """The function that reads the hinges of a triangle's sides."""
-    vec3, vec4 = cloth_types(precision).vec3, cloth_types(precision).vec4
+def triangles_kernel(precision: str, accumulate: Accumulate, terms: Terms, lanes: int = 1) -> wp.Kernel:
+    """Kernel ``add_triangles``; ``accumulate``: beside the forces, of packets a bound."""
+    types, packets = cloth_types(precision), lane_types(cloth_types(precision).real, lanes)
+    Model, State, Step, Triangles = types.Model, types.State, types.Step, types.Triangles
+    vec4, like, Sides = types.vec4, wp.constant(types.real(0.0)), sides_type(precision, lanes)
+    memory = lane_memory(precision, lanes)
+    first_of, active, load, add_to = memory.first, memory.active, memory.load, memory.add
+    load_at, load_signed, load_signs, load_sides = (
+        memory.load_at, memory.load_signed, memory.load_signs, memory.load_sides,
+    )  # fmt: skip
+    corner_loads = corner_function(precision, accumulate, terms, lanes)
 
     @wp.func
-    def side_fold(fold: wp.array(dtype=vec4), edge: int):
-        """Hinge of a triangle's side, its turn as the triangle is wound."""
-        found = element(fold, wp.where(edge < 0, -1 - edge, edge))
-        return vec3(wp.where(edge < 0, -found[0], found[0]), found[1], found[2])
+    def sides_of(
+        state: State, corners: wp.array(dtype=wp.vec3i), side: wp.array(dtype=packets.vec3), number: int, first: int
+    ):
+        """Triangles as they lie, and what last moved them."""
+        sides = Sides()
+        if wp.static(terms.folds and lanes > 1):
+            sides.side_1 = side[2 * number]
+            sides.side_2 = side[2 * number + 1]
+        else:
+            sides.side_1 = load_sides(like, state.position, corners, first, 0, 1)
+            sides.side_2 = load_sides(like, state.position, corners, first, 0, 2)
+        if wp.static(takes_exact_stretch(precision, accumulate)):
+            sides.exact_1 = load_at(state.position, corners, first, 1) - load_at(state.position, corners, first, 0)
+            sides.exact_2 = load_at(state.position, corners, first, 2) - load_at(state.position, corners, first, 0)
+        if wp.static(accumulate.is_bound):
+            sides.change_1 = load_sides(like, state.displacement, corners, first, 0, 1)
+            sides.change_2 = load_sides(like, state.displacement, corners, first, 0, 2)
+        return sides
 
     @wp.func
-    def side_folds(fold: wp.array(dtype=vec4), edges: wp.vec3i):
-        """Those of all three sides."""
-        return side_fold(fold, edges[0]), side_fold(fold, edges[1]), side_fold(fold, edges[2])
-
-    return side_folds
-
-
-@functools.cache
-def triangles_kernel(precision: str, accumulate: Accumulate, terms: Terms) -> wp.Kernel:
-    """Kernel ``add_triangles``; ``accumulate``: beside the forces."""
-    types = cloth_types(precision)
-    vec3, vec4, Model, State, Step, Triangles = (
-        types.vec3,
-        types.vec4,
-        types.Model,
-        types.State,
-        types.Step,
-        types.Triangles,
-    )
-    corner_loads = corner_function(precision, accumulate, terms)
-    sides_of, side_folds = sides_function(precision, accumulate), fold_reader(precision)
-    rests = rest_function(precision)
+    def side_fold(fold: wp.array(dtype=vec4), edges: wp.array(dtype=wp.vec3i), first: int, which: int):
+        """The hinges of one side of triangles, their torques as these are wound."""
+        found = load_signed(fold, edges, first, which)
+        torque = component(found, 0)
+        return vector3(torque * load_signs(torque, edges, first, which), component(found, 1), component(found, 2))
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def add_triangles(
@@ -168,26 +217,27 @@ def triangles_kernel(precision: str, accumulate: Accumulate, terms: Terms) -> wp
         state: State,
         triangles: Triangles,
         normal: wp.array(dtype=vec4),  # of measure_normals, shape [F]
+        side: wp.array(dtype=packets.vec3),  # likewise, of packets of cloth that bends
         fold: wp.array(dtype=vec4),  # of add_edges, shape [E]
         step: Step,
         load_out: wp.array(dtype=vec4),  # force [N] and what is accumulated, shape [V]
     ):
-        """Adds the hinges and yarns of each triangle to its corners."""
-        triangle = wp.tid()
-        corners = element(triangles.corners, triangle)
-        if rests(model, corners[0]):
+        """Adds the yarns of triangles and the hinges of their sides to their corners."""
+        number = wp.tid()
+        some = active(model, triangles.corners, number)
+        if some == 0:
             return
-        own, fold_0, fold_1, fold_2 = vec4(), vec3(), vec3(), vec3()
-        if wp.static(terms.folds):
-            own = element(normal, triangle)
-            fold_0, fold_1, fold_2 = side_folds(fold, element(triangles.edges, triangle))
-        slope, law, sides = vec4(), vec4(), types.Sides()
+        first = first_of(number, triangles.corners.shape[0])
+        slope, law, sides = packets.vec4(), packets.vec4(), Sides()
         if wp.static(terms.yarns):
-            slope, law = element(triangles.slope, triangle), element(triangles.yarns, triangle)
-            sides = sides_of(state, corners)
-        first, second, third = corner_loads(own, fold_0, fold_1, fold_2, sides, slope, law, step)
-        add_to(load_out, corners[0], first)
-        add_to(load_out, corners[1], second)
-        add_to(load_out, corners[2], third)
+            slope, law = load(triangles.slope, first), load(triangles.yarns, first)
+            sides = sides_of(state, triangles.corners, side, number, first)
+        own, fold_0, fold_1, fold_2 = packets.vec4(), packets.vec3(), packets.vec3(), packets.vec3()
+        if wp.static(terms.folds):
+            own = load(normal, first)
+            fold_0, fold_1 = side_fold(fold, triangles.edges, first, 0), side_fold(fold, triangles.edges, first, 1)
+            fold_2 = side_fold(fold, triangles.edges, first, 2)
+        on_0, on_1, on_2 = corner_loads(own, fold_0, fold_1, fold_2, sides, slope, law, step)
+        add_to(load_out, triangles.corners, first, some, on_0, on_1, on_2)
 
     return add_triangles

@@ -16,14 +16,15 @@ from warp_cloth.base.threads import map_in_threads
 from warp_cloth.base.topology import ragged_rows
 from warp_cloth.kernels.base.options import Accumulate
 from warp_cloth.kernels.base.types import cloth_types
+from warp_cloth.kernels.math.lanes import WIDTH
 from warp_cloth.kernels.passes.anisotropic_step import leeway_kernels
 from warp_cloth.kernels.passes.anisotropic_step_packets import eight_leeway_kernels
-from warp_cloth.kernels.passes.scatter_packets import eight_edges_kernel
+from warp_cloth.kernels.passes.scatter import edges_kernel
 from warp_cloth.model.model import ClothModel
 from warp_cloth.model.permutation import Numbering
 from warp_cloth.model.upload import joined
 from warp_cloth.solver.active_set import AtWork
-from warp_cloth.solver.forces import NormalsPass, pass_size, takes_eight
+from warp_cloth.solver.forces import NormalsPass, pass_size, takes_packets
 
 
 class Leeway:
@@ -55,9 +56,9 @@ class Leeway:
         self.forget(range(model.item_count))
         terms = model.terms
         scatters = model.patches is None and terms.yarns and not (terms.edges or terms.angles)
-        eight = scatters and takes_eight(model, min(model.triangle_count, model.edge_count))
+        packets = scatters and takes_packets(model, min(model.triangle_count, model.edge_count))
         self._look: _Gathered | ScatteredLook = (
-            ScatteredLook(model) if eight else _Gathered(model, numbering, packed, at_work)
+            ScatteredLook(model) if packets else _Gathered(model, numbering, packed, at_work)
         )
 
     def kernels(self) -> list[wp.Kernel]:
@@ -174,9 +175,8 @@ class ScatteredLook:
         self._model = model
         self._kernels = eight_leeway_kernels(model.precision, terms)
         self._normals = NormalsPass(model) if terms.folds else None
-        self._edges = eight_edges_kernel(
-            model.precision, Accumulate.ANISOTROPIC_STIFFNESS, terms
-        )  # that only bend: nothing is added
+        # they only bend: nothing is added
+        self._edges = edges_kernel(model.precision, Accumulate.ANISOTROPIC_STIFFNESS, terms, WIDTH)
         edges = model.edge_count if terms.folds else 0
         self._fold = wp.empty(edges, dtype=types.vec4, device=model.device)
         self._bounds = [wp.zeros(model.vertex_count, dtype=types.vec4, device=model.device) for _ in range(2)]

@@ -10,38 +10,39 @@ from warp_cloth.kernels.base.options import Accumulate, KernelOptions, block_for
 from warp_cloth.kernels.base.types import cloth_types
 from warp_cloth.kernels.math.lanes import WIDTH, lane_types
 from warp_cloth.kernels.passes.gather import gather_kernel
-from warp_cloth.kernels.passes.scatter import edges_kernel, normals_kernel, triangles_kernel
-from warp_cloth.kernels.passes.scatter_packets import eight_edges_kernel, eight_normals_kernel, eight_triangles_kernel
+from warp_cloth.kernels.passes.scatter import edges_kernel, normals_kernel, packet_normals_kernel, triangles_kernel
 from warp_cloth.model.model import ClothModel
 from warp_cloth.solver.active_set import Listed
 
 
 class NormalsPass:
-    """Measures the triangles' normals, one by one or eight at a time."""
+    """Measures the triangles' normals, one by one or in packets of eight."""
 
     def __init__(self, model: ClothModel, *, packed: bool = False, some: Listed | None = None) -> None:
         """``packed``: whether the cloth's positions are (kernels.patches.packing).
 
-        ``some`` of the triangles, where they are not worked out eight at a time; None: all.
+        ``some`` of the triangles, where they are not taken in packets; None: all.
         """
         types, count = cloth_types(model.precision), model.triangle_count
-        self._eight = takes_eight(model, count) and not packed
+        self._packets = takes_packets(model, count) and not packed
         self._model, self._some = model, some or Listed([0, count], model.device)
-        self.kernel = eight_normals_kernel(model.precision) if self._eight else normals_kernel(model.precision, packed)
+        self.kernel = (
+            packet_normals_kernel(model.precision) if self._packets else normals_kernel(model.precision, packed)
+        )
         self.normal = wp.empty(count, dtype=types.vec4, device=model.device)
-        # the sides of eight triangles that kernels read after it, which lie as they are worked out
-        sides = 2 * self.size if self._eight else 0
+        # sides of packets of triangles, which kernels read after it
+        sides = 2 * self.size if self._packets else 0
         self.sides = wp.empty(sides, dtype=lane_types(types.real, WIDTH).vec3, device=model.device)
 
     @property
     def size(self) -> int:
         """Threads that it takes."""
-        return pass_size(self._model.triangle_count, True) if self._eight else self._some.size
+        return pass_size(self._model.triangle_count, True) if self._packets else self._some.size
 
     @property
     def asks(self) -> list[Any]:
         """What the kernel takes at last."""
-        return [self.normal, self.sides] if self._eight else [self._some.groups, self.normal]
+        return [self.normal, self.sides] if self._packets else [self._some.groups, self.normal]
 
     def launch(self, vertices: Any, state: Any, step: Any, triangles: Any = None) -> None:
         """Launches it; a Model, a State and a Step of base.types, and their triangles, or the model's."""
@@ -75,6 +76,7 @@ class ForcePass:
             return
         edges, triangles = model.edge_count, model.triangle_count
         normal, sides = wp.empty(0, dtype=types.vec4), wp.empty(0, dtype=lane_types(types.real, WIDTH).vec3)
+        no_sides = wp.empty(0, dtype=types.vec3, device=model.device)
         fold = wp.empty(edges if terms.folds else 0, dtype=types.vec4, device=model.device)
         asked = model.precision, accumulate, terms
         if terms.folds:
@@ -83,13 +85,13 @@ class ForcePass:
             self._passes.append((first.kernel, first.size, [model.triangles], first.asks))
         iterates = accumulate.is_bound
         if terms.edges or terms.folds:
-            eight = iterates and not terms.angles and takes_eight(model, edges)
-            kernel, size = (eight_edges_kernel if eight else edges_kernel)(*asked), pass_size(edges, eight)
+            packets = iterates and not terms.angles and takes_packets(model, edges)
+            kernel, size = edges_kernel(*asked, WIDTH if packets else 1), pass_size(edges, packets)
             self._passes.append((kernel, size, [model.edges, normal], [fold, load]))
         if terms.folds or terms.yarns:
-            eight = iterates and takes_eight(model, triangles)
-            kernel, size = (eight_triangles_kernel if eight else triangles_kernel)(*asked), pass_size(triangles, eight)
-            read = [model.triangles, normal, sides, fold] if eight else [model.triangles, normal, fold]
+            packets = iterates and takes_packets(model, triangles)
+            kernel, size = triangles_kernel(*asked, WIDTH if packets else 1), pass_size(triangles, packets)
+            read = [model.triangles, normal, sides if packets else no_sides, fold]
             self._passes.append((kernel, size, read, [load]))
 
     def kernels(self) -> list[wp.Kernel]:
@@ -107,14 +109,14 @@ class ForcePass:
                 wp.launch(kernel, dim=size, inputs=inputs, device=model.device)
 
 
-def takes_eight(model: ClothModel, count: int) -> bool:
-    """Whether that many elements are worked out eight at a time: a CPU has instructions for that."""
+def takes_packets(model: ClothModel, count: int) -> bool:
+    """Whether that many elements are taken in packets of eight: a CPU has instructions for that."""
     return count >= WIDTH and bool(wp.get_device(model.device).is_cpu)
 
 
-def pass_size(count: int, eight: bool) -> int:
-    """How many threads it takes to work elements out one by one or, ``eight``, eight at a time."""
-    return -(-count // WIDTH) if eight else count
+def pass_size(count: int, packets: bool) -> int:
+    """How many threads a pass over elements takes, one by one or in ``packets``."""
+    return -(-count // WIDTH) if packets else count
 
 
 def launch_patches(kernel: wp.Kernel, model: ClothModel, inputs: list[Any], more: int = 0) -> None:

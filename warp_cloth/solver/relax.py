@@ -19,7 +19,7 @@ from warp_cloth.kernels.passes.step import NoClothContact, NoCollider, accumulat
 from warp_cloth.model.model import ClothModel
 from warp_cloth.solver.active_set import AtWork
 from warp_cloth.solver.anisotropic_step import Leeway
-from warp_cloth.solver.forces import ForcePass, pass_size, takes_eight
+from warp_cloth.solver.forces import ForcePass, pass_size, takes_packets
 from warp_cloth.solver.packed import PackedCloth
 from warp_cloth.solver.parallel_domains import Together
 
@@ -157,7 +157,7 @@ class Relaxation:
         else:
             self._load = wp.zeros(model.vertex_count, dtype=types.vec4, device=model.device)
             self._scatter = ForcePass(model, kernel_options.accumulate, self._load)
-            self._eight = accelerated and cloth_contact is None and takes_eight(model, model.vertex_count)
+            self._eight = accelerated and cloth_contact is None and takes_packets(model, model.vertex_count)
             if self._eight:
                 self._move = eight_displace_kernel(kernel_options)
             else:
