@@ -20,7 +20,7 @@ from warp_cloth.scene import load_scene
 from warp_cloth.shapes import square
 from warp_cloth.study import knobs, tradeoff
 from warp_cloth.study.knobs import Trial, reference_of, single_trials
-from warp_cloth.study.passing import run_through
+from warp_cloth.study.stopped_runs import run_with_stops
 from warp_cloth.study.surface import distances
 from warp_cloth.study.tradeoff import Measured, Trade, TradeStudy, millimetres
 from warp_cloth.study.tradeoff_files import save_trade, snippet, trade_lines
@@ -46,7 +46,7 @@ def found(tmp_path_factory: pytest.TempPathFactory) -> tuple[Trade, Path]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(knobs, "BUDGETS", (200, 400))
         patch.setattr(knobs, "PIXELS_MM", (4.0, 8.0))
-        study = TradeStudy(load_scene(TREE), device="cpu", within_mm=WITHIN_MM, folder=folder, tell=lambda _: None)
+        study = TradeStudy(load_scene(TREE), device="cpu", within_mm=WITHIN_MM, folder=folder, log=lambda _: None)
         return study.run(), folder
 
 
@@ -81,17 +81,17 @@ def test_a_study_that_was_cut_off_goes_on_with_what_it_knows(
     trade, folder = found
     kept = next(folder.glob("*.jsonl"))
     kept.write_text(kept.read_text() + '\n{"knob": "cut o')
-    study = TradeStudy(load_scene(TREE), device="cpu", within_mm=WITHIN_MM, folder=folder, tell=lambda _: None)
-    monkeypatch.setattr(study, "_passages", lambda wanted: pytest.fail("it was known already") if wanted else ())
+    study = TradeStudy(load_scene(TREE), device="cpu", within_mm=WITHIN_MM, folder=folder, log=lambda _: None)
+    monkeypatch.setattr(study, "_run_trials", lambda wanted: pytest.fail("it was known already") if wanted else ())
     study._load()
-    study._refer()
+    study._solve_reference()
     assert len(study.trade().measured) == len(trade.measured)
     study._measure(single_trials(load_scene(TREE))[:1])
 
 
 def test_what_a_run_passes_through_is_what_stopping_there_gives() -> None:
     scene = load_scene(TREE)
-    passed, _ = run_through(scene, "cpu", (200,))
+    passed, _ = run_with_stops(scene, "cpu", (200,))
     stopped = fit(TREE, device="cpu", overrides=["solver.iterations=200"])
     assert (passed.status, passed.iterations) == (stopped.status, 200)
     assert np.array_equal(passed.worn[0], stopped.garments[0].points)
@@ -104,7 +104,7 @@ def test_trials_run_beside_each_other_come_to_the_same(
     found: tuple[Trade, Path], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     trade, folder = found
-    study = TradeStudy(load_scene(TREE), device="cpu", within_mm=WITHIN_MM, folder=folder, tell=lambda _: None)
+    study = TradeStudy(load_scene(TREE), device="cpu", within_mm=WITHIN_MM, folder=folder, log=lambda _: None)
     study._load()
     alone = next(one for one in trade.measured if one.knob == "tolerance")
     study._measured = []
@@ -119,7 +119,7 @@ def test_trials_run_beside_each_other_come_to_the_same(
 
 
 def test_other_work_on_the_machine_while_a_setting_loads_does_not_count(tmp_path: Path) -> None:
-    study = TradeStudy(load_scene(TREE), device="cpu", within_mm=WITHIN_MM, folder=tmp_path, tell=lambda _: None)
+    study = TradeStudy(load_scene(TREE), device="cpu", within_mm=WITHIN_MM, folder=tmp_path, log=lambda _: None)
     slow = replace(measured({"solver.iterations": "100"}), seconds=9.2, loading=9.0)
     finer = replace(measured({"collision.pixel_mm": "1"}), seconds=3.0, loading=2.5)
     study._measured = [measured({}), slow, finer]
@@ -132,15 +132,15 @@ def test_another_mesh_in_the_same_file_is_another_study(tmp_path: Path) -> None:
     for size in (0.3, 0.4):
         write_garment(mesh, sheet(np.linspace(0.0, size, 5), np.linspace(1.0, 1.0 + size, 5)))
         scene = load_scene({"garment": {"mesh": str(mesh), "units": "m", "pin": {"loop": "top"}}})
-        study = TradeStudy(scene, device="cpu", within_mm=WITHIN_MM, folder=tmp_path, tell=lambda _: None)
-        kept.add(study._kept)
+        study = TradeStudy(scene, device="cpu", within_mm=WITHIN_MM, folder=tmp_path, log=lambda _: None)
+        kept.add(study._trials_path)
     assert len(kept) == 2
 
 
 @pytest.mark.parametrize("avatar", [{}, {"avatar": TREE["avatar"], "collision": {"avatar": "none"}}])
 def test_a_garment_that_falls_for_ever_is_refused_before_any_work(tmp_path: Path, avatar: dict[str, object]) -> None:
     shape = {"garment": {"shape": {"kind": "square", "vertices_per_side": 5}}, **avatar}
-    study = TradeStudy(load_scene(shape), device="cpu", within_mm=WITHIN_MM, folder=tmp_path, tell=lambda _: None)
+    study = TradeStudy(load_scene(shape), device="cpu", within_mm=WITHIN_MM, folder=tmp_path, log=lambda _: None)
     with pytest.raises(InputError, match="pin some of its vertices"):
         study.run()
 
@@ -211,7 +211,7 @@ def test_lengths_as_typed(text: str, value: float) -> None:
 
 @pytest.mark.parametrize("text", ["", "mm", "-1mm", "nan", "2 feet", "inf", "0"])
 def test_what_is_no_length_is_refused(text: str) -> None:
-    with pytest.raises(InputError, match="is no length"):
+    with pytest.raises(InputError, match="is not a length"):
         millimetres(text)
 
 

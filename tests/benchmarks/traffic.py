@@ -129,7 +129,7 @@ class Replay(TimedFit):
 
     def _run(self, count: int) -> None:
         for _ in range(count // CHUNK):
-            self._made.relaxation.run(CHUNK)
+            self._problem.relaxation.run(CHUNK)
         self.iteration += count
 
 

@@ -24,11 +24,11 @@ def plan(
     device: Device = None,
     changes: Changes = None,
     savings: Annotated[
-        bool, typer.Option("--savings", help="Run it without each term, too, to tell what an iteration takes less.")
+        bool, typer.Option("--savings", help="Also run the scene without each term, and print the time that saves.")
     ] = False,
-    out: Annotated[Path | None, typer.Option(help="File for the same as JSON.", dir_okay=False)] = None,
+    out: Annotated[Path | None, typer.Option(help="Also write the plan to this JSON file.", dir_okay=False)] = None,
 ) -> None:
-    """Say which terms a scene needs and why, which kernels and arrays that means, and what each costs.
+    """Show which terms a scene uses and why, and the kernels, memory and time of an iteration.
 
     \b
     warp-cloth plan tshirt --savings
@@ -46,9 +46,9 @@ def plan(
         from warp_cloth.study.planning import plan_lines, write_plan
         from warp_cloth.study.savings import savings_of
 
-        made = load_problem(chosen, device_named(device))
-        terms, cost = make_plan(chosen, made.outfit), footprint_of(made)
-        saved = savings_of(chosen, made.outfit, made.model.device) if savings else ()
+        problem = load_problem(chosen, device_named(device))
+        terms, cost = make_plan(chosen, problem.outfit), footprint_of(problem)
+        saved = savings_of(chosen, problem.outfit, problem.model.device) if savings else ()
         lines = plan_lines(chosen.name, terms, cost, saved)
         if out is not None:
             write_plan(out, terms, cost, saved)
@@ -58,15 +58,15 @@ def plan(
 
 def tradeoff(
     scene: SceneName,
-    within: Annotated[str, typer.Option(help="Error wanted: rms distance from the reference.")] = "2mm",
+    within: Annotated[str, typer.Option(help="Wanted accuracy: rms distance from the reference.")] = "2mm",
     out: Annotated[Path, typer.Option(help="Folder for NAME_tradeoff.json, .csv, .toml and .png.")] = Path("out"),
     device: Device = None,
     changes: Changes = None,
     plots: Annotated[bool, typer.Option(help="Draw the plot, with matplotlib.")] = True,
 ) -> None:
-    """Run a scene over its knobs against a tight reference of it: what does accuracy cost, what is cheap enough?
+    """Find the cheapest settings of a scene that are accurate enough, against a tight reference.
 
-    Results are kept as they come: interrupted, the same command goes on where it was.
+    Results are stored at once: if interrupted, run the same command again to continue.
 
     \b
     warp-cloth tradeoff scene.toml --within 2mm --out study
@@ -89,7 +89,7 @@ def tradeoff(
                 device=device_named(device),
                 within_mm=wanted,
                 folder=out,
-                tell=lambda line: print(line, file=sys.stderr),
+                log=lambda line: print(line, file=sys.stderr),
             )
             try:
                 trade = study.run()
@@ -97,8 +97,8 @@ def tradeoff(
                 known = study.trade()
                 if known.measured:
                     save_trade(known, out, plots=plots)
-                told = "interrupted: the same command goes on from here" if known.measured else "interrupted"
-                print(told, file=sys.stderr)
+                remedy = ": run the same command again to continue" if known.measured else ""
+                print(f"interrupted{remedy}", file=sys.stderr)
                 raise typer.Exit(INTERRUPTED) from None
             paths = save_trade(trade, out, plots=plots)
     _show([*trade_lines(trade), *(f"  wrote {path}" for path in paths)], typer.echo)

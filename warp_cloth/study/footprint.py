@@ -53,10 +53,10 @@ class Footprint:
         return kernel.seconds / max(sum(other.seconds for other in self.kernels), 1e-30)
 
 
-def footprint_of(made: Problem) -> Footprint:
+def footprint_of(problem: Problem) -> Footprint:
     """Runs and times some hundreds or thousands of iterations from the start; the cloth has moved afterwards."""
-    model = made.model
-    times = times_of(made)
+    model = problem.model
+    times = times_of(problem)
     kernels = [_cost(launch, times) for launch in times.launches]
     if times.search_check:
         purpose = "Decides whether to search for cloth near cloth again."
@@ -67,9 +67,9 @@ def footprint_of(made: Problem) -> Footprint:
         kernels=tuple(kernels),
         launches=sum(kernel.launches for kernel in kernels),
         seconds=times.seconds,
-        threads=made.relaxation.thread_count,
+        threads=problem.relaxation.thread_count,
         iterations=(times.begin, times.end),
-        memory=memory_of(made),
+        memory=memory_of(problem),
     )
 
 
@@ -105,20 +105,20 @@ def iteration_bytes(launches: Sequence[Launch]) -> int:
     return sum(kernels[launch.kernel] for launch in launches)
 
 
-def memory_of(made: Problem) -> dict[str, int]:
+def memory_of(problem: Problem) -> dict[str, int]:
     """Bytes of the arrays that a scene holds on its device: of the avatar, of the cloth, more for the checks.
 
     The report's are taken at the end, besides the others; shapes on the way are as many as can be.
     """
-    avatar = arrays_in(made.contacts)
-    cloth = arrays_in([getattr(made, part.name) for part in fields(made) if part.name != "certifier"])
-    whole = bytes_of(arrays_in(made))
-    now, most = made.certifier.snapshot_bytes
+    avatar = arrays_in(problem.contacts)
+    cloth = arrays_in([getattr(problem, part.name) for part in fields(problem) if part.name != "certifier"])
+    whole = bytes_of(arrays_in(problem))
+    now, most = problem.certifier.snapshot_bytes
     return {
         "cloth": bytes_of(cloth) - bytes_of(avatar),
         "avatar": bytes_of(avatar),
         "checks": whole - bytes_of(cloth) - now + most,
-        "report": max(strain_bytes(made.model), *(_crossing_bytes(outfit) for outfit in made.outfits)),
+        "report": max(strain_bytes(problem.model), *(_crossing_bytes(outfit) for outfit in problem.outfits)),
     }
 
 

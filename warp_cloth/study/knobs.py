@@ -1,4 +1,4 @@
-"""What may be traded against time in a scene: each knob with settings worth trying, and a reference beyond all."""
+"""The knobs of a scene that trade accuracy against time, settings worth trying, and a tighter reference."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from warp_cloth.solver.relax import DEFAULT_CAP, Method
 
 Settings = Mapping[str, str]  # scene keys and their values, as --set takes them
 
-# The reference is this much tighter than what a garment is cut to, and gets this many times the scene's iterations.
+# Tolerances of the reference, tighter than a garment is cut, and its limit as a multiple of the scene's iterations.
 REFERENCE_MM = 0.2
 REFERENCE_RESIDUAL = 2e-3
 REFERENCE_ITERATIONS = 2
@@ -20,15 +20,15 @@ REFERENCE_PIXEL_MM = 1.0
 COARSENING = (1.4, 2.0)  # factors on the edge length
 PIXELS_MM = (1.0, 2.0, 4.0, 8.0)
 TOLERANCES = ((0.3, 0.003), (1.0, 0.01), (3.0, 0.03), (10.0, 0.1))  # [mm] of rest error, relative residual rms
-BUDGETS = (100, 200, 500, 1000, 2000, 4000)  # iterations, at each of which a chunk of the loop ends
-DIRECT_BUDGET = 2000  # iterations of the direct method, which may never rest
-EXACT_BUDGET = 1000  # iterations against the exact avatar, each of which takes as long as five others
-LEVELS_BUDGET = 2000  # of the multilevel method, which needs few or none of use
+BUDGETS = (100, 200, 500, 1000, 2000, 4000)  # iterations; a chunk of the loop ends at each
+DIRECT_BUDGET = 2000  # iterations of the direct method, which may never come to rest
+EXACT_BUDGET = 1000  # iterations with the exact collider, each of which takes as long as five others
+LEVELS_BUDGET = 2000  # iterations of the multilevel method, which needs few
 
 
 @dataclass(frozen=True)
 class Trial:
-    """Settings over the scene's own, and the knob that they turn."""
+    """Settings that replace the scene's own, and the knob that they belong to."""
 
     knob: str
     settings: Settings
@@ -48,9 +48,9 @@ class Trial:
 
 
 def reference_of(scene: Scene) -> Trial:
-    """The scene in double precision, its avatar drawn finely, until nothing moves that a ruler could see.
+    """The scene in double precision, with fine depth buffers, until nothing visible moves.
 
-    The avatar is met as in the scene: the exact one would take minutes, and penetration is told against it anyway.
+    The collider is the scene's: the exact one would take minutes, and penetration is measured against it anyway.
     """
     settings = {
         "solver.method": _tight_method(scene),
@@ -64,18 +64,18 @@ def reference_of(scene: Scene) -> Trial:
 
 
 def _tight_method(scene: Scene) -> Method:
-    """The scene's own method, which suits it; the accelerated one where it is the direct rule, which hardly rests."""
+    """The scene's own method; the accelerated one in place of the direct rule, which hardly comes to rest."""
     return "accelerated" if scene.solver.method == "direct" else scene.solver.method
 
 
-def twin_of(scene: Scene) -> Trial:
-    """As tight as the reference on another way: its steps are half as long."""
+def second_reference_of(scene: Scene) -> Trial:
+    """As tight as the reference, by steps half as long."""
     cap = scene.solver.cap if scene.solver.cap is not None else DEFAULT_CAP[_tight_method(scene)]
-    return Trial("twin", MappingProxyType({**reference_of(scene).settings, "solver.cap": f"{0.5 * cap:g}"}))
+    return Trial("second reference", MappingProxyType({**reference_of(scene).settings, "solver.cap": f"{0.5 * cap:g}"}))
 
 
 def single_trials(scene: Scene) -> list[Trial]:
-    """The scene as it is, then every knob turned alone."""
+    """The scene as it is, then every knob changed alone."""
     solver, collision = scene.solver, scene.collision
     trials = [Trial("scene", MappingProxyType({}))]
 
@@ -111,7 +111,7 @@ def single_trials(scene: Scene) -> list[Trial]:
 
 
 def budget_trials(scene: Scene, settings: Settings) -> dict[int, Trial]:
-    """Settings stopped after so many iterations; none where they limit the iterations themselves."""
+    """The settings stopped after each of BUDGETS iterations; none where they limit the iterations themselves."""
     if "solver.iterations" in settings:
         return {}
     return {
@@ -122,7 +122,7 @@ def budget_trials(scene: Scene, settings: Settings) -> dict[int, Trial]:
 
 
 def nothing_holds(scene: Scene) -> str:
-    """The key of a garment that falls for ever; empty where there is none, as far as that is sure."""
+    """The key of a garment that certainly falls for ever; empty where there is none."""
     if scene.avatar is not None and scene.collision.avatar != "none":
         return ""
     free = [key for key, garment in zip(scene.garment_keys, scene.garments, strict=True) if not garment.pin]
@@ -153,7 +153,7 @@ def _coarser(scene: Scene, factor: float) -> dict[str, str]:
 
 
 def _allowed(scene: Scene, trial: Trial) -> bool:
-    """Whether this version takes the settings at all."""
+    """Whether the scene can be loaded with the settings."""
     from warp_cloth.scene import load_scene
 
     try:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from warp_cloth.base.mesh import Mesh, Points
 
-CHUNK = 2_000_000  # pairs of a place and a triangle that are looked at in one go
+CHUNK = 2_000_000  # pairs of a place and a triangle that are tested at once
 
 
 def distances(mesh: Mesh, points: Points, other: Mesh, worn: Points) -> NDArray[np.float64] | None:
@@ -41,7 +41,7 @@ def _panels(mesh: Mesh) -> NDArray[np.int32]:
 
 
 def _worn_at(places: Points, flat: Points, worn: Points) -> Points:
-    """Worn positions at places in the panel, shape [P, 3]; beside all triangles, those of the nearest edge.
+    """Worn positions at places in the panel, shape [P, 3]; outside all triangles, those of the nearest edge.
 
     ``flat`` are the triangles' corners in the panel, shape [T, 3, 2], ``worn`` as worn, shape [T, 3, 3].
     """
@@ -50,12 +50,12 @@ def _worn_at(places: Points, flat: Points, worn: Points) -> Points:
     origin, sides, worn = origin[sound], np.linalg.inv(sides[sound]), worn[sound]
     result = np.empty((len(places), 3))
     for part in _chunks(len(places), len(origin)):
-        shares = np.einsum("tij,ptj->pti", sides, places[part, None] - origin)
-        shares = np.concatenate([1.0 - shares.sum(axis=2, keepdims=True), shares], axis=2)
-        best = np.argmax(shares.min(axis=2), axis=1)
-        share = np.maximum(shares[np.arange(len(best)), best], 0.0)
-        share /= share.sum(axis=1, keepdims=True)
-        result[part] = np.einsum("pi,pij->pj", share, worn[best])
+        weights = np.einsum("tij,ptj->pti", sides, places[part, None] - origin)
+        weights = np.concatenate([1.0 - weights.sum(axis=2, keepdims=True), weights], axis=2)
+        best = np.argmax(weights.min(axis=2), axis=1)
+        weight = np.maximum(weights[np.arange(len(best)), best], 0.0)
+        weight /= weight.sum(axis=1, keepdims=True)
+        result[part] = np.einsum("pi,pij->pj", weight, worn[best])
     return result
 
 

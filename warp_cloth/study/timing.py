@@ -42,14 +42,14 @@ class Times:
     launches: list[Launch] = field(default_factory=list)  # the last one of every kernel
 
 
-def times_of(made: Problem) -> Times:
+def times_of(problem: Problem) -> Times:
     """Runs some hundreds of iterations from the start, and times some of them whole and others launch by launch.
 
     The two alternate, as contacts and the number of searches change during a fit. On a GPU a timer round a launch adds
     the same time to every launch, and so does the pause between two: both follow from the time of all launches together
     as a fit runs them (or would run them one after another).
     """
-    run, times = TimedFit(made), Times()
+    run, times = TimedFit(problem), Times()
     while not run.warm:
         run.advance()
         run.check()
@@ -72,9 +72,9 @@ def times_of(made: Problem) -> Times:
     times.end, times.seconds = run.iteration, _sum(rates) / len(rates)
     times.search_checks = sum(checks) / len(checks)
     if times.search_checks:
-        times.search_check = min(times.search_checks * _seconds_of_empty_check(made.model.device), times.seconds)
+        times.search_check = min(times.search_checks * _seconds_of_empty_check(problem.model.device), times.seconds)
     serial = None
-    if wp.get_device(made.model.device).is_cuda:
+    if wp.get_device(problem.model.device).is_cuda:
         serial = run.serial_seconds() if run.overlaps else times.seconds
     _attribute(times, took, recorded, serial)
     return times
@@ -105,16 +105,16 @@ def _sum(seconds: Sequence[float]) -> float:
 class TimedFit:
     """A fit from its start: iterations in graphs, with a check of the cloth every so many."""
 
-    def __init__(self, made: Problem) -> None:
-        self._made, self._follow = made, collider_updates(made)
+    def __init__(self, problem: Problem) -> None:
+        self._problem, self._follow = problem, collider_updates(problem)
         self.iteration = 0
-        self._chunks = chunks(made.relaxation)
-        at_once = RECORDED if made.schedule is None else RECORDED_TOUCHING
-        self._recorded = self._chunks if made.relaxation.runs_long else (at_once,)
+        self._chunks = chunks(problem.relaxation)
+        at_once = RECORDED if problem.schedule is None else RECORDED_TOUCHING
+        self._recorded = self._chunks if problem.relaxation.runs_long else (at_once,)
         self.recorded = sum(self._recorded)
-        self._wake = [wp.zeros(1, dtype=wp.int32, device=made.model.device) for _ in range(2)]
-        self._cold = 1 if made.schedule is None else WARM_UP_TOUCHING  # rounds of warm-up left
-        made.relaxation.start_anew()
+        self._wake = [wp.zeros(1, dtype=wp.int32, device=problem.model.device) for _ in range(2)]
+        self._cold = 1 if problem.schedule is None else WARM_UP_TOUCHING  # rounds of warm-up left
+        problem.relaxation.start_anew()
 
     @property
     def warm(self) -> bool:
@@ -124,12 +124,12 @@ class TimedFit:
     @property
     def search_checks(self) -> float:
         """How often an iteration checks whether to search for cloth near cloth again."""
-        cloth_contact = self._made.relaxation.cloth_contact
+        cloth_contact = self._problem.relaxation.cloth_contact
         return 1.0 / cloth_contact.look_every if cloth_contact is not None and cloth_contact.awake else 0.0
 
     def advance(self) -> tuple[int, float]:
         """Iterates to the next check, or less far where that takes long; returns the iterations and their seconds."""
-        relaxation, device = self._made.relaxation, self._made.model.device
+        relaxation, device = self._problem.relaxation, self._problem.model.device
         for count in set(self._chunks):
             relaxation.capture(count)
         wp.synchronize_device(device)
@@ -145,12 +145,12 @@ class TimedFit:
     @property
     def overlaps(self) -> bool:
         """Whether some launches of a graph run side by side."""
-        cloth_contact = self._made.relaxation.cloth_contact
+        cloth_contact = self._problem.relaxation.cloth_contact
         return cloth_contact is not None and cloth_contact.awake and cloth_contact.untangles
 
     def serial_seconds(self) -> float:
         """Seconds of an iteration whose launches run one after another, as those do that are recorded."""
-        relaxation = self._made.relaxation
+        relaxation = self._problem.relaxation
         with self._serial():
             relaxation.forget_graphs()
             done, seconds = self.advance()
@@ -161,17 +161,17 @@ class TimedFit:
         """Iterates launch by launch, and packs vertices as often as a fit does."""
         with self._serial():
             for count in self._recorded:
-                self._made.relaxation.iterate(count)
+                self._problem.relaxation.iterate(count)
         self.iteration += self.recorded
 
     def _serial(self) -> AbstractContextManager[None]:
-        cloth_contact = self._made.relaxation.cloth_contact
+        cloth_contact = self._problem.relaxation.cloth_contact
         return nullcontext() if cloth_contact is None else cloth_contact.one_thread_at_a_time()
 
     def record(self) -> tuple[list[Launch], list[float]]:
         """Iterates launch by launch; returns the launches, and the seconds of each with all that a timer adds."""
         seconds = list[float]()
-        host_timer = not wp.get_device(self._made.model.device).is_cuda
+        host_timer = not wp.get_device(self._problem.model.device).is_cuda
         if not host_timer:
             wp.timing_begin(cuda_filter=wp.TIMING_KERNEL)
             wp.copy(*self._wake)  # the first work after a pause takes a GPU longer
@@ -183,18 +183,18 @@ class TimedFit:
 
     def check(self) -> None:
         """Checks the cloth as a fit does, and adapts the relaxation to the outcome."""
-        made, certifier = self._made, self._made.certifier
+        problem, certifier = self._problem, self._problem.certifier
         self._cold -= 1
         pending = certifier.start_measurement(self.iteration)
         certifier.take_snapshot(self.iteration)
         measured = certifier.read(pending)
         if not measured.finite.all():
             return
-        if made.schedule is not None:
-            made.schedule.advance(self.iteration)
-        made.relaxation.loosen(measured.relative_rms)
+        if problem.schedule is not None:
+            problem.schedule.advance(self.iteration)
+        problem.relaxation.loosen(measured.relative_rms)
         for item, collider in self._follow(range(len(measured.boxes)), measured.boxes).items():
-            made.relaxation.meet(item, collider)
+            problem.relaxation.meet(item, collider)
 
 
 def _seconds_of_empty_check(device: str) -> float:

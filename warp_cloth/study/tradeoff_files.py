@@ -1,4 +1,4 @@
-"""The trade as people and programs read it: table, CSV, JSON, settings to paste, plot."""
+"""The trade-off as text, CSV, JSON, settings to paste, and plot."""
 
 from __future__ import annotations
 
@@ -22,18 +22,18 @@ COLOURS = {
     "pixel": "tab:orange", "collider": "tab:red", "precision": "tab:purple", "method": "tab:olive",
     "cloth contact": "tab:pink",
 }  # fmt: skip
-LEAST_MM = 1e-3  # the plot's lowest error: closer is the same shape
+LEAST_MM = 1e-3  # lowest error of the plot: below it shapes are the same
 CROWDED = 0.10  # decades between two labels on the plot
 
 
 def trade_lines(trade: Trade) -> list[str]:
-    """What the trade came to, for people."""
+    """The trade-off in lines of text."""
     lines = [
         f"{trade.scene} on {trade.device}: {len(trade.measured)} settings tried.",
         f"  reference    {trade.reference}",
-        f"  scatter      {trade.scatter_mm:.2g} mm rms between two references as tight as each other: "
-        "below that, error says nothing",
-        f"  {'seconds':>8} {'rms mm':>8} {'max mm':>8}  nothing is both faster and closer",
+        f"  scatter      {trade.scatter_mm:.2g} mm rms between two references of equal tolerance: "
+        "errors below that mean nothing",
+        f"  {'seconds':>8} {'rms mm':>8} {'max mm':>8}  Pareto front of time and error",
     ]
     for trial in trade.front:
         lines.append(f"  {trial.seconds:>8.3g} {trial.rms_mm:>8.3g} {trial.max_mm:>8.3g}  {trial.label}")
@@ -41,7 +41,7 @@ def trade_lines(trade: Trade) -> list[str]:
 
 
 def advice(trade: Trade) -> list[str]:
-    """The cheapest settings within the error wanted, or what is missing."""
+    """The cheapest settings within the wanted error, or how close the trials came."""
     found = trade.cheapest
     if found is None:
         closest = min((trial.rms_mm for trial in trade.measured if trial.known), default=float("nan"))
@@ -49,19 +49,19 @@ def advice(trade: Trade) -> list[str]:
     else:
         lines = [
             f"  Within {trade.within_mm:g} mm: {found.label}, {found.rms_mm:.3g} mm rms in {found.seconds:.3g} s "
-            "(run afresh).",
+            "(run once more).",
             f"  {set_line(found)}".rstrip(),
         ]
     if trade.scatter_mm > trade.within_mm:
         lines.append(
-            f"  Rest shapes of this scene lie {trade.scatter_mm:.2g} mm apart by themselves (friction lets a garment "
-            "rest in many): the error tells how the settings change its folds, not which of them is right."
+            f"  Rest shapes of this scene lie {trade.scatter_mm:.2g} mm apart by themselves (with friction there "
+            "are many): the error shows how settings change its folds, not which folds are right."
         )
         if found is None:
             digit = 10.0 ** math.floor(math.log10(trade.scatter_mm))
-            lines.append(f"  Ask for no less than that: --within {math.ceil(trade.scatter_mm / digit) * digit:g}mm.")
+            lines.append(f"  Choose no less than that: --within {math.ceil(trade.scatter_mm / digit) * digit:g}mm.")
     if not trade.reference_rests:
-        lines.append("  The reference is not at rest: errors tell how settings change the way there, not the end.")
+        lines.append("  The reference is not at rest: errors show how settings change an unfinished fit.")
     return lines
 
 
@@ -122,7 +122,7 @@ def _csv(measured: Sequence[Measured]) -> str:
 
 
 def _plot(path: Path, trade: Trade) -> None:
-    """Error against seconds, a point for each setting, a line along those that nothing beats."""
+    """Error against seconds, a point for each setting, a line along the Pareto front."""
     from matplotlib.ticker import LogLocator
 
     figure = figure_class()(figsize=(9, 5.5), layout="constrained")
@@ -147,7 +147,7 @@ def _plot(path: Path, trade: Trade) -> None:
     if trade.scatter_mm > LEAST_MM:
         axes.set_ylim(bottom=min(axes.get_ylim()[0], 0.5 * trade.scatter_mm))
         axes.axhspan(axes.get_ylim()[0], trade.scatter_mm, color="0.92", zorder=0)
-        note = "below: as close as two references as tight as each other"
+        note = "below: closer than two references of equal tolerance"
         axes.annotate(note, (0.005, 0.01), xycoords="axes fraction", va="bottom", fontsize=8, color="0.4")
     axes.axhline(trade.within_mm, color="tab:green", linewidth=1, linestyle="--")
     axes.annotate(
@@ -166,7 +166,7 @@ def _plot(path: Path, trade: Trade) -> None:
 
 
 def _name_points(axes: Any, trade: Trade) -> None:
-    """A star on the recommended setting; names on it and on points that have room for one."""
+    """A star on the recommended setting; labels on it and on points with room for one."""
     best = trade.cheapest
     if best is not None:
         axes.scatter(
@@ -180,7 +180,7 @@ def _name_points(axes: Any, trade: Trade) -> None:
         if any(abs(place[0] - x) < 3.0 * CROWDED and abs(place[1] - y) < CROWDED for x, y in taken):
             continue
         taken.append(place)
-        right = trial.seconds > first_x**0.4 * last_x**0.6  # the name goes to the left of its point
+        right = trial.seconds > first_x**0.4 * last_x**0.6  # the label goes to the left of its point
         name = axes.annotate(
             trial.label, (trial.seconds, max(trial.rms_mm, LEAST_MM)), xytext=(-6 if right else 6, 4),
             textcoords="offset points", ha="right" if right else "left", fontsize=7,

@@ -1,4 +1,4 @@
-"""Does independent runs in processes of their own: one that crashes or hangs takes no other along, and is told."""
+"""Runs independent jobs in separate processes, so that one that crashes or hangs is reported and ends no other."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from warp_cloth.base.warp_setup import start_warp
 from warp_cloth.batch.lifeline import sigint_blocked, start_single_threaded
 from warp_cloth.batch.pool import exit_reason
 
-STARTED = "started"  # what a worker says before it runs a job
-GRACE = 4.0  # [s] that a worker gets to end
+STARTED = "started"  # what a worker sends before it runs a job
+GRACE = 4.0  # [s] for a worker to end
 
 R = TypeVar("R")
 R_co = TypeVar("R_co", covariant=True)
@@ -27,18 +27,18 @@ class Job(Protocol[R_co]):
     def run(self, device: str) -> R_co: ...
 
     def lost(self, verdict: str, message: str) -> R_co:
-        """What to tell where it took its process along: it "crashed" or "hung"."""
+        """The result of a job whose process "crashed" or "hung"."""
 
 
 def run_jobs(jobs: Sequence[Job[R]], device: str, *, workers: int, deadline: float) -> Iterator[tuple[int, R]]:
-    """Runs jobs, ``workers`` at a time; tells each one's number and result as it ends. ``deadline``: of a job [s]."""
+    """Runs jobs, ``workers`` at a time; yields the index and result of each as it ends. ``deadline``: of a job [s]."""
     pool: list[_Worker[R]] = [_Worker(device) for _ in range(min(workers, len(jobs)))]
     waiting = list(range(len(jobs)))[::-1]
     try:
         while True:
             for worker in pool:
                 if worker.number is None and waiting:
-                    worker.give(waiting.pop(), jobs)
+                    worker.assign(waiting.pop(), jobs)
             busy = [worker for worker in pool if worker.number is not None]
             if not busy:
                 return
@@ -56,7 +56,7 @@ def run_jobs(jobs: Sequence[Job[R]], device: str, *, workers: int, deadline: flo
 
 
 def _serve(connection: Connection, device: str) -> None:
-    """A worker's life: a job in, its result out, until nobody asks any more."""
+    """A worker's main function: receives jobs and sends their results, until the pipe is closed."""
     start_single_threaded()
     start_warp()
     while True:
@@ -69,7 +69,7 @@ def _serve(connection: Connection, device: str) -> None:
 
 
 class _Worker(Generic[R]):
-    """A process, and which job it has had since when."""
+    """A process, its current job, and when that began."""
 
     def __init__(self, device: str) -> None:
         self._device = device
@@ -85,13 +85,13 @@ class _Worker(Generic[R]):
             self._process.start()
         theirs.close()
 
-    def give(self, number: int, jobs: Sequence[Job[R]]) -> None:
+    def assign(self, number: int, jobs: Sequence[Job[R]]) -> None:
         self.number, self.since = number, math.inf
-        with contextlib.suppress(OSError):  # it died meanwhile, which receive finds
+        with contextlib.suppress(OSError):  # it has died, which receive finds
             self.connection.send(jobs[number])
 
     def started(self) -> bool:
-        """Whether what it says is only that it has begun its job, whose time runs from now on."""
+        """Whether its message only says that its job has begun, whose time runs from now on."""
         if self.since < math.inf:
             return False
         self.since = time.monotonic()
@@ -101,10 +101,10 @@ class _Worker(Generic[R]):
         return False
 
     def receive(self, jobs: Sequence[Job[R]], *, overdue: bool) -> tuple[int, R]:
-        """What came of its job; a worker that died or does not end is replaced."""
+        """The result of its job; a worker that died or hangs is replaced."""
         number, self.number = self.number, None
         if number is None:
-            raise RuntimeError("an idle worker was asked")
+            raise RuntimeError("an idle worker was asked for a result")
         try:
             if not overdue:
                 result: R = self.connection.recv()

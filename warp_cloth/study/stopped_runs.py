@@ -1,4 +1,4 @@
-"""A scene run once, and what it would have come to had it been stopped on the way: the loop passes through that."""
+"""Runs a scene once, and records its state after several iteration counts, as if it had been stopped there."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ from warp_cloth.solver.relax import Relaxation
 
 
 @dataclass(frozen=True, eq=False)
-class Passed:
-    """A run after some iterations, as if it had been stopped there."""
+class RunState:
+    """The state of a run after some iterations."""
 
     status: Status
     iterations: int
@@ -36,88 +36,89 @@ class Passed:
     meshes: tuple[Mesh, ...]
     worn: tuple[Points, ...]  # of each garment [m], shape [V, 3]
     depth: Penetration | None  # under the exact avatar
-    strain: float  # of edges, the 99th percentile of its size
-    message: str  # how the whole run ended
+    strain: float  # 99th percentile of the magnitude of edges' strain
+    message: str  # of the whole run
 
 
 @dataclass(frozen=True)
-class Passage:
-    """Settings of a scene to run through, in any process; empty where they are refused or take the process along."""
+class StoppedRun:
+    """A scene to run in any process; without states where its settings are refused or its process dies."""
 
     settings: dict[str, Any]
     overrides: tuple[str, ...]
     stops: tuple[int, ...]
 
-    def run(self, device: str) -> list[Passed]:
-        """What ``run_through`` tells."""
+    def run(self, device: str) -> list[RunState]:
+        """The states of ``run_with_stops``."""
         try:
-            return run_through(load_scene(self.settings, self.overrides), device, self.stops)
+            return run_with_stops(load_scene(self.settings, self.overrides), device, self.stops)
         except InputError:
             return []
 
-    def lost(self, verdict: str, message: str) -> list[Passed]:
+    def lost(self, verdict: str, message: str) -> list[RunState]:
         return []
 
 
-def run_through(scene: Scene, device: str, stops: Collection[int]) -> list[Passed]:
-    """Runs a scene to its end; tells of those iterations on the way, which end chunks of the loop, and of the end."""
+def run_with_stops(scene: Scene, device: str, stops: Collection[int]) -> list[RunState]:
+    """Runs a scene to its end; returns its states after those iterations (ends of chunks) and at the end."""
     clock, cache = StageClock(), Cache()
-    made = load_problem(scene, device, cache=cache, clock=clock)
+    problem = load_problem(scene, device, cache=cache, clock=clock)
     loading = sum(spent for stage, spent in clock.seconds.items() if stage != "compile")  # compiled once for all scenes
-    watch = _Watch(stops)
-    prepare_start(made, cache)
+    recorder = _Recorder(stops)
+    prepare_start(problem, cache)
     goal = Goal(tolerance_of(scene), scene.solver.iterations)
     (outcome,) = relax_items(
-        made.relaxation,
-        made.certifier,
+        problem.relaxation,
+        problem.certifier,
         [goal],
-        follow=collider_updates(made),
-        schedule=made.schedule,
-        on_chunk=watch.offer,
+        follow=collider_updates(problem),
+        schedule=problem.schedule,
+        on_chunk=recorder.record,
     )
-    spent = watch.elapsed()
-    way = [(count, *seen) for count, seen in watch.seen.items() if count < outcome.iterations]
-    found = [
+    relaxing = recorder.elapsed()
+    ends = [
         (Status.ITERATION_LIMIT if np.isfinite(points).all() else Status.DIVERGED, count, seconds, points)
-        for count, seconds, points in way
+        for count, (seconds, points) in recorder.shapes.items()
+        if count < outcome.iterations
     ]
+    ends.append((outcome.status, outcome.iterations, relaxing, outcome.points))
     message = sentence_of(outcome, goal.tolerance, more_iterations(scene, outcome))
-    ends = [*found, (outcome.status, outcome.iterations, spent, outcome.points)]
-    return _measured(made, ends, loading, message)
+    return _states(problem, ends, loading, message)
 
 
-def _measured(
-    made: Problem, ends: list[tuple[Status, int, float, Points]], loading: float, message: str
-) -> list[Passed]:
-    model, outfit = made.model, made.outfit
+def _states(
+    problem: Problem, ends: list[tuple[Status, int, float, Points]], loading: float, message: str
+) -> list[RunState]:
+    """States from status, iterations, seconds and points of each."""
+    model, outfit = problem.model, problem.outfit
     depths = penetrations([end[3] for end in ends], [outfit.avatar] * len(ends), model.device)
     starts = np.cumsum([mesh.vertex_count for mesh in outfit.garments])[:-1]
-    passed = []
+    states = []
     for (status, count, seconds, points), depth in zip(ends, depths, strict=True):
         model.set_points(points)
         strain = strain_summary(edge_strains(model)).p99
         worn = tuple(np.split(points, starts))
-        passed.append(Passed(status, count, loading, seconds, outfit.garments, worn, depth, strain, message))
-    return passed
+        states.append(RunState(status, count, loading, seconds, outfit.garments, worn, depth, strain, message))
+    return states
 
 
-class _Watch:
-    """Keeps shapes and seconds on the way; the time that this takes does not count."""
+class _Recorder:
+    """Records shapes and seconds during a run; the time of recording does not count."""
 
     def __init__(self, stops: Collection[int]) -> None:
         self._stops = frozenset(stops)
-        self._idle = 0.0
+        self._recording = 0.0  # [s]
         self._began = time.perf_counter()
-        self.seen: dict[int, tuple[float, Points]] = {}
+        self.shapes: dict[int, tuple[float, Points]] = {}
 
     def elapsed(self) -> float:
-        return time.perf_counter() - self._began - self._idle
+        return time.perf_counter() - self._began - self._recording
 
-    def offer(self, iteration: int, relaxation: Relaxation) -> None:
-        """Keeps the shape after this iteration if it is asked for."""
+    def record(self, iteration: int, relaxation: Relaxation) -> None:
+        """Records the shape after this iteration if it is one of the stops."""
         if iteration in self._stops:
             relaxation.show()
             wp.synchronize_device(relaxation.model.device)
             seconds, entered = self.elapsed(), time.perf_counter()
-            self.seen[iteration] = seconds, relaxation.model.points()
-            self._idle += time.perf_counter() - entered
+            self.shapes[iteration] = seconds, relaxation.model.points()
+            self._recording += time.perf_counter() - entered
