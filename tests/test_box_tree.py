@@ -9,21 +9,21 @@ import pytest
 import warp as wp
 
 from warp_cloth.contact import box_tree as trees
-from warp_cloth.contact.leaf_order import Planting, first_order
+from warp_cloth.contact.leaf_order import LeafOrder, sheet_order
 from warp_cloth.kernels.base.block import block_of, block_threads, lane_of
 from warp_cloth.kernels.contact.box_tree import (
     LEAVES,
     WIDTH,
     BoxTree,
-    box_groups,
-    box_up,
-    boxes_meeting,
+    advance_walk,
+    boxes_in_range,
+    leaf_overlaps,
     lowest_bit,
-    may_meet,
-    put_box,
-    step_on,
-    walk_from,
-    within,
+    may_overlap,
+    refit_above,
+    refit_groups,
+    start_walk,
+    store_box,
 )
 
 DEVICES = [
@@ -45,15 +45,15 @@ def box_all(tree: BoxTree, lower: wp.array(dtype=wp.vec3f), upper: wp.array(dtyp
         place = block * LEAVES + local
         box = tree.leaf[place]
         if box >= 0:
-            put_box(tree, 0, place, lower[box], upper[box])
+            store_box(tree, 0, place, lower[box], upper[box])
         local += block_threads()
-    box_up(tree, block, lane_of(thread))
+    refit_above(tree, block, lane_of(thread))
 
 
 @wp.kernel(grid_stride=False)
 def box_highest(tree: BoxTree):
     """Boxes the fourth level."""
-    box_groups(tree, 2, 0, tree.first[3] - tree.first[2], lane_of(wp.tid()))
+    refit_groups(tree, 2, 0, tree.first[3] - tree.first[2], lane_of(wp.tid()))
 
 
 @wp.kernel(grid_stride=False)
@@ -68,28 +68,28 @@ def find_all(
 ):
     """How many boxes of other vertices meet each one, of some leaves, and the sum of their numbers."""
     own = wp.tid()
-    walk = step_on(tree, walk_from(tree, lower[own], upper[own], begin, end))
+    walk = advance_walk(tree, start_walk(tree, lower[own], upper[own], begin, end))
     while walk.group >= 0:
         groups = walk.mask_1
         while groups != wp.uint32(0):
             group = WIDTH * walk.group + lowest_bit(groups)
             groups = groups & (groups - wp.uint32(1))
-            may = may_meet(tree, group, lower[own], upper[own])
-            mask = boxes_meeting(tree.bound, vertices, group, lower[own], upper[own], own, -1, may)
-            mask = mask & within(begin, end, 0, group)
+            may = may_overlap(tree, group, lower[own], upper[own])
+            mask = leaf_overlaps(tree.bound, vertices, group, lower[own], upper[own], own, -1, may)
+            mask = mask & boxes_in_range(begin, end, 0, group)
             while mask != wp.uint32(0):
                 found_out[own, 0] = found_out[own, 0] + 1
                 found_out[own, 1] = found_out[own, 1] + tree.leaf[WIDTH * group + lowest_bit(mask)]
                 mask = mask & (mask - wp.uint32(1))
-        walk = step_on(tree, walk)
+        walk = advance_walk(tree, walk)
 
 
 def planted(places: np.ndarray, sheet: np.ndarray, device: str) -> tuple[np.ndarray, np.ndarray]:
     """An order of places by sheet that keeps near what is near, and where in it each sheet begins."""
-    order, starts = first_order(sheet)
+    order, starts = sheet_order(sheet)
     with wp.ScopedDevice(device):
         there = wp.array(places.astype(np.float32), dtype=wp.vec3f)
-        return Planting("mixed", order, starts).ordered(there).numpy(), starts
+        return LeafOrder("mixed", order, starts).ordered(there).numpy(), starts
 
 
 def boxed(lower: np.ndarray, upper: np.ndarray, order: np.ndarray, device: str) -> tuple[Any, list[wp.array]]:

@@ -68,10 +68,10 @@ def test_a_search_says_which_pairs_are_to_be_looked_at_at_once() -> None:
     model, cloth_contact, _ = sheets_at([flat])
     model.set_points(mesh.points)
     look(model, cloth_contact)
-    count = int(cloth_contact.data.count.numpy()[0])
-    due = cloth_contact.data.due.numpy()[:count] <= 0  # nothing has gone any way
+    count = int(cloth_contact.data.pairs.count.numpy()[0])
+    due = cloth_contact.data.pairs.due.numpy()[:count] <= 0  # nothing has gone any way
     touching = {tuple(pair.corners.tolist()) for pair in touching_pairs(mesh.points, cloth_contact)}
-    asked = {tuple(corners) for corners in cloth_contact.data.corners.numpy()[:count][due].tolist()}
+    asked = {tuple(corners) for corners in cloth_contact.data.pairs.corners.numpy()[:count][due].tolist()}
     assert touching <= asked
     assert 0 < due.sum() < count  # and not all
 
@@ -82,15 +82,15 @@ def test_what_moves_has_more_room_than_what_stands_still() -> None:
     look(model, cloth_contact)
     cloth_contact.search(model.state)  # from where it was at the last one it has not moved
     still = np.float32(cloth_contact.least_skin)
-    assert (cloth_contact.data.skin.numpy() == still).all()
+    assert (cloth_contact.data.trigger.skin.numpy() == still).all()
     moves = mesh.points[:, 0] > 0.11
     for _ in range(3):
         model.set_points(
-            model.points() + 0.9 * cloth_contact.data.skin.numpy()[:, None] * moves[:, None] * [0.0, 0.0, 1.0]
+            model.points() + 0.9 * cloth_contact.data.trigger.skin.numpy()[:, None] * moves[:, None] * [0.0, 0.0, 1.0]
         )
         cloth_contact.search(model.state)
-    assert (cloth_contact.data.skin.numpy() > still)[moves].all()
-    assert (cloth_contact.data.skin.numpy() == still)[~moves].all()
+    assert (cloth_contact.data.trigger.skin.numpy() > still)[moves].all()
+    assert (cloth_contact.data.trigger.skin.numpy() == still)[~moves].all()
 
 
 def test_few_that_have_used_up_their_skins_wait_for_a_search_and_many_do_not() -> None:
@@ -102,18 +102,18 @@ def test_few_that_have_used_up_their_skins_wait_for_a_search_and_many_do_not() -
 
     def searched(asked: int, turn: int) -> bool:
         """Whether a look finds that it is time, after so many iterations and requests."""
-        data.asked.assign([data.asked.numpy()[0] + asked, data.asked.numpy()[1]])
-        data.turn.fill_(turn)
-        before = int(cloth_contact._memory.search.numpy()[0])
+        data.trigger.requests.assign([data.trigger.requests.numpy()[0] + asked, data.trigger.requests.numpy()[1]])
+        data.bounds.iteration.fill_(turn)
+        before = int(cloth_contact.pair_search.memory.search.numpy()[0])
         cloth_contact.search_where_due(model.state)
-        return int(cloth_contact._memory.search.numpy()[0]) > before
+        return int(cloth_contact.pair_search.memory.search.numpy()[0]) > before
 
     assert not searched(0, 1000)
-    assert searched(data.many + 1, 1001)  # now
-    assert not searched(1, 1001 + data.patience - 1)
-    assert not searched(0, 1001 + data.patience - 1)
-    assert searched(0, 1001 + data.patience)  # which that one has waited for
-    assert not searched(0, 1001 + 10 * data.patience)
+    assert searched(data.trigger.request_limit + 1, 1001)  # now
+    assert not searched(1, 1001 + data.trigger.longest_wait - 1)
+    assert not searched(0, 1001 + data.trigger.longest_wait - 1)
+    assert searched(0, 1001 + data.trigger.longest_wait)  # which that one has waited for
+    assert not searched(0, 1001 + 10 * data.trigger.longest_wait)
 
 
 def test_forces_are_the_gradient_of_the_energy_and_balance() -> None:
@@ -144,19 +144,19 @@ def test_a_flat_sheet_does_not_touch_itself_however_fine() -> None:
 
 
 def test_garments_of_different_items_pass_through_each_other() -> None:
-    below, above = lying(grid(6, 0.1)), moved(lying(grid(6, 0.1)), 0.003, 0.5 * THICKNESS, 0.002)
+    low_bits, above = lying(grid(6, 0.1)), moved(lying(grid(6, 0.1)), 0.003, 0.5 * THICKNESS, 0.002)
     for items, touches in (((0, 0), True), ((0, 1), False)):
         kinds = [SheetKind(THICKNESS, 0.3, item=item) for item in items]
-        model, cloth_contact, _ = sheets_at([below, above], kinds=kinds)
+        model, cloth_contact, _ = sheets_at([low_bits, above], kinds=kinds)
         look(model, cloth_contact)
         assert np.abs(contact_forces(model, cloth_contact)).any() == touches
 
 
 def dropped(momentum: float, gathers: bool | None = None) -> tuple[Relaxation, ClothContact]:
     """A sheet held over a smaller one that is pinned, to fall on it."""
-    below, above = lying(grid(6, 0.1)), moved(lying(grid(10, 0.16)), -0.03, 0.01, 0.03)
+    low_bits, above = lying(grid(6, 0.1)), moved(lying(grid(10, 0.16)), -0.03, 0.01, 0.03)
     model, cloth_contact, _ = sheets_at(
-        [below, above], pins=[np.arange(36, dtype=np.int32), NO_PINS], precision="mixed", gathers=gathers
+        [low_bits, above], pins=[np.arange(36, dtype=np.int32), NO_PINS], precision="mixed", gathers=gathers
     )
     relaxation = Relaxation(model, Collider(), StepOptions(momentum=momentum), cloth_contact)
     cloth_contact.awaken()
@@ -186,9 +186,9 @@ def test_worn_cloth_gets_room_for_more_pairs_at_the_same_iteration_whether_or_no
         def squeeze(
             iteration: int, relaxation: Relaxation, cloth_contact: ClothContact = cloth_contact, seen: list[int] = seen
         ) -> None:
-            seen.append(len(cloth_contact.data.corners))
+            seen.append(len(cloth_contact.data.pairs.corners))
             if iteration == 640:
-                cloth_contact._hold_pairs(cloth_contact.data, 5)
+                cloth_contact.pair_search.allocate_pairs(cloth_contact.data, 5)
                 relaxation.forget_graphs()
 
         goal = Goal(Tolerance(0.0, 0.0, 0.0), 900)
@@ -220,9 +220,9 @@ def test_what_is_measured_at_the_end_is_the_same_whether_or_not_the_loop_ran_ahe
 def test_cloth_stands_still_while_there_is_no_room_for_all_that_is_near_it() -> None:
     relaxation, cloth_contact = dropped(0.9995)
     iterate(relaxation, 200)  # till it is near
-    cloth_contact._hold_pairs(cloth_contact.data, 5)
+    cloth_contact.pair_search.allocate_pairs(cloth_contact.data, 5)
     relaxation.forget_graphs()
-    cloth_contact.data.moved.fill_(1)
+    cloth_contact.data.trigger.due.fill_(1)
     relaxation.run(20)
     first = relaxation.model.points()
     relaxation.run(20)
@@ -256,7 +256,7 @@ def test_nothing_is_launched_nor_kept_where_cloth_does_not_meet_cloth() -> None:
     options = StepOptions(method="direct")
     without, asleep = (Relaxation(model, Collider(), options, given) for given in (None, cloth_contact))
     assert without.cloth_contact is None
-    assert not any(isinstance(value, wp.array) for value in vars(without.touch_data).values())
+    assert not any(isinstance(value, wp.array) for value in vars(without.contact_data).values())
     own = {kernel.key for kernel in cloth_contact.kernels()}
     assert own
     assert not own & {kernel.key for kernel in without.kernels()}
@@ -270,8 +270,8 @@ def test_nothing_is_launched_nor_kept_where_cloth_does_not_meet_cloth() -> None:
 
 def test_a_fabric_of_no_thickness_still_meets_itself() -> None:
     fabric = replace(FABRIC, thickness=0.0)
-    below, above = lying(grid(6, 0.1)), moved(lying(grid(6, 0.1)), 0.0, 0.5 * LEAST_THICKNESS, 0.0)
-    model, cloth_contact, _ = sheets_at([below, above], fabric=fabric)
+    low_bits, above = lying(grid(6, 0.1)), moved(lying(grid(6, 0.1)), 0.0, 0.5 * LEAST_THICKNESS, 0.0)
+    model, cloth_contact, _ = sheets_at([low_bits, above], fabric=fabric)
     look(model, cloth_contact)
     assert np.isfinite(contact_forces(model, cloth_contact)).all()
     assert np.abs(contact_forces(model, cloth_contact)).any()
@@ -285,9 +285,9 @@ def on_a_slope(share: float) -> tuple[Relaxation, ClothContact, int]:
     """A piece of cloth on cloth that is held on an incline, and how many vertices are held."""
     angle = np.arctan(share * FABRIC.friction)
     turn = np.array([[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1]])
-    below, above = lying(grid(14, 0.26)), moved(lying(grid(5, 0.08)), 0.09, 0.98 * THICKNESS, -0.09)
-    tilted = [replace(mesh, points=mesh.points @ turn.T) for mesh in (below, above)]
-    held = np.arange(below.vertex_count, dtype=np.int32)
+    low_bits, above = lying(grid(14, 0.26)), moved(lying(grid(5, 0.08)), 0.09, 0.98 * THICKNESS, -0.09)
+    tilted = [replace(mesh, points=mesh.points @ turn.T) for mesh in (low_bits, above)]
+    held = np.arange(low_bits.vertex_count, dtype=np.int32)
     model, cloth_contact, _ = sheets_at(tilted, pins=[held, NO_PINS], precision="mixed")
     relaxation = Relaxation(model, Collider(), StepOptions(), cloth_contact)
     cloth_contact.awaken()
@@ -308,7 +308,7 @@ def test_friction_holds_however_often_it_is_looked_for_what_touches() -> None:
     iterate(relaxation, 600)
     first = relaxation.model.points()[held:].mean(axis=0)
     for _ in range(30):
-        cloth_contact.data.moved.fill_(1)
+        cloth_contact.data.trigger.due.fill_(1)
         last = iterate(relaxation, 20)[held:].mean(axis=0)
     assert np.linalg.norm(last - first) < 0.1 * SLIP
 

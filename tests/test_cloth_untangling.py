@@ -17,12 +17,12 @@ from warp_cloth.avatar.collider import Collider
 from warp_cloth.avatar.exact import build_exact_collider, signed_distances
 from warp_cloth.avatar.placement import DEEP, clear_shift, shift_text
 from warp_cloth.base.mesh import Mesh
-from warp_cloth.contact.box_tree import lists_of
+from warp_cloth.contact.box_tree import candidate_lists
 from warp_cloth.contact.crossing import find_crossings
 from warp_cloth.contact.facing import Facing
-from warp_cloth.kernels.contact.arrays import EVER
-from warp_cloth.kernels.contact.broad_phase import APART
-from warp_cloth.kernels.contact.untangle import INSISTENCE, PATIENCE, spare_tangled
+from warp_cloth.kernels.contact.arrays import NEVER
+from warp_cloth.kernels.contact.broad_phase import COUNTER_STRIDE
+from warp_cloth.kernels.contact.untangle import LONGEST, PATIENCE, exclude_tangled
 from warp_cloth.model.permutation import Numbering
 from warp_cloth.scene import SphereShape
 from warp_cloth.shapes import build_avatar
@@ -39,20 +39,25 @@ def test_lists_of_any_room_find_the_same(room: tuple[int, int]) -> None:
     def found() -> tuple[list[list[int]], list[np.ndarray]]:
         cloth_contact.grow()
         cloth_contact.search(model.state)
-        count = int(cloth_contact.data.count.numpy()[0])
-        rows = np.column_stack([cloth_contact.data.corners.numpy(), cloth_contact.data.kind.numpy()])[:count]
-        parting = cloth_contact._untangling
+        count = int(cloth_contact.data.pairs.count.numpy()[0])
+        rows = np.column_stack([cloth_contact.data.pairs.corners.numpy(), cloth_contact.data.pairs.kind.numpy()])[
+            :count
+        ]
+        parting = cloth_contact.untangling
         return sorted(rows.tolist()), [
-            each.numpy() for each in (parting.count, parting.beyond, cloth_contact.data.shift)
+            each.numpy() for each in (parting.count, parting.nearest, cloth_contact.data.shift)
         ]
 
     pairs, parted = found()  # with no lists at all
     assert parted[0].min() > 0
     with wp.ScopedDevice("cpu"):
-        cloth_contact._near_met, cloth_contact._crossing_met = lists_of(*room), lists_of(*room)
+        cloth_contact.pair_search.near_candidates, cloth_contact.pair_search.crossing_candidates = (
+            candidate_lists(*room),
+            candidate_lists(*room),
+        )
     again, parted_again = found()
     assert again == pairs
-    groups, *leaves = cloth_contact._crossing_met.count.numpy()[::APART].tolist()
+    groups, *leaves = cloth_contact.pair_search.crossing_candidates.count.numpy()[::COUNTER_STRIDE].tolist()
     assert groups > 3  # more than the smaller lists have room for
     assert sum(leaves) > 50
     assert all(np.array_equal(one, other) for one, other in zip(parted, parted_again, strict=True))
@@ -64,10 +69,10 @@ def test_what_crosses_is_found_from_what_was_tangled_as_from_all() -> None:
     cloth_contact.awaken()  # looks everywhere
 
     def parted(whole: int) -> list[np.ndarray]:
-        cloth_contact._search.whole.fill_(whole)
+        cloth_contact.pair_search.geometry.whole.fill_(whole)
         cloth_contact.search(model.state)
-        assert cloth_contact._search.whole.numpy()[0] == 0
-        parting = cloth_contact._untangling
+        assert cloth_contact.pair_search.geometry.whole.numpy()[0] == 0
+        parting = cloth_contact.untangling
         return [each.numpy() for each in (parting.count, parting.crosses, cloth_contact.data.shift)]
 
     everywhere, near = parted(1), parted(0)
@@ -80,18 +85,20 @@ def test_what_is_tangled_is_pressed_again_once_it_is_not() -> None:
     model, cloth_contact, _ = sheets_at([crumpled(1), upper])
     look(model, cloth_contact)
     data = cloth_contact.data
-    count = int(data.count.numpy()[0])
+    count = int(data.pairs.count.numpy()[0])
 
     def due(gone: int) -> np.ndarray:
-        return np.asarray(data.due.numpy()[:count] <= gone)
+        return np.asarray(data.pairs.due.numpy()[:count] <= gone)
 
-    tangled = (cloth_contact._search.tangled.numpy() > 0)[data.corners.numpy()[:count]].any(axis=1)
+    tangled = (cloth_contact.pair_search.geometry.tangled.numpy() > 0)[data.pairs.corners.numpy()[:count]].any(axis=1)
     assert tangled.any()
     assert due(0)[~tangled].any()
-    assert not due(int(EVER))[tangled].any()
-    assert due(int(EVER))[~tangled].all()
-    cloth_contact._search.tangled.zero_()
-    wp.launch(spare_tangled, dim=len(data.corners), inputs=[cloth_contact._search, data], device="cpu")
+    assert not due(int(NEVER))[tangled].any()
+    assert due(int(NEVER))[~tangled].all()
+    cloth_contact.pair_search.geometry.tangled.zero_()
+    wp.launch(
+        exclude_tangled, dim=len(data.pairs.corners), inputs=[cloth_contact.pair_search.geometry, data], device="cpu"
+    )
     assert due(0)[tangled].all()
 
 
@@ -113,8 +120,8 @@ def test_a_fold_that_passes_through_itself_comes_undone(monkeypatch: pytest.Monk
     for step in range(10):
         schedule.advance(100 * step)
         points = iterate(relaxation, 100)
-        cloth_contact.note_crossings()
-        if not cloth_contact.crossings_noted():
+        cloth_contact.read_crossings()
+        if not cloth_contact.crossings():
             break
     assert not len(find_crossings(points, cloth_contact.sheets, "cpu").pairs)
 
@@ -134,8 +141,8 @@ def test_garments_are_told_whether_they_face_the_body() -> None:
     body = build_exact_collider(moved(ball, *(-ball.points.mean(axis=0) + [0.0, 0.08, 0.0])), "cpu").within(1.0)
     with wp.ScopedDevice("cpu"):
         facing = Facing("mixed", cloth_contact.sheets, Numbering(None), body)
-    facing.tell(model.state, cloth_contact._search, cloth_contact._untangling.outward)
-    faces = np.split(cloth_contact._untangling.outward.numpy(), [inward.vertex_count])
+    facing.update(model.state, cloth_contact.pair_search.geometry, cloth_contact.untangling.outward)
+    faces = np.split(cloth_contact.untangling.outward.numpy(), [inward.vertex_count])
     assert (faces[0] == -1.0).all()
     assert (faces[1] == 1.0).all()
 
@@ -170,10 +177,10 @@ def test_layers_that_do_not_come_apart_are_shifted_further_and_again_less_once_t
         longest.append(float(np.abs(cloth_contact.data.shift.numpy()).max()))
     assert longest[0] > 0.0
     assert 1.9 < longest[1] / longest[0] < 2.2
-    assert longest[2] / longest[0] == pytest.approx(float(INSISTENCE), rel=1e-4)
+    assert longest[2] / longest[0] == pytest.approx(float(LONGEST), rel=1e-4)
     model.set_points(np.concatenate([inner.points, outer.points * [1.5, 1.0, 1.5]]))
     cloth_contact.search(model.state)
-    assert 0 < cloth_contact._untangling.grown.numpy().max() == cloth_contact._untangling.age.numpy().max() - 1
+    assert 0 < cloth_contact.untangling.next_age.numpy().max() == cloth_contact.untangling.age.numpy().max() - 1
     assert not cloth_contact.data.shift.numpy().any()
 
 

@@ -18,13 +18,13 @@ def test_what_lacks_room_stands_still_whichever_pairs_had_some(share: float) -> 
     relaxation = Relaxation(model, Collider(), StepOptions(), cloth_contact)
     cloth_contact.awaken()
     before = model.points().copy()
-    cloth_contact._hold_pairs(cloth_contact.data, int(share * cloth_contact.data.count.numpy()[0]))
-    cloth_contact.data.moved.fill_(1)
+    cloth_contact.pair_search.allocate_pairs(cloth_contact.data, int(share * cloth_contact.data.pairs.count.numpy()[0]))
+    cloth_contact.data.trigger.due.fill_(1)
     relaxation.run(20)
     assert np.array_equal(model.points(), before)
     held = model.state.stiffness.numpy().copy()
-    cloth_contact.data.count.zero_()  # as if nothing were near, and no search due
-    cloth_contact.data.moved.zero_()
+    cloth_contact.data.pairs.count.zero_()  # as if nothing were near, and no search due
+    cloth_contact.data.trigger.due.zero_()
     model.state.stiffness.zero_()
     relaxation.forget_graphs()
     relaxation.iterate(1)
@@ -32,9 +32,9 @@ def test_what_lacks_room_stands_still_whichever_pairs_had_some(share: float) -> 
 
 
 def test_what_is_left_alone_is_farther_apart_than_may_meet_in_a_move() -> None:
-    below, above = lying(grid(6, 0.1)), moved(lying(grid(10, 0.16)), -0.03, 0.01, 0.03)
+    low_bits, above = lying(grid(6, 0.1)), moved(lying(grid(10, 0.16)), -0.03, 0.01, 0.03)
     pins = [np.arange(36, dtype=np.int32), NO_PINS]
-    model, cloth_contact, _ = sheets_at([below, above], pins=pins, precision="mixed")
+    model, cloth_contact, _ = sheets_at([low_bits, above], pins=pins, precision="mixed")
     relaxation = Relaxation(model, Collider(), StepOptions(), cloth_contact)
     cloth_contact.awaken()
     cloth_contact.untangles = False
@@ -43,17 +43,17 @@ def test_what_is_left_alone_is_farther_apart_than_may_meet_in_a_move() -> None:
     for _ in range(20):
         relaxation.iterate(3)
         data, points = cloth_contact.data, model.points()
-        count = int(data.count.numpy()[0])
-        gone = data.way.numpy()[0] + data.stride.numpy()[data.turn.numpy()[0] % 2]
-        due = data.due.numpy()[:count]
-        alone = np.flatnonzero(due > gone[four_regions(data.regions.numpy()[:count])].sum(axis=1))
+        count = int(data.pairs.count.numpy()[0])
+        gone = data.bounds.path.numpy()[0] + data.bounds.step.numpy()[data.bounds.iteration.numpy()[0] % 2]
+        due = data.pairs.due.numpy()[:count]
+        alone = np.flatnonzero(due > gone[four_regions(data.pairs.regions.numpy()[:count])].sum(axis=1))
         assert len(alone) < count
-        for corners, kind in zip(data.corners.numpy()[alone], data.kind.numpy()[alone], strict=True):
+        for corners, kind in zip(data.pairs.corners.numpy()[alone], data.pairs.kind.numpy()[alone], strict=True):
             x = points[corners]
             weights = [1.0, *-triangle_weights(x[0], x[1:])]
             if kind & 1:
                 s, t = edge_weights(*x)
                 weights = [1.0 - s, s, t - 1.0, -t]
-            assert np.linalg.norm(np.array(weights) @ x) > 0.999 * data.far
+            assert np.linalg.norm(np.array(weights) @ x) > 0.999 * data.pairs.active_distance
         found += len(alone)
     assert found > 1000

@@ -26,11 +26,11 @@ from warp_cloth.kernels.certificate.energy import measure_bending_kernel, measur
 from warp_cloth.kernels.certificate.pressure import normal_force_kernel
 from warp_cloth.kernels.certificate.residual import residual_kernel
 from warp_cloth.kernels.contact.crossing_search import crossing_groups_kernel, crossing_leaves_kernel, crossings_kernel
-from warp_cloth.kernels.contact.force import press_kernel
-from warp_cloth.kernels.contact.pairs import groups_kernel, leaves_kernel, pairs_kernel
-from warp_cloth.kernels.contact.search import box_kernel, start_kernel
-from warp_cloth.kernels.contact.sums import add_kernel
-from warp_cloth.kernels.contact.untangle import layers_kernel, settle_kernel
+from warp_cloth.kernels.contact.force import force_kernel
+from warp_cloth.kernels.contact.pairs import near_groups_kernel, near_leaves_kernel, pairs_kernel
+from warp_cloth.kernels.contact.search import refit_kernel, start_kernel
+from warp_cloth.kernels.contact.sums import add_load_kernel
+from warp_cloth.kernels.contact.untangle import finish_kernel, layers_kernel
 from warp_cloth.kernels.math.lanes import WIDTH
 from warp_cloth.kernels.passes.gather import gather_kernel
 from warp_cloth.kernels.passes.move import advance_kernel, displace_kernel
@@ -175,10 +175,10 @@ def test_displacement_and_certificate_kernels_compile(precision: str) -> None:
 
 @pytest.mark.parametrize("precision", PRECISIONS)
 def test_kernels_of_cloth_on_cloth_compile(precision: str) -> None:
-    searching = start_kernel, box_kernel, groups_kernel, leaves_kernel, pairs_kernel
-    parting = crossing_groups_kernel, crossing_leaves_kernel, crossings_kernel, layers_kernel, settle_kernel
-    loaded(*(made(precision) for made in (*searching, *parting, add_kernel)))
-    loaded(*(press_kernel(precision, *rest) for rest in spread(precision, Accumulate)))
+    searching = start_kernel, refit_kernel, near_groups_kernel, near_leaves_kernel, pairs_kernel
+    parting = crossing_groups_kernel, crossing_leaves_kernel, crossings_kernel, layers_kernel, finish_kernel
+    loaded(*(made(precision) for made in (*searching, *parting, add_load_kernel)))
+    loaded(*(force_kernel(precision, *rest) for rest in spread(precision, Accumulate)))
 
 
 def test_every_pair_of_choices_is_compiled() -> None:

@@ -68,8 +68,8 @@ def edge_weights(a: np.ndarray, b: np.ndarray, c: np.ndarray, d: np.ndarray) -> 
 
 
 def rest_neighbours(cloth_contact: ClothContact) -> list[set[int]]:
-    start, near = cloth_contact._search.near_start.numpy(), cloth_contact._search.near.numpy()
-    order = cloth_contact._order.numpy() if cloth_contact._order else np.arange(len(start) - 1)
+    start, near = cloth_contact.pair_search.geometry.near_start.numpy(), cloth_contact.pair_search.geometry.near.numpy()
+    order = cloth_contact.order.numpy() if cloth_contact.order else np.arange(len(start) - 1)
     rows = [set(order[near[a:b]].tolist()) for a, b in pairwise(start)]
     return [rows[place] for place in np.argsort(order)]
 
@@ -81,7 +81,7 @@ def touching_pairs(points: Points, cloth_contact: ClothContact, only: int | None
     """
     near = rest_neighbours(cloth_contact)
     triangles, edges = cloth_contact.sheets.triangles, cloth_contact.sheets.edges
-    thickness = float(cloth_contact.data.thickness.numpy()[0])
+    thickness = float(cloth_contact.data.model.thickness.numpy()[0])
     pairs = []
 
     def boxes(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -131,7 +131,7 @@ def pair_energy(points: Points, pair: Pair, thickness: float, modulus: float) ->
 
 def constants(cloth_contact: ClothContact) -> tuple[float, float]:
     """Thickness [m] and modulus [N/m] of garments of one fabric."""
-    return float(cloth_contact.data.thickness.numpy()[0]), float(cloth_contact.data.fabric.numpy()[0, 1])
+    return float(cloth_contact.data.model.thickness.numpy()[0]), float(cloth_contact.data.model.fabric.numpy()[0, 1])
 
 
 def brute_energy(points: Points, pairs: list[Pair], cloth_contact: ClothContact) -> float:

@@ -1,4 +1,8 @@
-"""Cloth on cloth: pairs nearer than the thickness push apart and hold each other by friction."""
+"""Cloth contact: its arrays by role (model, pair list, displacement bounds, search trigger, sums), and what a pair is.
+
+Two pieces of cloth nearer than their thickness push each other apart and hold each other by friction. A pair is a
+vertex and a triangle, or two edges.
+"""
 
 import functools
 
@@ -7,82 +11,164 @@ import warp as wp
 from warp_cloth.kernels.base.access import element
 from warp_cloth.kernels.base.block import TOLD_APART
 from warp_cloth.kernels.base.types import cloth_types
-from warp_cloth.kernels.contact.squeeze import NOTHING, nearest_functions
+from warp_cloth.kernels.contact.closest_points import NOTHING, nearest_functions
 from warp_cloth.kernels.math.real import inner, root, scaled_sum
 
-# Sums are kept as whole numbers of these units: whole numbers add up to the same in every order, so that pairs may be
-# found and summed in any.
+# Sums are integers of these units: integers add up to the same in any order, so pairs may be found and summed in any.
 FORCE_UNIT = wp.constant(wp.float64(2.0**-36))  # [N]; a vertex weighs 1e7 of them
 STIFFNESS_UNIT = wp.constant(wp.float64(2.0**-16))  # [N/m]
-ROOM_UNIT = wp.constant(wp.float64(2.0**-33))  # [m]
-NO_LIMIT = wp.constant(wp.int32(2**31 - 1))  # room of a vertex with nothing near
+LENGTH_UNIT = wp.constant(wp.float64(2.0**-33))  # [m]
+NO_LIMIT = wp.constant(wp.int32(2**31 - 1))  # step limit of a vertex with nothing near
 
-# Of the distance between two bits of cloth, what each may move in an iteration: less than half, so they never pass.
-ROOM_SHARE = wp.constant(wp.float64(0.45))
+# Fraction of the distance between two pieces of cloth that each may move in an iteration: less than half, so they
+# never pass each other.
+STEP_FRACTION = wp.constant(wp.float64(0.45))
 
 ON_TRIANGLE = wp.constant(wp.int32(0))  # a vertex and a triangle
 ON_EDGE = wp.constant(wp.int32(1))  # two edges
 NEIGHBOURS = wp.constant(wp.int32(2))  # added where the two are near in the rest shape: they do not push
 
-EVER = wp.constant(wp.int64(2**62))  # farther than any vertex goes [ROOM_UNIT]; what is due beyond it never is
+NEVER = wp.constant(wp.int64(2**62))  # longer than the path of any vertex [LENGTH_UNIT]; a pair due later is never due
 
-REGIONS = 1024  # of vertices, at most; nothing is in that of number 0
-TURNED = TOLD_APART // 4  # so far apart that blocks which await a press do not read what it has read
-_REGION_BITS = 16  # of a word of four
+REGIONS = 1024  # of vertices, at most; number 0 is empty
+# Distance between an iteration's number before and after forces: so far apart that blocks which wait for the forces
+# do not read a cache line that the others have read.
+NEXT_ITERATION = TOLD_APART // 4
+_REGION_BITS = 16  # a word packs four regions
+
+
+@wp.struct
+class ContactModel:
+    """Constants of the garments; V vertices."""
+
+    thickness: wp.array(dtype=wp.float32)  # [m], shape [V]
+    fabric: wp.array(dtype=wp.vec4f)  # packed, for one 16-byte load: see ``unpacked_fabric``, shape [V]
+    thickest: wp.float64  # greatest thickness [m]
+    least_skin: wp.float64  # least search margin: of a vertex at rest [m]
+    most_skin: wp.float64  # greatest search margin [m]
+
+
+@wp.struct
+class ContactPairs:
+    """The pair list of the last search; P pairs at most."""
+
+    count: wp.array(dtype=wp.int32)  # pairs found; more than P where they did not fit, shape [1]
+    corners: wp.array(dtype=wp.vec4i)  # a vertex and a triangle's, or the ends of two edges, shape [P]
+    kind: wp.array(dtype=wp.int32)  # ON_TRIANGLE or ON_EDGE, plus NEIGHBOURS, shape [P]
+    stick: wp.array(dtype=wp.vec4f)  # stick displacement of the first against the second [m], 0, shape [P]
+    regions: wp.array(dtype=wp.uint64)  # of the four vertices, packed by ``pair_regions``, shape [P]
+    due: wp.array(dtype=wp.int64)  # path of its regions after which it may be near again, of ``due_path``, shape [P]
+    active_margin: wp.float64  # pairs apart by more than this beyond their thickness are skipped until due [m]
+    active_distance: wp.float64  # the same plus the least thickness: skipped pairs are farther apart [m]
+
+
+@wp.struct
+class DisplacementBounds:
+    """Upper bounds of how far vertices have moved, by region: they tell when a skipped pair is due.
+
+    What an iteration reads and what it writes for the next lie apart, so that no thread reads what another writes.
+    """
+
+    region: wp.array(dtype=wp.int32)  # of each vertex, shape [V]; vertices of a region are near each other
+    region_count: int  # number 0 included
+    path: wp.array2d(dtype=wp.int64)  # path length before the forces, and after them [LENGTH_UNIT], shape [2, REGIONS]
+    step: wp.array2d(dtype=wp.int32)  # longest step of an even, and an odd iteration [LENGTH_UNIT], shape [2, REGIONS]
+    iteration: wp.array(
+        dtype=wp.int32
+    )  # before the forces; from NEXT_ITERATION on after them, shape [2 NEXT_ITERATION]
+
+
+@wp.struct
+class ContactBlocks:
+    """Thread blocks of a launch in which some compute contact forces while others compute the patches' forces."""
+
+    force_count: int  # blocks that compute contact forces; 0: a launch of their own does
+    move_count: int  # blocks that move vertices, and wait for the former
+    done: wp.array(dtype=wp.int32)  # of the former those done, of the latter those that have seen it, shape [2]; zero
+
+
+@wp.struct
+class ContactSums:
+    """Scratch: sums over pairs, which a move reads and resets."""
+
+    load: wp.array2d(dtype=wp.int64)  # force [FORCE_UNIT] and fourth component [STIFFNESS_UNIT], shape [V, 4]; zero
+    step_limit: wp.array(dtype=wp.int32)  # longest displacement allowed [LENGTH_UNIT], shape [V]; NO_LIMIT
+
+
+@wp.struct
+class SearchTrigger:
+    """When the pair list is no longer valid: search margins (the skins of a Verlet list), and requests to search."""
+
+    position: wp.array(dtype=wp.vec3d)  # at the last search [m], shape [V]
+    skin: wp.array(
+        dtype=wp.float32
+    )  # search margin: how far each may go from there until the next search [m], shape [V]
+    due: wp.array(dtype=wp.int32)  # whether it is time for a search, shape [1]
+    requests: wp.array(dtype=wp.int32)  # by vertices since the last check; whether any is pending, shape [2]
+    request_limit: int  # requests per check that make a search due at once
+    longest_wait: int  # iterations since the last search after which any request makes one due
+    check_interval: wp.float64  # iterations from one check to the next
+    last_search: wp.array(dtype=wp.int32)  # its iteration, shape [1]
 
 
 @wp.struct
 class ContactData:
-    """Which cloth is near which, and what that does to the vertices; P pairs at most, V vertices."""
+    """All that kernels know of cloth contact."""
 
-    # of the garments
-    thickness: wp.array(dtype=wp.float32)  # [m], shape [V]
-    fabric: wp.array(dtype=wp.vec4f)  # thickness [m], modulus of squeeze_energy [N/m], friction, nothing, shape [V]
-    thickest: wp.float64  # [m]
-    least_skin: wp.float64  # of a vertex that stands still [m]
-    most_skin: wp.float64  # [m]
-    ahead: wp.float64  # iterations to the next look at whether another is due
-    margin: wp.float64  # pairs this much farther apart than thick are left alone till they may be as near again [m]
-    far: wp.float64  # the same with the thinnest garment: whatever is left alone is farther apart [m]
-    # pairs
-    count: wp.array(dtype=wp.int32)  # pairs found, more than P where they did not fit, shape [1]
-    corners: wp.array(dtype=wp.vec4i)  # vertex and triangle, or the ends of two edges, shape [P]
-    kind: wp.array(dtype=wp.int32)  # ON_TRIANGLE or ON_EDGE, and NEIGHBOURS or not, shape [P]
-    lean: wp.array(dtype=wp.vec4f)  # how far the first has been dragged along the second [m], nothing, shape [P]
-    regions: wp.array(dtype=wp.uint64)  # of the four vertices, of pair_regions, shape [P]
-    due: wp.array(dtype=wp.int64)  # how far its regions have gone when a pair may be near again, of due_of, shape [P]
-    # how far vertices have gone, the farthest of each region in each iteration [ROOM_UNIT]: what a move reads of the
-    # ways and writes for the next one lie apart, so that no thread of a launch reads what another one writes
-    region: wp.array(dtype=wp.int32)  # of each vertex, which has others near it, shape [V]
-    region_count: int  # that of number 0 included
-    way: wp.array2d(dtype=wp.int64)  # before the last press, and after it, shape [2, REGIONS]
-    stride: wp.array2d(dtype=wp.int32)  # of the last iteration and of this one, in turn, shape [2, REGIONS]
-    turn: wp.array(dtype=wp.int32)  # iterations before the last press, and from TURNED on after it, shape [2 TURNED]
-    # blocks that press while others work out patches, in one launch
-    pressing: int  # how many; 0: pairs are pressed by a launch of their own
-    waiting: int  # how many others
-    told: wp.array(dtype=wp.int32)  # of the former those done, of the latter those that know it, shape [2]; zero
-    # what a move reads, and leaves as it was at the start
-    sum: wp.array2d(dtype=wp.int64)  # force [FORCE_UNIT] and bound or magnitude [STIFFNESS_UNIT], shape [V, 4]; zero
-    room: wp.array(dtype=wp.int32)  # largest displacement [ROOM_UNIT], shape [V]; NO_LIMIT
-    # between two searches
+    model: ContactModel
+    pairs: ContactPairs
+    bounds: DisplacementBounds
+    trigger: SearchTrigger
+    sums: ContactSums
+    blocks: ContactBlocks
     lift: wp.array(dtype=wp.float32)  # how much farther from the avatar than its offset a vertex stays [m], shape [V]
-    shift: wp.array(dtype=wp.vec3f)  # displacement in each iteration that untangles [m], shape [V]
-    searched: wp.array(dtype=wp.vec3d)  # where vertices were at the last search [m], shape [V]
-    skin: wp.array(dtype=wp.float32)  # how far each may go from there till the next: what is known allows for it [m]
-    moved: wp.array(dtype=wp.int32)  # whether it is time for another, shape [1]
-    patience: int  # iterations from one to the next for a few vertices that ask for it
-    many: int  # times that vertices ask till a look, above which they are not few
-    asked: wp.array(dtype=wp.int32)  # how often they have since the last look, and whether some wait, shape [2]
-    turn_then: wp.array(dtype=wp.int32)  # iterations before the last search, shape [1]
+    shift: wp.array(dtype=wp.vec3f)  # untangling displacement in each iteration [m], shape [V]
+
+
+@wp.struct
+class ContactFabric:
+    """Fabric where two pieces of cloth meet."""
+
+    thickness: float  # [m]
+    squeeze_modulus: float  # of laws.squeeze [N/m]
+    friction: float
+
+
+@wp.func
+def unpacked_fabric(packed: wp.vec4f):
+    """The fabric of ``ContactModel.fabric``: thickness [m], squeeze modulus [N/m], friction, 0."""
+    fabric = ContactFabric()
+    fabric.thickness = packed[0]
+    fabric.squeeze_modulus = packed[1]
+    fabric.friction = packed[2]
+    return fabric
+
+
+@wp.func
+def pair_fabric(contact: ContactData, corners: wp.vec4i):
+    """Fabric where two pieces of cloth meet: the mean of both."""
+    one = unpacked_fabric(element(contact.model.fabric, corners[0]))
+    other = unpacked_fabric(element(contact.model.fabric, corners[3]))
+    half = float(0.5)
+    fabric = ContactFabric()
+    fabric.thickness = half * (one.thickness + other.thickness)
+    fabric.squeeze_modulus = half * (one.squeeze_modulus + other.squeeze_modulus)
+    fabric.friction = half * (one.friction + other.friction)
+    return fabric
+
+
+@wp.func
+def pair_thickness(contact: ContactData, corners: wp.vec4i):
+    """Thickness where two pieces of cloth meet [m]: the mean of both."""
+    return float(0.5) * (contact.model.thickness[corners[0]] + contact.model.thickness[corners[3]])
 
 
 @functools.cache
-def apart_function(precision: str, sort: int) -> wp.Function:
-    """The function that tells where the two of a pair of a sort (ON_TRIANGLE, ON_EDGE) are nearest, and how far apart.
+def separation_function(precision: str, sort: int) -> wp.Function:
+    """Function ``pair_separation`` for pairs of a sort (ON_TRIANGLE, ON_EDGE).
 
-    Where is told in the precision of forces. The way from one to the other is summed from differences in float64: seen
-    from the second vertex nothing large cancels.
+    The nearest points are found in the precision of forces. The vector between them is summed from differences in
+    float64: relative to the second vertex nothing large cancels.
     """
     types = cloth_types(precision)
     real, vec3, vec4, nearest = types.real, types.vec3, types.vec4, nearest_functions(types.real)
@@ -90,10 +176,10 @@ def apart_function(precision: str, sort: int) -> wp.Function:
     one = wp.constant(real(1.0))
 
     @wp.func
-    def pair_apart(x0: wp.vec3d, x1: wp.vec3d, x2: wp.vec3d, x3: wp.vec3d):
-        """Weights of the four vertices whose sum is the way from the second's nearest point to the first's.
+    def pair_separation(x0: wp.vec3d, x1: wp.vec3d, x2: wp.vec3d, x3: wp.vec3d):
+        """Weights w of the four vertices, the vector sum_i w_i x_i, its square in float64 and its length [m].
 
-        And this way [m], its square in float64 and its length.
+        The vector leads from the second's nearest point to the first's.
         """
         d0, d2, d3 = x0 - x1, x2 - x1, x3 - x1
         weights = vec4()
@@ -105,74 +191,77 @@ def apart_function(precision: str, sort: int) -> wp.Function:
             weights = vec4(one - at[0], at[0], at[1] - one, -at[1])
         w0, w2, w3 = wp.float64(weights[0]), wp.float64(weights[2]), wp.float64(weights[3])
         # the weights sum to zero
-        way = scaled_sum(d3, w3, scaled_sum(d2, w2, d0 * w0))
-        square = inner(way, way)
-        return weights, vec3(way), square, root(real(square))
+        separation = scaled_sum(d3, w3, scaled_sum(d2, w2, d0 * w0))
+        square = inner(separation, separation)
+        return weights, vec3(separation), square, root(real(square))
 
-    return pair_apart
+    return pair_separation
 
 
 @wp.struct
-class ContactBefore:
-    """What is known of a vertex before pairs are pressed."""
+class VertexContact:
+    """What is known of a vertex before contact forces are."""
 
-    gone: float  # how far it is from where it was at the last search [m]
-    skin: float  # ContactData's [m]
-    room: float  # how far it may move [m], whatever is pressed
-    shift: wp.vec3f  # ContactData's [m]
+    moved: float  # distance from where it was at the last search [m]
+    skin: float  # as in SearchTrigger [m]
+    step_limit: float  # longest displacement allowed, whatever the forces [m]
+    shift: wp.vec3f  # as in ContactData [m]
     lift: float  # [m]
     region: int
 
 
 @wp.func
-def contact_before(contact: ContactData, vertex: int, position: wp.vec3d):
-    """What is known of a vertex before pairs are pressed.
+def load_vertex_contact(contact: ContactData, vertex: int, position: wp.vec3d):
+    """Loads what is known of a vertex before contact forces are.
 
-    Whatever was farther off at the last search than both skins and the thickness cannot be met as long as none goes
-    beyond its skin and half the thickness. While there is no room for all pairs nothing moves.
+    Cloth that was farther off at the last search than both skins and the thickness cannot be met as long as no vertex
+    goes beyond its skin and half the thickness. While the pair list is full nothing moves.
     """
-    before = ContactBefore()
-    way = wp.vec3f(position - element(contact.searched, vertex))
-    before.skin = element(contact.skin, vertex)
-    before.shift = element(contact.shift, vertex)
-    before.lift = element(contact.lift, vertex)
-    before.region = element(contact.region, vertex)
-    before.gone = root(inner(way, way))
-    unknown = before.skin + float(wp.float64(0.49) * contact.thickest) - before.gone
-    before.room = wp.max(wp.min(float(ROOM_SHARE * contact.far), unknown), float(0.0))
-    if element(contact.count, 0) > contact.corners.shape[0]:  # some pairs did not fit
-        before.room = float(0.0)
-    return before
+    known = VertexContact()
+    moved = wp.vec3f(position - element(contact.trigger.position, vertex))
+    known.skin = element(contact.trigger.skin, vertex)
+    known.shift = element(contact.shift, vertex)
+    known.lift = element(contact.lift, vertex)
+    known.region = element(contact.bounds.region, vertex)
+    known.moved = root(inner(moved, moved))
+    to_unknown = known.skin + float(wp.float64(0.49) * contact.model.thickest) - known.moved
+    known.step_limit = wp.max(wp.min(float(STEP_FRACTION * contact.pairs.active_distance), to_unknown), float(0.0))
+    if element(contact.pairs.count, 0) > contact.pairs.corners.shape[0]:  # some pairs did not fit
+        known.step_limit = float(0.0)
+    return known
 
 
 @wp.func
 def pair_reach(contact: ContactData, corners: wp.vec4i, kind: int):
-    """How near a pair must be to be kept [m]: the thickness and the larger skin of either side."""
-    skin_0, skin_1 = contact.skin[corners[0]], contact.skin[corners[1]]
-    skin_2, skin_3 = contact.skin[corners[2]], contact.skin[corners[3]]
+    """How near a pair must be to be listed [m]: the thickness and the larger skin of either side."""
+    skin_0, skin_1 = contact.trigger.skin[corners[0]], contact.trigger.skin[corners[1]]
+    skin_2, skin_3 = contact.trigger.skin[corners[2]], contact.trigger.skin[corners[3]]
     others = wp.max(skin_2, skin_3)
     skins = wp.where(kind == ON_TRIANGLE, skin_0 + wp.max(skin_1, others), wp.max(skin_0, skin_1) + others)
-    return contact.thickest + wp.float64(skins)
+    return contact.model.thickest + wp.float64(skins)
 
 
 @wp.func
-def region_gone(contact: ContactData, region: int):
-    """How far any vertex of a region may have gone up to now [ROOM_UNIT]."""
-    even, odd = contact.stride[0, region], contact.stride[1, region]  # neither waits for the turn
-    return contact.way[0, region] + wp.int64(wp.where((contact.turn[0] & 1) == 0, even, odd))
+def region_path(contact: ContactData, region: int):
+    """Upper bound of the path of a region's vertices up to now [LENGTH_UNIT]."""
+    even, odd = (
+        contact.bounds.step[0, region],
+        contact.bounds.step[1, region],
+    )  # loads that do not wait for the iteration
+    return contact.bounds.path[0, region] + wp.int64(wp.where((contact.bounds.iteration[0] & 1) == 0, even, odd))
 
 
 @wp.func
-def region_of(regions: wp.uint64, corner: int):
-    """One of the regions in a word of ``pair_regions``."""
+def pair_region(regions: wp.uint64, corner: int):
+    """One of the regions packed by ``pair_regions``."""
     return wp.int32((regions >> wp.uint64(wp.static(_REGION_BITS) * corner)) & wp.uint64(wp.static(REGIONS - 1)))
 
 
 @wp.func
 def pair_regions(contact: ContactData, corners: wp.vec4i, kind: int):
-    """The regions whose ways together bound by how much a pair may have come nearer: each once of either side."""
-    first, second = int(contact.region[corners[0]]), int(contact.region[corners[1]])
-    third, fourth = int(contact.region[corners[2]]), int(contact.region[corners[3]])
+    """The regions whose paths together bound by how much a pair may have come nearer: each once on either side."""
+    first, second = int(contact.bounds.region[corners[0]]), int(contact.bounds.region[corners[1]])
+    third, fourth = int(contact.bounds.region[corners[2]]), int(contact.bounds.region[corners[3]])
     if kind == ON_TRIANGLE:
         third = wp.where(third == second, 0, third)
         fourth = wp.where(fourth == second, 0, fourth)
@@ -184,39 +273,25 @@ def pair_regions(contact: ContactData, corners: wp.vec4i, kind: int):
 
 
 @wp.func
-def pair_gone(contact: ContactData, regions: wp.uint64):
-    """How far a pair's regions may have gone up to now, together [ROOM_UNIT]."""
-    gone = wp.int64(0)
+def pair_path(contact: ContactData, regions: wp.uint64):
+    """Sum of the paths of a pair's regions up to now [LENGTH_UNIT]."""
+    path = wp.int64(0)
     for corner in range(4):
-        gone += region_gone(contact, region_of(regions, corner))
-    return gone
+        path += region_path(contact, pair_region(regions, corner))
+    return path
 
 
 @wp.func
-def due_of(way: wp.int64, kind: int):
-    """A way [ROOM_UNIT] whose lowest bit says what it is the way of: ON_TRIANGLE or ON_EDGE."""
-    return (way & ~wp.int64(1)) | wp.int64(kind)
+def tagged_path(path: wp.int64, kind: int):
+    """A path [LENGTH_UNIT] whose lowest bit is replaced by the pair's kind: ON_TRIANGLE or ON_EDGE."""
+    return (path & ~wp.int64(1)) | wp.int64(kind)
 
 
 @wp.func
-def due_after(contact: ContactData, kind: int, distance: wp.float64, thickness: wp.float64, gone: wp.int64):
-    """When a pair may be near that is so far apart [m] after its regions have gone so far; in the past if it is near.
+def due_path(contact: ContactData, kind: int, distance: wp.float64, thickness: wp.float64, path: wp.int64):
+    """The path at which a pair may be near that is this far apart [m] at ``path``; negative if it is near now.
 
-    No move is longer than what lies beyond the margin leaves room for.
+    Before it is due a pair needs no step limit: steps within STEP_FRACTION of the active distance never reach it.
     """
-    apart = (distance - thickness - contact.margin) / ROOM_UNIT
-    return due_of(wp.where(apart > NOTHING, gone + wp.int64(apart), wp.int64(-2)), kind)
-
-
-@wp.func
-def pair_thickness(contact: ContactData, corners: wp.vec4i):
-    """Thickness where two bits of cloth meet [m]: the mean of both."""
-    return float(0.5) * (contact.thickness[corners[0]] + contact.thickness[corners[3]])
-
-
-@wp.func
-def pair_cloth(contact: ContactData, corners: wp.vec4i):
-    """Thickness [m], modulus [N/m] and friction where two bits of cloth meet: the means of both."""
-    one, other = element(contact.fabric, corners[0]), element(contact.fabric, corners[3])
-    half = float(0.5)
-    return wp.vec3f(half * (one[0] + other[0]), half * (one[1] + other[1]), half * (one[2] + other[2]))
+    apart = (distance - thickness - contact.pairs.active_margin) / LENGTH_UNIT
+    return tagged_path(wp.where(apart > NOTHING, path + wp.int64(apart), wp.int64(-2)), kind)

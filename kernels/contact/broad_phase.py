@@ -1,9 +1,12 @@
-"""Which cloth may meet, found in steps that share the work out evenly: groups of leaves, leaves, then what they hold.
+"""Broad phase in three steps that balance the load: pairs of groups of leaves, pairs of leaves, then the exact test.
 
-How much is near a group differs tenfold, and a GPU waits for the slowest. So a team walks the tree for a whole group
-and lists the groups that it meets; then a team for each such pair lists the leaves whose boxes meet; then a thread for
-each of these looks closely. What a list has no room for is worked on at once: with lists of no room at all, as on the
-CPU, the first step does everything.
+How much is near a group differs tenfold, and a GPU waits for the slowest. So a team traverses the tree for a whole
+group and lists the groups that overlap it; then a team for each such pair lists the leaves whose boxes overlap; then a
+thread for each of these runs the exact test. Whatever does not fit a list is worked on at once: with lists of no
+capacity, as on the CPU, the first step does everything.
+
+The factories take the types of the kernels' arguments (state, search, contact and one more, ``extra``) and the function
+that works on a candidate.
 """
 
 import functools
@@ -11,46 +14,55 @@ from typing import Any
 
 import warp as wp
 
+from warp_cloth.kernels.contact.arrays import ContactData
 from warp_cloth.kernels.contact.box_tree import (
     MOST_THREADS,
     WIDTH,
     BoxTree,
     BoxWalk,
+    advance_walk,
     bit_count,
     lowest_bit,
-    step_on,
     team_lane,
-    team_last,
+    team_max,
     team_threads,
 )
 
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
-# Threads in a block, and blocks that a core is to have registers for, of what lists leaves: a core keeps more threads
-# waiting for memory if what a full list asks for does not lie in registers.
-LISTING = (MOST_THREADS, 4)
+# Launch bounds of kernels that list leaves: threads in a block, and blocks that must fit a core's registers. A core
+# hides more latency with more threads, if what only a full list needs is spilled.
+LIST_LAUNCH = (MOST_THREADS, 4)
 
-GROUPS = wp.constant(wp.int32(0))  # where ``Meetings.count`` counts pairs of groups,
-LEAVES_MET = wp.constant(wp.int32(1))  # and from where on pairs of leaves, in each part of their list
-PARTS = wp.constant(wp.int32(32))  # of that list: counted all together, teams would wait for each other
-APART = wp.constant(wp.int32(32))  # numbers from one count to the next: neighbours would wait for each other, too
+GROUP_COUNT = wp.constant(wp.int32(0))  # number of the counter of pairs of groups
+LEAF_COUNTS = wp.constant(wp.int32(1))  # and of the first counter of pairs of leaves, one for each part of their list
+LIST_PARTS = wp.constant(wp.int32(32))  # with a single counter teams would wait for each other
+COUNTER_STRIDE = wp.constant(wp.int32(32))  # elements between counters: neighbours would share a cache line
 
 
 @wp.struct
-class Meetings:
-    """Lists of what meets, each counted also beyond its room."""
+class Candidates:
+    """Lists of candidate pairs; counts go on beyond the lists' capacity."""
 
-    count: wp.array(dtype=wp.int32)  # of the first, and of each part of the second, shape [(1 + PARTS) APART]
-    group: wp.array(dtype=wp.vec3i)  # what is asked for, the group that asks, the group of leaves that it meets
-    leaf: wp.array(dtype=wp.vec2i)  # an edge's place in its tree, or -1 - a vertex, and what it meets in the tree
+    count: wp.array(dtype=wp.int32)  # of groups, and of each part of leaves, shape [(1 + LIST_PARTS) COUNTER_STRIDE]
+    group: wp.array(dtype=wp.vec3i)  # kind of query, the querying group, the group of leaves that it overlaps
+    leaf: wp.array(dtype=wp.vec2i)  # querying edge's place in its tree, or -1 - vertex, and the leaf that it overlaps
+
+
+@wp.struct
+class Query:
+    """What a group searches for."""
+
+    kind: int
+    group: int
 
 
 @wp.func
-def forget_meetings(meetings: Meetings, thread: int):
+def clear_candidates(candidates: Candidates, thread: int):
     """Empties the lists, by the first thread."""
     if thread == 0:
-        for part in range(LEAVES_MET + PARTS):
-            meetings.count[part * APART] = 0
+        for part in range(LEAF_COUNTS + LIST_PARTS):
+            candidates.count[part * COUNTER_STRIDE] = 0
 
 
 _TEAM_SLOT = """
@@ -71,7 +83,7 @@ _TEAM_SLOT = """
 #endif
 """
 
-_OF_TEAM = """
+_TEAM_VALUE = """
 #if defined(__CUDA_ARCH__)
     return __shfl_sync(0xffffffffu, value, lane);
 #else
@@ -88,171 +100,194 @@ _TEAM_NUMBER = """
 """
 
 
-@wp.func_native(_OF_TEAM)
-def of_team(value: int, lane: int) -> int:
-    """What one of a team's threads has."""
+@wp.func_native(_TEAM_VALUE)
+def team_value(value: int, lane: int) -> int:
+    """The value of one of a team's threads."""
     ...
 
 
 @wp.func_native(_TEAM_NUMBER)
 def team_number() -> int:
-    """A team's number among all of a launch; 0 on the CPU."""
+    """A team's number in its launch; 0 on the CPU."""
     ...
 
 
 @wp.func_native(_TEAM_SLOT)
 def team_slot(count: wp.array(dtype=wp.int32), which: int, more: int) -> int:
-    """Adds numbers of a team's threads, each its own, to a list's count: where what a thread has begins."""
+    """Reserves ``more`` list entries for each of a team's threads; returns the thread's first, capacity or not."""
     ...
 
 
 @functools.cache
-def meet_function(work: wp.Function, State: Any, Search: Any, First: Any, Second: Any) -> wp.Function:
-    """The function that lists which groups a group meets.
-
-    ``work`` works on such a pair: (state, search, first, second, meetings, kind, group, met), a whole team at once.
-    """
+def list_groups_function(work: wp.Function, State: Any, Search: Any, Extra: Any) -> wp.Function:
+    """Function ``list_groups``; arguments as in ``walk_groups_function``."""
 
     @wp.func
     def list_groups(
         state: State,
         search: Search,
-        first: First,
-        second: Second,
-        meetings: Meetings,
-        kind: int,
-        group: int,
-        met: int,
+        contact: ContactData,
+        extra: Extra,
+        candidates: Candidates,
+        query: Query,
+        first: int,
         mask: wp.uint32,
     ):
-        """Lists those of the groups from ``met`` on that a mask tells of, or works on them where the list is full.
+        """Lists the groups first + k, k the bits of a mask, or works on them where the list is full.
 
-        Each of a team's threads has groups and a mask of its own.
+        Each of a team's threads has a first group and a mask of its own.
         """
-        room = meetings.group.shape[0]
+        capacity = candidates.group.shape[0]
         count = bit_count(mask)
-        base = team_slot(meetings.count, GROUPS, count)
+        base = team_slot(candidates.count, GROUP_COUNT, count)
         left = wp.uint32(mask)
         slot = int(base)
-        while left != wp.uint32(0) and slot < room:
-            meetings.group[slot] = wp.vec3i(kind, group, met + lowest_bit(left))
+        while left != wp.uint32(0) and slot < capacity:
+            candidates.group[slot] = wp.vec3i(query.kind, query.group, first + lowest_bit(left))
             left = left & (left - wp.uint32(1))
             slot += 1
-        if team_last(base + count) > room:  # all work on what one after another found no room for
+        if team_max(base + count) > capacity:  # the whole team works on each thread's remaining groups in turn
             for lane in range(team_threads()):
-                theirs = wp.uint32(of_team(wp.int32(left), lane))
-                place = of_team(met, lane)
-                while theirs != wp.uint32(0):
-                    work(state, search, first, second, meetings, kind, group, place + lowest_bit(theirs))
-                    theirs = theirs & (theirs - wp.uint32(1))
+                others = wp.uint32(team_value(wp.int32(left), lane))
+                place = team_value(first, lane)
+                while others != wp.uint32(0):
+                    work(state, search, contact, extra, candidates, query, place + lowest_bit(others))
+                    others = others & (others - wp.uint32(1))
+
+    return list_groups
+
+
+@functools.cache
+def walk_groups_function(work: wp.Function, State: Any, Search: Any, Extra: Any) -> wp.Function:
+    """Function ``walk_groups``.
+
+    ``work`` works on a pair of groups: (state, search, contact, extra, candidates, query, group of leaves), a whole
+    team at once.
+    """
+    list_groups = list_groups_function(work, State, Search, Extra)
 
     @wp.func
-    def meet_groups(
+    def walk_groups(
         state: State,
         search: Search,
-        first: First,
-        second: Second,
-        meetings: Meetings,
+        contact: ContactData,
+        extra: Extra,
+        candidates: Candidates,
         tree: BoxTree,
         start: BoxWalk,
-        kind: int,
-        group: int,
+        query: Query,
     ):
-        """Lists the groups of leaves that a walk finds for a group, or works on them where the list is full.
+        """Lists the groups of leaves that a traversal visits for a query, or works on them where the list is full.
 
-        A team lists what it has found on as many steps as it has threads: each time it waits for the list's count.
+        A team lists the results of as many steps at once as it has threads: each time it waits for the list's counter.
         """
-        met = int(0)
+        first = int(0)
         mask = wp.uint32(0)
         steps = int(0)
-        walk = step_on(tree, start)
+        walk = advance_walk(tree, start)
         while walk.group >= 0:
             if team_lane() == steps:
-                met = WIDTH * walk.group
+                first = WIDTH * walk.group
                 mask = walk.mask_1
             steps += 1
-            walk = step_on(tree, walk)
+            walk = advance_walk(tree, walk)
             if walk.group < 0 or steps == team_threads():
-                list_groups(state, search, first, second, meetings, kind, group, met, mask)
+                list_groups(state, search, contact, extra, candidates, query, first, mask)
                 mask = wp.uint32(0)
                 steps = 0
 
-    return meet_groups
+    return walk_groups
 
 
 @functools.cache
-def listed_groups_function(work: wp.Function, State: Any, Search: Any, First: Any, Second: Any) -> wp.Function:
-    """The function that works, as of ``meet_function``, on the pairs of groups that are listed: so many threads do."""
+def process_groups_function(work: wp.Function, State: Any, Search: Any, Extra: Any) -> wp.Function:
+    """Function ``process_groups``; arguments as in ``walk_groups_function``."""
 
     @wp.func
-    def go_through_groups(
-        state: State, search: Search, first: First, second: Second, meetings: Meetings, thread: int, threads: int
+    def process_groups(
+        state: State,
+        search: Search,
+        contact: ContactData,
+        extra: Extra,
+        candidates: Candidates,
+        thread: int,
+        threads: int,
     ):
-        """Works on every so many of the listed pairs of groups, a team on each."""
+        """Works on a thread's share of the listed pairs of groups, a team on each."""
         row = thread // team_threads()
-        count = wp.min(meetings.count[GROUPS], meetings.group.shape[0])
+        count = wp.min(candidates.count[GROUP_COUNT], candidates.group.shape[0])
         while row < count:
-            pair = meetings.group[row]
-            work(state, search, first, second, meetings, pair[0], pair[1], pair[2])
+            pair = candidates.group[row]
+            query = Query()
+            query.kind = pair[0]
+            query.group = pair[1]
+            work(state, search, contact, extra, candidates, query, pair[2])
             row += threads // team_threads()
 
-    return go_through_groups
+    return process_groups
 
 
 @functools.cache
-def list_leaves_function(work: wp.Function, State: Any, Search: Any, First: Any, Second: Any) -> wp.Function:
-    """The function that lists which leaves meet.
+def list_leaves_function(work: wp.Function, State: Any, Search: Any, Extra: Any) -> wp.Function:
+    """Function ``list_leaves``.
 
-    ``work`` works on such a pair: (state, search, first, second, asking, met), a thread on each.
+    ``work`` works on a pair of leaves: (state, search, contact, extra, querying, leaf), a thread on each; ``querying``
+    and ``leaf`` as in Candidates.leaf.
     """
 
     @wp.func
     def list_leaves(
         state: State,
         search: Search,
-        first: First,
-        second: Second,
-        meetings: Meetings,
-        asking: int,
+        contact: ContactData,
+        extra: Extra,
+        candidates: Candidates,
+        querying: int,
         group: int,
         mask: wp.uint32,
     ):
-        """Lists those leaves of a group that a mask tells of, or works on them where the list is full."""
-        part = team_number() & (PARTS - 1)
-        room = meetings.leaf.shape[0] // PARTS
-        slot = team_slot(meetings.count, (LEAVES_MET + part) * APART, bit_count(mask))
+        """Lists the leaves of a group that a mask names, or works on them where the list is full."""
+        part = team_number() & (LIST_PARTS - 1)
+        capacity = candidates.leaf.shape[0] // LIST_PARTS
+        slot = team_slot(candidates.count, (LEAF_COUNTS + part) * COUNTER_STRIDE, bit_count(mask))
         left = wp.uint32(mask)
         while left != wp.uint32(0):
-            met = WIDTH * group + lowest_bit(left)
+            leaf = WIDTH * group + lowest_bit(left)
             left = left & (left - wp.uint32(1))
-            if slot < room:
-                meetings.leaf[part * room + slot] = wp.vec2i(asking, met)
+            if slot < capacity:
+                candidates.leaf[part * capacity + slot] = wp.vec2i(querying, leaf)
             else:
-                work(state, search, first, second, asking, met)
+                work(state, search, contact, extra, querying, leaf)
             slot += 1
 
     return list_leaves
 
 
 @functools.cache
-def listed_leaves_function(work: wp.Function, State: Any, Search: Any, First: Any, Second: Any) -> wp.Function:
-    """The function that works, as of ``list_leaves_function``, on the pairs of leaves that are listed."""
+def process_leaves_function(work: wp.Function, State: Any, Search: Any, Extra: Any) -> wp.Function:
+    """Function ``process_leaves``; arguments as in ``list_leaves_function``."""
 
     @wp.func
-    def go_through_leaves(
-        state: State, search: Search, first: First, second: Second, meetings: Meetings, thread: int, threads: int
+    def process_leaves(
+        state: State,
+        search: Search,
+        contact: ContactData,
+        extra: Extra,
+        candidates: Candidates,
+        thread: int,
+        threads: int,
     ):
-        """Works on every so many of the listed pairs of leaves, a team on those of a part.
+        """Works on a thread's share of the listed pairs of leaves; a team takes pairs of one part of the list.
 
-        There are as many teams for every part.
+        Every part has as many teams.
         """
-        part = (thread // WIDTH) & (PARTS - 1)
-        row = thread // (WIDTH * PARTS) * WIDTH + (thread & (WIDTH - 1))
-        room = meetings.leaf.shape[0] // PARTS
-        count = wp.min(meetings.count[(LEAVES_MET + part) * APART], room)
+        part = (thread // WIDTH) & (LIST_PARTS - 1)
+        row = thread // (WIDTH * LIST_PARTS) * WIDTH + (thread & (WIDTH - 1))
+        capacity = candidates.leaf.shape[0] // LIST_PARTS
+        count = wp.min(candidates.count[(LEAF_COUNTS + part) * COUNTER_STRIDE], capacity)
         while row < count:
-            pair = meetings.leaf[part * room + row]
-            work(state, search, first, second, pair[0], pair[1])
-            row += threads // PARTS
+            pair = candidates.leaf[part * capacity + row]
+            work(state, search, contact, extra, pair[0], pair[1])
+            row += threads // LIST_PARTS
 
-    return go_through_leaves
+    return process_leaves

@@ -1,11 +1,11 @@
-"""Where cloth passes through cloth: an edge through a triangle, told in float64."""
+"""Crossing test and count: an edge that passes through a triangle, decided in float64."""
 
 import warp as wp
 
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})  # the same answer on CPU and CUDA
 
-# Of the product of three sides: what rounding makes of the volume of four points in one plane, centimetres apart at a
-# metre from the origin, is up to some 1e-14 of it.
+# Relative to the product of three sides: rounding gives four coplanar points, centimetres apart at a metre from the
+# origin, a volume of up to about 1e-14 of it.
 ROUNDING = wp.constant(wp.float64(1.0e-13))
 
 
@@ -19,10 +19,10 @@ def volume(a: wp.vec3d, b: wp.vec3d, c: wp.vec3d, d: wp.vec3d):
 def segment_pierces(p: wp.vec3d, q: wp.vec3d, a: wp.vec3d, b: wp.vec3d, c: wp.vec3d):
     """Whether the segment p q passes through the triangle a b c.
 
-    Its ends lie on different sides of the plane, and the line turns the same way round all three sides. What has an end
-    in the plane, as far as float64 tells, passes nothing; nor do those whose boxes do not meet, whatever rounding makes
-    of a segment in line with a side far away. A segment through a side, seen from that side's other triangle, has the
-    same volume there: it passes through one of the two at least.
+    Its ends lie on different sides of the plane, and the three volumes with the sides have one sign. A segment with an
+    end in the plane, within float64's rounding, passes nothing; nor does one whose box does not overlap, whatever
+    rounding makes of a segment in line with a distant side. A segment through a side has the same volume there for both
+    triangles at that side: it passes through at least one of them.
     """
     low = wp.min(wp.min(a, b), c) - wp.max(p, q)
     high = wp.min(p, q) - wp.max(wp.max(a, b), c)
@@ -58,18 +58,18 @@ def pierces(position: wp.array(dtype=wp.vec3d), ends: wp.vec2i, corners: wp.vec3
 
 @wp.func
 def lower_first(ends: wp.vec2i):
-    """An edge's ends in the order of their numbers: so what rounding makes of it does not hang on how it runs."""
+    """An edge's ends in ascending order, so that rounding does not depend on its direction."""
     return wp.vec2i(wp.min(ends[0], ends[1]), wp.max(ends[0], ends[1]))
 
 
 @wp.func
-def keep_crossing(
+def store_crossing(
     edge: int,
     triangle: int,
     count: wp.array(dtype=wp.int32),
     crossing: wp.array(dtype=wp.vec2i),
 ):
-    """Counts a crossing and, while there is room, keeps it."""
+    """Counts a crossing and, while there is room, stores it."""
     slot = wp.atomic_add(count, 0, 1)
     if slot < crossing.shape[0]:
         crossing[slot] = wp.vec2i(edge, triangle)
@@ -80,17 +80,17 @@ def find_every_crossing(
     position: wp.array(dtype=wp.vec3d),  # [m], shape [V]
     edges: wp.array(dtype=wp.vec2i),  # shape [E]
     triangles: wp.array(dtype=wp.vec3i),  # shape [F]
-    item: wp.array(dtype=wp.int32),  # which vertices meet at all: those of one item, shape [V]
+    item: wp.array(dtype=wp.int32),  # vertices of different items never meet, shape [V]
     count_out: wp.array(dtype=wp.int32),  # shape [1]
     crossing_out: wp.array(dtype=wp.vec2i),  # edge and triangle, shape [capacity]
 ):
-    """Tests every edge against every triangle; the yardstick of find_crossings."""
+    """Tests every edge against every triangle; the reference for find_crossings."""
     edge = wp.tid()
     ends = lower_first(edges[edge])
     for triangle in range(triangles.shape[0]):
         corners = triangles[triangle]
         if item[ends[0]] == item[corners[0]] and pierces(position, ends, corners):
-            keep_crossing(edge, triangle, count_out, crossing_out)
+            store_crossing(edge, triangle, count_out, crossing_out)
 
 
 @wp.kernel
@@ -99,11 +99,11 @@ def find_crossings(
     position: wp.array(dtype=wp.vec3d),  # [m], shape [V]
     edges: wp.array(dtype=wp.vec2i),  # shape [E]
     triangles: wp.array(dtype=wp.vec3i),  # shape [F]
-    item: wp.array(dtype=wp.int32),  # which vertices meet at all: those of one item, shape [V]
+    item: wp.array(dtype=wp.int32),  # vertices of different items never meet, shape [V]
     count_out: wp.array(dtype=wp.int32),  # shape [1]
     crossing_out: wp.array(dtype=wp.vec2i),  # edge and triangle, shape [capacity]
 ):
-    """Tests every edge against the triangles whose boxes it meets."""
+    """Tests every edge against the triangles whose boxes overlap its own."""
     edge = wp.tid()
     ends = lower_first(edges[edge])
     p = wp.vec3f(position[ends[0]])
@@ -112,7 +112,7 @@ def find_crossings(
     triangle = int(0)
     while wp.bvh_query_next(query, triangle):
         if pierces(position, ends, triangles[triangle]):
-            keep_crossing(edge, triangle, count_out, crossing_out)
+            store_crossing(edge, triangle, count_out, crossing_out)
 
 
 @wp.kernel
@@ -124,10 +124,10 @@ def box_triangles(
     upper_out: wp.array(dtype=wp.vec3f),  # [m], shape [F]
     group_out: wp.array(dtype=wp.int32),  # its item, shape [F]
 ):
-    """The box of each triangle."""
+    """Writes the box of each triangle."""
     triangle = wp.tid()
     corners = triangles[triangle]
-    a = wp.vec3f(position[corners[0]])  # rounding keeps the order of numbers: boxes that met still meet
+    a = wp.vec3f(position[corners[0]])  # rounding is monotonic: boxes that overlapped still do
     b = wp.vec3f(position[corners[1]])
     c = wp.vec3f(position[corners[2]])
     lower_out[triangle] = wp.min(wp.min(a, b), c)

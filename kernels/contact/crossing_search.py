@@ -1,4 +1,4 @@
-"""Finds which cloth crosses which, and what of other layers each vertex is nearest to."""
+"""Crossing search: which edges pass through which triangles, and which other layer each vertex is nearest to."""
 
 import functools
 
@@ -8,29 +8,32 @@ from warp_cloth.kernels.base.types import MODULE_OPTIONS, cloth_types, place_fun
 from warp_cloth.kernels.contact.arrays import ON_EDGE, ON_TRIANGLE, ContactData
 from warp_cloth.kernels.contact.box_tree import (
     WIDTH,
-    box_of,
-    boxes_meeting,
-    may_meet,
+    leaf_overlaps,
+    load_box,
+    may_overlap,
+    start_walk,
     team_lane,
-    team_last,
+    team_max,
     team_threads,
-    walk_from,
 )
 from warp_cloth.kernels.contact.broad_phase import (
-    LISTING,
-    Meetings,
+    LIST_LAUNCH,
+    Candidates,
+    Query,
     list_leaves_function,
-    listed_groups_function,
-    listed_leaves_function,
-    meet_function,
+    process_groups_function,
+    process_leaves_function,
+    walk_groups_function,
 )
-from warp_cloth.kernels.contact.search import SLACK, ContactSearch, group_box_function, least_room
-from warp_cloth.kernels.contact.squeeze import nearest_on_triangle
-from warp_cloth.kernels.contact.untangle import Untangling, part_crossing_function, ranked
+from warp_cloth.kernels.contact.closest_points import nearest_on_triangle
+from warp_cloth.kernels.contact.search import SLACK, ContactSearch, least_box_margin, vertex_group_box_function
+from warp_cloth.kernels.contact.untangle import Untangling, distance_key, separate_crossing_function
 
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
-BY_TRIANGLE = wp.constant(wp.int32(2))  # beside ON_EDGE and ON_TRIANGLE: triangles ask for the edges that cross them
+# A kind of query besides ON_EDGE (edges that may pass through triangles) and ON_TRIANGLE (vertices near another layer's
+# triangles): triangles that edges may pass through.
+BY_TRIANGLE = wp.constant(wp.int32(2))
 
 
 @wp.func
@@ -42,7 +45,7 @@ def tangled_edges(search: ContactSearch, group: int):
         ends = search.ends[WIDTH * group + local]
         found = wp.max(found, wp.max(search.tangled[ends[0]], search.tangled[ends[1]]))
         local += team_threads()
-    return team_last(found) > 0
+    return team_max(found) > 0
 
 
 @wp.func
@@ -54,7 +57,7 @@ def tangled_triangles(search: ContactSearch, group: int):
         t = search.corners[WIDTH * group + local]
         found = wp.max(found, wp.max(search.tangled[t[0]], wp.max(search.tangled[t[1]], search.tangled[t[2]])))
         local += team_threads()
-    return team_last(found) > 0
+    return team_max(found) > 0
 
 
 @wp.func
@@ -67,42 +70,42 @@ def tangled_vertices(search: ContactSearch, group: int):
         if vertex >= 0:
             found = wp.max(found, search.tangled[vertex])
         local += team_threads()
-    return team_last(found) > 0
+    return team_max(found) > 0
 
 
 @functools.cache
-def part_leaves_function(precision: str) -> wp.Function:
-    """The function that looks closely at what may cross, or lie beyond another layer."""
+def crossing_test_function(precision: str) -> wp.Function:
+    """Function ``test_crossing``, the exact test of two leaves whose boxes overlap."""
     State, at = cloth_types(precision).State, place_function(precision)
-    part_crossing = part_crossing_function(precision)
+    separate_crossing = separate_crossing_function(precision)
 
     @wp.func
-    def part_met(
-        state: State, search: ContactSearch, contact: ContactData, untangling: Untangling, asking: int, met: int
+    def test_crossing(
+        state: State, search: ContactSearch, contact: ContactData, untangling: Untangling, querying: int, leaf: int
     ):
-        """Parts an edge and a triangle (Meetings.leaf); of a vertex and a triangle notes how near they are."""
-        triangle = search.triangle_tree.leaf[met]
-        if asking >= 0:
-            part_crossing(state, search, untangling, search.edge_tree.leaf[asking], triangle)
+        """Separates an edge and a triangle (Candidates.leaf), or keeps the triangle if it is a vertex's nearest."""
+        triangle = search.triangle_tree.leaf[leaf]
+        if querying >= 0:
+            separate_crossing(state, search, untangling, search.edge_tree.leaf[querying], triangle)
         else:
-            vertex = -1 - asking
-            t = search.corners[met]
+            vertex = -1 - querying
+            t = search.corners[leaf]
             x = at(state.position, vertex)
             a = at(state.position, t[0])
             ab = at(state.position, t[1]) - a
             ac = at(state.position, t[2]) - a
             on = nearest_on_triangle(x - a, ab, ac)
             distance = wp.length(x - a - ab * on[1] - ac * on[2])
-            wp.atomic_min(untangling.beyond, vertex, ranked(float(distance)) + wp.int64(triangle))
+            wp.atomic_min(untangling.nearest, vertex, distance_key(float(distance)) + wp.int64(triangle))
 
-    return part_met
+    return test_crossing
 
 
 @functools.cache
 def crossing_leaves_function(precision: str) -> wp.Function:
-    """The function that lists which leaves of two groups may cross, or lie beyond another layer."""
+    """Function ``find_crossing``, the step from groups to leaves (broad_phase.walk_groups_function)."""
     State, at = cloth_types(precision).State, place_function(precision)
-    list_leaves = list_leaves_function(part_leaves_function(precision), State, ContactSearch, ContactData, Untangling)
+    list_leaves = list_leaves_function(crossing_test_function(precision), State, ContactSearch, Untangling)
 
     @wp.func
     def find_crossing(
@@ -110,138 +113,210 @@ def crossing_leaves_function(precision: str) -> wp.Function:
         search: ContactSearch,
         contact: ContactData,
         untangling: Untangling,
-        meetings: Meetings,
-        kind: int,
+        candidates: Candidates,
+        query: Query,
         group: int,
-        met: int,
     ):
-        """Lists the triangles of a group, met by another, that edges may cross or vertices (ON_TRIANGLE) be beyond.
+        """Lists the triangles that edges may pass through, or vertices (ON_TRIANGLE) be near, of a query and a group.
 
-        What triangles asked for (BY_TRIANGLE) that is tangled, too, asks by itself.
+        Tangled edges search themselves (ON_EDGE): a query by triangles (BY_TRIANGLE) skips them.
         """
-        triangles = wp.where(kind == BY_TRIANGLE, group, met)
-        others = wp.where(kind == BY_TRIANGLE, met, group)
-        if kind == BY_TRIANGLE:
+        triangles = wp.where(query.kind == BY_TRIANGLE, query.group, group)
+        others = wp.where(query.kind == BY_TRIANGLE, group, query.group)
+        if query.kind == BY_TRIANGLE:
             if tangled_edges(search, others):
                 return
-        room = float(untangling.layer_reach) + SLACK
-        wide = wp.vec3f(room, room, room)
-        less = least_room(contact)
+        margin = float(untangling.layer_reach) + SLACK
+        wide = wp.vec3f(margin, margin, margin)
+        less = least_box_margin(contact)
         tree = search.triangle_tree
         local = team_lane()
         while local < WIDTH:
             mask = wp.uint32(0)
-            asking = WIDTH * others + local
-            if kind != ON_TRIANGLE:
-                low, high = box_of(search.edge_tree, 0, asking)
+            querying = WIDTH * others + local
+            if query.kind != ON_TRIANGLE:
+                low, high = load_box(search.edge_tree, 0, querying)
                 low, high = low + less, high - less
-                ends = search.ends[asking]
-                may = may_meet(tree, triangles, low, high)
-                mask = boxes_meeting(tree.bound, search.corners, triangles, low, high, ends[0], ends[1], may)
+                ends = search.ends[querying]
+                may = may_overlap(tree, triangles, low, high)
+                mask = leaf_overlaps(tree.bound, search.corners, triangles, low, high, ends[0], ends[1], may)
             else:
-                vertex = search.vertex[asking]
+                vertex = search.vertex[querying]
                 low = wp.vec3f(at(state.position, wp.max(vertex, 0))) - wide
                 high = low + wide + wide
-                may = wp.where(vertex >= 0, may_meet(tree, triangles, low, high), 0)
-                mask = boxes_meeting(tree.bound, search.corners, triangles, low, high, vertex, vertex, may)
-                asking = -1 - vertex
-            list_leaves(state, search, contact, untangling, meetings, asking, triangles, mask)
+                may = wp.where(vertex >= 0, may_overlap(tree, triangles, low, high), 0)
+                mask = leaf_overlaps(tree.bound, search.corners, triangles, low, high, vertex, vertex, may)
+                querying = -1 - vertex
+            list_leaves(state, search, contact, untangling, candidates, querying, triangles, mask)
             local += team_threads()
 
     return find_crossing
 
 
 @functools.cache
+def edge_query_function(precision: str) -> wp.Function:
+    """Function ``query_edges``."""
+    State = cloth_types(precision).State
+    walk_groups = walk_groups_function(crossing_leaves_function(precision), State, ContactSearch, Untangling)
+
+    @wp.func
+    def query_edges(
+        state: State,
+        search: ContactSearch,
+        contact: ContactData,
+        untangling: Untangling,
+        candidates: Candidates,
+        group: int,
+        all: bool,
+    ):
+        """Lists the groups of triangles that a group of edges may pass through, if any is tangled, or ``all``."""
+        edge = search.edge_tree.leaf[WIDTH * group]
+        if edge >= 0 and (all or tangled_edges(search, group)):
+            less = least_box_margin(contact)
+            leaves = search.leaves[search.item[search.edges[edge][0]]]
+            low, high = load_box(search.edge_tree, 1, group)
+            walk = start_walk(search.triangle_tree, low + less, high - less, leaves[0], leaves[1])
+            query = Query()
+            query.kind = ON_EDGE
+            query.group = group
+            walk_groups(state, search, contact, untangling, candidates, search.triangle_tree, walk, query)
+
+    return query_edges
+
+
+@functools.cache
+def triangle_query_function(precision: str) -> wp.Function:
+    """Function ``query_triangles``."""
+    State = cloth_types(precision).State
+    walk_groups = walk_groups_function(crossing_leaves_function(precision), State, ContactSearch, Untangling)
+
+    @wp.func
+    def query_triangles(
+        state: State,
+        search: ContactSearch,
+        contact: ContactData,
+        untangling: Untangling,
+        candidates: Candidates,
+        group: int,
+        all: bool,
+    ):
+        """Lists the groups of edges that may pass through a group with tangled triangles, unless ``all`` search."""
+        triangle = search.triangle_tree.leaf[WIDTH * group]
+        if triangle >= 0 and not all and tangled_triangles(search, group):
+            less = least_box_margin(contact)
+            leaves = search.leaves[search.item[search.triangles[triangle][0]]]
+            low, high = load_box(search.triangle_tree, 1, group)
+            walk = start_walk(search.edge_tree, low + less, high - less, leaves[2], leaves[3])
+            query = Query()
+            query.kind = BY_TRIANGLE
+            query.group = group
+            walk_groups(state, search, contact, untangling, candidates, search.edge_tree, walk, query)
+
+    return query_triangles
+
+
+@functools.cache
+def vertex_query_function(precision: str) -> wp.Function:
+    """Function ``query_vertices``."""
+    State, vertex_group_box = cloth_types(precision).State, vertex_group_box_function(precision)
+    walk_groups = walk_groups_function(crossing_leaves_function(precision), State, ContactSearch, Untangling)
+
+    @wp.func
+    def query_vertices(
+        state: State,
+        search: ContactSearch,
+        contact: ContactData,
+        untangling: Untangling,
+        candidates: Candidates,
+        group: int,
+        all: bool,
+    ):
+        """Lists the groups of other layers' triangles near a group of vertices, if any is tangled, or ``all``."""
+        vertex = search.vertex[WIDTH * group]
+        if vertex >= 0 and (all or tangled_vertices(search, group)):
+            margin = float(untangling.layer_reach) + SLACK
+            wide = wp.vec3f(margin, margin, margin)
+            item, own = search.leaves[search.item[vertex]], untangling.own_leaves[vertex]
+            low, high = vertex_group_box(state, search, contact, group)
+            query = Query()
+            query.kind = ON_TRIANGLE
+            query.group = group
+            for side in range(2):  # before and after its own layer in the tree
+                begin = wp.where(side == 0, item[0], own[1])
+                end = wp.where(side == 0, own[0], item[1])
+                walk = start_walk(search.triangle_tree, low - wide, high + wide, begin, end)
+                walk_groups(state, search, contact, untangling, candidates, search.triangle_tree, walk, query)
+
+    return query_vertices
+
+
+@functools.cache
 def crossing_groups_kernel(precision: str) -> wp.Kernel:
-    """Kernel ``meet_crossing``."""
-    State, group_of_vertices = cloth_types(precision).State, group_box_function(precision)
-    find_crossing = crossing_leaves_function(precision)
-    meet_groups = meet_function(find_crossing, State, ContactSearch, ContactData, Untangling)
+    """Kernel ``find_crossing_groups``."""
+    State = cloth_types(precision).State
+    query_edges, query_triangles = edge_query_function(precision), triangle_query_function(precision)
+    query_vertices = vertex_query_function(precision)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS, grid_stride=False)
-    def meet_crossing(
-        state: State, search: ContactSearch, contact: ContactData, untangling: Untangling, meetings: Meetings
+    def find_crossing_groups(
+        state: State, search: ContactSearch, contact: ContactData, untangling: Untangling, candidates: Candidates
     ):
-        """Lists the triangles that each group of edges meets, and of vertices, and edges by triangles: a team each.
+        """Lists the groups of leaves that each group of edges, of triangles and of vertices may cross: a team each.
 
-        What was not tangled at the last search, when all that is near was known, can have met only what was.
+        What was not tangled at the last search, when all that is near was known, can only have met what was.
         """
         group = wp.tid() // team_threads()
         edge_groups = search.edge_tree.leaf.shape[0] // WIDTH
         triangle_groups = search.triangle_tree.leaf.shape[0] // WIDTH
         all = search.whole[0] > 0
-        less = least_room(contact)
-        tree = search.triangle_tree
         if group < edge_groups:
-            edge = search.edge_tree.leaf[WIDTH * group]
-            if edge >= 0 and (all or tangled_edges(search, group)):
-                leaves = search.leaves[search.item[search.edges[edge][0]]]
-                low, high = box_of(search.edge_tree, 1, group)
-                walk = walk_from(tree, low + less, high - less, leaves[0], leaves[1])
-                meet_groups(state, search, contact, untangling, meetings, tree, walk, ON_EDGE, group)
+            query_edges(state, search, contact, untangling, candidates, group, all)
         elif group < edge_groups + triangle_groups:
-            group -= edge_groups
-            triangle = search.triangle_tree.leaf[WIDTH * group]
-            if triangle >= 0 and not all and tangled_triangles(search, group):
-                theirs = search.leaves[search.item[search.triangles[triangle][0]]]
-                low, high = box_of(search.triangle_tree, 1, group)
-                walk = walk_from(search.edge_tree, low + less, high - less, theirs[2], theirs[3])
-                meet_groups(state, search, contact, untangling, meetings, search.edge_tree, walk, BY_TRIANGLE, group)
+            query_triangles(state, search, contact, untangling, candidates, group - edge_groups, all)
         else:
             group -= edge_groups + triangle_groups
-            vertex = search.vertex[WIDTH * group]
-            if vertex >= 0 and (all or tangled_vertices(search, group)):
-                room = float(untangling.layer_reach) + SLACK
-                wide = wp.vec3f(room, room, room)
-                # not named as above: Warp would read both, whichever branch was taken
-                whole, own = search.leaves[search.item[vertex]], untangling.own[vertex]
-                low, high = group_of_vertices(state, search, contact, group)
-                for side in range(2):  # of its own layer in the tree
-                    begin = wp.where(side == 0, whole[0], own[1])
-                    end = wp.where(side == 0, own[0], whole[1])
-                    walk = walk_from(tree, low - wide, high + wide, begin, end)
-                    meet_groups(state, search, contact, untangling, meetings, tree, walk, ON_TRIANGLE, group)
+            query_vertices(state, search, contact, untangling, candidates, group, all)
 
-    return meet_crossing
+    return find_crossing_groups
 
 
 @functools.cache
 def crossing_leaves_kernel(precision: str) -> wp.Kernel:
     """Kernel ``find_crossing_leaves``."""
     State = cloth_types(precision).State
-    work = listed_groups_function(crossing_leaves_function(precision), State, ContactSearch, ContactData, Untangling)
+    process_groups = process_groups_function(crossing_leaves_function(precision), State, ContactSearch, Untangling)
 
-    @wp.kernel(module="unique", module_options=MODULE_OPTIONS, grid_stride=False, launch_bounds=LISTING)
+    @wp.kernel(module="unique", module_options=MODULE_OPTIONS, grid_stride=False, launch_bounds=LIST_LAUNCH)
     def find_crossing_leaves(
         state: State,
         search: ContactSearch,
         contact: ContactData,
         untangling: Untangling,
-        meetings: Meetings,
+        candidates: Candidates,
         threads: int,
     ):
-        """Lists which leaves of the groups listed may cross."""
-        work(state, search, contact, untangling, meetings, wp.tid(), threads)
+        """Lists the leaves of the listed groups that may cross."""
+        process_groups(state, search, contact, untangling, candidates, wp.tid(), threads)
 
     return find_crossing_leaves
 
 
 @functools.cache
 def crossings_kernel(precision: str) -> wp.Kernel:
-    """Kernel ``part_crossings``."""
+    """Kernel ``separate_crossings``."""
     State = cloth_types(precision).State
-    work = listed_leaves_function(part_leaves_function(precision), State, ContactSearch, ContactData, Untangling)
+    process_leaves = process_leaves_function(crossing_test_function(precision), State, ContactSearch, Untangling)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS, grid_stride=False)
-    def part_crossings(
+    def separate_crossings(
         state: State,
         search: ContactSearch,
         contact: ContactData,
         untangling: Untangling,
-        meetings: Meetings,
+        candidates: Candidates,
         threads: int,
     ):
         """Shifts each edge that passes through a triangle, and that triangle, so that they cross less."""
-        work(state, search, contact, untangling, meetings, wp.tid(), threads)
+        process_leaves(state, search, contact, untangling, candidates, wp.tid(), threads)
 
-    return part_crossings
+    return separate_crossings

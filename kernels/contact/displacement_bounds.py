@@ -1,86 +1,90 @@
-"""How far the regions of a cloth's vertices have gone, by which a block tells which pairs may be near."""
+"""Displacement bounds: how far each region's vertices may have moved, in a block's shared memory."""
 
 import warp as wp
 
 from warp_cloth.kernels.base.block import BLOCK_THREADS
-from warp_cloth.kernels.contact.arrays import REGIONS, TURNED
+from warp_cloth.kernels.contact.arrays import NEXT_ITERATION, REGIONS
 
-REGION_TURNS = -(-REGIONS // BLOCK_THREADS)  # of a block's threads, a region each
+REGIONS_PER_THREAD = -(-REGIONS // BLOCK_THREADS)
 
-GONE = """
-    wp::int64 gone = 0;
+# Sum of the paths of four packed regions.
+PAIR_PATH = """
+    wp::int64 pair_path = 0;
 #pragma unroll
     for (int corner = 0; corner < 4; ++corner)
-        gone += %(table)s[(int)(%(regions)s >> 16 * corner & 65535u)];
+        pair_path += %(table)s[(int)(%(regions)s >> 16 * corner & 65535u)];
 """
-TABLE = f"""
+PATH_TABLE = f"""
 #if defined(__CUDA_ARCH__)
     wp::int64* const table = (wp::int64*)__cvta_shared_to_generic(place);
 #else
-    const wp::int64* const table = way.data + {REGIONS};  // what one thread has written for the next move
+    const wp::int64* const table = path.data + {REGIONS};  // row 1, which this one thread has just written
 #endif
 """
 
-_TURN_ON = f"""
-    const int at = turn.data[0], odd = at & 1;
+_ADVANCE = f"""
+    const int at = iteration.data[0], odd = at & 1;
 #if defined(__CUDA_ARCH__)
-    {TABLE}
-    wp::int64 gone[{REGION_TURNS}];
-    int strides[2][{REGION_TURNS}];  // neither waits for the turn
+    {PATH_TABLE}
+    wp::int64 paths[{REGIONS_PER_THREAD}];
+    int steps[2][{REGIONS_PER_THREAD}];  // both are loaded, so that neither waits for the iteration
 #pragma unroll
-    for (int k = 0; k < {REGION_TURNS}; ++k) {{  // all asked for at once
+    for (int k = 0; k < {REGIONS_PER_THREAD}; ++k) {{  // all loads before any use
         const int region = threadIdx.x + {BLOCK_THREADS} * k;
         if (region < count) {{
-            gone[k] = way.data[region];
-            strides[0][k] = stride.data[region];
-            strides[1][k] = stride.data[{REGIONS} + region];
+            paths[k] = path.data[region];
+            steps[0][k] = step.data[region];
+            steps[1][k] = step.data[{REGIONS} + region];
         }}
     }}
 #pragma unroll
-    for (int k = 0; k < {REGION_TURNS}; ++k) {{
+    for (int k = 0; k < {REGIONS_PER_THREAD}; ++k) {{
         const int region = threadIdx.x + {BLOCK_THREADS} * k;
         if (region < count) {{
-            gone[k] += odd ? strides[1][k] : strides[0][k];
-            table[region] = gone[k];
+            paths[k] += odd ? steps[1][k] : steps[0][k];
+            table[region] = paths[k];
             if (blockIdx.x == 0) {{
-                way.data[{REGIONS} + region] = gone[k];
-                stride.data[{REGIONS} * (1 - odd) + region] = 0;
+                path.data[{REGIONS} + region] = paths[k];
+                step.data[{REGIONS} * (1 - odd) + region] = 0;
             }}
         }}
     }}
     if (blockIdx.x == 0 && threadIdx.x == 0)
-        turn.data[{TURNED}] = at + 1;
+        iteration.data[{NEXT_ITERATION}] = at + 1;
 #else
     for (int region = 0; region < count; ++region) {{
-        way.data[{REGIONS} + region] = way.data[region] + stride.data[{REGIONS} * odd + region];
-        stride.data[{REGIONS} * (1 - odd) + region] = 0;
+        path.data[{REGIONS} + region] = path.data[region] + step.data[{REGIONS} * odd + region];
+        step.data[{REGIONS} * (1 - odd) + region] = 0;
     }}
-    turn.data[{TURNED}] = at + 1;
+    iteration.data[{NEXT_ITERATION}] = at + 1;
 #endif
 """
 
-_GONE_TOGETHER = f"""
-    {TABLE}
-    {GONE % {"table": "table", "regions": "regions"}}
-    return gone;
+_BLOCK_PAIR_PATH = f"""
+    {PATH_TABLE}
+    {PAIR_PATH % {"table": "table", "regions": "regions"}}
+    return pair_path;
 """
 
 
-@wp.func_native(_TURN_ON)
-def turn_on(
+@wp.func_native(_ADVANCE)
+def advance_bounds(
     place: int,
-    way: wp.array2d(dtype=wp.int64),
-    stride: wp.array2d(dtype=wp.int32),
-    turn: wp.array(dtype=wp.int32),
+    path: wp.array2d(dtype=wp.int64),
+    step: wp.array2d(dtype=wp.int32),
+    iteration: wp.array(dtype=wp.int32),
     count: int,
 ):
-    """Has a block keep how far each of so many regions has gone; the first block notes it for the next iteration."""
-    way[1, place] = way[0, place] + wp.int64(stride[turn[0] & 1, place])
-    stride[1, place] = 0
-    turn[TURNED] = turn[0] + 1
+    """Adds the last step of the first ``count`` regions to their paths.
+
+    Every block keeps the paths in shared memory, at ``place``; the first also writes them for the next iteration.
+    """
+    path[1, place] = path[0, place] + wp.int64(step[iteration[0] & 1, place])
+    step[1, place] = 0
+    iteration[NEXT_ITERATION] = iteration[0] + 1
 
 
-@wp.func_native(_GONE_TOGETHER)
-def gone_together(place: int, way: wp.array2d(dtype=wp.int64), regions: wp.uint64) -> wp.int64:
-    """How far a pair's regions have gone together, of ``turn_on``."""
+@wp.func_native(_BLOCK_PAIR_PATH)
+def block_pair_path(place: int, path: wp.array2d(dtype=wp.int64), regions: wp.uint64) -> wp.int64:
+    """Sum of the paths of a pair's regions, from where ``advance_bounds`` keeps them."""
     ...

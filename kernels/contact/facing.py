@@ -1,4 +1,4 @@
-"""Which way garments face: whether most of their area faces away from the body, or to it."""
+"""Orientation of garments: whether most of their area faces away from the body, or towards it."""
 
 import functools
 
@@ -10,9 +10,9 @@ from warp_cloth.kernels.contact.search import ContactSearch
 
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
-FEELER = wp.constant(wp.float64(5.0e-3))  # [m]; how far before and behind the cloth its distance from the body is asked
+PROBE = wp.constant(wp.float64(5.0e-3))  # [m]; distance before and behind the cloth where that to the body is sampled
 LEAST_AREA = wp.constant(wp.float64(1.0e-30))  # [m2]
-AREA_UNIT = wp.constant(wp.float64(2.0**-48))  # [m2]; whole numbers of it are summed, the same in every order
+AREA_UNIT = wp.constant(wp.float64(2.0**-48))  # [m2]; integers of it are summed, the same in any order
 
 
 @functools.cache
@@ -26,9 +26,9 @@ def sides_kernel(precision: str) -> wp.Kernel:
         search: ContactSearch,
         garment: wp.array(dtype=wp.int32),  # of each triangle, shape [F]
         body: MeshCollider,
-        away: wp.array(dtype=wp.int64),  # of each garment [AREA_UNIT]
+        away_out: wp.array(dtype=wp.int64),  # area facing away less area facing the body, of each garment [AREA_UNIT]
     ):
-        """Adds twice each triangle's area to what faces away from the body, or takes it off where it faces the body."""
+        """Adds twice each triangle's area to its garment's if it faces away from the body, or subtracts it."""
         triangle = wp.tid()
         corners = search.triangles[triangle]
         a = at(state.position, corners[0])
@@ -36,14 +36,14 @@ def sides_kernel(precision: str) -> wp.Kernel:
         c = at(state.position, corners[2])
         normal = wp.cross(b - a, c - a)
         area = wp.length(normal)
-        step = normal * (FEELER / wp.max(area, LEAST_AREA))
+        step = normal * (PROBE / wp.max(area, LEAST_AREA))
         centre = (a + b + c) / wp.float64(3.0)
         before, behind = mesh_contact(body, centre + step), mesh_contact(body, centre - step)
-        share = wp.int64(area / AREA_UNIT)
+        units = wp.int64(area / AREA_UNIT)
         if before[3] < behind[3]:
-            share = -share
+            units = -units
         if before[3] != behind[3]:
-            wp.atomic_add(away, garment[triangle], share)
+            wp.atomic_add(away_out, garment[triangle], units)
 
     return weigh_sides
 
@@ -51,9 +51,9 @@ def sides_kernel(precision: str) -> wp.Kernel:
 @wp.kernel
 def face_vertices(
     garment: wp.array(dtype=wp.int32),  # of each vertex, shape [V]
-    away: wp.array(dtype=wp.int64),  # of each garment, of weigh_sides
-    outward_out: wp.array(dtype=wp.float32),  # 1, or -1 for what faces the body, shape [V]
+    away: wp.array(dtype=wp.int64),  # of each garment, as in weigh_sides
+    outward_out: wp.array(dtype=wp.float32),  # 1, or -1 where the garment faces the body, shape [V]
 ):
-    """Tells vertices which way their garment faces."""
+    """Writes each vertex's orientation, that of its garment."""
     vertex = wp.tid()
     outward_out[vertex] = wp.where(away[garment[vertex]] >= wp.int64(0), 1.0, -1.0)

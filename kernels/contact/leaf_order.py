@@ -1,7 +1,7 @@
-"""Puts leaves of trees in an order that keeps near what is near, on the device, where the cloth is.
+"""Leaf order: a spatial order of the trees' leaves, computed on the device from where the cloth is.
 
-Segments of leaves are halved across their longest side, all of a round at a time (Bentley 1975): what is sorted are
-whole numbers, so that the order is the same on every device.
+Segments of leaves are halved across their longest side, all segments of a round at once (k-d tree, Bentley 1975). The
+sort keys are integers, so the order is the same on every device.
 """
 
 import functools
@@ -10,14 +10,14 @@ import warp as wp
 
 from warp_cloth.kernels.base.types import MODULE_OPTIONS, cloth_types, place_function
 from warp_cloth.kernels.contact.arrays import ContactData
-from warp_cloth.kernels.contact.box_tree import FAR_OFF, WIDTH, team_lane, team_least
+from warp_cloth.kernels.contact.box_tree import EMPTY_BOUND, WIDTH, team_lane, team_min
 from warp_cloth.kernels.contact.search import ContactSearch
 
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
 
-_RANK = """
-    const float given = value + 0.0f;  // of both zeros the positive one
+_KEY = """
+    const float given = value + 0.0f;  // turns -0 into +0
     int bits;
     memcpy(&bits, &given, sizeof(bits));
     const unsigned int rising = bits < 0 ? ~(unsigned int)bits : (unsigned int)bits | 0x80000000u;
@@ -25,9 +25,9 @@ _RANK = """
 """
 
 
-@wp.func_native(_RANK)
-def ranked_in(segment: int, value: wp.float32) -> wp.int64:
-    """A number that grows with a segment's, and in a segment with a value."""
+@wp.func_native(_KEY)
+def segment_key(segment: int, value: wp.float32) -> wp.int64:
+    """A sort key: by segment, then by value."""
     ...
 
 
@@ -42,7 +42,7 @@ def locate_kernel(precision: str) -> wp.Kernel:
         search: ContactSearch,
         place_out: wp.array(dtype=wp.vec3f),  # [m], shape [F + E + V]
     ):
-        """Where the middle of each triangle is, then of each edge, then each vertex."""
+        """Writes the centre of each triangle, then of each edge, then each vertex."""
         leaf = wp.tid()
         triangles, edges = search.triangles.shape[0], search.edges.shape[0]
         if leaf < triangles:
@@ -61,35 +61,35 @@ def locate_kernel(precision: str) -> wp.Kernel:
 
 @wp.kernel
 def span_segments(
-    order: wp.array(dtype=wp.int32),  # leaves; -1: nothing, shape [N]
+    order: wp.array(dtype=wp.int32),  # leaves; -1: none, shape [N]
     place: wp.array(dtype=wp.vec3f),  # of each leaf [m]
-    segment: wp.array(dtype=wp.int32),  # that each group of WIDTH belongs to, shape [N / WIDTH]
-    span: wp.array2d(dtype=wp.float32),  # least coordinates, and the greatest's negatives [m], shape [segments, 6]
+    segment: wp.array(dtype=wp.int32),  # of each group of WIDTH, shape [N / WIDTH]
+    span_out: wp.array2d(dtype=wp.float32),  # least and negative greatest coordinates [m], shape [segments, 6]
 ):
-    """Widens the segments' boxes to what their leaves span."""
+    """Extends the segments' boxes to their leaves."""
     at = wp.tid()
     leaf = order[at]
-    low = wp.vec3f(FAR_OFF, FAR_OFF, FAR_OFF)
+    low = wp.vec3f(EMPTY_BOUND, EMPTY_BOUND, EMPTY_BOUND)
     negative = low
     if leaf >= 0:
         low = place[leaf]
         negative = -low
-    low, negative = team_least(low), team_least(negative)
+    low, negative = team_min(low), team_min(negative)
     if team_lane() == 0:
         for axis in range(3):
-            wp.atomic_min(span, segment[at // WIDTH], axis, low[axis])
-            wp.atomic_min(span, segment[at // WIDTH], 3 + axis, negative[axis])
+            wp.atomic_min(span_out, segment[at // WIDTH], axis, low[axis])
+            wp.atomic_min(span_out, segment[at // WIDTH], 3 + axis, negative[axis])
 
 
 @wp.kernel
 def rank_leaves(
-    order: wp.array(dtype=wp.int32),  # as of span_segments, as are the rest
+    order: wp.array(dtype=wp.int32),  # this and the next three as in span_segments
     place: wp.array(dtype=wp.vec3f),
     segment: wp.array(dtype=wp.int32),
     span: wp.array2d(dtype=wp.float32),
-    rank_out: wp.array(dtype=wp.int64),  # shape [N]
+    key_out: wp.array(dtype=wp.int64),  # shape [N]
 ):
-    """By what a leaf comes in its segment: where it is along the longest side; nothing comes last."""
+    """Sort key of a leaf in its segment: its coordinate along the longest side; empty leaves come last."""
     at = wp.tid()
     own = segment[at // WIDTH]
     longest = int(0)
@@ -98,20 +98,20 @@ def rank_leaves(
         size = -span[own, 3 + axis] - span[own, axis]
         longest = wp.where(size > side, axis, longest)
         side = wp.max(size, side)
-    along = FAR_OFF
+    along = EMPTY_BOUND
     if order[at] >= 0:
         along = place[order[at]][longest]
-    rank_out[at] = ranked_in(own, along)
+    key_out[at] = segment_key(own, along)
 
 
 @wp.kernel
-def plant_leaves(
-    order: wp.array(dtype=wp.int32),  # triangles, then edges and vertices, as trees hold them; -1: nothing
+def store_leaves(
+    order: wp.array(dtype=wp.int32),  # triangles, then edges, then vertices, in tree order; -1: none
     search: ContactSearch,
     contact: ContactData,
     region_size: int,  # vertices of a region
 ):
-    """Puts leaves in their trees, and vertices in their order and their regions. Where nothing is, any stands."""
+    """Stores leaves in their trees, and vertices in their order and regions. An empty leaf refers to the last one."""
     at = wp.tid()
     leaf = order[at]
     triangles, edges = search.triangles.shape[0], search.edges.shape[0]
@@ -128,4 +128,4 @@ def plant_leaves(
         vertex = wp.where(leaf < 0, leaf, leaf - triangles - edges)
         search.vertex[vertex_at] = vertex
         if vertex >= 0:
-            contact.region[vertex] = 1 + vertex_at // region_size
+            contact.bounds.region[vertex] = 1 + vertex_at // region_size

@@ -1,18 +1,18 @@
-"""How a block queues those of its pairs that may be near, so that its threads press them side by side."""
+"""Narrow-phase queue: a block queues those of its pairs that are due, so that its threads work on them side by side."""
 
 import warp as wp
 
 from warp_cloth.kernels.base.block import BLOCK_THREADS
 from warp_cloth.kernels.base.options import BLOCK_MEMORY
-from warp_cloth.kernels.contact.arrays import EVER, REGIONS
-from warp_cloth.kernels.contact.displacement_bounds import GONE, TABLE
+from warp_cloth.kernels.contact.arrays import NEVER, REGIONS
+from warp_cloth.kernels.contact.displacement_bounds import PAIR_PATH, PATH_TABLE
 
-ROUNDS = 3  # of a block's threads: for how many pairs each looks at once whether they may be near
-# Pairs that a block has room for beside how far each region has gone; those that may be near are pressed at a time.
+ROUNDS = 3  # pairs that each thread of a block checks at once
+# Pairs for which a block has memory besides the regions' paths; when the queue is full, its pairs are worked on.
 QUEUED = (BLOCK_MEMORY - 8 * REGIONS) // 4 - 2
 
-# Of a block's threads, those that press vertices on triangles; the others press edges: threads that go together would
-# wait for each other where their pairs are of two kinds.
+# Threads of a block that take vertices on triangles; the others take edges: threads of a warp would wait for each other
+# where their pairs are of two kinds.
 ON_TRIANGLES = 64
 
 _OWN = f"""
@@ -21,13 +21,13 @@ _OWN = f"""
     const int own = first + 32 * (int)(blockIdx.x + (threadIdx.x >> 5) * blocks) + lane;
 """
 
-_LOOK = f"""
+_LOAD = f"""
     wp::vec_t<{ROUNDS}, wp::int64> found;
 #if defined(__CUDA_ARCH__)
     {_OWN}
 #pragma unroll
     for (int round = 0; round < {ROUNDS}; ++round)
-        found[round] = own + round * ahead < end ? asked.data[own + round * ahead] : 0;
+        found[round] = own + round * ahead < end ? values.data[own + round * ahead] : 0;
 #endif
     return found;
 """
@@ -35,25 +35,25 @@ _LOOK = f"""
 _QUEUE = f"""
 #if defined(__CUDA_ARCH__)
     {_OWN}
-    {TABLE}
-    int* queue = (int*)(table + {REGIONS});  // of both kinds how many, and those, from either end
-    if (anew != 0) {{
-        __syncthreads();  // till those queued before are done, and it is known how far regions have gone
+    {PATH_TABLE}
+    int* queue = (int*)(table + {REGIONS});  // the counts of both kinds, then their pairs, from either end
+    if (restart != 0) {{
+        __syncthreads();  // until those queued before are done, and the regions' paths are known
         if (threadIdx.x == 0)
             queue[0] = 0;
         __syncthreads();
     }}
     const unsigned int lower = (1u << lane) - 1u;
     unsigned int masks[2][{ROUNDS}];
-    int counted = 0;  // of both kinds, which go to the counter together
+    int counted = 0;  // both kinds in one word, for one atomic
 #pragma unroll
     for (int round = 0; round < {ROUNDS}; ++round) {{
         const int pair = own + round * ahead;
         const bool edges = dues[round] & 1;
-        wp::int64 limit = {int(EVER)}ll;
+        wp::int64 limit = {int(NEVER)}ll;
         if (all == 0) {{
-            {GONE % {"table": "table", "regions": "regions[round]"}}
-            limit = gone;
+            {PAIR_PATH % {"table": "table", "regions": "regions[round]"}}
+            limit = pair_path;
         }}
         const bool near = pair < count && dues[round] <= limit;
         masks[0][round] = __ballot_sync(0xffffffffu, near && !edges);
@@ -86,7 +86,7 @@ _QUEUE = f"""
 """
 
 _QUEUED = f"""
-    {TABLE}
+    {PATH_TABLE}
 #if defined(__CUDA_ARCH__)
     const int* queue = (const int*)(table + {REGIONS});
     return queue[kind == 0 ? 2 + number : {QUEUED + 1} - number];
@@ -94,16 +94,16 @@ _QUEUED = f"""
     const wp::int64 due = dues.data[first + number];
     if ((due & 1) != kind)
         return -1;
-    wp::int64 limit = {int(EVER)}ll;
+    wp::int64 limit = {int(NEVER)}ll;
     if (all == 0) {{
-        {GONE % {"table": "table", "regions": "regions.data[first + number]"}}
-        limit = gone;
+        {PAIR_PATH % {"table": "table", "regions": "regions.data[first + number]"}}
+        limit = pair_path;
     }}
     return due <= limit ? first + number : -1;
 #endif
 """
 
-_ROOM = f"""
+_CAPACITY = f"""
 #if defined(__CUDA_ARCH__)
     return {QUEUED - ROUNDS * BLOCK_THREADS};
 #else
@@ -111,9 +111,9 @@ _ROOM = f"""
 #endif
 """
 
-_TURN = f"""
+_FIRST = f"""
 #if defined(__CUDA_ARCH__)
-    const int thread = threadIdx.x;  // a few go to one warp: the others leave the core to those that work out patches
+    const int thread = threadIdx.x;  // few pairs go to one warp: that leaves the core to blocks that work on patches
     if (kind == 0)
         return thread < {ON_TRIANGLES} ? thread : {QUEUED};
     return thread < {ON_TRIANGLES} ? {QUEUED} : thread - {ON_TRIANGLES};
@@ -133,13 +133,13 @@ _STRIDE = f"""
 
 for _dtype in (wp.int64, wp.uint64):
 
-    @wp.func_native(_LOOK.replace("wp::int64", f"wp::{_dtype.__name__}"))
-    def look_due(asked: wp.array(dtype=_dtype), first: int, end: int, blocks: int) -> wp.types.vector(
+    @wp.func_native(_LOAD.replace("wp::int64", f"wp::{_dtype.__name__}"))
+    def load_due(values: wp.array(dtype=_dtype), first: int, end: int, blocks: int) -> wp.types.vector(
         length=ROUNDS, dtype=_dtype
     ):
-        """When a thread's share of the pairs may be near, or their regions, ROUNDS for each of so many blocks' threads.
+        """Loads ``due`` or ``regions`` of a thread's pairs, ROUNDS for each thread of so many blocks.
 
-        Of pairs from a first one to before ``end``. A GPU's only.
+        Of the pairs from ``first`` to before ``end``. On the GPU only.
         """
         ...
 
@@ -149,49 +149,48 @@ def queue_due(
     place: int,
     dues: wp.types.vector(length=ROUNDS, dtype=wp.int64),
     regions: wp.types.vector(length=ROUNDS, dtype=wp.uint64),
-    way: wp.array2d(dtype=wp.int64),
     first: int,
     count: int,
     all: int,
     blocks: int,
-    anew: int,
+    restart: int,
 ) -> wp.vec2i:
-    """Has a block queue its share of the pairs that may be near; for how many of each kind to ask ``queued``.
+    """A block queues its share of the pairs that are due; returns how many of each kind are queued.
 
-    ``dues`` and ``regions`` of ``look_due``, of pairs from a first one to before ``count``; ``all``: whatever regions
-    have gone; ``anew``: and forget those queued before.
+    ``dues`` and ``regions`` of ``load_due``, of pairs from ``first`` to before ``count``; ``all``: whether they are due
+    or not; ``restart``: empties the queue first.
     """
     ...
 
 
 @wp.func_native(_QUEUED)
-def queued(
+def queued_pair(
     place: int,
     dues: wp.array(dtype=wp.int64),
     regions: wp.array(dtype=wp.uint64),
-    way: wp.array2d(dtype=wp.int64),
+    path: wp.array2d(dtype=wp.int64),
     first: int,
     kind: int,
     number: int,
     all: int,
 ) -> int:
-    """One of those queued; on the CPU, where a block is one thread, -1 where the pair is another's."""
+    """A queued pair; on the CPU, which does not queue, -1 where that pair is not due or of the other kind."""
     ...
 
 
-@wp.func_native(_ROOM)
-def queue_room() -> int:
-    """How many may be queued before it is time to press: on the CPU, which does not queue, none."""
+@wp.func_native(_CAPACITY)
+def queue_capacity() -> int:
+    """Queue length beyond which its pairs must be worked on; on the CPU, which does not queue, none."""
     ...
 
 
-@wp.func_native(_TURN)
+@wp.func_native(_FIRST)
 def first_queued(kind: int) -> int:
-    """The first number of those queued that is a thread's."""
+    """A thread's first number in the queue."""
     ...
 
 
 @wp.func_native(_STRIDE)
 def queue_stride(kind: int) -> int:
-    """How many numbers on its next one is."""
+    """Distance from one of a thread's numbers to its next."""
     ...

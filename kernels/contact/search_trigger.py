@@ -1,31 +1,31 @@
-"""How far vertices go that may meet cloth: when pairs come due, and when it is time to search for pairs anew."""
+"""Search trigger: how far vertices have moved, which decides when pairs are due and when a search for pairs is."""
 
 import warp as wp
 
-from warp_cloth.kernels.contact.arrays import REGIONS, ROOM_UNIT, TURNED, ContactBefore, ContactData
+from warp_cloth.kernels.contact.arrays import LENGTH_UNIT, NEXT_ITERATION, REGIONS, ContactData, VertexContact
 
-LONGER = wp.constant(1.000001)  # more than rounding makes a way shorter
-SHRUNK, GROWN = wp.constant(wp.float64(0.7)), wp.constant(wp.float64(1.5))  # of a skin, from search to search
+LONGER = wp.constant(1.000001)  # outweighs the rounding of a length
+SHRUNK, GROWN = wp.constant(wp.float64(0.7)), wp.constant(wp.float64(1.5))  # factors on a skin from search to search
 
 
 _RAISE = f"""
 #if defined(__CUDA_ARCH__)
-    wp::int32* const to = numbers.data + {REGIONS} * row + which;
+    wp::int32* const to = step.data + {REGIONS} * row + region;
     asm volatile("red.relaxed.gpu.global.max.s32 [%0], %1;" :: "l"(to), "r"(value) : "memory");
 #else
-    if (value > numbers.data[{REGIONS} * row + which])
-        numbers.data[{REGIONS} * row + which] = value;
+    if (value > step.data[{REGIONS} * row + region])
+        step.data[{REGIONS} * row + region] = value;
 #endif
 """
 
 
 @wp.func_native(_RAISE)
-def raise_to(numbers: wp.array2d(dtype=wp.int32), row: int, which: int, value: int):
-    """Raises a number to a value, if that is higher."""
+def raise_step(step: wp.array2d(dtype=wp.int32), row: int, region: int, value: int):
+    """Raises a region's longest step to a value, where that is higher."""
     ...
 
 
-_COUNT_ALL = """
+_COUNT_THREADS = """
 #if defined(__CUDA_ARCH__)
     const unsigned int all = __activemask();
     if ((threadIdx.x & 31) == __ffs(all) - 1)
@@ -36,62 +36,66 @@ _COUNT_ALL = """
 """
 
 
-@wp.func_native(_COUNT_ALL)
-def count_all(count: wp.array(dtype=wp.int32)):
-    """Counts the threads that call this."""
+@wp.func_native(_COUNT_THREADS)
+def count_requests(count: wp.array(dtype=wp.int32)):
+    """Counts the threads that call this, one atomic for each warp."""
     ...
 
 
 @wp.kernel(grid_stride=False)
-def weigh_asked(contact: ContactData):
-    """Whether it is time for another search: where many ask, or few for long enough. One thread."""
-    asked = contact.asked[0]
-    waits = asked > 0 or contact.asked[1] > 0
-    contact.asked[0] = 0
-    if asked > contact.many or (waits and contact.turn[0] - contact.turn_then[0] >= contact.patience):
-        contact.moved[0] = 1
-        waits = False
-    contact.asked[1] = wp.where(waits, 1, 0)
+def decide_search(contact: ContactData):
+    """Makes a search due where there are many requests, or few that have waited for long enough. One thread."""
+    requests = contact.trigger.requests[0]
+    pending = requests > 0 or contact.trigger.requests[1] > 0
+    contact.trigger.requests[0] = 0
+    waited = contact.bounds.iteration[0] - contact.trigger.last_search[0]
+    if requests > contact.trigger.request_limit or (pending and waited >= contact.trigger.longest_wait):
+        contact.trigger.due[0] = 1
+        pending = False
+    contact.trigger.requests[1] = wp.where(pending, 1, 0)
 
 
 @wp.func
-def contact_turn(contact: ContactData, vertex: int):
-    """After the last press, the contact's turn and how far the region has gone that has a vertex's number, if any.
+def load_bounds(contact: ContactData, vertex: int):
+    """After contact forces: the iteration, and the path of the region whose number is a vertex's, if there is one.
 
-    To be asked for before anything is written, after which a GPU would wait for it.
+    Load them before anything is written: after that a GPU would wait for it.
     """
-    gone = wp.int64(0)
-    if vertex < contact.region_count:
-        gone = contact.way[1, vertex]
-    return contact.turn[wp.static(TURNED)], gone
+    path = wp.int64(0)
+    if vertex < contact.bounds.region_count:
+        path = contact.bounds.path[1, vertex]
+    return contact.bounds.iteration[wp.static(NEXT_ITERATION)], path
 
 
 @wp.func
-def contact_watch(contact: ContactData, vertex: int, before: ContactBefore, length: float, turn: int, gone: wp.int64):
-    """Notes how far a vertex went [m], and asks for another search where what it touches may not be known any more.
+def note_displacement(
+    contact: ContactData, vertex: int, known: VertexContact, length: float, iteration: int, path: wp.int64
+):
+    """Raises the bounds by a vertex's step [m], and requests a search where cloth near it may no longer be known.
 
-    That is where it has used up its skin, or will have at the next look. The last two are of ``contact_turn``.
+    That is where it has used up its skin, or will have at the next check. The last two are of ``load_bounds``.
     """
-    if before.gone + (float(1.0) + float(contact.ahead)) * length > before.skin:
-        count_all(contact.asked)
-    if before.region > 0:
-        raise_to(contact.stride, turn & 1, before.region, wp.int32(length * LONGER / float(ROOM_UNIT)) + 1)
-    if vertex < contact.region_count:  # of which there are fewer
-        contact.way[0, vertex] = gone
+    if known.moved + (float(1.0) + float(contact.trigger.check_interval)) * length > known.skin:
+        count_requests(contact.trigger.requests)
+    if known.region > 0:
+        raise_step(contact.bounds.step, iteration & 1, known.region, wp.int32(length * LONGER / float(LENGTH_UNIT)) + 1)
+    if vertex < contact.bounds.region_count:  # there are more vertices than regions
+        contact.bounds.path[0, vertex] = path
     if vertex == 0:
-        contact.turn[0] = turn
+        contact.bounds.iteration[0] = iteration
 
 
 @wp.func
-def skin_worn(contact: ContactData, vertex: int, position: wp.vec3d, move: wp.vec3d):
-    """What share of its skin a vertex has used up since the last search, or will have at the next look."""
-    gone = wp.length(position - contact.searched[vertex]) + contact.ahead * wp.length(move)
-    return gone / wp.float64(contact.skin[vertex])
+def skin_used(contact: ContactData, vertex: int, position: wp.vec3d, displacement: wp.vec3d):
+    """Fraction of its skin that a vertex has used up since the last search, or will have at the next check."""
+    moved = wp.length(position - contact.trigger.position[vertex])
+    moved = moved + contact.trigger.check_interval * wp.length(displacement)
+    return moved / wp.float64(contact.trigger.skin[vertex])
 
 
 @wp.func
-def next_skin(contact: ContactData, vertex: int, position: wp.vec3d, move: wp.vec3d):
-    """How far a vertex is to have room to go till the next search [m]: by and by twice what it goes."""
-    grown = wp.clamp(wp.float64(2.0) * skin_worn(contact, vertex, position, move), SHRUNK, GROWN)
-    skin = wp.float64(contact.skin[vertex]) * grown
-    return wp.float32(wp.clamp(skin, contact.least_skin, contact.most_skin))
+def next_skin(contact: ContactData, vertex: int, position: wp.vec3d, displacement: wp.vec3d):
+    """A vertex's skin until the next search [m]: it tends to twice what the vertex uses."""
+    grown = wp.clamp(wp.float64(2.0) * skin_used(contact, vertex, position, displacement), SHRUNK, GROWN)
+    skin = wp.float64(contact.trigger.skin[vertex]) * grown
+    return wp.float32(wp.clamp(skin, contact.model.least_skin, contact.model.most_skin))

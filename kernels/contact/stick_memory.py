@@ -1,4 +1,4 @@
-"""What a pair leans survives the search that lists the pairs anew: a hash table of those that leaned before."""
+"""Stick memory: a hash table by which a pair's stick displacement survives the search that lists all pairs again."""
 
 import warp as wp
 
@@ -6,10 +6,10 @@ from warp_cloth.kernels.contact.arrays import ContactData
 
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
-SEARCH = wp.constant(wp.int64(32))  # bits of a place that hold a pair; above them stands the search that put it there
+PAIR_BITS = wp.constant(wp.int64(32))  # an entry's low bits name a pair; above them stands the search that wrote it
 PAIR = wp.constant(wp.int64(2**32 - 1))
 
-# odd numbers that spread well, of xxHash
+# odd multipliers that spread well, from xxHash
 SPREAD_1 = wp.constant(wp.uint32(2654435761))
 SPREAD_2 = wp.constant(wp.uint32(2246822519))
 SPREAD_3 = wp.constant(wp.uint32(3266489917))
@@ -18,19 +18,19 @@ SPREAD_5 = wp.constant(wp.uint32(374761393))
 
 
 @wp.struct
-class LeanMemory:
-    """The pairs that leaned, P at most, in a table of H places, a power of two and more than P."""
+class StickMemory:
+    """The pairs that stuck, P at most, in a table of H entries; H is a power of two and more than P."""
 
-    search: wp.array(dtype=wp.int64)  # number of the search to come; what others put into the table is gone, shape [1]
-    place: wp.array(dtype=wp.int64)  # shape [H]
+    search: wp.array(dtype=wp.int64)  # number of the next search; entries of earlier ones are void, shape [1]
+    entry: wp.array(dtype=wp.int64)  # shape [H]
     corners: wp.array(dtype=wp.vec4i)  # shape [P]
     kind: wp.array(dtype=wp.int32)  # shape [P]
-    lean: wp.array(dtype=wp.vec4f)  # as ContactData.lean [m], shape [P]
+    stick: wp.array(dtype=wp.vec4f)  # as ContactPairs.stick [m], shape [P]
 
 
 @wp.func
 def pair_hash(corners: wp.vec4i, kind: int):
-    """A number that spreads pairs over the table (multiplicative, each corner turned differently)."""
+    """A number that spreads pairs over the table; multiplicative, with a different factor for each corner."""
     hash = wp.uint32(corners[0]) * SPREAD_1
     hash = (hash ^ wp.uint32(corners[1])) * SPREAD_2
     hash = (hash ^ wp.uint32(corners[2])) * SPREAD_3
@@ -40,48 +40,48 @@ def pair_hash(corners: wp.vec4i, kind: int):
 
 
 @wp.func
-def remembered_lean(memory: LeanMemory, corners: wp.vec4i, kind: int):
-    """The lean of a pair at the last search [m], once its memory is of the past; ``kind`` ON_TRIANGLE or ON_EDGE."""
-    last = memory.place.shape[0] - 1
+def remembered_stick(memory: StickMemory, corners: wp.vec4i, kind: int):
+    """Stick displacement of a pair before this search [m]; ``kind`` ON_TRIANGLE or ON_EDGE."""
+    last = memory.entry.shape[0] - 1
     search = memory.search[0] - wp.int64(1)
     place = pair_hash(corners, kind) & last
-    held = memory.place[place]
-    while held >> SEARCH == search:
-        pair = wp.int32(held & PAIR)
+    entry = memory.entry[place]
+    while entry >> PAIR_BITS == search:
+        pair = wp.int32(entry & PAIR)
         if memory.corners[pair] == corners and memory.kind[pair] == kind:
-            return memory.lean[pair]
+            return memory.stick[pair]
         place = (place + 1) & last
-        held = memory.place[place]
+        entry = memory.entry[place]
     return wp.vec4f()
 
 
 @wp.func
-def forget_leans(memory: LeanMemory):
-    """Makes what is in the table that of the last search."""
+def begin_search(memory: StickMemory):
+    """Turns the table's entries into those before this search."""
     memory.search[0] = memory.search[0] + wp.int64(1)
 
 
 @wp.func
-def remember_lean(contact: ContactData, memory: LeanMemory, pair: int):
-    """Puts a pair, if it leans, into the table, wherever a place is free: what is found there is the same."""
-    lean = contact.lean[pair]
-    if lean == wp.vec4f():
+def remember_stick(contact: ContactData, memory: StickMemory, pair: int):
+    """Stores a pair, if it sticks, in any free entry of its chain: a look-up finds the same whatever the order."""
+    stick = contact.pairs.stick[pair]
+    if stick == wp.vec4f():
         return
-    corners = contact.corners[pair]
-    kind = contact.kind[pair] & 1
+    corners = contact.pairs.corners[pair]
+    kind = contact.pairs.kind[pair] & 1
     memory.corners[pair] = corners
     memory.kind[pair] = kind
-    memory.lean[pair] = lean
-    last = memory.place.shape[0] - 1
+    memory.stick[pair] = stick
+    last = memory.entry.shape[0] - 1
     search = memory.search[0]
     place = pair_hash(corners, kind) & last
-    held = memory.place[place]
-    kept = bool(False)
-    while not kept:
-        if held >> SEARCH == search:
+    entry = memory.entry[place]
+    stored = bool(False)
+    while not stored:
+        if entry >> PAIR_BITS == search:
             place = (place + 1) & last
-            held = memory.place[place]
+            entry = memory.entry[place]
         else:
-            found = wp.atomic_cas(memory.place, place, held, (search << SEARCH) | wp.int64(pair))
-            kept = found == held
-            held = found
+            found = wp.atomic_cas(memory.entry, place, entry, (search << PAIR_BITS) | wp.int64(pair))
+            stored = found == entry
+            entry = found

@@ -1,4 +1,4 @@
-"""What pressed pairs add up to at each vertex, as whole numbers: taken, and left at zero."""
+"""Contact sums: what pairs add up to at each vertex, as integers; they are read and reset."""
 
 import functools
 
@@ -8,16 +8,16 @@ from warp_cloth.kernels.base.access import element
 from warp_cloth.kernels.base.types import MODULE_OPTIONS, cloth_types
 from warp_cloth.kernels.contact.arrays import (
     FORCE_UNIT,
+    LENGTH_UNIT,
     NO_LIMIT,
-    ROOM_UNIT,
     STIFFNESS_UNIT,
-    ContactBefore,
     ContactData,
+    VertexContact,
 )
 
 _ROW = """
     const wp::vec_t<2, wp::int64>* row = reinterpret_cast<const wp::vec_t<2, wp::int64>*>(
-        __builtin_assume_aligned(sum.data + 4 * vertex, 16));
+        __builtin_assume_aligned(load.data + 4 * vertex, 16));
     const wp::vec_t<2, wp::int64> one = row[0], two = row[1];
     return wp::vec_t<4, wp::int64>(one[0], one[1], two[0], two[1]);
 """
@@ -25,89 +25,76 @@ Row = wp.types.vector(length=4, dtype=wp.int64)
 
 
 @wp.func_native(_ROW)
-def sum_row(sum: wp.array2d(dtype=wp.int64), vertex: int) -> Row:
-    """A vertex's sum."""
-    return Row(sum[vertex, 0], sum[vertex, 1], sum[vertex, 2], sum[vertex, 3])
+def load_row(load: wp.array2d(dtype=wp.int64), vertex: int) -> Row:
+    """A vertex's sums, by two 16-byte loads."""
+    return Row(load[vertex, 0], load[vertex, 1], load[vertex, 2], load[vertex, 3])
 
 
 @wp.func
-def leave_none(sum: wp.array2d(dtype=wp.int64), vertex: int, row: Row):
-    """Leaves a vertex's sum at zero."""
+def clear_row(load: wp.array2d(dtype=wp.int64), vertex: int, row: Row):
+    """Resets a vertex's sums to zero."""
     if (row[0] | row[1] | row[2] | row[3]) != wp.int64(0):
         for column in range(4):
-            sum[vertex, column] = wp.int64(0)
+            load[vertex, column] = wp.int64(0)
 
 
 @functools.cache
-def row_function(precision: str) -> wp.Function:
-    """The function that makes force [N] and bound or magnitude of a vertex's sum."""
+def conversion_function(precision: str) -> wp.Function:
+    """Function ``in_newtons``."""
     types = cloth_types(precision)
     real, vec4 = types.real, types.vec4
     force, stiffness = wp.constant(real(float(FORCE_UNIT))), wp.constant(real(float(STIFFNESS_UNIT)))
 
     @wp.func
-    def load_of(row: Row):
-        """Force [N] and bound or magnitude of a sum."""
+    def in_newtons(row: Row):
+        """Force [N] and fourth component of a vertex's sums."""
         return vec4(real(row[0]) * force, real(row[1]) * force, real(row[2]) * force, real(row[3]) * stiffness)
 
-    return load_of
+    return in_newtons
 
 
 @functools.cache
-def taken_function(precision: str) -> wp.Function:
-    """The function that takes what was pressed of a vertex."""
-    load_of = row_function(precision)
+def take_load_function(precision: str) -> wp.Function:
+    """Function ``take_contact_load``."""
+    in_newtons = conversion_function(precision)
 
     @wp.func
-    def contact_taken(contact: ContactData, vertex: int, before: ContactBefore):
-        """Force [N] and bound or magnitude that contact adds at a vertex, and how far this may move [m].
+    def take_contact_load(contact: ContactData, vertex: int, known: VertexContact):
+        """Contact's force [N] and fourth component at a vertex, and the vertex's step limit [m]. Resets both sums.
 
-        That is before it could meet something, known or not. Leaves the sum at zero and the room open.
+        Within the limit it cannot meet anything, known or not.
         """
-        row = sum_row(contact.sum, vertex)  # asked for together, before anything is written
-        nearest = element(contact.room, vertex)
-        leave_none(contact.sum, vertex, row)
-        room = before.room
-        if nearest != NO_LIMIT:
-            contact.room[vertex] = NO_LIMIT
-            room = wp.min(float(nearest) * float(ROOM_UNIT), before.room)
-        return load_of(row), room
+        row = load_row(contact.sums.load, vertex)  # all loads come before any store
+        limit = element(contact.sums.step_limit, vertex)
+        clear_row(contact.sums.load, vertex, row)
+        longest = known.step_limit
+        if limit != NO_LIMIT:
+            contact.sums.step_limit[vertex] = NO_LIMIT
+            longest = wp.min(float(limit) * float(LENGTH_UNIT), known.step_limit)
+        return in_newtons(row), longest
 
-    return contact_taken
-
-
-@functools.cache
-def sum_function(precision: str) -> wp.Function:
-    """The function that reads a vertex's sum."""
-    load_of = row_function(precision)
-
-    @wp.func
-    def contact_sum(contact: ContactData, vertex: int):
-        """Force [N] and bound or magnitude that contact adds at a vertex; leaves the sum at zero."""
-        row = sum_row(contact.sum, vertex)
-        leave_none(contact.sum, vertex, row)
-        return load_of(row)
-
-    return contact_sum
+    return take_contact_load
 
 
 @functools.cache
-def add_kernel(precision: str) -> wp.Kernel:
-    """Kernel ``add_contact``, which hands the sums on to what reads a load."""
+def add_load_kernel(precision: str) -> wp.Kernel:
+    """Kernel ``add_contact_load``."""
     types = cloth_types(precision)
-    vec4, contact_sum = types.vec4, sum_function(precision)
+    vec4, in_newtons = types.vec4, conversion_function(precision)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
-    def add_contact(
+    def add_contact_load(
         contact: ContactData,
-        order: wp.array(dtype=wp.int32),  # where contact has vertices in another order, theirs in the load's, shape [V]
-        load: wp.array(dtype=vec4),  # force [N] and bound or magnitude, shape [V]
+        order: wp.array(dtype=wp.int32),  # each vertex's number in ``load``, shape [V]; empty: the same numbers
+        load: wp.array(dtype=vec4),  # force [N] and fourth component, shape [V]
     ):
-        """Adds a vertex's sum to its load, and leaves the sum at zero."""
+        """Adds a vertex's sums to its load, and resets them."""
         place = wp.tid()
         vertex = int(place)
         if order.shape[0] > 0:
             vertex = order[place]
-        load[vertex] = load[vertex] + contact_sum(contact, place)
+        row = load_row(contact.sums.load, place)
+        clear_row(contact.sums.load, place, row)
+        load[vertex] = load[vertex] + in_newtons(row)
 
-    return add_contact
+    return add_contact_load

@@ -22,8 +22,8 @@ from warp_cloth.kernels.base.block import (
 )
 from warp_cloth.kernels.base.options import WORN_THREADS, Accumulate, KernelOptions, block_for
 from warp_cloth.kernels.base.types import MODULE_OPTIONS, Patch, cloth_types, free_function
-from warp_cloth.kernels.contact.force import press_function
-from warp_cloth.kernels.contact.search_trigger import contact_turn, contact_watch
+from warp_cloth.kernels.contact.force import block_forces_function
+from warp_cloth.kernels.contact.search_trigger import load_bounds, note_displacement
 from warp_cloth.kernels.math.real import inner, root
 from warp_cloth.kernels.passes.gather import patch_functions
 from warp_cloth.kernels.passes.step import (
@@ -145,9 +145,9 @@ def displace_kernel(options: KernelOptions) -> wp.Kernel:
         if item.active == 0:
             return
         move = vec3()
-        turn, gone = int(0), wp.int64(0)
+        iteration, path = int(0), wp.int64(0)
         if wp.static(cloth_contact):
-            turn, gone = contact_turn(contact, index)
+            iteration, path = load_bounds(contact, index)
         position = element(state.position, index)
         known = prefetch(state, colliders, contact, index, wp.vec3d(position), item_index, item)
         if free(model, index):
@@ -158,7 +158,7 @@ def displace_kernel(options: KernelOptions) -> wp.Kernel:
             if wp.static(options.accelerated):
                 state.stiffness[index] = stiffness
         if wp.static(cloth_contact):
-            contact_watch(contact, index, known.contact, float(root(inner(move, move))), turn, gone)
+            note_displacement(contact, index, known.contact, float(root(inner(move, move))), iteration, path)
 
     return displace_vertices
 
@@ -285,15 +285,15 @@ def _advance_kernel(options: KernelOptions) -> wp.Kernel:
         wait_for_block()
         if local < patch.owned_count:
             load = vertex_load(context, local, edges, triangles)
-            turn, gone = int(0), wp.int64(0)
+            iteration, path = int(0), wp.int64(0)
             if wp.static(cloth_contact):
                 known = prefetch(state, colliders, contact, index, wp.vec3d(vertex.position), patch.item, item)
-                turn, gone = contact_turn(contact, index)
+                iteration, path = load_bounds(contact, index)
             position, move, kept = move_vertex(state, step, colliders, contact, known, load, vertex)
             put_move(displacement_out, index, kept)
             put_position(position_out, index, position)
             if wp.static(cloth_contact):
-                contact_watch(contact, index, known.contact, float(root(inner(move, move))), turn, gone)
+                note_displacement(contact, index, known.contact, float(root(inner(move, move))), iteration, path)
 
     return advance_vertices
 
@@ -308,7 +308,7 @@ def _advance_pressing_kernel(options: KernelOptions) -> wp.Kernel:
     patch_context, prefetch, move_vertex = (
         context_function(options), prefetch_function(options), move_function(options),
     )  # fmt: skip
-    press_share = press_function(options.precision, Accumulate.STIFFNESS, in_order=True)
+    add_block_forces = block_forces_function(options.precision, Accumulate.STIFFNESS, in_order=True)
     functions = patch_functions(options)
     own_vertex, two_vertices = functions.own_vertex, functions.two_vertices
     work_edges, work_corners, vertex_load = functions.work_edges, functions.work_corners, functions.vertex_load
@@ -330,17 +330,17 @@ def _advance_pressing_kernel(options: KernelOptions) -> wp.Kernel:
         thread = wp.tid()
         lane = lane_of(thread)
         block = block_of(thread)
-        if block < contact.pressing:
-            press_share(step, state, contact, thread, contact.pressing)
-            tell_blocks(contact.told)
+        if block < contact.blocks.force_count:
+            add_block_forces(step, state, contact, thread, contact.blocks.force_count)
+            tell_blocks(contact.blocks.done)
             return
-        block -= contact.pressing
+        block -= contact.blocks.force_count
         patch = patch_of(patches.patch, block)
         item = model.items[patch.item]
         first, second = two_vertices(patches, patch, lane)
         if leaves(item.active, patch, first, second):
-            came = await_blocks(contact.told, contact.pressing)
-            leave_blocks(contact.told, contact.pressing, contact.waiting, came)
+            came = await_blocks(contact.blocks.done, contact.blocks.force_count)
+            leave_blocks(contact.blocks.done, contact.blocks.force_count, contact.blocks.move_count, came)
             return
         context = patch_context(step, patches, patch, overflow, lane)
         work = work_edges(context, state, first, second, Patch())
@@ -362,14 +362,14 @@ def _advance_pressing_kernel(options: KernelOptions) -> wp.Kernel:
         load = vec4()
         if local < patch.owned_count:
             load = vertex_load(context, local, edges, triangles)
-        came = await_blocks(contact.told, contact.pressing)
+        came = await_blocks(contact.blocks.done, contact.blocks.force_count)
         if local < patch.owned_count:
-            turn, gone = contact_turn(contact, index)
+            iteration, path = load_bounds(contact, index)
             position, move, kept = move_vertex(state, step, colliders, contact, known, load, vertex)
             put_move(displacement_out, index, kept)
             put_position(position_out, index, position)
-            contact_watch(contact, index, known.contact, float(root(inner(move, move))), turn, gone)
-        leave_blocks(contact.told, contact.pressing, contact.waiting, came)
+            note_displacement(contact, index, known.contact, float(root(inner(move, move))), iteration, path)
+        leave_blocks(contact.blocks.done, contact.blocks.force_count, contact.blocks.move_count, came)
 
     return press_and_advance
 
@@ -429,14 +429,14 @@ def _advance_large_kernel(options: KernelOptions) -> wp.Kernel:
             vertex.free = free(model, index)
             load = vertex_load(context, local, edges, triangles)
             known = prefetch(state, colliders, contact, index, wp.vec3d(vertex.position), patch.item, item)
-            turn, gone = int(0), wp.int64(0)
+            iteration, path = int(0), wp.int64(0)
             if wp.static(cloth_contact):
-                turn, gone = contact_turn(contact, index)
+                iteration, path = load_bounds(contact, index)
             position, move, kept = move_vertex(state, step, colliders, contact, known, load, vertex)
             put_move(displacement_out, index, kept)
             put_position(position_out, index, position)
             if wp.static(cloth_contact):
-                contact_watch(contact, index, known.contact, float(root(inner(move, move))), turn, gone)
+                note_displacement(contact, index, known.contact, float(root(inner(move, move))), iteration, path)
             local += block_threads()
             edges, triangles = vertex_slots(patches, patch, local)
 

@@ -9,8 +9,8 @@ from warp_cloth.kernels.avatar.field import field_contact
 from warp_cloth.kernels.base.access import element
 from warp_cloth.kernels.base.options import Accumulate, KernelOptions
 from warp_cloth.kernels.base.types import cloth_types
-from warp_cloth.kernels.contact.arrays import ContactBefore, ContactData, contact_before
-from warp_cloth.kernels.contact.sums import taken_function
+from warp_cloth.kernels.contact.arrays import ContactData, VertexContact, load_vertex_contact
+from warp_cloth.kernels.contact.sums import take_load_function
 from warp_cloth.kernels.laws.step import accelerated_displacement, capped, direct_displacement, step_stiffness
 from warp_cloth.kernels.math.lanes import lane_types
 from warp_cloth.kernels.math.operators import add, div, mul, sub  # noqa: F401  what + - * / below call for packets
@@ -56,7 +56,7 @@ def prefetched_type(options: KernelOptions) -> type:
     class Prefetched:
         """What is known of a vertex that may meet cloth."""
 
-        contact: ContactBefore
+        contact: VertexContact
         anisotropic: bool  # whether its step is
         inverse_compliance: vec6  # of one whose step is
         collider: options.collider or NoCollider  # of its item
@@ -96,7 +96,7 @@ def prefetch_function(options: KernelOptions) -> wp.Function:
         """What is known of a vertex at this position, of an item."""
         known = Prefetched()
         if wp.static(cloth_contact):
-            known.contact = contact_before(contact, vertex, position)
+            known.contact = load_vertex_contact(contact, vertex, position)
             if wp.static(options.avatar_contact is not None):
                 known.collider = colliders[item_index]
         if wp.static(saves_queries(options)):
@@ -242,7 +242,7 @@ def displacement_function(options: KernelOptions) -> wp.Function:
     )  # fmt: skip
     Colliders = colliders_type(options.avatar_contact, options.collider)
     Contact, Prefetched = cloth_contact_type(cloth_contact), prefetched_type(options)
-    free_displacement, contact_taken = free_displacement_function(options), taken_function(options.precision)
+    free_displacement, take_contact_load = free_displacement_function(options), take_load_function(options.precision)
     meets_avatar = options.avatar_contact is not None
     meet_avatar = avatar_function(options, Prefetched, saves_queries(options)) if meets_avatar else None
 
@@ -261,10 +261,10 @@ def displacement_function(options: KernelOptions) -> wp.Function:
         lift = float(0.0)
         limit, pressed = real(0.0), real(0.0)
         if wp.static(cloth_contact):  # loaded at once: a GPU waits for memory far longer than it computes
-            touched, left = contact_taken(contact, vertex.index, known.contact)
-            load += touched
-            pressed = touched[3]
-            limit = real(left)
+            contact_load, longest = take_contact_load(contact, vertex.index, known.contact)
+            load += contact_load
+            pressed = contact_load[3]
+            limit = real(longest)
             shift, lift = vec3(known.contact.shift), float(known.contact.lift)
         move, stiffness = free_displacement(step, known, load, pressed, vertex)
         if wp.static(cloth_contact):

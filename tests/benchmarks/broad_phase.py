@@ -32,11 +32,11 @@ from warp_cloth.contact.cloth import ClothContact
 from warp_cloth.fitting.problem import Problem, collider_updates, load_problem
 from warp_cloth.kernels.base.types import MODULE_OPTIONS, cloth_types, place_function
 from warp_cloth.kernels.contact.arrays import ContactData
-from warp_cloth.kernels.contact.box_tree import FAR_OFF
+from warp_cloth.kernels.contact.box_tree import EMPTY_BOUND
 from warp_cloth.kernels.contact.crossing import has_vertex
-from warp_cloth.kernels.contact.pairs import keep_function
-from warp_cloth.kernels.contact.search import ContactSearch, opened, room_around
-from warp_cloth.kernels.contact.stick_memory import LeanMemory, forget_leans
+from warp_cloth.kernels.contact.pairs import near_test_function
+from warp_cloth.kernels.contact.search import ContactSearch, box_margin, is_open_seam, spans_open_seam
+from warp_cloth.kernels.contact.stick_memory import StickMemory, begin_search
 from warp_cloth.scene import load_scene
 from warp_cloth.solver.loop import relax_to_rest
 
@@ -58,18 +58,18 @@ class Boxes:
 
 
 @functools.cache
-def box_kernel(precision: str) -> wp.Kernel:
+def refit_kernel(precision: str) -> wp.Kernel:
     """Kernel ``update_boxes``."""
     State, at = cloth_types(precision).State, place_function(precision)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
-    def update_boxes(state: State, search: ContactSearch, contact: ContactData, memory: LeanMemory, boxes: Boxes):
-        """Boxes a triangle or an edge as ``box_functions`` of kernels.contact.search does, and empties the list."""
+    def update_boxes(state: State, search: ContactSearch, contact: ContactData, memory: StickMemory, boxes: Boxes):
+        """Stores the box of a triangle or an edge, as search.leaf_box_functions does, and empties the pair list."""
         thread = wp.tid()
         if thread == 0:
-            contact.count[0] = 0
-            forget_leans(memory)
-        lower = wp.vec3f(FAR_OFF, FAR_OFF, FAR_OFF)
+            contact.pairs.count[0] = 0
+            begin_search(memory)
+        lower = wp.vec3f(EMPTY_BOUND, EMPTY_BOUND, EMPTY_BOUND)
         upper = -lower
         row = thread - boxes.triangle_leaf.shape[0]
         if row < 0:
@@ -79,11 +79,12 @@ def box_kernel(precision: str) -> wp.Kernel:
             a = wp.vec3f(at(state.position, corners[0]))
             b = wp.vec3f(at(state.position, corners[1]))
             c = wp.vec3f(at(state.position, corners[2]))
-            if not (
-                opened(search, sides[0], b - a) or opened(search, sides[1], c - b) or opened(search, sides[2], a - c)
-            ):
-                skin = wp.max(contact.skin[corners[0]], wp.max(contact.skin[corners[1]], contact.skin[corners[2]]))
-                wide = room_around(contact, skin)
+            if not spans_open_seam(search, sides, a, b, c):
+                skin = wp.max(
+                    contact.trigger.skin[corners[0]],
+                    wp.max(contact.trigger.skin[corners[1]], contact.trigger.skin[corners[2]]),
+                )
+                wide = box_margin(contact, skin)
                 lower = wp.min(wp.min(a, b), c) - wide
                 upper = wp.max(wp.max(a, b), c) + wide
             boxes.triangle_lower[thread] = lower
@@ -93,8 +94,8 @@ def box_kernel(precision: str) -> wp.Kernel:
             ends = search.ends[leaf]
             p = wp.vec3f(at(state.position, ends[0]))
             q = wp.vec3f(at(state.position, ends[1]))
-            if not opened(search, search.edge_tree.leaf[leaf], q - p):
-                wide = room_around(contact, wp.max(contact.skin[ends[0]], contact.skin[ends[1]]))
+            if not is_open_seam(search, search.edge_tree.leaf[leaf], q - p):
+                wide = box_margin(contact, wp.max(contact.trigger.skin[ends[0]], contact.trigger.skin[ends[1]]))
                 lower = wp.min(p, q) - wide
                 upper = wp.max(p, q) + wide
             boxes.edge_lower[row] = lower
@@ -107,22 +108,24 @@ def box_kernel(precision: str) -> wp.Kernel:
 def near_functions(precision: str) -> tuple[wp.Function, wp.Function]:
     """Functions that test a vertex against a triangle, and two edges, whose boxes meet, and list them where near."""
     State = cloth_types(precision).State
-    keep_near = keep_function(precision)
+    test_near = near_test_function(precision)
 
     @wp.func
     def test_triangle(
-        state: State, search: ContactSearch, contact: ContactData, memory: LeanMemory, vertex: int, leaf: int
+        state: State, search: ContactSearch, contact: ContactData, memory: StickMemory, vertex: int, leaf: int
     ):
         """Lists a vertex and a triangle without it, if they are near each other."""
         if not has_vertex(search.corners[leaf], vertex):
-            keep_near(state, search, contact, memory, -1 - vertex, leaf)
+            test_near(state, search, contact, memory, -1 - vertex, leaf)
 
     @wp.func
-    def test_edge(state: State, search: ContactSearch, contact: ContactData, memory: LeanMemory, leaf: int, other: int):
+    def test_edge(
+        state: State, search: ContactSearch, contact: ContactData, memory: StickMemory, leaf: int, other: int
+    ):
         """Lists two edges without a common end, if they are near each other."""
         ends, others = search.ends[leaf], search.ends[other]
         if ends[0] != others[0] and ends[0] != others[1] and ends[1] != others[0] and ends[1] != others[1]:
-            keep_near(state, search, contact, memory, leaf, other)
+            test_near(state, search, contact, memory, leaf, other)
 
     return test_triangle, test_edge
 
@@ -138,7 +141,7 @@ def query_kernel(precision: str) -> wp.Kernel:
         state: State,
         search: ContactSearch,
         contact: ContactData,
-        memory: LeanMemory,
+        memory: StickMemory,
         boxes: Boxes,
         triangles: wp.uint64,  # wp.Bvh of the triangles' boxes
         edges: wp.uint64,
@@ -156,7 +159,7 @@ def query_kernel(precision: str) -> wp.Kernel:
             vertex = search.vertex[vertex_row]
             if vertex >= 0:
                 x = wp.vec3f(at(state.position, vertex))
-                wide = room_around(contact, contact.skin[vertex])
+                wide = box_margin(contact, contact.trigger.skin[vertex])
                 query = wp.bvh_query_aabb(triangles, x - wide, x + wide)
                 while wp.bvh_query_next(query, other):
                     test_triangle(state, search, contact, memory, vertex, boxes.triangle_leaf[other])
@@ -175,7 +178,7 @@ def tiled_kernel(precision: str) -> wp.Kernel:
         state: State,
         search: ContactSearch,
         contact: ContactData,
-        memory: LeanMemory,
+        memory: StickMemory,
         boxes: Boxes,
         triangles: wp.uint64,  # as of query_bvh
         edges: wp.uint64,
@@ -193,7 +196,7 @@ def tiled_kernel(precision: str) -> wp.Kernel:
             vertex = search.vertex[vertex_row]
             if vertex >= 0:
                 x = wp.vec3f(at(state.position, vertex))
-                wide = room_around(contact, contact.skin[vertex])
+                wide = box_margin(contact, contact.trigger.skin[vertex])
                 query = wp.tile_bvh_query_aabb(triangles, x - wide, x + wide)
                 while wp.tile_query_valid(query):
                     other = wp.untile(wp.tile_bvh_query_next(query))
@@ -207,8 +210,12 @@ class BvhSearch:
     """The same search by ``wp.Bvh``."""
 
     def __init__(self, cloth_contact: ClothContact, state: Any, precision: str) -> None:
-        self._precision, self._search, self._device = precision, cloth_contact._search, cloth_contact.data.skin.device
-        self._inputs = [state, cloth_contact._search, cloth_contact.data, cloth_contact._memory]
+        self._precision, self._search, self._device = (
+            precision,
+            cloth_contact.pair_search.geometry,
+            cloth_contact.data.trigger.skin.device,
+        )
+        self._inputs = [state, cloth_contact.pair_search.geometry, cloth_contact.data, cloth_contact.pair_search.memory]
         self._boxes = boxes = Boxes()
         with wp.ScopedDevice(self._device):
             for name, tree in (("triangle", self._search.triangle_tree), ("edge", self._search.edge_tree)):
@@ -222,7 +229,7 @@ class BvhSearch:
 
     def _update(self) -> None:
         count = len(self._boxes.triangle_leaf) + len(self._boxes.edge_leaf)
-        wp.launch(box_kernel(self._precision), count, [*self._inputs, self._boxes], device=self._device)
+        wp.launch(refit_kernel(self._precision), count, [*self._inputs, self._boxes], device=self._device)
 
     def run(self, *, rebuild: bool = False, tiled: bool = False) -> None:
         """One search."""
@@ -259,9 +266,9 @@ def worn(layers: int, vertices: int, iterations: int, device: str) -> Problem:
 
 def listed(contact: Any) -> NDArray[np.int32]:
     """The pairs found, in an order of their own, shape [N, 5]."""
-    count = int(contact.count.numpy()[0])
-    assert count <= len(contact.corners), "no room for all pairs"
-    rows = np.column_stack([contact.kind.numpy()[:count], contact.corners.numpy()[:count]])
+    count = int(contact.pairs.count.numpy()[0])
+    assert count <= len(contact.pairs.corners), "no room for all pairs"
+    rows = np.column_stack([contact.pairs.kind.numpy()[:count], contact.pairs.corners.numpy()[:count]])
     return rows[np.lexsort(rows.T)]
 
 
@@ -302,8 +309,8 @@ def compare(name: str, problem: Problem, rounds: int, *, tiled: bool) -> bool:
     bvh = BvhSearch(cloth_contact, state, problem.model.precision)
 
     def box_tree() -> None:
-        cloth_contact._box(state)
-        cloth_contact._list_near(state)
+        cloth_contact.pair_search.refit(state, cloth_contact.data)
+        cloth_contact.pair_search.list_near(state, cloth_contact.data)
 
     searches: dict[str, Search] = {
         "box_tree": box_tree,

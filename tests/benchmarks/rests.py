@@ -90,7 +90,7 @@ def forces(made: Problem, points: Points) -> dict[str, Any]:
     pairs = touching_pairs(points, cloth_contact)
     types = cloth_types(made.model.precision)
     load = wp.zeros(made.model.vertex_count, dtype=types.vec4, device=device)
-    cloth_contact.data.lean.zero_()  # what pushes, without friction
+    cloth_contact.data.pairs.stick.zero_()  # what pushes, without friction
     cloth_contact.measure(types.Step(), load)
     expected = brute_forces(points, pairs, cloth_contact)
     bound = FORCE_ROUNDING + RELATIVE_ROUNDING * float(np.abs(expected).max(initial=0.0))

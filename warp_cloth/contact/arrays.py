@@ -1,4 +1,4 @@
-"""The device arrays of cloth on cloth: what its contact starts with, what is searched, and the trees of that."""
+"""The device arrays of cloth contact: initial state, searched geometry, and its box trees."""
 
 from __future__ import annotations
 
@@ -12,72 +12,78 @@ from numpy.typing import NDArray
 from warp_cloth.base.mesh import Indices
 from warp_cloth.contact.box_tree import box_tree
 from warp_cloth.contact.crossing import Sheets
-from warp_cloth.contact.leaf_order import first_order
+from warp_cloth.contact.leaf_order import sheet_order
 from warp_cloth.contact.rest_neighbours import rest_near_rows
 from warp_cloth.contact.sheets import SheetKind
 from warp_cloth.garment.part import GarmentPart
-from warp_cloth.kernels.contact.arrays import NO_LIMIT, REGIONS, TURNED, ContactData
+from warp_cloth.kernels.contact.arrays import NEXT_ITERATION, NO_LIMIT, REGIONS, ContactData
 from warp_cloth.kernels.contact.search import ContactSearch
 from warp_cloth.model.permutation import Numbering
 
-LEAST_THICKNESS = 1e-4  # [m]; thinner fabrics count as that thick: gauze is
+LEAST_THICKNESS = 1e-4  # [m], that of gauze; thinner fabrics count as that thick
 # Pressure at which a fabric is half as thick [Pa]: KES compresses to 50 gf/cm2, 4.9 kPa, where most keep 60 to 70 %.
 HALVING_PRESSURE = 1e4
-FORCE_AT_HALF = 2.0  # squeeze_force over modulus times thickness, there
-# Cloth within this many thicknesses along itself cannot be folded onto itself: the half turn between is pi/2 of them.
-NEAR_SHARE = 1.6
+FORCE_AT_HALF = 2.0  # squeeze force there, over modulus times thickness
+# Cloth within this many thicknesses along itself cannot be folded onto itself: a half turn takes pi/2 of them.
+NEAR_AT_REST = 1.6
 OPEN_STRETCH = 2.0  # length over rest length beyond which an edge is a seam that has yet to close
 
 
 def per_vertex(sheets: Sheets, values: Sequence[float] | NDArray[Any]) -> NDArray[Any]:
-    """What each garment has, of each of its vertices."""
+    """A value of each garment, repeated for each of its vertices."""
     return np.repeat(np.asarray(values), np.diff(sheets.vertex_start), axis=0)
 
 
 def thicknesses(kinds: Sequence[SheetKind]) -> NDArray[np.float64]:
-    """How thick each garment counts [m]."""
+    """Thickness of each garment in contact [m]."""
     return np.array([max(kind.thickness, LEAST_THICKNESS) for kind in kinds])
+
+
+def packed_fabric(
+    thickness: NDArray[np.float64], squeeze_modulus: NDArray[np.float64], friction: NDArray[np.float64]
+) -> NDArray[np.float32]:
+    """Fabrics as kernels.contact.arrays unpacked_fabric reads them, shape [N, 4]."""
+    return np.stack([thickness, squeeze_modulus, friction, np.zeros(len(thickness))], axis=1).astype(np.float32)
 
 
 def contact_arrays(
     sheets: Sheets, parts: Sequence[GarmentPart], kinds: Sequence[SheetKind], numbering: Numbering
 ) -> Any:
-    """Contact (kernels.contact.arrays ContactData) of these garments, asleep, but for its pairs and its skins."""
+    """Contact (kernels.contact.arrays ContactData) of these garments, asleep; the pair list is not allocated."""
     count, thickness = sheets.vertex_count, thicknesses(kinds)
     area = np.array([part.rest.area / len(part.points) for part in parts])
     data = ContactData()
-    modulus = HALVING_PRESSURE * area / (FORCE_AT_HALF * thickness)
+    squeeze_modulus = HALVING_PRESSURE * area / (FORCE_AT_HALF * thickness)
     friction = np.array([kind.friction for kind in kinds])
-    fabric = np.stack([thickness, modulus, friction, np.zeros(len(kinds))], axis=1)
-    fabric = numbering.rows(per_vertex(sheets, fabric.astype(np.float32)))
-    data.thickness = wp.array(fabric[:, 0], dtype=wp.float32)
-    data.fabric = wp.array(fabric, dtype=wp.vec4f)
-    data.thickest = float(thickness.max())
-    data.margin = data.far = np.inf  # asleep
-    data.count = wp.zeros(1, dtype=wp.int32)
-    data.told = wp.zeros(2, dtype=wp.int32)
-    data.sum = wp.zeros((count, 4), dtype=wp.int64)
-    data.room = wp.full(count, int(NO_LIMIT), dtype=wp.int32)
+    fabric = numbering.rows(per_vertex(sheets, packed_fabric(thickness, squeeze_modulus, friction)))
+    data.model.thickness = wp.array(fabric[:, 0], dtype=wp.float32)
+    data.model.fabric = wp.array(fabric, dtype=wp.vec4f)
+    data.model.thickest = float(thickness.max())
+    data.pairs.active_margin = data.pairs.active_distance = np.inf  # asleep
+    data.pairs.count = wp.zeros(1, dtype=wp.int32)
+    data.blocks.done = wp.zeros(2, dtype=wp.int32)
+    data.sums.load = wp.zeros((count, 4), dtype=wp.int64)
+    data.sums.step_limit = wp.full(count, int(NO_LIMIT), dtype=wp.int32)
     data.lift = wp.zeros(count, dtype=wp.float32)
     data.shift = wp.zeros(count, dtype=wp.vec3f)
-    data.searched = wp.zeros(count, dtype=wp.vec3d)
-    data.skin = wp.full(count, np.inf, dtype=wp.float32)  # asleep
-    data.moved = wp.ones(1, dtype=wp.int32)
-    data.asked, data.turn_then = wp.zeros(2, dtype=wp.int32), wp.zeros(1, dtype=wp.int32)
-    data.region = wp.zeros(count, dtype=wp.int32)
-    data.region_count = 1
-    data.way, data.stride = (wp.zeros((2, REGIONS), dtype=kind) for kind in (wp.int64, wp.int32))
-    data.turn = wp.zeros(2 * TURNED, dtype=wp.int32)
+    data.trigger.position = wp.zeros(count, dtype=wp.vec3d)
+    data.trigger.skin = wp.full(count, np.inf, dtype=wp.float32)  # asleep
+    data.trigger.due = wp.ones(1, dtype=wp.int32)
+    data.trigger.requests, data.trigger.last_search = wp.zeros(2, dtype=wp.int32), wp.zeros(1, dtype=wp.int32)
+    data.bounds.region = wp.zeros(count, dtype=wp.int32)
+    data.bounds.region_count = 1
+    data.bounds.path, data.bounds.step = (wp.zeros((2, REGIONS), dtype=kind) for kind in (wp.int64, wp.int32))
+    data.bounds.iteration = wp.zeros(2 * NEXT_ITERATION, dtype=wp.int32)
     return data
 
 
 def search_arrays(
     sheets: Sheets, parts: Sequence[GarmentPart], kinds: Sequence[SheetKind], numbering: Numbering
 ) -> Any:
-    """What is searched (kernels.contact.search ContactSearch), but for its trees."""
+    """The searched geometry (kernels.contact.search ContactSearch), without its trees."""
     start = sheets.vertex_start
     rows = [
-        rest_near_rows(part.triangles, part.rest, len(part.points), NEAR_SHARE * thickness)
+        rest_near_rows(part.triangles, part.rest, len(part.points), NEAR_AT_REST * thickness)
         for part, thickness in zip(parts, thicknesses(kinds), strict=True)
     ]
     counts = np.concatenate([np.diff(row_start) for row_start, _ in rows])
@@ -97,18 +103,18 @@ def search_arrays(
     return search
 
 
-def lay_out_trees(
+def build_trees(
     search: Any, untangling: Any, sheets: Sheets, kinds: Sequence[SheetKind], numbering: Numbering
 ) -> tuple[Indices, Indices]:
-    """Gives what is searched its trees; returns what ``Planting`` puts in order there, once it is known where it is.
+    """Allocates the trees; returns the initial order of leaves and the starts of sheets in it, for ``LeafOrder``.
 
-    That is as of planting.first_order: triangles, then edges and vertices, one after another.
+    Both as in leaf_order.sheet_order, of triangles, edges and vertices one after another.
     """
     both, sheet_of = np.unique([(kind.item, kind.layer) for kind in kinds], axis=0, return_inverse=True)
     sheet = per_vertex(sheets, sheet_of.reshape(-1).astype(np.int32))
     alone = np.arange(sheets.vertex_count, dtype=np.int32)[:, None]
     all_of_it = (sheets.triangles, sheets.edges, alone)
-    triangles, edges, vertices = (first_order(sheet[of[:, 0]]) for of in all_of_it)
+    triangles, edges, vertices = (sheet_order(sheet[of[:, 0]]) for of in all_of_it)
     search.triangle_tree, search.edge_tree = box_tree(triangles[0]), box_tree(edges[0])
     search.corners = wp.zeros(len(triangles[0]), dtype=wp.vec3i)
     search.ends = wp.zeros(len(edges[0]), dtype=wp.vec2i)
@@ -118,7 +124,7 @@ def lay_out_trees(
     leaves = [each[of_item[at : len(of_item) - 1 + at]] for each in starts for at in (0, 1)]
     search.leaves = wp.array(np.stack(leaves, axis=1), dtype=wp.vec4i)
     own = np.stack([triangles[1][sheet], triangles[1][sheet + 1]], axis=1)
-    untangling.own = wp.array(numbering.rows(own), dtype=wp.vec2i)
+    untangling.own_leaves = wp.array(numbering.rows(own), dtype=wp.vec2i)
     orders = [triangles[0], edges[0], np.where(vertices[0] < 0, -1, numbering.of(vertices[0]))]
     first = np.cumsum([0, *(len(of) for of in all_of_it[:2])])
     order = np.concatenate([np.where(own < 0, -1, own + at) for own, at in zip(orders, first, strict=True)])

@@ -1,4 +1,4 @@
-"""Trees of boxes for what lies near each other: their memory on the device, and that of what meets."""
+"""Box trees (BVHs) and candidate lists: their memory on the device."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ import warp as wp
 
 from warp_cloth.base.mesh import Indices
 from warp_cloth.kernels.contact.box_tree import LEAVES, WIDTH, BoxTree
-from warp_cloth.kernels.contact.broad_phase import APART, PARTS, Meetings
+from warp_cloth.kernels.contact.broad_phase import COUNTER_STRIDE, LIST_PARTS, Candidates
 
-MOST_TOP = 8  # groups of the third level that a walk goes through one after another; of more there is a fourth level
+MOST_TOP = 8  # groups of the highest level, which a traversal visits one after another; more get a fourth level
 
 
 def box_tree(order: Indices) -> Any:
-    """A tree (kernels.contact.box_tree BoxTree) of leaves in an order of planting's; its boxes are of nothing yet."""
+    """A tree (kernels.contact.box_tree BoxTree) of leaves in an order of ``leaf_order``; its boxes are empty."""
     block, width, count = int(LEAVES), int(WIDTH), len(order)
     groups = [count // width, count // block, -(-count // (block * width))]
     if groups[-1] > MOST_TOP:
@@ -30,14 +30,14 @@ def box_tree(order: Indices) -> Any:
 
 
 def block_count(tree: Any) -> int:
-    """Thread blocks that box a tree's leaves."""
+    """Thread blocks that refit a tree's leaves."""
     return int(tree.leaf.size) // int(LEAVES)
 
 
-def lists_of(groups: int, leaves: int) -> Any:
-    """Lists (kernels.contact.broad_phase Meetings) of so much room."""
-    meetings = Meetings()
-    meetings.count = wp.zeros((1 + int(PARTS)) * int(APART), dtype=wp.int32)
-    meetings.group = wp.empty(groups, dtype=wp.vec3i)
-    meetings.leaf = wp.empty(leaves, dtype=wp.vec2i)
-    return meetings
+def candidate_lists(groups: int, leaves: int) -> Any:
+    """Empty lists (kernels.contact.broad_phase Candidates) of these capacities."""
+    candidates = Candidates()
+    candidates.count = wp.zeros((1 + int(LIST_PARTS)) * int(COUNTER_STRIDE), dtype=wp.int32)
+    candidates.group = wp.empty(groups, dtype=wp.vec3i)
+    candidates.leaf = wp.empty(leaves, dtype=wp.vec2i)
+    return candidates

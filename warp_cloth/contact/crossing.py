@@ -1,4 +1,4 @@
-"""Where garments pass through themselves and each other: the count that every report states."""
+"""Crossing count: where garments pass through themselves and each other, as every report states."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ import warp as wp
 from warp_cloth.base.mesh import Indices, Points
 from warp_cloth.kernels.contact import crossing as kernels
 
-FIRST_CAPACITY = 1024  # crossings; more are counted first, then kept
-TREE_BYTES = 72  # of a tree for each of its boxes
+FIRST_CAPACITY = 1024  # crossings; if there are more, the search runs again with enough capacity
+TREE_BYTES = 72  # of a wp.Bvh for each of its boxes
 
 
 @dataclass(frozen=True, eq=False)
 class Sheets:
-    """The triangles and edges of garments that lie one after another in one array of vertices."""
+    """The triangles and edges of several garments over one array of vertices."""
 
     triangles: Indices  # shape [F, 3]
     edges: Indices  # shape [E, 2]
@@ -51,16 +51,16 @@ def find_crossings(
     items: Sequence[int] | None = None,
     every_pair: bool = False,
 ) -> Crossings:
-    """Tests which edges pass through which triangles, all in float64.
+    """Finds edges that pass through triangles, in float64.
 
-    Triangles with a common vertex cross where the side of one that lacks it passes through the other.
+    Triangles with a common vertex cross where the side opposite to it in one passes through the other.
 
     Args:
         points: vertices [m], shape [V, 3].
-        sheets: what they form.
-        device: where to search.
+        sheets: their triangles and edges.
+        device: that searches.
         items: of each garment; garments of different items never meet. None: all do.
-        every_pair: search without a tree, testing every edge against every triangle.
+        every_pair: test every edge against every triangle, without a tree.
     """
     if not np.isfinite(points).all():
         none = np.zeros((0, 2), dtype=np.int32)
@@ -81,10 +81,10 @@ def find_pierced(
 
     Args:
         position: vertices on a device [m], all finite, wp.vec3d.
-        triangles: their vertices, wp.vec3i.
-        edges: theirs, wp.vec2i.
+        triangles: their corners, wp.vec3i.
+        edges: their ends, wp.vec2i.
         item: of each vertex; those of different items never meet.
-        every_pair: as of ``find_crossings``.
+        every_pair: as in ``find_crossings``.
     """
     with wp.ScopedDevice(position.device):
         given = [position, edges, triangles, item]
@@ -110,7 +110,7 @@ def find_pierced(
 
 
 def search_bytes(vertex_count: int, edge_count: int, triangle_count: int) -> int:
-    """Memory that ``find_crossings`` takes on its device, but for the few pairs that it finds."""
+    """Device memory of ``find_crossings``, without the few pairs that it finds [bytes]."""
     vertex, edge, triangle, box = (wp.types.type_size_in_bytes(k) for k in (wp.vec3d, wp.vec2i, wp.vec3i, wp.vec3f))
     item = wp.types.type_size_in_bytes(wp.int32)
     own = (vertex + item) * vertex_count + edge * edge_count
@@ -124,12 +124,12 @@ def triangle_pairs(pierced: Indices, sheets: Sheets) -> Indices:
     sides = sheets.triangle_edges.ravel()
     crosses = np.zeros(len(sheets.edges), dtype=bool)
     crosses[pierced[:, 0]] = True
-    asked = np.flatnonzero(crosses[sides])
-    order = asked[np.argsort(sides[asked], kind="stable")]
+    crossing = np.flatnonzero(crosses[sides])
+    order = crossing[np.argsort(sides[crossing], kind="stable")]
     first = np.searchsorted(sides[order], pierced[:, 0], side="left")
     last = np.searchsorted(sides[order], pierced[:, 0], side="right")
     row = np.repeat(np.arange(len(pierced)), last - first)
     within = np.arange(len(row)) - np.repeat(np.cumsum(last - first) - (last - first), last - first)
-    beside = order[first[row] + within] // 3
-    pairs = np.sort(np.stack([beside, pierced[row, 1]], axis=1), axis=1)
+    adjacent = order[first[row] + within] // 3
+    pairs = np.sort(np.stack([adjacent, pierced[row, 1]], axis=1), axis=1)
     return np.unique(pairs, axis=0).astype(np.int32)

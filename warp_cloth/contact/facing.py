@@ -1,4 +1,4 @@
-"""Tells garments that are to meet which way they face."""
+"""Orientation of garments: whether they face away from the body or towards it."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from warp_cloth.model.permutation import Numbering
 
 
 class Facing:
-    """Tells vertices whether most of their garment's area faces away from the body, 1, or to it, -1."""
+    """Computes for each vertex whether most of its garment's area faces away from the body, 1, or towards it, -1."""
 
     def __init__(self, precision: str, sheets: Sheets, numbering: Numbering, body: ExactCollider) -> None:
         """On Warp's default device, that of the body."""
@@ -29,10 +29,10 @@ class Facing:
         """The kernels that this launches."""
         return [self._weigh, face_vertices]
 
-    def tell(self, state: Any, search: Any, outward: wp.array) -> None:
-        """Tells them, as the cloth lies. Does not wait for the device."""
+    def update(self, state: Any, search: Any, outward: wp.array) -> None:
+        """Writes ``outward`` for the cloth in this state. Does not wait for the device."""
         device, away = self._away.device, self._away
         away.zero_()
-        asked = [state, search, self._of_triangle, self._body.collider, away]
-        wp.launch(self._weigh, dim=len(self._of_triangle), inputs=asked, device=device)
+        inputs = [state, search, self._of_triangle, self._body.collider, away]
+        wp.launch(self._weigh, dim=len(self._of_triangle), inputs=inputs, device=device)
         wp.launch(face_vertices, dim=len(outward), inputs=[self._of_vertex, away, outward], device=device)

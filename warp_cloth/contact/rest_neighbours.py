@@ -1,4 +1,4 @@
-"""Which vertices lie so near in the rest shape that their cloth is within its own thickness without being folded."""
+"""Rest neighbours: vertices so near in the rest shape that their cloth is within a thickness without being folded."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ def rest_near_rows(
 ) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
     """Rows of the vertices near each vertex, itself among them: starts, shape [V + 1], and vertices.
 
-    Near is what lies within ``distance`` [m] along the edges, and across a triangle that is lower than that.
+    Near means within ``distance`` [m] along edges, or across a triangle whose height is less than that.
     """
     itself = np.arange(vertex_count)
     pairs = np.stack([itself, itself], axis=1)
@@ -27,24 +27,24 @@ def rest_near_rows(
 
 
 def _within(rest: RestShape, vertex_count: int, distance: float) -> NDArray[np.int64]:
-    """Pairs of vertices whose shortest way along edges is at most ``distance`` [m]."""
+    """Pairs of vertices whose shortest path along edges is at most ``distance`` [m] (a search by edge counts)."""
     short = rest.edge_length <= distance
     ends = rest.topology.edges[short].astype(np.int64)
-    way = np.concatenate([rest.edge_length[short]] * 2)
+    edge_length = np.concatenate([rest.edge_length[short]] * 2)
     origin, target = np.concatenate([ends, ends[:, ::-1]]).T
     start, order = ragged_rows(origin, vertex_count)
     found = np.zeros((0, 2), dtype=np.int64)
-    pairs, length = np.stack([origin, target], axis=1), way
+    pairs, length = np.stack([origin, target], axis=1), edge_length
     while len(pairs):
         found = np.concatenate([found, pairs])
         reached = pairs[:, 0] * vertex_count + pairs[:, 1]
-        # one more edge from where each pair ends
+        # extend each path by one edge
         last = pairs[:, 1]
         count = (start[1:] - start[:-1])[last]
         row = np.repeat(np.arange(len(pairs)), count)
         within = np.arange(len(row)) - np.repeat(np.cumsum(count) - count, count)
         edge = order[start[last[row]] + within]
-        total = length[row] + way[edge]
+        total = length[row] + edge_length[edge]
         step = np.stack([pairs[row, 0], target[edge]], axis=1)
         key = step[:, 0] * vertex_count + step[:, 1]
         known = np.isin(key, np.concatenate([found[:, 0] * vertex_count + found[:, 1], reached]))
@@ -57,7 +57,7 @@ def _within(rest: RestShape, vertex_count: int, distance: float) -> NDArray[np.i
 
 
 def _across(triangles: Indices, rest: RestShape, distance: float) -> NDArray[np.int64]:
-    """Each corner of a triangle lower than ``distance`` there, with the side that it faces and the wing beyond it."""
+    """Each corner whose height is below ``distance`` [m], with the ends of the opposite side and the wing beyond."""
     topology = rest.topology
     sides: Floats = rest.edge_length[topology.triangle_edges]
     height = 2.0 * triangle_areas(sides)[:, None] / sides  # over the sides (0,1), (1,2), (2,0)

@@ -1,4 +1,4 @@
-"""What cloth on cloth needs to know of garments: their triangles and edges over one array of vertices."""
+"""Sheets: the triangles and edges of several garments over one array of vertices."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from warp_cloth.garment.part import GarmentPart
 
 @dataclass(frozen=True)
 class SheetKind:
-    """What contact needs to know of a garment besides its mesh."""
+    """A garment's parameters in contact."""
 
     thickness: float  # [m]
     friction: float
     item: int = 0  # garments of different items never meet
-    layer: int = 0  # of one item's garments, from the inside out
+    layer: int = 0  # among the item's garments, from the inside out
 
 
 def sheets_of(parts: Sequence[GarmentPart]) -> Sheets:

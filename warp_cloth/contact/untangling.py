@@ -1,4 +1,4 @@
-"""What untangling needs of garments that may pass through themselves and each other."""
+"""Untangling: its device arrays for garments that may pass through themselves and each other."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from warp_cloth.garment.part import GarmentPart
 from warp_cloth.kernels.contact.untangle import Untangling
 from warp_cloth.model.permutation import Numbering
 
-LAYER_REACH = 0.01  # [m]; how deep one garment may be inside another once both are sewn
+LAYER_REACH = 0.01  # [m]; greatest depth of one garment inside another once both are sewn
 
 
 def sheet_untangling(sheets: Sheets, parts: Sequence[GarmentPart], numbering: Numbering) -> Any:
-    """What kernels.contact.untangle knows of garments; of one layer that faces outwards, at first."""
+    """Untangling (kernels.contact.untangle) of these garments; initially they all face outwards."""
     count = sheets.vertex_count
     untangling = Untangling()
     rim = np.zeros(count, dtype=np.int32)
@@ -36,13 +36,14 @@ def sheet_untangling(sheets: Sheets, parts: Sequence[GarmentPart], numbering: Nu
     untangling.wings = wp.array(numbering.of(np.concatenate(wings)), dtype=wp.vec2i)
     untangling.rim = wp.array(numbering.rows(rim), dtype=wp.int32)
     start, order = ragged_rows(sheets.edges.ravel(), count)
-    start, beside = numbering.lists(start, numbering.of(sheets.edges[:, ::-1].ravel()[order]))
-    untangling.beside_start, untangling.beside = wp.array(start, dtype=wp.int32), wp.array(beside, dtype=wp.int32)
+    start, adjacent = numbering.lists(start, numbering.of(sheets.edges[:, ::-1].ravel()[order]))
+    untangling.adjacent_start = wp.array(start, dtype=wp.int32)
+    untangling.adjacent = wp.array(adjacent, dtype=wp.int32)
     untangling.crosses, untangling.level = wp.zeros(count, dtype=wp.int32), wp.zeros(count, dtype=wp.int32)
-    untangling.age, untangling.grown = wp.zeros(count, dtype=wp.int32), wp.zeros(count, dtype=wp.int32)
+    untangling.age, untangling.next_age = wp.zeros(count, dtype=wp.int32), wp.zeros(count, dtype=wp.int32)
     untangling.outward = wp.full(count, 1.0, dtype=wp.float32)
     untangling.layer_reach = LAYER_REACH
     untangling.sum = wp.zeros((count, 4), dtype=wp.int64)
     untangling.count = wp.zeros(3, dtype=wp.int32)
-    untangling.beyond = wp.zeros(count, dtype=wp.int64)
+    untangling.nearest = wp.zeros(count, dtype=wp.int64)
     return untangling

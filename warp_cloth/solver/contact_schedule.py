@@ -59,15 +59,15 @@ class ContactSchedule:
         cloth_contact = self._cloth_contact
         self._requested = True
         if not cloth_contact.awake:
-            cloth_contact.note_open()
+            cloth_contact.read_open_seams()
             return
-        cloth_contact.note(whole=ahead and self._worn)
+        cloth_contact.read_pairs(save=ahead and self._worn)
         if cloth_contact.untangles or iteration % CHECK_EVERY == 0:
-            cloth_contact.note_crossings()
+            cloth_contact.read_crossings()
 
     def restore(self) -> None:
         """Restores contact as it was at the last request."""
-        self._cloth_contact.put_back()
+        self._cloth_contact.restore_pairs()
 
     def react(self) -> None:
         """Enlarges the memory for pairs if they overflowed unexpectedly, and untangles what crosses again.
@@ -104,7 +104,7 @@ class ContactSchedule:
     def _advance(self, iteration: int) -> bool:
         cloth_contact = self._cloth_contact
         if not cloth_contact.awake:
-            if cloth_contact.open_noted() and iteration < MOST_SEWING:
+            if cloth_contact.open_seams() and iteration < MOST_SEWING:
                 return False
             self._face()
             cloth_contact.awaken()
@@ -112,7 +112,7 @@ class ContactSchedule:
             self._relaxation.forget_graphs()
             return False
         few = cloth_contact.few_pairs
-        fraction = cloth_contact.share_noted()
+        fraction = cloth_contact.pair_fill()
         if cloth_contact.few_pairs != few:  # other blocks compute their forces
             self._relaxation.forget_graphs()
         self._overflows = self._roomy and fraction > 1.0
@@ -128,7 +128,7 @@ class ContactSchedule:
     def _untangle(self, iteration: int) -> bool:
         """Ends untangling once nothing crosses; returns whether the present shape may be the rest shape."""
         cloth_contact, since = self._cloth_contact, iteration - self._enabled_at
-        crossings = cloth_contact.crossings_noted() if cloth_contact.untangles or iteration % CHECK_EVERY == 0 else 0
+        crossings = cloth_contact.crossings() if cloth_contact.untangles or iteration % CHECK_EVERY == 0 else 0
         if self.calm and since > 0 and (not crossings or since >= MOST_UNTANGLING):
             self._set_momentum(self._momentum)
             cloth_contact.lift(0.0)

@@ -289,17 +289,17 @@ class Relaxation:
         return [] if self._leeway is None else self._leeway.kernels()
 
     @property
-    def touch_data(self) -> Any:
+    def contact_data(self) -> Any:
         """What the kernels read of cloth on cloth."""
         return NoClothContact() if self.cloth_contact is None else self.cloth_contact.data
 
     def _meet_cloth(self, iteration: int, state: Any) -> None:
         """Contact of cloth with cloth, where there is any."""
         if self.cloth_contact is not None and self.cloth_contact.awake:
-            if iteration % self.cloth_contact.look_every == 0:
+            if iteration % self.cloth_contact.check_interval == 0:
                 self.cloth_contact.search_where_due(state)
             if not self._presses_along:
-                self.cloth_contact.press(self.step, state)
+                self.cloth_contact.add_forces(self.step, state)
 
     def _look_up_leeway(self, state: Any) -> None:
         """Where it is due by the iterations since the start, whatever chunks they are run in."""
@@ -318,7 +318,7 @@ class Relaxation:
     @property
     def _asked(self) -> list[Any]:
         """What the kernel that moves vertices asks for besides the cloth."""
-        return [self.step, self.collider_data, self.touch_data]
+        return [self.step, self.collider_data, self.contact_data]
 
     @property
     def stays_packed(self) -> bool:
@@ -350,7 +350,7 @@ class Relaxation:
         self._meet_cloth(iteration, state)
         if self.cloth_contact is None or self.model.patches is None or not self._presses_along:
             return 0
-        return self.cloth_contact.press_along(self.model.patches.count)
+        return self.cloth_contact.divide_blocks(self.model.patches.count)
 
     def run(self, iterations: int, *, shown: bool = True) -> None:
         """Runs a chunk of iterations as one captured graph, without waiting for the device.

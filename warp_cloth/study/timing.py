@@ -125,7 +125,7 @@ class TimedFit:
     def search_checks(self) -> float:
         """How often an iteration checks whether to search for cloth near cloth again."""
         cloth_contact = self._problem.relaxation.cloth_contact
-        return 1.0 / cloth_contact.look_every if cloth_contact is not None and cloth_contact.awake else 0.0
+        return 1.0 / cloth_contact.check_interval if cloth_contact is not None and cloth_contact.awake else 0.0
 
     def advance(self) -> tuple[int, float]:
         """Iterates to the next check, or less far where that takes long; returns the iterations and their seconds."""
@@ -166,7 +166,7 @@ class TimedFit:
 
     def _serial(self) -> AbstractContextManager[None]:
         cloth_contact = self._problem.relaxation.cloth_contact
-        return nullcontext() if cloth_contact is None else cloth_contact.one_thread_at_a_time()
+        return nullcontext() if cloth_contact is None else cloth_contact.searches_in_sequence()
 
     def record(self) -> tuple[list[Launch], list[float]]:
         """Iterates launch by launch; returns the launches, and the seconds of each with all that a timer adds."""

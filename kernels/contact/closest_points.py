@@ -1,7 +1,7 @@
-"""Two pieces of cloth in contact: where they are nearest, and how much nearly parallel edges count.
+"""Closest points of a point and a triangle, and of two edges; the weight of nearly parallel edges.
 
-In float32 where forces are: how far apart two bits are is subtracted in float64, and where they are nearest need not be
-known so well, as the distance is least there.
+In the precision of forces: the distance is subtracted in float64, and the closest points need not be known as well,
+because the distance is least there.
 """
 
 import functools
@@ -13,23 +13,23 @@ from warp_cloth.kernels.math.real import inner, quotient, scaled_sum
 
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})  # the same bits on CPU and CUDA
 
-# Squared sine of the angle between two edges below which they count less and less: parallel edges have no single
-# nearest point, and a jump there would be a jump in the force. Their ends still meet the triangles.
+# Squared sine of the angle between two edges below which their weight falls to zero: parallel edges have no unique
+# nearest point, and a jump of that point would be a jump of the force. Their ends still meet the triangles.
 PARALLEL = 0.01
 NOTHING = wp.constant(wp.float64(0.0))
 WHOLE = wp.constant(wp.float64(1.0))
-LEAST = 1e-30  # what is divided by is no less: only where an edge or a triangle has no size would it be
+LEAST = 1e-30  # least divisor: it matters only where an edge or a triangle has no size
 
 
 @functools.cache
 def nearest_functions(real: type) -> SimpleNamespace:
-    """Functions ``on_triangle`` and ``on_edges`` in float32 or float64, in which vectors are given, too."""
+    """Functions ``on_triangle`` and ``on_edges`` in float32 or float64."""
     vec2, vec3 = wp.types.vector(2, real), wp.types.vector(3, real)
     nothing, whole_one, least = wp.constant(real(0.0)), wp.constant(real(1.0)), wp.constant(real(LEAST))
 
     @wp.func
     def clamped(value: real):
-        """The value, kept in [0, 1]."""
+        """The value clamped to [0, 1]."""
         return wp.clamp(value, nothing, whole_one)
 
     @wp.func
@@ -55,14 +55,14 @@ def nearest_functions(real: type) -> SimpleNamespace:
         on_ab = vc <= nothing and d1 >= nothing and d3 <= nothing
         on_ac = vb <= nothing and d2 >= nothing and d6 <= nothing
         on_bc = va <= nothing and d4 - d3 >= nothing and d5 - d6 >= nothing
-        # threads that go together take one way through all: a GPU's would wait for each other's
+        # selects instead of branches, which would make a GPU's warp diverge
         whole = wp.where(on_bc, (d4 - d3) + (d5 - d6), va + vb + vc)
         whole = wp.where(on_ac, d2 - d6, whole)
         whole = wp.where(on_ab, d1 - d3, whole)
-        share = quotient(whole_one, wp.max(whole, least))
-        v = wp.where(on_ab, d1, vb) * share
-        w = wp.where(on_ac, d2, wp.where(on_bc, d4 - d3, vc)) * share
-        on = vec3(va * share, v, w)
+        scale = quotient(whole_one, wp.max(whole, least))
+        v = wp.where(on_ab, d1, vb) * scale
+        w = wp.where(on_ac, d2, wp.where(on_bc, d4 - d3, vc)) * scale
+        on = vec3(va * scale, v, w)
         on = wp.where(on_bc, vec3(nothing, whole_one - w, w), on)
         on = wp.where(on_ac, vec3(whole_one - w, nothing, w), on)
         on = wp.where(at_c, vec3(nothing, nothing, whole_one), on)
@@ -72,22 +72,22 @@ def nearest_functions(real: type) -> SimpleNamespace:
 
     @wp.func
     def on_edges(along_0: vec3, along_1: vec3, between: vec3):
-        """Shares s, t of the way along two edges where they are nearest; ``between`` is first start less second start.
+        """Parameters s, t in [0, 1] along two edges where they are nearest; ``between``: first start - second start.
 
-        Ericson, Real-Time Collision Detection, 5.1.9; by cross products, which lose fewer digits where edges are
-        nearly parallel than the difference of their lengths' product and their dot product's square.
+        Ericson, Real-Time Collision Detection, 5.1.9; by cross products, which lose fewer digits for nearly parallel
+        edges than the difference a e - b^2 does.
         """
         a = inner(along_0, along_0)
         e = inner(along_1, along_1)
         b = inner(along_0, along_1)
         c = inner(along_0, between)
         f = inner(along_1, between)
-        share_0, share_1 = quotient(whole_one, wp.max(a, least)), quotient(whole_one, wp.max(e, least))
+        inverse_a, inverse_e = quotient(whole_one, wp.max(a, least)), quotient(whole_one, wp.max(e, least))
         cross = wp.cross(along_0, along_1)
         slant = inner(cross, cross)
         s = clamped(quotient(inner(wp.cross(along_1, between), cross), wp.max(slant, least)))
-        t = (b * s + f) * share_1
-        beyond = clamped(wp.where(t < nothing, -c, b - c) * share_0)
+        t = (b * s + f) * inverse_e
+        beyond = clamped(wp.where(t < nothing, -c, b - c) * inverse_a)
         return vec2(wp.where(t < nothing or t > whole_one, beyond, s), clamped(t))
 
     return SimpleNamespace(on_triangle=on_triangle, on_edges=on_edges)
@@ -97,31 +97,31 @@ nearest_on_triangle = nearest_functions(wp.float64).on_triangle
 
 
 @functools.cache
-def slant_functions(real: type) -> SimpleNamespace:
-    """Functions ``share`` and ``slope`` of two edges that are nearly parallel."""
+def parallel_functions(real: type) -> SimpleNamespace:
+    """Functions ``weight`` and ``sine_gradient`` of two nearly parallel edges."""
     vec2, vec3 = wp.types.vector(2, real), wp.types.vector(3, real)
     one, two, least = wp.constant(real(1.0)), wp.constant(real(2.0)), wp.constant(real(LEAST))
     by_parallel = wp.constant(real(1.0 / PARALLEL))
 
     @wp.func
-    def share(along_0: vec3, along_1: vec3):
-        """What a pair of edges counts for, 0 to 1, and its derivative by the squared sine q of the angle between them.
+    def weight(along_0: vec3, along_1: vec3):
+        """Weight w of a pair of edges, 0 to 1, and dw/dq, q the squared sine of the angle between them.
 
-        m = (q/e) (2 - q/e) below e = PARALLEL, 1 above (after Li et al. 2020, Incremental Potential Contact, eq. 24).
+        w = (q/e) (2 - q/e) below e = PARALLEL, 1 above (after Li et al. 2020, Incremental Potential Contact, eq. 24).
         """
         cross = wp.cross(along_0, along_1)
         size = wp.max(inner(along_0, along_0) * inner(along_1, along_1), least)
-        share = quotient(inner(cross, cross), size) * by_parallel
-        if share >= one:
+        ratio = quotient(inner(cross, cross), size) * by_parallel
+        if ratio >= one:
             return vec2(one, real(0.0))
-        return vec2(share * (two - share), two * (one - share) * by_parallel)
+        return vec2(ratio * (two - ratio), two * (one - ratio) * by_parallel)
 
     @wp.func
-    def slope(along: vec3, other: vec3):
-        """Gradient by ``along`` of the squared sine of the angle between two edges [1/m]."""
+    def sine_gradient(along: vec3, other: vec3):
+        """Gradient with respect to ``along`` of the squared sine of the angle between two edges [1/m]."""
         a = wp.max(inner(along, along), least)
         dot = inner(along, other)
         scale = quotient(two * dot, wp.max(a * inner(other, other), least))
         return scaled_sum(along, quotient(dot, a), -other) * scale
 
-    return SimpleNamespace(share=share, slope=slope)
+    return SimpleNamespace(weight=weight, sine_gradient=sine_gradient)
