@@ -1,8 +1,8 @@
-"""How the forces change with the positions: for each pair of vertices that share an element, a 3x3 coupling [N/m].
+"""Stiffness matrix of the cloth: for each pair of vertices that share an element, a 3 x 3 coupling S_ij [N/m].
 
-Moved by d, the forces change by minus the sum over pairs of S_ij (d_i - d_j): rigid shifts cost nothing, exactly. Only
-what resists is kept (tension across an edge, not the buckling of a compressed one), so that the whole is never
-negative and a solution with it always goes downhill.
+Displacements d change the forces by minus the sum over pairs of S_ij (d_i - d_j): rigid translations cost nothing,
+exactly. Only what resists is kept (tension across an edge, not the buckling of a compressed one), so that the matrix is
+positive semidefinite and every solution with it leads downhill.
 """
 
 import functools
@@ -14,19 +14,17 @@ from warp_cloth.kernels.base.types import MODULE_OPTIONS, cloth_types, differenc
 from warp_cloth.kernels.laws.bending import THINNEST, hinge_normals, rotated_back
 from warp_cloth.kernels.laws.tension import tension_force, tension_stiffness
 from warp_cloth.kernels.laws.yarn import DIAGONAL, warp_vector, weft_vector, yarn_law, yarn_of
-from warp_cloth.kernels.math.symmetric import bounded_inverse, inverse, multiple_of_unit, outer, symmetric_times
+from warp_cloth.kernels.math.symmetric import matrix_type, multiple_of_unit, outer, symmetric_matrix_functions
 
 
 @functools.cache
 def stiffness_types(precision: str) -> SimpleNamespace:
     """Struct ``Pairs`` and the types ``mat3`` and ``vec6`` (xx, yy, zz, xy, xz, yz of a symmetric matrix)."""
-    types = cloth_types(precision)
-    real, vec6 = types.real, types.vec6
-    mat3 = wp.types.matrix(shape=(3, 3), dtype=real)
+    vec6, mat3 = cloth_types(precision).vec6, matrix_type(precision)
 
     @wp.struct
     class Pairs:
-        """N pairs of vertices i < j that share an edge, a hinge or a woven triangle, and what couples each."""
+        """N pairs of vertices i < j that share an edge, a hinge or a woven triangle, and these elements."""
 
         edge: wp.array(dtype=wp.int32)  # the edge that pulls between them, or -1, shape [N]
         hinge_start: wp.array(dtype=wp.int32)  # rows of ``hinge``, shape [N + 1]
@@ -39,32 +37,24 @@ def stiffness_types(precision: str) -> SimpleNamespace:
 
 
 @functools.cache
-def symmetric_functions(precision: str) -> SimpleNamespace:
-    """Functions on symmetric matrices as vec6: ``along``, ``even``, ``times``, ``inverse``.
-
-    And ``leeway_inverse``, as quick as a GPU can be, of what is neither as small nor as large as stiffnesses may be.
-    """
-    return SimpleNamespace(
-        along=outer, even=multiple_of_unit, times=symmetric_times, inverse=inverse, leeway_inverse=bounded_inverse
-    )
-
-
-@functools.cache
 def spring_function(precision: str) -> wp.Function:
-    """The function ``spring``: how a yarn or an edge resists its ends' moving apart, along and across it."""
+    """The function ``spring_stiffness``, of a yarn or an edge."""
     real, vec3 = cloth_types(precision).real, cloth_types(precision).vec3
 
     @wp.func
-    def spring(d: vec3, change: vec3, rest: real, pull: real, push: real, share: real):
-        """Stiffness of a spring at d: f' along it, f / r across it where it pulls, at most where its change ends."""
-        length = wp.max(wp.length(d), real(1.0e-9))
-        reach = share * wp.abs(wp.length(d + change) - length)
-        across = wp.max(tension_force(length + reach - rest, pull, push), real(0.0)) / length
-        stiff = tension_stiffness(length - rest, pull, push, reach)
-        across = wp.min(across, stiff)
-        return outer(stiff - across, d / length) + multiple_of_unit(across)
+    def spring_stiffness(d: vec3, change: vec3, rest: real, pull: real, push: real, reach: real):
+        """Stiffness of a spring along d: f' along it, f / r across it where it pulls, each the largest within a range.
 
-    return spring
+        The length r is allowed to change by ``reach`` times as much as it did by the last displacements' ``change``.
+        """
+        length = wp.max(wp.length(d), real(1.0e-9))
+        span = reach * wp.abs(wp.length(d + change) - length)
+        across = wp.max(tension_force(length + span - rest, pull, push), real(0.0)) / length
+        along = tension_stiffness(length - rest, pull, push, span)
+        across = wp.min(across, along)
+        return outer(along - across, d / length) + multiple_of_unit(across)
+
+    return spring_stiffness
 
 
 @functools.cache
@@ -80,7 +70,7 @@ def linearise_hinges_kernel(precision: str, angles: bool) -> wp.Kernel:
         hinges: Hinges,
         gradient_out: wp.array2d(dtype=vec3),  # sqrt(C sin theta) times the angle's gradient, shape [4, H]
     ):
-        """C sin(theta) grad(theta) grad(theta)^T is a hinge's stiffness; stores a root of it for each corner."""
+        """Stores a root of a hinge's stiffness, C sin(theta) grad(theta) grad(theta)^T, for each corner."""
         hinge = wp.tid()
         corners = hinges.corners[hinge]
         axis, wing_0, wing_1 = hinge_sides(state.position, corners)
@@ -112,7 +102,7 @@ def linearise_weave_kernel(precision: str) -> wp.Kernel:
     types = cloth_types(precision)
     real, State, Weave = types.real, types.State, types.Weave
     vec6 = stiffness_types(precision).vec6
-    spring = spring_function(precision)
+    spring_stiffness = spring_function(precision)
     difference = difference_function(precision)
     diagonal = wp.constant(real(DIAGONAL))
 
@@ -120,10 +110,10 @@ def linearise_weave_kernel(precision: str) -> wp.Kernel:
     def linearise_weave(
         state: State,
         weave: Weave,
-        share: real,  # of the last change of a length that is allowed for
+        reach: real,  # as in spring_stiffness
         side_out: wp.array2d(dtype=vec6),  # coupling of the corners (0,1), (1,2), (2,0) [N/m], shape [3, T]
     ):
-        """Couplings of a woven triangle's corners by its four yarns: minus b_i b_j times the yarn's stiffness."""
+        """Couplings of a triangle's corners by its four yarns t = sum b_i x_i: -b_i b_j times the yarn's stiffness."""
         triangle = wp.tid()
         corners = weave.corners[triangle]
         slope = weave.slope[triangle]
@@ -132,8 +122,8 @@ def linearise_weave_kernel(precision: str) -> wp.Kernel:
         side_1 = difference(state.position[corners[1]], origin)
         side_2 = difference(state.position[corners[2]], origin)
         weft, warp = weft_vector(slope, side_1, side_2), warp_vector(slope, side_1, side_2)
-        move = state.displacement[corners[0]]
-        change_1, change_2 = state.displacement[corners[1]] - move, state.displacement[corners[2]] - move
+        last = state.displacement[corners[0]]
+        change_1, change_2 = state.displacement[corners[1]] - last, state.displacement[corners[2]] - last
         weft_change, warp_change = weft_vector(slope, change_1, change_2), warp_vector(slope, change_1, change_2)
         weft_pull, warp_pull, shear_pull, compression = yarn_law(law)
         first = vec6()
@@ -143,7 +133,7 @@ def linearise_weave_kernel(precision: str) -> wp.Kernel:
             t, change = yarn_of(yarn, weft, warp, diagonal), yarn_of(yarn, weft_change, warp_change, diagonal)
             b1, b2 = yarn_of(yarn, slope[0], slope[2], diagonal), yarn_of(yarn, slope[1], slope[3], diagonal)
             pull = wp.where(yarn == 0, weft_pull, wp.where(yarn == 1, warp_pull, shear_pull))
-            stiff = spring(t, change, real(1.0), pull, pull * compression, share)
+            stiff = spring_stiffness(t, change, real(1.0), pull, pull * compression, reach)
             b0 = -(b1 + b2)
             first -= stiff * (b0 * b1)
             second -= stiff * (b1 * b2)
@@ -161,7 +151,8 @@ def couple_pairs_kernel(precision: str) -> wp.Kernel:
     types, own = cloth_types(precision), stiffness_types(precision)
     real, vec3, State, Edges = types.real, types.vec3, types.State, types.Edges
     mat3, vec6, Pairs = own.mat3, own.vec6, own.Pairs
-    spring = spring_function(precision)
+    full_matrix = symmetric_matrix_functions(precision).full_matrix
+    spring_stiffness = spring_function(precision)
     difference = difference_function(precision)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
@@ -169,13 +160,13 @@ def couple_pairs_kernel(precision: str) -> wp.Kernel:
         state: State,
         edges: Edges,
         pairs: Pairs,
-        share: real,  # as of linearise_weave
+        reach: real,  # as in spring_stiffness
         gradient: wp.array2d(dtype=vec3),  # from linearise_hinges
         side: wp.array2d(dtype=vec6),  # from linearise_weave
         coupling_out: wp.array(dtype=mat3),  # S_ij in row i and its transpose in row j [N/m], shape [2 N]
         pair_out: wp.array(dtype=vec6),  # symmetric part of S_ij, shape [N]
     ):
-        """Sums what couples the two vertices of a pair."""
+        """Sums the couplings of a pair's two vertices over its elements."""
         pair = wp.tid()
         s = vec6()
         edge = pairs.edge[pair]
@@ -184,11 +175,11 @@ def couple_pairs_kernel(precision: str) -> wp.Kernel:
             law = edges.law[edge]
             d = difference(state.position[ends[1]], state.position[ends[0]])
             change = state.displacement[ends[1]] - state.displacement[ends[0]]
-            s = spring(d, change, law[0], law[1], law[2], share)
+            s = spring_stiffness(d, change, law[0], law[1], law[2], reach)
         for row in range(pairs.weave_start[pair], pairs.weave_start[pair + 1]):
             code = pairs.weave[row]
             s += side[code % 3, code // 3]
-        full = mat3(s[0], s[3], s[4], s[3], s[1], s[5], s[4], s[5], s[2])
+        full = full_matrix(s)
         for row in range(pairs.hinge_start[pair], pairs.hinge_start[pair + 1]):
             code = pairs.hinge[row]
             hinge = code // 16

@@ -9,8 +9,8 @@ import functools
 import warp as wp
 
 from warp_cloth.kernels.base.types import MODULE_OPTIONS, cloth_types
-from warp_cloth.kernels.elements.stiffness import stiffness_types, symmetric_functions
 from warp_cloth.kernels.implicit.system import system_types
+from warp_cloth.kernels.math.symmetric import symmetric_times
 
 GROWTH, DECAY = wp.constant(1.05), wp.constant(0.97)
 LIMIT = wp.constant(0.02)  # of the block's trace
@@ -32,7 +32,7 @@ SNAPPING_OSCILLATION = wp.constant(0.1)
 def adapt_inertia_function(precision: str) -> wp.Function:
     """The function ``adapt_inertia``."""
     real, vec3 = cloth_types(precision).real, cloth_types(precision).vec3
-    vec6, times = stiffness_types(precision).vec6, symmetric_functions(precision).times
+    vec6 = cloth_types(precision).vec6
     ImplicitState = system_types(precision).ImplicitState
 
     @wp.func
@@ -45,7 +45,7 @@ def adapt_inertia_function(precision: str) -> wp.Function:
         threshold = wp.where(snapping, real(SNAPPING_OSCILLATION), real(OSCILLATION))
         tolerated = real(0.0)
         if implicit.step_fraction > real(0.0):
-            tolerated = threshold * wp.dot(displacement, times(block, displacement))
+            tolerated = threshold * wp.dot(displacement, symmetric_times(block, displacement))
         turned_back = wp.dot(displacement, force) < -tolerated
         growth = wp.where(snapping, real(SNAPPING_GROWTH), real(GROWTH))
         decay = wp.where(snapping, real(SNAPPING_DECAY), real(DECAY))

@@ -5,8 +5,8 @@ import functools
 import warp as wp
 
 from warp_cloth.kernels.base.types import cloth_types
-from warp_cloth.kernels.elements.stiffness import stiffness_types, symmetric_functions
 from warp_cloth.kernels.implicit.system import FIXED, FREE, SLIDING
+from warp_cloth.kernels.math.symmetric import symmetric_times
 
 # Up to this far above the contact offset a vertex that the force presses onto the avatar counts as in contact; one on
 # which contact acted in the last step, up to CLOSE_AFTER_CONTACT: a field's distance and its slope agree no better.
@@ -34,7 +34,7 @@ def close_function(precision: str) -> wp.Function:
 def presses_function(precision: str) -> wp.Function:
     """The function ``presses``: whether the force on a vertex takes it to the avatar's surface."""
     real, vec3 = cloth_types(precision).real, cloth_types(precision).vec3
-    vec6, times = stiffness_types(precision).vec6, symmetric_functions(precision).times
+    vec6 = cloth_types(precision).vec6
 
     @wp.func
     def presses(force: vec3, normal: vec3, gap: real, block: vec6):
@@ -42,7 +42,7 @@ def presses_function(precision: str) -> wp.Function:
 
         What is balanced a little above the surface is not constrained: it would be drawn down and let go for ever.
         """
-        return -wp.dot(force, normal) > wp.max(gap, real(0.0)) * wp.dot(normal, times(block, normal))
+        return -wp.dot(force, normal) > wp.max(gap, real(0.0)) * wp.dot(normal, symmetric_times(block, normal))
 
     return presses
 

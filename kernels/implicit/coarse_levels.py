@@ -14,8 +14,8 @@ import warp as wp
 from warp_cloth.kernels.base.block import block_threads, lane_of, wait_for_block
 from warp_cloth.kernels.base.reduction import add_in_lane_order_function, warp_size
 from warp_cloth.kernels.base.types import MODULE_OPTIONS, cloth_types
-from warp_cloth.kernels.elements.stiffness import stiffness_types, symmetric_functions
 from warp_cloth.kernels.implicit.sparse import add_row_function, row_product_function, sparse_types
+from warp_cloth.kernels.math.symmetric import inverse, symmetric_times
 
 COARSEST_THREADS = 1024  # of the one block that works on the coarsest levels, on a GPU
 
@@ -23,7 +23,7 @@ COARSEST_THREADS = 1024  # of the one block that works on the coarsest levels, o
 @functools.cache
 def coarsen_stiffness_kernel(precision: str) -> wp.Kernel:
     """Kernel ``coarsen_stiffness``."""
-    vec6, CsrMatrix = stiffness_types(precision).vec6, sparse_types(precision).CsrMatrix
+    vec6, CsrMatrix = cloth_types(precision).vec6, sparse_types(precision).CsrMatrix
     row_product = row_product_function(precision, vec6)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
@@ -44,8 +44,7 @@ def coarsen_stiffness_kernel(precision: str) -> wp.Kernel:
 @functools.cache
 def coarsen_anchors_kernel(precision: str) -> wp.Kernel:
     """Kernel ``coarsen_anchors``."""
-    vec6, CsrMatrix = stiffness_types(precision).vec6, sparse_types(precision).CsrMatrix
-    inverse = symmetric_functions(precision).inverse
+    vec6, CsrMatrix = cloth_types(precision).vec6, sparse_types(precision).CsrMatrix
     add_in_lane_order = add_in_lane_order_function(precision, vec6)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
@@ -104,8 +103,8 @@ def restrict_residual_kernel(precision: str) -> wp.Kernel:
 @functools.cache
 def prolong_correction_kernel(precision: str) -> wp.Kernel:
     """Kernel ``prolong_correction``."""
-    vec3, vec6 = cloth_types(precision).vec3, stiffness_types(precision).vec6
-    CsrMatrix, times = sparse_types(precision).CsrMatrix, symmetric_functions(precision).times
+    vec3, vec6 = cloth_types(precision).vec3, cloth_types(precision).vec6
+    CsrMatrix = sparse_types(precision).CsrMatrix
     add_row = add_row_function(precision)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
@@ -118,7 +117,7 @@ def prolong_correction_kernel(precision: str) -> wp.Kernel:
     ):
         """Correction of a level: D^-1 r + P times the coarser level's."""
         vertex = wp.tid()
-        sum = times(inverse[vertex], residual[vertex])
+        sum = symmetric_times(inverse[vertex], residual[vertex])
         if coarser:
             sum = add_row(sum, prolongation, vertex, coarser)
         correction_out[vertex] = sum
@@ -129,8 +128,8 @@ def prolong_correction_kernel(precision: str) -> wp.Kernel:
 @functools.cache
 def correct_coarsest_levels_kernel(precision: str) -> wp.Kernel:
     """Kernel ``correct_coarsest_levels``."""
-    vec3, vec6 = cloth_types(precision).vec3, stiffness_types(precision).vec6
-    CsrMatrix, times = sparse_types(precision).CsrMatrix, symmetric_functions(precision).times
+    vec3, vec6 = cloth_types(precision).vec3, cloth_types(precision).vec6
+    CsrMatrix = sparse_types(precision).CsrMatrix
     add_row, row_product = add_row_function(precision), row_product_function(precision, vec3)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS, launch_bounds=COARSEST_THREADS)
@@ -155,7 +154,7 @@ def correct_coarsest_levels_kernel(precision: str) -> wp.Kernel:
             wait_for_block()
         for level in range(coarsest + 1):
             for vertex in range(first[coarsest - level] + lane, first[coarsest - level + 1], lanes):
-                own = times(inverse[vertex], residual_out[vertex])
+                own = symmetric_times(inverse[vertex], residual_out[vertex])
                 correction_out[vertex] = add_row(own, prolongation, vertex, correction_out)
             wait_for_block()
 

@@ -14,9 +14,9 @@ import warp as wp
 from warp_cloth.kernels.base.block import block_of, block_threads, lane_of
 from warp_cloth.kernels.base.reduction import Chunks, garment_ratio, sum_chunk
 from warp_cloth.kernels.base.types import MODULE_OPTIONS, cloth_types
-from warp_cloth.kernels.elements.stiffness import symmetric_functions
 from warp_cloth.kernels.implicit.sparse import add_row_function, sparse_types
 from warp_cloth.kernels.implicit.system import FIXED, filter_function, system_types
+from warp_cloth.kernels.math.symmetric import symmetric_times
 
 
 @functools.cache
@@ -70,7 +70,7 @@ def precondition_residual_kernel(precision: str) -> wp.Kernel:
     """Kernel ``precondition_residual``."""
     vec3, CsrMatrix = cloth_types(precision).vec3, sparse_types(precision).CsrMatrix
     LinearSystem, SolutionState = system_types(precision).LinearSystem, system_types(precision).SolutionState
-    times, add_row = symmetric_functions(precision).times, add_row_function(precision)
+    add_row = add_row_function(precision)
     filtered = filter_function(precision)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
@@ -90,7 +90,7 @@ def precondition_residual_kernel(precision: str) -> wp.Kernel:
             residual = solution.residual[vertex]
             sum = vec3()
             if constraint != FIXED:
-                sum = times(system.inverse[vertex], residual)
+                sum = symmetric_times(system.inverse[vertex], residual)
                 if coarser:
                     sum = add_row(sum, prolongation, vertex, coarser)
             correction = filtered(sum, system.normal[vertex], constraint)

@@ -11,10 +11,10 @@ import warp as wp
 
 from warp_cloth.kernels.base.reduction import add_in_lane_order_function, warp_size
 from warp_cloth.kernels.base.types import MODULE_OPTIONS, cloth_types
-from warp_cloth.kernels.elements.stiffness import stiffness_types, symmetric_functions
+from warp_cloth.kernels.elements.stiffness import stiffness_types
 from warp_cloth.kernels.implicit.rigid_types import INTERLEAVED, rigid_types
 from warp_cloth.kernels.implicit.sparse import sparse_types
-from warp_cloth.kernels.math.symmetric import symmetric_matrix_functions
+from warp_cloth.kernels.math.symmetric import inverse, symmetric_matrix_functions
 
 
 @functools.cache
@@ -126,7 +126,7 @@ def assemble_blocks_kernel(precision: str) -> wp.Kernel:
 def invert_diagonal_kernel(precision: str) -> wp.Kernel:
     """Kernel ``invert_diagonal``."""
     mat3, RigidLevel = stiffness_types(precision).mat3, rigid_types(precision).RigidLevel
-    inverse, symmetric = symmetric_functions(precision).inverse, symmetric_matrix_functions(precision)
+    symmetric = symmetric_matrix_functions(precision)
     upper_triangle, full_matrix = symmetric.upper_triangle, symmetric.full_matrix
 
     @wp.func

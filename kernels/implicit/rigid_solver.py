@@ -11,14 +11,14 @@ import warp as wp
 from warp_cloth.kernels.base.block import block_of, block_threads, lane_of, wait_for_block
 from warp_cloth.kernels.base.reduction import coherent_load_function, garment_ratio, grid_barrier, sum_chunk
 from warp_cloth.kernels.base.types import MODULE_OPTIONS, cloth_types
-from warp_cloth.kernels.elements.stiffness import symmetric_functions
 from warp_cloth.kernels.implicit.rigid_types import INTERLEAVED, rigid_types
+from warp_cloth.kernels.math.symmetric import symmetric_times
 
 
 @functools.cache
 def precondition_function(precision: str) -> wp.Function:
     """The function ``precondition``, of one coarse vertex."""
-    vec3, own, times = cloth_types(precision).vec3, rigid_types(precision), symmetric_functions(precision).times
+    vec3, own = cloth_types(precision).vec3, rigid_types(precision)
     RigidLevel, RigidState = own.RigidLevel, own.RigidState
 
     @wp.func
@@ -29,8 +29,9 @@ def precondition_function(precision: str) -> wp.Function:
         """
         tw = level.cross[vertex]
         inverse_tt = level.inverse[vertex, 0]
-        rotation = times(level.inverse[vertex, 1], moment - wp.transpose(tw) * times(inverse_tt, force))
-        translation = times(inverse_tt, force - tw * rotation)
+        left = moment - wp.transpose(tw) * symmetric_times(inverse_tt, force)
+        rotation = symmetric_times(level.inverse[vertex, 1], left)
+        translation = symmetric_times(inverse_tt, force - tw * rotation)
         rigid.residual[2 * vertex] = force
         rigid.residual[2 * vertex + 1] = moment
         rigid.correction[2 * vertex] = translation

@@ -6,20 +6,25 @@ from types import SimpleNamespace
 import warp as wp
 
 from warp_cloth.kernels.base.types import MODULE_OPTIONS, cloth_types, free_function, rest_function
-from warp_cloth.kernels.elements.stiffness import stiffness_types, symmetric_functions
 from warp_cloth.kernels.implicit.adaptive_inertia import adapt_inertia_function, grow_free_fall_kernel
 from warp_cloth.kernels.implicit.avatar_constraint import close_function, presses_function, stick_or_slip_function
 from warp_cloth.kernels.implicit.momentum import adapt_momentum_kernel, measure_momentum_work_kernel
 from warp_cloth.kernels.implicit.system import FIXED, FREE, SLIDING, filter_function, system_types
 from warp_cloth.kernels.laws.friction import friction_slide
-from warp_cloth.kernels.math.symmetric import symmetric_matrix_functions
+from warp_cloth.kernels.math.symmetric import (
+    inverse,
+    multiple_of_unit,
+    outer,
+    symmetric_matrix_functions,
+    symmetric_times,
+)
 from warp_cloth.kernels.passes.step import capped, colliders_type
 
 
 @functools.cache
 def own_block_function(precision: str) -> wp.Function:
     """The function ``own_block``: the stiffness around a vertex."""
-    vec6, LinearSystem = stiffness_types(precision).vec6, system_types(precision).LinearSystem
+    vec6, LinearSystem = cloth_types(precision).vec6, system_types(precision).LinearSystem
     upper_triangle = symmetric_matrix_functions(precision).upper_triangle
 
     @wp.func
@@ -41,15 +46,14 @@ def own_block_function(precision: str) -> wp.Function:
 def anchor_function(precision: str) -> wp.Function:
     """The function ``anchor_of``: what resists a vertex's displacement besides its neighbours."""
     real, vec3 = cloth_types(precision).real, cloth_types(precision).vec3
-    vec6, symmetric = stiffness_types(precision).vec6, symmetric_functions(precision)
-    along, even, times = symmetric.along, symmetric.even, symmetric.times
+    vec6 = cloth_types(precision).vec6
 
     @wp.func
     def anchor_of(diagonal: real, constraint: int, normal: vec3, block: vec6):
         """Stiffness of a vertex against the world [N/m]: inertia and drag, and its own where it may not move."""
-        anchor = even(diagonal)
+        anchor = multiple_of_unit(diagonal)
         if constraint == SLIDING:
-            anchor += along(wp.dot(normal, times(block, normal)), normal)
+            anchor += outer(wp.dot(normal, symmetric_times(block, normal)), normal)
         if constraint == FIXED:
             anchor += block
         return anchor
@@ -64,7 +68,7 @@ def prepare_step_kernel(precision: str, contact: wp.Function | None, collider_ty
     real, vec3, vec4, Model, State, Step = types.real, types.vec3, types.vec4, types.Model, types.State, types.Step
     LinearSystem, SolutionState, ImplicitState = own.LinearSystem, own.SolutionState, own.ImplicitState
     free, rests = free_function(precision, pins), rest_function(precision)
-    inverse, filtered = symmetric_functions(precision).inverse, filter_function(precision)
+    filtered = filter_function(precision)
     own_block, anchor_of = own_block_function(precision), anchor_function(precision)
     close, presses = close_function(precision), presses_function(precision)
     stick_or_slip, adapt_inertia = stick_or_slip_function(precision), adapt_inertia_function(precision)

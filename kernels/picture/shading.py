@@ -1,4 +1,4 @@
-"""Shaded pictures from z-buffers: smooth normals, a key light with soft shadows, a sky that folds hide."""
+"""Shading from z-buffers: smooth normals, a key light with soft shadows, ambient occlusion in folds (horizons)."""
 
 import warp as wp
 
@@ -19,11 +19,11 @@ GOLDEN_ANGLE = wp.constant(wp.float32(2.39996))  # [rad]
 
 
 @wp.struct
-class Look:
-    """Which side of a thing's surface is out, and what the other looks like."""
+class Appearance:
+    """Which side of a mesh is out, and how dark the other one is."""
 
     outside: float  # 1 where triangles wind outward, -1 where inward
-    inside: float  # share of the reflectance left on the inside
+    inside: float  # fraction of the reflectance left on the inside
 
 
 @wp.func
@@ -52,19 +52,19 @@ def horizon(normal: wp.vec3f, offset: wp.vec3f, reach: float) -> float:
 
 
 @wp.kernel
-def look_up_pixels(
+def sample_surface(
     points: wp.array(dtype=wp.vec3f),  # [m], shape [V]
     normals: wp.array(dtype=wp.vec3f),  # unit, shape [V]
     triangles: wp.array2d(dtype=wp.int32),  # shape [F, 3]
-    owners: wp.array(dtype=wp.int32),  # whose triangle it is, an index of looks, shape [F]
-    looks: wp.array(dtype=Look),
+    owners: wp.array(dtype=wp.int32),  # whose triangle it is, an index of appearances, shape [F]
+    appearances: wp.array(dtype=Appearance),
     colours: wp.array(dtype=wp.vec3f),  # reflectance in linear light, 0..1, shape [V]
     view: View,
     ids: wp.array2d(dtype=wp.int32),  # from draw_triangle_ids, shape [rows, columns]
     normal_out: wp.array2d(dtype=wp.vec3f),  # turned to the viewer, shape [rows, columns]
     reflectance_out: wp.array2d(dtype=wp.vec3f),  # linear, 0..1; left as it is where nothing is drawn
 ):
-    """Looks up the surface under every pixel: normal and colour interpolated over the triangle, the inside darker."""
+    """Samples the surface under every pixel: normal and colour interpolated over the triangle, the inside darker."""
     row, column = wp.tid()
     triangle = ids[row, column]
     if triangle >= triangles.shape[0]:
@@ -79,10 +79,10 @@ def look_up_pixels(
     normal = w[0] * normals[i] + w[1] * normals[j] + w[2] * normals[k]
     # the flat triangle decides which side is seen; the smooth normal may waver at a silhouette
     facing = wp.sign((b[0] - a[0]) * (c[1] - a[1]) - (c[0] - a[0]) * (b[1] - a[1]))
-    look = looks[owners[triangle]]
+    appearance = appearances[owners[triangle]]
     normal_out[row, column] = turned_to_viewer(facing * normal, view.toward)
     colour = w[0] * colours[i] + w[1] * colours[j] + w[2] * colours[k]
-    reflectance_out[row, column] = colour * wp.where(facing * look.outside < 0.0, look.inside, 1.0)
+    reflectance_out[row, column] = colour * wp.where(facing * appearance.outside < 0.0, appearance.inside, 1.0)
 
 
 @wp.func
@@ -93,21 +93,21 @@ def pixel_point(view: View, row: int, column: int, depth: float) -> wp.vec3f:
 
 
 @wp.func
-def pattern_turn(row: int, column: int) -> float:
-    """Turn of a pixel's sampling pattern, 0..1, its own in a 2 x 2 block; supersampling averages the four."""
+def pattern_rotation(row: int, column: int) -> float:
+    """Rotation of a pixel's sampling pattern in turns, one of four in a 2 x 2 block, which supersampling averages."""
     return 0.25 * float(2 * (row % 2) + column % 2)
 
 
 @wp.kernel
 def cast_shadows(
     depth: wp.array2d(dtype=wp.float32),  # from draw_depth [m], -inf where empty, shape [rows, columns]
-    normal: wp.array2d(dtype=wp.vec3f),  # from look_up_pixels, shape [rows, columns]
+    normal: wp.array2d(dtype=wp.vec3f),  # from sample_surface, shape [rows, columns]
     view: View,
     key: View,  # from the key light
     key_depth: wp.array2d(dtype=wp.float32),  # from draw_depth [m], shape [key.rows, key.columns]
-    lit_out: wp.array2d(dtype=wp.float32),  # share of the key's light, 0..1, shape [rows, columns]
+    lit_out: wp.array2d(dtype=wp.float32),  # fraction of the key's light, 0..1, shape [rows, columns]
 ):
-    """Share of a disc of the key's depth image round each drawn pixel's point that is not before it."""
+    """Fraction of a disc of the key's depth image round each drawn pixel's point that is not before it."""
     row, column = wp.tid()
     if depth[row, column] <= -wp.inf:
         return
@@ -115,9 +115,9 @@ def cast_shadows(
     place = pixel_position(key, point)
     lit = float(0.0)
     for tap in range(SHADOW_TAPS):
-        share = (float(tap) + 0.5) / float(SHADOW_TAPS)
-        angle = float(tap) * GOLDEN_ANGLE + 2.0 * wp.pi * pattern_turn(row, column)
-        away = SHADOW_BLUR / key.pixel * wp.sqrt(share)
+        fraction = (float(tap) + 0.5) / float(SHADOW_TAPS)
+        angle = float(tap) * GOLDEN_ANGLE + 2.0 * wp.pi * pattern_rotation(row, column)
+        away = SHADOW_BLUR / key.pixel * wp.sqrt(fraction)
         x = int(wp.round(place[0] + away * wp.cos(angle)))
         y = int(wp.round(place[1] + away * wp.sin(angle)))
         if x < 0 or x >= key.columns or y < 0 or y >= key.rows:
@@ -130,7 +130,7 @@ def cast_shadows(
 @wp.kernel
 def light_pixels(
     depth: wp.array2d(dtype=wp.float32),  # from draw_depth [m], shape [rows, columns]
-    normal: wp.array2d(dtype=wp.vec3f),  # from look_up_pixels, shape [rows, columns]
+    normal: wp.array2d(dtype=wp.vec3f),  # from sample_surface, shape [rows, columns]
     reflectance: wp.array2d(dtype=wp.vec3f),  # linear, shape [rows, columns]
     lit: wp.array2d(dtype=wp.float32),  # from cast_shadows, shape [rows, columns]
     view: View,
@@ -149,12 +149,12 @@ def light_pixels(
     here = depth[row, column]
     risen = float(0.0)
     for direction in range(OCCLUSION_DIRECTIONS):
-        angle = 2.0 * wp.pi * (float(direction) + pattern_turn(row, column)) / float(OCCLUSION_DIRECTIONS)
+        angle = 2.0 * wp.pi * (float(direction) + pattern_rotation(row, column)) / float(OCCLUSION_DIRECTIONS)
         highest = float(0.0)
         for step in range(OCCLUSION_STEPS):
             # steps widen quadratically: folds are near, hems far
-            share = (float(step) + 1.0) / float(OCCLUSION_STEPS)
-            away = wp.max(OCCLUSION_REACH * share * share / view.pixel, 1.5 * (float(step) + 1.0))
+            fraction = (float(step) + 1.0) / float(OCCLUSION_STEPS)
+            away = wp.max(OCCLUSION_REACH * fraction * fraction / view.pixel, 1.5 * (float(step) + 1.0))
             x = int(wp.round(wp.cos(angle) * away))
             y = int(wp.round(wp.sin(angle) * away))
             if row + y >= 0 and row + y < view.rows and column + x >= 0 and column + x < view.columns:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from warp_cloth.base.mesh import Mesh, vertex_normals
 from warp_cloth.export.surface import AVATAR_COLOUR, cloth_colour, linear, winds_outward
 from warp_cloth.kernels.avatar.raster import View, draw_depth, draw_triangle_ids
-from warp_cloth.kernels.picture.shading import Look, cast_shadows, light_pixels, look_up_pixels
+from warp_cloth.kernels.picture.shading import Appearance, cast_shadows, light_pixels, sample_surface
 from warp_cloth.model.result import WornGarment
 
 Vector = NDArray[np.float64]
@@ -32,8 +32,8 @@ class Subject:
     points: wp.array  # float32 [m], shape [V]
     normals: wp.array  # shape [V]
     triangles: wp.array  # shape [F, 3]
-    owners: wp.array  # index into looks of each triangle, shape [F]
-    looks: wp.array
+    owners: wp.array  # index into appearances of each triangle, shape [F]
+    appearances: wp.array
     colours: wp.array  # reflectance in linear light, shape [V]
     low: Vector  # corners of the bounding box [m]
     high: Vector
@@ -75,7 +75,7 @@ def build_subject(garments: Sequence[WornGarment], avatar: Mesh | None, device: 
         normals=array(np.concatenate([vertex_normals(p, faces) for p, faces, *_ in parts]), wp.vec3f),
         triangles=array(np.concatenate(triangles).astype(np.int32), wp.int32),
         owners=array(owners.astype(np.int32), wp.int32),
-        looks=array([shading_of(p, faces, inside) for p, faces, _, inside in parts], Look),
+        appearances=array([shading_of(p, faces, inside) for p, faces, _, inside in parts], Appearance),
         colours=array(linear(np.concatenate([colour for _, _, colour, _ in parts])).astype(np.float32), wp.vec3f),
         low=points.min(axis=0),
         high=points.max(axis=0),
@@ -83,12 +83,12 @@ def build_subject(garments: Sequence[WornGarment], avatar: Mesh | None, device: 
     )
 
 
-def shading_of(points: Vector, triangles: NDArray[np.int32], inside: float) -> Look:
+def shading_of(points: Vector, triangles: NDArray[np.int32], inside: float) -> Appearance:
     """Shading parameters of the two sides of a part."""
-    look = Look()
-    look.outside = 1.0 if winds_outward(points, triangles) else -1.0
-    look.inside = inside
-    return look
+    appearance = Appearance()
+    appearance.outside = 1.0 if winds_outward(points, triangles) else -1.0
+    appearance.inside = inside
+    return appearance
 
 
 def vector(values: NDArray[Any]) -> wp.vec3f:
@@ -165,8 +165,8 @@ def shade_view(subject: Subject, rendered: RenderedView, background: Vector) -> 
 def surface(subject: Subject, view: View, ids: wp.array) -> tuple[wp.array, wp.array]:
     """Normal and reflectance of the triangles at a view's pixels; zero where there is none."""
     outputs = [wp.zeros(ids.shape, dtype=wp.vec3f, device=subject.device) for _ in range(2)]
-    inputs = [subject.points, subject.normals, subject.triangles, subject.owners, subject.looks, subject.colours]
-    wp.launch(look_up_pixels, ids.shape, inputs=[*inputs, view, ids], outputs=outputs, device=subject.device)
+    inputs = [subject.points, subject.normals, subject.triangles, subject.owners, subject.appearances, subject.colours]
+    wp.launch(sample_surface, ids.shape, inputs=[*inputs, view, ids], outputs=outputs, device=subject.device)
     normal, reflectance = outputs
     return normal, reflectance
 
