@@ -21,6 +21,7 @@ _FENCE = re.compile(
     re.MULTILINE | re.DOTALL,
 )
 _ANY_FENCE = re.compile(r"^( *)```.*?^\1```$", re.MULTILINE | re.DOTALL)
+_HERE_DOCUMENT = re.compile(r"<<'(\w+)'\n.*?^\1$", re.MULTILINE | re.DOTALL)
 _CODE = re.compile(r"`([^`\n]+)`")
 _LINK = re.compile(r"\]\(([^()\s]+)\)")
 _HEADING = re.compile(r"^#+ +(.*?) *$", re.MULTILINE)
@@ -87,7 +88,7 @@ def anchors(page: Path) -> set[str]:
 
 def commands(text: str) -> Iterator[list[str]]:
     """The simple commands of shell text as words, without variables set before them and folders of programs."""
-    for line in text.replace("\\\n", " ").splitlines():
+    for line in _HERE_DOCUMENT.sub("", text).replace("\\\n", " ").splitlines():
         lexer = shlex.shlex(line, posix=True, punctuation_chars=True)
         lexer.whitespace_split = True
         command: list[str] = []
@@ -101,10 +102,12 @@ def commands(text: str) -> Iterator[list[str]]:
 
 
 def write_stand_in(path: Path) -> None:
-    """A small file of the kind that its name says: body.obj, body_pose.obj, shirt_S.obj, jobs.csv, stage.usda."""
+    """A small file of the kind that its name says: body.obj, body_pose.obj, shirt_S.obj, scene.toml, stage.usda."""
     kind, _, size = path.stem.partition("_")
-    if path.suffix == ".csv":
-        path.write_text("name,scene,garment.shape.vertices_per_side\nsmall,hanging,9\nlarge,hanging,11\n")
+    if kind == "scene":
+        path.write_text('[garment]\nmesh = "shirt_M.obj"\nrest = "uv"\n\n[avatar]\nmesh = "body.obj"\n')
+        for name in ("shirt_M.obj", "body.obj"):
+            write_stand_in(path.with_name(name))
     elif kind == "stage":
         _write_stage(path)
     elif kind in ("shirt", "tshirt", "jacket", "dress", "skirt"):
