@@ -6,7 +6,7 @@
 
 T-shirts of eleven meshes (2,400 to 14,100 vertices, 7,500 in the mean) in all nine fabrics on four bodies, by the
 command as a user gives it, once for each number of workers (0: as many as it takes by itself); before, one of a single
-small garment, which tells what starting takes. Then, where asked for, some by ``warp_cloth.fit`` in this process, one
+small garment, which tells what starting takes. Then, by options, some by ``warp_cloth.fit`` in this process, one
 after another; all in the opposite order and in other shards; all after a kill -9 halfway.
 """
 
@@ -29,13 +29,14 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 import pyarrow.parquet
+from measured import Figures, add_write_option
 
 FABRICS = ("cotton", "denim", "faille", "felt", "jersey", "linen", "polyester", "silk", "wool")
 GARMENTS = (("L", 20), ("S", 17), ("M", 14), ("L", 14), ("M", 12), ("L", 12), ("M", 10), ("L", 10), ("S", 9), ("M", 9),
             ("M", 8))  # size and edge [mm]  # fmt: skip
 MEASURES = ("stature", "chest", "waist", "hip")
 BODIES = ((1.70, 0.92, 0.80, 0.96), (1.76, 0.98, 0.86, 1.00), (1.84, 1.06, 0.94, 1.06), (1.66, 1.04, 0.96, 1.08))
-# by turns for those that are otherwise alike
+# in turn for items that are otherwise alike
 FRICTIONS = (0.5, 0.4, 0.3, 0.6, 0.2, 0.45, 0.35, 0.55, 0.25, 0.65, 0.15,
              0.33, 0.47, 0.28, 0.52, 0.22, 0.57, 0.38, 0.62, 0.18, 0.43)  # fmt: skip
 
@@ -50,21 +51,20 @@ class Run:
     shards: list[tuple[float, int]]  # when each was written, and its items, in time's order
     rows: dict[str, Row]  # of the results table, by name
 
-    def tell(self, label: str) -> None:
+    def add_to(self, figures: Figures, label: str) -> None:
+        """Adds its figures, and prints more."""
         count, (first, early) = len(self.rows), self.shards[0]
-        rate = f"{count / self.seconds:.1f}/s"
+        figures.add(f"{label}.seconds", self.seconds, "s")
+        figures.add(f"{label}.rate", count / self.seconds, "items/s")
         if len(self.shards) > 1:
-            rate += f", {early} after {first:.1f} s, then {(count - early) / (self.seconds - first):.1f}/s"
+            figures.add(f"{label}.first_shard", first, "s")
+            figures.add(f"{label}.rate_after_first_shard", (count - early) / (self.seconds - first), "items/s")
         vertices, iterations = ([row[name] or 0 for row in self.rows.values()] for name in ("vertices", "iterations"))
         work = sum(v * i for v, i in zip(vertices, iterations, strict=True))
         statuses = Counter(row["status"] for row in self.rows.values())
-        shares = ", ".join(f"{100 * number / count:.1f} % {status}" for status, number in statuses.most_common())
-        print(f"{label}: {count} items in {self.seconds:.1f} s = {rate}")
-        print(f"  {sum(vertices) / count:.0f} vertices and {sum(iterations) / count:.0f} iterations in the mean")
-        print(
-            f"  {1e-9 * work:.1f} G vertex-iterations, {1e-9 * work / self.seconds:.2f} G a second; {shares}",
-            flush=True,
-        )
+        figures.add(f"{label}.at_rest", 100.0 * statuses["at_rest"] / count, "%")
+        figures.add(f"{label}.iterations", sum(iterations) / count, "iterations, mean")
+        print(f"  {sum(vertices) / count:.0f} vertices (mean), {1e-9 * work / self.seconds:.2f} G vertex-iterations/s")
 
 
 def jobs(count: int, coarsest: int, start: str = "placed") -> list[Row]:
@@ -96,7 +96,7 @@ def command(jobs_file: Path, out: Path, device: str, *more: str) -> list[str]:
 
 
 def run(jobs_file: Path, out: Path, device: str, *more: str) -> Run:
-    """Has a batch done by its command."""
+    """Runs a batch by its command."""
     began = time.time()
     subprocess.run(command(jobs_file, out, device, *more), check=True, stdout=subprocess.DEVNULL)
     seconds = time.time() - began
@@ -119,14 +119,14 @@ def run_killed(jobs_file: Path, out: Path, device: str, after: float) -> Run:
 
 
 def compare(label: str, found: dict[str, Row], wanted: dict[str, Row]) -> bool:
-    """Tells how many results are as they should be, but for the file that they are kept in."""
+    """Prints how many results are as they should be, apart from the file that holds them."""
     alike = sum({**row, "file": ""} == {**wanted[name], "file": ""} for name, row in found.items())
     print(f"{label}: {alike} of {len(found)} the same, {len(wanted)} wanted", flush=True)
     return alike == len(found)
 
 
 def fit_alone(rows: Sequence[Row], device: str) -> tuple[float, dict[str, Row]]:
-    """Mean seconds of ``warp_cloth.fit`` after a first one that counts not, and what a results table says of them."""
+    """Mean seconds of ``warp_cloth.fit`` after a first one that does not count, and the rows of a results table."""
     import warp_cloth
     from warp_cloth.batch.rows import row_of
 
@@ -142,7 +142,7 @@ def fit_alone(rows: Sequence[Row], device: str) -> tuple[float, dict[str, Row]]:
 
 @contextmanager
 def folder(path: Path | None) -> Iterator[Path]:
-    """A folder that stays, or one for a while."""
+    """A folder that stays, or a temporary one."""
     if path is not None:
         path.mkdir(parents=True, exist_ok=True)
         yield path
@@ -162,33 +162,36 @@ def main() -> int:
     parser.add_argument("--turned", action="store_true", help="in the opposite order and in other shards")
     parser.add_argument("--killed", action="store_true", help="by kill -9 halfway, then resumed")
     parser.add_argument("--out", type=Path, help="a new folder that is kept")
-    asked = parser.parse_args()
-    rows, device, same = jobs(asked.items, asked.coarsest, asked.start), asked.device, True
-    with folder(asked.out) as place:
+    add_write_option(parser)
+    options = parser.parse_args()
+    rows, device, same = jobs(options.items, options.coarsest, options.start), options.device, True
+    with folder(options.out) as place, Figures(__file__, options, device=device) as figures:
         one = {"name": "one", "scene": "hanging", "garment.shape.vertices_per_side": 5}
         started = run(write_jobs(place / "one.csv", [one]), place / "one", device)
-        print(f"a batch of one small square: {started.seconds:.1f} s", flush=True)
+        figures.add("one_square.seconds", started.seconds, "s")
         file = write_jobs(place / "jobs.csv", rows)
         runs = []
-        for workers in asked.workers:
+        for workers in options.workers:
             more = ("--workers", str(workers)) if workers else ()
             runs.append(run(file, place / f"workers-{workers}", device, *more))
-            runs[-1].tell(f"{workers or 'all'} workers")
+            label = f"{options.start}.{options.items}" + (f".{workers}_workers" if workers else "")
+            runs[-1].add_to(figures, label)
         first = runs[0]
-        for workers, other in zip(asked.workers[1:], runs[1:], strict=True):
-            print(f"{workers} workers over {asked.workers[0]}: {first.seconds / other.seconds:.2f} times as fast")
+        for workers, other in zip(options.workers[1:], runs[1:], strict=True):
+            print(f"{workers} workers over {options.workers[0]}: {first.seconds / other.seconds:.2f} times as fast")
             same &= compare(f"{workers} workers", other.rows, first.rows)
-        if asked.turned:
+        if options.turned:
             turned = write_jobs(place / "turned.csv", rows[::-1])
-            size = str(-(-asked.items // 7))
+            size = str(-(-options.items // 7))
             same &= compare("turned", run(turned, place / "turned", device, "--shard", size).rows, first.rows)
-        if asked.killed:
+        if options.killed:
             after = (first.shards[0][0] + first.shards[-1][0]) / 2
             same &= compare("killed", run_killed(file, place / "killed", device, after).rows, first.rows)
-        if asked.alone:
-            some = rows[:: max(len(rows) // asked.alone, 1)][: asked.alone]
+        if options.alone:
+            some = rows[:: max(len(rows) // options.alone, 1)][: options.alone]
             each, alone = fit_alone(some, device)
-            print(f"alone: {each:.2f} s each, {each * asked.items / first.seconds:.0f} times as long")
+            figures.add("alone.seconds_each", each, "s")
+            figures.add("alone.times_as_long", each * options.items / first.seconds, "times the batch")
             same &= compare("alone", alone, first.rows)
     return 0 if same else 1
 

@@ -1,14 +1,13 @@
-"""What an iteration takes on a GPU with thousands to a million of vertices, and whether its bits stay the same.
+"""Time of an iteration on a GPU with thousands to a million vertices, and whether its bits stay the same.
 
     python tests/benchmarks/iteration_times.py [edges:4k,65k,1m] [irregular:1m] [woven:1m] [worn:147] [loose:147]
         [--device cuda:0]
 
 ``edges`` and ``woven`` are hanging squares, a million of vertices as sixteen of them, ``irregular`` such of edges whose
-triangles are all different; ``worn`` are as many T-shirts on mannequins, ``loose`` the same after 600 iterations, with
-leeway. Each line tells the median, least and most of
-five times in microseconds an iteration, and a hash of where the cloth is then: two versions of the code have the same
-hash where they have the same bits. Iterations run in graphs as between two checks of a fit; what packs and unpacks
-vertices before and after counts, too.
+triangles are all different; ``worn`` are as many T-shirts on mannequins, ``loose`` the same after 600 iterations, by
+the anisotropic step. Printed are the median, least and most of five times, and a hash of the points: equal hashes of
+two versions of the code mean equal bits. Iterations run in graphs as between two checks of a fit; packing and unpacking
+of vertices counts, too.
 """
 
 from __future__ import annotations
@@ -20,6 +19,7 @@ from functools import partial
 
 import numpy as np
 import warp as wp
+from measured import Figures, add_write_option
 from scipy.spatial import Delaunay
 
 from warp_cloth.avatar.collider import Collider
@@ -99,16 +99,17 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("cloth", nargs="*", default=["edges:4k,65k,1m", "irregular:1m", "woven:4k,65k,1m", "worn:147"])
     parser.add_argument("--device", default="cuda:0")
+    add_write_option(parser)
     options = parser.parse_args()
-    for asked in options.cloth:
-        fabric, _, sizes = asked.partition(":")
-        for size in sizes.split(","):
+    every = [(cloth.partition(":")[0], size) for cloth in options.cloth for size in cloth.partition(":")[2].split(",")]
+    with Figures(__file__, options, device=options.device) as figures:
+        for fabric, size in every:
             relaxation = relaxation_of(fabric, size, options.device)
             taken = sorted(microseconds(relaxation) for _ in range(REPEATS))
-            told = hashlib.sha1(relaxation.model.points().tobytes()).hexdigest()[:12]
+            digest = hashlib.sha1(relaxation.model.points().tobytes()).hexdigest()[:12]
             count = relaxation.model.vertex_count
-            middle = f"{taken[REPEATS // 2]:8.2f} us ({taken[0]:.2f} to {taken[-1]:.2f})"
-            print(f"{fabric:6s} {count:8d} vertices {middle}  {told}", flush=True)
+            figures.add(f"{fabric}.{size}", taken[REPEATS // 2], "us")
+            print(f"  {taken[0]:.2f} to {taken[-1]:.2f} us, {count:,} vertices, {digest}", flush=True)
 
 
 if __name__ == "__main__":

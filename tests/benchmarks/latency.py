@@ -1,10 +1,10 @@
-"""How long a T-shirt takes from its box mesh to the certificate, its graphs captured: the median of several runs.
+"""Seconds of a T-shirt from its box mesh to the certificate, with captured graphs: the median of several runs.
 
     WARP_CLOTH_DATA=FOLDER python tests/benchmarks/latency.py --device cuda:0
     python tests/benchmarks/latency.py --scene tshirt --set garment.fabric=denim
 
-Without ``--scene`` it is the real T-shirt on the real body, as delivered and at 200 kN/m. Every run ends with the
-same bits. Loading, building and compiling are told apart.
+Without ``--scene`` it is the real T-shirt on the real body, as delivered and at 200 kN/m. Every run must end with the
+same bits. Loading, building and compiling are timed separately.
 """
 
 from __future__ import annotations
@@ -12,10 +12,12 @@ from __future__ import annotations
 import argparse
 import hashlib
 import time
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import warp as wp
+from measured import Figures, add_write_option
 from wearing import BODIES, SHARED_SHIRT
 
 from warp_cloth.base.warp_setup import start_warp
@@ -24,27 +26,37 @@ from warp_cloth.scene import load_scene
 from warp_cloth.solver.loop import chunks, relax_to_rest
 
 
-def timed(name: str, scene: str | dict[str, Any], changes: list[str], device: str, runs: int) -> None:
-    """Builds and fits a scene again and again, and tells how long it relaxed."""
+def timed(figures: Figures, name: str, scene: str | dict[str, Any], options: argparse.Namespace) -> None:
+    """Builds and fits a scene several times, and adds the times."""
+    device, runs, changes = options.device, options.runs, options.changes
     chosen = load_scene(scene, changes)
     built, seconds, ends = list[float](), list[float](), set[str]()
     for _ in range(runs + 1):  # the first compiles
         began = time.perf_counter()
-        made = load_problem(chosen, device)
-        for count in set(chunks(made.relaxation)):
-            made.relaxation.capture(count)
+        problem = load_problem(chosen, device)
+        for count in set(chunks(problem.relaxation)):
+            problem.relaxation.capture(count)
         wp.synchronize_device(device)
         built.append(time.perf_counter() - began)
         tolerance, limit = tolerance_of(chosen), chosen.solver.iterations
         outcome = relax_to_rest(
-            made.relaxation, made.certifier, tolerance, limit, follow=collider_updates(made), schedule=made.schedule
+            problem.relaxation,
+            problem.certifier,
+            tolerance,
+            limit,
+            follow=collider_updates(problem),
+            schedule=problem.schedule,
         )
         seconds.append(outcome.seconds)
         ends.add(f"{hashlib.sha256(outcome.points.tobytes()).hexdigest()[:12]} after {outcome.iterations:,}")
     again = seconds[1:]
     print(f"{name}: {outcome.status.value}, {', '.join(sorted(ends))} iterations")
-    print(f"  median of {runs} {np.median(again):.4f} s ({min(again):.4f} to {max(again):.4f})")
-    print(f"  loaded, built and captured in {np.median(built[1:]):.2f} s, the first time {built[0]:.1f}")
+    figures.add(f"{name}.relax", float(np.median(again)), "s")
+    figures.add(f"{name}.relax_least", min(again), "s")
+    figures.add(f"{name}.relax_most", max(again), "s")
+    figures.add(f"{name}.iterations", outcome.iterations, "iterations")
+    figures.add(f"{name}.load_and_build", float(np.median(built[1:])), "s")
+    figures.add(f"{name}.load_and_compile", built[0], "s")
 
 
 def main() -> None:
@@ -53,15 +65,17 @@ def main() -> None:
     reader.add_argument("--runs", type=int, default=10)
     reader.add_argument("--scene")
     reader.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", dest="changes")
-    asked = reader.parse_args()
+    add_write_option(reader)
+    options = reader.parse_args()
     start_warp()
-    if asked.scene:
-        timed(asked.scene, asked.scene, asked.changes, asked.device, asked.runs)
-        return
-    worn = {"garment": SHARED_SHIRT, "avatar": BODIES["mean_all"]}
-    timed("real T-shirt", worn, asked.changes, asked.device, asked.runs)
-    stiff = [*asked.changes, "garment.fabric={stretch=2e5}"]
-    timed("real T-shirt, 200 kN/m", worn, stiff, asked.device, asked.runs)
+    with Figures(__file__, options, device=options.device) as figures:
+        if options.scene:
+            timed(figures, Path(options.scene).stem, options.scene, options)
+            return
+        worn = {"garment": SHARED_SHIRT, "avatar": BODIES["mean_all"]}
+        timed(figures, "real_tshirt", worn, options)
+        stiff = {**worn, "garment": {**SHARED_SHIRT, "fabric": {"stretch": 2e5}}}
+        timed(figures, "real_tshirt_200kN", stiff, options)
 
 
 if __name__ == "__main__":

@@ -1,8 +1,8 @@
-"""Memory that a scene takes on a GPU, against what ``plan`` foretells: while it is built, relaxed and reported.
+"""Memory of a scene on a GPU, beside what ``warp-cloth plan`` states: while it is built, relaxed and reported.
 
     python tests/benchmarks/memory.py hanging --set garment.shape.vertices_per_side=2048 --iterations 2400
 
-Warp's own pool is asked, which holds every array but not what the driver takes for itself.
+Measured is Warp's memory pool, which holds every array but not what the driver needs.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ import argparse
 import time
 
 import warp as wp
+from measured import Figures, add_write_option
 
 from warp_cloth.base.warp_setup import start_warp
 from warp_cloth.fitting.clock import StageClock
@@ -27,7 +28,9 @@ def main() -> None:
     reader.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", dest="changes")
     reader.add_argument("--iterations", type=int, default=2400)
     reader.add_argument("--device", default="cuda:0")
-    asked = reader.parse_args()
+    add_write_option(reader)
+    options = reader.parse_args()
+    figures = Figures(__file__, options, device=options.device)
     start_warp()
     began = last = time.perf_counter()
 
@@ -35,35 +38,38 @@ def main() -> None:
         nonlocal last
         now = time.perf_counter()
         used, most = (
-            1e-9 * float(told(asked.device)) for told in (wp.get_mempool_used_mem_current, wp.get_mempool_used_mem_high)
+            1e-9 * float(used_bytes(options.device))
+            for used_bytes in (wp.get_mempool_used_mem_current, wp.get_mempool_used_mem_high)
         )
-        print(
-            f"{stage:<10} {used:7.3f} GB now, {most:7.3f} at most, {planned:7.3f} planned, {now - last:7.1f} s",
-            flush=True,
-        )
+        figures.add(f"{options.scene}.{stage}.planned", planned, "GB")
+        figures.add(f"{options.scene}.{stage}.used", used, "GB")
+        figures.add(f"{options.scene}.{stage}.most", most, "GB")
+        print(f"  {now - last:.1f} s", flush=True)
         last = now
 
-    scene = load_scene(asked.scene, [*asked.changes, f"solver.iterations={asked.iterations}"])
-    made = load_problem(scene, asked.device)
-    planned = memory_of(made)
+    scene = load_scene(options.scene, [*options.changes, f"solver.iterations={options.iterations}"])
+    problem = load_problem(scene, options.device)
+    planned = memory_of(problem)
     whole = 1e-9 * sum(planned.values())
     print(
-        f"{made.model.vertex_count:,} vertices; planned " + ", ".join(f"{k} {1e-9 * v:.3f}" for k, v in planned.items())
+        f"{problem.model.vertex_count:,} vertices; planned "
+        + ", ".join(f"{k} {1e-9 * v:.3f}" for k, v in planned.items())
     )
     tell("built", whole - 1e-9 * planned["report"])
     outcome = relax_to_rest(
-        made.relaxation,
-        made.certifier,
+        problem.relaxation,
+        problem.certifier,
         tolerance_of(scene),
-        asked.iterations,
-        follow=collider_updates(made),
-        schedule=made.schedule,
+        options.iterations,
+        follow=collider_updates(problem),
+        schedule=problem.schedule,
     )
     print(f"{outcome.status.value} after {outcome.iterations:,} iterations, {outcome.seconds:.2f} s")
     tell("relaxed", whole - 1e-9 * planned["report"])
-    finish_fits(made, [outcome], levels=[()], clock=StageClock())
+    finish_fits(problem, [outcome], levels=[()], clock=StageClock())
     tell("reported", whole)
-    print(f"{time.perf_counter() - began:.1f} s in all")
+    with figures:  # writes them
+        print(f"{time.perf_counter() - began:.1f} s in all")
 
 
 if __name__ == "__main__":

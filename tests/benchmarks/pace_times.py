@@ -1,9 +1,9 @@
-"""What a round of the multilevel method takes over a ball at every pace, and in how many launches.
+"""Time and launches of a round of the multilevel method, cloth over a ball, at every pace.
 
     python tests/benchmarks/pace_times.py [--device cuda:0] [--sizes 4000 66000] [--stiffness 2e4]
 
-Implicit steps from the scene's start, at a pace that is kept: microseconds and launches for each round of conjugate
-gradients. What the level that turns takes is shared out to them, its renewal, each 40 rounds, in the time, too.
+Implicit steps from the scene's start, at a fixed pace: microseconds and launches of each round of conjugate gradients,
+including their part of the level of rigid modes and of its renewal every 40 rounds.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ import time
 
 import numpy as np
 import warp as wp
+from measured import Figures, add_write_option
 from methods_scenes import SIZES, Case
 from methods_study import prepared
 
@@ -39,23 +40,27 @@ def microseconds(relaxation: MultilevelRelaxation) -> float:
 
 
 def main() -> None:
-    parse = argparse.ArgumentParser()
-    parse.add_argument("--device", default="cpu")
-    parse.add_argument("--sizes", nargs="+", type=int, default=[4000], choices=list(SIZES))
-    parse.add_argument("--stiffness", type=float, default=2e4, help="[N/m]")
-    asked = parse.parse_args()
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--device", default="cpu")
+    parser.add_argument("--sizes", nargs="+", type=int, default=[4000], choices=list(SIZES))
+    parser.add_argument("--stiffness", type=float, default=2e4, help="[N/m]")
+    add_write_option(parser)
+    options = parser.parse_args()
+    figures = Figures(__file__, options, device=options.device)
     start_warp(False)
-    for size in asked.sizes:
-        relaxation = prepared(Case("ball", size, asked.stiffness), "multilevel", asked.device, CHUNK).relaxation
-        assert isinstance(relaxation, MultilevelRelaxation)
-        relaxation.run(CHUNK)
-        for pace, residual in RESIDUALS.items():
-            relaxation.loosen(np.array([residual]))
-            for _ in range(WARMING):
-                relaxation.run(CHUNK)
-            launches = len(launches_of(lambda: relaxation.iterate(CHUNK))) / CHUNK  # noqa: B023 - asked at once
-            rounds = microseconds(relaxation)
-            print(f"{relaxation.model.vertex_count:6} {pace:8} {rounds:8.1f} us {launches:5.1f} launches", flush=True)
+    with figures:
+        for size in options.sizes:
+            relaxation = prepared(Case("ball", size, options.stiffness), "multilevel", options.device, CHUNK).relaxation
+            assert isinstance(relaxation, MultilevelRelaxation)
+            relaxation.run(CHUNK)
+            for pace, residual in RESIDUALS.items():
+                relaxation.loosen(np.array([residual]))
+                for _ in range(WARMING):
+                    relaxation.run(CHUNK)
+                launches = len(launches_of(lambda: relaxation.iterate(CHUNK))) / CHUNK  # noqa: B023 - called at once
+                rounds = microseconds(relaxation)
+                figures.add(f"{size}.{pace.replace(' ', '_')}", rounds, "us a round")
+                figures.add(f"{size}.{pace.replace(' ', '_')}.launches", launches, "launches a round")
 
 
 if __name__ == "__main__":

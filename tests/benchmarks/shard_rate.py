@@ -19,6 +19,7 @@ from typing import Any
 import batch_rate
 import numpy as np
 import warp as wp
+from measured import Figures, add_write_option
 
 LOADERS = 14  # processes that load
 
@@ -33,10 +34,10 @@ class Watch:
 
     def _timed(self, work: Any, name: str) -> Any:
         @functools.wraps(work)
-        def timed(*given: Any, **named: Any) -> Any:
+        def timed(*arguments: Any, **named: Any) -> Any:
             wp.synchronize()
             began = time.perf_counter()
-            found = work(*given, **named)
+            found = work(*arguments, **named)
             wp.synchronize()
             setattr(self, name, getattr(self, name) + time.perf_counter() - began)
             return found
@@ -55,13 +56,14 @@ def main() -> int:
     parser.add_argument("--device", default="cuda:0")
     parser.add_argument("--items", type=int, default=1024)
     parser.add_argument("--alone", type=int, default=8, metavar="N", help="so many of them one by one")
-    asked = parser.parse_args()
+    add_write_option(parser)
+    options = parser.parse_args()
     from warp_cloth.batch.loading import LoadCache
 
     load_cache = LoadCache(LOADERS, fork=True)  # before this process has threads and a device
     from warp_cloth.scene import load_scene
 
-    rows = batch_rate.jobs(asked.items, len(batch_rate.GARMENTS), "dressed")
+    rows = batch_rate.jobs(options.items, len(batch_rate.GARMENTS), "dressed")
     scenes = [
         load_scene(row["scene"], [f"{key}={value}" for key, value in row.items() if key not in ("name", "scene")])
         for row in rows
@@ -77,30 +79,32 @@ def main() -> int:
         cache = Cache()
         cache.add_entries(load_cache.cache.portable_entries())  # patches; not what was dressed
         load_cache.cache = cache
-        found = many.fit_many(some, asked.device, load_cache=load_cache)
+        found = many.fit_many(some, options.device, load_cache=load_cache)
         return found, *watch.taken()
 
-    def told(label: str, count: int, dressing: float, relaxing: float) -> None:
-        whole = dressing + relaxing
-        print(
-            f"{label}: dressing {dressing:.3f} s, relaxing {relaxing:.3f} s: {count / whole:.2f} a second", flush=True
-        )
+    figures = Figures(__file__, options, device=options.device)
 
-    for label in ("the first time", "again"):
+    def add(label: str, count: int, dressing: float, relaxing: float) -> None:
+        figures.add(f"{label}.dressing", dressing, "s")
+        figures.add(f"{label}.relaxing", relaxing, "s")
+        figures.add(f"{label}.rate", count / (dressing + relaxing), "items/s")
+
+    for label in ("first_time", str(len(scenes))):
         together, *seconds = fitted(scenes)
-        told(f"{len(scenes)} items at once, {label}", len(scenes), *seconds)
+        add(label, len(scenes), *seconds)
     statuses = [fit.status.value for fit in together]
     print(f"{100 * statuses.count('at_rest') / len(statuses):.1f} % at rest", flush=True)
-    at = list(range(0, len(scenes), max(len(scenes) // asked.alone, 1)))[: asked.alone]
+    at = list(range(0, len(scenes), max(len(scenes) // options.alone, 1)))[: options.alone]
     fitted([scenes[at[0]]])  # loads the kernels of a lone garment
     dressing, relaxing, same = 0.0, 0.0, 0
     for number in at:
         (alone,), *seconds = fitted([scenes[number]])
         dressing, relaxing = dressing + seconds[0], relaxing + seconds[1]
         same += np.array_equal(alone.garments[0].points, together[number].garments[0].points)
-    told(f"{len(at)} one by one", len(at), dressing, relaxing)
+    add("alone", len(at), dressing, relaxing)
     print(f"{same} of {len(at)} the same", flush=True)
-    return 0 if same == len(at) else 1
+    with figures:  # writes them
+        return 0 if same == len(at) else 1
 
 
 if __name__ == "__main__":
