@@ -13,6 +13,7 @@ from typing import Any
 
 import pytest
 import warp as wp
+from kernel_writes import Writes
 
 import warp_cloth.kernels
 from warp_cloth.kernels.avatar.bake import bake_kernels
@@ -96,6 +97,40 @@ def test_kernels_are_named_by_a_verb_and_write_to_outputs_named_so(path: Path) -
             names = [argument.arg for argument in node.args.args]  # type: ignore[union-attr]
             outputs = [name for name in names if name.endswith("_out")]
             assert names[len(names) - len(outputs) :] == outputs, f"{node.name}: outputs come last"
+
+
+# Structs that are no State, and which kernels write nevertheless: memory of the solver's own.
+SCRATCH = {
+    "ContactData": "cloth contact: what a step changes of it lies beside its constants, by role",
+    "ContactSearch": "trees and boxes of a search, refitted in place",
+    "StickMemory": "hash table of static friction",
+    "Candidates": "lists of the broad phase",
+    "Untangling": "sums of what crosses",
+    "Chunks": "sums of an ordered reduction",
+    "RigidLevel": "its chunks' sums",
+}
+# Arrays that are read, and then written, under one name.
+IN_PLACE = {
+    ("count_open_seams", "count"),
+    ("pair_layers", "count"),
+    ("pair_layers", "surface"),
+    ("add_contact_load", "load"),
+}
+
+
+def test_kernels_show_what_they_write() -> None:
+    """Also by the functions that they call, and through members of structs."""
+    needless = {*SCRATCH, *IN_PLACE}
+    for kernel in Writes(FILES).kernels():
+        for argument in (kernel.parameters[number] for number in sorted(kernel.written)):
+            annotation = ast.unparse(argument.annotation) if argument.annotation is not None else ""
+            annotation = "ContactData" if annotation.startswith("cloth_contact_type") else annotation
+            if argument.arg.endswith("_out") or annotation.endswith("State"):
+                continue
+            place = (kernel.node.name, argument.arg)
+            assert annotation in SCRATCH or place in IN_PLACE, f"{kernel.path}: {place} is written"
+            needless -= {annotation, place}
+    assert not needless, "no kernel writes these any more"
 
 
 def loaded(*kernels: Any) -> None:

@@ -20,6 +20,7 @@ from warp_cloth.kernels.math.symmetric import inverse
 from warp_cloth.kernels.passes.step import loose_way
 from warp_cloth.material.fabric import Fabric
 from warp_cloth.model.model import ClothModel, build_model
+from warp_cloth.model.vertices import allocate_steps
 from warp_cloth.solver.anisotropic_step import Leeway
 from warp_cloth.solver.relax import Relaxation, StepOptions
 
@@ -32,6 +33,12 @@ STEEP = Fabric(stretch_warp=2e5, stretch_weft=1e5, bending_warp=1e-7, bending_we
 WOVEN = Fabric(stretch_warp=2e5, stretch_weft=1e5, shear=100.0, bending_warp=1e-7, bending_weft=1e-7)
 
 
+def with_compliance(model: ClothModel) -> Leeway:
+    """What updates the compliance of a model that has no iterations."""
+    allocate_steps(model.state, model.precision, stiffness=False, compliance=True, in_contact=False, clearance=False)
+    return Leeway(model)
+
+
 def leeway_of(model: ClothModel, *, most: float = MOST, horizon: float = 20.0) -> np.ndarray:
     """The leeway of each vertex as a matrix, shape [V, 3, 3]."""
     step = cloth_types(model.precision).Step()
@@ -39,7 +46,7 @@ def leeway_of(model: ClothModel, *, most: float = MOST, horizon: float = 20.0) -
     rows = model.vertices.items.numpy().copy()
     rows["cap"], rows["anisotropy_limit"] = CAP, most
     model.vertices.items.assign(rows)
-    Leeway(model).look_up(model.vertices, model.state, step)
+    with_compliance(model).look_up(model.vertices, model.state, step)
     return matrices(model.state.compliance.numpy())
 
 
@@ -86,7 +93,7 @@ def test_taut_cloth_has_leeway_across_itself_only() -> None:
 def test_items_forget_theirs_and_leave_the_others_alone() -> None:
     part = GarmentPart(MESH.points, MESH.triangles, build_rest_shape(MESH, WOVEN, rest="mesh"), np.zeros(0, np.int32))
     model = build_model([part] * 6, device="cpu", precision="float64", garments=[1] * 6)
-    leeway = Leeway(model)
+    leeway = with_compliance(model)
     model.state.compliance.fill_(7.0)
     leeway.forget([4, 1, 2])
     found = model.state.compliance.numpy().reshape(6, -1, 6)

@@ -20,9 +20,10 @@ from warp_cloth.kernels.base.types import cloth_types
 from warp_cloth.kernels.passes.domains import APART, meet_threads
 from warp_cloth.material.fabric import Fabric
 from warp_cloth.model.model import ClothModel, GarmentPart, build_model
+from warp_cloth.model.vertices import CONSTANT, ITERATED
 from warp_cloth.scene import load_scene
 from warp_cloth.solver import parallel_domains as together
-from warp_cloth.solver.domains import CONSTANT, ITERATED, cut_model
+from warp_cloth.solver.domains import cut_model
 from warp_cloth.solver.parallel_domains import LONGEST_PAUSE, Pause, thread_count
 from warp_cloth.solver.relax import Relaxation, StepOptions
 
@@ -133,7 +134,7 @@ def test_a_thread_does_not_wait_for_ever() -> None:
     arrivals = wp.zeros(3 * APART, dtype=wp.int32, device="cpu")
 
     def meet(number: int, naps: int) -> None:
-        wp.launch(meet_threads, dim=1, inputs=[arrivals, number, USLEEP, naps], device="cpu")
+        wp.launch(meet_threads, dim=1, inputs=[number, USLEEP, naps, arrivals], device="cpu")
 
     meet(0, 10)
     assert arrivals.numpy()[0] == 1  # the other never came

@@ -10,7 +10,7 @@ def join_pieces(
     words: wp.array(dtype=wp.int32),
     pieces: wp.array(dtype=wp.vec4i),
     turns: wp.int32,
-    joined: wp.array(dtype=wp.int32),
+    joined_out: wp.array(dtype=wp.int32),
 ):
     """Copies words of four bytes; of each piece where it begins in both, how many they are, and what is added to them.
 
@@ -23,4 +23,4 @@ def join_pieces(
         start = begin[3]
         if turns != 0 and value < 0:
             start = -start
-        joined[begin[0] + word] = value + start
+        joined_out[begin[0] + word] = value + start

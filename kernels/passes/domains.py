@@ -49,13 +49,13 @@ def wait_for_all(arrivals: wp.array(dtype=wp.int32), number: int, usleep: wp.uin
 
 @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
 def meet_threads(
-    arrivals: wp.array(dtype=wp.int32),  # whether one gave up, and how often each came; APART apart
     number: int,  # of this thread
     usleep: wp.uint64,  # where the system has that function
     naps: int,  # before this thread gives up
+    arrivals_out: wp.array(dtype=wp.int32),  # whether one gave up, and how often each came; APART apart
 ):
     """Waits till all threads have written what the others read next."""
-    wait_for_all(arrivals, number, usleep, naps)
+    wait_for_all(arrivals_out, number, usleep, naps)
 
 
 @functools.cache

@@ -180,15 +180,15 @@ def eight_displace_kernel(options: KernelOptions) -> wp.Kernel:
         state: State,
         step: Step,
         colliders: Colliders,
-        load: wp.array(dtype=vec4),  # forces of the cloth [N] and stiffness bounds [N/m], shape [V]; left at zero
+        load_out: wp.array(dtype=vec4),  # the cloth's forces [N] and stiffness bounds [N/m], shape [V]; left at zero
     ):
         """Moves those of eight vertices that are free and of items that are not at rest."""
         first = first_of_packet(wp.tid(), model.weight.shape[0])
         lanes = 256 - (1 << (WIDTH * wp.tid() - first))  # the others are moved already
         if wp.static(options.terms.pins):
             lanes &= lanes_free(model.pinned, first)
-        loads = load_packet(load, first)
-        store_zeros(load, first)
+        loads = load_packet(load_out, first)
+        store_zeros(load_out, first)
         if wp.static(spares):
             fetch_ahead(model, state, colliders, first)
         for number in range(element(model.item, first), element(model.item, first + WIDTH - 1) + 1):

@@ -21,6 +21,7 @@ from warp_cloth.kernels.base.types import cloth_types
 from warp_cloth.material.constants import YarnConstants
 from warp_cloth.model.patches.on_device import Patches, device_patches
 from warp_cloth.model.upload import joined
+from warp_cloth.model.vertices import build_state, build_vertices
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,9 +133,6 @@ def build_model(
     terms = terms_of(parts)
     lay = partial(joined, device=device)
 
-    def upload(array: NDArray[Any], dtype: Any) -> wp.array:
-        return wp.array(np.ascontiguousarray(array), dtype=dtype, device=device)
-
     edge_start = _starts([len(rest.topology.edges) for rest in rests])
     triangle_start = _starts([len(part.triangles) for part in parts])
     item_start = tuple(vertex_start[first] for first in _starts(list(garments or [len(parts)])))
@@ -158,8 +156,8 @@ def build_model(
         weave_start=_starts([0 if rest.yarns is None else len(rest.yarns.corners) for rest in rests]),
         terms=terms,
         avatar_friction=frictions,
-        vertices=_vertices(types, upload, lay, parts, vertex_start, item_start, frictions, terms.pins),
-        state=_state(types, lay, parts, device),
+        vertices=build_vertices(precision, parts, item_start, frictions, device),
+        state=build_state(precision, parts, device),
         edges=_edges(types, lay, given, vertex_start, triangle_start, terms),
         triangles=_triangles(types, lay, given, vertex_start, edge_start, terms),
         hinges=hinges,
@@ -255,41 +253,6 @@ def _weave(types: Any, lay: Any, rests: Sequence[RestShape], vertex_start: tuple
         each = [cache.get_or_make(name, (shape,), partial(packed, shape, name), types.name) for shape, _ in woven]
         setattr(weave, name, lay(each, types.vec4))
     return weave
-
-
-def _vertices(
-    types: Any,
-    upload: Any,
-    lay: Any,
-    parts: Sequence[GarmentPart],
-    vertex_start: tuple[int, ...],
-    item_start: tuple[int, ...],
-    avatar_friction: Sequence[float],
-    pins: bool,
-) -> Any:
-    """What is constant of the vertices of all garments."""
-    count = vertex_start[-1]
-    vertices = types.Model()
-    vertices.weight = lay([part.rest.vertex_weight for part in parts], types.real)
-    if pins:
-        pinned = np.zeros(count, dtype=np.uint8)
-        for part, first in zip(parts, vertex_start, strict=False):
-            pinned[part.pins + first] = 1
-        vertices.pinned = upload(pinned, wp.uint8)
-    vertices.item = upload(np.repeat(np.arange(len(item_start) - 1), np.diff(item_start)), wp.int32)
-    items = np.zeros(len(item_start) - 1, dtype=types.Item.numpy_dtype())
-    items["active"] = 1
-    items["avatar_friction"] = avatar_friction
-    vertices.items = upload(items, types.Item)
-    return vertices
-
-
-def _state(types: Any, lay: Any, parts: Sequence[GarmentPart], device: str) -> Any:
-    """The vertices of all garments at rest where they are loaded."""
-    state = types.State()
-    state.position = lay([part.points for part in parts], types.point)
-    state.displacement = wp.zeros(len(state.position), dtype=types.vec3, device=device)
-    return state
 
 
 def _starts(counts: list[int]) -> tuple[int, ...]:

@@ -28,7 +28,7 @@ from warp_cloth.solver.forces import NormalsPass, pass_size, takes_packets
 
 
 class Leeway:
-    """Owns what a look needs; gives the model's cloth the array that the iterations read."""
+    """Owns what an update of the state's compliance needs."""
 
     def __init__(
         self,
@@ -44,7 +44,7 @@ class Leeway:
         at where it is not scattered; None: all.
         """
         self._model, types = model, cloth_types(model.precision)
-        leeway = model.state.compliance = wp.zeros(model.vertex_count, dtype=types.vec6, device=model.device)
+        leeway = model.state.compliance
         none = np.array([1.0, 1.0, 1.0, 0.0, 0.0, 0.0])
         self._none = [(leeway, none)]  # by parts, what a vertex has that has no leeway
         if packed:

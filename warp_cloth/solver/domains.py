@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -14,16 +13,7 @@ from warp_cloth.base.mesh import Indices
 from warp_cloth.garment.rest import Floats
 from warp_cloth.kernels.base.types import cloth_types
 from warp_cloth.model.model import ClothModel
-
-ITERATED = (
-    "position",
-    "displacement",
-    "stiffness",
-    "compliance",
-    "in_contact",
-    "clearance",
-)  # what an iteration changes
-CONSTANT = ("weight", "pinned", "item")
+from warp_cloth.model.vertices import part_of, reordered
 
 Flags = NDArray[np.bool_]
 
@@ -53,44 +43,15 @@ def cut_model(model: ClothModel, count: int) -> list[Share]:
     place = np.empty_like(order)
     place[order] = np.arange(len(order), dtype=np.int32)
     ends = np.cumsum([0, *np.bincount(owner, minlength=count)]).tolist()
-    vertices, state = _packed(model, order)
+    where = wp.array(order, dtype=wp.int32, device=model.device)
+    vertices, state = reordered(model.vertices, model.state, where)
     shares = []
     for number in range(count):
         span = slice(ends[number], ends[number + 1])
         own = wp.array(order[span], dtype=wp.int32, device=model.device)
         part = around.part(owner == number, place, vertices, state)
-        shares.append(Share(part, span, vertices_slice(vertices, span), state_slice(state, span), own))
+        shares.append(Share(part, span, *part_of(vertices, state, span), own))
     return shares
-
-
-def vertices_slice(vertices: Any, span: slice) -> Any:
-    """What is constant of some vertices, in the same memory."""
-    part = _each(vertices, CONSTANT, lambda array: array[span])
-    part.items = vertices.items
-    return part
-
-
-def state_slice(state: Any, span: slice) -> Any:
-    """The state of some vertices, in the same memory."""
-    return _each(state, ITERATED, lambda array: array[span])
-
-
-def _each(arrays: Any, names: tuple[str, ...], make: Callable[[wp.array], wp.array]) -> Any:
-    """A struct of the same kind, with what is made of those arrays that there are."""
-    made = arrays._cls()
-    for name in names:
-        array = getattr(arrays, name)
-        if array:
-            setattr(made, name, make(array))
-    return made
-
-
-def _packed(model: ClothModel, order: Indices) -> tuple[Any, Any]:
-    """Model and State with the vertices in another order, and memory of its own for what iterations change."""
-    where = wp.array(order, dtype=wp.int32, device=model.device)
-    vertices = _each(model.vertices, CONSTANT, lambda array: array[where].contiguous())
-    vertices.items = model.vertices.items
-    return vertices, _each(model.state, ITERATED, wp.empty_like)
 
 
 class _Around:

@@ -7,10 +7,10 @@ from typing import Any
 
 import warp as wp
 
-from warp_cloth.kernels.base.types import cloth_types
 from warp_cloth.kernels.patches.packing import packing_kernels
 from warp_cloth.model.model import ClothModel
 from warp_cloth.model.patches.on_device import Patches
+from warp_cloth.model.vertices import patch_ordered
 from warp_cloth.solver.active_set import Listed
 from warp_cloth.solver.forces import launch_patches
 
@@ -27,27 +27,11 @@ class PackedCloth:
     ) -> None:
         self._model, self._patches, self._some = model, patches, some
         self._kernels = packing_kernels(model.precision, accelerated, packed)
-        types = cloth_types(model.precision)
-        self._here, self._there = (types.State() for _ in range(2))
-        state, order = model.state, patches.order
         self.ahead = False  # whether it has gone on where the model does not know
-        self._stiffness = wp.empty_like(state.stiffness) if accelerated else None
-        self.vertices = types.Model()  # in the patches' order
-        self.vertices.weight = model.vertices.weight[order].contiguous()
-        if model.terms.pins:
-            self.vertices.pinned = model.vertices.pinned[order].contiguous()
-        self.vertices.item, self.vertices.items = model.vertices.item, model.vertices.items
-        for each in (self._here, self._there):
-            each.position = wp.empty_like(state.position)
-            each.displacement4 = wp.empty(model.vertex_count, dtype=types.vec4, device=model.device)
-            if self._stiffness is not None:
-                each.stiffness = self._stiffness
-            if state.in_contact:  # which only iterations read
-                each.in_contact = state.in_contact
-            if state.clearance:
-                each.clearance = state.clearance
-            if state.compliance:
-                each.compliance = state.compliance
+        # Model in the patches' order, and two States
+        self.vertices, (self._here, self._there) = patch_ordered(
+            model.precision, model.vertices, model.state, patches.order
+        )
 
     def kernels(self, move: wp.Kernel) -> list[wp.Kernel]:
         """The kernels of an iteration by ``move`` alone, in order."""
@@ -61,7 +45,7 @@ class PackedCloth:
         if self.ahead:
             return self._here
         model, here = self._model, self._here
-        written = [here.position, here.displacement4, self._stiffness]
+        written = [here.position, here.displacement4, here.stiffness]
         inputs = [self.vertices, model.state, self._some.groups, self._patches.order, *written]
         wp.launch(self._kernels.pack_vertices, dim=self._some.size, inputs=inputs, device=model.device)
         return here
@@ -91,7 +75,6 @@ class PackedCloth:
         """Has the model know where the cloth is after so many iterations since it was ``brought``."""
         model, state = self._model, self._model.state
         here = self._there if count % 2 else self._here
-        stiffness = state.stiffness if self._stiffness is not None else None
         inputs = [
             self.vertices,
             here,
@@ -99,6 +82,6 @@ class PackedCloth:
             self._patches.rank,
             state.position,
             state.displacement,
-            stiffness,
+            state.stiffness,
         ]
         wp.launch(self._kernels.unpack_vertices, dim=self._some.size, inputs=inputs, device=model.device)

@@ -101,7 +101,7 @@ class Together:
         self._meet(number)
 
     def _meet(self, number: int) -> None:
-        inputs = [self._arrivals, number, self._usleep, round(PATIENCE / (1e-6 * NAP))]
+        inputs = [number, self._usleep, round(PATIENCE / (1e-6 * NAP)), self._arrivals]
         wp.launch(meet_threads, dim=1, inputs=inputs, device=self._model.device)
 
     def pays(self) -> bool:

@@ -17,6 +17,7 @@ from warp_cloth.kernels.passes.move import advance_kernel, displace_kernel, pres
 from warp_cloth.kernels.passes.move_packets import eight_displace_kernel
 from warp_cloth.kernels.passes.step import NoClothContact, NoCollider, accumulated, saves_queries
 from warp_cloth.model.model import ClothModel
+from warp_cloth.model.vertices import allocate_steps
 from warp_cloth.solver.active_set import AtWork
 from warp_cloth.solver.anisotropic_step import Leeway
 from warp_cloth.solver.forces import ForcePass, pass_size, takes_packets
@@ -131,8 +132,14 @@ class Relaxation:
         kernel_options = replace(kernel_options, accumulate=accumulated(kernel_options))
         self._kernel_options = kernel_options
         worn = kernel_options.anisotropic
-        if worn and not model.state.in_contact:
-            model.state.in_contact = wp.zeros(model.vertex_count, dtype=wp.uint8, device=model.device)
+        allocate_steps(
+            model.state,
+            model.precision,
+            stiffness=accelerated,
+            compliance=worn and options.leeway > 0.0,
+            in_contact=worn,
+            clearance=saves_queries(kernel_options),
+        )
         self.at_work = AtWork(model)
         self._leeway: Leeway | None = None
         if worn and options.leeway > 0.0:  # which is looked at as patches own it
@@ -144,10 +151,6 @@ class Relaxation:
         self._packed: PackedCloth | None = None
         self._eight = False  # whether eight vertices are moved at a time
         self._presses_along = False  # whether what moves vertices presses pairs of cloth, too
-        if accelerated and not model.state.stiffness:
-            model.state.stiffness = wp.zeros(model.vertex_count, dtype=types.real, device=model.device)
-        if saves_queries(kernel_options):
-            model.state.clearance = wp.zeros(model.vertex_count, dtype=wp.float32, device=model.device)
         if patches is not None:  # no sum of forces in memory, but a second set of positions to write to
             self._move = advance_kernel(kernel_options)
             self._presses_along = presses_along(kernel_options)
