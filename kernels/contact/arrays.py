@@ -11,7 +11,7 @@ import warp as wp
 from warp_cloth.kernels.base.access import element
 from warp_cloth.kernels.base.block import TOLD_APART
 from warp_cloth.kernels.base.types import cloth_types
-from warp_cloth.kernels.contact.closest_points import NOTHING, nearest_functions
+from warp_cloth.kernels.contact.closest_points import NOTHING, on_edges_function, on_triangle_function
 from warp_cloth.kernels.math.real import inner, root, scaled_sum
 
 # Sums are integers of these units: integers add up to the same in any order, so pairs may be found and summed in any.
@@ -171,8 +171,8 @@ def separation_function(precision: str, sort: int) -> wp.Function:
     float64: relative to the second vertex nothing large cancels.
     """
     types = cloth_types(precision)
-    real, vec3, vec4, nearest = types.real, types.vec3, types.vec4, nearest_functions(types.real)
-    on_triangle, on_edges = nearest.on_triangle, nearest.on_edges
+    real, vec3, vec4 = types.real, types.vec3, types.vec4
+    on_triangle, on_edges = on_triangle_function(real), on_edges_function(real)
     one = wp.constant(real(1.0))
 
     @wp.func

@@ -22,15 +22,10 @@ LEAST = 1e-30  # least divisor: it matters only where an edge or a triangle has 
 
 
 @functools.cache
-def nearest_functions(real: type) -> SimpleNamespace:
-    """Functions ``on_triangle`` and ``on_edges`` in float32 or float64."""
-    vec2, vec3 = wp.types.vector(2, real), wp.types.vector(3, real)
+def on_triangle_function(real: type) -> wp.Function:
+    """Function ``on_triangle`` in float32 or float64."""
+    vec3 = wp.types.vector(3, real)
     nothing, whole_one, least = wp.constant(real(0.0)), wp.constant(real(1.0)), wp.constant(real(LEAST))
-
-    @wp.func
-    def clamped(value: real):
-        """The value clamped to [0, 1]."""
-        return wp.clamp(value, nothing, whole_one)
 
     @wp.func
     def on_triangle(p: vec3, ab: vec3, ac: vec3):
@@ -70,6 +65,20 @@ def nearest_functions(real: type) -> SimpleNamespace:
         on = wp.where(at_b, vec3(nothing, whole_one, nothing), on)
         return wp.where(at_a, vec3(whole_one, nothing, nothing), on)
 
+    return on_triangle
+
+
+@functools.cache
+def on_edges_function(real: type) -> wp.Function:
+    """Function ``on_edges`` in float32 or float64."""
+    vec2, vec3 = wp.types.vector(2, real), wp.types.vector(3, real)
+    nothing, whole_one, least = wp.constant(real(0.0)), wp.constant(real(1.0)), wp.constant(real(LEAST))
+
+    @wp.func
+    def clamped(value: real):
+        """The value clamped to [0, 1]."""
+        return wp.clamp(value, nothing, whole_one)
+
     @wp.func
     def on_edges(along_0: vec3, along_1: vec3, between: vec3):
         """Parameters s, t in [0, 1] along two edges where they are nearest; ``between``: first start - second start.
@@ -90,10 +99,10 @@ def nearest_functions(real: type) -> SimpleNamespace:
         beyond = clamped(wp.where(t < nothing, -c, b - c) * inverse_a)
         return vec2(wp.where(t < nothing or t > whole_one, beyond, s), clamped(t))
 
-    return SimpleNamespace(on_triangle=on_triangle, on_edges=on_edges)
+    return on_edges
 
 
-nearest_on_triangle = nearest_functions(wp.float64).on_triangle
+nearest_on_triangle = on_triangle_function(wp.float64)
 
 
 @functools.cache

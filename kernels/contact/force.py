@@ -197,12 +197,31 @@ def nearness_function(precision: str) -> wp.Function:
 
 
 @functools.cache
+def stiffness_function(precision: str) -> wp.Function:
+    """Function ``stiffness_ahead``."""
+    types = cloth_types(precision)
+    Step, real = types.Step, types.real
+    one, nothing = wp.constant(real(1.0)), wp.constant(real(0.0))
+
+    @wp.func
+    def stiffness_ahead(step: Step, approach: real, by_thickness: real, x: real, modulus: real):
+        """Stiffness bound [N/m]: at the distance left after ``reach`` times the last approach, but at least x/2."""
+        closing = wp.max(real(step.reach) * approach * by_thickness, nothing)
+        nearer = wp.max(x - closing, real(0.5) * x)
+        return squeeze_stiffness(quotient(one, nearer), modulus)
+
+    return stiffness_ahead
+
+
+@functools.cache
 def pair_force_function(precision: str, accumulate: Accumulate, sort: int, in_order: bool) -> wp.Function:
     """Function ``add_pair_force`` for pairs of a sort (ON_TRIANGLE, ON_EDGE); others as in ``force_kernel``."""
     types = cloth_types(precision)
     State, Step, real, vec2, vec3 = types.State, types.Step, types.real, types.vec2, types.vec3
     at, pair_separation = place_function(precision), separation_function(precision, sort)
-    nearness, slipped = nearness_function(precision), slip_function(precision)
+    nearness, slipped, stiffness_ahead = (
+        make(precision) for make in (nearness_function, slip_function, stiffness_function)
+    )
     add_parallel_couples = couple_function(precision, accumulate)
     move_at = order_functions(precision, packed=False, in_order=in_order).move_at
     edge_weight, add_pair = parallel_functions(real).weight, add_functions(real).add_pair
@@ -255,9 +274,7 @@ def pair_force_function(precision: str, accumulate: Accumulate, sort: int, in_or
         component = nothing
         if wp.static(accumulate is Accumulate.STIFFNESS):
             approach = -inner(normal, change)
-            closing = wp.max(real(step.reach) * approach * by_thickness, nothing)
-            nearer = wp.max(x - closing, real(0.5) * x)
-            stiffness = weight[0] * squeeze_stiffness(quotient(one, nearer), modulus)
+            stiffness = weight[0] * stiffness_ahead(step, approach, by_thickness, x, modulus)
             force += normal * (real(step.viscosity) * stiffness * approach)
             component = real(2.0) * (stiffness + grip)  # the weights' absolute values sum to two
         if wp.static(accumulate is Accumulate.MAGNITUDE):

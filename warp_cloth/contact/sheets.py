@@ -10,6 +10,8 @@ import numpy as np
 from warp_cloth.contact.crossing import Sheets
 from warp_cloth.garment.part import GarmentPart
 
+LAYER_LIFT = 8e-3  # [m]; while it is sewn, each layer keeps clear of the folds of the one inside it
+
 
 @dataclass(frozen=True)
 class SheetKind:

@@ -18,7 +18,7 @@ from warp_cloth.avatar.solid import solid_of
 from warp_cloth.base.cache import Cache
 from warp_cloth.base.mesh import Mesh
 from warp_cloth.base.warp_setup import keeping_kernels
-from warp_cloth.contact.garments import build_cloth_contact, build_contact_schedule, highest_lift, placed
+from warp_cloth.contact.garments import build_cloth_contact, highest_lift, placed
 from warp_cloth.fitting.clock import StageClock
 from warp_cloth.fitting.nested_iteration import start_from_coarse
 from warp_cloth.fitting.poses import PoseRun, follow_poses
@@ -30,7 +30,7 @@ from warp_cloth.model.result import LevelRun
 from warp_cloth.scene import Scene
 from warp_cloth.solver.certificate.certifier import Certifier, Tolerance
 from warp_cloth.solver.certificate.rest_error import GROWING
-from warp_cloth.solver.contact_schedule import ContactSchedule
+from warp_cloth.solver.contact_schedule import ContactSchedule, build_contact_schedule
 from warp_cloth.solver.implicit.multilevel import MultilevelRelaxation, build_relaxation
 from warp_cloth.solver.loop import Boxes, Follow
 from warp_cloth.solver.parallel_domains import thread_count
@@ -162,7 +162,9 @@ def build_problem(
         options, model, colliders, parts, cloth_contact, [scene.solver.cap for scene in scenes]
     )
     certifier = Certifier(relaxation)
-    schedule = build_contact_schedule(outfits[0], relaxation, cloth_contact) if cloth_contact is not None else None
+    schedule = (
+        build_contact_schedule(outfits[0].parts, relaxation, cloth_contact) if cloth_contact is not None else None
+    )
     wp.synchronize_device(device)
     clock.lap("build")
     clock.begin("compile")

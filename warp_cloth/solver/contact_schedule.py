@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
+import numpy as np
 import warp as wp
 
+from warp_cloth.base.mesh import Points
 from warp_cloth.contact.cloth import ClothContact
+from warp_cloth.contact.sheets import LAYER_LIFT
+from warp_cloth.garment.part import GarmentPart
 from warp_cloth.solver.relax import Relaxation
 
 # Sewing and untangling need little momentum: drawn together with all of it, the panels of a T-shirt fold over and cross
 # in 5,000 places, with this in 200.
 CALM_MOMENTUM = 0.9
 MOST_SEWING = 1000  # iterations after which a seam that will not close is left as it is
-LAYER_LIFT = 8e-3  # [m]; while it is sewn, each layer keeps clear of the folds of the one inside it
 CHECK_EVERY = 500  # iterations between checks for new crossings: a pose may have pushed cloth through
 ROOMY = 0.5  # fraction of the memory for pairs; below it the next chunk does not wait for the measurement
 MOST_UNTANGLING = 2000  # iterations after which momentum may help where calm did not
@@ -140,3 +143,29 @@ class ContactSchedule:
             self._relaxation.forget_graphs()
         self._crosses_again = not self.calm and not cloth_contact.untangles and crossings > 0
         return not crossings and not self.calm
+
+
+def build_contact_schedule(
+    parts: Sequence[GarmentPart], relaxation: Relaxation, cloth_contact: ClothContact
+) -> ContactSchedule:
+    """The contact schedule of a scene's garments; without a body they are oriented by their own middles."""
+
+    def face() -> None:
+        if cloth_contact.facing is not None:
+            cloth_contact.face_from_body()
+        else:
+            cloth_contact.face(signs_from_middle(parts, relaxation.model.points()))
+
+    return ContactSchedule(relaxation, cloth_contact, face)
+
+
+def signs_from_middle(parts: Sequence[GarmentPart], points: Points) -> list[float]:
+    """Whether most of each garment's area faces away from its own middle, 1, or towards it, -1, at these points [m]."""
+    signs, start = [], 0
+    for part in parts:
+        own = points[start : start + len(part.points)]
+        a, b, c = (own[part.triangles[:, corner]] for corner in range(3))
+        away = np.einsum("ij,ij->", np.cross(b - a, c - a), (a + b + c) / 3.0 - own.mean(axis=0))
+        signs.append(1.0 if float(away) >= 0.0 else -1.0)
+        start += len(own)
+    return signs
