@@ -119,7 +119,13 @@ def test_net_on_a_sphere_presses_by_its_tension_and_curvature() -> None:
     push = Certifier(relaxation).normal_forces()
     part = GarmentPart(net.points, net.triangles, rest, NO_PINS)
     made = measure_maps(
-        ("pressure",), parts=[part], worn=[worn], pushes=[push], avatar=avatar, garment_names=["net"], device="cpu"
+        ("pressure",),
+        parts=[part],
+        worn=[worn],
+        normal_forces=[push],
+        avatar=avatar,
+        garment_names=["net"],
+        device="cpu",
     )
     tension = fabric.stretch / even_network(fabric.compression)
     rest_radius = float(np.linalg.norm(net.points, axis=1).mean())
@@ -137,7 +143,7 @@ def test_ease_is_the_exact_distance_to_the_skin() -> None:
     points = garment.points @ np.array([[1.0, 0, 0], [0, 1.0, 0], [0, 0, 1.0]]) + (-0.5, 0.3, 0.23)
     part = GarmentPart(points, garment.triangles, build_rest_shape(garment, Fabric(), rest="mesh"), NO_PINS)
     made = measure_maps(
-        ("ease",), parts=[part], worn=[points], pushes=None, avatar=body, garment_names=["sheet"], device="cpu"
+        ("ease",), parts=[part], worn=[points], normal_forces=None, avatar=body, garment_names=["sheet"], device="cpu"
     )
     away = np.maximum(np.abs(points - (0.0, 0.8, 0.0)) - (0.2, 0.8, 0.2), 0.0)
     expected = 1e3 * np.linalg.norm(away, axis=1)

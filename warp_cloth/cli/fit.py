@@ -66,7 +66,7 @@ def fit(
         from warp_cloth.scene import load_scene
 
         suffixes = chosen_formats(formats)
-        map_names = chosen_maps(maps)
+        map_names = chosen_maps(maps, place="--maps")
         colour_map = chosen_colour(colour, place="--colour")
         chosen = load_scene(scene, changes or ())
         check_inputs_kept(chosen, out, suffixes)

@@ -145,7 +145,7 @@ def _with_maps(result: FitResult, names: Sequence[str], problem: Problem) -> Fit
         names,
         parts=problem.outfit.parts,
         worn=[worn.points for worn in result.garments],
-        pushes=None if forces is None else [forces[first:last] for first, last in spans],
+        normal_forces=None if forces is None else [forces[first:last] for first, last in spans],
         avatar=problem.avatar_surfaces()[0],
         garment_names=garment_names,
         device=result.device,

@@ -60,7 +60,7 @@ GROUPS: Mapping[str, tuple[str, ...]] = MappingProxyType(
 )
 
 
-def chosen_maps(text: str | Sequence[str], *, place: str = "--maps") -> tuple[str, ...]:
+def chosen_maps(text: str | Sequence[str], *, place: str = "maps") -> tuple[str, ...]:
     """Names of maps from "strain,pressure,ease"; "strain" stands for all strains and the shear angle, "all" for all."""
     requested = [name.strip() for part in strings(text, place) for name in part.split(",")]
     names: dict[str, None] = {}

@@ -43,7 +43,7 @@ def percentiles(values: NDArray[np.float32]) -> dict[str, float]:
     return {"min": float(values.min()), **quantiles, "max": float(values.max()), "mean": float(values.mean())}
 
 
-def check_maps(names: Sequence[str], *, has_avatar: bool, place: str = "--maps") -> tuple[str, ...]:
+def check_maps(names: Sequence[str], *, has_avatar: bool, place: str = "maps") -> tuple[str, ...]:
     """Those maps that a scene can have; InputError where none can be had without an avatar."""
     possible = tuple(name for name in names if has_avatar or not MAPS[name].needs_avatar)
     if names and not possible:
@@ -56,7 +56,7 @@ def measure_maps(
     *,
     parts: Sequence[GarmentPart],
     worn: Sequence[Points],
-    pushes: Sequence[Floats] | None,
+    normal_forces: Sequence[Floats] | None,
     avatar: Mesh | None,
     garment_names: Sequence[str],
     device: str,
@@ -68,7 +68,7 @@ def measure_maps(
         names: of the maps.
         parts: the garments, with their rest shapes.
         worn: points of each garment [m], shape [V, 3].
-        pushes: contact force of each vertex on the avatar [N], shape [V] each; None: no contact.
+        normal_forces: of each garment's vertices on the avatar [N], shape [V]; None: no contact.
         avatar: the body, for ease and girths.
         garment_names: for the girths.
         device: on which distances are measured.
@@ -77,8 +77,8 @@ def measure_maps(
     fields: list[dict[str, NDArray[np.float32]]] = []
     notes: list[str] = []
     for index, (part, points) in enumerate(zip(parts, worn, strict=True)):
-        push = None if pushes is None else pushes[index]
-        values = _values(names, part, points, push, avatar, device)
+        forces = None if normal_forces is None else normal_forces[index]
+        values = _values(names, part, points, forces, avatar, device)
         missing = [name for name in names if name not in values and MAPS[name].needs_warp]
         if missing:
             notes.append(f'"{garment_names[index]}" has no warp direction, and so no {", ".join(missing)}')
@@ -96,7 +96,7 @@ def measure_maps(
 
 
 def _values(
-    names: Sequence[str], part: GarmentPart, points: Points, push: Floats | None, avatar: Mesh | None, device: str
+    names: Sequence[str], part: GarmentPart, points: Points, forces: Floats | None, avatar: Mesh | None, device: str
 ) -> dict[str, Floats]:
     """The maps of one garment, as far as it can have them; shape [V] each."""
     values: dict[str, Floats] = {}
@@ -106,7 +106,7 @@ def _values(
             values[name] = vertex_means(of_faces, sheet.areas, sheet.triangles, len(points))
     if "pressure" in names and avatar is not None:
         area = np.maximum(vertex_areas(points, part.triangles), np.finfo(float).tiny)
-        values["pressure"] = np.zeros(len(points)) if push is None else push / area / PASCALS
+        values["pressure"] = np.zeros(len(points)) if forces is None else forces / area / PASCALS
     if "ease" in names and avatar is not None:
         values["ease"] = MILLIMETRES * signed_distances(points, avatar, device).astype(np.float64)
     return values

@@ -198,7 +198,7 @@ class LiveFit:
             (name,),
             parts=parts,
             worn=[self.points[a:b] for a, b in spans],
-            pushes=None if forces is None else [forces[a:b] for a, b in spans],
+            normal_forces=None if forces is None else [forces[a:b] for a, b in spans],
             avatar=problem.outfit.avatar,
             garment_names=[spec.name for spec in self.scene.garments],
             device=self.device,
