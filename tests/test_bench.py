@@ -61,9 +61,9 @@ def test_plots_without_matplotlib_name_the_extra(bench: Bench, tmp_path: Path, m
 
 def test_of_several_discs_the_mean_is_stated(bench: Bench) -> None:
     found = {finding.name: finding.measured for finding in bench.findings}
-    first, second = found["of disc 1"], found["of disc 2"]
+    first, second = (found[f"drape coefficient of disc {number}"] for number in (1, 2))
     assert found["drape coefficient"] == pytest.approx(0.5 * (first + second))
-    assert found["their standard deviation"] == pytest.approx(abs(first - second) / 2**0.5)
+    assert found["standard deviation of the discs"] == pytest.approx(abs(first - second) / 2**0.5)
 
 
 def test_an_unknown_fabric_is_refused_in_one_line(tmp_path: Path) -> None:

@@ -233,14 +233,16 @@ def _release(fabric: Fabric, device: str) -> TestResult:
 
 def _draped(coefficients: Sequence[float], draped: Sequence[Drape]) -> list[Finding]:
     """Drape coefficient: mean of all discs, each disc's, and their standard deviation."""
-    singles = [Finding(f"of disc {number}", "%", value) for number, value in enumerate(coefficients, start=1)]
+    singles = [
+        Finding(f"drape coefficient of disc {number}", "%", value) for number, value in enumerate(coefficients, start=1)
+    ]
     if len(singles) > 1:
-        singles.append(Finding("their standard deviation", "%", float(np.std(coefficients, ddof=1))))
+        singles.append(Finding("standard deviation of the discs", "%", float(np.std(coefficients, ddof=1))))
     worst = max(disc.settled.check.rest_error for disc in draped)
     return [
         Finding("drape coefficient", "%", float(np.mean(coefficients))),
         *singles,
-        Finding("drape's rest error", "mm", 1e3 * worst),
+        Finding("rest error of the drape", "mm", 1e3 * worst),
     ]
 
 

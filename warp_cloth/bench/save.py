@@ -21,16 +21,16 @@ TABLE_WIDTH = 100  # characters, of the text above the table
 
 def table(bench: Bench) -> list[str]:
     """Lines of a table: each measured value, the fabric's own, and the deviation."""
-    rows = [("", "measured", "stated", "deviation", "")]
+    rows = [("", "unit", "measured", "stated", "deviation")]
     for found in bench.findings:
         stated = "" if found.stated is None else f"{found.stated:.3g}"
         deviation = "" if found.deviation is None else f"{100 * found.deviation:+.1f} %"
-        rows.append((found.name, f"{found.measured:.3g}", stated, deviation, found.unit))
+        rows.append((found.name, found.unit, f"{found.measured:.3g}", stated, deviation))
     widths = [max(len(row[column]) for row in rows) for column in range(5)]
     lines = textwrap.wrap(f"{bench.fabric.name}: {bench.fabric.source}", TABLE_WIDTH)
-    for name, *figures, unit in rows:
-        cells = [figure.rjust(width) for figure, width in zip(figures, widths[1:], strict=False)]
-        lines.append("  ".join(["", name.ljust(widths[0]), *cells, unit]).rstrip())
+    for name, unit, *figures in rows:
+        cells = [figure.rjust(width) for figure, width in zip(figures, widths[2:], strict=True)]
+        lines.append("  ".join(["", name.ljust(widths[0]), unit.ljust(widths[1]), *cells]).rstrip())
     return lines
 
 
@@ -49,7 +49,7 @@ def save_bench(bench: Bench, folder: Path, device: str = "cpu", *, plots: bool =
     with whole_file(paths[1]) as place:
         place.write_text(_csv(bench.curves), encoding="utf-8")
     draped = next(found for found in bench.findings if found.name == "drape coefficient")
-    count = sum(found.name.startswith("of disc") for found in bench.findings)
+    count = sum(found.name.startswith("drape coefficient of disc") for found in bench.findings)
     sentence = f"30 cm disc on an 18 cm support, drape coefficient of {count} discs {draped.measured:.0f} %"
     picture = draw_views(build_subject([bench.disc], None, device), (1500, 600), name, sentence, DRAPE_SIDES)
     save_picture(picture, paths[2])
