@@ -125,12 +125,14 @@ def cloth_types(precision: str) -> SimpleNamespace:
 
     @wp.struct
     class Edges:
-        """E edges; ``beside`` and ``fold`` only where cloth bends, ``rest`` only where it is not flat at rest."""
+        """E edges; hinges only where cloth bends, ``rest`` only where it is not flat at rest."""
 
         ends: wp.array(dtype=wp.vec2i)
         law: wp.array(dtype=vec3)  # rest length [m], pull [N/m2], push [N/m2]
-        beside: wp.array(dtype=wp.vec2i)  # both triangles; the edge runs as the first is wound
-        fold: wp.array(dtype=real)  # C of its hinge [N m], negative where the second triangle is wound likewise
+        adjacent_triangles: wp.array(dtype=wp.vec2i)  # both; the edge runs as the first is wound
+        hinge_stiffness: wp.array(
+            dtype=real
+        )  # C of its hinge [N m], negative where the second triangle is wound likewise
         rest: wp.array(dtype=vec2)  # cosine and sine of its hinge's rest angle
 
     @wp.struct
@@ -202,8 +204,8 @@ def cloth_types(precision: str) -> SimpleNamespace:
         patch: wp.array(dtype=wp.vec4i)  # as Patch
         vertex: wp.array(dtype=wp.int32)  # of all garments; of each patch those that it owns first
         ends: wp.array(dtype=wp.uint64)  # of an edge, and its two triangles
-        law: wp.array(dtype=vec4)  # as Edges.law and Edges.fold; where there are edges
-        fold: wp.array(dtype=real)  # as Edges.fold, where there are folds only
+        law: wp.array(dtype=vec4)  # as Edges.law and Edges.hinge_stiffness; where there are edges
+        hinge_stiffness: wp.array(dtype=real)  # as Edges.hinge_stiffness, where there are folds only
         rest: wp.array(dtype=vec2)  # as Edges.rest
         corners: wp.array(dtype=wp.uint64)  # of a triangle
         sides: wp.array(dtype=wp.uint64)  # its edges, opposite to the corners; bits: whose turn counts the other way

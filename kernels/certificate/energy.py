@@ -7,6 +7,7 @@ import warp as wp
 from warp_cloth.kernels.base.types import MODULE_OPTIONS, cloth_types, difference_function, hinge_sides_function
 from warp_cloth.kernels.laws.bending import hinge_normals, rotated_back
 from warp_cloth.kernels.laws.energy import bending_energy, tension_energy, yarn_energy
+from warp_cloth.kernels.laws.tension import edge_law
 from warp_cloth.kernels.laws.yarn import bias_vectors, warp_vector, weft_vector, yarn_law
 
 
@@ -25,10 +26,10 @@ def measure_tension_kernel(precision: str) -> wp.Kernel:
     ):
         """Energy and strain of each edge."""
         edge = wp.tid()
-        law = edges.law[edge]
+        rest, pull, push = edge_law(edges.law[edge])
         length = wp.length(difference(state.position[edges.ends[edge][1]], state.position[edges.ends[edge][0]]))
-        energy_out[edge] = wp.float64(tension_energy(length - law[0], law[1], law[2]))
-        strain_out[edge] = (length - law[0]) / law[0]
+        energy_out[edge] = wp.float64(tension_energy(length - rest, pull, push))
+        strain_out[edge] = (length - rest) / rest
 
     return measure_tension
 

@@ -12,7 +12,13 @@ import warp as wp
 from warp_cloth.kernels.base.options import Accumulate
 from warp_cloth.kernels.base.types import cloth_types, difference_function, takes_exact_stretch
 from warp_cloth.kernels.laws.bending import SHORTEST, hinge_torque, rotated_back
-from warp_cloth.kernels.laws.tension import damped_change, tension_force, tension_stiffness, transverse_fraction
+from warp_cloth.kernels.laws.tension import (
+    damped_change,
+    edge_law,
+    tension_force,
+    tension_stiffness,
+    transverse_fraction,
+)
 from warp_cloth.kernels.math.lanes import lane_types
 from warp_cloth.kernels.math.operators import add, div, mul, sub  # noqa: F401  what + - * / below call for packets
 from warp_cloth.kernels.math.packet import component, maximum, vector3, vector4
@@ -81,7 +87,7 @@ def edge_functions(precision: str, accumulate: Accumulate, angles: bool, lanes: 
     @wp.func
     def edge_load(span: Span, law: vec3, step: Step):
         """Load of an edge's tension on its first end; on the second the force is the opposite."""
-        rest, pull, push = component(law, 0), component(law, 1), component(law, 2)
+        rest, pull, push = edge_law(law)
         stretch = span.length - rest
         if wp.static(exact):
             # r - L = (r^2 - L^2) / (r + L)
@@ -103,7 +109,7 @@ def edge_functions(precision: str, accumulate: Accumulate, angles: bool, lanes: 
         return vector4(component(force, 0), component(force, 1), component(force, 2), bound)
 
     @wp.func
-    def edge_fold(span: Span, first: vec4, second: vec4, bending_stiffness: one, rest: vec2, step: Step):
+    def edge_fold(span: Span, first: vec4, second: vec4, hinge_stiffness: one, rest: vec2, step: Step):
         """Torque of an edge's hinge over its length L [N], bound of its stiffness [N/m] and L^2 [m2].
 
         ``first`` and ``second`` are of ``triangle_normal``.
@@ -115,7 +121,7 @@ def edge_functions(precision: str, accumulate: Accumulate, angles: bool, lanes: 
         reach = span.move * step.reach
         torque, bound = hinge_torque(
             normal_0, component(first, 3), normal_1, component(second, 3),
-            span.side, span.length, bending_stiffness, reach,
+            span.side, span.length, hinge_stiffness, reach,
         )  # fmt: skip
         return vector3(torque * span.inverse, bound, inner(span.side, span.side))
 

@@ -12,7 +12,7 @@ import warp as wp
 
 from warp_cloth.kernels.base.types import MODULE_OPTIONS, cloth_types, difference_function, hinge_sides_function
 from warp_cloth.kernels.laws.bending import THINNEST, hinge_normals, rotated_back
-from warp_cloth.kernels.laws.tension import tension_force, tension_stiffness
+from warp_cloth.kernels.laws.tension import edge_law, tension_force, tension_stiffness
 from warp_cloth.kernels.laws.yarn import DIAGONAL, warp_vector, weft_vector, yarn_law, yarn_of
 from warp_cloth.kernels.math.symmetric import matrix_type, multiple_of_unit, outer, symmetric_matrix_functions
 
@@ -172,10 +172,10 @@ def couple_pairs_kernel(precision: str) -> wp.Kernel:
         edge = pairs.edge[pair]
         if edge >= 0:
             ends = edges.ends[edge]
-            law = edges.law[edge]
+            rest, pull, push = edge_law(edges.law[edge])
             d = difference(state.position[ends[1]], state.position[ends[0]])
             change = state.displacement[ends[1]] - state.displacement[ends[0]]
-            s = spring_stiffness(d, change, law[0], law[1], law[2], reach)
+            s = spring_stiffness(d, change, rest, pull, push, reach)
         for row in range(pairs.weave_start[pair], pairs.weave_start[pair + 1]):
             code = pairs.weave[row]
             s += side[code % 3, code // 3]

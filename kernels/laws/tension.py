@@ -12,10 +12,16 @@ from typing import Any
 import warp as wp
 
 from warp_cloth.kernels.math.operators import add, div, mul, sub  # noqa: F401  what + - * / below call for packets
-from warp_cloth.kernels.math.packet import absolute, dot, maximum, minimum, where_greater
+from warp_cloth.kernels.math.packet import absolute, component, dot, maximum, minimum, where_greater
 from warp_cloth.kernels.math.real import single, where_positive
 
 SHORTEST = wp.constant(single(1.0e-20))  # of what collapsed cloth would divide by
+
+
+@wp.func
+def edge_law(law: Any):
+    """Rest length [m], pull and push [N/m2] of an edge."""
+    return component(law, 0), component(law, 1), component(law, 2)
 
 
 @wp.func

@@ -18,7 +18,7 @@ from warp_cloth.kernels.base.options import Accumulate, Terms
 from warp_cloth.kernels.base.subset import listed
 from warp_cloth.kernels.base.types import MODULE_OPTIONS, cloth_types, difference_function, rest_function
 from warp_cloth.kernels.elements.edge import edge_functions
-from warp_cloth.kernels.laws.tension import tension_force, tension_stiffness, transverse_fraction
+from warp_cloth.kernels.laws.tension import edge_law, tension_force, tension_stiffness, transverse_fraction
 from warp_cloth.kernels.laws.yarn import (
     slope_fractions,
     warp_vector,
@@ -48,10 +48,11 @@ from warp_cloth.kernels.patches.packing import order_functions
 @wp.func
 def edge_bound(side: Any, change: Any, law: Any, reach: Any, horizon: Any):
     """Stiffness bound of an edge as a matrix [N/m], and its size; law is its length at rest, pull and push."""
+    rest, pull, push = edge_law(law)
     length, size = wp.length(side), wp.length(change)
-    stretch = length - law[0]
-    stiffness = tension_stiffness(stretch, law[1], law[2], reach * size)
-    force = tension_force(stretch, law[1], law[2])
+    stretch = length - rest
+    stiffness = tension_stiffness(stretch, pull, push, reach * size)
+    force = tension_force(stretch, pull, push)
     across = transverse_fraction(length, force, stiffness, size, horizon)
     along = outer(stiffness * (type(length)(1.0) - across), wp.normalize(side))
     return multiple_of_unit(stiffness * across) + along, stiffness
@@ -136,15 +137,15 @@ def _bound_folds_kernel(precision: str, terms: Terms, packed: bool, in_order: bo
         ends = element(edges.ends, edge)
         if rests(model, ends[0]):
             return
-        beside = element(edges.beside, edge)
+        adjacent = element(edges.adjacent_triangles, edge)
         rest = vec2()
         if wp.static(terms.angles):
             rest = element(edges.rest, edge)
         move, other = move_at(state, ends[0]), move_at(state, ends[1])
         first, second = position_at(state, ends[0]), position_at(state, ends[1])
         span = edge_span(first, second, move, other, root(inner(move, move)))
-        normal_0, normal_1 = element(normal, beside[0]), element(normal, beside[1])
-        fold = edge_fold(span, normal_0, normal_1, element(edges.fold, edge), rest, step)
+        normal_0, normal_1 = element(normal, adjacent[0]), element(normal, adjacent[1])
+        fold = edge_fold(span, normal_0, normal_1, element(edges.hinge_stiffness, edge), rest, step)
         bound_out[edge] = fold[1]
 
     return bound_folds

@@ -142,8 +142,11 @@ def edges_kernel(precision: str, accumulate: Accumulate, terms: Terms, lanes: in
             rest = vec2()
             if wp.static(terms.angles):
                 rest = element(edges.rest, first)
-            normal_0, normal_1 = load_at(normal, edges.beside, first, 0), load_at(normal, edges.beside, first, 1)
-            fold = edge_fold(span, normal_0, normal_1, load(edges.fold, first), rest, step)
+            normal_0, normal_1 = (
+                load_at(normal, edges.adjacent_triangles, first, 0),
+                load_at(normal, edges.adjacent_triangles, first, 1),
+            )
+            fold = edge_fold(span, normal_0, normal_1, load(edges.hinge_stiffness, first), rest, step)
             store(fold_out, first, vector4(component(fold, 0), component(fold, 1), component(fold, 2), span.length))
 
     return add_edges

@@ -190,7 +190,7 @@ def fetch_function(options: KernelOptions) -> wp.Function:
         if wp.static(terms.edges):
             fetch_ahead(patches.law, patch.law_start, patch.law_count, 0)
         if wp.static(terms.folds and not terms.edges):
-            fetch_ahead(patches.fold, patch.law_start, patch.law_count, 5)
+            fetch_ahead(patches.hinge_stiffness, patch.law_start, patch.law_count, 5)
         if wp.static(terms.folds and not paired):
             fetch_ahead(patches.sides, patch.triangle_start, patch.triangle_count, 5)
         if wp.static(terms.yarns):

@@ -193,12 +193,12 @@ def edge_table_functions(options: KernelOptions) -> SimpleNamespace:
 
     @wp.func
     def law_at(patches: types.Patches, at: int):
-        """How an edge pulls, and C of its hinge."""
+        """How an edge pulls (Edges.law), and as the fourth component the stiffness of its hinge."""
         law = types.vec4()
         if wp.static(terms.edges):
             law = element(patches.law, at)
         if wp.static(terms.folds and not terms.edges):
-            law[3] = element(patches.fold, at)
+            law = types.vec4(types.real(0.0), types.real(0.0), types.real(0.0), element(patches.hinge_stiffness, at))
         return law
 
     @wp.func
@@ -266,14 +266,15 @@ def edge_functions_of_patch(options: KernelOptions) -> SimpleNamespace:
         if wp.static(exact):
             span.exact = point_at(context, second) - point_at(context, first)
         if wp.static(terms.edges):
-            load = edge_load(span, vec3(law[0], law[1], law[2]), context.step)
+            load = edge_load(span, first_three(law), context.step)
             write_4(context.overflow, context.memory.edge_load + wp.static(4 * types.real_size) * local, load)
         fold = vec3()
         if wp.static(terms.folds):
             rest = vec2()
             if wp.static(terms.angles):
                 rest = element(context.patches.rest, context.patch.edge_start + local)
-            fold = edge_fold(span, normal_0, normal_1, law[3], rest, context.step)
+            hinge_stiffness = law[3]  # of ``law_at``
+            fold = edge_fold(span, normal_0, normal_1, hinge_stiffness, rest, context.step)
         return fold
 
     @wp.func

@@ -19,8 +19,8 @@ class Elements:
 
     ends: Indices  # shape [E, 2]
     law: Floats  # rest length [m], pull [N/m2], push [N/m2], shape [E, 3]
-    beside: Indices  # triangles of each edge's hinge, 0 where it has none, shape [E, 2]
-    fold: Floats  # C of that hinge [N m], negative where both triangles run along the edge, shape [E]
+    adjacent_triangles: Indices  # triangles of each edge's hinge, 0 where it has none, shape [E, 2]
+    hinge_stiffness: Floats  # C of that hinge [N m], negative where both triangles run along the edge, shape [E]
     rest: Floats  # cosine and sine of its rest angle, shape [E, 2]
     corners: Indices  # shape [F, 3]
     edges: Indices  # opposite to each corner, -1 - edge where the hinge's turn counts the other way, shape [F, 3]
@@ -33,7 +33,7 @@ class Winding:
     """How a garment's triangles and hinges lie to one another: the same in every fabric whose hinges are all stiff."""
 
     ends: Indices  # as of Elements,
-    beside: Indices
+    adjacent_triangles: Indices
     edges: Indices
     hinge_edge: Indices  # edges of the hinges that are stiff
     sign: Floats  # -1 where both triangles run along that edge (one-sided cloth), else 1
@@ -42,11 +42,11 @@ class Winding:
 def winding_of(triangles: Indices, topology: Topology, stiff: NDArray[np.bool_] | slice = slice(None)) -> Winding:
     """That of a garment whose ``stiff`` hinges count."""
     ends = topology.edges.copy()
-    beside = np.zeros((len(ends), 2), dtype=np.int32)
+    adjacent = np.zeros((len(ends), 2), dtype=np.int32)
     edges = topology.triangle_edges[:, [1, 2, 0]]
     edge, axis = topology.hinge_edges[stiff], topology.hinges[stiff, :2]
     ends[edge] = axis  # as its first triangle is wound
-    beside[edge] = topology.hinge_triangles[stiff]
+    adjacent[edge] = topology.hinge_triangles[stiff]
     # where each triangle's sides start, opposite to its corners
     starts = np.roll(triangles, -1, axis=1)
     second = topology.hinge_triangles[stiff, 1]
@@ -55,7 +55,7 @@ def winding_of(triangles: Indices, topology: Topology, stiff: NDArray[np.bool_] 
     counted = edges.copy()
     rows, columns = np.nonzero(there & alike[:, None])
     counted[second[rows], columns] = -1 - edges[second[rows], columns]
-    return Winding(ends, beside, counted, edge, np.where(alike, -1.0, 1.0))
+    return Winding(ends, adjacent, counted, edge, np.where(alike, -1.0, 1.0))
 
 
 def garment_elements(triangles: Indices, rest: RestShape, winding: Winding | None = None) -> Elements:
@@ -64,8 +64,8 @@ def garment_elements(triangles: Indices, rest: RestShape, winding: Winding | Non
     if winding is None or not stiff.all():
         winding = winding_of(triangles, rest.topology, stiff)
     count, edge = len(winding.ends), winding.hinge_edge
-    fold, angles = np.zeros(count), np.zeros((count, 2))
-    fold[edge] = winding.sign * rest.hinge_stiffness[stiff]
+    stiffness, angles = np.zeros(count), np.zeros((count, 2))
+    stiffness[edge] = winding.sign * rest.hinge_stiffness[stiff]
     angles[:, 0] = 1.0
     if rest.hinge_angle is not None:
         angles[edge, 0], angles[edge, 1] = np.cos(rest.hinge_angle[stiff]), np.sin(rest.hinge_angle[stiff])
@@ -73,10 +73,14 @@ def garment_elements(triangles: Indices, rest: RestShape, winding: Winding | Non
     if rest.yarns is not None:
         slope[rest.yarns.triangles], yarns[rest.yarns.triangles] = rest.yarns.slope, rest.yarns.law
     law = np.stack([rest.edge_length, rest.edge_pull, rest.edge_push], axis=1)
-    return Elements(winding.ends, law, winding.beside, fold, angles, triangles, winding.edges, slope, yarns)
+    return Elements(
+        winding.ends, law, winding.adjacent_triangles, stiffness, angles, triangles, winding.edges, slope, yarns
+    )
 
 
 def elements_of(elements: Elements, real: type[np.floating[Any]]) -> Elements:
     """The elements with numbers as a device takes them."""
-    floats = {name: getattr(elements, name).astype(real) for name in ("law", "fold", "rest", "slope", "yarns")}
+    floats = {
+        name: getattr(elements, name).astype(real) for name in ("law", "hinge_stiffness", "rest", "slope", "yarns")
+    }
     return replace(elements, **floats)

@@ -180,8 +180,8 @@ def _edges(
     edges.ends = lay([each.ends for each in garments], wp.vec2i, starts=vertex_start)
     edges.law = lay([each.law for each in garments], types.vec3)
     if terms.folds:
-        edges.beside = lay([each.beside for each in garments], wp.vec2i, starts=triangle_start)
-        edges.fold = lay([each.fold for each in garments], types.real)
+        edges.adjacent_triangles = lay([each.adjacent_triangles for each in garments], wp.vec2i, starts=triangle_start)
+        edges.hinge_stiffness = lay([each.hinge_stiffness for each in garments], types.real)
     if terms.angles:
         edges.rest = lay([each.rest for each in garments], types.vec2)
     return edges

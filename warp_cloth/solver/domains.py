@@ -62,9 +62,9 @@ class _Around:
         self._ends, self._corners = model.edges.ends.numpy(), model.triangles.corners.numpy()
         self._bends = model.terms.folds
         if self._bends:
-            self._signed, self._beside = model.triangles.edges.numpy(), model.edges.beside.numpy()
+            self._signed, self._beside = model.triangles.edges.numpy(), model.edges.adjacent_triangles.numpy()
             self._sides = np.where(self._signed < 0, -1 - self._signed, self._signed)
-            self._hinged = model.edges.fold.numpy() != 0
+            self._hinged = model.edges.hinge_stiffness.numpy() != 0
 
     def slabs(self, height: Floats, count: int) -> Indices:
         """Which of as many slabs, of as many vertices each, every vertex is in."""
@@ -101,8 +101,8 @@ class _Around:
         edges.law = some(model.edges.law, needed)
         triangles.corners = wp.array(place[self._corners[near]], dtype=wp.vec3i, device=device)
         if self._bends:
-            edges.fold = some(model.edges.fold, needed)
-            edges.beside = wp.array(triangle_at[self._beside[needed]], dtype=wp.vec2i, device=device)
+            edges.hinge_stiffness = some(model.edges.hinge_stiffness, needed)
+            edges.adjacent_triangles = wp.array(triangle_at[self._beside[needed]], dtype=wp.vec2i, device=device)
             at = edge_at[self._sides[near]]
             triangles.edges = wp.array(np.where(self._signed[near] < 0, -1 - at, at), dtype=wp.vec3i, device=device)
         if model.terms.angles:

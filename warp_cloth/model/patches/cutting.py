@@ -152,7 +152,14 @@ def joined_rows(
 def _shape(elements: Elements, points: Points) -> bytes:
     """What a garment's patches depend on: the same in every fabric."""
     told = hashlib.sha256()
-    for array in (points, elements.ends, elements.beside, elements.fold != 0.0, elements.corners, elements.edges):
+    for array in (
+        points,
+        elements.ends,
+        elements.adjacent_triangles,
+        elements.hinge_stiffness != 0.0,
+        elements.corners,
+        elements.edges,
+    ):
         told.update(str((array.shape, array.dtype)).encode() + np.ascontiguousarray(array).tobytes())
     return told.digest()
 
@@ -306,8 +313,8 @@ def _tables(elements: Elements, places: Floats, terms: Terms, part: Part, paired
         patches.append(np.repeat(own.patch, 3))
         found.append(edge_numbers(elements.edges[own.element]).ravel())
     mine = Members(np.concatenate(patches), np.concatenate(found), len(ends), count)
-    folded = elements.fold[mine.listed] != 0.0
-    beyond = np.repeat(mine.listed_patch[folded], 2), elements.beside[mine.listed[folded]].ravel()
+    folded = elements.hinge_stiffness[mine.listed] != 0.0
+    beyond = np.repeat(mine.listed_patch[folded], 2), elements.adjacent_triangles[mine.listed[folded]].ravel()
     normal = Members(
         np.concatenate([own.patch, beyond[0]]), np.concatenate([own.element, beyond[1]]), max(len(corners), 1), count
     )
@@ -327,7 +334,9 @@ def _tables(elements: Elements, places: Floats, terms: Terms, part: Part, paired
     vertex.arrange(vertex.element, part.owner(vertex.element) != vertex.patch)
 
     at = mine.listed_patch[:, None]
-    word = np.concatenate([vertex.find(at, ends[mine.listed]), normal.find(at, elements.beside[mine.listed])], axis=1)
+    word = np.concatenate(
+        [vertex.find(at, ends[mine.listed]), normal.find(at, elements.adjacent_triangles[mine.listed])], axis=1
+    )
     at = normal.listed_patch[:, None]
     sides = elements.edges[normal.listed]
     turned = ((sides < 0) * np.array([1, 2, 4])).sum(axis=1, keepdims=True)

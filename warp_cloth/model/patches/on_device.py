@@ -118,7 +118,7 @@ def device_patches(
         each = cut_as(False)
     patch, overflowing = joined_rows(each, terms, precision=types.name, own_memory=own_memory)
     laws = cache.get_or_make_each("laws", list(zip(given, each, strict=True)), partial(_patch_laws, terms=terms), terms)
-    table = "law" if terms.edges else "fold"
+    table = "law" if terms.edges else "hinge_stiffness"
     rows = np.zeros(len(patch["vertex_start"]), dtype=Patch.numpy_dtype())
     for name, numbers in patch.items():
         rows[name] = numbers
@@ -158,7 +158,7 @@ def device_patches(
     if terms.folds and not rows["item_count"].any():
         tables.sides = laid("sides", wp.uint64, more=1)
     if terms.folds and not terms.edges:
-        tables.fold = law("fold", types.real, more=1)
+        tables.hinge_stiffness = law("hinge_stiffness", types.real, more=1)
     if terms.angles:
         tables.rest = law("rest", types.vec2)
     if terms.folds or terms.yarns:
@@ -192,9 +192,9 @@ def _patch_laws(elements: Elements, tables: PatchTables, terms: Terms) -> dict[s
     """What acts in a garment's patches, in their order, and their edges' words; nothing of terms that there are not."""
     laws: dict[str, NDArray[Any]] = {}
     if terms.edges or terms.folds:
-        table = "law" if terms.edges else "fold"
-        fold = elements.fold[tables.edge]
-        law = np.column_stack([elements.law[tables.edge], fold]) if terms.edges else fold[:, None]
+        table = "law" if terms.edges else "hinge_stiffness"
+        stiffness = elements.hinge_stiffness[tables.edge]
+        law = np.column_stack([elements.law[tables.edge], stiffness]) if terms.edges else stiffness[:, None]
         ends, start, count = tables.ends, tables.patch["edge_start"], tables.patch["edge_count"]
         if tables.patch["item_count"].any():
             ends, law, start, count = with_laws(ends, tables.patch, law)

@@ -118,10 +118,10 @@ class Items:
         self._elements, self._own, self._lane = elements, own, lane
         self._height = places @ LOW ** np.arange(places.shape[1])
         self._edges = edge_numbers(elements.edges[own.element])
-        beside = elements.beside[self._edges]
+        beside = elements.adjacent_triangles[self._edges]
         is_first = beside[..., 0] == own.element[:, None]
         across = np.where(is_first, beside[..., 1], beside[..., 0])
-        fold = elements.fold[self._edges]
+        fold = elements.hinge_stiffness[self._edges]
         # where more than two triangles meet at an edge its hinge is of two of them only
         self._may_take = (beside == own.element[:, None, None]).any(axis=-1) | (fold == 0.0)
         # triangles that are wound likewise, or that no hinge joins, stay alone
