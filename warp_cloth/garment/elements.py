@@ -15,32 +15,32 @@ from warp_cloth.garment.rest import Floats, RestShape
 
 @dataclass(frozen=True, eq=False)
 class Elements:
-    """What acts in E edges and F triangles (kernels.base.types: Edges, Triangles)."""
+    """Constants of E edges and F triangles as the force kernels read them (kernels.base.types: Edges, Triangles)."""
 
     ends: Indices  # shape [E, 2]
     law: Floats  # rest length [m], pull [N/m2], push [N/m2], shape [E, 3]
-    adjacent_triangles: Indices  # triangles of each edge's hinge, 0 where it has none, shape [E, 2]
+    adjacent_triangles: Indices  # of each edge's hinge, 0 where it has none, shape [E, 2]
     hinge_stiffness: Floats  # C of that hinge [N m], negative where both triangles run along the edge, shape [E]
     rest: Floats  # cosine and sine of its rest angle, shape [E, 2]
     corners: Indices  # shape [F, 3]
-    edges: Indices  # opposite to each corner, -1 - edge where the hinge's turn counts the other way, shape [F, 3]
+    edges: Indices  # opposite to each corner, -1 - edge where the hinge's torque has the other sign, shape [F, 3]
     slope: Floats  # as YarnConstants.slope, zero where there are no yarns, shape [F, 4]
     yarns: Floats  # as YarnConstants.law, shape [F, 4]
 
 
 @dataclass(frozen=True, eq=False)
 class Winding:
-    """How a garment's triangles and hinges lie to one another: the same in every fabric whose hinges are all stiff."""
+    """Orientation of triangles and hinges: the same for every fabric whose hinges are all stiff."""
 
-    ends: Indices  # as of Elements,
+    ends: Indices  # these three as in Elements
     adjacent_triangles: Indices
     edges: Indices
-    hinge_edge: Indices  # edges of the hinges that are stiff
-    sign: Floats  # -1 where both triangles run along that edge (one-sided cloth), else 1
+    hinge_edge: Indices  # edges of the stiff hinges
+    sign: Floats  # -1 where both triangles use that edge in the same direction (one-sided cloth), else 1
 
 
 def winding_of(triangles: Indices, topology: Topology, stiff: NDArray[np.bool_] | slice = slice(None)) -> Winding:
-    """That of a garment whose ``stiff`` hinges count."""
+    """The winding of a garment; only ``stiff`` hinges count."""
     ends = topology.edges.copy()
     adjacent = np.zeros((len(ends), 2), dtype=np.int32)
     edges = topology.triangle_edges[:, [1, 2, 0]]
@@ -59,7 +59,7 @@ def winding_of(triangles: Indices, topology: Topology, stiff: NDArray[np.bool_] 
 
 
 def garment_elements(triangles: Indices, rest: RestShape, winding: Winding | None = None) -> Elements:
-    """A garment's edges and triangles; ``winding`` is that of all its hinges, where it is known."""
+    """Edges and triangles of a garment, in float64; ``winding`` is that of all its hinges, if already computed."""
     stiff = rest.hinge_stiffness > 0.0
     if winding is None or not stiff.all():
         winding = winding_of(triangles, rest.topology, stiff)
@@ -79,7 +79,7 @@ def garment_elements(triangles: Indices, rest: RestShape, winding: Winding | Non
 
 
 def elements_of(elements: Elements, real: type[np.floating[Any]]) -> Elements:
-    """The elements with numbers as a device takes them."""
+    """The elements with floating-point numbers of the device's type."""
     floats = {
         name: getattr(elements, name).astype(real) for name in ("law", "hinge_stiffness", "rest", "slope", "yarns")
     }

@@ -1,4 +1,4 @@
-"""How far a pinned garment can reach: a bound that no shape of less energy than the start passes."""
+"""A bound on the reach of a pinned garment, by its energy: where it cannot get, contact need not be computed."""
 
 from __future__ import annotations
 
@@ -11,28 +11,27 @@ from warp_cloth.garment.part import GarmentPart
 from warp_cloth.garment.rest import Floats, RestShape
 from warp_cloth.material.constants import YarnConstants
 
-ROUNDS = 40  # of raising the energy until it holds itself
-MOST_STEPS = 400  # edges on the way from a pin; a bound is not worth more work than this
+ROUNDS = 40  # of raising the energy bound until it is consistent
+MOST_STEPS = 400  # edges on a path from a pin; a bound is not worth more work
 
 
 def reach_box(part: GarmentPart) -> tuple[Floats, Floats] | None:
-    """Lowest and highest corner [m] of a box that the garment cannot leave; None where nothing can be proved.
+    """Lowest and highest corner [m], each shape [3], of a box that the garment cannot leave; None without a proof.
 
-    A yarn of E = k/3 |e|^3 is strained by no more than (3 E / k)^(1/3) while E is all the elastic energy there is:
-    that of the start, and what the weight gives by sinking to where the yarns let it. Along the shortest way of
-    edges so stretched from the pins, every vertex stays within reach of the pins' box. An energy that these distances
-    cannot give is never passed.
+    An edge or yarn of energy k/3 |e|^3 has a strain of (3 E / k)^(1/3) at most, E the total elastic energy: that of
+    the start, and what gravity adds as the cloth sinks as far as it can. The shortest path of edges stretched that far
+    bounds every vertex's distance from the pins; an energy that these distances cannot supply is never exceeded.
     """
     rest = part.rest
-    ways = _edge_ways(rest, part.points) if rest.yarns is None else _woven_ways(rest.yarns, part.points)
-    if not len(part.pins) or not len(ways.ends) or not (ways.stiffness > 0.0).all():
+    paths = _edge_paths(rest, part.points) if rest.yarns is None else _woven_paths(rest.yarns, part.points)
+    if not len(part.pins) or not len(paths.ends) or not (paths.stiffness > 0.0).all():
         return None
-    start = ways.start + 7.0 * float(rest.hinge_stiffness.sum())  # C (t - sin t) is at most 2 pi C
+    start = paths.start + 7.0 * float(rest.hinge_stiffness.sum())  # C (t - sin t) is at most 2 pi C
     held = part.points[part.pins]
     low, high = held.min(axis=0), held.max(axis=0)
     energy = start + 1e-9
     for _ in range(ROUNDS):
-        far = _distances(len(part.points), part.pins, ways.ends, ways.lengths(energy))
+        far = _distances(len(part.points), part.pins, paths.ends, paths.lengths(energy))
         if far is None:
             return None
         sunk = np.maximum(part.points[:, 1] - (low[1] - far), 0.0)
@@ -44,8 +43,8 @@ def reach_box(part: GarmentPart) -> tuple[Floats, Floats] | None:
 
 
 @dataclass(frozen=True, eq=False)
-class _Ways:
-    """N pieces of way between two vertices, each the sum of two rests that two yarns stretch."""
+class _Paths:
+    """N connections of two vertices, each the sum of two lengths at rest that two springs stretch."""
 
     ends: NDArray[np.int32]  # shape [N, 2]
     rest: Floats  # [m], shape [N, 2]
@@ -53,23 +52,23 @@ class _Ways:
     start: float  # elastic energy at the start [J]
 
     def lengths(self, energy: float) -> Floats:
-        """The longest that each can be [m], shape [N]."""
+        """The greatest possible length of each [m], shape [N]."""
         longest: Floats = (self.rest * (1.0 + np.cbrt(3.0 * energy / self.stiffness))).sum(axis=1)
         return longest
 
 
-def _edge_ways(rest: RestShape, points: Floats) -> _Ways:
+def _edge_paths(rest: RestShape, points: Floats) -> _Paths:
     ends, length = rest.topology.edges, rest.edge_length
     change = np.linalg.norm(points[ends[:, 0]] - points[ends[:, 1]], axis=1) - length
     energy = np.where(change > 0.0, rest.edge_pull, rest.edge_push) @ np.abs(change) ** 3 / 3.0
     none = np.zeros_like(length)
-    return _Ways(
+    return _Paths(
         ends, np.stack([length, none], axis=1), np.stack([rest.edge_pull * length**3, none + 1.0], axis=1), energy
     )
 
 
-def _woven_ways(yarns: YarnConstants, points: Floats) -> _Ways:
-    """The sides of woven triangles: each is so much along weft and so much along warp."""
+def _woven_paths(yarns: YarnConstants, points: Floats) -> _Paths:
+    """The sides of woven triangles: each has a part along weft and a part along warp."""
     inverse = yarns.slope[:, [0, 2, 1, 3]].reshape(-1, 2, 2)  # [T, corner, direction]
     sides = np.swapaxes(np.linalg.inv(inverse), 1, 2)  # [T, corner, direction], from the first corner
     parts = np.abs(np.stack([sides[:, 0], sides[:, 1], sides[:, 1] - sides[:, 0]], axis=1))
@@ -82,11 +81,11 @@ def _woven_ways(yarns: YarnConstants, points: Floats) -> _Ways:
     each = np.stack([yarns.weft, yarns.warp, yarns.bias, yarns.bias]).T
     weaker = np.where(strain > 0.0, 1.0, yarns.compression)
     energy = float((each * weaker * np.abs(strain) ** 3).sum() / 3.0)
-    return _Ways(ends, parts.reshape(-1, 2), stiffness.reshape(-1, 2), energy)
+    return _Paths(ends, parts.reshape(-1, 2), stiffness.reshape(-1, 2), energy)
 
 
 def _distances(count: int, pins: NDArray[np.int32], ends: NDArray[np.int32], lengths: Floats) -> Floats | None:
-    """Length of the shortest way from any pin to each vertex [m]; None where one is not held, or ways are long."""
+    """Length of the shortest path from any pin to each vertex [m]; None if there is none, or it has too many edges."""
     far = np.full(count, np.inf)
     far[pins] = 0.0
     for _ in range(MOST_STEPS):
