@@ -135,20 +135,46 @@ def build_problem(
         clock: measures the stages.
     """
     clock = clock or StageClock()
-    first = scenes[0]
     if outfits[0].avatar is not None:
         clock.begin("compile")
-        _compile(avatar_modules(contact_kind(first, outfits[0])), device)
+        _compile(avatar_modules(contact_kind(scenes[0], outfits[0])), device)
         clock.lap("compile")
     clock.begin("build")
-    cache = cache or Cache()
+    problem = _assemble(scenes, outfits, device, earlier, cache or Cache(), like, options)
+    wp.synchronize_device(device)
+    clock.lap("build")
+    clock.begin("compile")
+    relaxation, certifier = problem.relaxation, problem.certifier
+    kernels = relaxation.kernels() + relaxation.seldom_kernels() + certifier.kernels()
+    _compile([kernel.module for kernel in kernels], device)
+    clock.lap("compile")
+    if not problem.outfit.poses:
+        return problem
+    clock.begin("carry")
+    pose_run = _through_poses(problem)
+    clock.lap("carry")
+    return replace(problem, certifier=Certifier(relaxation), pose_run=pose_run)
+
+
+def _assemble(
+    scenes: Sequence[Scene],
+    outfits: Sequence[Outfit],
+    device: str,
+    earlier: AvatarContact | None,
+    cache: Cache,
+    like: int | None,
+    options: StepOptions | None,
+) -> Problem:
+    """The problem's parts on the device, their kernels not compiled yet; arguments as in ``build_problem``."""
+    first = scenes[0]
     outfits = placed(scenes, outfits, device, cache)
     contacts, colliders = _avatar_contacts(scenes, outfits, device, earlier, cache)
+    parts = [part for outfit in outfits for part in outfit.parts]
     model = build_model(
-        [part for each in outfits for part in each.parts],
+        parts,
         device=device,
         precision=first.solver.precision,
-        garments=[len(each.parts) for each in outfits],
+        garments=[len(outfit.parts) for outfit in outfits],
         avatar_friction=[scene.avatar.friction if scene.avatar is not None else 0.0 for scene in scenes],
         cache=cache,
         layered=first.collision.cloth and len(outfits[0].parts) > 1,
@@ -157,28 +183,13 @@ def build_problem(
     threads = thread_count(first.solver.threads, model.vertex_count)
     options = options or StepOptions(method=first.solver.method, threads=threads)
     cloth_contact = build_cloth_contact(first, outfits[0], model, device) if first.collision.cloth else None
-    parts = [part for each in outfits for part in each.parts]
-    relaxation = build_relaxation(
-        options, model, colliders, parts, cloth_contact, [scene.solver.cap for scene in scenes]
-    )
+    caps = [scene.solver.cap for scene in scenes]
+    relaxation = build_relaxation(options, model, colliders, parts, cloth_contact, caps)
     certifier = Certifier(relaxation)
-    schedule = (
-        build_contact_schedule(outfits[0].parts, relaxation, cloth_contact) if cloth_contact is not None else None
-    )
-    wp.synchronize_device(device)
-    clock.lap("build")
-    clock.begin("compile")
-    _compile(
-        [kernel.module for kernel in relaxation.kernels() + relaxation.seldom_kernels() + certifier.kernels()], device
-    )
-    clock.lap("compile")
-    problem = Problem(tuple(scenes), tuple(outfits), tuple(contacts), model, relaxation, certifier, schedule)
-    if not outfits[0].poses:
-        return problem
-    clock.begin("carry")
-    pose_run = _through_poses(problem)
-    clock.lap("carry")
-    return replace(problem, certifier=Certifier(relaxation), pose_run=pose_run)
+    schedule = None
+    if cloth_contact is not None:
+        schedule = build_contact_schedule(outfits[0].parts, relaxation, cloth_contact)
+    return Problem(tuple(scenes), tuple(outfits), tuple(contacts), model, relaxation, certifier, schedule)
 
 
 def tolerance_of(scene: Scene) -> Tolerance:
