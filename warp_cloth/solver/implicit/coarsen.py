@@ -234,7 +234,7 @@ def _collapse_round(cloth: Pattern, blocked: Flags, most: int) -> tuple[Pattern,
     on_line = np.bincount(adjacency.half_from, adjacency.half_outline, adjacency.count) > 0
     allowed = (~on_line[u] | adjacency.half_outline[half]) & (~cloth.pinned[u] | cloth.pinned[v])
     half, owner = half[allowed], owner[allowed]
-    score, part, corner, wedge = _collapse_qualities(adjacency, cloth, half)
+    score, collapse, corner, wedge = _collapse_qualities(adjacency, cloth, half)
     best = np.full(len(chosen), -1.0)
     np.maximum.at(best, owner, score)
     blocked = blocked.copy()
@@ -242,30 +242,30 @@ def _collapse_round(cloth: Pattern, blocked: Flags, most: int) -> tuple[Pattern,
     winner = np.flatnonzero((score == best[owner]) & (score >= LEAST_QUALITY))
     _, first = np.unique(owner[winner], return_index=True)
     winner = winner[first][:most]
-    mine = np.isin(part, winner)
-    part, corner, wedge = part[mine], corner[mine], wedge[mine]
-    kept = np.isin(part, np.setdiff1d(winner, _conflicting(adjacency, part, corner, adjacency.half_to[half])))
-    part, corner, wedge = part[kept], corner[kept], wedge[kept]
+    mine = np.isin(collapse, winner)
+    collapse, corner, wedge = collapse[mine], corner[mine], wedge[mine]
+    kept = np.isin(collapse, np.setdiff1d(winner, _conflicting(adjacency, collapse, corner, adjacency.half_to[half])))
+    collapse, corner, wedge = collapse[kept], corner[kept], wedge[kept]
 
     weights = _weights(adjacency, cloth, corner, wedge)
-    order = np.lexsort((-weights.min(axis=1), part))
-    _, first = np.unique(part[order], return_index=True)
+    order = np.lexsort((-weights.min(axis=1), collapse))
+    _, first = np.unique(collapse[order], return_index=True)
     pick = order[first]
     weights = np.clip(weights[pick], -SPREAD, 1.0 + SPREAD)
     weights /= weights.sum(axis=1, keepdims=True)
-    removed = adjacency.half_from[half][part[pick]]
+    removed = adjacency.half_from[half][collapse[pick]]
     follows = adjacency.corners[corner[pick] // 3].copy()
-    follows[np.arange(len(pick)), corner[pick] % 3] = adjacency.half_to[half][part[pick]]
+    follows[np.arange(len(pick)), corner[pick] % 3] = adjacency.half_to[half][collapse[pick]]
     return _collapsed(cloth, adjacency, removed, corner, wedge), removed, follows, weights, blocked
 
 
-def _conflicting(adjacency: _Adjacency, part: Ints, corner: Ints, end: Ints) -> Ints:
+def _conflicting(adjacency: _Adjacency, collapse: Ints, corner: Ints, end: Ints) -> Ints:
     """Those of the collapses that would make the same edge as an earlier one."""
     nexts = adjacency.corners.ravel()[corner // 3 * 3 + (corner % 3 + 1) % 3]
     lasts = adjacency.corners.ravel()[corner // 3 * 3 + (corner % 3 + 2) % 3]
-    fresh, ends, parts = np.concatenate([nexts, lasts]), np.tile(end[part], 2), np.tile(part, 2)
+    fresh, ends, collapses = np.concatenate([nexts, lasts]), np.tile(end[collapse], 2), np.tile(collapse, 2)
     key = np.minimum(fresh, ends) * adjacency.count + np.maximum(fresh, ends)
-    pairs = np.unique(np.column_stack([key, parts]), axis=0)
+    pairs = np.unique(np.column_stack([key, collapses]), axis=0)
     twice = np.flatnonzero(pairs[1:, 0] == pairs[:-1, 0]) + 1
     return np.unique(pairs[twice, 1])
 

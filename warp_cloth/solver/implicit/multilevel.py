@@ -184,7 +184,7 @@ def build_relaxation(
         model: the garments' model; of the multilevel method, of one item, or of several without an avatar.
         colliders: the items' contact with their avatars.
         parts: the model's garments.
-        touch: contact of cloth with cloth; None: it passes through itself.
+        cloth_contact: contact of cloth with cloth; None: it passes through itself.
         caps: largest displacements of the items [m]; None: the options'.
     """
     if options.method != "multilevel":

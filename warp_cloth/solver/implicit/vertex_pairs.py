@@ -1,4 +1,4 @@
-"""Which vertices share an element, and what couples them (kernels.elements.stiffness Pairs)."""
+"""Adjacency of the stiffness matrix: pairs of vertices that share an element, and these elements."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ TRIANGLE_SIDES = ((0, 1), (1, 2), (2, 0))
 
 @dataclass(frozen=True, eq=False)
 class PairTable:
-    """N pairs i < j on the device, and the rows of the pairs at each vertex."""
+    """N pairs i < j, and the rows of the stiffness matrix that they make, on the device."""
 
     pairs: Any  # kernels.elements.stiffness Pairs
     ends: Indices  # on the host, shape [N, 2]
-    start: wp.array  # shape [V + 1]
-    neighbour: wp.array  # the pair's other vertex, shape [2 N]
+    start: wp.array  # first entry of each row, shape [V + 1]
+    neighbour: wp.array  # column of each entry, the pair's other vertex, shape [2 N]
 
 
 def build_pairs(model: ClothModel) -> PairTable:
@@ -74,7 +74,7 @@ def _keys(ends: NDArray[np.int64], count: int) -> NDArray[np.int64]:
 def _element_pairs(
     corners: NDArray[np.int64], sides: tuple[tuple[int, int], ...], count: int, codes: int
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Key of every side of every element, and what ``Pairs`` calls it: lower vertex first."""
+    """Key of every side of every element, lower vertex first, and its code in ``Pairs``."""
     keys, names = [], []
     numbers = np.arange(len(corners))
     for place, (a, b) in enumerate(sides):
@@ -85,5 +85,5 @@ def _element_pairs(
         names.append(codes * numbers + name)
     if not keys:
         return np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)
-    # by element, so that every pair sums its elements in their order
+    # by element, so that every pair adds its elements in their order
     return np.stack(keys, axis=1).ravel(), np.stack(names, axis=1).ravel()
