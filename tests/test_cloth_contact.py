@@ -238,7 +238,7 @@ def test_scattered_and_gathered_forces_meet_cloth_with_the_same_bits() -> None:
 
 
 def test_cloth_that_goes_on_unseen_between_two_checks_ends_in_the_same_shape() -> None:
-    """Where patches own it, and its leeway is looked up in their order."""
+    """Where patches own it, and its compliance is looked up in their order."""
     shapes = []
     for gathers in (False, True):
         relaxation, cloth_contact = dropped(0.9995, gathers)

@@ -77,7 +77,7 @@ def cloth_types(precision: str) -> SimpleNamespace:
         buckling: real  # share of that which acts across an edge that is shorter than at rest; worn cloth only
         memory: real  # share of a vertex's stiffness bound that is kept from one iteration to the next
         memory_falling: real  # the same for worn cloth that is not loose yet
-        horizon: real  # how many last displacements ahead a leeway is good for
+        horizon: real  # how many last displacements ahead a compliance allows for
 
     @wp.struct
     class Item:

@@ -1,10 +1,11 @@
-"""Leeway: how much further than its stiffness bound lets it a vertex may go in directions that hardly resist.
+"""The anisotropic step: how much further than its stiffness bound allows a vertex may go where hardly anything resists.
 
-A yarn resists along itself; across it do only its pull and the bending of cloth, a hundred times less. A step that is
-bounded alike in all directions therefore moves folds little by little. So what the bound k sums is summed as a matrix,
-too: for each yarn or edge B = b (a I + (1 - a) t t^T), with b its bound, t its direction and a what resists across it
-(tension.transverse_fraction); for bending b I. The leeway is (B / k + I / most)^-1, with ``most`` its own limit: a step
-of force over stiffness, times the leeway, still goes downhill wherever one of B would.
+A block-Jacobi bound. A yarn resists along itself; across it only its pull and the bending of cloth do, a hundred times
+less. A step that is bounded alike in all directions therefore moves folds little by little. So what the bound k sums is
+summed as a matrix, too: for each yarn or edge B = b (a I + (1 - a) t t^T), with b its bound, t its direction and a the
+fraction that acts across it (tension.transverse_fraction); for bending b I. The compliance is (B / k + I / limit)^-1,
+with Item.anisotropy_limit: a step of force over stiffness, times the compliance, still goes downhill wherever one of B
+would.
 """
 
 import functools
@@ -152,28 +153,28 @@ def _bound_folds_kernel(precision: str, terms: Terms, packed: bool, in_order: bo
 
 
 @functools.cache
-def leeway_function(precision: str) -> wp.Function:
-    """The function that turns a vertex' bounds into its leeway."""
+def compliance_function(precision: str) -> wp.Function:
+    """The function ``compliance_of``: the compliance of a vertex from its bounds."""
     real, vec6 = cloth_types(precision).real, cloth_types(precision).vec6
 
     @wp.func
-    def leeway_of(matrix: vec6, total: real, most: real):
-        """(B / k + I / most)^-1."""
+    def compliance_of(matrix: vec6, total: real, limit: real):
+        """(B / k + I / limit)^-1, with B the matrix and k the total of what bounds the vertex' step."""
         one = real(1.0)
-        leeway = multiple_of_unit(one)
+        compliance = multiple_of_unit(one)
         if total > real(0.0):
-            leeway = inverse(matrix / total + multiple_of_unit(one / most))
-        return leeway
+            compliance = inverse(matrix / total + multiple_of_unit(one / limit))
+        return compliance
 
-    return leeway_of
+    return compliance_of
 
 
-def _find_leeway_kernel(precision: str, terms: Terms, packed: bool, in_order: bool) -> wp.Kernel:
+def _find_compliance_kernel(precision: str, terms: Terms, packed: bool, in_order: bool) -> wp.Kernel:
     types, order = cloth_types(precision), order_functions(precision, packed, in_order)
-    position_at, move_at, put_leeway = order.position_at, order.move_at, order.put_leeway
+    position_at, move_at, put_compliance = order.position_at, order.move_at, order.put_compliance
     real, Model, State, Step = types.real, types.Model, types.State, types.Step
     Edges, Triangles, Rows = types.Edges, types.Triangles, types.Rows
-    leeway_of = leeway_function(precision)
+    compliance_of = compliance_function(precision)
     sides_of = sides_function(precision, Accumulate.ANISOTROPIC_STIFFNESS, packed, in_order)
     difference = difference_function(precision)
     rests = rest_function(precision)
@@ -181,7 +182,7 @@ def _find_leeway_kernel(precision: str, terms: Terms, packed: bool, in_order: bo
 
     @wp.func
     def folds_bound(sides: wp.vec3i, bound: wp.array(dtype=real), corner: int):
-        """What a triangle's hinges bound at one of its corners, as forces.corner_folds says."""
+        """Stiffness bound of a triangle's hinges at one of its corners [N/m], as in triangle.corner_folds."""
         total = real(0.0)
         for k in range(3):
             edge = wp.where(sides[k] < 0, -1 - sides[k], sides[k])
@@ -189,7 +190,7 @@ def _find_leeway_kernel(precision: str, terms: Terms, packed: bool, in_order: bo
         return total
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
-    def find_leeway(
+    def find_compliance(
         model: Model,
         state: State,
         groups: wp.array(dtype=wp.int32),  # of kernels.base.subset, of vertices
@@ -199,15 +200,15 @@ def _find_leeway_kernel(precision: str, terms: Terms, packed: bool, in_order: bo
         bound: wp.array(dtype=real),  # of bound_folds, shape [E]
         step: Step,
     ):
-        """Has every vertex whose item is loose go on with the leeway that the matrix of what bounds its step leaves."""
+        """Sets the compliance of every vertex whose item takes anisotropic steps."""
         vertex = listed(groups, wp.tid())
         if vertex >= model.item.shape[0]:
             return
         if rests(model, vertex):
             return
         item = model.items[element(model.item, vertex)]
-        most = item.anisotropy_limit
-        if most == real(0.0):
+        limit = item.anisotropy_limit
+        if limit == real(0.0):
             return
         total = element(model.weight, vertex) / item.cap
         matrix = multiple_of_unit(total)
@@ -239,35 +240,35 @@ def _find_leeway_kernel(precision: str, terms: Terms, packed: bool, in_order: bo
                     more, size = yarns_matrix(weft, warp, bounds, fraction, inverse_length, slope, corner)
                     matrix += more
                     total += size
-        put_leeway(state.compliance, vertex, leeway_of(matrix, total, most))
+        put_compliance(state.compliance, vertex, compliance_of(matrix, total, limit))
 
-    return find_leeway
+    return find_compliance
 
 
 @functools.cache
-def changed_leeway_function(precision: str) -> wp.Function:
-    """The function ``changed_leeway``."""
+def transfer_function(precision: str) -> wp.Function:
+    """The function ``transferred``."""
     types = cloth_types(precision)
     real, vec3, vec6 = types.real, types.vec3, types.vec6
     half = wp.constant(real(0.5))
 
     @wp.func
-    def changed_leeway(old: vec6, new: vec6, move: vec3):
-        """As much of a displacement as adds no energy to the swing where its vertex goes on with another leeway.
+    def transferred(old: vec6, new: vec6, move: vec3):
+        """The part of a displacement that adds no energy to the oscillation when its vertex' compliance changes.
 
-        A step of leeway L swings with the inertia k / L. Where that changes from L0 to L1, d becomes
-        2 L1 (L0 + L1)^-1 d: d' k/L1 d' is never more than d k/L0 d. From look to look leeway changes so little that
-        doing without takes as many iterations (a T-shirt, six starts), and saves the inverse.
+        A step of compliance L oscillates with the inertia k / L. Where that changes from L0 to L1, d becomes
+        2 L1 (L0 + L1)^-1 d: d' k/L1 d' is never more than d k/L0 d. From update to update compliance changes so little
+        that doing without takes as many iterations (a T-shirt, six starts), and saves the inverse.
         """
         return symmetric_times(new, symmetric_times(bounded_inverse((old + new) * half), move))
 
-    return changed_leeway
+    return transferred
 
 
 @functools.cache
-def leeway_kernels(precision: str, terms: Terms, packed: bool = False, in_order: bool = False) -> SimpleNamespace:
-    """Kernels ``bound_folds``, where cloth bends, and ``find_leeway``; the rest as of packing.order_functions."""
+def compliance_kernels(precision: str, terms: Terms, packed: bool = False, in_order: bool = False) -> SimpleNamespace:
+    """Kernels ``bound_folds``, where cloth bends, and ``find_compliance``; the rest as of packing.order_functions."""
     return SimpleNamespace(
         bound_folds=_bound_folds_kernel(precision, terms, packed, in_order),
-        find_leeway=_find_leeway_kernel(precision, terms, packed, in_order),
+        find_compliance=_find_compliance_kernel(precision, terms, packed, in_order),
     )

@@ -1,4 +1,7 @@
-"""Leeway (passes.anisotropic_step) of woven cloth, its bounds summed eight triangles at a time: CPU, same bits.
+"""The anisotropic step of woven cloth on the CPU: bounds are scattered from packets of triangles; same bits.
+
+No twin of ``anisotropic_step``, which gathers at each vertex: that would measure every triangle three times here.
+
 
 What is summed at a vertex lies in two arrays: xx, yy, zz of the matrix and its size; xy, xz, yz and nothing.
 """
@@ -22,7 +25,7 @@ from warp_cloth.kernels.math.packet_memory import (
     load_packet_signed,
     load_sides,
 )
-from warp_cloth.kernels.passes.anisotropic_step import leeway_function, yarn_bounds, yarns_matrix
+from warp_cloth.kernels.passes.anisotropic_step import compliance_function, yarn_bounds, yarns_matrix
 
 
 def _begin_kernel(precision: str) -> wp.Kernel:
@@ -35,7 +38,7 @@ def _begin_kernel(precision: str) -> wp.Kernel:
         straight_out: wp.array(dtype=vec4),  # shape [V]
         crossed_out: wp.array(dtype=vec4),
     ):
-        """Begins each vertex' sum with what bounds its fall."""
+        """Starts each vertex' sum with the bound of its free fall, weight over cap."""
         vertex = wp.tid()
         own = model.weight[vertex] / model.items[model.item[vertex]].cap
         straight_out[vertex] = vec4(own, own, own, own)
@@ -53,7 +56,7 @@ def _sum_kernel(precision: str, terms: Terms) -> wp.Kernel:
 
     @wp.func
     def corner_bound(first: packets.real, second: packets.real, third: packets.real):
-        """What hinges bound at the corner opposite to one of three, as forces.corner_folds says; in their order."""
+        """What hinges bound at the corner opposite to one of three, as in triangle.corner_folds; in their order."""
         return first + second + third
 
     @wp.func
@@ -124,7 +127,7 @@ def _sum_kernel(precision: str, terms: Terms) -> wp.Kernel:
 def _end_kernel(precision: str) -> wp.Kernel:
     types = cloth_types(precision)
     real, vec4, vec6, Model, State = types.real, types.vec4, types.vec6, types.Model, types.State
-    leeway_of = leeway_function(precision)
+    compliance_of = compliance_function(precision)
     rests = rest_function(precision)
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
@@ -134,21 +137,21 @@ def _end_kernel(precision: str) -> wp.Kernel:
         straight: wp.array(dtype=vec4),  # of sum_bounds, shape [V]
         crossed: wp.array(dtype=vec4),
     ):
-        """Has every vertex whose item is loose go on with the leeway that its bounds leave."""
+        """Sets the compliance of every vertex whose item takes anisotropic steps."""
         vertex = wp.tid()
         if rests(model, vertex):
             return
-        most = model.items[model.item[vertex]].anisotropy_limit
-        if most == real(0.0):
+        limit = model.items[model.item[vertex]].anisotropy_limit
+        if limit == real(0.0):
             return
         a, b = straight[vertex], crossed[vertex]
-        state.compliance[vertex] = leeway_of(vec6(a[0], a[1], a[2], b[0], b[1], b[2]), a[3], most)
+        state.compliance[vertex] = compliance_of(vec6(a[0], a[1], a[2], b[0], b[1], b[2]), a[3], limit)
 
     return take_bounds
 
 
 @functools.cache
-def eight_leeway_kernels(precision: str, terms: Terms) -> SimpleNamespace:
+def packet_compliance_kernels(precision: str, terms: Terms) -> SimpleNamespace:
     """Kernels ``begin_bounds``, ``sum_bounds`` and ``take_bounds``."""
     return SimpleNamespace(
         begin_bounds=_begin_kernel(precision),

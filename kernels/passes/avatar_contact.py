@@ -10,7 +10,7 @@ from warp_cloth.kernels.base.types import cloth_types
 from warp_cloth.kernels.laws.friction import friction_slide
 from warp_cloth.kernels.math.real import inner, root, scaled_sum
 from warp_cloth.kernels.math.symmetric import multiple_of_unit
-from warp_cloth.kernels.passes.anisotropic_step import changed_leeway_function
+from warp_cloth.kernels.passes.anisotropic_step import transfer_function
 
 LONGER, STEP = wp.constant(1.0001), wp.constant(1.0e-9)  # more than rounding adds to a way, as a share and [m]
 
@@ -26,7 +26,7 @@ def query_function(options: KernelOptions, saves_queries: bool, prefetched: bool
     real, vec3, vec6, State, Item, Vertex = (
         types.real, types.vec3, types.vec6, types.State, types.Item, types.Vertex,
     )  # fmt: skip
-    changed_leeway, avatar_contact = changed_leeway_function(options.precision), options.avatar_contact
+    transferred, avatar_contact = transfer_function(options.precision), options.avatar_contact
 
     @wp.func
     def pushed_move(at: wp.vec4f, push: float, move: vec3, item: Item):
@@ -66,10 +66,10 @@ def query_function(options: KernelOptions, saves_queries: bool, prefetched: bool
                         before = compliance
                         if wp.static(options.cloth_contact):
                             before = state.compliance[vertex.index]
-                        kept = changed_leeway(before, multiple_of_unit(real(1.0)), move)
+                        kept = transferred(before, multiple_of_unit(real(1.0)), move)
                 else:
                     if vertex.item.anisotropy_limit > real(0.0) and state.in_contact[vertex.index] == wp.uint8(0):
-                        kept = changed_leeway(state.compliance[vertex.index], multiple_of_unit(real(1.0)), move)
+                        kept = transferred(state.compliance[vertex.index], multiple_of_unit(real(1.0)), move)
         if wp.static(options.anisotropic):
             state.in_contact[vertex.index] = wp.where(push > 0.0, wp.uint8(1), wp.uint8(0))
         return move, kept

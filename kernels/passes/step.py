@@ -81,7 +81,7 @@ def prefetch_function(options: KernelOptions) -> wp.Function:
     real, State, Item = types.real, types.State, types.Item
     Colliders = colliders_type(options.avatar_contact, options.collider)
     Contact, Prefetched = cloth_contact_type(cloth_contact), prefetched_type(options)
-    leeway_at = order_functions(options.precision, options.packed).leeway_at
+    compliance_at = order_functions(options.precision, options.packed).compliance_at
 
     @wp.func
     def prefetch(
@@ -103,13 +103,13 @@ def prefetch_function(options: KernelOptions) -> wp.Function:
             known.clearance = element(state.clearance, vertex)
         if wp.static(anisotropic):
             if item.anisotropy_limit > real(0.0):
-                leeway = leeway_at(state, vertex)
+                compliance = compliance_at(state, vertex)
                 known.anisotropic = state.in_contact[vertex] == wp.uint8(0)
                 if wp.static(cloth_contact):
                     if known.anisotropic:
-                        known.inverse_compliance = bounded_inverse(leeway)
+                        known.inverse_compliance = bounded_inverse(compliance)
                 else:
-                    known.compliance = leeway
+                    known.compliance = compliance
         return known
 
     return prefetch
@@ -126,16 +126,16 @@ def saves_queries(options: KernelOptions) -> bool:
 
 @functools.cache
 def loose_way(precision: str) -> wp.Function:
-    """The function that tells how far a force takes a vertex that has leeway."""
+    """The function that tells how far a force takes a vertex that has compliance."""
     types = cloth_types(precision)
     real, vec3, vec6 = types.real, types.vec3, types.vec6
 
     @wp.func
     def pressed_way(stiff: vec6, force: vec3, own: real, stiffness: real):
-        """Displacement (k L^-1 + (s - k) I)^-1 f: leeway L is of the cloth's ``own`` part k of the stiffness s [N/m].
+        """Displacement (k L^-1 + (s - k) I)^-1 f: L is the compliance of the cloth's ``own`` part k of the stiffness s.
 
         ``stiff`` is L^-1. What presses, and what was stiff before, is so in all directions: a vertex pressed hard has
-        no leeway.
+        no compliance.
         """
         share = wp.min(own, stiffness)
         return symmetric_times(bounded_inverse(stiff * share + multiple_of_unit(stiffness - share)), force)

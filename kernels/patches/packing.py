@@ -1,7 +1,8 @@
 """Vertices in the order in which patches own them, so that what a patch reads and writes lies together.
 
 A GPU reads and writes 16 bytes in one go, of neighbours side by side. So packed positions are first two coordinates of
-each vertex, then the third ones of all; leeway first four numbers of each, then the last two of all; and displacements
+each vertex, then the third ones of all; compliances first four numbers of each, then the last two of all; and
+displacements
 have four numbers. Where cloth meets cloth many others read
 single positions, which then lie as ever.
 """
@@ -61,12 +62,12 @@ for _dtype, _real in ((wp.float32, "wp::float32"), (wp.float64, "wp::float64")):
 
     @wp.func_native(_READ_SIX % {"real": _real})
     def packed_six(array: wp.array(dtype=_six), index: int) -> _six:
-        """The packed leeway of a vertex."""
+        """The packed compliance of a vertex."""
         return array[index]
 
     @wp.func_native(_PUT_SIX % {"real": _real})
     def put_packed_six(array: wp.array(dtype=_six), index: int, value: _six):
-        """Writes the packed leeway of a vertex."""
+        """Writes the packed compliance of a vertex."""
         array[index] = value
 
 
@@ -120,7 +121,7 @@ def three_function(precision: str) -> wp.Function:
 
 @functools.cache
 def order_functions(precision: str, packed: bool, in_order: bool = True) -> SimpleNamespace:
-    """Functions ``position_at``, ``sized_move``, ``move_at``, ``leeway_at``, as many that put, and the type ``move``.
+    """Functions ``position_at``, ``sized_move``, ``move_at``, ``compliance_at``, those that put, and the type ``move``.
 
     ``packed``: whether positions are; ``in_order``: whether vertices lie in the patches' order, and displacements have
     four numbers.
@@ -175,19 +176,19 @@ def order_functions(precision: str, packed: bool, in_order: bool = True) -> Simp
         put(position_out, vertex, position)
 
     @wp.func
-    def leeway_at(state: State, vertex: int):
-        """A vertex' leeway."""
+    def compliance_at(state: State, vertex: int):
+        """A vertex' compliance."""
         return state.compliance[vertex]
 
     @wp.func
-    def packed_leeway_at(state: State, vertex: int):
-        """A vertex' leeway."""
+    def packed_compliance_at(state: State, vertex: int):
+        """A vertex' compliance."""
         return packed_six(state.compliance, vertex)
 
     @wp.func
-    def put_leeway(leeway_out: wp.array(dtype=vec6), vertex: int, leeway: vec6):
-        """Writes a vertex' leeway."""
-        leeway_out[vertex] = leeway
+    def put_compliance(compliance_out: wp.array(dtype=vec6), vertex: int, compliance: vec6):
+        """Writes a vertex' compliance."""
+        compliance_out[vertex] = compliance
 
     moves = (
         (packed_sized_move, packed_move_at, put_packed_move, vec4)
@@ -198,8 +199,8 @@ def order_functions(precision: str, packed: bool, in_order: bool = True) -> Simp
         position_at=packed_position_at if packed else position_at,
         put_position=put_packed_point if packed else put_position,
         sized_move=moves[0], move_at=moves[1], put_move=moves[2], move=moves[3],
-        leeway_at=packed_leeway_at if packed else leeway_at,
-        put_leeway=put_packed_six if packed else put_leeway,
+        compliance_at=packed_compliance_at if packed else compliance_at,
+        put_compliance=put_packed_six if packed else put_compliance,
     )  # fmt: skip
 
 

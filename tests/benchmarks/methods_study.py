@@ -99,7 +99,9 @@ class Run:
 def step_options(method: str) -> StepOptions:
     """How the method moves cloth; momentum alone is each vertex's own step and plain momentum, nothing else."""
     if method == "momentum":
-        return StepOptions(momentum=0.99, damping=1.0, viscosity=0.0, memory=0.0, memory_falling=0.0, leeway=0.0)
+        return StepOptions(
+            momentum=0.99, damping=1.0, viscosity=0.0, memory=0.0, memory_falling=0.0, anisotropy_limit=0.0
+        )
     if method == "direct":
         return StepOptions(method="direct")
     return StepOptions(method="multilevel" if method == "multilevel" else "accelerated")

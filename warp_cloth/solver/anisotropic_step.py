@@ -1,4 +1,4 @@
-"""Looks up from time to time in which directions vertices have leeway (kernels.passes.anisotropic_step)."""
+"""Updates from time to time how much further vertices may go where hardly anything resists: the anisotropic step."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from warp_cloth.base.topology import ragged_rows
 from warp_cloth.kernels.base.options import Accumulate
 from warp_cloth.kernels.base.types import cloth_types
 from warp_cloth.kernels.math.lanes import WIDTH
-from warp_cloth.kernels.passes.anisotropic_step import leeway_kernels
-from warp_cloth.kernels.passes.anisotropic_step_packets import eight_leeway_kernels
+from warp_cloth.kernels.passes.anisotropic_step import compliance_kernels
+from warp_cloth.kernels.passes.anisotropic_step_packets import packet_compliance_kernels
 from warp_cloth.kernels.passes.scatter import edges_kernel
 from warp_cloth.model.model import ClothModel
 from warp_cloth.model.permutation import Numbering
@@ -27,7 +27,7 @@ from warp_cloth.solver.active_set import AtWork
 from warp_cloth.solver.forces import NormalsPass, pass_size, takes_packets
 
 
-class Leeway:
+class AnisotropicStep:
     """Owns what an update of the state's compliance needs."""
 
     def __init__(
@@ -40,17 +40,19 @@ class Leeway:
     ) -> None:
         """``numbering``: of the vertices of the cloth that is looked at; None: the model's own.
 
-        ``packed``: whether its positions and leeway are packed (kernels.patches.packing). ``at_work``: what is looked
-        at where it is not scattered; None: all.
+        ``packed``: whether its positions and compliances are packed (kernels.patches.packing). ``at_work``: what is
+        looked at where it is not scattered; None: all.
         """
         self._model, types = model, cloth_types(model.precision)
-        leeway = model.state.compliance
+        compliance = model.state.compliance
         none = np.array([1.0, 1.0, 1.0, 0.0, 0.0, 0.0])
-        self._none = [(leeway, none)]  # by parts, what a vertex has that has no leeway
+        self._none = [(compliance, none)]  # by components: of a vertex whose step is isotropic
         if packed:
             fours, twos = (
-                wp.array(ptr=leeway.ptr + first, dtype=dtype, shape=leeway.shape, device=model.device, copy=False)
-                for first, dtype in ((0, types.vec4), (4 * types.real_size * len(leeway), types.vec2))
+                wp.array(
+                    ptr=compliance.ptr + first, dtype=dtype, shape=compliance.shape, device=model.device, copy=False
+                )
+                for first, dtype in ((0, types.vec4), (4 * types.real_size * len(compliance), types.vec2))
             )
             self._none = [(fours, none[:4]), (twos, none[4:])]
         self.forget(range(model.item_count))
@@ -71,7 +73,7 @@ class Leeway:
         return isinstance(self._look, ScatteredLook)
 
     def forget(self, items: Sequence[int]) -> None:
-        """Leaves the vertices of these items no leeway, till the next look."""
+        """Makes the steps of these items' vertices isotropic until the next update."""
         some, starts = np.sort(np.asarray(items, dtype=np.int64)), self._model.item_start
         for run in np.split(some, np.flatnonzero(np.diff(some) != 1) + 1):  # neighbours in one go
             for part, none in self._none if len(run) else []:
@@ -94,7 +96,7 @@ class _Gathered:
     ) -> None:
         types, terms = cloth_types(model.precision), model.terms
         self._model, self._at_work = model, at_work or AtWork(model)
-        self._kernels = leeway_kernels(model.precision, terms, packed, in_order=numbering is not None)
+        self._kernels = compliance_kernels(model.precision, terms, packed, in_order=numbering is not None)
         self._numbering = numbering or Numbering(None, model.vertex_count)
         self._edges, self._triangles = model.edges, model.triangles
         self._numbers: list[wp.array] = []
@@ -153,7 +155,7 @@ class _Gathered:
 
     def kernels(self) -> list[wp.Kernel]:
         folds = [self._normals.kernel, self._kernels.bound_folds] if self._normals is not None else []
-        return [*folds, self._kernels.find_leeway]
+        return [*folds, self._kernels.find_compliance]
 
     def launch(self, vertices: Any, state: Any, step: Any) -> None:
         device, at_work = self._model.device, self._at_work
@@ -164,7 +166,7 @@ class _Gathered:
             wp.launch(self._kernels.bound_folds, dim=edges.size, inputs=read, device=device)
         some = at_work.vertices
         read = [vertices, state, some.groups, self._edges, self._triangles, self._rows, self._bound, step]
-        wp.launch(self._kernels.find_leeway, dim=some.size, inputs=read, device=device)
+        wp.launch(self._kernels.find_compliance, dim=some.size, inputs=read, device=device)
 
 
 class ScatteredLook:
@@ -173,7 +175,7 @@ class ScatteredLook:
     def __init__(self, model: ClothModel, span: slice = slice(None)) -> None:
         types, terms = cloth_types(model.precision), model.terms
         self._model = model
-        self._kernels = eight_leeway_kernels(model.precision, terms)
+        self._kernels = packet_compliance_kernels(model.precision, terms)
         self._normals = NormalsPass(model) if terms.folds else None
         # they only bend: nothing is added
         self._edges = edges_kernel(model.precision, Accumulate.ANISOTROPIC_STIFFNESS, terms, WIDTH)

@@ -19,7 +19,7 @@ class PackedCloth:
     """The cloth twice as patches own it, to iterate to and fro; what iterations change comes from and to the model.
 
     ``some``: the vertices that come and go. ``packed``: as of kernels.patches.packing; not where cloth meets cloth.
-    The model's leeway lies as this cloth's vertices do.
+    The model's compliance lies as this cloth's vertices do.
     """
 
     def __init__(

@@ -16,7 +16,7 @@ from warp_cloth.kernels.base.options import Accumulate
 from warp_cloth.kernels.base.types import cloth_types
 from warp_cloth.kernels.passes.domains import APART, NAP, domain_kernels, meet_threads
 from warp_cloth.model.model import ClothModel
-from warp_cloth.solver.anisotropic_step import Leeway, ScatteredLook
+from warp_cloth.solver.anisotropic_step import AnisotropicStep, ScatteredLook
 from warp_cloth.solver.domains import Share, cut_model
 from warp_cloth.solver.forces import ForcePass, pass_size
 
@@ -41,10 +41,15 @@ class Together:
     """
 
     def __init__(
-        self, model: ClothModel, count: int, accumulate: Accumulate, move: wp.Kernel, leeway: Leeway | None
+        self,
+        model: ClothModel,
+        count: int,
+        accumulate: Accumulate,
+        move: wp.Kernel,
+        anisotropic_step: AnisotropicStep | None,
     ) -> None:
-        self._model, self._move, self._leeway = model, move, leeway
-        looks = leeway is not None and leeway.scatters
+        self._model, self._move, self._anisotropic_step = model, move, anisotropic_step
+        looks = anisotropic_step is not None and anisotropic_step.scatters
         self._kernels = domain_kernels(model.precision)
         self._shares = [_Working(share, accumulate, looks=looks) for share in cut_model(model, count)]
         self._arrivals = wp.zeros(APART * (1 + count), dtype=wp.int32, device=model.device)
@@ -61,15 +66,15 @@ class Together:
 
     @property
     def looks_first(self) -> bool:
-        """Whether leeway is looked up by one thread, before a chunk of iterations only."""
-        return self._leeway is not None and not self._leeway.scatters
+        """Whether compliances are updated by one thread, before a chunk of iterations only."""
+        return self._anisotropic_step is not None and not self._anisotropic_step.scatters
 
     def kernels(self) -> list[wp.Kernel]:
         """The kernels that a chunk launches besides those of one thread."""
         return [self._kernels.gather_domain, meet_threads, self._kernels.scatter_domain]
 
     def capture(self, step: Any, collider_data: Any, looks: Sequence[bool]) -> list[Any]:
-        """A graph of iterations for every share; ``looks``: before which of them leeway is looked up."""
+        """A graph of iterations for every share; ``looks``: before which of them compliances are updated."""
         graphs = []
         for number in range(self.count):
             with wp.ScopedCapture(device=self._model.device) as capture:
@@ -83,8 +88,8 @@ class Together:
         share, size = working.share, len(working.share.order)
         gathered, scattered = [model.state, share.order, share.state], [share.state, share.order, model.state]
         if self.looks_first and looks[0]:
-            if self._leeway is not None and number == 0:
-                self._leeway.look_up(model.vertices, model.state, step)
+            if self._anisotropic_step is not None and number == 0:
+                self._anisotropic_step.look_up(model.vertices, model.state, step)
             self._meet(number)
         wp.launch(self._kernels.gather_domain, dim=size, inputs=gathered, device=device)
         self._meet(number)

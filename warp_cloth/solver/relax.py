@@ -19,7 +19,7 @@ from warp_cloth.kernels.passes.step import NoClothContact, NoCollider, accumulat
 from warp_cloth.model.model import ClothModel
 from warp_cloth.model.vertices import allocate_steps
 from warp_cloth.solver.active_set import AtWork
-from warp_cloth.solver.anisotropic_step import Leeway
+from warp_cloth.solver.anisotropic_step import AnisotropicStep
 from warp_cloth.solver.forces import ForcePass, pass_size, takes_packets
 from warp_cloth.solver.packed import PackedCloth
 from warp_cloth.solver.parallel_domains import Together
@@ -54,8 +54,8 @@ class StepOptions:
     memory: share of a vertex's stiffness bound kept from one iteration to the next; where the bound grows, momentum
         (stiffness times displacement) is what is kept. Without it the changing steps feed the cloth's swinging.
     memory_falling: the same for worn cloth until its forces first balance: it falls more than twice as fast.
-    leeway: how many times the bound's step a vertex of worn cloth may go at most in directions that hardly resist,
-        once forces have balanced; 0: no more than once. With 200 no faster. In cloth that still falls buckling
+    anisotropy_limit: how many times the bound's step a vertex of worn cloth may go at most in directions that hardly
+        resist, once forces have balanced; 0: no more than once. With 200 no faster. In cloth that still falls buckling
         would outrun what takes the crumples out.
     loose: forces have balanced where the relative residual's rms is below this; they have not where it is above
         TIGHTER times that.
@@ -74,7 +74,7 @@ class StepOptions:
     reach: float = 1.0
     memory: float = 0.99
     memory_falling: float = 0.9
-    leeway: float = 100.0
+    anisotropy_limit: float = 100.0
     loose: float = 0.05
     renewal: int = 20
     threads: int = 1
@@ -109,7 +109,7 @@ class Relaxation:
         self.step.momentum, self.step.momentum_loose = options.momentum, options.momentum_loose
         self.step.damping = options.damping
         self.step.viscosity, self.step.buckling = options.viscosity, options.buckling
-        strength = options.leeway
+        strength = options.anisotropy_limit
         if cloth_contact is not None:  # else folds that lie on cloth swing for ever
             self.step.buckling, strength = 1.0, min(strength, LEEWAY_ON_CLOTH)
         self.step.memory, self.step.memory_falling = options.memory, options.memory_falling
@@ -136,16 +136,16 @@ class Relaxation:
             model.state,
             model.precision,
             stiffness=accelerated,
-            compliance=worn and options.leeway > 0.0,
+            compliance=worn and options.anisotropy_limit > 0.0,
             in_contact=worn,
             clearance=saves_queries(kernel_options),
         )
         self.at_work = AtWork(model)
-        self._leeway: Leeway | None = None
-        if worn and options.leeway > 0.0:  # which is looked at as patches own it
+        self._anisotropic_step: AnisotropicStep | None = None
+        if worn and options.anisotropy_limit > 0.0:  # which is looked at as patches own it
             numbering = None if model.patches is None else model.patches.numbering
             packed = numbering is not None and cloth_contact is None
-            self._leeway = Leeway(model, numbering, packed=packed, at_work=self.at_work)
+            self._anisotropic_step = AnisotropicStep(model, numbering, packed=packed, at_work=self.at_work)
         self._strength, self._loose, self._renewal = strength, options.loose, options.renewal
         self._scatter: ForcePass | None = None
         self._packed: PackedCloth | None = None
@@ -185,7 +185,7 @@ class Relaxation:
         """What lets so many threads iterate; None: what is to be iterated cannot be shared out."""
         if count <= 1 or not self._eight or self.model.item_count > 1:
             return None
-        return Together(self.model, count, self._kernel_options.accumulate, self._move, self._leeway)
+        return Together(self.model, count, self._kernel_options.accumulate, self._move, self._anisotropic_step)
 
     @property
     def thread_count(self) -> int:
@@ -205,7 +205,7 @@ class Relaxation:
         self._items["offset"][item] = collider.offset
 
     def loosen(self, relative_rms: NDArray[np.float64]) -> None:
-        """Lets worn items whose forces have balanced go on with leeway, and others without; tells cloth on cloth, too.
+        """Lets worn items whose forces have balanced take anisotropic steps, others not; tells cloth on cloth, too.
 
         To be told after a look at all items, that many iterations later on every device.
 
@@ -217,13 +217,13 @@ class Relaxation:
             balanced=bool(self._balanced(relative_rms, cloth_contact.settled).all())
         ):
             self.forget_graphs()
-        if self._leeway is None:
+        if self._anisotropic_step is None:
             return
         before = self._items["anisotropy_limit"].copy()
         now = np.where(self._balanced(relative_rms, before > 0.0), self._strength, 0.0).astype(before.dtype)
         if (now == before).all():
             return
-        self._leeway.forget(np.flatnonzero(now != before).tolist())
+        self._anisotropic_step.forget(np.flatnonzero(now != before).tolist())
         if (now > 0.0).any() != (before > 0.0).any():
             self.forget_graphs()
         self._items["anisotropy_limit"] = now
@@ -289,7 +289,7 @@ class Relaxation:
 
     def seldom_kernels(self) -> list[wp.Kernel]:
         """The kernels that some iterations of loose cloth launch besides; they must be loaded, too."""
-        return [] if self._leeway is None else self._leeway.kernels()
+        return [] if self._anisotropic_step is None else self._anisotropic_step.kernels()
 
     @property
     def contact_data(self) -> Any:
@@ -304,11 +304,15 @@ class Relaxation:
             if not self._presses_along:
                 self.cloth_contact.add_forces(self.step, state)
 
-    def _look_up_leeway(self, state: Any) -> None:
+    def _update_compliance(self, state: Any) -> None:
         """Where it is due by the iterations since the start, whatever chunks they are run in."""
-        if self._leeway is not None and self._items["anisotropy_limit"].any() and self._done % self._renewal == 0:
+        if (
+            self._anisotropic_step is not None
+            and self._items["anisotropy_limit"].any()
+            and self._done % self._renewal == 0
+        ):
             vertices = self.model.vertices if self._packed is None else self._packed.vertices
-            self._leeway.look_up(vertices, state, self.step)
+            self._anisotropic_step.look_up(vertices, state, self.step)
         self._done += 1
 
     def iterate(self, count: int = 1) -> None:
@@ -326,7 +330,7 @@ class Relaxation:
     @property
     def stays_packed(self) -> bool:
         """Whether the cloth stays as patches own it from graph to graph: where others read it between iterations."""
-        return self._packed is not None and (self.cloth_contact is not None or self._leeway is not None)
+        return self._packed is not None and (self.cloth_contact is not None or self._anisotropic_step is not None)
 
     def _iterate(self, count: int) -> None:
         """Launches what a graph of iterations holds."""
@@ -334,7 +338,7 @@ class Relaxation:
         asked = self._asked
         if self._scatter is not None:
             for iteration in range(count):
-                self._look_up_leeway(here)
+                self._update_compliance(here)
                 self._scatter.launch(self.step)
                 self._meet_cloth(iteration, here)
                 arguments = asked[:2] if self._eight else asked
@@ -348,8 +352,8 @@ class Relaxation:
             self._done += count
 
     def _before_move(self, iteration: int, state: Any) -> int:
-        """Leeway, and contact of cloth with cloth, before an iteration; how many blocks are to press meanwhile."""
-        self._look_up_leeway(state)
+        """Compliance, and contact of cloth with cloth, before an iteration; how many blocks are to press meanwhile."""
+        self._update_compliance(state)
         self._meet_cloth(iteration, state)
         if self.cloth_contact is None or self.model.patches is None or not self._presses_along:
             return 0

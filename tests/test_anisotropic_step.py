@@ -1,4 +1,4 @@
-"""Leeway: how much further a vertex may go where hardly anything resists, against the slopes of the forces."""
+"""The anisotropic step: vertices go further where hardly anything resists, against the slopes of the forces."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from warp_cloth.kernels.passes.step import loose_way
 from warp_cloth.material.fabric import Fabric
 from warp_cloth.model.model import ClothModel, build_model
 from warp_cloth.model.vertices import allocate_steps
-from warp_cloth.solver.anisotropic_step import Leeway
+from warp_cloth.solver.anisotropic_step import AnisotropicStep
 from warp_cloth.solver.relax import Relaxation, StepOptions
 
 MOST = 100.0
@@ -33,14 +33,14 @@ STEEP = Fabric(stretch_warp=2e5, stretch_weft=1e5, bending_warp=1e-7, bending_we
 WOVEN = Fabric(stretch_warp=2e5, stretch_weft=1e5, shear=100.0, bending_warp=1e-7, bending_weft=1e-7)
 
 
-def with_compliance(model: ClothModel) -> Leeway:
+def with_compliance(model: ClothModel) -> AnisotropicStep:
     """What updates the compliance of a model that has no iterations."""
     allocate_steps(model.state, model.precision, stiffness=False, compliance=True, in_contact=False, clearance=False)
-    return Leeway(model)
+    return AnisotropicStep(model)
 
 
-def leeway_of(model: ClothModel, *, most: float = MOST, horizon: float = 20.0) -> np.ndarray:
-    """The leeway of each vertex as a matrix, shape [V, 3, 3]."""
+def compliance_of(model: ClothModel, *, most: float = MOST, horizon: float = 20.0) -> np.ndarray:
+    """The compliance of each vertex as a matrix, shape [V, 3, 3]."""
     step = cloth_types(model.precision).Step()
     step.reach, step.horizon = 1.0, horizon
     rows = model.vertices.items.numpy().copy()
@@ -50,19 +50,19 @@ def leeway_of(model: ClothModel, *, most: float = MOST, horizon: float = 20.0) -
     return matrices(model.state.compliance.numpy())
 
 
-def matrices(leeway: np.ndarray) -> np.ndarray:
-    """Leeway of six numbers a vertex as matrices, shape [V, 3, 3]."""
-    xx, yy, zz, xy, xz, yz = leeway.astype(np.float64).T
+def matrices(compliance: np.ndarray) -> np.ndarray:
+    """Compliances, six numbers a vertex, as matrices, shape [V, 3, 3]."""
+    xx, yy, zz, xy, xz, yz = compliance.astype(np.float64).T
     return np.moveaxis(np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]), 2, 0)
 
 
 def told(model: ClothModel) -> np.ndarray:
     """Six numbers a vertex of what iterations read, which those that gather have packed as patches own vertices."""
-    leeway = model.state.compliance.numpy()
+    compliance = model.state.compliance.numpy()
     if model.patches is None:
-        return leeway
-    fours, twos = np.split(leeway.ravel(), [4 * len(leeway)])
-    found = np.empty_like(leeway)
+        return compliance
+    fours, twos = np.split(compliance.ravel(), [4 * len(compliance)])
+    found = np.empty_like(compliance)
     found[model.patches.order.numpy()] = np.column_stack([fours.reshape(-1, 4), twos.reshape(-1, 2)])
     return found
 
@@ -75,27 +75,27 @@ def shaken(share: float, size: float) -> np.ndarray:
 @pytest.mark.parametrize(("share", "size"), [(1.02, 1e-3), (1.0, 1e-4), (0.97, 5e-3)], ids=["taut", "slack", "folded"])
 def test_the_longer_step_still_goes_downhill(fabric: Fabric, share: float, size: float) -> None:
     model = deformed_model(MESH, shaken(share, size), fabric)
-    leeway = leeway_of(model)
+    compliance = compliance_of(model)
     bound = cloth_forces(model, Accumulate.STIFFNESS)[:, 3]  # nothing has moved yet: it allows for no reach
     roots = np.zeros((3 * MESH.vertex_count, 3 * MESH.vertex_count))
-    for vertex, (matrix, stiffness) in enumerate(zip(leeway, bound, strict=True)):
+    for vertex, (matrix, stiffness) in enumerate(zip(compliance, bound, strict=True)):
         roots[3 * vertex : 3 * vertex + 3, 3 * vertex : 3 * vertex + 3] = np.linalg.cholesky(matrix / stiffness)
     hessian = slopes(model)
     assert np.linalg.eigvalsh(roots.T @ (0.5 * (hessian + hessian.T)) @ roots).max() <= LARGEST
 
 
-def test_taut_cloth_has_leeway_across_itself_only() -> None:
-    leeway = leeway_of(deformed_model(MESH, MESH.points * 1.01, WOVEN))[MESH.vertex_count // 2]
-    assert leeway[2, 2] > 0.5 * MOST
-    assert np.linalg.eigvalsh(leeway[:2, :2]).max() < 4.0
+def test_taut_cloth_is_compliant_across_itself_only() -> None:
+    compliance = compliance_of(deformed_model(MESH, MESH.points * 1.01, WOVEN))[MESH.vertex_count // 2]
+    assert compliance[2, 2] > 0.5 * MOST
+    assert np.linalg.eigvalsh(compliance[:2, :2]).max() < 4.0
 
 
 def test_items_forget_theirs_and_leave_the_others_alone() -> None:
     part = GarmentPart(MESH.points, MESH.triangles, build_rest_shape(MESH, WOVEN, rest="mesh"), np.zeros(0, np.int32))
     model = build_model([part] * 6, device="cpu", precision="float64", garments=[1] * 6)
-    leeway = with_compliance(model)
+    compliance = with_compliance(model)
     model.state.compliance.fill_(7.0)
-    leeway.forget([4, 1, 2])
+    compliance.forget([4, 1, 2])
     found = model.state.compliance.numpy().reshape(6, -1, 6)
     assert (found[[0, 3, 5]] == 7.0).all()
     assert (found[[1, 2, 4]] == [1.0, 1.0, 1.0, 0.0, 0.0, 0.0]).all()
@@ -103,8 +103,8 @@ def test_items_forget_theirs_and_leave_the_others_alone() -> None:
 
 def test_it_turns_with_the_cloth() -> None:
     turn, _ = np.linalg.qr(np.random.default_rng(3).normal(size=(3, 3)))
-    here = leeway_of(deformed_model(MESH, shaken(1.0, 1e-3), WOVEN))
-    there = leeway_of(deformed_model(MESH, shaken(1.0, 1e-3) @ turn.T, WOVEN))
+    here = compliance_of(deformed_model(MESH, shaken(1.0, 1e-3), WOVEN))
+    there = compliance_of(deformed_model(MESH, shaken(1.0, 1e-3) @ turn.T, WOVEN))
     assert there == pytest.approx(turn @ here @ turn.T, rel=1e-6, abs=1e-6 * MOST)
 
 
@@ -113,7 +113,7 @@ def test_cloth_that_turns_fast_has_none() -> None:
     moves = np.zeros((MESH.vertex_count, 3))
     moves[::2, 2] = 5e-3  # [m], a tenth of an edge
     model.state.displacement.assign(moves)
-    assert np.linalg.eigvalsh(leeway_of(model)).max() < 2.0
+    assert np.linalg.eigvalsh(compliance_of(model)).max() < 2.0
 
 
 def test_threads_drag_across_themselves_by_what_acts_there() -> None:
@@ -153,22 +153,22 @@ pressed_way, SYMMETRIC = loose_way("float64"), cloth_types("float64").vec6
 
 @wp.kernel
 def find_ways(
-    leeway: SYMMETRIC,
+    compliance: SYMMETRIC,
     force: wp.vec3d,
     own: wp.array(dtype=wp.float64),
     stiffness: wp.float64,
     way_out: wp.array(dtype=wp.vec3d),
 ):
     row = wp.tid()
-    way_out[row] = pressed_way(inverse(leeway), force, own[row], stiffness)
+    way_out[row] = pressed_way(inverse(compliance), force, own[row], stiffness)
 
 
 def test_what_is_pressed_hard_has_none() -> None:
-    leeway, force, stiffness = SYMMETRIC(20.0, 1.0, 5.0, 2.0, 0.5, 0.1), np.array([0.3, -1.0, 0.5]), 40.0
+    compliance, force, stiffness = SYMMETRIC(20.0, 1.0, 5.0, 2.0, 0.5, 0.1), np.array([0.3, -1.0, 0.5]), 40.0
     matrix = np.array([[20.0, 2.0, 0.5], [2.0, 1.0, 0.1], [0.5, 0.1, 5.0]])
     own = np.array([40.0, 10.0, 0.0])
     found = wp.zeros(3, dtype=wp.vec3d, device="cpu")
-    given = [leeway, wp.vec3d(*force), wp.array(own, dtype=wp.float64, device="cpu"), wp.float64(stiffness)]
+    given = [compliance, wp.vec3d(*force), wp.array(own, dtype=wp.float64, device="cpu"), wp.float64(stiffness)]
     wp.launch(find_ways, dim=3, inputs=given, outputs=[found], device="cpu")
     wanted = [np.linalg.solve(part * np.linalg.inv(matrix) + (stiffness - part) * np.eye(3), force) for part in own]
     assert found.numpy() == pytest.approx(np.array(wanted), rel=SPARED)
@@ -242,7 +242,7 @@ def test_cloth_is_loose_from_when_its_forces_balance_till_they_are_far_from_it(
 def test_what_comes_to_be_held_is_slowed_as_if_it_had_become_heavier(loose: bool, gathers: bool) -> None:
     relaxation = lying(gathers)
     state = relaxation.model.state
-    relaxation.model.set_points(relaxation.model.points() * [1.01, 1.0, 1.01])  # taut, so that it has leeway
+    relaxation.model.set_points(relaxation.model.points() * [1.01, 1.0, 1.01])  # taut, so that it is compliant
     relaxation.loosen(np.zeros(1) if loose else np.ones(1))
     state.displacement.assign(np.tile([1e-3, -3e-3, 0.0], (MESH.vertex_count, 1)))  # [m]; friction halves it
     state.stiffness.fill_(1e6)  # [N/m], so that hardly anything else moves it
@@ -250,9 +250,9 @@ def test_what_comes_to_be_held_is_slowed_as_if_it_had_become_heavier(loose: bool
     relaxation.run(1)
     assert (state.in_contact.numpy() == 1).all()
     moved, kept = relaxation.model.points() - before, state.displacement.numpy()
-    leeway = matrices(told(relaxation.model))
-    assert loose == (np.linalg.eigvalsh(leeway).max() > 2.0)
-    slowed = np.linalg.solve(0.5 * (leeway + np.eye(3)), moved[:, :, None])[:, :, 0]
+    compliance = matrices(told(relaxation.model))
+    assert loose == (np.linalg.eigvalsh(compliance).max() > 2.0)
+    slowed = np.linalg.solve(0.5 * (compliance + np.eye(3)), moved[:, :, None])[:, :, 0]
     assert kept == pytest.approx(slowed if loose else moved, abs=SLOWED * np.abs(moved).max())
 
 
