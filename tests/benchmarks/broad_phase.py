@@ -240,7 +240,7 @@ class BvhSearch:
         inputs = [*self._inputs, self._boxes, self._triangles.id, self._edges.id]
         if tiled:
             kernel = tiled_kernel(self._precision)
-            wp.launch_tiled(kernel, [queries], inputs, device=self._device, block_dim=TILE)
+            wp.launch_tiled(kernel, dim=[queries], inputs=inputs, device=self._device, block_dim=TILE)
         else:
             wp.launch(query_kernel(self._precision), queries, inputs, device=self._device)
 
@@ -309,8 +309,7 @@ def compare(name: str, problem: Problem, rounds: int, *, tiled: bool) -> bool:
     bvh = BvhSearch(cloth_contact, state, problem.model.precision)
 
     def box_tree() -> None:
-        cloth_contact.pair_search.refit(state, cloth_contact.data)
-        cloth_contact.pair_search.list_near(state, cloth_contact.data)
+        cloth_contact.pair_search.run(state, cloth_contact.data, untangle=False, layered=False)
 
     searches: dict[str, Search] = {
         "box_tree": box_tree,
