@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from methods_files import methods_lines, save_methods, truth_of
 from methods_scenes import GROUPS, KINDS, TRUE_FABRICS, Case, all_cases, case_tree, true_cases
-from methods_study import Look, Run, run_case
+from methods_study import Measurement, Run, run_case
 
 from warp_cloth.garment.outfit import load_outfit
 from warp_cloth.scene import load_scene
@@ -22,8 +22,8 @@ SMALL = Case("strip", 120, 2e4)
 FEW = 200  # iterations; the strip does not rest in so few
 
 
-def look(iteration: int, relative: float, error: float = math.nan, true: float = math.nan) -> Look:
-    return Look(iteration, 0.01 * iteration, 1.0, relative, relative, error, true)
+def look(iteration: int, relative: float, error: float = math.nan, true: float = math.nan) -> Measurement:
+    return Measurement(iteration, 0.01 * iteration, 1.0, relative, relative, error, true)
 
 
 RUN = Run(

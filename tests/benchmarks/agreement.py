@@ -2,13 +2,13 @@
 
     python tests/benchmarks/agreement.py --device cuda:0 --out agreement.json --processes 8
 
-Each fit goes on from the certificate (the work till there is told, all levels weighted by their vertices) to a stricter
+Each fit continues from the certificate (the work until then is printed, all levels weighted by vertices) to a stricter
 one; contact-free ones until the forces are balanced to a hundredth of a vertex's weight. The reference of these is the
 least energy in float64 near where the fit ended, by L-BFGS preconditioned with the linearised forces; of many vertices
 the float64 kernels, run on from there far past the tolerance. Over a ball (friction 0.5, nothing pinned) these, too.
 
-Which folds the cloth gets hangs on its last bits: ``--starts 4`` begins each case so often, a hundredth of a micrometre
-apart. Fine and stiff cloth over a ball may need ``--limit 40000`` till the reference itself is at rest.
+The folds depend on the last bits of the start: ``--starts 4`` fits each case from so many starts, a hundredth of a
+micrometre apart. Fine and stiff cloth over a ball may need ``--limit 40000`` till the reference itself is at rest.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ WITHIN_MM = {"hanging": 0.1, "strip": 0.1, "ball": 0.5}  # rms
 WEIGHTS = 0.01  # rms, of contact-free scenes
 LIMIT = 20_000
 MOVED = 1e-8  # [m], standard deviation of each coordinate, of the starts that are moved
-TOLD = 2_000  # iterations after which a reference tells how far it is
+PRINTED = 2_000  # iterations between two lines about a reference
 NEVER = Tolerance(0.0, 0.0, 0.0)
 BEYOND = Tolerance(relative_rms=1e-3, relative_p99=5e-3, rest_error=1e-5)  # what a reference is run on to
 BEYOND_LIMIT = {"accelerated": 60_000, "multilevel": 10_000}
@@ -61,8 +61,8 @@ FACTORISED = 5_000  # vertices up to which the linearised forces are factorised
 
 
 @dataclass(frozen=True)
-class Asked:
-    """What is wanted of a case."""
+class FitOptions:
+    """How to fit a case and find its reference."""
 
     device: str
     precision: str
@@ -78,9 +78,9 @@ class ReachedError(Exception):
 
 @dataclass
 class Watch:
-    """Sees a fit through its first certificate to what is asked for beyond."""
+    """Sees a fit through its first certificate to what is wanted for beyond."""
 
-    made: Problem
+    problem: Problem
     wanted: Tolerance
     beyond: Tolerance
     weights: float
@@ -89,10 +89,10 @@ class Watch:
     check: Check | None = field(default=None)
 
     def see(self, check: Check, _: float) -> None:
-        """Told of every check."""
+        """Called with every check."""
         self.check = check
         if not self.rest and check.within(self.wanted):
-            self.rest, self.at_rest = check.iteration, self.made.model.points()
+            self.rest, self.at_rest = check.iteration, self.problem.model.points()
         if self.done():
             raise ReachedError
 
@@ -109,35 +109,35 @@ def prepared(case: Case, device: str, **solver: Any) -> Problem:
         return load_problem(load_scene(tree), device)
 
 
-def shake(made: Problem, start: int) -> None:
+def shake(problem: Problem, start: int) -> None:
     """Moves the garments by MOVED where they start, by the random numbers of that start."""
     random = np.random.default_rng(start)
-    for part in made.outfit.parts:
+    for part in problem.outfit.parts:
         part.points[:] += MOVED * random.standard_normal(part.points.shape)
-    made.model.set_points(np.concatenate([part.points for part in made.outfit.parts]))
+    problem.model.set_points(np.concatenate([part.points for part in problem.outfit.parts]))
 
 
-def fitted(case: Case, made: Problem, row: dict[str, Any]) -> Watch:
+def fitted(case: Case, problem: Problem, row: dict[str, Any]) -> Watch:
     """The fit, beyond its certificate."""
     began = time.perf_counter()
-    levels = start_coarse(made)
+    levels = start_coarse(problem)
     coarse_seconds = time.perf_counter() - began
-    wanted = tolerance_of(made.scenes[0])
+    wanted = tolerance_of(problem.scenes[0])
     beyond = Tolerance(wanted.relative_rms, wanted.relative_p99, 1e-3 * WITHIN_MM[case.kind])
-    watch = Watch(made, wanted, beyond, math.inf if case.kind == "ball" else WEIGHTS)
+    watch = Watch(problem, wanted, beyond, math.inf if case.kind == "ball" else WEIGHTS)
     with suppress(ReachedError):
         relax_to_rest(
-            made.relaxation,
-            made.certifier,
+            problem.relaxation,
+            problem.certifier,
             NEVER,
             LIMIT,
-            follow=collider_updates(made),
+            follow=collider_updates(problem),
             on_check=watch.see,
             ahead=False,
         )
-    check, coarse = watch.check, sum(level.iterations * level.vertices for level in levels) / made.model.vertex_count
+    check, coarse = watch.check, sum(level.iterations * level.vertices for level in levels) / problem.model.vertex_count
     row |= {
-        "vertices": made.model.vertex_count, "precision": made.model.precision,
+        "vertices": problem.model.vertex_count, "precision": problem.model.precision,
         "coarse": round(coarse), "work": round(coarse + watch.rest) if watch.rest else math.inf,
         "status": "at_rest" if watch.done() else "iteration_limit", "iterations": check.iteration,
         "weights": check.residual.rms, "relative": check.residual.relative_rms,
@@ -147,78 +147,78 @@ def fitted(case: Case, made: Problem, row: dict[str, Any]) -> Watch:
     return watch
 
 
-def beside(made: Problem, method: str) -> Problem:
-    """The same garments once more, by a method and in float64."""
-    (scene,) = made.scenes
+def float64_problem(problem: Problem, method: str) -> Problem:
+    """The same garments by a method, in float64."""
+    (scene,) = problem.scenes
     solver = scene.solver.model_copy(update={"method": method, "precision": "float64"})
-    return build_problem([scene.model_copy(update={"solver": solver})], made.outfits, made.model.device)
+    return build_problem([scene.model_copy(update={"solver": solver})], problem.outfits, problem.model.device)
 
 
 def apart(a: Points, b: Points) -> tuple[float, float]:
     """Distance of two shapes' vertices [mm]: rms, and the largest."""
-    way = 1e3 * np.linalg.norm(a - b, axis=1)
-    return float(np.sqrt(np.mean(way**2))), float(way.max())
+    distance = 1e3 * np.linalg.norm(a - b, axis=1)
+    return float(np.sqrt(np.mean(distance**2))), float(distance.max())
 
 
-def run_on(case: Case, asked: Asked, other: Problem, made: Problem) -> tuple[Points, float, str]:
+def run_on(case: Case, wanted: FitOptions, other: Problem, problem: Problem) -> tuple[Points, float, str]:
     """The float64 kernels from where a fit ended far past the tolerance: where, the force left in weights, in words.
 
-    They meet the body as that fit has it drawn in the end: drawn anew it would differ by micrometres.
+    They use that fit's last distance field of the body: a new one would differ by micrometres.
     """
-    points = made.model.points()
+    points = problem.model.points()
     other.model.set_points(points)
     method = "accelerated"
     if isinstance(other.relaxation, MultilevelRelaxation):
         other.relaxation.start_near_rest()
         method = "multilevel"
     if case.kind == "ball":
-        other.relaxation.meet(0, other.contact.reused_from(made.contact, points))
-    most = BEYOND_LIMIT[method] if asked.limit is None else asked.limit
+        other.relaxation.meet(0, other.contact.reused_from(problem.contact, points))
+    most = BEYOND_LIMIT[method] if wanted.limit is None else wanted.limit
 
-    def tell(check: Check, seconds: float) -> None:
-        if check.iteration % TOLD == 0:
+    def show(check: Check, seconds: float) -> None:
+        if check.iteration % PRINTED == 0:
             rms, largest = apart(other.model.points(), points)
             print(
-                f"{case.name}, {asked.start}: {rms:.3g} mm rms, {largest:.3g} at most after {check.iteration}, "
+                f"{case.name}, {wanted.start}: {rms:.3g} mm rms, {largest:.3g} at most after {check.iteration}, "
                 f"{1e3 * check.rest_error:.3g} left, {seconds:.0f} s",
                 flush=True,
             )
 
     outcome = relax_to_rest(
-        other.relaxation, other.certifier, BEYOND, most, follow=collider_updates(other), on_check=tell
+        other.relaxation, other.certifier, BEYOND, most, follow=collider_updates(other), on_check=show
     )
     words = f"float64 {method}, {outcome.iterations} iterations, {1e3 * outcome.check.rest_error:.3g} mm left"
     return outcome.points, outcome.check.residual.rms, words
 
 
-def told(row: dict[str, Any]) -> str:
+def line_of(row: dict[str, Any]) -> str:
     """A row in one line."""
     return " ".join(
         f"{key}={value:.3g}" if isinstance(value, float) else f"{key}={value}" for key, value in row.items()
     )
 
 
-def judged(job: tuple[Case, Asked, AbstractContextManager]) -> dict[str, Any]:
-    """One case; on a GPU few processes at a time relax, as more would only hold each other up there."""
-    case, asked, turn = job
+def judged(job: tuple[Case, FitOptions, AbstractContextManager]) -> dict[str, Any]:
+    """One case; on a GPU few processes relax at a time, as more would only slow each other down."""
+    case, wanted, slot = job
     start_warp(False)
-    row: dict[str, Any] = {"scene": case.name, "start": asked.start}
+    row: dict[str, Any] = {"scene": case.name, "start": wanted.start}
     began = time.perf_counter()
-    made = prepared(case, asked.device, method="multilevel", precision=asked.precision)
-    if asked.start:
-        shake(made, asked.start)
+    problem = prepared(case, wanted.device, method="multilevel", precision=wanted.precision)
+    if wanted.start:
+        shake(problem, wanted.start)
     row["set_up_seconds"] = time.perf_counter() - began
-    with turn:
-        watch = fitted(case, made, row)
-        points = made.model.points()
-    print("fit", told(row), flush=True)  # the reference takes longer
+    with slot:
+        watch = fitted(case, problem, row)
+        points = problem.model.points()
+    print("fit", line_of(row), flush=True)  # the reference takes longer
     began = time.perf_counter()
-    if case.kind == "ball" or len(points) > asked.factorised:
-        other = beside(made, asked.reference if case.kind == "ball" else "multilevel")
-        with turn:
-            true, row["left"], row["reference"] = run_on(case, asked, other, made)
+    if case.kind == "ball" or len(points) > wanted.factorised:
+        other = float64_problem(problem, wanted.reference if case.kind == "ball" else "multilevel")
+        with slot:
+            true, row["left"], row["reference"] = run_on(case, wanted, other, problem)
     else:
-        (mesh,), (part,) = made.outfit.garments, made.outfit.parts
+        (mesh,), (part,) = problem.outfit.garments, problem.outfit.parts
         true, row["left"], rounds = preconditioned_rest(Potential(mesh, part.rest, part.pins), points)
         row["reference"] = f"L-BFGS, {rounds} rounds"
     row["rms_mm"], row["max_mm"] = apart(points, true)
@@ -228,37 +228,39 @@ def judged(job: tuple[Case, Asked, AbstractContextManager]) -> dict[str, Any]:
     return row
 
 
-def rows_of(cases: list[Case], asked: Sequence[Asked], processes: int, turns: int) -> Iterator[dict[str, Any]]:
+def rows_of(cases: list[Case], wanted: Sequence[FitOptions], processes: int, slots: int) -> Iterator[dict[str, Any]]:
     """The cases' rows, as they are found."""
     context = get_context("spawn")
     with context.Manager() as manager, context.Pool(processes) as pool:
-        turn = manager.BoundedSemaphore(turns)
-        yield from pool.imap_unordered(judged, [(case, each, turn) for case in cases for each in asked])
+        slot = manager.BoundedSemaphore(slots)
+        yield from pool.imap_unordered(judged, [(case, each, slot) for case in cases for each in wanted])
 
 
 def main() -> None:
-    parse = argparse.ArgumentParser()
-    parse.add_argument("--device", default="cpu")
-    parse.add_argument("--out", type=Path, default=Path("agreement.json"))
-    parse.add_argument("--processes", type=int, default=2)
-    parse.add_argument("--turns", type=int, default=3, help="processes that relax at a time")
-    parse.add_argument("--kinds", nargs="+", default=list(KINDS))
-    parse.add_argument("--sizes", nargs="+", type=int, default=list(SIZES))
-    parse.add_argument("--stiffness", nargs="+", type=float, default=list(STIFFNESS))
-    parse.add_argument("--limit", type=int, help="iterations of float64 kernels that run on")
-    parse.add_argument("--starts", type=int, default=1, help="of each case, a hundredth of a micrometre apart")
-    parse.add_argument("--precision", default="mixed")
-    parse.add_argument("--reference", choices=list(BEYOND_LIMIT), default="multilevel", help="over a ball")
-    parse.add_argument("--factorised", type=int, default=FACTORISED, help="vertices up to which SciPy is asked")
-    given = parse.parse_args()
-    cases = [Case(kind, size, k) for size in sorted(given.sizes)[::-1] for kind in given.kinds for k in given.stiffness]
-    asked = Asked(given.device, given.precision, given.reference, given.limit, given.factorised)
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--device", default="cpu")
+    parser.add_argument("--out", type=Path, default=Path("agreement.json"))
+    parser.add_argument("--processes", type=int, default=2)
+    parser.add_argument("--slots", type=int, default=3, help="processes that relax at a time")
+    parser.add_argument("--kinds", nargs="+", default=list(KINDS))
+    parser.add_argument("--sizes", nargs="+", type=int, default=list(SIZES))
+    parser.add_argument("--stiffness", nargs="+", type=float, default=list(STIFFNESS))
+    parser.add_argument("--limit", type=int, help="iterations of float64 kernels that run on")
+    parser.add_argument("--starts", type=int, default=1, help="of each case, a hundredth of a micrometre apart")
+    parser.add_argument("--precision", default="mixed")
+    parser.add_argument("--reference", choices=list(BEYOND_LIMIT), default="multilevel", help="over a ball")
+    parser.add_argument("--factorised", type=int, default=FACTORISED, help="vertices up to which SciPy factorises")
+    options = parser.parse_args()
+    cases = [
+        Case(kind, size, k) for size in sorted(options.sizes)[::-1] for kind in options.kinds for k in options.stiffness
+    ]
+    wanted = FitOptions(options.device, options.precision, options.reference, options.limit, options.factorised)
     rows = []
-    starts = [replace(asked, start=start) for start in range(given.starts)]
-    for row in rows_of(cases, starts, given.processes, given.turns):
+    starts = [replace(wanted, start=start) for start in range(options.starts)]
+    for row in rows_of(cases, starts, options.processes, options.slots):
         rows.append({key: None if value == math.inf else value for key, value in row.items()})
-        print("@", told(row), flush=True)
-        given.out.write_text(json.dumps(rows, indent=1))
+        print("@", line_of(row), flush=True)
+        options.out.write_text(json.dumps(rows, indent=1))
 
 
 if __name__ == "__main__":

@@ -5,9 +5,9 @@
     python tests/benchmarks/batch_rate.py --device cpu --items 48 --coarsest 4 --workers 1 2
 
 T-shirts of eleven meshes (2,400 to 14,100 vertices, 7,500 in the mean) in all nine fabrics on four bodies, by the
-command as a user gives it, once for each number of workers (0: as many as it takes by itself); before, one of a single
-small garment, which tells what starting takes. Then, by options, some by ``warp_cloth.fit`` in this process, one
-after another; all in the opposite order and in other shards; all after a kill -9 halfway.
+command as a user calls it, once for each number of workers (0: the default); before it a batch of a single small
+garment, which shows the time of starting. Options add some fits by ``warp_cloth.fit`` in this process, one after
+another; all items in the opposite order and in other shards; all after a kill -9 halfway.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ Row = dict[str, Any]
 
 @dataclass(frozen=True)
 class Run:
-    """A batch that has ended; seconds since its command was given."""
+    """A batch that has ended; seconds since its command was called."""
 
     seconds: float
     shards: list[tuple[float, int]]  # when each was written, and its items, in time's order
@@ -110,7 +110,7 @@ def run(jobs_file: Path, out: Path, device: str, *more: str) -> Run:
 
 
 def run_killed(jobs_file: Path, out: Path, device: str, after: float) -> Run:
-    """The same, ended by kill -9 after so many seconds, with all its processes, and given again."""
+    """The same, ended by kill -9 after so many seconds, with all its processes, and resumed."""
     with subprocess.Popen(command(jobs_file, out, device), stdout=subprocess.DEVNULL, start_new_session=True) as batch:
         time.sleep(after)
         os.killpg(batch.pid, signal.SIGKILL)
@@ -161,7 +161,7 @@ def main() -> int:
     parser.add_argument("--alone", type=int, default=0, metavar="N", help="so many items by warp_cloth.fit")
     parser.add_argument("--turned", action="store_true", help="in the opposite order and in other shards")
     parser.add_argument("--killed", action="store_true", help="by kill -9 halfway, then resumed")
-    parser.add_argument("--out", type=Path, help="a new folder that is kept")
+    parser.add_argument("--out", type=Path, help="a new folder for the results")
     add_write_option(parser)
     options = parser.parse_args()
     rows, device, same = jobs(options.items, options.coarsest, options.start), options.device, True

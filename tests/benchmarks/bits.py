@@ -1,9 +1,9 @@
-"""Whether fits have the same bits on every run and on both devices: a table of hashes of the worn shapes.
+"""Do fits have the same bits on every run and on both devices? A table of hashes of the worn shapes.
 
     python tests/benchmarks/bits.py --device cpu --device cuda:0 --device cuda:0 --iterations 2000 --processes 8
 
-A scene is fitted once for every device named, a device named twice twice. With $WARP_CLOTH_DATA the real T-shirt is
-among the scenes. Exits with 1 where hashes of one scene differ.
+A scene is fitted once for every --device, and twice if one is repeated. With $WARP_CLOTH_DATA the real T-shirt is among
+the scenes. Exits with 1 where hashes of one scene differ.
 """
 
 from __future__ import annotations
@@ -67,24 +67,24 @@ def hashed(name: str, device: str, iterations: int) -> tuple[str, int]:
 
 
 def main() -> None:
-    reader = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    reader.add_argument("--device", action="append", required=True)
-    reader.add_argument("--iterations", type=int, default=20_000)
-    reader.add_argument("--processes", type=int, default=1)
-    reader.add_argument("--only", action="append", help="a scene's name; all by default")
-    asked = reader.parse_args()
-    names = asked.only or list(scenes())
-    with ProcessPoolExecutor(asked.processes, mp_context=get_context("spawn")) as pool:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--device", action="append", required=True)
+    parser.add_argument("--iterations", type=int, default=20_000)
+    parser.add_argument("--processes", type=int, default=1)
+    parser.add_argument("--only", action="append", help="a scene's name; all by default")
+    options = parser.parse_args()
+    names = options.only or list(scenes())
+    with ProcessPoolExecutor(options.processes, mp_context=get_context("spawn")) as pool:
         runs = {
-            name: [pool.submit(hashed, name, device, asked.iterations) for device in asked.device] for name in names
+            name: [pool.submit(hashed, name, device, options.iterations) for device in options.device] for name in names
         }
         differ = 0
         for name, results in runs.items():
             found = [run.result() for run in results]
             same = len(set(found)) == 1
             differ += not same
-            told = " ".join(f"{text}/{count}" for text, count in found)
-            print(f"{name:<30} {'same' if same else 'DIFFER'} {told}", flush=True)
+            hashes = " ".join(f"{text}/{count}" for text, count in found)
+            print(f"{name:<30} {'same' if same else 'DIFFER'} {hashes}", flush=True)
     sys.exit(differ > 0)
 
 

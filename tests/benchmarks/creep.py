@@ -59,15 +59,15 @@ def crept(body: str, errors: Sequence[float], fabrics: Sequence[str], limit: int
         kinds[problem_kind(scene, outfits[at])].append(at)
     rows: list[dict[str, Any]] = []
     for group in kinds.values():
-        made = several([named[at][1] for at in group], [outfits[at] for at in group], device)
-        rows += _crept(made, [named[at][0] for at in group], errors, limit)
+        problem = several([named[at][1] for at in group], [outfits[at] for at in group], device)
+        rows += _creep(problem, [named[at][0] for at in group], errors, limit)
     return rows
 
 
-def _crept(made: Problem, names: Sequence[str], errors: Sequence[float], limit: int) -> list[dict[str, Any]]:
+def _creep(problem: Problem, names: Sequence[str], errors: Sequence[float], limit: int) -> list[dict[str, Any]]:
     """Those that relax together."""
-    asked = {
-        error: [replace(tolerance_of(scene), rest_error=1e-3 * error) for scene in made.scenes] for error in errors
+    tolerances_by_error = {
+        error: [replace(tolerance_of(scene), rest_error=1e-3 * error) for scene in problem.scenes] for error in errors
     }
     rest: dict[tuple[int, float], tuple[int, Points, Points]] = {}  # by item and rest error: iteration, shape, push
     rows = {
@@ -76,25 +76,31 @@ def _crept(made: Problem, names: Sequence[str], errors: Sequence[float], limit: 
         for error in errors
     }
 
-    def watch(look: Measurement, _: float) -> None:
-        for error, tolerances in asked.items():
+    def record(look: Measurement, _: float) -> None:
+        for error, tolerances in tolerances_by_error.items():
             for item in np.flatnonzero(look.nearly_within(tolerances)).tolist():
-                within = (item, error) not in rest and made.certifier.check(look, item).within(tolerances[item])
+                within = (item, error) not in rest and problem.certifier.check(look, item).within(tolerances[item])
                 if within and look.iteration <= limit:
-                    push = made.certifier.normal_forces()
+                    push = problem.certifier.normal_forces()
                     assert push is not None
-                    rest[item, error] = look.iteration, made.model.points(item), push[made.model.of_item(item)]
+                    rest[item, error] = look.iteration, problem.model.points(item), push[problem.model.of_item(item)]
         for key, (iteration, points, push) in rest.items():
             if look.iteration == iteration + FURTHER:
                 top = points[:, 1] >= np.quantile(points[:, 1], SHOULDERS)
-                way = 1e3 * (made.model.points(key[0])[top] - points[top])
-                far, held = np.linalg.norm(way, axis=1), push[top] > 0.0
-                rows[key] |= {"iterations": iteration, "held": int(held.sum()), "moved_mm": float(far[held].max())}
-                rows[key] |= {"moved_free_mm": float(far.max()), "fell_mm": -float(way[:, 1].mean())}
+                displacement = 1e3 * (problem.model.points(key[0])[top] - points[top])
+                far, in_contact = np.linalg.norm(displacement, axis=1), push[top] > 0.0
+                rows[key] |= {
+                    "iterations": iteration,
+                    "in_contact": int(in_contact.sum()),
+                    "moved_mm": float(far[in_contact].max()),
+                }
+                rows[key] |= {"moved_free_mm": float(far.max()), "fell_mm": -float(displacement[:, 1].mean())}
 
     goals = [Goal(NEVER, limit + FURTHER)] * len(names)
     # not ahead: the stored shape is the one that was checked
-    relax_items(made.relaxation, made.certifier, goals, follow=collider_updates(made), on_check=watch, ahead=False)
+    relax_items(
+        problem.relaxation, problem.certifier, goals, follow=collider_updates(problem), on_check=record, ahead=False
+    )
     return list(rows.values())
 
 
@@ -102,8 +108,8 @@ def add_figures(figures: Figures, rows: Sequence[dict[str, Any]]) -> None:
     """Prints the fits that move most, and adds the figures of all."""
     rested = sorted((row for row in rows if row["iterations"] is not None), key=lambda row: row["moved_mm"])
     for row in rested[-10:] + [row for row in rested if "T-shirt" in row["name"]]:
-        way = f"moved {row['moved_mm']:.4f}, free folds {row['moved_free_mm']:.4f}, fell {row['fell_mm']:.4f}"
-        print(f"creep {row['error_mm']:g} mm {row['name']:50} rest {row['iterations']:6} {way}")
+        moves = f"moved {row['moved_mm']:.4f}, free folds {row['moved_free_mm']:.4f}, fell {row['fell_mm']:.4f}"
+        print(f"creep {row['error_mm']:g} mm {row['name']:50} rest {row['iterations']:6} {moves}")
     for row in rows:
         if row["iterations"] is None:
             print(f"creep {row['error_mm']:g} mm {row['name']:50} not at rest")

@@ -1,4 +1,4 @@
-"""What the extremes came to: a table of outcomes, CSV, JSON, and the stability map."""
+"""Results of the extremes: a table of outcomes, CSV, JSON, and the stability map."""
 
 from __future__ import annotations
 
@@ -41,16 +41,16 @@ def extremes_lines(found: Sequence[Outcome]) -> list[str]:
         for method in dict.fromkeys((o.method, o.precision) for o in found if o.group == group):
             own = [o for o in found if o.group == group and (o.method, o.precision) == method]
             counts = Counter(o.verdict for o in own)
-            told = ", ".join(f"{count} {verdict}" for verdict, count in counts.most_common())
-            lines.append(f"  {group:<20} {' '.join(method):<20} {told}")
+            words = ", ".join(f"{count} {verdict}" for verdict, count in counts.most_common())
+            lines.append(f"  {group:<20} {' '.join(method):<20} {words}")
     broken = [o for o in found if not o.kept]
     slowest = max(found, key=lambda o: o.seconds)
-    told = f"{len(broken)} broke their promise; the slowest took {slowest.seconds:.1f} s ({slowest.name})"
-    lines.append(f"{len(found)} runs: {told}.")
+    words = f"{len(broken)} broke their promise; the slowest took {slowest.seconds:.1f} s ({slowest.name})"
+    lines.append(f"{len(found)} runs: {words}.")
     below, resting, above, still = theory_holds(found)
     if below:
-        told = f"{resting} of {below} at rest with a cap up to the theory's, {still} of {above} with a larger one"
-        lines.append(f"direct: {told}.")
+        words = f"{resting} of {below} at rest with a cap up to the theory's, {still} of {above} with a larger one"
+        lines.append(f"direct: {words}.")
     return lines + [f"  BROKEN {o.name}, {o.method}, {o.precision}: {o.verdict}. {o.message}" for o in broken]
 
 

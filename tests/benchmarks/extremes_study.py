@@ -42,12 +42,12 @@ class Case:
     group: str
     name: str
     tree: Mapping[str, Any]
-    drawn: Drawn | None = None  # written beside the scene as garment.obj
+    drawn: Drawn | None = None  # written as garment.obj
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of a case."""
+    """The outcome of a case."""
 
     group: str
     name: str
@@ -78,11 +78,11 @@ class Job:
     values: Mapping[str, float]
 
     def run(self, device: str) -> Outcome:
-        """What becomes of it."""
+        """Its outcome."""
         return replace(run_case(self.case, self.method, self.precision, device, self.limit), values=self.values)
 
     def lost(self, verdict: str, message: str) -> Outcome:
-        """What to tell where it took its process along."""
+        """The outcome of a run whose process died or hung."""
         return Outcome(
             self.case.group, self.case.name, self.method, self.precision, verdict, message, values=self.values
         )
@@ -102,7 +102,7 @@ def run_case(case: Case, method: str, precision: str, device: str, limit: int) -
     """Fits a case as a user would: from its files."""
     tree = {**case.tree, "solver": {**case.tree.get("solver", {}), "method": method, "precision": precision}}
     tree["solver"].setdefault("iterations", limit)
-    told: dict[str, Any] = {"group": case.group, "name": case.name, "method": method, "precision": precision}
+    names: dict[str, Any] = {"group": case.group, "name": case.name, "method": method, "precision": precision}
     began = time.perf_counter()
     with TemporaryDirectory() as folder:
         if case.drawn is not None:
@@ -111,13 +111,13 @@ def run_case(case: Case, method: str, precision: str, device: str, limit: int) -
         try:
             fitted = fit(tree, device=device)
         except InputError as error:
-            return Outcome(**told, verdict="refused", message=str(error).replace(folder, ""))
+            return Outcome(**names, verdict="refused", message=str(error).replace(folder, ""))
         except Exception as error:
-            return Outcome(**told, verdict="crashed", message=f"{type(error).__name__}: {error}")
-    return _outcome(fitted, told, time.perf_counter() - began)
+            return Outcome(**names, verdict="crashed", message=f"{type(error).__name__}: {error}")
+    return _outcome(fitted, names, time.perf_counter() - began)
 
 
-def _outcome(fitted: Fit, told: dict[str, Any], seconds: float) -> Outcome:
+def _outcome(fitted: Fit, names: dict[str, Any], seconds: float) -> Outcome:
     report = fitted.report
     moved = np.concatenate([worn.points - worn.mesh.points for worn in fitted.garments])
     away = float(np.linalg.norm(moved, axis=1).max()) if np.isfinite(moved).all() else math.inf
@@ -127,7 +127,7 @@ def _outcome(fitted: Fit, told: dict[str, Any], seconds: float) -> Outcome:
     if not math.isfinite(away) or (verdict == "at rest" and not all(math.isfinite(figure) for figure in figures)):
         verdict = "not finite"
     return Outcome(
-        **told,
+        **names,
         verdict=verdict,
         message=fitted.message,
         iterations=report["iterations"],
@@ -142,8 +142,8 @@ def hanging(
 ) -> dict[str, Any]:
     """The maps' sheet, its top edge pinned."""
     shape = {"kind": "square", "side": SIDE, "vertices_per_side": count, "plane": "vertical", "height": 1.5}
-    made = {"weight": WEIGHT, "bending": 0.0, "stretch": stiffness, **fabric}
-    return {"garment": {"shape": shape, "fabric": made, "pin": TOP}}
+    values = {"weight": WEIGHT, "bending": 0.0, "stretch": stiffness, **fabric}
+    return {"garment": {"shape": shape, "fabric": values, "pin": TOP}}
 
 
 def map_cases() -> Iterator[tuple[Case, dict[str, float]]]:
@@ -251,8 +251,8 @@ def jobs_of(groups: Sequence[str]) -> list[Job]:
     """Every run of the groups."""
     jobs: list[Job] = []
     if "cases" in groups:
-        ways = (("accelerated", "mixed"), ("direct", "mixed"), ("accelerated", "float32"))
-        jobs += [Job(case, *way, CASE_LIMIT, {}) for case in single_cases() for way in ways]
+        kinds = (("accelerated", "mixed"), ("direct", "mixed"), ("accelerated", "float32"))
+        jobs += [Job(case, *kind, CASE_LIMIT, {}) for case in single_cases() for kind in kinds]
     if "map" in groups:
         jobs += [Job(case, method, "mixed", LIMIT, values) for case, values in map_cases() for method in METHODS]
     if "precision" in groups:
@@ -262,7 +262,7 @@ def jobs_of(groups: Sequence[str]) -> list[Job]:
 
 
 def run_extremes(
-    device: str, tell: Callable[[str], None], groups: Sequence[str] = GROUPS, *, deadline: float = DEADLINE
+    device: str, log: Callable[[str], None], groups: Sequence[str] = GROUPS, *, deadline: float = DEADLINE
 ) -> list[Outcome]:
     """Runs every case of the groups in processes of their own, on all cores, or a few at a time on a GPU."""
     jobs = jobs_of(groups)
@@ -270,6 +270,6 @@ def run_extremes(
     workers = core_count() if device == "cpu" else MOST_ON_GPU
     for number, outcome in run_jobs(jobs, device, workers=workers, deadline=deadline):
         found[number] = outcome
-        told = f"{outcome.name}, {outcome.method}, {outcome.precision}: {outcome.verdict}"
-        tell(f"{len(found)}/{len(jobs)} {told}")
+        words = f"{outcome.name}, {outcome.method}, {outcome.precision}: {outcome.verdict}"
+        log(f"{len(found)}/{len(jobs)} {words}")
     return [found[number] for number in range(len(jobs))]

@@ -1,4 +1,4 @@
-"""Kills a batch at random moments, again and again, and holds what it ends with against one that nobody stopped.
+"""Kills a batch at random moments, again and again, and compares its results with those of one that ran through.
 
 python tests/benchmarks/kills.py --items 200 --kills 20 --workers 2
 """
@@ -40,13 +40,13 @@ def written(out: Path) -> int:
     return len(list((out / "shards").glob("*.parquet")))
 
 
-def killed_after(shards: int, seconds: float, asked: list[str], out: Path) -> bool:
-    """Starts a batch and ends all its processes by kill -9 so long after that many more shards are written.
+def killed_after(shards: int, seconds: float, words: list[str], out: Path) -> bool:
+    """Starts a batch and kills all its processes so long after that many more shards are written.
 
-    Whether it had not ended before.
+    Returns whether it was still running.
     """
     wanted = written(out) + shards
-    with subprocess.Popen(asked, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True) as batch:
+    with subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True) as batch:
         while written(out) < wanted and batch.poll() is None:
             time.sleep(0.002)
         try:
@@ -64,29 +64,29 @@ def main() -> int:
     parser.add_argument("--kills", type=int, default=20)
     parser.add_argument("--workers", default="1")
     parser.add_argument("--seed", type=int, default=0)
-    asked = parser.parse_args()
-    chance, more = random.Random(asked.seed), ("--workers", asked.workers, "--shard", "4")
+    options = parser.parse_args()
+    chance, more = random.Random(options.seed), ("--workers", options.workers, "--shard", "4")
     with TemporaryDirectory() as folder:
         place = Path(folder)
-        file = write_jobs(place / "jobs.csv", jobs(asked.items))
-        whole = run(file, place / "whole", asked.device, *more)
+        file = write_jobs(place / "jobs.csv", jobs(options.items))
+        whole = run(file, place / "whole", options.device, *more)
         (start, _), (end, _), count = whole.shards[0], whole.shards[-1], len(whole.shards)
-        print(f"{asked.items} items, {count} shards in {end:.1f} s, the first after {start:.1f} s", flush=True)
+        print(f"{options.items} items, {count} shards in {end:.1f} s, the first after {start:.1f} s", flush=True)
         out, kills = place / "killed", 0
-        while kills < asked.kills:
-            shards = chance.randint(0, 3 * count // (2 * asked.kills))  # so that some are left to do at the last kill
+        while kills < options.kills:
+            shards = chance.randint(0, 3 * count // (2 * options.kills))  # so that some are left to do at the last kill
             moment = chance.uniform(0.0, (end - start) / count if shards else start)
-            if not killed_after(shards, moment, command(file, out, asked.device, *more), out):
+            if not killed_after(shards, moment, command(file, out, options.device, *more), out):
                 break
             kills += 1
             print(f"kill {kills}, {moment:.2f} s after {shards} shards: {written(out)} are written", flush=True)
-        resumed = run(file, out, asked.device, *more)
+        resumed = run(file, out, options.device, *more)
         same = compare(f"after {kills} kills", resumed.rows, whole.rows)
         for path in sorted((place / "whole" / "shards").glob("*.npz")):
             with np.load(path) as one, np.load(out / "shards" / path.name) as other:
                 same &= all(np.array_equal(one[name], other[name]) for name in one.files)
         print(f"rows and packed shapes {'equal' if same else 'DIFFER'}")
-    return 0 if same and kills == asked.kills else 1
+    return 0 if same and kills == options.kills else 1
 
 
 if __name__ == "__main__":

@@ -16,7 +16,7 @@ from pathlib import Path
 from measured import Figures, add_write_option
 from methods_files import methods_lines, save_methods, side_by_side, truth_of
 from methods_scenes import GROUPS
-from methods_study import LEVELS, Look, MethodStudy, Run
+from methods_study import LEVELS, Measurement, MethodStudy, Run
 
 from warp_cloth.base.device import device_named
 from warp_cloth.base.warp_setup import start_warp
@@ -39,7 +39,7 @@ def add_figures(figures: Figures, runs: list[Run]) -> None:
         figures.add("truth.checks_held", 100.0 * truth.checks_share, "%")
 
 
-def _shown(run: Run, look: Look | None) -> str:
+def _shown(run: Run, look: Measurement | None) -> str:
     return "not reached" if look is None else f"{run.coarse + look.iteration:,.0f} in {look.seconds:.3g} s"
 
 

@@ -1,4 +1,4 @@
-"""What the methods came to: tables, CSV, JSON, and plots of their way to rest and of the certificate's truth."""
+"""Results of the methods: tables, CSV, JSON, and plots of their convergence and of the certificate's truth."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from methods_scenes import KINDS, SIZES, STIFFNESS, all_cases
-from methods_study import LEVELS, Look, Run
+from methods_study import LEVELS, Measurement, Run
 
 from warp_cloth.export.files import whole_file
 from warp_cloth.export.plots import figure_class
@@ -41,7 +41,7 @@ class Truth:
     held: int  # of the certificates; what the end may still be from rest counts as distance
     checks: int  # at balanced forces, till the distance is no longer known
     checks_held: int
-    unknown: tuple[str, ...]  # runs whose certificate is not judged: none was given, or the end still moved
+    unknown: tuple[str, ...]  # runs whose certificate is not judged: there is none, or the end still moved
 
     @property
     def share(self) -> float:
@@ -62,12 +62,12 @@ class Truth:
 
 
 def truth_of(runs: Sequence[Run]) -> Truth:
-    """Of the runs of the scenes that are there to tell it."""
+    """The truth of the certificates, on the scenes of that group."""
     names = {case.name for group, case, _ in all_cases() if group == "truth"}
-    asked = [run for run in runs if run.method in TRUE and run.case.name in names]
-    pairs = [(run, run.certified()) for run in asked]
+    chosen = [run for run in runs if run.method in TRUE and run.case.name in names]
+    pairs = [(run, run.certified()) for run in chosen]
     judged = [(run, look) for run, look in pairs if look is not None and run.end_mm <= END_KNOWN * look.rest_error_mm]
-    checks = [look.rest_error_mm >= look.true_mm for run in asked for look in run.estimates()]
+    checks = [look.rest_error_mm >= look.true_mm for run in chosen for look in run.estimates()]
     known = {id(run) for run, _ in judged}
     return Truth(
         scenes=len({run.case.name for run, _ in judged}),
@@ -75,7 +75,7 @@ def truth_of(runs: Sequence[Run]) -> Truth:
         held=sum(look.rest_error_mm >= look.true_mm + run.end_mm for run, look in judged),
         checks=len(checks),
         checks_held=sum(checks),
-        unknown=tuple(f"{run.case.name}, {run.method}" for run in asked if id(run) not in known),
+        unknown=tuple(f"{run.case.name}, {run.method}" for run in chosen if id(run) not in known),
     )
 
 
@@ -86,12 +86,12 @@ def methods_lines(runs: Sequence[Run]) -> list[str]:
     for row in side_by_side(runs):
         lines.append(f"{row[0].case.name}: {row[0].vertices:,} vertices{heads:>60}{'rest':>18}")
         for run in row:
-            cells = "".join(f"{_told(run, run.first(level)):>18}" for level in LEVELS)
-            lines.append(f"  {run.method:<28}{cells}{_told(run, run.certified()):>18}")
+            cells = "".join(f"{_cell(run, run.first(level)):>18}" for level in LEVELS)
+            lines.append(f"  {run.method:<28}{cells}{_cell(run, run.certified()):>18}")
     for run in runs:
         if run.case.kind in KINDS and run.method == "multilevel" and run.case.friction:
-            told = f"{run.work:,.0f} iterations, {run.rest:,} of them on the finest" if run.rest else "not at rest"
-            lines.append(f"  {run.case.name}: {told}")
+            words = f"{run.work:,.0f} iterations, {run.rest:,} of them on the finest" if run.rest else "not at rest"
+            lines.append(f"  {run.case.name}: {words}")
     for method in (*TRUE, ""):
         truth = truth_of([run for run in runs if run.method == method or not method])
         if truth.certificates:
@@ -99,7 +99,7 @@ def methods_lines(runs: Sequence[Run]) -> list[str]:
     return [*lines, *(f"  not judged: {name}" for name in truth_of(runs).unknown)]
 
 
-def _told(run: Run, look: Look | None) -> str:
+def _cell(run: Run, look: Measurement | None) -> str:
     return "-" if look is None else f"{run.coarse + look.iteration:,.0f} {look.seconds:.3g} s"
 
 
@@ -117,18 +117,18 @@ def save_methods(runs: Sequence[Run], folder: Path, *, plots: bool = True) -> li
 
 
 def _summary(run: Run) -> dict[str, Any]:
-    told: dict[str, Any] = {"scene": run.case.name, "method": run.method, "device": run.device}
-    told |= {"vertices": run.vertices, "coarse": run.coarse, "rest": run.rest, "work": run.work, "end_mm": run.end_mm}
+    values: dict[str, Any] = {"scene": run.case.name, "method": run.method, "device": run.device}
+    values |= {"vertices": run.vertices, "coarse": run.coarse, "rest": run.rest, "work": run.work, "end_mm": run.end_mm}
     for level in LEVELS:
         look = run.first(level)
-        told[f"{100 * level:g} %"] = None if look is None else asdict(look)
-    return told
+        values[f"{100 * level:g} %"] = None if look is None else asdict(look)
+    return values
 
 
 def _csv(runs: Sequence[Run]) -> str:
     text = io.StringIO()
     rows = csv.writer(text, lineterminator="\n")
-    rows.writerow(["scene", "method", "vertices", "coarse", "rest", *Look.__dataclass_fields__])
+    rows.writerow(["scene", "method", "vertices", "coarse", "rest", *Measurement.__dataclass_fields__])
     for run in runs:
         for look in run.looks:
             own = [f"{value:.6g}" if isinstance(value, float) else value for value in asdict(look).values()]
@@ -215,5 +215,5 @@ def _plot_truth(path: Path, runs: Sequence[Run]) -> None:
         figure.savefig(place, dpi=DPI)
 
 
-def _places(looks: Sequence[Look]) -> tuple[list[float], list[float]]:
+def _places(looks: Sequence[Measurement]) -> tuple[list[float], list[float]]:
     return [max(look.true_mm, LEAST_MM) for look in looks], [look.rest_error_mm for look in looks]

@@ -21,7 +21,7 @@ SIDE = 1.0  # of the square [m]
 STRIP = (0.1, 0.3)  # width and length [m]
 CLAMP = 0.02  # of its length [m]
 BULGE = 1e-3  # [m]; cloth that hangs dead flat cannot choose a side to fold to
-HELD = 0.04  # [m] round the middle; what nothing but one vertex held on a ball without friction could turn for ever
+HELD = 0.04  # [m] round the middle; cloth pinned at one vertex could spin for ever on a ball without friction
 WAVES = (2, 3, 4, 5, 6, 7)  # of a disc's rim
 
 # The rest error's constants were chosen on sheets of other sizes than these, and on none of these discs and T-shirts.
@@ -47,7 +47,7 @@ class Case:
 
     @property
     def name(self) -> str:
-        """What tells it from the others."""
+        """A name that no other case has."""
         if self.kind == "disc":
             return f"disc {self.vertices} {self.fabric}"
         if self.kind == "tshirt":
@@ -135,10 +135,10 @@ def _disc(case: Case) -> tuple[Drawn, list[int]]:
     rings = 5 * round(math.sqrt(case.vertices / 1.92) / 5)  # one of them lies on the support's edge
     mesh = disc(DISC_RADIUS, SUPPORT_RADIUS * (1.0 - 2.0 / rings), rings)
     points, flat = mesh.points.copy(), mesh.points[:, [0, 2]] * [1.0, -1.0]
-    out, turn = np.hypot(flat[:, 0], flat[:, 1]) / SUPPORT_RADIUS, np.arctan2(flat[:, 1], flat[:, 0])
-    held = out < 1.0 + 1e-6
-    waves = sum(np.cos(count * turn + count**2) for count in WAVES)
-    points[:, 1] += 1.0 + BULGE * np.where(held, 0.0, waves * (out - 1.0) ** 2)
+    radius, angle = np.hypot(flat[:, 0], flat[:, 1]) / SUPPORT_RADIUS, np.arctan2(flat[:, 1], flat[:, 0])
+    held = radius < 1.0 + 1e-6
+    waves = sum(np.cos(count * angle + count**2) for count in WAVES)
+    points[:, 1] += 1.0 + BULGE * np.where(held, 0.0, waves * (radius - 1.0) ** 2)
     return (points, mesh.triangles.astype(np.int64), flat), [int(vertex) for vertex in np.flatnonzero(held)]
 
 

@@ -1,7 +1,7 @@
 """The methods on the same cloth: how fast each comes to rest, at every stiffness and resolution, and is it true?
 
-Hanging squares, cantilever strips, cloth over a ball, draped discs, sewn T-shirts. Each run goes on far beyond its
-certificate; where it ends is the rest shape that its earlier shapes are measured against.
+Hanging squares, cantilever strips, cloth over a ball, draped discs, sewn T-shirts. Each run continues far beyond
+its certificate; its end is the rest shape that earlier shapes are measured against.
 """
 
 from __future__ import annotations
@@ -31,11 +31,11 @@ from warp_cloth.solver.relax import StepOptions
 
 LIMITS = MappingProxyType({"direct": 20_000, "momentum": 20_000, "accelerated": 40_000, "multilevel": 20_000})
 
-# Rest for the study: a hundredth of what a certificate asks for.
+# Rest for the study: a hundredth of a certificate's tolerances.
 BEYOND = Tolerance(relative_rms=1e-4, relative_p99=5e-4, rest_error=1e-5)
-LEVELS = (0.1, 0.01, 0.001)  # relative residuals whose iterations and seconds are told
-GROWTH = 1.05  # shapes are kept when the iterations have grown by this factor
-FURTHER = 3.0  # times the iterations to the certificate that a run goes on at least
+LEVELS = (0.1, 0.01, 0.001)  # relative residuals whose iterations and seconds are reported
+GROWTH = 1.05  # shapes are stored when the iterations have grown by this factor
+FURTHER = 3.0  # times the iterations to the certificate that a run lasts at least
 CERTAIN = 5.0  # a distance is known where it is so many times what the end may still be from rest
 
 
@@ -118,54 +118,62 @@ def prepared(case: Case, method: str, device: str, limit: int) -> Problem:
 def run_case(case: Case, method: str, device: str, limit: int | None = None) -> Run:
     """Relaxes a case by a method, on beyond its certificate."""
     limit = LIMITS[method] if limit is None else limit
-    made = prepared(case, method, device, limit)
+    problem = prepared(case, method, device, limit)
     began = time.perf_counter()
-    levels = start_coarse(made)
+    levels = start_coarse(problem)
     before = time.perf_counter() - began
-    model, looks, shapes = made.model, [], []
-    wanted, idle, kept, rest = tolerance_of(made.scenes[0]), 0.0, 0, 0
+    model, looks, shapes = problem.model, [], []
+    wanted, idle, stored, rest = tolerance_of(problem.scenes[0]), 0.0, 0, 0
 
     def seen(check: Check, seconds: float) -> None:
-        nonlocal idle, kept, rest
+        nonlocal idle, stored, rest
         entered = time.perf_counter()
         shape: Points | None = None
         certified = not rest and check.within(wanted)
         if certified:
             rest = check.iteration
-        if certified or check.iteration >= GROWTH * kept:
-            kept, shape = check.iteration, model.points()
+        if certified or check.iteration >= GROWTH * stored:
+            stored, shape = check.iteration, model.points()
         shapes.append(shape)
         looks.append((check, before + seconds - idle))
         idle += time.perf_counter() - entered
 
     outcome = relax_to_rest(
-        made.relaxation, made.certifier, BEYOND, limit, follow=collider_updates(made), on_check=seen, ahead=False
+        problem.relaxation,
+        problem.certifier,
+        BEYOND,
+        limit,
+        follow=collider_updates(problem),
+        on_check=seen,
+        ahead=False,
     )
     end = outcome.points
     further = int(FURTHER * rest) - outcome.iterations
     for _ in range(max(further, 0) // CHUNK):
-        made.relaxation.run(CHUNK)
+        problem.relaxation.run(CHUNK)
     if further > 0:
         end = model.points()
     coarse = sum(level.iterations * level.vertices for level in levels) / model.vertex_count
     end_mm = 1e3 * outcome.check.rest_error
-    told = []
+    measured = []
     for (check, seconds), shape in zip(looks, shapes, strict=True):
         true = math.nan if shape is None else 1e3 * float(np.sqrt(np.mean(np.sum((shape - end) ** 2, axis=1))))
         left = check.residual
         error = 1e3 * check.rest_error if math.isfinite(check.rest_error) else math.nan
-        told.append(Measurement(check.iteration, seconds, left.rms, left.relative_rms, left.relative_p99, error, true))
-    return Run(case, method, device, model.vertex_count, coarse, before, rest, end_mm, tuple(told))
+        measured.append(
+            Measurement(check.iteration, seconds, left.rms, left.relative_rms, left.relative_p99, error, true)
+        )
+    return Run(case, method, device, model.vertex_count, coarse, before, rest, end_mm, tuple(measured))
 
 
 class MethodStudy:
-    """Runs cases; what is known is kept in a file as it comes, and not run again."""
+    """Runs cases; results are stored in a file at once, and not computed again."""
 
-    def __init__(self, kept: Path, device: str, tell: Callable[[str], None], processes: int = 1) -> None:
-        self._kept, self._device, self._tell, self._processes = kept, device, tell, processes
+    def __init__(self, stored: Path, device: str, log: Callable[[str], None], processes: int = 1) -> None:
+        self._stored, self._device, self._log, self._processes = stored, device, log, processes
         self.runs: dict[tuple[str, str], Run] = {}
-        if kept.exists():
-            for line in kept.read_text(encoding="utf-8").splitlines():
+        if stored.exists():
+            for line in stored.read_text(encoding="utf-8").splitlines():
                 run = run_from(json.loads(line))
                 self.runs[run.case.name, run.method] = run
 
@@ -173,26 +181,26 @@ class MethodStudy:
         """All cases of these groups by their methods; those whose seconds count one after another, and first."""
         jobs = [(group, case, method) for group, case, methods in all_cases() for method in methods if group in groups]
         new = [job for job in jobs if (job[1].name, job[2]) not in self.runs]
-        beside = [job for job in new if job[0] != "methods"] if self._processes > 1 else []
-        for _, case, method in new[: len(new) - len(beside)]:
+        parallel = [job for job in new if job[0] != "methods"] if self._processes > 1 else []
+        for _, case, method in new[: len(new) - len(parallel)]:
             if (case.name, method) not in self.runs:  # two groups may share one
-                self._keep(run_case(case, method, self._device, limits[method]))
-        left = {(case.name, method): (case, method, self._device, limits[method]) for _, case, method in beside}
-        asked = [job for key, job in left.items() if key not in self.runs]
-        if asked:
+                self._store(run_case(case, method, self._device, limits[method]))
+        left = {(case.name, method): (case, method, self._device, limits[method]) for _, case, method in parallel}
+        remaining = [job for key, job in left.items() if key not in self.runs]
+        if remaining:
             with sigint_blocked():
                 pool = get_context("spawn").Pool(self._processes, start_warp, (False,))
             with pool:
-                for found in pool.imap_unordered(_run_job, asked):
-                    self._keep(found)
+                for found in pool.imap_unordered(_run_job, remaining):
+                    self._store(found)
         return list(self.runs.values())
 
-    def _keep(self, found: Run) -> None:
+    def _store(self, found: Run) -> None:
         self.runs[found.case.name, found.method] = found
-        with self._kept.open("a", encoding="utf-8") as file:
+        with self._stored.open("a", encoding="utf-8") as file:
             file.write(json.dumps(asdict(found)) + "\n")
-        told = f"rest after {found.work:,.0f} iterations" if found.rest else "not at rest"
-        self._tell(f"  {found.case.name}, {found.method}: {told}, {found.looks[-1].seconds:.2f} s in all")
+        words = f"rest after {found.work:,.0f} iterations" if found.rest else "not at rest"
+        self._log(f"  {found.case.name}, {found.method}: {words}, {found.looks[-1].seconds:.2f} s in all")
 
 
 def _run_job(job: tuple[Case, str, str, int]) -> Run:
@@ -200,6 +208,6 @@ def _run_job(job: tuple[Case, str, str, int]) -> Run:
 
 
 def run_from(values: Mapping[str, Any]) -> Run:
-    """A run from what ``asdict`` made of it."""
+    """A run from its ``asdict``."""
     looks = tuple(Measurement(**look) for look in values["looks"])
     return Run(**{**values, "case": Case(**values["case"]), "looks": looks})

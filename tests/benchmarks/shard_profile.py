@@ -1,11 +1,11 @@
-"""What does a GPU do for a shard of a batch? Time of every kernel and copy, stage by stage.
+"""Profile of a shard of a batch on a GPU: time of every kernel and copy, stage by stage.
 
     python tests/benchmarks/shard_profile.py --items 256 --device cuda:0
 
 The items are the first ones of batch_rate.py, with dressed starts, fitted together in this process by
 ``warp_cloth.batch.fit_many``, twice: with all that a fresh process does, and with what the first time has left.
-Kernels in captured graphs are told of by CUDA's own profiler, through PyTorch, which must be installed beside.
-Relaxing is told of in parts: to 500 iterations, to the last twentieth and fiftieth of the vertices, and to the end.
+Kernels in captured graphs are seen by CUDA's own profiler, through PyTorch, which must be installed.
+Relaxing is shown in parts: to 500 iterations, to the last twentieth and fiftieth of the vertices, and to the end.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ PARTS: tuple[tuple[str, Callable[[int, float], bool]], ...] = (
 
 
 class Stage:
-    """A stage while it lasts; told of at its end."""
+    """A stage in progress; printed at its end."""
 
     def __init__(self, name: str) -> None:
         from torch.profiler import ProfilerActivity, profile
@@ -66,14 +66,14 @@ class Stage:
 
 
 def watched(owner: Any, name: str) -> None:
-    """Makes a function a stage."""
+    """Profiles a function as a stage."""
     work = getattr(owner, name)
 
     @functools.wraps(work)
-    def staged(*given: Any, **named: Any) -> Any:
+    def staged(*arguments: Any, **named: Any) -> Any:
         stage = Stage(name)
         try:
-            return work(*given, **named)
+            return work(*arguments, **named)
         finally:
             stage.end()
 
@@ -81,22 +81,23 @@ def watched(owner: Any, name: str) -> None:
 
 
 def watch_relaxing(owner: Any) -> None:
-    """Makes its parts stages."""
+    """Profiles the parts of relaxing as stages."""
     relax = owner.relax_items
 
-    def staged(relaxation: Any, *given: Any, on_chunk: Any = None, **named: Any) -> Any:
+    def staged(relaxation: Any, *arguments: Any, **named: Any) -> Any:
+        named.pop("on_chunk", None)
         parts = iter(PARTS)
         name, ends = next(parts)
         stage = Stage(f"relaxing {name}")
 
-        def told(iteration: int, _: Any) -> None:
+        def on_chunk(iteration: int, _: Any) -> None:
             nonlocal stage, ends
             if ends(iteration, relaxation.active_share):
                 stage.end()
                 name, ends = next(parts)
                 stage = Stage(f"relaxing from {iteration:,} iterations {name}")
 
-        outcomes = relax(relaxation, *given, on_chunk=told, **named)
+        outcomes = relax(relaxation, *arguments, on_chunk=on_chunk, **named)
         stage.end()
         shapes = hashlib.sha256(b"".join(outcome.points.tobytes() for outcome in outcomes)).hexdigest()[:12]
         print(f"{sum(outcome.iterations for outcome in outcomes)} iterations, shapes {shapes}")
@@ -109,13 +110,13 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--device", default="cuda:0")
     parser.add_argument("--items", type=int, default=256)
-    asked = parser.parse_args()
+    options = parser.parse_args()
     from warp_cloth.batch.loading import LoadCache
 
     load_cache = LoadCache(LOADERS, fork=True)  # before this process has threads and a device
     from warp_cloth.scene import load_scene
 
-    rows = batch_rate.jobs(max(asked.items, 1024), len(batch_rate.GARMENTS), "dressed")[: asked.items]
+    rows = batch_rate.jobs(max(options.items, 1024), len(batch_rate.GARMENTS), "dressed")[: options.items]
     scenes = [
         load_scene(row["scene"], [f"{key}={value}" for key, value in row.items() if key not in ("name", "scene")])
         for row in rows
@@ -128,7 +129,7 @@ def main() -> None:
     watch_relaxing(many)
     for label in ("a fresh process", "again"):
         print(label)
-        many.fit_many(scenes, asked.device, load_cache=load_cache)
+        many.fit_many(scenes, options.device, load_cache=load_cache)
     os._exit(0)  # the loaders end with it
 
 

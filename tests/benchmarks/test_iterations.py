@@ -33,7 +33,7 @@ from warp_cloth.study.launches import launches_of
 
 CHUNK = 20  # iterations in a graph, as in a fit
 ROUNDS = 20
-COPIED = 1 << 26  # bytes of the copy that tells the memory's speed: more than caches hold
+COPIED = 1 << 26  # bytes of the copy that measures the memory's speed: larger than caches
 FABRICS = {
     "edges": Fabric(bending_warp=0.0, bending_weft=0.0),
     "edges, bending": Fabric(),

@@ -62,13 +62,13 @@ def several(
     cache: Cache | None = None,
 ) -> Problem:
     """Scenes that relax together, those with ``starts`` [m] from there."""
-    made = build_problem(scenes, outfits, device, cache=cache)
+    problem = build_problem(scenes, outfits, device, cache=cache)
     for item, points in enumerate(starts):
         if points is not None:
-            made.model.set_points(points, item)
-            if not made.contacts[item].covers(points):
-                made.relaxation.meet(item, made.contacts[item].collider(points))
-    return made
+            problem.model.set_points(points, item)
+            if not problem.contacts[item].covers(points):
+                problem.relaxation.meet(item, problem.contacts[item].collider(points))
+    return problem
 
 
 def moved_starts(points: Points, count: int, by: float = 1e-5) -> list[Points]:
@@ -78,7 +78,7 @@ def moved_starts(points: Points, count: int, by: float = 1e-5) -> list[Points]:
 
 
 def side_by_side(work: Callable[[Job], Row], jobs: Iterable[Job], processes: int) -> Iterator[Row]:
-    """Rows of the jobs in their order, each worked out in a process of its own."""
+    """Rows of the jobs in their order, each computed in a process of its own."""
     listed = list(jobs)
     if processes <= 1:
         yield from map(work, listed)

@@ -263,7 +263,7 @@ class LocalPool:
                     yield received
 
     def _reopened(self, lost: Task) -> bool:
-        """Checks the devices, once; where they differ the pool starts anew, with all tasks that were assigned."""
+        """Checks the devices, once; where they differ the pool starts again, with all tasks that were assigned."""
         check, self._check = self._check, None
         devices = self.devices if check is None else tuple(check())
         if devices == self.devices:

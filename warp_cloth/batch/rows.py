@@ -59,8 +59,8 @@ class ItemResult:
 def row_of(name: str, fit: Fit, file: str) -> dict[str, Any]:
     """The row of a finished fit; ``file`` is where its shape is stored."""
     row: dict[str, Any] = {"name": name, "status": fit.status.value, "message": fit.message}
-    for column, way in FIGURES.items():
-        row[column] = _at(fit.report, way)
+    for column, keys in FIGURES.items():
+        row[column] = _at(fit.report, keys)
     row["digest"] = points_digest([worn.points for worn in fit.garments])
     row["file"] = file
     return row

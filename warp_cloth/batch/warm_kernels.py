@@ -39,7 +39,7 @@ def load_kernels(scene: Scene, device: str) -> None:
 
 
 def _small(scene: Scene) -> Scene:
-    """A few vertices in the scene's fabric over a small ball, met as its avatar is."""
+    """A few vertices in the scene's fabric over a small ball, of the same kind of collider."""
     nothing: dict[str, Any] = {
         "mesh": None,
         "prim": None,

@@ -108,7 +108,7 @@ def iteration_bytes(launches: Sequence[Launch]) -> int:
 def memory_of(problem: Problem) -> dict[str, int]:
     """Bytes of the arrays that a scene holds on its device: of the avatar, of the cloth, more for the checks.
 
-    The report's are taken at the end, besides the others; shapes on the way are as many as can be.
+    The report's are allocated at the end, in addition; of snapshots the largest number counts.
     """
     avatar = arrays_in(problem.contacts)
     cloth = arrays_in([getattr(problem, part.name) for part in fields(problem) if part.name != "certifier"])
