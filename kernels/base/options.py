@@ -14,8 +14,8 @@ SLOTS = 3  # edges that a thread takes at most with its two triangles
 # so many bits, one after another, and what else from a certain bit on.
 NUMBER_BITS = 10
 WORD_CODE, CODE_BITS = 44, 5  # of the first word: how each of the edges lies that are taken besides the shared one
-WORD_TURNED, TURNED_BITS = 40, 3  # of the second word: whose turn counts the other way, of each triangle's sides
-WORD_TURN, TURN_BITS = 46, 2  # and at which corner the mesh begins each triangle
+WORD_REVERSED, REVERSED_BITS = 40, 3  # of the second word: whose torque is negated, of each triangle's sides
+WORD_BEGIN, BEGIN_BITS = 46, 2  # and at which corner the mesh begins each triangle
 WORD_ACROSS = 54  # of both: the triangle across one of those edges
 WORD_LAW = 40  # of an edge that no thread takes: how it pulls and bends
 SIDE_BC, SIDE_CA, SIDE_AD, SIDE_DB, SIDE_AB = 1, 2, 3, 4, 5  # which side an edge is; 0: there is no edge

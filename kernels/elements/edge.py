@@ -1,4 +1,4 @@
-"""What an edge and its hinge do to their vertices, in one precision; of one edge or of eight.
+"""Load of an edge's tension on its ends, and the torque of its hinge; of one edge or of a packet.
 
 A load is a force [N] and what ``Accumulate`` names.
 """

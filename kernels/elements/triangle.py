@@ -1,7 +1,7 @@
-"""What a triangle does to its vertices, in one precision; ``scatter``, ``gather`` sum it.
+"""Loads of a triangle's yarns and of its sides' hinges on its corners, which ``scatter`` and ``gather`` sum.
 
-A load is a force [N] and what ``Accumulate`` names. A hinge turns its two triangles, each of which
-answers along its own normal: so a hinge's forces are summed triangle by triangle, of three hinges at a time.
+A load is a force [N] and what ``Accumulate`` names. A hinge rotates its two triangles, each of which answers along its
+own normal: so a hinge's forces are summed triangle by triangle, of three hinges at a time.
 """
 
 import functools
@@ -76,7 +76,7 @@ def corner_fold_function(precision: str, accumulate: Accumulate, lanes: int = 1)
 
     @wp.func
     def with_fold(load: vec4, normal: vec4, along: types.real, more: types.real):
-        """Load of a corner and what ``corner_folds`` says of it."""
+        """Load of a corner and what ``corner_folds`` adds to it."""
         return vector4(
             fused(component(normal, 0), along, component(load, 0)),
             fused(component(normal, 1), along, component(load, 1)),
@@ -116,7 +116,7 @@ def sides_type(precision: str, lanes: int = 1) -> type:
 
 @functools.cache
 def corner_function(precision: str, accumulate: Accumulate, terms: Terms, lanes: int = 1) -> wp.Function:
-    """The function that says what a triangle does to its corners, by all terms that there are."""
+    """The function ``corner_loads``: what a triangle, or a packet, does to its corners by all terms."""
     types, Step = lane_types(cloth_types(precision).real, lanes), cloth_types(precision).Step
     vec3, vec4, Sides = types.vec3, types.vec4, sides_type(precision, lanes)
     with_folds = corner_fold_function(precision, accumulate, lanes)
@@ -160,13 +160,13 @@ def _fold_function(precision: str, accumulate: Accumulate, lanes: int) -> wp.Fun
     def corner_folds(inverse: one, fold_0: vec3, fold_1: vec3, fold_2: vec3):
         """What the hinges of a triangle's sides do to its corners: forces along its normal [N], and ``Accumulate``.
 
-        With p_i the turn of side i over twice the area, it pushes corner i by p_i L_i^2 and the side's ends by -p_i
-        times the dot product of the sides that leave the other end: each end's share of L_i^2 by the foot of the
-        corner's perpendicular. So no net force is left, nor with the other triangle's a net torque.
+        With p_i the torque of side i over its length and twice the area, it pushes corner i by p_i L_i^2 and the
+        side's ends by -p_i times the dot product of the sides that leave the other end: each end's part of L_i^2 by the
+        foot of the corner's perpendicular. So no net force is left, nor with the other triangle's a net torque.
 
         Args:
             inverse: of twice the area [1/m2].
-            fold_0: ``edge_fold`` of the side opposite to the first corner, its turn as the triangle is wound.
+            fold_0: ``edge_fold`` of the side opposite to the first corner, its torque as the triangle is wound.
             fold_1: that of the next.
             fold_2: that of the last.
         """
@@ -178,25 +178,25 @@ def _fold_function(precision: str, accumulate: Accumulate, lanes: int) -> wp.Fun
         push_2 = component(fold_2, 0) * inverse
         along_1 = fused(push_1, square_1, -fused(push_0, dot_2, push_2 * dot_0))
         along_2 = fused(push_2, square_2, -fused(push_0, dot_1, push_1 * dot_0))
-        parts = vec3()
+        amounts = vec3()
         if wp.static(accumulate.is_bound):
             # a wing's bound is in its own triangle, an axis' in both of the hinge's
             bound_0, bound_1, bound_2 = component(fold_0, 1), component(fold_1, 1), component(fold_2, 1)
             half = one(0.5)
             both = (bound_0 + bound_1 + bound_2) * half
-            parts = vector3(fused(bound_0, half, both), fused(bound_1, half, both), fused(bound_2, half, both))
+            amounts = vector3(fused(bound_0, half, both), fused(bound_1, half, both), fused(bound_2, half, both))
         if wp.static(accumulate is Accumulate.MAGNITUDE):
-            parts = vec3(
+            amounts = vec3(
                 wp.abs(push_0) * square_0 + wp.abs(push_1 * dot_2) + wp.abs(push_2 * dot_1),
                 wp.abs(push_1) * square_1 + wp.abs(push_0 * dot_2) + wp.abs(push_2 * dot_0),
                 wp.abs(push_2) * square_2 + wp.abs(push_0 * dot_1) + wp.abs(push_1 * dot_0),
             )
-        return vector3(-(along_1 + along_2), along_1, along_2), parts
+        return vector3(-(along_1 + along_2), along_1, along_2), amounts
 
     return corner_folds
 
 
-def _yarn_parts_function(precision: str, accumulate: Accumulate, lanes: int) -> wp.Function:
+def _yarn_amounts_function(precision: str, accumulate: Accumulate, lanes: int) -> wp.Function:
     real, types = cloth_types(precision).real, lane_types(cloth_types(precision).real, lanes)
     one, vec4 = types.real, types.vec4
     # of the weft and warp yarns' figures, and of those of both biases, whose slopes are taken sqrt(2) times too large
@@ -212,17 +212,17 @@ def _yarn_parts_function(precision: str, accumulate: Accumulate, lanes: int) -> 
         return vector3(fraction_0, fraction_1, fraction_2)
 
     @wp.func
-    def corner_parts(slope: vec4, figure: vec4):
-        """Fourth parts of the corners from the figures of the weft, warp and both bias yarns."""
+    def corner_amounts(slope: vec4, figure: vec4):
+        """What the corners accumulate, from the figures of the weft, warp and both bias yarns."""
         first, second = yarn_slopes(slope)
         weft, warp = component(figure, 0) * straight, component(figure, 1) * straight
         plus, minus = component(figure, 2) * bias, component(figure, 3) * bias
-        parts = corner_fractions(component(first, 0), component(second, 0)) * weft
-        parts = scaled_sum(corner_fractions(component(first, 1), component(second, 1)), warp, parts)
-        parts = scaled_sum(corner_fractions(component(first, 2), component(second, 2)), plus, parts)
-        return scaled_sum(corner_fractions(component(first, 3), component(second, 3)), minus, parts)
+        amounts = corner_fractions(component(first, 0), component(second, 0)) * weft
+        amounts = scaled_sum(corner_fractions(component(first, 1), component(second, 1)), warp, amounts)
+        amounts = scaled_sum(corner_fractions(component(first, 2), component(second, 2)), plus, amounts)
+        return scaled_sum(corner_fractions(component(first, 3), component(second, 3)), minus, amounts)
 
-    return corner_parts
+    return corner_amounts
 
 
 def _excess_function(precision: str) -> wp.Function:
@@ -247,7 +247,7 @@ def yarn_function(precision: str, accumulate: Accumulate, lanes: int = 1) -> wp.
     """The function ``yarn_loads`` of a woven triangle, or of a packet of them."""
     real, Step = cloth_types(precision).real, cloth_types(precision).Step
     vec3, vec4 = lane_types(real, lanes).vec3, lane_types(real, lanes).vec4
-    corner_parts = _yarn_parts_function(precision, accumulate, lanes)
+    corner_amounts = _yarn_amounts_function(precision, accumulate, lanes)
 
     @wp.func
     def yarn_loads(
@@ -274,7 +274,7 @@ def yarn_function(precision: str, accumulate: Accumulate, lanes: int = 1) -> wp.
         tension, bound = yarn_tension(length, stretch, change, pull, push, step.reach)
         on_weft = vec3()
         on_warp = vec3()
-        parts = vec3()
+        amounts = vec3()
         if wp.static(accumulate.is_bound):
             # resists the yarns' changing, as an edge's load does
             damping = bound * step.viscosity
@@ -287,15 +287,15 @@ def yarn_function(precision: str, accumulate: Accumulate, lanes: int = 1) -> wp.
             own_weft, own_warp, across = weft_and_warp(damping)
             on_weft = scaled_sum(weft_change, own_weft, warp_change * across)
             on_warp = scaled_sum(warp_change, own_warp, weft_change * across)
-            parts = corner_parts(slope, bound)
+            amounts = corner_amounts(slope, bound)
         if wp.static(accumulate is Accumulate.MAGNITUDE):
-            parts = corner_parts(slope, absolute(tension) * length)
+            amounts = corner_amounts(slope, absolute(tension) * length)
         # what the biases pull along weft and warp, each along itself and along the other
         own_weft, own_warp, across = weft_and_warp(tension)
         on_weft = scaled_sum(warp, across, scaled_sum(weft, own_weft, on_weft))
         on_warp = scaled_sum(weft, across, scaled_sum(warp, own_warp, on_warp))
         force_1 = -scaled_sum(on_weft, component(slope, 0), on_warp * component(slope, 2))
         force_2 = -scaled_sum(on_weft, component(slope, 1), on_warp * component(slope, 3))
-        return -(force_1 + force_2), force_1, force_2, parts
+        return -(force_1 + force_2), force_1, force_2, amounts
 
     return yarn_loads

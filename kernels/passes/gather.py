@@ -207,9 +207,9 @@ def patch_functions(options: KernelOptions) -> SimpleNamespace:
     vec4, fetch_tables = cloth_types(precision).vec4, fetch_function(options)
     vertices = vertices_step(options)
     two_vertices, read_vertices = vertices.two_vertices, vertices.read_vertices
-    asked_item, work_item_normals = item_functions(precision, fits).asked_item, item_normals_step(options)
+    load_item, work_item_normals = item_functions(precision, fits).load_item, item_normals_step(options)
     pairs = item_edges_step(options)
-    asked_laws, work_item_edges = pairs.asked_laws, pairs.work_item_edges
+    load_laws, work_item_edges = pairs.load_laws, pairs.work_item_edges
     work_normals, work_other_edges = normals_step(options), edges_step(options)
     edge_table = edge_table_functions(options).edge_table
     work_item_corners, work_triangles = item_corners_step(options), triangles_step(options)
@@ -238,7 +238,7 @@ def patch_functions(options: KernelOptions) -> SimpleNamespace:
             other = wp.min(first_triangle(context.patch, context.lane), context.patch.normal_count)
             corner_word = element(context.patches.corners, context.patch.triangle_start + other)
         if wp.static(paired):
-            asked = asked_item(context.patches, context.patch, context.lane)
+            asked = load_item(context.patches, context.patch, context.lane)
         read_vertices(context, state, first, second)
         if wp.static((terms.folds or terms.edges) and not paired):
             end_word, law = edge_table(context.patches, context.patch, context.lane)
@@ -251,7 +251,7 @@ def patch_functions(options: KernelOptions) -> SimpleNamespace:
         if wp.static(terms.folds):
             work_normals(context, corner_word)
         if wp.static(paired and fits):
-            item = asked_laws(context.patches, context.patch, item)
+            item = load_laws(context.patches, context.patch, item)
         sides, corners = wp.uint64(0), wp.uint64(0)
         if wp.static(not paired):
             triangle = context.patch.triangle_start + wp.min(context.lane, context.patch.normal_count)

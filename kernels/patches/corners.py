@@ -1,4 +1,4 @@
-"""What the threads of a block do for a patch of cloth after ``patch_steps``: what its triangles do to their corners."""
+"""What a block's threads do for a patch after ``patches.steps``: what its triangles do to their corners."""
 
 import functools
 from types import SimpleNamespace
@@ -18,7 +18,7 @@ from warp_cloth.kernels.patches.steps import packed, point_functions
 
 @functools.cache
 def sides_functions(options: KernelOptions) -> SimpleNamespace:
-    """Functions ``fold_at``, ``turned``, ``side_fold`` and ``sides_of``, by which a triangle is computed."""
+    """Functions ``fold_at``, ``oriented``, ``side_fold`` and ``sides_of``, by which a triangle is computed."""
     precision, terms, fits, accumulate = options.precision, options.terms, options.fits, options.accumulate
     Context = context_type(precision)
     types = cloth_types(precision)
@@ -43,14 +43,14 @@ def sides_functions(options: KernelOptions) -> SimpleNamespace:
         return fold
 
     @wp.func
-    def turned(fold: vec3, otherwise: int):
-        """A hinge, its turn the other way round where that is 1."""
-        return vec3(wp.where(otherwise == 1, -fold[0], fold[0]), fold[1], fold[2])
+    def oriented(fold: vec3, reverse: int):
+        """A hinge, its torque negated where ``reverse`` is 1."""
+        return vec3(wp.where(reverse == 1, -fold[0], fold[0]), fold[1], fold[2])
 
     @wp.func
     def side_fold(context: Context, word: wp.uint64, side: int, along: vec3):
-        """``fold_at`` of a triangle's side, its turn as the triangle is wound."""
-        return turned(fold_at(context, packed(word, side), along), (packed(word, 3) >> side) & 1)
+        """``fold_at`` of a triangle's side, its torque as the triangle is wound."""
+        return oriented(fold_at(context, packed(word, side), along), (packed(word, 3) >> side) & 1)
 
     @wp.func
     def sides_of(context: Context, word: wp.uint64):
@@ -66,16 +66,16 @@ def sides_functions(options: KernelOptions) -> SimpleNamespace:
         third = point_at(context, c)
         return triangle_sides(origin, second, third, move_0, move_1, move_2)
 
-    return SimpleNamespace(fold_at=fold_at, turned=turned, side_fold=side_fold, sides_of=sides_of)
+    return SimpleNamespace(fold_at=fold_at, oriented=oriented, side_fold=side_fold, sides_of=sides_of)
 
 
 @functools.cache
 def triangle_table_function(precision: str, terms: Terms) -> wp.Function:
-    """The function that reads what a patch's tables tell of a triangle."""
+    """The function that reads a triangle's words in the patch's tables."""
 
     @wp.func
     def triangle_table(patches: cloth_types(precision).Patches, at: int):
-        """The words of a triangle's sides and corners, as far as they are asked for."""
+        """The words of a triangle's sides and corners, as far as the terms need them."""
         sides, corners = wp.uint64(0), wp.uint64(0)
         if wp.static(terms.folds):
             sides = element(patches.sides, at)

@@ -1,6 +1,6 @@
-"""What the threads of a block do for a patch of cloth, step by step: vertices, normals, edges; then patch_triangles.
+"""What the threads of a block do for a patch of cloth: vertices, normals, edges; then ``patches.corners``.
 
-What a step reads first it asks for before it waits for the step before, and what its next turn reads while it works.
+A step loads what it needs first before it waits for the step before, and the data of its next round while it computes.
 """
 
 import functools
@@ -18,8 +18,8 @@ from warp_cloth.kernels.patches.memory import context_type
 from warp_cloth.kernels.patches.packing import order_functions, three_function
 
 _PACKED = """
-    const unsigned int part = (unsigned int)(place < 2 ? word : word >> 32);
-    return (int)(place & 1 ? part >> 16 : part & 65535u);
+    const unsigned int pair = (unsigned int)(place < 2 ? word : word >> 32);
+    return (int)(place & 1 ? pair >> 16 : pair & 65535u);
 """
 
 
@@ -49,7 +49,7 @@ def last_first(lane: int):
 
 @functools.cache
 def own_function(precision: str, in_order: bool) -> wp.Function:
-    """The function that tells a patch's own vertices; ``in_order``: these lie in the patches' order."""
+    """The function ``own_vertex``; ``in_order``: these lie in the patches' order."""
     Patches = cloth_types(precision).Patches
 
     @wp.func
@@ -126,7 +126,7 @@ def vertices_step(options: KernelOptions) -> SimpleNamespace:
 
     @wp.func
     def two_vertices(patches: Patches, patch: Patch, local: int):
-        """The vertices that a thread brings in a turn."""
+        """The vertices that a thread loads in a round."""
         return vertex_at(patches, patch, local), vertex_at(patches, patch, local + block_threads())
 
     @wp.func
@@ -279,7 +279,7 @@ def edge_functions_of_patch(options: KernelOptions) -> SimpleNamespace:
 
     @wp.func
     def put_fold(context: Context, local: int, fold: vec3):
-        """Keeps what ``work_edge`` told of a hinge for the triangles beside it."""
+        """Stores a hinge of ``work_edge`` for its triangles."""
         if wp.static(terms.folds and fold_numbers(terms) == 2):
             write_2(
                 context.overflow, context.memory.fold + wp.static(2 * types.real_size) * local, vec2(fold[0], fold[1])

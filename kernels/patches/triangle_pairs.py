@@ -1,8 +1,8 @@
-"""What a thread does for its item: two triangles that share an edge, or a single one (patches.triangle_pairs).
+"""What a thread does for its item: two triangles that share an edge, or a single one (model.patches.triangle_pairs).
 
 Triangles are a, b, c and b, a, d, each wound like that, of cloth without yarns. What a thread has read of their
-vertices serves both normals and the edges that it works out. Where every item has a thread of its own, this keeps that
-while the block waits; else it is worked out again.
+vertices serves both normals and the edges that it computes. Where every item has a thread of its own, this keeps that
+while the block waits; otherwise it is computed again.
 """
 
 import functools
@@ -13,21 +13,21 @@ import warp as wp
 from warp_cloth.kernels.base.access import element
 from warp_cloth.kernels.base.block import block_threads, memory_functions
 from warp_cloth.kernels.base.options import (
+    BEGIN_BITS,
     CODE_AFTER,
     CODE_BACK,
     CODE_BITS,
     NUMBER_BITS,
+    REVERSED_BITS,
     SIDE_AD,
     SIDE_BC,
     SIDE_CA,
     SIDE_DB,
     SLOTS,
-    TURN_BITS,
-    TURNED_BITS,
     WORD_ACROSS,
+    WORD_BEGIN,
     WORD_CODE,
-    WORD_TURN,
-    WORD_TURNED,
+    WORD_REVERSED,
     KernelOptions,
 )
 from warp_cloth.kernels.base.types import Patch, cloth_types, difference_function
@@ -71,22 +71,22 @@ def item_type(precision: str) -> type:
 
 
 @wp.func
-def turn_of(sides: wp.uint64, which: int):
+def begin_of(sides: wp.uint64, which: int):
     """At which of a, b, c the mesh's first triangle begins, or at which of b, a, d its second one."""
-    return bits_of(sides, wp.static(WORD_TURN) + wp.static(TURN_BITS) * which, wp.static(TURN_BITS))
+    return bits_of(sides, wp.static(WORD_BEGIN) + wp.static(BEGIN_BITS) * which, wp.static(BEGIN_BITS))
 
 
 @functools.cache
 def item_functions(precision: str, fits: bool) -> SimpleNamespace:
-    """Functions ``asked_item``, ``lying_item``, ``item_side``."""
+    """Functions ``load_item``, ``measure_item``, ``item_side``."""
     types = cloth_types(precision)
     vec3, vec4, Patches, PatchItem = types.vec3, types.vec4, types.Patches, item_type(precision)
     point_at, difference = point_functions(precision, fits).point_at, difference_function(precision)
     Context = context_type(precision)
 
     @wp.func
-    def asked_item(patches: Patches, patch: Patch, local: int):
-        """What tables tell of an item; beyond the last one, of any."""
+    def load_item(patches: Patches, patch: Patch, local: int):
+        """Loads an item's words from the tables; beyond the last one, any item's."""
         at = patch.edge_start + wp.max(wp.min(local, patch.item_count - 1), 0)
         item = PatchItem()
         item.vertices = element(patches.ends, at)
@@ -95,20 +95,20 @@ def item_functions(precision: str, fits: bool) -> SimpleNamespace:
         return item
 
     @wp.func
-    def normal_of(turn: int, one: vec3, two: vec3, three: vec3):
+    def normal_of(begin: int, one: vec3, two: vec3, three: vec3):
         """``triangle_normal`` of a triangle with these sides, as the mesh begins it."""
-        first = wp.where(turn == 0, one, wp.where(turn == 1, two, three))
-        last = -wp.where(turn == 0, three, wp.where(turn == 1, one, two))
+        first = wp.where(begin == 0, one, wp.where(begin == 1, two, three))
+        last = -wp.where(begin == 0, three, wp.where(begin == 1, one, two))
         normal, inverse = unit_normal(first, last)
         return vec4(normal[0], normal[1], normal[2], inverse)
 
     @wp.func
-    def lying_item(context: Context, asked: PatchItem):
-        """An item as it lies."""
+    def measure_item(context: Context, loaded: PatchItem):
+        """Sides and normals of an item."""
         item = PatchItem()
-        item.vertices = asked.vertices
-        item.sides = asked.sides
-        item.laws = asked.laws
+        item.vertices = loaded.vertices
+        item.sides = loaded.sides
+        item.laws = loaded.laws
         a = point_at(context, number_of(item.vertices, 0))
         b = point_at(context, number_of(item.vertices, 1))
         c = point_at(context, number_of(item.vertices, 2))
@@ -118,8 +118,8 @@ def item_functions(precision: str, fits: bool) -> SimpleNamespace:
         item.side_ca = difference(a, c)
         item.side_ad = difference(d, a)
         item.side_db = difference(b, d)
-        item.normal_0 = normal_of(turn_of(item.sides, 0), item.side_ab, item.side_bc, item.side_ca)
-        item.normal_1 = normal_of(turn_of(item.sides, 1), -item.side_ab, item.side_ad, item.side_db)
+        item.normal_0 = normal_of(begin_of(item.sides, 0), item.side_ab, item.side_bc, item.side_ca)
+        item.normal_1 = normal_of(begin_of(item.sides, 1), -item.side_ab, item.side_ad, item.side_db)
         return item
 
     @wp.func
@@ -139,7 +139,7 @@ def item_functions(precision: str, fits: bool) -> SimpleNamespace:
         back = (code & wp.static(CODE_BACK)) != 0
         return wp.where(back, -side, side), wp.where(back, second, first), wp.where(back, first, second)
 
-    return SimpleNamespace(asked_item=asked_item, lying_item=lying_item, item_side=item_side)
+    return SimpleNamespace(load_item=load_item, measure_item=measure_item, item_side=item_side)
 
 
 @functools.cache
@@ -150,7 +150,7 @@ def item_normals_step(options: KernelOptions) -> wp.Function:
     types = cloth_types(precision)
     PatchItem, size_4 = item_type(precision), 4 * types.real_size
     functions, write_4 = item_functions(precision, fits), memory_functions(precision, fits).write_4
-    asked_item, lying_item = functions.asked_item, functions.lying_item
+    load_item, measure_item = functions.load_item, functions.measure_item
 
     @wp.func
     def put_normals(context: Context, local: int, item: PatchItem):
@@ -166,18 +166,18 @@ def item_normals_step(options: KernelOptions) -> wp.Function:
     @wp.func
     def work_item_normals(
         context: Context,
-        asked: PatchItem,
+        loaded: PatchItem,
     ):
-        """Normals of the items' triangles; returns the thread's item as it lies, ``asked`` of ``asked_item``."""
+        """Normals of the items' triangles; returns the thread's own; ``loaded`` is of ``load_item``."""
         item = PatchItem()
         if wp.static(fits):
-            item = lying_item(context, asked)
+            item = measure_item(context, loaded)
             if context.lane < context.patch.item_count:
                 put_normals(context, context.lane, item)
         else:
             local = int(context.lane)
             while local < context.patch.item_count:
-                put_normals(context, local, lying_item(context, asked_item(context.patches, context.patch, local)))
+                put_normals(context, local, measure_item(context, load_item(context.patches, context.patch, local)))
                 local += block_threads()
         return item
 
@@ -186,19 +186,19 @@ def item_normals_step(options: KernelOptions) -> wp.Function:
 
 @functools.cache
 def item_edges_step(options: KernelOptions) -> SimpleNamespace:
-    """Functions ``asked_laws`` and ``work_item_edges``."""
+    """Functions ``load_laws`` and ``work_item_edges``."""
     precision, fits = options.precision, options.fits
     Context = context_type(precision)
     types = cloth_types(precision)
     vec4, Patches, PatchItem = types.vec4, types.Patches, item_type(precision)
     functions, read_4 = item_functions(precision, fits), memory_functions(precision, fits).read_4
-    asked_item, lying_item, item_side = functions.asked_item, functions.lying_item, functions.item_side
+    load_item, measure_item, item_side = functions.load_item, functions.measure_item, functions.item_side
     edge = edge_functions_of_patch(options)
     work_edge, put_fold = edge.work_edge, edge.put_fold
     law_at = edge_table_functions(options).law_at
 
     @wp.func
-    def asked_laws(patches: Patches, patch: Patch, item: PatchItem):
+    def load_laws(patches: Patches, patch: Patch, item: PatchItem):
         """An item, and how the first of its edges pull and bend."""
         item.law = law_at(patches, patch.law_start + wp.min(number_of(item.laws, 0), patch.law_count))
         item.first_law = law_at(patches, patch.law_start + wp.min(number_of(item.laws, 1), patch.law_count))
@@ -214,7 +214,7 @@ def item_edges_step(options: KernelOptions) -> SimpleNamespace:
         beyond: int,
         law: vec4,
     ):
-        """An edge that an item takes, and the triangle beyond; where it takes none, no one looks what comes of it."""
+        """An edge that an item takes, and the triangle beyond; where it takes none, nobody reads the result."""
         which = code & 7
         on_second = which == wp.static(SIDE_AD) or which == wp.static(SIDE_DB)
         own = wp.where(on_second, item.normal_1, item.normal_0)
@@ -250,20 +250,20 @@ def item_edges_step(options: KernelOptions) -> SimpleNamespace:
         context: Context,
         item: PatchItem,
     ):
-        """Edges of the patch's items; the last is the thread's own, with ``asked_laws``, and is returned."""
+        """Edges of the patch's items; the last is the thread's own, with ``load_laws``, and is returned."""
         if wp.static(fits):
             if context.lane < context.patch.item_count:
                 item.fold = edges_of(context, context.lane, item)
         else:
             local = int(context.lane)
             while local < context.patch.item_count:
-                lying = lying_item(context, asked_item(context.patches, context.patch, local))
-                fold = edges_of(context, local, asked_laws(context.patches, context.patch, lying))
+                measured = measure_item(context, load_item(context.patches, context.patch, local))
+                fold = edges_of(context, local, load_laws(context.patches, context.patch, measured))
                 put_fold(context, local, fold)
                 local += block_threads()
         return item
 
-    return SimpleNamespace(asked_laws=asked_laws, work_item_edges=work_item_edges)
+    return SimpleNamespace(load_laws=load_laws, work_item_edges=work_item_edges)
 
 
 @functools.cache
@@ -274,9 +274,9 @@ def item_corners_step(options: KernelOptions) -> wp.Function:
     types = cloth_types(precision)
     vec3, vec4, Sides = types.vec3, types.vec4, types.Sides
     PatchItem, size_4 = item_type(precision), 4 * types.real_size
-    asked_item, read_4 = item_functions(precision, fits).asked_item, memory_functions(precision, fits).read_4
+    load_item, read_4 = item_functions(precision, fits).load_item, memory_functions(precision, fits).read_4
     functions, put_nothing = sides_functions(options), nothing_step(options)
-    fold_at, turned = functions.fold_at, functions.turned
+    fold_at, oriented = functions.fold_at, functions.oriented
     put_corners = corners_function(options)
 
     @wp.func
@@ -289,13 +289,15 @@ def item_corners_step(options: KernelOptions) -> wp.Function:
         normal: vec4,
     ):
         """What the first or the second triangle of an item does; ``shared``: the hinge of the side opposite c or d."""
-        turn = turn_of(item.sides, which)
+        begin = begin_of(item.sides, which)
         one, other = number_of(item.sides, 2 * which), number_of(item.sides, 2 * which + 1)
-        bits = bits_of(item.sides, wp.static(WORD_TURNED) + wp.static(TURNED_BITS) * which, wp.static(TURNED_BITS))
+        bits = bits_of(
+            item.sides, wp.static(WORD_REVERSED) + wp.static(REVERSED_BITS) * which, wp.static(REVERSED_BITS)
+        )
         fold_1, fold_2 = fold_at(context, one, vec3()), fold_at(context, other, vec3())
-        fold_0 = turned(wp.where(turn == 2, shared, fold_1), bits & 1)
-        fold_1 = turned(wp.where(turn == 1, shared, wp.where(turn == 2, fold_1, fold_2)), (bits >> 1) & 1)
-        fold_2 = turned(wp.where(turn == 0, shared, fold_2), bits >> 2)
+        fold_0 = oriented(wp.where(begin == 2, shared, fold_1), bits & 1)
+        fold_1 = oriented(wp.where(begin == 1, shared, wp.where(begin == 2, fold_1, fold_2)), (bits >> 1) & 1)
+        fold_2 = oriented(wp.where(begin == 0, shared, fold_2), bits >> 2)
         put_corners(context, triangle, normal, Sides(), fold_0, fold_1, fold_2)
 
     @wp.func
@@ -326,7 +328,7 @@ def item_corners_step(options: KernelOptions) -> wp.Function:
         else:
             local = int(context.lane)
             while local < context.patch.item_count:
-                again = asked_item(context.patches, context.patch, local)
+                again = load_item(context.patches, context.patch, local)
                 again.normal_0 = read_4(context.overflow, context.memory.normal + wp.static(size_4) * local)
                 if context.patch.item_count + local < context.patch.triangle_count:
                     again.normal_1 = read_4(

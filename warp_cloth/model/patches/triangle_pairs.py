@@ -21,19 +21,19 @@ from warp_cloth.base.mesh import Indices
 from warp_cloth.garment.elements import Elements
 from warp_cloth.garment.rest import Floats
 from warp_cloth.kernels.base.options import (
+    BEGIN_BITS,
     CODE_AFTER,
     CODE_BACK,
     CODE_BITS,
     NUMBER_BITS,
+    REVERSED_BITS,
     SIDE_AB,
     SLOTS,
-    TURN_BITS,
-    TURNED_BITS,
     WORD_ACROSS,
+    WORD_BEGIN,
     WORD_CODE,
     WORD_LAW,
-    WORD_TURN,
-    WORD_TURNED,
+    WORD_REVERSED,
 )
 from warp_cloth.model.patches.members import Keys, Members, Numbers, edge_numbers, words
 
@@ -237,9 +237,9 @@ class Items:
         _put(word, second, place, sides[rows, others[:, 0]])
         _put(word, second, place + NUMBER_BITS, sides[rows, others[:, 1]])
         _put(word, second[alone], 2 * NUMBER_BITS, sides[alone, ALONE])
-        _put(word, second, WORD_TURN + TURN_BITS * two, ALONE - self._side)
+        _put(word, second, WORD_BEGIN + BEGIN_BITS * two, ALONE - self._side)
         turned = ((elements.edges[own.element] < 0) * np.array([1, 2, 4])).sum(axis=1)
-        _put(word, second, WORD_TURNED + TURNED_BITS * two, turned)
+        _put(word, second, WORD_REVERSED + REVERSED_BITS * two, turned)
 
         of, place = self._taken
         patch, edge = patch[of], self._edges[of, place]
