@@ -246,7 +246,7 @@ def test_summary_leaves_out_what_is_not_known() -> None:
         "iterations_per_second": 812.3,
         "seconds": {"relax": 15.2},
         "device": "cpu",
-        "garments": [{"name": "shirt", "notes": ["units not stated: took metres"]}],
+        "garments": [{"name": "shirt", "notes": ["units not stated: metres assumed"]}],
         "avatar": {"notes": ["lies along z"]},
     }
     assert summary("x", report, [Path("out/x.usdc")]) == [
@@ -254,7 +254,7 @@ def test_summary_leaves_out_what_is_not_known() -> None:
         "  residual     0.00912 relative rms, ? p99",
         "  iterations   12,345 (812 per second)",
         "  time         15.2 s on cpu",
-        "  note         shirt: units not stated: took metres",
+        "  note         shirt: units not stated: metres assumed",
         "  note         avatar: lies along z",
         "  wrote        out/x.usdc",
     ]

@@ -76,7 +76,7 @@ def test_what_is_wrong_with_a_grain_is_told(tmp_path: Path) -> None:
     for grain, problem in (
         (Grain(panels={"uper": 3.0}), 'garment.grain_panels: the mesh has no panel "uper"; there are lower, upper'),
         (Grain(texture=tmp_path / "absent.png"), "absent.png: No such file or directory"),
-        (Grain(texture=tmp_path / "text.png"), "text.png: is not an image that can be read; give a PNG"),
+        (Grain(texture=tmp_path / "text.png"), "text.png: is not a readable image; give a PNG"),
     ):
         with pytest.raises(InputError) as refused:
             grain.of_triangles(mesh, "garment")

@@ -79,7 +79,7 @@ DEFECTS: dict[str, tuple[Change, str]] = {
     "far too large": (lambda p, f: (1e6 * p, f), 'units = "m"'),
     "far too small": (lambda p, f: (1e-6 * p, f), 'units = "m"'),
     "all at one point": (lambda p, f: (0.0 * p, f), "point"),
-    "all on one line": (lambda p, f: (p * [1.0, 0.0, 0.0], f), "no face is left"),
+    "all on one line": (lambda p, f: (p * [1.0, 0.0, 0.0], f), "faces can be used"),
 }
 NOT_OF_STL = ("index too high", "index below zero")  # STL has no indices
 
@@ -183,12 +183,12 @@ SCENES: dict[str, tuple[str, str]] = {
     "unknown fabric": ("[garment]\nmesh = 'sheet.obj'\nfabric = 'mithril'\n", 'unknown fabric "mithril"'),
     "garment without weight": ("[garment]\nmesh = 'sheet.obj'\nfabric = {weight = 0}\n", "garment.fabric.weight"),
     "unit of road maps": ("[garment]\nmesh = 'sheet.obj'\nunits = 'km'\n", 'one of "m", "cm", "mm", "in"'),
-    "device for a mesh": ("[garment]\nmesh = '/dev/zero'\n", "/dev/zero: is no regular file"),
+    "device for a mesh": ("[garment]\nmesh = '/dev/zero'\n", "/dev/zero: is not a regular file"),
     "path of a novel": (f"[garment]\nmesh = '{'x' * 5000}.obj'\n", "cannot be opened"),
     "null in a path": ('[garment]\nmesh = "sheet\\u0000.obj"\n', "is not a path"),
     "name that climbs": ("name = '../../etc'\n[garment]\nmesh = 'sheet.obj'\n", "cannot name a file"),
     "pin of no vertex": ("[garment]\nmesh = 'sheet.obj'\npin = {vertices = [25]}\n", "vertex 25 does not exist"),
-    "pin in the void": ("[garment]\nmesh = 'sheet.obj'\npin = {box = [[8, 8, 8], [9, 9, 9]]}\n", "holds no vertex"),
+    "pin in the void": ("[garment]\nmesh = 'sheet.obj'\npin = {box = [[8, 8, 8], [9, 9, 9]]}\n", "contains no vertex"),
     "all pinned": ("[garment]\nmesh = 'sheet.obj'\npin = {box = [[-9, -9, -9], [9, 9, 9]]}\n", "nothing can move"),
     "shape and mesh": ("[garment]\nmesh = 'sheet.obj'\nshape = {kind = 'square'}\n", "both given"),
     "unknown shape": ("[garment]\nshape = {kind = 'dress'}\n", 'unknown kind "dress"'),
@@ -243,7 +243,7 @@ def test_a_garment_far_from_its_avatar_or_ten_times_its_size_is_refused() -> Non
     assert "away from the avatar" in refused(scene_of("far.obj"))
     write_obj(Path("wide.obj"), points * [10.0, 10.0, 1.0], faces)
     assert "garment.units" in refused(scene_of("wide.obj"))
-    assert "does not belong to an avatar" in refused(scene_of("sheet.obj", "ball.obj", 'units = "in"'))
+    assert "does not fit an avatar" in refused(scene_of("sheet.obj", "ball.obj", 'units = "in"'))
 
 
 REPAIRS: dict[str, tuple[Change, str]] = {
@@ -324,7 +324,7 @@ def test_the_command_itself_refuses_with_one_line(place: Path) -> None:
     assert running.returncode == 2
     assert out == ""
     assert err == (
-        "loading\nerror: bad.obj:4: vertex 4 is not finite: (0.125, nan, 0.3); repair the mesh where it was made\n"
+        "loading\nerror: bad.obj:4: vertex 4 is not finite: (0.125, nan, 0.3); repair the mesh in the modelling tool\n"
     )
     assert not Path("out").exists()
 

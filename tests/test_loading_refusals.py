@@ -26,7 +26,7 @@ REFUSED: list[tuple[str, str | bytes, int | None, str, str]] = [
     ("empty.obj", "", None, "empty", "export"),
     ("empty.glb", "", None, "empty", "export"),
     ("noise.obj", bytes(range(256)) * 4, None, "binary data", "content"),
-    ("prose.obj", "Dear Sir,\nplease find enclosed\n", 1, "'Dear' is no OBJ statement", "content"),
+    ("prose.obj", "Dear Sir,\nplease find enclosed\n", 1, "'Dear' is not an OBJ statement", "content"),
     ("blank.obj", "# only a comment\n\n", None, "no vertices", "export"),
     ("cloud.obj", SQUARE, None, "no faces", "surface"),
     ("lines.obj", SQUARE + "l 1 2\nl 2 3\np 4\n", None, "no faces", "surface"),
@@ -42,32 +42,32 @@ REFUSED: list[tuple[str, str | bytes, int | None, str, str]] = [
     ("zero.obj", SQUARE + "f 0 1 2\n", 5, "vertex 0", "export"),
     ("texture.obj", SQUARE + "vt 0 0\nf 1/1 2/1 3/2\n", 6, "texture coordinate 2", "export"),
     ("odd.obj", SQUARE + "v 1.#IND 0 0\nf 1 2 3\n", 5, "'1.#IND'", "export"),
-    ("letters.obj", SQUARE + "f 1 2 three\n", 5, "'three' is no index", "export"),
+    ("letters.obj", SQUARE + "f 1 2 three\n", 5, "'three' is not an index", "export"),
     ("two.obj", SQUARE + "f 1 2 3\nf 1 2\n", 6, "at least 3 corners", "cut off"),
-    ("flat.obj", SQUARE + "f 1 1 2\nf 1 2 2\n", None, "no face is left of 2", "no area"),
+    ("flat.obj", SQUARE + "f 1 1 2\nf 1 2 2\n", None, "none of its 2 faces can be used", "no area"),
     ("fin.obj", FIN, 6, "edge between vertices 1 and 2 has 3 faces (line 6, line 7, line 8)", "separate"),
     ("point.obj", "v 1 1 1\nv 1 1 1\nv 1 1 1\nf 1 2 3\n", None, "one point", "export"),
-    ("noise.ply", bytes(range(256)), None, "is no PLY", "content"),
-    ("header.ply", "ply\nformat ascii 1.0\nelement vertex 3\n", None, "header has no end", "cut off"),
+    ("noise.ply", bytes(range(256)), None, "is not a PLY", "content"),
+    ("header.ply", "ply\nformat ascii 1.0\nelement vertex 3\n", None, "header has no end_header", "cut off"),
     ("type.ply", PLY_HEAD.replace("float y", "number y"), 5, "'property number y'", "export"),
     ("cut.ply", PLY_HEAD + "0 0 0\n1 0 0\n", None, "ends after 2 of 3 vertex rows", "cut off"),
     ("face.ply", PLY_HEAD + "0 0 0\n1 0 0\n0 1 0\n3 0 1\n", None, "ends after 0 of 1 face rows", "cut off"),
-    ("word.ply", PLY_HEAD + "0 0 0\n1 x 0\n0 1 0\n3 0 1 2\n", None, "no number", "export"),
+    ("word.ply", PLY_HEAD + "0 0 0\n1 x 0\n0 1 0\n3 0 1 2\n", None, "is not a number", "export"),
     ("nan.ply", PLY_HEAD + "0 0 0\n1 nan 0\n0 1 0\n3 0 1 2\n", 11, "vertex 1 is not finite", "repair"),
     ("high.ply", PLY_HEAD + "0 0 0\n1 0 0\n0 1 0\n3 0 1 3\n", 13, "refers to vertex 3", "export"),
-    ("more.ply", PLY_HEAD + "0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n3 2 1 0\n", None, "goes on for 4 values", "header"),
+    ("more.ply", PLY_HEAD + "0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n3 2 1 0\n", None, "has 4 values more", "header"),
     ("cloud.ply", PLY_HEAD.replace("face 1", "face 0") + "0 0 0\n1 0 0\n0 1 0\n", None, "no faces", "surface"),
-    ("noise.stl", bytes(range(200)), None, "is no STL", "cut off"),
+    ("noise.stl", bytes(range(200)), None, "is not an STL", "cut off"),
     ("short.stl", b"not much", None, "too short", "cut off"),
-    ("word.stl", "solid a\nfacet normal 0 0 1\nouter loop\nvertex 0 0 zero\n", 4, "no vertex of three", "export"),
-    ("noise.glb", bytes(range(255, 55, -1)), None, "is no glTF", "content"),
-    ("noise.gltf", "{]", None, "is no glTF", "content"),
+    ("word.stl", "solid a\nfacet normal 0 0 1\nouter loop\nvertex 0 0 zero\n", 4, "not a vertex of three", "export"),
+    ("noise.glb", bytes(range(255, 55, -1)), None, "is not a glTF", "content"),
+    ("noise.gltf", "{]", None, "is not a glTF", "content"),
     ("other.gltf", '{"some": "json"}', None, "no 'asset'", "content"),
     ("noise.usda", "#usda 1.0\nthis is no stage", None, "cannot be read as USD", "export"),
     ("noise.usdc", b"PXR-USDC" + bytes(80), None, "cannot be read as USD", "export"),
     ("noise.usdz", bytes(range(200)), None, "cannot be read as USD", "export"),
     ("nothing.usda", "#usda 1.0\n", None, "no mesh", "export"),
-    ("shirt.fbx", b"Kaydara FBX Binary", None, ".fbx is no mesh format", ".obj, .ply, .stl, .glb"),
+    ("shirt.fbx", b"Kaydara FBX Binary", None, "is not a supported mesh format", ".obj, .ply, .stl, .glb"),
     ("shirt", b"something", None, "without extension", ".usdz"),
 ]
 
@@ -112,7 +112,7 @@ def test_a_path_written_as_on_windows_is_told_how_to_write_it(tmp_path: Path) ->
 
 def test_an_address_is_told_to_be_downloaded() -> None:
     found = refusal(Path("scenes") / "https://example.com/shirt.obj")
-    assert (found.problem, found.remedy) == ("is no file of this machine, and others are not read", "download it")
+    assert (found.problem, found.remedy) == ("is not a local file", "download it first")
 
 
 def test_folder_and_dead_link_are_refused(tmp_path: Path) -> None:
@@ -211,7 +211,7 @@ def test_truncated_glb_is_refused(tmp_path: Path, share: float) -> None:
         (lambda t: t.update(extensionsRequired=["EXT_meshopt_compression"]), "EXT_meshopt_compression"),
         (lambda t: t["nodes"][0].update(extensions={"EXT_mesh_gpu_instancing": {}}), "EXT_mesh_gpu_instancing"),
         (lambda t: t["accessors"][1].update(count=3000), "cannot be read as glTF"),
-        (lambda t: t["buffers"].append({"uri": "gone.bin", "byteLength": 4}), "'gone.bin' is not there"),
+        (lambda t: t["buffers"].append({"uri": "gone.bin", "byteLength": 4}), "'gone.bin' is missing"),
     ],
 )
 def test_gltf_that_would_be_misread_is_refused(tmp_path: Path, change: object, words: str) -> None:
@@ -271,5 +271,5 @@ def test_a_nan_that_numpy_warns_of_is_refused_in_one_line(tmp_path: Path) -> Non
 def test_a_data_file_whose_name_no_system_takes_is_refused_in_one_line(tmp_path: Path) -> None:
     tree = {"asset": {"version": "2.0"}, "buffers": [{"uri": "A" * 5000, "byteLength": 1}]}
     (tmp_path / "long.gltf").write_text(json.dumps(tree))
-    with pytest.raises(InputError, match="is no glTF"):
+    with pytest.raises(InputError, match="is not a glTF"):
         load_mesh(tmp_path / "long.gltf", role="garment", key="garment")

@@ -204,7 +204,7 @@ def test_a_seam_that_rounding_opened_is_closed_and_an_open_one_told_of(
     both = np.concatenate([triangles, triangles + len(points)])
     mesh = load(tmp_path, obj(np.concatenate([points, right]), both))
     assert mesh.vertex_count == 2 * len(points) - (5 if joined else 0)
-    assert noted(mesh, "5 vertices welded to others up to" if joined else "2 pieces that nothing joins")
+    assert noted(mesh, "5 vertices welded to others up to" if joined else "2 separate pieces")
 
 
 def test_unwelded_duplicate_facets_are_dropped(tmp_path: Path) -> None:
@@ -222,8 +222,8 @@ def test_sheet_and_its_copy_stay_two_layers(tmp_path: Path) -> None:
     assert mesh.vertex_count == 2 * len(points)
     assert mesh.vertex_map is None
     assert edge_use(mesh)[0].max() == 2
-    assert noted(mesh, "25 vertices", "left apart")
-    assert noted(mesh, "64 triangles lie on others", "twice as heavy", "remove one")
+    assert noted(mesh, "25 vertices", "not welded")
+    assert noted(mesh, "64 triangles coincide with others", "twice as heavy", "remove one")
 
 
 def test_parts_that_touch_stay_apart(tmp_path: Path) -> None:
@@ -268,7 +268,7 @@ def test_an_opening_between_panels_that_are_sewn_elsewhere_stays_open(
     """As the fronts of a jacket, which meet without being joined; panels apart, or on each other."""
     open_ = load(tmp_path, two_panels(sewn=True, shift=shift, turn=turn))
     assert open_.vertex_count == 47
-    assert noted(open_, "2 vertices at the same place as others left apart: openings")
+    assert noted(open_, "2 vertices at the same place as others not welded: openings")
     closed = load(tmp_path, two_panels(sewn=False, shift=shift, turn=turn))
     assert closed.vertex_count == 45
     assert noted(closed, "5 vertices welded")
@@ -286,13 +286,13 @@ def test_inside_out_avatar_is_turned_outwards(tmp_path: Path) -> None:
     for mesh in (outwards, inwards):
         a, b, c = np.moveaxis(mesh.points[mesh.triangles], 1, 0)
         assert np.einsum("ij,ij->", a, np.cross(b, c)) / 6 == pytest.approx(1 / 6)
-    assert noted(inwards, "turned outwards")
+    assert noted(inwards, "inside-out closed parts flipped")
 
 
 def test_texture_coordinates_with_gaps_are_left_out(tmp_path: Path) -> None:
     mesh = load(tmp_path, SQUARE + "vt 0 0\nvt 1 0\nvt 1 1\nf 1/1 2/2 3/3\nf 1 3 4\n")
     assert mesh.texcoords is None
-    assert noted(mesh, "texture coordinates left out")
+    assert noted(mesh, "texture coordinates ignored")
     mesh = load(tmp_path, SQUARE + "vt 0 0\nvt nan 0\nvt 1 1\nf 1/1 2/2 3/3\n")
     assert mesh.texcoords is None
 

@@ -46,8 +46,8 @@ def test_unit_is_guessed_from_the_size_and_said(
 
 
 def test_size_that_may_be_in_inches_is_noted(tmp_path: Path) -> None:
-    assert any("inches are possible" in note for note in load(tmp_path, 68.0, "avatar").notes)
-    assert any("inches are possible" in note for note in load(tmp_path, 29.6, "garment").notes)
+    assert any("in inches" in note for note in load(tmp_path, 68.0, "avatar").notes)
+    assert any("in inches" in note for note in load(tmp_path, 29.6, "garment").notes)
     assert not any("inches" in note for note in load(tmp_path, 75.0, "garment").notes)
 
 
@@ -75,7 +75,7 @@ def test_absurd_stated_size_names_the_likely_unit_and_the_key(
     with pytest.raises(InputError) as caught:
         load(tmp_path, extent, units=units)
     assert remedy in caught.value.remedy
-    assert "no garment" in caught.value.problem
+    assert "not a possible garment" in caught.value.problem
     assert caught.value.place.endswith("garment.obj")
 
 
@@ -83,7 +83,7 @@ def test_absurd_stated_size_names_the_likely_unit_and_the_key(
 def test_size_of_no_unit_is_refused_with_the_key(tmp_path: Path, extent: float) -> None:
     with pytest.raises(InputError) as caught:
         load(tmp_path, extent)
-    assert "fits no unit" in caught.value.problem
+    assert "no unit gives" in caught.value.problem
     assert "garment.units" in caught.value.remedy
 
 
@@ -138,7 +138,7 @@ def test_what_lies_beside_the_other_may_have_z_up(tmp_path: Path, lying: str) ->
     check_sizes([("garment", meshes["garment"])], meshes["avatar"])
     points = meshes[lying].points[:, [0, 2, 1]] * np.array([1.0, -1.0, 1.0])
     meshes[lying] = replace(meshes[lying], points=points)
-    with pytest.raises(InputError, match=f'if z is up in its file, set {lying}.up = "z"'):
+    with pytest.raises(InputError, match=f'if its file is z up, set {lying}.up = "z"'):
         check_sizes([("garment", meshes["garment"])], meshes["avatar"])
 
 

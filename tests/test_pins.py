@@ -77,10 +77,10 @@ def test_sides_are_the_wearers(tube: Mesh, side: str, shift: list[float]) -> Non
     [
         (Pin(vertices=[16]), "vertex 16 does not exist: tube has 16 vertices; use 0 to 15"),
         (Pin(vertices=[-1]), "vertex -1 does not exist"),
-        (Pin(box=[[5, 5, 5], [6, 6, 6]]), r"holds no vertex of tube; the mesh spans \[-1, 0, -1\] to \[1, 1, 1\]"),
+        (Pin(box=[[5, 5, 5], [6, 6, 6]]), r"contains no vertex of tube; the mesh spans \[-1, 0, -1\] to \[1, 1, 1\]"),
         (Pin(loop=2), "loop 2 does not exist: tube has 2 boundary loops; use 0 to 1"),
         (Pin(loop=-1), "loop -1 does not exist"),
-        (Pin(loop="upwards"), "'upwards' is no side; use top, bottom"),
+        (Pin(loop="upwards"), "'upwards' is not a side; use top, bottom"),
     ],
 )
 def test_pin_that_selects_nothing_is_refused(tube: Mesh, pin: Pin, words: str) -> None:
@@ -100,7 +100,9 @@ def test_a_loop_that_another_reaches_beyond_is_refused() -> None:
     faces = [(q, q + 1, q + columns) for q in quads if q not in armhole]
     faces += [(q + 1, q + columns + 1, q + columns) for q in quads if q not in armhole]
     waistcoat = Mesh("waistcoat", points, np.array(faces, dtype=np.int32))
-    with pytest.raises(InputError, match="loop 1 of waistcoat lies furthest to the top, but loop 0 reaches further"):
+    with pytest.raises(
+        InputError, match="loop 1 of waistcoat is furthest to the top on average, but loop 0 reaches further"
+    ):
         select_pins(waistcoat, [Pin(loop="top")], "garment.pin")
     assert len(select_pins(waistcoat, [Pin(loop=1)], "garment.pin")) == 8
 

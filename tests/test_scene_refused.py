@@ -40,7 +40,7 @@ def refused(source: Any) -> str:
         ),
         (
             'garment.fabric = "dennim"',
-            'garment.fabric: unknown fabric "dennim"; did you mean "denim"? there are',
+            'garment.fabric: unknown fabric "dennim"; did you mean "denim"? use one of',
         ),
         ('garment.fabric = "mine.toml"', "mine.toml: no such fabric file"),
         (
@@ -174,10 +174,10 @@ def test_two_garments_of_one_name_are_refused() -> None:
     [
         (b"", "scene.toml: is empty; give a scene file in TOML"),
         (b" \n\t\n", "scene.toml: is empty"),
-        (b"[garment]\nmesh = \n", "scene.toml:2: not TOML: Invalid value"),
-        (b"[garment]\nmesh = a.obj\n", 'not TOML: Invalid value; write texts in "quotes"'),
+        (b"[garment]\nmesh = \n", "scene.toml:2: is not valid TOML: Invalid value"),
+        (b"[garment]\nmesh = a.obj\n", 'is not valid TOML: Invalid value; put strings in "quotes"'),
         (b'[garment]\nmesh = "C:\\shirts\\a.obj"\n', "in a string; write paths with /"),
-        (b"[garment]\nmesh = 'a.obj", "scene.toml:2: not TOML:"),
+        (b"[garment]\nmesh = 'a.obj", "scene.toml:2: is not valid TOML:"),
         (b"\x89PNG\r\n\x1a\n\x00\x00\xff\xfe", "scene.toml: is not text in UTF-8 (byte 0)"),
         (b"[garment]\0", "scene.toml: is a binary file"),
         ("[garment]\nmesh = 'é.obj'".encode("latin-1"), "scene.toml: is not text in UTF-8 (byte 18)"),

@@ -60,7 +60,7 @@ def test_uneven_masses_are_spread_evenly_and_told(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("masses", [[1.0, 2.0], [-1.0] * COUNT**2, [float("nan")] * COUNT**2])
 def test_masses_that_fit_no_mesh_are_refused(tmp_path: Path, masses: list[float]) -> None:
-    with pytest.raises(InputError, match="not one positive number for each vertex"):
+    with pytest.raises(InputError, match="not one positive number per vertex"):
         load_scene(with_masses(tmp_path, masses))
 
 

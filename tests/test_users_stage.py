@@ -216,7 +216,7 @@ def test_rest_triangles_that_fit_no_mesh_are_refused(tmp_path: Path) -> None:
 
     prim.CreateAttribute("physics:restTriVertexIndices", Sdf.ValueTypeNames.Int3Array).Set(Vt.Vec3iArray(2))
     stage.Save()
-    with pytest.raises(InputError, match="restTriVertexIndices do not fit the mesh"):
+    with pytest.raises(InputError, match="restTriVertexIndices do not match the mesh"):
         fitted(path)
 
 

@@ -1,4 +1,4 @@
-"""TOML files, read with care: whatever is wrong with one is told in one line that says where."""
+"""TOML files: errors are one line with file, line, problem and remedy."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ else:
 LARGEST_FILE = 1_000_000  # [bytes]; these files are written by hand, so that a longer one is something else
 
 MENDED = {  # what the parser says of what is written most often for something else
-    "Invalid value": 'write texts in "quotes", and true or false in small letters',
-    "'\\'": "write paths with /, which every system understands",
+    "Invalid value": 'put strings in "quotes"; true and false are lower case',
+    "'\\'": "write paths with /, which works on every system",
 }
 
 
@@ -32,11 +32,11 @@ def read_toml(path: Path, role: str, *, largest: int = LARGEST_FILE) -> dict[str
     except tomllib.TOMLDecodeError as error:
         problem, line = _problem(str(error), text)
         remedy = next((way for mark, way in MENDED.items() if mark in problem), f"a {role} is a TOML file")
-        raise InputError(f"{path}:{line}", f"not TOML: {problem}", remedy) from None
+        raise InputError(f"{path}:{line}", f"is not valid TOML: {problem}", remedy) from None
     except RecursionError:
         raise InputError(path, "is nested too deeply", f"give a {role} in TOML") from None
     except ValueError as error:  # Python's own, of numbers with thousands of digits
-        raise InputError(path, f"not TOML: {error}", f"a {role} is a TOML file") from None
+        raise InputError(path, f"is not valid TOML: {error}", f"a {role} is a TOML file") from None
 
 
 def toml_value(text: str) -> Any:
@@ -60,11 +60,11 @@ def _text(path: Path, role: str, largest: int) -> str:
     if not exists(path):
         raise InputError(path, f"no such {role}", "check the path")
     if path.is_dir():
-        raise InputError(path, f"is a folder, not a {role}", "name the .toml file itself")
+        raise InputError(path, f"is a folder, not a {role}", "give the .toml file")
     try:
         if not path.is_file() or path.stat().st_size > largest:
             size = f"{largest // 10**6} MB"
-            raise InputError(path, f"is not a {role}", f"give a TOML file below {size}; meshes are only named in it")
+            raise InputError(path, f"is not a {role}", f"give a TOML file below {size}, which refers to meshes by name")
         text = to_utf8(path.read_bytes()).decode("utf-8")
     except OSError as error:
         raise InputError(path, f"cannot be read: {error.strerror or error}", "check its permissions") from None

@@ -1,4 +1,4 @@
-"""Rest angles of a garment's hinges: flat, as modelled, or as a stage states them."""
+"""Rest angles of a garment's hinges: flat, as modelled, or as a USD stage states them."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ def hinge_angles(mesh: Mesh, topology: Topology, kind: RestAngles, place: str, k
     """Rest angle of every hinge [rad], shape [H]; None where all are flat.
 
     Raises:
-        InputError: a stage's angles are asked for that it does not state.
+        InputError: "physics" without angles in the stage.
     """
     if kind == "flat":
         return None

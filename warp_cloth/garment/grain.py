@@ -1,4 +1,4 @@
-"""Grain: how the warp lies in a garment's panels, by angles or by the colours of an image."""
+"""Grain: the direction of the warp in a garment's panels, by angles or by the colours of an image."""
 
 from __future__ import annotations
 
@@ -54,12 +54,12 @@ class Grain:
 
         try:
             with warnings.catch_warnings():
-                warnings.simplefilter("ignore")  # of damage beside the pixels, such as a camera's remarks
+                warnings.simplefilter("ignore")  # about damage outside the pixels, such as in metadata
                 with Image.open(path) as image:
                     colours = np.asarray(image.convert("RGB").convert("HSV"), dtype=np.float64)
         except (Exception, MemoryError) as error:  # a damaged file makes Pillow raise anything
-            problem = getattr(error, "strerror", None) or "is not an image that can be read"
-            raise InputError(path, problem, "give a PNG whose hue tells the direction of the warp") from None
+            problem = getattr(error, "strerror", None) or "is not a readable image"
+            raise InputError(path, problem, "give a PNG whose hue is the direction of the warp") from None
         low, high = mesh.texcoords.min(axis=(0, 1)), mesh.texcoords.max(axis=(0, 1))
         place = (mesh.texcoords.mean(axis=1) - low) / np.maximum(high - low, np.finfo(float).tiny)
         size = np.array([colours.shape[1], colours.shape[0]])

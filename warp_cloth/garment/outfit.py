@@ -243,7 +243,7 @@ def _rest(mesh: Mesh, geometry: RestGeometry, spec: GarmentSpec, key: str) -> tu
     rest = rest_in_fabric(geometry, mesh.vertex_count, spec.fabric)
     pins = select_pins(mesh, spec.pin, f"{key}.pin")
     if len(pins) == mesh.vertex_count:
-        raise InputError(f"{key}.pin", "every vertex is pinned, so nothing can move", "pin fewer vertices")
+        raise InputError(f"{key}.pin", "every vertex is pinned, so that nothing can move", "pin fewer vertices")
     return rest, pins
 
 

@@ -1,4 +1,4 @@
-"""Lengths in the panels that texture coordinates draw, and whether they can be meant."""
+"""Panels in texture space: their lengths, and whether these are plausible."""
 
 from __future__ import annotations
 
@@ -48,20 +48,20 @@ def panel_sides(mesh: Mesh, metres_per_uv: float, place: str, key: str) -> tuple
     """
     remedy = f'export the panels as UVs, or set {key}.rest = "mesh"'
     if mesh.texcoords is None:
-        raise InputError(place, 'rest = "uv" needs texture coordinates on every face, which this mesh lacks', remedy)
+        raise InputError(place, 'rest = "uv" needs texture coordinates on every face, and this mesh lacks them', remedy)
     with np.errstate(over="ignore", invalid="ignore"):
         sides = triangle_sides(mesh.texcoords * metres_per_uv)
         areas = triangle_areas(sides)
     if not np.isfinite(areas).all():
         raise InputError(place, "the texture coordinates are too large for panels", remedy)
     if not areas.any():
-        raise InputError(place, "the texture coordinates give panels without area", remedy)
+        raise InputError(place, "the panels have no area in texture space", remedy)
     left_out = areas <= LEFT_OUT_AREA * float(np.median(areas[areas > 0.0]))
     count = int(left_out.sum())
     if count > MOST_LEFT_OUT * len(areas):
         raise InputError(place, f"{count:,} of {len(areas):,} triangles have no area in texture space", remedy)
     sides[left_out] = triangle_sides(mesh.points[mesh.triangles[left_out]])
-    note = f"{count:,} of {len(areas):,} triangles have no area in texture space, and keep their lengths in the mesh"
+    note = f"{count:,} of {len(areas):,} triangles have no area in texture space and keep their lengths in the mesh"
     return sides, (note,) if count else ()
 
 
@@ -126,17 +126,17 @@ def check_axes(mesh: Mesh, metres_per_uv: float, key: str) -> tuple[str, ...]:
     squeezed = float(middle.max() / middle.min())
     if squeezed > SQUEEZED:
         return (
-            f"texture space is drawn {squeezed:.3g} times as long along {long} as along {short}, by the mesh; if that "
-            "is not meant, export texture coordinates in which both axes have one unit",
+            f"compared with the mesh, texture space is {squeezed:.3g} times as long along {long} as along {short}; "
+            "unless intended, export texture coordinates with the same unit along both axes",
         )
     times = metres_per_uv / middle
     off, spread = np.maximum(times, 1.0 / times), high / np.maximum(low, np.finfo(float).tiny)
     if (off > SCALE_TOLD).any() or (off <= np.maximum(SAME, 1.0 + SPREADS * (spread - 1.0))).all():
         return ()
     return (
-        f"panels are cut {times[0]:.3g} times as long along u and {times[1]:.3g} along v as the mesh is drawn, much "
-        "the same everywhere, as where texture coordinates were fitted into the unit square; if that is not meant, "
-        f"set {key}.uv_units to the metres in a unit of texture space",
+        f"panels are {times[0]:.3g} times as long along u and {times[1]:.3g} times along v as the mesh, nearly "
+        "everywhere, as if texture coordinates were scaled to the unit square; unless intended, "
+        f"set {key}.uv_units to metres per unit of texture space",
     )
 
 
@@ -154,6 +154,6 @@ def check_seams(sides: Floats, topology: Topology) -> tuple[str, ...]:
         return ()
     most = float((high[apart] / np.maximum(low[apart], np.finfo(float).tiny)).max())
     return (
-        f"{counted(int(apart.sum()), 'edge')} cut up to {most:.3g} times as long in one panel as in the one that it is "
-        "sewn to, as where cloth is gathered; if that is not meant, check that all panels are drawn to one scale",
+        f"{counted(int(apart.sum()), 'edge')} up to {most:.3g} times as long in one panel as in the one that it is "
+        "sewn to, as in gathered cloth; unless intended, check that all panels have the same scale",
     )

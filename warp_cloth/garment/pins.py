@@ -1,4 +1,4 @@
-"""Which vertices a scene pins: by the file's vertex number, by box, or by boundary loop."""
+"""Pinned vertices of a garment: by vertex number, box or boundary loop."""
 
 from __future__ import annotations
 
@@ -35,9 +35,12 @@ class PinSpec(Protocol):
 
 
 def select_pins(mesh: Mesh, pins: Sequence[PinSpec], place: str) -> Indices:
-    """Vertices that any of the pins selects, sorted, each once, shape [N]; ``place`` is the pins' scene key.
+    """Vertices that any of the pins selects, sorted, unique, int32, shape [N]; ``place`` is the pins' scene key.
 
     Vertices are numbered as in the file, from 0; boxes are in metres; loop 0 is the longest.
+
+    Raises:
+        InputError: a pin selects nothing.
     """
     chosen = [np.zeros(0, dtype=np.int64)]
     for number, pin in enumerate(pins):
@@ -62,7 +65,7 @@ def _by_number(mesh: Mesh, numbers: Sequence[int], place: str) -> NDArray[np.int
         return chosen
     mapped = mesh.vertex_map[chosen]
     if (mapped < 0).any():
-        problem = f"vertex {chosen[mapped < 0][0]} belongs to no face of {mesh.name} and was dropped on loading"
+        problem = f"vertex {chosen[mapped < 0][0]} belongs to no face of {mesh.name} and was dropped"
         raise InputError(place, problem, "pin a vertex of the surface")
     return mapped
 
@@ -73,7 +76,7 @@ def _by_box(mesh: Mesh, box: Sequence[Sequence[float]], place: str) -> NDArray[n
     chosen = np.flatnonzero(((mesh.points >= low) & (mesh.points <= high)).all(axis=1))
     if not len(chosen):
         lowest, highest = ("[" + ", ".join(f"{v:.3g}" for v in corner) + "]" for corner in mesh.bounds())
-        problem = f"the box holds no vertex of {mesh.name}"
+        problem = f"the box contains no vertex of {mesh.name}"
         raise InputError(place, problem, f"the mesh spans {lowest} to {highest} (metres)")
     return chosen
 
@@ -84,7 +87,7 @@ def _by_loop(mesh: Mesh, loop: str | int, place: str) -> NDArray[np.int64]:
         raise InputError(place, f"{mesh.name} is closed: it has no boundary loop", "pin by vertices or by box")
     if isinstance(loop, str):
         if loop not in _SIDES:
-            raise InputError(place, f"{loop!r} is no side", f"use {', '.join(_SIDES)}, or a number from 0")
+            raise InputError(place, f"{loop!r} is not a side", f"use {', '.join(_SIDES)}, or a number from 0")
         return loops[_furthest(mesh, loops, loop, place)]
     if not 0 <= loop < len(loops):
         have = f"{mesh.name} has {len(loops)} boundary loop{'s' if len(loops) > 1 else ''}"
@@ -102,8 +105,8 @@ def _furthest(mesh: Mesh, loops: Sequence[NDArray[Any]], side: str, place: str) 
     lies = int(np.argmax([each.mean() for each in along]))
     reaches = int(np.argmax([each.max() for each in along]))
     if along[reaches].max() > along[lies].max():
-        problem = f"loop {lies} of {mesh.name} lies furthest to the {side}, but loop {reaches} reaches further"
-        raise InputError(place, problem, f"say loop = {lies} or {reaches}, or pin by box")
+        problem = f"loop {lies} of {mesh.name} is furthest to the {side} on average, but loop {reaches} reaches further"
+        raise InputError(place, problem, f"set loop = {lies} or {reaches}, or pin by box")
     return lies
 
 

@@ -95,8 +95,8 @@ def _drawn_flat(mesh: Mesh, grain: Grain, key: str, rest: RestKind) -> Floats | 
         normal = total / max(float(np.linalg.norm(total)), np.finfo(float).tiny)
         if (np.linalg.norm(np.cross(normals, normal), axis=1) > FLATNESS * np.linalg.norm(normals, axis=1)).any():
             if grain != Grain():
-                problem = "the mesh has no texture coordinates, from whose v axis grain is told"
-                raise InputError(f"{key}.grain_degrees", problem, f"export them, or leave {key}.grain_... out")
+                problem = "the mesh has no texture coordinates, whose v axis grain refers to"
+                raise InputError(f"{key}.grain_degrees", problem, f"export them, or remove {key}.grain_...")
             return None
         up = np.array([0.0, 1.0, 0.0]) if abs(normal[1]) < np.sqrt(0.5) else np.array([0.0, 0.0, -1.0])
         warp = up - normal * (up @ normal)
@@ -277,6 +277,6 @@ def _check_directions(fabric: Fabric, directed: bool) -> tuple[str, ...]:
     if directed or (even and not own_shear):
         return ()
     return (
-        f'the mesh has no texture coordinates to tell warp from weft, so the fabric "{fabric.name}" '
-        "is taken as the same in every direction, without its shear",
+        f'the mesh has no texture coordinates for warp and weft, so the fabric "{fabric.name}" '
+        "is treated as equal in all directions, without its shear",
     )

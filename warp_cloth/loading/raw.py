@@ -1,4 +1,4 @@
-"""What a reader hands on: the file's own polygons, before any repair, and how to point at them."""
+"""Polygons as a mesh file has them, before any repair, with the lines or numbers that messages name."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ Ints = NDArray[np.int64]
 Floats = NDArray[np.float64]
 
 EXPORT_AGAIN = "export the mesh again"
-POSED = "its skeleton or blend shapes are not applied: the mesh is taken as it is stored"  # a note
+POSED = "skeleton and blend shapes are not applied: the mesh is used as stored"  # a note
 
 
 @dataclass(frozen=True, eq=False)
 class RawMesh:
-    """Polygons as the file has them, y up, in the file's unit.
+    """Polygons of a mesh file, y up, in the file's unit.
 
-    ``corners`` lists the vertices of polygon 0, then those of polygon 1, and so on; ``counts`` says how many
-    each has. Text files also know the line of every vertex and polygon, and may count from 1.
+    ``corners`` lists the vertices of polygon 0, then those of polygon 1, and so on; ``counts`` has their numbers.
+    Text formats also give the line of every vertex and polygon, and may number them from 1.
     """
 
     file: str
@@ -35,30 +35,30 @@ class RawMesh:
     texcoords: Floats | None = None  # of each corner, NaN where it has none, shape [sum of counts, 2]
     panels: Ints | None = None  # panel of each polygon, shape [P]
     panel_names: tuple[str, ...] = ()
-    metres_per_unit: float | None = None  # as the file itself declares
+    metres_per_unit: float | None = None  # as the file declares
     vertex_lines: Ints | None = None  # shape [V]
     face_lines: Ints | None = None  # shape [P]
-    first_index: int = 0  # what the file calls its first vertex
+    first_index: int = 0  # number of the first vertex in the file
     notes: tuple[str, ...] = ()
-    rest: Floats | None = None  # where each corner is at rest, as a stage states it, shape [sum of counts, 3]
-    folds: Folds | None = None  # rest angles between faces, as a stage states them
-    axis_unknown: bool = False  # whether nothing but custom says that y is up
-    doubt: Floats | None = None  # by how much each coordinate may be off, as stored [file unit], shape [V, 3]
+    rest: Floats | None = None  # rest position of each corner, from a USD stage, shape [sum of counts, 3]
+    folds: Folds | None = None  # rest angles between faces, from a USD stage
+    axis_unknown: bool = False  # whether the format does not state the up axis
+    doubt: Floats | None = None  # rounding error of each stored coordinate [file unit], shape [V, 3]
 
     def vertex_name(self, vertex: int) -> str:
-        """How the file itself calls a vertex."""
+        """Number of a vertex in the file."""
         return str(vertex + self.first_index)
 
     def face_name(self, face: int) -> str:
-        """Where a face stands: its line, or its number from 0."""
+        """A face by its line, or by its number from 0."""
         return f"line {self.face_lines[face]}" if self.face_lines is not None else f"face {face}"
 
     def vertex_place(self, vertex: int) -> str:
-        """File of a vertex, with its line where that is known."""
+        """The file, with the line of a vertex where known."""
         return f"{self.file}:{self.vertex_lines[vertex]}" if self.vertex_lines is not None else self.file
 
     def face_place(self, face: int) -> str:
-        """File of a face, with its line where that is known."""
+        """The file, with the line of a face where known."""
         return f"{self.file}:{self.face_lines[face]}" if self.face_lines is not None else self.file
 
     def polygon_of_corner(self, corner: int) -> int:
@@ -67,14 +67,14 @@ class RawMesh:
 
 
 def counted(number: int, what: str) -> str:
-    """A number with its noun, for notes: "1 vertex", "2 vertices"."""
+    """A number with its noun: "1 vertex", "2 vertices"."""
     if number != 1:
         what = what.removesuffix("ex") + "ices" if what.endswith("vertex") else what + "s"
     return f"{number:,} {what}"
 
 
 def joined(parts: Sequence[RawMesh], file: str, names: Sequence[str]) -> RawMesh:
-    """Several meshes of one file as one, in their order; each becomes a panel."""
+    """The meshes of a file joined to one, in order; each becomes a panel."""
     if len(parts) == 1:
         return parts[0]
     offsets = np.cumsum([0] + [len(part.points) for part in parts])
@@ -101,13 +101,17 @@ def joined(parts: Sequence[RawMesh], file: str, names: Sequence[str]) -> RawMesh
 
 
 def check(raw: RawMesh) -> None:
-    """Refuse what no repair can mend: nothing there, numbers that are none, indices that point nowhere."""
+    """Refuses what cannot be repaired: an empty mesh, non-finite coordinates, indices out of range.
+
+    Raises:
+        InputError: with the file, and the line where known.
+    """
     if not len(raw.points):
         raise InputError(raw.file, "the mesh has no vertices", EXPORT_AGAIN)
     if not len(raw.counts):
-        raise InputError(raw.file, "the mesh has no faces, only points or lines", "export its surface as faces")
+        raise InputError(raw.file, "the mesh has no faces, only points or lines", "export its surface as polygons")
     if (raw.counts < 0).any() or raw.counts.sum() != len(raw.corners):
-        problem = f"face sizes add up to {raw.counts.sum():,} corners, but {len(raw.corners):,} are listed"
+        problem = f"face sizes add up to {raw.counts.sum():,} corners, but there are {len(raw.corners):,}"
         raise InputError(raw.file, problem, EXPORT_AGAIN)
     wild = np.flatnonzero(~np.isfinite(raw.points).all(axis=1))
     if len(wild):
@@ -115,7 +119,7 @@ def check(raw: RawMesh) -> None:
         x, y, z = raw.points[vertex]
         more = f" (and {len(wild) - 1:,} more)" if len(wild) > 1 else ""
         problem = f"vertex {raw.vertex_name(vertex)} is not finite: ({x:g}, {y:g}, {z:g}){more}"
-        raise InputError(raw.vertex_place(vertex), problem, "repair the mesh where it was made")
+        raise InputError(raw.vertex_place(vertex), problem, "repair the mesh in the modelling tool")
     lost = np.flatnonzero((raw.corners < 0) | (raw.corners >= len(raw.points)))
     if len(lost):
         face = raw.polygon_of_corner(int(lost[0]))

@@ -1,4 +1,4 @@
-"""Repairs that leave the surface as it is meant: degenerate and duplicate faces, unwelded seams, winding."""
+"""Safe repairs of a mesh: degenerate and duplicate faces, unwelded seams, winding."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from warp_cloth.base.connected import connected_components
 from warp_cloth.base.errors import InputError
-from warp_cloth.loading.distinct import distinct, edges_of, used_ids
 from warp_cloth.loading.polygons import triangulated
 from warp_cloth.loading.raw import Floats, Ints, RawMesh, Role, counted
+from warp_cloth.loading.unique_rows import edges_of, unique_rows, used_ids
 from warp_cloth.loading.weld import Weld, weld
 from warp_cloth.loading.winding import consistent_winding, outward
 
@@ -26,15 +26,12 @@ TWO_SIDED = 0.9  # share of the faces that lie on others: not a pocket or a faci
 
 FARTHEST = 1e12  # texture coordinates beyond this count as none: no panel lies there, in whatever unit
 
-CLOSED = (
-    "a closed surface, as of a body, or of cloth modelled with its thickness: a garment is one sheet, open where it is "
-    "put on"
-)
+CLOSED = "a closed surface, like a body or cloth modelled with its thickness: a garment is one sheet with openings"
 
 
 @dataclass(frozen=True, eq=False)
 class Repaired:
-    """Sound triangles over the vertices that they use."""
+    """Valid triangles over the vertices that they use."""
 
     points: Floats  # [m], shape [V, 3]
     triangles: Ints  # shape [F, 3]
@@ -65,7 +62,7 @@ class _Work:
 
 
 def repaired(raw: RawMesh, points: Floats, *, role: Role, rest: RestKind) -> Repaired:
-    """Sound triangles of a checked mesh; ``points`` are its vertices in metres.
+    """Valid triangles of a checked mesh; ``points`` are its vertices in metres, shape [V, 3].
 
     A triangle without area is dropped, unless the cloth's rest shape lies in texture space and has an area
     there: a garment may start with seams or panels drawn together.
@@ -96,7 +93,7 @@ def repaired(raw: RawMesh, points: Floats, *, role: Role, rest: RestKind) -> Rep
     if role == "garment" and pieces > 1:
         notes = (
             *notes,
-            f"{pieces:,} pieces that nothing joins: weld the vertices of their seams if they are to be sewn",
+            f"{pieces:,} separate pieces: weld the vertices of their seams if they should be sewn",
         )
     if closed:
         notes = (*notes, CLOSED)
@@ -126,17 +123,17 @@ def _two_sided(corners: Floats) -> tuple[str, ...]:
 
     ``corners`` [m], shape [F, 3, 3].
     """
-    place = distinct(corners.reshape(-1, 3) + 0.0).number.reshape(-1, 3)
-    doubled = int((distinct(np.sort(place, axis=1)).count > 1).sum())
+    place = unique_rows(corners.reshape(-1, 3) + 0.0).number.reshape(-1, 3)
+    doubled = int((unique_rows(np.sort(place, axis=1)).count > 1).sum())
     if 2 * doubled < TWO_SIDED * len(corners):
         return ()
-    told = f"{counted(2 * doubled, 'triangle')} lie on others, as where every face was exported for either side"
-    return (f"{told}: two layers of cloth, twice as heavy and stiff; remove one of them",)
+    told = f"{counted(2 * doubled, 'triangle')} coincide with others, as if every face was exported once for each side"
+    return (f"{told}: two layers of cloth, twice as heavy and stiff; remove one",)
 
 
 def _refuse_empty(raw: RawMesh, work: _Work) -> None:
     if not len(work.triangles):
-        problem = f"no face is left of {len(raw.counts):,}: {', '.join(work.notes)}"
+        problem = f"none of its {len(raw.counts):,} faces can be used: {', '.join(work.notes)}"
         raise InputError(raw.file, problem, "export the mesh again; its surface has no area")
 
 
@@ -160,7 +157,7 @@ def _repeats(triangles: Ints) -> NDArray[np.bool_]:
 def _first_of_each(triangles: Ints) -> NDArray[np.bool_]:
     """Whether each triangle is the first over its set of vertices."""
     first = np.zeros(len(triangles), dtype=bool)
-    first[distinct(np.sort(triangles, axis=1)).first] = True
+    first[unique_rows(np.sort(triangles, axis=1)).first] = True
     return first
 
 
@@ -191,22 +188,22 @@ def _is_line(corners: Floats) -> NDArray[np.bool_]:
 def _welded(work: _Work, welded: Weld, role: Role) -> _Work:
     notes = work.notes
     if welded.joined:
-        where = f"up to {1e3 * welded.farthest:.2g} mm away" if welded.farthest > 0.0 else "at exactly the same place"
+        where = f"up to {1e3 * welded.farthest:.2g} mm away" if welded.farthest > 0.0 else "at the same place"
         notes = (*notes, f"{counted(welded.joined, 'vertex')} welded to others {where}")
     if welded.apart and role == "garment":
         what = f"{counted(welded.apart, 'vertex')} at the same place as others"
-        notes = (*notes, f"{what} left apart: openings, layers, or parts that only touch")
+        notes = (*notes, f"{what} not welded: openings, layers, or parts that only touch")
     if not welded.joined:
         return replace(work, notes=notes)
     work = replace(work, triangles=welded.vertex[work.triangles], notes=notes)
-    work = work.kept(~_repeats(work.triangles), "triangle", "that welding closed")
+    work = work.kept(~_repeats(work.triangles), "triangle", "collapsed by welding")
     return work.kept(_first_of_each(work.triangles), "duplicate triangle")
 
 
 def _has_no_rim(raw: RawMesh, work: _Work) -> bool:
     """Whether every edge has two faces. Refuses one with three or more: it has no two sides to bend about."""
     edges = np.sort(edges_of(work.triangles), axis=1)
-    found = distinct(edges)
+    found = unique_rows(edges)
     bad = np.flatnonzero(found.count > 2)
     if not len(bad):
         return bool((found.count == 2).all())
@@ -215,8 +212,8 @@ def _has_no_rim(raw: RawMesh, work: _Work) -> bool:
     named = ", ".join(raw.face_name(int(face)) for face in touching[:6])
     more = f" ({len(bad) - 1:,} more such edges)" if len(bad) > 1 else ""
     count = found.count[bad[0]]
-    problem = f"the edge between vertices {a} and {b} has {count} faces ({named}){more}; cloth allows two"
-    remedy = "separate the layers, or remove the extra faces, where the garment was made"
+    problem = f"the edge between vertices {a} and {b} has {count} faces ({named}){more}; cloth has at most two"
+    remedy = "separate the layers or remove the extra faces in the modelling tool"
     raise InputError(raw.face_place(int(touching[0])), problem, remedy)
 
 
@@ -230,14 +227,14 @@ def _wound(work: _Work, points: Floats, role: Role) -> _Work:
             f"winding of {counted(int(flip.sum()), 'triangle')} flipped to agree with the neighbours",
         )
     if twisted:
-        notes = (*notes, f"{counted(twisted, 'one-sided component')} (Moebius) left with the file's winding")
+        notes = (*notes, f"{counted(twisted, 'one-sided component')} (Moebius) keep the file's winding")
     triangles = np.where(flip[:, None], work.triangles[:, ::-1], work.triangles)
     if role == "avatar":
         inward = outward(points, triangles)
         if inward.any():
             notes = (
                 *notes,
-                f"{counted(int(inward.sum()), 'triangle')} of inside-out closed parts turned outwards",
+                f"{counted(int(inward.sum()), 'triangle')} of inside-out closed parts flipped",
             )
         triangles = np.where(inward[:, None], triangles[:, ::-1], triangles)
         flip = flip ^ inward

@@ -1,4 +1,4 @@
-"""Which length unit a mesh is in: as stated, as its file declares, or guessed from how large it is."""
+"""The length unit of a mesh: as the scene states, as its file declares, or guessed from its size."""
 
 from __future__ import annotations
 
@@ -13,28 +13,31 @@ from warp_cloth.base.mesh import Mesh
 from warp_cloth.base.units import LENGTH_UNITS, METRES_PER, LengthUnit
 from warp_cloth.loading.raw import Floats, Role, counted
 
-# Largest extent [m] of what is worn and of who wears it: from a hat and a baby to a bridal train and a giant.
+# Largest extent [m] of garments and bodies: from a hat and a baby to a bridal train and a giant.
 PLAUSIBLE: dict[Role, tuple[float, float]] = {"garment": (0.2, 3.5), "avatar": (0.3, 3.5)}
 # Largest extent [m] accepted where the unit is stated: dolls and curtains are possible, houses are not.
 POSSIBLE: dict[Role, tuple[float, float]] = {"garment": (0.01, 20.0), "avatar": (0.05, 20.0)}
-# Numbers that fit several units are taken as the first of these; inches are only proposed, never guessed.
+# The first of these that fits is guessed; inches are only suggested.
 GUESSED: tuple[LengthUnit, ...] = ("m", "cm", "mm")
 MAYBE_INCHES: dict[Role, tuple[float, float]] = {"garment": (20.0, 40.0), "avatar": (40.0, 80.0)}  # small in cm
 
-STRAY, FEW = 20.0, 0.01  # times as far from the middle as all but this share: no part of a garment or a body
+STRAY, FEW = (
+    20.0,
+    0.01,
+)  # vertices so many times farther from the middle than all but this fraction belong to no garment or body
 
 FARTHEST = 1000.0  # [m] from the origin; there float32, as files store points, has steps of 0.06 mm
 
-GUESS_NOTE = "units not stated"  # how every note on a guess starts
+GUESS_NOTE = "units not stated"  # start of every note about a guess
 # Largest extent of the garment over the avatar's, from a glove to a train. Wide where both units are stated.
 RATIO, WIDE_RATIO = (0.05, 1.6), (0.01, 20.0)
-SAME_UNIT_RATIO = (0.02, 5.0)  # both guessed the same: whatever is wrong, it is not one against the other
+SAME_UNIT_RATIO = (0.02, 5.0)  # both guessed alike: an error concerns both
 GAP, WIDE_GAP = 0.25, 2.0  # between the two bounding boxes, over the avatar's extent
 
 
 @dataclass(frozen=True)
 class UnitChoice:
-    """Unit of a mesh, its length in metres, and a note where it was guessed or overrules the file."""
+    """Unit of a mesh, its length in metres, and a note if it was guessed or overrides the file."""
 
     name: str
     metres: float
@@ -44,11 +47,15 @@ class UnitChoice:
 def choose_unit(
     points: Floats, *, file: str, role: Role, key: str, stated: LengthUnit | None, declared: float | None
 ) -> UnitChoice:
-    """Unit of the vertices in use (file unit, shape [V, 3]); refuses a size that it makes impossible."""
+    """Unit of the vertices in use, ``points`` [file unit], shape [V, 3].
+
+    Raises:
+        InputError: no unit gives the mesh a possible size.
+    """
     with np.errstate(over="ignore"):
         extent = float(np.ptp(points, axis=0).max())
     if extent == 0.0:
-        raise InputError(file, "all its vertices lie at one point", "export the mesh again")
+        raise InputError(file, "all vertices are at one point", "export the mesh again")
     if stated is not None or declared is not None:
         metres = METRES_PER[stated] if stated is not None else float(declared or 0.0)
         name = stated if stated is not None else _unit_name(metres)
@@ -56,20 +63,20 @@ def choose_unit(
             _refuse_strays(points, file)
         _refuse_impossible(extent, metres, name, file=file, role=role, key=key, said=stated is not None)
         overruled = stated is not None and declared is not None and not np.isclose(metres, declared)
-        note = f'units = "{name}" overrules the file, which declares {_unit_name(declared or 0.0)}'
+        note = f'units = "{name}" overrides the file, which declares {_unit_name(declared or 0.0)}'
         return UnitChoice(name, metres, (note,) if overruled else ())
     fitting = [unit for unit in GUESSED if _fits(extent * METRES_PER[unit], PLAUSIBLE[role])]
     if not fitting:
         _refuse_strays(points, file)
         low, high = PLAUSIBLE[role]
         wanted = f"{_a(role)} of {low:g} to {high:g} m"
-        problem = f"units not stated, and an extent of {extent:.4g} fits no unit for {wanted}"
+        problem = f"units not stated, and with an extent of {extent:.4g} no unit gives {wanted}"
         remedy = _possible_units(extent, role, key) or _rescaling(extent, role, key)
         raise InputError(file, problem, remedy)
     unit = fitting[0]
-    note = f"{GUESS_NOTE}: took {_PLURALS[unit]}, as its largest extent is {extent:.4g}"
+    note = f"{GUESS_NOTE}: {_PLURALS[unit]} assumed, as the largest extent is {extent:.4g}"
     if _fits(extent, MAYBE_INCHES[role]):
-        note += f' (inches are possible: then set {key}.units = "in")'
+        note += f' (if it is in inches, set {key}.units = "in")'
     return UnitChoice(unit, METRES_PER[unit], (note,))
 
 
@@ -89,24 +96,24 @@ def _fits(value: float, bounds: tuple[float, float]) -> bool:
 
 
 def _likely_unit(extent: float, role: Role, *, other_than: str = "") -> LengthUnit | None:
-    """Unit in which an extent is plausible, metres first."""
+    """The first unit, metres first, in which an extent is plausible."""
     fitting = (unit for unit in LENGTH_UNITS if unit != other_than)
     return next((unit for unit in fitting if _fits(extent * METRES_PER[unit], PLAUSIBLE[role])), None)
 
 
 def _possible_units(extent: float, role: Role, key: str) -> str:
-    """What to set for an extent that no unit makes usual, but some unit makes possible."""
+    """The units that make an unusual extent possible, as a remedy; empty without any."""
     units = [unit for unit in LENGTH_UNITS if _fits(extent * METRES_PER[unit], POSSIBLE[role])]
     values = " or ".join(f'"{unit}" ({_length(extent * METRES_PER[unit])})' for unit in units)
-    return f"if it is meant to be that size, set {key}.units = {values}" if units else ""
+    return f"if that size is intended, set {key}.units = {values}" if units else ""
 
 
 def _rescaling(extent: float, role: Role, key: str) -> str:
-    """What to do about an extent that no unit makes possible: bring it to metres by a power of ten."""
+    """Remedy for an extent that no unit makes possible: scaling to metres by a power of ten."""
     low, high = PLAUSIBLE[role]
     extent = min(max(extent, 1e-300), 1e300)  # beyond these the factor itself would overflow
     factor = 10.0 ** round(math.log10(math.sqrt(low * high) / extent))
-    return f'scale the mesh by {factor:g}, which makes it {_length(extent * factor)}, and set {key}.units = "m"'
+    return f'scale the mesh by {factor:g}, to {_length(extent * factor)}, and set {key}.units = "m"'
 
 
 def _length(metres: float) -> str:
@@ -116,21 +123,21 @@ def _length(metres: float) -> str:
 
 
 def _refuse_strays(points: Floats, file: str) -> None:
-    """Refuse an extent that is that of a few vertices only."""
+    """Refuses a mesh whose extent is due to a few stray vertices."""
     with np.errstate(over="ignore"):
         away = np.abs(points - np.median(points, axis=0)).max(axis=1)
         strays = away / STRAY > np.quantile(away, 1.0 - FEW)
     if strays.any():
         x, y, z = points[np.argmax(away)]
         problem = f"{counted(int(strays.sum()), 'vertex')} far from all others, the farthest at ({x:g}, {y:g}, {z:g})"
-        raise InputError(file, problem, "remove what does not belong to the mesh where it was made")
+        raise InputError(file, problem, "remove them in the modelling tool")
 
 
 def _refuse_impossible(extent: float, metres: float, name: str, *, file: str, role: Role, key: str, said: bool) -> None:
     if _fits(extent * metres, POSSIBLE[role]):
         return
-    source = f'{key}.units = "{name}"' if said else f"its own unit ({name})"
-    problem = f"{_length(extent * metres)} across by {source} is no {role}"
+    source = f'{key}.units = "{name}"' if said else f"its declared unit ({name})"
+    problem = f"is {_length(extent * metres)} across with {source}: not a possible {role}"
     likely = _likely_unit(extent, role, other_than=name)
     if likely is None:
         raise InputError(file, problem, _rescaling(extent, role, key))
@@ -138,24 +145,29 @@ def _refuse_impossible(extent: float, metres: float, name: str, *, file: str, ro
 
 
 def refuse_far(points: Floats, metres: float, file: str) -> None:
-    """Refuse a place where results, whose numbers are float32, would lose more than a tenth of a millimetre."""
+    """Refuses a mesh so far from the origin that float32 results would lose more than 0.1 mm."""
     middle = 0.5 * (points.min(axis=0) + points.max(axis=0)) * metres
     away = float(np.abs(middle).max())
     if away > FARTHEST:
         x, y, z = middle
         problem = f"lies {away / 1000:,.3g} km from the origin, at ({x:g}, {y:g}, {z:g}) m"
-        raise InputError(file, problem, "move garment and avatar to the origin: stored numbers are too coarse there")
+        raise InputError(file, problem, "move garment and avatar to the origin: float32 is too coarse there")
 
 
 def was_guessed(mesh: Mesh) -> bool:
-    """Whether the mesh's unit came from its size alone."""
+    """Whether the mesh's unit was guessed from its size."""
     return any(note.startswith(GUESS_NOTE) for note in mesh.notes)
 
 
 def check_sizes(garments: Sequence[tuple[str, Mesh]], avatar: Mesh | None) -> None:
-    """Refuse garments whose size or place cannot belong to the avatar; closer where a unit was guessed.
+    """Refuses garments whose size or place does not fit the avatar; with closer bounds where a unit was guessed.
 
-    Each garment comes with its key in the scene ("garment", "garment[1]").
+    Args:
+        garments: scene key ("garment", "garment[1]") and mesh of each.
+        avatar: None: nothing is checked.
+
+    Raises:
+        InputError: a garment does not fit, with the unit that would.
     """
     if avatar is None:
         return
@@ -171,15 +183,15 @@ def check_sizes(garments: Sequence[tuple[str, Mesh]], avatar: Mesh | None) -> No
             continue
         extent_g, extent_a = _extent(garment), _extent(avatar)
         if not _fits(ratio, ratio_bounds):
-            problem = f"{_length(extent_g)} across does not belong to an avatar of {_length(extent_a)}"
+            problem = f"is {_length(extent_g)} across, which does not fit an avatar of {_length(extent_a)}"
         else:
-            problem = f"lies {_length(gap * extent_a)} away from the avatar, which is {_length(extent_a)} across"
+            problem = f"is {_length(gap * extent_a)} away from the avatar, which is {_length(extent_a)} across"
         problem += f" (garment in {_origin(garment)}, avatar in {_origin(avatar)})"
         raise InputError(f'{key} "{garment.name}"', problem, _remedy(key, garment, avatar))
 
 
 def _origin(mesh: Mesh) -> str:
-    return f"{mesh.unit}, {'guessed' if was_guessed(mesh) else 'as stated'}"
+    return f"{mesh.unit}, {'guessed' if was_guessed(mesh) else 'stated'}"
 
 
 def _extent(mesh: Mesh) -> float:
@@ -188,9 +200,9 @@ def _extent(mesh: Mesh) -> float:
 
 
 def _fit_of(garment: Mesh, avatar: Mesh, scale_g: float, scale_a: float, *, stand: str = "") -> tuple[float, float]:
-    """Extent of the garment, and gap between the bounding boxes, both over the avatar's extent, if scaled.
+    """Extent of the garment and gap between the bounding boxes, if scaled, relative to the avatar's extent.
 
-    ``stand`` says which of them is stood up first, "garment" or "avatar".
+    ``stand``, "garment" or "avatar", is rotated from z up to y up first.
     """
     (low_g, high_g), (low_a, high_a) = (
         _stood_up(*mesh.bounds()) if role == stand else mesh.bounds()
@@ -202,12 +214,12 @@ def _fit_of(garment: Mesh, avatar: Mesh, scale_g: float, scale_a: float, *, stan
 
 
 def _stood_up(low: Floats, high: Floats) -> tuple[Floats, Floats]:
-    """A bounding box with z up as it is with y up."""
+    """A bounding box rotated from z up to y up."""
     return np.array([low[0], low[2], -high[1]]), np.array([high[0], high[2], -low[1]])
 
 
 def _remedy(key: str, garment: Mesh, avatar: Mesh) -> str:
-    """The unit that would make them fit: of whichever was guessed first, else of either."""
+    """The unit that makes garment and avatar fit: guessed ones are tried first."""
     options: list[tuple[bool, str, LengthUnit, float, float]] = []
     for unit in LENGTH_UNITS:
         if unit != garment.unit:
@@ -224,6 +236,8 @@ def _remedy(key: str, garment: Mesh, avatar: Mesh) -> str:
         if sane and _fits(ratio, RATIO) and gap <= GAP:
             return f'likely {_PLURALS[unit]}: set {name}.units = "{unit}"'
     for role, name, mesh in (("garment", key, garment), ("avatar", "avatar", avatar)):
-        if was_guessed(mesh) and _fit_of(garment, avatar, 1.0, 1.0, stand=role)[1] == 0.0:  # no format that tells
-            return f'if z is up in its file, set {name}.up = "z"; or place the garment round the avatar'
+        if (
+            was_guessed(mesh) and _fit_of(garment, avatar, 1.0, 1.0, stand=role)[1] == 0.0
+        ):  # only formats without an up axis are guessed
+            return f'if its file is z up, set {name}.up = "z"; or place the garment round the avatar'
     return f"set {key}.units and avatar.units, and place the garment round the avatar"

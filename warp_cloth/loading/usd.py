@@ -1,4 +1,4 @@
-"""USD stages: one mesh, or all of them, in stage space, with the stage's unit and up axis honoured."""
+"""USD reader: one or more meshes of a stage, in stage space, in its unit, y up."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def read_usd_samples(file: str, *, key: str, prim: str | None) -> list[RawMesh]:
     with opened_stage(file) as stage:
         times = _sample_times(stage, _mesh_paths(stage, prim, file, key))
         if not times:
-            raise InputError(file, "the avatar has no time samples", "export it with its animation")
+            raise InputError(file, "the avatar has no time samples", "export its animation")
         return [_read(stage, file, "avatar", key, prim, time) for time in times]
 
 
@@ -66,7 +66,7 @@ def mesh_paths_of(file: str, prim: str | None = None, key: str = "") -> list[str
 
 @contextmanager
 def opened_stage(file: str, *, known: bool = False) -> Iterator[Usd.Stage]:
-    """The stage of a file; whatever USD has against it is told as bad input. ``known``: it was read before."""
+    """The stage of a file; USD's errors become InputError. ``known``: the file was read before."""
     from pxr import Usd
 
     if not known:
@@ -90,7 +90,7 @@ def _read(stage: Usd.Stage, file: str, role: Role, key: str, prim: str | None, t
 
     paths = _mesh_paths(stage, prim, file, key)
     if len(paths) > 1 and role == "garment" and prim is None:
-        remedy = f'choose one: {key}.prim = "PATH", of a mesh or of what holds all meshes of the garment'
+        remedy = f'set {key}.prim = "PATH", of one mesh or of a prim with all meshes of the garment'
         raise InputError(file, f"holds {len(paths)} meshes: {_listed(paths)}", remedy)
     scale = metres_per_unit(stage, file)
     z_up = UsdGeom.GetStageUpAxis(stage) == UsdGeom.Tokens.z
@@ -122,12 +122,12 @@ def _refuse_unreadable(file: str) -> None:
     try:
         done = subprocess.run(command, capture_output=True, env=environment, timeout=PROBE_SECONDS, check=False)
     except subprocess.TimeoutExpired:
-        raise InputError(file, f"USD does not finish reading it in {PROBE_SECONDS} s", DAMAGED) from None
+        raise InputError(file, f"USD does not finish reading it within {PROBE_SECONDS} s", DAMAGED) from None
     except OSError:  # no interpreter to start, as in some embedding programs
         return
     if done.returncode:
         said = usd_sentence(done.stdout.decode("utf-8", errors="replace"))
-        raise InputError(file, f"cannot be read as USD: {said or 'USD crashes on it'}", DAMAGED)
+        raise InputError(file, f"cannot be read as USD: {said or 'USD crashes'}", DAMAGED)
 
 
 def _reason(error: Exception) -> str:
@@ -156,10 +156,10 @@ def _mesh_paths(stage: Usd.Stage, prim: str | None, file: str, key: str) -> list
             known = _listed([str(p.GetPath()) for p in everything])
             reason, _ = why_missing(stage)
             problem += f" ({reason})" if reason else ""
-            raise InputError(file, problem, f"{key}.prim may be {known}" if known else "the stage holds no mesh")
+            raise InputError(file, problem, f"{key}.prim may be {known}" if known else "the stage has no mesh")
     if not found:
         reason, remedy = why_missing(stage)
-        problem = f"the stage holds no mesh: {reason}" if reason else "the stage holds no mesh"
+        problem = f"the stage has no mesh: {reason}" if reason else "the stage has no mesh"
         raise InputError(file, problem, remedy or "export the surface as a polygon mesh")
     shown = [p for p in found if _is_shown(UsdGeom.Imageable(p))]
     return [str(p.GetPath()) for p in (shown or found)]
@@ -239,7 +239,7 @@ def _order(counts: Ints, turn: bool, holes: Ints) -> tuple[Ints, Ints, tuple[str
         starts = np.cumsum(counts) - counts
         corner = (2 * starts + counts - 1)[owner] - corner
     solid = ~np.isin(np.arange(len(counts)), holes)
-    notes = () if solid.all() else (f"{(~solid).sum():,} faces that the stage marks as holes left out",)
+    notes = () if solid.all() else (f"{(~solid).sum():,} faces marked as holes dropped",)
     return np.flatnonzero(solid), corner[solid[owner]], notes
 
 
@@ -248,7 +248,7 @@ def _subdivision(mesh: UsdGeom.Mesh) -> tuple[str, ...]:
     scheme = mesh.GetSubdivisionSchemeAttr()
     if not scheme.HasAuthoredValue() or scheme.Get() == "none":
         return ()
-    return (f"subdivision ({scheme.Get()}) is not applied: the mesh is taken as it is stored",)
+    return (f"subdivision ({scheme.Get()}) is not applied: the mesh is used as stored",)
 
 
 def _skinning(prim: Usd.Prim) -> tuple[str, ...]:

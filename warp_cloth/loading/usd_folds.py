@@ -1,4 +1,4 @@
-"""Rest angles that a stage states by the surface-deformable physics schema, face against face."""
+"""Rest angles of pairs of faces, by the surface-deformable physics schema of USD."""
 
 from __future__ import annotations
 
@@ -37,8 +37,6 @@ def stated_folds(prim: Usd.Prim, face_count: int, place: str) -> Folds | None:
     angles = np.radians(np.array(stated if stated is not None else [], dtype=np.float64).reshape(-1))
     within = ((pairs >= 0) & (pairs < face_count)).all()
     if len(pairs) != len(angles) or not within or not np.isfinite(angles).all():
-        problem = (
-            "physics:restBendAngles and physics:restAdjTriPairs do not fit the mesh: an angle for each pair of faces"
-        )
+        problem = "physics:restBendAngles and physics:restAdjTriPairs do not match: one angle for each pair of faces"
         raise InputError(place, problem, EXPORT_AGAIN)
     return Folds(pairs, angles, default == "restShape")

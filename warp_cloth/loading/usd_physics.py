@@ -1,4 +1,4 @@
-"""What a stage says of cloth by the surface-deformable physics schema: rest shape, thickness, density, stiffness."""
+"""The surface-deformable physics schema of USD: rest shape, thickness, density and stiffness of cloth."""
 
 from __future__ import annotations
 
@@ -80,18 +80,18 @@ def rest_corners(mesh: UsdGeom.Mesh, counts: Ints, corners: Ints, matrix: Floats
     even = np.allclose(linear @ linear.T, scale**2 * np.eye(3), rtol=0.0, atol=1e-6 * scale**2)
     stored = np.array(stated, dtype=np.float64).reshape(-1, 3)
     if not np.isfinite(stored).all():
-        raise InputError(place, "physics:restShapePoints are not finite", "repair the rest shape where it was made")
+        raise InputError(place, "physics:restShapePoints are not finite", "repair the rest shape in the modelling tool")
     points = stored @ (scale * np.eye(3) if even else linear)
     listed = value_of(prim, "physics:restTriVertexIndices")
     indices = corners if listed is None or not len(listed) else np.array(listed, dtype=np.int64).ravel()
     if indices is corners and len(points) != len(mesh.GetPointsAttr().Get(Usd.TimeCode.EarliestTime()) or []):
-        problem = "physics:restShapePoints are not one for each vertex, and there are no physics:restTriVertexIndices"
+        problem = "physics:restShapePoints are not one per vertex, and physics:restTriVertexIndices are missing"
         raise InputError(place, problem, EXPORT_AGAIN)
     if indices is corners and ((corners < 0) | (corners >= len(points))).any():
         return None  # the mesh itself is refused
     whole = len(indices) == len(corners) and ((indices >= 0) & (indices < len(points))).all()
     if not whole or (listed is not None and len(listed) and (counts != 3).any()):
-        problem = "physics:restTriVertexIndices do not fit the mesh: one rest triangle for each of its triangles"
+        problem = "physics:restTriVertexIndices do not match the mesh: one rest triangle for each triangle"
         raise InputError(place, problem, EXPORT_AGAIN)
     return points[indices]
 
@@ -144,8 +144,8 @@ def fabric_of(stage: Usd.Stage, prim: Usd.Prim) -> dict[str, Any]:
     for name in CONSTANTS if material is not None else ():
         value = value_of(material, f"physics:{name}")
         if value is not None and not (np.isfinite(value) and value >= 0.0):
-            raise InputError(f"{place} {bound.GetPath()}", f"physics:{name} is {value:g}", "give it a positive value")
-        if value:  # 0 stands for not stated
+            raise InputError(f"{place} {bound.GetPath()}", f"physics:{name} is {value:g}", "set a positive value")
+        if value:  # 0 means not stated
             constants[name] = _stands_for(float(value), units[name])
     thickness = None
     listed = value_of(prim, "physics:thicknesses")
@@ -153,7 +153,7 @@ def fabric_of(stage: Usd.Stage, prim: Usd.Prim) -> dict[str, Any]:
         values = np.array(listed, dtype=np.float64)
         if not (np.isfinite(values) & (values >= 0.0)).all():
             raise InputError(
-                f"{place} {prim.GetPath()}", "physics:thicknesses are not all 0 or more", "give it a thickness"
+                f"{place} {prim.GetPath()}", "physics:thicknesses are not all 0 or more", "set a thickness"
             )
         thickness = _stands_for(float(values.mean()), metres)
     return fabric_table(constants, thickness, weight)
@@ -170,7 +170,7 @@ def stated_masses(prim: Usd.Prim, vertex_count: int, place: str) -> Floats | Non
         return None
     masses = np.array(listed, dtype=np.float64)
     if masses.shape != (vertex_count,) or not (np.isfinite(masses) & (masses > 0.0)).all():
-        raise InputError(place, "physics:masses are not one positive number for each vertex", EXPORT_AGAIN)
+        raise InputError(place, "physics:masses are not one positive number per vertex", EXPORT_AGAIN)
     return masses
 
 
@@ -179,7 +179,7 @@ def mass_notes(prim: Usd.Prim, vertex_count: int, place: str) -> tuple[str, ...]
     masses = stated_masses(prim, vertex_count, place)
     if masses is None or np.ptp(masses) <= SAME_MASS * masses.max():
         return ()
-    return ("physics:masses differ from vertex to vertex: their sum is spread evenly, as every vertex weighs the same",)
+    return ("physics:masses differ between vertices: their sum is distributed evenly, as all vertices weigh the same",)
 
 
 def _stated_weight(prim: Usd.Prim, kilograms: float, metres: float, place: str) -> float | None:
@@ -245,6 +245,6 @@ def common_ancestor(paths: list[str], apart_from: list[str], place: Path) -> str
     for path in paths[1:]:
         common = common.GetCommonPrefix(Sdf.Path(path))
     if common == Sdf.Path.absoluteRootPath or any(Sdf.Path(path).HasPrefix(common) for path in apart_from):
-        problem = f"holds {len(paths)} meshes that may be the avatar: {', '.join(paths[:6])}"
-        raise InputError(place, problem, "say which: --set avatar.prim=PATH")
+        problem = f"has {len(paths)} meshes that may be the avatar: {', '.join(paths[:6])}"
+        raise InputError(place, problem, "name it: --set avatar.prim=PATH")
     return str(common)

@@ -1,4 +1,4 @@
-"""What a whole stage says of its numbers, or fails to: unit, mass, up axis, references that lead nowhere."""
+"""Units, up axis, transforms and broken references of a USD stage."""
 
 from __future__ import annotations
 
@@ -17,40 +17,40 @@ FLATTEST = 1e-9  # determinant of a transform over its largest size cubed, below
 
 
 def metres_per_unit(stage: Usd.Stage, file: str) -> float | None:
-    """The stage's unit; None where it states none.
+    """Metres per unit of the stage; None if it states none.
 
     Raises:
-        InputError: it is no unit, or the up axis is none.
+        InputError: the unit or the up axis is invalid.
     """
     from pxr import UsdGeom
 
     axis = str(UsdGeom.GetStageUpAxis(stage))
     if axis not in (UsdGeom.Tokens.y, UsdGeom.Tokens.z):
-        raise InputError(file, f"upAxis is {axis}", "make it Y or Z")
+        raise InputError(file, f"upAxis is {axis}", "set it to Y or Z")
     if not UsdGeom.StageHasAuthoredMetersPerUnit(stage):
         return None
     scale = float(UsdGeom.GetStageMetersPerUnit(stage))
     if not (np.isfinite(scale) and scale > 0):
-        raise InputError(file, f"metersPerUnit is {scale:g}", "give the stage a positive one")
+        raise InputError(file, f"metersPerUnit is {scale:g}", "set a positive value")
     return scale
 
 
 def kilograms_per_unit(stage: Usd.Stage, file: str) -> float:
-    """The stage's unit of mass.
+    """Kilograms per unit of mass of the stage.
 
     Raises:
-        InputError: it is no unit.
+        InputError: the unit is invalid.
     """
     from pxr import UsdPhysics
 
     scale = float(UsdPhysics.GetStageKilogramsPerUnit(stage))
     if not (np.isfinite(scale) and scale > 0):
-        raise InputError(file, f"kilogramsPerUnit is {scale:g}", "give the stage a positive one")
+        raise InputError(file, f"kilogramsPerUnit is {scale:g}", "set a positive value")
     return scale
 
 
 def standing_time(prim: Usd.Prim) -> Usd.TimeCode:
-    """When a prim stands as it is read: its default, or the first sample where its points or its place have none."""
+    """The time at which a prim is read: the default, or the first sample if points or transform have no default."""
     from pxr import Usd, UsdGeom
 
     points = UsdGeom.Mesh(prim).GetPointsAttr() if prim.IsA(UsdGeom.Mesh) else None
@@ -74,15 +74,15 @@ def to_stage(mesh: UsdGeom.Mesh, time: Usd.TimeCode, place: str) -> Floats:
 
     matrix = np.array(UsdGeom.XformCache(time).GetLocalToWorldTransform(mesh.GetPrim()), dtype=np.float64)
     if not np.isfinite(matrix).all():
-        raise InputError(place, "its transform, or one above it, is not finite", "give it numbers")
+        raise InputError(place, "its transform, or one above it, is not finite", "correct the transform")
     size = float(np.abs(matrix[:3, :3]).max())
     if abs(float(np.linalg.det(matrix[:3, :3] / (size or 1.0)))) <= FLATTEST:
-        raise InputError(place, "its transform, or one above it, flattens it: a scale is 0", "give it another scale")
+        raise InputError(place, "its transform, or one above it, has a scale of 0", "correct the scale")
     return matrix
 
 
 def meshes_of(stage: Usd.Stage) -> list[Usd.Prim]:
-    """The meshes of a stage, instances too, but not what a point instancer scatters."""
+    """The meshes of a stage, including instances, without prototypes of point instancers."""
     from pxr import Usd, UsdGeom
 
     scattered = [path for _, path in _prototypes(stage)]
@@ -94,7 +94,7 @@ def meshes_of(stage: Usd.Stage) -> list[Usd.Prim]:
 
 
 def _prototypes(stage: Usd.Stage) -> list[tuple[Usd.Prim, Sdf.Path]]:
-    """Every point instancer of a stage with each prim that it scatters."""
+    """Every point instancer of a stage with each of its prototypes."""
     from pxr import Usd, UsdGeom
 
     every = Usd.PrimRange(stage.GetPseudoRoot(), Usd.TraverseInstanceProxies())
@@ -107,15 +107,15 @@ def _prototypes(stage: Usd.Stage) -> list[tuple[Usd.Prim, Sdf.Path]]:
 
 
 def why_missing(stage: Usd.Stage) -> tuple[str, str]:
-    """What may keep a mesh from being found in a stage, as a clause, and what to do; both empty: nothing."""
+    """A likely reason why a stage has no such mesh, and a remedy; both empty if none is found."""
     from pxr import Usd
 
     lost = lost_references(stage)
     if lost:
-        return lost, "mend the path"
+        return lost, "correct the path"
     for prim, path in _prototypes(stage):
-        clause = f"the point instancer {prim.GetPath()} scatters {path}, and such are not read"
-        return clause, "write its instances out as meshes of their own"
+        clause = f"the point instancer {prim.GetPath()} scatters {path}, which is not supported"
+        return clause, "export its instances as meshes"
     for prim in Usd.PrimRange(stage.GetPseudoRoot()):
         sets = prim.GetVariantSets()
         for name in sets.GetNames():
@@ -126,7 +126,7 @@ def why_missing(stage: Usd.Stage) -> tuple[str, str]:
 
 
 def lost_references(stage: Usd.Stage) -> str:
-    """The first file that the stage refers to and that cannot be opened, as a clause; empty: none."""
+    """The first broken reference of the stage, as a clause; empty without any."""
     for error in stage.GetCompositionErrors():
         found = re.search(r"Could not open asset @([^@]*)@ for (\w+) introduced by @[^@]*@<([^>]*)>", str(error))
         if found:

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warp_cloth.base.connected import connected_components
-from warp_cloth.loading.distinct import distinct, edges_of, used_ids
 from warp_cloth.loading.raw import Floats, Ints
+from warp_cloth.loading.unique_rows import edges_of, unique_rows, used_ids
 
 # Vertices of two rims nearer than that [m], and than this share of the edges there, are one: files round to it.
 NEAR, NEAR_SHARE = 1e-4, 0.01
@@ -37,7 +37,7 @@ def weld(points: Floats, triangles: Ints, *, near: bool = False, panels: Floats 
     already, and where two of its rims coincide all the same it is open, as a jacket is in front.
     """
     used = used_ids(triangles, len(points))
-    places = distinct(points[used] + 0.0)  # -0 and 0 are one place
+    places = unique_rows(points[used] + 0.0)  # -0 and 0 are one place
     place = np.full(len(points), -1, dtype=np.int64)
     place[used] = places.number
     count = len(places.first)
@@ -47,7 +47,7 @@ def weld(points: Floats, triangles: Ints, *, near: bool = False, panels: Floats 
     if count == len(used):
         return Weld(np.arange(len(points)))
     soup = len(triangles) > 1 and int(np.bincount(triangles.reshape(-1)).max()) == 1
-    faces = triangles[np.sort(distinct(np.sort(place[triangles], axis=1)).first)] if soup else triangles
+    faces = triangles[np.sort(unique_rows(np.sort(place[triangles], axis=1)).first)] if soup else triangles
     a, b = _matched(place, faces, soup, panels)
     while True:
         vertex = connected_components(len(points), a, b)
@@ -74,7 +74,7 @@ def _near_rims(points: Floats, triangles: Ints) -> Ints:
     on_rim = used_ids(rim, len(points))
     first, second = [], []
     for shift in np.ndindex(2, 2, 2):  # two points within NEAR lie in one cell of at least one of these
-        cell = distinct(np.floor(points[on_rim] / (2.0 * NEAR) + 0.5 * np.array(shift))).number
+        cell = unique_rows(np.floor(points[on_rim] / (2.0 * NEAR) + 0.5 * np.array(shift))).number
         order = np.argsort(cell, kind="stable")
         for lag in NEXT:
             together = cell[order[lag:]] == cell[order[:-lag]]
@@ -87,7 +87,7 @@ def _near_rims(points: Floats, triangles: Ints) -> Ints:
 
 def _per_row(rows: Ints) -> tuple[Ints, Ints]:
     """A number for each different row (whatever the order within it), and how often each row stands there."""
-    found = distinct(np.sort(rows, axis=1))
+    found = unique_rows(np.sort(rows, axis=1))
     return found.number, found.count[found.number]
 
 
@@ -157,7 +157,7 @@ def _spoilt(vertex: Ints, triangles: Ints) -> NDArray[np.bool_]:
 
 def _twins_joined(vertex: Ints, place: Ints, triangles: Ints) -> Ints:
     """Vertices of duplicate facets joined with those of the facet that they double."""
-    found = distinct(np.sort(place[triangles], axis=1))
+    found = unique_rows(np.sort(place[triangles], axis=1))
     twin = triangles[found.first[found.number]]
     by_place = np.argsort(place[triangles], axis=1, kind="stable")
     twin_by_place = np.argsort(place[twin], axis=1, kind="stable")

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warp_cloth.base.connected import connected_components
-from warp_cloth.loading.distinct import distinct, edges_of
 from warp_cloth.loading.raw import Floats, Ints
+from warp_cloth.loading.unique_rows import edges_of, unique_rows
 
 OPEN_SHARE = 0.05  # a component with at most this share of boundary edges counts as closed (a neck, eye holes)
 
@@ -15,7 +15,7 @@ OPEN_SHARE = 0.05  # a component with at most this share of boundary edges count
 def _neighbours(triangles: Ints) -> tuple[Ints, Ints, NDArray[np.bool_]]:
     """Face pairs across each edge with exactly two, and whether both run along it the same way (wrong)."""
     edges = edges_of(triangles)
-    found = distinct(np.sort(edges, axis=1))
+    found = unique_rows(np.sort(edges, axis=1))
     order = np.argsort(found.number, kind="stable")
     starts = np.cumsum(found.count) - found.count
     first = starts[found.count == 2]

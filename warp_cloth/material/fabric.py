@@ -95,8 +95,8 @@ class Fabric:
                 raise InputError(key, f"must be a string, not {_shown(getattr(self, key))}")
         most = LARGEST_SHEAR_SHARE * min(self.stretch_warp, self.stretch_weft)
         if self.shear is not None and self.shear > most:
-            problem = f"{self.shear:.4g} N/m is more than {LARGEST_SHEAR_SHARE:g} of the smaller stretch"
-            raise InputError("shear", problem, f"state at most {most:.4g} N/m, or none")
+            problem = f"{self.shear:.4g} N/m is more than {LARGEST_SHEAR_SHARE:g} times the smaller stretch"
+            raise InputError("shear", problem, f"use at most {most:.4g} N/m, or remove it")
 
     @property
     def woven(self) -> bool:
@@ -130,8 +130,8 @@ def unlikely_values(fabric: Fabric) -> tuple[str, ...]:
     for key, (low, high) in CLOTHS.items():
         value = getattr(fabric, key)
         if value and not low <= value <= high:
-            told.append(f"{key} {value:.2g} {UNITS[key].split(';')[0]} (cloths have {low:g} to {high:g})")
-    return (f'the fabric "{fabric.name}" is like no cloth: {", ".join(told)}; check its units',) if told else ()
+            told.append(f"{key} {value:.2g} {UNITS[key].split(';')[0]} (usual: {low:g} to {high:g})")
+    return (f'the fabric "{fabric.name}" is unlike any cloth: {", ".join(told)}; check its units',) if told else ()
 
 
 def shipped_fabrics() -> dict[str, Fabric]:
@@ -152,7 +152,7 @@ def fabric_named(name: str) -> Fabric:
     names = ["default", *_shipped_files()]
     close = difflib.get_close_matches(name.lower(), names, n=1, cutoff=0.6)
     hint = f'did you mean "{close[0]}"? ' if close else ""
-    raise InputError("", f"unknown fabric {_shown(name)}", f"{hint}there are {', '.join(names)}, or name a .toml file")
+    raise InputError("", f"unknown fabric {_shown(name)}", f"{hint}use one of {', '.join(names)}, or a .toml file")
 
 
 @functools.cache  # a batch names the same few a thousand times
@@ -188,25 +188,25 @@ def resolve_fabric(value: Any, directory: Path = Path()) -> Fabric:
     raise InputError("", f"must be a name, a .toml file or a table, not {_shown(value)}", 'for instance "cotton"')
 
 
-def _named_or_file(value: str, directory: Path, way: tuple[Path, ...]) -> Fabric:
-    return _load(directory / value, way) if value.lower().endswith(".toml") else fabric_named(value)
+def _named_or_file(value: str, directory: Path, chain: tuple[Path, ...]) -> Fabric:
+    return _load(directory / value, chain) if value.lower().endswith(".toml") else fabric_named(value)
 
 
-def _base(value: str, directory: Path, way: tuple[Path, ...]) -> Fabric:
+def _base(value: str, directory: Path, chain: tuple[Path, ...]) -> Fabric:
     """What a fabric is stated over; of the generic one, whose shear goes with its stretch, the shear is left open."""
-    return Fabric() if value == "default" else _named_or_file(value, directory, way)
+    return Fabric() if value == "default" else _named_or_file(value, directory, chain)
 
 
-def _load(path: Path, way: tuple[Path, ...]) -> Fabric:
-    """A fabric file; ``way`` are the files that lead here by ``base``."""
+def _load(path: Path, chain: tuple[Path, ...]) -> Fabric:
+    """A fabric file; ``chain`` are the files that refer to it by ``base``."""
     values = read_toml(path, "fabric file")
-    if path.resolve() in way:
-        raise InputError(f"{path}: base", "comes back to this file", "end the chain with a shipped fabric")
+    if path.resolve() in chain:
+        raise InputError(f"{path}: base", "refers back to this file", "end the chain with a shipped fabric")
     try:
         base = values.pop("base", "default")
         if not isinstance(base, str):
             raise InputError("base", f"must be a name or a .toml file, not {_shown(base)}")
-        fabric = _base(base, path.parent, (*way, path.resolve()))
+        fabric = _base(base, path.parent, (*chain, path.resolve()))
         return _over(fabric, {"name": path.stem, "source": f"{path.name}, over {fabric.name}", **values})
     except InputError as error:
         nested = error.place in values or error.place in ("", "base")

@@ -1,4 +1,4 @@
-"""What a textile laboratory states, in its own units, to what a Fabric holds, in SI."""
+"""Conversion of textile laboratory figures (KES-F, FAST, ISO 9073-7) to a Fabric in SI."""
 
 from __future__ import annotations
 
@@ -122,7 +122,7 @@ def si_values(table: Mapping[str, Any], weight: float) -> dict[str, Any]:
 
     def state(key: str, name: str, value: Any) -> None:
         if name in stated:
-            raise InputError(key, f"states the same as {stated[name]}", "give one of them")
+            raise InputError(key, f"states the same value as {stated[name]}", "give one of them")
         stated[name], values[name] = key, value
 
     bent = {key: value for key, value in table.items() if key in RIGIDITIES or key in LENGTHS}
@@ -162,7 +162,7 @@ def stretch_of_table(key: str, table: Any) -> float:
 
 
 def _pairs(key: str, table: Any) -> list[Point]:
-    problem = "must be a list of [elongation in %, force in N/m], all positive"
+    problem = "must be a list of [elongation in %, force in N/m] pairs, all positive"
     rows: Sequence[Any] = table if isinstance(table, list | tuple) else ()
     pairs: list[Point] = []
     for row in rows:

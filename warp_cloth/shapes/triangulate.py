@@ -1,4 +1,9 @@
-"""Triangles for a flat panel: a hexagonal lattice fitted into an outline, with a Delaunay triangulation."""
+"""Meshing of a flat panel: a hexagonal lattice inside an outline, with its Delaunay triangulation.
+
+Own code: ``scipy.spatial.Delaunay`` saves 0.1 s of the 0.9 s that the T-shirt takes, but importing it takes 0.36 s, and
+it leaves slivers along the outline, so that the panels (and every result of the T-shirt) would change.
+``mapbox_earcut`` adds no inner vertices and is not Delaunay.
+"""
 
 from __future__ import annotations
 
@@ -12,12 +17,12 @@ from warp_cloth.base.mesh import Indices, Points
 
 REACH = 2.0  # spacings: no empty circle in such a point set is wider, so Delaunay partners are this near
 CLEARANCE = 0.62  # spacings between lattice and outline: less makes slivers, more makes wide triangles
-JITTER = 1e-5  # spacings by which ties (four points on a circle) are decided
+JITTER = 1e-5  # spacings; breaks ties of four points on a circle
 SMOOTHING_ROUNDS = 12
 
 
 def triangulate(outline: Points, spacing: float) -> tuple[Points, Indices]:
-    """Points, the outline's first, and counter-clockwise triangles that fill it.
+    """Points, the outline's first, shape [N, 2], and counter-clockwise triangles that fill it, shape [F, 3].
 
     ``outline`` is a counter-clockwise polygon [m], shape [n, 2], whose edges are about ``spacing`` long; they all
     become edges of triangles.
@@ -63,7 +68,7 @@ def _lattice(outline: Points, spacing: float) -> Points:
 
 
 def _delaunay(points: Points, outline: Points, spacing: float) -> NDArray[np.int64]:
-    """Delaunay triangles inside the outline: those triples of near points whose circle is empty."""
+    """Delaunay triangles inside the outline: triples of near points whose circumcircle is empty."""
     random = np.random.default_rng(0)  # a fixed seed: the same panel every time
     spots = points + random.uniform(-JITTER, JITTER, points.shape) * spacing
     near = _near(spots, REACH * spacing)
@@ -77,7 +82,7 @@ def _delaunay(points: Points, outline: Points, spacing: float) -> NDArray[np.int
         to_j, to_k = spots[j] - spots[i], spots[k] - spots[i]
         twice = 2 * (to_j[:, 0] * to_k[:, 1] - to_j[:, 1] * to_k[:, 0])
         square_j, square_k = _squared(to_j), _squared(to_k)
-        with np.errstate(divide="ignore", invalid="ignore"):  # three points on a line have no circle: not kept
+        with np.errstate(divide="ignore", invalid="ignore"):  # three points on a line have no circle: dropped
             centre = np.column_stack(
                 [to_k[:, 1] * square_j - to_j[:, 1] * square_k, to_j[:, 0] * square_k - to_k[:, 0] * square_j]
             )
@@ -98,9 +103,9 @@ def _delaunay(points: Points, outline: Points, spacing: float) -> NDArray[np.int
     return triangles
 
 
-def _squared(ways: Points) -> Any:
-    """Squared lengths of ways, shape [..., 2]; summing along so short an axis takes several times as long."""
-    return ways[..., 0] ** 2 + ways[..., 1] ** 2
+def _squared(vectors: Points) -> Any:
+    """Squared lengths of vectors, shape [..., 2]; ``sum`` along so short an axis takes several times as long."""
+    return vectors[..., 0] ** 2 + vectors[..., 1] ** 2
 
 
 def _near(points: Points, reach: float) -> NDArray[np.int64]:
@@ -127,7 +132,7 @@ def _near(points: Points, reach: float) -> NDArray[np.int64]:
 
 
 def _check(triangles: NDArray[np.int64], point_count: int, outline_count: int) -> None:
-    """The triangles must fill the outline as a disc whose rim is the outline, edge by edge."""
+    """Checks that the triangles form a disc with exactly the outline's edges as its boundary."""
     one, other = triangles.ravel(), np.roll(triangles, -1, axis=1).ravel()
     forward, backward = one * point_count + other, other * point_count + one
     rim = np.setdiff1d(forward, backward)
@@ -135,4 +140,4 @@ def _check(triangles: NDArray[np.int64], point_count: int, outline_count: int) -
     wanted = step * point_count + (step + 1) % outline_count
     whole = len(triangles) == 2 * point_count - outline_count - 2  # Euler's formula for a disc
     if not whole or not np.array_equal(rim, np.sort(wanted)) or len(np.unique(forward)) < len(forward):
-        raise InputError("panel", "its outline could not be filled with triangles", "choose a shorter edge")
+        raise InputError("panel", "its outline cannot be meshed", "choose a shorter edge")

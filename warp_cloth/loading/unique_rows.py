@@ -1,4 +1,4 @@
-"""Which rows of a table are the same."""
+"""Unique rows of integer or float tables, and edges of triangles."""
 
 from __future__ import annotations
 
@@ -9,23 +9,23 @@ import numpy as np
 from warp_cloth.base.topology import stable_argsort
 from warp_cloth.loading.raw import Ints
 
-LONGEST_KEY = 63  # bits of a whole row in one number
+LONGEST_KEY = 63  # bits of a row packed into one integer
 
 
 @dataclass(frozen=True, eq=False)
-class Distinct:
-    """The different rows of a table, in sorted order."""
+class UniqueRows:
+    """The unique rows of a table, in sorted order."""
 
-    number: Ints  # of the different row that each row is, shape [N]
-    first: Ints  # where each different row stands first, shape [D]
-    count: Ints  # how often each different row stands there, shape [D]
+    number: Ints  # number of each row among the unique ones, shape [N]
+    first: Ints  # first occurrence of each unique row, shape [U]
+    count: Ints  # occurrences of each unique row, shape [U]
 
 
-def distinct(rows: np.ndarray) -> Distinct:
-    """Different rows, shape [N, C] (many times faster than numpy.unique by rows)."""
+def unique_rows(rows: np.ndarray) -> UniqueRows:
+    """Unique rows of a table, shape [N, C] (many times faster than ``numpy.unique(axis=0)``)."""
     if not len(rows):
         nothing = np.zeros(0, dtype=np.int64)
-        return Distinct(nothing, nothing, nothing)
+        return UniqueRows(nothing, nothing, nothing)
     key = _row_keys(rows)
     if key is None:
         order = np.lexsort(rows.T[::-1])  # stable: equal rows stay in their order
@@ -39,11 +39,11 @@ def distinct(rows: np.ndarray) -> Distinct:
     number = np.empty(len(rows), dtype=np.int64)
     number[order] = np.cumsum(new) - 1
     starts = np.flatnonzero(new)
-    return Distinct(number, order[starts], np.diff(np.append(starts, len(rows))))
+    return UniqueRows(number, order[starts], np.diff(np.append(starts, len(rows))))
 
 
 def _row_keys(rows: np.ndarray) -> Ints | None:
-    """A number for each row that sorts as the row does, None where they do not fit."""
+    """One integer per row that sorts as the row; None if a row does not fit one."""
     bits = int(rows.max()).bit_length() if rows.dtype.kind == "i" and rows.min() >= 0 else LONGEST_KEY
     if bits * rows.shape[1] > LONGEST_KEY:
         return None
@@ -54,13 +54,13 @@ def _row_keys(rows: np.ndarray) -> Ints | None:
 
 
 def used_ids(ids: np.ndarray, count: int) -> Ints:
-    """The different ones among ids below ``count``, in order."""
+    """The unique ids, all below ``count``, in order."""
     used = np.zeros(count, dtype=bool)
     used[ids] = True
     return np.flatnonzero(used)
 
 
 def edges_of(triangles: Ints) -> Ints:
-    """The three edges of every triangle, as they run, shape [3 F, 2]."""
+    """The three directed edges of every triangle, shape [3 F, 2]."""
     edges: Ints = triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
     return edges
