@@ -13,7 +13,7 @@ import pytest
 from meshfiles import ball, sheet, write_obj
 from quick import SMALL, hanging, quick
 
-from warp_cloth.avatar import collider as avatar_contact
+from warp_cloth.avatar import contact as avatar_contact
 from warp_cloth.fitting import problem
 from warp_cloth.model.result import Status
 from warp_cloth.report import status

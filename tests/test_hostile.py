@@ -186,7 +186,7 @@ SCENES: dict[str, tuple[str, str]] = {
     "device for a mesh": ("[garment]\nmesh = '/dev/zero'\n", "/dev/zero: is not a regular file"),
     "path of a novel": (f"[garment]\nmesh = '{'x' * 5000}.obj'\n", "cannot be opened"),
     "null in a path": ('[garment]\nmesh = "sheet\\u0000.obj"\n', "is not a path"),
-    "name that climbs": ("name = '../../etc'\n[garment]\nmesh = 'sheet.obj'\n", "cannot name a file"),
+    "name that climbs": ("name = '../../etc'\n[garment]\nmesh = 'sheet.obj'\n", "cannot be a file name"),
     "pin of no vertex": ("[garment]\nmesh = 'sheet.obj'\npin = {vertices = [25]}\n", "vertex 25 does not exist"),
     "pin in the void": ("[garment]\nmesh = 'sheet.obj'\npin = {box = [[8, 8, 8], [9, 9, 9]]}\n", "contains no vertex"),
     "all pinned": ("[garment]\nmesh = 'sheet.obj'\npin = {box = [[-9, -9, -9], [9, 9, 9]]}\n", "nothing can move"),
