@@ -1,4 +1,4 @@
-"""Warp and USD without their messages on the screen."""
+"""Starting Warp, and suppressing console output of Warp and USD."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from warp_cloth.base.errors import OutputError
 
 @contextmanager
 def keeping_kernels() -> Iterator[None]:
-    """While Warp is started, or compiles: it keeps compiled kernels in a folder, on disk.
+    """For code that starts Warp or compiles kernels, which Warp caches on disk.
 
     Raises:
-        OutputError: that folder cannot be written.
+        OutputError: the cache folder cannot be written.
     """
     import warp
 
@@ -24,15 +24,15 @@ def keeping_kernels() -> Iterator[None]:
         yield
     except OSError as error:
         place = error.filename or warp.config.kernel_cache_dir or "Warp's folder"
-        problem = f"compiled kernels cannot be kept there ({error.strerror or error})"
-        raise OutputError(place, problem, "make room, or set WARP_CACHE_PATH to a folder that can be written") from None
+        problem = f"compiled kernels cannot be stored there ({error.strerror or error})"
+        raise OutputError(place, problem, "free some space, or set WARP_CACHE_PATH to a writable folder") from None
 
 
 def init_warp() -> None:
-    """Starts Warp, unless it is started.
+    """Starts Warp, once per process.
 
     Raises:
-        OutputError: the folder in which it keeps compiled kernels cannot be written.
+        OutputError: Warp's folder of compiled kernels cannot be written.
     """
     import warp
 
@@ -41,7 +41,7 @@ def init_warp() -> None:
 
 
 def start_warp(verbose: bool = False) -> None:
-    """Start Warp, its messages of start-up and of modules kept off the screen unless they are wanted."""
+    """Starts Warp, without its messages about devices and modules unless ``verbose``."""
     import warp
 
     if verbose:
@@ -55,7 +55,7 @@ def start_warp(verbose: bool = False) -> None:
 
 @contextmanager
 def quiet_usd() -> Iterator[None]:
-    """Keeps USD's warnings off the screen: what counts of them is told as bad input, or noted."""
+    """Suppresses USD's warnings: those that matter become InputError or notes."""
     from pxr import UsdUtils
 
     delegate = UsdUtils.CoalescingDiagnosticDelegate()
@@ -66,23 +66,23 @@ def quiet_usd() -> Iterator[None]:
 
 
 def usd_sentence(text: str) -> str:
-    """The first sentence in USD's error, which wraps it in the places of its own source."""
+    """The first sentence of a USD error, without the positions in USD's source."""
     said = re.findall(r" : '(.*?)'\s*(?:$|\n\s*Error in)", text, flags=re.DOTALL)
     return " ".join((said[0] if said else text).split())[:160]
 
 
 @contextmanager
 def _silenced_stderr() -> Iterator[None]:
-    """Drop what is written to the error stream, by native code too: Warp says there that a machine has no GPU."""
+    """Discards standard error, also of native code: Warp reports there that a machine has no GPU."""
     with open(os.devnull, "w") as nowhere, redirect_stderr(nowhere):
         try:
-            kept = os.dup(2)
-        except OSError:  # there is no error stream
+            saved = os.dup(2)
+        except OSError:  # no standard error
             yield
             return
         os.dup2(nowhere.fileno(), 2)
         try:
             yield
         finally:
-            os.dup2(kept, 2)
-            os.close(kept)
+            os.dup2(saved, 2)
+            os.close(saved)

@@ -1,4 +1,4 @@
-"""Hinge constants from a fabric and a rest shape, such that the garment bends as the fabric does on every mesh."""
+"""Hinge stiffness from a fabric and a rest shape: the garment bends like the fabric, whatever its mesh."""
 
 from __future__ import annotations
 
@@ -20,25 +20,25 @@ if TYPE_CHECKING:
 
 Floats = NDArray[np.float64]
 
-# A sliver's fold is larger without bound than its neighbours'; beyond this many mean heights it is not counted on.
+# The fold of a sliver can be arbitrarily large; it is limited to this many mean heights.
 LARGEST_FOLD = 3.0
 THINNEST_SHARE = 1e-6  # of the median edge
-LEAST_SHARE = 1e-4  # of the other bending: what a bending of 0 counts as beside it; its logarithm is finite
-TURNS = 4  # directions over half a turn that cloth without directions is bent in
-# Rounds in which vertices near each other share out an even bend: enough for that, too few to undo the bend itself.
-# The second and third time they go on from where they were.
+LEAST_SHARE = 1e-4  # of the other bending: replaces a bending of 0, so that its logarithm is finite
+TURNS = 4  # directions over 180 degrees in which cloth without directions is bent
+# Rounds in which neighbouring vertices equilibrate an even bend: enough for that, too few to undo the bend itself.
+# The second and third time continue from the last result.
 ROUNDS = (24, 8, 8)
 MANY, SETTLED = 1_000_000, 1e-4  # more hinges than these stop when a round takes less than this share of the energy
-STEP, MOMENTUM = 0.6, 0.5  # of a round; with them the alternating grid, the stiffest case, settles within ten
+STEP, MOMENTUM = 0.6, 0.5  # of a round: the alternating grid, the stiffest case, converges within ten
 
 
 @dataclass(frozen=True, eq=False)
 class _Folds:
-    """How N hinges fold where the cloth is bent.
+    """Fold angles per curvature of N hinges in bent cloth.
 
     A hinge with its axis from (0, 0) to (L, 0) and wings at (s0, -h0), (s1, h1) on a surface of curvatures Kxx, Kxy,
     Kyy folds by across Kyy + mixed Kxy + along Kxx, with across = (h0 + h1) / 2, mixed = s1 - s0 and
-    along = (s1 (s1 - L) / h1 + s0 (s0 - L) / h0) / 2. Vertices that leave the surface by w fold it by slopes . w more.
+    along = (s1 (s1 - L) / h1 + s0 (s0 - L) / h0) / 2. Displacements w of its vertices off the surface add slopes . w.
     """
 
     size: Floats  # axis / (mean wing height)^2 [1/m]
@@ -49,7 +49,7 @@ class _Folds:
     slopes: Floats  # of axis start, axis end and both wings [1/m], shape [N, 4]
 
     def evenly(self, direction: float | Floats) -> Floats:
-        """Fold per curvature of cloth that is evenly bent in a direction, by its angle to the warp [m]."""
+        """Fold per curvature [m] of cloth bent evenly in a direction, given by its angle to the warp, shape [N]."""
         return map_rows(_evenly, self.angle - direction, self.across, self.mixed, self.along)
 
 
@@ -112,22 +112,22 @@ def hinge_constants(sheet: Sheet, fabric: Fabric, length: Floats) -> Floats:
 
 
 def _within(ease: float, within: NDArray[np.bool_], shared: Floats, cube: Floats) -> Floats:
-    """What hinges within the border fold once shared out, and the others as if they did on average."""
+    """Equilibrated folds of inner hinges; hinges at the border are eased by the average."""
     return np.where(within, shared, ease * cube)
 
 
 def _cubed(folded: Floats) -> Floats:
-    """|fold|^3; a power takes many times as long."""
+    """|fold|^3; ``**`` takes many times as long."""
     return np.abs(folded * folded * folded)
 
 
 def _biased(folds: _Folds) -> Floats:
-    """Mean of both biases' folds cubed [m3]; how vertices share them out is left out, as they count for little."""
+    """Mean cube of both biases' folds [m3], not equilibrated, as they have little weight."""
     return np.asarray(0.5 * (_cubed(folds.evenly(0.25 * np.pi)) + _cubed(folds.evenly(0.75 * np.pi))))
 
 
 def _beyond(sheet: Sheet, length: Floats, folds: _Folds, bends: list[Floats], count: int) -> list[Floats]:
-    """Half the folds' cubes, by hinges of C = size, as if the cloth went on behind the border, at every vertex.
+    """Half the cubed folds at every vertex, for C = size, as if the cloth continued beyond the border.
 
     One for each bend [m2], shape [V].
     """
@@ -141,7 +141,7 @@ def _beyond(sheet: Sheet, length: Floats, folds: _Folds, bends: list[Floats], co
 
 
 def _near_border(sheet: Sheet) -> NDArray[np.bool_]:
-    """The vertices of all triangles that touch the border, where hinges are missing, shape [V]."""
+    """Vertices of all triangles at the border, where hinges are missing; flags, shape [V]."""
     topology = sheet.topology
     once = np.bincount(topology.triangle_edges.ravel(), minlength=len(topology.edges)) == 1
     border = np.zeros(int(sheet.triangles.max()) + 1, dtype=bool)
@@ -152,7 +152,7 @@ def _near_border(sheet: Sheet) -> NDArray[np.bool_]:
 
 
 class _Balance:
-    """Shares even bends out among vertices near each other: to where their hinges balance."""
+    """Equilibrates even bends: moves vertices off the surface until neighbouring hinges balance."""
 
     def __init__(self, sheet: Sheet, folds: _Folds, stays: NDArray[np.bool_]) -> None:
         self._stays = stays  # vertices by the border, so that the bend does
@@ -165,10 +165,10 @@ class _Balance:
         self._counted = len(self._folded) > MANY
 
     def folded(self, stiffness: Floats, even: Floats, move: Floats, rounds: int) -> Floats:
-        """Folds per curvature once vertices have left the even bend to where their neighbours' hinges balance [m].
+        """Folds per curvature [m] after vertices have moved from the even bend to where hinges balance, shape [H].
 
-        Descends on the sum of C |fold|^3 / 6 with the inner vertices' ways off the surface, kept in ``move`` [m2],
-        shape [V].
+        Gradient descent on the sum of C |fold|^3 / 6 over the displacements of inner vertices, in ``move`` [m2],
+        shape [V], which is updated.
         """
         half, pull, curve, folded = 0.5 * stiffness, self._pull, self._curve, self._folded
 
@@ -196,7 +196,7 @@ class _Balance:
         return folded
 
     def _go_on(self, move: Floats, last: Floats, slope: Floats, bound: Floats, part: slice) -> None:
-        """Moves a part of the vertices."""
+        """Updates the displacements of a chunk of vertices."""
         own, least = last[part], np.where(bound[part] > 0.0, bound[part], 1.0)
         own[...] = MOMENTUM * own - 2.0 * STEP * slope[part] / least
         own[self._stays[part]] = 0.0
@@ -204,9 +204,9 @@ class _Balance:
 
 
 def _wing(sheet: Sheet, triangle: Any, side: Any, floor: float) -> tuple[Floats, ...]:
-    """Of a triangle on one of its sides: foot and height of its tip [m], the side's direction and hand.
+    """A triangle seen from one side: foot and height of its tip [m], direction and handedness of the side.
 
-    The direction is a complex number of angle 0 along the warp; the hand is 1 where the tip is counter-clockwise of it.
+    The direction is a complex number, angle 0 along the warp; the handedness is 1 if the tip is to its left.
     """
     corners = sheet.flat[triangle, :, 1] + 1j * sheet.flat[triangle, :, 0]
     row = np.arange(len(corners))
@@ -234,7 +234,7 @@ def _inner_folds(sheet: Sheet, length: Floats) -> _Folds:
 
 
 def _border_folds(sheet: Sheet, length: Floats) -> tuple[_Folds, Indices]:
-    """Folds that the border would have if each of its triangles had its own image beyond the edge, and the edges."""
+    """Folds of the border's edges if each had the mirror image of its triangle beyond it, and these edges."""
     topology = sheet.topology
     once = np.bincount(topology.triangle_edges.ravel(), minlength=len(length)) == 1
     triangle, side = np.nonzero(once[topology.triangle_edges])
@@ -247,7 +247,7 @@ def _border_folds(sheet: Sheet, length: Floats) -> tuple[_Folds, Indices]:
 def _folds_of(
     axis: Floats, first: tuple[Floats, Floats], second: tuple[Floats, Floats], way: Floats, hand: Floats
 ) -> _Folds:
-    """Folds of hinges from foot and height of their wings' tips."""
+    """Folds of hinges from feet and heights of their wings."""
     (s0, h0), (s1, h1) = first, second
     across = 0.5 * (h0 + h1)
     along = 0.5 * (s1 * (s1 - axis) / h1 + s0 * (s0 - axis) / h0)

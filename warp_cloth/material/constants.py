@@ -1,8 +1,8 @@
 """Constants of edges, yarns and hinges from a fabric and a rest shape, for one material on every mesh.
 
-Everything is float64 on the host. A network of edges or hinges answers an even deformation by its directions and
-sizes; so each takes a share by its rest geometry, and two factors per garment, one for warp and one for weft, are then
-set such that this garment, evenly pulled or bent along warp or weft, answers as the fabric does.
+All in float64 on the host. How a network of edges responds to a uniform deformation depends on their directions and
+sizes. So each edge gets a share by its rest geometry, and two factors per garment, for warp and weft, are then fitted
+so that the garment, pulled uniformly along warp or weft, responds like the fabric.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ Floats = NDArray[np.float64]
 # A regular grid pulled along its yarns bears on one of its three edge families, and an equilateral one, its sides
 # free, likewise: so each edge answers for three times the area that it carries (a third of its triangles').
 EDGE_SHARE = 3.0
-DIRECTIONS = 180  # over half a turn: a degree apart, by which strains differ by at most 2 %
+DIRECTIONS = 180  # one per degree, over which strains differ by at most 2 %
 EQUAL_ROUNDS = 40  # of the fixed point for the two factors
 NEWTON_ROUNDS = 40
 # A mesh may have no edges along warp or weft. Beyond these factors its other edges would be another material.
@@ -69,8 +69,7 @@ class Sheet:
 def lay_flat(sides: Floats, areas: Floats, like: Floats | None) -> Floats:
     """Triangles of these sides (0,1), (1,2), (2,0) [m] in the plane, shape [F, 3, 2].
 
-    Each is turned, and mirrored where it has to be, to lie as ``like`` does best; those of no area there lie as they
-    come.
+    Each is rotated, and mirrored if needed, to fit ``like`` best; triangles without area there stay as they are.
     """
     first, second, third = sides.T
     base = np.maximum(first, np.finfo(float).tiny)
@@ -144,7 +143,7 @@ def _network_factors(shares: Floats, fabric: Fabric) -> Floats:
 
 
 def solved_within(rows: Floats, wanted: Floats, usual: float) -> Floats:
-    """The two factors that solve rows @ factors = wanted, each kept near the usual one and the other fitted to it."""
+    """The two factors that solve rows @ factors = wanted; one may be clipped near ``usual``, the other refitted."""
     low, high = usual * LEAST_FACTOR, usual * MOST_FACTOR
     try:
         factors = np.asarray(np.linalg.solve(rows, wanted), dtype=np.float64)
@@ -161,7 +160,7 @@ def solved_within(rows: Floats, wanted: Floats, usual: float) -> Floats:
 
 
 def _pulled(shares: Floats, factors: Floats, compression: float, direction: float) -> Floats:
-    """What each part adds to the network's K where it is pulled in a direction, its sides free.
+    """What each part adds to the network's K, pulled in a direction with free sides.
 
     The strains are e(angle) = cos^2 - t sin^2 + g sin cos with the contraction t and the shear g that cost least.
     """

@@ -1,4 +1,4 @@
-"""Factors of hinges, patch by patch, such that each patch of a garment bends as the fabric does."""
+"""Factors of hinge stiffness, fitted so that every patch of a garment bends like the fabric."""
 
 from __future__ import annotations
 
@@ -15,37 +15,40 @@ from warp_cloth.material.constants import Sheet
 
 Floats = NDArray[np.float64]
 
-# A patch spreads from its vertex as a walk of so many steps does, each of them with a chance of one half: over two
-# edges or three. That holds hinges of every direction; much larger ones would mix cloth of other diagonals in.
+# A patch is the distribution of a random walk from its vertex with so many steps, each taken with probability 1/2: two
+# or three edges wide. That has hinges of every direction; much larger patches would mix regions of other diagonals.
 STEPS = 6
-LEAST_FACTOR, MOST_FACTOR = 0.1, 20.0  # a mesh may lack hinges that fold; others would be another material
+LEAST_FACTOR, MOST_FACTOR = (
+    0.1,
+    20.0,
+)  # limits: a mesh may lack hinges in some direction; the others must not become another material
 MOST_LEAN = 3.0  # of the factors' logarithm
-LEAST_APART = 0.05  # of the two bends' mean cos 2 angle; nearer, all hinges run alike
-MOST_TURN, MOST_LACK = 1.0, 1e3  # of the lean, and of an energy, in one step
-MOST_STEPS, CLOSE = 3, 0.01  # of Newton's in one improvement; patches' energies off by 1 % (rms) are left so
-# Of warp, weft and biases, whose share of the fit keeps hinges that warp and weft could do without from going limp.
+LEAST_APART = 0.05  # least difference of the two bends' mean cos 2 angle; below it all hinges have one direction
+MOST_TURN, MOST_LACK = 1.0, 1e3  # of the lean, and of an energy's deficit, in one step
+MOST_STEPS, CLOSE = 3, 0.01  # Newton steps in one improvement; ends at energies within 1 % (rms)
+# Of warp, weft and biases; the biases' weight keeps hinges stiff that warp and weft alone would not need.
 WEIGHTS = (1.0, 1.0, 0.15)
 TINY = np.finfo(float).tiny
-LEAST = 1e-150  # of what is divided by twice, one after another
+LEAST = 1e-150  # of a number that is a divisor twice
 
 
 class Patches:
-    """What hinges hold, summed over the patch round every vertex; V vertices, H hinges."""
+    """Sums of hinge quantities over the patch round every vertex; V vertices, H hinges."""
 
     def __init__(self, sheet: Sheet, count: int) -> None:
         edges, hinges = sheet.topology.edges, sheet.topology.hinges
         self.count = count
-        self._corners = np.ascontiguousarray(hinges.T, dtype=np.intp)  # as NumPy counts, or it would convert them
+        self._corners = np.ascontiguousarray(hinges.T, dtype=np.intp)  # NumPy would convert other integers at each use
         self._held = RowSums(self._corners.ravel(), np.tile(np.arange(len(hinges)), 4), count)
         self._around = RowSums(edges[:, ::-1].T.ravel(), edges.T.ravel(), count)
         self._part = 0.5 / np.maximum(np.bincount(edges.ravel(), minlength=count), 1)
-        # memory that is used again and again: what is new costs as much as the work in it
+        # reused buffers: allocation costs as much as the work in them
         self._holding, self._walking = np.empty(len(hinges)), np.empty((2, count))
         corners = sheet.triangles.ravel()
         self.area = self._spread(np.asarray(np.bincount(corners, np.repeat(sheet.areas / 3.0, 3), count), float))
 
     def _spread(self, held: Floats) -> Floats:
-        """Has what every vertex holds walk about, in its place: the sum stays. Shape [V]."""
+        """Spreads vertex values by the random walk, in place; their sum is conserved. Shape [V]."""
         part = self._part
         parts, next_parts = np.multiply(part, held, out=self._walking[0]), self._walking[1]
         for _ in range(STEPS):
@@ -61,12 +64,12 @@ class Patches:
         return held
 
     def sums(self, *factors: Floats) -> Floats:
-        """Of what every hinge holds, a product, shape [V]."""
+        """Patch sums of the product of hinge quantities, shape [V]."""
         map_rows(lambda *own: 0.25 * math.prod(own[1:], start=own[0]), *factors, out=self._holding)
         return self._spread(self._held(self._holding))
 
     def means(self, own: Floats, part: slice) -> Floats:
-        """Of the four vertices of each of some hinges."""
+        """Mean over the four vertices of each hinge of a chunk."""
         start, end, first, second = own.take(self._corners[:, part])
         return np.asarray(0.25 * (start + end + first + second))
 
@@ -79,7 +82,7 @@ class Patches:
 
 
 class Fit:
-    """Constants of hinges, fitted to what the patches should cost to bend."""
+    """Hinge stiffness, fitted to the bending energies that patches should have."""
 
     def __init__(self, patches: Patches, usual: Floats, lean: Floats) -> None:
         self.stiffness = usual.copy()  # C [N m], shape [H]
@@ -87,10 +90,10 @@ class Fit:
         self._even, self._leaning = np.zeros(patches.count), np.zeros(patches.count)
 
     def improve(self, energies: Sequence[Floats], shares: Sequence[Floats], wanted: Sequence[float]) -> None:
-        """Newton's steps, in logarithms, towards patches of the wanted bendings.
+        """Newton steps, in logarithms, towards patches of the wanted bendings.
 
-        Bent along the warp, the weft and the biases, or in several ways without directions, each hinge costs C times
-        its ``energies``; the patches' sums times ``shares`` are to be ``wanted``.
+        Bent along warp, weft and biases, or in several directions, each hinge has C times its ``energies``, each shape
+        [H]; the patch sums times ``shares``, each shape [V], should be ``wanted``.
         """
         for _ in range(MOST_STEPS):
             sums = [self._patches.sums(own, self.stiffness) for own in energies]
@@ -107,7 +110,7 @@ class Fit:
             self._take(*self._fitted(lacks, leans))
 
     def _fitted(self, lacks: Sequence[Floats], leans: Sequence[Floats]) -> tuple[Floats, Floats]:
-        """What even and lean change by so that the lacks, which change by even + lean times ``leans``, are least."""
+        """Changes of even and lean that minimise the lacks, which change by even + lean times ``leans``, shape [V]."""
         weights, lack, lean = np.array(WEIGHTS), np.array(lacks), np.array(leans)
         count, own, first = weights.sum(), weights @ lack, weights @ lean
         second, both = weights @ lean**2, weights @ (lean * lack)
@@ -117,7 +120,7 @@ class Fit:
         return (own - turn * first) / count, turn
 
     def _take(self, even: Floats, lean: Floats | float) -> None:
-        """Changes the patches' logarithms by these, shape [V]."""
+        """Adds these to the logarithms of the patches' factors, shape [V]."""
         self._even = np.clip(self._even + even, np.log(LEAST_FACTOR), np.log(MOST_FACTOR))
         self._leaning += lean
         map_chunks(self._put_stiffness, len(self._usual))

@@ -1,4 +1,4 @@
-"""Generated garments and avatars, all of this project's own making: numbers in, meshes in metres out."""
+"""Generated garments and avatars: parameters in, meshes in metres out."""
 
 from __future__ import annotations
 
@@ -28,9 +28,12 @@ __all__ = [
 
 
 def build_garment(shape: Any, *, body: MannequinMeasures | None = None, cache: Cache | None = None) -> Mesh:
-    """Mesh of a scene's garment shape (square or tshirt); ``body`` is the mannequin that wears it.
+    """Mesh of a scene's garment shape, square or tshirt.
 
-    ``cache`` has what was drafted of other shapes.
+    Args:
+        shape: SquareShape or TshirtShape of the scene.
+        body: the mannequin that wears it; None: the standard body of its size.
+        cache: shares drafts (patterns, body forms) between shapes.
     """
     if shape.kind == "square":
         return square(
@@ -42,7 +45,7 @@ def build_garment(shape: Any, *, body: MannequinMeasures | None = None, cache: C
 
 
 def build_avatar(shape: Any, *, size: str = "M", cache: Cache | None = None) -> Mesh:
-    """Mesh of a scene's avatar shape (sphere or mannequin); ``size`` fills in measures left out, ``cache`` likewise."""
+    """Mesh of a scene's avatar shape, sphere or mannequin; ``size`` gives omitted measures, ``cache`` shares drafts."""
     if shape.kind == "sphere":
         return sphere(radius=shape.radius, centre=shape.centre, edge=shape.edge_mm / 1000)
     if shape.kind == "mannequin":
@@ -52,7 +55,7 @@ def build_avatar(shape: Any, *, size: str = "M", cache: Cache | None = None) -> 
 
 
 def mannequin_measures(shape: Any, *, size: str = "M") -> MannequinMeasures:
-    """Measures of a scene's mannequin; one left out (None) is that of the size's standard body."""
+    """Measures of a scene's mannequin; omitted ones (None) are those of the size's standard body."""
     standard = SIZE_BODIES[size]
     given = {name: getattr(shape, name) for name in ("stature", "chest", "waist", "hip")}
     filled = {name: getattr(standard, name) if value is None else value for name, value in given.items()}

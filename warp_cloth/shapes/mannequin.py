@@ -30,7 +30,7 @@ def mannequin(
 ) -> Mesh:
     """Closed mannequin in A-pose with the given girths, feet on y = 0, facing +z, its left to +x.
 
-    ``edge`` is its mean edge length [m]; ``cache`` has what was drafted of other shapes.
+    ``edge`` is its mean edge length [m]; ``cache`` shares drafts between shapes.
     """
     if not 0.004 <= edge <= 0.015:
         raise InputError("mannequin edge", f"{edge!r} m is out of range", "allowed: 0.004 to 0.015 m")

@@ -62,7 +62,7 @@ class Panel:
     seams: dict[str, NDArray[np.int64]]  # vertices along each side of the outline, in the order in which it is sewn
 
     def mirrored(self, name: str) -> Panel:
-        """The panel turned over: x negated, winding kept counter-clockwise."""
+        """The mirror image: x negated, winding still counter-clockwise."""
         return Panel(name, self.points * (-1, 1), self.triangles[:, ::-1].copy(), self.seams)
 
 
@@ -80,7 +80,7 @@ class Pattern:
 def tshirt_pattern(measures: TshirtMeasures, edge: float, cache: Cache) -> Pattern:
     """Front, back and two sleeves, with as many vertices on each side of a seam, about ``edge`` [m] apart.
 
-    ``cache`` has the sleeves that were drafted before.
+    ``cache`` shares sleeves between edge lengths.
     """
     front, back = (_trunk_curves(measures, is_front) for is_front in (True, False))
     armholes = curve_length(front["armhole"]), curve_length(back["armhole"])

@@ -1,4 +1,4 @@
-"""The T-shirt: its panels bent round the mannequin that wears it, and welded along the seams."""
+"""The T-shirt: panels bent round the mannequin that wears it, and welded along the seams."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from warp_cloth.shapes.pattern import PANEL_GAP, SIZE_MEASURES, Pattern, TshirtM
 TSHIRT_EDGE = 0.012  # [m] folds of 5 cm keep four edges
 CLEARANCE = 0.008  # [m] between body and panels at the start: more than any contact offset in use
 PUSH_ROUNDS = 8
-FADE = 0.98  # of a seam's shift from one row of vertices to the next, beside what averaging takes away
+FADE = 0.98  # of a seam's shift from one row of vertices to the next, besides the averaging
 FADE_ROUNDS = 60
 
 
@@ -30,8 +30,10 @@ def tshirt(
     """T-shirt of a size, with edges of about ``edge`` [m], as stitched panels round a mannequin.
 
     ``body`` is the mannequin that wears it, by default the size's own standard body. The rest shape is in the
-    texture coordinates, in metres; the 3-D shape only says where the panels start. ``cache`` has what was drafted of
-    other shapes.
+    texture coordinates, in metres; the 3-D shape is only where the panels start. ``cache`` shares drafts of shapes.
+
+    Raises:
+        InputError: unknown size, or an edge out of range.
     """
     if size not in SIZE_MEASURES:
         raise InputError("tshirt size", f"{size!r} is unknown", f"use {', '.join(SIZE_MEASURES)}")
