@@ -145,8 +145,8 @@ def test_a_damaged_file_is_refused_in_every_format(damage: str, role: str, kind:
 UV = np.asarray(sheet()[0][:, :2])
 UV_REFUSED: dict[str, tuple[np.ndarray | None, str]] = {
     "none": (None, "needs texture coordinates"),
-    "all at one point": (0.0 * UV, "without area"),
-    "on one line": (UV * [1.0, 0.0], "without area"),
+    "all at one point": (0.0 * UV, "no area"),
+    "on one line": (UV * [1.0, 0.0], "no area"),
     "half left out": (np.where(UV[:, 1:] > 1.25, UV, 0.0), "of 32 triangles have no area"),
     "nan": (np.where(np.arange(25)[:, None] == 3, np.nan, UV), "needs texture coordinates"),
     "beyond all numbers": (1e200 * UV, "needs texture coordinates"),
@@ -172,9 +172,9 @@ SCENES: dict[str, tuple[str, str]] = {
     "a comment": ("# soon\n", "garment: is missing"),
     "no garment": ("[avatar]\nmesh = 'ball.obj'\n", "garment: is missing"),
     "empty garment": ("[garment]\n", "neither mesh nor shape"),
-    "no TOML": ("[garment\nmesh = 3", "scene.toml:1: not TOML"),
-    "JSON": ('{"garment": {"mesh": "sheet.obj"}}', "not TOML"),
-    "a key twice": ("[garment]\nmesh = 'sheet.obj'\nmesh = 'sheet.obj'\n", "scene.toml:3: not TOML"),
+    "no TOML": ("[garment\nmesh = 3", "scene.toml:1: is not valid TOML"),
+    "JSON": ('{"garment": {"mesh": "sheet.obj"}}', "not valid TOML"),
+    "a key twice": ("[garment]\nmesh = 'sheet.obj'\nmesh = 'sheet.obj'\n", "scene.toml:3: is not valid TOML"),
     "unknown table": ("[garment]\nmesh = 'sheet.obj'\n[gravity]\n", "unknown key gravity"),
     "misspelt key": ("[garment]\nmesh = 'sheet.obj'\nfabrik = 'denim'\n", "did you mean garment.fabric?"),
     "wrong type": ("[garment]\nmesh = 'sheet.obj'\n[solver]\nresidual = 'small'\n", 'number above 0 to 1, not "small"'),

@@ -54,7 +54,7 @@ def test_uneven_masses_are_spread_evenly_and_told(tmp_path: Path) -> None:
     path = with_masses(tmp_path, (0.05 * masses / masses.sum()).tolist())
     worn = fit(path, device="cpu", overrides=AS_IT_IS)
     assert worn.scene.garments[0].fabric.weight == pytest.approx(0.05 / AREA, rel=1e-5)
-    assert any("their sum is spread evenly" in note for note in worn.garments[0].mesh.notes)
+    assert any("their sum is distributed evenly" in note for note in worn.garments[0].mesh.notes)
     assert np.ptp(worn.garments[0].rest.vertex_weight) == 0.0
 
 
@@ -144,7 +144,7 @@ def test_angles_that_fit_no_mesh_are_refused(tmp_path: Path, pairs: list, angles
         "restAdjTriPairs": (Sdf.ValueTypeNames.Int2Array, Vt.Vec2iArray(pairs)),
         "restBendAngles": (Sdf.ValueTypeNames.FloatArray, Vt.FloatArray(angles)),
     }
-    with pytest.raises(InputError, match="an angle for each pair of faces"):
+    with pytest.raises(InputError, match="one angle for each pair of faces"):
         rest_of(stage_with(tmp_path, values))
 
 
