@@ -10,13 +10,8 @@ from typing import Annotated
 import typer
 
 from warp_cloth.base.warp_setup import start_warp
+from warp_cloth.cli.options import Changes, Device, SceneName
 from warp_cloth.cli.terminal import INTERRUPTED, one_line_errors, output_folder
-
-SceneName = Annotated[str, typer.Argument(help="Scene file (TOML), or a shipped scene: see `warp-cloth scenes`.")]
-Device = Annotated[str | None, typer.Option(help="cpu, cuda or cuda:N.", show_default="a GPU if there is one")]
-Changes = Annotated[
-    list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="Change one scene key. May be repeated.")
-]
 
 
 def plan(
