@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import warp as wp
@@ -64,19 +65,25 @@ def crumpled(seed: int) -> Mesh:
     return replace(mesh, points=points)
 
 
-def look(model: ClothModel, cloth_contact: ClothContact) -> None:
+def contact_state(model: ClothModel, relaxation: Relaxation | None) -> Any:
+    """The state as contact numbers its vertices."""
+    return model.state if relaxation is None else relaxation.contact_state()
+
+
+def look(model: ClothModel, cloth_contact: ClothContact, relaxation: Relaxation | None = None) -> None:
     """Searches, with room for all that is found."""
-    cloth_contact.awaken()
-    cloth_contact.search(cloth_contact.state_now())
+    state = contact_state(model, relaxation)
+    cloth_contact.awaken(state)
+    cloth_contact.search(state)
     if cloth_contact.grow():
-        cloth_contact.search(cloth_contact.state_now())
+        cloth_contact.search(state)
 
 
-def contact_forces(model: ClothModel, cloth_contact: ClothContact) -> np.ndarray:
+def contact_forces(model: ClothModel, cloth_contact: ClothContact, relaxation: Relaxation | None = None) -> np.ndarray:
     """Contact's share of each vertex's load, shape [V, 4], as the certificate sums it."""
     types = cloth_types(model.precision)
     load = wp.zeros(model.vertex_count, dtype=types.vec4, device="cpu")
-    cloth_contact.measure(types.Step(), load)
+    cloth_contact.measure(contact_state(model, relaxation), types.Step(), load)
     return np.array(load.numpy(), dtype=np.float64)
 
 

@@ -35,13 +35,13 @@ GRADIENT_ERROR = 1e-5  # of the largest force: the force's third derivative over
 def test_forces_are_those_of_every_pair(seed: int, precision: str, gathers: bool) -> None:
     flat, mesh = grid(12, 0.22), crumpled(seed)
     model, cloth_contact, _ = sheets_at([flat], precision=precision, gathers=gathers)
-    Relaxation(model, Collider(), StepOptions(), cloth_contact)  # which knows where vertices are in the patches' order
+    relaxation = Relaxation(model, Collider(), StepOptions(), cloth_contact)  # knows the patches' order
     model.set_points(mesh.points)
-    look(model, cloth_contact)
+    look(model, cloth_contact, relaxation)
     pairs = touching_pairs(mesh.points, cloth_contact)
     assert len(pairs) > 100
     expected = brute_forces(mesh.points, pairs, cloth_contact)
-    found = contact_forces(model, cloth_contact)
+    found = contact_forces(model, cloth_contact, relaxation)
     bound = FORCE_ROUNDING + RELATIVE_ROUNDING[precision] * np.abs(expected).max()
     assert np.abs(found[:, :3] - expected).max() <= bound
 
@@ -159,7 +159,7 @@ def dropped(momentum: float, gathers: bool | None = None) -> tuple[Relaxation, C
         [low_bits, above], pins=[np.arange(36, dtype=np.int32), NO_PINS], precision="mixed", gathers=gathers
     )
     relaxation = Relaxation(model, Collider(), StepOptions(momentum=momentum), cloth_contact)
-    cloth_contact.awaken()
+    cloth_contact.awaken(relaxation.contact_state())
     return relaxation, cloth_contact
 
 
@@ -212,7 +212,7 @@ def test_what_is_measured_at_the_end_is_the_same_whether_or_not_the_loop_ran_ahe
         relax_items(relaxation, Certifier(relaxation), [goal], schedule=schedule, ahead=ahead)  # till it is through
         (outcome,) = relax_items(relaxation, Certifier(relaxation), [anything], schedule=schedule, ahead=ahead)
         assert outcome.iterations % 500
-        loads.append(contact_forces(relaxation.model, cloth_contact))
+        loads.append(contact_forces(relaxation.model, cloth_contact, relaxation))
         assert loads[-1].any()
     assert np.array_equal(*loads)
 
@@ -290,7 +290,7 @@ def on_a_slope(share: float) -> tuple[Relaxation, ClothContact, int]:
     held = np.arange(low_bits.vertex_count, dtype=np.int32)
     model, cloth_contact, _ = sheets_at(tilted, pins=[held, NO_PINS], precision="mixed")
     relaxation = Relaxation(model, Collider(), StepOptions(), cloth_contact)
-    cloth_contact.awaken()
+    cloth_contact.awaken(relaxation.contact_state())
     iterate(relaxation, 100)
     return relaxation, cloth_contact, len(held)
 

@@ -34,7 +34,7 @@ from warp_cloth.solver.relax import Relaxation, StepOptions
 def test_lists_of_any_room_find_the_same(room: tuple[int, int]) -> None:
     upper = moved(crumpled(3), 0.0, 0.0, 0.3 * THICKNESS)  # crosses the other, whose vertices are beyond it
     model, cloth_contact, _ = sheets_at([crumpled(1), upper])
-    cloth_contact.awaken()
+    cloth_contact.awaken(model.state)
 
     def found() -> tuple[list[list[int]], list[np.ndarray]]:
         cloth_contact.grow()
@@ -66,7 +66,7 @@ def test_lists_of_any_room_find_the_same(room: tuple[int, int]) -> None:
 def test_what_crosses_is_found_from_what_was_tangled_as_from_all() -> None:
     upper = moved(crumpled(3), 0.0, 0.0, 0.3 * THICKNESS)
     model, cloth_contact, _ = sheets_at([crumpled(1), upper])
-    cloth_contact.awaken()  # looks everywhere
+    cloth_contact.awaken(model.state)  # looks everywhere
 
     def parted(whole: int) -> list[np.ndarray]:
         cloth_contact.pair_search.geometry.whole.fill_(whole)
@@ -120,7 +120,7 @@ def test_a_fold_that_passes_through_itself_comes_undone(monkeypatch: pytest.Monk
     for step in range(10):
         schedule.advance(100 * step)
         points = iterate(relaxation, 100)
-        cloth_contact.read_crossings()
+        cloth_contact.read_crossings(relaxation.contact_state())
         if not cloth_contact.crossings():
             break
     assert not len(find_crossings(points, cloth_contact.sheets, "cpu").pairs)

@@ -16,7 +16,7 @@ from warp_cloth.solver.relax import Relaxation, StepOptions
 def test_what_lacks_room_stands_still_whichever_pairs_had_some(share: float) -> None:
     model, cloth_contact, _ = sheets_at([crumpled(1)])
     relaxation = Relaxation(model, Collider(), StepOptions(), cloth_contact)
-    cloth_contact.awaken()
+    cloth_contact.awaken(relaxation.contact_state())
     before = model.points().copy()
     cloth_contact.pair_search.allocate_pairs(cloth_contact.data, int(share * cloth_contact.data.pairs.count.numpy()[0]))
     cloth_contact.data.trigger.due.fill_(1)
@@ -36,7 +36,7 @@ def test_what_is_left_alone_is_farther_apart_than_may_meet_in_a_move() -> None:
     pins = [np.arange(36, dtype=np.int32), NO_PINS]
     model, cloth_contact, _ = sheets_at([low_bits, above], pins=pins, precision="mixed")
     relaxation = Relaxation(model, Collider(), StepOptions(), cloth_contact)
-    cloth_contact.awaken()
+    cloth_contact.awaken(relaxation.contact_state())
     cloth_contact.untangles = False
     iterate(relaxation, 160)  # it has come near, and falls on in folds
     found = 0

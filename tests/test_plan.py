@@ -232,7 +232,7 @@ def test_searches_that_overlap_do_so_again_after_they_were_timed_one_after_anoth
     assert cloth_contact is not None
     run = timing.TimedFit(made)
     assert not run.overlaps
-    cloth_contact.awaken()
+    cloth_contact.awaken(made.relaxation.contact_state())
     cloth_contact.pair_search.side_stream = object()
     seen = []
     made.relaxation.run = lambda count: seen.append(cloth_contact.pair_search.side_stream)

@@ -300,9 +300,9 @@ def compare(name: str, problem: Problem, rounds: int, *, tiled: bool) -> bool:
     """Prints the time of each search of a scene; whether all found the same pairs."""
     cloth_contact, device = problem.relaxation.cloth_contact, wp.get_device(problem.model.device)
     assert cloth_contact is not None
+    state = problem.relaxation.contact_state()
     if not cloth_contact.awake:
-        cloth_contact.awaken()
-    state = cloth_contact.state_now()
+        cloth_contact.awaken(state)
     cloth_contact.search(state)
     while cloth_contact.grow():
         cloth_contact.search(state)

@@ -116,5 +116,5 @@ def test_worn_tshirt(benchmark: Any, device: str, fabric: str) -> None:
 def test_tshirt_in_contact_with_itself(benchmark: Any, device: str) -> None:
     worn = load_problem(load_scene("tshirt", ["collision.cloth=true"]), device)
     benchmark.group = f"T-shirt on the mannequin, {device}"
-    worn.relaxation.cloth_contact.awaken()
+    worn.relaxation.cloth_contact.awaken(worn.relaxation.contact_state())
     timed(benchmark, worn.relaxation)

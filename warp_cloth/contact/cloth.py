@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
@@ -62,7 +62,8 @@ SHIFT_FRACTION = 0.1  # of thickness and skin: longest untangling shift in an it
 class ClothContact:
     """Contact of a model's garments with themselves and each other.
 
-    ``data`` is the kernels' ContactData. Until ``awaken`` it lets everything pass, and launches nothing.
+    ``data`` is the kernels' ContactData. A ``state`` is kernels.base.types State, its vertices numbered as in ``data``
+    (Relaxation.contact_state). Until ``awaken`` it lets everything pass, and launches nothing.
     """
 
     def __init__(
@@ -78,8 +79,6 @@ class ClothContact:
         self._numbering = Numbering(None) if patches is None else patches.numbering
         none = wp.empty(0, dtype=wp.int32, device=model.device)
         self.order = none if patches is None else patches.order
-        # current state, with vertices numbered as in ``data``
-        self.state_now: Callable[[], Any] = lambda: model.state
         self._thickness = thicknesses(kinds)
         lengths = np.concatenate([part.rest.edge_length for part in parts])
         thickest = float(self._thickness.max())
@@ -127,13 +126,12 @@ class ClothContact:
         forces = [decide_search, self._forces, self._measured_forces, self._add_load]
         return [*self.pair_search.kernels(), *forces, *facing]
 
-    def awaken(self) -> None:
+    def awaken(self, state: Any) -> None:
         """Starts contact: from now on garments meet."""
         self.awake = True
         self.settled = False
         self.data.trigger.skin.fill_(self.least_skin)
         self._set_active_margin(ACTIVE_MARGIN)
-        state = self.state_now()
         self.pair_search.order_leaves(state, self.data)
         self.search(state)
         if self.grow():
@@ -164,10 +162,10 @@ class ClothContact:
         """Sets for each garment whether its triangles face away from the body, 1, or towards it, -1."""
         self.untangling.outward.assign(self._by_vertex(outward).astype(np.float32))
 
-    def face_from_body(self) -> None:
+    def face_from_body(self, state: Any) -> None:
         """The same by where most of a garment's area faces, if there is a body. Does not wait for the device."""
         if self.facing is not None:
-            self.facing.update(self.state_now(), self.pair_search.geometry, self.untangling.outward)
+            self.facing.update(state, self.pair_search.geometry, self.untangling.outward)
 
     def lift(self, height: float) -> None:
         """Keeps each layer this much farther from the avatar [m] than the one inside it."""
@@ -191,9 +189,9 @@ class ClothContact:
 
     # Read-backs: a method copies to the host without waiting, and another returns the value once the copy is complete.
 
-    def read_open_seams(self) -> None:
+    def read_open_seams(self, state: Any) -> None:
         """Starts counting the edges that span seams yet to close, for ``open_seams``."""
-        self.pair_search.count_open_seams(self.state_now(), self._open_seams)
+        self.pair_search.count_open_seams(state, self._open_seams)
         wp.copy(self._counts, self._open_seams)
 
     def open_seams(self) -> int:
@@ -229,11 +227,10 @@ class ClothContact:
         self._set_few_pairs(found)
         return found / len(self.data.pairs.corners)
 
-    def read_crossings(self) -> None:
+    def read_crossings(self, state: Any) -> None:
         """Starts reading the crossings of the last search, for ``crossings``; or of now, where searches find none."""
         self.pair_search.geometry.whole.fill_(1)
         if not self.untangles:
-            state = self.state_now()
             self.pair_search.refit(state, self.data, clear=False)
             self.pair_search.find_crossings(state, self.data, layered=False)
         wp.copy(self._counts, self.untangling.count, dest_offset=1, count=CROSSING_COUNTS)
@@ -288,10 +285,10 @@ class ClothContact:
             blocks, threads = min(wanted, FORCE_BLOCKS), BLOCK_THREADS
         self._launch(kernel, blocks * threads, [state, step, self.data, blocks], threads)
 
-    def measure(self, step: Any, load: wp.array) -> None:
+    def measure(self, state: Any, step: Any, load: wp.array) -> None:
         """Adds contact to a certificate's load: forces as they are now, and their magnitudes."""
         if self.awake:
-            self._launch_forces(self._measured_forces, step, self.state_now())
+            self._launch_forces(self._measured_forces, step, state)
             self._launch(self._add_load, self.sheets.vertex_count, [self.data, self.order, load])
 
     def _launch(self, kernel: wp.Kernel, size: int, inputs: list[Any], block: int = LIST_LAUNCH[0]) -> None:

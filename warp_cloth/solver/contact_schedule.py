@@ -62,11 +62,11 @@ class ContactSchedule:
         cloth_contact = self._cloth_contact
         self._requested = True
         if not cloth_contact.awake:
-            cloth_contact.read_open_seams()
+            cloth_contact.read_open_seams(self._relaxation.contact_state())
             return
         cloth_contact.read_pairs(save=ahead and self._worn)
         if cloth_contact.untangles or iteration % CHECK_EVERY == 0:
-            cloth_contact.read_crossings()
+            cloth_contact.read_crossings(self._relaxation.contact_state())
 
     def restore(self) -> None:
         """Restores contact as it was at the last request."""
@@ -110,7 +110,7 @@ class ContactSchedule:
             if cloth_contact.open_seams() and iteration < MOST_SEWING:
                 return False
             self._face()
-            cloth_contact.awaken()
+            cloth_contact.awaken(self._relaxation.contact_state())
             self._enabled_at = iteration
             self._relaxation.forget_graphs()
             return False
@@ -152,7 +152,7 @@ def build_contact_schedule(
 
     def face() -> None:
         if cloth_contact.facing is not None:
-            cloth_contact.face_from_body()
+            cloth_contact.face_from_body(relaxation.contact_state())
         else:
             cloth_contact.face(signs_from_middle(parts, relaxation.model.points()))
 

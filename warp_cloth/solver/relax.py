@@ -34,7 +34,7 @@ Method = Literal["multilevel", "accelerated", "direct"]
 # chatters at this size where the cloth is stiff. Multilevel: ten steps' fall.
 DEFAULT_CAP: dict[Method, float] = {"multilevel": 2e-2, "accelerated": 5e-3, "direct": 1e-4}
 
-LEEWAY_ON_CLOTH = 30.0  # where cloth meets cloth there is no more of it, nor the even damping of other loose cloth
+LIMIT_ON_CLOTH = 30.0  # where cloth meets cloth there is no more of it, nor the even damping of other loose cloth
 TIGHTER = 4.0  # times ``loose``: what is loose stays so till then, and does not change to and fro
 
 
@@ -55,8 +55,8 @@ class StepOptions:
         (stiffness times displacement) is what is kept. Without it the changing steps feed the cloth's swinging.
     memory_falling: the same for worn cloth until its forces first balance: it falls more than twice as fast.
     anisotropy_limit: how many times the bound's step a vertex of worn cloth may go at most in directions that hardly
-        resist, once forces have balanced; 0: no more than once. With 200 no faster. In cloth that still falls buckling
-        would outrun what takes the crumples out.
+        resist, once forces have balanced; 0: no more than once. With 200 no faster. In cloth that still falls
+        buckling would outrun what takes the crumples out.
     loose: forces have balanced where the relative residual's rms is below this; they have not where it is above
         TIGHTER times that.
     renewal: iterations after which those directions are looked up anew. A look costs as much as two iterations.
@@ -85,6 +85,17 @@ class StepOptions:
         return DEFAULT_CAP[self.method] if self.cap is None else self.cap
 
 
+def _step_of(options: StepOptions, precision: str) -> Any:
+    """The kernels' Step of these options, in a scene whose y axis points up."""
+    types = cloth_types(precision)
+    step = types.Step()
+    step.gravity = types.vec3(0.0, -1.0, 0.0)
+    for name in ("reach", "momentum", "momentum_loose", "damping", "viscosity", "buckling", "memory", "memory_falling"):
+        setattr(step, name, getattr(options, name))
+    step.horizon = options.renewal
+    return step
+
+
 class Relaxation:
     """Owns the scratch memory of a model's iterations and runs them in captured chunks.
 
@@ -100,90 +111,85 @@ class Relaxation:
         cloth_contact: ClothContact | None = None,
         caps: Sequence[float | None] | None = None,
     ) -> None:
-        types = cloth_types(model.precision)
-        accelerated = options.method == "accelerated"
-        self.model = model
-        self.step = types.Step()
-        self.step.gravity = types.vec3(0.0, -1.0, 0.0)
-        self.step.reach = options.reach
-        self.step.momentum, self.step.momentum_loose = options.momentum, options.momentum_loose
-        self.step.damping = options.damping
-        self.step.viscosity, self.step.buckling = options.viscosity, options.buckling
-        strength = options.anisotropy_limit
+        self.model, self.cloth_contact = model, cloth_contact
+        of_items = [colliders] * model.item_count if isinstance(colliders, Collider) else list(colliders)
+        self.avatar_contact, self.collider_type = of_items[0].avatar_contact, of_items[0].data_type or NoCollider
+        self.step = _step_of(options, model.precision)
+        self._anisotropy_limit, self._loose, self._renewal = options.anisotropy_limit, options.loose, options.renewal
         if cloth_contact is not None:  # else folds that lie on cloth swing for ever
-            self.step.buckling, strength = 1.0, min(strength, LEEWAY_ON_CLOTH)
-        self.step.memory, self.step.memory_falling = options.memory, options.memory_falling
-        self.step.horizon = options.renewal
-        met = [colliders] * model.item_count if isinstance(colliders, Collider) else list(colliders)
-        self.avatar_contact, self.collider_type = met[0].avatar_contact, met[0].data_type or NoCollider
-        self.cloth_contact = cloth_contact
-        patches = model.patches
-        kernel_options = KernelOptions(
+            self.step.buckling = 1.0
+            self._anisotropy_limit = min(options.anisotropy_limit, LIMIT_ON_CLOTH)
+        kernel_options = self._chosen_kernels(accelerated=options.method == "accelerated")
+        self._kernel_options = kernel_options
+        has_compliance = kernel_options.anisotropic and options.anisotropy_limit > 0.0
+        allocate_steps(
+            model.state,
+            model.precision,
+            stiffness=kernel_options.accelerated,
+            compliance=has_compliance,
+            in_contact=kernel_options.anisotropic,
+            clearance=saves_queries(kernel_options),
+        )
+        self.at_work = AtWork(model)
+        self._anisotropic_step = self._new_anisotropic_step() if has_compliance else None
+        self._scatter: ForcePass | None = None
+        self._packed: PackedCloth | None = None
+        self._packets = False  # whether a packet of vertices is moved at a time
+        self._presses_along = presses_along(kernel_options) and model.patches is not None
+        if model.patches is not None:  # no sum of forces in memory, but a second set of positions to write to
+            self._move = advance_kernel(kernel_options)
+            packed = cloth_contact is None
+            some = self.at_work.vertices
+            self._packed = PackedCloth(model, model.patches, kernel_options.accelerated, some, packed=packed)
+        else:
+            self._load = wp.zeros(model.vertex_count, dtype=cloth_types(model.precision).vec4, device=model.device)
+            self._scatter = ForcePass(model, kernel_options.accumulate, self._load)
+            alone = kernel_options.accelerated and cloth_contact is None
+            self._packets = alone and takes_packets(model, model.vertex_count)
+            self._move = (eight_displace_kernel if self._packets else displace_kernel)(kernel_options)
+        self._items = model.vertices.items.numpy().copy()
+        self._items["active"] = 1
+        self._items["cap"] = [options.largest_move if cap is None else cap for cap in caps or [None] * model.item_count]
+        self._items["offset"] = [collider.offset for collider in of_items]
+        self._sizes = np.diff(model.item_start)  # of the items, in vertices
+        self.collider_data: Any = NoCollider()
+        if self.avatar_contact is not None:
+            data = [collider.data for collider in of_items]
+            self.collider_data = wp.array(data, dtype=self.collider_type, device=model.device)
+        self._done = 0  # iterations since the start
+        self.forget_graphs()
+        self.tell_items()
+        self._together = self._shared_out(options.threads)
+
+    def _chosen_kernels(self, *, accelerated: bool) -> KernelOptions:
+        """What the kernels of an iteration are compiled for."""
+        model, patches = self.model, self.model.patches
+        options = KernelOptions(
             precision=model.precision,
             terms=model.terms,
             accelerated=accelerated,
             avatar_contact=self.avatar_contact,
             collider=self.collider_type,
-            cloth_contact=cloth_contact is not None,
+            cloth_contact=self.cloth_contact is not None,
             fits=patches is not None and patches.fits,
             few=patches is not None and patches.few,
             paired=patches is not None and patches.paired,
         )
-        kernel_options = replace(kernel_options, accumulate=accumulated(kernel_options))
-        self._kernel_options = kernel_options
-        worn = kernel_options.anisotropic
-        allocate_steps(
-            model.state,
-            model.precision,
-            stiffness=accelerated,
-            compliance=worn and options.anisotropy_limit > 0.0,
-            in_contact=worn,
-            clearance=saves_queries(kernel_options),
-        )
-        self.at_work = AtWork(model)
-        self._anisotropic_step: AnisotropicStep | None = None
-        if worn and options.anisotropy_limit > 0.0:  # which is looked at as patches own it
-            numbering = None if model.patches is None else model.patches.numbering
-            packed = numbering is not None and cloth_contact is None
-            self._anisotropic_step = AnisotropicStep(model, numbering, packed=packed, at_work=self.at_work)
-        self._strength, self._loose, self._renewal = strength, options.loose, options.renewal
-        self._scatter: ForcePass | None = None
-        self._packed: PackedCloth | None = None
-        self._eight = False  # whether eight vertices are moved at a time
-        self._presses_along = False  # whether what moves vertices presses pairs of cloth, too
-        if patches is not None:  # no sum of forces in memory, but a second set of positions to write to
-            self._move = advance_kernel(kernel_options)
-            self._presses_along = presses_along(kernel_options)
-            self._packed = PackedCloth(model, patches, accelerated, self.at_work.vertices, packed=cloth_contact is None)
-            if cloth_contact is not None:
-                cloth_contact.state_now = self._packed.brought
-        else:
-            self._load = wp.zeros(model.vertex_count, dtype=types.vec4, device=model.device)
-            self._scatter = ForcePass(model, kernel_options.accumulate, self._load)
-            self._eight = accelerated and cloth_contact is None and takes_packets(model, model.vertex_count)
-            if self._eight:
-                self._move = eight_displace_kernel(kernel_options)
-            else:
-                self._move = displace_kernel(kernel_options)
-        self._items = model.vertices.items.numpy().copy()
-        self._items["active"] = 1
-        self._sizes = np.diff(model.item_start)  # of the items, in vertices
-        largest = [options.largest_move if cap is None else cap for cap in caps or [None] * model.item_count]
-        self._items["cap"] = largest
-        self.collider_data: Any = NoCollider()
-        if self.avatar_contact is not None:
-            data = [collider.data for collider in met]
-            self.collider_data = wp.array(data, dtype=self.collider_type, device=model.device)
-        self._done = 0  # iterations since the start
-        self.forget_graphs()
-        for item, collider in enumerate(met):
-            self._stand_off(item, collider)
-        self.tell_items()
-        self._together = self._shared_out(options.threads)
+        return replace(options, accumulate=accumulated(options))
+
+    def _new_anisotropic_step(self) -> AnisotropicStep:
+        """What updates vertices' compliance, in the order in which patches own them."""
+        numbering = None if self.model.patches is None else self.model.patches.numbering
+        packed = numbering is not None and self.cloth_contact is None
+        return AnisotropicStep(self.model, numbering, packed=packed, at_work=self.at_work)
+
+    def contact_state(self) -> Any:
+        """The State now, with vertices numbered as contact of cloth with cloth has them."""
+        return self.model.state if self._packed is None else self._packed.brought()
 
     def _shared_out(self, count: int) -> Together | None:
         """What lets so many threads iterate; None: what is to be iterated cannot be shared out."""
-        if count <= 1 or not self._eight or self.model.item_count > 1:
+        if count <= 1 or not self._packets or self.model.item_count > 1:
             return None
         return Together(self.model, count, self._kernel_options.accumulate, self._move, self._anisotropic_step)
 
@@ -194,15 +200,12 @@ class Relaxation:
 
     def meet(self, item: int, collider: Collider) -> None:
         """Goes on with this collider of an item; it must be of the kind that the relaxation was made with."""
-        self._stand_off(item, collider)
+        self._items["offset"][item] = collider.offset
         self.model.look_again(item)
         self.tell_items()
         if self.avatar_contact is not None:
             data = wp.array([collider.data], dtype=self.collider_type, device=self.model.device)
             wp.copy(self.collider_data, data, dest_offset=item, count=1)
-
-    def _stand_off(self, item: int, collider: Collider) -> None:
-        self._items["offset"][item] = collider.offset
 
     def loosen(self, relative_rms: NDArray[np.float64]) -> None:
         """Lets worn items whose forces have balanced take anisotropic steps, others not; tells cloth on cloth, too.
@@ -220,7 +223,7 @@ class Relaxation:
         if self._anisotropic_step is None:
             return
         before = self._items["anisotropy_limit"].copy()
-        now = np.where(self._balanced(relative_rms, before > 0.0), self._strength, 0.0).astype(before.dtype)
+        now = np.where(self._balanced(relative_rms, before > 0.0), self._anisotropy_limit, 0.0).astype(before.dtype)
         if (now == before).all():
             return
         self._anisotropic_step.forget(np.flatnonzero(now != before).tolist())
@@ -341,9 +344,9 @@ class Relaxation:
                 self._update_compliance(here)
                 self._scatter.launch(self.step)
                 self._meet_cloth(iteration, here)
-                arguments = asked[:2] if self._eight else asked
+                arguments = asked[:2] if self._packets else asked
                 inputs = [model.vertices, here, *arguments, self._load]
-                size = pass_size(model.vertex_count, self._eight)
+                size = pass_size(model.vertex_count, self._packets)
                 wp.launch(self._move, dim=size, inputs=inputs, device=model.device)
         if self._packed is not None and self.stays_packed:
             self._packed.go(self._move, asked, count, self._before_move)

@@ -271,8 +271,8 @@ class Certifier:
     def _sum_forces(self) -> None:
         relaxation = self._relaxation
         self._forces.launch(relaxation.step)
-        if relaxation.cloth_contact is not None:
-            relaxation.cloth_contact.measure(relaxation.step, self._load)
+        if relaxation.cloth_contact is not None and relaxation.cloth_contact.awake:
+            relaxation.cloth_contact.measure(relaxation.contact_state(), relaxation.step, self._load)
 
     def normal_forces(self) -> NDArray[np.float64] | None:
         """Force with which each vertex presses on the avatar [N], shape [V]; None without contact. Waits."""
