@@ -29,10 +29,10 @@ class Status(str, Enum):
 
 @dataclass(frozen=True)
 class Residual:
-    """Net force left on free vertices after what contact and pins carry (model: certificate).
+    """Net force left on free vertices after what contact and pins can carry.
 
-    ``rms``, ``p99``, ``max`` in vertex weights; the relative ones divided by the vertex's weight plus the sum of the
-    magnitudes of the forces that meet there.
+    ``rms``, ``p99`` and ``max`` are in vertex weights; the relative ones are divided by the vertex's weight plus the
+    sum of the magnitudes of the forces on it.
     """
 
     rms: float
@@ -54,10 +54,10 @@ class Strain:
 
 @dataclass(frozen=True)
 class Penetration:
-    """Depth of garment vertices under the exact avatar mesh [mm]: deepest, 99.9th percentile, share of vertices.
+    """Depth of garment vertices below the exact avatar mesh [mm]: maximum, 99.9th percentile, fraction of vertices.
 
-    ``edges`` are drawn through the avatar, as deep as ``edge_max`` [mm]; through ``faces``, whose vertices may all be
-    outside, it shows, ``face_max`` [mm] at most.
+    ``edges`` is the number of edges that pass through the avatar, up to ``edge_max`` [mm] deep; ``faces`` that of faces
+    that it shows through by up to ``face_max`` [mm], although their vertices may all be outside.
     """
 
     max: float
@@ -86,7 +86,7 @@ class WornGarment:
     mesh: Mesh  # as loaded
     points: Points  # worn shape [m], shape [V, 3]
     thickness: float  # fabric thickness [m]
-    frames: NDArray[np.float32] | None = None  # shapes on the way [m], shape [N, V, 3], the last is the worn shape
+    frames: NDArray[np.float32] | None = None  # intermediate shapes [m], shape [N, V, 3]; the last is the worn shape
     fields: dict[str, NDArray[np.float32]] = field(default_factory=dict)  # per-vertex values by name, shape [V]
     fabric: Fabric | None = None  # where known, written with the stage's physics
     rest: RestShape | None = None
@@ -116,11 +116,11 @@ class FitResult:
     maps: FitMaps | None = None  # None: no maps were requested
 
 
-def matched(there: Sequence[str], wanted: Sequence[str]) -> list[int] | None:
-    """Which of an earlier result's garments the wanted ones are: by name, or, where there are as many, by order.
+def matched(available: Sequence[str], wanted: Sequence[str]) -> list[int] | None:
+    """Indices of an earlier result's garments that match the wanted ones: by name or, if there are as many, by order.
 
-    None where neither tells.
+    None if neither is possible.
     """
-    if all(there.count(name) == 1 for name in wanted):
-        return [there.index(name) for name in wanted]
-    return list(range(len(there))) if len(there) == len(wanted) else None
+    if all(available.count(name) == 1 for name in wanted):
+        return [available.index(name) for name in wanted]
+    return list(range(len(available))) if len(available) == len(wanted) else None
