@@ -145,9 +145,9 @@ def _factorised(potential: Potential) -> Callable[[np.ndarray], np.ndarray]:
         wp.launch(kernels.linearise_hinges, model.hinge_count, [model.state, model.hinges, gradient], device="cpu")
     if model.weave is not None:
         wp.launch(kernels.linearise_weave, model.weave_count, [model.state, model.weave, 0.0, side], device="cpu")
-    asked = [model.state, model.edges, table.pairs, 0.0, gradient, side, coupling, pair]
-    wp.launch(kernels.couple_pairs, count, asked, device="cpu")
-    start, other = table.start.numpy(), table.other.numpy()
+    arguments = [model.state, model.edges, table.pairs, 0.0, gradient, side, coupling, pair]
+    wp.launch(kernels.couple_pairs, count, arguments, device="cpu")
+    start, other = table.start.numpy(), table.neighbour.numpy()
     blocks = coupling.numpy()
     vertices = model.vertex_count
     row = np.repeat(np.arange(vertices), np.diff(start))

@@ -31,6 +31,7 @@ import warp as wp
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
+from measured import Figures, add_write_option
 from methods_scenes import KINDS, SIZES, STIFFNESS, Case, case_tree
 from reference import Potential, preconditioned_rest
 
@@ -250,10 +251,10 @@ def main() -> None:
     parser.add_argument("--precision", default="mixed")
     parser.add_argument("--reference", choices=list(BEYOND_LIMIT), default="multilevel", help="over a ball")
     parser.add_argument("--factorised", type=int, default=FACTORISED, help="vertices up to which SciPy factorises")
+    add_write_option(parser)
     options = parser.parse_args()
-    cases = [
-        Case(kind, size, k) for size in sorted(options.sizes)[::-1] for kind in options.kinds for k in options.stiffness
-    ]
+    sizes = sorted(options.sizes, reverse=True)
+    cases = [Case(kind, size, k) for size in sizes for kind in options.kinds for k in options.stiffness]
     wanted = FitOptions(options.device, options.precision, options.reference, options.limit, options.factorised)
     rows = []
     starts = [replace(wanted, start=start) for start in range(options.starts)]
@@ -261,6 +262,18 @@ def main() -> None:
         rows.append({key: None if value == math.inf else value for key, value in row.items()})
         print("@", line_of(row), flush=True)
         options.out.write_text(json.dumps(rows, indent=1))
+    with Figures(__file__, options, device=options.device) as figures:
+        add_figures(figures, "ball", [row for row in rows if row["scene"].startswith("ball")])
+        add_figures(figures, "hanging_and_strips", [row for row in rows if not row["scene"].startswith("ball")])
+
+
+def add_figures(figures: Figures, label: str, rows: Sequence[dict[str, Any]]) -> None:
+    """Adds how far the fits of some kinds are from their references, at most."""
+    if rows:
+        figures.add(f"{label}.fits", len(rows), "fits")
+        figures.add(f"{label}.largest_residual", max(row["weights"] for row in rows), "vertex weights")
+        figures.add(f"{label}.rms", max(row["rms_mm"] for row in rows), "mm")
+        figures.add(f"{label}.max", max(row["max_mm"] for row in rows), "mm")
 
 
 if __name__ == "__main__":

@@ -115,6 +115,8 @@ def add_figures(figures: Figures, rows: Sequence[dict[str, Any]]) -> None:
             print(f"creep {row['error_mm']:g} mm {row['name']:50} not at rest")
     label = f"at_rest_{rows[0]['error_mm']:g}mm"
     figures.add(f"{label}.fits", len(rested), f"fits of {len(rows)}")
+    if not rested:
+        return
     figures.add(f"{label}.shoulders_within_{STAYS:g}mm", sum(row["moved_mm"] <= STAYS for row in rested), "fits")
     figures.add(f"{label}.largest_shoulder_move", max(row["moved_mm"] for row in rested), "mm")
     figures.add(f"{label}.largest_fold_move", max(row["moved_free_mm"] for row in rested), "mm")
