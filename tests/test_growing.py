@@ -1,4 +1,4 @@
-"""What moves faster and faster is not at rest: a fold on its way to snap."""
+"""What moves faster and faster is not at rest: a fold on its displacement to snap."""
 
 from __future__ import annotations
 
@@ -19,18 +19,18 @@ ROUNDING = 1e-12  # [m], of float64 positions near 1 m
 
 @pytest.fixture(scope="module")
 def hung() -> Problem:
-    """A square that hangs, and is only looked at here."""
+    """A hanging square, which only is measured here."""
     return load_problem(
         load_scene({"garment": {"shape": {"kind": "square", "vertices_per_side": 5, "plane": "vertical"}}}), "cpu"
     )
 
 
-def seen(made: Problem, vertex: int, ways: list[list[float]]) -> float:
-    """The growing motion [m] at the last of the looks between which a vertex goes these ways [m]."""
+def seen(made: Problem, vertex: int, displacements: list[list[float]]) -> float:
+    """The growing displacement [m] at the last of the measurements between which a vertex moves by these [m]."""
     points = made.model.points().copy()
     start = points.copy()
-    for iteration, way in enumerate([[0.0, 0.0, 0.0], [0.0, 0.0, 0.0], *ways]):
-        points[vertex] += way
+    for iteration, displacement in enumerate([[0.0, 0.0, 0.0], [0.0, 0.0, 0.0], *displacements]):
+        points[vertex] += displacement
         made.model.set_points(points)
         growing = made.certifier.measure(100 * iteration).growing[0]
         made.certifier.take_snapshot(100 * iteration)
@@ -42,29 +42,29 @@ def highest(made: Problem) -> int:
     return int(made.model.points()[:, 1].argmax())
 
 
-WAYS = {
+DISPLACEMENTS = {
     "grown twice": ([[STEP, 0.0, 0.0], [2.0 * STEP, 0.0, 0.0], [3.0 * STEP, STEP, 0.0]], 10.0**0.5 * STEP),
     "grown once": ([[2.0 * STEP, 0.0, 0.0], [STEP, 0.0, 0.0], [2.0 * STEP, 0.0, 0.0]], float(GREW_ONCE) * 2.0 * STEP),
-    "grown from another way": (
+    "grown from another direction": (
         [[0.0, STEP, 0.0], [2.0 * STEP, 0.0, 0.0], [3.0 * STEP, 0.0, 0.0]],
         float(GREW_ONCE) * 3.0 * STEP,
     ),
     "shorter": ([[STEP, 0.0, 0.0], [3.0 * STEP, 0.0, 0.0], [2.0 * STEP, 0.0, 0.0]], 0.0),
-    "longer, another way": ([[STEP, 0.0, 0.0], [2.0 * STEP, 0.0, 0.0], [0.0, 3.0 * STEP, 0.0]], 0.0),
+    "longer, another direction": ([[STEP, 0.0, 0.0], [2.0 * STEP, 0.0, 0.0], [0.0, 3.0 * STEP, 0.0]], 0.0),
     "longer, back": ([[STEP, 0.0, 0.0], [2.0 * STEP, 0.0, 0.0], [-3.0 * STEP, 0.0, 0.0]], 0.0),
     "out of rest": ([[0.0, 0.0, 0.0], [0.0, 0.0, 0.0], [STEP, 0.0, 0.0]], 0.0),
 }
 
 
-@pytest.mark.parametrize("name", list(WAYS))
-def test_growing_is_a_way_that_is_longer_than_those_before_and_runs_along_them(hung: Problem, name: str) -> None:
-    ways, expected = WAYS[name]
-    assert seen(hung, highest(hung), ways) == pytest.approx(expected, abs=ROUNDING)
+@pytest.mark.parametrize("name", list(DISPLACEMENTS))
+def test_growing_is_a_displacement_longer_than_those_before_in_their_direction(hung: Problem, name: str) -> None:
+    displacements, expected = DISPLACEMENTS[name]
+    assert seen(hung, highest(hung), displacements) == pytest.approx(expected, abs=ROUNDING)
 
 
 def test_what_hangs_low_may_fold(hung: Problem) -> None:
     lowest = int(hung.model.points()[:, 1].argmin())
-    assert seen(hung, lowest, WAYS["grown twice"][0]) == 0.0
+    assert seen(hung, lowest, DISPLACEMENTS["grown twice"][0]) == 0.0
 
 
 def test_balanced_cloth_that_moves_faster_and_faster_is_not_at_rest() -> None:
@@ -75,8 +75,8 @@ def test_balanced_cloth_that_moves_faster_and_faster_is_not_at_rest() -> None:
     assert not replace(still, growing=1.01 * tolerance.growing).within(tolerance)
 
 
-def test_it_is_asked_of_all_but_the_papers_rule() -> None:
-    """That one chatters: how far it moves says nothing of folds."""
-    for method, asked in (("accelerated", True), ("multilevel", True), ("direct", False)):
+def test_it_is_required_of_all_methods_but_the_papers_rule() -> None:
+    """That one chatters: how far it moves tells nothing about folds."""
+    for method, required in (("accelerated", True), ("multilevel", True), ("direct", False)):
         scene = load_scene({"garment": {"shape": {"kind": "square"}}, "solver": {"method": method}})
-        assert math.isfinite(tolerance_of(scene).growing) == asked
+        assert math.isfinite(tolerance_of(scene).growing) == required

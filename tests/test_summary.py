@@ -1,4 +1,4 @@
-"""Where items are is asked for of some, without a look at the others."""
+"""Bounds of some items are measured without measuring the others."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from warp_cloth.solver.certificate.certifier import read_bounds
 CHANGES = ["garment.shape.vertices_per_side=9", "collision.pixel_mm=10"]
 
 
-def test_those_that_are_asked_for_are_where_they_are_now() -> None:
+def test_selected_items_are_where_they_are_now() -> None:
     scene = load_scene("sphere", CHANGES)
     made = build_problem([scene] * 3, [load_outfit(scene)] * 3, "cpu")
     before = made.certifier.measure(0).boxes

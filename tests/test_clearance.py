@@ -1,4 +1,4 @@
-"""What cannot have come near the avatar is not looked up: the bits of looking everywhere, at less cost."""
+"""Clearance: vertices that cannot have come near the avatar are not queried, at the same bits."""
 
 from __future__ import annotations
 
@@ -30,10 +30,10 @@ def ball(height: float = 0.0) -> FieldBuild:
     return build_contact_field(build_depth_buffers(points, np.asarray(mesh.faces), low, high, PIXEL, "cpu"))
 
 
-def collider(field: FieldBuild, *, spares: bool = True) -> Collider:
-    """What the avatar's contact asks; of what has no steepest slope nothing is sure."""
+def collider(field: FieldBuild, *, saves: bool = True) -> Collider:
+    """The avatar's contact; without a steepest slope no clearance is sure."""
     data = field.limited_to(OFFSET)
-    data.steepest = data.steepest if spares else 0.0
+    data.steepest = data.steepest if saves else 0.0
     return Collider(field_contact, data, ContactField, OFFSET)
 
 
@@ -43,7 +43,7 @@ def clear(
     points: wp.array(dtype=wp.vec3d),  # [m], shape [N]
     clearance_out: wp.array(dtype=float),  # [m], shape [N]
 ):
-    """Clearances by what a look answers."""
+    """Clearances from a contact query."""
     point = wp.tid()
     answer = field_contact(field, points[point])
     clearance_out[point] = field_clearance(field, points[point], answer[3], OFFSET)
@@ -77,7 +77,7 @@ def test_outside_the_grid_nothing_is_sure() -> None:
     assert (clearances(ball(), np.array([[0.0, 1.0, 0.0], [0.0, RADIUS + 0.06, 0.0]])) == 0.0).all()
 
 
-def falling(field: FieldBuild, *, gathers: bool, spares: bool) -> tuple[Relaxation, np.ndarray]:
+def falling(field: FieldBuild, *, gathers: bool, saves: bool) -> tuple[Relaxation, np.ndarray]:
     """A sheet some millimetres above the ball, scattered or gathered."""
     square = grid(12, 0.3)
     points = square.points[:, [0, 2, 1]]
@@ -87,29 +87,29 @@ def falling(field: FieldBuild, *, gathers: bool, spares: bool) -> tuple[Relaxati
     model = model_of(flat, rest, precision="mixed", gathers=gathers, avatar_friction=0.5)
     if model.patches is not None:
         model.patches.few = False  # as in large batches
-    relaxation = Relaxation(model, collider(field, spares=spares), StepOptions())
+    relaxation = Relaxation(model, collider(field, saves=saves), StepOptions())
     wp.force_load("cpu", modules=[kernel.module for kernel in relaxation.kernels() + relaxation.seldom_kernels()])
     relaxation.start_anew()
     return relaxation, points
 
 
 @pytest.mark.parametrize("gathers", [False, True])
-def test_looks_are_spared_without_a_change_of_bits(gathers: bool) -> None:
-    field, higher = ball(), ball(0.004)  # whose arrays they keep
-    spared, points = falling(field, gathers=gathers, spares=True)
-    everywhere, _ = falling(field, gathers=gathers, spares=False)
-    for relaxation in (spared, everywhere):
+def test_queries_are_saved_without_a_change_of_bits(gathers: bool) -> None:
+    field, higher = ball(), ball(0.004)  # whose arrays they hold
+    saving, points = falling(field, gathers=gathers, saves=True)
+    everywhere, _ = falling(field, gathers=gathers, saves=False)
+    for relaxation in (saving, everywhere):
         relaxation.run(100)
-    clear = spared.model.state.clearance.numpy()
+    clear = saving.model.state.clearance.numpy()
     assert (clear > 0.0).any()
     assert (clear == 0.0).any()
     assert (everywhere.model.state.clearance.numpy() == 0.0).all()
-    assert (spared.model.points() == everywhere.model.points()).all()
-    for relaxation, spares in ((spared, True), (everywhere, False)):
-        relaxation.meet(0, collider(higher, spares=spares))  # comes nearer to what was sure to be clear
+    assert (saving.model.points() == everywhere.model.points()).all()
+    for relaxation, saves in ((saving, True), (everywhere, False)):
+        relaxation.meet(0, collider(higher, saves=saves))  # comes nearer to what was sure to be clear
         relaxation.run(60)
-    assert (spared.model.points() == everywhere.model.points()).all()
-    for relaxation in (spared, everywhere):
+    assert (saving.model.points() == everywhere.model.points()).all()
+    for relaxation in (saving, everywhere):
         relaxation.model.set_points(points - np.array([0.0, 0.006, 0.0]))
         relaxation.run(60)
-    assert (spared.model.points() == everywhere.model.points()).all()
+    assert (saving.model.points() == everywhere.model.points()).all()
