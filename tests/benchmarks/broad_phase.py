@@ -9,7 +9,7 @@ tests vertices against triangles and edges against edges, and lists what passes 
 - ``box_tree``: the solver's own launches;
 - ``bvh_refit``: ``wp.Bvh.refit`` and a thread for each vertex and edge (``wp.bvh_query_aabb``);
 - ``bvh_rebuild``: the same with ``wp.Bvh.rebuild``;
-- ``bvh_tiled``: refit, and a block of 32 threads for each vertex and edge (``wp.tile_bvh_query_aabb``), on CUDA only.
+- ``bvh_tiled``: refit, and a block of 32 threads for each vertex and edge (``wp.tile_bvh_query_aabb``); a GPU's.
 
 All boxes are the same to the bit, and so must the lists be; the script exits with 1 where they are not. On CUDA each
 search is one captured graph, timed by events in rounds that take turns; ratios are of medians of one run.
@@ -24,6 +24,7 @@ from typing import Any
 
 import numpy as np
 import warp as wp
+from measured import Figures, add_write_option
 from numpy.typing import NDArray
 from wearing import NEVER, Tree, mannequin, shirt
 
@@ -58,7 +59,7 @@ class Boxes:
 
 
 @functools.cache
-def refit_kernel(precision: str) -> wp.Kernel:
+def boxes_kernel(precision: str) -> wp.Kernel:
     """Kernel ``update_boxes``."""
     State, at = cloth_types(precision).State, place_function(precision)
 
@@ -229,7 +230,7 @@ class BvhSearch:
 
     def _update(self) -> None:
         count = len(self._boxes.triangle_leaf) + len(self._boxes.edge_leaf)
-        wp.launch(refit_kernel(self._precision), count, [*self._inputs, self._boxes], device=self._device)
+        wp.launch(boxes_kernel(self._precision), count, [*self._inputs, self._boxes], device=self._device)
 
     def run(self, *, rebuild: bool = False, tiled: bool = False) -> None:
         """One search."""
@@ -296,8 +297,8 @@ def timed(searches: dict[str, Search], rounds: int, device: wp.Device) -> dict[s
     return {name: float(np.median(spent[1:])) for name, spent in seconds.items()}
 
 
-def compare(name: str, problem: Problem, rounds: int, *, tiled: bool) -> bool:
-    """Prints the time of each search of a scene; whether all found the same pairs."""
+def compare(figures: Figures, name: str, problem: Problem, rounds: int, *, tiled: bool) -> bool:
+    """Adds the time of each search of a scene; returns whether all found the same pairs."""
     cloth_contact, device = problem.relaxation.cloth_contact, wp.get_device(problem.model.device)
     assert cloth_contact is not None
     state = problem.relaxation.contact_state()
@@ -322,14 +323,16 @@ def compare(name: str, problem: Problem, rounds: int, *, tiled: bool) -> bool:
     for search, run in searches.items():
         run()
         found[search] = listed(cloth_contact.data)
-    print(f"broad_phase.{name}.vertices {problem.model.vertex_count}")
-    print(f"broad_phase.{name}.pairs {len(found['box_tree'])}")
+    figures.add(f"{name}.vertices", problem.model.vertex_count, "vertices")
+    figures.add(f"{name}.pairs", len(found["box_tree"]), "pairs")
     same = {search: bool(np.array_equal(rows, found["box_tree"])) for search, rows in found.items()}
     seconds = timed(searches, rounds, device)
     for search, spent in seconds.items():
-        ratio = spent / seconds["box_tree"]
-        agrees = "the same pairs" if same[search] else f"OTHER PAIRS: {len(found[search])}"
-        print(f"broad_phase.{name}.{search} {1e6 * spent:.1f} us  {ratio:.2f} times box_tree, {agrees}", flush=True)
+        figures.add(f"{name}.{search}", 1e6 * spent, "us")
+        if search != "box_tree":
+            figures.add(f"{name}.{search}_ratio", spent / seconds["box_tree"], "times box_tree")
+        if not same[search]:
+            print(f"{search} lists other pairs than box_tree: {len(found[search])} pairs", file=sys.stderr)
     return all(same.values())
 
 
@@ -340,15 +343,17 @@ def main(given: Sequence[str] | None = None) -> int:
     parser.add_argument("--layers", type=int, nargs="+", choices=(1, 2), default=[1, 2], help="T-shirts")
     parser.add_argument("--iterations", type=int, default=6000, help="before the searches are timed")
     parser.add_argument("--rounds", type=int, default=50, help="searches of each kind")
-    parser.add_argument("--no-tiled", action="store_true", help="leave out the tiled query")
+    parser.add_argument("--tiled", action="store_true", help="run the tiled query on a CPU, too")
+    add_write_option(parser)
     options = parser.parse_args(given)
     agree = True
-    tiled = wp.get_device(options.device).is_cuda and not options.no_tiled
-    for layers in options.layers:
-        for vertices in options.vertices:
-            problem = worn(layers, vertices, options.iterations, options.device)
-            name = f"{('one_shirt', 'two_layers')[layers - 1]}.{round(vertices / 1000)}k"
-            agree &= compare(name, problem, options.rounds, tiled=tiled)
+    tiled = options.tiled or wp.get_device(options.device).is_cuda
+    with Figures(__file__, options, device=options.device, cores=1) as figures:
+        for layers in options.layers:
+            for vertices in options.vertices:
+                problem = worn(layers, vertices, options.iterations, options.device)
+                name = f"{('one_shirt', 'two_layers')[layers - 1]}.{round(vertices / 1000)}k"
+                agree &= compare(figures, name, problem, options.rounds, tiled=tiled)
     return 0 if agree else 1
 
 
