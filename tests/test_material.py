@@ -216,7 +216,7 @@ def test_a_curved_mesh_without_panels_is_told_to_be_even() -> None:
     bent = replace(flat, points=flat.points + np.array([0.0, 1.0, 0.0]) * flat.points[:, :1] ** 2, texcoords=None)
     rest = build_rest_shape(bent, fabric_named("cotton"), rest="mesh")
     assert rest.yarns is None
-    assert "no texture coordinates to tell warp from weft" in rest.notes[0]
+    assert "no texture coordinates for warp and weft" in rest.notes[0]
     plain = build_rest_shape(bent, resolve_fabric({"stretch": 5e3}), rest="mesh")
     assert plain.yarns is None  # nothing is lost: it is even
     assert not plain.notes

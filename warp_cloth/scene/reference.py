@@ -1,4 +1,4 @@
-"""The table of all scene keys in Markdown, written from the schema: scenes/README.md holds it, a test compares them."""
+"""The table of all scene keys in Markdown, written from the schema: scenes/keys.md holds it, a test compares them."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 """The scene schema: every key of a scene file, with its type, unit, bounds and default, and why that default.
 
-scenes/README.md lists the keys from here (scene/reference.py).
+scenes/keys.md lists the keys from here (scene/reference.py).
 """
 
 from __future__ import annotations
