@@ -22,6 +22,7 @@ from warp_cloth.kernels.math.packet import (
     dot,
     maximum,
     minimum,
+    negative,
     symmetric,
     vector3,
     vector4,
@@ -49,7 +50,7 @@ def whole_vocabulary(real: Any, lanes: int) -> wp.Kernel:
         picked = minimum(picked * size, picked + fours * number)
         ends = vector3(component(picked, 0), component(picked, 1), component(picked, 2) + component(picked, 3))
         moved = scaled_sum(a, component(picked, 3), b * maximum(x, y)) + (ends * number - b)
-        turned = where_greater(x, y, cross(moved, ends), -broadcast(x, single(number, -number, number)))
+        turned = where_greater(x, y, cross(moved, ends), negative(broadcast(x, single(number, -number, number))))
         quotient = x / (absolute(y) + type(y)(number))
         matrix = symmetric(x, y, dot(a, turned), fused(x, y, square), root(absolute(y)), quotient)
         mixed = component(matrix, 2) + component(matrix, 3) * (component(matrix, 4) + component(matrix, 5))

@@ -27,7 +27,7 @@ from warp_cloth.kernels.laws.yarn import (
 )
 from warp_cloth.kernels.math.lanes import lane_types
 from warp_cloth.kernels.math.operators import add, div, mul, sub  # noqa: F401  what + - * / below call for packets
-from warp_cloth.kernels.math.packet import absolute, component, vector3, vector4
+from warp_cloth.kernels.math.packet import absolute, component, negative, vector3, vector4
 from warp_cloth.kernels.math.real import fused, inner, reciprocal, root, scaled_sum
 
 
@@ -176,8 +176,8 @@ def _fold_function(precision: str, accumulate: Accumulate, lanes: int) -> wp.Fun
         dot_2 = foot(square_0, square_1, square_2)
         push_0, push_1 = component(fold_0, 0) * inverse, component(fold_1, 0) * inverse
         push_2 = component(fold_2, 0) * inverse
-        along_1 = fused(push_1, square_1, -fused(push_0, dot_2, push_2 * dot_0))
-        along_2 = fused(push_2, square_2, -fused(push_0, dot_1, push_1 * dot_0))
+        along_1 = fused(push_1, square_1, negative(fused(push_0, dot_2, push_2 * dot_0)))
+        along_2 = fused(push_2, square_2, negative(fused(push_0, dot_1, push_1 * dot_0)))
         amounts = vec3()
         if wp.static(accumulate.is_bound):
             # a wing's bound is in its own triangle, an axis' in both of the hinge's
@@ -191,7 +191,7 @@ def _fold_function(precision: str, accumulate: Accumulate, lanes: int) -> wp.Fun
                 wp.abs(push_1) * square_1 + wp.abs(push_0 * dot_2) + wp.abs(push_2 * dot_0),
                 wp.abs(push_2) * square_2 + wp.abs(push_0 * dot_1) + wp.abs(push_1 * dot_0),
             )
-        return vector3(-(along_1 + along_2), along_1, along_2), amounts
+        return vector3(negative(along_1 + along_2), along_1, along_2), amounts
 
     return corner_folds
 
@@ -294,8 +294,8 @@ def yarn_function(precision: str, accumulate: Accumulate, lanes: int = 1) -> wp.
         own_weft, own_warp, across = weft_and_warp(tension)
         on_weft = scaled_sum(warp, across, scaled_sum(weft, own_weft, on_weft))
         on_warp = scaled_sum(weft, across, scaled_sum(warp, own_warp, on_warp))
-        force_1 = -scaled_sum(on_weft, component(slope, 0), on_warp * component(slope, 2))
-        force_2 = -scaled_sum(on_weft, component(slope, 1), on_warp * component(slope, 3))
-        return -(force_1 + force_2), force_1, force_2, amounts
+        force_1 = negative(scaled_sum(on_weft, component(slope, 0), on_warp * component(slope, 2)))
+        force_2 = negative(scaled_sum(on_weft, component(slope, 1), on_warp * component(slope, 3)))
+        return negative(force_1 + force_2), force_1, force_2, amounts
 
     return yarn_loads

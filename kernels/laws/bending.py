@@ -11,7 +11,7 @@ from typing import Any
 import warp as wp
 
 from warp_cloth.kernels.math.operators import add, div, mul, sub  # noqa: F401  what + - * / below call for packets
-from warp_cloth.kernels.math.packet import absolute, any_greater, cross, maximum, minimum, where_greater
+from warp_cloth.kernels.math.packet import absolute, any_greater, cross, maximum, minimum, negative, where_greater
 from warp_cloth.kernels.math.real import fused, inner, root, scaled_sum, single
 
 # A triangle thinner than this fraction of its axis has no usable direction, and 1 / d no bound: as it collapses the
@@ -45,7 +45,7 @@ def unit_normal(side_1: Any, side_2: Any):
     inverse = where_greater(area, type(area)(SMALLEST), one / area, zero)
     # corrected as a quotient is: flat cloth has equal normals to the last bit
     unit = normal * inverse
-    return scaled_sum(scaled_sum(unit, -area, normal), inverse, unit), inverse
+    return scaled_sum(scaled_sum(unit, negative(area), normal), inverse, unit), inverse
 
 
 @wp.func
@@ -92,5 +92,5 @@ def hinge_torque(
     fold = minimum(fused(reach, per_height, root(bend)), type(bend)(2.0))
     bound = size * fold * per_height * per_height
     # n0 x n1 = (n0 - n1) x n0
-    signed = where_greater(zero, inner(cross(difference, normal_0), axis), -torque, torque)
+    signed = where_greater(zero, inner(cross(difference, normal_0), axis), negative(torque), torque)
     return where_greater(smaller, zero, signed, zero), where_greater(smaller, zero, bound, zero)

@@ -5,7 +5,7 @@ own operator; a file that imports these four is written with operators for one v
 vectors of one value have Warp's own + - and *, whose bits are the same.
 
 Warp's hash of a kernel does not see them: every function of ``packet`` carries ``OPERATORS``, a digest of their source,
-so that a changed operator is a new kernel. Not looked up are comparisons, unary minus (Warp's own serves) and u[i].
+so that a changed operator is a new kernel. Not looked up are comparisons, u[i] and unary minus: ``packet.negative``.
 """
 
 import hashlib

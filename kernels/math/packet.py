@@ -71,11 +71,17 @@ for _real, _name in ((wp.float32, "float"), (wp.float64, "double")):
 
         for _kind in (_one, _three):
 
+            @wp.func_native(_tagged(elementwise(_kind, "-u", "a")))
+            def negative(a: _kind) -> _kind:
+                """-a; Warp's own minus of a number is 0 - a, which loses the sign of zero."""
+                ...
+
             @wp.func_native(_tagged(elementwise(_kind, "u > v ? w : x", ["a", "b", "yes", "no"], "ab")))
             def where_greater(a: _one, b: _one, yes: _kind, no: _kind) -> _kind:
                 """``yes`` where a > b, else ``no``."""
                 ...
 
+            reference(negative, lambda a: -a)
             reference(where_greater, lambda a, b, yes, no: (a > b) * yes + (a <= b) * no)
 
         _words = {"real": _name, "count": 3 * WIDTH, "names": "a, b, c"}
