@@ -19,7 +19,7 @@ from warp_cloth.garment.rest import RestShape
 from warp_cloth.kernels.base.options import Terms
 from warp_cloth.kernels.base.types import cloth_types
 from warp_cloth.material.constants import YarnConstants
-from warp_cloth.model.patches.on_device import Patches, device_patches
+from warp_cloth.model.patches.on_device import Patches, PatchSource, device_patches
 from warp_cloth.model.upload import joined
 from warp_cloth.model.vertices import build_state, build_vertices
 
@@ -141,10 +141,9 @@ def build_model(
     weave = _weave(types, lay, rests, vertex_start, cache)
     patches = None
     if wp.get_device(device).is_cuda if gathers is None else gathers:
-        lying = [part.points for part in parts]
-        patches = device_patches(
-            types, lay, garments_elements, given, lying, terms, item_start, device, cache, layered=layered, like=like
-        )
+        points = [part.points for part in parts]
+        source = PatchSource(garments_elements, given, points, terms, item_start, layered, like)
+        patches = device_patches(source, types, device, cache)
     return ClothModel(
         device=device,
         precision=precision,

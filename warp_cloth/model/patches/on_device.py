@@ -27,6 +27,7 @@ from warp_cloth.model.patches.cutting import (
 )
 from warp_cloth.model.patches.triangle_pairs import with_laws
 from warp_cloth.model.permutation import Numbering
+from warp_cloth.model.upload import joined
 
 PER_CORE_LAYERED = 1  # patches on each core of a large GPU, at least, where garments that meet lie on each other
 SHARE_AT_REST = 0.125  # of the patches at work, those of items that have ended: their blocks start, and end at once
@@ -76,86 +77,138 @@ class Patches:
         return True
 
 
-def device_patches(
-    types: Any,
-    lay: Any,
-    garments: Sequence[Elements],
-    given: Sequence[Elements],
-    points: Sequence[Points],
-    terms: Terms,
-    item_start: tuple[int, ...],
-    device: str,
-    cache: Cache,
-    *,
-    layered: bool = False,
-    like: int | None = None,
-) -> Patches:
-    """The cloth cut into patches of vertices that lie together as loaded.
+@dataclass(frozen=True, eq=False)
+class PatchSource:
+    """What a model cuts into patches.
 
-    Args:
-        types: kernels.base.types types of a precision.
-        lay: puts the garments' arrays end to end on the device, as ``joined``.
-        garments: the elements of each garment.
-        given: the same in the device's precision.
-        points: where each garment's vertices lie as loaded [m].
-        terms: what there is to work out.
-        item_start: first vertex of each item, and the number of all.
-        device: Warp's name of it.
-        cache: what garments share with earlier models.
-        layered: whether garments lie on each other and meet: while patches are worked out, a core's other blocks press.
-        like: vertices of a model that they are cut, and worked out, as if they were of; None: as many as there are.
+    garments: the elements of each garment; ``rounded``: in the device's precision.
+    points: where each garment's vertices lie as loaded [m].
+    terms: what acts in the cloth.
+    item_start: first vertex of each item, and the number of all.
+    layered: whether garments lie on each other and meet: while patches are computed, a core's other blocks press.
+    like: vertices of a model that they are cut, and computed, as if they were of; None: as many as there are.
     """
-    own_memory = wp.get_device(device).is_cuda
-    vertices = sum(len(part) for part in points) if like is None else like
 
-    def cut_as(paired: bool) -> list[PatchTables]:
-        block = block_for(paired)
-        size = even_size(vertices, block, PER_CORE_LAYERED) if layered else even_size(vertices, block)
-        return garment_patches(garments, points, terms, precision=types.name, cache=cache, size=size, paired=paired)
+    garments: Sequence[Elements]
+    rounded: Sequence[Elements]
+    points: Sequence[Points]
+    terms: Terms
+    item_start: tuple[int, ...]
+    layered: bool = False
+    like: int | None = None
 
-    each = cut_as(takes_pairs(terms, vertices))
-    if any(beyond_words(own.patch).any() for own in each):
-        each = cut_as(False)
-    patch, overflowing = joined_rows(each, terms, precision=types.name, own_memory=own_memory)
-    laws = cache.get_or_make_each("laws", list(zip(given, each, strict=True)), partial(_patch_laws, terms=terms), terms)
-    table = "law" if terms.edges else "hinge_stiffness"
-    rows = np.zeros(len(patch["vertex_start"]), dtype=Patch.numpy_dtype())
-    for name, numbers in patch.items():
-        rows[name] = numbers
-    if table in laws[0]:
-        begin = [int(end) for end in np.cumsum([0, *(len(own[table]) for own in laws[:-1])])]
-        rows["law_start"] = concatenate([own["law_start"] for own in laws], begin)
-        rows["law_count"] = concatenate([own["law_count"] for own in laws])
-    start: list[int] = np.cumsum([0, *(len(part) for part in points)]).tolist()  # of each garment's vertices
-    of_garment = np.searchsorted(item_start, start[:-1], side="right") - 1
-    rows["item"] = np.repeat(of_garment, [len(own.patch["vertex_start"]) for own in each])
-    owned = rows["owned_count"]
-    rows["place"] = np.cumsum(owned, dtype=np.int32) - owned
+
+def device_patches(source: PatchSource, types: Any, device: str, cache: Cache) -> Patches:
+    """The cloth cut into patches of vertices that lie together as loaded, on a device.
+
+    ``types`` are kernels.base.types of a precision; ``cache`` has what garments share with earlier models.
+    """
+    terms, gpu = source.terms, wp.get_device(device).is_cuda
+    each = _cut(source, types.name, cache)
+    patch, overflowing = joined_rows(each, terms, precision=types.name, own_memory=gpu)
+    laws = cache.get_or_make_each(
+        "laws", list(zip(source.rounded, each, strict=True)), partial(_patch_laws, terms=terms), terms
+    )
+    rows = _patch_rows(source, each, patch, laws)
     packings = cache.get_or_make_each("packing", [(own,) for own in each], _packing)
-
-    def laid(name: str, dtype: Any, *, more: int = 0) -> wp.array:
-        """A table of all garments' patches; threads that find nothing left ask for ``more``, and do not use it."""
-        return lay([getattr(own, name) for own in each], dtype, more=more)
-
-    def law(name: str, dtype: Any, *, more: int = 0) -> wp.array:
-        """Likewise of what acts in them."""
-        return lay([own[name] for own in laws], dtype, more=more)
+    start: list[int] = np.cumsum([0, *(len(part) for part in source.points)]).tolist()  # of each garment's vertices
+    paired = bool(rows["item_count"].any())
 
     def packing(name: str) -> wp.array:
-        """Numbers of vertices, likewise."""
-        return lay([getattr(own, name) for own in packings], wp.int32, starts=start)
+        """Numbers of vertices, of all garments' patches."""
+        return joined([getattr(own, name) for own in packings], wp.int32, device=device, starts=start)
 
-    tables = types.Patches()
+    tables = _tables(types, terms, device, each, laws, paired=paired)
     wide = np.zeros((len(rows), 16), dtype=np.int32)
     wide[:, : rows.dtype.itemsize // 4] = rows.view(np.int32).reshape(len(rows), -1)
     tables.patch = wp.array(wide.reshape(-1, 4), dtype=wp.vec4i, device=device)
     tables.vertex = packing("vertex")
+    block = block_for(paired)
+    tables.ahead = wp.get_device(device).sm_count * block.per_core if gpu else 0
+    packed, back = types.Patches(), types.Patches()
+    for name in types.Patches.vars:
+        if getattr(tables, name) is not None:
+            setattr(packed, name, getattr(tables, name))
+            setattr(back, name, getattr(tables, name))
+    packed.vertex = back.vertex = packing("packed_vertex")
+    back.patch = wp.array(_last_first(wide, len(wide)).reshape(-1, 4), dtype=wp.vec4i, device=device)
+    overflow = wp.empty(overflowing, dtype=wp.uint8, device=device)
+    few = max(len(rows), 0 if source.like is None else source.like // block.vertices) <= FEW
+    numbering = Numbering(concatenate([own.order for own in packings], start))
+    places = packing("order"), packing("rank")
+    return Patches(wide, rows["item"], tables, (packed, back), numbering, *places, overflow, few)
+
+
+def _cut(source: PatchSource, precision: str, cache: Cache) -> list[PatchTables]:
+    """Each garment's patches; of pairs of triangles where those serve, and their words have room."""
+    vertices = sum(len(part) for part in source.points) if source.like is None else source.like
+
+    def cut_as(paired: bool) -> list[PatchTables]:
+        block = block_for(paired)
+        size = even_size(vertices, block, PER_CORE_LAYERED) if source.layered else even_size(vertices, block)
+        return garment_patches(
+            source.garments,
+            source.points,
+            source.terms,
+            precision=precision,
+            cache=cache,
+            size=size,
+            paired=paired,
+        )
+
+    each = cut_as(takes_pairs(source.terms, vertices))
+    return cut_as(False) if any(beyond_words(own.patch).any() for own in each) else each
+
+
+def _patch_rows(
+    source: PatchSource,
+    each: Sequence[PatchTables],
+    patch: dict[str, NDArray[Any]],
+    laws: Sequence[dict[str, NDArray[Any]]],
+) -> NDArray[Any]:
+    """The rows of kernels.base.types Patch, of all garments."""
+    rows = np.zeros(len(patch["vertex_start"]), dtype=Patch.numpy_dtype())
+    for name, numbers in patch.items():
+        rows[name] = numbers
+    table = "law" if source.terms.edges else "hinge_stiffness"
+    if table in laws[0]:
+        begin = [int(end) for end in np.cumsum([0, *(len(own[table]) for own in laws[:-1])])]
+        rows["law_start"] = concatenate([own["law_start"] for own in laws], begin)
+        rows["law_count"] = concatenate([own["law_count"] for own in laws])
+    first = np.cumsum([0, *(len(part) for part in source.points[:-1])])  # vertex of each garment
+    of_garment = np.searchsorted(source.item_start, first, side="right") - 1
+    rows["item"] = np.repeat(of_garment, [len(own.patch["vertex_start"]) for own in each])
+    owned = rows["owned_count"]
+    rows["place"] = np.cumsum(owned, dtype=np.int32) - owned
+    return rows
+
+
+def _tables(
+    types: Any,
+    terms: Terms,
+    device: str,
+    each: Sequence[PatchTables],
+    laws: Sequence[dict[str, NDArray[Any]]],
+    *,
+    paired: bool,
+) -> Any:
+    """The tables of the terms that there are; threads that find nothing left load one row ``more``, and discard it."""
+
+    def laid(name: str, dtype: Any, *, more: int = 0) -> wp.array:
+        """A table of all garments' patches."""
+        return joined([getattr(own, name) for own in each], dtype, device=device, more=more)
+
+    def law(name: str, dtype: Any, *, more: int = 0) -> wp.array:
+        """Likewise of what acts in them."""
+        return joined([own[name] for own in laws], dtype, device=device, more=more)
+
+    tables = types.Patches()
     if terms.edges or terms.folds:
         tables.ends = law("ends", wp.uint64, more=1)
     if terms.edges:
         tables.law = law("law", types.vec4, more=1)
         tables.edge_slot = laid("edge_slot", wp.vec4i)
-    if terms.folds and not rows["item_count"].any():
+    if terms.folds and not paired:
         tables.sides = laid("sides", wp.uint64, more=1)
     if terms.folds and not terms.edges:
         tables.hinge_stiffness = law("hinge_stiffness", types.real, more=1)
@@ -167,20 +220,7 @@ def device_patches(
     if terms.yarns:
         tables.slope = law("slope", types.vec4)
         tables.yarns = law("yarns", types.vec4)
-    block = block_for(bool(rows["item_count"].any()))
-    tables.ahead = wp.get_device(device).sm_count * block.per_core if own_memory else 0
-    packed, back = types.Patches(), types.Patches()
-    for name in types.Patches.vars:
-        if getattr(tables, name) is not None:
-            setattr(packed, name, getattr(tables, name))
-            setattr(back, name, getattr(tables, name))
-    packed.vertex = back.vertex = packing("packed_vertex")
-    back.patch = wp.array(_last_first(wide, len(wide)).reshape(-1, 4), dtype=wp.vec4i, device=device)
-    overflow = wp.empty(overflowing, dtype=wp.uint8, device=device)
-    few = max(len(rows), 0 if like is None else like // block.vertices) <= FEW
-    numbering = Numbering(concatenate([own.order for own in packings], start))
-    places = packing("order"), packing("rank")
-    return Patches(wide, rows["item"], tables, (packed, back), numbering, *places, overflow, few)
+    return tables
 
 
 def _last_first(rows: NDArray[np.int32], count: int) -> NDArray[np.int32]:
