@@ -25,11 +25,11 @@ from warp_cloth.fitting import problem
 from warp_cloth.fitting.fit import Fit
 from warp_cloth.fitting.problem import Problem, tolerance_of
 from warp_cloth.garment.outfit import load_outfit
-from warp_cloth.kernels.base.subset import GROUP
+from warp_cloth.kernels.base.active_set import GROUP
 from warp_cloth.model.model import build_model
 from warp_cloth.model.result import Status
 from warp_cloth.scene import Scene, load_scene
-from warp_cloth.solver.active_set import AtWork
+from warp_cloth.solver.active_set import ActiveSet
 from warp_cloth.solver.loop import Goal, relax_items
 
 ON_SPHERE = ["solver.iterations=330", "collision.pixel_mm=10"]
@@ -91,13 +91,13 @@ def test_an_item_has_the_same_bits_alone_in_company_and_in_any_order(
 def test_those_left_have_the_same_bits_where_the_others_are_passed_over(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(problem, "build_model", partial(build_model, gathers=True))
     chosen: list[int] = []
-    choose = AtWork.choose
+    choose = ActiveSet.choose
 
-    def told(self: AtWork, items: np.ndarray) -> None:
+    def told(self: ActiveSet, items: np.ndarray) -> None:
         choose(self, items)
         chosen.append(self.vertices.size)
 
-    monkeypatch.setattr(AtWork, "choose", told)
+    monkeypatch.setattr(ActiveSet, "choose", told)
     ends = [(9, 900), (17, 200), (24, 300), (13, 1300), (20, 400)]
     scenes = [
         load_scene(

@@ -4,7 +4,7 @@ import functools
 
 import warp as wp
 
-from warp_cloth.kernels.base.subset import listed
+from warp_cloth.kernels.base.active_set import active_element
 from warp_cloth.kernels.base.types import MODULE_OPTIONS, cloth_types, free_function
 from warp_cloth.kernels.certificate.reaction import reaction_function
 from warp_cloth.kernels.passes.step import colliders_type
@@ -23,7 +23,7 @@ def residual_kernel(precision: str, avatar_contact: wp.Function | None, collider
     def measure_residual(
         model: Model,
         state: State,
-        groups: wp.array(dtype=wp.int32),  # active set of vertices (kernels.base.subset); others keep their residual
+        groups: wp.array(dtype=wp.int32),  # active set of vertices; others keep their residual
         step: Step,
         slack: float,  # how far above the contact offset a vertex still counts as in contact [m]
         colliders: colliders_type(avatar_contact, collider_type),
@@ -31,7 +31,7 @@ def residual_kernel(precision: str, avatar_contact: wp.Function | None, collider
         residual_out: wp.array(dtype=wp.vec2f),  # in vertex weights, and relative, shape [V]; -1 where pinned
     ):
         """|R| / weight and |R| / (weight + sum of |F|), R the force that contact and friction leave on a vertex."""
-        vertex = listed(groups, wp.tid())
+        vertex = active_element(groups, wp.tid())
         if vertex >= load_out.shape[0]:
             return
         load = load_out[vertex]

@@ -4,7 +4,7 @@ import functools
 
 import warp as wp
 
-from warp_cloth.kernels.base.subset import listed
+from warp_cloth.kernels.base.active_set import active_element
 from warp_cloth.kernels.base.types import MODULE_OPTIONS, cloth_types, rest_function
 
 CHUNK = 16  # vertices that one thread sums: a GPU has threads for all chunks at once
@@ -109,14 +109,14 @@ def summarise_chunks_kernel(precision: str) -> wp.Kernel:
     def summarise_chunks(
         model: Model,
         state: State,
-        groups: wp.array(dtype=wp.int32),  # active set of chunks (kernels.base.subset)
+        groups: wp.array(dtype=wp.int32),  # active set of chunks (kernels.base.active_set)
         first: wp.array(dtype=wp.int32),  # first vertex of each chunk, and the vertex count
         residual: wp.array(dtype=wp.vec2f),  # of measure_residual, shape [V]
         shapes: Shapes,
         sum_out: wp.array2d(dtype=wp.float64),  # shape [chunks, COLUMNS]
     ):
         """Figures of each chunk of an item that still iterates and is selected."""
-        chunk = listed(groups, wp.tid())
+        chunk = active_element(groups, wp.tid())
         if chunk >= sum_out.shape[0]:
             return
         if rests(model, first[chunk]) or shapes.selected[model.item[first[chunk]]] == wp.uint8(0):

@@ -15,8 +15,8 @@ from typing import Any
 import warp as wp
 
 from warp_cloth.kernels.base.access import element
+from warp_cloth.kernels.base.active_set import active_element
 from warp_cloth.kernels.base.options import Accumulate, Terms
-from warp_cloth.kernels.base.subset import listed
 from warp_cloth.kernels.base.types import MODULE_OPTIONS, cloth_types, difference_function, rest_function
 from warp_cloth.kernels.elements.edge import edge_functions
 from warp_cloth.kernels.laws.tension import edge_law, tension_force, tension_stiffness, transverse_fraction
@@ -125,14 +125,14 @@ def _bound_folds_kernel(precision: str, terms: Terms, packed: bool, in_order: bo
     def bound_folds(
         model: Model,
         state: State,
-        groups: wp.array(dtype=wp.int32),  # of kernels.base.subset, of edges
+        groups: wp.array(dtype=wp.int32),  # of kernels.base.active_set, of edges
         edges: Edges,
         normal: wp.array(dtype=vec4),  # of measure_normals, shape [F]
         step: Step,
         bound_out: wp.array(dtype=real),  # [N/m], shape [E]
     ):
         """Bounds the stiffness of each edge's hinge."""
-        edge = listed(groups, wp.tid())
+        edge = active_element(groups, wp.tid())
         if edge >= edges.ends.shape[0]:
             return
         ends = element(edges.ends, edge)
@@ -193,7 +193,7 @@ def _find_compliance_kernel(precision: str, terms: Terms, packed: bool, in_order
     def find_compliance(
         model: Model,
         state: State,
-        groups: wp.array(dtype=wp.int32),  # of kernels.base.subset, of vertices
+        groups: wp.array(dtype=wp.int32),  # of kernels.base.active_set, of vertices
         edges: Edges,
         triangles: Triangles,
         rows: Rows,
@@ -201,7 +201,7 @@ def _find_compliance_kernel(precision: str, terms: Terms, packed: bool, in_order
         step: Step,
     ):
         """Sets the compliance of every vertex whose item takes anisotropic steps."""
-        vertex = listed(groups, wp.tid())
+        vertex = active_element(groups, wp.tid())
         if vertex >= model.item.shape[0]:
             return
         if rests(model, vertex):

@@ -10,8 +10,8 @@ import functools
 import warp as wp
 
 from warp_cloth.kernels.base.access import element
+from warp_cloth.kernels.base.active_set import active_element
 from warp_cloth.kernels.base.options import Accumulate, Terms
-from warp_cloth.kernels.base.subset import listed
 from warp_cloth.kernels.base.types import MODULE_OPTIONS, cloth_types, rest_function, takes_exact_stretch
 from warp_cloth.kernels.elements.edge import edge_functions, edge_length, span_type
 from warp_cloth.kernels.elements.triangle import corner_function, sides_type, triangle_functions
@@ -40,11 +40,11 @@ def normals_kernel(precision: str, packed: bool = False) -> wp.Kernel:
         state: State,
         triangles: Triangles,
         step: Step,
-        groups: wp.array(dtype=wp.int32),  # of kernels.base.subset, of triangles
+        groups: wp.array(dtype=wp.int32),  # of kernels.base.active_set, of triangles
         normal_out: wp.array(dtype=vec4),  # unit normal and inverse of twice the area [1/m2], shape [F]
     ):
         """Writes each triangle's normal."""
-        triangle = listed(groups, wp.tid())
+        triangle = active_element(groups, wp.tid())
         if triangle >= triangles.corners.shape[0]:
             return
         corners = element(triangles.corners, triangle)

@@ -13,7 +13,7 @@ from types import SimpleNamespace
 import warp as wp
 
 from warp_cloth.kernels.base.access import element, put
-from warp_cloth.kernels.base.subset import listed
+from warp_cloth.kernels.base.active_set import active_element
 from warp_cloth.kernels.base.types import MODULE_OPTIONS, cloth_types, rest_function
 from warp_cloth.kernels.math.real import inner, root
 
@@ -223,14 +223,14 @@ def packing_kernels(precision: str, accelerated: bool, packed: bool) -> SimpleNa
     def pack_vertices(
         model: Model,
         state: State,
-        groups: wp.array(dtype=wp.int32),  # of kernels.base.subset, of places
+        groups: wp.array(dtype=wp.int32),  # of kernels.base.active_set, of places
         order: wp.array(dtype=wp.int32),  # vertices as patches own them, shape [V]
         position_out: wp.array(dtype=point),  # [m], shape [V]
         move_out: wp.array(dtype=orders.move),  # [m], shape [V]
         stiffness_out: wp.array(dtype=real),  # [N/m], shape [V]
     ):
         """Puts what iterations change in the patches' order."""
-        place = listed(groups, wp.tid())
+        place = active_element(groups, wp.tid())
         if place >= order.shape[0]:
             return
         vertex = element(order, place)
@@ -245,14 +245,14 @@ def packing_kernels(precision: str, accelerated: bool, packed: bool) -> SimpleNa
     def unpack_vertices(
         model: Model,
         packed: State,
-        groups: wp.array(dtype=wp.int32),  # of kernels.base.subset, of vertices
+        groups: wp.array(dtype=wp.int32),  # of kernels.base.active_set, of vertices
         rank: wp.array(dtype=wp.int32),  # where patches have each vertex, shape [V]
         position_out: wp.array(dtype=point),  # [m], shape [V]
         move_out: wp.array(dtype=vec3),  # [m], shape [V]
         stiffness_out: wp.array(dtype=real),  # [N/m], shape [V]
     ):
         """Puts it back in the garments' order."""
-        vertex = listed(groups, wp.tid())
+        vertex = active_element(groups, wp.tid())
         if vertex >= rank.shape[0]:
             return
         place = element(rank, vertex)

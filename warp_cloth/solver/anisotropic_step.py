@@ -23,7 +23,7 @@ from warp_cloth.kernels.passes.scatter import edges_kernel
 from warp_cloth.model.model import ClothModel
 from warp_cloth.model.permutation import Numbering
 from warp_cloth.model.upload import joined
-from warp_cloth.solver.active_set import AtWork
+from warp_cloth.solver.active_set import ActiveSet
 from warp_cloth.solver.forces import NormalsPass, pass_size, takes_packets
 
 
@@ -36,11 +36,11 @@ class AnisotropicStep:
         numbering: Numbering | None = None,
         *,
         packed: bool = False,
-        at_work: AtWork | None = None,
+        active_set: ActiveSet | None = None,
     ) -> None:
         """``numbering``: of the vertices of the cloth that is looked at; None: the model's own.
 
-        ``packed``: whether its positions and compliances are packed (kernels.patches.packing). ``at_work``: what is
+        ``packed``: whether its positions and compliances are packed (kernels.patches.packing). ``active_set``: what is
         looked at where it is not scattered; None: all.
         """
         self._model, types = model, cloth_types(model.precision)
@@ -60,7 +60,7 @@ class AnisotropicStep:
         scatters = model.patches is None and terms.yarns and not (terms.edges or terms.angles)
         packets = scatters and takes_packets(model, min(model.triangle_count, model.edge_count))
         self._look: _Gathered | ScatteredLook = (
-            ScatteredLook(model) if packets else _Gathered(model, numbering, packed, at_work)
+            ScatteredLook(model) if packets else _Gathered(model, numbering, packed, active_set)
         )
 
     def kernels(self) -> list[wp.Kernel]:
@@ -92,10 +92,10 @@ class _Gathered:
         model: ClothModel,
         numbering: Numbering | None = None,
         packed: bool = False,
-        at_work: AtWork | None = None,
+        active_set: ActiveSet | None = None,
     ) -> None:
         types, terms = cloth_types(model.precision), model.terms
-        self._model, self._at_work = model, at_work or AtWork(model)
+        self._model, self._active_set = model, active_set or ActiveSet(model)
         self._kernels = compliance_kernels(model.precision, terms, packed, in_order=numbering is not None)
         self._numbering = numbering or Numbering(None, model.vertex_count)
         self._edges, self._triangles = model.edges, model.triangles
@@ -103,7 +103,7 @@ class _Gathered:
         if numbering is not None:
             self._edges = self._numbered(types.Edges, model.edges, "ends", wp.vec2i)
             self._triangles = self._numbered(types.Triangles, model.triangles, "corners", wp.vec3i)
-        self._normals = NormalsPass(model, packed=packed, some=self._at_work.triangles) if terms.folds else None
+        self._normals = NormalsPass(model, packed=packed, some=self._active_set.triangles) if terms.folds else None
         edges = model.edge_count if terms.folds else 0
         self._bound = wp.empty(edges, dtype=types.real, device=model.device)
         self._rows = types.Rows()
@@ -158,13 +158,13 @@ class _Gathered:
         return [*folds, self._kernels.find_compliance]
 
     def launch(self, vertices: Any, state: Any, step: Any) -> None:
-        device, at_work = self._model.device, self._at_work
+        device, active_set = self._model.device, self._active_set
         if self._normals is not None:
             self._normals.launch(vertices, state, step, self._triangles)
-            edges = at_work.edges
+            edges = active_set.edges
             read = [vertices, state, edges.groups, self._edges, self._normals.normal, step, self._bound]
             wp.launch(self._kernels.bound_folds, dim=edges.size, inputs=read, device=device)
-        some = at_work.vertices
+        some = active_set.vertices
         read = [vertices, state, some.groups, self._edges, self._triangles, self._rows, self._bound, step]
         wp.launch(self._kernels.find_compliance, dim=some.size, inputs=read, device=device)
 

@@ -12,20 +12,20 @@ from warp_cloth.kernels.math.lanes import WIDTH, lane_types
 from warp_cloth.kernels.passes.gather import gather_kernel
 from warp_cloth.kernels.passes.scatter import edges_kernel, normals_kernel, packet_normals_kernel, triangles_kernel
 from warp_cloth.model.model import ClothModel
-from warp_cloth.solver.active_set import Listed
+from warp_cloth.solver.active_set import ActiveGroups
 
 
 class NormalsPass:
     """Measures the triangles' normals, one by one or in packets of eight."""
 
-    def __init__(self, model: ClothModel, *, packed: bool = False, some: Listed | None = None) -> None:
+    def __init__(self, model: ClothModel, *, packed: bool = False, some: ActiveGroups | None = None) -> None:
         """``packed``: whether the cloth's positions are (kernels.patches.packing).
 
         ``some`` of the triangles, where they are not taken in packets; None: all.
         """
         types, count = cloth_types(model.precision), model.triangle_count
         self._packets = takes_packets(model, count) and not packed
-        self._model, self._some = model, some or Listed([0, count], model.device)
+        self._model, self._some = model, some or ActiveGroups([0, count], model.device)
         self.kernel = (
             packet_normals_kernel(model.precision) if self._packets else normals_kernel(model.precision, packed)
         )

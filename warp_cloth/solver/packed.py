@@ -11,7 +11,7 @@ from warp_cloth.kernels.patches.packing import packing_kernels
 from warp_cloth.model.model import ClothModel
 from warp_cloth.model.patches.on_device import Patches
 from warp_cloth.model.vertices import patch_ordered
-from warp_cloth.solver.active_set import Listed
+from warp_cloth.solver.active_set import ActiveGroups
 from warp_cloth.solver.forces import launch_patches
 
 
@@ -23,7 +23,7 @@ class PackedCloth:
     """
 
     def __init__(
-        self, model: ClothModel, patches: Patches, accelerated: bool, some: Listed, *, packed: bool = True
+        self, model: ClothModel, patches: Patches, accelerated: bool, some: ActiveGroups, *, packed: bool = True
     ) -> None:
         self._model, self._patches, self._some = model, patches, some
         self._kernels = packing_kernels(model.precision, accelerated, packed)

@@ -18,7 +18,7 @@ from warp_cloth.kernels.passes.move_packets import eight_displace_kernel
 from warp_cloth.kernels.passes.step import NoClothContact, NoCollider, accumulated, saves_queries
 from warp_cloth.model.model import ClothModel
 from warp_cloth.model.vertices import allocate_steps
-from warp_cloth.solver.active_set import AtWork
+from warp_cloth.solver.active_set import ActiveSet
 from warp_cloth.solver.anisotropic_step import AnisotropicStep
 from warp_cloth.solver.forces import ForcePass, pass_size, takes_packets
 from warp_cloth.solver.packed import PackedCloth
@@ -130,7 +130,7 @@ class Relaxation:
             in_contact=kernel_options.anisotropic,
             clearance=saves_queries(kernel_options),
         )
-        self.at_work = AtWork(model)
+        self.active_set = ActiveSet(model)
         self._anisotropic_step = self._new_anisotropic_step() if has_compliance else None
         self._scatter: ForcePass | None = None
         self._packed: PackedCloth | None = None
@@ -139,7 +139,7 @@ class Relaxation:
         if model.patches is not None:  # no sum of forces in memory, but a second set of positions to write to
             self._move = advance_kernel(kernel_options)
             packed = cloth_contact is None
-            some = self.at_work.vertices
+            some = self.active_set.vertices
             self._packed = PackedCloth(model, model.patches, kernel_options.accelerated, some, packed=packed)
         else:
             self._load = wp.zeros(model.vertex_count, dtype=cloth_types(model.precision).vec4, device=model.device)
@@ -181,7 +181,7 @@ class Relaxation:
         """What updates vertices' compliance, in the order in which patches own them."""
         numbering = None if self.model.patches is None else self.model.patches.numbering
         packed = numbering is not None and self.cloth_contact is None
-        return AnisotropicStep(self.model, numbering, packed=packed, at_work=self.at_work)
+        return AnisotropicStep(self.model, numbering, packed=packed, active_set=self.active_set)
 
     def contact_state(self) -> Any:
         """The State now, with vertices numbered as contact of cloth with cloth has them."""
@@ -270,7 +270,7 @@ class Relaxation:
         """Works on no more than the items that iterate."""
         patches = self.model.patches
         if patches is not None and patches.work_on(self._items["active"] == 1):
-            self.at_work.choose(self._items["active"] == 1)
+            self.active_set.choose(self._items["active"] == 1)
             self.forget_graphs()
 
     def forget_graphs(self) -> None:

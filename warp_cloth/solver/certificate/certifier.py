@@ -127,7 +127,7 @@ class Certifier:
         options = relaxation.avatar_contact, relaxation.collider_type, model.terms.pins
         self._measure_residual = residual_kernel(model.precision, *options)
         self._store_snapshot = store_snapshot_kernel(model.precision)
-        self._summary = Summary(model, relaxation.at_work)
+        self._summary = Summary(model, relaxation.active_set)
         self._residual = wp.zeros(model.vertex_count, dtype=wp.vec2f, device=model.device)
         self._last = wp.clone(state.position)  # at the last check
         self._before = wp.clone(state.position)  # at the one before
@@ -160,7 +160,7 @@ class Certifier:
         """Measures all items that iterate, as they are now, without waiting for the device."""
         relaxation, model = self._relaxation, self._model
         self._sum_forces()
-        active = relaxation.at_work.vertices
+        active = relaxation.active_set.vertices
         inputs = [relaxation.step, CONTACT_SLACK, relaxation.collider_data, self._load, self._residual]
         inputs = [model.vertices, model.state, active.groups, *inputs]
         wp.launch(self._measure_residual, dim=active.size, inputs=inputs, device=model.device)

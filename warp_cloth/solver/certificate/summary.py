@@ -20,7 +20,7 @@ from warp_cloth.kernels.certificate.summary import (
     summarise_groups,
 )
 from warp_cloth.model.model import ClothModel
-from warp_cloth.solver.active_set import AtWork
+from warp_cloth.solver.active_set import ActiveSet
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +40,7 @@ class PendingFigures:
 class Summary:
     """Sums the items of a model, each in an order that does not depend on the others."""
 
-    def __init__(self, model: ClothModel, at_work: AtWork) -> None:
+    def __init__(self, model: ClothModel, active_set: ActiveSet) -> None:
         self._model = model
         self._summarise_chunks = summarise_chunks_kernel(model.precision)
         self.shapes_type = shapes_type(model.precision)
@@ -48,7 +48,7 @@ class Summary:
         counts = np.array([len(each) for each in starts])
         first = np.concatenate([*starts, [model.vertex_count]])
         self._first_vertex = wp.array(first, dtype=wp.int32, device=model.device)
-        self._active_chunks = at_work.more(np.cumsum([0, *counts]).tolist())
+        self._active_chunks = active_set.add(np.cumsum([0, *counts]).tolist())
         self._sums = self._rows(len(first) - 1)
         self._levels: list[tuple[wp.array, wp.array]] = []  # first rows of each group, and the groups' sums
         while not self._levels or counts.max() > 1:
