@@ -37,11 +37,14 @@ PICTURES = sorted((ROOT / ".github").glob("*.png"))
 
 
 def by_language(*languages: str) -> list[Any]:
-    return [
-        pytest.param(block, id=block.place, marks=[pytest.mark.long] if "long" in block.marks else [])
-        for block in BLOCKS
-        if block.language in languages
-    ]
+    """Blocks as parameters; those of a page run in one process, as later ones may use what earlier ones wrote."""
+    found = []
+    for block in BLOCKS:
+        if block.language in languages:
+            page = pytest.mark.xdist_group(str(block.page.relative_to(ROOT)))
+            marks = [page, pytest.mark.long] if "long" in block.marks else [page]
+            found.append(pytest.param(block, id=block.place, marks=marks))
+    return found
 
 
 by_page = pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
