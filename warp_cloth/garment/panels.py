@@ -16,7 +16,7 @@ from warp_cloth.loading.sizes import PLAUSIBLE, was_guessed
 Floats = NDArray[np.float64]
 
 # Rest length over length in the mesh, median over the edges. Panels placed round a body are near 1, and a garment
-# that starts half or twice its size is told of; the units that get mixed up are 10 times or more apart.
+# that starts half or twice its size gets a note; the units that get mixed up are 10 times or more apart.
 SCALE_TOLD, SCALE_REFUSED = 2.0, 6.0
 
 # That ratio over the ratio of two units, up to which the mesh is taken to be in the other one.
@@ -30,7 +30,7 @@ EASED = 1.5
 # whose axes were each brought to the unit square are not.
 SQUEEZED = 1.5
 
-# Both are told of from SAME times as long on, if that is more than chance: SPREADS times as much as they differ from
+# Both get a note from SAME times as long, if that is more than chance: SPREADS times as much as they differ from
 # place to place, from the 10th to the 90th percentile (placed panels by nothing, worn jersey by 3 %).
 SAME, SPREADS = 1.02, 2.0
 

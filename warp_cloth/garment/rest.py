@@ -29,7 +29,7 @@ Floats = NDArray[np.float64]
 GRAVITY = 9.80665  # standard gravity [m/s2]
 
 # Edges far shorter than their neighbours would get constants without bound (k ~ 1 / L^3), and strains over nothing:
-# below this share of the garment's median edge they count as that long.
+# below this fraction of the garment's median edge they count as that long.
 SHORTEST_EDGE_SHARE = 1.0e-3
 
 COMMON = ("topology", "edge_length", "sheet", "area", "hinge_angle", "corners")  # to a garment's every fabric
@@ -114,7 +114,7 @@ class RestGeometry:
     sheet: Sheet
     area: float  # of the cloth [m2]
     hinge_angle: Floats | None = None  # at rest [rad], shape [H]; None: flat
-    corners: Floats | None = None  # as of RestShape
+    corners: Floats | None = None  # as in RestShape
     notes: tuple[str, ...] = ()
 
 
@@ -125,11 +125,11 @@ def own_constants(rest: RestShape) -> dict[str, Any]:
 
 def sheet_digest(geometry: RestGeometry, vertex_count: int) -> bytes:
     """A fingerprint of all that constants in a fabric depend on: panels' lengths, wherever a body has them placed."""
-    sheet, told = geometry.sheet, hashlib.sha256()
+    sheet, digest = geometry.sheet, hashlib.sha256()
     for numbers in (geometry.length, sheet.triangles, sheet.flat, sheet.areas):
-        told.update(np.ascontiguousarray(numbers).tobytes())
-    told.update(repr((vertex_count, geometry.area, sheet.directed, geometry.notes)).encode())
-    return told.digest()
+        digest.update(np.ascontiguousarray(numbers).tobytes())
+    digest.update(repr((vertex_count, geometry.area, sheet.directed, geometry.notes)).encode())
+    return digest.digest()
 
 
 def in_geometry(own: dict[str, Any], geometry: RestGeometry) -> RestShape:
@@ -156,7 +156,7 @@ def build_rest_shape(
     place: str = "garment",
     key: str = "garment",
 ) -> RestShape:
-    """Rest lengths and constants of a garment of this fabric; the rest as of ``build_rest_geometry``."""
+    """Rest lengths and constants of a garment of this fabric; other arguments as in ``build_rest_geometry``."""
     geometry = build_rest_geometry(
         mesh, rest=rest, metres_per_uv=metres_per_uv, grain=grain, rest_angles=rest_angles, place=place, key=key
     )

@@ -22,7 +22,7 @@ RestKind = Literal["mesh", "uv", "physics"]
 # which no cloth has and which float32 positions one metre from the origin cannot hold.
 THINNEST = 1e-6
 
-TWO_SIDED = 0.9  # share of the faces that lie on others: not a pocket or a facing, but all of it twice
+TWO_SIDED = 0.9  # fraction of faces that coincide with others: not a pocket or a facing, but the whole garment twice
 
 FARTHEST = 1e12  # texture coordinates beyond this count as none: no panel lies there, in whatever unit
 
@@ -127,8 +127,10 @@ def _two_sided(corners: Floats) -> tuple[str, ...]:
     doubled = int((unique_rows(np.sort(place, axis=1)).count > 1).sum())
     if 2 * doubled < TWO_SIDED * len(corners):
         return ()
-    told = f"{counted(2 * doubled, 'triangle')} coincide with others, as if every face was exported once for each side"
-    return (f"{told}: two layers of cloth, twice as heavy and stiff; remove one",)
+    doubles = (
+        f"{counted(2 * doubled, 'triangle')} coincide with others, as if every face was exported once for each side"
+    )
+    return (f"{doubles}: two layers of cloth, twice as heavy and stiff; remove one",)
 
 
 def _refuse_empty(raw: RawMesh, work: _Work) -> None:

@@ -65,7 +65,7 @@ def value_of(prim: Usd.Prim, name: str) -> Any:
 def rest_corners(mesh: UsdGeom.Mesh, counts: Ints, corners: Ints, matrix: Floats, place: str) -> Floats | None:
     """Rest position of every corner in stage units, scaled as the mesh is; None where none is stated.
 
-    Only lengths count, and x and y of a flat rest shape are weft and warp: what merely turns it is left out.
+    Only lengths matter, and x and y of a flat rest shape are weft and warp: rotations are not applied.
     """
     from pxr import Usd
 
@@ -216,7 +216,7 @@ def _stands_for(stored: float, unit: float) -> float:
 
 
 def _own_fabric(material: Usd.Prim) -> dict[str, Any]:
-    """The fabric that this project wrote beside the schema's constants."""
+    """The fabric that warp_cloth wrote, in addition to the schema's constants."""
     table = {}
     for field in fields(Fabric):
         value = value_of(material, OWN + field.name)

@@ -24,7 +24,7 @@ def probe(file: str, memory_limit: int) -> int:
             for attribute in prim.GetAttributes():
                 times = attribute.GetTimeSamples()
                 attribute.Get(times[0]) if times else attribute.Get()
-    except Exception as error:  # whatever it is, it is told to the one who asked
+    except Exception as error:  # of any kind: reported to the calling process
         try:
             reason = str(error)
         except UnicodeDecodeError as quoted:  # USD quotes the file's bytes

@@ -11,14 +11,14 @@ from warp_cloth.base.connected import connected_components
 from warp_cloth.loading.raw import Floats, Ints
 from warp_cloth.loading.unique_rows import edges_of, unique_rows, used_ids
 
-# Vertices of two rims nearer than that [m], and than this share of the edges there, are one: files round to it.
+# Vertices of two rims closer than this [m], and than this fraction of their edges, are one: files round that much.
 NEAR, NEAR_SHARE = 1e-4, 0.01
-NEXT = (1, 2, 3)  # how many others of a cell a vertex is held against: rims, not clouds, are joined
+NEXT = (1, 2, 3)  # ranks in a cell between compared vertices: rims are joined, not clouds
 
 
 @dataclass(frozen=True, eq=False)
 class Weld:
-    """Which vertex stands for each, and how many were joined with others or left apart at the same place."""
+    """The vertex that replaces each, and how many were joined, or not joined at the same place."""
 
     vertex: Ints  # lowest vertex joined with each, shape [V]
     joined: int = 0

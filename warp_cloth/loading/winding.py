@@ -9,7 +9,7 @@ from warp_cloth.base.connected import connected_components
 from warp_cloth.loading.raw import Floats, Ints
 from warp_cloth.loading.unique_rows import edges_of, unique_rows
 
-OPEN_SHARE = 0.05  # a component with at most this share of boundary edges counts as closed (a neck, eye holes)
+OPEN_SHARE = 0.05  # a component with at most this fraction of boundary edges is closed (a neck, eye holes)
 
 
 def _neighbours(triangles: Ints) -> tuple[Ints, Ints, NDArray[np.bool_]]:
@@ -47,19 +47,19 @@ def consistent_winding(triangles: Ints) -> tuple[NDArray[np.bool_], int]:
 
 def _turned(count: int, a: Ints, b: Ints, wrong: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Whether each face must turn to agree with the first of its component, found by walking from it."""
-    beside: dict[int, list[tuple[int, bool]]] = {}
+    neighbours: dict[int, list[tuple[int, bool]]] = {}
     for first, second, differs in zip(a.tolist(), b.tolist(), wrong.tolist(), strict=True):
-        beside.setdefault(first, []).append((second, differs))
-        beside.setdefault(second, []).append((first, differs))
+        neighbours.setdefault(first, []).append((second, differs))
+        neighbours.setdefault(second, []).append((first, differs))
     turned: dict[int, bool] = {}
-    for root in sorted(beside):
+    for root in sorted(neighbours):
         if root in turned:
             continue
         turned[root] = False
         front = [root]
         while front:
             face = front.pop()
-            for other, differs in beside[face]:
+            for other, differs in neighbours[face]:
                 if other not in turned:
                     turned[other] = turned[face] ^ differs
                     front.append(other)

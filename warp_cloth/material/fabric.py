@@ -55,14 +55,14 @@ UNITS: Mapping[str, str] = MappingProxyType(
     }
 )
 
-# Bias yarns are pulled, too, where the cloth is pulled along warp or weft. Up to this share of the smaller stretch
+# Bias yarns are also strained where the cloth is pulled along warp or weft. Up to this fraction of the smaller stretch
 # they leave the yarns there something to bear.
 LARGEST_SHEAR_SHARE = 0.25
 
 
 @dataclass(frozen=True)
 class Fabric:
-    """A fabric in SI, for every mesh: edges, yarns and hinges take a share of it.
+    """A fabric in SI, for every mesh: edges, yarns and hinges take a fraction of it.
 
     Every value has a default, the generic fabric's, so that a fabric can be stated by what is known of it.
     """
@@ -72,7 +72,7 @@ class Fabric:
     stretch_warp: float = 20_000.0  # K [N/m], force per width K e^2 at strain e; KES-F would read EMT 15.7 %
     stretch_weft: float = 20_000.0
     shear: float | None = None  # [N/m], shear force per width shear * angle^2; None: what the mesh's edges resist
-    compression: float = 0.1  # c, share of the force when pushed together: cloth buckles before it shortens
+    compression: float = 0.1  # c, fraction of the force when compressed: cloth buckles before it shortens
     bending_warp: float = 1e-7  # [N m2], moment per width bending * curvature^2 / 2 where the warp is bent
     bending_weft: float = 1e-7  # with this weight as KES-F B 0.035 gf cm2/cm: a bending length of 12 mm
     thickness: float = 0.5e-3  # [m]
@@ -126,12 +126,14 @@ class Fabric:
 
 def unlikely_values(fabric: Fabric) -> tuple[str, ...]:
     """A note where a fabric's values are like no cloth's; 0 is taken as meant."""
-    told = []
+    unusual = []
     for key, (low, high) in CLOTHS.items():
         value = getattr(fabric, key)
         if value and not low <= value <= high:
-            told.append(f"{key} {value:.2g} {UNITS[key].split(';')[0]} (usual: {low:g} to {high:g})")
-    return (f'the fabric "{fabric.name}" is unlike any cloth: {", ".join(told)}; check its units',) if told else ()
+            unusual.append(f"{key} {value:.2g} {UNITS[key].split(';')[0]} (usual: {low:g} to {high:g})")
+    return (
+        (f'the fabric "{fabric.name}" is unlike any cloth: {", ".join(unusual)}; check its units',) if unusual else ()
+    )
 
 
 def shipped_fabrics() -> dict[str, Fabric]:
@@ -252,7 +254,7 @@ def _over(base: Fabric, values: Mapping[str, Any]) -> Fabric:
         fabric = replace(base, **stated)
         open_shear = base == Fabric() or "stretch_warp" in stated or "stretch_weft" in stated
         if fabric.shear is None and not sheared and open_shear:
-            # a stretch is to be met on every mesh, which edges do not; they pull only where somebody asks for them
+            # yarns reproduce a stretch on every mesh, edges do not; edges pull only if requested
             fabric = replace(fabric, shear=fabric.even_shear)
         return fabric
     except InputError as error:

@@ -47,21 +47,21 @@ class Patches:
         corners = sheet.triangles.ravel()
         self.area = self._spread(np.asarray(np.bincount(corners, np.repeat(sheet.areas / 3.0, 3), count), float))
 
-    def _spread(self, held: Floats) -> Floats:
+    def _spread(self, values: Floats) -> Floats:
         """Spreads vertex values by the random walk, in place; their sum is conserved. Shape [V]."""
         part = self._part
-        parts, next_parts = np.multiply(part, held, out=self._walking[0]), self._walking[1]
+        parts, next_parts = np.multiply(part, values, out=self._walking[0]), self._walking[1]
         for _ in range(STEPS):
 
             def walk(there: slice, sums: Floats, onward: Floats = next_parts) -> None:
-                own = held[there]
+                own = values[there]
                 own *= 0.5
                 own += sums
                 np.multiply(part[there], own, out=onward[there])
 
             self._around.for_each_chunk(parts, walk)
             parts, next_parts = next_parts, parts
-        return held
+        return values
 
     def sums(self, *factors: Floats) -> Floats:
         """Patch sums of the product of hinge quantities, shape [V]."""
@@ -73,12 +73,12 @@ class Patches:
         start, end, first, second = own.take(self._corners[:, part])
         return np.asarray(0.25 * (start + end + first + second))
 
-    def share(self, held: Sequence[Floats], beyond: Floats) -> Floats:
+    def share(self, values: Sequence[Floats], beyond: Floats) -> Floats:
         """What sums are multiplied by to be per area [1/m2], and as if the border's halves were there, shape [V].
 
-        Hinges hold the product of ``held`` and the border's vertices ``beyond``, of one kind.
+        Hinges hold the product of ``values`` and the border's vertices ``beyond``, of one kind.
         """
-        return (1.0 + self._spread(beyond) / np.maximum(self.sums(*held), LEAST)) / np.maximum(self.area, LEAST)
+        return (1.0 + self._spread(beyond) / np.maximum(self.sums(*values), LEAST)) / np.maximum(self.area, LEAST)
 
 
 class Fit:

@@ -48,8 +48,8 @@ def load_scene(source: str | Path | Mapping[str, Any], overrides: Sequence[str] 
     for text in arguments.strings(overrides, "overrides"):
         key = apply_override(values, text, directory)
         for other, earlier in stated.items():
-            beside = key.endswith(".kind") and other.startswith(key.removesuffix("kind"))
-            if beside and not still_stated(values, other):
+            sibling = key.endswith(".kind") and other.startswith(key.removesuffix("kind"))
+            if sibling and not still_stated(values, other):
                 raise InputError(earlier, f"is undone by {set_place(text)}", "remove it, or put it after that")
         stated[key] = set_place(text)
     if not isinstance(source, Mapping) and path.suffix.lower() in USD_SUFFIXES:

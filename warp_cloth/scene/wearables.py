@@ -145,7 +145,7 @@ class GarmentSpec(Wearable):
         try:
             return resolve_fabric(value, directory_of(info))
         except InputError as error:
-            # a table's own key, or one that it leaves out and that does not go with the ones it has
+            # a key of the table, or one that it omits and that conflicts with its keys
             in_table = isinstance(value, Mapping) and (error.place in value or error.place in FABRIC_KEYS)
             below, place = (error.place, "") if in_table else ("", error.place)
             raise refusal(error.problem, error.remedy, below=below, place=place) from error
