@@ -5,8 +5,8 @@ import functools
 import warp as wp
 
 from warp_cloth.kernels.base.types import MODULE_OPTIONS, cloth_types, difference_function, hinge_sides_function
-from warp_cloth.kernels.laws.bending import hinge_normals, rotated_back
 from warp_cloth.kernels.laws.energy import bending_energy, tension_energy, yarn_energy
+from warp_cloth.kernels.laws.hinge import hinge_normals, rotated_back
 from warp_cloth.kernels.laws.tension import edge_law
 from warp_cloth.kernels.laws.yarn import bias_vectors, warp_vector, weft_vector, yarn_law
 

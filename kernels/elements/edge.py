@@ -11,7 +11,8 @@ import warp as wp
 
 from warp_cloth.kernels.base.options import Accumulate
 from warp_cloth.kernels.base.types import cloth_types, difference_function, takes_exact_stretch
-from warp_cloth.kernels.laws.bending import SHORTEST, hinge_torque, rotated_back
+from warp_cloth.kernels.laws.bending import SHORTEST, hinge_torque
+from warp_cloth.kernels.laws.hinge import rotated_back
 from warp_cloth.kernels.laws.tension import (
     damped_change,
     edge_law,

@@ -11,7 +11,8 @@ from types import SimpleNamespace
 import warp as wp
 
 from warp_cloth.kernels.base.types import MODULE_OPTIONS, cloth_types, difference_function, hinge_sides_function
-from warp_cloth.kernels.laws.bending import THINNEST, hinge_normals, rotated_back
+from warp_cloth.kernels.laws.bending import THINNEST
+from warp_cloth.kernels.laws.hinge import hinge_normals, rotated_back
 from warp_cloth.kernels.laws.tension import edge_law, tension_force, tension_stiffness
 from warp_cloth.kernels.laws.yarn import DIAGONAL, warp_vector, weft_vector, yarn_law, yarn_of
 from warp_cloth.kernels.math.symmetric import matrix_type, multiple_of_unit, outer, symmetric_matrix_functions

@@ -3,7 +3,7 @@
     E = C (|theta| - sin |theta|),  torque C (1 - cos theta) back to flat, largest at 180 degrees
 
 No inverse trigonometry. A hinge with a rest angle t0 has the same law in theta - t0: its second normal is rotated back
-by t0 beforehand.
+by t0 beforehand (``hinge.rotated_back``).
 """
 
 from typing import Any
@@ -23,17 +23,6 @@ SHORTEST = wp.constant(single(1.0e-20))  # of an axis [m]; what divides by it st
 
 
 @wp.func
-def hinge_normals(axis: Any, wing_0: Any, wing_1: Any):
-    """Unit normals of the two triangles and twice their areas [m2]; zero normals where a triangle has no area.
-
-    All three arguments are relative to the axis' first vertex [m]. Flat cloth has equal normals.
-    """
-    normal_0 = wp.cross(axis, wing_0)
-    normal_1 = wp.cross(wing_1, axis)
-    return wp.normalize(normal_0), wp.normalize(normal_1), wp.length(normal_0), wp.length(normal_1)
-
-
-@wp.func
 def unit_normal(side_1: Any, side_2: Any):
     """Unit normal of a triangle and the inverse of twice its area [1/m2], from the sides that leave its first corner.
 
@@ -46,16 +35,6 @@ def unit_normal(side_1: Any, side_2: Any):
     # corrected as a quotient is: flat cloth has equal normals to the last bit
     unit = normal * inverse
     return scaled_sum(scaled_sum(unit, negative(area), normal), inverse, unit), inverse
-
-
-@wp.func
-def rotated_back(normal: Any, axis: Any, rest: Any):
-    """The second triangle's unit normal, rotated about the axis by minus a rest angle of this cosine and sine.
-
-    The angle counts as theta does: positive where (n0 x n1) . axis is.
-    """
-    length = wp.max(wp.length(axis), type(rest[0])(1.0e-30))
-    return normal * rest[0] - wp.cross(axis, normal) * (rest[1] / length)
 
 
 @wp.func

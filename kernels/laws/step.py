@@ -1,4 +1,4 @@
-"""One vertex' step: force, cap, displacement (the paper, section 4), by the direct or the accelerated rule.
+"""One vertex' step: force, cap, displacement (the paper, section 4); ``direct_step`` is the paper's own rule.
 
 This is gradient descent on the energy within a trust region, the cap; ``accelerated`` adds a step size of each vertex'
 own (force over a stiffness bound) and momentum. All functions take one vertex or a packet of eight.
@@ -19,16 +19,6 @@ def capped(force: Any, limit: Any):
     size = root(inner(force, force))
     longest = type(size)(limit)
     return force * where_greater(size, longest, longest / size, type(size)(1.0))
-
-
-@wp.func
-def direct_displacement(force: Any, weight: Any, cap: Any):
-    """Displacement [m] by the paper's rule: total force, capped slightly above gravity, added to the position.
-
-    capped(f, 1.1 w) cap / (1.1 w): a force of 1.1 weights w is "slightly larger than gravity" and moves by ``cap``.
-    """
-    limit = type(weight)(1.1) * weight
-    return capped(force, limit) * (cap / limit)
 
 
 @wp.func

@@ -11,7 +11,8 @@ from warp_cloth.kernels.base.options import Accumulate, KernelOptions
 from warp_cloth.kernels.base.types import cloth_types
 from warp_cloth.kernels.contact.arrays import ContactData, VertexContact, load_vertex_contact
 from warp_cloth.kernels.contact.sums import take_load_function
-from warp_cloth.kernels.laws.step import accelerated_displacement, capped, direct_displacement, step_stiffness
+from warp_cloth.kernels.laws.direct_step import direct_displacement
+from warp_cloth.kernels.laws.step import accelerated_displacement, capped, step_stiffness
 from warp_cloth.kernels.math.lanes import lane_types
 from warp_cloth.kernels.math.operators import add, div, mul, sub  # noqa: F401  what + - * / below call for packets
 from warp_cloth.kernels.math.packet import broadcast, component, vector3
