@@ -181,7 +181,7 @@ def _item(row: Mapping[str, Any], number: int, folder: Path) -> Item:
     problem = str(row.get("problem", ""))
     scene = row.get("scene")
     if not PLAIN_NAME.fullmatch(name):
-        name, problem = f"row-{number}", f'"{name}" cannot name a file; use 1 to 100 characters, without slashes'
+        name, problem = f"row-{number}", f'"{name}" cannot be a file name; use 1 to 100 characters, without slashes'
     if not problem and not isinstance(scene, str):
         problem = "the row names no scene; give a scene file or a shipped scene"
     changes = []
