@@ -11,7 +11,7 @@ from pathlib import Path
 Params = frozenset[int]
 
 # Functions in C++ whose Python body does not show that they write their first argument.
-NATIVE_WRITERS = {"raise_to", "count_all", "tell_blocks", "leave_blocks"}
+NATIVE_WRITERS = {"raise_to", "count_all", "signal_done", "leave_blocks"}
 
 
 @dataclass

@@ -92,5 +92,5 @@ def iterate(relaxation: Relaxation, count: int) -> Points:
     for _ in range(count // 20):
         relaxation.run(20)
         if relaxation.cloth_contact is not None and relaxation.cloth_contact.grow():
-            relaxation.forget_graphs()
+            relaxation.drop_graphs()
     return relaxation.model.points()

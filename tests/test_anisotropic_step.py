@@ -261,6 +261,6 @@ def test_it_ends_with_the_relaxation(gathers: bool) -> None:
     relaxation = lying(gathers)
     relaxation.loosen(np.zeros(1))
     relaxation.run(20)
-    relaxation.start_anew()
+    relaxation.restart()
     assert relaxation.model.vertices.items.numpy()["anisotropy_limit"][0] == 0.0
     assert (told(relaxation.model) == [1.0, 1.0, 1.0, 0.0, 0.0, 0.0]).all()

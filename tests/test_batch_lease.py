@@ -23,9 +23,9 @@ def test_a_lease_ends_when_most_vertices_are_at_rest(tmp_path: Path) -> None:
     path = tmp_path / "lease"
     with GpuLease(path) as lease:
         assert not free(path)
-        lease.release_early(20, SimpleNamespace(active_share=FEW_ACTIVE))
+        lease.release_early(20, SimpleNamespace(active_fraction=FEW_ACTIVE))
         assert not free(path)
-        lease.release_early(40, SimpleNamespace(active_share=FEW_ACTIVE - 0.01))
+        lease.release_early(40, SimpleNamespace(active_fraction=FEW_ACTIVE - 0.01))
         assert free(path)
     with GpuLease(path):
         assert not free(path)
@@ -54,5 +54,5 @@ def test_a_process_that_fails_releases_its_lease(tmp_path: Path) -> None:
 
 def test_a_process_alone_needs_no_lease(tmp_path: Path) -> None:
     with GpuLease(None) as lease:
-        lease.release_early(20, SimpleNamespace(active_share=0.0))
+        lease.release_early(20, SimpleNamespace(active_fraction=0.0))
     assert not list(tmp_path.iterdir())

@@ -89,7 +89,7 @@ def falling(field: FieldBuild, *, gathers: bool, saves: bool) -> tuple[Relaxatio
         model.patches.few = False  # as in large batches
     relaxation = Relaxation(model, collider(field, saves=saves), StepOptions())
     wp.force_load("cpu", modules=[kernel.module for kernel in relaxation.kernels() + relaxation.seldom_kernels()])
-    relaxation.start_anew()
+    relaxation.restart()
     return relaxation, points
 
 

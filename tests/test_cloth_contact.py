@@ -189,7 +189,7 @@ def test_worn_cloth_gets_room_for_more_pairs_at_the_same_iteration_whether_or_no
             seen.append(len(cloth_contact.data.pairs.corners))
             if iteration == 640:
                 cloth_contact.pair_search.allocate_pairs(cloth_contact.data, 5)
-                relaxation.forget_graphs()
+                relaxation.drop_graphs()
 
         goal = Goal(Tolerance(0.0, 0.0, 0.0), 900)
         (outcome,) = relax_items(
@@ -221,14 +221,14 @@ def test_cloth_stands_still_while_there_is_no_room_for_all_that_is_near_it() -> 
     relaxation, cloth_contact = dropped(0.9995)
     iterate(relaxation, 200)  # till it is near
     cloth_contact.pair_search.allocate_pairs(cloth_contact.data, 5)
-    relaxation.forget_graphs()
+    relaxation.drop_graphs()
     cloth_contact.data.trigger.due.fill_(1)
     relaxation.run(20)
     first = relaxation.model.points()
     relaxation.run(20)
     assert np.array_equal(relaxation.model.points(), first)
     assert cloth_contact.grow()
-    relaxation.forget_graphs()
+    relaxation.drop_graphs()
     assert not np.array_equal(iterate(relaxation, 20), first)
 
 

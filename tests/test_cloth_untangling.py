@@ -23,7 +23,7 @@ from warp_cloth.contact.facing import Facing
 from warp_cloth.kernels.contact.arrays import NEVER
 from warp_cloth.kernels.contact.broad_phase import COUNTER_STRIDE
 from warp_cloth.kernels.contact.untangle import LONGEST, PATIENCE, exclude_tangled
-from warp_cloth.model.permutation import Numbering
+from warp_cloth.model.permutation import Permutation
 from warp_cloth.scene import SphereShape
 from warp_cloth.shapes import build_avatar
 from warp_cloth.solver.contact_schedule import ContactSchedule
@@ -140,7 +140,7 @@ def test_garments_are_told_whether_they_face_the_body() -> None:
     ball = build_avatar(SphereShape(kind="sphere", radius=0.05))
     body = build_exact_collider(moved(ball, *(-ball.points.mean(axis=0) + [0.0, 0.08, 0.0])), "cpu").within(1.0)
     with wp.ScopedDevice("cpu"):
-        facing = Facing("mixed", cloth_contact.sheets, Numbering(None), body)
+        facing = Facing("mixed", cloth_contact.sheets, Permutation(None), body)
     facing.update(model.state, cloth_contact.pair_search.geometry, cloth_contact.untangling.outward)
     faces = np.split(cloth_contact.untangling.outward.numpy(), [inward.vertex_count])
     assert (faces[0] == -1.0).all()

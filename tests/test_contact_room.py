@@ -26,7 +26,7 @@ def test_what_lacks_room_stands_still_whichever_pairs_had_some(share: float) -> 
     cloth_contact.data.pairs.count.zero_()  # as if nothing were near, and no search due
     cloth_contact.data.trigger.due.zero_()
     model.state.stiffness.zero_()
-    relaxation.forget_graphs()
+    relaxation.drop_graphs()
     relaxation.iterate(1)
     assert np.array_equal(held, model.state.stiffness.numpy())
 

@@ -144,7 +144,7 @@ def test_items_that_have_ended_leave_the_launch_and_come_back() -> None:
     relaxation.run(20)
     moved = [not np.array_equal(model.points(item), before[model.of_item(item)]) for item in range(3)]
     assert moved == [False, False, True]
-    relaxation.start_anew()
+    relaxation.restart()
     assert model.patches.count == everything
     relaxation.run(20)
     assert all(not np.array_equal(model.points(item), before[model.of_item(item)]) for item in range(3))

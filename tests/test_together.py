@@ -99,35 +99,35 @@ def test_threads_that_come_and_go_do_too(monkeypatch: pytest.MonkeyPatch) -> Non
 
 
 @pytest.mark.parametrize("mixed", [False, True])
-def test_every_vertex_is_in_one_share_with_all_that_acts_on_it(mixed: bool) -> None:
+def test_every_vertex_is_in_one_domain_with_all_that_acts_on_it(mixed: bool) -> None:
     mesh = sheet(mixed)
     model = model_of(mesh, build_rest_shape(mesh, WOVEN, rest="mesh"), precision="mixed")
-    shares = cut_model(model, 3)
-    order = np.concatenate([share.order.numpy() for share in shares])
+    domains = cut_model(model, 3)
+    order = np.concatenate([domain.order.numpy() for domain in domains])
     assert (np.sort(order) == np.arange(model.vertex_count)).all()
-    for share in shares:
-        own = set(share.order.numpy().tolist())
+    for domain in domains:
+        own = set(domain.order.numpy().tolist())
         for whole, part in (
-            (model.edges.ends, share.model.edges.ends),
-            (model.triangles.corners, share.model.triangles.corners),
+            (model.edges.ends, domain.model.edges.ends),
+            (model.triangles.corners, domain.model.triangles.corners),
         ):
             wanted = [row for row in whole.numpy().tolist() if own & set(row)]
             there = [row for row in order[part.numpy()].tolist() if own & set(row)]
             assert there == wanted  # in the same order, as sums depend on it
 
 
-def test_shares_have_all_that_a_cloth_has() -> None:
-    others = {"items", "displacement4"}  # of all shares, and where forces are gathered
+def test_domains_have_all_that_a_cloth_has() -> None:
+    others = {"items", "displacement4"}  # of all domains, and where forces are gathered
     types = cloth_types("mixed")
     assert {*types.Model.vars, *types.State.vars} == {*ITERATED, *CONSTANT, *others}
 
 
-def test_shares_are_cut_where_they_double_little() -> None:
+def test_domains_are_cut_where_they_double_little() -> None:
     mesh = sheet(mixed=True)
     model = model_of(mesh, build_rest_shape(mesh, WOVEN, rest="mesh"), precision="mixed")
-    for share in cut_model(model, 2):
-        assert len(share.order) <= model.vertex_count // 2 + 1
-        assert share.model.triangle_count <= model.triangle_count // 2 + 5 * SIDE  # three rows of it at the most
+    for domain in cut_model(model, 2):
+        assert len(domain.order) <= model.vertex_count // 2 + 1
+        assert domain.model.triangle_count <= model.triangle_count // 2 + 5 * SIDE  # three rows of it at the most
 
 
 def test_a_thread_does_not_wait_for_ever() -> None:

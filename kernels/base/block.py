@@ -1,6 +1,6 @@
-"""A thread block and its own memory, in which a patch of cloth is worked out; on the CPU a block is one thread.
+"""A thread block and its shared memory, in which a patch of cloth is computed; on the CPU a block is one thread.
 
-A place in that memory is a number of bytes: from its start, or, where its sign bit is set, in an array beside it, which
+A place in that memory is a number of bytes: from its start, or, where its sign bit is set, in the overflow array, which
 serves patches that are too large. On the CPU all are in that array.
 """
 
@@ -16,7 +16,7 @@ from warp_cloth.kernels.base.types import cloth_types
 WARPS = BLOCK_THREADS // 32  # of threads that go together
 FEW_PER_CORE = 3  # where there are no more at all: threads then keep all in registers
 TOLD_APART = 128  # [bytes] that a core's own cache keeps together
-BESIDE = wp.constant(-2147483648)  # the sign bit
+OVERFLOW = wp.constant(-2147483648)  # the sign bit
 
 _OWN_MEMORY = """
 #if defined(__CUDA_ARCH__)
@@ -101,19 +101,19 @@ _LEAVE = """
 
 _PLACE = """
 #if defined(__CUDA_ARCH__)
-    void* at_%(place)s = %(beside)s__cvta_shared_to_generic(%(place)s);
+    void* at_%(place)s = %(overflow)s__cvta_shared_to_generic(%(place)s);
 #else
-    void* at_%(place)s = beside.data + (%(place)s & 2147483647);
+    void* at_%(place)s = overflow.data + (%(place)s & 2147483647);
 #endif
     auto* held_%(place)s = reinterpret_cast<%(type)s*>(__builtin_assume_aligned(at_%(place)s, %(alignment)d));
 """
-_MAY_BE_BESIDE = "%(place)s < 0 ? (void*)(beside.data + (%(place)s & 2147483647)) : "
+_MAY_OVERFLOW = "%(place)s < 0 ? (void*)(overflow.data + (%(place)s & 2147483647)) : "
 
 
 def _found(place: str, type: str, alignment: int, fits: bool) -> str:
     """C++ that finds what is held at a place."""
-    beside = "" if fits else _MAY_BE_BESIDE % {"place": place}
-    return _PLACE % {"place": place, "type": type, "alignment": alignment, "beside": beside}
+    overflow = "" if fits else _MAY_OVERFLOW % {"place": place}
+    return _PLACE % {"place": place, "type": type, "alignment": alignment, "overflow": overflow}
 
 
 @functools.cache
@@ -138,7 +138,7 @@ def wait_for_block():
 
 
 @wp.func_native(_NO_EARLIER)
-def ask_no_earlier():
+def load_no_earlier():
     """What is read after this a compiler does not ask for before: what comes before needs the registers."""
     ...
 
@@ -174,7 +174,7 @@ block_threads = threads_function(0)
 
 
 @wp.func_native(_TELL)
-def tell_blocks(told: wp.array(dtype=wp.int32)):
+def signal_done(told: wp.array(dtype=wp.int32)):
     """Tells that all that the block's threads have written may be read; ``told`` as of ``await_blocks``."""
     ...
 
@@ -267,12 +267,12 @@ def _accessors(dtype: Any, name: str, alignment: int, fits: bool) -> tuple[wp.Fu
     find = _found("place", name, alignment, fits)
 
     @wp.func_native(find + "    return *held_place;")
-    def read(beside: wp.array(dtype=wp.uint8), place: int) -> dtype:
+    def read(overflow: wp.array(dtype=wp.uint8), place: int) -> dtype:
         """What is kept at a place."""
         ...
 
     @wp.func_native(find + "    *held_place = value;")
-    def write(beside: wp.array(dtype=wp.uint8), place: int, value: dtype):
+    def write(overflow: wp.array(dtype=wp.uint8), place: int, value: dtype):
         """Keeps it at a place."""
         ...
 
@@ -284,12 +284,12 @@ def _point_accessors(dtype: Any, real: str, fits: bool) -> tuple[wp.Function, wp
     find = _found("place", f"wp::vec_t<2, {real}>", 2 * size, fits) + _found("third", real, size, fits)
 
     @wp.func_native(find + "    const auto pair = *held_place;\n    return {pair[0], pair[1], *held_third};")
-    def read(beside: wp.array(dtype=wp.uint8), place: int, third: int) -> dtype:
+    def read(overflow: wp.array(dtype=wp.uint8), place: int, third: int) -> dtype:
         """The point that is kept at two places."""
         ...
 
     @wp.func_native(find + "    *held_place = {value[0], value[1]};\n    *held_third = value[2];")
-    def write(beside: wp.array(dtype=wp.uint8), place: int, third: int, value: dtype):
+    def write(overflow: wp.array(dtype=wp.uint8), place: int, third: int, value: dtype):
         """Keeps it there."""
         ...
 

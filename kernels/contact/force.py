@@ -223,7 +223,7 @@ def pair_force_function(precision: str, accumulate: Accumulate, sort: int, in_or
         make(precision) for make in (nearness_function, slip_function, stiffness_function)
     )
     add_parallel_couples = couple_function(precision, accumulate)
-    move_at = order_functions(precision, packed=False, in_order=in_order).move_at
+    displacement_at = order_functions(precision, packed=False, in_order=in_order).displacement_at
     edge_weight, add_pair = parallel_functions(real).weight, add_functions(real).add_pair
     one, nothing, by_stick = wp.constant(real(1.0)), wp.constant(real(0.0)), wp.constant(real(1.0 / STICK_FRACTION))
 
@@ -245,8 +245,8 @@ def pair_force_function(precision: str, accumulate: Accumulate, sort: int, in_or
         fabric = pair_fabric(contact, corners)
         move_0, move_1, move_2, move_3 = vec3(), vec3(), vec3(), vec3()
         if wp.static(accumulate is not Accumulate.MAGNITUDE):
-            move_0, move_1 = move_at(state, corners[0]), move_at(state, corners[1])
-            move_2, move_3 = move_at(state, corners[2]), move_at(state, corners[3])
+            move_0, move_1 = displacement_at(state, corners[0]), displacement_at(state, corners[1])
+            move_2, move_3 = displacement_at(state, corners[2]), displacement_at(state, corners[3])
         weights, separation, square, distance = pair_separation(x_0, x_1, x_2, x_3)
         thickness, modulus = real(fabric.thickness), real(fabric.squeeze_modulus)
         if wp.static(accumulate is not Accumulate.MAGNITUDE):

@@ -103,7 +103,7 @@ def least_box_margin(contact: ContactData):
 def start_kernel(precision: str, in_order: bool = False) -> wp.Kernel:
     """Kernel ``start_search``; ``in_order`` as in packing.order_functions."""
     State, at = cloth_types(precision).State, place_function(precision)
-    move_at = order_functions(precision, packed=False, in_order=in_order).move_at
+    displacement_at = order_functions(precision, packed=False, in_order=in_order).displacement_at
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
     def start_search(state: State, contact: ContactData, memory: StickMemory, candidates: Candidates):
@@ -117,7 +117,8 @@ def start_kernel(precision: str, in_order: bool = False) -> wp.Kernel:
             contact.trigger.last_search[0] = contact.bounds.iteration[0]
         if thread < contact.trigger.position.shape[0]:
             position = at(state.position, thread)
-            contact.trigger.skin[thread] = next_skin(contact, thread, position, wp.vec3d(move_at(state, thread)))
+            moved = wp.vec3d(displacement_at(state, thread))
+            contact.trigger.skin[thread] = next_skin(contact, thread, position, moved)
             contact.trigger.position[thread] = position
         count = contact.pairs.count[0]
         if thread < count and count <= contact.pairs.corners.shape[0]:

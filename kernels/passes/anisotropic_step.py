@@ -107,7 +107,7 @@ def yarns_matrix(weft: Any, warp: Any, bounds: Any, fraction: Any, inverse_lengt
 
 def _bound_folds_kernel(precision: str, terms: Terms, packed: bool, in_order: bool) -> wp.Kernel:
     types, order = cloth_types(precision), order_functions(precision, packed, in_order)
-    position_at, move_at = order.position_at, order.move_at
+    position_at, displacement_at = order.position_at, order.displacement_at
     real, vec2, vec4, Model, State, Edges, Step = (
         types.real,
         types.vec2,
@@ -142,7 +142,7 @@ def _bound_folds_kernel(precision: str, terms: Terms, packed: bool, in_order: bo
         rest = vec2()
         if wp.static(terms.angles):
             rest = element(edges.rest, edge)
-        move, other = move_at(state, ends[0]), move_at(state, ends[1])
+        move, other = displacement_at(state, ends[0]), displacement_at(state, ends[1])
         first, second = position_at(state, ends[0]), position_at(state, ends[1])
         span = edge_span(first, second, move, other, root(inner(move, move)))
         normal_0, normal_1 = element(normal, adjacent[0]), element(normal, adjacent[1])
@@ -171,7 +171,7 @@ def compliance_function(precision: str) -> wp.Function:
 
 def _find_compliance_kernel(precision: str, terms: Terms, packed: bool, in_order: bool) -> wp.Kernel:
     types, order = cloth_types(precision), order_functions(precision, packed, in_order)
-    position_at, move_at, put_compliance = order.position_at, order.move_at, order.put_compliance
+    position_at, displacement_at, put_compliance = order.position_at, order.displacement_at, order.put_compliance
     real, Model, State, Step = types.real, types.Model, types.State, types.Step
     Edges, Triangles, Rows = types.Edges, types.Triangles, types.Rows
     compliance_of = compliance_function(precision)
@@ -217,7 +217,7 @@ def _find_compliance_kernel(precision: str, terms: Terms, packed: bool, in_order
                 edge = element(rows.edge, row)
                 ends = element(edges.ends, edge)
                 side = difference(position_at(state, ends[1]), position_at(state, ends[0]))
-                change = move_at(state, ends[1]) - move_at(state, ends[0])
+                change = displacement_at(state, ends[1]) - displacement_at(state, ends[0])
                 more, size = edge_bound(side, change, element(edges.law, edge), step.reach, step.horizon)
                 matrix += more
                 total += size

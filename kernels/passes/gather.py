@@ -25,7 +25,7 @@ from warp_cloth.kernels.base.types import MODULE_OPTIONS, Patch, cloth_types
 from warp_cloth.kernels.math.real import signed_sum
 from warp_cloth.kernels.patches.corners import triangle_table_function, triangles_step
 from warp_cloth.kernels.patches.memory import (
-    NEXT_TURN,
+    NEXT_WARP,
     context_function,
     context_type,
     fetch_function,
@@ -243,7 +243,7 @@ def patch_functions(options: KernelOptions) -> SimpleNamespace:
         if wp.static((terms.folds or terms.edges) and not paired):
             end_word, law = edge_table(context.patches, context.patch, context.lane)
         if wp.static(options.packed and paired):
-            if fetches(NEXT_TURN):
+            if fetches(NEXT_WARP):
                 fetch_next(context.patches, state, soon)
         wait_for_block()
         if wp.static(paired):

@@ -9,15 +9,15 @@ from warp_cloth.kernels.avatar.field import fetch_field, field_contact
 from warp_cloth.kernels.base.access import element, put
 from warp_cloth.kernels.base.block import (
     FEW_PER_CORE,
-    ask_no_earlier,
     await_blocks,
     block_of,
     block_threads,
     fetches,
     lane_of,
     leave_blocks,
+    load_no_earlier,
     memory_functions,
-    tell_blocks,
+    signal_done,
     wait_for_block,
 )
 from warp_cloth.kernels.base.options import WORN_THREADS, Accumulate, KernelOptions, block_for
@@ -36,7 +36,7 @@ from warp_cloth.kernels.passes.step import (
     saves_queries,
 )
 from warp_cloth.kernels.patches.memory import (
-    NEXT_TURN,
+    NEXT_WARP,
     context_function,
     context_type,
     leaves,
@@ -53,7 +53,7 @@ def read_function(options: KernelOptions) -> wp.Function:
     types = cloth_types(options.precision)
     Model, State, Vertex, Item = types.Model, types.State, types.Vertex, types.Item
     order = order_functions(options.precision, options.packed, options.in_order)
-    position_at, move_at = order.position_at, order.move_at
+    position_at, displacement_at = order.position_at, order.displacement_at
 
     @wp.func
     def read_vertex(model: Model, state: State, index: int, item_index: int, item: Item):
@@ -65,7 +65,7 @@ def read_function(options: KernelOptions) -> wp.Function:
         vertex.position = position_at(state, index)
         vertex.weight = element(model.weight, index)
         if wp.static(options.accelerated):
-            vertex.displacement = move_at(state, index)
+            vertex.displacement = displacement_at(state, index)
             vertex.stiffness = element(state.stiffness, index)
         return vertex
 
@@ -231,7 +231,7 @@ def _advance_kernel(options: KernelOptions) -> wp.Kernel:
     types, cloth_contact, keeps = cloth_types(options.precision), options.cloth_contact, _keeps(options)
     point, Model, State, Step = types.point, types.Model, types.State, types.Step
     order = order_functions(options.precision, options.packed, options.in_order)
-    put_position, put_move = order.put_position, order.put_move
+    put_position, put_displacement = order.put_position, order.put_displacement
     patch_context, prefetch, move_vertex = (
         context_function(options), prefetch_function(options), move_function(options),
     )  # fmt: skip
@@ -261,7 +261,7 @@ def _advance_kernel(options: KernelOptions) -> wp.Kernel:
         item = model.items[patch.item]
         soon = Patch()
         if wp.static(options.paired and not cloth_contact):
-            if fetches(NEXT_TURN):
+            if fetches(NEXT_WARP):
                 soon = next_patch(patches, block)
         first, second = two_vertices(patches, patch, lane)
         if leaves(item.active, patch, first, second):
@@ -270,7 +270,7 @@ def _advance_kernel(options: KernelOptions) -> wp.Kernel:
         work = work_edges(context, state, first, second, soon)
         if wp.static(not keeps):
             work_corners(context, work)
-        ask_no_earlier()
+        load_no_earlier()
         local = int(lane)
         own = wp.min(local, patch.owned_count - 1)
         index = own_vertex(patches, patch, own)
@@ -290,7 +290,7 @@ def _advance_kernel(options: KernelOptions) -> wp.Kernel:
                 known = prefetch(state, colliders, contact, index, wp.vec3d(vertex.position), patch.item, item)
                 iteration, path = load_bounds(contact, index)
             position, move, kept = move_vertex(state, step, colliders, contact, known, load, vertex)
-            put_move(displacement_out, index, kept)
+            put_displacement(displacement_out, index, kept)
             put_position(position_out, index, position)
             if wp.static(cloth_contact):
                 note_displacement(contact, index, known.contact, float(root(inner(move, move))), iteration, path)
@@ -304,7 +304,7 @@ def _advance_pressing_kernel(options: KernelOptions) -> wp.Kernel:
     types, keeps = cloth_types(options.precision), _keeps(options)
     point, vec4, Model, State, Step = types.point, types.vec4, types.Model, types.State, types.Step
     order = order_functions(options.precision, options.packed, options.in_order)
-    put_position, put_move = order.put_position, order.put_move
+    put_position, put_displacement = order.put_position, order.put_displacement
     patch_context, prefetch, move_vertex = (
         context_function(options), prefetch_function(options), move_function(options),
     )  # fmt: skip
@@ -332,7 +332,7 @@ def _advance_pressing_kernel(options: KernelOptions) -> wp.Kernel:
         block = block_of(thread)
         if block < contact.blocks.force_count:
             add_block_forces(step, state, contact, thread, contact.blocks.force_count)
-            tell_blocks(contact.blocks.done)
+            signal_done(contact.blocks.done)
             return
         block -= contact.blocks.force_count
         patch = patch_of(patches.patch, block)
@@ -346,7 +346,7 @@ def _advance_pressing_kernel(options: KernelOptions) -> wp.Kernel:
         work = work_edges(context, state, first, second, Patch())
         if wp.static(not keeps):
             work_corners(context, work)
-        ask_no_earlier()
+        load_no_earlier()
         local = int(lane)
         own = wp.min(local, patch.owned_count - 1)
         index = own_vertex(patches, patch, own)
@@ -366,7 +366,7 @@ def _advance_pressing_kernel(options: KernelOptions) -> wp.Kernel:
         if local < patch.owned_count:
             iteration, path = load_bounds(contact, index)
             position, move, kept = move_vertex(state, step, colliders, contact, known, load, vertex)
-            put_move(displacement_out, index, kept)
+            put_displacement(displacement_out, index, kept)
             put_position(position_out, index, position)
             note_displacement(contact, index, known.contact, float(root(inner(move, move))), iteration, path)
         leave_blocks(contact.blocks.done, contact.blocks.force_count, contact.blocks.move_count, came)
@@ -380,7 +380,7 @@ def _advance_large_kernel(options: KernelOptions) -> wp.Kernel:
     types, cloth_contact = cloth_types(options.precision), options.cloth_contact
     point, Model, State, Step = types.point, types.Model, types.State, types.Step
     order = order_functions(options.precision, options.packed, options.in_order)
-    put_position, put_move = order.put_position, order.put_move
+    put_position, put_displacement = order.put_position, order.put_displacement
     patch_context, prefetch, move_vertex = (
         context_function(options), prefetch_function(options), move_function(options),
     )  # fmt: skip
@@ -411,7 +411,7 @@ def _advance_large_kernel(options: KernelOptions) -> wp.Kernel:
         item = model.items[patch.item]
         soon = Patch()
         if wp.static(options.paired and not cloth_contact):
-            if fetches(NEXT_TURN):
+            if fetches(NEXT_WARP):
                 soon = next_patch(patches, block)
         first, second = two_vertices(patches, patch, lane)
         if leaves(item.active, patch, first, second):
@@ -419,7 +419,7 @@ def _advance_large_kernel(options: KernelOptions) -> wp.Kernel:
         context = patch_context(step, patches, patch, overflow, lane)
         work = work_edges(context, state, first, second, soon)
         work_corners(context, work)
-        ask_no_earlier()
+        load_no_earlier()
         local = int(lane)
         edges, triangles = wp.vec4i(work.edges), wp.vec4i(work.triangles)
         wait_for_block()
@@ -433,7 +433,7 @@ def _advance_large_kernel(options: KernelOptions) -> wp.Kernel:
             if wp.static(cloth_contact):
                 iteration, path = load_bounds(contact, index)
             position, move, kept = move_vertex(state, step, colliders, contact, known, load, vertex)
-            put_move(displacement_out, index, kept)
+            put_displacement(displacement_out, index, kept)
             put_position(position_out, index, position)
             if wp.static(cloth_contact):
                 note_displacement(contact, index, known.contact, float(root(inner(move, move))), iteration, path)

@@ -158,7 +158,7 @@ def sides_function(precision: str, accumulate: Accumulate, packed: bool = False,
     types = cloth_types(precision)
     vec3, State = types.vec3, types.State
     order = order_functions(precision, packed, in_order)
-    position_at, move_at = order.position_at, order.move_at
+    position_at, displacement_at = order.position_at, order.displacement_at
     triangle_sides = triangle_functions(precision, accumulate).triangle_sides
 
     @wp.func
@@ -166,8 +166,8 @@ def sides_function(precision: str, accumulate: Accumulate, packed: bool = False,
         """A triangle as it lies, and what last moved it."""
         move_0, move_1, move_2 = vec3(), vec3(), vec3()
         if wp.static(accumulate.is_bound):
-            move_0, move_1 = move_at(state, corners[0]), move_at(state, corners[1])
-            move_2 = move_at(state, corners[2])
+            move_0, move_1 = displacement_at(state, corners[0]), displacement_at(state, corners[1])
+            move_2 = displacement_at(state, corners[2])
         origin, second = position_at(state, corners[0]), position_at(state, corners[1])
         return triangle_sides(origin, second, position_at(state, corners[2]), move_0, move_1, move_2)
 

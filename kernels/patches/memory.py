@@ -6,12 +6,12 @@ from types import SimpleNamespace
 import warp as wp
 
 from warp_cloth.kernels.base.access import element
-from warp_cloth.kernels.base.block import BESIDE, fetch_ahead, fetches, own_memory_function
+from warp_cloth.kernels.base.block import OVERFLOW, fetch_ahead, fetches, own_memory_function
 from warp_cloth.kernels.base.options import RANKS, KernelOptions, Terms, block_for
 from warp_cloth.kernels.base.types import Patch, cloth_types
 from warp_cloth.kernels.patches.packing import fetch_points
 
-SLOTS_TURN, NEXT_TURN = wp.constant(1), wp.constant(2)  # which of a block's last warps asks ahead for what
+SLOTS_WARP, NEXT_WARP = wp.constant(1), wp.constant(2)  # which of a block's last warps asks ahead for what
 
 
 @wp.struct
@@ -98,7 +98,7 @@ def layout_function(options: KernelOptions) -> wp.Function:
         at = own_memory()
         if wp.static(not fits):
             if patch.overflow >= 0:
-                at = patch.overflow | BESIDE
+                at = patch.overflow | OVERFLOW
         if wp.static(terms.edges):
             memory.edge_load = at
             at += wp.static(size_4) * (patch.edge_count + 1)
@@ -170,7 +170,7 @@ def fetch_function(options: KernelOptions) -> wp.Function:
     """The function that prefetches the tables of all steps."""
     terms, paired = options.terms, options.paired
     Patches = cloth_types(options.precision).Patches
-    slots_turn = SLOTS_TURN if paired else wp.constant(0)  # where the next patch is asked for, too, warps share that
+    slots_warp = SLOTS_WARP if paired else wp.constant(0)  # where the next patch is asked for, too, warps share that
 
     @wp.func
     def fetch_slots(patches: Patches, patch: Patch):
@@ -202,7 +202,7 @@ def fetch_function(options: KernelOptions) -> wp.Function:
         """Asks for what later steps read, while the vertices are on their way."""
         if fetches(0):
             fetch_steps(patches, patch)
-        if fetches(slots_turn):
+        if fetches(slots_warp):
             fetch_slots(patches, patch)
 
     return fetch_tables

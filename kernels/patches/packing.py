@@ -93,7 +93,7 @@ for _dtype in (wp.vec3f, wp.vec3d):
 
 
 @functools.cache
-def sized_function(precision: str) -> wp.Function:
+def with_length_function(precision: str) -> wp.Function:
     """The function that adds to a displacement how long it is."""
     types = cloth_types(precision)
     vec3, vec4 = types.vec3, types.vec4
@@ -121,14 +121,16 @@ def three_function(precision: str) -> wp.Function:
 
 @functools.cache
 def order_functions(precision: str, packed: bool, in_order: bool = True) -> SimpleNamespace:
-    """Functions ``position_at``, ``sized_move``, ``move_at``, ``compliance_at``, those that put, and the type ``move``.
+    """Functions ``position_at``, ``displacement4_at``, ``displacement_at``, ``compliance_at``, and those that put.
+
+    And ``move``, the type of displacements.
 
     ``packed``: whether positions are; ``in_order``: whether vertices lie in the patches' order, and displacements have
     four numbers.
     """
     types = cloth_types(precision)
     point, vec3, vec4, vec6, State = types.point, types.vec3, types.vec4, types.vec6, types.State
-    sized, first_three = sized_function(precision), three_function(precision)
+    sized, first_three = with_length_function(precision), three_function(precision)
 
     @wp.func
     def position_at(state: State, vertex: int):
@@ -141,32 +143,32 @@ def order_functions(precision: str, packed: bool, in_order: bool = True) -> Simp
         return packed_point(state.position, vertex)
 
     @wp.func
-    def sized_move(state: State, vertex: int):
+    def displacement4_at(state: State, vertex: int):
         """What last moved a vertex, and how long it is [m]."""
         return sized(element(state.displacement, vertex))
 
     @wp.func
-    def packed_sized_move(state: State, vertex: int):
+    def packed_displacement4_at(state: State, vertex: int):
         """What last moved a vertex, and how long it is [m]."""
         return element(state.displacement4, vertex)
 
     @wp.func
-    def move_at(state: State, vertex: int):
+    def displacement_at(state: State, vertex: int):
         """What last moved a vertex [m]."""
         return element(state.displacement, vertex)
 
     @wp.func
-    def packed_move_at(state: State, vertex: int):
+    def packed_displacement_at(state: State, vertex: int):
         """What last moved a vertex [m]."""
         return first_three(element(state.displacement4, vertex))
 
     @wp.func
-    def put_move(move_out: wp.array(dtype=vec3), vertex: int, move: vec3):
+    def put_displacement(move_out: wp.array(dtype=vec3), vertex: int, move: vec3):
         """Writes what moves a vertex."""
         put(move_out, vertex, move)
 
     @wp.func
-    def put_packed_move(move_out: wp.array(dtype=vec4), vertex: int, move: vec3):
+    def put_displacement4(move_out: wp.array(dtype=vec4), vertex: int, move: vec3):
         """Writes what moves a vertex."""
         put(move_out, vertex, sized(move))
 
@@ -191,14 +193,14 @@ def order_functions(precision: str, packed: bool, in_order: bool = True) -> Simp
         compliance_out[vertex] = compliance
 
     moves = (
-        (packed_sized_move, packed_move_at, put_packed_move, vec4)
+        (packed_displacement4_at, packed_displacement_at, put_displacement4, vec4)
         if in_order
-        else (sized_move, move_at, put_move, vec3)
+        else (displacement4_at, displacement_at, put_displacement, vec3)
     )
     return SimpleNamespace(
         position_at=packed_position_at if packed else position_at,
         put_position=put_packed_point if packed else put_position,
-        sized_move=moves[0], move_at=moves[1], put_move=moves[2], move=moves[3],
+        displacement4_at=moves[0], displacement_at=moves[1], put_displacement=moves[2], move=moves[3],
         compliance_at=packed_compliance_at if packed else compliance_at,
         put_compliance=put_packed_six if packed else put_compliance,
     )  # fmt: skip
@@ -215,8 +217,8 @@ def packing_kernels(precision: str, accelerated: bool, packed: bool) -> SimpleNa
     types = cloth_types(precision)
     point, real, vec3, Model, State = types.point, types.real, types.vec3, types.Model, types.State
     rests, orders = rest_function(precision), order_functions(precision, packed)
-    put_there, put_move, position_at, move_at = (
-        orders.put_position, orders.put_move, orders.position_at, orders.move_at,
+    put_there, put_displacement, position_at, displacement_at = (
+        orders.put_position, orders.put_displacement, orders.position_at, orders.displacement_at,
     )  # fmt: skip
 
     @wp.kernel(module="unique", module_options=MODULE_OPTIONS)
@@ -237,7 +239,7 @@ def packing_kernels(precision: str, accelerated: bool, packed: bool) -> SimpleNa
         if rests(model, place):
             return
         put_there(position_out, place, element(state.position, vertex))
-        put_move(move_out, place, element(state.displacement, vertex))
+        put_displacement(move_out, place, element(state.displacement, vertex))
         if wp.static(accelerated):
             put(stiffness_out, place, element(state.stiffness, vertex))
 
@@ -259,7 +261,7 @@ def packing_kernels(precision: str, accelerated: bool, packed: bool) -> SimpleNa
         if rests(model, vertex):
             return
         put(position_out, vertex, position_at(packed, place))
-        put(move_out, vertex, move_at(packed, place))
+        put(move_out, vertex, displacement_at(packed, place))
         if wp.static(accelerated):
             put(stiffness_out, vertex, element(packed.stiffness, place))
 

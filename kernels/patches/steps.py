@@ -101,7 +101,7 @@ def vertices_step(options: KernelOptions) -> SimpleNamespace:
     State, Patches, Context = types.State, types.Patches, context_type(precision)
     own_vertex = own_function(precision, options.in_order)
     order = order_functions(precision, options.packed, options.in_order)
-    position_at, sized_move = order.position_at, order.sized_move
+    position_at, displacement4_at = order.position_at, order.displacement4_at
     put_point, write_4 = point_functions(precision, fits).put_point, memory_functions(precision, fits).write_4
 
     @wp.func
@@ -112,7 +112,7 @@ def vertices_step(options: KernelOptions) -> SimpleNamespace:
             write_4(
                 context.overflow,
                 context.memory.move + wp.static(4 * types.real_size) * local,
-                sized_move(state, vertex),
+                displacement4_at(state, vertex),
             )
         put_point(context, local, position)
 

@@ -218,7 +218,7 @@ def add_times(rows: Sequence[dict[str, Any]], rest: Points, pixels: Sequence[flo
 def microseconds(made: Sequence[Problem]) -> list[float]:
     """Medians of an iteration's time in each set-up, which take turns."""
     for one in made:
-        one.relaxation.start_anew()
+        one.relaxation.restart()
         one.relaxation.loosen(np.zeros(1))  # as worn cloth iterates
         one.relaxation.run(10 * CHUNK)
 

@@ -92,7 +92,7 @@ def watch_relaxing(owner: Any) -> None:
 
         def on_chunk(iteration: int, _: Any) -> None:
             nonlocal stage, ends
-            if ends(iteration, relaxation.active_share):
+            if ends(iteration, relaxation.active_fraction):
                 stage.end()
                 name, ends = next(parts)
                 stage = Stage(f"relaxing from {iteration:,} iterations {name}")

@@ -54,7 +54,7 @@ class GpuLease:
 
     def release_early(self, iteration: int, relaxation: Relaxation) -> None:
         """Releases the lease where most vertices are at rest after this iteration."""
-        if self._file is not None and relaxation.active_share < FEW_ACTIVE:
+        if self._file is not None and relaxation.active_fraction < FEW_ACTIVE:
             self.release()
 
     def release(self) -> None:

@@ -18,7 +18,7 @@ from warp_cloth.contact.sheets import SheetKind
 from warp_cloth.garment.part import GarmentPart
 from warp_cloth.kernels.contact.arrays import NEXT_ITERATION, NO_LIMIT, REGIONS, ContactData
 from warp_cloth.kernels.contact.search import ContactSearch
-from warp_cloth.model.permutation import Numbering
+from warp_cloth.model.permutation import Permutation
 
 LEAST_THICKNESS = 1e-4  # [m], that of gauze; thinner fabrics count as that thick
 # Pressure at which a fabric is half as thick [Pa]: KES compresses to 50 gf/cm2, 4.9 kPa, where most keep 60 to 70 %.
@@ -47,7 +47,7 @@ def packed_fabric(
 
 
 def contact_arrays(
-    sheets: Sheets, parts: Sequence[GarmentPart], kinds: Sequence[SheetKind], numbering: Numbering
+    sheets: Sheets, parts: Sequence[GarmentPart], kinds: Sequence[SheetKind], permutation: Permutation
 ) -> Any:
     """Contact (kernels.contact.arrays ContactData) of these garments, asleep; the pair list is not allocated."""
     count, thickness = sheets.vertex_count, thicknesses(kinds)
@@ -55,7 +55,7 @@ def contact_arrays(
     data = ContactData()
     squeeze_modulus = HALVING_PRESSURE * area / (FORCE_AT_HALF * thickness)
     friction = np.array([kind.friction for kind in kinds])
-    fabric = numbering.rows(per_vertex(sheets, packed_fabric(thickness, squeeze_modulus, friction)))
+    fabric = permutation.rows(per_vertex(sheets, packed_fabric(thickness, squeeze_modulus, friction)))
     data.model.thickness = wp.array(fabric[:, 0], dtype=wp.float32)
     data.model.fabric = wp.array(fabric, dtype=wp.vec4f)
     data.model.thickest = float(thickness.max())
@@ -78,7 +78,7 @@ def contact_arrays(
 
 
 def search_arrays(
-    sheets: Sheets, parts: Sequence[GarmentPart], kinds: Sequence[SheetKind], numbering: Numbering
+    sheets: Sheets, parts: Sequence[GarmentPart], kinds: Sequence[SheetKind], permutation: Permutation
 ) -> Any:
     """The searched geometry (kernels.contact.search ContactSearch), without its trees."""
     start = sheets.vertex_start
@@ -88,12 +88,12 @@ def search_arrays(
     ]
     counts = np.concatenate([np.diff(row_start) for row_start, _ in rows])
     search = ContactSearch()
-    search.triangles = wp.array(numbering.of(sheets.triangles), dtype=wp.vec3i)
-    search.edges = wp.array(numbering.of(sheets.edges), dtype=wp.vec2i)
+    search.triangles = wp.array(permutation.of(sheets.triangles), dtype=wp.vec3i)
+    search.edges = wp.array(permutation.of(sheets.edges), dtype=wp.vec2i)
     items = np.array([kind.item for kind in kinds], dtype=np.int32)
-    search.item = wp.array(numbering.rows(per_vertex(sheets, items)), dtype=wp.int32)
+    search.item = wp.array(permutation.rows(per_vertex(sheets, items)), dtype=wp.int32)
     near = np.concatenate([vertices + first for (_, vertices), first in zip(rows, start, strict=False)])
-    near_start, near = numbering.lists(np.concatenate([[0], np.cumsum(counts)]), numbering.of(near))
+    near_start, near = permutation.lists(np.concatenate([[0], np.cumsum(counts)]), permutation.of(near))
     search.near_start, search.near = wp.array(near_start, dtype=wp.int32), wp.array(near, dtype=wp.int32)
     lengths = np.concatenate([part.rest.edge_length for part in parts])
     search.longest = wp.array(OPEN_STRETCH * lengths, dtype=wp.float32)
@@ -104,7 +104,7 @@ def search_arrays(
 
 
 def build_trees(
-    search: Any, untangling: Any, sheets: Sheets, kinds: Sequence[SheetKind], numbering: Numbering
+    search: Any, untangling: Any, sheets: Sheets, kinds: Sequence[SheetKind], permutation: Permutation
 ) -> tuple[Indices, Indices]:
     """Allocates the trees; returns the initial order of leaves and the starts of sheets in it, for ``LeafOrder``.
 
@@ -124,8 +124,8 @@ def build_trees(
     leaves = [each[of_item[at : len(of_item) - 1 + at]] for each in starts for at in (0, 1)]
     search.leaves = wp.array(np.stack(leaves, axis=1), dtype=wp.vec4i)
     own = np.stack([triangles[1][sheet], triangles[1][sheet + 1]], axis=1)
-    untangling.own_leaves = wp.array(numbering.rows(own), dtype=wp.vec2i)
-    orders = [triangles[0], edges[0], np.where(vertices[0] < 0, -1, numbering.of(vertices[0]))]
+    untangling.own_leaves = wp.array(permutation.rows(own), dtype=wp.vec2i)
+    orders = [triangles[0], edges[0], np.where(vertices[0] < 0, -1, permutation.of(vertices[0]))]
     first = np.cumsum([0, *(len(of) for of in all_of_it[:2])])
     order = np.concatenate([np.where(own < 0, -1, own + at) for own, at in zip(orders, first, strict=True)])
     ends = np.cumsum([0, *(len(own) for own in orders[:2])])

@@ -25,7 +25,7 @@ from warp_cloth.kernels.contact.narrow_phase_queue import ROUNDS
 from warp_cloth.kernels.contact.search_trigger import decide_search
 from warp_cloth.kernels.contact.sums import add_load_kernel
 from warp_cloth.model.model import ClothModel
-from warp_cloth.model.permutation import Numbering
+from warp_cloth.model.permutation import Permutation
 
 log = logging.getLogger(__name__)
 
@@ -76,7 +76,7 @@ class ClothContact:
         self._model, self._device = model, wp.get_device(model.device)
         self.sheets = sheets_of(parts)
         patches = model.patches
-        self._numbering = Numbering(None) if patches is None else patches.numbering
+        self._permutation = Permutation(None) if patches is None else patches.permutation
         none = wp.empty(0, dtype=wp.int32, device=model.device)
         self.order = none if patches is None else patches.order
         self._thickness = thicknesses(kinds)
@@ -98,20 +98,20 @@ class ClothContact:
         self._measured_forces = force_kernel(model.precision, Accumulate.MAGNITUDE, in_order)
         self._add_load = add_load_kernel(model.precision)
         with wp.ScopedDevice(model.device):
-            self.data = contact_arrays(self.sheets, parts, kinds, self._numbering)
+            self.data = contact_arrays(self.sheets, parts, kinds, self._permutation)
             self.data.model.least_skin, self.data.model.most_skin = self.least_skin, LARGEST_SKIN * skin
             self._set_trigger()
-            self.pair_search = PairSearch(model, self.sheets, parts, kinds, self._numbering)
+            self.pair_search = PairSearch(model, self.sheets, parts, kinds, self._permutation)
             self.pair_search.allocate_pairs(self.data, PAIRS_PER_VERTEX * self.sheets.vertex_count)
             self.untangling = self.pair_search.untangling
             self.untangling.layer = wp.array(self._by_vertex([kind.layer for kind in kinds]), dtype=wp.int32)
             self.untangling.longest_shift = SHIFT_FRACTION * (thickest + skin)
-            self.facing = None if body is None else Facing(model.precision, self.sheets, self._numbering, body)
+            self.facing = None if body is None else Facing(model.precision, self.sheets, self._permutation, body)
             self._open_seams = wp.zeros(1, dtype=wp.int32)
 
     def _by_vertex(self, values: Sequence[float]) -> NDArray[Any]:
         """A value of each garment, for each vertex as numbered in ``data``."""
-        return self._numbering.rows(per_vertex(self.sheets, values))
+        return self._permutation.rows(per_vertex(self.sheets, values))
 
     @property
     def check_interval(self) -> int:

@@ -22,7 +22,7 @@ from warp_cloth.kernels.contact.search import open_seams_kernel, refit_kernel, r
 from warp_cloth.kernels.contact.stick_memory import StickMemory
 from warp_cloth.kernels.contact.untangle import clear_tangles, exclude_tangled, finish_kernel, layers_kernel
 from warp_cloth.model.model import ClothModel
-from warp_cloth.model.permutation import Numbering
+from warp_cloth.model.permutation import Permutation
 
 TRAVERSAL_THREADS = 64  # in a block that traverses a tree: some teams take far longer than others
 # Capacity of a GPU's candidate lists, for each group of leaves and for each leaf: several times what sewn cloth needs;
@@ -43,14 +43,14 @@ class PairSearch:
         sheets: Sheets,
         parts: Sequence[GarmentPart],
         kinds: Sequence[SheetKind],
-        numbering: Numbering,
+        permutation: Permutation,
     ) -> None:
         """On Warp's default device, that of the model."""
         precision = model.precision
         self._sheets, self._device = sheets, wp.get_device(model.device)
-        self.geometry = search_arrays(sheets, parts, kinds, numbering)  # kernels.contact.search ContactSearch
-        self.untangling = sheet_untangling(sheets, parts, numbering)
-        self.leaf_order = LeafOrder(precision, *build_trees(self.geometry, self.untangling, sheets, kinds, numbering))
+        self.geometry = search_arrays(sheets, parts, kinds, permutation)  # kernels.contact.search ContactSearch
+        self.untangling = sheet_untangling(sheets, parts, permutation)
+        self.leaf_order = LeafOrder(precision, *build_trees(self.geometry, self.untangling, sheets, kinds, permutation))
         self.memory = StickMemory()
         self.near_candidates, self.crossing_candidates = self._candidates(), self._candidates()
         # a GPU searches for crossings and for pairs at the same time

@@ -12,12 +12,12 @@ from warp_cloth.base.topology import ragged_rows
 from warp_cloth.contact.crossing import Sheets
 from warp_cloth.garment.part import GarmentPart
 from warp_cloth.kernels.contact.untangle import Untangling
-from warp_cloth.model.permutation import Numbering
+from warp_cloth.model.permutation import Permutation
 
 LAYER_REACH = 0.01  # [m]; greatest depth of one garment inside another once both are sewn
 
 
-def sheet_untangling(sheets: Sheets, parts: Sequence[GarmentPart], numbering: Numbering) -> Any:
+def sheet_untangling(sheets: Sheets, parts: Sequence[GarmentPart], permutation: Permutation) -> Any:
     """Untangling (kernels.contact.untangle) of these garments; initially they all face outwards."""
     count = sheets.vertex_count
     untangling = Untangling()
@@ -33,10 +33,10 @@ def sheet_untangling(sheets: Sheets, parts: Sequence[GarmentPart], numbering: Nu
         of_edge[sides[order], rank] = third[order]
         wings.append(of_edge)
         rim[topology.edges[of_edge[:, 1] < 0].ravel() + first] = 1
-    untangling.wings = wp.array(numbering.of(np.concatenate(wings)), dtype=wp.vec2i)
-    untangling.rim = wp.array(numbering.rows(rim), dtype=wp.int32)
+    untangling.wings = wp.array(permutation.of(np.concatenate(wings)), dtype=wp.vec2i)
+    untangling.rim = wp.array(permutation.rows(rim), dtype=wp.int32)
     start, order = ragged_rows(sheets.edges.ravel(), count)
-    start, adjacent = numbering.lists(start, numbering.of(sheets.edges[:, ::-1].ravel()[order]))
+    start, adjacent = permutation.lists(start, permutation.of(sheets.edges[:, ::-1].ravel()[order]))
     untangling.adjacent_start = wp.array(start, dtype=wp.int32)
     untangling.adjacent = wp.array(adjacent, dtype=wp.int32)
     untangling.crosses, untangling.level = wp.zeros(count, dtype=wp.int32), wp.zeros(count, dtype=wp.int32)

@@ -84,7 +84,7 @@ def start_predraped(problem: Problem, predrape: Predrape) -> list[tuple[LevelRun
         if points is None:
             continue
         if draped not in uploaded:
-            uploaded[draped] = problem.model.put_there(points), points.min(axis=0), points.max(axis=0)
+            uploaded[draped] = problem.model.to_device(points), points.min(axis=0), points.max(axis=0)
         on_device, low, high = uploaded[draped]
         problem.model.set_points(on_device, item)
         if not problem.contacts[item].covers_box(low, high):

@@ -81,19 +81,19 @@ class ClothModel:
         position = self.state.position if item is None else self.state.position[self.of_item(item)]
         return np.array(position.numpy(), dtype=np.float64)
 
-    def put_there(self, points: Points) -> wp.array:
+    def to_device(self, points: Points) -> wp.array:
         """Positions [m], shape [V, 3], on the device, as ``set_points`` takes them for several items."""
         return wp.array(points, dtype=cloth_types(self.precision).point, device=self.device)
 
     def set_points(self, points: Points | wp.array, item: int = 0) -> None:
         """Moves an item's vertices to these positions [m], shape [V, 3], and forgets their momentum."""
         part = self.of_item(item)
-        there = points if isinstance(points, wp.array) else self.put_there(points)
+        there = points if isinstance(points, wp.array) else self.to_device(points)
         wp.copy(self.state.position[part], there)
         self.state.displacement[part].zero_()
-        self.look_again(item)
+        self.forget_clearance(item)
 
-    def look_again(self, item: int) -> None:
+    def forget_clearance(self, item: int) -> None:
         """Has iterations look where an item's vertices meet the avatar, whatever they knew: it or they were moved."""
         if self.state.clearance:
             self.state.clearance[self.of_item(item)].zero_()

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from warp_cloth.base.mesh import Indices
 
 
-class Numbering:
+class Permutation:
     """Numbers of vertices as kernels have them: the garments' own, or as patches own them.
 
     ``order``: theirs in the garments, in the patches' order, shape [V]; None: they are the same, ``count`` of them.
@@ -29,9 +29,9 @@ class Numbering:
         """What tells it from others of as many vertices."""
         return b"" if self.order is None else self.order.tobytes()
 
-    def part(self, first: int, end: int) -> Numbering:
+    def part(self, first: int, end: int) -> Permutation:
         """The numbers of a garment's vertices, which lie together in both, counted from its first one."""
-        return Numbering(None if self.order is None else self.order[first:end] - first, end - first)
+        return Permutation(None if self.order is None else self.order[first:end] - first, end - first)
 
     def of(self, vertices: Indices) -> Indices:
         """The numbers of the garments' vertices; -1, none, stays so."""

@@ -21,7 +21,7 @@ from warp_cloth.kernels.passes.anisotropic_step import compliance_kernels
 from warp_cloth.kernels.passes.anisotropic_step_packets import packet_compliance_kernels
 from warp_cloth.kernels.passes.scatter import edges_kernel
 from warp_cloth.model.model import ClothModel
-from warp_cloth.model.permutation import Numbering
+from warp_cloth.model.permutation import Permutation
 from warp_cloth.model.upload import joined
 from warp_cloth.solver.active_set import ActiveSet
 from warp_cloth.solver.forces import NormalsPass, pass_size, takes_packets
@@ -33,12 +33,12 @@ class AnisotropicStep:
     def __init__(
         self,
         model: ClothModel,
-        numbering: Numbering | None = None,
+        permutation: Permutation | None = None,
         *,
         packed: bool = False,
         active_set: ActiveSet | None = None,
     ) -> None:
-        """``numbering``: of the vertices of the cloth that is looked at; None: the model's own.
+        """``permutation``: of the vertices of the cloth that is looked at; None: the model's own.
 
         ``packed``: whether its positions and compliances are packed (kernels.patches.packing). ``active_set``: what is
         looked at where it is not scattered; None: all.
@@ -60,7 +60,7 @@ class AnisotropicStep:
         scatters = model.patches is None and terms.yarns and not (terms.edges or terms.angles)
         packets = scatters and takes_packets(model, min(model.triangle_count, model.edge_count))
         self._look: _Gathered | ScatteredLook = (
-            ScatteredLook(model) if packets else _Gathered(model, numbering, packed, active_set)
+            ScatteredLook(model) if packets else _Gathered(model, permutation, packed, active_set)
         )
 
     def kernels(self) -> list[wp.Kernel]:
@@ -90,17 +90,17 @@ class _Gathered:
     def __init__(
         self,
         model: ClothModel,
-        numbering: Numbering | None = None,
+        permutation: Permutation | None = None,
         packed: bool = False,
         active_set: ActiveSet | None = None,
     ) -> None:
         types, terms = cloth_types(model.precision), model.terms
         self._model, self._active_set = model, active_set or ActiveSet(model)
-        self._kernels = compliance_kernels(model.precision, terms, packed, in_order=numbering is not None)
-        self._numbering = numbering or Numbering(None, model.vertex_count)
+        self._kernels = compliance_kernels(model.precision, terms, packed, in_order=permutation is not None)
+        self._permutation = permutation or Permutation(None, model.vertex_count)
         self._edges, self._triangles = model.edges, model.triangles
         self._numbers: list[wp.array] = []
-        if numbering is not None:
+        if permutation is not None:
             self._edges = self._numbered(types.Edges, model.edges, "ends", wp.vec2i)
             self._triangles = self._numbered(types.Triangles, model.triangles, "corners", wp.vec3i)
         self._normals = NormalsPass(model, packed=packed, some=self._active_set.triangles) if terms.folds else None
@@ -121,11 +121,11 @@ class _Gathered:
 
         ``each``: how many entries are told alike.
         """
-        own = [self._numbering.part(*ends) for ends in itertools.pairwise(self._model.vertex_start)]
+        own = [self._permutation.part(*ends) for ends in itertools.pairwise(self._model.vertex_start)]
         keys = [(id(table), part.key) for table, part in zip(tables, own, strict=True)]
         distinct = dict(zip(keys, zip(tables, own, strict=True), strict=True))
 
-        def rows(garment: tuple[Indices, Numbering]) -> tuple[Indices, Indices]:
+        def rows(garment: tuple[Indices, Permutation]) -> tuple[Indices, Indices]:
             table, part = garment
             start, order = ragged_rows(table.ravel(), part.count)
             start, entries = part.lists(start, order.astype(np.int32))
@@ -145,7 +145,7 @@ class _Gathered:
             setattr(found, each, getattr(elements, each))
         size = wp.types.type_size_in_bytes(dtype) // wp.types.type_size_in_bytes(wp.int32)
         flat = wp.array(ptr=given.ptr, dtype=wp.int32, shape=size * len(given), device=device)
-        numbers = self._uploaded(self._numbering.rank)[flat].contiguous()
+        numbers = self._uploaded(self._permutation.rank)[flat].contiguous()
         setattr(found, name, wp.array(ptr=numbers.ptr, dtype=dtype, shape=given.shape, device=device))
         self._numbers.append(numbers)  # which that lies in
         return found

@@ -83,11 +83,11 @@ class ContactSchedule:
             self._cloth_contact.untangles = True
         if self._overflows or self._crosses_again:
             self._overflows = self._crosses_again = False
-            self._relaxation.forget_graphs()
+            self._relaxation.drop_graphs()
 
     def _set_momentum(self, momentum: float) -> None:
         self._relaxation.step.momentum = momentum
-        self._relaxation.forget_graphs()
+        self._relaxation.drop_graphs()
 
     def advance(self, iteration: int) -> bool:
         """Takes the next stage when it is time; returns whether the present shape may be the rest shape.
@@ -112,19 +112,19 @@ class ContactSchedule:
             self._face()
             cloth_contact.awaken(self._relaxation.contact_state())
             self._enabled_at = iteration
-            self._relaxation.forget_graphs()
+            self._relaxation.drop_graphs()
             return False
         few = cloth_contact.few_pairs
         fraction = cloth_contact.pair_fill()
         if cloth_contact.few_pairs != few:  # other blocks compute their forces
-            self._relaxation.forget_graphs()
+            self._relaxation.drop_graphs()
         self._overflows = self._roomy and fraction > 1.0
         self._roomy = self._worn and fraction < ROOMY
         if self._overflows:
             return False
         if fraction > 1.0:
             cloth_contact.grow()
-            self._relaxation.forget_graphs()
+            self._relaxation.drop_graphs()
             return False
         return self._untangle(iteration)
 
@@ -140,7 +140,7 @@ class ContactSchedule:
             return False
         if not self.calm and cloth_contact.untangles and not crossings:
             cloth_contact.untangles = False
-            self._relaxation.forget_graphs()
+            self._relaxation.drop_graphs()
         self._crosses_again = not self.calm and not cloth_contact.untangles and crossings > 0
         return not crossings and not self.calm
 

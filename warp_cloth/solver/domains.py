@@ -1,4 +1,4 @@
-"""A model cut into shares, each with all that its vertices' forces take."""
+"""A model cut into domains, each with all that its vertices' forces take."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ Flags = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
-class Share:
+class Domain:
     """Vertices that one thread moves.
 
-    ``model`` has the whole cloth, its vertices in the order of the shares, but only the edges and triangles that
+    ``model`` has the whole cloth, its vertices in the order of the domains, but only the edges and triangles that
     forces on the own vertices take. Sums at others' vertices are left unfinished, and are not read.
     """
 
@@ -33,7 +33,7 @@ class Share:
     order: wp.array  # where they are in the model that was cut, shape [own]
 
 
-def cut_model(model: ClothModel, count: int) -> list[Share]:
+def cut_model(model: ClothModel, count: int) -> list[Domain]:
     """Shares of about as much work, in slabs across one axis: that which doubles the least."""
     around = _Around(model)
     points = model.points()
@@ -45,13 +45,13 @@ def cut_model(model: ClothModel, count: int) -> list[Share]:
     ends = np.cumsum([0, *np.bincount(owner, minlength=count)]).tolist()
     where = wp.array(order, dtype=wp.int32, device=model.device)
     vertices, state = reordered(model.vertices, model.state, where)
-    shares = []
+    domains = []
     for number in range(count):
         span = slice(ends[number], ends[number + 1])
         own = wp.array(order[span], dtype=wp.int32, device=model.device)
         part = around.part(owner == number, place, vertices, state)
-        shares.append(Share(part, span, *part_of(vertices, state, span), own))
-    return shares
+        domains.append(Domain(part, span, *part_of(vertices, state, span), own))
+    return domains
 
 
 class _Around:
@@ -73,7 +73,7 @@ class _Around:
         return (rank * count // len(height)).astype(np.int32)
 
     def most_work(self, owner: Indices) -> int:
-        """Elements of the share that has most of them."""
+        """Elements of the domain that has most of them."""
         return max(
             sum(int(flags.sum()) for flags in self._needed(owner == number)) for number in range(int(owner.max()) + 1)
         )

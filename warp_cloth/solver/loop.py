@@ -206,7 +206,7 @@ class _Loop:
 
     def run(self, on_chunk: Callable[[int, Relaxation], None] | None) -> list[Outcome]:
         relaxation = self._relaxation
-        relaxation.start_anew()
+        relaxation.restart()
         iteration = 0
         while True:
             pending = self._request(iteration)
@@ -228,7 +228,7 @@ class _Loop:
                 self._react()
             if not self._active:
                 break
-        relaxation.start_anew()  # so that later measurements are of all items
+        relaxation.restart()  # so that later measurements are of all items
         points = relaxation.model.points()  # which stayed where their items ended
         for item, outcome in self._outcomes.items():
             if outcome.status is not Status.DIVERGED:

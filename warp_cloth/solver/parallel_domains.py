@@ -1,4 +1,4 @@
-"""Iterations that several threads of the host run side by side, each of its share; the same bits as of one thread."""
+"""Iterations that several threads of the host run side by side, each of its domain; the same bits as of one thread."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from warp_cloth.kernels.base.types import cloth_types
 from warp_cloth.kernels.passes.domains import APART, NAP, domain_kernels, meet_threads
 from warp_cloth.model.model import ClothModel
 from warp_cloth.solver.anisotropic_step import AnisotropicStep, ScatteredLook
-from warp_cloth.solver.domains import Share, cut_model
+from warp_cloth.solver.domains import Domain, cut_model
 from warp_cloth.solver.forces import ForcePass, pass_size
 
-LEAST = 1500  # vertices of a share: with fewer, starting and waiting take as long as they save
+LEAST = 1500  # vertices of a domain: with fewer, starting and waiting take as long as they save
 MOST = 8  # threads, where none are asked for
 PATIENCE = 120.0  # [s] at least that a thread waits for another one, for what takes milliseconds
 AT_WORK = 2 / 3  # share of the time that threads must have their cores, or they wait for each other in vain
@@ -34,10 +34,10 @@ def thread_count(asked: int | None, vertex_count: int) -> int:
     return max(1, min(MOST if asked is None else asked, core_count(), vertex_count // LEAST))
 
 
-class Together:
-    """The shares of a relaxation's model, and the threads that iterate them.
+class ParallelDomains:
+    """The domains of a relaxation's model, and the threads that iterate them.
 
-    Between chunks of iterations the model has everything: each begins with a copy of the shares and ends with one back.
+    Between chunks of iterations the model has everything: each chunk copies domains from it first, and back at last.
     """
 
     def __init__(
@@ -51,7 +51,7 @@ class Together:
         self._model, self._move, self._anisotropic_step = model, move, anisotropic_step
         looks = anisotropic_step is not None and anisotropic_step.scatters
         self._kernels = domain_kernels(model.precision)
-        self._shares = [_Working(share, accumulate, looks=looks) for share in cut_model(model, count)]
+        self._domains = [_Working(domain, accumulate, looks=looks) for domain in cut_model(model, count)]
         self._arrivals = wp.zeros(APART * (1 + count), dtype=wp.int32, device=model.device)
         self._usleep = ctypes.cast(ctypes.CDLL(None).usleep, ctypes.c_void_p).value
         self._pool = concurrent.futures.ThreadPoolExecutor(count - 1)
@@ -62,7 +62,7 @@ class Together:
     @property
     def count(self) -> int:
         """How many threads."""
-        return len(self._shares)
+        return len(self._domains)
 
     @property
     def looks_first(self) -> bool:
@@ -74,7 +74,7 @@ class Together:
         return [self._kernels.gather_domain, meet_threads, self._kernels.scatter_domain]
 
     def capture(self, step: Any, collider_data: Any, looks: Sequence[bool]) -> list[Any]:
-        """A graph of iterations for every share; ``looks``: before which of them compliances are updated."""
+        """A graph of iterations for every domain; ``looks``: before which of them compliances are updated."""
         graphs = []
         for number in range(self.count):
             with wp.ScopedCapture(device=self._model.device) as capture:
@@ -83,10 +83,10 @@ class Together:
         return graphs
 
     def _iterate(self, number: int, step: Any, collider_data: Any, looks: Sequence[bool]) -> None:
-        """Launches iterations of a share."""
-        working, model, device = self._shares[number], self._model, self._model.device
-        share, size = working.share, len(working.share.order)
-        gathered, scattered = [model.state, share.order, share.state], [share.state, share.order, model.state]
+        """Launches iterations of a domain."""
+        working, model, device = self._domains[number], self._model, self._model.device
+        domain, size = working.domain, len(working.domain.order)
+        gathered, scattered = [model.state, domain.order, domain.state], [domain.state, domain.order, model.state]
         if self.looks_first and looks[0]:
             if self._anisotropic_step is not None and number == 0:
                 self._anisotropic_step.look_up(model.vertices, model.state, step)
@@ -95,11 +95,11 @@ class Together:
         self._meet(number)
         for look in looks:
             if look and working.look is not None:
-                whole = share.model.vertices, share.model.state, step
-                working.look.launch(*whole, (share.vertices, share.state))
+                whole = domain.model.vertices, domain.model.state, step
+                working.look.launch(*whole, (domain.vertices, domain.state))
             working.forces.launch(step)
             self._meet(number)
-            inputs = [share.vertices, share.state, step, collider_data, working.load]
+            inputs = [domain.vertices, domain.state, step, collider_data, working.load]
             wp.launch(self._move, dim=pass_size(size, True), inputs=inputs, device=device)
             self._meet(number)
         wp.launch(self._kernels.scatter_domain, dim=size, inputs=scattered, device=device)
@@ -115,7 +115,7 @@ class Together:
         return self._pause.over()
 
     def run(self, graphs: Sequence[Any]) -> None:
-        """Replays the graphs of the shares side by side; they end with a meeting, so that none is waited for here."""
+        """Replays the graphs of the domains side by side; they end with a meeting, so that none is waited for here."""
         self._check()
         began = time.perf_counter()
         try:
@@ -177,12 +177,12 @@ class Pause:
 
 
 class _Working:
-    """What a thread needs to iterate its share."""
+    """What a thread needs to iterate its domain."""
 
-    def __init__(self, share: Share, accumulate: Accumulate, *, looks: bool) -> None:
-        model = share.model
+    def __init__(self, domain: Domain, accumulate: Accumulate, *, looks: bool) -> None:
+        model = domain.model
         load = wp.zeros(model.vertex_count, dtype=cloth_types(model.precision).vec4, device=model.device)
-        self.share = share
-        self.load = load[share.span]
+        self.domain = domain
+        self.load = load[domain.span]
         self.forces = ForcePass(model, accumulate, load)
-        self.look = ScatteredLook(model, share.span) if looks else None
+        self.look = ScatteredLook(model, domain.span) if looks else None

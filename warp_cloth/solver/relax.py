@@ -22,7 +22,7 @@ from warp_cloth.solver.active_set import ActiveSet
 from warp_cloth.solver.anisotropic_step import AnisotropicStep
 from warp_cloth.solver.forces import ForcePass, pass_size, takes_packets
 from warp_cloth.solver.packed import PackedCloth
-from warp_cloth.solver.parallel_domains import Together
+from warp_cloth.solver.parallel_domains import ParallelDomains
 
 if TYPE_CHECKING:
     from warp_cloth.contact.cloth import ClothContact
@@ -157,8 +157,8 @@ class Relaxation:
             data = [collider.data for collider in of_items]
             self.collider_data = wp.array(data, dtype=self.collider_type, device=model.device)
         self._done = 0  # iterations since the start
-        self.forget_graphs()
-        self.tell_items()
+        self.drop_graphs()
+        self.upload_items()
         self._together = self._shared_out(options.threads)
 
     def _chosen_kernels(self, *, accelerated: bool) -> KernelOptions:
@@ -179,19 +179,19 @@ class Relaxation:
 
     def _new_anisotropic_step(self) -> AnisotropicStep:
         """What updates vertices' compliance, in the order in which patches own them."""
-        numbering = None if self.model.patches is None else self.model.patches.numbering
-        packed = numbering is not None and self.cloth_contact is None
-        return AnisotropicStep(self.model, numbering, packed=packed, active_set=self.active_set)
+        permutation = None if self.model.patches is None else self.model.patches.permutation
+        packed = permutation is not None and self.cloth_contact is None
+        return AnisotropicStep(self.model, permutation, packed=packed, active_set=self.active_set)
 
     def contact_state(self) -> Any:
         """The State now, with vertices numbered as contact of cloth with cloth has them."""
         return self.model.state if self._packed is None else self._packed.brought()
 
-    def _shared_out(self, count: int) -> Together | None:
+    def _shared_out(self, count: int) -> ParallelDomains | None:
         """What lets so many threads iterate; None: what is to be iterated cannot be shared out."""
         if count <= 1 or not self._packets or self.model.item_count > 1:
             return None
-        return Together(self.model, count, self._kernel_options.accumulate, self._move, self._anisotropic_step)
+        return ParallelDomains(self.model, count, self._kernel_options.accumulate, self._move, self._anisotropic_step)
 
     @property
     def thread_count(self) -> int:
@@ -201,8 +201,8 @@ class Relaxation:
     def meet(self, item: int, collider: Collider) -> None:
         """Goes on with this collider of an item; it must be of the kind that the relaxation was made with."""
         self._items["offset"][item] = collider.offset
-        self.model.look_again(item)
-        self.tell_items()
+        self.model.forget_clearance(item)
+        self.upload_items()
         if self.avatar_contact is not None:
             data = wp.array([collider.data], dtype=self.collider_type, device=self.model.device)
             wp.copy(self.collider_data, data, dest_offset=item, count=1)
@@ -219,7 +219,7 @@ class Relaxation:
         if cloth_contact is not None and cloth_contact.settle(
             balanced=bool(self._balanced(relative_rms, cloth_contact.settled).all())
         ):
-            self.forget_graphs()
+            self.drop_graphs()
         if self._anisotropic_step is None:
             return
         before = self._items["anisotropy_limit"].copy()
@@ -228,24 +228,24 @@ class Relaxation:
             return
         self._anisotropic_step.forget(np.flatnonzero(now != before).tolist())
         if (now > 0.0).any() != (before > 0.0).any():
-            self.forget_graphs()
+            self.drop_graphs()
         self._items["anisotropy_limit"] = now
-        self.tell_items()
+        self.upload_items()
 
     def _balanced(self, relative_rms: NDArray[np.float64], before: NDArray[np.bool_] | bool) -> NDArray[np.bool_]:
         """Which residuals tell of balanced forces; what was so ``before`` stays so longer."""
         return np.asarray(relative_rms <= np.where(before, TIGHTER * self._loose, self._loose))
 
-    def start_anew(self) -> None:
+    def restart(self) -> None:
         """Lets every item iterate, from the first iteration on, from where the model has it."""
         self._done = 0
         if self._packed is not None:
             self._packed.ahead = False
         self.loosen(np.full(self.model.item_count, np.inf))
         self._items["active"] = 1
-        self.tell_items()
+        self.upload_items()
         for item in range(self.model.item_count):
-            self.model.look_again(item)
+            self.model.forget_clearance(item)
         self._choose_patches()
 
     @property
@@ -254,7 +254,7 @@ class Relaxation:
         return self._packed is not None and self.avatar_contact is None and self.cloth_contact is None
 
     @property
-    def active_share(self) -> float:
+    def active_fraction(self) -> float:
         """Share of the vertices whose items iterate."""
         return float(self._sizes[self._items["active"] == 1].sum() / self._sizes.sum())
 
@@ -263,7 +263,7 @@ class Relaxation:
         if not len(items):
             return
         self._items["active"][list(items)] = 0
-        self.tell_items()
+        self.upload_items()
         self._choose_patches()
 
     def _choose_patches(self) -> None:
@@ -271,14 +271,14 @@ class Relaxation:
         patches = self.model.patches
         if patches is not None and patches.work_on(self._items["active"] == 1):
             self.active_set.choose(self._items["active"] == 1)
-            self.forget_graphs()
+            self.drop_graphs()
 
-    def forget_graphs(self) -> None:
+    def drop_graphs(self) -> None:
         """Captures iterations anew: what they read or launch has changed."""
         self._graphs: dict[tuple[int, int, bool], Any] = {}
         self._shares_graphs: dict[tuple[int, int], list[Any]] = {}  # of each share, where threads share iterations
 
-    def tell_items(self) -> None:
+    def upload_items(self) -> None:
         """Puts what the items have of their own on the device."""
         self.model.vertices.items.assign(self._items)
 
@@ -394,7 +394,7 @@ class Relaxation:
         if self._packed is not None and self._packed.ahead:
             self._packed.show()
 
-    def _captured_shares(self, together: Together, iterations: int) -> list[Any]:
+    def _captured_shares(self, together: ParallelDomains, iterations: int) -> list[Any]:
         """The graphs of the next chunk's shares."""
         which = iterations, self._done % self._renewal
         if which not in self._shares_graphs:

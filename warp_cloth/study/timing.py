@@ -114,7 +114,7 @@ class TimedFit:
         self.recorded = sum(self._recorded)
         self._wake = [wp.zeros(1, dtype=wp.int32, device=problem.model.device) for _ in range(2)]
         self._cold = 1 if problem.schedule is None else WARM_UP_TOUCHING  # rounds of warm-up left
-        problem.relaxation.start_anew()
+        problem.relaxation.restart()
 
     @property
     def warm(self) -> bool:
@@ -152,9 +152,9 @@ class TimedFit:
         """Seconds of an iteration whose launches run one after another, as those do that are recorded."""
         relaxation = self._problem.relaxation
         with self._serial():
-            relaxation.forget_graphs()
+            relaxation.drop_graphs()
             done, seconds = self.advance()
-        relaxation.forget_graphs()
+        relaxation.drop_graphs()
         return seconds / done
 
     def iterate_recorded(self) -> None:

@@ -26,7 +26,7 @@ from warp_cloth.model.patches.cutting import (
     takes_pairs,
 )
 from warp_cloth.model.patches.triangle_pairs import with_laws
-from warp_cloth.model.permutation import Numbering
+from warp_cloth.model.permutation import Permutation
 from warp_cloth.model.upload import joined
 
 PER_CORE_LAYERED = 1  # patches on each core of a large GPU, at least, where garments that meet lie on each other
@@ -42,7 +42,7 @@ class Patches:
         item: NDArray[np.int32],
         tables: Any,
         packed_tables: tuple[Any, Any],
-        numbering: Numbering,
+        permutation: Permutation,
         order: wp.array,
         rank: wp.array,
         overflow: wp.array,
@@ -52,7 +52,7 @@ class Patches:
         self._rows, self._item = rows, item
         self.tables = tables  # kernels.base.types Patches
         self.packed_tables = packed_tables  # the same for vertices in the patches' order; and last patches first
-        self.numbering = numbering  # of the vertices in that order, on the host
+        self.permutation = permutation  # of the vertices in that order, on the host
         self.order = order  # that order: of each patch the vertices that it owns
         self.rank = rank  # where each vertex is in it
         self.overflow = overflow  # memory of patches that are too large for a block's own
@@ -134,9 +134,9 @@ def device_patches(source: PatchSource, types: Any, device: str, cache: Cache) -
     back.patch = wp.array(_last_first(wide, len(wide)).reshape(-1, 4), dtype=wp.vec4i, device=device)
     overflow = wp.empty(overflowing, dtype=wp.uint8, device=device)
     few = max(len(rows), 0 if source.like is None else source.like // block.vertices) <= FEW
-    numbering = Numbering(concatenate([own.order for own in packings], start))
+    permutation = Permutation(concatenate([own.order for own in packings], start))
     places = packing("order"), packing("rank")
-    return Patches(wide, rows["item"], tables, (packed, back), numbering, *places, overflow, few)
+    return Patches(wide, rows["item"], tables, (packed, back), permutation, *places, overflow, few)
 
 
 def _cut(source: PatchSource, precision: str, cache: Cache) -> list[PatchTables]:

@@ -255,7 +255,7 @@ class Certifier:
         """Restores an item as it was at the last snapshot, before iterations that came too late to be stopped."""
         part, state = self._model.of_item(item), self._model.state
         wp.copy(state.position[part], self._last[part])
-        self._model.look_again(item)
+        self._model.forget_clearance(item)
         if self._bounds is not None:
             wp.copy(state.stiffness[part], self._bounds[part])
 

@@ -123,8 +123,8 @@ class MultilevelRelaxation(Relaxation):
             self._step_graphs[key] = capture.graph
         return self._step_graphs[key]
 
-    def forget_graphs(self) -> None:
-        super().forget_graphs()
+    def drop_graphs(self) -> None:
+        super().drop_graphs()
         self._step_graphs: dict[tuple[Pace, int], Any] = {}
 
     def start_near_rest(self) -> None:
@@ -164,8 +164,8 @@ class MultilevelRelaxation(Relaxation):
             self._per_vertex = False
             self._set_pace(self._implicit)
             self._items["cap"] = self.options.largest_move
-            self.tell_items()
-            self.forget_graphs()
+            self.upload_items()
+            self.drop_graphs()
         self._checks, self._strain, self._since_check = self._checks + 1, strain, 0
 
 
