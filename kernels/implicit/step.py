@@ -62,7 +62,9 @@ def anchor_function(precision: str) -> wp.Function:
 
 
 @functools.cache
-def prepare_step_kernel(precision: str, contact: wp.Function | None, collider_type: type, pins: bool) -> wp.Kernel:
+def prepare_step_kernel(
+    precision: str, avatar_contact: wp.Function | None, collider_type: type, pins: bool
+) -> wp.Kernel:
     """Kernel ``prepare_step``, with the contact of ``kernels.passes.move.displacement``."""
     types, own = cloth_types(precision), system_types(precision)
     real, vec3, vec4, Model, State, Step = types.real, types.vec3, types.vec4, types.Model, types.State, types.Step
@@ -78,7 +80,7 @@ def prepare_step_kernel(precision: str, contact: wp.Function | None, collider_ty
         model: Model,
         state: State,
         step: Step,
-        colliders: colliders_type(contact, collider_type),
+        colliders: colliders_type(avatar_contact, collider_type),
         implicit: ImplicitState,
         solution: SolutionState,
         load_out: wp.array(dtype=vec4),  # an input: forces of the cloth [N], shape [V]; left at zero
@@ -95,9 +97,9 @@ def prepare_step_kernel(precision: str, contact: wp.Function | None, collider_ty
         force = vec3(load[0], load[1], load[2]) + step.gravity * weight
         normal = vec3()
         drag = real(0.0)
-        if wp.static(contact is not None):
+        if wp.static(avatar_contact is not None):
             item = model.items[model.item[vertex]]
-            answer = contact(colliders[model.item[vertex]], wp.vec3d(state.position[vertex]))
+            answer = avatar_contact(colliders[model.item[vertex]], wp.vec3d(state.position[vertex]))
             gap = real(answer[3] - item.offset)
             system_out.gap[vertex] = gap
             if close(gap, implicit.in_contact[vertex]):
@@ -130,7 +132,7 @@ def prepare_step_kernel(precision: str, contact: wp.Function | None, collider_ty
 
 
 @functools.cache
-def take_step_kernel(precision: str, contact: wp.Function | None, collider_type: type, pins: bool) -> wp.Kernel:
+def take_step_kernel(precision: str, avatar_contact: wp.Function | None, collider_type: type, pins: bool) -> wp.Kernel:
     """Kernel ``take_step``, with the contact of ``kernels.passes.move.displacement``."""
     types, own = cloth_types(precision), system_types(precision)
     real, point, vec3, Model, State = types.real, types.point, types.vec3, types.Model, types.State
@@ -142,7 +144,7 @@ def take_step_kernel(precision: str, contact: wp.Function | None, collider_type:
         model: Model,
         system: LinearSystem,
         solution: SolutionState,
-        colliders: colliders_type(contact, collider_type),
+        colliders: colliders_type(avatar_contact, collider_type),
         implicit: ImplicitState,
         state: State,
     ):
@@ -167,9 +169,9 @@ def take_step_kernel(precision: str, contact: wp.Function | None, collider_type:
                     displacement = displacement - normal * beyond
             item = model.items[model.item[vertex]]
             displacement = capped(displacement, item.cap)
-            if wp.static(contact is not None):
+            if wp.static(avatar_contact is not None):
                 there = wp.vec3d(state.position[vertex]) + wp.vec3d(displacement)
-                answer = contact(colliders[model.item[vertex]], there)
+                answer = avatar_contact(colliders[model.item[vertex]], there)
                 push = item.offset - answer[3]
                 implicit.in_contact[vertex] = wp.uint8(push > 0.0 or system.constraint[vertex] != FREE)
                 if push > 0.0:
@@ -185,12 +187,14 @@ def take_step_kernel(precision: str, contact: wp.Function | None, collider_type:
 
 
 @functools.cache
-def implicit_kernels(precision: str, contact: wp.Function | None, collider_type: type, pins: bool) -> SimpleNamespace:
+def implicit_kernels(
+    precision: str, avatar_contact: wp.Function | None, collider_type: type, pins: bool
+) -> SimpleNamespace:
     """The kernels of a step's two ends; those of the momentum come between them."""
     return SimpleNamespace(
-        prepare_step=prepare_step_kernel(precision, contact, collider_type, pins),
+        prepare_step=prepare_step_kernel(precision, avatar_contact, collider_type, pins),
         measure_momentum_work=measure_momentum_work_kernel(precision),
         adapt_momentum=adapt_momentum_kernel(precision),
-        take_step=take_step_kernel(precision, contact, collider_type, pins),
+        take_step=take_step_kernel(precision, avatar_contact, collider_type, pins),
         grow_free_fall=grow_free_fall_kernel(precision),
     )

@@ -29,9 +29,9 @@ class NoCollider:
     """A scene without avatar asks nothing."""
 
 
-def colliders_type(contact: wp.Function | None, collider_type: type) -> Any:
+def colliders_type(avatar_contact: wp.Function | None, collider_type: type) -> Any:
     """What kernels take for the items' avatars: an array of their structs, or nothing where there are none."""
-    return NoCollider if contact is None else wp.array(dtype=collider_type)
+    return NoCollider if avatar_contact is None else wp.array(dtype=collider_type)
 
 
 @wp.struct

@@ -310,7 +310,10 @@ def compare(figures: Figures, name: str, problem: Problem, rounds: int, *, tiled
     bvh = BvhSearch(cloth_contact, state, problem.model.precision)
 
     def box_tree() -> None:
-        cloth_contact.pair_search.run(state, cloth_contact.data, untangle=False, layered=False)
+        # without start_search, which would change the skins; it also empties the candidate lists
+        cloth_contact.pair_search.near_candidates.count.zero_()
+        cloth_contact.pair_search.refit(state, cloth_contact.data)
+        cloth_contact.pair_search.list_near(state, cloth_contact.data)
 
     searches: dict[str, Search] = {
         "box_tree": box_tree,

@@ -37,7 +37,7 @@ class ImplicitStep:
     def __init__(
         self,
         model: ClothModel,
-        contact: wp.Function | None,
+        avatar_contact: wp.Function | None,
         collider_type: Any,
         table: PairTable,
         levels: Sequence[Level],
@@ -45,7 +45,7 @@ class ImplicitStep:
     ) -> None:
         types = cloth_types(model.precision)
         self._model, self._options = model, options
-        self._on_avatar = contact is not None
+        self._on_avatar = avatar_contact is not None
         self._load = wp.zeros(model.vertex_count, dtype=types.vec4, device=model.device)
         self._forces = ForcePass(model, Accumulate.NONE, self._load)
         self.linearisation = Linearisation(model, table, options.reach)
@@ -61,7 +61,7 @@ class ImplicitStep:
         self._rigid_correction = None if depth is None else RigidCorrection(model, table.ends, levels[:depth])
         self.set_pace(Pace.FALLING)
         self._solver = conjugate_gradient_kernels(model.precision)
-        self._ends = implicit_kernels(model.precision, contact, collider_type, model.terms.pins)
+        self._ends = implicit_kernels(model.precision, avatar_contact, collider_type, model.terms.pins)
 
     def _build_system(self, table: PairTable) -> tuple[Any, Any, Any]:
         """A LinearSystem, a SolutionState and an ImplicitState (kernels.implicit.system)."""
