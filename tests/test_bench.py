@@ -70,8 +70,8 @@ def test_an_unknown_fabric_is_refused_in_one_line(tmp_path: Path) -> None:
     result = CliRunner().invoke(app, ["fabric", "cottn", "--out", str(tmp_path / "out")])
     assert result.exit_code == 2
     assert result.stderr.splitlines() == [
-        'error: fabric: unknown fabric "cottn"; did you mean "cotton"? there are default, cotton, denim, faille, felt, '
-        "jersey, linen, polyester, silk, wool, or name a .toml file"
+        'error: fabric: unknown fabric "cottn"; did you mean "cotton"? use one of default, cotton, denim, faille, '
+        "felt, jersey, linen, polyester, silk, wool, or a .toml file"
     ]
 
 

@@ -131,7 +131,7 @@ def test_poses_that_are_of_another_mesh_are_refused() -> None:
     write_obj(Path("other.obj"), points[1:], faces[(faces > 0).all(axis=1)] - 1)
     refused(scene(poses=["other.obj"]), "other.obj", "vertices, but avatar.mesh has", "same mesh")
     write_obj(Path("turned.obj"), points, np.roll(faces, 1, axis=0))
-    refused(scene(poses=["turned.obj"]), "turned.obj", "faces are not those of avatar.mesh")
+    refused(scene(poses=["turned.obj"]), "turned.obj", "faces differ from those of avatar.mesh")
     write_obj(Path("small.obj"), 0.01 * points, faces)
     refused(scene(poses=["small.obj"]), "small.obj", "edges are 0.01 times as long", "same unit")
     refused(scene(poses=["nowhere.obj"]), "nowhere.obj", "no such file")
