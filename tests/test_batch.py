@@ -311,7 +311,7 @@ def test_the_last_lines_say_why_items_have_no_result(tmp_path: Path) -> None:
     )
     lines = summary(report)
     assert lines[0].startswith("12 items in ")
-    assert lines[1] == "  2 without result: --set solver.iterations=-1: must be an integer from 0 to 10000000, not -1"
+    assert lines[1] == "  2 without a result: --set solver.iterations=-1: must be an integer from 0 to 10000000, not -1"
     assert lines[4] == "  and 7 more reasons, in the column message"
 
 

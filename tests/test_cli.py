@@ -91,7 +91,7 @@ def test_fit_hands_scene_device_and_frames_on_and_tells_what_was_written(stand_i
     assert result.exit_code == 0, result.output
     (made,) = stand_in.calls
     assert (made["device"], made["frames"], made["scene"].solver.iterations) == ("cpu", 3, 7)
-    assert "sphere: at_rest. All forces balance." in result.output
+    assert "sphere: All forces balance." in result.output
     assert str(Path("out") / "report.json") in result.output
     assert Path("out/report.json").is_file()
 
@@ -250,7 +250,7 @@ def test_summary_leaves_out_what_is_not_known() -> None:
         "avatar": {"notes": ["lies along z"]},
     }
     assert summary("x", report, [Path("out/x.usdc")]) == [
-        "x: at_rest. Fine.",
+        "x: Fine.",
         "  residual     0.00912 relative rms, ? p99",
         "  iterations   12,345 (812 per second)",
         "  time         15.2 s on cpu",
@@ -329,7 +329,7 @@ def test_kernels_that_cannot_be_kept_are_told_in_a_line(
     done = command(*arguments, "--device", "cpu", folder=tmp_path)
     assert done.returncode == (1 if "batch" in arguments else 2)
     told = done.stdout if "batch" in arguments else done.stderr
-    assert "kernels cannot be kept there (Not a directory); make room, or set WARP_CACHE_PATH" in told
+    assert "compiled kernels cannot be stored there (Not a directory); free some space, or set WARP_CACHE_PATH" in told
     assert "Traceback" not in done.stderr
 
 
@@ -337,7 +337,7 @@ def test_a_batch_without_any_result_is_a_failure(tmp_path: Path) -> None:
     (tmp_path / "jobs.csv").write_text("name,scene\na,nosuch\nb,nosuch\n")
     done = command("batch", "jobs.csv", "--device", "cpu", "--workers", "1", folder=tmp_path)
     assert done.returncode == 1
-    assert '2 without result: "nosuch": no such scene file' in done.stdout
+    assert '2 without a result: "nosuch": no such scene file' in done.stdout
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device that is always full here")

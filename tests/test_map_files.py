@@ -176,7 +176,7 @@ def test_a_fit_in_several_formats_with_a_layer_over_the_users_stage_is_one_fit(t
     (tmp_path / "fit_over.usda").touch()
     assert read_fit(tmp_path).garments
     (tmp_path / "other.usdc").touch()
-    with pytest.raises(InputError, match="has 2 stages"):
+    with pytest.raises(InputError, match="holds 2 stages"):
         read_fit(tmp_path)
 
 

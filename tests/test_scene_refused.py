@@ -166,7 +166,7 @@ def test_a_value_that_does_not_go_with_the_fabrics_own_names_the_scenes_key() ->
 
 def test_two_garments_of_one_name_are_refused() -> None:
     same = [{"mesh": "a.obj", "name": "x"}, {"mesh": "b.obj", "name": "x"}]
-    assert "two garments have the same name; give each a name of its own" in refused({"garment": same})
+    assert 'two garments have the same name, "x"; give each a name of its own' in refused({"garment": same})
 
 
 @pytest.mark.parametrize(

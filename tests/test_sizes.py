@@ -26,7 +26,7 @@ def sized(size: str, ease: float, strain: float = 0.02, *, status: str = "at_res
 def test_the_smallest_size_with_ease_enough_is_taken() -> None:
     taken, reason = recommendation([sized("S", 0.01), sized("M", 0.05), sized("L", 0.09)], 0.04)
     assert taken == "M"
-    told = "M leaves 5.0 cm at the chest, where it is closest"
+    told = "it leaves 5.0 cm at the chest, where it is closest"
     assert reason == f"{told}; S is too tight: 1.0 cm of ease at the chest (wanted 4.0)."
 
 
@@ -37,7 +37,7 @@ def test_a_size_whose_cloth_is_strained_too_far_is_too_tight() -> None:
 def test_no_size_fits_is_said() -> None:
     taken, reason = recommendation([sized("S", -0.02), sized("M", 0.01)], 0.04)
     assert taken == "M"
-    assert reason.startswith("M is the largest size, though too tight")
+    assert reason.startswith("it is the largest size, though too tight")
     assert recommendation([sized("S", 0.0, status="invalid")], 0.04)[0] is None
 
 
@@ -47,9 +47,12 @@ def test_a_size_that_slides_down_is_not_taken_and_one_still_moving_is_told_of() 
     moving = sized("M", 0.01, status="iteration_limit")
     taken, reason = recommendation([sized("S", -0.01), moving, lost], 0.04)
     assert taken == "M"
-    assert reason.startswith("M is the largest size that the body holds, though too tight: 1.0 cm")
-    assert reason.endswith("did not come to rest, and may yet fit otherwise.")
-    assert recommendation([lost], 0.04) == (None, "The body holds no size: each falls, or slides down to the feet.")
+    assert reason.startswith("it is the largest size that stays up, though too tight: 1.0 cm")
+    assert reason.endswith("did not come to rest, so its ease may still change.")
+    assert recommendation([lost], 0.04) == (
+        None,
+        "No size stays up on this body: each falls off, or slides down to the feet.",
+    )
 
 
 def test_all_sizes_meet_the_same_body_and_larger_ones_leave_more() -> None:

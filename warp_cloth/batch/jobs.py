@@ -104,7 +104,7 @@ def _csv_rows(path: Path) -> list[dict[str, Any]]:
     header = [name.strip() for name in table[0]]
     for mark, words in ((";", "semicolons"), ("\t", "tabs")):
         if len(header) == 1 and mark in header[0]:
-            raise InputError(path, f"has its cells between {words}, not commas", "save it with commas, and 0.5 not 0,5")
+            raise InputError(path, f"separates cells by {words}, not commas", "save it with commas, and 0.5, not 0,5")
     _check_columns(header, path)
     rows: list[dict[str, Any]] = []
     for cells in table[1:]:
@@ -236,5 +236,5 @@ def _check_names(items: Sequence[Item], place: str | Path) -> None:
     seen: set[str] = set()
     for item in items:
         if item.name in seen:
-            raise InputError(place, f'two items have the name "{item.name}"', "give each its own: results go by it")
+            raise InputError(place, f'two items have the name "{item.name}"', "give each its own, for its results")
         seen.add(item.name)

@@ -56,7 +56,7 @@ def _entry(axis: str, entry: Any, path: Path) -> dict[str, Any]:
     """An entry's axis, name and the scene keys that it states."""
     if isinstance(entry, dict):
         if not isinstance(entry.get("name"), str):
-            raise InputError(path, f"a table in product.{axis} has no name", "give each a name: results go by it")
+            raise InputError(path, f"a table in product.{axis} has no name", "give each a name, for its results")
         keys = {key: value for key, value in entry.items() if key != "name"}
         return {"axis": axis, "name": entry["name"], "keys": keys, "own": axis == "sizes" and bool(keys)}
     if not isinstance(entry, str):

@@ -60,10 +60,10 @@ def time_left(progress: BatchProgress) -> str:
 
 def summary(report: BatchReport) -> list[str]:
     """The last lines of a batch."""
-    counts = ", ".join(f"{count} {status}" for status, count in sorted(report.statuses.items()))
+    counts = ", ".join(f"{count} {status.replace('_', ' ')}" for status, count in sorted(report.statuses.items()))
     items = report.progress.items
     lines = [f"{items} item{'s' * (items != 1)} in {report.progress.seconds:.3g} s: {counts}"]
-    lines += [f"  {count} without result: {reason}" for reason, count in list(report.reasons.items())[:MOST_REASONS]]
+    lines += [f"  {count} without a result: {reason}" for reason, count in list(report.reasons.items())[:MOST_REASONS]]
     if len(report.reasons) > MOST_REASONS:
         more = len(report.reasons) - MOST_REASONS
         lines.append(f"  and {counted(more, 'more reason')}, in the column message")

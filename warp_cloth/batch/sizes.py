@@ -232,21 +232,21 @@ def recommendation(sizes: Sequence[SizeFit], wanted: float) -> tuple[str | None,
         return None, "No size could be fitted; see each one's message."
     usable = [each for each in usable if each.held]
     if not usable:
-        return None, "The body holds no size: each falls, or slides down to the feet."
+        return None, "No size stays up on this body: each falls off, or slides down to the feet."
     for index, each in enumerate(usable):
         problem = _too_tight(each, wanted)
         if not problem:
             before = _too_tight(usable[index - 1], wanted) if index else ""
             why = f"; {usable[index - 1].size} is too tight: {before}" if before else "; it is the smallest size"
-            return each.size, f"{each.size} {_closest(each)}{why}.{_unsure(each)}"
+            return each.size, f"it {_closest(each)}{why}.{_unsure(each)}"
     last = usable[-1]
-    largest = "the largest size" + (" that the body holds" if last is not sizes[-1] else "")
-    return last.size, f"{last.size} is {largest}, though too tight: {_too_tight(last, wanted)}.{_unsure(last)}"
+    largest = "the largest size" + (" that stays up" if last is not sizes[-1] else "")
+    return last.size, f"it is {largest}, though too tight: {_too_tight(last, wanted)}.{_unsure(last)}"
 
 
 def _unsure(each: SizeFit) -> str:
     """A caution where the garment was still moving when it was measured."""
-    return "" if each.status == Status.AT_REST.value else " It did not come to rest, and may yet fit otherwise."
+    return "" if each.status == Status.AT_REST.value else " It did not come to rest, so its ease may still change."
 
 
 def _too_tight(each: SizeFit, wanted: float) -> str:
@@ -264,6 +264,6 @@ def _closest(each: SizeFit) -> str:
     """Where a size is closest to the body, in words."""
     if not each.levels:
         strain = f"strains its cloth by {100 * (each.strain_p99 or 0.0):.1f} % at most (99th percentile)"
-        return f"{strain}, though no chest, waist or hip was found that it goes round"
+        return f"{strain}, though no chest, waist or hip was found that it goes around"
     name, level = min(each.levels.items(), key=lambda entry: entry[1].ease)
     return f"leaves {100 * level.ease:.1f} cm at the {name}, where it is closest"

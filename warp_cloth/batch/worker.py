@@ -43,7 +43,7 @@ def serve(connection: Connection, device: str, loader_count: int, rank: int) -> 
         _work(connection, load_cache)
     except ImportError as error:
         connection.send(StartFailed(f"{type(error).__name__}: {error}"))
-    except EOFError:
+    except (EOFError, BrokenPipeError):  # the parent has ended, or needs no workers after all
         _end()
 
 

@@ -14,6 +14,7 @@ from warp_cloth.export.plots import figure_class
 from warp_cloth.export.preview import draw_views, save_picture
 from warp_cloth.export.render import build_subject
 from warp_cloth.export.report import check_writable, write_report
+from warp_cloth.loading.raw import counted
 
 DRAPE_SIDES = {"front": (0.0, 0.0, 1.0), "from above": (0.0, 0.9998, 0.02)}
 TABLE_WIDTH = 100  # characters, of the text above the table
@@ -50,7 +51,7 @@ def save_bench(bench: Bench, folder: Path, device: str = "cpu", *, plots: bool =
         place.write_text(_csv(bench.curves), encoding="utf-8")
     draped = next(found for found in bench.findings if found.name == "drape coefficient")
     count = sum(found.name.startswith("drape coefficient of disc") for found in bench.findings)
-    sentence = f"30 cm disc on an 18 cm support, drape coefficient of {count} discs {draped.measured:.0f} %"
+    sentence = f"30 cm disc on an 18 cm support, drape coefficient {draped.measured:.0f} % ({counted(count, 'disc')})"
     picture = draw_views(build_subject([bench.disc], None, device), (1500, 600), name, sentence, DRAPE_SIDES)
     save_picture(picture, paths[2])
     if plots:

@@ -54,7 +54,7 @@ def fit(
     ] = None,
     verbose: Annotated[bool, typer.Option("--verbose", help="Show log messages, Warp's included.")] = False,
 ) -> None:
-    """Fit the garments of a scene; write the worn shapes, a report and a picture.
+    """Fit the garments of a scene; write the draped shapes, a report and a picture.
 
     \b
     warp-cloth fit tshirt --set garment.shape.size=L --maps all --colour ease
@@ -91,13 +91,13 @@ def _fit(scene: Scene, device: str | None, frames: int, maps: Sequence[str], sta
 
 
 def summary(name: str, report: Mapping[str, Any], paths: list[Path]) -> list[str]:
-    """A fit in a few lines: status, the certificate's main figures, the files written."""
+    """A fit in a few lines: its message, the certificate's main figures, the files written."""
     from warp_cloth.report.advice import notes_of
 
     residual, strain = report.get("residual") or {}, report.get("strain") or {}
     yarns = {direction: strain[direction]["p99"] for direction in ("warp", "weft", "bias") if direction in strain}
     penetration, seconds = report.get("penetration_mm") or {}, report.get("seconds") or {}
-    lines = [f"{name}: {report.get('status', 'unknown')}. {report.get('message', '')}".rstrip()]
+    lines = [f"{name}: {report.get('message') or report.get('status', 'unknown')}"]
     rows = [
         ("residual", _filled("{} relative rms, {} p99", residual, "relative_rms", "relative_p99")),
         ("rest error", _filled("{} mm", report, "rest_error_mm")),
@@ -130,7 +130,7 @@ def batch(
         typer.Argument(help="Job file: a table with a row per item (.csv, .parquet, .toml), or a product (.toml)."),
     ],
     out: Annotated[
-        Path, typer.Option(help="Output folder, for results.parquet, results.csv and the worn shapes.")
+        Path, typer.Option(help="Output folder, for results.parquet, results.csv and the draped shapes.")
     ] = Path("out"),
     device: Annotated[
         str | None, typer.Option(help="cpu, cuda (all GPUs) or cuda:N.", show_default="all GPUs, or the CPU")
@@ -140,7 +140,7 @@ def batch(
     ] = None,
     ray: Annotated[str | None, typer.Option(metavar="ADDRESS", help="Run on the Ray cluster at this address.")] = None,
     keep: Annotated[
-        str, typer.Option(help="Worn shapes to keep: arrays (a file per shard), stages (a USD file per item) or none.")
+        str, typer.Option(help="Draped shapes to keep: arrays (a file per shard), stages (one per item) or none.")
     ] = "arrays",
     shard: Annotated[
         int | None, typer.Option(help="Items per shard (a task, and its file).", show_default="depends on the device")
@@ -223,7 +223,8 @@ def sizes(
         levels = [f"{name} {100 * level.ease:+.1f} cm" for name, level in each.levels.items()]
         strain = f"strain p99 {100 * each.strain_p99:.1f} %" if each.strain_p99 is not None else each.message
         lost = [] if each.held else ["slides down"]
-        typer.echo(f"{each.size:<4} {each.status:<16} {', '.join([*levels, strain, *lost])}")
+        status = each.status.replace("_", " ")
+        typer.echo(f"{each.size:<4} {status:<16} {', '.join([*levels, strain, *lost])}")
     typer.echo(f"take {run.recommended}: {run.reason}" if run.recommended else run.reason)
     typer.echo(f"  wrote        {', '.join(str(path) for path in paths)}")
     if all(each.status == "invalid" for each in run.sizes):

@@ -1,4 +1,4 @@
-"""From relaxed scenes to fits: measure the worn shapes, write status sentence and report."""
+"""From relaxed scenes to fits: measure the draped shapes, write status sentence and report."""
 
 from __future__ import annotations
 

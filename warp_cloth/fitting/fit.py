@@ -128,8 +128,8 @@ def fit(
     levels = prepare_start(problem, cache) if earlier is None else ()
     if earlier is not None and not start_from(problem, earlier):
         place = start if isinstance(start, str | Path) else "start"
-        fault = "its garments have neither the mesh nor the panels of the scene's"
-        raise InputError(place, fault, "start from a result of the same pattern, or leave this out")
+        fault = "its garments share neither the mesh nor the panels with the scene's"
+        raise InputError(place, fault, "start from a result of the same pattern, or from none")
     outcome = _relax(problem, frames, progress)
     clock.lap("relax")
     (result,) = finish_fits(problem, [outcome], levels=[levels], clock=clock, frames=frames)

@@ -124,7 +124,7 @@ def _glb_parts(file: str, data: bytes) -> tuple[bytes, bytes]:
     size, kind = _GLB_CHUNK.unpack_from(data, start)
     start += _GLB_CHUNK.size
     if kind != b"JSON" or start + size > length:
-        raise InputError(file, "the GLB does not start with a whole JSON chunk", _CUT_OFF)
+        raise InputError(file, "the GLB does not start with a complete JSON chunk", _CUT_OFF)
     return data[start : start + size], data[start + size : length]
 
 
@@ -201,7 +201,7 @@ def _check_gltf(file: str, tree: dict[str, Any]) -> None:
         if uri.startswith("data:"):
             base64.b64decode(uri.partition(",")[2], validate=True)
         elif not (Path(file).parent / uri).is_file():
-            raise InputError(file, f"its data file {uri!r} is missing", "keep it beside the glTF, or export a GLB")
+            raise InputError(file, f"its data file {uri!r} is missing", "keep it next to the .gltf, or export a .glb")
 
 
 def _read(file: str, data: bytes, kind: str, metres_per_unit: float | None) -> RawMesh:

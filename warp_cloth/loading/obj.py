@@ -128,7 +128,7 @@ def _numbers(file: str, rows: list[bytes], lines: list[int], *, need: int, keep:
             except ValueError:
                 word = token[:20].decode("utf-8", errors="backslashreplace")
                 remedy = "write numbers with a decimal point" if b"," in token else EXPORT_AGAIN
-                raise InputError(place, f"{word!r} in a {what} is no number", remedy) from None
+                raise InputError(place, f"{word!r} in a {what} is not a number", remedy) from None
     return table
 
 

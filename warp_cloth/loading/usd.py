@@ -75,7 +75,7 @@ def opened_stage(file: str, *, known: bool = False) -> Iterator[Usd.Stage]:
         with quiet_usd():
             stage = Usd.Stage.Open(file)
             if stage is None:
-                raise ValueError("USD opens no stage")
+                raise ValueError("USD cannot open it")
             yield stage
     except InputError:
         raise

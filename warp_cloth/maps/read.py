@@ -79,7 +79,7 @@ def _stage_file(place: Path) -> Path:
         names = {path.stem for path in stages}
         names -= {f"{name}{OVER}" for name in names}  # layers over the user's stage
         if len(names) != 1:
-            raise InputError(place, f"has {len(names)} stages", REMEDY)
+            raise InputError(place, f"holds {len(names) or 'no'} stages", REMEDY)
         return next(path for path in stages if path.stem in names)
     if not place.exists():
         raise InputError(place, "no such file or folder", REMEDY)

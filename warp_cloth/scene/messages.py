@@ -68,7 +68,8 @@ def scene_error(
     if context.get("below"):
         key += ("." if key else "") + context["below"]
     if len(found) > 1:
-        remedy += (" " if remedy else "") + f"(and {len(found) - 1} more)"
+        more = f"(and {len(found) - 1} more)"
+        problem, remedy = (problem, f"{remedy} {more}") if remedy else (f"{problem} {more}", "")
     names_key = problem.startswith((f"{key} = ", "unknown key " + key)) if key else True
     return InputError(context.get("place") or place(key, not names_key), problem, remedy)
 

@@ -36,7 +36,7 @@ class CollisionSpec(Table):
     avatar: AvatarCollision = Field(
         default="depth",
         description="Three depth buffers fused into a distance field; auto: more buffers where three miss too much; "
-        "mesh: exact, slower; plain: the paper's look-up; none.",
+        "mesh: exact, slower; plain: the paper's lookup; none.",
     )
     pixel_mm: Real = Field(
         default=2.0, ge=0.2, le=50, description="Pixel of the depth buffers [mm]; 2: below the offset, 1 MB a view."
@@ -55,7 +55,7 @@ class CollisionSpec(Table):
     )
     cloth: StrictBool = Field(
         default=False,
-        description="Contact of cloth with cloth; false: half the iterations, but cloth may pass through cloth.",
+        description="Contact of cloth with cloth; false: a third of the iterations, but cloth may pass through cloth.",
     )
 
     @property
@@ -152,8 +152,9 @@ class Scene(Table):
     def _named_apart(cls, garments: tuple[GarmentSpec, ...]) -> tuple[GarmentSpec, ...]:
         """Gives every garment a unique name; only names that the scene states can clash."""
         taken = [garment.name for garment in garments if garment.name]
-        if len(set(taken)) < len(taken):
-            raise refusal("two garments have the same name", "give each a name of its own")
+        twice = [name for index, name in enumerate(taken) if name in taken[:index]]
+        if twice:
+            raise refusal(f"two garments have the same name, {show(twice[0])}", "give each a name of its own")
         named = []
         for garment in garments:
             name = stem = garment.name or (garment.shape.kind if garment.shape else Path(garment.mesh or "").stem)

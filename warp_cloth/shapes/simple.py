@@ -34,9 +34,9 @@ def square(
     ``centre`` is the (x, z) of its middle. Texture coordinates are metres from its lower left corner.
     """
     if not (side > 0 and math.isfinite(side)):
-        raise InputError("square side", f"{side!r} m is no length", "give a positive length in metres")
+        raise InputError("square side", f"{side!r} m is not a length", "give a positive length in metres")
     if vertices_per_side < 2:
-        raise InputError("square vertices_per_side", f"{vertices_per_side!r} makes no square", "give 2 or more")
+        raise InputError("square vertices_per_side", f"{vertices_per_side!r} vertices make no square", "give 2 or more")
     if plane not in ("horizontal", "vertical"):
         raise InputError("square plane", f"{plane!r} is unknown", 'use "horizontal" or "vertical"')
     n = int(vertices_per_side)
@@ -62,9 +62,9 @@ def square(
 def sphere(*, radius: float = 0.3, centre: Sequence[float] = (0.0, 0.6, 0.0), edge: float = 0.02) -> Mesh:
     """Closed sphere with outward winding: an icosahedron, its faces divided until edges are about ``edge`` [m]."""
     if not (radius > 0 and math.isfinite(radius)):
-        raise InputError("sphere radius", f"{radius!r} m is no length", "give a positive length in metres")
+        raise InputError("sphere radius", f"{radius!r} m is not a length", "give a positive length in metres")
     if not (edge > 0 and math.isfinite(edge)):
-        raise InputError("sphere edge", f"{edge!r} m is no length", "give a positive length in metres")
+        raise InputError("sphere edge", f"{edge!r} m is not a length", "give a positive length in metres")
     divisions = max(1, round(radius * ICOSAHEDRON_ARC / edge))
     if divisions > MOST_DIVISIONS:
         raise InputError("sphere edge", f"{edge} m is too fine for a radius of {radius} m", "give a longer edge")

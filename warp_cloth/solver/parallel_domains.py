@@ -147,7 +147,7 @@ class ParallelDomains:
         if self._arrivals.numpy()[0]:
             for other in self._others:
                 other.result()  # raises what went wrong there
-            raise RuntimeError(f"a thread waited {PATIENCE:.0f} s for another one; choose solver.threads = 1")
+            raise RuntimeError(f"a thread waited {PATIENCE:.0f} s for another one; set solver.threads = 1")
 
     def _end(self) -> None:
         """Looks at how the last chunk went, whose threads have ended by now."""

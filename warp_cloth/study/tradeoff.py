@@ -300,7 +300,7 @@ class TradeStudy:
         """Runs the recommended settings once more, which replaces their result."""
         trial = Trial(cheapest.knob, MappingProxyType(cheapest.settings))
         again = self._measured_of(trial, self._alone(trial)[-1])
-        self._log(f"run once more: {again.rms_mm:.3g} mm rms in {again.seconds:.3g} s")
+        self._log(f"rerun: {again.rms_mm:.3g} mm rms in {again.seconds:.3g} s")
         at = [one.settings for one in self._measured].index(cheapest.settings)
         self._measured[at] = again
 

@@ -49,7 +49,7 @@ def advice(trade: Trade) -> list[str]:
     else:
         lines = [
             f"  Within {trade.within_mm:g} mm: {found.label}, {found.rms_mm:.3g} mm rms in {found.seconds:.3g} s "
-            "(run once more).",
+            "(in a second run).",
             f"  {set_line(found)}".rstrip(),
         ]
     if trade.scatter_mm > trade.within_mm:
