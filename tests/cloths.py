@@ -10,7 +10,7 @@ import warp as wp
 
 from warp_cloth.base.mesh import Mesh, Points
 from warp_cloth.base.topology import Topology
-from warp_cloth.garment.part import GarmentPart
+from warp_cloth.garment.garment import Garment
 from warp_cloth.garment.rest import RestShape, build_rest_shape
 from warp_cloth.kernels.base.options import Accumulate
 from warp_cloth.kernels.base.types import cloth_types
@@ -46,8 +46,10 @@ def model_of(
     avatar_friction: float = 0.0,
 ) -> ClothModel:
     """One garment on a device."""
-    part = GarmentPart(mesh.points, mesh.triangles, rest, pins)
-    return build_model([part], device=device, precision=precision, gathers=gathers, avatar_friction=[avatar_friction])
+    garment = Garment(mesh.points, mesh.triangles, rest, pins)
+    return build_model(
+        [garment], device=device, precision=precision, gathers=gathers, avatar_friction=[avatar_friction]
+    )
 
 
 def deformed_model(mesh: Mesh, points: Points, fabric: Fabric, **options: str) -> ClothModel:

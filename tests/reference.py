@@ -11,7 +11,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.linalg import splu
 
 from warp_cloth.base.mesh import Mesh, Points
-from warp_cloth.garment.part import GarmentPart
+from warp_cloth.garment.garment import Garment
 from warp_cloth.garment.rest import RestShape
 from warp_cloth.kernels.base.options import Accumulate
 from warp_cloth.kernels.base.types import cloth_types
@@ -28,9 +28,9 @@ class Potential:
     """Energy of a garment that touches nothing, and the force left, as functions of its free vertices."""
 
     def __init__(self, mesh: Mesh, rest: RestShape, pins: np.ndarray) -> None:
-        part = GarmentPart(mesh.points, mesh.triangles, rest, pins)
+        garment = Garment(mesh.points, mesh.triangles, rest, pins)
         types = cloth_types("float64")
-        self.model = build_model([part], device="cpu", precision="float64")
+        self.model = build_model([garment], device="cpu", precision="float64")
         self.start = mesh.points
         self.free = np.setdiff1d(np.arange(mesh.vertex_count), pins)
         self.weight = rest.vertex_weight
@@ -51,7 +51,9 @@ class Potential:
         self._forces.launch(self._step)
         force = self._load.numpy()[:, :3].copy()
         force[:, 1] -= self.weight
-        energy = sum(float(part.sum()) for part in element_energies(self.model)) + float(self.weight @ points[:, 1])
+        energy = sum(float(garment.sum()) for garment in element_energies(self.model)) + float(
+            self.weight @ points[:, 1]
+        )
         return energy, -force[self.free].ravel()
 
     def unbalanced(self, free: np.ndarray) -> float:
@@ -70,7 +72,7 @@ def true_rest(mesh: Mesh, rest: RestShape, pins: np.ndarray, start: Points) -> P
     scale = float(potential.weight.mean())  # forces of about 1, displacements in metres
     for _ in range(60):
         found = minimize(
-            lambda x: tuple(part / scale for part in potential(x)),
+            lambda x: tuple(garment / scale for garment in potential(x)),
             free,
             jac=True,
             method="L-BFGS-B",

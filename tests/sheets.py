@@ -13,7 +13,7 @@ from cloths import NO_PINS, grid
 from warp_cloth.base.mesh import Mesh, Points
 from warp_cloth.contact.cloth import ClothContact
 from warp_cloth.contact.sheets import SheetKind
-from warp_cloth.garment.part import GarmentPart
+from warp_cloth.garment.garment import Garment
 from warp_cloth.garment.rest import build_rest_shape
 from warp_cloth.kernels.base.types import cloth_types
 from warp_cloth.material.fabric import Fabric
@@ -32,16 +32,16 @@ def sheets_at(
     kinds: Sequence[SheetKind] | None = None,
     precision: str = "float64",
     gathers: bool | None = None,
-) -> tuple[ClothModel, ClothContact, list[GarmentPart]]:
+) -> tuple[ClothModel, ClothContact, list[Garment]]:
     """Garments in contact, where they are; inner to outer."""
     held = pins or [NO_PINS] * len(meshes)
-    parts = [
-        GarmentPart(mesh.points, mesh.triangles, build_rest_shape(mesh, fabric, rest="mesh"), pinned)
+    garments = [
+        Garment(mesh.points, mesh.triangles, build_rest_shape(mesh, fabric, rest="mesh"), pinned)
         for mesh, pinned in zip(meshes, held, strict=True)
     ]
-    model = build_model(parts, device="cpu", precision=precision, gathers=gathers)
+    model = build_model(garments, device="cpu", precision=precision, gathers=gathers)
     chosen = kinds or [SheetKind(fabric.thickness, fabric.friction, layer=k) for k in range(len(meshes))]
-    return model, ClothContact(model, parts, chosen), parts
+    return model, ClothContact(model, garments, chosen), garments
 
 
 def moved(mesh: Mesh, *offset: float) -> Mesh:

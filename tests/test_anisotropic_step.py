@@ -12,7 +12,7 @@ from test_reaction import FRICTION, floor
 
 from warp_cloth.avatar.collider import Collider
 from warp_cloth.base.mesh import Mesh
-from warp_cloth.garment.part import GarmentPart
+from warp_cloth.garment.garment import Garment
 from warp_cloth.garment.rest import build_rest_shape
 from warp_cloth.kernels.base.options import Accumulate
 from warp_cloth.kernels.base.types import cloth_types
@@ -91,8 +91,8 @@ def test_taut_cloth_is_compliant_across_itself_only() -> None:
 
 
 def test_items_forget_theirs_and_leave_the_others_alone() -> None:
-    part = GarmentPart(MESH.points, MESH.triangles, build_rest_shape(MESH, WOVEN, rest="mesh"), np.zeros(0, np.int32))
-    model = build_model([part] * 6, device="cpu", precision="float64", garments=[1] * 6)
+    garment = Garment(MESH.points, MESH.triangles, build_rest_shape(MESH, WOVEN, rest="mesh"), np.zeros(0, np.int32))
+    model = build_model([garment] * 6, device="cpu", precision="float64", garment_counts=[1] * 6)
     compliance = with_compliance(model)
     model.state.compliance.fill_(7.0)
     compliance.forget([4, 1, 2])
@@ -126,8 +126,8 @@ def test_threads_drag_across_themselves_by_what_acts_there() -> None:
     wanted = np.zeros_like(moves)
     weave, points = model.weave, model.points()
     for corners, slope, law in zip(weave.corners.numpy(), weave.slope.numpy(), weave.law.numpy(), strict=True):
-        for part, pull in (((1, 0), law[0]), ((0, 1), law[1]), ((1, 1), law[2]), ((1, -1), law[2])):
-            along = (part[0] * slope[:2] + part[1] * slope[2:]) / np.hypot(*part)
+        for garment, pull in (((1, 0), law[0]), ((0, 1), law[1]), ((1, 1), law[2]), ((1, -1), law[2])):
+            along = (garment[0] * slope[:2] + garment[1] * slope[2:]) / np.hypot(*garment)
             slopes_of = np.array([-along.sum(), *along])
             thread, change = slopes_of @ points[corners], slopes_of @ moves[corners]
             length, size = np.linalg.norm(thread), np.linalg.norm(change)
@@ -170,7 +170,9 @@ def test_what_is_pressed_hard_has_none() -> None:
     found = wp.zeros(3, dtype=wp.vec3d, device="cpu")
     given = [compliance, wp.vec3d(*force), wp.array(own, dtype=wp.float64, device="cpu"), wp.float64(stiffness)]
     wp.launch(find_ways, dim=3, inputs=given, outputs=[found], device="cpu")
-    wanted = [np.linalg.solve(part * np.linalg.inv(matrix) + (stiffness - part) * np.eye(3), force) for part in own]
+    wanted = [
+        np.linalg.solve(garment * np.linalg.inv(matrix) + (stiffness - garment) * np.eye(3), force) for garment in own
+    ]
     assert found.numpy() == pytest.approx(np.array(wanted), rel=SPARED)
     assert found.numpy()[0] == pytest.approx(matrix @ force / stiffness, rel=SPARED)
     assert found.numpy()[2] == pytest.approx(force / stiffness, rel=SPARED)

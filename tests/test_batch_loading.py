@@ -70,13 +70,13 @@ def test_loaders_make_what_the_worker_would_have_made_and_share_it_alike(loaders
     opened = [load_outfit(scene, mesh_cache) for scene in several]
     for scene, outfit in zip(several, opened, strict=True):
         alone = load_outfit(scene)
-        for part, own in zip(outfit.parts, alone.parts, strict=True):
-            assert np.array_equal(part.points, own.points)
-            assert np.array_equal(part.rest.hinge_stiffness, own.rest.hinge_stiffness)
-            assert np.array_equal(part.pins, own.pins)
+        for garment, own in zip(outfit.garments, alone.garments, strict=True):
+            assert np.array_equal(garment.points, own.points)
+            assert np.array_equal(garment.rest.hinge_stiffness, own.rest.hinge_stiffness)
+            assert np.array_equal(garment.pins, own.pins)
     assert len({id(outfit.avatar) for outfit in opened}) == 1
     jersey, denim = opened[:2]
-    assert jersey.parts[0].points is denim.parts[0].points, "one mesh in two fabrics meets its avatar alike"
+    assert jersey.garments[0].points is denim.garments[0].points, "one mesh in two fabrics meets its avatar alike"
 
 
 def test_constants_of_a_garment_are_computed_get_or_make_shared_workers(loaders: Loaders, tmp_path: Path) -> None:
@@ -89,15 +89,15 @@ def test_constants_of_a_garment_are_computed_get_or_make_shared_workers(loaders:
     assert len(times[0]) == len(several)
     assert times[1] == times[0], "the second one has found them"
     for scene in several:
-        part, other = (load_outfit(scene, mesh_cache).parts[0].rest for mesh_cache in mesh_caches)
-        assert np.array_equal(part.hinge_stiffness, other.hinge_stiffness)
-        assert part.fabric == other.fabric
+        garment, other = (load_outfit(scene, mesh_cache).garments[0].rest for mesh_cache in mesh_caches)
+        assert np.array_equal(garment.hinge_stiffness, other.hinge_stiffness)
+        assert garment.fabric == other.fabric
 
 
 def test_what_shapes_are_drafted_from_is_computed_get_or_make_shared_workers(tmp_path: Path) -> None:
     scene = load_scene("tshirt", ["garment.shape.edge_mm=45"])
     (recipe,) = avatar_recipe(scene)
-    alone, mesh = MeshCache().make(recipe), load_outfit(scene).garments[0]
+    alone, mesh = MeshCache().make(recipe), load_outfit(scene).meshes[0]
     for _ in range(2):
         mesh_cache = MeshCache(SharedCache(tmp_path))
         assert np.array_equal(mesh_cache.make(recipe).points, alone.points)
@@ -163,9 +163,9 @@ def _forks_loaders(connection: Connection) -> None:
     load_cache.loaders.fill(mesh_cache, scenes(), Cache())
     alike = []
     for scene in scenes():
-        part, own = load_outfit(scene, mesh_cache).parts[0], load_outfit(scene).parts[0]
-        pairs = [(part.points, own.points), (part.rest.hinge_stiffness, own.rest.hinge_stiffness)]
-        alike.append(all(np.array_equal(one, other) for one, other in pairs) and not part.points.flags.owndata)
+        garment, own = load_outfit(scene, mesh_cache).garments[0], load_outfit(scene).garments[0]
+        pairs = [(garment.points, own.points), (garment.rest.hinge_stiffness, own.rest.hinge_stiffness)]
+        alike.append(all(np.array_equal(one, other) for one, other in pairs) and not garment.points.flags.owndata)
     load_cache.loaders.close()
     connection.send(alike)
 
@@ -224,7 +224,7 @@ def test_one_mesh_of_two_grains_has_the_rest_shapes_of_both(loaders: Loaders) ->
     mesh_cache = MeshCache()
     loaders.fill(mesh_cache, several)
     for scene in several:
-        found, alone = load_outfit(scene, mesh_cache).parts[0].rest, load_outfit(scene).parts[0].rest
+        found, alone = load_outfit(scene, mesh_cache).garments[0].rest, load_outfit(scene).garments[0].rest
         assert found.yarns is not None
         assert alone.yarns is not None
         assert np.array_equal(found.yarns.slope, alone.yarns.slope)
@@ -246,29 +246,33 @@ def test_the_same_panels_on_two_bodies_have_the_same_constants_computed_once(
     ]
     mesh_cache, cache = MeshCache(), Cache()
     loaders.fill(mesh_cache, several, cache)
-    parts = [load_outfit(scene, mesh_cache).parts[0] for scene in several]
-    for scene, part in zip(several, parts, strict=True):
-        own = load_outfit(scene).parts[0]
-        assert np.array_equal(part.points, own.points)
-        assert np.array_equal(part.pins, own.pins)
-        assert np.array_equal(part.rest.hinge_stiffness, own.rest.hinge_stiffness)
-        assert part.rest.fabric == own.rest.fabric
-        assert part.rest.notes == own.rest.notes
-    for one, other in zip(parts[:3], parts[3:], strict=True):
+    garments = [load_outfit(scene, mesh_cache).garments[0] for scene in several]
+    for scene, garment in zip(several, garments, strict=True):
+        own = load_outfit(scene).garments[0]
+        assert np.array_equal(garment.points, own.points)
+        assert np.array_equal(garment.pins, own.pins)
+        assert np.array_equal(garment.rest.hinge_stiffness, own.rest.hinge_stiffness)
+        assert garment.rest.fabric == own.rest.fabric
+        assert garment.rest.notes == own.rest.notes
+    for one, other in zip(garments[:3], garments[3:], strict=True):
         assert one.points is not other.points
         assert (one.rest.hinge_stiffness is other.rest.hinge_stiffness) == (not pin)
     monkeypatch.setattr(cutting, "SMALLEST", SINGLE.vertices)
     monkeypatch.setattr(cutting, "_garment_tables", forbidden)
-    build_model(parts, device="cpu", precision="mixed", gathers=True, garments=[1] * len(parts), cache=cache)
+    build_model(
+        garments, device="cpu", precision="mixed", gathers=True, garment_counts=[1] * len(garments), cache=cache
+    )
 
 
 def test_loaders_cut_the_patches_that_a_large_model_needs(loaders: Loaders, monkeypatch: pytest.MonkeyPatch) -> None:
     several, mesh_cache, cache = scenes(), MeshCache(), Cache()
     loaders.fill(mesh_cache, several, cache)
-    parts = [load_outfit(scene, mesh_cache).parts[0] for scene in several]
+    garments = [load_outfit(scene, mesh_cache).garments[0] for scene in several]
     monkeypatch.setattr(cutting, "SMALLEST", SINGLE.vertices)  # as if there were thousands of garments
     monkeypatch.setattr(cutting, "_garment_tables", forbidden)
-    model = build_model(parts, device="cpu", precision="mixed", gathers=True, garments=[1] * len(parts), cache=cache)
+    model = build_model(
+        garments, device="cpu", precision="mixed", gathers=True, garment_counts=[1] * len(garments), cache=cache
+    )
     assert model.patches is not None
 
 
@@ -289,15 +293,15 @@ def test_without_its_loaders_a_worker_loads_by_itself(loaders: Loaders) -> None:
         os.kill(process.pid, signal.SIGKILL)
     more = load_scene("sphere", ["garment.shape.vertices_per_side=30"])
     loaders.fill(mesh_cache, [more])
-    assert load_outfit(more, mesh_cache).garments[0].vertex_count == 900
+    assert load_outfit(more, mesh_cache).meshes[0].vertex_count == 900
 
 
 @pytest.mark.parametrize("fabric", ["jersey", "silk"])
 def test_kernels_that_are_warmed_up_are_those_of_the_batch(fabric: str) -> None:
     scene = load_scene("tshirt", [f"garment.fabric={fabric}", "garment.shape.edge_mm=40"])
     small = warm_kernels._small(scene)
-    parts = [load_outfit(small).parts[0]] * warm_kernels.MANY
-    model = build_model(parts, device="cpu", precision="mixed", gathers=True, garments=[1] * warm_kernels.MANY)
+    garments = [load_outfit(small).garments[0]] * warm_kernels.MANY
+    model = build_model(garments, device="cpu", precision="mixed", gathers=True, garment_counts=[1] * warm_kernels.MANY)
     assert problem_kind(small, load_outfit(small)) == problem_kind(scene, load_outfit(scene))
     assert model.patches is not None
     assert not model.patches.few

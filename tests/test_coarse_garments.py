@@ -10,8 +10,8 @@ from cloths import NO_PINS, grid
 
 from warp_cloth.base.mesh import Mesh
 from warp_cloth.fitting.fit import fit
+from warp_cloth.garment.garment import Garment
 from warp_cloth.garment.grain import Grain
-from warp_cloth.garment.part import GarmentPart
 from warp_cloth.garment.rest import build_rest_shape
 from warp_cloth.material.fabric import Fabric, shipped_fabrics
 from warp_cloth.model.result import Status
@@ -39,7 +39,7 @@ DENIM = shipped_fabrics()["denim"]
 
 def hierarchy_of(mesh: Mesh, fabric: Fabric, pins: np.ndarray = NO_PINS, turned: float = 0.0) -> Hierarchy:
     rest = build_rest_shape(mesh, fabric, rest="uv", grain=Grain(turned))
-    return build_hierarchy(GarmentPart(mesh.points, mesh.triangles, rest, pins))
+    return build_hierarchy(Garment(mesh.points, mesh.triangles, rest, pins))
 
 
 def coarser(hierarchy: Hierarchy) -> Hierarchy:
@@ -52,14 +52,14 @@ def test_a_coarse_garment_weighs_and_measures_the_same() -> None:
     mesh = build_garment(TshirtShape(kind="tshirt"), body=None)
     fine = hierarchy_of(mesh, DENIM)
     coarse = coarser(fine)
-    assert len(coarse.part.points) < 0.3 * len(fine.part.points)
-    assert coarse.part.rest.vertex_weight.sum() == pytest.approx(fine.part.rest.vertex_weight.sum(), rel=AREA)
-    assert coarse.part.rest.area == pytest.approx(fine.part.rest.area, rel=AREA)
+    assert len(coarse.garment.points) < 0.3 * len(fine.garment.points)
+    assert coarse.garment.rest.vertex_weight.sum() == pytest.approx(fine.garment.rest.vertex_weight.sum(), rel=AREA)
+    assert coarse.garment.rest.area == pytest.approx(fine.garment.rest.area, rel=AREA)
 
 
 @pytest.mark.parametrize("degrees", [0.0, 30.0, 90.0, 135.0])
 def test_its_warp_lies_as_the_finer_ones(degrees: float) -> None:
-    coarse = coarser(hierarchy_of(replace(MESH, texcoords=PANEL), DENIM, turned=degrees)).part.rest
+    coarse = coarser(hierarchy_of(replace(MESH, texcoords=PANEL), DENIM, turned=degrees)).garment.rest
     assert coarse.sheet is not None
     assert coarse.corners is not None
     first = coarse.corners[:, 1] - coarse.corners[:, 0]
@@ -75,8 +75,8 @@ def test_pinned_vertices_stay_and_flat_cloth_is_prolonged_exactly() -> None:
     pins = np.array([0, 20, 200], dtype=np.int32)
     fine = hierarchy_of(replace(MESH, texcoords=PANEL), DENIM, pins)
     coarse = coarser(fine)
-    assert (coarse.part.points[coarse.part.pins] == MESH.points[pins]).all()
-    moved = prolong_shape(fine.coarsenings[0], coarse.part.points + AWAY, fine.part)
+    assert (coarse.garment.points[coarse.garment.pins] == MESH.points[pins]).all()
+    moved = prolong_shape(fine.coarsenings[0], coarse.garment.points + AWAY, fine.garment)
     wanted = MESH.points + AWAY
     wanted[pins] = MESH.points[pins]
     assert moved == pytest.approx(wanted, abs=ROUNDING)
@@ -87,7 +87,7 @@ def test_what_is_prolonged_from_a_bent_cloth_is_round(monkeypatch: pytest.Monkey
     coarse = coarser(fine)
 
     def off() -> float:
-        way = prolong_shape(fine.coarsenings[0], _rolled(coarse.part.points), fine.part) - _rolled(MESH.points)
+        way = prolong_shape(fine.coarsenings[0], _rolled(coarse.garment.points), fine.garment) - _rolled(MESH.points)
         return float(np.sqrt(np.mean(np.sum(way**2, axis=1))))
 
     rounded = off()
@@ -105,18 +105,18 @@ def test_a_limp_garment_is_drawn_out_by_its_weight_no_more_than_a_little() -> No
     hierarchy = hierarchy_of(replace(MESH, texcoords=PANEL), stiff)
     limp = hierarchy.coarser(limp=True)
     assert limp is not None
-    softer = limp.part.rest.fabric
+    softer = limp.garment.rest.fabric
     assert softer is not None
-    load = limp.part.rest.vertex_weight.sum() / np.sqrt(limp.part.rest.area)
+    load = limp.garment.rest.vertex_weight.sum() / np.sqrt(limp.garment.rest.area)
     assert np.sqrt(load / softer.stretch_weft) == pytest.approx(LIMP_STRAIN)
     assert softer.stretch_warp == pytest.approx(2.0 * softer.stretch_weft)
-    assert coarser(hierarchy).part.rest.fabric == stiff
+    assert coarser(hierarchy).garment.rest.fabric == stiff
     assert limp_fabric(Fabric(), load) == Fabric()  # soft enough as it is
 
 
 def test_a_garment_of_unknown_rest_shape_stays_as_it_is() -> None:
     rest = replace(build_rest_shape(MESH, DENIM, rest="mesh"), corners=None)
-    hierarchy = build_hierarchy(GarmentPart(MESH.points, MESH.triangles, rest, NO_PINS))
+    hierarchy = build_hierarchy(Garment(MESH.points, MESH.triangles, rest, NO_PINS))
     assert hierarchy.coarsenings == ()
     assert hierarchy.coarser() is None
 

@@ -101,10 +101,10 @@ def test_a_scene_states_grain_by_panel_and_by_image(tmp_path: Path) -> None:
         'grain_degrees = 30\ngrain_panels = {square = 45}\ngrain_texture = "grain.png"\n'
     )
     scene = load_scene(tmp_path / "scene.toml")
-    part = load_outfit(scene).parts[0]
-    mesh = load_outfit(scene).garments[0]
+    garment = load_outfit(scene).garments[0]
+    mesh = load_outfit(scene).meshes[0]
     wanted = build_rest_shape(
         mesh, fabric_named("denim"), rest="mesh", grain=Grain(30.0, {"square": 45.0}, tmp_path / "grain.png")
     )
-    assert (part.rest.yarns.slope == wanted.yarns.slope).all()
+    assert (garment.rest.yarns.slope == wanted.yarns.slope).all()
     assert scene.settings()["garment"][0]["grain_panels"] == {"square": 45.0}

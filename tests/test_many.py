@@ -148,10 +148,10 @@ def test_crossings_and_depths_of_many_are_those_of_each(monkeypatch: pytest.Monk
     monkeypatch.setattr(garments, "POINTS_AT_ONCE", 300)
     rng = np.random.default_rng(2)
     outfits = [load_outfit(scene) for scene in mixture()[:5]]
-    parts = [part for outfit in outfits for part in outfit.parts]
-    model = build_model(parts, device="cpu", precision="mixed", garments=[1] * 5)
-    worn = [part.points + rng.normal(scale=0.1, size=part.points.shape) for part in parts]
-    worn[2] = parts[2].points
+    worn_garments = [garment for outfit in outfits for garment in outfit.garments]
+    model = build_model(worn_garments, device="cpu", precision="mixed", garment_counts=[1] * 5)
+    worn = [garment.points + rng.normal(scale=0.1, size=garment.points.shape) for garment in worn_garments]
+    worn[2] = worn_garments[2].points
     for item, points in enumerate(worn):
         model.set_points(points, item)
     together, alone = model_crossings(model, outfits), worn_crossings(outfits, worn, "cpu")

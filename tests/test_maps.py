@@ -18,7 +18,7 @@ from warp_cloth.avatar.solid import closing_of
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.mesh import Mesh, vertex_normals
 from warp_cloth.fitting.fit import fit
-from warp_cloth.garment.part import GarmentPart
+from warp_cloth.garment.garment import Garment
 from warp_cloth.garment.rest import GRAVITY, build_rest_shape
 from warp_cloth.kernels.avatar.closest import MeshCollider, mesh_contact
 from warp_cloth.maps import MAPS, chosen_maps, measure_maps
@@ -117,10 +117,10 @@ def test_net_on_a_sphere_presses_by_its_tension_and_curvature() -> None:
     collider = Collider(mesh_contact, exact.collider, MeshCollider, offset + 1e-4)
     relaxation = Relaxation(model, collider, StepOptions())
     push = Certifier(relaxation).normal_forces()
-    part = GarmentPart(net.points, net.triangles, rest, NO_PINS)
+    garment = Garment(net.points, net.triangles, rest, NO_PINS)
     made = measure_maps(
         ("pressure",),
-        parts=[part],
+        garments=[garment],
         worn=[worn],
         normal_forces=[push],
         avatar=avatar,
@@ -139,11 +139,17 @@ def test_net_on_a_sphere_presses_by_its_tension_and_curvature() -> None:
 
 def test_ease_is_the_exact_distance_to_the_skin() -> None:
     body = box_avatar()
-    garment = grid(9, 1.0)
-    points = garment.points @ np.array([[1.0, 0, 0], [0, 1.0, 0], [0, 0, 1.0]]) + (-0.5, 0.3, 0.23)
-    part = GarmentPart(points, garment.triangles, build_rest_shape(garment, Fabric(), rest="mesh"), NO_PINS)
+    sheet = grid(9, 1.0)
+    points = sheet.points @ np.array([[1.0, 0, 0], [0, 1.0, 0], [0, 0, 1.0]]) + (-0.5, 0.3, 0.23)
+    garment = Garment(points, sheet.triangles, build_rest_shape(sheet, Fabric(), rest="mesh"), NO_PINS)
     made = measure_maps(
-        ("ease",), parts=[part], worn=[points], normal_forces=None, avatar=body, garment_names=["sheet"], device="cpu"
+        ("ease",),
+        garments=[garment],
+        worn=[points],
+        normal_forces=None,
+        avatar=body,
+        garment_names=["sheet"],
+        device="cpu",
     )
     away = np.maximum(np.abs(points - (0.0, 0.8, 0.0)) - (0.2, 0.8, 0.2), 0.0)
     expected = 1e3 * np.linalg.norm(away, axis=1)

@@ -36,21 +36,21 @@ RUN = Run(
 @pytest.mark.parametrize("friction", [0.5, 0.0])
 def test_scenes_have_the_size_and_pins_that_they_should(tmp_path: Path, kind: str, friction: float) -> None:
     outfit = load_outfit(load_scene(case_tree(Case(kind, 1000, 2e4, friction), tmp_path)))
-    (part,) = outfit.parts
-    assert len(part.points) == pytest.approx(1000, rel=0.15)
-    assert part.rest.area == pytest.approx(0.03 if kind == "strip" else 1.0, rel=1e-9)
+    (garment,) = outfit.garments
+    assert len(garment.points) == pytest.approx(1000, rel=0.15)
+    assert garment.rest.area == pytest.approx(0.03 if kind == "strip" else 1.0, rel=1e-9)
     assert (outfit.avatar is not None) == (kind == "ball")
-    columns = round(math.sqrt(len(part.points) / 3.0))
+    columns = round(math.sqrt(len(garment.points) / 3.0))
     wanted = {"hanging": 2, "strip": columns * 3, "ball": 0 if friction else 5}[kind]
-    assert len(part.pins) == pytest.approx(wanted, rel=0.4 if kind == "strip" else 0.0)
+    assert len(garment.pins) == pytest.approx(wanted, rel=0.4 if kind == "strip" else 0.0)
 
 
 def test_a_disc_is_held_by_its_support_and_hangs_over_it(tmp_path: Path) -> None:
-    (part,) = load_outfit(load_scene(case_tree(Case("disc", 2000, fabric=TRUE_FABRICS[0]), tmp_path))).parts
-    assert len(part.points) == pytest.approx(2000, rel=0.15)
-    radius = np.hypot(part.points[:, 0], part.points[:, 2])
-    assert radius[part.pins].max() == pytest.approx(0.09)
-    assert np.delete(radius, part.pins).min() > 0.09
+    (garment,) = load_outfit(load_scene(case_tree(Case("disc", 2000, fabric=TRUE_FABRICS[0]), tmp_path))).garments
+    assert len(garment.points) == pytest.approx(2000, rel=0.15)
+    radius = np.hypot(garment.points[:, 0], garment.points[:, 2])
+    assert radius[garment.pins].max() == pytest.approx(0.09)
+    assert np.delete(radius, garment.pins).min() > 0.09
 
 
 def test_every_group_has_scenes_and_forty_tell_of_the_truth() -> None:

@@ -12,7 +12,7 @@ from cloths import grid
 from warp_cloth.avatar.collider import Collider
 from warp_cloth.fitting import problem as set_up_module
 from warp_cloth.fitting.problem import collider_updates, load_problem, start_coarse
-from warp_cloth.garment.part import GarmentPart
+from warp_cloth.garment.garment import Garment
 from warp_cloth.garment.rest import build_rest_shape
 from warp_cloth.kernels.elements.stiffness import stiffness_types
 from warp_cloth.kernels.implicit.avatar_constraint import presses_function, stick_or_slip_function
@@ -38,7 +38,7 @@ FIXED, SLIDING = 2, 1  # as in kernels.implicit.system
 FABRIC = Fabric(stretch_warp=2e5, stretch_weft=2e5)
 
 
-def hanging(count: int, fabric: Fabric = FABRIC) -> GarmentPart:
+def hanging(count: int, fabric: Fabric = FABRIC) -> Garment:
     """A square of 0.5 m, upright, pinned by its upper corners, bulging a little."""
     mesh = grid(count, 0.5)
     rest = build_rest_shape(mesh, fabric, rest="mesh")
@@ -46,27 +46,27 @@ def hanging(count: int, fabric: Fabric = FABRIC) -> GarmentPart:
     points[:, 2] += 1e-3 * np.sin(14.0 * points[:, 0]) * np.sin(10.0 * points[:, 1])
     pins = np.array([count * (count - 1), count * count - 1], dtype=np.int32)
     points[pins] = mesh.points[pins]
-    return GarmentPart(points, mesh.triangles, rest, pins)
+    return Garment(points, mesh.triangles, rest, pins)
 
 
-def relaxation_of(parts: list[GarmentPart], gathers: bool | None = None) -> MultilevelRelaxation:
-    model = build_model(parts, device="cpu", precision="mixed", gathers=gathers)
+def relaxation_of(garments: list[Garment], gathers: bool | None = None) -> MultilevelRelaxation:
+    model = build_model(garments, device="cpu", precision="mixed", gathers=gathers)
     made = MultilevelRelaxation(
-        model, Collider(), StepOptions(method="multilevel"), [build_hierarchy(part) for part in parts]
+        model, Collider(), StepOptions(method="multilevel"), [build_hierarchy(garment) for garment in garments]
     )
     wp.force_load("cpu", modules=[kernel.module for kernel in made.kernels()])
     return made
 
 
-def rest_of(part: GarmentPart) -> Outcome:
-    relaxation = relaxation_of([part])
+def rest_of(garment: Garment) -> Outcome:
+    relaxation = relaxation_of([garment])
     certifier = Certifier(relaxation)
     wp.force_load("cpu", modules=[kernel.module for kernel in certifier.kernels()])
     return relax_to_rest(relaxation, certifier, Tolerance(), LIMIT)
 
 
-def shape_after(parts: list[GarmentPart], iterations: int = 60, gathers: bool | None = None) -> np.ndarray:
-    relaxation = relaxation_of(parts, gathers)
+def shape_after(garments: list[Garment], iterations: int = 60, gathers: bool | None = None) -> np.ndarray:
+    relaxation = relaxation_of(garments, gathers)
     relaxation.run(iterations)
     model: ClothModel = relaxation.model
     return model.points()
@@ -84,16 +84,16 @@ def test_iterations_hardly_grow_with_the_resolution() -> None:
 
 
 def test_scattered_and_gathered_forces_give_the_same_bits() -> None:
-    part = hanging(25)
-    assert (shape_after([part], gathers=False) == shape_after([part], gathers=True)).all()
+    garment = hanging(25)
+    assert (shape_after([garment], gathers=False) == shape_after([garment], gathers=True)).all()
 
 
 def test_a_garment_moves_alone_as_beside_a_larger_one() -> None:
-    part = hanging(17)
+    garment = hanging(17)
     other = hanging(25, Fabric(stretch_warp=1e4, stretch_weft=1e4))
     count = len(other.points)
-    both = shape_after([other, part])
-    assert (both[count:] == shape_after([part])).all()
+    both = shape_after([other, garment])
+    assert (both[count:] == shape_after([garment])).all()
     assert (both[:count] == shape_after([other])).all()
 
 
@@ -105,10 +105,10 @@ def test_a_garment_too_small_to_be_coarsened_moves_beside_one_that_is() -> None:
 
 
 def test_overstretched_seams_are_closed_before_steps_are_implicit() -> None:
-    part = hanging(13)
-    apart = part.points.copy()
+    garment = hanging(13)
+    apart = garment.points.copy()
     apart[apart[:, 1] < 0.2, 1] -= 2.0  # a row of edges 40 times too long
-    outcome = rest_of(GarmentPart(apart, part.triangles, part.rest, part.pins))
+    outcome = rest_of(Garment(apart, garment.triangles, garment.rest, garment.pins))
     assert outcome.status is Status.AT_REST
     assert np.ptp(outcome.points[:, 1]) < 0.6
 

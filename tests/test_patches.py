@@ -13,7 +13,7 @@ from warp_cloth.base.errors import InputError
 from warp_cloth.base.mesh import Mesh
 from warp_cloth.base.topology import build_topology
 from warp_cloth.garment.elements import garment_elements
-from warp_cloth.garment.part import GarmentPart, terms_of
+from warp_cloth.garment.garment import Garment, terms_of
 from warp_cloth.garment.rest import RestShape, build_rest_shape
 from warp_cloth.kernels.base.options import FEW, SINGLE, Accumulate, Terms, block_for
 from warp_cloth.material.fabric import resolve_fabric
@@ -114,7 +114,7 @@ def test_a_vertex_with_too_many_triangles_is_told() -> None:
 def test_patches_cut_in_several_parts_are_those_cut_at_once(fabric: object, monkeypatch: pytest.MonkeyPatch) -> None:
     mesh = grid(12)
     rest = build_rest_shape(mesh, fabric, rest="mesh")
-    terms = terms_of([GarmentPart(mesh.points, mesh.triangles, rest, np.zeros(0, dtype=np.int32))])
+    terms = terms_of([Garment(mesh.points, mesh.triangles, rest, np.zeros(0, dtype=np.int32))])
     monkeypatch.setattr(cutting, "SMALLEST", 7)
     monkeypatch.setattr(cutting, "block_for", lambda paired: SINGLE._replace(memory=4000))  # some have to be halved
     whole = cut(mesh, rest, terms)
@@ -129,11 +129,11 @@ def test_patches_cut_in_several_parts_are_those_cut_at_once(fabric: object, monk
 
 def test_items_that_have_ended_leave_the_launch_and_come_back() -> None:
     meshes = [grid(side) for side in (6, 9, 12)]
-    parts = [
-        GarmentPart(mesh.points, mesh.triangles, build_rest_shape(mesh, WOVEN, rest="mesh"), np.array([0]))
+    garments = [
+        Garment(mesh.points, mesh.triangles, build_rest_shape(mesh, WOVEN, rest="mesh"), np.array([0]))
         for mesh in meshes
     ]
-    model = build_model(parts, device="cpu", precision="mixed", gathers=True, garments=[1, 1, 1])
+    model = build_model(garments, device="cpu", precision="mixed", gathers=True, garment_counts=[1, 1, 1])
     relaxation = Relaxation(model, Collider(), StepOptions())
     assert model.patches is not None
     everything = model.patches.count
@@ -153,10 +153,10 @@ def test_items_that_have_ended_leave_the_launch_and_come_back() -> None:
 @pytest.mark.parametrize("method", ["accelerated", "direct"])
 def test_iterations_in_the_patches_order_have_the_bits_of_scattered_ones(method: Method) -> None:
     mesh = grid(20)
-    part = GarmentPart(mesh.points, mesh.triangles, build_rest_shape(mesh, WOVEN, rest="mesh"), np.array([0, 19]))
+    garment = Garment(mesh.points, mesh.triangles, build_rest_shape(mesh, WOVEN, rest="mesh"), np.array([0, 19]))
     shapes = []
     for gathers in (False, True):
-        model = build_model([part], device="cpu", precision="mixed", gathers=gathers)
+        model = build_model([garment], device="cpu", precision="mixed", gathers=gathers)
         relaxation = Relaxation(model, Collider(), StepOptions(method=method))
         relaxation.run(20)
         relaxation.run(3)

@@ -139,7 +139,7 @@ def test_a_pinned_garment_stays_within_its_reach_all_the_way(fabric: dict[str, o
     tree = {"garment": {"shape": SQUARE, "fabric": {**fabric, "weight": 5.0}, "pin": {"vertices": [0]}}}
     scene = load_scene(tree, ["solver.iterations=3000"])
     made = load_problem(scene, "cpu")
-    box = reach_box(made.outfit.parts[0])
+    box = reach_box(made.outfit.garments[0])
     assert box is not None
     worn = fit(scene, device="cpu", frames=20)
     shapes = worn.garments[0].frames
@@ -150,7 +150,7 @@ def test_a_pinned_garment_stays_within_its_reach_all_the_way(fabric: dict[str, o
 
 def test_nothing_is_proved_of_a_garment_that_nothing_holds() -> None:
     made = load_problem(load_scene({"garment": {"shape": SQUARE, "fabric": PLAIN}}), "cpu")
-    assert reach_box(made.outfit.parts[0]) is None
+    assert reach_box(made.outfit.garments[0]) is None
 
 
 def test_every_term_says_why() -> None:

@@ -58,8 +58,8 @@ def test_a_dressed_garment_shares_its_mesh_with_the_one_that_it_is_dressed_in() 
     mesh_cache = MeshCache()
     one, other = (load_outfit(draped(f"garment.fabric={fabric}"), mesh_cache) for fabric in ("silk", "denim"))
     assert one.dressing[0] is other.dressing[0]
-    assert one.dressing[0].points is one.parts[0].points
-    assert one.dressing[0].rest.fabric != one.parts[0].rest.fabric
+    assert one.dressing[0].points is one.garments[0].points
+    assert one.dressing[0].rest.fabric != one.garments[0].rest.fabric
     assert not load_outfit(load_scene("sphere", CLOTH), mesh_cache).dressing
 
 

@@ -14,7 +14,7 @@ from reference import true_rest
 
 from warp_cloth.avatar.collider import Collider
 from warp_cloth.base.mesh import Mesh
-from warp_cloth.garment.part import GarmentPart
+from warp_cloth.garment.garment import Garment
 from warp_cloth.garment.rest import build_rest_shape
 from warp_cloth.material.fabric import Fabric
 from warp_cloth.model.model import build_model
@@ -52,7 +52,7 @@ def reference(garment: Callable[[], tuple[Mesh, np.ndarray]], stretch: float, be
     start = mesh.points.copy()
     start[:, 2] += 1e-3 * np.sin(35.0 * start[:, 0]) * np.sin(25.0 * start[:, 1])  # flat cloth cannot choose a side
     start[pins] = mesh.points[pins]
-    return GarmentPart(mesh.points, mesh.triangles, rest, pins), start, true_rest(mesh, rest, pins, start)
+    return Garment(mesh.points, mesh.triangles, rest, pins), start, true_rest(mesh, rest, pins, start)
 
 
 @pytest.mark.parametrize("method", ["multilevel", "accelerated"])
@@ -63,10 +63,10 @@ def reference(garment: Callable[[], tuple[Mesh, np.ndarray]], stretch: float, be
 def test_rest_is_where_the_energy_is_least(
     garment: Callable[[], tuple[Mesh, np.ndarray]], stretch: float, bending: float, method: Method
 ) -> None:
-    part, start, least = reference(garment, stretch, bending)
-    model = build_model([part], device="cpu", precision="mixed")
+    loaded, start, least = reference(garment, stretch, bending)
+    model = build_model([loaded], device="cpu", precision="mixed")
     model.set_points(start)
-    relaxation = build_relaxation(StepOptions(method=method), model, [Collider()], [part])
+    relaxation = build_relaxation(StepOptions(method=method), model, [Collider()], [loaded])
     certifier = Certifier(relaxation)
     wp.force_load("cpu", modules=[kernel.module for kernel in relaxation.kernels() + certifier.kernels()])
     outcome = relax_to_rest(relaxation, certifier, CLOSE, LIMIT)

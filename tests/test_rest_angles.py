@@ -112,5 +112,5 @@ def test_a_scene_says_whether_folds_are_pressed(tmp_path: Path) -> None:
     (tmp_path / "pleat.obj").write_text(corners + "f 1 3 4\nf 1 4 2\nf 3 5 6\nf 3 6 4\n")
     for said, expected in (("", 0.0), ('rest_angles = "flat"\n', 0.0), ('rest_angles = "mesh"\n', 90.0)):
         (tmp_path / "scene.toml").write_text(f'[garment]\nmesh = "pleat.obj"\n{said}')
-        rest = load_outfit(load_scene(tmp_path / "scene.toml")).parts[0].rest
+        rest = load_outfit(load_scene(tmp_path / "scene.toml")).garments[0].rest
         assert np.degrees(np.abs(rest.fold_angle)).max() == pytest.approx(expected)

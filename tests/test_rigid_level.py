@@ -7,7 +7,7 @@ import pytest
 import warp as wp
 from cloths import grid
 
-from warp_cloth.garment.part import GarmentPart
+from warp_cloth.garment.garment import Garment
 from warp_cloth.garment.rest import build_rest_shape
 from warp_cloth.kernels.implicit.system import system_types
 from warp_cloth.material.fabric import Fabric
@@ -28,10 +28,10 @@ def cloth() -> tuple[ClothModel, np.ndarray, list[Level]]:
     mesh = grid(COUNT, 0.5)
     points = mesh.points.copy()
     points[:, 2] += 5e-3 * np.sin(50.0 * points[:, 0])
-    part = GarmentPart(points, mesh.triangles, build_rest_shape(mesh, Fabric(), rest="mesh"), np.zeros(0, np.int32))
-    model = build_model([part], device="cpu", precision="float64")
+    garment = Garment(points, mesh.triangles, build_rest_shape(mesh, Fabric(), rest="mesh"), np.zeros(0, np.int32))
+    model = build_model([garment], device="cpu", precision="float64")
     pairs = build_pairs(model).ends
-    levels = build_levels(model, [build_hierarchy(part)], pairs)
+    levels = build_levels(model, [build_hierarchy(garment)], pairs)
     depth = rigid_depth(levels, model.vertex_count)
     assert depth is not None
     return model, pairs, levels[:depth]

@@ -87,9 +87,9 @@ def test_a_garment_that_has_slid_to_the_feet_is_told_of(
     scene = load_scene({"garment": {"shape": square}, "avatar": {"shape": {"kind": "sphere", "edge_mm": 100}}})
     outfit = load_outfit(scene)
     floor = outfit.avatar.points[:, 1].min() if outfit.avatar is not None else 0.0
-    (part,) = outfit.parts
-    began, down_by = part.points + np.array([0.0, floor, 0.0]), np.array([0.0, down, 0.0])
-    outfit = replace(outfit, parts=(replace(part, points=began, pins=np.arange(pins)),))
+    (garment,) = outfit.garments
+    began, down_by = garment.points + np.array([0.0, floor, 0.0]), np.array([0.0, down, 0.0])
+    outfit = replace(outfit, garments=(replace(garment, points=began, pins=np.arange(pins)),))
     worn = began - down_by
     worn[0, 1] += top
     sentence = slid_off(scene, outfit, [worn])
@@ -102,7 +102,7 @@ def test_a_button_that_falls_off_is_told_of(tmp_path: Path) -> None:
     write_obj(tmp_path / "coat.obj", np.concatenate([points, button]), np.concatenate([faces, [[25, 26, 27]]]))
     scene = load_scene({"garment": {"mesh": str(tmp_path / "coat.obj"), "units": "m"}})
     outfit = load_outfit(scene)
-    worn = outfit.parts[0].points - np.array([0.0, 0.3, 0.0])  # all of it came down, the button not farther
+    worn = outfit.garments[0].points - np.array([0.0, 0.3, 0.0])  # all of it came down, the button not farther
     assert detached_pieces(scene, outfit, [worn]) == ""
     worn[25:] -= [0.0, 0.2, 0.0]
     assert detached_pieces(scene, outfit, [worn]).startswith('1 of the 2 pieces of "coat" fall off')

@@ -7,7 +7,7 @@ import pytest
 import warp as wp
 from cloths import cloth_forces, deformed_model, grid, model_of, slopes, without
 
-from warp_cloth.garment.part import GarmentPart
+from warp_cloth.garment.garment import Garment
 from warp_cloth.garment.rest import build_rest_shape
 from warp_cloth.kernels.elements.stiffness import stiffness_kernels, stiffness_types
 from warp_cloth.kernels.implicit.coarse_levels import coarsen_anchors_kernel
@@ -96,11 +96,11 @@ def test_coarse_blocks_are_those_of_the_dense_product() -> None:
     mesh = grid(17, 0.2)
     rest = build_rest_shape(mesh, FABRIC, rest="mesh")
     pins = np.array([0, 16], dtype=np.int32)
-    part = GarmentPart(mesh.points, mesh.triangles, rest, pins)
+    garment = Garment(mesh.points, mesh.triangles, rest, pins)
     model = model_of(mesh, rest, pins=pins)
     model.set_points(mesh.points * 1.05 + np.random.default_rng(1).normal(scale=1e-3, size=mesh.points.shape))
     table = build_pairs(model)
-    levels = build_levels(model, [build_hierarchy(part)], table.ends)
+    levels = build_levels(model, [build_hierarchy(garment)], table.ends)
     assert len(levels) == 1
     step = ImplicitStep(model, None, NoCollider, table, levels, ImplicitOptions())
     step.linearisation.launch()

@@ -19,7 +19,7 @@ from warp_cloth.garment.rest import build_rest_shape
 from warp_cloth.kernels.base.types import cloth_types
 from warp_cloth.kernels.passes.domains import APART, meet_threads
 from warp_cloth.material.fabric import Fabric
-from warp_cloth.model.model import ClothModel, GarmentPart, build_model
+from warp_cloth.model.model import ClothModel, Garment, build_model
 from warp_cloth.model.vertices import CONSTANT, ITERATED
 from warp_cloth.scene import load_scene
 from warp_cloth.solver import parallel_domains as together
@@ -107,12 +107,12 @@ def test_every_vertex_is_in_one_domain_with_all_that_acts_on_it(mixed: bool) -> 
     assert (np.sort(order) == np.arange(model.vertex_count)).all()
     for domain in domains:
         own = set(domain.order.numpy().tolist())
-        for whole, part in (
+        for whole, garment in (
             (model.edges.ends, domain.model.edges.ends),
             (model.triangles.corners, domain.model.triangles.corners),
         ):
             wanted = [row for row in whole.numpy().tolist() if own & set(row)]
-            there = [row for row in order[part.numpy()].tolist() if own & set(row)]
+            there = [row for row in order[garment.numpy()].tolist() if own & set(row)]
             assert there == wanted  # in the same order, as sums depend on it
 
 
@@ -189,8 +189,8 @@ def test_threads_are_as_many_as_cores_are_there_and_work_is(monkeypatch: pytest.
 
 def model_of_two() -> ClothModel:
     mesh = sheet()
-    part = GarmentPart(mesh.points, mesh.triangles, build_rest_shape(mesh, WOVEN, rest="mesh"), np.zeros(0, np.int32))
-    return build_model([part, part], device="cpu", precision="mixed", garments=[1, 1])
+    garment = Garment(mesh.points, mesh.triangles, build_rest_shape(mesh, WOVEN, rest="mesh"), np.zeros(0, np.int32))
+    return build_model([garment, garment], device="cpu", precision="mixed", garment_counts=[1, 1])
 
 
 def test_several_items_take_one_thread() -> None:

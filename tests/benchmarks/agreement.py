@@ -113,9 +113,9 @@ def prepared(case: Case, device: str, **solver: Any) -> Problem:
 def shake(problem: Problem, start: int) -> None:
     """Moves the garments by MOVED where they start, by the random numbers of that start."""
     random = np.random.default_rng(start)
-    for part in problem.outfit.parts:
-        part.points[:] += MOVED * random.standard_normal(part.points.shape)
-    problem.model.set_points(np.concatenate([part.points for part in problem.outfit.parts]))
+    for garment in problem.outfit.garments:
+        garment.points[:] += MOVED * random.standard_normal(garment.points.shape)
+    problem.model.set_points(np.concatenate([garment.points for garment in problem.outfit.garments]))
 
 
 def fitted(case: Case, problem: Problem, row: dict[str, Any]) -> Watch:
@@ -219,8 +219,8 @@ def judged(job: tuple[Case, FitOptions, AbstractContextManager]) -> dict[str, An
         with slot:
             true, row["left"], row["reference"] = run_on(case, wanted, other, problem)
     else:
-        (mesh,), (part,) = problem.outfit.garments, problem.outfit.parts
-        true, row["left"], rounds = preconditioned_rest(Potential(mesh, part.rest, part.pins), points)
+        (mesh,), (garment,) = problem.outfit.meshes, problem.outfit.garments
+        true, row["left"], rounds = preconditioned_rest(Potential(mesh, garment.rest, garment.pins), points)
         row["reference"] = f"L-BFGS, {rounds} rounds"
     row["rms_mm"], row["max_mm"] = apart(points, true)
     if watch.at_rest is not None:

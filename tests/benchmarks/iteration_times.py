@@ -25,8 +25,8 @@ from scipy.spatial import Delaunay
 from warp_cloth.avatar.collider import Collider
 from warp_cloth.base.mesh import Mesh
 from warp_cloth.fitting.problem import build_problem
+from warp_cloth.garment.garment import Garment
 from warp_cloth.garment.outfit import load_outfit
-from warp_cloth.garment.part import GarmentPart
 from warp_cloth.garment.rest import build_rest_shape
 from warp_cloth.material.fabric import Fabric
 from warp_cloth.model.model import build_model
@@ -69,8 +69,8 @@ def relaxation_of(fabric: str, size: str, device: str) -> Relaxation:
     mesh = (irregular if fabric == "irregular" else partial(square, plane="vertical"))(vertices_per_side=side)
     rest = build_rest_shape(mesh, FABRICS[fabric], rest="mesh")
     corners = np.argmax(mesh.points[:, :2] @ [[-1.0, 1.0], [-1.0, -1.0]], axis=0)
-    part = GarmentPart(mesh.points, mesh.triangles, rest, corners.astype(np.int32))
-    model = build_model([part] * count, device=device, precision="mixed", garments=[1] * count)
+    garment = Garment(mesh.points, mesh.triangles, rest, corners.astype(np.int32))
+    model = build_model([garment] * count, device=device, precision="mixed", garment_counts=[1] * count)
     return Relaxation(model, Collider(), StepOptions())
 
 

@@ -21,7 +21,7 @@ import warp as wp
 
 from warp_cloth.avatar.collider import Collider
 from warp_cloth.fitting.problem import load_problem
-from warp_cloth.garment.part import GarmentPart
+from warp_cloth.garment.garment import Garment
 from warp_cloth.garment.rest import build_rest_shape
 from warp_cloth.material.fabric import Fabric
 from warp_cloth.model.model import build_model
@@ -80,10 +80,10 @@ def timed(benchmark: Any, relaxation: Relaxation) -> None:
     assert np.isfinite(model.points()).all()
 
 
-def hanging(side: int, terms: str) -> GarmentPart:
+def hanging(side: int, terms: str) -> Garment:
     mesh = square(side=1.0, vertices_per_side=side, plane="vertical")
     rest = build_rest_shape(mesh, FABRICS[terms], rest="mesh")
-    return GarmentPart(mesh.points, mesh.triangles, rest, np.array([0, side - 1], dtype=np.int32))
+    return Garment(mesh.points, mesh.triangles, rest, np.array([0, side - 1], dtype=np.int32))
 
 
 @pytest.mark.parametrize("terms", FABRICS)
@@ -98,8 +98,8 @@ def test_hanging_square(benchmark: Any, device: str, side: int, terms: str) -> N
 @pytest.mark.parametrize("items", [1, 8, 64])
 @pytest.mark.parametrize("device", DEVICES)
 def test_batch_of_hanging_squares(benchmark: Any, device: str, items: int) -> None:
-    parts = [hanging(33, "yarns, bending")] * items
-    model = build_model(parts, device=device, precision="mixed", garments=[1] * items)
+    garments = [hanging(33, "yarns, bending")] * items
+    model = build_model(garments, device=device, precision="mixed", garment_counts=[1] * items)
     benchmark.group = f"batch of hanging squares of 1089 vertices, {device}"
     timed(benchmark, Relaxation(model, Collider(), StepOptions()))
 

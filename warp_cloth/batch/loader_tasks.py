@@ -17,6 +17,7 @@ from warp_cloth.batch.arena import Arena, Parcel
 from warp_cloth.batch.lifeline import start_single_threaded
 from warp_cloth.batch.shared_results import SharedCache, get_or_make_shared
 from warp_cloth.garment.elements import garment_elements
+from warp_cloth.garment.garment import Garment, terms_of
 from warp_cloth.garment.outfit import (
     GarmentKeys,
     Key,
@@ -28,7 +29,6 @@ from warp_cloth.garment.outfit import (
     geometry_of,
     rest_of,
 )
-from warp_cloth.garment.part import GarmentPart, terms_of
 from warp_cloth.garment.rest import RestShape, in_geometry, own_constants, sheet_digest
 from warp_cloth.kernels.base.options import block_for
 from warp_cloth.model.patches.cutting import garment_patches, takes_pairs
@@ -176,13 +176,13 @@ def cut_patches(scene: Scene, index: int, cached: dict[Key, Any], sent: Any, dre
 def _patches_of(scene: Scene, mesh: Mesh, rest: RestShape, pins: Indices) -> dict[Hashable, Any]:
     """A garment's patches as a model of many garments needs them."""
     cache = Cache()
-    part = GarmentPart(mesh.points, mesh.triangles, rest, pins)
-    elements, terms = garment_elements(part.triangles, rest), terms_of([part])
+    garment = Garment(mesh.points, mesh.triangles, rest, pins)
+    elements, terms = garment_elements(garment.triangles, rest), terms_of([garment])
     paired = takes_pairs(terms)
     options: dict[str, Any] = {
         "precision": scene.solver.precision,
         "size": block_for(paired).vertices,
         "paired": paired,
     }
-    garment_patches([elements], [part.points], terms, cache=cache, **options)
+    garment_patches([elements], [garment.points], terms, cache=cache, **options)
     return cache.portable_entries()

@@ -111,7 +111,7 @@ def _memory_needs(scenes: Sequence[Scene], outfits: Sequence[Outfit], gpu: bool)
     cache = Cache()
 
     def need(scene: Scene, outfit: Outfit) -> MemoryNeed:
-        sources = outfit.avatar, *(of for part in outfit.parts for of in (part.points, part.rest.topology))
+        sources = outfit.avatar, *(of for garment in outfit.garments for of in (garment.points, garment.rest.topology))
         make = partial(memory_need, scene, outfit, gathers=gpu)
         return cache.get_or_make(
             "need", sources, make, contact_kind(scene, outfit), scene.collision, scene.solver.precision

@@ -41,10 +41,10 @@ class MemoryNeed:
 def memory_need(scene: Scene, outfit: Outfit, *, gathers: bool) -> MemoryNeed:
     """Memory of a scene whose forces are gathered (on GPUs) or scattered (on CPUs)."""
     total = 0.0
-    for part in outfit.parts:
-        topology = part.rest.topology
-        total += PER_VERTEX * len(part.points) + PER_EDGE * len(topology.edges)
-        total += PER_TRIANGLE * len(part.triangles) + PER_HINGE * len(topology.hinges)
+    for garment in outfit.garments:
+        topology = garment.rest.topology
+        total += PER_VERTEX * len(garment.points) + PER_EDGE * len(topology.edges)
+        total += PER_TRIANGLE * len(garment.triangles) + PER_HINGE * len(topology.hinges)
     if not gathers:
         total *= SCATTERED
     if scene.solver.precision == "float64":
@@ -64,7 +64,7 @@ def collider_bytes(scene: Scene, outfit: Outfit) -> tuple[int, int]:
     mesh = tree_bytes(avatar)
     if kind == "mesh":
         return mesh, 0
-    points = np.concatenate([part.points for part in outfit.parts])
+    points = np.concatenate([garment.points for garment in outfit.garments])
     lower, upper = avatar.bounds()
     low, high = np.maximum(points.min(axis=0), lower) - MARGIN, np.minimum(points.max(axis=0), upper) + MARGIN
     spacing = max(PIXELS_PER_SPACING * scene.collision.pixel, LEAST_SPACING)

@@ -12,8 +12,8 @@ from warp_cloth.base import arguments
 from warp_cloth.base.errors import InputError
 from warp_cloth.batch.jobs import PLAIN_NAME, toml_text
 from warp_cloth.fitting.fit import Fit, fit
+from warp_cloth.garment.garment import Garment
 from warp_cloth.garment.outfit import load_outfit, worn_size
-from warp_cloth.garment.part import GarmentPart
 from warp_cloth.maps.girths import garment_girths
 from warp_cloth.maps.levels import body_levels
 from warp_cloth.model.result import Status
@@ -202,12 +202,12 @@ def _fit_size(size: str, scene: Scene, device: str | None) -> SizeFit:
         return SizeFit(size, Status.INVALID.value, str(error), {}, None, None, None)
     levels = {}
     if worn.avatar is not None and worn.status is not Status.DIVERGED:
-        levels = _levels(worn, load_outfit(scene).parts[0])
+        levels = _levels(worn, load_outfit(scene).garments[0])
     strain, held = worn.report["strain"], worn.report["unheld"] is None
     return SizeFit(size, worn.status.value, worn.message, levels, strain["p50"], strain["p99"], worn, held)
 
 
-def _levels(worn: Fit, part: GarmentPart) -> dict[str, LevelFit]:
+def _levels(worn: Fit, loaded: Garment) -> dict[str, LevelFit]:
     """The levels at which the first garment encloses the trunk."""
     if worn.avatar is None:
         return {}
@@ -216,7 +216,7 @@ def _levels(worn: Fit, part: GarmentPart) -> dict[str, LevelFit]:
     if levels is None:
         return {}
     found = {}
-    for row in garment_girths(garment.name, garment.points, part.rest.sheet, avatar, levels):
+    for row in garment_girths(garment.name, garment.points, loaded.rest.sheet, avatar, levels):
         if row["closed"]:
             height, body, cut, as_worn = (
                 1e-3 * row[key] for key in ("height", "body_girth", "natural_girth", "garment_girth")

@@ -86,7 +86,7 @@ def run_avatar_bench(
     avatar = outfit.starting_avatar or outfit.avatar
     closing = closing_of(avatar)
     avatar = closing.closed(avatar) if closing.encloses else avatar
-    garment = np.concatenate([mesh.points for mesh in outfit.garments])
+    garment = np.concatenate([mesh.points for mesh in outfit.meshes])
     offset = scene.collision.offset
     exact = build_exact_collider(avatar, device)
     surface = near_surface(avatar, exact, garment, *_bounds(garment, avatar))

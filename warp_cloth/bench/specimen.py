@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from warp_cloth.avatar.collider import Collider
 from warp_cloth.base.mesh import Indices, Mesh, Points
+from warp_cloth.garment.garment import Garment
 from warp_cloth.garment.grain import Grain
-from warp_cloth.garment.part import GarmentPart
 from warp_cloth.garment.rest import GRAVITY, Floats, build_rest_shape
 from warp_cloth.kernels.base.options import Accumulate
 from warp_cloth.kernels.base.types import cloth_types
@@ -57,13 +57,15 @@ class Specimen:
     ) -> None:
         rest = build_rest_shape(mesh, fabric, rest="uv", grain=Grain(grain_degrees))
         rest = replace(rest, vertex_weight=weights_by_area(mesh, fabric.weight))
-        part = GarmentPart(mesh.points, mesh.triangles, rest, clamped)
+        garment = Garment(mesh.points, mesh.triangles, rest, clamped)
         self.mesh = mesh
         self.rest = rest
         self.clamped = clamped
         self.count = count
-        self.model = build_model([part] * count, device=device, precision="mixed", garments=[1] * count)
-        self._relaxation = build_relaxation(options or StepOptions(), self.model, [Collider()] * count, [part] * count)
+        self.model = build_model([garment] * count, device=device, precision="mixed", garment_counts=[1] * count)
+        self._relaxation = build_relaxation(
+            options or StepOptions(), self.model, [Collider()] * count, [garment] * count
+        )
         if weightless:
             self._relaxation.step.gravity = cloth_types("mixed").vec3(0.0, 0.0, 0.0)
         self._certifier: Certifier | None = None

@@ -15,7 +15,7 @@ from warp_cloth.contact.crossing import Sheets
 from warp_cloth.contact.leaf_order import sheet_order
 from warp_cloth.contact.rest_neighbours import rest_near_rows
 from warp_cloth.contact.sheets import SheetKind
-from warp_cloth.garment.part import GarmentPart
+from warp_cloth.garment.garment import Garment
 from warp_cloth.kernels.contact.arrays import NEXT_ITERATION, NO_LIMIT, REGIONS, ContactData
 from warp_cloth.kernels.contact.search import ContactSearch
 from warp_cloth.model.permutation import Permutation
@@ -47,11 +47,11 @@ def packed_fabric(
 
 
 def contact_arrays(
-    sheets: Sheets, parts: Sequence[GarmentPart], kinds: Sequence[SheetKind], permutation: Permutation
+    sheets: Sheets, garments: Sequence[Garment], kinds: Sequence[SheetKind], permutation: Permutation
 ) -> Any:
     """Contact (kernels.contact.arrays ContactData) of these garments, asleep; the pair list is not allocated."""
     count, thickness = sheets.vertex_count, thicknesses(kinds)
-    area = np.array([part.rest.area / len(part.points) for part in parts])
+    area = np.array([garment.rest.area / len(garment.points) for garment in garments])
     data = ContactData()
     squeeze_modulus = HALVING_PRESSURE * area / (FORCE_AT_HALF * thickness)
     friction = np.array([kind.friction for kind in kinds])
@@ -78,13 +78,13 @@ def contact_arrays(
 
 
 def search_arrays(
-    sheets: Sheets, parts: Sequence[GarmentPart], kinds: Sequence[SheetKind], permutation: Permutation
+    sheets: Sheets, garments: Sequence[Garment], kinds: Sequence[SheetKind], permutation: Permutation
 ) -> Any:
     """The searched geometry (kernels.contact.search ContactSearch), without its trees."""
     start = sheets.vertex_start
     rows = [
-        rest_near_rows(part.triangles, part.rest, len(part.points), NEAR_AT_REST * thickness)
-        for part, thickness in zip(parts, thicknesses(kinds), strict=True)
+        rest_near_rows(garment.triangles, garment.rest, len(garment.points), NEAR_AT_REST * thickness)
+        for garment, thickness in zip(garments, thicknesses(kinds), strict=True)
     ]
     counts = np.concatenate([np.diff(row_start) for row_start, _ in rows])
     search = ContactSearch()
@@ -95,7 +95,7 @@ def search_arrays(
     near = np.concatenate([vertices + first for (_, vertices), first in zip(rows, start, strict=False)])
     near_start, near = permutation.lists(np.concatenate([[0], np.cumsum(counts)]), permutation.of(near))
     search.near_start, search.near = wp.array(near_start, dtype=wp.int32), wp.array(near, dtype=wp.int32)
-    lengths = np.concatenate([part.rest.edge_length for part in parts])
+    lengths = np.concatenate([garment.rest.edge_length for garment in garments])
     search.longest = wp.array(OPEN_STRETCH * lengths, dtype=wp.float32)
     search.sides = wp.array(sheets.triangle_edges, dtype=wp.vec3i)
     search.whole = wp.ones(1, dtype=wp.int32)

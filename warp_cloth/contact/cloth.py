@@ -16,7 +16,7 @@ from warp_cloth.contact.arrays import contact_arrays, per_vertex, thicknesses
 from warp_cloth.contact.facing import Facing
 from warp_cloth.contact.search import PairSearch
 from warp_cloth.contact.sheets import SheetKind, sheets_of
-from warp_cloth.garment.part import GarmentPart
+from warp_cloth.garment.garment import Garment
 from warp_cloth.kernels.base.block import BLOCK_THREADS, FEW_PER_CORE
 from warp_cloth.kernels.base.options import Accumulate
 from warp_cloth.kernels.contact.broad_phase import LIST_LAUNCH
@@ -69,18 +69,18 @@ class ClothContact:
     def __init__(
         self,
         model: ClothModel,
-        parts: Sequence[GarmentPart],
+        garments: Sequence[Garment],
         kinds: Sequence[SheetKind],
         body: ExactCollider | None = None,
     ) -> None:
         self._model, self._device = model, wp.get_device(model.device)
-        self.sheets = sheets_of(parts)
+        self.sheets = sheets_of(garments)
         patches = model.patches
         self._permutation = Permutation(None) if patches is None else patches.permutation
         none = wp.empty(0, dtype=wp.int32, device=model.device)
         self.order = none if patches is None else patches.order
         self._thickness = thicknesses(kinds)
-        lengths = np.concatenate([part.rest.edge_length for part in parts])
+        lengths = np.concatenate([garment.rest.edge_length for garment in garments])
         thickest = float(self._thickness.max())
         skin = max(SKIN_OF_EDGE * float(np.median(lengths)), SKIN_OF_THICKNESS * thickest)
         self.least_skin = LEAST_SKIN * skin  # [m]; of a vertex at rest
@@ -98,10 +98,10 @@ class ClothContact:
         self._measured_forces = force_kernel(model.precision, Accumulate.MAGNITUDE, in_order)
         self._add_load = add_load_kernel(model.precision)
         with wp.ScopedDevice(model.device):
-            self.data = contact_arrays(self.sheets, parts, kinds, self._permutation)
+            self.data = contact_arrays(self.sheets, garments, kinds, self._permutation)
             self.data.model.least_skin, self.data.model.most_skin = self.least_skin, LARGEST_SKIN * skin
             self._set_trigger()
-            self.pair_search = PairSearch(model, self.sheets, parts, kinds, self._permutation)
+            self.pair_search = PairSearch(model, self.sheets, garments, kinds, self._permutation)
             self.pair_search.allocate_pairs(self.data, PAIRS_PER_VERTEX * self.sheets.vertex_count)
             self.untangling = self.pair_search.untangling
             self.untangling.layer = wp.array(self._by_vertex([kind.layer for kind in kinds]), dtype=wp.int32)

@@ -36,14 +36,21 @@ def placed(scenes: Sequence[Scene], outfits: Sequence[Outfit], device: str, cach
     """
 
     def shift_of(scene: Scene, outfit: Outfit, index: int) -> Points | None:
-        part, avatar = outfit.parts[index], outfit.starting_avatar
-        if avatar is None or scene.collision.avatar == "none" or scene.garments[index].rest != "uv" or len(part.pins):
+        garment, avatar = outfit.garments[index], outfit.starting_avatar
+        if (
+            avatar is None
+            or scene.collision.avatar == "none"
+            or scene.garments[index].rest != "uv"
+            or len(garment.pins)
+        ):
             return None
         surface = cache.get_or_make("solid", (avatar,), partial(solid_of, avatar)).closing.surface(avatar)
-        return cache.get_or_make("shift", (part.points, avatar), partial(clear_shift, part.points, surface, device))
+        return cache.get_or_make(
+            "shift", (garment.points, avatar), partial(clear_shift, garment.points, surface, device)
+        )
 
     return [
-        _shifted(outfit, [shift_of(scene, outfit, index) for index in range(len(outfit.parts))], cache)
+        _shifted(outfit, [shift_of(scene, outfit, index) for index in range(len(outfit.garments))], cache)
         for scene, outfit in zip(scenes, outfits, strict=True)
     ]
 
@@ -51,15 +58,15 @@ def placed(scenes: Sequence[Scene], outfits: Sequence[Outfit], device: str, cach
 def _shifted(outfit: Outfit, shifts: Sequence[Points | None], cache: Cache) -> Outfit:
     if all(shift is None for shift in shifts):
         return outfit
-    parts, meshes = list(outfit.parts), list(outfit.garments)
+    garments, meshes = list(outfit.garments), list(outfit.meshes)
     for index, shift in enumerate(shifts):
         if shift is not None:
             note = f"some of it started inside the avatar: moved {shift_text(shift)} before it was sewn"
-            loaded = parts[index].points
+            loaded = garments[index].points
             points = cache.get_or_make("shifted", (loaded, shift), partial(np.add, loaded, shift))
-            parts[index] = replace(parts[index], points=points)
+            garments[index] = replace(garments[index], points=points)
             meshes[index] = replace(meshes[index], notes=(*meshes[index].notes, note))
-    return replace(outfit, parts=tuple(parts), garments=tuple(meshes))
+    return replace(outfit, meshes=tuple(meshes), garments=tuple(garments))
 
 
 def build_cloth_contact(scene: Scene, outfit: Outfit, model: ClothModel, device: str) -> ClothContact:
@@ -69,7 +76,7 @@ def build_cloth_contact(scene: Scene, outfit: Outfit, model: ClothModel, device:
     ]
     avatar = outfit.starting_avatar
     body = None if avatar is None else build_exact_collider(avatar, device).within(FAR_AWAY)
-    return ClothContact(model, outfit.parts, kinds, body)
+    return ClothContact(model, outfit.garments, kinds, body)
 
 
 def highest_lift(scene: Scene) -> float:
@@ -106,7 +113,7 @@ def worn_crossings(outfits: Sequence[Outfit], worn: Sequence[Points], device: st
     """
 
     def crossings_of(outfit: Outfit, points: Points) -> GarmentCrossings:
-        sheets = sheets_of(outfit.parts)
+        sheets = sheets_of(outfit.garments)
         return _of_sheets(find_crossings(points, sheets, device).pairs, sheets)
 
     return [crossings_of(outfit, points) for outfit, points in zip(outfits, worn, strict=True)]
@@ -114,7 +121,7 @@ def worn_crossings(outfits: Sequence[Outfit], worn: Sequence[Points], device: st
 
 def model_crossings(model: ClothModel, outfits: Sequence[Outfit]) -> list[GarmentCrossings]:
     """The same for a model's garments in their current state, all finite: searched together, to keep a GPU busy."""
-    each = [[part.rest.topology for part in outfit.parts] for outfit in outfits]
+    each = [[garment.rest.topology for garment in outfit.garments] for outfit in outfits]
     edges = np.cumsum([0, *(sum(len(one.edges) for one in own) for own in each)])
     triangles = np.cumsum([0, *(sum(len(one.triangle_edges) for one in own) for own in each)])
     position = model.state.position
@@ -137,8 +144,8 @@ def model_crossings(model: ClothModel, outfits: Sequence[Outfit]) -> list[Garmen
 
     def crossings_of(item: int) -> GarmentCrossings:
         if not len(found[item]):
-            return GarmentCrossings(0, 0, (np.zeros(0, dtype=np.int32),) * len(outfits[item].parts))
-        sheets = sheets_of(outfits[item].parts)
+            return GarmentCrossings(0, 0, (np.zeros(0, dtype=np.int32),) * len(outfits[item].garments))
+        sheets = sheets_of(outfits[item].garments)
         return _of_sheets(triangle_pairs(found[item], sheets), sheets)
 
     return map_in_threads(crossings_of, range(len(outfits)))

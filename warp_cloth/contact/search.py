@@ -13,7 +13,7 @@ from warp_cloth.contact.crossing import Sheets
 from warp_cloth.contact.leaf_order import LeafOrder
 from warp_cloth.contact.sheets import SheetKind
 from warp_cloth.contact.untangling import sheet_untangling
-from warp_cloth.garment.part import GarmentPart
+from warp_cloth.garment.garment import Garment
 from warp_cloth.kernels.contact.box_tree import WIDTH
 from warp_cloth.kernels.contact.broad_phase import LIST_LAUNCH, LIST_PARTS
 from warp_cloth.kernels.contact.crossing_search import crossing_groups_kernel, crossing_leaves_kernel, crossings_kernel
@@ -41,15 +41,15 @@ class PairSearch:
         self,
         model: ClothModel,
         sheets: Sheets,
-        parts: Sequence[GarmentPart],
+        garments: Sequence[Garment],
         kinds: Sequence[SheetKind],
         permutation: Permutation,
     ) -> None:
         """On Warp's default device, that of the model."""
         precision = model.precision
         self._sheets, self._device = sheets, wp.get_device(model.device)
-        self.geometry = search_arrays(sheets, parts, kinds, permutation)  # kernels.contact.search ContactSearch
-        self.untangling = sheet_untangling(sheets, parts, permutation)
+        self.geometry = search_arrays(sheets, garments, kinds, permutation)  # kernels.contact.search ContactSearch
+        self.untangling = sheet_untangling(sheets, garments, permutation)
         self.leaf_order = LeafOrder(precision, *build_trees(self.geometry, self.untangling, sheets, kinds, permutation))
         self.memory = StickMemory()
         self.near_candidates, self.crossing_candidates = self._candidates(), self._candidates()

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from warp_cloth.contact.crossing import Sheets
-from warp_cloth.garment.part import GarmentPart
+from warp_cloth.garment.garment import Garment
 
 LAYER_LIFT = 8e-3  # [m]; while it is sewn, each layer keeps clear of the folds of the one inside it
 
@@ -23,15 +23,15 @@ class SheetKind:
     layer: int = 0  # among the item's garments, from the inside out
 
 
-def sheets_of(parts: Sequence[GarmentPart]) -> Sheets:
+def sheets_of(garments: Sequence[Garment]) -> Sheets:
     """Triangles and edges of all garments, over one array of vertices."""
-    first = np.concatenate([[0], np.cumsum([len(part.points) for part in parts])])
-    first_edge = np.concatenate([[0], np.cumsum([len(part.rest.topology.edges) for part in parts])])
-    topologies = [part.rest.topology for part in parts]
+    first = np.concatenate([[0], np.cumsum([len(garment.points) for garment in garments])])
+    first_edge = np.concatenate([[0], np.cumsum([len(garment.rest.topology.edges) for garment in garments])])
+    topologies = [garment.rest.topology for garment in garments]
     return Sheets(
-        np.concatenate([part.triangles + at for part, at in zip(parts, first, strict=False)]).astype(np.int32),
+        np.concatenate([garment.triangles + at for garment, at in zip(garments, first, strict=False)]).astype(np.int32),
         np.concatenate([each.edges + at for each, at in zip(topologies, first, strict=False)]).astype(np.int32),
         np.concatenate([each.triangle_edges + at for each, at in zip(topologies, first_edge, strict=False)]),
-        np.repeat(np.arange(len(parts), dtype=np.int32), [len(part.triangles) for part in parts]),
+        np.repeat(np.arange(len(garments), dtype=np.int32), [len(garment.triangles) for garment in garments]),
         tuple(int(at) for at in first),
     )

@@ -10,24 +10,24 @@ import warp as wp
 
 from warp_cloth.base.topology import ragged_rows
 from warp_cloth.contact.crossing import Sheets
-from warp_cloth.garment.part import GarmentPart
+from warp_cloth.garment.garment import Garment
 from warp_cloth.kernels.contact.untangle import Untangling
 from warp_cloth.model.permutation import Permutation
 
 LAYER_REACH = 0.01  # [m]; greatest depth of one garment inside another once both are sewn
 
 
-def sheet_untangling(sheets: Sheets, parts: Sequence[GarmentPart], permutation: Permutation) -> Any:
+def sheet_untangling(sheets: Sheets, garments: Sequence[Garment], permutation: Permutation) -> Any:
     """Untangling (kernels.contact.untangle) of these garments; initially they all face outwards."""
     count = sheets.vertex_count
     untangling = Untangling()
     rim = np.zeros(count, dtype=np.int32)
     wings = []
-    for part, first in zip(parts, sheets.vertex_start, strict=False):
-        topology = part.rest.topology
+    for garment, first in zip(garments, sheets.vertex_start, strict=False):
+        topology = garment.rest.topology
         of_edge = np.full((len(topology.edges), 2), -1, dtype=np.int32)
         sides = topology.triangle_edges.ravel()
-        third = np.roll(part.triangles, -2, axis=1).ravel() + first
+        third = np.roll(garment.triangles, -2, axis=1).ravel() + first
         order = np.argsort(sides, kind="stable")
         rank = np.arange(len(sides)) - np.searchsorted(sides[order], sides[order])
         of_edge[sides[order], rank] = third[order]

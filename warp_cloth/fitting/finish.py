@@ -108,15 +108,17 @@ def _penetrations(
 
     def sample_points(item: int) -> tuple[Points, NDArray[np.float64], Points]:
         """Points along edges that may pass through the avatar, the edges' lengths, and points within large faces."""
-        parts, points = problem.outfits[item].parts, outcomes[item].points
-        first = np.cumsum([0, *(len(part.points) for part in parts)]).tolist()
+        garments, points = problem.outfits[item].garments, outcomes[item].points
+        first = np.cumsum([0, *(len(garment.points) for garment in garments)]).tolist()
         strain = strains.edge[model.of_item(item, model.edge_start)].astype(np.float64)
-        edges = np.concatenate([part.rest.topology.edges + start for part, start in zip(parts, first, strict=False)])
+        edges = np.concatenate(
+            [garment.rest.topology.edges + start for garment, start in zip(garments, first, strict=False)]
+        )
         along = edge_places(points, edges, strain)
-        longest = float(((1.0 + strain) * np.concatenate([part.rest.edge_length for part in parts])).max())
+        longest = float(((1.0 + strain) * np.concatenate([garment.rest.edge_length for garment in garments])).max())
         if not may_show(longest):
             return *along, np.zeros((0, 3))
-        triangles = np.concatenate([part.triangles + start for part, start in zip(parts, first, strict=False)])
+        triangles = np.concatenate([garment.triangles + start for garment, start in zip(garments, first, strict=False)])
         return *along, face_places(points, triangles)
 
     samples = map_in_threads(sample_points, range(len(outcomes)))
@@ -138,13 +140,13 @@ def _penetrations(
 def _worn_garments(scene: Scene, outfit: Outfit, outcome: Outcome, frames: int) -> tuple[WornGarment, ...]:
     worn = []
     first = 0
-    for spec, mesh, part in zip(scene.garments, outfit.garments, outfit.parts, strict=True):
+    for spec, mesh, garment in zip(scene.garments, outfit.meshes, outfit.garments, strict=True):
         vertices = slice(first, first + mesh.vertex_count)
         first = vertices.stop
         points: Points = outcome.points[vertices]
         shapes = _chosen_frames(outcome, vertices, mesh.points, points, frames) if frames else None
         fabric = spec.fabric
-        worn.append(WornGarment(spec.name, mesh, points, fabric.thickness, shapes, fabric=fabric, rest=part.rest))
+        worn.append(WornGarment(spec.name, mesh, points, fabric.thickness, shapes, fabric=fabric, rest=garment.rest))
     return tuple(worn)
 
 

@@ -143,7 +143,7 @@ def _with_maps(result: FitResult, names: Sequence[str], problem: Problem) -> Fit
     garment_names = [worn.name for worn in result.garments]
     maps = measure_maps(
         names,
-        parts=problem.outfit.parts,
+        garments=problem.outfit.garments,
         worn=[worn.points for worn in result.garments],
         normal_forces=None if forces is None else [forces[first:last] for first, last in spans],
         avatar=problem.avatar_surfaces()[0],

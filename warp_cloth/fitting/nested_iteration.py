@@ -15,7 +15,7 @@ import warp as wp
 
 from warp_cloth.avatar.collider import Collider
 from warp_cloth.base.mesh import Points, vertex_normals
-from warp_cloth.garment.part import GarmentPart
+from warp_cloth.garment.garment import Garment
 from warp_cloth.model.model import ClothModel, build_model
 from warp_cloth.model.result import LevelRun, Status
 from warp_cloth.solver.certificate.certifier import Certifier, Tolerance
@@ -59,11 +59,11 @@ def start_from_coarse(
     looser = replace(tolerance, rest_error=LOOSER * tolerance.rest_error, growing=LOOSER * tolerance.growing)
     runs: list[LevelRun] = []
     tracker = _ColliderTracker(contact, relaxation.collider) if contact is not None else None
-    points = np.concatenate([hierarchy.part.points for hierarchy in levels[-1]])
+    points = np.concatenate([hierarchy.garment.points for hierarchy in levels[-1]])
     for number in range(len(levels) - 1, -1, -1):
         hierarchies = levels[number]
         model = build_model(
-            [hierarchy.part for hierarchy in hierarchies],
+            [hierarchy.garment for hierarchy in hierarchies],
             device=relaxation.model.device,
             precision=relaxation.model.precision,
             avatar_friction=relaxation.model.avatar_friction,
@@ -82,7 +82,7 @@ def start_from_coarse(
         if outcome.status is not Status.DIVERGED:
             points = _prolonged(finer, hierarchies, outcome.points)
         else:
-            points = np.concatenate([hierarchy.part.points for hierarchy in finer])
+            points = np.concatenate([hierarchy.garment.points for hierarchy in finer])
     relaxation.model.set_points(points)
     if runs[-1].status is not Status.DIVERGED:
         relaxation.start_near_rest()
@@ -106,30 +106,30 @@ def _levels(hierarchies: Sequence[Hierarchy], on_avatar: bool) -> list[tuple[Hie
 
 
 def _size(hierarchies: Sequence[Hierarchy]) -> int:
-    return sum(len(hierarchy.part.points) for hierarchy in hierarchies)
+    return sum(len(hierarchy.garment.points) for hierarchy in hierarchies)
 
 
 def _mean_edge(hierarchy: Hierarchy) -> float:
-    return float(hierarchy.part.rest.edge_length.mean())
+    return float(hierarchy.garment.rest.edge_length.mean())
 
 
 def _prolonged(finer: Sequence[Hierarchy], coarser: Sequence[Hierarchy], points: Points) -> Points:
     """The finer garments' points [m], nudged, from the coarser ones'."""
     shapes, first = [], 0
     for fine, coarse in zip(finer, coarser, strict=True):
-        own = points[first : first + len(coarse.part.points)]
+        own = points[first : first + len(coarse.garment.points)]
         first += len(own)
         if fine is not coarse:
-            own = _nudged(prolong_shape(fine.coarsenings[0], own, fine.part), fine.part)
+            own = _nudged(prolong_shape(fine.coarsenings[0], own, fine.garment), fine.garment)
         shapes.append(own)
     return np.concatenate(shapes)
 
 
-def _nudged(points: Points, part: GarmentPart) -> Points:
+def _nudged(points: Points, garment: Garment) -> Points:
     """The points [m] with every free vertex displaced a little along its normal, always by the same amount."""
-    size = NUDGE * float(part.rest.edge_length.mean()) * np.random.default_rng(0).standard_normal(len(points))
-    size[part.pins] = 0.0
-    return points + size[:, None] * vertex_normals(points, part.triangles)
+    size = NUDGE * float(garment.rest.edge_length.mean()) * np.random.default_rng(0).standard_normal(len(points))
+    size[garment.pins] = 0.0
+    return points + size[:, None] * vertex_normals(points, garment.triangles)
 
 
 class _ColliderTracker:

@@ -52,7 +52,7 @@ def build_predrape(problem: Problem, cache: Cache) -> Predrape | None:
         keys.append((sources, predrape_scene.collision, predrape_scene.solver, device))
         key = cache.key(CACHE_NAME, *keys[-1])
         if key not in cache:
-            missing[key] = keys[-1], predrape_scene, replace(outfit, parts=outfit.dressing, dressing=())
+            missing[key] = keys[-1], predrape_scene, replace(outfit, garments=outfit.dressing, dressing=())
     if not missing:
         return Predrape(tuple(keys), (), None, cache)
     missing_keys, scenes, outfits = zip(*missing.values(), strict=True)

@@ -22,8 +22,8 @@ from warp_cloth.contact.garments import build_cloth_contact, highest_lift, place
 from warp_cloth.fitting.clock import StageClock
 from warp_cloth.fitting.nested_iteration import start_from_coarse
 from warp_cloth.fitting.poses import PoseRun, follow_poses
+from warp_cloth.garment.garment import terms_of
 from warp_cloth.garment.outfit import MeshCache, Outfit, load_outfit
-from warp_cloth.garment.part import terms_of
 from warp_cloth.model.model import ClothModel, build_model
 from warp_cloth.model.plan import contact_kind
 from warp_cloth.model.result import LevelRun
@@ -86,7 +86,7 @@ def problem_kind(scene: Scene, outfit: Outfit) -> tuple[Any, ...]:
     contact = contact_kind(scene, outfit)
     is_alone = scene.collision.cloth or outfit.poses or solver.method == "multilevel"
     identity = id(scene) if is_alone else 0
-    return solver.method, solver.start, solver.precision, contact, identity, terms_of(outfit.parts)
+    return solver.method, solver.start, solver.precision, contact, identity, terms_of(outfit.garments)
 
 
 def load_problem(
@@ -165,30 +165,30 @@ def _assemble(
     like: int | None,
     options: StepOptions | None,
 ) -> Problem:
-    """The problem's parts on the device, their kernels not compiled yet; arguments as in ``build_problem``."""
+    """The problem's arrays on the device, their kernels not compiled yet; arguments as in ``build_problem``."""
     first = scenes[0]
     outfits = placed(scenes, outfits, device, cache)
     contacts, colliders = _avatar_contacts(scenes, outfits, device, earlier, cache)
-    parts = [part for outfit in outfits for part in outfit.parts]
+    garments = [garment for outfit in outfits for garment in outfit.garments]
     model = build_model(
-        parts,
+        garments,
         device=device,
         precision=first.solver.precision,
-        garments=[len(outfit.parts) for outfit in outfits],
+        garment_counts=[len(outfit.garments) for outfit in outfits],
         avatar_friction=[scene.avatar.friction if scene.avatar is not None else 0.0 for scene in scenes],
         cache=cache,
-        layered=first.collision.cloth and len(outfits[0].parts) > 1,
+        layered=first.collision.cloth and len(outfits[0].garments) > 1,
         like=like,
     )
     threads = thread_count(first.solver.threads, model.vertex_count)
     options = options or StepOptions(method=first.solver.method, threads=threads)
     cloth_contact = build_cloth_contact(first, outfits[0], model, device) if first.collision.cloth else None
     caps = [scene.solver.cap for scene in scenes]
-    relaxation = build_relaxation(options, model, colliders, parts, cloth_contact, caps)
+    relaxation = build_relaxation(options, model, colliders, garments, cloth_contact, caps)
     certifier = Certifier(relaxation)
     schedule = None
     if cloth_contact is not None:
-        schedule = build_contact_schedule(outfits[0].parts, relaxation, cloth_contact)
+        schedule = build_contact_schedule(outfits[0].garments, relaxation, cloth_contact)
     return Problem(tuple(scenes), tuple(outfits), tuple(contacts), model, relaxation, certifier, schedule)
 
 
@@ -231,7 +231,7 @@ def _through_poses(problem: Problem) -> PoseRun:
 
 def contact_key(scene: Scene, outfit: Outfit) -> Hashable:
     """A key that is equal for scenes with the same first collider."""
-    return id(outfit.avatar), scene.collision, *(id(part.points) for part in outfit.parts)
+    return id(outfit.avatar), scene.collision, *(id(garment.points) for garment in outfit.garments)
 
 
 def _avatar_contacts(
@@ -241,11 +241,11 @@ def _avatar_contacts(
 
     def build(scene: Scene, outfit: Outfit) -> tuple[AvatarContact, Collider]:
         contact = _avatar_contact(scene, outfit, device, cache)
-        points = np.concatenate([part.points for part in outfit.parts])
+        points = np.concatenate([garment.points for garment in outfit.garments])
         reused = contact.reused_from(earlier, points) if earlier is not None else None
         return contact, reused or contact.collider(points)
 
-    sources = [(outfit.avatar, earlier, *(part.points for part in outfit.parts)) for outfit in outfits]
+    sources = [(outfit.avatar, earlier, *(garment.points for garment in outfit.garments)) for outfit in outfits]
     keys = {
         cache.key("contact", source, scene.collision, device) for source, scene in zip(sources, scenes, strict=True)
     }

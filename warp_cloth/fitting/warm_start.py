@@ -83,18 +83,18 @@ def start_from(problem: Problem, earlier: Sequence[Worn]) -> bool:
     """
     starts = [
         corresponding_points(mesh, worn, new, problem.model.device)
-        for (mesh, worn), new in zip(earlier, problem.outfit.garments, strict=True)
+        for (mesh, worn), new in zip(earlier, problem.outfit.meshes, strict=True)
     ]
     if all(points is None for points in starts):
         return False
     loaded = problem.model.points()
     points = loaded.copy()
-    for (first, last), part, start in zip(
-        itertools.pairwise(problem.model.vertex_start), problem.outfit.parts, starts, strict=True
+    for (first, last), garment, start in zip(
+        itertools.pairwise(problem.model.vertex_start), problem.outfit.garments, starts, strict=True
     ):
         if start is not None:
             points[first:last] = start
-        points[first + part.pins] = loaded[first + part.pins]
+        points[first + garment.pins] = loaded[first + garment.pins]
     problem.model.set_points(points)
     if not problem.contact.covers(points):
         problem.relaxation.meet(0, problem.contact.collider(points))

@@ -13,8 +13,8 @@ from typing import Any, NamedTuple, TypeVar
 from warp_cloth.base.cache import Cache
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.mesh import Indices, Mesh, Points
+from warp_cloth.garment.garment import Garment
 from warp_cloth.garment.grain import Grain
-from warp_cloth.garment.part import GarmentPart
 from warp_cloth.garment.pins import select_pins
 from warp_cloth.garment.rest import RestGeometry, RestShape, build_rest_geometry, rest_in_fabric
 from warp_cloth.loading import check_sizes, load_mesh, load_poses
@@ -34,11 +34,11 @@ Key = tuple[str, ...]
 class Outfit:
     """The garments of a scene, inner to outer, and the avatar that wears them, loaded or generated, in metres."""
 
-    garments: tuple[Mesh, ...]
-    parts: tuple[GarmentPart, ...]  # what the model needs of each garment
+    meshes: tuple[Mesh, ...]  # of the garments, as loaded
+    garments: tuple[Garment, ...]
     avatar: Mesh | None  # in its last pose
     poses: tuple[Points, ...] = ()  # vertices of a moving avatar, first pose to last [m], each shape [V, 3]
-    dressing: tuple[GarmentPart, ...] = ()  # the garments in the fabric of their predrape; empty: they start as placed
+    dressing: tuple[Garment, ...] = ()  # the garments in the fabric of their predrape; empty: they start as placed
 
     @property
     def starting_avatar(self) -> Mesh | None:
@@ -63,7 +63,7 @@ class Recipe:
 
 
 class MeshCache(Cache):
-    """Meshes, rest shapes and garment parts, keyed by the scene values and files that they are made from.
+    """Meshes, rest shapes and garments, keyed by the scene values and files that they are made from.
 
     ``drafts`` caches what generated shapes are made from.
     """
@@ -104,26 +104,26 @@ def load_outfit(scene: Scene, mesh_cache: MeshCache | None = None) -> Outfit:
     """
     cache = mesh_cache or MeshCache()
     meshes = [cache.make(recipe) for recipe in mesh_recipes(scene)]
-    garments, avatar = tuple(meshes[: len(scene.garments)]), meshes[-1] if scene.avatar is not None else None
-    check_sizes(list(zip(scene.garment_keys, garments, strict=True)), avatar)
-    parts, dressing = _parts(scene, garments, cache), dressing_of(scene)
+    worn, avatar = tuple(meshes[: len(scene.garments)]), meshes[-1] if scene.avatar is not None else None
+    check_sizes(list(zip(scene.garment_keys, worn, strict=True)), avatar)
+    garments, dressing = _garments(scene, worn, cache), dressing_of(scene)
     poses: tuple[Points, ...] = ()
     if avatar is not None and scene.avatar is not None and scene.avatar.poses:
         files = () if scene.avatar.poses == "samples" else scene.avatar.poses
         key = "posed", *avatar_recipe(scene)[0].key, _values(scene.avatar, {"poses"}), _file_stamp(*files)
         avatar, poses = cache.get(key, partial(_posed, scene.avatar, avatar))
-    return Outfit(garments, parts, avatar, poses, () if dressing is None else _parts(dressing, garments, cache))
+    return Outfit(worn, garments, avatar, poses, () if dressing is None else _garments(dressing, worn, cache))
 
 
-def _parts(scene: Scene, garments: Sequence[Mesh], mesh_cache: MeshCache) -> tuple[GarmentPart, ...]:
-    """What the model needs of each garment."""
-    parts = []
-    for index, mesh in enumerate(garments):
+def _garments(scene: Scene, meshes: Sequence[Mesh], mesh_cache: MeshCache) -> tuple[Garment, ...]:
+    """A scene's garments, from the cache where they are known."""
+    garments = []
+    for index, mesh in enumerate(meshes):
         keys = garment_keys(scene, index)
         rest, pins = _rest_of(scene, index, keys, mesh_cache)
-        make = partial(GarmentPart, mesh.points, mesh.triangles, rest, pins)
-        parts.append(mesh_cache.get(("part", *keys.rest), make))
-    return tuple(parts)
+        make = partial(Garment, mesh.points, mesh.triangles, rest, pins)
+        garments.append(mesh_cache.get(("garment", *keys.rest), make))
+    return tuple(garments)
 
 
 def mesh_recipes(scene: Scene) -> list[Recipe]:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from warp_cloth.garment.part import GarmentPart
+from warp_cloth.garment.garment import Garment
 from warp_cloth.garment.rest import Floats, RestShape
 from warp_cloth.material.constants import YarnConstants
 
@@ -15,26 +15,26 @@ ROUNDS = 40  # of raising the energy bound until it is consistent
 MOST_STEPS = 400  # edges on a path from a pin; a bound is not worth more work
 
 
-def reach_box(part: GarmentPart) -> tuple[Floats, Floats] | None:
+def reach_box(garment: Garment) -> tuple[Floats, Floats] | None:
     """Lowest and highest corner [m], each shape [3], of a box that the garment cannot leave; None without a proof.
 
     An edge or yarn of energy k/3 |e|^3 has a strain of (3 E / k)^(1/3) at most, E the total elastic energy: that of
     the start, and what gravity adds as the cloth sinks as far as it can. The shortest path of edges stretched that far
     bounds every vertex's distance from the pins; an energy that these distances cannot supply is never exceeded.
     """
-    rest = part.rest
-    paths = _edge_paths(rest, part.points) if rest.yarns is None else _woven_paths(rest.yarns, part.points)
-    if not len(part.pins) or not len(paths.ends) or not (paths.stiffness > 0.0).all():
+    rest = garment.rest
+    paths = _edge_paths(rest, garment.points) if rest.yarns is None else _woven_paths(rest.yarns, garment.points)
+    if not len(garment.pins) or not len(paths.ends) or not (paths.stiffness > 0.0).all():
         return None
     start = paths.start + 7.0 * float(rest.hinge_stiffness.sum())  # C (t - sin t) is at most 2 pi C
-    held = part.points[part.pins]
+    held = garment.points[garment.pins]
     low, high = held.min(axis=0), held.max(axis=0)
     energy = start + 1e-9
     for _ in range(ROUNDS):
-        far = _distances(len(part.points), part.pins, paths.ends, paths.lengths(energy))
+        far = _distances(len(garment.points), garment.pins, paths.ends, paths.lengths(energy))
         if far is None:
             return None
-        sunk = np.maximum(part.points[:, 1] - (low[1] - far), 0.0)
+        sunk = np.maximum(garment.points[:, 1] - (low[1] - far), 0.0)
         needed = start + float(rest.vertex_weight @ sunk)
         if needed < energy:
             return low - far.max(), high + far.max()

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from warp_cloth.avatar.exact import signed_distances
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.mesh import Mesh, Points
-from warp_cloth.garment.part import GarmentPart
+from warp_cloth.garment.garment import Garment
 from warp_cloth.maps.girths import garment_girths
 from warp_cloth.maps.kinds import MAPS, shown_range
 from warp_cloth.maps.levels import body_levels
@@ -54,7 +54,7 @@ def check_maps(names: Sequence[str], *, has_avatar: bool, place: str = "maps") -
 def measure_maps(
     names: Sequence[str],
     *,
-    parts: Sequence[GarmentPart],
+    garments: Sequence[Garment],
     worn: Sequence[Points],
     normal_forces: Sequence[Floats] | None,
     avatar: Mesh | None,
@@ -66,7 +66,7 @@ def measure_maps(
 
     Args:
         names: of the maps.
-        parts: the garments, with their rest shapes.
+        garments: with their rest shapes.
         worn: points of each garment [m], shape [V, 3].
         normal_forces: of each garment's vertices on the avatar [N], shape [V]; None: no contact.
         avatar: the body, for ease and girths.
@@ -76,9 +76,9 @@ def measure_maps(
     """
     fields: list[dict[str, NDArray[np.float32]]] = []
     notes: list[str] = []
-    for index, (part, points) in enumerate(zip(parts, worn, strict=True)):
+    for index, (garment, points) in enumerate(zip(garments, worn, strict=True)):
         forces = None if normal_forces is None else normal_forces[index]
-        values = _values(names, part, points, forces, avatar, device)
+        values = _values(names, garment, points, forces, avatar, device)
         missing = [name for name in names if name not in values and MAPS[name].needs_warp]
         if missing:
             notes.append(f'"{garment_names[index]}" has no warp direction, and so no {", ".join(missing)}')
@@ -90,22 +90,22 @@ def measure_maps(
     if "ease" in names and avatar is not None and girths and levels is None:
         notes.append("no girths: the avatar is not a standing body with head, feet, and arms apart from its trunk")
     if avatar is not None and levels is not None:
-        for name, part, points in zip(garment_names, parts, worn, strict=True):
-            girth_rows += garment_girths(name, points, part.rest.sheet, avatar, levels)
+        for name, garment, points in zip(garment_names, garments, worn, strict=True):
+            girth_rows += garment_girths(name, points, garment.rest.sheet, avatar, levels)
     return FitMaps(tuple(fields), ranges, tuple(girth_rows), tuple(notes))
 
 
 def _values(
-    names: Sequence[str], part: GarmentPart, points: Points, forces: Floats | None, avatar: Mesh | None, device: str
+    names: Sequence[str], garment: Garment, points: Points, forces: Floats | None, avatar: Mesh | None, device: str
 ) -> dict[str, Floats]:
     """The maps of one garment, as far as it can have them; shape [V] each."""
     values: dict[str, Floats] = {}
-    sheet = part.rest.sheet
+    sheet = garment.rest.sheet
     if sheet is not None and any(name in ("strain", "shear") or name.startswith("strain_") for name in names):
         for name, of_faces in face_strains(points, sheet).items():
             values[name] = vertex_means(of_faces, sheet.areas, sheet.triangles, len(points))
     if "pressure" in names and avatar is not None:
-        area = np.maximum(vertex_areas(points, part.triangles), np.finfo(float).tiny)
+        area = np.maximum(vertex_areas(points, garment.triangles), np.finfo(float).tiny)
         values["pressure"] = np.zeros(len(points)) if forces is None else forces / area / PASCALS
     if "ease" in names and avatar is not None:
         values["ease"] = MILLIMETRES * signed_distances(points, avatar, device).astype(np.float64)

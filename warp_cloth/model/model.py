@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from warp_cloth.base.cache import Cache
 from warp_cloth.base.mesh import Points
 from warp_cloth.garment.elements import Elements, elements_of, garment_elements, winding_of
-from warp_cloth.garment.part import GarmentPart, terms_of
+from warp_cloth.garment.garment import Garment, terms_of
 from warp_cloth.garment.rest import RestShape
 from warp_cloth.kernels.base.options import Terms
 from warp_cloth.kernels.base.types import cloth_types
@@ -100,12 +100,12 @@ class ClothModel:
 
 
 def build_model(
-    parts: Sequence[GarmentPart],
+    garments: Sequence[Garment],
     *,
     device: str,
     precision: str,
     gathers: bool | None = None,
-    garments: Sequence[int] | None = None,
+    garment_counts: Sequence[int] | None = None,
     avatar_friction: Sequence[float] | None = None,
     cache: Cache | None = None,
     layered: bool = False,
@@ -113,36 +113,43 @@ def build_model(
 ) -> ClothModel:
     """Concatenates garments and puts them on a device.
 
-    ``garments`` is how many of the parts belong to each item; None: all to one. ``avatar_friction``: Coulomb
-    coefficient of each item's avatar; None: there is none. ``gathers`` says how forces are
-    summed; None: gathered on CUDA, scattered on the CPU, which is fastest on each. ``cache`` has what earlier models of
-    the same garments left. ``layered``: whether garments lie on each other and meet. ``like``: of how many vertices the
-    model is to be cut like one, where it is gathered.
+    Args:
+        garments: of all items, those of one item together.
+        device: Warp's name of it.
+        precision: of the arithmetic, see kernels.base.types.
+        gathers: how forces are summed; None: gathered on CUDA, scattered on the CPU, which is fastest on each.
+        garment_counts: number of garments of each item; None: all belong to one item.
+        avatar_friction: Coulomb coefficient of each item's avatar; None: there is no avatar.
+        cache: what earlier models of the same garments have left.
+        layered: whether garments lie on each other and are in contact.
+        like: number of vertices of the model as whose patches these are cut; None: as many as there are.
     """
     types = cloth_types(precision)
-    vertex_start = _starts([len(part.points) for part in parts])
-    rests = [part.rest for part in parts]
+    vertex_start = _starts([len(garment.points) for garment in garments])
+    rests = [garment.rest for garment in garments]
     cache = cache or Cache()
-    wound = cache.get_or_make_each("winding", [(part.triangles, part.rest.topology) for part in parts], winding_of)
-    asked = [(part.triangles, part.rest, winding) for part, winding in zip(parts, wound, strict=True)]
-    garments_elements = cache.get_or_make_each("elements", asked, garment_elements)
-    real = wp.dtype_to_numpy(types.real)
-    given = cache.get_or_make_each(
-        "given", [(each,) for each in garments_elements], partial(elements_of, real=real), precision
+    wound = cache.get_or_make_each(
+        "winding", [(garment.triangles, garment.rest.topology) for garment in garments], winding_of
     )
-    terms = terms_of(parts)
+    sources = [(garment.triangles, garment.rest, winding) for garment, winding in zip(garments, wound, strict=True)]
+    elements = cache.get_or_make_each("elements", sources, garment_elements)
+    real = wp.dtype_to_numpy(types.real)
+    rounded = cache.get_or_make_each(
+        "rounded elements", [(each,) for each in elements], partial(elements_of, real=real), precision
+    )
+    terms = terms_of(garments)
     lay = partial(joined, device=device)
 
     edge_start = _starts([len(rest.topology.edges) for rest in rests])
-    triangle_start = _starts([len(part.triangles) for part in parts])
-    item_start = tuple(vertex_start[first] for first in _starts(list(garments or [len(parts)])))
+    triangle_start = _starts([len(garment.triangles) for garment in garments])
+    item_start = tuple(vertex_start[first] for first in _starts(list(garment_counts or [len(garments)])))
     frictions = tuple(avatar_friction or [0.0] * (len(item_start) - 1))
     hinges, hinge_count = _hinges(types, lay, rests, vertex_start, terms.angles, cache)
     weave = _weave(types, lay, rests, vertex_start, cache)
     patches = None
     if wp.get_device(device).is_cuda if gathers is None else gathers:
-        points = [part.points for part in parts]
-        source = PatchSource(garments_elements, given, points, terms, item_start, layered, like)
+        points = [garment.points for garment in garments]
+        source = PatchSource(elements, rounded, points, terms, item_start, layered, like)
         patches = device_patches(source, types, device, cache)
     return ClothModel(
         device=device,
@@ -155,14 +162,14 @@ def build_model(
         weave_start=_starts([0 if rest.yarns is None else len(rest.yarns.corners) for rest in rests]),
         terms=terms,
         avatar_friction=frictions,
-        vertices=build_vertices(precision, parts, item_start, frictions, device),
-        state=build_state(precision, parts, device),
-        edges=_edges(types, lay, given, vertex_start, triangle_start, terms),
-        triangles=_triangles(types, lay, given, vertex_start, edge_start, terms),
+        vertices=build_vertices(precision, garments, item_start, frictions, device),
+        state=build_state(precision, garments, device),
+        edges=_edges(types, lay, rounded, vertex_start, triangle_start, terms),
+        triangles=_triangles(types, lay, rounded, vertex_start, edge_start, terms),
         hinges=hinges,
         weave=weave,
         patches=patches,
-        garments=tuple(garments_elements),
+        garments=tuple(elements),
     )
 
 

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from warp_cloth.garment.garment import terms_of
 from warp_cloth.garment.outfit import Outfit
-from warp_cloth.garment.part import terms_of
 from warp_cloth.garment.reach import reach_box
 from warp_cloth.scene import Scene
 
@@ -23,9 +23,9 @@ class Term:
 
 def make_plan(scene: Scene, outfit: Outfit) -> tuple[Term, ...]:
     """The terms of a scene, in the order of an iteration."""
-    pulls = any(bool((part.rest.edge_pull > 0.0).any()) for part in outfit.parts)
-    _, bends, woven, folded, _ = terms_of(outfit.parts)
-    pins = sum(len(part.pins) for part in outfit.parts)
+    pulls = any(bool((garment.rest.edge_pull > 0.0).any()) for garment in outfit.garments)
+    _, bends, woven, folded, _ = terms_of(outfit.garments)
+    pins = sum(len(garment.pins) for garment in outfit.garments)
     accelerated = scene.solver.method == "accelerated"
     return (
         Term(
@@ -80,9 +80,9 @@ def _may_touch(scene: Scene, outfit: Outfit) -> bool:
     gap = scene.collision.offset
     boxes = [outfit.avatar.bounds(), *((pose.min(axis=0), pose.max(axis=0)) for pose in outfit.poses)]
     low, high = np.min([box[0] for box in boxes], axis=0), np.max([box[1] for box in boxes], axis=0)
-    for part in outfit.parts:
-        apart = (part.box[0] > high + gap) | (part.box[1] < low - gap)
-        box = reach_box(part) if apart.any() else None
+    for garment in outfit.garments:
+        apart = (garment.box[0] > high + gap) | (garment.box[1] < low - gap)
+        box = reach_box(garment) if apart.any() else None
         if box is None or not ((box[0] > high + gap) | (box[1] < low - gap)).any():
             return True
     return False

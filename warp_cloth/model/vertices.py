@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from warp_cloth.garment.part import GarmentPart
+from warp_cloth.garment.garment import Garment
 from warp_cloth.kernels.base.types import cloth_types
 from warp_cloth.model.upload import joined
 
@@ -21,7 +21,7 @@ ITERATED = ("position", "displacement", "stiffness", "compliance", "in_contact",
 
 def build_vertices(
     precision: str,
-    parts: Sequence[GarmentPart],
+    garments: Sequence[Garment],
     item_start: Sequence[int],
     avatar_friction: Sequence[float],
     device: str,
@@ -29,12 +29,12 @@ def build_vertices(
     """What is constant of the vertices of all garments; ``avatar_friction`` of each item."""
     types, count = cloth_types(precision), item_start[-1]
     vertices = types.Model()
-    vertices.weight = joined([part.rest.vertex_weight for part in parts], types.real, device=device)
-    if any(len(part.pins) for part in parts):
+    vertices.weight = joined([garment.rest.vertex_weight for garment in garments], types.real, device=device)
+    if any(len(garment.pins) for garment in garments):
         pinned, first = np.zeros(count, dtype=np.uint8), 0
-        for part in parts:
-            pinned[part.pins + first] = 1
-            first += len(part.points)
+        for garment in garments:
+            pinned[garment.pins + first] = 1
+            first += len(garment.points)
         vertices.pinned = wp.array(pinned, dtype=wp.uint8, device=device)
     item = np.repeat(np.arange(len(item_start) - 1), np.diff(item_start))
     vertices.item = wp.array(item, dtype=wp.int32, device=device)
@@ -45,11 +45,11 @@ def build_vertices(
     return vertices
 
 
-def build_state(precision: str, parts: Sequence[GarmentPart], device: str) -> Any:
+def build_state(precision: str, garments: Sequence[Garment], device: str) -> Any:
     """The vertices of all garments at rest where they are loaded."""
     types = cloth_types(precision)
     state = types.State()
-    state.position = joined([part.points for part in parts], types.point, device=device)
+    state.position = joined([garment.points for garment in garments], types.point, device=device)
     state.displacement = wp.zeros(len(state.position), dtype=types.vec3, device=device)
     return state
 

@@ -38,14 +38,14 @@ def build_report(
         device: Warp's name of it.
     """
     relaxing, depth, crossings = seconds["relax"], measured.penetration, measured.crossings
-    topologies = [part.rest.topology for part in outfit.parts]
+    topologies = [garment.rest.topology for garment in outfit.garments]
     yarns = {direction: asdict(strain) for direction, strain in measured.yarn_strains.items()}
     return {
         "status": outcome.status.value,
         "message": message,
         "unheld": loss or None,
-        "vertices": sum(len(part.points) for part in outfit.parts),
-        "faces": sum(len(part.triangles) for part in outfit.parts),
+        "vertices": sum(len(garment.points) for garment in outfit.garments),
+        "faces": sum(len(garment.triangles) for garment in outfit.garments),
         "edges": sum(len(topology.edges) for topology in topologies),
         "hinges": sum(len(topology.hinges) for topology in topologies),
         "iterations": outcome.iterations,
@@ -69,15 +69,15 @@ def build_report(
 
 
 def _garments(scene: Scene, outfit: Outfit, measured: Measurements) -> list[dict[str, Any]]:
-    garments = zip(scene.garments, outfit.garments, outfit.parts, measured.crossings.faces, strict=True)
+    garments = zip(scene.garments, outfit.meshes, outfit.garments, measured.crossings.faces, strict=True)
     return [
         {
             "name": spec.name,
             "unit": mesh.unit,
-            "area_m2": part.rest.area,
-            "pinned": len(part.pins),
-            "notes": [*mesh.notes, *part.rest.notes],
+            "area_m2": garment.rest.area,
+            "pinned": len(garment.pins),
+            "notes": [*mesh.notes, *garment.rest.notes],
             "crossing_faces": faces.tolist(),
         }
-        for spec, mesh, part, faces in garments
+        for spec, mesh, garment, faces in garments
     ]

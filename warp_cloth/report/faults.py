@@ -33,8 +33,8 @@ WRONG_SIZE = 0.3  # strain of half the edges: the tightest of worn cloth has les
 
 def unheld(scene: Scene, outfit: Outfit, worn: Sequence[Points]) -> str:
     """A garment that falls because nothing holds it; ``worn`` are the garments' points [m], each shape [V, 3]."""
-    for spec, part, points in zip(scene.garments, outfit.parts, worn, strict=True):
-        if len(part.pins):
+    for spec, garment, points in zip(scene.garments, outfit.garments, worn, strict=True):
+        if len(garment.pins):
             continue
         if outfit.avatar is None or scene.collision.avatar == "none":
             return f'nothing holds "{spec.name}": pin some of its vertices, or put it on an avatar'
@@ -55,10 +55,10 @@ def slid_off(scene: Scene, outfit: Outfit, worn: Sequence[Points]) -> str:
     if outfit.avatar is None:
         return ""
     floor, top = outfit.avatar.points[:, 1].min(), outfit.avatar.points[:, 1].max()
-    for spec, part, points in zip(scene.garments, outfit.parts, worn, strict=True):
-        if len(part.pins) or points[:, 1].max() > floor + HANGING * (top - floor):
+    for spec, garment, points in zip(scene.garments, outfit.garments, worn, strict=True):
+        if len(garment.pins) or points[:, 1].max() > floor + HANGING * (top - floor):
             continue
-        below, before = ((place[:, 1] < floor).mean() for place in (points, part.points))
+        below, before = ((place[:, 1] < floor).mean() for place in (points, garment.points))
         if below - before > BELOW_FEET:
             return (
                 f'"{spec.name}" has slid down to the avatar\'s feet, and {100 * below:.0f} % of it hangs below them '
@@ -69,13 +69,13 @@ def slid_off(scene: Scene, outfit: Outfit, worn: Sequence[Points]) -> str:
 
 def detached_pieces(scene: Scene, outfit: Outfit, worn: Sequence[Points]) -> str:
     """Pieces that fall off a garment because nothing connects them to the rest; ``worn`` as in ``unheld``."""
-    for spec, part, points in zip(scene.garments, outfit.parts, worn, strict=True):
-        a, b, c = part.triangles.T
+    for spec, garment, points in zip(scene.garments, outfit.garments, worn, strict=True):
+        a, b, c = garment.triangles.T
         piece = connected_components(len(points), np.concatenate([a, b]), np.concatenate([b, c]))
         kinds, number, count = np.unique(piece, return_inverse=True, return_counts=True)
         if len(kinds) == 1 or not np.isfinite(points).all():
             continue
-        fall = part.points[:, 1] - points[:, 1]
+        fall = garment.points[:, 1] - points[:, 1]
         least = np.full(len(kinds), np.inf)
         np.minimum.at(least, number, fall)
         fallen = int((least > np.median(fall[number == np.argmax(count)]) + DETACHED).sum())

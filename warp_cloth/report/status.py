@@ -51,7 +51,7 @@ def status_sentence(
     causes = [loss] if loss else [pierced_avatar(depth), wrong_size(measured.strain)]
     others = [unseen_avatar(measured.contact, kind), coarse_faces(depth)]
     if not any(causes):
-        faces = sum(len(part.triangles) for part in outfit.parts)
+        faces = sum(len(garment.triangles) for garment in outfit.garments)
         others.append(crossing_faces(measured.crossings.face_count / faces, scene.collision.cloth))
     longer = [] if any(causes) else [more_iterations(scene, outcome)]
     remedy, fault = ("; and ".join(filter(None, clauses)) for clauses in ([*causes, *longer, *others], causes + others))

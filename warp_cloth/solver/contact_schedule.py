@@ -10,7 +10,7 @@ import warp as wp
 from warp_cloth.base.mesh import Points
 from warp_cloth.contact.cloth import ClothContact
 from warp_cloth.contact.sheets import LAYER_LIFT
-from warp_cloth.garment.part import GarmentPart
+from warp_cloth.garment.garment import Garment
 from warp_cloth.solver.relax import Relaxation
 
 # Sewing and untangling need little momentum: drawn together with all of it, the panels of a T-shirt fold over and cross
@@ -146,7 +146,7 @@ class ContactSchedule:
 
 
 def build_contact_schedule(
-    parts: Sequence[GarmentPart], relaxation: Relaxation, cloth_contact: ClothContact
+    garments: Sequence[Garment], relaxation: Relaxation, cloth_contact: ClothContact
 ) -> ContactSchedule:
     """The contact schedule of a scene's garments; without a body they are oriented by their own middles."""
 
@@ -154,17 +154,17 @@ def build_contact_schedule(
         if cloth_contact.facing is not None:
             cloth_contact.face_from_body(relaxation.contact_state())
         else:
-            cloth_contact.face(signs_from_middle(parts, relaxation.model.points()))
+            cloth_contact.face(signs_from_middle(garments, relaxation.model.points()))
 
     return ContactSchedule(relaxation, cloth_contact, face)
 
 
-def signs_from_middle(parts: Sequence[GarmentPart], points: Points) -> list[float]:
+def signs_from_middle(garments: Sequence[Garment], points: Points) -> list[float]:
     """Whether most of each garment's area faces away from its own middle, 1, or towards it, -1, at these points [m]."""
     signs, start = [], 0
-    for part in parts:
-        own = points[start : start + len(part.points)]
-        a, b, c = (own[part.triangles[:, corner]] for corner in range(3))
+    for garment in garments:
+        own = points[start : start + len(garment.points)]
+        a, b, c = (own[garment.triangles[:, corner]] for corner in range(3))
         away = np.einsum("ij,ij->", np.cross(b - a, c - a), (a + b + c) / 3.0 - own.mean(axis=0))
         signs.append(1.0 if float(away) >= 0.0 else -1.0)
         start += len(own)

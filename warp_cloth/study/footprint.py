@@ -111,7 +111,7 @@ def memory_of(problem: Problem) -> dict[str, int]:
     The report's are allocated at the end, in addition; of snapshots the largest number counts.
     """
     avatar = arrays_in(problem.contacts)
-    cloth = arrays_in([getattr(problem, part.name) for part in fields(problem) if part.name != "certifier"])
+    cloth = arrays_in([getattr(problem, garment.name) for garment in fields(problem) if garment.name != "certifier"])
     whole = bytes_of(arrays_in(problem))
     now, most = problem.certifier.snapshot_bytes
     return {
@@ -123,6 +123,6 @@ def memory_of(problem: Problem) -> dict[str, int]:
 
 
 def _crossing_bytes(outfit: Outfit) -> int:
-    parts = outfit.parts
-    sizes = [(len(part.points), len(part.rest.topology.edges), len(part.triangles)) for part in parts]
+    garments = outfit.garments
+    sizes = [(len(garment.points), len(garment.rest.topology.edges), len(garment.triangles)) for garment in garments]
     return search_bytes(*(sum(column) for column in zip(*sizes, strict=True)))

@@ -42,11 +42,11 @@ def savings_of(scene: Scene, outfit: Outfit, device: str) -> tuple[Saving, ...]:
 
 
 def _without_bending(scene: Scene, outfit: Outfit) -> Variant:
-    parts = (
-        replace(part, rest=replace(part.rest, hinge_stiffness=np.zeros_like(part.rest.hinge_stiffness)))
-        for part in outfit.parts
+    garments = (
+        replace(garment, rest=replace(garment.rest, hinge_stiffness=np.zeros_like(garment.rest.hinge_stiffness)))
+        for garment in outfit.garments
     )
-    return scene, replace(outfit, parts=tuple(parts))
+    return scene, replace(outfit, garments=tuple(garments))
 
 
 def _without_collision(**changes: Any) -> Callable[[Scene, Outfit], Variant]:

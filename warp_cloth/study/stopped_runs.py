@@ -92,13 +92,13 @@ def _states(
     """States from status, iterations, seconds and points of each."""
     model, outfit = problem.model, problem.outfit
     depths = penetrations([end[3] for end in ends], [outfit.avatar] * len(ends), model.device)
-    starts = np.cumsum([mesh.vertex_count for mesh in outfit.garments])[:-1]
+    starts = np.cumsum([mesh.vertex_count for mesh in outfit.meshes])[:-1]
     states = []
     for (status, count, seconds, points), depth in zip(ends, depths, strict=True):
         model.set_points(points)
         strain = strain_summary(edge_strains(model)).p99
         worn = tuple(np.split(points, starts))
-        states.append(RunState(status, count, loading, seconds, outfit.garments, worn, depth, strain, message))
+        states.append(RunState(status, count, loading, seconds, outfit.meshes, worn, depth, strain, message))
     return states
 
 

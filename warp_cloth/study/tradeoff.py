@@ -207,7 +207,7 @@ class TradeStudy:
             self.scatter_mm, self._strain = known["scatter_mm"], known["strain"]
         except (OSError, ValueError, KeyError, TypeError, zipfile.BadZipFile):
             return
-        self._worn, self._meshes = worn, load_outfit(load_scene(self._scene.settings())).garments
+        self._worn, self._meshes = worn, load_outfit(load_scene(self._scene.settings())).meshes
         for line in rest:
             try:
                 self._measured.append(Measured(**json.loads(line)))

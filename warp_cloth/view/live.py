@@ -175,7 +175,7 @@ class LiveFit:
         problem = build_problem([scene], [in_last_pose], self.device, earlier=old.contact)
         if not self.diverged:
             worn_parts = [worn[first:last] for first, last in itertools.pairwise(old.model.vertex_start)]
-            started = start_from(problem, list(zip(old.outfit.garments, worn_parts, strict=True)))
+            started = start_from(problem, list(zip(old.outfit.meshes, worn_parts, strict=True)))
             if outfit.poses and not started:
                 problem = build_problem([scene], [outfit], self.device)
         self.scene, self.problem, self._changes = scene, problem, overrides
@@ -192,11 +192,11 @@ class LiveFit:
             return None
         problem = self.problem
         forces = problem.certifier.normal_forces() if name == "pressure" else None
-        parts, starts = problem.outfit.parts, problem.model.vertex_start
+        garments, starts = problem.outfit.garments, problem.model.vertex_start
         spans = list(itertools.pairwise(starts))
         found = measure_maps(
             (name,),
-            parts=parts,
+            garments=garments,
             worn=[self.points[a:b] for a, b in spans],
             normal_forces=None if forces is None else [forces[a:b] for a, b in spans],
             avatar=problem.outfit.avatar,
@@ -215,10 +215,10 @@ class LiveFit:
         return tuple(
             WornGarment(
                 spec.name, mesh, self.points[starts[index] : starts[index + 1]], spec.fabric.thickness,
-                fabric=spec.fabric, rest=part.rest,
+                fabric=spec.fabric, rest=garment.rest,
             )
-            for index, (spec, mesh, part) in enumerate(
-                zip(self.scene.garments, self.problem.outfit.garments, self.problem.outfit.parts, strict=True)
+            for index, (spec, mesh, garment) in enumerate(
+                zip(self.scene.garments, self.problem.outfit.meshes, self.problem.outfit.garments, strict=True)
             )
         )  # fmt: skip
 

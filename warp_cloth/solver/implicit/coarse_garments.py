@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from warp_cloth.base.mesh import Points, vertex_normals
 from warp_cloth.garment.folds import fold_angles
-from warp_cloth.garment.part import GarmentPart
+from warp_cloth.garment.garment import Garment
 from warp_cloth.garment.rest import constants_of
 from warp_cloth.material.constants import Sheet
 from warp_cloth.material.fabric import Fabric
@@ -32,25 +32,25 @@ LIMP_STRAIN = 0.009
 class Hierarchy:
     """A garment and its coarser versions, finest first."""
 
-    part: GarmentPart
+    garment: Garment
     pattern: Pattern | None  # the garment's own rest shape, if it is known
     coarsenings: tuple[Coarsening, ...]
 
     def coarser(self, *, limp: bool = False) -> Hierarchy | None:
         """The next coarser garment and all below it; None at the end. ``limp``: no stiffer than it needs to be."""
-        if not self.coarsenings or self.pattern is None or self.part.rest.fabric is None:
+        if not self.coarsenings or self.pattern is None or self.garment.rest.fabric is None:
             return None
         first, *others = self.coarsenings
-        return Hierarchy(_coarse_garment(self.part, self.pattern, first, limp), first.cloth, tuple(others))
+        return Hierarchy(_coarse_garment(self.garment, self.pattern, first, limp), first.cloth, tuple(others))
 
 
-def build_hierarchy(part: GarmentPart) -> Hierarchy:
+def build_hierarchy(garment: Garment) -> Hierarchy:
     """All coarser versions of a garment; none if its rest shape is not known."""
-    if part.rest.corners is None:
-        return Hierarchy(part, None, ())
-    pinned = np.zeros(len(part.points), dtype=bool)
-    pinned[part.pins] = True
-    pattern = cloth = rest_pattern(part.triangles, part.rest.corners, pinned)
+    if garment.rest.corners is None:
+        return Hierarchy(garment, None, ())
+    pinned = np.zeros(len(garment.points), dtype=bool)
+    pinned[garment.pins] = True
+    pattern = cloth = rest_pattern(garment.triangles, garment.rest.corners, pinned)
     coarsenings: list[Coarsening] = []
     while len(cloth.pinned) >= RATIO * FEWEST:
         found = coarsen(cloth, len(cloth.pinned) // RATIO)
@@ -58,22 +58,22 @@ def build_hierarchy(part: GarmentPart) -> Hierarchy:
             break
         coarsenings.append(found)
         cloth = found.cloth
-    return Hierarchy(part, pattern, tuple(coarsenings))
+    return Hierarchy(garment, pattern, tuple(coarsenings))
 
 
-def prolong_shape(coarse: Coarsening, points: Points, part: GarmentPart) -> Points:
+def prolong_shape(coarse: Coarsening, points: Points, garment: Garment) -> Points:
     """A garment's points [m], shape [V, 3], from a coarser one's; pinned vertices stay.
 
     They lie on rounded faces (Boubekeur and Alexa, "Phong Tessellation", 2008): creases along the coarse edges would
     snap flat at once, and overstretch the cloth.
     """
-    row = np.repeat(np.arange(len(part.points)), np.diff(coarse.start))
+    row = np.repeat(np.arange(len(garment.points)), np.diff(coarse.start))
     normals = vertex_normals(points, coarse.cloth.vertex[coarse.cloth.triangles])[coarse.index]
     followed = points[coarse.index]
-    flat = _summed(coarse.weight[:, None] * followed, row, len(part.points))
+    flat = _summed(coarse.weight[:, None] * followed, row, len(garment.points))
     above = ((followed - flat[row]) * normals).sum(axis=1)
-    out = flat + ROUNDING * _summed((coarse.weight * above)[:, None] * normals, row, len(part.points))
-    out[part.pins] = part.points[part.pins]
+    out = flat + ROUNDING * _summed((coarse.weight * above)[:, None] * normals, row, len(garment.points))
+    out[garment.pins] = garment.points[garment.pins]
     return out
 
 
@@ -82,12 +82,12 @@ def _summed(values: Floats, row: NDArray[np.int64], count: int) -> Floats:
     return np.stack([np.bincount(row, values[:, axis], count) for axis in range(3)], axis=1).astype(np.float64)
 
 
-def _coarse_garment(part: GarmentPart, pattern: Pattern, coarse: Coarsening, limp: bool) -> GarmentPart:
+def _coarse_garment(garment: Garment, pattern: Pattern, coarse: Coarsening, limp: bool) -> Garment:
     """The coarse garment: same fabric, same total weight, warp as in the finer one."""
-    rest = part.rest
+    rest = garment.rest
     if rest.fabric is None:
         raise ValueError("a garment whose fabric is not known cannot be coarsened")
-    row = np.repeat(np.arange(len(part.points)), np.diff(coarse.start))
+    row = np.repeat(np.arange(len(garment.points)), np.diff(coarse.start))
     weight = np.bincount(coarse.index, coarse.weight * rest.vertex_weight[row], len(coarse.kept))
     weight = np.maximum(weight, LEAST_WEIGHT * weight.mean())
     cloth = coarse.cloth
@@ -99,10 +99,10 @@ def _coarse_garment(part: GarmentPart, pattern: Pattern, coarse: Coarsening, lim
     sides = np.linalg.norm(np.roll(place, -1, axis=1) - place, axis=2)
     fabric = limp_fabric(rest.fabric, float(weight.sum()) / math.sqrt(rest.area)) if limp else rest.fabric
     constants = constants_of(triangles, sides, weight, fabric, like)
-    points = part.points[coarse.kept]
+    points = garment.points[coarse.kept]
     angle = fold_angles(points, constants.topology) if rest.hinge_angle is not None else None
     pins = np.flatnonzero(cloth.pinned).astype(np.int32)
-    return GarmentPart(points, triangles, replace(constants, hinge_angle=angle, corners=place), pins)
+    return Garment(points, triangles, replace(constants, hinge_angle=angle, corners=place), pins)
 
 
 def limp_fabric(fabric: Fabric, load: float) -> Fabric:

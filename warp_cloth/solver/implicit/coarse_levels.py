@@ -50,7 +50,7 @@ class CoarsestLevels:
 
 def build_levels(model: ClothModel, hierarchies: Sequence[Hierarchy], pairs: Indices) -> list[Level]:
     """Coarse levels of all garments, finest first. ``pairs`` [N, 2] are the model's own."""
-    counts = [len(hierarchy.part.points) for hierarchy in hierarchies]
+    counts = [len(hierarchy.garment.points) for hierarchy in hierarchies]
     chains = [_prolongations(hierarchy) for hierarchy in hierarchies]
     levels = []
     for depth in range(max(len(chain) for chain in chains)):

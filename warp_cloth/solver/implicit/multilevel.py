@@ -12,7 +12,7 @@ import warp as wp
 from numpy.typing import NDArray
 
 from warp_cloth.avatar.collider import Collider
-from warp_cloth.garment.part import GarmentPart
+from warp_cloth.garment.garment import Garment
 from warp_cloth.kernels.certificate.energy import measure_tension_kernel
 from warp_cloth.model.model import ClothModel
 from warp_cloth.solver.certificate.strains import edge_strains
@@ -173,7 +173,7 @@ def build_relaxation(
     options: StepOptions,
     model: ClothModel,
     colliders: Sequence[Collider],
-    parts: Sequence[GarmentPart],
+    garments: Sequence[Garment],
     cloth_contact: ClothContact | None = None,
     caps: Sequence[float | None] | None = None,
 ) -> Relaxation:
@@ -183,7 +183,7 @@ def build_relaxation(
         options: the method and its step.
         model: the garments' model; of the multilevel method, of one item, or of several without an avatar.
         colliders: the items' contact with their avatars.
-        parts: the model's garments.
+        garments: the model's.
         cloth_contact: contact of cloth with cloth; None: it passes through itself.
         caps: largest displacements of the items [m]; None: the options'.
     """
@@ -193,8 +193,8 @@ def build_relaxation(
         options = replace(options, cap=caps[0])
     if cloth_contact is not None:
         return Relaxation(model, colliders, per_vertex_options(options), cloth_contact)
-    hierarchies = {id(part): build_hierarchy(part) for part in {id(part): part for part in parts}.values()}
-    return MultilevelRelaxation(model, colliders[0], options, [hierarchies[id(part)] for part in parts])
+    hierarchies = {key: build_hierarchy(each) for key, each in {id(each): each for each in garments}.items()}
+    return MultilevelRelaxation(model, colliders[0], options, [hierarchies[id(garment)] for garment in garments])
 
 
 def per_vertex_options(options: StepOptions) -> StepOptions:

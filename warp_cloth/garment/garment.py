@@ -1,4 +1,4 @@
-"""A garment as loaded, with what a model needs of it: what may be made in any process, as it needs no Warp."""
+"""A garment as loaded: initial positions, rest shape, pins. It needs no Warp, so any process can build it."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from warp_cloth.kernels.base.options import Terms
 
 
 @dataclass(frozen=True, eq=False)
-class GarmentPart:
-    """One garment as it enters the model: where it starts, its constants, its pins."""
+class Garment:
+    """One garment as it enters the model: initial positions, constants, pins."""
 
     points: Points  # [m], shape [V, 3]
     triangles: Indices  # shape [F, 3]
@@ -22,12 +22,12 @@ class GarmentPart:
 
     @cached_property
     def box(self) -> tuple[Points, Points]:
-        """Lowest and highest corner of where it starts [m], each shape [3]; asked for several times in a batch."""
+        """Lowest and highest corner of its initial bounding box [m], each shape [3]."""
         return self.points.min(axis=0), self.points.max(axis=0)
 
     @cached_property
     def terms(self) -> Terms:
-        """What acts in it."""
+        """The terms of the model that act in it."""
         rest = self.rest
         return Terms(
             edges=bool(rest.edge_pull.any() or rest.edge_push.any()),
@@ -38,6 +38,6 @@ class GarmentPart:
         )
 
 
-def terms_of(parts: Sequence[GarmentPart]) -> Terms:
-    """What acts in these garments."""
-    return Terms(*(any(each) for each in zip(*(part.terms for part in parts), strict=True)))
+def terms_of(garments: Sequence[Garment]) -> Terms:
+    """The terms of the model that act in any of these garments."""
+    return Terms(*(any(each) for each in zip(*(garment.terms for garment in garments), strict=True)))
