@@ -16,7 +16,7 @@ from warp_cloth.kernels.base.options import CODE_BITS, NUMBER_BITS, SLOTS, WORD_
 from warp_cloth.material.fabric import resolve_fabric
 from warp_cloth.model.patches import cutting, on_device
 from warp_cloth.model.patches.cutting import PatchTables, cut_patches, garment_patches
-from warp_cloth.model.patches.triangle_pairs import SHARE, find_pairs, share_edges, with_laws
+from warp_cloth.model.patches.triangle_pairs import OUTER_EDGES, assign_edges, find_pairs, with_laws
 
 FABRIC = resolve_fabric({"stretch": 20e3, "compression": 0.1, "bending": 1e-5})
 BENT = Terms(edges=True, folds=True, yarns=False)
@@ -51,10 +51,10 @@ def test_no_item_takes_more_than_its_share() -> None:
     rng = np.random.default_rng(3)
     edge = np.repeat(np.arange(200), 2)
     item = rng.integers(90, size=400)
-    taken = share_edges(edge, item, 200, 90)
-    assert np.bincount(taken[taken >= 0], minlength=90).max() <= SHARE
+    taken = assign_edges(edge, item, 200, 90)
+    assert np.bincount(taken[taken >= 0], minlength=90).max() <= OUTER_EDGES
     assert all(taken[each] in (-1, *item[edge == each]) for each in range(200))
-    full = np.bincount(taken[taken >= 0], minlength=90) == SHARE
+    full = np.bincount(taken[taken >= 0], minlength=90) == OUTER_EDGES
     assert full[item[taken[edge] < 0]].all()  # none is left that an item has room for
 
 
@@ -92,7 +92,7 @@ def test_every_edge_of_a_patch_is_worked_on_once(monkeypatch: pytest.MonkeyPatch
         items, pairs = rows["item_count"][patch], (rows["triangle_count"] - rows["item_count"])[patch]
         assert 0 < pairs <= items
         first, count = rows["edge_start"][patch], rows["edge_count"][patch]
-        bits = WORD_CODE + CODE_BITS * np.arange(SHARE, dtype=np.uint64)
+        bits = WORD_CODE + CODE_BITS * np.arange(OUTER_EDGES, dtype=np.uint64)
         takes = tables.ends[first : first + items] >> bits[:, None] & np.uint64(7) != 0
         there = np.ones(count, dtype=bool)
         there[: SLOTS * items] = np.concatenate([np.arange(items) < pairs, *takes])

@@ -1,4 +1,7 @@
-"""Cuts the cloth into patches that a thread block each works out (kernels.passes.gather), on the host."""
+"""Domain decomposition: cuts cloth into patches of neighbouring vertices, one per thread block, on the host.
+
+Kernels that read the patches: kernels.passes.gather.
+"""
 
 from __future__ import annotations
 
@@ -29,15 +32,15 @@ from warp_cloth.kernels.base.options import (
     point_size,
     real_size,
 )
-from warp_cloth.model.patches.members import Members, Part, edge_numbers, words, words_of
+from warp_cloth.model.patches.members import Chunk, Members, edge_numbers, packed_bits, word_count
 from warp_cloth.model.patches.spread import spread_places
 from warp_cloth.model.patches.triangle_pairs import Items
 
-SMALLEST = 16  # vertices that a patch owns; below, far more is worked out around a patch than in it
+SMALLEST = 16  # vertices that a patch owns; below, far more is computed around a patch than in it
 
-MOST_HALVED, FEWER, PROBED = 0.125, 8, 64  # share of patches; vertices that all get fewer then; patches looked at
-CHUNK = 512  # patches that are cut at a time: their tables fit a processor's caches
-MOST_PATCHES = 1 << 24  # of a chunk, whose patches are numbered from a multiple of this
+MOST_HALVED, FEWER, PROBED = 0.125, 8, 64  # fraction of patches; how many vertices fewer all get then; patches sampled
+CHUNK = 512  # patches cut at a time: their tables fit a processor's caches
+MOST_PATCHES = 1 << 24  # in a chunk; its patches are numbered from a multiple of this
 
 Keys = NDArray[np.int64]
 Numbers = NDArray[np.integer[Any]]  # of elements, of either width
@@ -46,7 +49,7 @@ QUARTER_BITS = 16  # of a word
 
 @dataclass(frozen=True, eq=False)
 class PatchTables:
-    """What kernels.base.types's Patches hold, P patches; elements repeat in every patch that needs them."""
+    """Tables of P patches, as in kernels.base.types.Patches; an element is repeated in every patch that needs it."""
 
     patch: dict[str, Keys]  # fields of kernels.base.types's Patch, shape [P] each
     vertex: Keys
@@ -57,7 +60,7 @@ class PatchTables:
     triangle: Keys  # of the elements' triangles, in the patches' order
     edge_slot: NDArray[np.int32]
     slot: NDArray[np.int32]
-    overflow: int  # bytes that patches need which are too large for a block's own memory
+    overflow: int  # bytes needed by patches that are too large for a block's shared memory
 
 
 def cut_patches(
@@ -69,7 +72,7 @@ def cut_patches(
     own_memory: bool,
     paired: bool = False,
 ) -> PatchTables:
-    """The patches of several garments; ``own_memory`` as of ``joined_patches``, the rest as of ``garment_patches``."""
+    """Patches of several garments: ``garment_patches``, then ``joined_patches``; arguments as there."""
     each = garment_patches(garments, points, terms, precision=precision, cache=Cache(), paired=paired)
     return joined_patches(each, garments, points, terms, precision=precision, own_memory=own_memory)
 
@@ -84,15 +87,15 @@ def garment_patches(
     size: int | None = None,
     paired: bool = False,
 ) -> list[PatchTables]:
-    """Each garment's patches of neighbouring vertices, none larger than a block's memory holds, if it need not be.
+    """Each garment's patches of neighbouring vertices, small enough for a block's shared memory where possible.
 
-    ``cache`` has earlier ones. ``size``: vertices that a patch owns; None: as keeps a large GPU busy. ``paired``:
-    whether threads work on pairs of triangles (triangle_pairs).
+    ``cache`` has earlier ones. ``size``: vertices that a patch owns; None: a size that keeps a large GPU busy.
+    ``paired``: whether threads work on pairs of triangles (triangle_pairs).
 
     Raises:
-        InputError: more meets at one vertex than a patch can count.
+        InputError: more triangles meet at a vertex than a patch can count.
     """
-    size = size or even_size(sum(len(part) for part in points), block_for(paired))
+    size = size or even_size(sum(len(own) for own in points), block_for(paired))
     shapes = cache.get_or_make_each("shape", list(zip(garments, points, strict=True)), _shape)
     distinct = dict(zip(shapes, zip(garments, points, strict=True), strict=True))
     how = size, terms, precision, paired
@@ -104,14 +107,16 @@ def garment_patches(
     small = [shape for shape in missing if len(distinct[shape][1]) <= CHUNK * size]
     cut = dict(zip(small, map_in_threads(tables_of, small), strict=True))
     cut |= {shape: tables_of(shape) for shape in missing if shape not in cut}  # each in threads of its own
-    made = {shape: cache.get_or_make("patches", (), partial(cut.__getitem__, shape), shape, *how) for shape in distinct}
-    return [made[shape] for shape in shapes]
+    tables = {
+        shape: cache.get_or_make("patches", (), partial(cut.__getitem__, shape), shape, *how) for shape in distinct
+    }
+    return [tables[shape] for shape in shapes]
 
 
 def even_size(vertices: int, block: Block = SINGLE, least: int = 2) -> int:
-    """Vertices that a patch owns. A large GPU that has all patches at work at once has as many on each core, or more.
+    """Vertices that a patch owns. A large GPU that runs all patches at once gets as many for each core, or more.
 
-    ``least``: how many on each core, at least.
+    ``least``: patches per core, at least.
     """
     each, most = max(least, -(-2 * vertices // (block.vertices * FEW))), block.vertices
     return int(np.clip(-(-2 * vertices // (FEW * each)), SMALLEST, most)) if each <= block.per_core else most
@@ -126,21 +131,21 @@ def joined_patches(
     precision: str,
     own_memory: bool,
 ) -> PatchTables:
-    """The garments' patches as of one.
+    """Concatenates the garments' patches.
 
-    ``own_memory``: whether blocks have any; on the CPU they take turns at the same.
+    ``own_memory``: whether each block has shared memory; on the CPU one buffer serves all blocks, one after another.
     """
-    first = {"vertex": points, "edge": [part.ends for part in garments], "triangle": [g.corners for g in garments]}
+    first = {"vertex": points, "edge": [g.ends for g in garments], "triangle": [g.corners for g in garments]}
     patch, overflow = joined_rows(each, terms, precision=precision, own_memory=own_memory)
-    tables = _end_to_end(each, {name: _starts(of) for name, of in first.items()})
+    tables = _concatenated(each, {name: _starts(of) for name, of in first.items()})
     return replace(tables, patch=patch, overflow=overflow)
 
 
 def joined_rows(
     each: Sequence[PatchTables], terms: Terms, *, precision: str, own_memory: bool
 ) -> tuple[dict[str, Keys], int]:
-    """Fields of the garments' patches as of one, with their "overflow", and the bytes of all that; else likewise."""
-    patch = _rows_end_to_end(each)
+    """Concatenated ``patch`` fields of the garments, with offsets into the overflow memory, and its size [bytes]."""
+    patch = _concatenated_rows(each)
     memory = _memory(patch, terms, precision)
     if not own_memory:
         return {**patch, "overflow": np.zeros_like(memory)}, int(memory.max(initial=0))
@@ -150,8 +155,8 @@ def joined_rows(
 
 
 def _shape(elements: Elements, points: Points) -> bytes:
-    """What a garment's patches depend on: the same in every fabric."""
-    told = hashlib.sha256()
+    """Hash of all that a garment's patches depend on: the same in every fabric."""
+    digest = hashlib.sha256()
     for array in (
         points,
         elements.ends,
@@ -160,24 +165,24 @@ def _shape(elements: Elements, points: Points) -> bytes:
         elements.corners,
         elements.edges,
     ):
-        told.update(str((array.shape, array.dtype)).encode() + np.ascontiguousarray(array).tobytes())
-    return told.digest()
+        digest.update(str((array.shape, array.dtype)).encode() + np.ascontiguousarray(array).tobytes())
+    return digest.digest()
 
 
 def _garment_tables(
     elements: Elements, points: Points, size: int, terms: Terms, precision: str, paired: bool
 ) -> PatchTables:
-    """A garment's patches of ``size`` vertices, halved where they would not fit; of fewer where many would not."""
+    """A garment's patches of ``size`` vertices, or fewer where many of those do not fit; single ones that do not are halved."""
     places = spread_places(elements.ends, points) if len(points) > size else points
     groups = _near_groups(places, size)
-    while paired and size > SMALLEST and _share_too_large(elements, places, groups, terms, precision) > MOST_HALVED:
+    while paired and size > SMALLEST and _fraction_too_large(elements, places, groups, terms, precision) > MOST_HALVED:
         size = max(size - FEWER, SMALLEST)
         groups = _near_groups(places, size)
     kind = np.bincount(elements.ends.ravel()[: None if paired else 0], minlength=len(points))
     order = _in_rows(groups, places, kind)
     rank = np.empty(len(points), dtype=np.int32)
     rank[order] = np.arange(len(points), dtype=np.int32)
-    # from here on vertices are counted in that order
+    # from here on vertices are numbered in that order
     elements = replace(elements, ends=rank[elements.ends], corners=rank[elements.corners])
     groups, places = [np.sort(rank[group]) for group in groups], places[order]
     chunks = [groups[first : first + CHUNK] for first in range(0, len(groups), CHUNK)]
@@ -191,8 +196,8 @@ def _garment_tables(
     def cut(index: int) -> PatchTables:
         own = chunks[index]
         while True:
-            part = Part(own, index * MOST_PATCHES, owner, lane, ends[index], corners[index])
-            tables = _tables(elements, places, terms, part, paired)
+            chunk = Chunk(own, index * MOST_PATCHES, owner, lane, ends[index], corners[index])
+            tables = _tables(elements, places, terms, chunk, paired)
             large = _too_large(tables.patch, terms, precision) & (tables.patch["owned_count"] > 1)
             if not large.any():
                 return tables
@@ -202,31 +207,28 @@ def _garment_tables(
                 for half in (_near_groups(places, -(-len(group) // 2), group) if halved else [group])
             ]
 
-    tables = _end_to_end(map_in_threads(cut, range(len(chunks))))
+    tables = _concatenated(map_in_threads(cut, range(len(chunks))))
     counts = ("vertex_count", "normal_count", "triangle_count", "edge_count")
     if max(int(tables.patch[count].max(initial=0)) for count in counts) * 4 >= 1 << QUARTER_BITS:
         raise InputError("garment", "more than 10,000 triangles meet at a vertex", "divide the mesh differently")
     return replace(tables, vertex=order[tables.vertex].astype(np.int64))
 
 
-def _share_too_large(
+def _fraction_too_large(
     elements: Elements, places: Floats, groups: Sequence[Indices], terms: Terms, precision: str
 ) -> float:
-    """How many of some of a garment's groups do not fit as patches whose threads work on pairs of triangles."""
+    """Fraction of sampled groups that do not fit as patches whose threads work on pairs of triangles."""
     some = list(groups[:: -(-len(groups) // PROBED)])
     own = np.zeros(len(places), dtype=bool)
     own[np.concatenate(some)] = True
     of_others, lane = np.full(len(places), MOST_PATCHES), np.zeros(len(places), dtype=np.int64)
     ends, corners = (np.flatnonzero(own[table.ravel()]) for table in (elements.ends, elements.corners))
-    tables = _tables(elements, places, terms, Part(some, 0, of_others, lane, ends, corners), True)
+    tables = _tables(elements, places, terms, Chunk(some, 0, of_others, lane, ends, corners), True)
     return float(_too_large(tables.patch, terms, precision).mean())
 
 
 def _in_rows(groups: Sequence[Indices], places: Floats, kind: Keys) -> Indices:
-    """The vertices of one group after another, each group's row by row, so that neighbours are counted together.
-
-    Those of a ``kind`` come together.
-    """
+    """Order of the vertices: by group, ``kind``, and row within the group, so that neighbours have near numbers."""
     count = np.array([len(group) for group in groups])
     of, first, vertices = np.repeat(np.arange(len(groups)), count), np.cumsum(count) - count, np.concatenate(groups)
     place = places[vertices]
@@ -234,163 +236,167 @@ def _in_rows(groups: Sequence[Indices], places: Floats, kind: Keys) -> Indices:
     extent = np.maximum.reduceat(place, first, axis=0) - low
     longest = np.argsort(-extent, axis=1, kind="stable")[of]
     lane = np.arange(len(vertices))
-    share = (place - low[of]) / np.maximum(extent[of], 1e-30)
-    row = np.floor(share[lane, longest[:, 0]] * np.sqrt(count[of]))
-    return np.asarray(vertices[np.lexsort((share[lane, longest[:, 1]], row, kind[vertices], of))])
+    fraction = (place - low[of]) / np.maximum(extent[of], 1e-30)
+    row = np.floor(fraction[lane, longest[:, 0]] * np.sqrt(count[of]))
+    return np.asarray(vertices[np.lexsort((fraction[lane, longest[:, 1]], row, kind[vertices], of))])
 
 
 def _by_chunk(vertices: Indices, chunk: Keys, chunk_count: int) -> list[Keys]:
-    """Where in a flattened table each chunk's vertices stand."""
+    """Positions of each chunk's vertices in a flattened table."""
     of = chunk[vertices.ravel()].astype(np.uint16)  # two bytes sort much faster
     return np.split(np.argsort(of, kind="stable"), np.cumsum(np.bincount(of, minlength=chunk_count))[:-1])
 
 
 def _starts(arrays: Sequence[Any]) -> list[int]:
-    """Where each array starts if they stand end to end."""
+    """Start of each array in their concatenation."""
     return [0, *np.cumsum([len(array) for array in arrays])[:-1].tolist()]
 
 
-def _end_to_end(parts: Sequence[PatchTables], first: Mapping[str, Sequence[int]] | None = None) -> PatchTables:
-    """Patches of several parts as of one; ``first``: each part's first vertex, edge and triangle, where they differ."""
-    if len(parts) == 1:
-        return parts[0]
+def _concatenated(each: Sequence[PatchTables], first: Mapping[str, Sequence[int]] | None = None) -> PatchTables:
+    """Concatenates tables; ``first``: each one's first vertex, edge and triangle, where they differ."""
+    if len(each) == 1:
+        return each[0]
     names = [name for name in PatchTables.__dataclass_fields__ if name not in ("patch", "overflow")]
-    tables = {name: concatenate([getattr(part, name) for part in parts], (first or {}).get(name)) for name in names}
-    return PatchTables(patch=_rows_end_to_end(parts), overflow=0, **tables)
+    tables = {name: concatenate([getattr(own, name) for own in each], (first or {}).get(name)) for name in names}
+    return PatchTables(patch=_concatenated_rows(each), overflow=0, **tables)
 
 
-def _rows_end_to_end(parts: Sequence[PatchTables]) -> dict[str, Keys]:
-    """Fields of several parts' patches as of one's."""
+def _concatenated_rows(each: Sequence[PatchTables]) -> dict[str, Keys]:
+    """Concatenates the ``patch`` fields of tables."""
     starts = {"vertex_start": "vertex", "edge_start": "ends", "triangle_start": "corners",
               "slot_start": "slot"}  # fmt: skip
     patch = {}
-    for name in parts[0].patch:
-        begin = _starts([getattr(part, starts[name]) for part in parts]) if name in starts else None
-        patch[name] = concatenate([part.patch[name] for part in parts], begin)
+    for name in each[0].patch:
+        begin = _starts([getattr(own, starts[name]) for own in each]) if name in starts else None
+        patch[name] = concatenate([own.patch[name] for own in each], begin)
     return patch
 
 
-Cluster = tuple[Indices, Floats, int]  # vertices, where they are, and into how many groups they go
+Cluster = tuple[Indices, Floats, int]  # vertices, their positions, number of groups to divide them into
 
 
 def _near_groups(places: Floats, size: int, vertices: Indices | None = None) -> list[Indices]:
-    """Vertices in groups of at most ``size`` that lie together, halved across the longest way again and again."""
+    """Groups of at most ``size`` near vertices, by recursive bisection across the longest extent."""
     chosen = np.arange(len(places), dtype=np.int32) if vertices is None else vertices
     clusters = _halved((chosen, places[chosen], -(-len(chosen) // size)), CHUNK)
     return [np.sort(group) for found in map_in_threads(lambda each: _halved(each, 1), clusters) for group, *_ in found]
 
 
-def _halved(cluster: Cluster, parts: int) -> list[Cluster]:
-    """Clusters of at most so many groups."""
+def _halved(cluster: Cluster, most: int) -> list[Cluster]:
+    """Bisects a cluster until each has at most ``most`` groups."""
     clusters, waiting = [], [cluster]
     while waiting:
         group, place, count = waiting.pop()
-        if count <= parts:
+        if count <= most:
             clusters.append((group, place, count))
             continue
         half = count // 2
         size = -(-len(group) * half // count)
         axis = int(np.argmax(np.ptp(place, axis=0)))
         order = np.argpartition(place[:, axis], size - 1)
-        for part, own in ((order[size:], count - half), (order[:size], half)):
-            waiting.append((group[part], place[part], own))
+        for half_order, own in ((order[size:], count - half), (order[:size], half)):
+            waiting.append((group[half_order], place[half_order], own))
     return clusters
 
 
-def _tables(elements: Elements, places: Floats, terms: Terms, part: Part, paired: bool) -> PatchTables:
-    """Tables of a part's patches, their memory not yet placed.
+def _tables(elements: Elements, places: Floats, terms: Terms, chunk: Chunk, paired: bool) -> PatchTables:
+    """Tables of a chunk's patches, without offsets into overflow memory.
 
-    ``paired``: whether threads work on pairs of triangles, across sides that are long by the vertices' ``places``.
+    ``paired``: whether threads work on pairs of triangles that share a side, the longest by the vertices' ``places``.
     """
-    count, corners, ends = len(part.owned), elements.corners, elements.ends
-    edge_end, edge = ends.ravel()[part.ends], part.ends // 2
-    corner, triangle = corners.ravel()[part.corners], part.corners // 3
+    count, corners, ends = len(chunk.owned), elements.corners, elements.ends
+    edge_end, edge = ends.ravel()[chunk.ends], chunk.ends // 2
+    corner, triangle = corners.ravel()[chunk.corners], chunk.corners // 3
 
-    own = Members(part.owner(corner), triangle, max(len(corners), 1), count)
-    patches: list[Keys] = [part.owner(edge_end)]
+    own = Members(chunk.owner(corner), triangle, max(len(corners), 1), count)
+    patches: list[Keys] = [chunk.owner(edge_end)]
     found: list[Numbers] = [edge]
     if terms.folds:
         patches.append(np.repeat(own.patch, 3))
         found.append(edge_numbers(elements.edges[own.element]).ravel())
-    mine = Members(np.concatenate(patches), np.concatenate(found), len(ends), count)
-    folded = elements.hinge_stiffness[mine.listed] != 0.0
-    beyond = np.repeat(mine.listed_patch[folded], 2), elements.adjacent_triangles[mine.listed[folded]].ravel()
+    local_edges = Members(np.concatenate(patches), np.concatenate(found), len(ends), count)
+    folded = elements.hinge_stiffness[local_edges.listed] != 0.0
+    beyond = (
+        np.repeat(local_edges.listed_patch[folded], 2),
+        elements.adjacent_triangles[local_edges.listed[folded]].ravel(),
+    )
     normal = Members(
         np.concatenate([own.patch, beyond[0]]), np.concatenate([own.element, beyond[1]]), max(len(corners), 1), count
     )
-    items = Items(elements, places, own, part.lane) if paired else None
+    items = Items(elements, places, own, chunk.lane) if paired else None
     if items is None:
         normal.arrange(corners[normal.element].min(axis=1), ~own.has(normal.patch, normal.element))
-        mine.arrange(ends[mine.element].min(axis=1))
+        local_edges.arrange(ends[local_edges.element].min(axis=1))
         item_count = np.zeros(count, dtype=np.int64)
     else:
-        item_count = items.arrange(normal, mine)
+        item_count = items.arrange(normal, local_edges)
     vertex = Members(
-        np.concatenate([part.patch, np.repeat(normal.patch, 3), np.repeat(mine.patch, 2)]),
-        np.concatenate([part.vertices, corners[normal.element].ravel(), ends[mine.element].ravel()]),
-        part.garment_vertices,
+        np.concatenate([chunk.patch, np.repeat(normal.patch, 3), np.repeat(local_edges.patch, 2)]),
+        np.concatenate([chunk.vertices, corners[normal.element].ravel(), ends[local_edges.element].ravel()]),
+        chunk.garment_vertices,
         count,
     )
-    vertex.arrange(vertex.element, part.owner(vertex.element) != vertex.patch)
+    vertex.arrange(vertex.element, chunk.owner(vertex.element) != vertex.patch)
 
-    at = mine.listed_patch[:, None]
+    at = local_edges.listed_patch[:, None]
     word = np.concatenate(
-        [vertex.find(at, ends[mine.listed]), normal.find(at, elements.adjacent_triangles[mine.listed])], axis=1
+        [vertex.find(at, ends[local_edges.listed]), normal.find(at, elements.adjacent_triangles[local_edges.listed])],
+        axis=1,
     )
     at = normal.listed_patch[:, None]
     sides = elements.edges[normal.listed]
     turned = ((sides < 0) * np.array([1, 2, 4])).sum(axis=1, keepdims=True)
-    edge_entry = 2 * mine.find(part.owner(edge_end), edge) + part.ends % 2
-    ranks = part.ranks(edge_end, corner)
-    slots = words_of(ranks) * part.owned
-    owner = part.owner(corner)
+    edge_entry = 2 * local_edges.find(chunk.owner(edge_end), edge) + chunk.ends % 2
+    ranks = chunk.ranks(edge_end, corner)
+    slots = word_count(ranks) * chunk.owned
+    owner = chunk.owner(corner)
     first = normal.count if terms.folds else own.count
-    other = np.where(part.corners % 3, first[owner] + (part.corners % 3 - 1) * own.count[owner], 0)
+    other = np.where(chunk.corners % 3, first[owner] + (chunk.corners % 3 - 1) * own.count[owner], 0)
     entry = normal.find(owner, triangle) + other
     patch = {
-        "vertex_start": vertex.start, "vertex_count": vertex.count, "owned_count": part.owned,
-        "edge_start": mine.start, "edge_count": mine.count,
+        "vertex_start": vertex.start, "vertex_count": vertex.count, "owned_count": chunk.owned,
+        "edge_start": local_edges.start, "edge_count": local_edges.count,
         "triangle_start": normal.start, "triangle_count": own.count, "normal_count": normal.count,
         "slot_start": np.cumsum(slots) - slots, "ranks": ranks, "item_count": item_count,
     }  # fmt: skip
     return PatchTables(
         patch=patch,
         vertex=vertex.listed,
-        ends=words(word, QUARTER_BITS) if items is None else items.words(word, vertex, normal, mine),
-        edge=mine.listed,
-        corners=words(vertex.find(at, corners[normal.listed]), QUARTER_BITS),
-        sides=words(np.concatenate([mine.find(at, edge_numbers(sides)), turned], axis=1), QUARTER_BITS),
+        ends=packed_bits(word, QUARTER_BITS) if items is None else items.packed(word, vertex, normal, local_edges),
+        edge=local_edges.listed,
+        corners=packed_bits(vertex.find(at, corners[normal.listed]), QUARTER_BITS),
+        sides=packed_bits(np.concatenate([local_edges.find(at, edge_numbers(sides)), turned], axis=1), QUARTER_BITS),
         triangle=normal.listed,
-        edge_slot=part.ranked(ranks, edge_end, edge_entry, 2 * mine.count),
-        slot=part.ranked(ranks, corner, entry, first + 2 * own.count),
+        edge_slot=chunk.ranked(ranks, edge_end, edge_entry, 2 * local_edges.count),
+        slot=chunk.ranked(ranks, corner, entry, first + 2 * own.count),
         overflow=0,
     )
 
 
 def takes_pairs(terms: Terms, vertices: int | None = None) -> bool:
-    """Whether threads work on pairs of triangles in so many vertices; None: many.
+    """Whether threads should work on pairs of triangles, in a model of so many vertices; None: many.
 
-    In the small patches of a few most threads would have none, and a pair of woven triangles takes more registers than
-    there are.
+    Small models have small patches, in which most threads would have no pair; a pair of woven triangles would need
+    more registers than there are.
     """
     return terms.folds and not terms.yarns and (vertices is None or vertices > PAIRS.vertices * FEW)
 
 
 def _too_large(patch: dict[str, Keys], terms: Terms, precision: str) -> NDArray[np.bool_]:
-    """Whether patches ask for more than a block has of memory, or of threads, or than words of items tell apart."""
+    """Which patches need more shared memory or threads than a block has, or more than the bits of items can number."""
     block = block_for(bool(patch["item_count"].any()))
     over = (_memory(patch, terms, precision) > block.memory) | (patch["item_count"] > block.threads)
-    return np.asarray(over | beyond_words(patch))
+    return np.asarray(over | beyond_bits(patch))
 
 
-def beyond_words(patch: dict[str, Keys]) -> NDArray[np.bool_]:
-    """Whether patches have more of anything than words of items tell apart."""
+def beyond_bits(patch: dict[str, Keys]) -> NDArray[np.bool_]:
+    """Which patches have more vertices, normals or edges than the bits of items can number."""
     most = np.maximum.reduce([patch[name] for name in ("vertex_count", "normal_count", "edge_count")])
     return np.asarray((patch["item_count"] > 0) & (most > 1 << NUMBER_BITS))
 
 
 def _memory(patch: dict[str, Keys], terms: Terms, precision: str) -> Keys:
-    """Bytes that each patch's block needs, as kernels.patches.memory lays them out, shape [P]."""
+    """Bytes that each patch's block needs, as laid out by kernels.patches.memory, shape [P]."""
     real, wide = real_size(precision), point_size(precision) // 3
     triangles, edges, vertices = patch["triangle_count"], patch["edge_count"], patch["vertex_count"]
     first = patch["normal_count"] if terms.folds else terms.yarns * triangles

@@ -1,4 +1,4 @@
-"""Which vertices, edges and triangles a patch has, and as which it counts them, on the host."""
+"""Vertices, edges and triangles of each patch and their local numbers within it, on the host."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Numbers = NDArray[np.integer[Any]]  # of elements, of either width
 
 
 class Members:
-    """Which of some elements each patch has, and as which it counts them."""
+    """Elements of one kind in every patch, and their local numbers: indices within the patch."""
 
     def __init__(self, patch: Keys, element: Numbers, total: int, patch_count: int) -> None:
         self._total = total
@@ -28,7 +28,7 @@ class Members:
         self._number = np.arange(len(self._keys)) - self.start[self.patch]
 
     def arrange(self, key: Numbers, last: NDArray[np.bool_] | None = None) -> None:
-        """Counts them in the order of ``key`` within their patches, these after the others."""
+        """Numbers them in the order of ``key`` within their patches, those of ``last`` after the others."""
         order = np.lexsort((key, np.zeros(len(key), dtype=bool) if last is None else last, self.patch))
         self._number = np.empty_like(order)
         self._number[order] = np.arange(len(order)) - self.start[self.patch]
@@ -40,7 +40,7 @@ class Members:
         return at, self._keys[at] == wanted
 
     def place(self, number: Keys, count: Keys) -> None:
-        """Counts them by ``number`` within their patches, where not all of ``count`` are there."""
+        """Gives them these local numbers; of the ``count`` numbers of a patch some may be unused."""
         self.count, self._number = count, number
         self.start = np.cumsum(count) - count
         self.listed = np.zeros(count.sum(), dtype=np.int64)
@@ -48,12 +48,12 @@ class Members:
         self.listed_patch = np.repeat(np.arange(len(count)), count)
 
     def member(self, patch: Keys, element: Numbers) -> Keys:
-        """Which one of all patches' members an element is, -1 where the patch has no such element."""
+        """Index of an element among all patches' members, -1 where the patch does not have it."""
         at, there = self._at(patch, element)
         return np.where(there, at, -1)
 
     def find(self, patch: Keys, element: Numbers) -> Keys:
-        """Numbers of elements in their patches, whatever the shape; 0 where the patch has no such element."""
+        """Local numbers of elements, of any shape; 0 where the patch does not have the element."""
         if not len(self._keys):
             return np.zeros(np.broadcast(patch, element).shape, dtype=np.int64)
         at, there = self._at(patch, element)
@@ -65,20 +65,20 @@ class Members:
 
 
 def edge_numbers(edges: Indices) -> Indices:
-    """Edges without the sign that tells how their hinge's turn counts."""
+    """Edges without the sign of their hinge's torque (``Elements.edges``)."""
     return np.where(edges < 0, -1 - edges, edges)
 
 
-def words(numbers: Keys, bits: int) -> NDArray[np.uint64]:
-    """Numbers of so many bits packed in a word, shape [N, up to 64 / ``bits``] to [N]."""
+def packed_bits(numbers: Keys, bits: int) -> NDArray[np.uint64]:
+    """Numbers of ``bits`` bits packed into 64-bit words, shape [N, up to 64 / ``bits``] to [N]."""
     shifts = (bits * np.arange(numbers.shape[1])).astype(np.uint64)
     return np.bitwise_or.reduce(numbers.astype(np.uint64) << shifts, axis=1)
 
 
-class Part:
-    """Some patches' vertices, and where they stand in the garment's flattened ends of edges and corners of triangles.
+class Chunk:
+    """Some of a garment's patches: their vertices, and where these are in the flattened ends and corners.
 
-    ``owner`` and ``lane`` of all the garment's vertices are those of other parts, too, which never count as own.
+    ``owner`` and ``lane`` of all the garment's vertices are shared with the other chunks, which write other vertices.
     """
 
     def __init__(self, groups: list[Indices], base: int, owner: Keys, lane: Keys, ends: Keys, corners: Keys) -> None:
@@ -92,15 +92,15 @@ class Part:
         self._owner, self._lane, self._base = owner, lane, base
 
     def owner(self, vertices: Numbers) -> Keys:
-        """The patch of this part that owns each vertex; no patch's number where another part has it."""
+        """The patch of this chunk that owns each vertex; no valid number where another chunk has it."""
         return self._owner[vertices] - self._base
 
     def lane(self, patch: Keys, vertices: Numbers) -> Keys:
-        """As which each patch counts a vertex; -1 where it does not own it."""
+        """Local number of a vertex in its patch; -1 where the patch does not own it."""
         return np.where(self.owner(vertices) == patch, self._lane[vertices], -1)
 
     def ranks(self, *vertices: Numbers) -> Keys:
-        """How often a vertex of each patch stands in one of these, at most."""
+        """For each patch, how often a vertex occurs in one of these lists, at most."""
         most = np.ones(len(self.owned), dtype=np.int64)
         for each in vertices:
             often = np.bincount(self.first[self.owner(each)] + self._lane[each], minlength=len(self.vertices))
@@ -108,21 +108,21 @@ class Part:
         return most
 
     def ranked(self, ranks: Keys, vertices: Numbers, entries: Keys, nothing: Keys) -> NDArray[np.int32]:
-        """Entries of each vertex, RANKS to a word, within its patch, as many words as the patch's ``ranks`` take.
+        """Entries of each vertex by rank, transposed within its patch, RANKS packed to a row; shape [rows, RANKS / 2].
 
-        ``nothing`` is what each patch enters where a vertex has no more.
+        ``nothing``: each patch's entry where a vertex has no more.
         """
         patch, lane = self.owner(vertices), self._lane[vertices]
         start, order = ragged_rows(self.first[patch] + lane, len(self.vertices))
         patch, lane = patch[order], lane[order]
         rank = np.arange(len(order)) - start[self.first[patch] + lane]
-        size = words_of(ranks) * self.owned
+        size = word_count(ranks) * self.owned
         begin = np.cumsum(size) - size
         ranked = np.repeat(nothing, size)[:, None].repeat(RANKS, axis=1)
         ranked[begin[patch] + rank // RANKS * self.owned[patch] + lane, rank % RANKS] = entries[order]
         return ranked.astype(np.uint16).view(np.int32)
 
 
-def words_of(ranks: Keys) -> Keys:
-    """Words of RANKS numbers that so many take."""
+def word_count(ranks: Keys) -> Keys:
+    """Number of rows of RANKS entries for so many ranks."""
     return -(-ranks // RANKS)

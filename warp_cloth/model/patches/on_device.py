@@ -1,4 +1,4 @@
-"""The cloth cut into patches, as it lies on a device."""
+"""Patches of the cloth on a device: their tables, and the permutation of vertices into the patches' order."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from warp_cloth.kernels.base.options import FEW, Terms, block_for
 from warp_cloth.kernels.base.types import Patch
 from warp_cloth.model.patches.cutting import (
     PatchTables,
-    beyond_words,
+    beyond_bits,
     even_size,
     garment_patches,
     joined_rows,
@@ -29,12 +29,12 @@ from warp_cloth.model.patches.triangle_pairs import with_laws
 from warp_cloth.model.permutation import Permutation
 from warp_cloth.model.upload import joined
 
-PER_CORE_LAYERED = 1  # patches on each core of a large GPU, at least, where garments that meet lie on each other
-SHARE_AT_REST = 0.125  # of the patches at work, those of items that have ended: their blocks start, and end at once
+PER_CORE_LAYERED = 1  # patches on each core of a large GPU, at least, where layered garments are in contact
+AT_REST_FRACTION = 0.125  # of the launched patches that may belong to finished items: their blocks end at once
 
 
 class Patches:
-    """The cloth cut into patches, each of which a thread block works out. The first ``count`` are worked on."""
+    """The cloth cut into patches, one thread block each. The first ``count`` are launched."""
 
     def __init__(
         self,
@@ -48,27 +48,27 @@ class Patches:
         overflow: wp.array,
         few: bool,
     ) -> None:
-        """``rows`` are kernels.base.types Patch, each of an ``item``, shape [P, 16]; the rest as of the attributes."""
+        """``rows``: kernels.base.types.Patch of each patch, shape [P, 16], and its ``item``; others as attributes."""
         self._rows, self._item = rows, item
         self.tables = tables  # kernels.base.types Patches
-        self.packed_tables = packed_tables  # the same for vertices in the patches' order; and last patches first
-        self.permutation = permutation  # of the vertices in that order, on the host
-        self.order = order  # that order: of each patch the vertices that it owns
-        self.rank = rank  # where each vertex is in it
-        self.overflow = overflow  # memory of patches that are too large for a block's own
+        self.packed_tables = packed_tables  # for vertices in the patches' order: forwards, and last patch first
+        self.permutation = permutation  # of the vertices into the patches' order, on the host
+        self.order = order  # vertices that the patches own, one patch after another
+        self.rank = rank  # position of each vertex in ``order``
+        self.overflow = overflow  # memory of patches that are too large for a block's shared memory
         self.fits = wp.get_device(overflow.device).is_cuda and not len(overflow)  # whether none is
         self.paired = bool(rows[:, list(Patch.vars).index("item_count")].any())  # whether threads work on pairs
-        self.few = few  # so that cores have few of them at a time
+        self.few = few  # whether each core runs few of them at a time
         self.count = len(rows)
 
     def work_on(self, active: NDArray[np.bool_]) -> bool:
-        """Puts the patches of active items first, the others out of work; whether their number has changed.
+        """Launches the patches of active items only; returns whether their number has changed.
 
-        Where few of those at work are of other items that is not worth it, as a patch at rest takes little time.
+        Where few others are launched nothing changes, as a patch at rest takes little time.
         """
         chosen = np.flatnonzero(active[self._item])
         wanted = len(chosen)
-        if not wanted or wanted <= self.count <= wanted + SHARE_AT_REST * wanted:
+        if not wanted or wanted <= self.count <= wanted + AT_REST_FRACTION * wanted:
             return False
         rows = self._rows[chosen].reshape(wanted, -1, 4)
         for tables, some in ((self.tables, rows), (self.packed_tables[1], rows[::-1])):
@@ -79,14 +79,14 @@ class Patches:
 
 @dataclass(frozen=True, eq=False)
 class PatchSource:
-    """What a model cuts into patches.
+    """What ``device_patches`` cuts into patches.
 
     garments: the elements of each garment; ``rounded``: in the device's precision.
-    points: where each garment's vertices lie as loaded [m].
-    terms: what acts in the cloth.
+    points: positions of each garment's vertices as loaded [m].
+    terms: the model's terms that act in the cloth.
     item_start: first vertex of each item, and the number of all.
-    layered: whether garments lie on each other and meet: while patches are computed, a core's other blocks press.
-    like: vertices of a model that they are cut, and computed, as if they were of; None: as many as there are.
+    layered: whether garments lie on each other in contact: then blocks that compute contact share the cores.
+    like: number of vertices of the model as whose patches these are cut; None: as many as there are.
     """
 
     garments: Sequence[Elements]
@@ -99,7 +99,7 @@ class PatchSource:
 
 
 def device_patches(source: PatchSource, types: Any, device: str, cache: Cache) -> Patches:
-    """The cloth cut into patches of vertices that lie together as loaded, on a device.
+    """Cuts the cloth into patches of vertices that are near as loaded, and uploads them.
 
     ``types`` are kernels.base.types of a precision; ``cache`` has what garments share with earlier models.
     """
@@ -140,7 +140,7 @@ def device_patches(source: PatchSource, types: Any, device: str, cache: Cache) -
 
 
 def _cut(source: PatchSource, precision: str, cache: Cache) -> list[PatchTables]:
-    """Each garment's patches; of pairs of triangles where those serve, and their words have room."""
+    """Each garment's patches; with pairs of triangles where these are faster and can be numbered (``beyond_bits``)."""
     vertices = sum(len(part) for part in source.points) if source.like is None else source.like
 
     def cut_as(paired: bool) -> list[PatchTables]:
@@ -157,7 +157,7 @@ def _cut(source: PatchSource, precision: str, cache: Cache) -> list[PatchTables]
         )
 
     each = cut_as(takes_pairs(source.terms, vertices))
-    return cut_as(False) if any(beyond_words(own.patch).any() for own in each) else each
+    return cut_as(False) if any(beyond_bits(own.patch).any() for own in each) else each
 
 
 def _patch_rows(
@@ -166,7 +166,7 @@ def _patch_rows(
     patch: dict[str, NDArray[Any]],
     laws: Sequence[dict[str, NDArray[Any]]],
 ) -> NDArray[Any]:
-    """The rows of kernels.base.types Patch, of all garments."""
+    """Rows of kernels.base.types.Patch of all garments."""
     rows = np.zeros(len(patch["vertex_start"]), dtype=Patch.numpy_dtype())
     for name, numbers in patch.items():
         rows[name] = numbers
@@ -192,14 +192,14 @@ def _tables(
     *,
     paired: bool,
 ) -> Any:
-    """The tables of the terms that there are; threads that find nothing left load one row ``more``, and discard it."""
+    """Tables of the terms in use; idle threads load, and discard, the row ``more`` at the end."""
 
     def laid(name: str, dtype: Any, *, more: int = 0) -> wp.array:
         """A table of all garments' patches."""
         return joined([getattr(own, name) for own in each], dtype, device=device, more=more)
 
     def law(name: str, dtype: Any, *, more: int = 0) -> wp.array:
-        """Likewise of what acts in them."""
+        """Likewise of their laws."""
         return joined([own[name] for own in laws], dtype, device=device, more=more)
 
     tables = types.Patches()
@@ -229,7 +229,7 @@ def _last_first(rows: NDArray[np.int32], count: int) -> NDArray[np.int32]:
 
 
 def _patch_laws(elements: Elements, tables: PatchTables, terms: Terms) -> dict[str, NDArray[Any]]:
-    """What acts in a garment's patches, in their order, and their edges' words; nothing of terms that there are not."""
+    """Laws of a garment's patches in the patches' order, and the words of their edges, of the terms in use."""
     laws: dict[str, NDArray[Any]] = {}
     if terms.edges or terms.folds:
         table = "law" if terms.edges else "hinge_stiffness"
@@ -248,16 +248,16 @@ def _patch_laws(elements: Elements, tables: PatchTables, terms: Terms) -> dict[s
 
 @dataclass(frozen=True, eq=False)
 class _Packing:
-    """Numbers of a garment's vertices, from its first one on."""
+    """Vertex numbers of a garment's patches, from its first vertex on."""
 
-    vertex: NDArray[np.int32]  # of each patch, one after another
+    vertex: NDArray[np.int32]  # of every patch, one after another
     packed_vertex: NDArray[np.int32]  # the same in the patches' order
-    order: NDArray[np.int32]  # that order: of each patch the vertices that it owns, shape [V]
-    rank: NDArray[np.int32]  # where each vertex is in it, shape [V]
+    order: NDArray[np.int32]  # vertices that the patches own, one patch after another, shape [V]
+    rank: NDArray[np.int32]  # position of each vertex in ``order``, shape [V]
 
 
 def _packing(tables: PatchTables) -> _Packing:
-    """That of a garment's patches, which own its vertices and no others."""
+    """The packing of a garment's patches, which own its vertices and no others."""
     owned, vertex = tables.patch["owned_count"], tables.vertex.astype(np.int32)
     lane = np.arange(owned.sum(), dtype=np.int64) - np.repeat(np.cumsum(owned) - owned, owned)
     order = vertex[np.repeat(tables.patch["vertex_start"], owned) + lane]

@@ -1,4 +1,4 @@
-"""Where vertices lie in a mesh as its edges join them, whatever its shape: sheets that touch lie far apart."""
+"""Graph embedding: coordinates of vertices from edge distances, so that sheets that touch lie far apart."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ from warp_cloth.base.mesh import Indices, Points
 from warp_cloth.base.topology import ragged_rows
 from warp_cloth.garment.rest import Floats
 
-LANDMARKS = 8  # vertices from which edges are counted; more of them tell little more
-AXES = 3  # directions in which these counts differ most
-SLIGHT = 1e-3  # weight of the loaded shape, which tells apart what no edges join
+LANDMARKS = 8  # vertices from which edges are counted; more of them add little
+AXES = 3  # principal axes of these counts
+SLIGHT = 1e-3  # weight of the loaded shape, which separates vertices that no edges connect
 
 
 def spread_places(ends: Indices, points: Points) -> Floats:
-    """Coordinates of vertices in which near means few edges between, shape [V, AXES + 3].
+    """Coordinates in which vertices with few edges between them are near, shape [V, AXES + 3].
 
-    Edges are counted from vertices as far from each other as can be; the counts' principal axes are the coordinates.
+    Edges are counted from landmarks as far apart as possible; principal axes of these counts are the coordinates.
     """
     neighbours = _Neighbours(ends, len(points))
     seed = int(neighbours.hops(0).argmax())
@@ -36,7 +36,7 @@ def spread_places(ends: Indices, points: Points) -> Floats:
 
 
 class _Neighbours:
-    """Which vertices edges join."""
+    """Adjacency of vertices."""
 
     def __init__(self, ends: Indices, vertex_count: int) -> None:
         self._start, order = ragged_rows(ends.ravel(), vertex_count)
@@ -44,7 +44,7 @@ class _Neighbours:
         self._found_by = np.empty(vertex_count, dtype=np.int64)
 
     def hops(self, vertex: int) -> NDArray[np.int32]:
-        """Edges from a vertex to each; where none lead, twice as many as to the farthest, and one more."""
+        """Number of edges from a vertex to each other one; where unreachable, twice the largest number plus one."""
         hops = np.full(len(self._found_by), -1, dtype=np.int32)
         front, hop = np.array([vertex]), 0
         hops[front] = 0
@@ -54,7 +54,7 @@ class _Neighbours:
             rank = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
             found = self._other[np.repeat(first, count) + rank]
             found = found[hops[found] < 0]
-            self._found_by[found] = np.arange(len(found))  # of those that found the same vertex the last
+            self._found_by[found] = np.arange(len(found))  # of several that found the same vertex, the last
             front = found[self._found_by[found] == np.arange(len(found))]
             hop += 1
             hops[front] = hop

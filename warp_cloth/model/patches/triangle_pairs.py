@@ -1,12 +1,12 @@
-"""Which triangles of a patch a thread works out together, and which of their edges, on the host.
+"""Matching of a patch's triangles into pairs, one thread for each pair and some of its edges, on the host.
 
-Two triangles that share an edge have four vertices and five edges: whoever works out both reads less of each, and keeps
-what it has read. A thread's *item* is such a pair, or a triangle that is left over. The shared edge is the item's, and
-of the others up to two, so that every item has about as much to do; edges that no item takes are *loose*.
+Two triangles that share an edge have four vertices and five edges: a thread that computes both loads less for each. A
+thread's *item* is such a pair, or a triangle that is left over. An item has the shared edge and up to two of the
+others, so that all items cost about the same; edges that no item has are *loose*.
 
-Threads are told of them in words: three of each item, the first ones of all a patch's items, then the second, then the
-third, then one of each loose edge. Where in a word what stands says kernels.base.options. How an edge pulls and bends
-a word tells by a number of its patch's different laws, of which regular cloth has few.
+Items are packed into 64-bit words: three of each item (the first words of all items of a patch, then the second, then
+the third), then one word of each loose edge; kernels.base.options has the bits. An edge's law (rest length and
+stiffness) is packed as an index into the different laws of its patch, of which regular cloth has few.
 """
 
 from __future__ import annotations
@@ -35,57 +35,57 @@ from warp_cloth.kernels.base.options import (
     WORD_LAW,
     WORD_REVERSED,
 )
-from warp_cloth.model.patches.members import Keys, Members, Numbers, edge_numbers, words
+from warp_cloth.model.patches.members import Keys, Members, Numbers, edge_numbers, packed_bits
 
-ALONE = 2  # side that stands for the shared one where there is none: the corners are a, b, c then
-ROUNDS = 16  # of proposals, after which what is left stays alone
-LOW = 0.6  # of a vertex' places each counts so much of the one before, where it is asked which vertex is lower
-SHARE = SLOTS - 1  # edges that an item takes besides the one that its triangles share
+ALONE = 2  # the side used in place of the shared one where there is none: the corners are a, b, c then
+ROUNDS = 16  # of proposals; triangles left then stay alone
+LOW = 0.6  # weight of a coordinate relative to the one before, where the lower one of two vertices is determined
+OUTER_EDGES = SLOTS - 1  # edges of an item at most, besides the one that its triangles share
 
 
 def find_pairs(partner: Keys, edge: Indices, size: Floats, is_first: NDArray[np.bool_]) -> tuple[Keys, Keys]:
-    """Pairs triangles across long sides, as long as there are two that have none yet.
+    """Greedy matching of triangles across their longest sides: each proposes to its best free neighbour.
 
-    Returns the first triangle of each triangle's item, and which of its sides a triangle shares, opposite to this
-    corner; -1 where it is alone.
+    Returns the first triangle of each triangle's item, and the side that a triangle shares, by its opposite corner; -1
+    where it is alone.
 
     Args:
         partner: triangle across each side, -1 where there is none to pair with, shape [T, 3].
-        edge: that each side is, which tells sides of equal size apart.
-        size: of each side, the same seen from both triangles.
-        is_first: whether a triangle is the first one of each side's hinge.
+        edge: edge of each side, the tie-breaker between sides of equal size.
+        size: of each side, the same from both triangles.
+        is_first: whether the triangle is the first of the hinge at each side.
     """
     rows = np.arange(len(partner))
     alone = np.ones(len(partner) + 1, dtype=bool)
     alone[-1] = False
     side, first = np.full(len(partner), -1), rows.copy()
     for _ in range(ROUNDS):
-        asks = np.flatnonzero(alone[:-1])
-        free = alone[partner[asks]]
-        best = np.where(free, size[asks], -1.0)
+        single = np.flatnonzero(alone[:-1])
+        free = alone[partner[single]]
+        best = np.where(free, size[single], -1.0)
         tied = free & (best >= best.max(axis=1, keepdims=True))
-        choice = np.argmax(np.where(tied, edge[asks], -1), axis=1)
-        asks, choice = asks[free.any(axis=1)], choice[free.any(axis=1)]
-        if not len(asks):
+        choice = np.argmax(np.where(tied, edge[single], -1), axis=1)
+        single, choice = single[free.any(axis=1)], choice[free.any(axis=1)]
+        if not len(single):
             break
-        asked = np.full(len(partner), -1)
-        asked[asks] = partner[asks, choice]
-        agreed = asked[asked[asks]] == asks
-        asks, choice = asks[agreed], choice[agreed]
-        side[asks], alone[asks] = choice, False
-        first[asks] = np.where(is_first[asks, choice], asks, partner[asks, choice])
+        proposal = np.full(len(partner), -1)
+        proposal[single] = partner[single, choice]
+        agreed = proposal[proposal[single]] == single
+        single, choice = single[agreed], choice[agreed]
+        side[single], alone[single] = choice, False
+        first[single] = np.where(is_first[single, choice], single, partner[single, choice])
     return first, side
 
 
-def share_edges(edge: Keys, item: Keys, edge_count: int, item_count: int) -> Keys:
-    """Which item takes an edge as one of its SHARE, -1 where none does; shape [``edge_count``].
+def assign_edges(edge: Keys, item: Keys, edge_count: int, item_count: int) -> Keys:
+    """The item that takes each edge as one of its OUTER_EDGES, -1 where none does; shape [``edge_count``].
 
     Args:
-        edge: of each side of a triangle that is not shared within its item.
-        item: that the triangle is of.
+        edge: edge of each triangle side that is not shared within its item.
+        item: item of that triangle.
     """
     taken = np.full(edge_count, -1)
-    room = np.full(item_count, SHARE)
+    slots_left = np.full(item_count, OUTER_EDGES)
     seen = np.bincount(edge, minlength=edge_count)
     order = np.lexsort((-item, edge))
     choices = np.full((edge_count, 2), -1)
@@ -96,35 +96,35 @@ def share_edges(edge: Keys, item: Keys, edge_count: int, item_count: int) -> Key
     for choice in (0, 1):
         wants = np.flatnonzero((taken < 0) & (choices[:, choice] >= 0))
         of = choices[wants, choice]
-        by_item = np.lexsort((wants, seen[wants], of))  # who has no other choice comes first
+        by_item = np.lexsort((wants, seen[wants], of))  # edges without another choice come first
         wants, of = wants[by_item], of[by_item]
-        gets = np.arange(len(of)) - np.searchsorted(of, of) < room[of]
+        gets = np.arange(len(of)) - np.searchsorted(of, of) < slots_left[of]
         taken[wants[gets]] = of[gets]
-        room -= np.bincount(of[gets], minlength=item_count)
+        slots_left -= np.bincount(of[gets], minlength=item_count)
     return taken
 
 
 class Items:
-    """Items of the triangles that patches own, and what their threads are told.
+    """Items of the triangles that patches own, and their packed words.
 
     Args:
         elements: of the garment.
-        places: where its vertices are, which tells what sides are long, shape [V, 2..3].
+        places: coordinates of its vertices, by which sides are long or short, shape [V, 2..3].
         own: the patches' own triangles.
-        lane: as which patches count vertices that they own, -1 for others.
+        lane: local numbers of vertices that patches own, -1 for others.
     """
 
     def __init__(self, elements: Elements, places: Floats, own: Members, lane: Callable[[Keys, Numbers], Keys]) -> None:
         self._elements, self._own, self._lane = elements, own, lane
         self._height = places @ LOW ** np.arange(places.shape[1])
         self._edges = edge_numbers(elements.edges[own.element])
-        beside = elements.adjacent_triangles[self._edges]
-        is_first = beside[..., 0] == own.element[:, None]
-        across = np.where(is_first, beside[..., 1], beside[..., 0])
+        adjacent = elements.adjacent_triangles[self._edges]
+        is_first = adjacent[..., 0] == own.element[:, None]
+        across = np.where(is_first, adjacent[..., 1], adjacent[..., 0])
         fold = elements.hinge_stiffness[self._edges]
-        # where more than two triangles meet at an edge its hinge is of two of them only
-        self._may_take = (beside == own.element[:, None, None]).any(axis=-1) | (fold == 0.0)
-        # triangles that are wound likewise, or that no hinge joins, stay alone
+        # where more than two triangles meet at an edge, only two of them belong to its hinge
+        self._may_take = (adjacent == own.element[:, None, None]).any(axis=-1) | (fold == 0.0)
+        # triangles with the same winding along the edge, or without a hinge, stay alone
         joined = self._may_take & (fold > 0.0)
         partner = np.where(joined, own.member(own.patch[:, None], across), -1)
         ends = places[elements.ends[self._edges]]
@@ -134,14 +134,14 @@ class Items:
         self._paired, self._is_second = side >= 0, self._first != np.arange(len(side))
         self._bent, self._across, self._is_first = fold != 0.0, across, is_first
 
-    def arrange(self, normal: Members, mine: Members) -> Keys:
-        """Counts triangles and edges as threads work on them; returns how many items each patch has."""
+    def arrange(self, normal: Members, local_edges: Members) -> Keys:
+        """Numbers triangles and edges as threads work on them; returns the number of items of each patch."""
         self._arrange_triangles(normal)
-        self._share_edges(mine)
+        self._number_edges(local_edges)
         return self._count
 
     def _arrange_triangles(self, normal: Members) -> None:
-        """Items' first triangles, those of pairs before others; second ones in the same order; those of no item."""
+        """Numbers the items' first triangles, pairs before others, then second ones in the same order, then the rest."""
         own = self._own
         self._count = np.bincount(own.patch[~self._is_second], minlength=len(own.count))
         self._item = self._numbers()[self._first]
@@ -150,11 +150,11 @@ class Items:
         normal.arrange(np.where(among < 0, self._elements.corners[normal.element].min(axis=1), number), among < 0)
 
     def _numbers(self) -> Keys:
-        """As which each item counts, by its first triangle: as its lowest vertex does, where it may.
+        """Local number of each item, at its first triangle: that of its lowest vertex, where possible.
 
-        So neighbours lie as their vertices do, and what threads side by side ask for lies in different banks of the
-        block's memory. Where several items have the same lowest vertex, or one that the patch does not own, they take
-        what is left.
+        So items are ordered like their vertices, and neighbouring threads load from different banks of shared memory.
+        Where several items have the same lowest vertex, or one that the patch does not own, they take the remaining
+        numbers.
         """
         own, corners = self._own, self._elements.corners
         leads = np.flatnonzero(~self._is_second)
@@ -171,67 +171,69 @@ class Items:
         order = np.lexsort((low, patch))
         got = order[np.unique(place[order], return_index=True)[1]]
         got = got[place[got] >= 0]
-        kept = np.zeros(len(leads), dtype=bool)
-        kept[got] = True
+        placed = np.zeros(len(leads), dtype=bool)
+        placed[got] = True
         free = np.ones(len(leads), dtype=bool)
         free[place[got]] = False
-        left = order[~kept[order]]
+        left = order[~placed[order]]
         left = left[np.lexsort((~pair[left], patch[left]))]
         place[left] = np.flatnonzero(free)
         number = np.zeros(len(own.patch), dtype=np.int64)
         number[leads] = place - base[patch]
         return number
 
-    def _share_edges(self, mine: Members) -> None:
-        """What pairs share, item by item; what else items take, one of each, then the other; then loose edges.
+    def _number_edges(self, local_edges: Members) -> None:
+        """Numbers edges: those shared within pairs, by item; then the items' first outer edges, the second; loose ones.
 
-        Where an item takes less, nothing is there.
+        Where an item has fewer, its number is unused.
         """
         own, side = self._own, np.arange(3)
-        edge = mine.member(own.patch[:, None], self._edges)
+        edge = local_edges.member(own.patch[:, None], self._edges)
         owner = np.broadcast_to((own.start[own.patch] + self._item)[:, None], edge.shape)
         outer = ((side != self._side[:, None]) | ~self._paired[:, None]) & self._may_take
-        taken = share_edges(edge[outer], owner[outer], len(mine.element), len(own.element))
+        taken = assign_edges(edge[outer], owner[outer], len(local_edges.element), len(own.element))
         of, place = np.nonzero(outer & (taken[edge] == owner))
         one_each = np.unique(edge[of, place], return_index=True)[1]
-        turn = (place - self._side[of]) % 3
-        which = np.where(self._is_second[of], turn + 2, np.where(turn == 0, SIDE_AB, turn))
+        step = (place - self._side[of]) % 3
+        which = np.where(self._is_second[of], step + 2, np.where(step == 0, SIDE_AB, step))
         order = one_each[np.lexsort((which[one_each], owner[of, place][one_each]))]
         of, place, self._which = of[order], place[order], which[order]
         inner = np.flatnonzero(self._paired & ~self._is_second)
 
-        number = np.full(len(mine.element), -1)
+        number = np.full(len(local_edges.element), -1)
         number[edge[inner, self._side[inner]]] = self._item[inner]
         by_item = owner[of, place]
         slot = 1 + np.arange(len(of)) - np.searchsorted(by_item, by_item)
         number[edge[of, place]] = slot * self._count[own.patch[of]] + self._item[of]
         loose = np.flatnonzero(number < 0)
-        loose = loose[np.lexsort((self._elements.ends[mine.element[loose]].min(axis=1), mine.patch[loose]))]
-        patch = mine.patch[loose]
+        loose = loose[
+            np.lexsort((self._elements.ends[local_edges.element[loose]].min(axis=1), local_edges.patch[loose]))
+        ]
+        patch = local_edges.patch[loose]
         number[loose] = SLOTS * self._count[patch] + np.arange(len(loose)) - np.searchsorted(patch, patch)
-        mine.place(number, SLOTS * self._count + np.bincount(patch, minlength=len(own.count)))
+        local_edges.place(number, SLOTS * self._count + np.bincount(patch, minlength=len(own.count)))
         self._taken = of, place
 
-    def words(self, ends: Keys, vertex: Members, normal: Members, mine: Members) -> NDArray[np.uint64]:
-        """What threads are told of their items and of loose edges, of which ``ends`` has ends and triangles, shape [E].
+    def packed(self, ends: Keys, vertex: Members, normal: Members, local_edges: Members) -> NDArray[np.uint64]:
+        """Words of items and loose edges, shape [E]; ``ends``: end vertices and triangles of each edge.
 
-        Where the edges are that pairs share, an item's vertices and how they and the taken edges lie; where the first
-        of the taken ones are, the other sides of its triangles; where the second ones are, nothing yet (``with_laws``).
+        At the number of a shared edge: the item's vertices, and the codes of its outer edges. At that of the first
+        outer edge: the other sides of its triangles. At that of the second: nothing yet (``with_laws``).
         """
         own, elements = self._own, self._elements
         patch, count = own.patch, self._count[own.patch]
         corners, rows = elements.corners[own.element], np.arange(len(patch))
-        word = words(ends, NUMBER_BITS)
-        at = mine.start[patch] + self._item
+        word = packed_bits(ends, NUMBER_BITS)
+        at = local_edges.start[patch] + self._item
         for slot in range(SLOTS):
             word[at + slot * count] = 0
         one, two, alone = ~self._is_second, self._is_second, ~self._paired
-        a, b, c = (vertex.find(patch, corners[rows, (self._side + turn) % 3]) for turn in (1, 2, 0))
+        a, b, c = (vertex.find(patch, corners[rows, (self._side + step) % 3]) for step in (1, 2, 0))
         for corner, number in enumerate((a, b, c)):
             _put(word, at[one], corner * NUMBER_BITS, number[one])
         _put(word, at[two], 3 * NUMBER_BITS, c[two])
 
-        sides = mine.find(patch[:, None], self._edges)
+        sides = local_edges.find(patch[:, None], self._edges)
         others = np.sort((self._side[:, None] + [1, 2]) % 3, axis=1)
         second, place = at + count, 2 * NUMBER_BITS * two
         _put(word, second, place, sides[rows, others[:, 0]])
@@ -245,7 +247,7 @@ class Items:
         patch, edge = patch[of], self._edges[of, place]
         bent, back = self._bent[of, place], elements.ends[edge, 0] != corners[of, (place + 1) % 3]
         after = bent & ~self._is_first[of, place]
-        slot = (mine.find(patch, edge) - self._item[of]) // count[of] - 1
+        slot = (local_edges.find(patch, edge) - self._item[of]) // count[of] - 1
         code = self._which + CODE_BACK * back + CODE_AFTER * after
         _put(word, at[of], WORD_CODE + CODE_BITS * slot, code)
         across = np.where(bent, normal.find(patch, self._across[of, place]), 0)
@@ -254,24 +256,24 @@ class Items:
 
 
 def _put(word: NDArray[np.uint64], at: Keys, bit: Keys | int, number: Keys) -> None:
-    """Writes numbers into some words, from a bit on where there is nothing yet; of the same word one after another."""
+    """Writes numbers into unused bits of words, from ``bit`` on; a word may occur several times in ``at``."""
     np.bitwise_or.at(word, at, number.astype(np.uint64) << np.asarray(bit, dtype=np.uint64))
 
 
 def with_laws(
     ends: NDArray[np.uint64], patch: dict[str, Keys], law: NDArray[Any]
 ) -> tuple[NDArray[np.uint64], NDArray[Any], Keys, Keys]:
-    """Words that tell by which of its patch's laws each edge pulls and bends, and each patch's different laws.
+    """Adds to the words the index of each edge's law among its patch's different laws, and returns these laws.
 
-    A third word of an item has the laws of its edges, that of a loose edge its own.
+    An item's third word has the laws of its edges; the word of a loose edge has its own.
 
     Args:
-        ends: of all patches, as ``Items.words`` has made them, shape [E].
+        ends: words of all patches from ``Items.packed``, shape [E].
         patch: of PatchTables.
         law: of each edge, shape [E, 1..4].
 
     Returns:
-        The words, the laws, and each patch's first one and how many it has.
+        The words, the laws, and the first law and number of laws of each patch.
     """
     count = patch["edge_count"]
     of = np.repeat(np.arange(len(count)), count)
@@ -279,13 +281,16 @@ def with_laws(
     keys, first, number = np.unique(of * len(law) + alike, return_index=True, return_inverse=True)
     law_count = np.bincount(keys // max(len(law), 1), minlength=len(count))
     law_start = np.cumsum(law_count) - law_count
-    first, rank = np.sort(first), np.argsort(np.argsort(first))  # as edges come: where all differ threads go in step
+    first, rank = (
+        np.sort(first),
+        np.argsort(np.argsort(first)),
+    )  # in the order of the edges: where all differ, neighbouring threads load neighbouring laws
     number = rank[number] - law_start[of]
     local, items = np.arange(len(of)) - patch["edge_start"][of], patch["item_count"][of]
     slot = np.minimum(local // np.maximum(items, 1), SLOTS)
     slot[items == 0] = SLOTS
     loose = slot == SLOTS
-    told = ends.copy()
+    words = ends.copy()
     third = np.arange(len(of)) + (SLOTS - 1 - slot) * items
-    _put(told, np.where(loose, np.arange(len(of)), third), np.where(loose, WORD_LAW, NUMBER_BITS * slot), number)
-    return told, law[first], law_start, law_count
+    _put(words, np.where(loose, np.arange(len(of)), third), np.where(loose, WORD_LAW, NUMBER_BITS * slot), number)
+    return words, law[first], law_start, law_count
