@@ -46,8 +46,8 @@ class Cache:
         key = self.key(name, sources, *parameters)
         entry = self._entries.pop(key, None)
         if entry is None:
-            made = make()
-            entry = _Entry(made, tuple(sources), size(made))
+            new = make()
+            entry = _Entry(new, tuple(sources), size(new))
         self._entries[key] = entry  # at the end: most recently used
         value: T = entry.value
         return value
@@ -58,8 +58,8 @@ class Cache:
         """``get_or_make`` for each tuple of sources, in order; missing values are ``make(*sources)``, in threads."""
         missing = {self.key(name, own, *parameters): own for own in sources}
         missing = {key: own for key, own in missing.items() if key not in self._entries}
-        made = map_in_threads(lambda own: make(*own), missing.values())
-        for key, own, value in zip(missing, missing.values(), made, strict=True):
+        values = map_in_threads(lambda own: make(*own), missing.values())
+        for key, own, value in zip(missing, missing.values(), values, strict=True):
             self._entries[key] = _Entry(value, own, 0)
         return [self._entries[self.key(name, own, *parameters)].value for own in sources]
 

@@ -21,10 +21,10 @@ class Folds:
     angles: Points  # between their normals [rad], shape [N]
     by_shape: bool = False  # whether all other angles are those of the rest shape
 
-    def among(self, kept: NDArray[np.int64], face_count: int) -> Folds:
-        """The rest angles between the faces ``kept``, shape [K], which become faces 0 to K - 1."""
+    def among(self, faces: NDArray[np.int64], face_count: int) -> Folds:
+        """The rest angles between ``faces``, shape [K], which become faces 0 to K - 1."""
         number = np.full(face_count, -1, dtype=np.int64)
-        number[kept] = np.arange(len(kept))
+        number[faces] = np.arange(len(faces))
         faces = number[self.faces]
         there = (faces >= 0).all(axis=1)
         return Folds(faces[there], self.angles[there], self.by_shape)
@@ -86,7 +86,7 @@ class Mesh:
         return len(start) > 0 and np.array_equal(np.sort(start * count + end), np.sort(end * count + start))
 
     def arrays(self) -> dict[str, Any]:
-        """``vertex_map`` and ``triangle_source``, where present, by name, as files beside a result hold them."""
+        """``vertex_map`` and ``triangle_source``, where present, by name, as stored in files with a result."""
         found = {"vertex_map": self.vertex_map, "triangle_source": self.triangle_source}
         return {name: array for name, array in found.items() if array is not None}
 

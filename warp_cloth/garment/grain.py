@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from warp_cloth.base.errors import InputError
 from warp_cloth.base.mesh import Mesh
 
-# A whole turn of hue is half a turn of the warp, whose two ends are alike: red 0, yellow 30, green 60, cyan 90,
+# 360 degrees of hue are 180 of the warp, whose two ends are alike: red 0, yellow 30, green 60, cyan 90,
 # blue 120 and magenta 150 degrees. Below this saturation (of 255) a colour has no hue to speak of: 0 degrees.
 DEGREES_PER_TURN = 180.0
 LEAST_SATURATION = 26
@@ -23,7 +23,7 @@ LEAST_SATURATION = 26
 class Grain:
     """How far the warp is turned from the panels' +v, counter-clockwise as the panels are drawn [degrees].
 
-    An image turns it further, triangle by triangle, by the colour at its middle; it covers all texture coordinates,
+    An image rotates it further, triangle by triangle, by the colour at its middle; it covers all texture coordinates,
     its top at their highest v.
     """
 
@@ -38,11 +38,11 @@ class Grain:
             InputError: it names a panel that the mesh lacks, or an image that cannot be used.
         """
         degrees = np.full(len(mesh.triangles), self.degrees)
-        for name, turn in self.panels.items():
+        for name, angle in self.panels.items():
             if mesh.panels is None or name not in mesh.panel_names:
                 known = f"there are {', '.join(mesh.panel_names)}" if mesh.panel_names else "it has no named panels"
                 raise InputError(f"{key}.grain_panels", f'the mesh has no panel "{name}"', known)
-            degrees[mesh.panels == mesh.panel_names.index(name)] = turn
+            degrees[mesh.panels == mesh.panel_names.index(name)] = angle
         if self.texture is not None:
             degrees = degrees + self._painted(mesh, self.texture, key)
         return np.radians(degrees)

@@ -27,8 +27,8 @@ def reach_box(garment: Garment) -> tuple[Floats, Floats] | None:
     if not len(garment.pins) or not len(paths.ends) or not (paths.stiffness > 0.0).all():
         return None
     start = paths.start + 7.0 * float(rest.hinge_stiffness.sum())  # C (t - sin t) is at most 2 pi C
-    held = garment.points[garment.pins]
-    low, high = held.min(axis=0), held.max(axis=0)
+    pinned = garment.points[garment.pins]
+    low, high = pinned.min(axis=0), pinned.max(axis=0)
     energy = start + 1e-9
     for _ in range(ROUNDS):
         far = _distances(len(garment.points), garment.pins, paths.ends, paths.lengths(energy))

@@ -30,7 +30,7 @@ GRAVITY = 9.80665  # standard gravity [m/s2]
 
 # Edges far shorter than their neighbours would get constants without bound (k ~ 1 / L^3), and strains over nothing:
 # below this fraction of the garment's median edge they count as that long.
-SHORTEST_EDGE_SHARE = 1.0e-3
+SHORTEST_EDGE = 1.0e-3
 
 COMMON = ("topology", "edge_length", "sheet", "area", "hinge_angle", "corners")  # to a garment's every fabric
 
@@ -78,7 +78,7 @@ FLATNESS = 1e-3  # of a normal's components; a mesh that is flatter lies in a pl
 
 
 def _drawn_flat(mesh: Mesh, grain: Grain, key: str, rest: RestKind) -> Floats | None:
-    """Corners of every triangle, x along weft and y along warp, shape [F, 3, 2]; None where nothing tells the warp.
+    """Corners of every triangle, x along weft and y along warp, shape [F, 3, 2]; None where the warp is unknown.
 
     The warp is +y of a stated rest shape in the xy plane, the panels' +v, or, of a flat mesh without panels, what is
     up in it: +y, or -z where it lies.
@@ -169,9 +169,9 @@ def rest_in_fabric(geometry: RestGeometry, vertex_count: int, fabric: Fabric) ->
     Gravity: total weight / V on every vertex (the paper, section 2.3).
     """
     weight = fabric.weight * geometry.area * GRAVITY / vertex_count
-    made = _constants(geometry, np.full(vertex_count, weight), fabric)
+    shape = _constants(geometry, np.full(vertex_count, weight), fabric)
     notes = unlikely_values(fabric) + _check_directions(fabric, geometry.sheet.directed)
-    return replace(made, notes=geometry.notes + notes)
+    return replace(shape, notes=geometry.notes + notes)
 
 
 def build_rest_geometry(
@@ -209,15 +209,15 @@ def build_rest_geometry(
     if not areas.sum() > 0.0:
         raise InputError(place, "the garment has no area", "check the mesh")
     like = _drawn_flat(mesh, grain or Grain(), key, rest)
-    made = _laid_out(mesh.triangles, sides, mesh.vertex_count, like)
-    topology, length = made.sheet.topology, made.length
+    geometry = _laid_out(mesh.triangles, sides, mesh.vertex_count, like)
+    topology, length = geometry.sheet.topology, geometry.length
     if rest == "uv":
         side_edge = topology.triangle_edges.ravel()
         initial = np.bincount(side_edge, drawn.ravel(), len(length)) / np.bincount(side_edge, minlength=len(length))
         notes += check_scale(mesh, length, initial, metres_per_uv, place, key)
         notes += check_axes(mesh, metres_per_uv, key) + check_seams(sides, topology)
     return replace(
-        made,
+        geometry,
         notes=notes,
         hinge_angle=hinge_angles(mesh, topology, rest_angles, place, key),
         corners=_places(mesh, metres_per_uv if rest == "uv" else None),
@@ -244,7 +244,7 @@ def _laid_out(triangles: Indices, sides: Floats, vertex_count: int, like: Floats
     side_edge = topology.triangle_edges.ravel()
     # an edge between two panels takes the mean of the panels' lengths (model: cloth)
     length = np.bincount(side_edge, sides.ravel(), edge_count) / np.bincount(side_edge, minlength=edge_count)
-    length = np.maximum(length, SHORTEST_EDGE_SHARE * float(np.median(length)))
+    length = np.maximum(length, SHORTEST_EDGE * float(np.median(length)))
     averaged = length[topology.triangle_edges]
     even = triangle_areas(averaged)
     flat = map_chunks(

@@ -57,11 +57,11 @@ def _check_stl_text(file: str, data: bytes) -> None:
     vertices = 0
     opened = closed = 0
     for number, line in enumerate(data.splitlines(), start=1):
-        words = line.split()
-        word = words[0].lower() if words else b""
+        tokens = line.split()
+        word = tokens[0].lower() if tokens else b""
         if word == b"vertex":
             vertices += 1
-            if len(words) != 4 or not _are_numbers(words[1:]):
+            if len(tokens) != 4 or not _are_numbers(tokens[1:]):
                 text = line.strip()[:60].decode("utf-8", errors="backslashreplace")
                 raise InputError(f"{file}:{number}", f"{text!r} is not a vertex of three numbers", EXPORT_AGAIN)
         elif word == b"endloop":
@@ -74,9 +74,9 @@ def _check_stl_text(file: str, data: bytes) -> None:
         raise InputError(file, f"ends within facet {facet + 1} or before 'endsolid'", _CUT_OFF)
 
 
-def _are_numbers(words: list[bytes]) -> bool:
+def _are_numbers(tokens: list[bytes]) -> bool:
     try:
-        return all(float(word) is not None for word in words)
+        return all(float(word) is not None for word in tokens)
     except ValueError:
         return False
 
@@ -144,26 +144,26 @@ def _mesh_names(tree: dict[str, Any]) -> list[str]:
 def _keep_only(tree: dict[str, Any], name: str, file: str, key: str) -> None:
     """Removes the meshes of all nodes but those with a name, and those below them."""
     nodes, meshes = tree.get("nodes", []), tree.get("meshes", [])
-    kept = {number for number, node in enumerate(nodes) if node.get("name") == name}
-    below = list(kept)
+    selected = {number for number, node in enumerate(nodes) if node.get("name") == name}
+    below = list(selected)
     while below:
-        children = [child for child in nodes[below.pop()].get("children", ()) if child not in kept]
-        kept.update(children)
+        children = [child for child in nodes[below.pop()].get("children", ()) if child not in selected]
+        selected.update(children)
         below += children
-    kept |= {n for n, node in enumerate(nodes) if "mesh" in node and meshes[node["mesh"]].get("name") == name}
-    if not any("mesh" in nodes[number] for number in kept):
+    selected |= {n for n, node in enumerate(nodes) if "mesh" in node and meshes[node["mesh"]].get("name") == name}
+    if not any("mesh" in nodes[number] for number in selected):
         known = ", ".join(_mesh_names(tree)[:_LISTED])
         raise InputError(file, f'holds no mesh "{name}"', f"{key}.prim may be {known}" if known else EXPORT_AGAIN)
     for number, node in enumerate(nodes):
-        if number not in kept:
+        if number not in selected:
             node.pop("mesh", None)
 
 
 def _roots(tree: dict[str, Any]) -> list[int]:
     """The nodes without a parent: the scene of a file that has none."""
     nodes = tree.get("nodes", [])
-    held = {child for node in nodes for child in node.get("children", ())}
-    return [number for number in range(len(nodes)) if number not in held]
+    children = {child for node in nodes for child in node.get("children", ())}
+    return [number for number in range(len(nodes)) if number not in children]
 
 
 def _primitives(tree: dict[str, Any]) -> list[dict[str, Any]]:

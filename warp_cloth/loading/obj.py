@@ -213,7 +213,7 @@ def _at_corners(texcoords: Floats, corner_texcoords: Ints) -> Floats | None:
 
 
 def _panels(statements: _Statements) -> tuple[Ints | None, tuple[str, ...]]:
-    """Panel of each face by ``g``, else ``o``, else ``usemtl``: the first of them that tells faces apart."""
+    """Panel of each face by ``g``, else ``o``, else ``usemtl``: the first of them that distinguishes faces."""
     only: tuple[Ints | None, tuple[str, ...]] = (None, ())
     for keyword in _GROUPINGS:
         starts = statements.groups.get(keyword)

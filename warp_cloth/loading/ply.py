@@ -102,14 +102,14 @@ def _header(file: str, data: bytes) -> tuple[str, list[_Element], int, int]:
     elements: list[_Element] = []
     lines = data[:end].splitlines()
     for number, line in enumerate(lines, start=1):
-        words = line.split()
+        tokens = line.split()
         try:
-            if words[:1] == [b"format"]:
-                order = _FORMATS[words[1]]
-            elif words[:1] == [b"element"]:
-                elements.append(_Element(words[1].decode(), int(words[2]), []))
-            elif words[:1] == [b"property"]:
-                elements[-1].properties.append(_property(words[1:]))
+            if tokens[:1] == [b"format"]:
+                order = _FORMATS[tokens[1]]
+            elif tokens[:1] == [b"element"]:
+                elements.append(_Element(tokens[1].decode(), int(tokens[2]), []))
+            elif tokens[:1] == [b"property"]:
+                elements[-1].properties.append(_property(tokens[1:]))
         except (KeyError, IndexError, ValueError):
             text = line[:40].decode("utf-8", errors="backslashreplace")
             raise InputError(f"{file}:{number}", f"{text!r} is not a PLY header line", EXPORT_AGAIN) from None
@@ -124,10 +124,10 @@ def _least_size(element: _Element) -> int:
     return max(1, sum(sizes))
 
 
-def _property(words: list[bytes]) -> _Property:
-    if words[0] == b"list":
-        return _Property(words[3].decode(), _TYPES[words[2].decode()], _TYPES[words[1].decode()])
-    return _Property(words[1].decode(), _TYPES[words[0].decode()])
+def _property(tokens: list[bytes]) -> _Property:
+    if tokens[0] == b"list":
+        return _Property(tokens[3].decode(), _TYPES[tokens[2].decode()], _TYPES[tokens[1].decode()])
+    return _Property(tokens[1].decode(), _TYPES[tokens[0].decode()])
 
 
 def _text(file: str, tokens: list[bytes], position: int, element: _Element) -> tuple[_Table, int]:

@@ -100,7 +100,7 @@ def _split_quads(points: Floats, corners: Ints, rings: Ints) -> Ints:
 
 
 def _agree(a: Floats, b: Floats, c: Floats, normal: Floats) -> np.ndarray:
-    """Whether triangles a b c turn the way their polygons do."""
+    """Whether triangles a b c have the orientation of their polygons."""
     agree: np.ndarray = np.einsum("ij,ij->i", np.cross(b - a, c - a), normal) > 0
     return agree
 
@@ -113,9 +113,9 @@ def _cut(raw: RawMesh, face: int, points: Floats) -> Ints:
     if flat is None or count == 3:
         return fan
     steps = np.roll(flat, -1, axis=0) - flat
-    turns = _cross(np.roll(steps, 1, axis=0), steps)
-    fan_turns = _cross(flat[fan[:, 1]] - flat[0], flat[fan[:, 2]] - flat[0])
-    if (turns >= 0).all() and (fan_turns > 0).all():
+    crosses = _cross(np.roll(steps, 1, axis=0), steps)
+    fan_crosses = _cross(flat[fan[:, 1]] - flat[0], flat[fan[:, 2]] - flat[0])
+    if (crosses >= 0).all() and (fan_crosses > 0).all():
         return fan
     if count > EAR_LIMIT:
         problem = f"face {face} has {count:,} corners and is not convex"

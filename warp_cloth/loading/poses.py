@@ -59,8 +59,8 @@ def _posed(avatar: Mesh, first: RawMesh, other: RawMesh, metres: float | None) -
     scale = metres if metres is not None else other.metres_per_unit or METRES_PER[avatar.unit]  # type: ignore[index]
     points = np.empty_like(avatar.points)
     number = np.arange(len(first.points)) if avatar.vertex_map is None else avatar.vertex_map
-    kept = number >= 0
-    points[number[kept]] = in_metres(other, scale)[kept]
+    used = number >= 0
+    points[number[used]] = in_metres(other, scale)[used]
     _refuse_other(avatar, points, other.file)
     return points
 

@@ -40,19 +40,19 @@ class Repaired:
     vertex_map: Ints  # new vertex of each raw vertex, -1: dropped
     notes: tuple[str, ...]
     rest: Floats | None = None  # corners at rest, in the file's unit, shape [F, 3, 3]
-    turned: NDArray[np.bool_] | None = None  # whether a triangle winds the other way than in the file, shape [F]
+    turned: NDArray[np.bool_] | None = None  # whether a triangle winds opposite to the file, shape [F]
 
 
 @dataclass(frozen=True, eq=False)
 class _Work:
-    """Triangles on their way: vertices, and where each corner and face came from."""
+    """Triangles under repair: vertices, and the source of each corner and face."""
 
     triangles: Ints
     corners: Ints
     faces: Ints
     notes: tuple[str, ...] = ()
 
-    def kept(self, keep: NDArray[np.bool_], dropped: str, which: str = "") -> _Work:
+    def select(self, keep: NDArray[np.bool_], dropped: str, which: str = "") -> _Work:
         """The triangles of ``keep``; ``dropped`` (and ``which``) names the others in a note."""
         gone = int((~keep).sum())
         if not gone:
@@ -70,9 +70,9 @@ def repaired(raw: RawMesh, points: Floats, *, role: Role, rest: RestKind) -> Rep
     raw = replace(raw, texcoords=_within_reason(raw.texcoords))
     cut = triangulated(raw)
     work = _Work(raw.corners[cut.corners], cut.corners, cut.faces, cut.notes)
-    work = work.kept(~_repeats(work.triangles), "triangle", "that repeat a vertex")
-    work = work.kept(_first_of_each(work.triangles), "duplicate triangle")
-    work = work.kept(~_without_area(raw, work, points, rest), "triangle", "without area")
+    work = work.select(~_repeats(work.triangles), "triangle", "that repeat a vertex")
+    work = work.select(_first_of_each(work.triangles), "duplicate triangle")
+    work = work.select(~_without_area(raw, work, points, rest), "triangle", "without area")
     _refuse_empty(raw, work)
     panels = None if raw.texcoords is None or role == "avatar" else _usable(raw.texcoords[work.corners])
     welded = weld(points, work.triangles, near=role == "garment", panels=panels)
@@ -112,7 +112,7 @@ def repaired(raw: RawMesh, points: Floats, *, role: Role, rest: RestKind) -> Rep
 
 
 def _pieces(triangles: Ints, count: int) -> int:
-    """How many connected parts triangles make."""
+    """Number of connected components."""
     a, b = triangles[:, [0, 1]].T, triangles[:, [1, 2]].T
     part = connected_components(count, np.concatenate([a[0], b[0]]), np.concatenate([a[1], b[1]]))
     return len(used_ids(part[triangles[:, 0]], count))
@@ -198,8 +198,8 @@ def _welded(work: _Work, welded: Weld, role: Role) -> _Work:
     if not welded.joined:
         return replace(work, notes=notes)
     work = replace(work, triangles=welded.vertex[work.triangles], notes=notes)
-    work = work.kept(~_repeats(work.triangles), "triangle", "collapsed by welding")
-    return work.kept(_first_of_each(work.triangles), "duplicate triangle")
+    work = work.select(~_repeats(work.triangles), "triangle", "collapsed by welding")
+    return work.select(_first_of_each(work.triangles), "duplicate triangle")
 
 
 def _has_no_rim(raw: RawMesh, work: _Work) -> bool:
@@ -220,7 +220,7 @@ def _has_no_rim(raw: RawMesh, work: _Work) -> bool:
 
 
 def _wound(work: _Work, points: Floats, role: Role) -> _Work:
-    """Triangles that turn the same way within each component; an avatar's outwards."""
+    """Consistently oriented triangles of each component; an avatar's face outwards."""
     flip, twisted = consistent_winding(work.triangles)
     notes = work.notes
     if flip.any():

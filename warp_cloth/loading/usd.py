@@ -85,7 +85,7 @@ def opened_stage(file: str, *, known: bool = False) -> Iterator[Usd.Stage]:
 
 
 def _read(stage: Usd.Stage, file: str, role: Role, key: str, prim: str | None, time: float | None) -> RawMesh:
-    """The meshes that are asked for at a time, or as they stand."""
+    """The selected meshes, at time if it is not None."""
     from pxr import UsdGeom
 
     paths = _mesh_paths(stage, prim, file, key)
@@ -100,7 +100,7 @@ def _read(stage: Usd.Stage, file: str, role: Role, key: str, prim: str | None, t
 
 
 def _sample_times(stage: Usd.Stage, paths: list[str]) -> list[float]:
-    """Times at which a mesh, or what it hangs from, has a sample of its own."""
+    """Times at which a mesh, or an ancestor of it, has a sample of its own."""
     from pxr import UsdGeom
 
     times: set[float] = set()
@@ -196,10 +196,10 @@ def _part(
     texcoords = _texcoords(mesh, time, corners, len(points))
     panel, names = panels_of(mesh, len(counts)) if panels else (None, ())
     mirrored = bool(np.linalg.det(matrix[:3, :3]) < 0)
-    turn = mirrored != (mesh.GetOrientationAttr().Get(time) == UsdGeom.Tokens.leftHanded)
+    reverse = mirrored != (mesh.GetOrientationAttr().Get(time) == UsdGeom.Tokens.leftHanded)
     rest = rest_corners(mesh, counts, corners, matrix, place) if panels else None
     folds = stated_folds(mesh.GetPrim(), len(counts), place) if panels else None
-    order = _order(counts, turn, _array(mesh.GetHoleIndicesAttr().Get(time), np.int64))
+    order = _order(counts, reverse, _array(mesh.GetHoleIndicesAttr().Get(time), np.int64))
     masses = mass_notes(mesh.GetPrim(), len(points), place) if panels else ()
     notes = (*order[2], *_subdivision(mesh), *_skinning(mesh.GetPrim()), *masses)
     return RawMesh(
@@ -231,11 +231,11 @@ def _at(attribute: Any, time: Usd.TimeCode) -> Any:
     return attribute.Get(Usd.TimeCode.EarliestTime()) if value is None else value
 
 
-def _order(counts: Ints, turn: bool, holes: Ints) -> tuple[Ints, Ints, tuple[str, ...]]:
-    """Faces and corners to keep, in order: without hole faces, each face turned round if asked."""
+def _order(counts: Ints, reverse: bool, holes: Ints) -> tuple[Ints, Ints, tuple[str, ...]]:
+    """Faces and corners to keep, in order: without hole faces; ``reverse``: each face reversed."""
     owner = np.repeat(np.arange(len(counts)), counts)
     corner = np.arange(len(owner))
-    if turn:
+    if reverse:
         starts = np.cumsum(counts) - counts
         corner = (2 * starts + counts - 1)[owner] - corner
     solid = ~np.isin(np.arange(len(counts)), holes)

@@ -12,7 +12,7 @@ from warp_cloth.loading.raw import Floats, Ints
 from warp_cloth.loading.unique_rows import edges_of, unique_rows, used_ids
 
 # Vertices of two rims closer than this [m], and than this fraction of their edges, are one: files round that much.
-NEAR, NEAR_SHARE = 1e-4, 0.01
+NEAR, NEAR_FRACTION = 1e-4, 0.01
 NEXT = (1, 2, 3)  # ranks in a cell between compared vertices: rims are joined, not clouds
 
 
@@ -70,7 +70,7 @@ def _near_rims(points: Floats, triangles: Ints) -> Ints:
     length = np.linalg.norm(points[rim[:, 1]] - points[rim[:, 0]], axis=1)
     tolerance = np.full(len(points), NEAR)
     for end in rim.T:
-        np.minimum.at(tolerance, end, NEAR_SHARE * length)
+        np.minimum.at(tolerance, end, NEAR_FRACTION * length)
     on_rim = used_ids(rim, len(points))
     first, second = [], []
     for shift in np.ndindex(2, 2, 2):  # two points within NEAR lie in one cell of at least one of these
@@ -138,7 +138,7 @@ def _between_panels(place: Ints, edges: Ints, panels: Floats, one: Ints, other: 
     crossed = (place[edges[one, 0]] != place[edges[other, 0]])[:, None]
     a2, b2 = np.where(crossed, b[other], a[other]), np.where(crossed, a[other], b[other])
     along = b[one] - a[one]
-    near = NEAR_SHARE * np.linalg.norm(along, axis=1)
+    near = NEAR_FRACTION * np.linalg.norm(along, axis=1)
     apart = (np.linalg.norm(a2 - a[one], axis=1) > near) | (np.linalg.norm(b2 - b[one], axis=1) > near)
     sides = [along[:, 0] * off[:, 1] - along[:, 1] * off[:, 0] for off in (c[one] - a[one], c[other] - a[one])]
     return np.asarray(apart | (sides[0] * sides[1] > 0.0))

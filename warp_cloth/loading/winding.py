@@ -1,4 +1,4 @@
-"""Winding: the same way within each component, outwards for closed bodies."""
+"""Winding: consistent orientation within each component, outwards for closed bodies."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from warp_cloth.base.connected import connected_components
 from warp_cloth.loading.raw import Floats, Ints
 from warp_cloth.loading.unique_rows import edges_of, unique_rows
 
-OPEN_SHARE = 0.05  # a component with at most this fraction of boundary edges is closed (a neck, eye holes)
+OPEN_FRACTION = 0.05  # a component with at most this fraction of boundary edges is closed (a neck, eye holes)
 
 
 def _neighbours(triangles: Ints) -> tuple[Ints, Ints, NDArray[np.bool_]]:
-    """Face pairs across each edge with exactly two, and whether both run along it the same way (wrong)."""
+    """Face pairs across each edge with exactly two, and whether both run along it in the same direction (wrong)."""
     edges = edges_of(triangles)
     found = unique_rows(np.sort(edges, axis=1))
     order = np.argsort(found.number, kind="stable")
@@ -24,9 +24,9 @@ def _neighbours(triangles: Ints) -> tuple[Ints, Ints, NDArray[np.bool_]]:
 
 
 def consistent_winding(triangles: Ints) -> tuple[NDArray[np.bool_], int]:
-    """Which faces to flip so that each component turns one way, with as few flips as can be.
+    """Which faces to flip so that each component is oriented consistently, with the fewest flips.
 
-    Also the number of one-sided components, which have no such way and are left alone.
+    Also the number of one-sided components, which cannot be oriented and are left alone.
     """
     count = len(triangles)
     a, b, wrong = _neighbours(triangles)
@@ -46,7 +46,7 @@ def consistent_winding(triangles: Ints) -> tuple[NDArray[np.bool_], int]:
 
 
 def _turned(count: int, a: Ints, b: Ints, wrong: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Whether each face must turn to agree with the first of its component, found by walking from it."""
+    """Whether each face must flip to agree with the first of its component, found by breadth-first search."""
     neighbours: dict[int, list[tuple[int, bool]]] = {}
     for first, second, differs in zip(a.tolist(), b.tolist(), wrong.tolist(), strict=True):
         neighbours.setdefault(first, []).append((second, differs))
@@ -86,6 +86,6 @@ def outward(points: Floats, triangles: Ints) -> NDArray[np.bool_]:
     volume = np.bincount(component, weights=np.einsum("ij,ij->i", x, np.cross(y, z)), minlength=count)
     open_edges = 3 * faces - 2 * np.bincount(component[a], minlength=count)
     inconsistent = np.bincount(component[a], weights=wrong, minlength=count) > 0
-    inside_out = (volume < 0) & (open_edges <= OPEN_SHARE * 1.5 * faces) & ~inconsistent
+    inside_out = (volume < 0) & (open_edges <= OPEN_FRACTION * 1.5 * faces) & ~inconsistent
     flip: NDArray[np.bool_] = inside_out[component]
     return flip

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from warp_cloth.base.mesh import Indices, Points
-from warp_cloth.material.constants import THINNEST_SHARE, Sheet
+from warp_cloth.material.constants import THINNEST_FRACTION, Sheet
 
 Floats = NDArray[np.float64]
 
@@ -21,7 +21,7 @@ def face_strains(points: Points, sheet: Sheet) -> dict[str, Floats]:
 
     Triangles without area at rest have strain 0.
     """
-    used = sheet.areas > THINNEST_SHARE * float(np.median(sheet.areas))
+    used = sheet.areas > THINNEST_FRACTION * float(np.median(sheet.areas))
     corners = points[sheet.triangles[used]]
     sides = np.swapaxes(corners[:, 1:] - corners[:, :1], 1, 2)  # columns are the sides from the first corner
     flat = np.swapaxes(sheet.flat[used, 1:] - sheet.flat[used, :1], 1, 2)

@@ -22,9 +22,9 @@ Floats = NDArray[np.float64]
 
 # The fold of a sliver can be arbitrarily large; it is limited to this many mean heights.
 LARGEST_FOLD = 3.0
-THINNEST_SHARE = 1e-6  # of the median edge
-LEAST_SHARE = 1e-4  # of the other bending: replaces a bending of 0, so that its logarithm is finite
-TURNS = 4  # directions over 180 degrees in which cloth without directions is bent
+THINNEST_FRACTION = 1e-6  # of the median edge
+LEAST_FRACTION = 1e-4  # of the other bending: replaces a bending of 0, so that its logarithm is finite
+DIRECTIONS = 4  # directions over 180 degrees in which cloth without directions is bent
 # Rounds in which neighbouring vertices equilibrate an even bend: enough for that, too few to undo the bend itself.
 # The second and third time continue from the last result.
 ROUNDS = (24, 8, 8)
@@ -74,46 +74,46 @@ def hinge_constants(sheet: Sheet, fabric: Fabric, length: Floats) -> Floats:
     if not len(folds.size) or largest == 0.0:
         return np.zeros_like(folds.size)
     if sheet.directed:
-        wanted = [max(own, LEAST_SHARE * largest) for own in (fabric.bending_warp, fabric.bending_weft)]
+        wanted = [max(own, LEAST_FRACTION * largest) for own in (fabric.bending_warp, fabric.bending_weft)]
         bends = [np.zeros_like(folds.angle), np.full_like(folds.angle, 0.5 * np.pi)]
         lean = np.cos(2.0 * folds.angle)
         usual = (0.5 * (1.0 + lean) * wanted[0] + 0.5 * (1.0 - lean) * wanted[1]) * folds.size
     else:
-        wanted = [largest] * TURNS
-        bends = [folds.angle + turn for turn in np.arange(TURNS) * np.pi / TURNS]
+        wanted = [largest] * DIRECTIONS
+        bends = [folds.angle + angle for angle in np.arange(DIRECTIONS) * np.pi / DIRECTIONS]
         lean = np.zeros_like(folds.angle)
         usual = largest * folds.size
-    stays = _near_border(sheet)
-    patches = Patches(sheet, len(stays))
+    fixed = _near_border(sheet)
+    patches = Patches(sheet, len(fixed))
     hinges = sheet.topology.hinges
-    within = np.asarray(~stays[hinges].any(axis=1))
+    within = np.asarray(~fixed[hinges].any(axis=1))
     evens = [folds.evenly(bend) for bend in bends]
     cubes = [map_rows(_cubed, even) for even in evens]
-    beyond = _beyond(sheet, length, folds, bends, len(stays))
-    shares = [patches.share((cube, folds.size), own) for cube, own in zip(cubes, beyond, strict=True)]
-    moved = np.zeros((len(bends), len(stays)))
+    beyond = _beyond(sheet, length, folds, bends, len(fixed))
+    scales = [patches.scale((cube, folds.size), own) for cube, own in zip(cubes, beyond, strict=True)]
+    displacements = np.zeros((len(bends), len(fixed)))
     bias = _biased(folds) if sheet.directed else None
     if bias is not None:
-        shares.append(np.mean(shares, axis=0))
+        scales.append(np.mean(scales, axis=0))
         wanted.append(0.5 * sum(wanted))
-    fit, balance = Fit(patches, usual, lean), _Balance(sheet, folds, stays)
+    fit, balance = Fit(patches, usual, lean), _Balance(sheet, folds, fixed)
     for rounds in ROUNDS:
         energies, ease = [], []
         counted = np.where(within, fit.stiffness, 0.0)
-        for even, cube, move in zip(evens, cubes, moved, strict=True):
-            shared = map_rows(_cubed, balance.folded(fit.stiffness, even, move, rounds))
-            stiff, eased = (float(np.sum(map_rows(np.multiply, own, counted))) for own in (cube, shared))
-            ease.append(eased / stiff if stiff > 0.0 else 1.0)  # too small a garment has no hinges that share
-            energies.append(map_rows(partial(_within, ease[-1]), within, shared, cube) if stiff > 0.0 else cube)
+        for even, cube, displacement in zip(evens, cubes, displacements, strict=True):
+            balanced = map_rows(_cubed, balance.folded(fit.stiffness, even, displacement, rounds))
+            stiff, eased = (float(np.sum(map_rows(np.multiply, own, counted))) for own in (cube, balanced))
+            ease.append(eased / stiff if stiff > 0.0 else 1.0)  # too small a garment has no inner hinges
+            energies.append(map_rows(partial(_within, ease[-1]), within, balanced, cube) if stiff > 0.0 else cube)
         if bias is not None:
             energies.append(bias * np.mean(ease))
-        fit.improve(energies, shares, wanted)
+        fit.improve(energies, scales, wanted)
     return fit.stiffness
 
 
-def _within(ease: float, within: NDArray[np.bool_], shared: Floats, cube: Floats) -> Floats:
+def _within(ease: float, within: NDArray[np.bool_], balanced: Floats, cube: Floats) -> Floats:
     """Equilibrated folds of inner hinges; hinges at the border are eased by the average."""
-    return np.where(within, shared, ease * cube)
+    return np.where(within, balanced, ease * cube)
 
 
 def _cubed(folded: Floats) -> Floats:
@@ -154,8 +154,8 @@ def _near_border(sheet: Sheet) -> NDArray[np.bool_]:
 class _Balance:
     """Equilibrates even bends: moves vertices off the surface until neighbouring hinges balance."""
 
-    def __init__(self, sheet: Sheet, folds: _Folds, stays: NDArray[np.bool_]) -> None:
-        self._stays = stays  # vertices by the border, so that the bend does
+    def __init__(self, sheet: Sheet, folds: _Folds, fixed: NDArray[np.bool_]) -> None:
+        self._fixed = fixed  # vertices near the border, so that the bend stays
         self._corners = np.ascontiguousarray(sheet.topology.hinges.T, dtype=np.intp)
         self._slopes = np.ascontiguousarray(folds.slopes.T)
         self._size = np.abs(self._slopes)
@@ -164,43 +164,45 @@ class _Balance:
         self._folded = np.empty_like(folds.across)
         self._counted = len(self._folded) > MANY
 
-    def folded(self, stiffness: Floats, even: Floats, move: Floats, rounds: int) -> Floats:
+    def folded(self, stiffness: Floats, even: Floats, displacement: Floats, rounds: int) -> Floats:
         """Folds per curvature [m] after vertices have moved from the even bend to where hinges balance, shape [H].
 
-        Gradient descent on the sum of C |fold|^3 / 6 over the displacements of inner vertices, in ``move`` [m2],
-        shape [V], which is updated.
+        Gradient descent on the sum of C |fold|^3 / 6 over the displacements of inner vertices, in ``displacement``
+        [m2], shape [V], which is updated.
         """
         half, pull, curve, folded = 0.5 * stiffness, self._pull, self._curve, self._folded
 
         def fold(part: slice) -> None:
-            start, end, first, second = self._slopes[:, part] * move.take(self._corners[:, part])
+            start, end, first, second = self._slopes[:, part] * displacement.take(self._corners[:, part])
             folded[part] = even[part] + (start + end + first + second)
 
         def force(part: slice) -> float:
             fold(part)
-            turn, own = np.abs(folded[part]), stiffness[part]
-            np.multiply(half[part] * folded[part] * turn, self._slopes[:, part], out=pull[:, part])
-            np.multiply(own * (turn + self._least[part]), self._size[:, part], out=curve[:, part])
+            size, own = np.abs(folded[part]), stiffness[part]
+            np.multiply(half[part] * folded[part] * size, self._slopes[:, part], out=pull[:, part])
+            np.multiply(own * (size + self._least[part]), self._size[:, part], out=curve[:, part])
             curve[:, part] *= self._sizes[part]
-            return float(np.sum(own * turn * turn * turn)) if self._counted else 0.0
+            return float(np.sum(own * size * size * size)) if self._counted else 0.0
 
-        last, before, corners = np.zeros(len(move)), np.inf, self._corners.ravel()
+        last, before, corners = np.zeros(len(displacement)), np.inf, self._corners.ravel()
         for _ in range(rounds):
             energy = sum(map_chunks(force, len(even)))
             if self._counted and abs(before - energy) <= SETTLED * energy:
                 break
             before = energy
-            slope, bound = (np.asarray(np.bincount(corners, each.ravel(), len(move)), float) for each in (pull, curve))
-            map_chunks(partial(self._go_on, move, last, slope, bound), len(move))
+            slope, bound = (
+                np.asarray(np.bincount(corners, each.ravel(), len(displacement)), float) for each in (pull, curve)
+            )
+            map_chunks(partial(self._advance, displacement, last, slope, bound), len(displacement))
         map_chunks(fold, len(even))
         return folded
 
-    def _go_on(self, move: Floats, last: Floats, slope: Floats, bound: Floats, part: slice) -> None:
+    def _advance(self, displacement: Floats, last: Floats, slope: Floats, bound: Floats, part: slice) -> None:
         """Updates the displacements of a chunk of vertices."""
         own, least = last[part], np.where(bound[part] > 0.0, bound[part], 1.0)
         own[...] = MOMENTUM * own - 2.0 * STEP * slope[part] / least
-        own[self._stays[part]] = 0.0
-        move[part] += own
+        own[self._fixed[part]] = 0.0
+        displacement[part] += own
 
 
 def _wing(sheet: Sheet, triangle: Any, side: Any, floor: float) -> tuple[Floats, ...]:
@@ -211,23 +213,23 @@ def _wing(sheet: Sheet, triangle: Any, side: Any, floor: float) -> tuple[Floats,
     corners = sheet.flat[triangle, :, 1] + 1j * sheet.flat[triangle, :, 0]
     row = np.arange(len(corners))
     start, end, tip = (corners[row, (side + step) % 3] for step in range(3))
-    way = (end - start) / np.maximum(np.abs(end - start), floor)
-    arm = (tip - start) * np.conj(way)
-    return arm.real, np.maximum(np.abs(arm.imag), floor), way, np.where(arm.imag > 0.0, 1.0, -1.0)
+    direction = (end - start) / np.maximum(np.abs(end - start), floor)
+    arm = (tip - start) * np.conj(direction)
+    return arm.real, np.maximum(np.abs(arm.imag), floor), direction, np.where(arm.imag > 0.0, 1.0, -1.0)
 
 
 def _inner_folds(sheet: Sheet, length: Floats) -> _Folds:
     """Folds of the garment's hinges."""
-    topology, floor = sheet.topology, THINNEST_SHARE * float(np.median(length))
+    topology, floor = sheet.topology, THINNEST_FRACTION * float(np.median(length))
 
     def some(part: slice) -> _Folds:
         edge, pair = topology.hinge_edges[part], topology.hinge_triangles[part]
         axis = length[edge]
         side = np.argmax(topology.triangle_edges[pair] == edge[:, None, None], axis=2)
-        s0, h0, way, hand = _wing(sheet, pair[:, 0], side[:, 0], floor)
+        s0, h0, direction, hand = _wing(sheet, pair[:, 0], side[:, 0], floor)
         foot, h1, _, _ = _wing(sheet, pair[:, 1], side[:, 1], floor)
-        s1 = axis - foot  # the second triangle's side runs the other way
-        return _folds_of(axis, (s0, h0), (s1, h1), way, hand)
+        s1 = axis - foot  # the second triangle's side runs in the other direction
+        return _folds_of(axis, (s0, h0), (s1, h1), direction, hand)
 
     parts = map_chunks(some, len(topology.hinge_edges))
     return _Folds(*(concatenate([getattr(part, field.name) for part in parts]) for field in fields(_Folds)))
@@ -239,20 +241,20 @@ def _border_folds(sheet: Sheet, length: Floats) -> tuple[_Folds, Indices]:
     once = np.bincount(topology.triangle_edges.ravel(), minlength=len(length)) == 1
     triangle, side = np.nonzero(once[topology.triangle_edges])
     edge = topology.triangle_edges[triangle, side]
-    axis, floor = length[edge], THINNEST_SHARE * float(np.median(length))
-    foot, height, way, hand = _wing(sheet, triangle, side, floor)
-    return _folds_of(axis, (foot, height), (axis - foot, height), way, hand), topology.edges[edge]
+    axis, floor = length[edge], THINNEST_FRACTION * float(np.median(length))
+    foot, height, direction, hand = _wing(sheet, triangle, side, floor)
+    return _folds_of(axis, (foot, height), (axis - foot, height), direction, hand), topology.edges[edge]
 
 
 def _folds_of(
-    axis: Floats, first: tuple[Floats, Floats], second: tuple[Floats, Floats], way: Floats, hand: Floats
+    axis: Floats, first: tuple[Floats, Floats], second: tuple[Floats, Floats], direction: Floats, hand: Floats
 ) -> _Folds:
     """Folds of hinges from feet and heights of their wings."""
     (s0, h0), (s1, h1) = first, second
     across = 0.5 * (h0 + h1)
     along = 0.5 * (s1 * (s1 - axis) / h1 + s0 * (s0 - axis) / h0)
-    share_0, share_1 = s0 / axis, s1 / axis
-    start = -((1.0 - share_0) / h0 + (1.0 - share_1) / h1)
-    slopes = np.stack([start, -(share_0 / h0 + share_1 / h1), 1.0 / h0, 1.0 / h1], axis=1)
-    # y is turned from the side by a quarter, away from the first tip; x is the side: n . x = -hand sin(angle)
-    return _Folds(axis / across**2, across, -hand * (s1 - s0), along, np.angle(-1j * hand * way), slopes)
+    fraction_0, fraction_1 = s0 / axis, s1 / axis
+    start = -((1.0 - fraction_0) / h0 + (1.0 - fraction_1) / h1)
+    slopes = np.stack([start, -(fraction_0 / h0 + fraction_1 / h1), 1.0 / h0, 1.0 / h1], axis=1)
+    # y is the side rotated by 90 degrees, away from the first tip; x is the side: n . x = -hand sin(angle)
+    return _Folds(axis / across**2, across, -hand * (s1 - s0), along, np.angle(-1j * hand * direction), slopes)

@@ -23,14 +23,14 @@ Floats = NDArray[np.float64]
 
 # A regular grid pulled along its yarns bears on one of its three edge families, and an equilateral one, its sides
 # free, likewise: so each edge answers for three times the area that it carries (a third of its triangles').
-EDGE_SHARE = 3.0
+EDGE_FACTOR = 3.0
 DIRECTIONS = 180  # one per degree, over which strains differ by at most 2 %
 EQUAL_ROUNDS = 40  # of the fixed point for the two factors
 NEWTON_ROUNDS = 40
 # A mesh may have no edges along warp or weft. Beyond these factors its other edges would be another material.
 LEAST_FACTOR, MOST_FACTOR = 0.2, 20.0
 LEAST_RESISTED = 1e-30  # fraction of the bias yarns' K below which nothing resists contraction
-THINNEST_SHARE = 1e-6  # of the median triangle's area; thinner triangles carry no yarns
+THINNEST_FRACTION = 1e-6  # of the median triangle's area; thinner triangles carry no yarns
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,10 +83,10 @@ def lay_flat(sides: Floats, areas: Floats, like: Floats | None) -> Floats:
         mirrored = (np.conj(along) * across).imag < 0.0
         corners = np.where(mirrored[:, None], np.conj(corners), corners)
         centred = corners - corners.mean(axis=1, keepdims=True)
-        turn = (target * np.conj(centred)).sum(axis=1)
-        size = np.abs(turn)
-        turn = np.where(size > 0.0, turn / np.where(size > 0.0, size, 1.0), 1.0)
-        corners = corners * turn[:, None]
+        rotation = (target * np.conj(centred)).sum(axis=1)
+        size = np.abs(rotation)
+        rotation = np.where(size > 0.0, rotation / np.where(size > 0.0, size, 1.0), 1.0)
+        corners = corners * rotation[:, None]
     return np.stack([corners.real, corners.imag], axis=2)
 
 
@@ -99,16 +99,18 @@ def edge_constants(sheet: Sheet, fabric: Fabric, length: Floats) -> Floats:
     count = len(topology.edges)
     carried = np.bincount(topology.triangle_edges.ravel(), np.repeat(sheet.areas / 3.0, 3), count)
     if not sheet.directed:
-        share = fabric.stretch / even_network(fabric.compression)
-        return share * carried / length**3
+        stiffness = fabric.stretch / even_network(fabric.compression)
+        return stiffness * carried / length**3
     double = _edge_double_angle(sheet)
     along = 0.5 + 0.5 * double.real  # cos^2 of the angle to the warp
-    parts = np.stack([along * fabric.stretch_warp, (1.0 - along) * fabric.stretch_weft], axis=1)
+    families = np.stack([along * fabric.stretch_warp, (1.0 - along) * fabric.stretch_weft], axis=1)
     angle = 0.5 * np.angle(double) % np.pi
     sector = np.round(angle * DIRECTIONS / np.pi).astype(int) % DIRECTIONS
-    shares = np.stack([np.bincount(sector, carried * part, DIRECTIONS) for part in parts.T], axis=1) / sheet.area
-    factors = _network_factors(shares, fabric)
-    return parts @ factors * carried / length**3
+    density = (
+        np.stack([np.bincount(sector, carried * family, DIRECTIONS) for family in families.T], axis=1) / sheet.area
+    )
+    factors = _network_factors(density, fabric)
+    return families @ factors * carried / length**3
 
 
 def even_network(compression: float) -> float:
@@ -129,16 +131,16 @@ def _edge_double_angle(sheet: Sheet) -> NDArray[np.complex128]:
     return np.asarray(np.where(size > 0.0, total / np.where(size > 0.0, size, 1.0), 1.0))
 
 
-def _network_factors(shares: Floats, fabric: Fabric) -> Floats:
-    """Factors of the two parts such that the network meets the fabric's stretch along warp and weft, shape [2].
+def _network_factors(density: Floats, fabric: Fabric) -> Floats:
+    """Factors of the two families such that the network meets the fabric's stretch along warp and weft, shape [2].
 
-    ``shares`` are the parts' sums of K A over the area by direction to the warp, shape [DIRECTIONS, 2].
+    ``density``: K A summed over the edges near each direction to the warp, per area; warp and weft, [DIRECTIONS, 2].
     """
     wanted = np.array([fabric.stretch_warp, fabric.stretch_weft])
-    factors = np.full(2, EDGE_SHARE)
+    factors = np.full(2, EDGE_FACTOR)
     for _ in range(EQUAL_ROUNDS):
-        rows = [_pulled(shares, factors, fabric.compression, pull) for pull in (0.0, 0.5 * np.pi)]
-        factors = 0.5 * factors + 0.5 * solved_within(np.array(rows), wanted, EDGE_SHARE)
+        rows = [_pulled(density, factors, fabric.compression, pull) for pull in (0.0, 0.5 * np.pi)]
+        factors = 0.5 * factors + 0.5 * solved_within(np.array(rows), wanted, EDGE_FACTOR)
     return factors
 
 
@@ -159,33 +161,33 @@ def solved_within(rows: Floats, wanted: Floats, usual: float) -> Floats:
     return factors
 
 
-def _pulled(shares: Floats, factors: Floats, compression: float, direction: float) -> Floats:
-    """What each part adds to the network's K, pulled in a direction with free sides.
+def _pulled(density: Floats, factors: Floats, compression: float, direction: float) -> Floats:
+    """Contribution of each family to the network's K, pulled in a direction with free sides.
 
     The strains are e(angle) = cos^2 - t sin^2 + g sin cos with the contraction t and the shear g that cost least.
     """
     angle = np.arange(DIRECTIONS) * np.pi / DIRECTIONS - direction
     cosine, sine = np.cos(angle), np.sin(angle)
-    ways = np.stack([-(sine**2), sine * cosine], axis=1)  # change of e with t and g
-    total = shares @ factors
+    derivatives = np.stack([-(sine**2), sine * cosine], axis=1)  # change of e with t and g
+    total = density @ factors
     free = np.array([0.3, 0.0])
     for _ in range(NEWTON_ROUNDS):
-        strain = cosine**2 + ways @ free
+        strain = cosine**2 + derivatives @ free
         weight = total * np.where(strain > 0.0, 1.0, compression)
-        slope = ways.T @ (weight * strain * np.abs(strain))
-        curve = (ways * (2.0 * weight * np.abs(strain))[:, None]).T @ ways
+        slope = derivatives.T @ (weight * strain * np.abs(strain))
+        curve = (derivatives * (2.0 * weight * np.abs(strain))[:, None]).T @ derivatives
         curve += 1e-9 * (np.trace(curve) + 1e-30) * np.eye(2)
         free = free - np.clip(np.linalg.solve(curve, slope), -0.3, 0.3)
-    strain = cosine**2 + ways @ free
+    strain = cosine**2 + derivatives @ free
     cubes = np.abs(strain) ** 3 * np.where(strain > 0.0, 1.0, compression)
-    return cubes @ shares
+    return cubes @ density
 
 
 def yarn_constants(sheet: Sheet, fabric: Fabric) -> YarnConstants:
     """Yarns of every triangle that has an area, of the stiffnesses that ``yarn_stretches`` computes."""
     shear = fabric.shear if fabric.shear is not None else 0.0
     warp, weft, bias = yarn_stretches(fabric.stretch_warp, fabric.stretch_weft, shear, fabric.compression)
-    used = sheet.areas > THINNEST_SHARE * float(np.median(sheet.areas))
+    used = sheet.areas > THINNEST_FRACTION * float(np.median(sheet.areas))
     flat, areas = sheet.flat[used], sheet.areas[used]
     sides = np.swapaxes(flat[:, 1:] - flat[:, :1], 1, 2)  # columns are the sides from the first corner
     inverse = np.linalg.inv(sides)  # [F, corner, direction]

@@ -57,7 +57,7 @@ UNITS: Mapping[str, str] = MappingProxyType(
 
 # Bias yarns are also strained where the cloth is pulled along warp or weft. Up to this fraction of the smaller stretch
 # they leave the yarns there something to bear.
-LARGEST_SHEAR_SHARE = 0.25
+LARGEST_SHEAR_FRACTION = 0.25
 
 
 @dataclass(frozen=True)
@@ -93,9 +93,9 @@ class Fabric:
         for key in ("name", "source"):
             if not isinstance(getattr(self, key), str):
                 raise InputError(key, f"must be a string, not {_shown(getattr(self, key))}")
-        most = LARGEST_SHEAR_SHARE * min(self.stretch_warp, self.stretch_weft)
+        most = LARGEST_SHEAR_FRACTION * min(self.stretch_warp, self.stretch_weft)
         if self.shear is not None and self.shear > most:
-            problem = f"{self.shear:.4g} N/m is more than {LARGEST_SHEAR_SHARE:g} times the smaller stretch"
+            problem = f"{self.shear:.4g} N/m is more than {LARGEST_SHEAR_FRACTION:g} times the smaller stretch"
             raise InputError("shear", problem, f"use at most {most:.4g} N/m, or remove it")
 
     @property

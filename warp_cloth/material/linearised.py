@@ -10,7 +10,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from warp_cloth.material.fabric import LARGEST_SHEAR_SHARE, Fabric
+from warp_cloth.material.fabric import LARGEST_SHEAR_FRACTION, Fabric
 
 STRAIN = 0.05  # where K e^2 = S e
 ANGLE = math.radians(5.0)  # where shear angle^2 = G angle
@@ -59,7 +59,7 @@ def fabric_table(constants: Mapping[str, float], thickness: float | None, weight
         # cloth that resists shear as a sheet of its Poisson ratio does has no shear of its own
         sheet = stretch / (2.0 * (1.0 + poisson))
         if not math.isclose(shear, sheet, rel_tol=0.05):
-            table["shear"] = min(shear / ANGLE, LARGEST_SHEAR_SHARE * stretch / STRAIN)
+            table["shear"] = min(shear / ANGLE, LARGEST_SHEAR_FRACTION * stretch / STRAIN)
     if bend > 0.0:
         table["bending_warp"] = table["bending_weft"] = 2.0 * bend / CURVATURE
     return table

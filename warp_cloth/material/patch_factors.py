@@ -24,7 +24,7 @@ LEAST_FACTOR, MOST_FACTOR = (
 )  # limits: a mesh may lack hinges in some direction; the others must not become another material
 MOST_LEAN = 3.0  # of the factors' logarithm
 LEAST_APART = 0.05  # least difference of the two bends' mean cos 2 angle; below it all hinges have one direction
-MOST_TURN, MOST_LACK = 1.0, 1e3  # of the lean, and of an energy's deficit, in one step
+MOST_CHANGE, MOST_DEFICIT = 1.0, 1e3  # of the lean, and of an energy's deficit, in one step
 MOST_STEPS, CLOSE = 3, 0.01  # Newton steps in one improvement; ends at energies within 1 % (rms)
 # Of warp, weft and biases; the biases' weight keeps hinges stiff that warp and weft alone would not need.
 WEIGHTS = (1.0, 1.0, 0.15)
@@ -39,44 +39,46 @@ class Patches:
         edges, hinges = sheet.topology.edges, sheet.topology.hinges
         self.count = count
         self._corners = np.ascontiguousarray(hinges.T, dtype=np.intp)  # NumPy would convert other integers at each use
-        self._held = RowSums(self._corners.ravel(), np.tile(np.arange(len(hinges)), 4), count)
+        self._at_vertices = RowSums(self._corners.ravel(), np.tile(np.arange(len(hinges)), 4), count)
         self._around = RowSums(edges[:, ::-1].T.ravel(), edges.T.ravel(), count)
-        self._part = 0.5 / np.maximum(np.bincount(edges.ravel(), minlength=count), 1)
+        self._weight = 0.5 / np.maximum(np.bincount(edges.ravel(), minlength=count), 1)
         # reused buffers: allocation costs as much as the work in them
-        self._holding, self._walking = np.empty(len(hinges)), np.empty((2, count))
+        self._product, self._walking = np.empty(len(hinges)), np.empty((2, count))
         corners = sheet.triangles.ravel()
         self.area = self._spread(np.asarray(np.bincount(corners, np.repeat(sheet.areas / 3.0, 3), count), float))
 
     def _spread(self, values: Floats) -> Floats:
         """Spreads vertex values by the random walk, in place; their sum is conserved. Shape [V]."""
-        part = self._part
-        parts, next_parts = np.multiply(part, values, out=self._walking[0]), self._walking[1]
+        weight = self._weight
+        outgoing, next_outgoing = np.multiply(weight, values, out=self._walking[0]), self._walking[1]
         for _ in range(STEPS):
 
-            def walk(there: slice, sums: Floats, onward: Floats = next_parts) -> None:
+            def walk(there: slice, sums: Floats, onward: Floats = next_outgoing) -> None:
                 own = values[there]
                 own *= 0.5
                 own += sums
-                np.multiply(part[there], own, out=onward[there])
+                np.multiply(weight[there], own, out=onward[there])
 
-            self._around.for_each_chunk(parts, walk)
-            parts, next_parts = next_parts, parts
+            self._around.for_each_chunk(outgoing, walk)
+            outgoing, next_outgoing = next_outgoing, outgoing
         return values
 
     def sums(self, *factors: Floats) -> Floats:
         """Patch sums of the product of hinge quantities, shape [V]."""
-        map_rows(lambda *own: 0.25 * math.prod(own[1:], start=own[0]), *factors, out=self._holding)
-        return self._spread(self._held(self._holding))
+        map_rows(lambda *own: 0.25 * math.prod(own[1:], start=own[0]), *factors, out=self._product)
+        return self._spread(self._at_vertices(self._product))
 
     def means(self, own: Floats, part: slice) -> Floats:
         """Mean over the four vertices of each hinge of a chunk."""
         start, end, first, second = own.take(self._corners[:, part])
         return np.asarray(0.25 * (start + end + first + second))
 
-    def share(self, values: Sequence[Floats], beyond: Floats) -> Floats:
-        """What sums are multiplied by to be per area [1/m2], and as if the border's halves were there, shape [V].
+    def scale(self, values: Sequence[Floats], beyond: Floats) -> Floats:
+        """Factors that make patch sums densities per area [1/m2], completed beyond the border, shape [V].
 
-        Hinges hold the product of ``values`` and the border's vertices ``beyond``, of one kind.
+        Args:
+            values: quantities of each hinge, of which the product is summed.
+            beyond: the same quantity at each vertex, if the cloth continued beyond the border.
         """
         return (1.0 + self._spread(beyond) / np.maximum(self.sums(*values), LEAST)) / np.maximum(self.area, LEAST)
 
@@ -89,37 +91,39 @@ class Fit:
         self._patches, self._usual, self._lean = patches, usual, lean
         self._even, self._leaning = np.zeros(patches.count), np.zeros(patches.count)
 
-    def improve(self, energies: Sequence[Floats], shares: Sequence[Floats], wanted: Sequence[float]) -> None:
+    def improve(self, energies: Sequence[Floats], scales: Sequence[Floats], wanted: Sequence[float]) -> None:
         """Newton steps, in logarithms, towards patches of the wanted bendings.
 
         Bent along warp, weft and biases, or in several directions, each hinge has C times its ``energies``, each shape
-        [H]; the patch sums times ``shares``, each shape [V], should be ``wanted``.
+        [H]; the patch sums times ``scales``, each shape [V], should be ``wanted``.
         """
         for _ in range(MOST_STEPS):
             sums = [self._patches.sums(own, self.stiffness) for own in energies]
-            lacks = [map_rows(partial(_lack, own), *both) for *both, own in zip(sums, shares, wanted, strict=True)]
+            deficits = [
+                map_rows(partial(_deficit, own), *both) for *both, own in zip(sums, scales, wanted, strict=True)
+            ]
             if not self._lean.any():
-                self._take(np.mean(lacks, axis=0), 0.0)
+                self._add(np.mean(deficits, axis=0), 0.0)
                 return
-            if max(float(np.sqrt(np.mean(lack * lack))) for lack in lacks[:2]) < CLOSE:
+            if max(float(np.sqrt(np.mean(deficit * deficit))) for deficit in deficits[:2]) < CLOSE:
                 return
             leans = [
                 map_rows(_per, self._patches.sums(own, self.stiffness, self._lean), total)
                 for own, total in zip(energies, sums, strict=True)
             ]
-            self._take(*self._fitted(lacks, leans))
+            self._add(*self._fitted(deficits, leans))
 
-    def _fitted(self, lacks: Sequence[Floats], leans: Sequence[Floats]) -> tuple[Floats, Floats]:
-        """Changes of even and lean that minimise the lacks, which change by even + lean times ``leans``, shape [V]."""
-        weights, lack, lean = np.array(WEIGHTS), np.array(lacks), np.array(leans)
-        count, own, first = weights.sum(), weights @ lack, weights @ lean
-        second, both = weights @ lean**2, weights @ (lean * lack)
+    def _fitted(self, deficits: Sequence[Floats], leans: Sequence[Floats]) -> tuple[Floats, Floats]:
+        """Changes of even and lean that minimise the deficits: each changes by even + lean * ``leans``, shape [V]."""
+        weights, deficit, lean = np.array(WEIGHTS), np.array(deficits), np.array(leans)
+        count, own, first = weights.sum(), weights @ deficit, weights @ lean
+        second, both = weights @ lean**2, weights @ (lean * deficit)
         apart = np.maximum(count * second - first * first, LEAST_APART**2)
-        turn = np.clip((count * both - first * own) / apart, -MOST_TURN, MOST_TURN)
-        turn = np.clip(self._leaning + turn, -MOST_LEAN, MOST_LEAN) - self._leaning
-        return (own - turn * first) / count, turn
+        change = np.clip((count * both - first * own) / apart, -MOST_CHANGE, MOST_CHANGE)
+        change = np.clip(self._leaning + change, -MOST_LEAN, MOST_LEAN) - self._leaning
+        return (own - change * first) / count, change
 
-    def _take(self, even: Floats, lean: Floats | float) -> None:
+    def _add(self, even: Floats, lean: Floats | float) -> None:
         """Adds these to the logarithms of the patches' factors, shape [V]."""
         self._even = np.clip(self._even + even, np.log(LEAST_FACTOR), np.log(MOST_FACTOR))
         self._leaning += lean
@@ -131,8 +135,8 @@ class Fit:
         self.stiffness[part] = self._usual[part] * np.clip(factor, LEAST_FACTOR, MOST_FACTOR)
 
 
-def _lack(wanted: float, total: Floats, share: Floats) -> Floats:
-    return np.asarray(-np.log(np.clip(total * share / wanted, 1.0 / MOST_LACK, MOST_LACK)))
+def _deficit(wanted: float, total: Floats, scale: Floats) -> Floats:
+    return np.asarray(-np.log(np.clip(total * scale / wanted, 1.0 / MOST_DEFICIT, MOST_DEFICIT)))
 
 
 def _per(leaning: Floats, total: Floats) -> Floats:

@@ -34,7 +34,7 @@ def surface_nets(values: NDArray[np.float64], origin: Points, spacing: float) ->
         spot[:, axis] += start / (start - end)
         one, two = (axis + 1) % 3, (axis + 2) % 3
         cells = []
-        for d1, d2 in ((-1, -1), (0, -1), (0, 0), (-1, 0)):  # turns about the axis
+        for d1, d2 in ((-1, -1), (0, -1), (0, 0), (-1, 0)):  # the four cells around the edge
             cell = edge.copy()
             cell[:, one] += d1
             cell[:, two] += d2
@@ -90,11 +90,11 @@ def is_closed_manifold(quads: Quads, vertex_count: int) -> bool:
         return False
     corner = np.arange(len(one)).reshape(quads.shape)
     opposite = order[np.searchsorted(key[order], reverse)]  # corner that starts the same edge from its other end
-    turn = np.roll(corner, -1, axis=1).ravel()[opposite]  # next corner round the same vertex
+    following = np.roll(corner, -1, axis=1).ravel()[opposite]  # next corner round the same vertex
     label = corner.ravel()
     for _ in range(5):  # doubling: 32 steps are more than any vertex has corners
-        label = np.minimum(label, label[turn])
-        turn = turn[turn]
+        label = np.minimum(label, label[following])
+        following = following[following]
     return len(np.unique(label)) == vertex_count
 
 

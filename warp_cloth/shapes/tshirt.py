@@ -133,20 +133,20 @@ def _place_trunk(panel: Points, m: TshirtMeasures, trunk: _Trunk, side: float) -
 
 def _place_sleeve(panel: Points, m: TshirtMeasures, body: MannequinMeasures, trunk: _Trunk) -> Points:
     """Left sleeve: a tube along the arm, its crown at the shoulder tip, its seam underneath."""
-    angle = math.radians(body.arm_angle)
-    along = np.array([math.sin(angle), -math.cos(angle), 0.0])
-    above = np.array([math.cos(angle), math.sin(angle), 0.0])
+    arm = math.radians(body.arm_angle)
+    along = np.array([math.sin(arm), -math.cos(arm), 0.0])
+    above = np.array([math.cos(arm), math.sin(arm), 0.0])
     tip = np.array([m.shoulder_width / 2, trunk.neck_height - m.shoulder_drop, trunk.seam_depth])
     down, around = -panel[:, 1], panel[:, 0]
     girth = np.interp(down, [0, m.sleeve_length], [m.bicep, m.cuff])
     radius = girth / (2 * math.pi)
-    turn = around / radius
+    angle = around / radius
     crown = tip - above * m.bicep / (2 * math.pi)
     return (
         crown
         + down[:, None] * along
-        + (radius * np.cos(turn))[:, None] * above
-        - (radius * np.sin(turn))[:, None] * np.array([0.0, 0.0, 1.0])
+        + (radius * np.cos(angle))[:, None] * above
+        - (radius * np.sin(angle))[:, None] * np.array([0.0, 0.0, 1.0])
     )
 
 
@@ -189,16 +189,16 @@ def _mean_place(points: Points, vertex: NDArray[np.int64], weight: NDArray[np.in
     return np.column_stack([np.bincount(vertex, points[:, axis]) / weight for axis in range(3)])
 
 
-def _spread(shift: Points, held: NDArray[np.bool_], triangles: NDArray[np.int64]) -> Points:
+def _spread(shift: Points, on_seam: NDArray[np.bool_], triangles: NDArray[np.int64]) -> Points:
     """Let the seams' shift [m] fade into the panels, so that no seam starts with one long row of edges."""
     one = np.concatenate([triangles, np.roll(triangles, 1, axis=1)]).ravel()
     other = np.concatenate([np.roll(triangles, -1, axis=1), triangles]).ravel()
     degree = np.bincount(one)
 
     def along(own: Values) -> Values:
-        spread = np.where(held, own, 0.0)
+        spread = np.where(on_seam, own, 0.0)
         for _ in range(FADE_ROUNDS):
-            spread = np.where(held, own, FADE * (np.bincount(one, spread[other]) / degree))
+            spread = np.where(on_seam, own, FADE * (np.bincount(one, spread[other]) / degree))
         return spread
 
     return np.column_stack([along(np.ascontiguousarray(own)) for own in shift.T])

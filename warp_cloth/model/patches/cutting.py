@@ -172,7 +172,7 @@ def _shape(elements: Elements, points: Points) -> bytes:
 def _garment_tables(
     elements: Elements, points: Points, size: int, terms: Terms, precision: str, paired: bool
 ) -> PatchTables:
-    """A garment's patches of ``size`` vertices, or fewer where many of those do not fit; single ones that do not are halved."""
+    """A garment's patches of ``size`` vertices, or fewer if many do not fit; those left are halved."""
     places = spread_places(elements.ends, points) if len(points) > size else points
     groups = _near_groups(places, size)
     while paired and size > SMALLEST and _fraction_too_large(elements, places, groups, terms, precision) > MOST_HALVED:

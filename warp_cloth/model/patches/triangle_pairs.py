@@ -141,7 +141,7 @@ class Items:
         return self._count
 
     def _arrange_triangles(self, normal: Members) -> None:
-        """Numbers the items' first triangles, pairs before others, then second ones in the same order, then the rest."""
+        """Numbers the items' first triangles, pairs first, then second ones in the same order, then the rest."""
         own = self._own
         self._count = np.bincount(own.patch[~self._is_second], minlength=len(own.count))
         self._item = self._numbers()[self._first]
