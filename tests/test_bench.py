@@ -55,7 +55,7 @@ def test_plots_without_matplotlib_name_the_extra(bench: Bench, tmp_path: Path, m
     monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
     result = CliRunner().invoke(app, ["fabric", "cotton", "--out", str(tmp_path / "out")])
     assert result.exit_code == 2
-    assert "pip install 'warp-cloth[plot]', or --no-plots" in result.stderr
+    assert "pip install 'warp-cloth[plot]', or use --no-plots" in result.stderr
     assert not (tmp_path / "out").exists()
 
 

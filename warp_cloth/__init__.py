@@ -9,7 +9,7 @@
 fit         fits the garments of one scene; returns a Fit
 load_scene  reads and checks a scene, with changes: load_scene("tshirt", ["garment.fabric=denim"])
 Fit         status, worn garments, report; save() writes them
-InputError  what every refusal of bad input raises: one sentence with the place, the problem, and a remedy
+InputError  raised on any bad input: one sentence with the place, the problem, and a remedy
 
 Many fits: ``warp_cloth.batch`` (fit_many, fit_sizes, run_batch). Fit maps: ``warp_cloth.maps``.
 """

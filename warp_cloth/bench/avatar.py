@@ -231,7 +231,7 @@ def table(bench: AvatarBench) -> list[str]:
     lines = [
         f"{bench.name}: {bench.area:.2f} m2 of the avatar within the garment's reach; "
         f"{100 * bench.unseen:.1f} % of it is hidden from the front, back and top views",
-        "  collider   error mm: median    p99  p99.9    max  turn deg   jump mm  jump deg    MB  build s  buffers",
+        "  collider   error mm: median    p99  p99.9    max  kink deg   jump mm  jump deg    MB  build s  buffers",
     ]
     for f in bench.findings:
         size = f"{f.megabytes:.1f}" if f.megabytes is not None else "-"

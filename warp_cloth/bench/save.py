@@ -17,6 +17,11 @@ from warp_cloth.export.report import check_writable, write_report
 from warp_cloth.loading.raw import counted
 
 DRAPE_SIDES = {"front": (0.0, 0.0, 1.0), "from above": (0.0, 0.9998, 0.02)}
+QUANTITIES = {  # of the plot's axes, by kind of test
+    "tension": ("strain", "force per width"),
+    "shear": ("shear angle", "shear force per width"),
+    "bending": ("curvature", "moment per width"),
+}
 TABLE_WIDTH = 100  # characters, of the text above the table
 
 
@@ -80,8 +85,9 @@ def _plot(path: Path, bench: Bench) -> None:
             axes.plot(curve.x, curve.measured, "os^"[index % 3], color=f"C{index}", label=curve.name, markersize=4)
             if curve.stated is not None:
                 axes.plot(curve.x, curve.stated, color=f"C{index}", linewidth=1)
-            axes.set_xlabel(curve.x_unit)
-            axes.set_ylabel(curve.y_unit)
+            x_name, y_name = QUANTITIES[kind]
+            axes.set_xlabel(f"{x_name} [{curve.x_unit}]")
+            axes.set_ylabel(f"{y_name} [{curve.y_unit}]")
         axes.legend()
     figure.suptitle(f"{bench.fabric.name}: measured (marks) and stated (lines)")
     with whole_file(path) as place:

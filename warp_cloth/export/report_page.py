@@ -73,7 +73,7 @@ def certificate_rows(report: Mapping[str, Any]) -> list[dict[str, Any]]:
             "relative residual, 99th percentile",
             residual["relative_p99"],
             solver["residual_p99"],
-            "no region far from rest",
+            "no region is far from rest",
         ),
         ("rest error [mm]", rest, solver["tolerance_mm"], "estimated distance from the rest shape"),
     ]

@@ -98,7 +98,7 @@ def fit(
         scene: the name of a shipped scene, a scene file (TOML), a USD stage, a dict with the keys of a scene file, or
             the result of ``load_scene``.
         device: "cpu", "cuda" or "cuda:N"; None: a GPU if there is one.
-        overrides: changes of the scene, each ``"KEY=VALUE"``; not for a scene that is loaded already.
+        overrides: changes to the scene, each ``"KEY=VALUE"``; not for a scene that is loaded already.
         frames: number of intermediate shapes to keep.
         maps: fit maps to compute, such as "strain,pressure,ease", or "all".
         start: an earlier result, or its file (.usdc, .obj, .glb and the like). The garments start as they are worn
@@ -128,7 +128,7 @@ def fit(
     levels = prepare_start(problem, cache) if earlier is None else ()
     if earlier is not None and not start_from(problem, earlier):
         place = start if isinstance(start, str | Path) else "start"
-        fault = "its garments share neither the mesh nor the panels with the scene's"
+        fault = "its garments have neither the mesh nor the panels of the scene's garments"
         raise InputError(place, fault, "start from a result of the same pattern, or from none")
     outcome = _relax(problem, frames, progress)
     clock.lap("relax")

@@ -29,7 +29,7 @@ def make_plan(scene: Scene, outfit: Outfit) -> tuple[Term, ...]:
     accelerated = scene.solver.method == "accelerated"
     return (
         Term(
-            "tension", pulls, "edges resist stretching" if pulls else "yarns of woven triangles take the place of edges"
+            "tension", pulls, "edges resist stretching" if pulls else "woven fabric: yarns resist stretching, not edges"
         ),
         Term(
             "weave",
